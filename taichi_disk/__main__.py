@@ -1,0 +1,3 @@
+from taichi_disk.cli import main
+
+raise SystemExit(main())
