@@ -1,0 +1,48 @@
+"""Where a point of the scene falls in the picture."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+
+@dataclass(frozen=True)
+class Camera:
+    """A fixed view with equal scales in x and y, filling a rectangle (the stage) of the picture."""
+
+    left: int  # the stage in the picture, in pixels from the picture's upper left corner
+    top: int
+    width: int
+    height: int
+    scale: float  # pixels per R
+    centre: tuple[float, float]  # the point of the scene in the middle of the stage [R]
+
+    @classmethod
+    def fit(
+        cls,
+        view: tuple[float, float, float, float],
+        left: int,
+        top: int,
+        width: int,
+        height: int,
+        margin: float,
+    ) -> Camera:
+        """The largest scale at which `view` (xmin, xmax, ymin, ymax) fits the stage; `margin` in pixels."""
+        xmin, xmax, ymin, ymax = view
+        scale = min((width - 2 * margin) / (xmax - xmin), (height - 2 * margin) / (ymax - ymin))
+        return cls(left, top, width, height, scale, ((xmin + xmax) / 2, (ymin + ymax) / 2))
+
+    def to_pixels(self, xy: ArrayLike) -> NDArray[np.float64]:
+        """Points (..., 2) [R] to (column, row) in the picture, row downwards; pixel k covers k to k + 1."""
+        offset = (np.asarray(xy, dtype=np.float64) - self.centre) * self.scale
+        return np.stack(
+            [self.left + self.width / 2 + offset[..., 0], self.top + self.height / 2 - offset[..., 1]],
+            axis=-1,
+        )
+
+    def canvas_map(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Factor and shift (2,): canvas coordinates (0..1 over the stage, y up) are factor * xy + shift."""
+        factor = self.scale / np.array([self.width, self.height])
+        return factor, 0.5 - factor * np.asarray(self.centre)
