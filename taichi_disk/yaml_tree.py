@@ -132,9 +132,8 @@ class _Builder:
             return None
         read, tags = self._reader(node)
         if node.tag not in tags:
-            self._fault(
-                place, path, f"the YAML tag {_printable(node.tag.replace(_TAG, '!!'))} is not allowed"
-            )
+            tag = _printable(node.tag.replace(_TAG, "!!"))
+            self._fault(place, path, f"the YAML tag {tag} is not allowed")
             return None
         self._open.append(node)
         value = read(node, path)
