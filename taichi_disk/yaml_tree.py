@@ -120,14 +120,15 @@ class _Builder:
         self._tree.faults.append(Fault(place, ".".join(path), what))
 
     def _value(self, node: yaml.Node, path: Path, key: Place) -> Any:
-        place = self._at(node)
+        circular = any(node is one for one in self._open)
+        place = key if circular else self._at(node)
         self._tree.entries[path] = Entry(key, place, _shown(node))
         self._values += 1
         if self._values > MAX_VALUES:
             if self._values == MAX_VALUES + 1:
                 self._fault(place, (), f"more than {MAX_VALUES} values, aliases counted as often as used")
             return None
-        if any(node is one for one in self._open):
+        if circular:
             self._fault(place, path, "an alias that contains itself")
             return None
         read, tags = self._reader(node)
