@@ -1,0 +1,129 @@
+"""The command line: arguments in, exit status out. Each command is one function that imports what it needs.
+
+Exit status: 0 done; 1 the computation or the film failed; 2 bad input or usage; 130 interrupted.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import sys
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+from taichi_disk import __version__
+from taichi_disk.errors import TaichiDiskError
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Carry out one command. Raises SystemExit, as argparse does, on --help, --version and usage errors."""
+    arguments = _parser().parse_args(argv)
+    try:
+        status: int = arguments.command(arguments)
+        sys.stdout.flush()
+        return status
+    except TaichiDiskError as error:
+        print(f"error: {error}", file=sys.stderr)
+        return error.exit_status
+    except KeyboardInterrupt:
+        print("interrupted", file=sys.stderr)
+        return 130
+    except BrokenPipeError:
+        # The reader has gone (| head). Python would complain once more when it flushes at exit.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 1
+
+
+def _run(arguments: argparse.Namespace) -> int:
+    from taichi_disk.progress import progress_for
+    from taichi_disk.scene_file import load_scene
+
+    scene = load_scene(arguments.scene, arguments.overrides)
+
+    from taichi_disk.report import print_result
+    from taichi_disk.run import run
+
+    progress = progress_for(sys.stderr)
+    try:
+        result = run(
+            scene,
+            arguments.out or Path("out") / Path(arguments.scene).stem,
+            video=arguments.video,
+            arch=arguments.arch,
+            threads=arguments.threads,
+            force=arguments.force,
+            progress=progress,
+        )
+    finally:
+        progress.stop()
+    print_result(result)
+    if result.video_error:
+        print(f"error: {result.video_error}", file=sys.stderr)
+        return 1
+    return 0
+
+
+def _check(arguments: argparse.Namespace) -> int:
+    from taichi_disk.scene_file import load_scene
+
+    print(load_scene(arguments.scene, arguments.overrides).to_yaml(), end="")
+    return 0
+
+
+def _doctor(arguments: argparse.Namespace) -> int:
+    from taichi_disk.doctor import examine, print_findings
+
+    return 0 if print_findings(examine()) else 1
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        prog="taichi-disk",
+        description="Simulate, measure and film a two-dimensional elastic disk of mass points and springs.",
+    )
+    parser.add_argument("--version", action="version", version=f"taichi-disk {__version__}")
+    commands = parser.add_subparsers(metavar="COMMAND", required=True)
+
+    run = _command(
+        commands, "run", _run, "simulate a scene, write results and film, print the headline result"
+    )
+    _add_scene(run)
+    run.add_argument("--out", type=Path, metavar="DIR", help="where the results go (default: out/SCENE)")
+    run.add_argument("--no-video", dest="video", action="store_false", help="make no film")
+    run.add_argument("--arch", choices=("cpu", "cuda", "vulkan"), default="cpu", help="default: cpu")
+    run.add_argument("--threads", type=_count, metavar="N", help="CPU threads (default: all cores)")
+    run.add_argument("--force", action="store_true", help="take a time step even beyond the stable limit")
+
+    _add_scene(_command(commands, "check", _check, "say what is wrong with a scene, or print it resolved"))
+    _command(commands, "doctor", _doctor, "what this machine can do, and how to mend what is missing")
+    return parser
+
+
+def _command(
+    commands: argparse._SubParsersAction[argparse.ArgumentParser],
+    name: str,
+    command: Callable[[argparse.Namespace], int],
+    summary: str,
+) -> argparse.ArgumentParser:
+    parser = commands.add_parser(name, help=summary, description=summary[0].upper() + summary[1:] + ".")
+    parser.set_defaults(command=command)
+    return parser
+
+
+def _add_scene(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("scene", metavar="SCENE", help="a YAML file, or a shipped scene: exponential_wall")
+    parser.add_argument(
+        "--set",
+        dest="overrides",
+        action="append",
+        default=[],
+        metavar="SECTION.KEY=VALUE",
+        help="change one key of the scene, e.g. material.eta_star=100 (repeatable)",
+    )
+
+
+def _count(text: str) -> int:
+    value = int(text) if text.isdecimal() else 0
+    if not 1 <= value <= 4096:
+        raise argparse.ArgumentTypeError(f"{text!r} is not a whole number from 1 to 4096")
+    return value
