@@ -30,9 +30,7 @@ def test_an_existing_folder_keeps_what_it_holds(tmp_path: Path) -> None:
 def test_a_file_in_the_way_is_named_and_nothing_is_left(tmp_path: Path, below: str) -> None:
     blocker = tmp_path / "file"
     blocker.write_text("")
-    with pytest.raises(
-        InputError, match=rf"output folder .*: {blocker} is a file; choose another with --out"
-    ):
+    with pytest.raises(InputError, match=rf"folder .*: {blocker} is a file; choose another with --out"):
         prepare_output(blocker / below)
     assert everything(tmp_path) == {blocker}
 
