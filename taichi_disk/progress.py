@@ -45,6 +45,7 @@ class BarProgress:
             progress.TaskProgressColumn(),
             progress.TimeElapsedColumn(),
             console=Console(file=stream),
+            redirect_stdout=False,  # what is printed goes to stdout, not to the stream of the bar
         )
 
     def start(self, stage: str, total: float | None) -> None:

@@ -55,6 +55,10 @@ def k_a(value: str) -> str:
             "2:1: materiel: unknown key; did you mean material?",
         ),
         (
+            "VIDEO: {}\n",
+            "2:1: VIDEO: unknown key; did you mean video?",
+        ),
+        (
             "wall:\n  v0: 3\n",
             "3:3: wall.v0: unknown key; did you mean V0?",
         ),
