@@ -13,6 +13,7 @@ from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 APT = "apt-get update && apt-get install -y --no-install-recommends"
 PROBE_SECONDS = 120
@@ -100,14 +101,17 @@ def _probe(code: str) -> tuple[bool, str]:
     """Run Python code in a process of its own: whether it succeeded, and the last line that it said."""
     environment = {**os.environ, "ENABLE_TAICHI_HEADER_PRINT": "0"}
     try:
-        done = subprocess.run(
-            [sys.executable, "-c", code],
-            capture_output=True,
-            text=True,
-            errors="replace",
-            env=environment,
-            timeout=PROBE_SECONDS,
-        )
+        # GGUI leaves its imgui.ini wherever it is started.
+        with TemporaryDirectory() as folder:
+            done = subprocess.run(
+                [sys.executable, "-c", code],
+                capture_output=True,
+                text=True,
+                errors="replace",
+                env=environment,
+                cwd=folder,
+                timeout=PROBE_SECONDS,
+            )
     except subprocess.TimeoutExpired:
         return False, f"no answer within {PROBE_SECONDS} s"
     if done.returncode < 0:

@@ -29,10 +29,12 @@ def _rows(result: RunResult) -> Iterator[tuple[str, str, str]]:
         name, unit = NAMES.get(key, (key, ""))
         yield name, f"{value:.8g}", unit
     summary = result.summary
-    if "dt" in summary:  # else the equilibrium was solved for
+    if "dt" in summary:
         yield "time step", f"{summary['dt']:.6g}", "R/c"
         yield "steps", f"{summary['steps']:,}", f"({summary['integrator']})"
         yield "energy imbalance at the end", f"{summary['energy']['closing_imbalance']:.2e}", ""
+    else:
+        yield "iterations", str(summary["steps"]), f"({summary['integrator']})"
     split = summary["wall_clock"]
     stages = ", ".join(f"{name} {seconds:.1f}" for name, seconds in split.items())
     yield "wall clock", f"{sum(split.values()):.1f}", f"s ({stages})"

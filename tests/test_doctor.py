@@ -71,8 +71,12 @@ def test_what_is_missing_is_listed_with_its_remedy_and_decides_the_exit_status(
     assert text.endswith("Not ready: Vulkan\n")
 
 
-def test_the_examination_of_this_machine_answers_every_question() -> None:
+def test_the_examination_answers_every_question_and_leaves_nothing_behind(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
     findings = doctor.examine()
+    assert list(tmp_path.iterdir()) == []
     assert all(one.found for one in findings)
     by_name = {one.name: one for one in findings}
     # The tests themselves need these two.
