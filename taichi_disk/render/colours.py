@@ -11,8 +11,9 @@ GROUND: Colour = (0.980, 0.980, 0.972)
 INK: Colour = (0.13, 0.14, 0.16)
 FAINT_INK: Colour = (0.42, 0.43, 0.46)
 
-# CIELAB (L*, a*, b*), D65. Both ends have the same lightness and nearly the same chroma, so that equal strains
-# of either sign look equally strong; the neutral is darker than the ground, so that springs at rest stay visible.
+# CIELAB (L*, a*, b*), D65. Both ends have the same lightness and nearly the same chroma, so that equal
+# strains of either sign look equally strong; the neutral is darker than the ground, so that springs at rest
+# stay visible.
 _NEUTRAL = np.array([74.0, 0.0, 0.5])
 _COMPRESSED = np.array([36.0, 22.0, -66.0])
 _STRETCHED = np.array([36.0, 60.0, 38.0])

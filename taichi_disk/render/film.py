@@ -44,8 +44,9 @@ def record_film(
     """Film `frames` as H.264 into `path`, which appears only once it is complete.
 
     `ti.init` must have been called. `size`: width and height in pixels, even. `total`: how many frames there
-    will be; `progress(done, total)` is called after each. Raises SimulationError if a position is not finite or
-    the number of frames is another, TaichiDiskError if films cannot be made here.
+    will be; `progress(done, total)` is called after each. Raises InputError for another size, SimulationError
+    if a position is not finite, the frames are fewer or more, or ffmpeg fails, and TaichiDiskError if films
+    cannot be made here at all (`film_problem`).
     """
     if size % 2 or size < 64:
         raise InputError(f"a film of {size} x {size} pixels: choose an even size of at least 64")

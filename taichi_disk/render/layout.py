@@ -98,7 +98,7 @@ class Layout:
             text.draw_line(draw, (x, y), label, size, _bytes(tuple(colour)))
 
     def write(self, picture: NDArray[np.uint8], lines: tuple[str, ...]) -> None:
-        """Set the changing lines in the upper right of a picture (size, size, 3) that began as `still`."""
+        """Set the changing lines in the upper right of a picture (size, size, 4) that began as `still`."""
         if lines == self._drawn:
             return
         size = 14.0 * self.unit
@@ -109,7 +109,7 @@ class Layout:
         draw = ImageDraw.Draw(patch)
         for k, line in enumerate(lines):
             text.draw_line(draw, (0.0, self._baseline(k)), line, size, _bytes(INK))
-        picture[: self.header, -self._column :] = np.asarray(patch)
+        picture[: self.header, -self._column :, :3] = np.asarray(patch)
         self._drawn = lines
 
 

@@ -29,7 +29,7 @@ class Painter:
         # A line below about a pixel vanishes; one of more than 4 units is coarse, however few there are.
         self._line = float(np.clip(0.15 * spacing, 1.1 * unit, 4.0 * unit)) / camera.height
         # In a lattice so fine that points would touch, the springs alone show more.
-        self._point = min(0.125 * spacing, 6.0 * unit) / camera.height if spacing > 5.0 else 0.0
+        self._point = min(0.12 * spacing, 6.0 * unit) / camera.height if spacing > 5.0 else 0.0
         self._build_fields(subject)
 
     def _build_fields(self, subject: Subject) -> None:
@@ -49,30 +49,32 @@ class Painter:
         builder.dense(ti.i, n).place(self._points)
         builder.dense(ti.i, _TABLE + 1).place(self._table)
         if self._rigid_wall:
-            wall, hatching = self._wall_lines()
-            self._wall, self._hatching = ti.Vector.field(2, ti.f32), ti.Vector.field(2, ti.f32)
-            builder.dense(ti.i, len(wall)).place(self._wall)
-            builder.dense(ti.i, len(hatching)).place(self._hatching)
+            wall = self._wall_lines()
+            self._wall, self._wall_colours = ti.Vector.field(2, ti.f32), ti.Vector.field(3, ti.f32)
+            builder.dense(ti.i, len(wall)).place(self._wall, self._wall_colours)
         self._tree = builder.finalize()
         self._bonds.from_numpy(lattice.bonds)
         self._rest.from_numpy(lattice.rest_lengths)
         self._table.from_numpy(strain_colours(np.linspace(-1.0, 1.0, _TABLE + 1), 1.0).astype(np.float32))
         if self._rigid_wall:
             self._wall.from_numpy(wall)
-            self._hatching.from_numpy(hatching)
+            hatching = np.tile(np.float32(FAINT_INK), (len(wall) - 2, 1))
+            self._wall_colours.from_numpy(np.concatenate([np.float32([INK, INK]), hatching]))
 
-    def _wall_lines(self) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-        """End points, in canvas coordinates, of the wall's line at y = 0 and of the hatching below it."""
+    def _wall_lines(self) -> NDArray[np.float32]:
+        """End points, in canvas coordinates, of the wall's line at y = 0, then of the hatching below it."""
         camera, step = self._camera, _HATCH * self._unit
         y = float(camera.canvas_map()[1][1])
         count = int(np.ceil(camera.width / step)) + 2
         top = np.stack([np.arange(count) * step / camera.width, np.full(count, y)], axis=1)
         foot = top - [step / camera.width, step / camera.height]
-        wall = np.array([[0.0, y], [1.0, y]])
-        return wall.astype(np.float32), np.stack([top, foot], axis=1).reshape(-1, 2).astype(np.float32)
+        hatching = np.stack([top, foot], axis=1).reshape(-1, 2)
+        return np.concatenate([[[0.0, y], [1.0, y]], hatching]).astype(np.float32)
 
     @ti.kernel
     def _place(self, x: ti.types.ndarray(dtype=ti.f64, ndim=2)):  # type: ignore[valid-type]
+        # Serial, here and below: a thousand light iterations cost less than waking a second thread.
+        ti.loop_config(serialize=True)
         for b in self._bonds:
             i, j = self._bonds[b][0], self._bonds[b][1]
             p, q = ti.Vector([x[i, 0], x[i, 1]]), ti.Vector([x[j, 0], x[j, 1]])
@@ -84,6 +86,7 @@ class Painter:
             self._ends[2 * b + 1] = ti.cast(self._factor * q + self._shift, ti.f32)
             self._colours[2 * b] = colour
             self._colours[2 * b + 1] = colour
+        ti.loop_config(serialize=True)
         for i in self._points:
             p = ti.Vector([x[i, 0], x[i, 1]])
             self._points[i] = ti.cast(self._factor * p + self._shift, ti.f32)
@@ -93,8 +96,7 @@ class Painter:
         pixel = self._unit / self._camera.height
         canvas.set_background_color(GROUND)
         if self._rigid_wall:
-            canvas.lines(self._hatching, width=1.2 * pixel, color=FAINT_INK)
-            canvas.lines(self._wall, width=2.0 * pixel, color=INK)
+            canvas.lines(self._wall, width=1.7 * pixel, per_vertex_color=self._wall_colours)
         self._place(np.ascontiguousarray(positions))
         canvas.lines(self._ends, width=self._line, per_vertex_color=self._colours)
         if self._point:

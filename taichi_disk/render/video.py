@@ -1,7 +1,12 @@
-"""H.264 in MP4, through the ffmpeg that comes with imageio-ffmpeg and runs in a process of its own."""
+"""H.264 in MP4, by the ffmpeg that comes with imageio-ffmpeg, running in a process of its own.
+
+imageio's own writer does not look at ffmpeg's exit status: a full disk would leave half a film unnoticed.
+"""
 
 from __future__ import annotations
 
+import subprocess
+import tempfile
 from pathlib import Path
 from types import TracebackType
 
@@ -11,41 +16,45 @@ from numpy.typing import NDArray
 
 from taichi_disk.errors import SimulationError
 
-_PARAMETERS = (
+_ENCODING = (
     # Without the matrix and its tags players guess at the colours, and guess differently.
-    *("-vf", "scale=out_color_matrix=bt709:out_range=tv"),
+    *("-vf", "scale=out_color_matrix=bt709:out_range=tv", "-pix_fmt", "yuv420p"),
     *("-colorspace", "bt709", "-color_primaries", "bt709", "-color_trc", "bt709"),
-    *("-preset", "veryfast", "-crf", "18"),
-    # The encoder's output depends on the number of threads; bitexact leaves versions out of the file.
+    *("-c:v", "libx264", "-preset", "veryfast", "-crf", "20"),
+    # The same bytes on every machine: the encoder's thread count and all versions stay out of the file.
     *("-threads", "2", "-fflags", "+bitexact", "-flags:v", "+bitexact"),
     *("-movflags", "+faststart", "-f", "mp4"),
 )
 
 
 class Video:
-    """Writes pictures to an MP4. A context manager: left in order, the file is complete and checked."""
+    """Writes pictures to an MP4. A context manager: left in order, the file is complete.
+
+    `size`: width and height in pixels, even. Raises SimulationError if ffmpeg fails.
+    """
 
     def __init__(self, path: Path, size: int, fps: int) -> None:
-        self._path, self._count = path, 0
-        self._writer = imageio_ffmpeg.write_frames(
-            path,
-            (size, size),
-            fps=fps,
-            codec="libx264",
-            quality=None,
-            macro_block_size=2,
-            ffmpeg_log_level="error",
-            output_params=list(_PARAMETERS),
+        self._path = path
+        raw = ("-f", "rawvideo", "-pix_fmt", "rgb0", "-s", f"{size}x{size}", "-r", str(fps), "-i", "-")
+        command = [imageio_ffmpeg.get_ffmpeg_exe(), "-v", "error", "-y", *raw, *_ENCODING, str(path)]
+        self._complaints = tempfile.TemporaryFile()  # noqa: SIM115 (closed in __exit__)
+        # In a session of its own, so that Ctrl-C reaches us and not ffmpeg.
+        self._ffmpeg = subprocess.Popen(
+            command, stdin=subprocess.PIPE, stderr=self._complaints, start_new_session=True
         )
-        self._writer.send(None)
 
     def write(self, picture: NDArray[np.uint8]) -> None:
-        """Append a picture (size, size, 3); it may be overwritten on return."""
+        """Append a picture (size, size, 4), the fourth byte unused; it may be overwritten on return."""
+        assert self._ffmpeg.stdin is not None
         try:
-            self._writer.send(picture)
+            self._ffmpeg.stdin.write(picture.data)
         except OSError as error:
-            raise SimulationError(f"ffmpeg stopped while writing {self._path}: {error}") from error
-        self._count += 1
+            raise self._failure() from error
+
+    def _failure(self) -> SimulationError:
+        self._complaints.seek(0)
+        said = self._complaints.read().decode(errors="replace").strip()
+        return SimulationError(f"ffmpeg could not write {self._path}: {said or 'it gave no reason'}")
 
     def __enter__(self) -> Video:
         return self
@@ -53,12 +62,15 @@ class Video:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        self._writer.close()
-        if kind is None:
-            # The writer does not look at ffmpeg's exit status, and a full disk stops ffmpeg only at the end.
+        with self._complaints:
+            if kind is not None:
+                self._ffmpeg.kill()
+                self._ffmpeg.communicate()
+                return
             try:
-                written, _ = imageio_ffmpeg.count_frames_and_secs(self._path)
-            except RuntimeError as failure:
-                raise SimulationError(f"ffmpeg left no readable film in {self._path}: {failure}") from failure
-            if written != self._count:
-                raise SimulationError(f"ffmpeg wrote {written} of {self._count} frames to {self._path}")
+                self._ffmpeg.communicate()
+            except BaseException:
+                self._ffmpeg.kill()
+                raise
+            if self._ffmpeg.returncode != 0:
+                raise self._failure()
