@@ -66,11 +66,14 @@ def rectangle_points(
     """`points` points (points, 2) in the box `low`..`high`, at least `spacing` apart.
 
     They include evenly spaced rows, about `row` apart, along the four sides; none if `row` is infinite.
+    Raises InputError if the rows alone take all the points.
     """
     if math.isinf(row):
         frame, clear = np.empty((0, 2)), 0.0
     else:
         frame, clear = _frame(low, high, row), spacing * math.sqrt(0.75)
+    if points <= len(frame):
+        raise InputError(f"{points} points are too few for the rows along the sides of a rectangle: widen it")
     low, high = low + clear, high - clear
 
     def depth(p: NDArray[np.float64]) -> NDArray[np.float64]:
