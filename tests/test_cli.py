@@ -89,10 +89,8 @@ def test_the_headline_is_printed_with_units(calls: list[Any], capsys: pytest.Cap
 def test_the_headline_of_a_solved_equilibrium_has_no_time_step(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    headline, summary = (
-        {"xi": 0.0125, "xi_nominal": 0.0175},
-        {"steps": 8, "integrator": "newton", "wall_clock": {"build": 0.1}},
-    )
+    headline = {"xi": 0.0125, "xi_nominal": 0.0175}
+    summary = {"steps": 8, "integrator": "newton", "wall_clock": {"build": 0.1}}
     replace_run(monkeypatch, lambda scene, out, **options: Result(out, headline, summary))
     assert main(["run", "compression"]) == 0
     assert [line.split()[-2:] for line in capsys.readouterr().out.splitlines()[:3]] == [
