@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable, Iterable
 from itertools import chain
 from pathlib import Path
 
 from taichi_disk.errors import InputError, SimulationError, TaichiDiskError
+from taichi_disk.output import atomic_write
 from taichi_disk.render.picture import Frame, Subject
-from taichi_disk.render.video import Video
 
 _MEND = "apt-get update && apt-get install -y --no-install-recommends libx11-6 mesa-vulkan-drivers"
+_SMALLEST = 120  # pixels: less leaves no room for title and colour bar
 
 
 def film_problem() -> str | None:
@@ -21,7 +21,7 @@ def film_problem() -> str | None:
     except ImportError as error:
         return f"Taichi cannot be loaded ({error}); as root: {_MEND}"
     if not ti._lib.core.with_vulkan():
-        return f"pictures are drawn with Vulkan and there is no Vulkan driver here; as root: {_MEND}"
+        return f"pictures are drawn with Vulkan, and there is no Vulkan driver here; as root: {_MEND}"
     try:
         import imageio_ffmpeg
 
@@ -45,24 +45,24 @@ def record_film(
 
     `ti.init` must have been called. `size`: width and height in pixels, even. `total`: how many frames there
     will be; `progress(done, total)` is called after each. Raises InputError for another size, SimulationError
-    if a position is not finite, the frames are fewer or more, or ffmpeg fails, and TaichiDiskError if films
-    cannot be made here at all (`film_problem`).
+    if a position is not finite, the frames are fewer or more, or the file cannot be written, and
+    TaichiDiskError if films cannot be made here at all (`film_problem`).
     """
-    if size % 2 or size < 64:
-        raise InputError(f"a film of {size} x {size} pixels: choose an even size of at least 64")
+    if size % 2 or size < _SMALLEST:
+        raise InputError(f"no film of {size} x {size} pixels: the size must be even and at least {_SMALLEST}")
     if problem := film_problem():
         raise TaichiDiskError(f"no film: {problem}")
     from taichi_disk.render.still import Stills
+    from taichi_disk.render.video import Video
 
     stream = iter(frames)
     first = next(stream, None)
     if first is None:
         raise SimulationError("a film of no frames")
-    # The suffix stays, and the folder too: ffmpeg goes by the one, an atomic renaming needs the other.
-    partial = path.with_name(f".{path.stem}.{os.getpid()}.partial{path.suffix}")
-    done = 0
-    try:
-        with Stills(subject, size, len(first.text)) as stills, Video(partial, size, fps) as video:
+
+    def write(beside: Path) -> None:
+        done = 0
+        with Stills(subject, size, len(first.text)) as stills, Video(beside, size, fps) as video:
             for frame in chain([first], stream):
                 video.write(stills.draw(frame))
                 done += 1
@@ -70,6 +70,5 @@ def record_film(
                     progress(done, total)
         if done != total:
             raise SimulationError(f"the film was to have {total} frames and got {done}")
-        os.replace(partial, path)
-    finally:
-        partial.unlink(missing_ok=True)
+
+    atomic_write(path, write)

@@ -58,8 +58,8 @@ class Painter:
         self._table.from_numpy(strain_colours(np.linspace(-1.0, 1.0, _TABLE + 1), 1.0).astype(np.float32))
         if self._rigid_wall:
             self._wall.from_numpy(wall)
-            hatching = np.tile(np.float32(FAINT_INK), (len(wall) - 2, 1))
-            self._wall_colours.from_numpy(np.concatenate([np.float32([INK, INK]), hatching]))
+            inks = np.array([INK, INK] + [FAINT_INK] * (len(wall) - 2), dtype=np.float32)
+            self._wall_colours.from_numpy(inks)
 
     def _wall_lines(self) -> NDArray[np.float32]:
         """End points, in canvas coordinates, of the wall's line at y = 0, then of the hatching below it."""

@@ -1,5 +1,7 @@
 """From positions to the pixels of a finished picture, without a screen."""
 
+import os
+import tempfile
 from types import TracebackType
 
 import numpy as np
@@ -45,7 +47,14 @@ class Stills:
 
     def close(self) -> None:
         """Close the window and free the fields."""
-        self._window.destroy()
+        here = os.getcwd()
+        with tempfile.TemporaryDirectory() as elsewhere:
+            # A window that closes leaves an imgui.ini in the current folder.
+            os.chdir(elsewhere)
+            try:
+                self._window.destroy()
+            finally:
+                os.chdir(here)
         self._painter.destroy()
 
     def __enter__(self) -> "Stills":

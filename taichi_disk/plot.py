@@ -1,0 +1,117 @@
+"""The curves that one wants to see first, in one PNG."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import matplotlib
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+from taichi_disk.output import atomic_write
+
+Columns = dict[str, NDArray[np.float64]]
+
+_STYLE: dict[Any, Any] = {
+    "font.size": 9.5,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.edgecolor": "0.35",
+    "axes.grid": True,
+    "grid.color": "0.91",
+    "grid.linewidth": 0.7,
+    "axes.axisbelow": True,
+    "axes.formatter.limits": (-3, 4),
+    "axes.formatter.use_mathtext": True,
+    "lines.linewidth": 1.4,
+    "legend.frameon": False,
+    "legend.fontsize": 8.5,
+}
+_LINE, _MARK = "#0072B2", "0.45"
+# Okabe and Ito's colours, which the colour-blind can tell apart.
+_ENERGIES = (
+    ("kinetic", "kinetic", "#0072B2"),
+    ("elastic", "elastic", "#D55E00"),
+    ("wall", "wall potential", "#E69F00"),
+    ("load", "potential of the load", "#56B4E9"),
+    ("dissipated", "dissipated by dashpots", "#009E73"),
+    ("absorbed", "absorbed at the boundary", "#CC79A7"),
+)
+
+
+def plot_run(path: Path, kind: str, columns: Columns, headline: dict[str, float], title: str) -> None:
+    """Draw a run's time series into a PNG; the same values give the same bytes.
+
+    `kind`: compression, exponential_wall or absorbing_wall. `columns`: named as in timeseries.csv, and
+    `residual` (largest force on a point) of a compression. `headline`: its xi, or an impact's restitution and
+    contact_time. Units of M, R and c.
+    """
+    with matplotlib.rc_context(_STYLE):
+        figure = Figure(figsize=(7.6, 9.2), dpi=120, layout="constrained")
+        FigureCanvasAgg(figure)
+        axes = list(figure.subplots(4, 1, sharex=True, height_ratios=(1.2, 1.0, 1.5, 0.8)))
+        figure.suptitle(title, fontsize=11, fontweight="bold", wrap=True)
+        if kind == "compression":
+            _compression(axes[0], axes[3], columns, headline)
+        else:
+            _impact(axes[0], axes[1], axes[3], columns, headline)
+        _curve(axes[1], columns["t"], columns["wall_force"], "wall's force on\nthe disk  [Mc²/R]")
+        _energies(axes[2], columns)
+        # Without motion the rows are equilibria, and `t` is the fraction of the load.
+        axes[3].set_xlabel("time  [R/c]" if columns["kinetic"].any() else "fraction of the load")
+        axes[3].set_xlim(columns["t"][0], columns["t"][-1])
+        figure.align_ylabels(axes)
+        atomic_write(path, lambda beside: figure.savefig(beside, metadata={"Software": None}))
+
+
+def _curve(ax: Axes, t: NDArray[np.float64], values: NDArray[np.float64], label: str) -> None:
+    ax.plot(t, values, color=_LINE)
+    ax.set_ylabel(label)
+
+
+def _mark(ax: Axes, level: float, text: str) -> None:
+    """A dashed line across the panel with its meaning written above its left end."""
+    ax.axhline(level, color=_MARK, linewidth=1.0, linestyle=(0, (5, 4)))
+    ax.annotate(text, (0.012, level), (0, 3), ax.get_yaxis_transform(), "offset points", color="0.2")
+
+
+def _impact(motion: Axes, force: Axes, balance: Axes, columns: Columns, headline: dict[str, float]) -> None:
+    t, v = columns["t"], -columns["com_vy"][0]
+    _curve(motion, t, columns["com_vy"] / v, "velocity of the centre\nof mass, $v_{cm}/v$")
+    _mark(motion, headline["restitution"], f"e = {headline['restitution']:.5f}")
+    force.annotate(
+        f"contact time {headline['contact_time']:.4g} R/c",
+        (0.988, 0.92),
+        xycoords="axes fraction",
+        ha="right",
+        va="top",
+        color="0.2",
+    )
+    imbalance = (columns["total"] - columns["total"][0]) / columns["kinetic"][0]
+    _curve(balance, t, imbalance, "energy imbalance\n/ initial kinetic")
+
+
+def _compression(depth: Axes, rest: Axes, columns: Columns, headline: dict[str, float]) -> None:
+    height = columns["com_y"] - columns["lowest_y"]
+    _curve(depth, columns["t"], headline["xi"] + height[-1] - height, "compression ξ  [R]")
+    _mark(depth, headline["xi"], f"ξ = {headline['xi']:.6g} R")
+    _curve(rest, columns["t"], columns["residual"], "largest force on\na point  [Mc²/R]")
+    rest.set_yscale("log")
+
+
+def _energies(ax: Axes, columns: Columns) -> None:
+    """Every kind of energy that this run knows; that of the load is counted from the start."""
+    for name, label, colour in _ENERGIES:
+        values = columns.get(name)
+        if values is not None and values.any():
+            ax.plot(columns["t"], values - values[0] if name == "load" else values, color=colour, label=label)
+    start = columns["load"][0] if "load" in columns else 0.0
+    ax.plot(
+        columns["t"], columns["total"] - start, color="#222222", linestyle=(0, (4, 2)), label="sum of all"
+    )
+    ax.set_ylabel("energy  [Mc²]")
+    ax.legend(loc="upper left", bbox_to_anchor=(1.0, 1.02))
