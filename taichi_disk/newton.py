@@ -38,7 +38,7 @@ def compress(
     pressure: float,
     start: Array | None = None,
     tolerance: float = 1e-12,
-    max_iterations: int = 200,
+    max_iterations: int = 400,
     on_iteration: Callable[[int, float], None] | None = None,
 ) -> Equilibrium:
     """The disk's stable rest under a force -P/N [M c^2/R] on each point, over a wall of energy V0 exp(-a y).
