@@ -105,8 +105,6 @@ class _PressedDisk:
     def force(self, x: Array) -> Array:
         force = spring_forces(x, *self.springs)
         force[:, 1] += self.a * self.wall_energy(x) - self.pressure / len(x)
-        # Zero but for rounding, which would let the disk slide along the wall.
-        force[:, 0] -= force[:, 0].mean()
         return force
 
     def spring_tangent(self, x: Array) -> Any:
@@ -136,6 +134,7 @@ def _step(
             shift *= 4.0
             continue
         move = factor.solve(force.ravel()).reshape(-1, 2)
+        move[:, 0] -= move[:, 0].mean()  # rounding, which would make the disk slide along the wall
         slope = float(np.sum(move * force))
         curvature = slope - shift * float(np.sum(move * move))
         share = min(1.0, _MOST_ROLL / max(abs(_angle(x, move)), _EPS))
@@ -190,8 +189,9 @@ def _moved(x: Array, move: Array) -> tuple[Array, float]:
     """
     angle = _angle(x, move)
     arm = x - x.mean(axis=0)
-    rest = move - _rotation(x, angle)
+    drift = move.mean(axis=0)
+    strain = move - drift - _rotation(x, angle)
     sine, versine = np.sin(angle), 2.0 * np.sin(angle / 2.0) ** 2
     # Added to x as an increment, so that a small step keeps the last digits of heights near the wall.
-    turned = (arm + rest) @ np.array([[-versine, sine], [-sine, -versine]]) + rest
-    return x + turned, angle
+    turn = np.array([[-versine, sine], [-sine, -versine]])
+    return x + (strain + drift + (arm + strain) @ turn), angle
