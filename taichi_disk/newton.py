@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
@@ -26,7 +27,7 @@ class Equilibrium:
     positions: Array  # (n, 2) [R], wall at y = 0
     iterations: int
     residual: float  # largest force component left on any point [M c^2/R]
-    roll: float  # by how much the disk has turned, counter-clockwise, on its way from the start [rad]
+    roll: float  # by how much the disk has turned, counter-clockwise, against the unloaded lattice [rad]
 
 
 def compress(
@@ -57,7 +58,7 @@ def compress(
     x = start
     stiffest = float(disk.spring_tangent(x).diagonal().max())
     goal = max(tolerance * pressure / len(x), 4.0 * _EPS * stiffest)
-    shift, roll = _FIRST_SHIFT * stiffest, 0.0
+    shift = _FIRST_SHIFT * stiffest
     for iteration in range(max_iterations + 1):
         force = disk.force(x)
         residual = float(np.abs(force).max())
@@ -65,16 +66,22 @@ def compress(
             on_iteration(iteration, residual)
         tangent = disk.tangent(x)
         if residual > goal:
-            x, turned, shift = _step(disk, x, force, tangent, shift, stiffest)
+            x, shift = _step(disk, x, force, tangent, shift, stiffest)
         elif _factor(tangent, _LEAST_SHIFT * stiffest) is None:
-            x, turned = _moved(x, _rotation(x, _TIP))  # at rest, but balanced on a tip
+            x = _moved(x, _rotation(x, _TIP))  # at rest, but balanced on a tip
         else:
-            return Equilibrium(x, iteration, residual, roll)
-        roll += turned
+            return Equilibrium(x, iteration, residual, roll_angle(lattice.positions, x))
     raise SimulationError(
         f"no equilibrium within {max_iterations} Newton iterations (force {residual:.1e}, wanted {goal:.1e}):"
         " lower compression.pressure or wall.a, or take compression.method: relaxation"
     )
+
+
+def roll_angle(unloaded: Array, positions: Array) -> float:
+    """The rotation [rad], -pi to pi, that best (in least squares) takes points (n, 2) into others."""
+    before, after = (p - p.mean(axis=0) for p in (unloaded, positions))
+    across = float(np.sum(before[:, 0] * after[:, 1] - before[:, 1] * after[:, 0]))
+    return math.atan2(across, float(np.sum(before * after)))
 
 
 def rigid_balance(heights: Array, a: float, V0: float, pressure: float) -> float:
@@ -120,8 +127,8 @@ class _PressedDisk:
 
 def _step(
     disk: _PressedDisk, x: Array, force: Array, tangent: Any, shift: float, stiffest: float
-) -> tuple[Array, float, float]:
-    """One Levenberg-Marquardt step: new positions, the angle turned, the next shift.
+) -> tuple[Array, float]:
+    """One Levenberg-Marquardt step: new positions and the next shift.
 
     The shift of the tangent's diagonal grows until the matrix is positive definite and the energy falls by a
     fair share of what the quadratic model promises. It shrinks tenfold after a full step that kept the
@@ -139,7 +146,7 @@ def _step(
         curvature = slope - shift * float(np.sum(move * move))
         share = min(1.0, _MOST_ROLL / max(abs(_angle(x, move)), _EPS))
         for _ in range(12):
-            trial, turned = _moved(x, share * move)
+            trial = _moved(x, share * move)
             promised = share * slope - 0.5 * share**2 * curvature
             if promised > 64.0 * _EPS * abs(energy):
                 kept = (energy - disk.energy(trial)) / promised
@@ -150,7 +157,7 @@ def _step(
                     shift = max(shift / 10.0, _LEAST_SHIFT * stiffest)
                 elif kept < 0.25:
                     shift *= 4.0
-                return trial, turned, shift
+                return trial, shift
             share /= 2.0
         shift *= 8.0
     raise SimulationError("Newton's method found no way downhill: take compression.method: relaxation")
@@ -182,8 +189,8 @@ def _rotation(x: Array, angle: float) -> Array:
     return angle * np.stack([-arm[:, 1], arm[:, 0]], axis=1)
 
 
-def _moved(x: Array, move: Array) -> tuple[Array, float]:
-    """`x` displaced by `move`, whose rotation is carried out as a finite one, and its angle.
+def _moved(x: Array, move: Array) -> Array:
+    """`x` displaced by `move`, whose rotation is carried out as a finite one.
 
     Along the tangent, rolling by an angle would stretch the disk by half the angle's square.
     """
@@ -194,4 +201,4 @@ def _moved(x: Array, move: Array) -> tuple[Array, float]:
     sine, versine = np.sin(angle), 2.0 * np.sin(angle / 2.0) ** 2
     # Added to x as an increment, so that a small step keeps the last digits of heights near the wall.
     turn = np.array([[-versine, sine], [-sine, -versine]])
-    return x + (strain + drift + (arm + strain) @ turn), angle
+    return x + (strain + drift + (arm + strain) @ turn)
