@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from textwrap import fill
 from typing import Any
 
 import matplotlib
@@ -32,6 +33,7 @@ _STYLE: dict[Any, Any] = {
     "legend.fontsize": 8.5,
 }
 _LINE, _MARK = "#0072B2", "0.45"
+_AT_REST = 1e-8  # of the largest kinetic energy: its square root is the vibration's amplitude
 # Okabe and Ito's colours, which the colour-blind can tell apart.
 _ENERGIES = (
     ("kinetic", "kinetic", "#0072B2"),
@@ -47,25 +49,30 @@ def plot_run(path: Path, kind: str, columns: Columns, headline: dict[str, float]
     """Draw a run's time series into a PNG; the same values give the same bytes.
 
     `kind`: compression, exponential_wall or absorbing_wall. `columns`: named as in timeseries.csv, and
-    `residual` (largest force on a point) of a compression. `headline`: its xi, or an impact's restitution and
-    contact_time. Units of M, R and c.
+    `residual` (largest force on a point) of a compression in time. `headline`: its xi, or an impact's
+    restitution and contact_time. Units of M, R and c.
     """
     with matplotlib.rc_context(_STYLE):
         figure = Figure(figsize=(7.6, 9.2), dpi=120, layout="constrained")
         FigureCanvasAgg(figure)
-        axes = list(figure.subplots(4, 1, sharex=True, height_ratios=(1.2, 1.0, 1.5, 0.8)))
-        figure.suptitle(title, fontsize=11, fontweight="bold", wrap=True)
-        if kind == "compression":
-            _compression(axes[0], axes[3], columns, headline)
-        else:
-            _impact(axes[0], axes[1], axes[3], columns, headline)
+        ratios = (1.2, 1.0, 1.5, 0.8) if kind != "compression" or "residual" in columns else (1.2, 1.0, 1.5)
+        axes = list(figure.subplots(len(ratios), 1, sharex=True, height_ratios=ratios))
+        figure.suptitle(fill(title, 95), fontsize=9.5, fontweight="bold")
+        (_compression if kind == "compression" else _impact)(axes, columns, headline)
         _curve(axes[1], columns["t"], columns["wall_force"], "wall's force on\nthe disk  [Mc²/R]")
         _energies(axes[2], columns)
-        # Without motion the rows are equilibria, and `t` is the fraction of the load.
-        axes[3].set_xlabel("time  [R/c]" if columns["kinetic"].any() else "fraction of the load")
-        axes[3].set_xlim(columns["t"][0], columns["t"][-1])
+        moving = bool(columns["kinetic"].any())
+        axes[-1].set_xlabel("time  [R/c]" if moving else "from the unloaded disk (0) to the equilibrium (1)")
+        axes[-1].set_xlim(columns["t"][0], _end(columns) if kind == "compression" else columns["t"][-1])
         figure.align_ylabels(axes)
         atomic_write(path, lambda beside: figure.savefig(beside, metadata={"Software": None}))
+
+
+def _end(columns: Columns) -> float:
+    """Where a compression's time axis ends: a disk at rest is not worth looking at."""
+    t, kinetic = columns["t"], columns["kinetic"]
+    moving = np.flatnonzero(kinetic > _AT_REST * kinetic.max())
+    return float(t[moving[-1]] if moving.size else t[-1])
 
 
 def _curve(ax: Axes, t: NDArray[np.float64], values: NDArray[np.float64], label: str) -> None:
@@ -73,45 +80,41 @@ def _curve(ax: Axes, t: NDArray[np.float64], values: NDArray[np.float64], label:
     ax.set_ylabel(label)
 
 
-def _mark(ax: Axes, level: float, text: str) -> None:
-    """A dashed line across the panel with its meaning written above its left end."""
+def _mark(ax: Axes, level: float, text: str, x: float) -> None:
+    """A dashed line across the panel, its meaning below it from the fraction `x` of the width on."""
     ax.axhline(level, color=_MARK, linewidth=1.0, linestyle=(0, (5, 4)))
-    ax.annotate(text, (0.012, level), (0, 3), ax.get_yaxis_transform(), "offset points", color="0.2")
+    ax.annotate(text, (x, level), (0, -3), ax.get_yaxis_transform(), "offset points", va="top", color="0.2")
 
 
-def _impact(motion: Axes, force: Axes, balance: Axes, columns: Columns, headline: dict[str, float]) -> None:
+def _impact(axes: list[Axes], columns: Columns, headline: dict[str, float]) -> None:
+    motion, force, _, balance = axes
     t, v = columns["t"], -columns["com_vy"][0]
     _curve(motion, t, columns["com_vy"] / v, "velocity of the centre\nof mass, $v_{cm}/v$")
-    _mark(motion, headline["restitution"], f"e = {headline['restitution']:.5f}")
-    force.annotate(
-        f"contact time {headline['contact_time']:.4g} R/c",
-        (0.988, 0.92),
-        xycoords="axes fraction",
-        ha="right",
-        va="top",
-        color="0.2",
-    )
+    _mark(motion, headline["restitution"], f"e = {headline['restitution']:.5f}", 0.02)
+    contact = f"contact time {headline['contact_time']:.4g} R/c"
+    force.annotate(contact, (0.988, 0.92), xycoords="axes fraction", ha="right", va="top", color="0.2")
     imbalance = (columns["total"] - columns["total"][0]) / columns["kinetic"][0]
     _curve(balance, t, imbalance, "energy imbalance\n/ initial kinetic")
 
 
-def _compression(depth: Axes, rest: Axes, columns: Columns, headline: dict[str, float]) -> None:
+def _compression(axes: list[Axes], columns: Columns, headline: dict[str, float]) -> None:
     height = columns["com_y"] - columns["lowest_y"]
-    _curve(depth, columns["t"], headline["xi"] + height[-1] - height, "compression ξ  [R]")
-    _mark(depth, headline["xi"], f"ξ = {headline['xi']:.6g} R")
-    _curve(rest, columns["t"], columns["residual"], "largest force on\na point  [Mc²/R]")
-    rest.set_yscale("log")
+    _curve(axes[0], columns["t"], headline["xi"] + height[-1] - height, "compression ξ  [R]")
+    _mark(axes[0], headline["xi"], f"ξ = {headline['xi']:.6g} R", 0.7)
+    if "residual" in columns:
+        _curve(axes[3], columns["t"], columns["residual"], "largest force on\na point  [Mc²/R]")
+        axes[3].set_yscale("log")
 
 
 def _energies(ax: Axes, columns: Columns) -> None:
     """Every kind of energy that this run knows; that of the load is counted from the start."""
+    start = columns["load"][0] if "load" in columns else 0.0
     for name, label, colour in _ENERGIES:
         values = columns.get(name)
         if values is not None and values.any():
-            ax.plot(columns["t"], values - values[0] if name == "load" else values, color=colour, label=label)
-    start = columns["load"][0] if "load" in columns else 0.0
+            ax.plot(columns["t"], values - start if name == "load" else values, color=colour, label=label)
     ax.plot(
         columns["t"], columns["total"] - start, color="#222222", linestyle=(0, (4, 2)), label="sum of all"
     )
     ax.set_ylabel("energy  [Mc²]")
-    ax.legend(loc="upper left", bbox_to_anchor=(1.0, 1.02))
+    ax.legend(loc="lower center", bbox_to_anchor=(0.54, 1.0), ncols=4, borderaxespad=0.2, columnspacing=1.4)

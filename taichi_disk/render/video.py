@@ -8,6 +8,8 @@ from __future__ import annotations
 import subprocess
 import tempfile
 from pathlib import Path
+from queue import Queue
+from threading import Thread
 from types import TracebackType
 
 import imageio_ffmpeg
@@ -30,6 +32,7 @@ _ENCODING = (
 class Video:
     """Writes pictures to an MP4. A context manager: left in order, the file is complete.
 
+    A thread feeds ffmpeg, so that drawing need not wait until a picture has gone through the pipe.
     `size`: width and height in pixels, even. Raises SimulationError if ffmpeg fails.
     """
 
@@ -42,16 +45,28 @@ class Video:
         self._ffmpeg = subprocess.Popen(
             command, stdin=subprocess.PIPE, stderr=self._complaints, start_new_session=True
         )
+        self._pictures: Queue[NDArray[np.uint8] | None] = Queue(maxsize=2)
+        self._broken = False
+        self._feeder = Thread(target=self._feed, daemon=True)
+        self._feeder.start()
 
     def write(self, picture: NDArray[np.uint8]) -> None:
         """Append a picture (size, size, 4), the fourth byte unused; it may be overwritten on return."""
+        if self._broken:
+            raise self._failure()
+        self._pictures.put(picture.copy())
+
+    def _feed(self) -> None:
         assert self._ffmpeg.stdin is not None
-        try:
-            self._ffmpeg.stdin.write(picture.data)
-        except OSError as error:
-            raise self._failure() from error
+        while (picture := self._pictures.get()) is not None:
+            if not self._broken:
+                try:
+                    self._ffmpeg.stdin.write(picture.data)
+                except OSError:
+                    self._broken = True
 
     def _failure(self) -> SimulationError:
+        self._ffmpeg.wait()
         self._complaints.seek(0)
         said = self._complaints.read().decode(errors="replace").strip()
         return SimulationError(f"ffmpeg could not write {self._path}: {said or 'it gave no reason'}")
@@ -63,14 +78,14 @@ class Video:
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         with self._complaints:
-            if kind is not None:
-                self._ffmpeg.kill()
-                self._ffmpeg.communicate()
-                return
             try:
+                if kind is not None:
+                    self._ffmpeg.kill()
+                self._pictures.put(None)
+                self._feeder.join()
                 self._ffmpeg.communicate()
             except BaseException:
                 self._ffmpeg.kill()
                 raise
-            if self._ffmpeg.returncode != 0:
+            if kind is None and self._ffmpeg.returncode != 0:
                 raise self._failure()
