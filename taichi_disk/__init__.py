@@ -6,13 +6,13 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from taichi_disk.run import run
+    from taichi_disk.runner import run
     from taichi_disk.scene_file import load_scene
 
 __version__ = "0.1.0"
 __all__ = ["__version__", "load_scene", "run"]
 
-_HOME = {"load_scene": "taichi_disk.scene_file", "run": "taichi_disk.run"}
+_HOME = {"load_scene": "taichi_disk.scene_file", "run": "taichi_disk.runner"}
 
 
 def __getattr__(name: str) -> Any:

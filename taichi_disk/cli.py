@@ -41,7 +41,7 @@ def _run(arguments: argparse.Namespace) -> int:
     scene = load_scene(arguments.scene, arguments.overrides)
 
     from taichi_disk.report import print_result
-    from taichi_disk.run import run
+    from taichi_disk.runner import run
 
     progress = progress_for(sys.stderr)
     try:

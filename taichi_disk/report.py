@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from taichi_disk.run import RunResult
+    from taichi_disk.runner import RunResult
 
 # Headline numbers as a person calls them: name, unit.
 NAMES = {

@@ -108,7 +108,7 @@ class CompressionSection(_Strict):
     method: Literal["relaxation", "newton"] = _key(
         "relaxation", "wait until the vibration has died out, or solve for the equilibrium"
     )
-    tolerance: float = _key(1e-6, "relative accuracy sought for xi", ge=1e-12, le=1e-2)
+    tolerance: float = _key(1e-6, "relative accuracy sought for xi", ge=1e-9, le=1e-2)
     max_time: Auto | Annotated[float, Field(ge=1e-6, le=1e6)] = _key(
         "auto", "give up when the disk is not at rest by this time (method: relaxation)", "R/c"
     )

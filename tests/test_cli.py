@@ -50,9 +50,9 @@ def calls(monkeypatch: pytest.MonkeyPatch) -> list[tuple[Any, Path, dict[str, An
 
 
 def replace_run(monkeypatch: pytest.MonkeyPatch, run: Any) -> None:
-    module = ModuleType("taichi_disk.run")
+    module = ModuleType("taichi_disk.runner")
     module.run = run  # type: ignore[attr-defined]
-    monkeypatch.setitem(sys.modules, "taichi_disk.run", module)
+    monkeypatch.setitem(sys.modules, "taichi_disk.runner", module)
 
 
 def test_run_hands_every_option_on(calls: list[Any]) -> None:

@@ -1,0 +1,1 @@
+"""All Taichi physics: state fields, forces, the stepping kernels, the stable step."""

@@ -1,0 +1,68 @@
+"""What is measured at a sample, inside the kernel: the disk's motion and where the energy is."""
+
+import taichi as ti
+
+COLUMNS = (
+    "com_x",  # the disk's centre of mass [R]
+    "com_y",
+    "com_vx",  # [c]
+    "com_vy",
+    "angular_momentum",  # of the disk about its centre of mass [M R c]
+    "lowest_y",  # of the disk [R]
+    "wall_force",  # upward force of the wall on the disk [M c^2/R]
+    "kinetic",  # of disk and elastic wall [M c^2]
+    "elastic",
+    "wall",  # potential of the contact
+    "dissipated",  # by dashpots since t = 0
+    "absorbed",  # by the elastic wall's boundary since t = 0
+    "load",  # potential P y_cm of the pressing force
+    "residual",  # largest |force| on a point [M c^2/R]
+)
+
+
+class Observables:
+    """Fills one row of observables; part of `World`."""
+
+    @ti.func
+    def observe(self, p: ti.template(), rows: ti.template(), s, sums, elastic, upward, potential):
+        half = 0.5 * p.g
+        for w in ti.static(range(self.lanes)):
+            sx, sy, svx, svy, spin, v2 = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+            lowest, residual2 = self.x[0][1, w], 0.0
+            force, energy = upward[w], potential[w]
+            for i in range(self.n):
+                x, y = self.x[i][0, w], self.x[i][1, w]
+                fx, fy = self.f[i][0, w], self.f[i][1, w]
+                vx, vy = self.v[i][0, w] + half * fx, self.v[i][1, w] + half * fy
+                v2 += vx * vx + vy * vy
+                if i < self.n_disk:
+                    sx += x
+                    sy += y
+                    svx += vx
+                    svy += vy
+                    spin += x * vy - y * vx
+                    lowest = ti.min(lowest, y)
+                    residual2 = ti.max(residual2, fx * fx + fy * fy)
+                    if ti.static(self.physics.wall == "rigid"):
+                        if y < p.reach:
+                            e = p.V0 * ti.exp(-p.a * y)
+                            energy += e
+                            force += p.a * e
+            count = ti.cast(self.n_disk, ti.f64)
+            rows[s, 0, w] = sx / count
+            rows[s, 1, w] = sy / count
+            rows[s, 2, w] = svx / count
+            rows[s, 3, w] = svy / count
+            rows[s, 4, w] = p.m * (spin - (sx * svy - sy * svx) / count)
+            rows[s, 5, w] = lowest
+            rows[s, 6, w] = force
+            rows[s, 7, w] = 0.5 * p.m * v2
+            rows[s, 8, w] = elastic[w]
+            rows[s, 9, w] = energy
+            rows[s, 10, w] = sums[0, w]
+            rows[s, 11, w] = sums[2, w]
+            load = 0.0
+            if ti.static(self.physics.load != 0.0):
+                load = self.load[None][w] * sy / count
+            rows[s, 12, w] = load
+            rows[s, 13, w] = ti.sqrt(residual2)

@@ -1,0 +1,44 @@
+"""Starting Taichi on the machine that was asked for, or saying why not."""
+
+from __future__ import annotations
+
+import os
+from typing import Any
+
+from taichi_disk.errors import InputError
+
+ARCHES = ("cpu", "cuda", "vulkan")
+
+
+def start(arch: str = "cpu", threads: int | None = None) -> None:
+    """(Re)start Taichi in double precision on `arch`; every field made before this is gone.
+
+    fast_math stays off: it gains nothing here, and without it the bytes of a result do not depend on how
+    a kernel was optimised. The offline cache halves the compile time of the next run.
+
+    Raises InputError when the machine cannot compute this model on `arch`.
+    """
+    if arch not in ARCHES:
+        raise InputError(f"--arch {arch}: choose one of {', '.join(ARCHES)}")
+    os.environ.setdefault("ENABLE_TAICHI_HEADER_PRINT", "0")
+    import taichi as ti
+
+    if arch == "cuda" and not ti._lib.core.with_cuda():
+        raise InputError("--arch cuda: Taichi finds no CUDA device on this machine; use --arch cpu")
+    if arch == "vulkan":
+        # Vulkan's exp() exists in single precision only, and software Vulkan (lavapipe) silently ends a
+        # shader's loop after 65,535 iterations: both would give wrong physics without an error.
+        raise InputError(
+            "--arch vulkan: refused, because the stepping needs exp() in double precision and loops of more than "
+            "65,535 iterations, and Vulkan drivers lack the first and may cut the second short without an error. "
+            "Use --arch cpu (or cuda); the film is drawn with Vulkan in any case"
+        )
+    options: dict[str, Any] = {"cpu_max_num_threads": threads} if threads else {}
+    ti.init(
+        arch=getattr(ti, arch),
+        default_fp=ti.f64,
+        default_ip=ti.i32,
+        fast_math=False,
+        log_level=ti.ERROR,
+        **options,
+    )

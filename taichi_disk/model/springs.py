@@ -1,0 +1,64 @@
+"""Springs and explicit dashpots: f_ij = -(k_a s + k_b s^3) e - eta (v_i - v_j), paper eqs. (1) and (3)."""
+
+import taichi as ti
+
+
+class Springs:
+    """The spring forces of all lanes; part of `World`."""
+
+    @ti.func
+    def add_spring_forces(self, p: ti.template(), dashpot: ti.template()):
+        """Add every spring's force (and its dashpot's, at the velocities `u`) to `f`.
+
+        Returns, per lane, the elastic energy sum(k_a s^2/2 + k_b s^4/4) [M c^2] and sum(|v_i - v_j|^2) over
+        the springs [c^2], to which the power lost in the dashpots is proportional.
+        """
+        width = ti.static(self.block * self.lanes)
+        energy = ti.Vector.zero(ti.f64, width)
+        squares = ti.Vector.zero(ti.f64, self.lanes)
+        eta = ti.Vector.zero(ti.f64, self.lanes)
+        if ti.static(dashpot):
+            eta = self.eta[None]
+        for block in range(self.blocks):
+            first = block * self.block
+            dx = ti.Vector.zero(ti.f64, width)
+            dy = ti.Vector.zero(ti.f64, width)
+            rest = ti.Vector.zero(ti.f64, width)
+            for k in ti.static(range(self.block)):
+                d = self.x[self.bond_i[first + k]] - self.x[self.bond_j[first + k]]
+                for w in ti.static(range(self.lanes)):
+                    dx[k * self.lanes + w] = d[0, w]
+                    dy[k * self.lanes + w] = d[1, w]
+                    rest[k * self.lanes + w] = self.rest[first + k]
+            r = ti.sqrt(dx * dx + dy * dy)
+            s = r - rest
+            s2 = s * s
+            tension = p.k_a * s
+            energy += (0.5 * p.k_a) * s2
+            if ti.static(self.uses("cubic")):
+                tension += p.k_b * s2 * s
+                energy += (0.25 * p.k_b) * s2 * s2
+            pull = tension / r
+            if ti.static(self.block > 1):
+                # This store makes the compiler take the block's square roots and divisions as one vector.
+                for k in ti.static(range(self.block)):
+                    self.pull[first + k] = pull[k]
+            for k in ti.static(range(self.block)):
+                i, j = self.bond_i[first + k], self.bond_j[first + k]
+                force = ti.Matrix.zero(ti.f64, 2, self.lanes)
+                for w in ti.static(range(self.lanes)):
+                    force[0, w] = pull[k * self.lanes + w] * dx[k * self.lanes + w]
+                    force[1, w] = pull[k * self.lanes + w] * dy[k * self.lanes + w]
+                if ti.static(dashpot):
+                    u = self.u[i] - self.u[j]
+                    for w in ti.static(range(self.lanes)):
+                        squares[w] += u[0, w] * u[0, w] + u[1, w] * u[1, w]
+                        force[0, w] += eta[w] * u[0, w]
+                        force[1, w] += eta[w] * u[1, w]
+                self.f[i] -= force
+                self.f[j] += force
+        total = ti.Vector.zero(ti.f64, self.lanes)
+        for k in ti.static(range(self.block)):
+            for w in ti.static(range(self.lanes)):
+                total[w] += energy[k * self.lanes + w]
+        return total, squares

@@ -1,0 +1,97 @@
+"""The largest stable time step, from the lattice, the dashpots and the wall.
+
+Undamped leapfrog is bounded while h omega < 2 for the highest frequency omega. The wall adds the stiffness
+a F of the point that carries the force F, at most to the point's own mass: omega^2 <= omega_lattice^2 + a F/m
+(twice that against an elastic wall, where two points of mass m approach each other).
+The trapezoidal dashpot does not lower the limit. The predicted one does: `explicit_limit`.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from taichi_disk.lattice import Lattice
+from taichi_disk.model.physics import Physics
+from taichi_disk.stiffness import laplacian, largest_eigenvalue, tangent_stiffness
+
+
+@dataclass(frozen=True)
+class Spectrum:
+    """What bounds the step: highest lattice frequency omega [c/R], largest damping rate of unit eta, point mass.
+
+    `damping` is lambda_max(L)/m [1/(M c/R) c/R], to be multiplied by eta [M c/R].
+    """
+
+    omega: float
+    damping: float
+    mass: float
+
+
+def spectrum(lattice: Lattice, physics: Physics) -> Spectrum:
+    """Largest eigenvalues of the stiffness matrix at rest and, where there are dashpots, of the Laplacian."""
+    stiffness = tangent_stiffness(
+        lattice.positions, lattice.bonds, lattice.rest_lengths, physics.k_a, physics.k_b
+    )
+    mass = float(lattice.masses[0])
+    n = len(lattice.positions)
+    damping = 0.0
+    if physics.dissipates:
+        damping = largest_eigenvalue(laplacian(lattice.bonds, n), lattice.masses)
+    return Spectrum(float(np.sqrt(largest_eigenvalue(stiffness, lattice.masses))), damping, mass)
+
+
+def step_limit(spectrum: Spectrum, physics: Physics, point_force: float) -> float:
+    """Largest stable step [R/c] while no point takes more than `point_force` [M c^2/R] from the wall."""
+    bodies = {"none": 0, "rigid": 1, "elastic": 2}[physics.wall]
+    omega = np.sqrt(spectrum.omega**2 + bodies * physics.a * point_force / spectrum.mass)
+    if physics.explicit_dashpot:
+        return explicit_limit(float(omega), physics.eta * spectrum.damping)
+    return 2.0 / float(omega)
+
+
+def explicit_limit(omega: float, damping: float) -> float:
+    """Largest stable step of `velocity_verlet` for x'' = -omega^2 x - damping x', every mode up to these.
+
+    With w = h v_{k-1/2} and p = h^2 a_k a step is linear, x+ = x + w', w' = w + p,
+    p+ = -(h omega)^2 x+ - h damping (w' + p/2): stable while no eigenvalue exceeds 1 in modulus. For
+    damping alone that is h damping < 1, without damping h omega < 2. Found by bisection over a grid of modes.
+    """
+    fractions = np.linspace(0.0, 1.0, 9)
+    squares, rates = (grid.ravel() for grid in np.meshgrid(omega**2 * fractions, damping * fractions))
+
+    def stable(h: float) -> bool:
+        W, g = h * h * squares, h * rates
+        one, zero = np.ones_like(W), np.zeros_like(W)
+        step = np.array(
+            [[one, one, one], [zero, one, one], [-W, -W - g, -W - 1.5 * g]],
+        )
+        return bool(np.abs(np.linalg.eigvals(np.moveaxis(step, 2, 0))).max() < 1.0 + 1e-7)
+
+    low, high = 0.0, min(2.0 / omega, 1.0 / damping if damping else np.inf)
+    for _ in range(40):
+        middle = 0.5 * (low + high)
+        low, high = (middle, high) if stable(middle) else (low, middle)
+    return low
+
+
+def impact_point_force(lattice: Lattice, physics: Physics, velocity: float) -> float:
+    """Estimate of the largest force of the wall on one point in an impact [M c^2/R].
+
+    Quasi-static energy balance v^2/2 = pi E* xi^2/(2 ln(4/xi)) gives the peak compression and its force;
+    Hertz's line contact, half-width sqrt(4 F/(pi E*)), spreads it over the points. A run checks the estimate.
+    """
+    e_star = 1.2 * physics.k_a
+    xi = velocity
+    for _ in range(50):
+        xi = min(velocity * np.sqrt(np.log(4.0 / min(xi, 1.0)) / (np.pi * e_star)), 1.0)
+    return contact_point_force(lattice, physics, np.pi * e_star * xi / np.log(4.0 / xi))
+
+
+def contact_point_force(lattice: Lattice, physics: Physics, force: float) -> float:
+    """Estimate of the share of a total contact force that one point carries: twice Hertz's peak, at most all."""
+    half_width = np.sqrt(4.0 * force / (np.pi * 1.2 * physics.k_a))
+    surface = lattice.positions[lattice.disk_surface]
+    chords = np.hypot(*(surface - np.roll(surface, 1, axis=0)).T)
+    return float(min(force, 2.0 * 2.0 * force / (np.pi * half_width) * chords.max()))

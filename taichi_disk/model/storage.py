@@ -1,0 +1,110 @@
+"""Between NumPy and the fields: constants in once, states out and in again.
+
+One kernel per direction with NumPy arguments; `to_numpy` of each field would compile a kernel for each.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+import taichi as ti
+from numpy.typing import NDArray
+
+from taichi_disk.model.stepping import SUMS
+
+Reals1 = ti.types.ndarray(dtype=ti.f64, ndim=1)
+Reals2 = ti.types.ndarray(dtype=ti.f64, ndim=2)
+Reals3 = ti.types.ndarray(dtype=ti.f64, ndim=3)
+Reals4 = ti.types.ndarray(dtype=ti.f64, ndim=4)
+Integers1 = ti.types.ndarray(dtype=ti.i32, ndim=1)
+Integers2 = ti.types.ndarray(dtype=ti.i32, ndim=2)
+
+
+@dataclass(frozen=True)
+class State:
+    """All that a world needs to go on from step `step` with the same bytes.
+
+    vectors: (3, n, 2, lanes) positions [R], velocities half a step before [c], forces [M c^2/R].
+    sums: (5, lanes) dissipated, its power, absorbed, its power, largest force of the wall on a point so far.
+    """
+
+    step: int
+    vectors: NDArray[np.float64]
+    sums: NDArray[np.float64]
+
+
+class Storage:
+    """Copies; part of `World`."""
+
+    @ti.kernel
+    def _fill_springs(self, ends: Integers2, rest: Reals1):
+        ti.loop_config(serialize=True)
+        for b in range(self.blocks * self.block):
+            self.bond_i[b] = ends[b, 0]
+            self.bond_j[b] = ends[b, 1]
+            self.rest[b] = rest[b]
+        for w in ti.static(range(self.lanes)):
+            self.x[self.n + 1][0, w] = 1.0  # the padding springs lie between (0, 0) and (1, 0), at rest
+
+    @ti.kernel
+    def _fill_lanes(self, eta: Reals1, load: Reals1):
+        for w in ti.static(range(self.lanes)):
+            if ti.static(self.physics.dissipates):
+                self.eta[None][w] = eta[w]
+            if ti.static(self.physics.load != 0.0):
+                self.load[None][w] = load[w]
+
+    @ti.kernel
+    def _fill_surfaces(self, disk: Integers1, wall: Integers1):
+        for k in range(self.n_disk_surface):
+            self.disk_surface[k] = disk[k]
+        for k in range(self.n_wall_surface):
+            self.wall_surface[k] = wall[k]
+
+    @ti.kernel
+    def _fill_boundary(self, points: Integers1, impedance: Reals2):
+        for k in range(self.n_boundary):
+            self.boundary[k] = points[k]
+            if ti.static(self.physics.boundary == "dashpot"):
+                self.impedance[k] = ti.Vector([impedance[k, 0], impedance[k, 1]])
+
+    @ti.kernel
+    def _fill_factor(
+        self,
+        order: Integers1,
+        column: Integers1,
+        row: Integers1,
+        values: Reals2,
+        inverse_diagonal: Reals2,
+    ):
+        ti.loop_config(serialize=True)
+        for k in range(self.n_free):
+            self.order[k] = order[k]
+            self.column[k] = column[k]
+            for c in ti.static(range(self.components)):
+                self.inverse_diagonal[k][c] = inverse_diagonal[k, c]
+        self.column[self.n_free] = column[self.n_free]
+        for e in range(column[self.n_free]):
+            self.row[e] = row[e]
+            for c in ti.static(range(self.components)):
+                self.factor[e][c] = values[e, c]
+
+    @ti.kernel
+    def _copy_state(self, vectors: Reals4, sums: Reals2, into: ti.template()):
+        ti.loop_config(serialize=True)
+        for i in range(self.n):
+            for w in ti.static(range(self.lanes)):
+                for c in ti.static(range(2)):
+                    if ti.static(into):
+                        self.x[i][c, w] = vectors[0, i, c, w]
+                        self.v[i][c, w] = vectors[1, i, c, w]
+                        self.f[i][c, w] = vectors[2, i, c, w]
+                    else:
+                        vectors[0, i, c, w] = self.x[i][c, w]
+                        vectors[1, i, c, w] = self.v[i][c, w]
+                        vectors[2, i, c, w] = self.f[i][c, w]
+        for k in ti.static(range(SUMS)):
+            for w in ti.static(range(self.lanes)):
+                if ti.static(into):
+                    self.sums[0][k, w] = sums[k, w]
+                else:
+                    sums[k, w] = self.sums[0][k, w]

@@ -1,0 +1,146 @@
+"""The disk pressed on the rigid wall by a body force (paper section 3, eq. 3, figures 1 and 2)."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from taichi_disk.lattice import Lattice, disk_lattice
+from taichi_disk.model.physics import Physics
+from taichi_disk.model.stability import contact_point_force
+from taichi_disk.newton import compress, rigid_balance
+from taichi_disk.scene import CompressionScene
+from taichi_disk.scenes.setup import Columns, Headline, Setup, spread
+
+TOUCH = 1e-3  # of the load is borne by the wall at the start: a softer start than contact, a shorter fall than none
+
+
+class Compression(Setup):
+    """Starts undeformed, just above the wall, as the disk would come to lie; ends when the motion has died out."""
+
+    def __init__(self, scene: CompressionScene) -> None:
+        self.scene = scene
+        spec, material, wall = scene.lattice, scene.material, scene.wall
+        self.pressure = scene.compression.pressure
+        disk = disk_lattice(spec.points, spec.seed, spec.rim, spec.min_spacing)
+        self.lattice = _laid_down(disk, material.k_a, material.k_b, wall.a, wall.V0, self.pressure)
+        y = self.lattice.positions[:, 1]
+        self.unloaded = float(y.mean() - y.min())
+        self.velocities = np.zeros((spec.points, 2))
+        self.physics = Physics(
+            k_a=material.k_a,
+            k_b=material.k_b,
+            eta=material.eta_star / spec.points,
+            wall="rigid",
+            a=wall.a,
+            V0=wall.V0,
+            load=self.pressure,
+        )
+        # Released without damping, the contact force would swing to twice the load.
+        self.point_force = contact_point_force(self.lattice, self.physics, 2.0 * self.pressure)
+        unit = 1.0 / np.sqrt(material.k_a)
+        self.sample_interval = float(0.1 * unit)
+        self.watch = float(20.0 * unit)  # how long it has to have been at rest [R/c]
+        limit = scene.compression.max_time
+        self.max_time = float(5000.0 * unit) if limit == "auto" else limit
+        self.view = (-1.15, 1.15, -0.1, 2.05)
+
+    def ended(self, columns: Columns) -> NDArray[np.bool_]:
+        tolerance = self.scene.compression.tolerance
+        rest = (
+            (columns["kinetic"] <= tolerance * self.pressure**2 / self.scene.material.k_a)
+            & (columns["residual"] <= tolerance * self.pressure / self.scene.lattice.points)
+            # A vibration shows here and the slow roll does not: see `headline`.
+            & (np.abs(columns["wall_force"] / self.pressure - 1.0) <= 1e-3 * tolerance)
+        )
+        moved = np.where(rest, -1, np.arange(len(rest)))
+        return columns["t"] - columns["t"][np.maximum.accumulate(moved)] >= self.watch
+
+    def unfinished(self, columns: Columns) -> str:
+        return (
+            f"the disk is not at rest by t = {columns['t'][-1]:.6g} R/c (kinetic energy {columns['kinetic'][-1]:.3g} "
+            f"M c^2, largest force on a point {columns['residual'][-1]:.3g} M c^2/R); use compression.method: newton, "
+            "or set compression.max_time or material.eta_star higher"
+        )
+
+    def energy_scale(self, columns: Columns) -> float:
+        # Nothing moves at first: the work of the load on the way to rest takes the kinetic energy's place.
+        return float(np.ptp(columns["load"])) or self.pressure**2
+
+    def headline(self, columns: Columns) -> Headline:
+        """xi once the roll, too, has come to its end.
+
+        The dashpots make the last roll onto the lowest place slow, theta ~ exp(-t/T), T up to 10^4 R/c. What
+        remains of it follows from the last stretch of time: xi - xi_end falls as the angular momentum does.
+        """
+        last = columns["t"] >= columns["t"][-1] - self.watch
+        distance = (columns["com_y"] - columns["lowest_y"])[last]
+        spin = columns["angular_momentum"][last]
+        ratio = spin[-1] / spin[0] if spin[0] else 0.0
+        still_to_come = (distance[-1] - distance[0]) * ratio / (1.0 - ratio) if 0.0 < ratio < 1.0 else 0.0
+        end = float(distance[-1] + still_to_come)
+        return Headline(
+            {
+                "xi": abs(self.unloaded - end),
+                "xi_nominal": abs(1.0 - end),
+                "xi_extrapolated": abs(float(still_to_come)),
+            },
+            {
+                "xi": "centre of mass to lowest point, unloaded minus loaded [R]",
+                "xi_nominal": "R = 1 minus the loaded distance from centre of mass to lowest point [R]",
+                "xi_extrapolated": "part of xi from extrapolating the last slow roll [R]",
+            },
+        )
+
+    def frame_times(self, columns: Columns, frames: int) -> NDArray[np.float64]:
+        t, kinetic = columns["t"], columns["kinetic"]
+        if self.scene.compression.method == "newton":
+            return spread([0.0, 1.0, 1.0], [0.8, 0.2], frames)
+        visible = t[np.flatnonzero(kinetic >= 1e-4 * kinetic.max())[-1]]
+        return spread([0.0, min(visible, 0.5 * t[-1]), t[-1]], [0.85, 0.15], frames)
+
+    def title(self) -> tuple[str, ...]:
+        scene = self.scene
+        return (
+            f"P = {self.pressure:g} Mc²/R    η* = {scene.material.eta_star:g}    a = {scene.wall.a:g}/R",
+            f"N = {scene.lattice.points:,}    seed {scene.lattice.seed}",
+        )
+
+    def caption(self, row: dict[str, float]) -> tuple[str, ...]:
+        xi = self.unloaded - (row["com_y"] - row["lowest_y"])
+        newton = self.scene.compression.method == "newton"
+        when = f"{row['t']:.0%} of the way" if newton else f"t = {row['t']:7.3f} R/c"
+        return (when, f"ξ = {xi:.6f} R")
+
+
+def _laid_down(
+    disk: Lattice, k_a: float, k_b: float, a: float, V0: float, pressure: float
+) -> Lattice:
+    """`disk` turned as it comes to rest under the load, and so high that the wall bears TOUCH of the load.
+
+    A random lattice's centre of mass lies some 0.005 R beside its middle, so that a disk put down at random
+    rolls. Damped by dashpots that resist rotation too, that takes 10^4 R/c, and the turned disk's lowest point
+    is another: the compression would be measured against the wrong radius.
+    """
+    positions = disk.positions
+    for _ in range(4):
+        start = positions + np.array([0.0, rigid_balance(positions[:, 1], a, V0, pressure)])
+        rest = compress(disk, k_a, k_b, a, V0, pressure, start=start).positions
+        positions = _turned(disk.positions, _turn(disk.positions, rest))
+    lift = rigid_balance(positions[:, 1], a, V0, TOUCH * pressure)
+    return replace(disk, positions=positions + np.array([0.0, lift]))
+
+
+def _turn(before: NDArray[np.float64], after: NDArray[np.float64]) -> float:
+    """Mean rotation from `before` to `after`, both (n, 2), counter-clockwise [rad] (orthogonal Procrustes)."""
+    p, q = before - before.mean(axis=0), after - after.mean(axis=0)
+    return float(np.arctan2((p[:, 0] * q[:, 1] - p[:, 1] * q[:, 0]).sum(), (p * q).sum()))
+
+
+def _turned(positions: NDArray[np.float64], angle: float) -> NDArray[np.float64]:
+    """`positions` (n, 2) turned about their mean."""
+    c, s = np.cos(angle), np.sin(angle)
+    centre = positions.mean(axis=0)
+    return centre + (positions - centre) @ np.array([[c, s], [-s, c]])

@@ -1,0 +1,153 @@
+"""Stepping a scene to its end, chunk by chunk, and looking at what comes out."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from time import perf_counter
+
+import numpy as np
+from numpy.typing import NDArray
+
+from taichi_disk.errors import SimulationError
+from taichi_disk.model.observables import COLUMNS
+from taichi_disk.model.stepping import PEAK
+from taichi_disk.model.storage import State
+from taichi_disk.model.world import World
+from taichi_disk.progress import Progress
+from taichi_disk.scenes.setup import Columns, Setup
+from taichi_disk.time_step import TimeStep
+
+SPRINGS_PER_LAUNCH = 3_000_000  # spring evaluations in one kernel launch: about 15 ms on one core
+BLOW_UP = 0.1  # imbalance of the energy, relative to the largest energy so far, that ends a run
+
+
+class BlowUp(SimulationError):
+    """The state became meaningless. `state` is the last one that was still good, `columns` the rows up to it."""
+
+    def __init__(self, message: str, state: State, dt: float, columns: Columns) -> None:
+        super().__init__(message)
+        self.state, self.dt, self.columns = state, dt, columns
+        self.peak_point_force = float(state.sums[PEAK].max())
+
+    def last_good(self) -> dict[str, NDArray[np.float64]]:
+        """Positions and velocities (n, 2) and time of the last good state; velocities are half a step older."""
+        x, v, _ = self.state.vectors[..., 0]
+        return {"positions": x, "velocities": v, "t": np.array(self.state.step * self.dt)}
+
+
+@dataclass(frozen=True)
+class Simulation:
+    """A scene that has ended: its time series, its world, and the states of that world at start and end."""
+
+    world: World
+    step: TimeStep
+    start: State
+    end: State
+    columns: Columns
+    compile_seconds: float
+
+    @property
+    def peak_point_force(self) -> float:
+        """Largest force of the wall on one point during the run [M c^2/R]."""
+        return float(self.end.sums[PEAK].max())
+
+
+def simulate(setup: Setup, step: TimeStep, interval: float, progress: Progress) -> Simulation:
+    """Step `setup` until it has ended, taking a row of observables about every `interval` [R/c].
+
+    Raises SimulationError when `max_time` comes first, BlowUp when the energy balance or a number is lost.
+    """
+    progress.start("compile", None)
+    began = perf_counter()
+    world = World(
+        setup.lattice, replace(setup.physics, integrator=step.integrator), setup.velocities[None], step.dt
+    )
+    world.advance(0)
+    compile_seconds = perf_counter() - began
+    start = world.export_state()
+    stride = max(1, round(interval / step.dt))
+    launch = max(1, SPRINGS_PER_LAUNCH // len(setup.lattice.bonds))  # steps
+    rows = world.first_row[None, :, 0]
+    progress.start("simulate", setup.max_time)
+    while True:
+        good, known = world.export_state(), len(rows)
+        if world.time > setup.max_time:
+            raise SimulationError(setup.unfinished(as_columns(rows, step.dt, stride)))
+        rows = np.concatenate([rows, _advance(world, launch, stride)])
+        columns = as_columns(rows, step.dt, stride)
+        if problem := blown_up(columns, known):
+            raise BlowUp(f"{problem}; {_advice(step)}", good, step.dt, as_columns(rows[:known], step.dt, stride))
+        over = np.flatnonzero(setup.ended(columns)[known:])
+        if len(over):
+            # The launch went past the end: go back, and stop there.
+            count = known + int(over[0]) + 1
+            world.import_state(good)
+            _steps(world, (count - known) * stride, launch)
+            columns = as_columns(rows[:count], step.dt, stride)
+            return Simulation(world, step, start, world.export_state(), columns, compile_seconds)
+        progress.update(world.time)
+
+
+def _advance(world: World, launch: int, stride: int) -> NDArray[np.float64]:
+    """About `launch` steps, at least one row; (rows, columns)."""
+    if stride > launch:
+        return _steps(world, stride, launch)
+    return world.advance(launch // stride, stride)[:, :, 0]
+
+
+def _steps(world: World, steps: int, launch: int) -> NDArray[np.float64]:
+    """`steps` steps in launches short enough for Ctrl-C to be heard; the last row, (1, columns)."""
+    while True:
+        part = min(steps, launch)
+        row = world.advance(1, part)[:, :, 0]
+        steps -= part
+        if steps == 0:
+            return row
+
+
+def as_columns(rows: NDArray[np.float64], dt: float, stride: int) -> Columns:
+    """Name the columns of `rows` (rows, columns), the first at t = 0, and add time and total energy."""
+    columns = {"t": np.arange(len(rows)) * stride * dt}
+    columns.update({name: rows[:, k].copy() for k, name in enumerate(COLUMNS)})
+    columns["total"] = sum(
+        (columns[name] for name in ("elastic", "wall", "dissipated", "absorbed", "load")), columns["kinetic"]
+    )
+    return columns
+
+
+def imbalance(columns: Columns) -> NDArray[np.float64]:
+    """Deviation of the total energy from its value at t = 0, (rows,) [M c^2]."""
+    return columns["total"] - columns["total"][0]
+
+
+def blown_up(columns: Columns, first: int) -> str | None:
+    """What is wrong with the rows from `first` on, or None."""
+    energy = np.abs(columns["kinetic"]) + np.abs(columns["elastic"]) + np.abs(columns["wall"])
+    scale = np.maximum.accumulate(energy + np.abs(columns["load"] - columns["load"][0]))
+    with np.errstate(invalid="ignore"):
+        bad = ~(np.abs(imbalance(columns)) <= BLOW_UP * scale + 1e-300)
+    bad[:first] = False
+    if not bad.any():
+        return None
+    k = int(np.flatnonzero(bad)[0])
+    t0, t1 = columns["t"][max(k - 1, 0)], columns["t"][k]
+    what = "a number is no longer finite" if not np.isfinite(columns["total"][k]) else "the energy balance is lost"
+    return f"blow-up between t = {t0:.6g} and {t1:.6g} R/c: {what}"
+
+
+def _advice(step: TimeStep) -> str:
+    if step.dt > step.limit:
+        return f"the step {step.dt:.6g} R/c is beyond the stability limit {step.limit:.6g} R/c; set time.dt: auto"
+    return f"the step is {step.dt / step.limit:.2f} of the stability limit; try a smaller time.safety or a lower speed"
+
+
+def replay(simulation: Simulation, times: NDArray[np.float64]) -> Iterator[tuple[float, NDArray[np.float64]]]:
+    """Run again from the start and stop at the steps nearest to `times` (ascending): (t, positions (n, 2))."""
+    world = simulation.world
+    launch = max(1, SPRINGS_PER_LAUNCH // len(world.lattice.bonds))
+    world.import_state(simulation.start)
+    for number in np.rint(times / world.dt).astype(int):
+        if number > world.step_number:
+            _steps(world, int(number) - world.step_number, launch)
+        yield world.time, world.positions()[0]

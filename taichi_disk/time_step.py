@@ -1,0 +1,57 @@
+"""Choosing the integrator and the step of a run, or refusing the ones that were asked for."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+from taichi_disk.errors import InputError
+from taichi_disk.model.physics import Integrator, Physics
+from taichi_disk.model.stability import Spectrum, step_limit
+from taichi_disk.scene import TimeSection
+
+# A step with the implicit dashpot costs this many steps with the explicit one (N = 1099, one core, f64:
+# `python -m taichi_disk.benchmark` prints both).
+IMPLICIT_COST = 3.5
+
+
+@dataclass(frozen=True)
+class TimeStep:
+    """How time advances: `limit` is the stability limit of `integrator` [R/c], `dt` the step taken [R/c]."""
+
+    integrator: Integrator
+    limit: float
+    dt: float
+
+
+def choose(
+    time: TimeSection, physics: Physics, spectrum: Spectrum, point_force: float, force: bool = False
+) -> TimeStep:
+    """The step for a scene's `time` section.
+
+    `integrator: auto` takes the dashpot implicitly where that reaches the end with less work. A reset boundary
+    shortens the step until a whole number of steps fits the interval.
+    Raises InputError for a `dt` beyond the limit, unless `force`.
+    """
+
+    def limit_of(integrator: Integrator) -> float:
+        return step_limit(spectrum, replace(physics, integrator=integrator), point_force)
+
+    integrator: Integrator
+    if time.integrator == "auto":
+        explicit, implicit = limit_of("velocity_verlet"), limit_of("trapezoidal")
+        integrator = "trapezoidal" if IMPLICIT_COST * explicit < implicit else "velocity_verlet"
+    else:
+        integrator = time.integrator
+    limit = limit_of(integrator)
+    if time.dt == "auto":
+        dt = time.safety * limit
+    else:
+        dt = time.dt
+        if dt > limit and not force:
+            raise InputError(
+                f"time.dt: {dt:g} R/c is beyond the stability limit of {integrator}, {limit:.6g} R/c for this scene; "
+                f"write a smaller one (or auto: {time.safety * limit:.6g}), or use --force to see it blow up"
+            )
+    if physics.reset_interval:
+        dt = physics.reset_interval / -int(-physics.reset_interval // dt)
+    return TimeStep(integrator, limit, dt)
