@@ -31,16 +31,15 @@ def triangulate(points: Array) -> Mesh:
     """
     from scipy.spatial import Delaunay
 
-    triangles = Delaunay(points).simplices.astype(np.int64)
+    triangles = Delaunay(points).simplices.astype(np.int64)  # counter-clockwise
     corner = points[triangles]
     double_area = _cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0])
     longest = np.max(np.sum((corner - np.roll(corner, 1, axis=1)) ** 2, axis=2), axis=1)
-    triangles[double_area < 0.0] = triangles[double_area < 0.0][:, ::-1]
-    solid = np.abs(double_area) > _FLAT * longest
+    solid = double_area > _FLAT * longest
     triangles = triangles[solid]
 
     bonds, outline = _sides(triangles, len(points))
-    _check(points, bonds, outline, len(triangles), 0.5 * float(np.abs(double_area[solid]).sum()))
+    _check(points, bonds, outline, len(triangles), 0.5 * float(double_area[solid].sum()))
 
     order = _reverse_cuthill_mckee(bonds, len(points), int(np.argmin(points[:, 0])))
     rank = np.empty(len(points), dtype=np.int64)

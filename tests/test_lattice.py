@@ -170,6 +170,20 @@ def test_numbering_keeps_neighbours_close_in_memory():
     assert np.abs(np.diff(disk.bonds, axis=1)).max() < 2.5 * np.sqrt(5000)
 
 
+@pytest.mark.parametrize("angle", np.arange(12) * 0.55)
+def test_points_in_a_row_make_no_flat_triangles(angle):
+    # A square grid whose inner points are jittered, turned so that its sides are straight to rounding only.
+    grid = np.stack(np.meshgrid(np.arange(30.0), np.arange(9.0)), axis=-1)
+    grid[1:-1, 1:-1] += 0.4 * np.random.default_rng(0).random((7, 28, 2)) - 0.2
+    c, s = np.cos(angle), np.sin(angle)
+    mesh = triangulate(grid.reshape(-1, 2) @ np.array([[c, s], [-s, c]]))
+    assert len(mesh.outline) == 2 * (29 + 8)
+    p, q, r = np.moveaxis(mesh.positions[mesh.triangles], 1, 0)
+    area = 0.5 * ((q - p)[:, 0] * (r - p)[:, 1] - (q - p)[:, 1] * (r - p)[:, 0])
+    assert area.min() > 0.1
+    assert area.sum() == pytest.approx(29 * 8, rel=1e-12)
+
+
 def test_points_that_cannot_be_meshed_are_refused():
     with pytest.raises(SimulationError, match="degenerate"):
         triangulate(np.array([[0.0, 0.0], [1.0, 0.0], [0.5, 1.0], [0.5, 1.0]]))

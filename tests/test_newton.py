@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from scipy.optimize import minimize
+from scipy.optimize import minimize, root
 
 from taichi_disk.errors import SimulationError
 from taichi_disk.lattice import Lattice, bond_lengths, disk_lattice
@@ -120,6 +120,17 @@ def test_a_hexagon_on_its_corner_tips_over_onto_a_side():
     assert abs(rest.roll) == pytest.approx(np.pi / 6, abs=1e-4)  # a strained hexagon, P/k_a = 1e-2
     height = np.sort(rest.positions[:, 1])
     assert height[1] - height[0] < 1e-9
+
+
+def test_started_at_rest_on_its_corner_it_tips_over_too():
+    disk = hexagon()
+    lift = rigid_balance(disk.positions[:, 1], A, V0, P)
+    start = (disk.positions + np.array([0.0, lift])).ravel()
+    upright = root(lambda x: potential(disk, x.reshape(-1, 2))[1].ravel(), start, method="lm", tol=1e-15).x
+    upright = upright.reshape(-1, 2)
+    assert np.abs(potential(disk, upright)[1]).max() < 1e-15
+    rest = compress(disk, K_A, K_B, A, V0, P, start=upright)
+    assert abs(rest.roll) == pytest.approx(np.pi / 6, abs=1e-4)
 
 
 def test_V0_only_shifts_the_height():
