@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from taichi_disk.errors import SimulationError
 from taichi_disk.model.observables import COLUMNS
-from taichi_disk.model.stepping import PEAK
+from taichi_disk.model.sums import PEAK
 from taichi_disk.model.storage import State
 from taichi_disk.model.world import World
 from taichi_disk.progress import Progress

@@ -8,7 +8,7 @@ import taichi as ti
 
 from taichi_disk.lattice import Lattice
 from taichi_disk.model.physics import Physics
-from taichi_disk.model.stepping import SUMS
+from taichi_disk.model.sums import SUMS
 
 BLOCK = 4  # springs handled together, so that their square roots and divisions become one vector instruction
 

@@ -1,19 +1,13 @@
-"""The step: drift, forces, boundary, dashpots; and the kernel that makes many of them at once.
-
-What adds up over time travels through the step as a local matrix `sums` (row per quantity, column per lane)
-and is stored once, at the kernel's end. Taichi 1.7.4 keeps 0-D fields in registers across loops and hands later
-readers in the same kernel the value from before: an energy kept in such a field comes out one launch late.
-"""
+"""The step: drift, forces, boundary, dashpots; and the kernel that makes many of them at once."""
 
 import taichi as ti
 
+from taichi_disk.model.boundary import Boundary
 from taichi_disk.model.parameters import Parameters
-
-SUMS = 5
-DISSIPATED, POWER, ABSORBED, BOUNDARY_POWER, PEAK = range(SUMS)
+from taichi_disk.model.sums import ABSORBED, BOUNDARY_POWER, DISSIPATED, PEAK, POWER, SUMS
 
 
-class Stepping:
+class Stepping(Boundary):
     """Moves the points; part of `World`."""
 
     @ti.func
@@ -56,27 +50,6 @@ class Stepping:
         return highest
 
     @ti.func
-    def hold_boundary(self):
-        for k in range(self.n_boundary):
-            self.f[self.boundary[k]] = ti.Matrix.zero(ti.f64, 2, self.lanes)
-
-    @ti.func
-    def damp_boundary(self, p: ti.template()):
-        """Matched boundary: force -Z v, v centred at this step. Returns the power absorbed, per lane."""
-        power = ti.Vector.zero(ti.f64, self.lanes)
-        for k in range(self.n_boundary):
-            i, Z = self.boundary[k], self.impedance[k]
-            f = self.f[i]
-            v = self.v[i] + 0.5 * p.g * f
-            for w in ti.static(range(self.lanes)):
-                for c in ti.static(range(2)):
-                    vc = v[c, w] / (1.0 + 0.5 * p.g * Z[c])
-                    f[c, w] -= Z[c] * vc
-                    power[w] += Z[c] * vc * vc
-            self.f[i] = f
-        return power
-
-    @ti.func
     def solve_velocities(self, p: ti.template()):
         """Solve for the velocities `u` at this step; returns per lane three powers.
 
@@ -113,84 +86,6 @@ class Stepping:
             self.f[i] = (self.u[i] - self.v[i]) / (0.5 * p.g)
 
     @ti.func
-    def stop_boundary(self, p: ti.template()):
-        """Set the boundary's velocities at this step to zero; returns per lane the kinetic energy they held,
-        and the power of the springs' dashpots after it.
-
-        Springs do not notice. Dashpots do: their force jumps with the velocity, and the coming half step has
-        to start from the force after the jump, or the reset would cost an order.
-        """
-        half = 0.5 * p.g
-        energy = ti.Vector.zero(ti.f64, self.lanes)
-        if ti.static(self.physics.explicit_dashpot):
-            for i in range(self.n):
-                self.u[i] = ti.Matrix.zero(ti.f64, 2, self.lanes)
-        for k in range(self.n_boundary):
-            i = self.boundary[k]
-            v = self.v[i] + half * self.f[i]
-            if ti.static(self.physics.implicit_dashpot):
-                v = self.u[i]
-                self.u[i] = ti.Matrix.zero(ti.f64, 2, self.lanes)
-            elif ti.static(self.physics.explicit_dashpot):
-                self.u[i] = v
-            else:
-                self.v[i] = -half * self.f[i]
-            for w in ti.static(range(self.lanes)):
-                energy[w] += 0.5 * p.m * (v[0, w] * v[0, w] + v[1, w] * v[1, w])
-        power = ti.Vector.zero(ti.f64, self.lanes)
-        if ti.static(self.physics.explicit_dashpot):
-            self.restart_explicit(half)
-            power = self.dashpot_power()
-        if ti.static(self.physics.implicit_dashpot):
-            self.restart_implicit(half)
-            power = self.dashpot_power()
-        return energy, power
-
-    @ti.func
-    def dashpot_power(self):
-        """sum(eta |u_i - u_j|^2) over the springs, per lane."""
-        power = ti.Vector.zero(ti.f64, self.lanes)
-        eta = self.eta[None]
-        for b in range(self.n_bonds):
-            u = self.u[self.bond_i[b]] - self.u[self.bond_j[b]]
-            for w in ti.static(range(self.lanes)):
-                power[w] += eta[w] * (u[0, w] * u[0, w] + u[1, w] * u[1, w])
-        return power
-
-    @ti.func
-    def restart_explicit(self, half):
-        """`u` holds what each velocity has lost; `f` holds the dashpots' force before the loss."""
-        for i in range(self.n):
-            self.v[i] += half * self.f[i] - self.u[i]
-        eta = self.eta[None]
-        for b in range(self.n_bonds):
-            i, j = self.bond_i[b], self.bond_j[b]
-            lost = self.u[i] - self.u[j]
-            for w in ti.static(range(self.lanes)):
-                lost[0, w] *= eta[w]
-                lost[1, w] *= eta[w]
-            self.f[i] += lost
-            self.f[j] -= lost
-        for i in range(self.n):
-            self.u[i] = self.v[i]
-            self.v[i] -= half * self.f[i]
-
-    @ti.func
-    def restart_implicit(self, half):
-        """`u` holds the velocities after the loss, `f` the force without dashpots: solve for half a step on."""
-        for k in range(self.n_free):
-            i = self.order[k]
-            self.z[k] = self.u[i] + half * self.f[i]
-        self.solve_dashpot()
-        for k in range(self.n_free):
-            i = self.order[k]
-            self.v[i] = 2.0 * self.u[i] - self.z[k]
-            self.f[i] = (self.z[k] - self.u[i]) / half
-            # What the dashpots lose in this half step goes by the velocities solved for: those before, with
-            # the boundary stopped dead beside moving neighbours, would count a loss that never happens.
-            self.u[i] = self.z[k]
-
-    @ti.func
     def step(self, p: ti.template(), number, sums):
         """Make step `number`; returns `sums`, and elastic energy, contact force and contact potential after it."""
         peak = self.drift(p, row(sums, PEAK))
@@ -224,17 +119,10 @@ class Stepping:
             result[ABSORBED, w] += boundary_loss
             result[BOUNDARY_POWER, w] = b1
             result[PEAK, w] = peak[w]
-        resetting = False
         if ti.static(self.uses("reset boundary")):
-            resetting = number % self.reset_steps == 0
-            if resetting:
-                lost, after = self.stop_boundary(p)
-                for w in ti.static(range(self.lanes)):
-                    result[ABSORBED, w] += lost[w]
-                    result[POWER, w] = after[w]
-        if ti.static(self.physics.implicit_dashpot):
-            if not resetting:
-                self.take_damped_force(p)
+            result = self.reset_boundary(p, number % self.reset_steps == 0, sums, result)
+        elif ti.static(self.physics.implicit_dashpot):
+            self.take_damped_force(p)
         return result, elastic, upward, potential
 
     @ti.kernel

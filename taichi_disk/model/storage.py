@@ -9,7 +9,7 @@ import numpy as np
 import taichi as ti
 from numpy.typing import NDArray
 
-from taichi_disk.model.stepping import SUMS
+from taichi_disk.model.sums import SUMS
 
 Reals1 = ti.types.ndarray(dtype=ti.f64, ndim=1)
 Reals2 = ti.types.ndarray(dtype=ti.f64, ndim=2)

@@ -25,8 +25,9 @@ from taichi_disk.model.parameters import parameters
 from taichi_disk.model.physics import Physics
 from taichi_disk.model.springs import Springs
 from taichi_disk.model.state import blocks_of, make_fields
-from taichi_disk.model.stepping import SUMS, Stepping
+from taichi_disk.model.stepping import Stepping
 from taichi_disk.model.storage import State, Storage
+from taichi_disk.model.sums import SUMS
 from taichi_disk.model.walls import Walls
 
 
