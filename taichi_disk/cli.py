@@ -84,9 +84,7 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--version", action="version", version=f"taichi-disk {__version__}")
     commands = parser.add_subparsers(metavar="COMMAND", required=True)
 
-    run = _command(
-        commands, "run", _run, "simulate a scene, write results and film, print the headline result"
-    )
+    run = _command(commands, "run", _run, "simulate a scene, write results and film, print the headline result")
     _add_scene(run)
     run.add_argument("--out", type=Path, metavar="DIR", help="where the results go (default: out/SCENE)")
     run.add_argument("--no-video", dest="video", action="store_false", help="make no film")

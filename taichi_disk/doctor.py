@@ -90,10 +90,7 @@ def print_findings(findings: Sequence[Finding]) -> bool:
         if not one.ok and one.mend:
             print(f"\n{one.name}:\n    {one.mend}")
     missing = [one.name for one in findings if one.needed and not one.ok]
-    print(
-        "\n"
-        + (f"Not ready: {', '.join(missing)}" if missing else "Ready: scenes can be run and filmed here.")
-    )
+    print("\n" + (f"Not ready: {', '.join(missing)}" if missing else "Ready: scenes can be run and filmed here."))
     return not missing
 
 
@@ -169,9 +166,7 @@ def _cache() -> Finding:
     existing = next((one for one in (folder, *folder.parents) if one.exists()), folder)
     ok = existing.is_dir() and os.access(existing, os.W_OK)
     mend = "set TI_OFFLINE_CACHE_FILE_PATH to a writable folder, else every run compiles anew"
-    return Finding(
-        "cache of kernels", ok, f"{folder}{'' if ok else ' cannot be written'}", mend, needed=False
-    )
+    return Finding("cache of kernels", ok, f"{folder}{'' if ok else ' cannot be written'}", mend, needed=False)
 
 
 def _display() -> Finding:

@@ -65,6 +65,4 @@ def _describe(setup: Setup, simulation: Simulation, limit: float, attempts: int)
     def snapshots(times: NDArray[np.float64]) -> Iterator[tuple[float, NDArray[np.float64]]]:
         return replay(simulation, times)
 
-    return Outcome(
-        columns, world.positions()[0], world.velocities()[0], snapshots, facts, simulation.compile_seconds
-    )
+    return Outcome(columns, world.positions()[0], world.velocities()[0], snapshots, facts, simulation.compile_seconds)

@@ -25,9 +25,7 @@ class Lattice:
     disk_points: int  # the first `disk_points` points are the disk, the rest the elastic wall
     disk_surface: NDArray[np.int32]  # outline of the disk, counter-clockwise
     wall_surface: NDArray[np.int32]  # elastic wall: top chain, corners included, ordered by x (empty if none)
-    wall_boundary: NDArray[
-        np.int32
-    ]  # elastic wall: left top corner -> bottom -> right top corner (empty if none)
+    wall_boundary: NDArray[np.int32]  # elastic wall: left top corner -> bottom -> right top corner (empty if none)
 
 
 def disk_lattice(points: int, seed: int, rim: bool = True, min_spacing: float = 0.7) -> Lattice:

@@ -94,9 +94,7 @@ def rigid_balance(heights: Array, a: float, V0: float, pressure: float) -> float
 class _PressedDisk:
     """Energy, force and tangent stiffness of springs, wall and load together."""
 
-    def __init__(
-        self, lattice: Lattice, k_a: float, k_b: float, a: float, V0: float, pressure: float
-    ) -> None:
+    def __init__(self, lattice: Lattice, k_a: float, k_b: float, a: float, V0: float, pressure: float) -> None:
         self.springs = (lattice.bonds, lattice.rest_lengths, k_a, k_b)
         self.a, self.V0, self.pressure = a, V0, pressure
 
@@ -105,9 +103,7 @@ class _PressedDisk:
             return self.V0 * np.exp(-self.a * x[:, 1])
 
     def energy(self, x: Array) -> float:
-        return spring_energy(x, *self.springs) + float(
-            self.wall_energy(x).sum() + self.pressure * x[:, 1].mean()
-        )
+        return spring_energy(x, *self.springs) + float(self.wall_energy(x).sum() + self.pressure * x[:, 1].mean())
 
     def force(self, x: Array) -> Array:
         force = spring_forces(x, *self.springs)

@@ -28,9 +28,7 @@ def prepare_output(out: Path) -> None:
             folder.rmdir()
         blocker = next((path for path in (out, *out.parents) if path.is_file()), None)
         reason = f"{blocker} is a file" if blocker else _reason(error)
-        raise InputError(
-            f"cannot write into the output folder {out}: {reason}; choose another with --out"
-        ) from None
+        raise InputError(f"cannot write into the output folder {out}: {reason}; choose another with --out") from None
 
 
 def atomic_write(path: Path, writer: Callable[[Path], None]) -> None:

@@ -113,8 +113,6 @@ def _energies(ax: Axes, columns: Columns) -> None:
         values = columns.get(name)
         if values is not None and values.any():
             ax.plot(columns["t"], values - start if name == "load" else values, color=colour, label=label)
-    ax.plot(
-        columns["t"], columns["total"] - start, color="#222222", linestyle=(0, (4, 2)), label="sum of all"
-    )
+    ax.plot(columns["t"], columns["total"] - start, color="#222222", linestyle=(0, (4, 2)), label="sum of all")
     ax.set_ylabel("energy  [Mc²]")
     ax.legend(loc="lower center", bbox_to_anchor=(0.54, 1.0), ncols=4, borderaxespad=0.2, columnspacing=1.4)

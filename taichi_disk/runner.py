@@ -20,8 +20,9 @@ from taichi_disk.output import prepare_output
 from taichi_disk.plot import plot_run
 from taichi_disk.progress import Progress, QuietProgress
 from taichi_disk.quasistatic import press
-from taichi_disk.scene import CompressionScene, Scene
+from taichi_disk.scene import Scene
 from taichi_disk.scenes import build
+from taichi_disk.scenes.compression import Compression
 from taichi_disk.scenes.setup import Setup
 from taichi_disk.simulate import BlowUp
 from taichi_disk.time_step import choose
@@ -64,10 +65,10 @@ def run(
     computation fails: `out` then holds summary.json (status `failed` and why) and, after a blow-up, failure.npz.
     """
     out, progress, clock = Path(out), progress or QuietProgress(), _Clock()
-    static = isinstance(scene, CompressionScene) and scene.compression.method == "newton"
     with clock("build"):
         runtime.start(arch, threads)
         setup = build(scene)
+        static = isinstance(setup, Compression) and setup.scene.compression.method == "newton"
         if not static:
             modes = spectrum(setup.lattice, setup.physics)
             step = choose(scene.time, setup.physics, modes, setup.point_force, force)
@@ -87,7 +88,10 @@ def run(
     }
     try:
         with clock("simulate"):
-            outcome = press(setup, progress) if static else move(setup, scene.time, modes, step, progress)
+            if isinstance(setup, Compression) and static:
+                outcome = press(setup, progress)
+            else:
+                outcome = move(setup, scene.time, modes, step, progress)
     except (SimulationError, KeyboardInterrupt) as failure:
         if isinstance(failure, KeyboardInterrupt):
             summary["status"] = "interrupted"
@@ -99,7 +103,13 @@ def run(
     clock.move("simulate", "compile", outcome.compile_seconds)
 
     headline = setup.headline(outcome.columns)
-    summary |= {"status": "done", **headline.values, "measured": headline.notes, **outcome.facts, "video": None}
+    summary |= {
+        "status": "done",
+        **headline.values,
+        "measured": headline.notes,
+        **outcome.facts,
+        "video": None,
+    }
     _write(out, scene, setup, outcome, headline.values)
     results.write_summary(out / "summary.json", summary)
     video_error = None
@@ -123,7 +133,7 @@ def _write(out: Path, scene: Scene, setup: Setup, outcome: Outcome, headline: di
         velocities=outcome.velocities,
         t=outcome.columns["t"][-1],
     )
-    plot_run(out / "plot.png", scene.scene, outcome.columns, headline, ", ".join(setup.title()))
+    plot_run(out / "plot.png", scene.scene, outcome.columns, headline, "    ".join(setup.title()[1:]))
 
 
 class _Clock:

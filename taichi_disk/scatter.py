@@ -39,9 +39,7 @@ def scatter(
         points = _adsorb(rng, count, low, high, depth, spacing, fixed)
         if len(points) == count:
             return points
-    raise SimulationError(
-        f"no room for {count} points at a mutual distance of {spacing:.3g}: lower min_spacing"
-    )
+    raise SimulationError(f"no room for {count} points at a mutual distance of {spacing:.3g}: lower min_spacing")
 
 
 def _uniform(rng: np.random.Generator, count: int, low: Array, high: Array, depth: Depth) -> Array:

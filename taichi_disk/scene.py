@@ -70,9 +70,7 @@ class ElasticWallSection(_Strict):
     """A lattice of points below the disk; potential V0 exp(-a l) at distance l from its surface springs."""
 
     points: int = _key(1269, "number of mass points of the wall", ge=4, le=2_000_000)
-    width: float = _key(
-        3.8, "width of the wall; its depth follows from equal point density", "R", ge=0.1, le=100
-    )
+    width: float = _key(3.8, "width of the wall; its depth follows from equal point density", "R", ge=0.1, le=100)
     a: float = _key(300.0, "steepness of the contact potential V0 exp(-a l)", "1/R", ge=0.1, le=1e6)
     V0: float = _key(150.0, "the contact potential at distance 0", "M c^2", ge=1e-12, le=1e12)
     threshold: float = _key(0.1, "distance l beyond which there is no contact force", "R", ge=1e-3, le=1e3)

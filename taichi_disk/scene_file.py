@@ -81,9 +81,7 @@ def _read(source: str | Path) -> tuple[str, str]:
         return str(path), data.decode("utf-8-sig")
     except UnicodeDecodeError as error:
         line = data.count(b"\n", 0, error.start) + 1
-        raise InputError(
-            f"{path}:{line}: not UTF-8 text (byte {data[error.start]:#x}); save it as UTF-8"
-        ) from None
+        raise InputError(f"{path}:{line}: not UTF-8 text (byte {data[error.start]:#x}); save it as UTF-8") from None
 
 
 def _cannot_read(path: Path, error: OSError | ValueError, shipped: list[str]) -> str:

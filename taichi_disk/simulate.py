@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from taichi_disk.errors import SimulationError
 from taichi_disk.model.observables import COLUMNS
-from taichi_disk.model.sums import PEAK
 from taichi_disk.model.storage import State
+from taichi_disk.model.sums import PEAK
 from taichi_disk.model.world import World
 from taichi_disk.progress import Progress
 from taichi_disk.scenes.setup import Columns, Setup
@@ -60,9 +60,7 @@ def simulate(setup: Setup, step: TimeStep, interval: float, progress: Progress) 
     """
     progress.start("compile", None)
     began = perf_counter()
-    world = World(
-        setup.lattice, replace(setup.physics, integrator=step.integrator), setup.velocities[None], step.dt
-    )
+    world = World(setup.lattice, replace(setup.physics, integrator=step.integrator), setup.velocities[None], step.dt)
     world.advance(0)
     compile_seconds = perf_counter() - began
     start = world.export_state()
@@ -108,10 +106,10 @@ def _steps(world: World, steps: int, launch: int) -> NDArray[np.float64]:
 
 def as_columns(rows: NDArray[np.float64], dt: float, stride: int) -> Columns:
     """Name the columns of `rows` (rows, columns), the first at t = 0, and add time and total energy."""
-    columns = {"t": np.arange(len(rows)) * stride * dt}
+    columns: Columns = {"t": np.arange(len(rows), dtype=np.float64) * (stride * dt)}
     columns.update({name: rows[:, k].copy() for k, name in enumerate(COLUMNS)})
-    columns["total"] = sum(
-        (columns[name] for name in ("elastic", "wall", "dissipated", "absorbed", "load")), columns["kinetic"]
+    columns["total"] = np.sum(
+        [columns[name] for name in ("kinetic", "elastic", "wall", "dissipated", "absorbed", "load")], axis=0
     )
     return columns
 

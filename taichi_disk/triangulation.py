@@ -82,9 +82,7 @@ def _sides(triangles: NDArray[np.int64], n: int) -> tuple[NDArray[np.int64], NDA
     return bonds, np.array(chain)
 
 
-def _check(
-    points: Array, bonds: NDArray[np.int64], outline: NDArray[np.int64], triangles: int, area: float
-) -> None:
+def _check(points: Array, bonds: NDArray[np.int64], outline: NDArray[np.int64], triangles: int, area: float) -> None:
     n = len(points)
     whole = abs(area - polygon_area(points[outline])) <= 1e-9 * area
     euler = n - len(bonds) + triangles == 1

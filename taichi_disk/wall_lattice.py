@@ -100,9 +100,7 @@ def _check_thickness(disk_points: int, points: int, width: float) -> None:
     # So many that rows along all sides leave some points for the inside, whatever the width allowed.
     fewest = math.ceil(20.0 * row**2 * disk_points / math.pi)
     if points < fewest:
-        raise InputError(
-            f"wall.points must be at least {fewest} beside a disk of {disk_points}, not {points}"
-        )
+        raise InputError(f"wall.points must be at least {fewest} beside a disk of {disk_points}, not {points}")
     least = _MIN_ROWS * row
     most = wall_height(disk_points, points, least)
     if not least <= width <= most:

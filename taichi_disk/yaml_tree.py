@@ -153,9 +153,7 @@ class _Builder:
         try:
             return _SCALARS[node.tag](node.value)
         except (ValueError, KeyError):
-            self._fault(
-                self._at(node), path, f"{_shown(node)} cannot be read as {node.tag.removeprefix(_TAG)}"
-            )
+            self._fault(self._at(node), path, f"{_shown(node)} cannot be read as {node.tag.removeprefix(_TAG)}")
             return None
 
     def _sequence(self, node: yaml.SequenceNode, path: Path) -> list[Any]:

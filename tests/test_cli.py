@@ -134,9 +134,7 @@ def test_each_kind_of_failure_has_its_exit_status_and_one_message(
     assert (captured.out, captured.err) == ("", message)
 
 
-def test_check_prints_a_scene_that_checks_as_the_same(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_check_prints_a_scene_that_checks_as_the_same(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["check", "absorbing_wall", "--set", "wall.boundary=pinned"]) == 0
     first = capsys.readouterr().out
     (tmp_path / "again.yaml").write_text(first)

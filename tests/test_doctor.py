@@ -44,9 +44,7 @@ def test_python_is_checked_against_the_range_that_taichi_supports(
     assert doctor._python().ok is ok
 
 
-def test_a_cache_folder_with_a_file_in_the_way_is_noticed(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_cache_folder_with_a_file_in_the_way_is_noticed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("TI_OFFLINE_CACHE_FILE_PATH", str(tmp_path / "new" / "cache"))
     assert doctor._cache().ok
     (tmp_path / "new").write_text("")

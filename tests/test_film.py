@@ -73,9 +73,7 @@ def test_colours_survive_the_encoding(tmp_path: Path) -> None:
     squeezed = [Frame(0.0, centre * [1.0, 1.0] + s * (centre - [0.0, 1.0]), ()) for s in (0.02, -0.02, 0.0)]
     record_film(path, what, squeezed, size=SIZE, total=3)
     camera = Layout(what, SIZE, 0).camera
-    red, blue, grey = (
-        iio.imread(path)[:, camera.top : camera.top + camera.height].astype(int).mean(axis=(1, 2))
-    )
+    red, blue, grey = iio.imread(path)[:, camera.top : camera.top + camera.height].astype(int).mean(axis=(1, 2))
     ground = 255 * np.array(GROUND)
     # What the springs take from the ground: a red spring leaves the red, a blue one the blue, a grey one neither.
     assert (ground - red)[0] < 0.6 * (ground - red)[2]
@@ -150,9 +148,7 @@ def test_an_ffmpeg_that_fails_is_noticed_and_quoted(
 
     # Like a full disk: some of the input is read (in the last case all of it), then there is an exit status of 1.
     false_ffmpeg = tmp_path / "ffmpeg"
-    false_ffmpeg.write_text(
-        f"#!/bin/sh\nhead -c {reads} > /dev/null\necho 'No space left on device' >&2\nexit 1\n"
-    )
+    false_ffmpeg.write_text(f"#!/bin/sh\nhead -c {reads} > /dev/null\necho 'No space left on device' >&2\nexit 1\n")
     false_ffmpeg.chmod(false_ffmpeg.stat().st_mode | stat.S_IXUSR)
     monkeypatch.setattr(imageio_ffmpeg, "get_ffmpeg_exe", lambda: str(false_ffmpeg))
     what, out = subject(), tmp_path / "out"
@@ -195,9 +191,6 @@ def test_without_vulkan_the_message_names_the_remedy(tmp_path: Path) -> None:
     problem, failure = [line for line in done.stdout.splitlines() if not line.startswith("[Taichi]")]
     for line in (problem, failure):
         assert "no Vulkan driver" in line
-        assert (
-            "apt-get update && apt-get install -y --no-install-recommends libx11-6 mesa-vulkan-drivers"
-            in line
-        )
+        assert "apt-get update && apt-get install -y --no-install-recommends libx11-6 mesa-vulkan-drivers" in line
     assert failure.startswith("1 no film: ")
     assert list(tmp_path.iterdir()) == [script]

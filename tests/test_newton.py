@@ -168,9 +168,7 @@ def test_iterations_are_reported_and_their_number_is_kept():
 
 def test_the_last_iterations_converge_fast():
     seen = []
-    compress(
-        disk_lattice(1099, 0), K_A, K_B, A, V0, P, on_iteration=lambda k, residual: seen.append(residual)
-    )
+    compress(disk_lattice(1099, 0), K_A, K_B, A, V0, P, on_iteration=lambda k, residual: seen.append(residual))
     assert len(seen) <= 12
     assert seen[-1] < 1e-8 * seen[-4]
 

@@ -72,9 +72,7 @@ def test_a_written_file_replaces_the_old_one_and_nothing_else_remains(tmp_path: 
 
 
 @pytest.mark.parametrize("failure", [KeyboardInterrupt, ValueError, SystemExit])
-def test_a_failed_writer_leaves_the_old_file_and_no_other(
-    tmp_path: Path, failure: type[BaseException]
-) -> None:
+def test_a_failed_writer_leaves_the_old_file_and_no_other(tmp_path: Path, failure: type[BaseException]) -> None:
     path = tmp_path / "summary.json"
     path.write_text("old")
 

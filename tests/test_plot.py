@@ -37,9 +37,7 @@ def pressed_columns(moving: bool) -> dict[str, NDArray[np.float64]]:
     t = np.linspace(0.0, 400.0 if moving else 1.0, 4000)
     xi = 0.015 * (1.0 - np.cos(t) * np.exp(-t / 5.0)) if moving else 0.015 * t
     zero = np.zeros_like(t)
-    columns = {
-        name: zero for name in ("com_x", "com_vx", "com_vy", "angular_momentum", "dissipated", "absorbed")
-    }
+    columns = {name: zero for name in ("com_x", "com_vx", "com_vy", "angular_momentum", "dissipated", "absorbed")}
     columns |= {"t": t, "com_y": 1.02 - xi, "lowest_y": zero + 0.02, "wall_force": 0.6 * xi, "elastic": xi**2}
     columns |= {
         "kinetic": 1e-4 * np.exp(-t / 2.5) if moving else zero,
@@ -94,9 +92,7 @@ def test_an_impact_shows_velocity_force_energies_and_imbalance(tmp_path: Path, f
     assert "[R/c]" in balance.get_xlabel()
 
 
-def test_a_compression_shows_xi_until_the_vibration_has_died_out(
-    tmp_path: Path, figures: list[Figure]
-) -> None:
+def test_a_compression_shows_xi_until_the_vibration_has_died_out(tmp_path: Path, figures: list[Figure]) -> None:
     plot.plot_run(tmp_path / "a.png", "compression", pressed_columns(True), {"xi": 0.015}, "title")
     depth, _, energy, rest = figures[0].axes
     assert depth.lines[0].get_ydata()[[0, -1]] == pytest.approx([0.0, 0.015], abs=1e-9)

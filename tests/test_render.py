@@ -53,9 +53,7 @@ def honeycomb(rings: int) -> Lattice:
     return lattice_of(x, [tuple(p) for p in np.argwhere(np.triu(apart < 1.01 / rings, 1))])
 
 
-def subject(
-    lattice: Lattice, rigid_wall: bool = True, view: tuple[float, float, float, float] = VIEW
-) -> Subject:
+def subject(lattice: Lattice, rigid_wall: bool = True, view: tuple[float, float, float, float] = VIEW) -> Subject:
     return Subject(lattice, rigid_wall, ("A test", "k_a = 1"), LIMIT, view)
 
 
@@ -107,9 +105,7 @@ def test_springs_at_rest_stand_out_from_the_ground() -> None:
 
 
 def test_strains_beyond_the_limit_have_its_colour() -> None:
-    assert np.array_equal(
-        strain_colours(np.array([7.0, -7.0]), 0.1), strain_colours(np.array([0.1, -0.1]), 0.1)
-    )
+    assert np.array_equal(strain_colours(np.array([7.0, -7.0]), 0.1), strain_colours(np.array([0.1, -0.1]), 0.1))
 
 
 @pytest.mark.parametrize(("limit", "ticks"), [(0.02, 0.01), (0.05, 0.025), (0.01, 0.005), (0.003, 0.001)])

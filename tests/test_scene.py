@@ -148,9 +148,7 @@ def test_a_written_scene_reads_back_equal(path: Path, scene: Scene) -> None:
         ("video", "seconds", [0.1, 600], [0.09, 600.1]),
     ],
 )
-def test_bounds_are_where_they_are_said_to_be(
-    section: str, key: str, inside: list[Any], outside: list[Any]
-) -> None:
+def test_bounds_are_where_they_are_said_to_be(section: str, key: str, inside: list[Any], outside: list[Any]) -> None:
     for value in inside:
         scene = ExponentialWallScene.model_validate({section: {key: value}})
         assert getattr(getattr(scene, section), key) == value

@@ -126,8 +126,7 @@ def k_a(value: str) -> str:
         ),
         (
             "time: {safety: 0}\n",
-            "2:16: time.safety: must be a number above 0 and at most 1, not 0 "
-            "(fraction of the largest stable step)",
+            "2:16: time.safety: must be a number above 0 and at most 1, not 0 (fraction of the largest stable step)",
         ),
         (
             "time: {dt: 0}\n",
@@ -142,8 +141,7 @@ def k_a(value: str) -> str:
         ),
         (
             "video: {size: 721}\n",
-            "2:15: video.size: must be an even whole number from 64 to 2160 [px], not 721 "
-            "(width and height, even)",
+            "2:15: video.size: must be an even whole number from 64 to 2160 [px], not 721 (width and height, even)",
         ),
         (
             "wall: {points: 4}\n",
@@ -222,8 +220,7 @@ impact: {velocity: 0, pressure: 1}
         "6:13: wall.boundary: must be reset, pinned or dashpot, not rest; did you mean reset? "
         "(sides and bottom: velocities zeroed at intervals, held fast, or matched (absorbing) dashpots)",
         "8:3: wall.a: given twice, first in line 7",
-        "9:20: impact.velocity: must be a number from 1e-6 to 10 [c], not 0 "
-        "(speed towards the wall at the start)",
+        "9:20: impact.velocity: must be a number from 1e-6 to 10 [c], not 0 (speed towards the wall at the start)",
         "9:23: impact.pressure: unknown key; in impact there are velocity, gap, max_time",
         "--set video.fps=0: video.fps: must be a whole number from 1 to 120 [1/s], not 0 (frames per second)",
         "--set time.dt: must be of the form section.key=value",
@@ -234,9 +231,7 @@ def test_a_conflict_with_a_default_names_the_file(path: Path) -> None:
     # wall.threshold is nowhere written: there is no line to point at.
     text = "scene: absorbing_wall\nimpact: {velocity: 1e-3}\n"
     (fault,) = faults(path, text)
-    assert fault.startswith(
-        "wall.threshold: at 0.1 R the contact potential exceeds 1e-5 of the kinetic energy"
-    )
+    assert fault.startswith("wall.threshold: at 0.1 R the contact potential exceeds 1e-5 of the kinetic energy")
 
 
 KINDS = "compression, exponential_wall or absorbing_wall"
@@ -267,15 +262,12 @@ LINES = "a scene is a list of lines `key: value` (mind the space after the colon
             "compression: {pressure: -1}\n",
             [
                 f"scene: missing: write scene: {KINDS}",
-                "1:25: compression.pressure: must be a number from 1e-9 to 10 [M c^2/R], not -1 "
-                "(compressing force P)",
+                "1:25: compression.pressure: must be a number from 1e-9 to 10 [M c^2/R], not -1 (compressing force P)",
             ],
         ),
     ],
 )
-def test_without_a_valid_kind_of_scene_the_rest_is_checked_too(
-    path: Path, text: str, expected: list[str]
-) -> None:
+def test_without_a_valid_kind_of_scene_the_rest_is_checked_too(path: Path, text: str, expected: list[str]) -> None:
     assert faults(path, text) == expected
 
 
@@ -357,13 +349,11 @@ def test_a_byte_order_mark_and_windows_line_ends_do_no_harm(path: Path) -> None:
 
 def test_the_last_override_of_a_key_wins(path: Path) -> None:
     path.write_text("scene: exponential_wall\nlattice: {points: -1, seed: 5}\n")
-    scene = load_scene(
-        path, ["lattice.points=20", "lattice.points=30", "impact.velocity = 1e-2", "time.dt=auto"]
-    )
+    scene = load_scene(path, ["lattice.points=20", "lattice.points=30", "impact.velocity = 1e-2", "time.dt=auto"])
     assert (scene.lattice.points, scene.lattice.seed) == (30, 5)
-    assert load_scene(path, ["scene=compression", "lattice.points=3"]) == SCENES[
-        "compression"
-    ].model_validate({"lattice": {"points": 3, "seed": 5}})
+    assert load_scene(path, ["scene=compression", "lattice.points=3"]) == SCENES["compression"].model_validate(
+        {"lattice": {"points": 3, "seed": 5}}
+    )
 
 
 @pytest.mark.parametrize(
@@ -420,9 +410,7 @@ def test_a_file_without_permission_is_refused(path: Path) -> None:
         load_scene(path)
 
 
-def test_a_file_in_the_way_has_precedence_over_a_shipped_scene(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_file_in_the_way_has_precedence_over_a_shipped_scene(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     (tmp_path / "compression").mkdir()  # as left by a run
     assert load_scene("compression") == SCENES["compression"]()

@@ -42,9 +42,7 @@ def test_forces_are_minus_the_gradient_of_the_energy():
             shift = np.zeros_like(STRAINED)
             shift[i, a] = step
             ahead, behind = (spring_energy(STRAINED + sign * shift, *SPRINGS) for sign in (1, -1))
-            assert force[i, a] == pytest.approx(
-                -(ahead - behind) / (2 * step), abs=1e-7 * np.abs(force).max()
-            )
+            assert force[i, a] == pytest.approx(-(ahead - behind) / (2 * step), abs=1e-7 * np.abs(force).max())
 
 
 def test_stiffness_is_minus_the_derivative_of_the_forces():

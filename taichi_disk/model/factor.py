@@ -26,9 +26,7 @@ class Factor:
     inverse_diagonal: NDArray[np.float64]
 
 
-def factorise(
-    bonds: NDArray[np.int32], coupling: float, free: NDArray[np.int32], extra: NDArray[np.float64]
-) -> Factor:
+def factorise(bonds: NDArray[np.int32], coupling: float, free: NDArray[np.int32], extra: NDArray[np.float64]) -> Factor:
     """Factorise 1 + coupling L + diag(extra[:, c]) over the points `free` (the others are held still).
 
     Args:

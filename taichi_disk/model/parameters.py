@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import taichi as ti
 
@@ -21,7 +23,7 @@ Parameters = ti.types.struct(
 )
 
 
-def parameters(physics: Physics, mass: float, dt: float) -> Parameters:
+def parameters(physics: Physics, mass: float, dt: float) -> Any:
     return Parameters(
         h=dt,
         g=dt / mass,

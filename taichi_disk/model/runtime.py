@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-import os
+import contextlib
+import io
 from typing import Any
 
 from taichi_disk.errors import InputError
@@ -20,7 +21,6 @@ def start(arch: str = "cpu", threads: int | None = None) -> None:
     """
     if arch not in ARCHES:
         raise InputError(f"--arch {arch}: choose one of {', '.join(ARCHES)}")
-    os.environ.setdefault("ENABLE_TAICHI_HEADER_PRINT", "0")
     import taichi as ti
 
     if arch == "cuda" and not ti._lib.core.with_cuda():
@@ -34,11 +34,12 @@ def start(arch: str = "cpu", threads: int | None = None) -> None:
             "Use --arch cpu (or cuda); the film is drawn with Vulkan in any case"
         )
     options: dict[str, Any] = {"cpu_max_num_threads": threads} if threads else {}
-    ti.init(
-        arch=getattr(ti, arch),
-        default_fp=ti.f64,
-        default_ip=ti.i32,
-        fast_math=False,
-        log_level=ti.ERROR,
-        **options,
-    )
+    with contextlib.redirect_stdout(io.StringIO()):  # it tells the arch where only results belong
+        ti.init(
+            arch=getattr(ti, arch),
+            default_fp=ti.f64,
+            default_ip=ti.i32,
+            fast_math=False,
+            log_level=ti.ERROR,
+            **options,
+        )

@@ -31,9 +31,7 @@ class Spectrum:
 
 def spectrum(lattice: Lattice, physics: Physics) -> Spectrum:
     """Largest eigenvalues of the stiffness matrix at rest and, where there are dashpots, of the Laplacian."""
-    stiffness = tangent_stiffness(
-        lattice.positions, lattice.bonds, lattice.rest_lengths, physics.k_a, physics.k_b
-    )
+    stiffness = tangent_stiffness(lattice.positions, lattice.bonds, lattice.rest_lengths, physics.k_a, physics.k_b)
     mass = float(lattice.masses[0])
     n = len(lattice.positions)
     damping = 0.0

@@ -54,10 +54,10 @@ class Walls:
                         length2 = tx * tx + ty * ty
                         length = ti.sqrt(length2)
                         nx, ny = -ty / length, tx / length
-                        l = (x - ax) * nx + (y - ay) * ny
-                        if l < p.threshold:
+                        gap = (x - ax) * nx + (y - ay) * ny
+                        if gap < p.threshold:
                             lever = ((x - ax) * tx + (y - ay) * ty) / length2
-                            energy = p.V0 * ti.exp(-p.a * l)
+                            energy = p.V0 * ti.exp(-p.a * gap)
                             force = p.a * energy
                             self.f[i][0, w] += force * nx
                             self.f[i][1, w] += force * ny

@@ -81,9 +81,7 @@ class Layout:
         size = _SMALL * u
         for tick in _ticks(limit):
             x = left + 0.5 * (width - 1) * (1.0 + tick / limit)
-            draw.line(
-                [(x, top + height), (x, top + height + 3 * u)], fill=_bytes(FAINT_INK), width=max(round(u), 1)
-            )
+            draw.line([(x, top + height), (x, top + height + 3 * u)], fill=_bytes(FAINT_INK), width=max(round(u), 1))
             label = f"{100 * tick:+.6g} %".replace("-", "−") if tick else "0"
             at_x = x - text.width(label.removesuffix(" %"), size * 0.92) / 2
             text.draw_line(draw, (at_x, top + height + 15 * u), label, size * 0.92, _bytes(FAINT_INK))

@@ -36,9 +36,7 @@ class Painter:
         self._point = min(0.11 * spacing, 6.0 * unit) / camera.height if spacing > 5.0 else 0.0
         step = _HATCH * unit
         hatches = int(np.ceil(camera.width / step)) + 2
-        self._make_fields(
-            len(lattice.positions), len(lattice.bonds), hatches + 1 if subject.rigid_wall else 0
-        )
+        self._make_fields(len(lattice.positions), len(lattice.bonds), hatches + 1 if subject.rigid_wall else 0)
         if subject.rigid_wall:
             self._place_wall(step / camera.width, step / camera.height)
 

@@ -42,9 +42,7 @@ class Video:
         command = [imageio_ffmpeg.get_ffmpeg_exe(), "-v", "error", "-y", *raw, *_ENCODING, str(path)]
         self._complaints = tempfile.TemporaryFile()  # noqa: SIM115 (closed in __exit__)
         # In a session of its own, so that Ctrl-C reaches us and not ffmpeg.
-        self._ffmpeg = subprocess.Popen(
-            command, stdin=subprocess.PIPE, stderr=self._complaints, start_new_session=True
-        )
+        self._ffmpeg = subprocess.Popen(command, stdin=subprocess.PIPE, stderr=self._complaints, start_new_session=True)
         self._pictures: Queue[NDArray[np.uint8] | None] = Queue(maxsize=2)
         self._broken = False
         self._feeder = Thread(target=self._feed, daemon=True)

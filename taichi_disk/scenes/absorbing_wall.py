@@ -15,6 +15,8 @@ from taichi_disk.wall_lattice import with_wall
 
 
 class AbsorbingWall(Impact):
+    scene: AbsorbingWallScene
+
     def __init__(self, scene: AbsorbingWallScene) -> None:
         super().__init__(scene)
         spec, wall, material = scene.lattice, scene.wall, scene.material
@@ -55,11 +57,15 @@ class AbsorbingWall(Impact):
         )
 
     def title(self) -> tuple[str, ...]:
-        first, second = super().title()
-        boundary = self.scene.wall.boundary
+        _, first, second = super().title()
+        boundary: str = self.scene.wall.boundary
         if boundary == "reset":
             boundary = f"reset every {self.scene.wall.reset_interval:g} R/c"
-        return (first, f"{second}    wall of {self.scene.wall.points:,}, boundary: {boundary}")
+        return (
+            "Impact on an elastic wall",
+            first,
+            f"{second}    wall of {self.scene.wall.points:,}, boundary: {boundary}",
+        )
 
 
 def boundary_impedance(lattice: Lattice, normal: float, tangential: float) -> NDArray[np.float64]:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from taichi_disk.lattice import Lattice, disk_lattice
 from taichi_disk.model.physics import Physics
 from taichi_disk.model.stability import contact_point_force
-from taichi_disk.newton import compress, rigid_balance
+from taichi_disk.newton import compress, rigid_balance, roll_angle
 from taichi_disk.scene import CompressionScene
 from taichi_disk.scenes.setup import Columns, Headline, Setup, spread
 
@@ -104,6 +104,7 @@ class Compression(Setup):
     def title(self) -> tuple[str, ...]:
         scene = self.scene
         return (
+            f"Compression on a rigid wall ({scene.compression.method})",
             f"P = {self.pressure:g} Mc²/R    η* = {scene.material.eta_star:g}    a = {scene.wall.a:g}/R",
             f"N = {scene.lattice.points:,}    seed {scene.lattice.seed}",
         )
@@ -115,9 +116,7 @@ class Compression(Setup):
         return (when, f"ξ = {xi:.6f} R")
 
 
-def _laid_down(
-    disk: Lattice, k_a: float, k_b: float, a: float, V0: float, pressure: float
-) -> Lattice:
+def _laid_down(disk: Lattice, k_a: float, k_b: float, a: float, V0: float, pressure: float) -> Lattice:
     """`disk` turned as it comes to rest under the load, and so high that the wall bears TOUCH of the load.
 
     A random lattice's centre of mass lies some 0.005 R beside its middle, so that a disk put down at random
@@ -128,15 +127,9 @@ def _laid_down(
     for _ in range(4):
         start = positions + np.array([0.0, rigid_balance(positions[:, 1], a, V0, pressure)])
         rest = compress(disk, k_a, k_b, a, V0, pressure, start=start).positions
-        positions = _turned(disk.positions, _turn(disk.positions, rest))
+        positions = _turned(disk.positions, roll_angle(disk.positions, rest))
     lift = rigid_balance(positions[:, 1], a, V0, TOUCH * pressure)
     return replace(disk, positions=positions + np.array([0.0, lift]))
-
-
-def _turn(before: NDArray[np.float64], after: NDArray[np.float64]) -> float:
-    """Mean rotation from `before` to `after`, both (n, 2), counter-clockwise [rad] (orthogonal Procrustes)."""
-    p, q = before - before.mean(axis=0), after - after.mean(axis=0)
-    return float(np.arctan2((p[:, 0] * q[:, 1] - p[:, 1] * q[:, 0]).sum(), (p * q).sum()))
 
 
 def _turned(positions: NDArray[np.float64], angle: float) -> NDArray[np.float64]:

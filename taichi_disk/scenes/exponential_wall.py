@@ -14,6 +14,8 @@ from taichi_disk.scenes.impact import Impact
 
 
 class ExponentialWall(Impact):
+    scene: ExponentialWallScene
+
     def __init__(self, scene: ExponentialWallScene) -> None:
         super().__init__(scene)
         spec, material = scene.lattice, scene.material

@@ -15,6 +15,8 @@ CONTACT_LEVEL = 0.01  # contact lasts while the wall's force exceeds this fracti
 class Impact(Setup):
     """A disk that flies at the wall with velocity v: restitution e = -v_cm(after)/v_cm(before)."""
 
+    scene: ExponentialWallScene | AbsorbingWallScene
+
     def __init__(self, scene: ExponentialWallScene | AbsorbingWallScene) -> None:
         self.scene = scene
         self.velocity = scene.impact.velocity
@@ -72,6 +74,7 @@ class Impact(Setup):
     def title(self) -> tuple[str, ...]:
         scene = self.scene
         return (
+            "Impact on a rigid wall",
             f"v = {self.velocity:g} c    η* = {scene.material.eta_star:g}    a = {scene.wall.a:g}/R",
             f"N = {scene.lattice.points:,}    seed {scene.lattice.seed}",
         )
