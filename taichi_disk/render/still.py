@@ -79,7 +79,6 @@ def _shrink(
     stage: ti.types.ndarray(dtype=ti.u32, ndim=2),  # type: ignore[valid-type]
 ):
     """Average 3 x 3 samples [x, y upwards] over the 2 x 2 pixels [row downwards, column] that they cover."""
-    ti.loop_config(serialize=True)  # two threads take as long: the memory is the limit, and ffmpeg busy
     # A pixel covers one sample wholly, two by half and one by a quarter.
     k = ti.cast(255.0 / 9.0, ti.f32)
     for x in range(stage.shape[1] // 2):

@@ -23,8 +23,7 @@ _ENCODING = (
     *("-vf", "scale=out_color_matrix=bt709:out_range=tv", "-pix_fmt", "yuv420p"),
     *("-colorspace", "bt709", "-color_primaries", "bt709", "-color_trc", "bt709"),
     *("-c:v", "libx264", "-preset", "veryfast", "-crf", "20"),
-    # The same bytes on every machine: the encoder's thread count and all versions stay out of the file.
-    *("-threads", "2", "-fflags", "+bitexact", "-flags:v", "+bitexact"),
+    *("-fflags", "+bitexact", "-flags:v", "+bitexact"),  # no version numbers in the file
     *("-movflags", "+faststart", "-f", "mp4"),
 )
 
@@ -39,7 +38,10 @@ class Video:
     def __init__(self, path: Path, size: int, fps: int) -> None:
         self._path = path
         raw = ("-f", "rawvideo", "-pix_fmt", "rgb0", "-s", f"{size}x{size}", "-r", str(fps), "-i", "-")
-        command = [imageio_ffmpeg.get_ffmpeg_exe(), "-v", "error", "-y", *raw, *_ENCODING, str(path)]
+        # The number of threads is written into the file, so it may not depend on the machine. One is fastest
+        # beside a drawing that keeps two cores busy, as long as it keeps up.
+        threads = ("-threads", str(1 + size // 1080))
+        command = [imageio_ffmpeg.get_ffmpeg_exe(), "-v", "error", "-y", *raw, *_ENCODING, *threads, str(path)]
         self._complaints = tempfile.TemporaryFile()  # noqa: SIM115 (closed in __exit__)
         # In a session of its own, so that Ctrl-C reaches us and not ffmpeg.
         self._ffmpeg = subprocess.Popen(command, stdin=subprocess.PIPE, stderr=self._complaints, start_new_session=True)
