@@ -37,7 +37,8 @@ def subject() -> Subject:
 
 def frames(what: Subject, count: int = COUNT, bad: int | None = None) -> Iterator[Frame]:
     for k in range(count):
-        positions = what.lattice.positions + [0.15 * np.sin(k), 1.0 + 0.15 * np.cos(0.7 * k)]
+        centre = np.array([0.15 * np.sin(k), 1.0 + 0.15 * np.cos(0.7 * k)])
+        positions = what.lattice.positions + centre
         if k == bad:
             positions[3] = np.nan
         yield Frame(0.1 * k, positions, (f"t = {0.1 * k:.2f} R/c",))
@@ -69,15 +70,15 @@ def test_the_film_has_the_frames_size_and_rate_asked_for_and_the_disk_where_it_w
 @needs_vulkan
 def test_colours_survive_the_encoding(tmp_path: Path) -> None:
     what, path = subject(), tmp_path / "film.mp4"
-    centre = what.lattice.positions + [0.0, 1.0]
-    squeezed = [Frame(0.0, centre * [1.0, 1.0] + s * (centre - [0.0, 1.0]), ()) for s in (0.02, -0.02, 0.0)]
+    rest, up = what.lattice.positions, np.array([0.0, 1.0])
+    squeezed = [Frame(0.0, (1.0 + strain) * rest + up, ()) for strain in (0.02, -0.02, 0.0)]
     record_film(path, what, squeezed, size=SIZE, total=3)
     camera = Layout(what, SIZE, 0).camera
     red, blue, grey = iio.imread(path)[:, camera.top : camera.top + camera.height].astype(int).mean(axis=(1, 2))
     ground = 255 * np.array(GROUND)
-    # What the springs take from the ground: a red spring leaves the red, a blue one the blue, a grey one neither.
-    assert (ground - red)[0] < 0.6 * (ground - red)[2]
-    assert (ground - blue)[2] < 0.6 * (ground - blue)[0]
+    # What springs take from the ground: red ones leave the red, blue ones the blue, grey ones neither.
+    assert (ground - red)[0] < 0.75 * (ground - red)[2]
+    assert (ground - blue)[2] < 0.75 * (ground - blue)[0]
     assert np.ptp(ground - grey) < 3
 
 
@@ -146,7 +147,7 @@ def test_an_ffmpeg_that_fails_is_noticed_and_quoted(
 ) -> None:
     import imageio_ffmpeg
 
-    # Like a full disk: some of the input is read (in the last case all of it), then there is an exit status of 1.
+    # Like a full disk: some of the input is read (in the last case all of it), then comes an exit status of 1.
     false_ffmpeg = tmp_path / "ffmpeg"
     false_ffmpeg.write_text(f"#!/bin/sh\nhead -c {reads} > /dev/null\necho 'No space left on device' >&2\nexit 1\n")
     false_ffmpeg.chmod(false_ffmpeg.stat().st_mode | stat.S_IXUSR)

@@ -30,8 +30,8 @@ class Painter:
         factor, shift = camera.canvas_map()
         self._factor, self._shift = ti.Vector(factor), ti.Vector(shift)
         spacing = float(np.median(lattice.rest_lengths)) * camera.scale
-        # A line below about a pixel vanishes; few springs need not be thick to be seen.
-        self._line = float(np.clip(0.15 * spacing, 1.1 * unit, 2.5 * unit)) / camera.height
+        # Few springs need not be thick to be seen; a line below about a pixel vanishes.
+        self._line = max(min(0.15 * spacing, 2.5 * unit), 1.1) / camera.height
         # In a lattice so fine that points would touch, the springs alone show more.
         self._point = min(0.11 * spacing, 6.0 * unit) / camera.height if spacing > 5.0 else 0.0
         step = _HATCH * unit
