@@ -71,9 +71,9 @@ def pictures(what: Subject, states: Iterable[NDArray[np.float64]], size: int = 3
 
 def drawn(image: NDArray[np.uint8], camera: Camera) -> NDArray[np.float64]:
     """How far each pixel of the stage is from the ground's colour, 0 outside the stage."""
-    rows = slice(camera.top, camera.top + camera.height)
+    stage = np.s_[camera.top : camera.top + camera.height, camera.left : camera.left + camera.width]
     amount = np.zeros(image.shape[:2])
-    amount[rows] = np.abs(image[rows] - np.rint(255 * np.array(GROUND))).sum(axis=-1)
+    amount[stage] = np.abs(image[stage] - np.rint(255 * np.array(GROUND))).sum(axis=-1)
     return np.where(amount > 3, amount, 0.0)
 
 
@@ -174,7 +174,8 @@ def test_only_the_rigid_wall_is_drawn_as_a_line_at_y_0(rigid: bool) -> None:
     disk = disk_lattice(20, 0)
     (image,), camera = pictures(subject(disk, rigid), [disk.positions + UP], size=720)
     row = int(camera.to_pixels((0.0, 0.0))[1])
-    line = image[row - 1 : row + 1].astype(int).sum(axis=-1).min(axis=0)
+    columns = slice(camera.left, camera.left + camera.width)
+    line = image[row - 1 : row + 1, columns].astype(int).sum(axis=-1).min(axis=0)
     ink, ground = 255 * sum(INK), 255 * sum(GROUND)
     assert (line < 0.5 * (ink + ground)).all() if rigid else (line > ground - 3).all()
 
@@ -197,8 +198,10 @@ def test_smoothing_averages_over_the_area_of_each_pixel() -> None:
     from taichi_disk.render.still import _shrink
 
     samples = np.random.default_rng(0).random((36, 24, 4)).astype(np.float32)
-    stage = np.zeros((16, 24), dtype=np.uint32)
-    _shrink(samples, stage)
+    strip = np.zeros((16, 40), dtype=np.uint32)
+    _shrink(samples, strip, 10)
+    assert not strip[:, :10].any() and not strip[:, 34:].any()
+    stage = np.ascontiguousarray(strip[:, 10:34])
     # 3/2 samples a pixel: cut each into 2 x 2, average 3 x 3 of those; [x, y up] becomes [row, column].
     fine = samples.repeat(2, axis=0).repeat(2, axis=1).astype(float)
     mean = fine.reshape(24, 3, 16, 3, 4).mean(axis=(1, 3)).transpose(1, 0, 2)[::-1]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -29,10 +30,17 @@ class Camera:
         height: int,
         margin: float,
     ) -> Camera:
-        """The largest scale at which `view` (xmin, xmax, ymin, ymax) fits the stage; `margin` in pixels."""
+        """The largest scale at which `view` (xmin, xmax, ymin, ymax), with a margin in pixels, fits a rectangle.
+
+        The stage is then as much of the rectangle as the view needs, in its middle: what is not drawn need
+        not be read back from the graphics device.
+        """
         xmin, xmax, ymin, ymax = view
         scale = min((width - 2 * margin) / (xmax - xmin), (height - 2 * margin) / (ymax - ymin))
-        return cls(left, top, width, height, scale, ((xmin + xmax) / 2, (ymin + ymax) / 2))
+        wide = min(2 * math.ceil((scale * (xmax - xmin) + 2 * margin) / 2), width)
+        high = min(2 * math.ceil((scale * (ymax - ymin) + 2 * margin) / 2), height)
+        centre = ((xmin + xmax) / 2, (ymin + ymax) / 2)
+        return cls(left + (width - wide) // 2, top + (height - high) // 2, wide, high, scale, centre)
 
     def to_pixels(self, xy: ArrayLike) -> NDArray[np.float64]:
         """Points (..., 2) [R] to (column, row) in the picture, row downwards; pixel k covers k to k + 1."""

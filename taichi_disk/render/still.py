@@ -28,7 +28,7 @@ class Stills:
         self.camera = camera = self._layout.camera
         self._picture = np.zeros((size, size, 4), dtype=np.uint8)
         self._picture[..., :3] = self._layout.still
-        self._stage = self._picture.view(np.uint32)[camera.top : camera.top + camera.height, :, 0]
+        self._stage_rows = self._picture.view(np.uint32)[camera.top : camera.top + camera.height, :, 0]
         self._painter = Painter(subject, camera, self._layout.unit)
         large = 3 * camera.width // 2, 3 * camera.height // 2
         self._window = ti.ui.Window("taichi-disk", large, show_window=False)
@@ -41,7 +41,7 @@ class Stills:
         """
         frame.require_finite()
         self._painter.paint(self._canvas, frame.positions)
-        _shrink(self._window.get_image_buffer_as_numpy(), self._stage)
+        _shrink(self._window.get_image_buffer_as_numpy(), self._stage_rows, self.camera.left)
         self._layout.write(self._picture, frame.text)
         return self._picture
 
@@ -76,23 +76,23 @@ def _packed(colour: _Sample) -> ti.u32:  # type: ignore[valid-type]
 @ti.kernel
 def _shrink(
     drawn: ti.types.ndarray(dtype=_Sample, ndim=2),  # type: ignore[valid-type]
-    stage: ti.types.ndarray(dtype=ti.u32, ndim=2),  # type: ignore[valid-type]
+    picture: ti.types.ndarray(dtype=ti.u32, ndim=2),  # type: ignore[valid-type]
+    first: ti.i32,
 ):
-    """Average 3 x 3 samples [x, y upwards] over the 2 x 2 pixels [row downwards, column] that they cover."""
+    """Average 3 x 3 samples [x, y upwards] over the 2 x 2 pixels that they cover.
+
+    `picture` [row downwards, column]: as high as what was drawn; its columns from `first` on are filled.
+    """
     # A pixel covers one sample wholly, two by half and one by a quarter.
     k = ti.cast(255.0 / 9.0, ti.f32)
-    for x in range(stage.shape[1] // 2):
-        for y in range(stage.shape[0] // 2):
+    for x in range(drawn.shape[0] // 3):
+        for y in range(drawn.shape[1] // 3):
             i, j = 3 * x, 3 * y
-            row, column = stage.shape[0] - 1 - 2 * y, 2 * x
+            row, column = picture.shape[0] - 1 - 2 * y, first + 2 * x
             middle = drawn[i + 1, j + 1]
-            left, right, below, above = (
-                drawn[i, j + 1],
-                drawn[i + 2, j + 1],
-                drawn[i + 1, j],
-                drawn[i + 1, j + 2],
-            )
-            stage[row, column] = _packed(k * (4 * drawn[i, j] + 2 * (left + below) + middle))
-            stage[row, column + 1] = _packed(k * (4 * drawn[i + 2, j] + 2 * (right + below) + middle))
-            stage[row - 1, column] = _packed(k * (4 * drawn[i, j + 2] + 2 * (left + above) + middle))
-            stage[row - 1, column + 1] = _packed(k * (4 * drawn[i + 2, j + 2] + 2 * (right + above) + middle))
+            left, right = drawn[i, j + 1], drawn[i + 2, j + 1]
+            below, above = drawn[i + 1, j], drawn[i + 1, j + 2]
+            picture[row, column] = _packed(k * (4 * drawn[i, j] + 2 * (left + below) + middle))
+            picture[row, column + 1] = _packed(k * (4 * drawn[i + 2, j] + 2 * (right + below) + middle))
+            picture[row - 1, column] = _packed(k * (4 * drawn[i, j + 2] + 2 * (left + above) + middle))
+            picture[row - 1, column + 1] = _packed(k * (4 * drawn[i + 2, j + 2] + 2 * (right + above) + middle))
