@@ -70,6 +70,13 @@ def _check(arguments: argparse.Namespace) -> int:
     return 0
 
 
+def _bench(arguments: argparse.Namespace) -> int:
+    from taichi_disk.bench import print_benchmark
+
+    print_benchmark()
+    return 0
+
+
 def _doctor(arguments: argparse.Namespace) -> int:
     from taichi_disk.doctor import examine, print_findings
 
@@ -93,6 +100,7 @@ def _parser() -> argparse.ArgumentParser:
     run.add_argument("--force", action="store_true", help="take a time step even beyond the stable limit")
 
     _add_scene(_command(commands, "check", _check, "say what is wrong with a scene, or print it resolved"))
+    _command(commands, "bench", _bench, "time the stepping and a whole run on this machine")
     _command(commands, "doctor", _doctor, "what this machine can do, and how to mend what is missing")
     return parser
 
