@@ -15,7 +15,7 @@ from taichi_disk.lattice import Lattice, disk_lattice
 from taichi_disk.render.camera import Camera
 from taichi_disk.render.colours import GROUND, INK, strain_colours
 from taichi_disk.render.film import film_problem
-from taichi_disk.render.layout import _ticks
+from taichi_disk.render.layout import Layout, _ticks
 from taichi_disk.render.picture import Frame, Subject
 from taichi_disk.render.text import width
 
@@ -191,6 +191,24 @@ def test_a_picture_does_not_depend_on_those_before_it() -> None:
         after = stills.draw(Frame(1.0, second, ("t = 10000000 R/d",))).copy()
     with Stills(subject(disk), 360, 1) as stills:
         assert np.array_equal(after, stills.draw(Frame(1.0, second, ("t = 10000000 R/d",))))
+
+
+def test_changing_text_is_set_in_the_upper_right_and_leaves_the_rest_alone() -> None:
+    layout = Layout(subject(honeycomb(2)), 720, 2)
+    picture = np.dstack([layout.still, np.zeros((720, 720), dtype=np.uint8)])
+    layout.write(picture, ("t = 1.5 R/c", "v_cm = 0.1"))
+    rows, columns = np.nonzero((picture[..., :3] != layout.still).any(axis=-1))
+    assert len(rows) > 300  # pixels of ink
+    assert rows.max() < layout.header and columns.min() > 540
+    layout.write(picture, ())
+    assert np.array_equal(picture[..., :3], layout.still)
+
+
+def test_the_colour_bar_shows_the_scale() -> None:
+    still = Layout(subject(honeycomb(2)), 720, 2).still
+    bar = next(row for row in still[::-1] if np.ptp(row[360].astype(int)) < 3 and row[360].max() < 200)
+    colours = np.rint(255 * strain_colours(np.linspace(-LIMIT, LIMIT, 300), LIMIT))
+    assert np.array_equal(bar[210:510], colours)
 
 
 @needs_vulkan
