@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 import taichi as ti
 
-from taichi_disk.errors import InputError, SimulationError
+from taichi_disk.errors import InputError, SimulationError, TaichiDiskError
 from taichi_disk.lattice import disk_lattice
 from taichi_disk.render.colours import GROUND
 from taichi_disk.render.film import film_problem, record_film
@@ -157,6 +157,17 @@ def test_an_ffmpeg_that_fails_is_noticed_and_quoted(
     with pytest.raises(SimulationError, match="No space left on device"):
         record_film(out / "film.mp4", what, frames(what), size=SIZE, total=COUNT)
     assert not list(out.iterdir())
+
+
+@needs_vulkan
+def test_a_vulkan_that_does_not_work_is_reported(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def broken(*_: object, **__: object) -> None:
+        raise RuntimeError("device lost")
+
+    monkeypatch.setattr(ti.ui, "Window", broken)
+    with pytest.raises(TaichiDiskError, match="no film: Vulkan cannot draw .* device lost"):
+        record_film(tmp_path / "film.mp4", subject(), frames(subject()), size=SIZE, total=COUNT)
+    assert not list(tmp_path.iterdir())
 
 
 @pytest.mark.parametrize("size", [721, 0, -720, 64])

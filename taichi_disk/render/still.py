@@ -8,6 +8,7 @@ import numpy as np
 import taichi as ti
 from numpy.typing import NDArray
 
+from taichi_disk.errors import TaichiDiskError
 from taichi_disk.render.layout import Layout
 from taichi_disk.render.painter import Painter
 from taichi_disk.render.picture import Frame, Subject
@@ -31,7 +32,11 @@ class Stills:
         self._stage_rows = self._picture.view(np.uint32)[camera.top : camera.top + camera.height, :, 0]
         self._painter = Painter(subject, camera, self._layout.unit)
         large = 3 * camera.width // 2, 3 * camera.height // 2
-        self._window = ti.ui.Window("taichi-disk", large, show_window=False)
+        try:
+            self._window = ti.ui.Window("taichi-disk", large, show_window=False)
+        except RuntimeError as error:  # a Vulkan driver that is there and does not work
+            self._painter.destroy()
+            raise TaichiDiskError(f"no film: Vulkan cannot draw {large[0]} x {large[1]} pixels: {error}") from error
         self._canvas = self._window.get_canvas()
 
     def draw(self, frame: Frame) -> NDArray[np.uint8]:
