@@ -31,29 +31,61 @@ class Model:
     impedance: np.ndarray | None = None
     pinned: bool = False
 
-    def contacts(self, x):
-        """(surface point, left end, right end, n, l, lever) of every disk point above a wall spring."""
-        left, right = self.wall_surface[:-1], self.wall_surface[1:]
-        for i in self.disk_surface:
-            over = np.flatnonzero((x[left, 0] <= x[i, 0]) & (x[i, 0] < x[right, 0]))
-            for k in over[:1]:
-                a, b = x[left[k]], x[right[k]]
-                t = b - a
-                length = np.hypot(*t)
-                normal = np.array([-t[1], t[0]]) / length
-                distance = (x[i] - a) @ normal
-                if distance < self.threshold:
-                    yield i, left[k], right[k], normal, distance, (x[i] - a) @ t / length**2
+    @classmethod
+    def of(cls, lattice, physics):
+        """The model with a lattice's arrays and a `Physics`' numbers."""
+        return cls(
+            bonds=lattice.bonds,
+            rest=lattice.rest_lengths,
+            mass=lattice.masses[0],
+            disk_points=lattice.disk_points,
+            k_a=physics.k_a,
+            k_b=physics.k_b,
+            eta=physics.eta,
+            a=physics.a,
+            V0=physics.V0,
+            rigid=physics.wall == "rigid",
+            load=physics.load,
+            threshold=physics.threshold,
+            disk_surface=lattice.disk_surface,
+            wall_surface=lattice.wall_surface if physics.wall == "elastic" else np.zeros(0, int),
+            boundary=lattice.wall_boundary,
+            impedance=physics.impedance if physics.boundary == "dashpot" else None,
+            pinned=physics.boundary == "pinned",
+        )
 
-    def potential(self, x):
+    def contacts(self, x):
+        """(point, left end, right end, n, l, lever) of the disk's surface points over a wall spring, one row each.
+
+        Brute force: every point is held against every spring.
+        """
+        left, right = self.wall_surface[:-1], self.wall_surface[1:]
+        if not len(left):
+            return
+        px = x[self.disk_surface, 0][:, None]
+        over = (x[left, 0] <= px) & (px < x[right, 0])
+        for row in np.flatnonzero(over.any(axis=1)):
+            i, k = self.disk_surface[row], np.argmax(over[row])
+            a, b = x[left[k]], x[right[k]]
+            t = b - a
+            length = np.hypot(*t)
+            normal = np.array([-t[1], t[0]]) / length
+            distance = (x[i] - a) @ normal
+            if distance < self.threshold:
+                yield i, left[k], right[k], normal, distance, (x[i] - a) @ t / length**2
+
+    def elastic(self, x):
         d = x[self.bonds[:, 0]] - x[self.bonds[:, 1]]
         s = np.hypot(d[:, 0], d[:, 1]) - self.rest
-        energy = np.sum(self.k_a * s**2 / 2 + self.k_b * s**4 / 4)
-        if self.rigid:
-            energy += np.sum(self.V0 * np.exp(-self.a * x[: self.disk_points, 1]))
-        energy += self.load * x[: self.disk_points, 1].mean()
+        return np.sum(self.k_a * s**2 / 2 + self.k_b * s**4 / 4)
+
+    def wall(self, x):
+        rigid = np.sum(self.V0 * np.exp(-self.a * x[: self.disk_points, 1])) if self.rigid else 0.0
         edge = np.exp(-self.a * self.threshold)
-        return energy + sum(self.V0 * (np.exp(-self.a * c[4]) - edge) for c in self.contacts(x))
+        return rigid + sum(self.V0 * (np.exp(-self.a * c[4]) - edge) for c in self.contacts(x))
+
+    def potential(self, x):
+        return self.elastic(x) + self.wall(x) + self.load * x[: self.disk_points, 1].mean()
 
     def force(self, x, v):
         f = np.zeros_like(x)

@@ -1,0 +1,72 @@
+"""Small bodies and worlds that several test modules use."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from taichi_disk.lattice import Lattice, disk_lattice
+from taichi_disk.model.parameters import parameters
+from taichi_disk.model.physics import Physics
+from taichi_disk.model.sums import SUMS
+from taichi_disk.wall_lattice import with_wall
+
+A, V0 = 300.0, 150.0
+
+
+def disk(points: int = 100, seed: int = 0, height: float | None = None) -> Lattice:
+    """A disk, its lowest point at y = `height` where that is given."""
+    lattice = disk_lattice(points, seed)
+    if height is None:
+        return lattice
+    lift = height - lattice.positions[:, 1].min()
+    return replace(lattice, positions=lattice.positions + np.array([0.0, lift]))
+
+
+def disk_and_wall(points: int = 100, wall: int = 120, seed: int = 0, height: float = 0.03) -> Lattice:
+    return with_wall(disk_lattice(points, seed), wall, 3.0, seed, True, 0.7, height)
+
+
+def by_hand(positions: list[tuple[float, float]], bonds: list[tuple[int, int]], mass: float) -> Lattice:
+    """A lattice of a few points, all of them disk and surface, unloaded at `positions`."""
+    x = np.array(positions)
+    ends = np.array(bonds, np.int32)
+    n, none = len(x), np.zeros(0, np.int32)
+    rest = np.hypot(*(x[ends[:, 0]] - x[ends[:, 1]]).T)
+    return Lattice(x, ends, rest, np.full(n, mass), n, np.arange(n, dtype=np.int32), none, none)
+
+
+def moving_down(lattice: Lattice, speed: float) -> np.ndarray:
+    """(1, n, 2): the disk's velocities -`speed` in y; a wall is at rest."""
+    v = np.zeros((1, len(lattice.positions), 2))
+    v[0, : lattice.disk_points, 1] = -speed
+    return v
+
+
+def again(world, positions: np.ndarray, velocities: np.ndarray, dt: float | None = None) -> None:
+    """Start `world` afresh from (lanes, n, 2) positions and velocities, with the kernels it has (compiling is slow).
+
+    The interval of a reset boundary is compiled in as a number of steps: `dt` must then stay.
+    """
+    if dt is not None:
+        world.dt = dt
+        world._parameters = parameters(world.physics, world.mass, dt)
+        if world.physics.implicit_dashpot:
+            eta, load = (np.full(world.lanes, value) for value in (world.physics.eta, world.physics.load))
+            world._fill(world._factor(eta), eta, load)
+    vectors = np.zeros((3, world.n, 2, world.lanes))
+    vectors[0] = np.moveaxis(np.broadcast_to(positions, velocities.shape), 0, 2)
+    vectors[1] = np.moveaxis(velocities, 0, 2)
+    world._copy_state(vectors, np.zeros((SUMS, world.lanes)), True)
+    world.step_number = 0
+    rows = np.zeros((1, world.first_row.shape[0], world.lanes))
+    world._initialise(world._parameters, rows)
+    world.first_row = rows[0]
+
+
+def matched(lattice: Lattice, physics: Physics) -> Physics:
+    """`physics` with some plausible, unequal dashpots on the wall's boundary."""
+    k = len(lattice.wall_boundary)
+    z = np.random.default_rng(5).uniform(0.02, 0.05, (k, 2))
+    return replace(physics, boundary="dashpot", impedance=z)
