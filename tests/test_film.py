@@ -165,7 +165,7 @@ def test_a_vulkan_that_does_not_work_is_reported(tmp_path: Path, monkeypatch: py
         raise RuntimeError("device lost")
 
     monkeypatch.setattr(ti.ui, "Window", broken)
-    with pytest.raises(TaichiDiskError, match="no film: Vulkan cannot draw .* device lost"):
+    with pytest.raises(TaichiDiskError, match=r"no film: Vulkan cannot draw .* device lost"):
         record_film(tmp_path / "film.mp4", subject(), frames(subject()), size=SIZE, total=COUNT)
     assert not list(tmp_path.iterdir())
 
