@@ -15,10 +15,12 @@ class Springs:
         """
         width = ti.static(self.block * self.lanes)
         energy = ti.Vector.zero(ti.f64, width)
-        squares = ti.Vector.zero(ti.f64, self.lanes)
-        eta = ti.Vector.zero(ti.f64, self.lanes)
+        relative = ti.Vector.zero(ti.f64, self.lanes)
+        eta = ti.Matrix.zero(ti.f64, 2, self.lanes)
         if ti.static(dashpot):
-            eta = self.eta[None]
+            for w in ti.static(range(self.lanes)):
+                eta[0, w] = self.eta[None][w]
+                eta[1, w] = self.eta[None][w]
         for block in range(self.blocks):
             first = block * self.block
             dx = ti.Vector.zero(ti.f64, width)
@@ -43,6 +45,7 @@ class Springs:
                 # This store makes the compiler take the block's square roots and divisions as one vector.
                 for k in ti.static(range(self.block)):
                     self.pull[first + k] = pull[k]
+            squares = ti.Vector.zero(ti.f64, self.lanes)
             for k in ti.static(range(self.block)):
                 i, j = self.bond_i[first + k], self.bond_j[first + k]
                 force = ti.Matrix.zero(ti.f64, 2, self.lanes)
@@ -53,12 +56,13 @@ class Springs:
                     u = self.u[i] - self.u[j]
                     for w in ti.static(range(self.lanes)):
                         squares[w] += u[0, w] * u[0, w] + u[1, w] * u[1, w]
-                        force[0, w] += eta[w] * u[0, w]
-                        force[1, w] += eta[w] * u[1, w]
+                    force += eta * u
                 self.f[i] -= force
                 self.f[j] += force
-        total = ti.Vector.zero(ti.f64, self.lanes)
-        for k in ti.static(range(self.block)):
-            for w in ti.static(range(self.lanes)):
-                total[w] += energy[k * self.lanes + w]
-        return total, squares
+            if ti.static(dashpot):
+                relative += squares
+        elastic = ti.Vector.zero(ti.f64, self.lanes)
+        for w in ti.static(range(self.lanes)):
+            for k in ti.static(range(self.block)):
+                elastic[w] += energy[k * self.lanes + w]
+        return elastic, relative

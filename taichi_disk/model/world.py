@@ -21,6 +21,7 @@ from taichi_disk.lattice import Lattice
 from taichi_disk.model.dashpots import ImplicitDashpot
 from taichi_disk.model.factor import Factor, factorise
 from taichi_disk.model.observables import COLUMNS, Observables
+from taichi_disk.model.ordering import spread
 from taichi_disk.model.parameters import parameters
 from taichi_disk.model.physics import Physics
 from taichi_disk.model.springs import Springs
@@ -119,9 +120,10 @@ class World(Stepping, Springs, Walls, ImplicitDashpot, Observables, Storage):
     def _fill(self, factor: Factor | None, eta: NDArray[np.float64], load: NDArray[np.float64]) -> None:
         padded = self.block * self.blocks
         ends = np.full((padded, 2), [self.n, self.n + 1], dtype=np.int32)
-        ends[: self.n_bonds] = self.lattice.bonds
+        order = spread(self.lattice.bonds, self.n)
+        ends[: self.n_bonds] = self.lattice.bonds[order]
         rest = np.ones(padded)
-        rest[: self.n_bonds] = self.lattice.rest_lengths
+        rest[: self.n_bonds] = self.lattice.rest_lengths[order]
         self._fill_springs(ends, rest)
         if self.physics.dissipates or self.physics.load != 0.0:
             self._fill_lanes(eta, load)
