@@ -15,7 +15,7 @@ from taichi_disk.render.picture import Frame, Subject
 from taichi_disk.scene import VideoSection
 from taichi_disk.scenes.setup import Setup
 
-FULL_COLOUR = 99.0  # percentile of |strain| at the moment of the largest elastic energy
+FULL_COLOUR = 95.0  # percentile of |strain| at the moment of the largest elastic energy
 
 
 def film(path: Path, setup: Setup, outcome: Outcome, video: VideoSection, progress: Progress) -> None:
