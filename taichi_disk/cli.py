@@ -64,9 +64,9 @@ def _run(arguments: argparse.Namespace) -> int:
 
 
 def _check(arguments: argparse.Namespace) -> int:
-    from taichi_disk.scene_file import load_scene
+    from taichi_disk.scene_file import load_any
 
-    print(load_scene(arguments.scene, arguments.overrides).to_yaml(), end="")
+    print(load_any(arguments.scene, arguments.overrides).to_yaml(), end="")
     return 0
 
 

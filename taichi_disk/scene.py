@@ -7,6 +7,7 @@ A scene is frozen once built. `taichi_disk.scene_file.load_scene` reads one from
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from math import log
 from typing import Annotated, Any, Literal, TypeAlias
 
@@ -135,7 +136,8 @@ class VideoSection(_Strict):
     seconds: float = _key(8.0, "length of the film", "s", ge=0.1, le=600)
 
 
-def _yaml_scalar(value: bool | int | float | str) -> str:
+def yaml_scalar(value: bool | int | float | str) -> str:
+    """YAML text that reads back as the same value, in YAML 1.1 as in 1.2."""
     if isinstance(value, bool):
         return "true" if value else "false"
     if isinstance(value, float):
@@ -157,8 +159,11 @@ class _SceneBase(_Strict):
             raise PydanticCustomError("conflict", "{text}", {"text": text, "conflicts": conflicts})
         return self
 
-    def to_yaml(self) -> str:
-        """The whole scene, every default filled in, with units; reading it gives an equal scene."""
+    def to_yaml(self, leave_out: Collection[str] = ()) -> str:
+        """The whole scene, every default filled in, with units; reading it gives an equal scene.
+
+        `leave_out`: dotted keys that are not written.
+        """
         lines = []
         for name in type(self).model_fields:
             section = getattr(self, name)
@@ -167,9 +172,11 @@ class _SceneBase(_Strict):
                 continue
             lines.append(f"{name}:")
             for key, field in type(section).model_fields.items():
+                if f"{name}.{key}" in leave_out:
+                    continue
                 extra = field.json_schema_extra
                 unit = f"[{extra['unit']}] " if isinstance(extra, dict) and extra["unit"] else ""
-                entry = f"  {key}: {_yaml_scalar(getattr(section, key))}"
+                entry = f"  {key}: {yaml_scalar(getattr(section, key))}"
                 lines.append(f"{entry:<32} # {unit}{field.description}")
         return "\n".join(lines) + "\n"
 

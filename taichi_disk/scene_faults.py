@@ -21,7 +21,7 @@ def check(tree: Tree) -> Scene | list[Fault]:
     if "scene" not in tree.value:
         what = f"missing: write scene: {_either(SCENES)}"
     else:
-        what = f"must be {_either(SCENES)}, not {entry.shown}{_did_you_mean(kind, SCENES)}"
+        what = f"must be {_either(SCENES)}, not {entry.shown}{did_you_mean(kind, SCENES)}"
     # The other keys are judged as the kind that was probably meant.
     near = _nearest(kind, SCENES)
     rest = [_validate(name, tree) for name in ([near] if near else SCENES)]
@@ -56,13 +56,14 @@ def _entry(tree: Tree, path: Path) -> Entry:
     return tree.entries[path]
 
 
-def _sections(kind: str) -> dict[str, type[BaseModel]]:
+def sections(kind: str) -> dict[str, type[BaseModel]]:
+    """The sections that a scene of this kind has."""
     types = {name: field.annotation for name, field in SCENES[kind].model_fields.items()}
     return {name: one for name, one in types.items() if isinstance(one, type) and issubclass(one, BaseModel)}
 
 
 def _wrong(kind: str, path: Path, tree: Tree, entry: Entry) -> str:
-    section = _sections(kind).get(path[0])
+    section = sections(kind).get(path[0])
     if section is None:  # `scene` itself, when the keys are judged as another kind
         return ""
     if len(path) == 1:
@@ -72,7 +73,7 @@ def _wrong(kind: str, path: Path, tree: Tree, entry: Entry) -> str:
     key = path[1]
     value = tree.value[path[0]][key]
     spec = section.model_json_schema()["properties"][key]
-    hint = _did_you_mean(value, spec.get("enum", ()))
+    hint = did_you_mean(value, spec.get("enum", ()))
     if isinstance(value, str) and entry.shown.startswith("the text") and _is_number(value):
         hint = "; leave out the quotes"
     unit = f" [{spec['unit']}]" if spec["unit"] else ""
@@ -106,11 +107,11 @@ def _unknown(kind: str, path: Path) -> str:
         return f"belongs to scene: {_either(others)}, and this is scene: {kind}"
     if path[-1] == "<<":
         return "merge keys are not supported: write the keys out"
-    sections = _sections(kind)
-    siblings = ["scene", *sections] if len(path) == 1 else list(sections[path[0]].model_fields)
+    there = sections(kind)
+    siblings = ["scene", *there] if len(path) == 1 else list(there[path[0]].model_fields)
     if _nearest(path[-1], siblings):
-        return f"unknown key{_did_you_mean(path[-1], siblings)}"
-    for name, section in sections.items():
+        return f"unknown key{did_you_mean(path[-1], siblings)}"
+    for name, section in there.items():
         if path[-1] in section.model_fields:
             return f"unknown key; did you mean {name}.{path[-1]}?"
     place = f"in {path[0]}" if len(path) > 1 else f"in scene: {kind}"
@@ -118,7 +119,7 @@ def _unknown(kind: str, path: Path) -> str:
 
 
 def _has(kind: str, path: Path) -> bool:
-    section = _sections(kind).get(path[0])
+    section = sections(kind).get(path[0])
     return section is not None and all(key in section.model_fields for key in path[1:])
 
 
@@ -128,7 +129,8 @@ def _nearest(word: Any, names: Iterable[str]) -> str | None:
     return by_lower[near[0]] if near else None
 
 
-def _did_you_mean(word: Any, names: Iterable[str]) -> str:
+def did_you_mean(word: Any, names: Iterable[str]) -> str:
+    """The end of a message: the nearest of `names`, or nothing."""
     near = _nearest(word, names) if isinstance(word, str) else None
     return f"; did you mean {near}?" if near else ""
 

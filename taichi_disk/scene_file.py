@@ -10,6 +10,7 @@ from typing import NoReturn
 from taichi_disk.errors import InputError
 from taichi_disk.scene import Scene
 from taichi_disk.scene_faults import check
+from taichi_disk.sweep_axes import Sweep, check_sweep
 from taichi_disk.yaml_tree import Entry, Fault, Place, Tree, parse
 
 MAX_BYTES = 100_000  # a scene is a few kB; PyYAML would chew on a megabyte for seconds
@@ -23,20 +24,32 @@ def load_scene(source: str | Path, overrides: Sequence[str] = ()) -> Scene:
 
     Raises InputError with every fault at once, each as file:line:column: key: what is wrong.
     """
-    label, text = _read(source)
-    tree = parse(text, lambda line, column: Place(0, line, column, label))
-    if not isinstance(tree.value, dict):
-        _refuse(tree.faults or [_not_a_scene(tree, label)])
-    # Where a key that nobody wrote is at fault, there is no line to name.
-    tree.entries[()] = Entry(Place(0, 0, 0, label), Place(0, 0, 0, label), "a mapping")
-    for rank, override in enumerate(overrides, start=1):
-        _override(tree, override, rank)
-    scene = check(tree)
-    if not isinstance(scene, list) and not tree.faults:
-        return scene
-    unreadable = {(fault.place, fault.key) for fault in tree.faults}
-    unfit = scene if isinstance(scene, list) else []
-    _refuse(tree.faults + [fault for fault in unfit if (fault.place, fault.key) not in unreadable])
+    tree = _read_tree(source, overrides)
+    if "sweep" in tree.value:
+        what = "this scene has a sweep: compute it with `taichi-disk sweep`, or leave this section out"
+        _refuse([Fault(tree.entries[("sweep",)].key, "sweep", what)])
+    found = check(tree)
+    if isinstance(found, list) or tree.faults:
+        _refuse(_all_faults(tree, found))
+    return found
+
+
+def load_sweep(source: str | Path, overrides: Sequence[str] = ()) -> Sweep:
+    """Read a scene file with a `sweep:` section and check every scene of it; else as `load_scene`."""
+    tree = _read_tree(source, overrides)
+    if "sweep" not in tree.value:
+        what = "there is no sweep: section: compute a single scene with `taichi-disk run`, or add one, for example "
+        _refuse([Fault(tree.entries[()].value, "", what + "`sweep: {seed: {range: 8}}`")])
+    found = check_sweep(tree)
+    if isinstance(found, list) or tree.faults:
+        _refuse(_all_faults(tree, found))
+    return found
+
+
+def load_any(source: str | Path, overrides: Sequence[str] = ()) -> Scene | Sweep:
+    """`load_sweep` where the file has a `sweep:` section, else `load_scene`."""
+    tree = _read_tree(source, overrides)
+    return load_sweep(source, overrides) if "sweep" in tree.value else load_scene(source, overrides)
 
 
 def shipped_scenes() -> dict[str, Path]:
@@ -45,6 +58,25 @@ def shipped_scenes() -> dict[str, Path]:
     # In an installed package the files lie beside this one; in a source checkout, at the top of the tree.
     folders = (package / "scene_library", package.parent / "scenes")
     return {path.stem: path for folder in reversed(folders) for path in sorted(folder.glob("*.yaml"))}
+
+
+def _read_tree(source: str | Path, overrides: Sequence[str]) -> Tree:
+    label, text = _read(source)
+    tree = parse(text, lambda line, column: Place(0, line, column, label))
+    if not isinstance(tree.value, dict):
+        _refuse(tree.faults or [_not_a_scene(tree, label)])
+    # Where a key that nobody wrote is at fault, there is no line to name.
+    tree.entries[()] = Entry(Place(0, 0, 0, label), Place(0, 0, 0, label), "a mapping")
+    for rank, override in enumerate(overrides, start=1):
+        _override(tree, override, rank)
+    return tree
+
+
+def _all_faults(tree: Tree, found: Scene | Sweep | list[Fault]) -> list[Fault]:
+    """Those of reading and those of checking, but for values that could not even be read."""
+    unreadable = {(fault.place, fault.key) for fault in tree.faults}
+    unfit = found if isinstance(found, list) else []
+    return tree.faults + [fault for fault in unfit if (fault.place, fault.key) not in unreadable]
 
 
 def _refuse(faults: list[Fault]) -> NoReturn:
@@ -104,7 +136,8 @@ def _override(tree: Tree, override: str, rank: int) -> None:
     """Write the value of "section.key=value" into the tree, or add a fault to it."""
     place = Place(rank, 0, 0, f"--set {override}")
     name, equals, text = override.partition("=")
-    path = tuple(part.strip() for part in name.split("."))
+    # The name of an axis may itself be dotted.
+    path = tuple(part.strip() for part in name.split(".", 1 if name.strip().startswith("sweep.") else -1))
     if not equals or not all(path):
         tree.faults.append(Fault(place, "", "must be of the form section.key=value"))
         return
@@ -117,7 +150,7 @@ def _override(tree: Tree, override: str, rank: int) -> None:
         if not isinstance(parent, dict):
             tree.faults.append(Fault(place, "", f"{'.'.join(path[:depth])} is not a section"))
             return
-    if isinstance(parent.get(path[-1]), dict) or isinstance(value.value, dict):
+    if path[0] != "sweep" and (isinstance(parent.get(path[-1]), dict) or isinstance(value.value, dict)):
         tree.faults.append(Fault(place, "", "a section cannot be set as a whole: set its keys one by one"))
         return
     parent[path[-1]] = value.value
