@@ -178,6 +178,9 @@ class Stepping(Boundary):
                             f[c, w] -= Z[c] * v[c, w]
                             sums[BOUNDARY_POWER, w] += Z[c] * v[c, w] * v[c, w]
                     self.f[i] = f
+                if ti.static(self.physics.implicit_dashpot):
+                    for w in ti.static(range(self.lanes)):  # whose power is that of all dashpots together
+                        sums[POWER, w] += sums[BOUNDARY_POWER, w]
             for i in range(self.n):
                 self.v[i] -= 0.5 * p.g * self.f[i]
             self.sums[0] = sums
