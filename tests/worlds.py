@@ -70,3 +70,19 @@ def matched(lattice: Lattice, physics: Physics) -> Physics:
     k = len(lattice.wall_boundary)
     z = np.random.default_rng(5).uniform(0.02, 0.05, (k, 2))
     return replace(physics, boundary="dashpot", impedance=z)
+
+
+def computed(name: str, *settings: str):
+    """A shipped scene with some `settings`, stepped to its end without files: (setup, outcome)."""
+    from taichi_disk import load_scene
+    from taichi_disk.dynamics import move
+    from taichi_disk.model.stability import spectrum
+    from taichi_disk.progress import QuietProgress
+    from taichi_disk.scenes import build
+    from taichi_disk.time_step import choose
+
+    scene = load_scene(name, settings)
+    setup = build(scene)
+    modes = spectrum(setup.lattice, setup.physics)
+    step = choose(scene.time, setup.physics, modes, setup.point_force)
+    return setup, move(setup, scene.time, modes, step, QuietProgress())
