@@ -1,0 +1,153 @@
+"""The stability limit of the step: what lies below stays bounded, what lies above blows up or is refused."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from reference import Model
+from worlds import again, disk, disk_and_wall
+
+from taichi_disk.errors import InputError
+from taichi_disk.model.observables import COLUMNS
+from taichi_disk.model.physics import Physics
+from taichi_disk.model.stability import explicit_limit, spectrum, step_limit
+from taichi_disk.scene import TimeSection
+from taichi_disk.time_step import choose
+
+VV, TRAPEZOIDAL = "velocity_verlet", "trapezoidal"
+N = 60
+
+
+def energies(world, steps):
+    rows = dict(zip(COLUMNS, world.advance(20, steps // 20)[:, :, 0].T, strict=True))
+    return rows["kinetic"] + rows["elastic"]
+
+
+@pytest.mark.parametrize(
+    ("eta_star", "integrator", "sharp"),
+    # With dashpots of middling strength the limit is safe but not sharp: the mode that is damped most is not the
+    # one that vibrates fastest.
+    [(0.0, VV, True), (100.0, VV, True), (100.0, TRAPEZOIDAL, True), (10.0, VV, False)],
+)
+@pytest.mark.usefixtures("taichi")
+def test_steps_below_the_limit_stay_bounded_and_above_blow_up(eta_star, integrator, sharp):
+    from taichi_disk.model.world import World
+
+    lattice = disk(N)
+    physics = Physics(eta=eta_star / N, integrator=integrator)
+    limit = step_limit(spectrum(lattice, physics), physics, 0.0)
+    # So slow that the springs stay linear, whose frequencies the limit is about.
+    v = 1e-6 * np.random.default_rng(0).standard_normal((1, N, 2))
+    world = World(lattice, physics, v, 0.98 * limit)
+    start = world.first_row[COLUMNS.index("kinetic"), 0]
+    # At h omega = 1.96 leapfrog's energy swings by a factor 1/(1 - 0.98^2) = 25, and no further.
+    assert energies(world, 100_000).max() < 50.0 * start
+    if sharp:
+        again(world, lattice.positions[None], v, 1.05 * limit)
+        energy = energies(world, 2000)
+        assert not energy.max() < 1e6 * start
+    world.destroy()
+
+
+def jacobian(model, x):
+    """-df/dx (2n, 2n) by central differences of the reference's forces."""
+    d, still = 1e-7, np.zeros_like(x)
+    columns = []
+    for k in range(x.size):
+        step = np.zeros(x.size)
+        step[k] = d
+        step = step.reshape(x.shape)
+        columns.append((model.force(x - step, still) - model.force(x + step, still)).ravel() / (2 * d))
+    return np.array(columns).T
+
+
+def test_highest_frequency_and_damping_rate_are_those_of_the_matrices():
+    lattice = disk(40)
+    physics = Physics(k_b=1.0, eta=0.3)
+    modes = spectrum(lattice, physics)
+    model, m = Model.of(lattice, physics), lattice.masses[0]
+    stiffness = jacobian(model, lattice.positions)
+    assert modes.omega**2 == pytest.approx(np.linalg.eigvals(stiffness).real.max() / m, rel=1e-6)
+    # The dashpots' matrix, column by column: force of a unit velocity.
+    unit = np.eye(40)[:, :, None] * [1.0, 0.0]
+    matrix = np.array([-model.force(lattice.positions, v)[:, 0] for v in unit])
+    assert modes.damping * 0.3 == pytest.approx(np.linalg.eigvalsh(matrix).max() / m, rel=1e-9)
+
+
+@pytest.mark.parametrize("wall", ["rigid", "elastic"])
+def test_wall_stiffness_is_bounded_by_the_force_on_a_point(wall):
+    # omega^2 <= omega_lattice^2 + a F/m beside a rigid wall (twice that against an elastic one), F the largest force
+    # on one point: exact for the undeformed lattice, whose springs carry nothing.
+    for height in (0.02, 0.03, 0.05):
+        lattice = disk(30, height=height) if wall == "rigid" else disk_and_wall(30, 45, height=height)
+        physics = Physics(wall=wall)
+        model = Model.of(lattice, physics)
+        x, m = lattice.positions, lattice.masses[0]
+        pushes = [300.0 * 150.0 * np.exp(-300.0 * c[4]) for c in model.contacts(x)]
+        force = max(pushes) if wall == "elastic" else 300.0 * 150.0 * np.exp(-300.0 * x[:, 1].min())
+        omega = np.sqrt(np.linalg.eigvals(jacobian(model, x)).real.max() / m)
+        limit = step_limit(spectrum(lattice, physics), physics, force)
+        assert 0.6 * 2.0 / omega < limit < 2.0 / omega * (1 + 1e-6)
+
+
+def swings(omega, rate, h, steps=4000):
+    """Largest |x| of x'' = -omega^2 x - rate x' under velocity_verlet as `model.world` states it."""
+    x, v, a, most = 1.0, 0.0, -(omega**2), 0.0
+    v -= h / 2 * a
+    for _ in range(steps):
+        u = v + h * a + h / 2 * a  # predicted for the end of the step
+        v += h * a
+        x += h * v
+        a = -(omega**2) * x - rate * u
+        most = max(most, abs(x))
+        if most > 1e6:
+            break
+    return most
+
+
+def test_explicit_limit_holds_for_every_mode_and_is_sharp_at_its_ends():
+    assert explicit_limit(30.0, 0.0) == pytest.approx(2 / 30, rel=1e-3)
+    assert explicit_limit(1e-3, 500.0) == pytest.approx(1 / 500, rel=1e-3)
+    rng = np.random.default_rng(4)
+    for damping in (0.0, 5.0, 30.0, 200.0):
+        limit = explicit_limit(30.0, damping)
+        for omega, rate in zip(30.0 * rng.random(12), damping * rng.random(12), strict=True):
+            assert swings(omega, rate, 0.98 * limit) < 1e4
+        assert max(swings(30.0, r, 1.05 * limit) for r in (0.0, 0.5 * damping, damping)) > 1e6
+
+
+def modes_and_physics(eta_star=0.0, **changes):
+    lattice = disk(N)
+    physics = Physics(eta=eta_star / N, wall="rigid", **changes)
+    return spectrum(lattice, physics), physics
+
+
+def test_a_step_beyond_the_limit_is_refused_with_the_limit_named_unless_forced():
+    modes, physics = modes_and_physics()
+    limit = choose(TimeSection(), physics, modes, 0.01).limit
+    with pytest.raises(InputError, match=f"{limit:.6g}"):
+        choose(TimeSection(dt=1.001 * limit), physics, modes, 0.01)
+    assert choose(TimeSection(dt=1.001 * limit), physics, modes, 0.01, force=True).dt == 1.001 * limit
+    assert choose(TimeSection(dt=0.999 * limit), physics, modes, 0.01).dt == 0.999 * limit
+    assert choose(TimeSection(safety=0.5), physics, modes, 0.01).dt == pytest.approx(0.5 * limit, rel=1e-12)
+
+
+def test_the_automatic_integrator_takes_strong_dashpots_implicitly():
+    for eta_star, expected in ((0.0, VV), (1.0, VV), (100.0, TRAPEZOIDAL)):
+        modes, physics = modes_and_physics(eta_star)
+        assert choose(TimeSection(), physics, modes, 0.01).integrator == expected
+        for asked in (VV, TRAPEZOIDAL):
+            assert choose(TimeSection(integrator=asked), physics, modes, 0.01).integrator == asked
+
+
+@pytest.mark.parametrize("interval", [3e-3, 0.02, 0.05, 0.0777, 0.3, 1.0])
+def test_a_whole_number_of_steps_fits_the_reset_interval(interval):
+    modes, physics = modes_and_physics()
+    physics = replace(physics, boundary="reset", reset_interval=interval)
+    step = choose(TimeSection(), physics, modes, 0.01)
+    count = interval / step.dt
+    assert count == pytest.approx(round(count), abs=1e-9)
+    assert step.dt <= 0.8 * step.limit * (1 + 1e-12)
+    assert round(count) == 1 or interval / (round(count) - 1) > 0.8 * step.limit
