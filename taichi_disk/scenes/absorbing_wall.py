@@ -2,29 +2,31 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from numpy.typing import NDArray
 
-from taichi_disk.lattice import Lattice, disk_lattice
+from taichi_disk.lattice import Lattice
 from taichi_disk.model.physics import Physics
 from taichi_disk.model.stability import impact_point_force
 from taichi_disk.moduli import bulk_moduli
 from taichi_disk.scene import AbsorbingWallScene
 from taichi_disk.scenes.impact import Impact
-from taichi_disk.wall_lattice import with_wall
 
 
 class AbsorbingWall(Impact):
     scene: AbsorbingWallScene
 
-    def __init__(self, scene: AbsorbingWallScene) -> None:
+    def __init__(self, scene: AbsorbingWallScene, body: Lattice) -> None:
         super().__init__(scene)
         spec, wall, material = scene.lattice, scene.wall, scene.material
-        disk = disk_lattice(spec.points, spec.seed, spec.rim, spec.min_spacing)
-        surface = disk.positions[disk.disk_surface, 1]
+        surface = body.positions[body.disk_surface, 1]
         gap = scene.impact.gap
         self.gap = self.default_gap(surface - surface.min()) if gap == "auto" else gap
-        self.lattice = with_wall(disk, wall.points, wall.width, spec.seed, spec.rim, spec.min_spacing, self.gap)
+        positions = body.positions.copy()
+        positions[: body.disk_points, 1] += self.gap - surface.min()
+        self.lattice = replace(body, positions=positions)
         self.velocities = np.zeros_like(self.lattice.positions)
         self.velocities[: spec.points, 1] = -self.velocity
         self.physics = Physics(
@@ -39,7 +41,7 @@ class AbsorbingWall(Impact):
             reset_interval=wall.reset_interval if wall.boundary == "reset" else 0.0,
             impedance=self._impedance() if wall.boundary == "dashpot" else np.zeros((0, 2)),
         )
-        self.point_force = impact_point_force(disk, self.physics, self.velocity)
+        self.point_force = impact_point_force(body, self.physics, self.velocity)
         limit = scene.impact.max_time
         self.max_time = self.default_max_time(self.gap) if limit == "auto" else limit
         half = 0.5 * wall.width

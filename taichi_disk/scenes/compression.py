@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from taichi_disk.lattice import Lattice, disk_lattice
+from taichi_disk.lattice import Lattice
 from taichi_disk.model.physics import Physics
 from taichi_disk.model.stability import contact_point_force
 from taichi_disk.newton import compress, rigid_balance, roll_angle
@@ -20,11 +20,10 @@ TOUCH = 1e-3  # of the load is borne by the wall at the start: a softer start th
 class Compression(Setup):
     """Starts undeformed, just above the wall, as the disk would come to lie; ends when the motion has died out."""
 
-    def __init__(self, scene: CompressionScene) -> None:
+    def __init__(self, scene: CompressionScene, disk: Lattice) -> None:
         self.scene = scene
         spec, material, wall = scene.lattice, scene.material, scene.wall
         self.pressure = scene.compression.pressure
-        disk = disk_lattice(spec.points, spec.seed, spec.rim, spec.min_spacing)
         self.lattice = _laid_down(disk, material.k_a, material.k_b, wall.a, wall.V0, self.pressure)
         y = self.lattice.positions[:, 1]
         self.unloaded = float(y.mean() - y.min())

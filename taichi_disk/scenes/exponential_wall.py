@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from taichi_disk.lattice import disk_lattice
+from taichi_disk.lattice import Lattice
 from taichi_disk.model.physics import Physics
 from taichi_disk.model.stability import impact_point_force
 from taichi_disk.scene import ExponentialWallScene
@@ -16,10 +16,9 @@ from taichi_disk.scenes.impact import Impact
 class ExponentialWall(Impact):
     scene: ExponentialWallScene
 
-    def __init__(self, scene: ExponentialWallScene) -> None:
+    def __init__(self, scene: ExponentialWallScene, disk: Lattice) -> None:
         super().__init__(scene)
         spec, material = scene.lattice, scene.material
-        disk = disk_lattice(spec.points, spec.seed, spec.rim, spec.min_spacing)
         heights = disk.positions[:, 1] - disk.positions[:, 1].min()
         self.gap = self.default_gap(heights) if scene.impact.gap == "auto" else scene.impact.gap
         lift = self.gap - disk.positions[:, 1].min()
