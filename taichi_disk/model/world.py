@@ -12,6 +12,7 @@ u_k = v_{k-1/2} + h/2 f_{k-1}/m (its error is O(h^2), so the order stays 2; see 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 import taichi as ti
@@ -32,6 +33,14 @@ from taichi_disk.model.sums import SUMS
 from taichi_disk.model.walls import Walls
 
 
+def signature(lattice: Lattice, physics: Physics, dt: float) -> tuple[Any, ...]:
+    """All that kernels are compiled for: worlds that agree in this can share them."""
+    sizes = (lattice.positions, lattice.bonds, lattice.disk_surface, lattice.wall_surface, lattice.wall_boundary)
+    features = (physics.wall, physics.boundary, physics.integrator, physics.cubic, physics.dissipates)
+    reset_steps = max(1, round(physics.reset_interval / dt))
+    return (*(len(one) for one in sizes), lattice.disk_points, *features, physics.load != 0.0, reset_steps)
+
+
 @ti.data_oriented
 class World(Stepping, Springs, Walls, ImplicitDashpot, Observables, Storage):
     """`lanes` replicas of one lattice, each with its own initial velocities, dashpot constant and load.
@@ -43,6 +52,7 @@ class World(Stepping, Springs, Walls, ImplicitDashpot, Observables, Storage):
         dt: time step [R/c].
         eta, load: per lane; by default those of `physics`. Raises ValueError where lanes that share an
             implicit dashpot differ in eta.
+        positions: (lanes, n, 2) at t = 0 [R]; by default the lattice's own in every lane.
     """
 
     def __init__(
@@ -53,34 +63,69 @@ class World(Stepping, Springs, Walls, ImplicitDashpot, Observables, Storage):
         dt: float,
         eta: Sequence[float] | None = None,
         load: Sequence[float] | None = None,
+        positions: NDArray[np.float64] | None = None,
     ) -> None:
-        self.lattice, self.physics, self.dt = lattice, physics, dt
         self.lanes = len(velocities)
         self.n, self.n_disk, self.n_bonds = len(lattice.positions), lattice.disk_points, len(lattice.bonds)
-        if velocities.shape != (self.lanes, self.n, 2):
-            raise ValueError(f"velocities have shape {velocities.shape}, not (lanes, {self.n}, 2)")
         self.n_disk_surface, self.n_wall_surface = len(lattice.disk_surface), len(lattice.wall_surface)
         self.n_boundary = len(lattice.wall_boundary) if physics.boundary != "none" else 0
         self.reset_steps = max(1, round(physics.reset_interval / dt))
         self.block, self.blocks = blocks_of(lattice, self.lanes)
-        self.mass = float(lattice.masses[0])
         self.compiled: set[str] = set()
-        self.step_number = 0
-
+        self._signature = signature(lattice, physics, dt)
+        self.n_free = self.n - (self.n_boundary if physics.boundary == "pinned" else 0)
+        self.components = 2 if physics.boundary == "dashpot" else 1
+        self.lattice, self.physics, self.dt, self.mass = lattice, physics, dt, float(lattice.masses[0])
         etas = np.full(self.lanes, physics.eta) if eta is None else np.asarray(eta, float)
-        loads = np.full(self.lanes, physics.load) if load is None else np.asarray(load, float)
         factor = self._factor(etas) if physics.implicit_dashpot else None
-        self.n_free = len(factor.order) if factor else 0
-        self.components = factor.values.shape[1] if factor else 1
-        entries = len(factor.row) if factor else 0
-        self.fields, self._tree = make_fields(lattice, physics, self.lanes, self.n_free, entries)
+        self._most_entries = int(1.1 * len(factor.row)) + 100 if factor else 0  # other lattices need a few more
+        self.fields, self._tree = make_fields(lattice, physics, self.lanes, self.n_free, self._most_entries)
         for name, field in self.fields.items():
             setattr(self, name, field)
-        self._fill(factor, etas, loads)
+        self._start(factor, velocities, etas, load, positions)
 
-        self._parameters = parameters(physics, self.mass, dt)
+    def restart(
+        self,
+        lattice: Lattice,
+        physics: Physics,
+        velocities: NDArray[np.float64],
+        dt: float,
+        eta: Sequence[float] | None = None,
+        load: Sequence[float] | None = None,
+        positions: NDArray[np.float64] | None = None,
+    ) -> bool:
+        """Become the world that these arguments would make, without compiling anew.
+
+        False, with nothing changed, where that cannot be: another number of points, springs or lanes, or
+        another set of features.
+        """
+        if len(velocities) != self.lanes or signature(lattice, physics, dt) != self._signature:
+            return False
+        before = self.lattice, self.physics, self.dt, self.mass
+        self.lattice, self.physics, self.dt, self.mass = lattice, physics, dt, float(lattice.masses[0])
+        etas = np.full(self.lanes, physics.eta) if eta is None else np.asarray(eta, float)
+        factor = self._factor(etas) if physics.implicit_dashpot else None
+        if factor and len(factor.row) > self._most_entries:
+            self.lattice, self.physics, self.dt, self.mass = before
+            return False
+        self._start(factor, velocities, etas, load, positions)
+        return True
+
+    def _start(
+        self,
+        factor: Factor | None,
+        velocities: NDArray[np.float64],
+        eta: NDArray[np.float64],
+        load: Sequence[float] | None,
+        positions: NDArray[np.float64] | None,
+    ) -> None:
+        if velocities.shape != (self.lanes, self.n, 2):
+            raise ValueError(f"velocities have shape {velocities.shape}, not (lanes, {self.n}, 2)")
+        self.step_number = 0
+        self._fill(factor, eta, np.full(self.lanes, self.physics.load) if load is None else np.asarray(load, float))
+        self._parameters = parameters(self.physics, self.mass, self.dt)
         vectors = np.zeros((3, self.n, 2, self.lanes))
-        vectors[0] = lattice.positions[:, :, None]
+        vectors[0] = self.lattice.positions[:, :, None] if positions is None else np.moveaxis(positions, 0, 2)
         vectors[1] = np.moveaxis(velocities, 0, 2)
         self._copy_state(vectors, np.zeros((SUMS, self.lanes)), True)
         rows = np.zeros((1, len(COLUMNS), self.lanes))
