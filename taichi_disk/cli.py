@@ -70,6 +70,26 @@ def _check(arguments: argparse.Namespace) -> int:
     return 0
 
 
+def _accuracy(arguments: argparse.Namespace) -> int:
+    from taichi_disk.progress import progress_for
+    from taichi_disk.scene_file import load_scene
+
+    scene = load_scene(arguments.scene, arguments.overrides)
+
+    from taichi_disk.study.accuracy import markdown, measure, write
+
+    progress = progress_for(sys.stderr)
+    try:
+        points = measure(scene, progress)
+    finally:
+        progress.stop()
+    out = arguments.out or Path("out") / f"{Path(arguments.scene).stem}_accuracy"
+    write(points, out, " ".join([Path(arguments.scene).stem, *arguments.overrides]))
+    print("\n".join(markdown(points)))
+    print(f"files in {out}")
+    return 0
+
+
 def _bench(arguments: argparse.Namespace) -> int:
     from taichi_disk.bench import print_benchmark
 
@@ -100,6 +120,9 @@ def _parser() -> argparse.ArgumentParser:
     run.add_argument("--force", action="store_true", help="take a time step even beyond the stable limit")
 
     _add_scene(_command(commands, "check", _check, "say what is wrong with a scene, or print it resolved"))
+    accuracy = _command(commands, "accuracy", _accuracy, "speed against error: every integrator at several steps")
+    _add_scene(accuracy)
+    accuracy.add_argument("--out", type=Path, metavar="DIR", help="where the files go (default: out/SCENE_accuracy)")
     _command(commands, "bench", _bench, "time the stepping and a whole run on this machine")
     _command(commands, "doctor", _doctor, "what this machine can do, and how to mend what is missing")
     return parser

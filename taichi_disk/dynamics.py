@@ -1,4 +1,4 @@
-"""A scene in time: choose the step, simulate, and take the step back if the wall proved harder than estimated."""
+"""A scene in time: simulate it, and take an automatic step back where wall or energy prove it too long."""
 
 from __future__ import annotations
 
@@ -18,26 +18,38 @@ from taichi_disk.simulate import BlowUp, Simulation, imbalance, replay, simulate
 from taichi_disk.time_step import TimeStep, choose
 
 MARGIN = 0.95  # of the limit that the measured wall stiffness leaves; an automatic step above it is redone
+CLOSING, WORST = 2e-5, 1e-4  # largest imbalance of the energy, at the end and ever, that an automatic step may leave
 ATTEMPTS = 8
 
 
 def move(setup: Setup, time: TimeSection, modes: Spectrum, step: TimeStep, progress: Progress) -> Outcome:
-    """Simulate `setup` to its end, beginning with `step`.
+    """Simulate `setup` to its end, beginning with `step`; an automatic step that proves too long is shortened.
 
     Raises SimulationError when the scene does not end in time, BlowUp when the state becomes meaningless.
     """
     interval = setup.sample_interval if time.sample_interval == "auto" else time.sample_interval
+    point_force = setup.point_force
     for attempt in range(1, ATTEMPTS + 1):
         result: Simulation | BlowUp
         try:
             result = simulate(setup, step, interval, progress)
         except BlowUp as failure:
             result = failure
-        physics = replace(setup.physics, integrator=step.integrator)
-        limit = step_limit(modes, physics, result.peak_point_force)
-        if time.dt != "auto" or step.dt <= MARGIN * limit or attempt == ATTEMPTS:
+        limit = step_limit(modes, replace(setup.physics, integrator=step.integrator), result.peak_point_force)
+        if time.dt != "auto" or attempt == ATTEMPTS:
             break
-        step = choose(time, setup.physics, modes, 1.5 * result.peak_point_force)
+        if step.dt > MARGIN * limit:
+            point_force = 1.5 * result.peak_point_force
+        elif isinstance(result, BlowUp):
+            time = time.model_copy(update={"safety": 0.5 * time.safety})
+        else:
+            lost = np.abs(imbalance(result.columns)) / setup.energy_scale(result.columns)
+            excess = max(lost[-1] / CLOSING, lost.max() / WORST)
+            if excess <= 1.0:
+                break
+            # Order 2: the error falls with the square of the step.
+            time = time.model_copy(update={"safety": time.safety * max(0.25, 0.9 / float(np.sqrt(excess)))})
+        step = choose(time, setup.physics, modes, point_force)
     if isinstance(result, BlowUp):
         raise result
     return _describe(setup, result, limit, attempt)

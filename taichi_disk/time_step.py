@@ -10,8 +10,8 @@ from taichi_disk.model.stability import Spectrum, step_limit
 from taichi_disk.scene import TimeSection
 
 # A step with the implicit dashpot costs this many steps with the explicit one (N = 1099, one core, f64:
-# `python -m taichi_disk.benchmark` prints both).
-IMPLICIT_COST = 3.5
+# `taichi-disk accuracy` prints both).
+IMPLICIT_COST = 2.5
 
 
 @dataclass(frozen=True)
