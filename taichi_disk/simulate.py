@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from math import ceil
 from time import perf_counter
 
 import numpy as np
@@ -65,14 +66,15 @@ def simulate(setup: Setup, step: TimeStep, interval: float, progress: Progress) 
     compile_seconds = perf_counter() - began
     start = world.export_state()
     stride = max(1, round(interval / step.dt))
+    last = ceil(setup.max_time / (stride * step.dt))  # number of the last row
     launch = max(1, SPRINGS_PER_LAUNCH // len(setup.lattice.bonds))  # steps
     rows = world.first_row[None, :, 0]
     progress.start("simulate", setup.max_time)
     while True:
         good, known = world.export_state(), len(rows)
-        if world.time > setup.max_time:
+        if known > last:
             raise SimulationError(setup.unfinished(as_columns(rows, step.dt, stride)))
-        rows = np.concatenate([rows, _advance(world, launch, stride)])
+        rows = np.concatenate([rows, _advance(world, launch, stride, last + 1 - known)])
         columns = as_columns(rows, step.dt, stride)
         if problem := blown_up(columns, known):
             raise BlowUp(f"{problem}; {_advice(step)}", good, step.dt, as_columns(rows[:known], step.dt, stride))
@@ -87,11 +89,11 @@ def simulate(setup: Setup, step: TimeStep, interval: float, progress: Progress) 
         progress.update(world.time)
 
 
-def _advance(world: World, launch: int, stride: int) -> NDArray[np.float64]:
-    """About `launch` steps, at least one row; (rows, columns)."""
+def _advance(world: World, launch: int, stride: int, most: int) -> NDArray[np.float64]:
+    """About `launch` steps, at least one row and no more than `most`; (rows, columns)."""
     if stride > launch:
         return _steps(world, stride, launch)
-    return world.advance(launch // stride, stride)[:, :, 0]
+    return world.advance(min(launch // stride, most), stride)[:, :, 0]
 
 
 def _steps(world: World, steps: int, launch: int) -> NDArray[np.float64]:
