@@ -1,0 +1,119 @@
+"""Compression by relaxation: the same equilibrium as Newton's, reached from where the disk would come to lie."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from reference import Model
+from worlds import computed
+
+from taichi_disk import load_scene
+from taichi_disk.lattice import disk_lattice
+from taichi_disk.newton import compress, roll_angle
+from taichi_disk.scenes import build
+
+SMALL = ("lattice.points=150", "time.safety=0.3")  # about the step of 1099 points: see test_energy
+
+
+def xi_of(lattice, rest):
+    """Centre of mass to lowest point, unloaded minus loaded, the unloaded disk turned as the loaded one lies."""
+    angle = roll_angle(lattice.positions, rest)
+    y = np.sin(angle) * lattice.positions[:, 0] + np.cos(angle) * lattice.positions[:, 1]
+    return (y.mean() - y.min()) - (rest[:, 1].mean() - rest[:, 1].min())
+
+
+SEEDS = [(150, 0)]
+SLOW = [(150, 1), (150, 2), (150, 3), (1099, 0), (1099, 1)]
+
+
+@pytest.mark.usefixtures("taichi")
+@pytest.mark.parametrize(
+    ("points", "seed"), [*SEEDS, *(pytest.param(*case, marks=pytest.mark.validate) for case in SLOW)]
+)
+def test_relaxation_finds_newtons_equilibrium(points, seed):
+    safety = 0.3 if points == 150 else 0.8
+    settings = (f"lattice.points={points}", f"lattice.seed={seed}", f"time.safety={safety}")
+    setup, outcome = computed("compression", *settings)
+    physics = setup.physics
+    rest = compress(disk_lattice(points, seed), physics.k_a, physics.k_b, physics.a, physics.V0, physics.load)
+    values = setup.headline(outcome.columns).values
+    assert values["xi"] == pytest.approx(xi_of(disk_lattice(points, seed), rest.positions), rel=1e-5)
+
+    # At the end nothing pulls on any point any more, by forces that share no code with the run; the load P/N is the
+    # scale. (The last slow roll, over hours, is what remains.)
+    x = outcome.positions
+    force = Model.of(setup.lattice, physics).force(x, np.zeros_like(x))
+    assert np.abs(force).max() < 1e-3 * physics.load / points
+    wall = physics.a * physics.V0 * np.exp(-physics.a * x[:, 1]).sum()
+    assert wall == pytest.approx(physics.load, rel=1e-6)
+    assert outcome.columns["wall_force"][-1] == pytest.approx(wall, rel=1e-12)
+    assert outcome.columns["kinetic"][-1] < 1e-9 * physics.load**2
+
+    # xi by its definition, from the arrays.
+    start = setup.lattice.positions[:, 1]
+    direct = (start.mean() - start.min()) - (x[:, 1].mean() - x[:, 1].min())
+    assert values["xi"] == pytest.approx(direct, abs=values["xi_extrapolated"] + 1e-12)
+    assert values["xi_nominal"] == pytest.approx(
+        1.0 - (x[:, 1].mean() - x[:, 1].min()), abs=values["xi_extrapolated"] + 1e-12
+    )
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_laid_down_disk_does_not_roll(seed):
+    setup = build(load_scene("compression", (*SMALL, f"lattice.seed={seed}")))
+    lattice, physics = setup.lattice, setup.physics
+    rest = compress(
+        lattice, physics.k_a, physics.k_b, physics.a, physics.V0, physics.load, start=lattice.positions
+    ).positions
+    assert abs(roll_angle(lattice.positions, rest)) < 1e-6
+    # It is the lattice itself, turned and lifted: every spring at rest.
+    d = lattice.positions[lattice.bonds[:, 0]] - lattice.positions[lattice.bonds[:, 1]]
+    np.testing.assert_allclose(np.hypot(*d.T), lattice.rest_lengths, rtol=0, atol=1e-13)
+    # The wall bears a thousandth of the load at the start.
+    wall = physics.a * physics.V0 * np.exp(-physics.a * lattice.positions[:, 1]).sum()
+    assert wall == pytest.approx(1e-3 * physics.load, rel=1e-9)
+
+
+@pytest.mark.usefixtures("taichi")
+def test_newton_scene_leaves_no_force(tmp_path):
+    from taichi_disk import run
+
+    scene = load_scene("compression", (*SMALL, "compression.method=newton"))
+    result = run(scene, tmp_path, video=False)
+    final, start = np.load(tmp_path / "final.npz"), np.load(tmp_path / "lattice.npz")
+    x = final["positions"]
+    model = Model(
+        start["bonds"],
+        start["rest_lengths"],
+        start["masses"][0],
+        150,
+        k_b=1e-3,
+        rigid=True,
+        load=scene.compression.pressure,
+    )
+    assert np.abs(model.force(x, np.zeros_like(x))).max() < 1e-9 * 0.01 / 150
+    np.testing.assert_array_equal(final["velocities"], 0.0)
+    xi = (start["positions"][:, 1].mean() - start["positions"][:, 1].min()) - (x[:, 1].mean() - x[:, 1].min())
+    assert result.headline["xi"] == pytest.approx(xi, rel=1e-12)
+    assert result.summary["integrator"] == "newton"
+    # An equilibrium is a minimum: the energy is lower than anywhere around.
+    rng = np.random.default_rng(0)
+    for _ in range(20):
+        assert model.potential(x + 1e-6 * rng.standard_normal(x.shape)) > model.potential(x)
+
+
+@pytest.mark.parametrize("pressure", [4e-3, pytest.param(1e-2, marks=pytest.mark.validate), 1.6e-2])
+def test_xi_is_near_that_of_the_continuum(pressure):
+    # Michell's series for one contact and a uniform body force: xi = P/(pi E) {ln(pi E R/P) - (1 + nu)/4}, with the
+    # moduli of a stretch test. The wall is not quite hard and the lattice not quite a continuum: this one lies 2 to
+    # 7 % lower.
+    from taichi_disk.moduli import bulk_moduli
+    from taichi_disk.progress import QuietProgress
+    from taichi_disk.quasistatic import press
+
+    setup = build(load_scene("compression", ("compression.method=newton", f"compression.pressure={pressure}")))
+    xi = setup.headline(press(setup, QuietProgress()).columns).values["xi"]
+    moduli = bulk_moduli(1099, 0, 1.0, 0.7)
+    E, nu = moduli.young, moduli.poisson
+    law = pressure / (np.pi * E) * (np.log(np.pi * E / pressure) - (1 + nu) / 4)
+    assert xi == pytest.approx(law, rel=0.1)
