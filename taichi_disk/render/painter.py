@@ -3,7 +3,7 @@
 It does not know whether the canvas belongs to a window on the screen or to a headless one behind a film.
 """
 
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 import taichi as ti
@@ -14,7 +14,12 @@ from taichi_disk.render.colours import FAINT_INK, GROUND, INK, strain_colours
 from taichi_disk.render.picture import Subject
 
 _TABLE = 256  # intervals of the colour table
+_FAR = -1e3  # [R] where no camera looks
+_HATCHES = 200  # lines below the rigid wall: enough for a picture three times as wide as high
 _HATCH = 11.0  # pixels (in a picture of 720) between the hatching lines below the rigid wall, and their depth
+
+Show = Literal["both", "springs", "points"]
+_Pair = ti.types.vector(2, ti.f64)
 
 
 @ti.data_oriented
@@ -27,18 +32,23 @@ class Painter:
         self._bonds, self._rest_lengths = lattice.bonds, lattice.rest_lengths
         self._limit = subject.strain_limit
         self._table = strain_colours(np.linspace(-1.0, 1.0, _TABLE + 1), 1.0).astype(np.float32)
+        self._spacing = float(np.median(lattice.rest_lengths))
+        self._make_fields(len(lattice.positions), len(lattice.bonds), _HATCHES + 1 if subject.rigid_wall else 0)
+        self.aim(camera, unit)
+
+    def aim(self, camera: Camera, unit: float) -> None:
+        """Look through another camera from now on."""
         factor, shift = camera.canvas_map()
-        self._factor, self._shift = ti.Vector(factor), ti.Vector(shift)
-        spacing = float(np.median(lattice.rest_lengths)) * camera.scale
+        self._factor, self._shift = _Pair(factor), _Pair(shift)
+        spacing = self._spacing * camera.scale
         # Few springs need not be thick to be seen; a line below about a pixel vanishes.
         self._line = max(min(0.15 * spacing, 2.5 * unit), 1.1) / camera.height
         # In a lattice so fine that points would touch, the springs alone show more.
         self._point = min(0.11 * spacing, 6.0 * unit) / camera.height if spacing > 5.0 else 0.0
-        step = _HATCH * unit
-        hatches = int(np.ceil(camera.width / step)) + 2
-        self._make_fields(len(lattice.positions), len(lattice.bonds), hatches + 1 if subject.rigid_wall else 0)
-        if subject.rigid_wall:
-            self._place_wall(step / camera.width, step / camera.height)
+        self._any_point = max(min(0.25 * spacing, 6.0 * unit), 1.0) / camera.height
+        if self._wall:
+            step = _HATCH * unit
+            self._place_wall(self._shift, step / camera.width, step / camera.height)
 
     def _make_fields(self, points: int, springs: int, wall: int) -> None:
         """Two line ends for each spring, then two for each line of the rigid wall."""
@@ -51,11 +61,12 @@ class Painter:
         self._tree = builder.finalize()
 
     @ti.kernel
-    def _place_wall(self, across: ti.f64, down: ti.f64):
+    def _place_wall(self, shift: _Pair, across: ti.f64, down: ti.f64):  # type: ignore[valid-type]
         """A line at y = 0 and short lines that lean to it from below, in canvas coordinates."""
         for k in range(self._wall):
             i = 2 * (self._springs + k)
-            foot, top = ti.Vector([0.0, self._shift[1]]), ti.Vector([1.0, self._shift[1]])
+            height = shift[1]  # type: ignore[index]
+            foot, top = ti.Vector([0.0, height]), ti.Vector([1.0, height])
             colour = ti.Vector([INK[0], INK[1], INK[2]])
             if k > 0:
                 top[0] = (k - 1) * across
@@ -71,32 +82,53 @@ class Painter:
         bonds: ti.types.ndarray(dtype=ti.i32, ndim=2),  # type: ignore[valid-type]
         rest_lengths: ti.types.ndarray(dtype=ti.f64, ndim=1),  # type: ignore[valid-type]
         table: ti.types.ndarray(dtype=ti.types.vector(3, ti.f32), ndim=1),  # type: ignore[valid-type]
+        values: ti.types.ndarray(dtype=ti.f64, ndim=1),  # type: ignore[valid-type]
+        by_strain: ti.template(),  # type: ignore[valid-type]
+        hidden: ti.template(),  # type: ignore[valid-type]
+        factor: _Pair,  # type: ignore[valid-type]
+        shift: _Pair,  # type: ignore[valid-type]
     ):
         # Serial, here and below: a thousand light iterations cost less than waking a second thread.
         ti.loop_config(serialize=True)
         for b in range(self._springs):
             i, j = bonds[b, 0], bonds[b, 1]
             p, q = ti.Vector([x[i, 0], x[i, 1]]), ti.Vector([x[j, 0], x[j, 1]])
-            strain = (p - q).norm() / rest_lengths[b] - 1.0
-            place = (ti.math.clamp(strain / self._limit, -1.0, 1.0) + 1.0) * (_TABLE / 2)
+            value = values[b] if ti.static(not by_strain) else ((p - q).norm() / rest_lengths[b] - 1.0) / self._limit
+            place = (ti.math.clamp(value, -1.0, 1.0) + 1.0) * (_TABLE / 2)
             k = ti.min(ti.cast(place, ti.i32), _TABLE - 1)
             colour = ti.math.mix(table[k], table[k + 1], ti.cast(place - k, ti.f32))
-            self._ends[2 * b] = ti.cast(self._factor * p + self._shift, ti.f32)
-            self._ends[2 * b + 1] = ti.cast(self._factor * q + self._shift, ti.f32)
+            if ti.static(hidden):
+                p, q = _Pair(_FAR, _FAR), _Pair(_FAR, _FAR - 1.0)
+            self._ends[2 * b] = ti.cast(factor * p + shift, ti.f32)
+            self._ends[2 * b + 1] = ti.cast(factor * q + shift, ti.f32)
             self._colours[2 * b] = colour
             self._colours[2 * b + 1] = colour
         ti.loop_config(serialize=True)
         for i in self._points:
             p = ti.Vector([x[i, 0], x[i, 1]])
-            self._points[i] = ti.cast(self._factor * p + self._shift, ti.f32)
+            self._points[i] = ti.cast(factor * p + shift, ti.f32)
 
-    def paint(self, canvas: Any, positions: NDArray[np.float64]) -> None:
-        """Draw the state with `positions` (n, 2) [R] on a `ti.ui.Canvas` as large as the camera's stage."""
-        self._place(np.ascontiguousarray(positions), self._bonds, self._rest_lengths, self._table)
+    def paint(
+        self,
+        canvas: Any,
+        positions: NDArray[np.float64],
+        values: NDArray[np.float64] | None = None,
+        show: Show = "both",
+    ) -> None:
+        """Draw the state with `positions` (n, 2) [R] on a `ti.ui.Canvas` as large as the camera's stage.
+
+        `values` (springs,): places in the scale of colours, -1 to 1; by default the strain over its limit.
+        """
+        x, by_strain = np.ascontiguousarray(positions), values is None
+        given = np.zeros(1) if values is None else np.ascontiguousarray(values)
+        springs = (self._bonds, self._rest_lengths, self._table, given)
+        self._place(x, *springs, by_strain, show == "points", self._factor, self._shift)
         canvas.set_background_color(GROUND)
+        # Hidden springs lie far outside, so that the wall beside them in the same field is still drawn.
         canvas.lines(self._ends, width=self._line, per_vertex_color=self._colours)
-        if self._point:
-            canvas.circles(self._points, radius=self._point, color=INK)
+        point = self._any_point if show == "points" else self._point
+        if point and show != "springs":
+            canvas.circles(self._points, radius=point, color=INK)
 
     def destroy(self) -> None:
         """Free the fields; the painter cannot be used afterwards."""
