@@ -20,6 +20,8 @@ TOUCH = 1e-3  # of the load is borne by the wall at the start: a softer start th
 class Compression(Setup):
     """Starts undeformed, just above the wall, as the disk would come to lie; ends when the motion has died out."""
 
+    scene: CompressionScene
+
     def __init__(self, scene: CompressionScene, disk: Lattice) -> None:
         self.scene = scene
         spec, material, wall = scene.lattice, scene.material, scene.wall

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from taichi_disk.lattice import Lattice
 from taichi_disk.model.physics import Physics
+from taichi_disk.scene import Scene
 
 Columns = dict[str, NDArray[np.float64]]  # the time series: one array (rows,) per column
 
@@ -26,6 +27,7 @@ class Setup(ABC):
     """One scene, ready to be stepped.
 
     Attributes:
+        scene: the checked values it was made from.
         lattice: in scene coordinates, at t = 0.
         velocities: (n, 2) at t = 0 [c].
         physics: what acts, except the integrator, which the time step decides.
@@ -36,6 +38,7 @@ class Setup(ABC):
         view: (xmin, xmax, ymin, ymax) that the film keeps in sight [R].
     """
 
+    scene: Scene
     lattice: Lattice
     velocities: NDArray[np.float64]
     physics: Physics

@@ -17,6 +17,7 @@ from taichi_disk.model.stability import spectrum, step_limit
 from taichi_disk.model.world import World
 from taichi_disk.output import atomic_write, prepare_output
 from taichi_disk.progress import Progress
+from taichi_disk.results import write_text
 from taichi_disk.scene import CompressionScene, Scene
 from taichi_disk.scenes import build
 from taichi_disk.scenes.setup import Setup
@@ -137,12 +138,15 @@ def write(points: list[Point], out: Path, title: str) -> None:
 
     atomic_write(out / "accuracy.csv", table)
     text = "\n".join(markdown(points)) + "\n"
-    atomic_write(out / "accuracy.md", lambda beside: beside.write_text(text, encoding="utf-8") and None)
+    write_text(out / "accuracy.md", text)
     draw(points, out / "accuracy.png", title)
 
 
 def markdown(points: list[Point]) -> Iterator[str]:
-    yield "| integrator | step / limit | steps | time [ms] | ns/spring/step | error | largest position error [R] | energy imbalance |"
+    yield (
+        "| integrator | step / limit | steps | time [ms] | ns/spring/step "
+        "| error | largest position error [R] | energy imbalance |"
+    )
     yield "|---|---|---|---|---|---|---|---|"
     for p in points:
         yield (
