@@ -63,6 +63,25 @@ def _run(arguments: argparse.Namespace) -> int:
     return 0
 
 
+def _sweep(arguments: argparse.Namespace) -> int:
+    from taichi_disk.progress import progress_for
+    from taichi_disk.scene_file import load_sweep
+
+    sweep = load_sweep(arguments.scene, arguments.overrides)
+
+    from taichi_disk.study.sweep import run_sweep
+    from taichi_disk.study.tell import print_sweep
+
+    progress = progress_for(sys.stderr)
+    try:
+        out = arguments.out or Path("out") / Path(arguments.scene).stem
+        result = run_sweep(sweep, out, jobs=arguments.jobs, progress=progress)
+    finally:
+        progress.stop()
+    print_sweep(result)
+    return 1 if result.failed else 0
+
+
 def _check(arguments: argparse.Namespace) -> int:
     from taichi_disk.scene_file import load_any
 
@@ -118,6 +137,11 @@ def _parser() -> argparse.ArgumentParser:
     run.add_argument("--arch", choices=("cpu", "cuda", "vulkan"), default="cpu", help="default: cpu")
     run.add_argument("--threads", type=_count, metavar="N", help="CPU threads (default: all cores)")
     run.add_argument("--force", action="store_true", help="take a time step even beyond the stable limit")
+
+    sweep = _command(commands, "sweep", _sweep, "compute every scene of a sweep: table, fits and figure; resumable")
+    _add_scene(sweep)
+    sweep.add_argument("--out", type=Path, metavar="DIR", help="where the results go (default: out/SCENE)")
+    sweep.add_argument("--jobs", type=_count, metavar="N", help="processes (default: one for each core)")
 
     _add_scene(_command(commands, "check", _check, "say what is wrong with a scene, or print it resolved"))
     accuracy = _command(commands, "accuracy", _accuracy, "speed against error: every integrator at several steps")

@@ -17,7 +17,7 @@ from taichi_disk.output import atomic_write
 
 Columns = dict[str, NDArray[np.float64]]
 
-_STYLE: dict[Any, Any] = {
+STYLE: dict[Any, Any] = {
     "font.size": 9.5,
     "axes.spines.top": False,
     "axes.spines.right": False,
@@ -52,7 +52,7 @@ def plot_run(path: Path, kind: str, columns: Columns, headline: dict[str, float]
     `residual` (largest force on a point) of a compression in time. `headline`: its xi, or an impact's
     restitution and contact_time. Units of M, R and c.
     """
-    with matplotlib.rc_context(_STYLE):
+    with matplotlib.rc_context(STYLE):
         figure = Figure(figsize=(7.6, 9.2), dpi=120, layout="constrained")
         FigureCanvasAgg(figure)
         ratios = (1.2, 1.0, 1.5, 0.8) if kind != "compression" or "residual" in columns else (1.2, 1.0, 1.5)

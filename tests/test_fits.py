@@ -23,11 +23,10 @@ def test_eq_5_s_planted_parameters_come_back() -> None:
 
 def test_a_planted_b_comes_back_and_each_lattice_has_its_own() -> None:
     b = np.array([0.9, 1.5, 2.4])
-    young, poisson = np.full(3, 1.1), np.full(3, 0.29)
     xi = theory.paper_compression(P, 1.1, 0.29, b[:, None])
-    one = fits.fit_b(P, xi[1:2], young[:1], poisson[:1])
+    one = fits.fit_b(P, xi[1:2], 1.1, 0.29)
     assert one.values["b"] == pytest.approx(1.5, rel=1e-6)
-    fit = fits.fit_b(P, xi, young, poisson)
+    fit = fits.fit_b(P, xi, 1.1, 0.29)
     assert [fit.values[f"b_{name}"] for name in ("min", "median", "max")] == pytest.approx(list(b), rel=1e-6)
     low, high = fit.intervals["b"]
     assert 0.9 <= low < fit.values["b"] < high <= 2.4

@@ -37,23 +37,23 @@ class Fit:
         return float(np.sqrt(np.mean(self.residuals**2)))
 
 
-def fit_b(pressure: Array, xi: Array, young: Array, poisson: Array) -> Fit:
-    """b of eq. (2), from xi (lattices, pressures) [R] and each lattice's E and nu (lattices,); relative squares.
+def fit_b(pressure: Array, xi: Array, young: float, poisson: float) -> Fit:
+    """b of eq. (2), from xi (lattices, pressures) [R] and the material's E and nu; relative squares.
 
     `values` also has b_min, b_median and b_max of the lattices one by one: a single lattice is one such draw.
     """
 
     def solve(weights: Array) -> Array:
-        data, E, nu = weights @ xi, weights @ young, weights @ poisson
+        data = weights @ xi
 
         def relative(b: Array) -> Array:
-            return theory.paper_compression(pressure, E[:, None], nu[:, None], np.maximum(b, 1e-6)) / data
+            return theory.paper_compression(pressure, young, poisson, np.maximum(b, 1e-6)) / data
 
         return least_squares(relative, np.ones_like(data), np.ones((len(data), 1)))
 
     best, intervals = _over_lattices(("b",), solve, len(xi))
     each = solve(np.eye(len(xi)))[:, 0]
-    left = xi.mean(0) - theory.paper_compression(pressure, float(young.mean()), float(poisson.mean()), best["b"])
+    left = xi.mean(0) - theory.paper_compression(pressure, young, poisson, best["b"])
     extremes = {"b_min": float(each.min()), "b_median": float(np.median(each)), "b_max": float(each.max())}
     return Fit(best | extremes, intervals, left)
 
@@ -96,6 +96,18 @@ def fit_tau0(velocity: Array, e: Array, e_star: float) -> Fit:
 
     best, intervals = _over_lattices(("tau0",), solve, len(e))
     return Fit(best, intervals, e.mean(0) - np.asarray(curves(best["tau0"])))
+
+
+def fit_curvature(x: Array, y: Array) -> Fit:
+    """Second derivative of the parabola through y (lattices, points): negative is concave, "convex upwards"."""
+    parabola = np.linalg.pinv(np.vander(x / x.max(), 3))  # takes values to coefficients
+
+    def solve(weights: Array) -> Array:
+        return np.asarray(weights @ y @ parabola[:1].T) * 2.0 / x.max() ** 2
+
+    best, intervals = _over_lattices(("second_derivative",), solve, len(y))
+    mean = y.mean(0)
+    return Fit(best, intervals, mean - np.vander(x / x.max(), 3) @ (parabola @ mean))
 
 
 def least_squares(model: Model, data: Array, start: Array) -> Array:

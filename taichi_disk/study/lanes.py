@@ -1,0 +1,111 @@
+"""Several scenes of one lattice stepped side by side, one to a lane; each lane ends by itself.
+
+What a lane computes does not depend on its neighbours: the same operations in the same order, in f64.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from taichi_disk.model import runtime
+from taichi_disk.model.sums import PEAK
+from taichi_disk.model.world import World
+from taichi_disk.scenes.setup import Columns, Setup
+from taichi_disk.simulate import SPRINGS_PER_LAUNCH, as_columns, blown_up
+from taichi_disk.time_step import TimeStep
+
+LANES = 4  # f64 numbers in a vector register (AVX2); eight cost the same per lane and compile three times longer
+WORLDS = 20  # made before Taichi is started afresh: it never gives fields back for good
+
+
+@dataclass(frozen=True)
+class Ending:
+    """How one lane ended: its time series, or why there is none; steps made and largest force on one point."""
+
+    columns: Columns
+    steps: int
+    peak_point_force: float
+    failure: str | None
+
+
+class LaneEngine:
+    """Steps groups of lanes in one process, on one core, keeping compiled worlds for the next group."""
+
+    def __init__(self) -> None:
+        runtime.start("cpu", threads=1)
+        self._worlds: list[World] = []
+
+    def run(self, setups: list[Setup], step: TimeStep, interval: float) -> Iterator[tuple[int, Ending]]:
+        """Step up to LANES `setups` of one lattice by `step`, sampled about every `interval` [R/c].
+
+        Yields (index in `setups`, its ending) as the lanes end. Where a lane blows up, what has not ended is done
+        again one by one: a number that is not finite could reach other lanes through a decision they share.
+        """
+        done: set[int] = set()
+        for index, ending in self._group(setups, step, interval):
+            done.add(index)
+            yield index, ending
+        for index in range(len(setups)):
+            if index not in done:
+                for _, ending in self._group([setups[index]], step, interval):
+                    yield index, ending
+
+    def _group(self, setups: list[Setup], step: TimeStep, interval: float) -> Iterator[tuple[int, Ending]]:
+        """The endings of all lanes, but only those before a blow-up if there are several."""
+        world = self._world(setups, step)
+        stride = max(1, round(interval / step.dt))
+        samples = max(1, SPRINGS_PER_LAUNCH // (len(setups[0].lattice.bonds) * LANES * stride))
+        rows = world.first_row[None]
+        peaks = world.export_state().sums[PEAK]
+        running = set(range(len(setups)))
+        while running:
+            known, before = len(rows), peaks
+            rows = np.concatenate([rows, world.advance(samples, stride)])
+            peaks = world.export_state().sums[PEAK]
+            columns = {lane: as_columns(rows[:, :, lane], step.dt, stride) for lane in running}
+            problems = {lane: blown_up(columns[lane], known) for lane in running}
+            if any(problems.values()):
+                if len(setups) == 1:
+                    yield 0, Ending(columns[0], (len(rows) - 1) * stride, float(before[0]), problems[0])
+                return
+            for lane in sorted(running):
+                ending = _ending(setups[lane], columns[lane], known, stride, float(peaks[lane]))
+                if ending is not None:
+                    running.discard(lane)
+                    yield lane, ending
+
+    def _world(self, setups: list[Setup], step: TimeStep) -> World:
+        # Lanes without a scene of their own repeat the last one.
+        lanes = [setups[min(k, len(setups) - 1)] for k in range(LANES)]
+        physics = replace(lanes[0].physics, integrator=step.integrator)
+        velocities = np.array([setup.velocities for setup in lanes])
+        own: dict[str, Any] = {
+            "eta": [setup.physics.eta for setup in lanes],
+            "load": [setup.physics.load for setup in lanes],
+            "positions": np.array([setup.lattice.positions for setup in lanes]),
+        }
+        lattice = lanes[0].lattice
+        for world in self._worlds:
+            if world.restart(lattice, physics, velocities, step.dt, **own):
+                return world
+        if len(self._worlds) >= WORLDS:
+            self._worlds.clear()
+            runtime.start("cpu", threads=1)
+        self._worlds.append(World(lattice, physics, velocities, step.dt, **own))
+        return self._worlds[-1]
+
+
+def _ending(setup: Setup, columns: Columns, known: int, stride: int, peak: float) -> Ending | None:
+    """The ending of a lane that has come to `columns`, `known` rows of them old; None if it goes on."""
+    rows = len(columns["t"])
+    over = np.flatnonzero(setup.ended(columns)[known:])
+    if len(over):
+        count = known + int(over[0]) + 1
+        return Ending({name: values[:count] for name, values in columns.items()}, (count - 1) * stride, peak, None)
+    if columns["t"][-1] > setup.max_time:
+        return Ending(columns, (rows - 1) * stride, peak, setup.unfinished(columns))
+    return None

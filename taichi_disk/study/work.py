@@ -1,0 +1,161 @@
+"""Computing the points of a sweep that share a lattice.
+
+A point's numbers follow from its own scene alone, to the last bit: not from the points beside it, nor from how
+many processes there are. Lanes share a time step, so automatic steps are rounded down to a rung of a ladder,
+which many points of a sweep then have in common.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import defaultdict
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+from taichi_disk.dynamics import ATTEMPTS, MARGIN
+from taichi_disk.errors import TaichiDiskError
+from taichi_disk.lattice import Lattice
+from taichi_disk.model.stability import Spectrum, spectrum, step_limit
+from taichi_disk.moduli import Moduli, bulk_moduli
+from taichi_disk.progress import QuietProgress
+from taichi_disk.quasistatic import press
+from taichi_disk.scene import CompressionScene, Scene
+from taichi_disk.scenes import body_of, build
+from taichi_disk.scenes.compression import Compression
+from taichi_disk.scenes.setup import Setup
+from taichi_disk.simulate import imbalance
+from taichi_disk.study.lanes import LANES, Ending, LaneEngine
+from taichi_disk.time_step import TimeStep, choose
+
+RUNGS = 4  # of the ladder of time steps, per factor of two
+
+
+@dataclass(frozen=True)
+class PointResult:
+    """What became of one point. `numbers`: headline, moduli, error estimate, steps, dt, integrator."""
+
+    status: str  # done or failed
+    reason: str | None = None
+    numbers: dict[str, Any] = field(default_factory=dict)
+
+
+def lattice_key(scene: Scene) -> str:
+    """Equal for scenes that have their lattice, material stiffness and wall shape in common."""
+    return repr((scene.scene, scene.lattice, scene.wall, scene.material.k_a, scene.material.k_b, scene.time))
+
+
+class Computer:
+    """Computes points in one process; starts Taichi when the first of them has to be stepped."""
+
+    def __init__(self) -> None:
+        self._engine: LaneEngine | None = None
+
+    def compute(self, scenes: Sequence[Scene]) -> Iterator[tuple[int, PointResult]]:
+        """Results of `scenes`, which agree in `lattice_key`, as (index, result) in the order of their ending."""
+        try:
+            body = body_of(scenes[0])
+            first = scenes[0]
+            spec = first.lattice
+            moduli = bulk_moduli(spec.points, spec.seed, first.material.k_a, spec.min_spacing)
+        except TaichiDiskError as error:
+            for k in range(len(scenes)):
+                yield k, PointResult("failed", str(error))
+            return
+        still = [k for k, scene in enumerate(scenes) if _is_newton(scene)]
+        for k in still:
+            yield k, _pressed(scenes[k], body, moduli)
+        moving = [k for k in range(len(scenes)) if k not in still]
+        if moving:
+            yield from self._stepped({k: scenes[k] for k in moving}, body, moduli)
+
+    def _stepped(self, scenes: dict[int, Scene], body: Lattice, moduli: Moduli) -> Iterator[tuple[int, PointResult]]:
+        self._engine = self._engine or LaneEngine()
+        modes: dict[bool, Spectrum] = {}
+        queue: list[_Job] = []
+        for k, scene in scenes.items():
+            try:
+                setup = build(scene, body)
+                damped = setup.physics.dissipates
+                # Of the lattice where it was made: a shift would change the last digits.
+                modes[damped] = modes.get(damped) or spectrum(body, setup.physics)
+                queue.append(_Job(k, scene, setup, _step(scene, setup, modes[damped], setup.point_force), 1))
+            except TaichiDiskError as error:
+                yield k, PointResult("failed", str(error))
+        while queue:
+            again: list[_Job] = []
+            for group in _groups(queue):
+                step = group[0].step
+                for lane, ending in self._engine.run([job.setup for job in group], step, _interval(group[0])):
+                    job = group[lane]
+                    physics = replace(job.setup.physics, integrator=step.integrator)
+                    mode, peak = modes[physics.dissipates], ending.peak_point_force
+                    # As in a single run: the wall has proved harder than estimated.
+                    harder = job.scene.time.dt == "auto" and step.dt > MARGIN * step_limit(mode, physics, peak)
+                    if harder and job.attempt < ATTEMPTS:
+                        smaller = _step(job.scene, job.setup, mode, 1.5 * peak)
+                        again.append(replace(job, step=smaller, attempt=job.attempt + 1))
+                    else:
+                        yield job.index, _described(job.setup, step, ending, moduli)
+            queue = again
+
+
+@dataclass(frozen=True)
+class _Job:
+    index: int
+    scene: Scene
+    setup: Setup
+    step: TimeStep
+    attempt: int
+
+
+def _is_newton(scene: Scene) -> bool:
+    return isinstance(scene, CompressionScene) and scene.compression.method == "newton"
+
+
+def _pressed(scene: Scene, body: Lattice, moduli: Moduli) -> PointResult:
+    try:
+        setup = build(scene, body)
+        assert isinstance(setup, Compression)
+        outcome = press(setup, QuietProgress())
+    except TaichiDiskError as error:
+        return PointResult("failed", str(error))
+    numbers = {**setup.headline(outcome.columns).values, "young": moduli.young, "poisson": moduli.poisson}
+    residual = outcome.facts["residual"] * scene.lattice.points / setup.physics.load
+    return PointResult("done", None, numbers | {"residual": residual, "steps": outcome.facts["steps"]})
+
+
+def _step(scene: Scene, setup: Setup, modes: Spectrum, point_force: float) -> TimeStep:
+    step = choose(scene.time, setup.physics, modes, point_force)
+    if scene.time.dt != "auto" or setup.physics.reset_interval:
+        return step
+    rung = math.floor(RUNGS * math.log2(step.dt))
+    return TimeStep(step.integrator, step.limit, 2.0 ** (rung / RUNGS))
+
+
+def _interval(job: _Job) -> float:
+    asked = job.scene.time.sample_interval
+    return job.setup.sample_interval if asked == "auto" else asked
+
+
+def _groups(jobs: list[_Job]) -> Iterator[list[_Job]]:
+    """Jobs that can be lanes of one world, up to LANES of about equal duration together."""
+    kinds: dict[Any, list[_Job]] = defaultdict(list)
+    for job in jobs:
+        physics = job.setup.physics
+        shared_eta = physics.eta if job.step.integrator == "trapezoidal" else physics.dissipates
+        kinds[job.step.integrator, job.step.dt, shared_eta].append(job)
+    for kind in kinds.values():
+        kind.sort(key=lambda job: -job.setup.max_time)
+        for first in range(0, len(kind), LANES):
+            yield kind[first : first + LANES]
+
+
+def _described(setup: Setup, step: TimeStep, ending: Ending, moduli: Moduli) -> PointResult:
+    numbers: dict[str, Any] = {}
+    if ending.failure is None:
+        lost = imbalance(ending.columns)[-1] / setup.energy_scale(ending.columns)
+        numbers = {**setup.headline(ending.columns).values, "energy_imbalance": float(lost)}
+    numbers |= {"young": moduli.young, "poisson": moduli.poisson}
+    numbers |= {"steps": ending.steps, "dt": step.dt, "integrator": step.integrator}
+    return PointResult("failed" if ending.failure else "done", ending.failure, numbers)
