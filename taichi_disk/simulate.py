@@ -33,7 +33,7 @@ class BlowUp(SimulationError):
 
     def last_good(self) -> dict[str, NDArray[np.float64]]:
         """Positions and velocities (n, 2) and time of the last good state; velocities are half a step older."""
-        x, v, _ = self.state.vectors[..., 0]
+        x, v = self.state.vectors[:2, ..., 0]
         return {"positions": x, "velocities": v, "t": np.array(self.state.step * self.dt)}
 
 

@@ -23,7 +23,8 @@ Integers2 = ti.types.ndarray(dtype=ti.i32, ndim=2)
 class State:
     """All that a world needs to go on from step `step` with the same bytes.
 
-    vectors: (3, n, 2, lanes) positions [R], velocities half a step before [c], forces [M c^2/R].
+    vectors: (3, n, 2, lanes) positions [R], velocities half a step before [c], forces [M c^2/R]; with implicit
+        dashpots (4, n, 2, lanes), the last the velocities that were solved for, which the energy ledger needs.
     sums: (5, lanes) dissipated, its power, absorbed, its power, largest force of the wall on a point so far.
     """
 
@@ -98,10 +99,14 @@ class Storage:
                         self.x[i][c, w] = vectors[0, i, c, w]
                         self.v[i][c, w] = vectors[1, i, c, w]
                         self.f[i][c, w] = vectors[2, i, c, w]
+                        if ti.static(self.physics.implicit_dashpot):
+                            self.u[i][c, w] = vectors[3, i, c, w]
                     else:
                         vectors[0, i, c, w] = self.x[i][c, w]
                         vectors[1, i, c, w] = self.v[i][c, w]
                         vectors[2, i, c, w] = self.f[i][c, w]
+                        if ti.static(self.physics.implicit_dashpot):
+                            vectors[3, i, c, w] = self.u[i][c, w]
         for k in ti.static(range(SUMS)):
             for w in ti.static(range(self.lanes)):
                 if ti.static(into):

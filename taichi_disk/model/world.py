@@ -124,7 +124,7 @@ class World(Stepping, Springs, Walls, ImplicitDashpot, Observables, Storage):
         self.step_number = 0
         self._fill(factor, eta, np.full(self.lanes, self.physics.load) if load is None else np.asarray(load, float))
         self._parameters = parameters(self.physics, self.mass, self.dt)
-        vectors = np.zeros((3, self.n, 2, self.lanes))
+        vectors = self._no_vectors()
         vectors[0] = self.lattice.positions[:, :, None] if positions is None else np.moveaxis(positions, 0, 2)
         vectors[1] = np.moveaxis(velocities, 0, 2)
         self._copy_state(vectors, np.zeros((SUMS, self.lanes)), True)
@@ -190,8 +190,11 @@ class World(Stepping, Springs, Walls, ImplicitDashpot, Observables, Storage):
     def time(self) -> float:
         return self.step_number * self.dt
 
+    def _no_vectors(self) -> NDArray[np.float64]:
+        return np.zeros((4 if self.physics.implicit_dashpot else 3, self.n, 2, self.lanes))
+
     def export_state(self) -> State:
-        vectors = np.zeros((3, self.n, 2, self.lanes))
+        vectors = self._no_vectors()
         sums = np.zeros((SUMS, self.lanes))
         self._copy_state(vectors, sums, False)
         return State(self.step_number, vectors, sums)
@@ -206,7 +209,7 @@ class World(Stepping, Springs, Walls, ImplicitDashpot, Observables, Storage):
 
     def velocities(self) -> NDArray[np.float64]:
         """(lanes, n, 2) now [c]."""
-        _, v, f = self.export_state().vectors
+        _, v, f = self.export_state().vectors[:3]
         return np.moveaxis(v + 0.5 * self.dt / self.mass * f, 2, 0).copy()
 
     def forces(self) -> NDArray[np.float64]:
