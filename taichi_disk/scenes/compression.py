@@ -124,11 +124,14 @@ def _laid_down(disk: Lattice, k_a: float, k_b: float, a: float, V0: float, press
     rolls. Damped by dashpots that resist rotation too, that takes 10^4 R/c, and the turned disk's lowest point
     is another: the compression would be measured against the wrong radius.
     """
-    positions = disk.positions
+    positions, angle = disk.positions, 0.0
     for _ in range(4):
         start = positions + np.array([0.0, rigid_balance(positions[:, 1], a, V0, pressure)])
         rest = compress(disk, k_a, k_b, a, V0, pressure, start=start).positions
-        positions = _turned(disk.positions, roll_angle(disk.positions, rest))
+        before, angle = angle, roll_angle(disk.positions, rest)
+        positions = _turned(disk.positions, angle)
+        if abs(angle - before) < 1e-8:  # Newton's method converges quadratically: the next change is rounding
+            break
     lift = rigid_balance(positions[:, 1], a, V0, TOUCH * pressure)
     return replace(disk, positions=positions + np.array([0.0, lift]))
 
