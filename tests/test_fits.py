@@ -47,6 +47,13 @@ def test_the_residuals_are_data_minus_fit() -> None:
     assert 0.7e-3 < fit.residuals[5] < 1e-3
 
 
+def test_curvature_is_the_second_derivative_of_either_half() -> None:
+    y = np.where(V[6] > V, -3.0 * V**2 + V, 2.0 * V**2)
+    fit = fits.fit_curvature(V, np.stack([y, y]))
+    assert fit.values == pytest.approx({"slow_half": -6.0, "fast_half": 4.0}, rel=1e-8)
+    assert fit.rms < 1e-12
+
+
 def test_intervals_hold_the_truth_about_as_often_as_their_level(monkeypatch: pytest.MonkeyPatch) -> None:
     # Lattices that scatter by a common factor each: what a bootstrap over single points would miss.
     monkeypatch.setattr(fits, "RESAMPLES", 200)

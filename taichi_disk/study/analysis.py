@@ -90,13 +90,14 @@ def _curve(label: dict[str, Any], rows: list[dict[str, Any]], x: str, seed: str 
 def _fits(kind: str, label: dict[str, Any], curve: Curve) -> dict[str, Fit]:
     if kind == "compression":
         return {"eq2": fit_b(curve.x, curve.y, curve.young, curve.poisson)}
-    if len(curve.x) < 4:
+    if len(curve.x) < 3:
         return {}
     fits = {
         "eq5": fit_restitution(curve.x, curve.y),
         "eq5_d1_is_1": fit_restitution(curve.x, curve.y, d1_is_1=True),
-        "curvature": fit_curvature(curve.x, curve.y),
     }
+    if len(curve.x) >= 8:
+        fits["curvature"] = fit_curvature(curve.x, curve.y)
     eta = [value for name, value in label.items() if name.split(".")[-1] == "eta_star"]
     if kind == "exponential_wall" and eta and eta[0] > 0:
         fits["eq4"] = fit_tau0(curve.x, curve.y, curve.young)

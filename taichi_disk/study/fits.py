@@ -99,15 +99,22 @@ def fit_tau0(velocity: Array, e: Array, e_star: float) -> Fit:
 
 
 def fit_curvature(x: Array, y: Array) -> Fit:
-    """Second derivative of the parabola through y (lattices, points): negative is concave, "convex upwards"."""
-    parabola = np.linalg.pinv(np.vander(x / x.max(), 3))  # takes values to coefficients
+    """Second derivatives of the parabolas through the lower and the upper half of y (lattices, points) over x.
+
+    Negative is concave, the paper's "convex upwards". `residuals` are those of the two parabolas.
+    """
+    half = len(x) // 2
+    parts = slice(0, half), slice(half, None)
+    powers = [np.vander(x[part] / x.max(), 3) for part in parts]
 
     def solve(weights: Array) -> Array:
-        return np.asarray(weights @ y @ parabola[:1].T) * 2.0 / x.max() ** 2
+        leading = [np.linalg.pinv(p)[0] for p in powers]
+        return np.stack([(weights @ y[:, part]) @ row for part, row in zip(parts, leading, strict=True)], 1) * 2.0
 
-    best, intervals = _over_lattices(("second_derivative",), solve, len(y))
+    best, intervals = _over_lattices(("slow_half", "fast_half"), lambda w: solve(w) / x.max() ** 2, len(y))
     mean = y.mean(0)
-    return Fit(best, intervals, mean - np.vander(x / x.max(), 3) @ (parabola @ mean))
+    left = [mean[part] - p @ (np.linalg.pinv(p) @ mean[part]) for part, p in zip(parts, powers, strict=True)]
+    return Fit(best, intervals, np.concatenate(left))
 
 
 def least_squares(model: Model, data: Array, start: Array) -> Array:

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from math import ceil
 from typing import Any
 
 import numpy as np
@@ -101,11 +102,11 @@ class LaneEngine:
 
 def _ending(setup: Setup, columns: Columns, known: int, stride: int, peak: float) -> Ending | None:
     """The ending of a lane that has come to `columns`, `known` rows of them old; None if it goes on."""
-    rows = len(columns["t"])
-    over = np.flatnonzero(setup.ended(columns)[known:])
-    if len(over):
-        count = known + int(over[0]) + 1
-        return Ending({name: values[:count] for name, values in columns.items()}, (count - 1) * stride, peak, None)
-    if columns["t"][-1] > setup.max_time:
-        return Ending(columns, (rows - 1) * stride, peak, setup.unfinished(columns))
-    return None
+    spacing = columns["t"][1] - columns["t"][0]
+    most = ceil(setup.max_time / spacing) + 1  # rows, as in a single run
+    over = np.flatnonzero(setup.ended(columns)[known:most])
+    if not len(over) and len(columns["t"]) < most:
+        return None
+    count = known + int(over[0]) + 1 if len(over) else most
+    columns = {name: values[:count] for name, values in columns.items()}
+    return Ending(columns, (count - 1) * stride, peak, None if len(over) else setup.unfinished(columns))
