@@ -100,8 +100,8 @@ LEDGERS = [
     ("matched", 20.0, VV, False),
     ("matched", 100.0, TRAPEZOIDAL, True),
     ("reset", 0.0, VV, False),
-    ("reset", 20.0, VV, False),
-    ("reset", 20.0, TRAPEZOIDAL, True),
+    ("reset", 20.0, VV, True),
+    ("reset", 20.0, TRAPEZOIDAL, False),
 ]
 
 

@@ -7,9 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from taichi_disk.lattice import Lattice, disk_lattice
-from taichi_disk.model.parameters import parameters
 from taichi_disk.model.physics import Physics
-from taichi_disk.model.sums import SUMS
 from taichi_disk.wall_lattice import with_wall
 
 A, V0 = 300.0, 150.0
@@ -45,24 +43,9 @@ def moving_down(lattice: Lattice, speed: float) -> np.ndarray:
 
 
 def again(world, positions: np.ndarray, velocities: np.ndarray, dt: float | None = None) -> None:
-    """Start `world` afresh from (lanes, n, 2) positions and velocities, with the kernels it has (compiling is slow).
-
-    The interval of a reset boundary is compiled in as a number of steps: `dt` must then stay.
-    """
-    if dt is not None:
-        world.dt = dt
-        world._parameters = parameters(world.physics, world.mass, dt)
-        if world.physics.implicit_dashpot:
-            eta, load = (np.full(world.lanes, value) for value in (world.physics.eta, world.physics.load))
-            world._fill(world._factor(eta), eta, load)
-    vectors = np.zeros((3, world.n, 2, world.lanes))
-    vectors[0] = np.moveaxis(np.broadcast_to(positions, velocities.shape), 0, 2)
-    vectors[1] = np.moveaxis(velocities, 0, 2)
-    world._copy_state(vectors, np.zeros((SUMS, world.lanes)), True)
-    world.step_number = 0
-    rows = np.zeros((1, world.first_row.shape[0], world.lanes))
-    world._initialise(world._parameters, rows)
-    world.first_row = rows[0]
+    """Start `world` afresh from (lanes, n, 2) positions and velocities, with the kernels it has (compiling is slow)."""
+    placed = np.broadcast_to(positions, velocities.shape).copy()
+    assert world.restart(world.lattice, world.physics, velocities, dt or world.dt, positions=placed)
 
 
 def matched(lattice: Lattice, physics: Physics) -> Physics:
