@@ -82,6 +82,17 @@ def _sweep(arguments: argparse.Namespace) -> int:
     return 1 if result.failed else 0
 
 
+def _view(arguments: argparse.Namespace) -> int:
+    from taichi_disk.scene_file import load_scene
+
+    scene = load_scene(arguments.scene, arguments.overrides)
+
+    from taichi_disk.view.app import view
+
+    view(scene, arguments.out)
+    return 0
+
+
 def _check(arguments: argparse.Namespace) -> int:
     from taichi_disk.scene_file import load_any
 
@@ -143,6 +154,12 @@ def _parser() -> argparse.ArgumentParser:
     sweep.add_argument("--out", type=Path, metavar="DIR", help="where the results go (default: out/SCENE)")
     sweep.add_argument("--jobs", type=_count, metavar="N", help="processes (default: one for each core)")
 
+    view = _command(commands, "view", _view, "play with a scene in a window")
+    _add_scene(view, default="exponential_wall")
+    view.add_argument(
+        "--out", type=Path, default=Path("out/view"), metavar="DIR", help="for saved scenes, films, pictures"
+    )
+
     _add_scene(_command(commands, "check", _check, "say what is wrong with a scene, or print it resolved"))
     accuracy = _command(commands, "accuracy", _accuracy, "speed against error: every integrator at several steps")
     _add_scene(accuracy)
@@ -163,8 +180,14 @@ def _command(
     return parser
 
 
-def _add_scene(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("scene", metavar="SCENE", help="a YAML file, or a shipped scene: exponential_wall")
+def _add_scene(parser: argparse.ArgumentParser, default: str | None = None) -> None:
+    parser.add_argument(
+        "scene",
+        metavar="SCENE",
+        nargs="?" if default else None,
+        default=default,
+        help="a YAML file, or a shipped scene: exponential_wall",
+    )
     parser.add_argument(
         "--set",
         dest="overrides",

@@ -61,7 +61,7 @@ def main(points: int = 1099, size: int = 720) -> None:
             _report("drawing alone", draw)
 
         def encode() -> None:
-            with Video(Path(folder, "encoding.mp4"), size, 30) as video:
+            with Video(Path(folder, "encoding.mp4"), size, size, 30) as video:
                 for k in range(_FRAMES):
                     video.write(pictures[k % len(pictures)])
 

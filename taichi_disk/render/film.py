@@ -62,7 +62,7 @@ def record_film(
 
     def write(beside: Path) -> None:
         done = 0
-        with Stills(subject, size, len(first.text)) as stills, Video(beside, size, fps) as video:
+        with Stills(subject, size, len(first.text)) as stills, Video(beside, size, size, fps) as video:
             for frame in chain([first], stream):
                 video.write(stills.draw(frame))
                 done += 1

@@ -32,15 +32,15 @@ class Video:
     """Writes pictures to an MP4. A context manager: left in order, the file is complete.
 
     A thread feeds ffmpeg, so that drawing need not wait until a picture has gone through the pipe.
-    `size`: width and height in pixels, even. Raises SimulationError if ffmpeg fails.
+    `width`, `height`: in pixels, even. Raises SimulationError if ffmpeg fails.
     """
 
-    def __init__(self, path: Path, size: int, fps: int) -> None:
+    def __init__(self, path: Path, width: int, height: int, fps: int) -> None:
         self._path = path
-        raw = ("-f", "rawvideo", "-pix_fmt", "rgb0", "-s", f"{size}x{size}", "-r", str(fps), "-i", "-")
+        raw = ("-f", "rawvideo", "-pix_fmt", "rgb0", "-s", f"{width}x{height}", "-r", str(fps), "-i", "-")
         # The number of threads is written into the file, so it may not depend on the machine. One is fastest
         # beside a drawing that keeps two cores busy, as long as it keeps up.
-        threads = ("-threads", str(1 + size // 1080))
+        threads = ("-threads", str(1 + min(width, height) // 1080))
         command = [imageio_ffmpeg.get_ffmpeg_exe(), "-v", "error", "-y", *raw, *_ENCODING, *threads, str(path)]
         self._complaints = tempfile.TemporaryFile()  # noqa: SIM115 (closed in __exit__)
         # In a session of its own, so that Ctrl-C reaches us and not ffmpeg.
@@ -51,7 +51,7 @@ class Video:
         self._feeder.start()
 
     def write(self, picture: NDArray[np.uint8]) -> None:
-        """Append a picture (size, size, 4), the fourth byte unused; it may be overwritten on return."""
+        """Append a picture (height, width, 4), the fourth byte unused; it may be overwritten on return."""
         if self._broken:
             raise self._failure()
         self._pictures.put(picture.copy())

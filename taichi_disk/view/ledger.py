@@ -1,0 +1,94 @@
+"""What has been measured since the sandbox last started, across changes by hand: rows, history, energy balance."""
+
+from __future__ import annotations
+
+from collections import deque
+
+import numpy as np
+from numpy.typing import NDArray
+
+from taichi_disk.model.observables import COLUMNS
+from taichi_disk.scenes.setup import Columns
+from taichi_disk.simulate import as_columns
+
+_DISSIPATED, _ABSORBED = COLUMNS.index("dissipated"), COLUMNS.index("absorbed")
+_HISTORY = 4000  # rows that the running graph can look back
+
+
+class Ledger:
+    """A stretch is the time between two changes by hand; the rows of a stretch are those of a run from its start.
+
+    A change gives or takes energy at once, which is no error: `imbalance` adds up what each stretch lost.
+    """
+
+    def __init__(self, first: NDArray[np.float64], dt: float, stride: int) -> None:
+        """`first`: (columns,) at the start; a row follows every `stride` steps of `dt` [R/c]."""
+        self._t, self._lost, self._dissipated, self._absorbed, self.work = 0.0, 0.0, 0.0, 0.0, 0.0
+        self.history: deque[tuple[float, dict[str, float]]] = deque(maxlen=_HISTORY)
+        self._begin(first, dt, stride)
+
+    def _begin(self, first: NDArray[np.float64], dt: float, stride: int) -> None:
+        self.dt, self.stride = dt, stride
+        self._rows = [first.copy()]
+        self.last, self._steps, self._stretch_work = first.copy(), 0, 0.0
+        self._note()
+
+    def new_stretch(self, first: NDArray[np.float64], dt: float, stride: int) -> None:
+        """Something was changed by hand: `first` is the state's row after it, its sums zero again."""
+        self._lost += self._stretch_imbalance()
+        self._t = self.t
+        self._dissipated += self.last[_DISSIPATED]
+        self._absorbed += self.last[_ABSORBED] + self._stretch_work
+        self.work += self._stretch_work
+        self._begin(first, dt, stride)
+
+    def add(self, row: NDArray[np.float64], steps: int, work: float) -> None:
+        """The state after `steps` steps of this stretch; `work` [M c^2] was done by hand in it so far."""
+        row = row.copy()
+        # What comes in by hand is a negative loss, so that the sum of all energies stays what it was.
+        row[_ABSORBED] -= work
+        self._stretch_work = work
+        self.last, self._steps = row, steps
+        if steps % self.stride == 0:
+            self._rows.append(row)
+            self._note()
+
+    def back_to(self, rows: int) -> None:
+        """Forget all but the first `rows` rows of this stretch."""
+        for _ in range(len(self._rows) - rows):
+            self._rows.pop()
+            self.history.pop()
+        self.last, self._steps = self._rows[-1], (rows - 1) * self.stride
+
+    def __len__(self) -> int:
+        return len(self._rows)
+
+    @property
+    def t(self) -> float:
+        return self._t + self._steps * self.dt
+
+    def columns(self, last: int | None = None) -> Columns:
+        """The rows of this stretch as a run's time series, or the last few of them (t then begins at 0)."""
+        return as_columns(np.array(self._rows[-last:] if last else self._rows), self.dt, self.stride)
+
+    def now(self) -> dict[str, float]:
+        """All observables at this moment; `dissipated` and `absorbed` since the start."""
+        row = dict(zip(COLUMNS, map(float, self.last), strict=True))
+        row["dissipated"] += self._dissipated
+        row["absorbed"] += self._absorbed + self._stretch_work
+        return row
+
+    def imbalance(self) -> float:
+        """Energy that has appeared from nowhere since the start [M c^2]."""
+        return self._lost + self._stretch_imbalance()
+
+    def given(self) -> float:
+        """Work of the mouse's pull since the start [M c^2]."""
+        return self.work + self._stretch_work
+
+    def _stretch_imbalance(self) -> float:
+        total = as_columns(np.array([self._rows[0], self.last]), self.dt, self.stride)["total"]
+        return float(total[1] - total[0])
+
+    def _note(self) -> None:
+        self.history.append((self.t, self.now()))
