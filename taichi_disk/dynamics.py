@@ -4,17 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import replace
+from time import perf_counter
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from taichi_disk.model.stability import Spectrum, step_limit
+from taichi_disk.model.world import World
 from taichi_disk.outcome import Outcome
 from taichi_disk.progress import Progress
 from taichi_disk.scene import TimeSection
 from taichi_disk.scenes.setup import Setup
-from taichi_disk.simulate import BlowUp, Simulation, imbalance, replay, simulate
+from taichi_disk.simulate import BlowUp, Simulation, imbalance, make_world, replay, simulate
 from taichi_disk.time_step import TimeStep, choose
 
 MARGIN = 0.95  # of the limit that the measured wall stiffness leaves; an automatic step above it is redone
@@ -29,10 +31,16 @@ def move(setup: Setup, time: TimeSection, modes: Spectrum, step: TimeStep, progr
     """
     interval = setup.sample_interval if time.sample_interval == "auto" else time.sample_interval
     point_force = setup.point_force
+    world: World | None = None
+    compile_seconds = 0.0
     for attempt in range(1, ATTEMPTS + 1):
+        progress.start("compile", None)
+        began = perf_counter()
+        world = make_world(setup, step, world)
+        compile_seconds += perf_counter() - began
         result: Simulation | BlowUp
         try:
-            result = simulate(setup, step, interval, progress)
+            result = simulate(setup, world, step, interval, progress)
         except BlowUp as failure:
             result = failure
         limit = step_limit(modes, replace(setup.physics, integrator=step.integrator), result.peak_point_force)
@@ -52,10 +60,10 @@ def move(setup: Setup, time: TimeSection, modes: Spectrum, step: TimeStep, progr
         step = choose(time, setup.physics, modes, point_force)
     if isinstance(result, BlowUp):
         raise result
-    return _describe(setup, result, limit, attempt)
+    return _describe(setup, result, limit, attempt, compile_seconds)
 
 
-def _describe(setup: Setup, simulation: Simulation, limit: float, attempts: int) -> Outcome:
+def _describe(setup: Setup, simulation: Simulation, limit: float, attempts: int, compile_seconds: float) -> Outcome:
     world, columns = simulation.world, simulation.columns
     world.import_state(simulation.end)
     lost = imbalance(columns) / setup.energy_scale(columns)
@@ -77,4 +85,4 @@ def _describe(setup: Setup, simulation: Simulation, limit: float, attempts: int)
     def snapshots(times: NDArray[np.float64]) -> Iterator[tuple[float, NDArray[np.float64]]]:
         return replay(simulation, times)
 
-    return Outcome(columns, world.positions()[0], world.velocities()[0], snapshots, facts, simulation.compile_seconds)
+    return Outcome(columns, world.positions()[0], world.velocities()[0], snapshots, facts, compile_seconds)

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from math import ceil
-from time import perf_counter
 
 import numpy as np
 from numpy.typing import NDArray
@@ -46,7 +45,6 @@ class Simulation:
     start: State
     end: State
     columns: Columns
-    compile_seconds: float
 
     @property
     def peak_point_force(self) -> float:
@@ -54,16 +52,21 @@ class Simulation:
         return float(self.end.sums[PEAK].max())
 
 
-def simulate(setup: Setup, step: TimeStep, interval: float, progress: Progress) -> Simulation:
-    """Step `setup` until it has ended, taking a row of observables about every `interval` [R/c].
+def make_world(setup: Setup, step: TimeStep, earlier: World | None = None) -> World:
+    """`setup` at t = 0, compiled; in the fields and with the kernels of an `earlier` world where that can be."""
+    arguments = setup.lattice, replace(setup.physics, integrator=step.integrator), setup.velocities[None], step.dt
+    if earlier is not None and earlier.restart(*arguments):
+        return earlier
+    world = World(*arguments)
+    world.advance(0)
+    return world
+
+
+def simulate(setup: Setup, world: World, step: TimeStep, interval: float, progress: Progress) -> Simulation:
+    """Step `setup`, fresh in `world`, until it has ended, taking a row of observables about every `interval` [R/c].
 
     Raises SimulationError when `max_time` comes first, BlowUp when the energy balance or a number is lost.
     """
-    progress.start("compile", None)
-    began = perf_counter()
-    world = World(setup.lattice, replace(setup.physics, integrator=step.integrator), setup.velocities[None], step.dt)
-    world.advance(0)
-    compile_seconds = perf_counter() - began
     start = world.export_state()
     stride = max(1, round(interval / step.dt))
     last = ceil(setup.max_time / (stride * step.dt))  # number of the last row
@@ -85,7 +88,7 @@ def simulate(setup: Setup, step: TimeStep, interval: float, progress: Progress) 
             world.import_state(good)
             _steps(world, (count - known) * stride, launch)
             columns = as_columns(rows[:count], step.dt, stride)
-            return Simulation(world, step, start, world.export_state(), columns, compile_seconds)
+            return Simulation(world, step, start, world.export_state(), columns)
         progress.update(world.time)
 
 

@@ -10,6 +10,7 @@ from time import perf_counter
 
 import numpy as np
 
+from taichi_disk.dynamics import move
 from taichi_disk.errors import InputError
 from taichi_disk.model import runtime
 from taichi_disk.model.physics import Integrator
@@ -21,8 +22,9 @@ from taichi_disk.results import write_text
 from taichi_disk.scene import CompressionScene, Scene
 from taichi_disk.scenes import build
 from taichi_disk.scenes.setup import Setup
-from taichi_disk.simulate import as_columns, imbalance
+from taichi_disk.simulate import as_columns, imbalance, make_world
 from taichi_disk.study.reference import Reference, cached_solution
+from taichi_disk.time_step import TimeStep, choose
 
 FRACTIONS = (0.95, 0.8, 0.6, 0.4, 0.2, 0.1, 0.05)  # of the stability limit
 REPEATS = 5
@@ -64,8 +66,10 @@ def measure(scene: Scene, progress: Progress) -> list[Point]:
     progress.start("measure", len(integrators) * len(FRACTIONS))
     points = []
     for integrator in integrators:
+        world: World | None = None
         for fraction in FRACTIONS:
-            points.append(_measure(setup, integrator, fraction, end, truth))
+            point, world = _measure(setup, integrator, fraction, end, truth, world)
+            points.append(point)
             progress.update(len(points))
     return points
 
@@ -73,15 +77,14 @@ def measure(scene: Scene, progress: Progress) -> list[Point]:
 def _end(setup: Setup, progress: Progress) -> float:
     if isinstance(setup.scene, CompressionScene):
         return 20.0 / float(np.sqrt(setup.physics.k_a))
-    from taichi_disk.dynamics import move
-    from taichi_disk.time_step import choose
-
     modes, time = spectrum(setup.lattice, setup.physics), setup.scene.time
     columns = move(setup, time, modes, choose(time, setup.physics, modes, setup.point_force, True), progress).columns
     return float(columns["t"][-1])
 
 
-def _measure(setup: Setup, integrator: Integrator, fraction: float, end: float, truth: np.ndarray) -> Point:
+def _measure(
+    setup: Setup, integrator: Integrator, fraction: float, end: float, truth: np.ndarray, earlier: World | None
+) -> tuple[Point, World]:
     physics = replace(setup.physics, integrator=integrator)
     limit = step_limit(spectrum(setup.lattice, physics), physics, setup.point_force)
     if physics.reset_interval:
@@ -90,7 +93,7 @@ def _measure(setup: Setup, integrator: Integrator, fraction: float, end: float, 
     else:
         stride = max(1, int(end / (fraction * limit) / ROWS))
         steps = stride * int(np.ceil(end / (fraction * limit) / stride))
-    world = World(setup.lattice, physics, setup.velocities[None], end / steps)
+    world = make_world(setup, TimeStep(integrator, limit, end / steps), earlier)
     start = world.export_state()
     rows = world.advance(steps // stride, stride)
     positions, velocities = world.positions()[0], world.velocities()[0]
@@ -101,14 +104,13 @@ def _measure(setup: Setup, integrator: Integrator, fraction: float, end: float, 
         world.advance(1, steps)
         seconds.append(perf_counter() - began)
     columns = as_columns(np.concatenate([world.first_row[None], rows])[:, :, 0], world.dt, stride)
-    world.destroy()
     lost = imbalance(columns) / setup.energy_scale(columns)
     disk = setup.lattice.disk_points
     if isinstance(setup.scene, CompressionScene):
         error = _compression(positions) - _compression(truth[0])
     else:
         error = float(velocities[:disk, 1].mean() - truth[1][:disk, 1].mean()) / setup.scene.impact.velocity
-    return Point(
+    point = Point(
         integrator=integrator,
         fraction=fraction,
         dt=world.dt,
@@ -120,6 +122,7 @@ def _measure(setup: Setup, integrator: Integrator, fraction: float, end: float, 
         closing_imbalance=float(lost[-1]),
         worst_imbalance=float(np.abs(lost).max()),
     )
+    return point, world
 
 
 def _compression(positions: np.ndarray) -> float:
