@@ -1,0 +1,34 @@
+"""A sweep from Python: restitution against speed on three lattices, with the fit of equation (5).
+
+python docs/examples/a_sweep.py [folder]
+"""
+
+import sys
+from pathlib import Path
+
+from taichi_disk.scene_file import load_sweep
+from taichi_disk.study.sweep import run_sweep
+
+SWEEP = """
+scene: exponential_wall
+lattice: {points: 200}
+sweep: {eta_star: [10], seed: {range: 3}, velocity: {geom: [1.0e-2, 5.0e-2, 4]}}
+"""
+
+
+def main() -> None:
+    out = Path(sys.argv[1] if len(sys.argv) > 1 else "out/a_sweep")
+    out.mkdir(parents=True, exist_ok=True)
+    (out / "input.yaml").write_text(SWEEP)
+    # Stop it at any time and start it again: what is done is not computed twice.
+    result = run_sweep(load_sweep(out / "input.yaml"), out)
+    for row in result.rows:
+        print(f"seed {row['seed']}  v = {row['velocity']:.4f} c  e = {row['restitution']:.5f}")
+    fit = result.summary["curves"][0]["fits"]["eq5"]
+    for name, value in fit["values"].items():
+        low, high = fit["intervals_95"][name]
+        print(f"{name} = {value:.4f}, between {low:.4f} and {high:.4f} (95 %)")
+
+
+if __name__ == "__main__":  # the sweep's worker processes import this file
+    main()
