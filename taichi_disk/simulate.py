@@ -80,7 +80,8 @@ def simulate(setup: Setup, world: World, step: TimeStep, interval: float, progre
         rows = np.concatenate([rows, _advance(world, launch, stride, last + 1 - known)])
         columns = as_columns(rows, step.dt, stride)
         if problem := blown_up(columns, known):
-            raise BlowUp(f"{problem}; {_advice(step)}", good, step.dt, as_columns(rows[:known], step.dt, stride))
+            message = f"{problem}, {_where(world)}; {_advice(step)}"
+            raise BlowUp(message, good, step.dt, as_columns(rows[:known], step.dt, stride))
         over = np.flatnonzero(setup.ended(columns)[known:])
         if len(over):
             # The launch went past the end: go back, and stop there.
@@ -137,6 +138,18 @@ def blown_up(columns: Columns, first: int) -> str | None:
     t0, t1 = columns["t"][max(k - 1, 0)], columns["t"][k]
     what = "a number is no longer finite" if not np.isfinite(columns["total"][k]) else "the energy balance is lost"
     return f"blow-up between t = {t0:.6g} and {t1:.6g} R/c: {what}"
+
+
+def _where(world: World) -> str:
+    """The point or spring in which the state of `world` is worst."""
+    x, lattice = world.positions()[0], world.lattice
+    lost = np.flatnonzero(~np.isfinite(x).all(axis=1))
+    if len(lost):
+        return f"{len(lost)} of {len(x)} points have no position, among them point {lost[0]}"
+    i, j = lattice.bonds.T
+    strain = np.hypot(*(x[i] - x[j]).T) / lattice.rest_lengths - 1.0
+    worst = int(np.abs(strain).argmax())
+    return f"spring {worst} between points {i[worst]} and {j[worst]} strained by {strain[worst]:+.3g}"
 
 
 def _advice(step: TimeStep) -> str:
