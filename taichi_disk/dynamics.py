@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from time import perf_counter
 from typing import Any
 
@@ -15,7 +15,7 @@ from taichi_disk.model.world import World
 from taichi_disk.outcome import Outcome
 from taichi_disk.progress import Progress
 from taichi_disk.scene import TimeSection
-from taichi_disk.scenes.setup import Setup
+from taichi_disk.scenes.setup import Columns, Setup
 from taichi_disk.simulate import BlowUp, Simulation, imbalance, make_world, replay, simulate
 from taichi_disk.time_step import TimeStep, choose
 
@@ -30,7 +30,7 @@ def move(setup: Setup, time: TimeSection, modes: Spectrum, step: TimeStep, progr
     Raises SimulationError when the scene does not end in time, BlowUp when the state becomes meaningless.
     """
     interval = setup.sample_interval if time.sample_interval == "auto" else time.sample_interval
-    point_force = setup.point_force
+    trial = Trial(time, setup.point_force)
     world: World | None = None
     compile_seconds = 0.0
     for attempt in range(1, ATTEMPTS + 1):
@@ -44,23 +44,46 @@ def move(setup: Setup, time: TimeSection, modes: Spectrum, step: TimeStep, progr
         except BlowUp as failure:
             result = failure
         limit = step_limit(modes, replace(setup.physics, integrator=step.integrator), result.peak_point_force)
-        if time.dt != "auto" or attempt == ATTEMPTS:
+        columns = None if isinstance(result, BlowUp) else result.columns
+        following = next_trial(trial, setup, step, limit, result.peak_point_force, columns)
+        if following is None or attempt == ATTEMPTS:
             break
-        if step.dt > MARGIN * limit:
-            point_force = 1.5 * result.peak_point_force
-        elif isinstance(result, BlowUp):
-            time = time.model_copy(update={"safety": 0.5 * time.safety})
-        else:
-            lost = np.abs(imbalance(result.columns)) / setup.energy_scale(result.columns)
-            excess = max(lost[-1] / CLOSING, lost.max() / WORST)
-            if excess <= 1.0:
-                break
-            # Order 2: the error falls with the square of the step.
-            time = time.model_copy(update={"safety": time.safety * max(0.25, 0.9 / float(np.sqrt(excess)))})
-        step = choose(time, setup.physics, modes, point_force)
+        trial = following
+        step = choose(trial.time, setup.physics, modes, trial.point_force)
     if isinstance(result, BlowUp):
         raise result
     return _describe(setup, result, limit, attempt, compile_seconds)
+
+
+@dataclass(frozen=True)
+class Trial:
+    """What a step is chosen from: the scene's `time` section and the force of the wall on one point [M c^2/R]."""
+
+    time: TimeSection
+    point_force: float
+
+
+def next_trial(
+    trial: Trial, setup: Setup, step: TimeStep, limit: float, peak: float, columns: Columns | None
+) -> Trial | None:
+    """What to choose a shorter step from, after `step` has been tried; None where it may stand.
+
+    Args:
+        limit: stability limit with the force `peak` on one point that was measured [R/c], [M c^2/R].
+        columns: the time series, None after a blow-up.
+    """
+    if trial.time.dt != "auto":
+        return None
+    if step.dt > MARGIN * limit:
+        return replace(trial, point_force=1.5 * peak)
+    factor = 0.5
+    if columns is not None:
+        lost = np.abs(imbalance(columns)) / setup.energy_scale(columns)
+        excess = max(lost[-1] / CLOSING, lost.max() / WORST)
+        if excess <= 1.0:
+            return None
+        factor = max(0.25, 0.9 / float(np.sqrt(excess)))  # order 2: the error falls with the square of the step
+    return replace(trial, time=trial.time.model_copy(update={"safety": factor * trial.time.safety}))
 
 
 def _describe(setup: Setup, simulation: Simulation, limit: float, attempts: int, compile_seconds: float) -> Outcome:

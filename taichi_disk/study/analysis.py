@@ -14,6 +14,7 @@ from taichi_disk.sweep_axes import target_of
 
 Array = NDArray[np.float64]
 ABSCISSA = {"compression": ("compression", "pressure")}  # of an impact: its velocity
+MATERIAL = {("material", "k_a"), ("lattice", "points"), ("lattice", "min_spacing")}  # what the moduli depend on
 ORDINATE = {"compression": "xi"}  # of an impact: the restitution
 
 
@@ -64,17 +65,28 @@ def analyse(kind: str, axes: Sequence[str], rows: Sequence[dict[str, Any]]) -> A
     groups: dict[tuple[Any, ...], list[dict[str, Any]]] = {}
     for row in rows:
         groups.setdefault(tuple(row.get(name) for name in others), []).append(row)
+    material = [name for name in others if target_of(kind, name) in MATERIAL]
     curves = []
     for values, members in groups.items():
         label = dict(zip(others, values, strict=True))
-        curve = _curve(label, members, abscissa[0], seeds[0] if seeds else None, ORDINATE.get(kind, "restitution"))
+        alike = [row for row in rows if all(row.get(name) == label[name] for name in material)]
+        curve = _curve(
+            label, members, alike, abscissa[0], seeds[0] if seeds else None, ORDINATE.get(kind, "restitution")
+        )
         if curve is not None:
             curve.fits.update(_fits(kind, label, curve))
+            if kind == "compression":
+                nominal = _curve(label, members, alike, abscissa[0], seeds[0] if seeds else None, "xi_nominal")
+                assert nominal is not None
+                curve.fits["eq2_nominal"] = fit_b(nominal.x, nominal.y, curve.young, curve.poisson)
             curves.append(curve)
     return Analysis(kind, curves)
 
 
-def _curve(label: dict[str, Any], rows: list[dict[str, Any]], x: str, seed: str | None, y: str) -> Curve | None:
+def _curve(
+    label: dict[str, Any], rows: list[dict[str, Any]], alike: list[dict[str, Any]], x: str, seed: str | None, y: str
+) -> Curve | None:
+    """The curve of `rows`; the moduli are the mean of all rows `alike` in material."""
     found = {(row[seed] if seed else 0, row[x]): row[y] for row in rows if row["status"] == "done"}
     abscissae = sorted({row[x] for row in rows})
     lattices = sorted({row[seed] if seed else 0 for row in rows})
@@ -82,7 +94,7 @@ def _curve(label: dict[str, Any], rows: list[dict[str, Any]], x: str, seed: str 
     whole = [line for line in table if None not in line]
     if not whole:
         return None
-    done = [row for row in rows if row["status"] == "done"]
+    done = [row for row in alike if row["status"] == "done"]
     young, poisson = (float(np.mean([row[name] for row in done])) for name in ("young", "poisson"))
     return Curve(label, np.array(abscissae, float), np.array(whole, float), young, poisson)
 

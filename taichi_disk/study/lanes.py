@@ -25,12 +25,13 @@ WORLDS = 20  # made before Taichi is started afresh: it never gives fields back 
 
 @dataclass(frozen=True)
 class Ending:
-    """How one lane ended: its time series, or why there is none; steps made and largest force on one point."""
+    """How one lane ended: its time series, steps made, largest force on one point, and what went wrong if anything."""
 
     columns: Columns
     steps: int
     peak_point_force: float
     failure: str | None
+    blown_up: bool = False
 
 
 class LaneEngine:
@@ -71,7 +72,7 @@ class LaneEngine:
             problems = {lane: blown_up(columns[lane], known) for lane in running}
             if any(problems.values()):
                 if len(setups) == 1:
-                    yield 0, Ending(columns[0], (len(rows) - 1) * stride, float(before[0]), problems[0])
+                    yield 0, Ending(columns[0], (len(rows) - 1) * stride, float(before[0]), problems[0], True)
                 return
             for lane in sorted(running):
                 ending = _ending(setups[lane], columns[lane], known, stride, float(peaks[lane]))

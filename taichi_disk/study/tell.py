@@ -9,6 +9,7 @@ from taichi_disk.study.sweep import SweepResult
 
 SHOWN = {
     "eq2": "eq. (2)",
+    "eq2_nominal": "eq. (2), xi = |R - R'|",
     "eq5": "eq. (5)",
     "eq5_d1_is_1": "eq. (5), d1 = 1",
     "eq4": "eq. (4) integrated",
@@ -22,7 +23,7 @@ def print_sweep(result: SweepResult) -> None:
     for curve in result.summary["curves"]:
         print(curve_title(curve))
         for name, fit in curve["fits"].items():
-            print(f"  {SHOWN[name]:<22}{'   '.join(_parameters(fit))}")
+            print(f"  {SHOWN[name]:<24}{'   '.join(_parameters(fit))}")
     failed = result.failed
     for row in failed[:MOST_FAILURES]:
         given = ", ".join(f"{name}: {row[name]}" for name in result.summary["axes"] if row[name] is not None)

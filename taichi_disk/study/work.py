@@ -13,7 +13,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
-from taichi_disk.dynamics import ATTEMPTS, MARGIN
+from taichi_disk.dynamics import ATTEMPTS, Trial, next_trial
 from taichi_disk.errors import TaichiDiskError
 from taichi_disk.lattice import Lattice
 from taichi_disk.model.stability import Spectrum, spectrum, step_limit
@@ -79,7 +79,8 @@ class Computer:
                 damped = setup.physics.dissipates
                 # Of the lattice where it was made: a shift would change the last digits.
                 modes[damped] = modes.get(damped) or spectrum(body, setup.physics)
-                queue.append(_Job(k, scene, setup, _step(scene, setup, modes[damped], setup.point_force), 1))
+                trial = Trial(scene.time, setup.point_force)
+                queue.append(_Job(k, setup, trial, _step(setup, trial, modes[damped]), 1))
             except TaichiDiskError as error:
                 yield k, PointResult("failed", str(error))
         while queue:
@@ -88,23 +89,21 @@ class Computer:
                 step = group[0].step
                 for lane, ending in self._engine.run([job.setup for job in group], step, _interval(group[0])):
                     job = group[lane]
-                    physics = replace(job.setup.physics, integrator=step.integrator)
-                    mode, peak = modes[physics.dissipates], ending.peak_point_force
-                    # As in a single run: the wall has proved harder than estimated.
-                    harder = job.scene.time.dt == "auto" and step.dt > MARGIN * step_limit(mode, physics, peak)
-                    if harder and job.attempt < ATTEMPTS:
-                        smaller = _step(job.scene, job.setup, mode, 1.5 * peak)
-                        again.append(replace(job, step=smaller, attempt=job.attempt + 1))
-                    else:
+                    mode = modes[job.setup.physics.dissipates]
+                    following = None if job.attempt == ATTEMPTS else _following(job, mode, ending)
+                    if following is None:
                         yield job.index, _described(job.setup, step, ending, moduli)
+                    else:
+                        shorter = _step(job.setup, following, mode)
+                        again.append(replace(job, trial=following, step=shorter, attempt=job.attempt + 1))
             queue = again
 
 
 @dataclass(frozen=True)
 class _Job:
     index: int
-    scene: Scene
     setup: Setup
+    trial: Trial
     step: TimeStep
     attempt: int
 
@@ -125,16 +124,26 @@ def _pressed(scene: Scene, body: Lattice, moduli: Moduli) -> PointResult:
     return PointResult("done", None, numbers | {"residual": residual, "steps": outcome.facts["steps"]})
 
 
-def _step(scene: Scene, setup: Setup, modes: Spectrum, point_force: float) -> TimeStep:
-    step = choose(scene.time, setup.physics, modes, point_force)
-    if scene.time.dt != "auto" or setup.physics.reset_interval:
+def _following(job: _Job, modes: Spectrum, ending: Ending) -> Trial | None:
+    """As in a single run: what to choose a shorter step from, if this one was too long."""
+    if ending.failure and not ending.blown_up:
+        return None
+    physics = replace(job.setup.physics, integrator=job.step.integrator)
+    limit = step_limit(modes, physics, ending.peak_point_force)
+    columns = None if ending.blown_up else ending.columns
+    return next_trial(job.trial, job.setup, job.step, limit, ending.peak_point_force, columns)
+
+
+def _step(setup: Setup, trial: Trial, modes: Spectrum) -> TimeStep:
+    step = choose(trial.time, setup.physics, modes, trial.point_force)
+    if trial.time.dt != "auto" or setup.physics.reset_interval:
         return step
     rung = math.floor(RUNGS * math.log2(step.dt))
     return TimeStep(step.integrator, step.limit, 2.0 ** (rung / RUNGS))
 
 
 def _interval(job: _Job) -> float:
-    asked = job.scene.time.sample_interval
+    asked = job.trial.time.sample_interval
     return job.setup.sample_interval if asked == "auto" else asked
 
 
