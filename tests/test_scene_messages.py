@@ -386,7 +386,7 @@ def test_a_missing_file_is_met_with_the_nearest_names(tmp_path: Path) -> None:
     (tmp_path / "soft_disk.yaml").touch()
     with pytest.raises(InputError, match=r"soft_dsk.yaml: no such file; did you mean .*/soft_disk.yaml\?"):
         load_scene(tmp_path / "soft_dsk.yaml")
-    shipped = "The shipped scenes are absorbing_wall, compression, exponential_wall"
+    shipped = "The shipped scenes are absorbing_wall, compression, exponential_wall, figure2, figure3, figure6"
     with pytest.raises(InputError, match=rf"no such file; did you mean exponential_wall\? {shipped}$"):
         load_scene(tmp_path / "scenes" / "exponential_wall.yaml")
     with pytest.raises(InputError, match=rf"^nonsense: no such file; {shipped}$"):
