@@ -49,7 +49,7 @@ def fit_b(pressure: Array, xi: Array, young: float, poisson: float) -> Fit:
         def relative(b: Array) -> Array:
             return theory.paper_compression(pressure, young, poisson, np.maximum(b, 1e-6)) / data
 
-        return least_squares(relative, np.ones_like(data), np.ones((len(data), 1)))
+        return np.maximum(least_squares(relative, np.ones_like(data), np.ones((len(data), 1))), 0.0)
 
     best, intervals = _over_lattices(("b",), solve, len(xi))
     each = solve(np.eye(len(xi)))[:, 0]
