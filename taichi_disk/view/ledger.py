@@ -55,10 +55,10 @@ class Ledger:
 
     def back_to(self, rows: int) -> None:
         """Forget all but the first `rows` rows of this stretch."""
-        for _ in range(len(self._rows) - rows):
-            self._rows.pop()
-            self.history.pop()
+        del self._rows[rows:]
         self.last, self._steps = self._rows[-1], (rows - 1) * self.stride
+        while self.history and self.history[-1][0] > self.t:
+            self.history.pop()
 
     def __len__(self) -> int:
         return len(self._rows)

@@ -77,3 +77,4 @@ class Panel:
         for key, label in c.labels():
             if self._gui.button(f"{label}  [{key}]"):
                 c.press(key)
+        self._gui.text("close the window  [q]")

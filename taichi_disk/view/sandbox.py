@@ -14,6 +14,7 @@ from taichi_disk.errors import TaichiDiskError
 from taichi_disk.lattice import Lattice
 from taichi_disk.model.physics import Physics
 from taichi_disk.model.stability import contact_point_force, impact_point_force, spectrum
+from taichi_disk.model.sums import PEAK
 from taichi_disk.model.world import World, signature
 from taichi_disk.results import write_text
 from taichi_disk.scene import SCENES, AbsorbingWallScene, CompressionScene, Scene
@@ -109,7 +110,7 @@ class Sandbox:
         if self.scene != self._built:
             self._build(self.scene)
         self._start()
-        self.message = "restarted"
+        self.paused, self.message = False, "restarted"
 
     def restart_with_smaller_step(self) -> None:
         """Half the step, from the start: the way out of a blow-up."""
@@ -183,7 +184,7 @@ class Sandbox:
 
     def _look(self) -> None:
         self._state = self.world.export_state()
-        x, v, f = self._state.vectors[..., 0]
+        x, v, f = self._state.vectors[:3, ..., 0]
         self.positions = x
         self.velocities = v + 0.5 * self.world.dt / self.world.mass * f
 
@@ -280,6 +281,12 @@ class Sandbox:
             force = contact_point_force(self.setup.lattice, physics, 2.0 * physics.load)
         else:
             force = impact_point_force(self.setup.lattice, physics, self.velocity)
+        peak = float(self._state.sums[PEAK].max())
+        if peak > 0.0:
+            # At the distance where one point took F = a V0 exp(-a l), another a may push harder.
+            before = self.world.physics
+            near = np.log(before.a * before.V0 / peak) / before.a
+            force = max(force, float(physics.a * physics.V0 * np.exp(-physics.a * near)))
         self.step = choose(self.scene.time, physics, self._modes, force)
         self._begin(physics)
 

@@ -139,7 +139,9 @@ class Viewer:
     def _listen(self) -> None:
         for event in self._window.get_events(ti.ui.PRESS):
             key = _NAMES.get(event.key, event.key)
-            if event.key != ti.ui.LMB:
+            if key == "q":
+                self._window.running = False
+            elif event.key != ti.ui.LMB:
                 self.controls.press(key)
             elif self._painter and self._window.get_cursor_pos()[0] * self._shape[0] > WIDTH:
                 self._take_hold()
@@ -207,12 +209,13 @@ class Viewer:
         sandbox = self.sandbox
         row = sandbox.ledger.now()
         com = self.camera.to_pixels(np.array([row["com_x"], row["com_y"]]))
-        return {
+        facts = {
             "scene": sandbox.saved_scene().to_yaml(),
-            "t": repr(sandbox.ledger.t),
-            "centre of mass": f"{com[0] - WIDTH:.2f} {com[1]:.2f} px, {self.camera.scale:.4f} px per R",
             "changed by hand": str(sandbox.changed),
+            "t": repr(sandbox.ledger.t),
+            "pixels": f"centre of mass at {com[0] - WIDTH:.2f} {com[1]:.2f}, {self.camera.scale:.4f} per R",
         }
+        return facts | {name: repr(value) for name, value in row.items()}
 
     def _stop_recording(self) -> None:
         if not self._recorder:

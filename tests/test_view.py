@@ -1,0 +1,395 @@
+"""The sandbox: what is seen is what `run` computes, hands' work is accounted for, and the real window works."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import imageio.v3 as iio
+import numpy as np
+import pytest
+from PIL import Image
+
+from taichi_disk.cli import main
+from taichi_disk.render.colours import GROUND
+from taichi_disk.render.film import film_problem
+from taichi_disk.runner import run
+from taichi_disk.scene_file import load_scene
+from taichi_disk.stiffness import spring_energy
+from taichi_disk.view.colouring import COLOURINGS, spring_values
+from taichi_disk.view.controls import Controls
+from taichi_disk.view.sandbox import Sandbox
+
+SMALL = ["lattice.points=120", "impact.velocity=0.05"]
+WALL = [*SMALL, "wall.points=160", "wall.threshold=0.11"]
+
+
+@pytest.fixture(scope="module", autouse=True)
+def started(taichi: None) -> None:
+    """The tests share the kernels that Taichi compiled."""
+
+
+@pytest.fixture(scope="module")
+def shared() -> Iterator[Sandbox]:
+    sandbox = Sandbox(load_scene("exponential_wall", SMALL))
+    yield sandbox
+    sandbox.destroy()
+
+
+@pytest.fixture
+def sandbox(shared: Sandbox) -> Sandbox:
+    """As it was at first: compiling anew for each test would take seconds."""
+    shared.scene = load_scene("exponential_wall", SMALL)
+    shared.speed, shared.paused, shared.message = 1.0, False, ""
+    shared.restart()
+    return shared
+
+
+def to_the_end(sandbox: Sandbox) -> None:
+    sandbox.paused = False
+    for _ in range(2000):
+        sandbox.advance(0.237)  # no whole number of steps or rows
+        if sandbox.paused:
+            return
+    raise AssertionError("the scene does not end")
+
+
+def mechanical_energy(sandbox: Sandbox) -> float:
+    """Kinetic and elastic energy and that of the wall, m v^2/2 + k s^2/2 + V0 exp(-a y), in NumPy."""
+    lattice, physics = sandbox.setup.lattice, sandbox.world.physics
+    kinetic = 0.5 * float((lattice.masses[:, None] * sandbox.velocities**2).sum())
+    elastic = spring_energy(sandbox.positions, lattice.bonds, lattice.rest_lengths, physics.k_a, physics.k_b)
+    return kinetic + float(elastic) + float((physics.V0 * np.exp(-physics.a * sandbox.positions[:, 1])).sum())
+
+
+@pytest.mark.parametrize(
+    ("name", "overrides"), [("exponential_wall", SMALL), ("absorbing_wall", WALL), ("compression", SMALL[:1])]
+)
+def test_run_computes_from_the_saved_scene_what_was_seen(tmp_path: Path, name: str, overrides: list[str]) -> None:
+    seen = Sandbox(load_scene(name, overrides))
+    seen.speed = 3.0
+    to_the_end(seen)
+    seen.save(tmp_path / "scene.yaml")
+    columns, result = seen.ledger.columns(), seen.result
+    seen.destroy()
+    computed = run(load_scene(tmp_path / "scene.yaml"), tmp_path / "out", video=False)
+    assert result is not None
+    for key, value in result.items():
+        assert computed.headline[key] == value
+    table = np.genfromtxt(tmp_path / "out" / "timeseries.csv", delimiter=",", names=True)
+    for key in ("t", "com_y", "wall_force", "dissipated", "absorbed"):
+        assert np.array_equal(table[key], columns[key]), key
+
+
+def test_time_passes_at_the_speed_asked_for_in_whole_steps(sandbox: Sandbox) -> None:
+    dt = sandbox.step.dt
+    sandbox.speed = 0.5
+    steps = sum(sandbox.advance(1 / 60) for _ in range(30))
+    assert sandbox.ledger.t == pytest.approx(steps * dt)
+    assert abs(steps * dt - 0.25) <= dt
+    sandbox.paused = True
+    assert sandbox.advance(1.0) == 0
+    sandbox.single_step()
+    assert sandbox.ledger.t == pytest.approx((steps + 1) * dt)
+
+
+def test_more_time_than_the_machine_can_make_is_cut_short(sandbox: Sandbox) -> None:
+    sandbox.speed = 1e6
+    made = sandbox.advance(1.0)
+    assert 0 < made * len(sandbox.setup.lattice.bonds) <= 5_000_000
+
+
+def test_a_changed_viscosity_reaches_the_kernel_at_once_and_keeps_the_energy_balance(sandbox: Sandbox) -> None:
+    sandbox.advance(0.05)
+    while sandbox.ledger.now()["elastic"] < 1e-4:
+        sandbox.advance(0.05)
+    place, world = sandbox.positions.copy(), sandbox.world
+    sandbox.set("material.eta_star", 12.5)
+    assert np.array_equal(sandbox.positions, place) and sandbox.changed
+    assert sandbox.world is world
+    # eta = eta* m c/R and m = M/N
+    assert world.fields["eta"].to_numpy().item() == pytest.approx(12.5 / 120, rel=1e-15)
+    to_the_end(sandbox)
+    # Order 2: with so few points and the step at 0.8 of the limit, a run leaves as much.
+    assert abs(sandbox.ledger.imbalance()) < 2e-3 * sandbox.setup.kinetic
+
+
+def test_energy_changes_by_hand_are_no_imbalance(sandbox: Sandbox) -> None:
+    sandbox.set("material.eta_star", 0.0)
+    sandbox.restart()
+    while sandbox.ledger.now()["elastic"] < 1e-4:
+        sandbox.advance(0.05)
+    sandbox.set("wall.a", 290.0)  # jumps the wall's potential, in the midst of the contact
+    to_the_end(sandbox)
+    sandbox.hit_again()
+    assert sandbox.ledger.now()["com_vy"] == pytest.approx(-0.05, rel=1e-12)
+    to_the_end(sandbox)
+    assert sandbox.result is not None and 0.5 < sandbox.result["restitution"] < 1.5
+    # Order 2: with so few points and the step at 0.8 of the limit, a run leaves as much.
+    assert abs(sandbox.ledger.imbalance()) < 2e-3 * sandbox.setup.kinetic
+
+
+def test_the_velocity_changes_at_once_in_flight_and_from_the_next_hit_on_in_contact(sandbox: Sandbox) -> None:
+    sandbox.advance(0.05)
+    sandbox.set("impact.velocity", 0.08)
+    assert sandbox.ledger.now()["com_vy"] == pytest.approx(-0.08, rel=1e-12)
+    while sandbox.ledger.now()["elastic"] < 1e-4:
+        sandbox.advance(0.05)
+    before = sandbox.velocities.copy()
+    sandbox.set("impact.velocity", 0.03)
+    assert np.array_equal(sandbox.velocities, before) and "next hit" in sandbox.message
+    sandbox.hit_again()
+    assert sandbox.ledger.now()["com_vy"] == pytest.approx(-0.03, rel=1e-12)
+
+
+def test_the_pull_of_the_mouse_gives_the_energy_that_the_disk_gains(sandbox: Sandbox) -> None:
+    sandbox.set("material.eta_star", 0.0)
+    sandbox.restart()
+    sandbox.advance(0.1)
+    energy = mechanical_energy(sandbox)
+    sandbox.grab(0.0, 2.2)
+    top = int(sandbox.positions[:, 1].argmax())
+    assert sandbox.pulled is not None and np.hypot(*(sandbox.pulled[0] - sandbox.positions[top])) < 0.2
+    for k in range(60):
+        sandbox.drag(0.005 * k, 2.4)
+        sandbox.advance(0.05)
+    given = sandbox.ledger.given()
+    sandbox.release()
+    assert sandbox.pulled is None and given > 1e-5
+    # The work is exact; the rest is the leapfrog's wobble, (h omega)^2/8 of the energy of what shakes fastest.
+    assert mechanical_energy(sandbox) - energy == pytest.approx(given, rel=0.05)
+    sandbox.advance(0.1)
+    assert sandbox.ledger.given() == given and sandbox.changed
+
+
+def test_a_turned_disk_is_as_far_from_the_wall_and_as_unloaded_as_before(sandbox: Sandbox) -> None:
+    before, lattice = sandbox.positions.copy(), sandbox.setup.lattice
+    assert sandbox.flying_in
+    sandbox.turn(1.0)
+    sandbox.turn(0.7)  # the angle is from where the disk was, not from the last call
+    sandbox.release()
+    after = sandbox.positions
+    i, j = lattice.bonds.T
+    assert np.allclose(np.hypot(*(after[i] - after[j]).T), lattice.rest_lengths, rtol=1e-12)
+    assert after[:, 1].min() == pytest.approx(before[:, 1].min(), abs=1e-14)
+    spoke = [complex(*(x[0] - x.mean(axis=0))) for x in (before, after)]
+    assert np.angle(spoke[1] / spoke[0]) == pytest.approx(0.7, abs=1e-12)
+    to_the_end(sandbox)
+    assert not sandbox.flying_in
+
+
+def test_a_blow_up_is_told_and_a_smaller_step_offered(sandbox: Sandbox) -> None:
+    usual = sandbox.step
+    sandbox.step = replace(usual, dt=3.0 * usual.limit)
+    sandbox._begin(sandbox.world.physics)
+    for _ in range(50):
+        sandbox.advance(0.5)
+    assert "blow-up" in str(sandbox.blown) or "finite" in str(sandbox.blown)
+    assert sandbox.paused and np.isfinite(sandbox.positions).all()
+    controls = Controls(sandbox, Path())
+    assert "m" in dict(controls.labels())
+    controls.press("space")
+    assert sandbox.advance(1.0) == 0
+    controls.press("m")
+    assert sandbox.step.dt == pytest.approx(0.5 * usual.dt) and not sandbox.blown
+    to_the_end(sandbox)
+
+
+def test_a_value_that_the_scene_refuses_changes_nothing(sandbox: Sandbox) -> None:
+    scene = sandbox.scene
+    sandbox.set("impact.gap", 1e-6)
+    assert sandbox.scene == scene and "impact.gap" in sandbox.message
+
+
+def test_another_scene_keeps_the_lattice(sandbox: Sandbox) -> None:
+    sandbox.switch("compression")
+    assert sandbox.scene.scene == "compression" and sandbox.scene.lattice.points == 120
+    sandbox.advance(0.5)
+    assert sandbox.ledger.now()["com_vy"] < 0.0
+    sandbox.set("compression.pressure", 0.02)
+    assert sandbox.world.fields["load"].to_numpy().item() == 0.02
+
+
+def test_colours_show_strain_force_speed_and_energy(sandbox: Sandbox) -> None:
+    stretch = 1.01 * sandbox.positions
+    sandbox.positions = stretch
+    lattice, physics = sandbox.setup.lattice, sandbox.world.physics
+    strain, force, speed, energy = (spring_values(sandbox, one) for one in COLOURINGS)
+    s = 0.01 * lattice.rest_lengths
+    assert np.allclose(strain, 0.01)
+    assert np.allclose(force, physics.k_a * s + physics.k_b * s**3)
+    assert np.allclose(speed, 0.05)
+    assert np.allclose(energy, 0.5 * 0.05**2 / 120)
+
+
+def test_every_key_that_the_panel_names_does_something(sandbox: Sandbox, tmp_path: Path) -> None:
+    controls = Controls(sandbox, tmp_path)
+    for key in ("e", "d", "Up", "Down", "a", "z", "Left", "Right", "c", "x", *dict(controls.labels())):
+        before = (sandbox.scene, sandbox.speed, sandbox.paused, sandbox.message, sandbox.ledger.t)
+        state = (controls.colouring_number, controls.show_number, controls.recording, controls.picture_wanted)
+        controls.press(key)
+        after = (sandbox.scene, sandbox.speed, sandbox.paused, sandbox.message, sandbox.ledger.t)
+        now = (controls.colouring_number, controls.show_number, controls.recording, controls.picture_wanted)
+        assert (before, state) != (after, now), key
+    assert (tmp_path / "view-1.yaml").exists()
+    controls.set_log_eta(-1.0)
+    assert sandbox.scene.material.eta_star == 0.0
+
+
+def test_without_a_display_one_message_names_the_remedy(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    for display in ("", ":4711"):
+        monkeypatch.setenv("DISPLAY", display)
+        assert main(["view"]) == 1
+        assert "xvfb-run" in capsys.readouterr().err
+
+
+# ---- the window itself, driven as a hand would
+
+TOOLS = [tool for tool in ("Xvfb", "xdotool", "import") if not shutil.which(tool)]
+MISSING = f"not installed: {', '.join(TOOLS)} (apt-get install xvfb xdotool imagemagick)" if TOOLS else film_problem()
+ETA_SLIDER = (8, 53)  # left end and height of its middle in the window [px]
+
+
+class Hand:
+    """Keys and mouse on a window `number` of an X display."""
+
+    def __init__(self, environment: dict[str, str]) -> None:
+        self._environment = environment
+
+    def __call__(self, *words: object) -> str:
+        command = ["xdotool", *map(str, words)]
+        return subprocess.run(command, env=self._environment, capture_output=True, text=True, check=True).stdout
+
+    def key(self, name: str) -> None:
+        # GGUI looks at the keys once per picture.
+        self("keydown", name)
+        time.sleep(0.25)
+        self("keyup", name)
+        time.sleep(0.3)
+
+    def screenshot(self, path: Path) -> np.ndarray:
+        subprocess.run(["import", "-window", "root", path], env=self._environment, check=True)
+        return np.asarray(Image.open(path).convert("RGB")).astype(int)
+
+
+@pytest.fixture
+def display() -> Iterator[dict[str, str]]:
+    if MISSING:
+        if os.environ.get("CI"):
+            pytest.fail(f"the window cannot be tested: {MISSING}")
+        pytest.skip(f"the window is not tested: {MISSING}")
+    read, write = os.pipe()
+    command = ["Xvfb", "-displayfd", str(write), "-screen", "0", "1400x1000x24", "-nolisten", "tcp", "-noreset"]
+    server = subprocess.Popen(command, pass_fds=[write], stderr=subprocess.DEVNULL)
+    os.close(write)
+    with os.fdopen(read) as answer:
+        number = answer.readline().strip()
+    yield {**os.environ, "DISPLAY": f":{number}", "PYTHONPATH": str(Path(__file__).parents[1])}
+    server.terminate()
+    server.wait()
+
+
+def wait_for(path: Path) -> Path:
+    for _ in range(100):
+        if path.exists():
+            return path
+        time.sleep(0.1)
+    raise AssertionError(f"{path.name} does not come")
+
+
+def box_of_the_disk(picture: np.ndarray, bottom: float) -> np.ndarray:
+    """Left, right, top, bottom of what is drawn above the row `bottom` [px]."""
+    amount = np.abs(picture[: int(bottom)].astype(int) - 255 * np.array(GROUND)).sum(axis=-1)
+    rows, columns = np.nonzero(amount > 60)
+    return np.array([columns.min(), columns.max() + 1, rows.min(), rows.max() + 1])
+
+
+def test_the_window_opens_obeys_and_shows_the_disk_where_it_is(display: dict[str, str], tmp_path: Path) -> None:
+    hand, out = Hand(display), tmp_path / "out"
+    command = [sys.executable, "-m", "taichi_disk", "view", "--out", str(out)]
+    for override in ("lattice.points=300", "impact.velocity=0.05", "material.eta_star=1"):
+        command += ["--set", override]
+    program = subprocess.Popen(command, env=display, cwd=tmp_path, stderr=subprocess.PIPE, text=True)
+    try:
+        window = hand("search", "--sync", "--name", "taichi-disk view").split()[-1]
+        # The first picture that is written says that keys are heard.
+        for _ in range(40):
+            hand.key("p")
+            if (out / "view-1.png").exists():
+                break
+        hand.key("Right")  # a little faster
+        left, row = ETA_SLIDER
+        hand("mousemove", "--window", window, left + 60, row, "mousedown", 1)
+        time.sleep(0.3)
+        hand("mousemove", "--window", window, left + 140, row)
+        time.sleep(0.5)
+        hand("mouseup", 1)
+        time.sleep(0.3)
+        hand.key("r")
+        time.sleep(1.0)
+        hand.key("space")
+        known = len(list(out.glob("*.png")))
+        hand.key("p")
+        shot = wait_for(out / f"view-{known + 1}.png")
+        hand.key("w")
+        saved = wait_for(out / "view-1.yaml")
+        screen = hand.screenshot(tmp_path / "screen.png")
+
+        # The slider: its middle is log10 eta* = 1, its ends are -1 and 3.
+        scene = load_scene(saved)
+        assert 1.2 < np.log10(scene.material.eta_star) < 2.1
+
+        # The disk is where the state says it is, in the picture and on the screen.
+        with Image.open(shot) as image:
+            facts, picture = image.text, np.asarray(image)  # type: ignore[attr-defined]
+        assert facts["changed by hand"] == "False"
+        words = facts["pixels"].replace(",", "").split()
+        centre, scale = np.array([float(words[4]), float(words[5])]), float(words[6])
+        lowest = centre[1] + (float(facts["com_y"]) - float(facts["lowest_y"])) * scale
+        disk = box_of_the_disk(picture, lowest + 3)
+        expected = [centre[0] - scale, centre[0] + scale, centre[1] - scale, lowest]
+        # 0.02 R: the disk's deformation and its centre of mass beside its middle.
+        assert np.abs(disk - expected).max() < 0.02 * scale + 3
+        corner = dict(line.split("=") for line in hand("getwindowgeometry", "--shell", window).split())
+        x, y = int(corner["X"]) + 330, int(corner["Y"])
+        there = screen[y : y + picture.shape[0], x : x + picture.shape[1]]
+        assert np.abs(box_of_the_disk(there, lowest + 3) - disk).max() <= 2
+
+        # The slider's value reached the kernel: run's numbers at that viscosity are those of the window.
+        run(scene, tmp_path / "run", video=False)
+        table = np.genfromtxt(tmp_path / "run" / "timeseries.csv", delimiter=",", names=True)
+        for name in ("com_vy", "dissipated"):
+            value = np.interp(float(facts["t"]), table["t"], table[name])
+            assert value == pytest.approx(float(facts[name]), abs=2e-3 * np.abs(table[name]).max())
+
+        hand.key("space")
+        hand.key("v")
+        time.sleep(1.0)
+        hand.key("h")
+        hand.key("v")
+        film = iio.imread(wait_for(out / "view-1.mp4"))
+        assert len(film) >= 20 and film.shape[1:3] == (picture.shape[0], picture.shape[1])
+
+        hand("windowsize", window, 700, 500)
+        time.sleep(1.0)
+        hand("mousemove", "--window", window, 500, 150, "mousedown", 1)
+        time.sleep(0.3)
+        hand("mousemove", "--window", window, 600, 100)
+        time.sleep(0.3)
+        hand("mouseup", 1)
+        assert program.poll() is None
+        hand.key("q")
+        assert program.wait(20) == 0, program.stderr.read() if program.stderr else ""
+        assert not list(tmp_path.rglob("imgui.ini"))
+    finally:
+        if program.poll() is None:
+            program.kill()
+            program.wait()
