@@ -1,12 +1,14 @@
 """Worker processes, each with its own Taichi on one core, that compute lists of scenes.
 
-Not `concurrent.futures`: its workers outlive a parent that is killed. These end when the pipe to it closes.
+Not `concurrent.futures`: its workers outlive a parent that is killed. These end with it.
 """
 
 from __future__ import annotations
 
 import multiprocessing
+import os
 import signal
+import threading
 from collections.abc import Iterator, Sequence
 from multiprocessing.connection import Connection, wait
 from typing import cast
@@ -88,6 +90,7 @@ class _Workers:
 def _work(pipe: Connection) -> None:
     """Take a list of scenes, send (index, result) for each and then None; until the other end is closed."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is the parent's to handle
+    threading.Thread(target=_end_with_parent, daemon=True).start()
     computer = Computer()
     try:
         while True:
@@ -97,3 +100,11 @@ def _work(pipe: Connection) -> None:
             pipe.send(None)
     except (EOFError, BrokenPipeError, ConnectionResetError):
         pass
+
+
+def _end_with_parent() -> None:
+    """A killed parent cannot end its workers, and a point may take minutes until the pipe is used again."""
+    parent = multiprocessing.parent_process()
+    assert parent is not None
+    parent.join()
+    os._exit(1)
