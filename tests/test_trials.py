@@ -1,0 +1,55 @@
+"""When an automatic step is shortened and tried again, and when it stands."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from taichi_disk.dynamics import CLOSING, MARGIN, WORST, Trial, next_trial
+from taichi_disk.scene import TimeSection
+from taichi_disk.time_step import TimeStep
+
+SETUP = SimpleNamespace(energy_scale=lambda columns: 2.0)  # what next_trial asks of a setup
+STEP = TimeStep("velocity_verlet", limit=0.02, dt=0.016)
+
+
+def tried(excess: float, before: float = float("inf"), **time) -> Trial | None:
+    """After a run whose worst imbalance is `excess` times the allowed one."""
+    total = np.array([0.0, excess * WORST * 2.0, 0.0])
+    trial = Trial(TimeSection(**time), point_force=0.1, excess=before)
+    return next_trial(trial, SETUP, STEP, limit=0.02, peak=0.1, columns={"total": total})
+
+
+def test_a_closed_ledger_lets_the_step_stand() -> None:
+    assert tried(0.9) is None
+    closing = np.array([0.0, 3 * CLOSING * 2.0])
+    assert next_trial(Trial(TimeSection(), 0.1), SETUP, STEP, 0.02, 0.1, {"total": closing}) is not None
+
+
+def test_an_open_ledger_shortens_the_step_as_order_2_asks() -> None:
+    following = tried(4.0)
+    assert following is not None
+    # dt -> dt 0.9/sqrt(4): the error, of order 2, falls to 0.81 of what is allowed.
+    assert following.time.safety * STEP.limit == pytest.approx(0.45 * STEP.dt)
+    assert following.excess == pytest.approx(4.0)
+
+
+def test_an_imbalance_that_shorter_steps_leave_as_it_is_ends_the_trials() -> None:
+    assert tried(4.0, before=4.1) is None
+    assert tried(4.0, before=20.0) is not None
+
+
+def test_a_harder_wall_than_estimated_is_met_with_its_measured_force() -> None:
+    following = next_trial(Trial(TimeSection(), 0.1), SETUP, STEP, STEP.dt / MARGIN * 0.99, 0.4, {"total": np.zeros(2)})
+    assert following is not None and following.point_force == pytest.approx(0.6)
+
+
+def test_a_step_given_by_hand_stands() -> None:
+    assert tried(100.0, dt=0.016) is None
+
+
+def test_after_a_blow_up_the_step_is_halved() -> None:
+    following = next_trial(Trial(TimeSection(), 0.1), SETUP, STEP, 0.02, 0.1, None)
+    assert following is not None and following.time.safety * STEP.limit == pytest.approx(0.5 * STEP.dt)
