@@ -92,11 +92,11 @@ def bounce(scene):
 
 END, LOOKS = 1.92, 16
 LEDGERS = [
-    ("rigid", 0.0, VV, True),
+    ("rigid", 0.0, VV, False),
     ("rigid", 20.0, VV, False),
     ("rigid", 100.0, TRAPEZOIDAL, False),
     ("compression", 20.0, VV, False),
-    ("matched", 0.0, VV, False),
+    ("matched", 0.0, VV, True),
     ("matched", 20.0, VV, False),
     ("matched", 100.0, TRAPEZOIDAL, True),
     ("reset", 0.0, VV, False),

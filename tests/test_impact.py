@@ -10,6 +10,7 @@ from worlds import computed
 
 from taichi_disk import load_scene
 from taichi_disk.errors import SimulationError
+from taichi_disk.model.physics import Physics
 from taichi_disk.scenes import build
 from taichi_disk.scenes.impact import contact_interval
 
@@ -47,9 +48,13 @@ def test_a_gap_by_hand_is_kept():
     assert setup.lattice.positions[:, 1].min() == pytest.approx(0.25, rel=1e-12)
 
 
-def reference_impact(setup, end, rtol=1e-10):
-    """DOP853 on the same lattice: (e, contact time) with the wall's force looked at 4000 times."""
-    model = Model.of(setup.lattice, setup.physics)
+def reference_impact(setup, eta_star, end, rtol=1e-10):
+    """DOP853 on the same lattice: (e, contact time) with the wall's force looked at 4000 times.
+
+    The physics is the paper's, written out here: eta = eta* m c/R, m = M/N.
+    """
+    paper = Physics(k_a=1.0, k_b=1e-3, eta=eta_star / 150, wall="rigid", a=300.0, V0=150.0)
+    model = Model.of(setup.lattice, paper)
     n = len(setup.lattice.positions)
 
     def rate(_t, y):
@@ -80,7 +85,7 @@ def test_restitution_and_contact_time_equal_those_of_dop853(eta_star, velocity):
     setup, outcome = computed("exponential_wall", *settings)
     columns = outcome.columns
     values = setup.headline(columns).values
-    e, duration = reference_impact(setup, columns["t"][-1])
+    e, duration = reference_impact(setup, eta_star, columns["t"][-1])
     # The error that 1099 points have at the automatic step, dt^2-bound: 2e-5.
     assert values["restitution"] == pytest.approx(e, abs=2e-5)
     # The reference's times stand on a grid of 1/4000 of the whole.
