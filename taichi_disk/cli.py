@@ -93,6 +93,22 @@ def _view(arguments: argparse.Namespace) -> int:
     return 0
 
 
+def _render(arguments: argparse.Namespace) -> int:
+    from taichi_disk.progress import progress_for
+    from taichi_disk.refilm import film_again
+
+    folders = [arguments.folder, *([arguments.compare] if arguments.compare else [])]
+    options = {name: getattr(arguments, name) for name in ("size", "fps", "seconds")}
+    out = arguments.out or arguments.folder / ("comparison.mp4" if arguments.compare else "render.mp4")
+    progress = progress_for(sys.stderr)
+    try:
+        film_again(folders, out, {name: value for name, value in options.items() if value is not None}, progress)
+    finally:
+        progress.stop()
+    print(f"film in {out}")
+    return 0
+
+
 def _check(arguments: argparse.Namespace) -> int:
     from taichi_disk.scene_file import load_any
 
@@ -159,6 +175,15 @@ def _parser() -> argparse.ArgumentParser:
     view.add_argument(
         "--out", type=Path, default=Path("out/view"), metavar="DIR", help="for saved scenes, films, pictures"
     )
+
+    render = _command(commands, "render", _render, "film a finished run again, or two of them side by side")
+    render.add_argument("folder", type=Path, metavar="DIR", help="what `run` wrote")
+    render.add_argument("--compare", type=Path, metavar="DIR", help="another run, to be shown at the right")
+    render.add_argument(
+        "--out", type=Path, metavar="FILE", help=".mp4, .webm, .gif, or .png for one picture (default: DIR/render.mp4)"
+    )
+    for name, what in (("size", "pixels of width and height, up to 2160"), ("fps", "frames a second"), ("seconds", "")):
+        render.add_argument(f"--{name}", metavar="N", help=what or "length of the film")
 
     _add_scene(_command(commands, "check", _check, "say what is wrong with a scene, or print it resolved"))
     accuracy = _command(commands, "accuracy", _accuracy, "speed against error: every integrator at several steps")

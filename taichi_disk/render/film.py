@@ -31,6 +31,14 @@ def film_problem() -> str | None:
     return None
 
 
+def require_film(size: int) -> None:
+    """Raise InputError for a size that is odd or too small, TaichiDiskError if nothing can be drawn here."""
+    if size % 2 or size < _SMALLEST:
+        raise InputError(f"no film of {size} x {size} pixels: the size must be even and at least {_SMALLEST}")
+    if problem := film_problem():
+        raise TaichiDiskError(f"no film: {problem}")
+
+
 def record_film(
     path: Path,
     subject: Subject,
@@ -41,17 +49,14 @@ def record_film(
     total: int,
     progress: Callable[[int, int], None] | None = None,
 ) -> None:
-    """Film `frames` as H.264 into `path`, which appears only once it is complete.
+    """Film `frames` into `path` (.mp4, .webm or .gif), which appears only once it is complete.
 
     `ti.init` must have been called. `size`: width and height in pixels, even. `total`: how many frames there
     will be; `progress(done, total)` is called after each. Raises InputError for another size, SimulationError
     if a position is not finite, the frames are fewer or more, or the file cannot be written, and
     TaichiDiskError if films cannot be made here at all (`film_problem`).
     """
-    if size % 2 or size < _SMALLEST:
-        raise InputError(f"no film of {size} x {size} pixels: the size must be even and at least {_SMALLEST}")
-    if problem := film_problem():
-        raise TaichiDiskError(f"no film: {problem}")
+    require_film(size)
     from taichi_disk.render.still import Stills
     from taichi_disk.render.video import Video
 

@@ -1,4 +1,4 @@
-"""H.264 in MP4, by the ffmpeg that comes with imageio-ffmpeg, running in a process of its own.
+"""MP4 (H.264), WebM (VP9) and GIF, by the ffmpeg that comes with imageio-ffmpeg, running in a process of its own.
 
 imageio's own writer does not look at ffmpeg's exit status: a full disk would leave half a film unnoticed.
 """
@@ -18,18 +18,30 @@ from numpy.typing import NDArray
 
 from taichi_disk.errors import SimulationError
 
-_ENCODING = (
+_TAGS = (
     # Without the matrix and its tags players guess at the colours, and guess differently.
     *("-vf", "scale=out_color_matrix=bt709:out_range=tv", "-pix_fmt", "yuv420p"),
     *("-colorspace", "bt709", "-color_primaries", "bt709", "-color_trc", "bt709"),
-    *("-c:v", "libx264", "-preset", "veryfast", "-crf", "20"),
     *("-fflags", "+bitexact", "-flags:v", "+bitexact"),  # no version numbers in the file
-    *("-movflags", "+faststart", "-f", "mp4"),
 )
+_ENCODINGS = {
+    ".mp4": (*_TAGS, "-c:v", "libx264", "-preset", "veryfast", "-crf", "20", "-movflags", "+faststart", "-f", "mp4"),
+    ".webm": (*_TAGS, "-c:v", "libvpx-vp9", "-crf", "32", "-b:v", "0", "-deadline", "realtime", "-cpu-used", "6"),
+    # One palette for all pictures, so that still parts do not flicker.
+    ".gif": ("-vf", "split[a][b];[a]palettegen=max_colors=64[p];[b][p]paletteuse=dither=none", "-f", "gif"),
+}
+FORMATS = tuple(_ENCODINGS)
+
+
+def encoding(suffix: str) -> tuple[str, ...]:
+    """ffmpeg's options for a format of FORMATS."""
+    return _ENCODINGS[suffix]
 
 
 class Video:
-    """Writes pictures to an MP4. A context manager: left in order, the file is complete.
+    """Writes pictures to a film, in the format that the suffix of `path` names (FORMATS).
+
+    A context manager: left in order, the file is complete.
 
     A thread feeds ffmpeg, so that drawing need not wait until a picture has gone through the pipe.
     `width`, `height`: in pixels, even. Raises SimulationError if ffmpeg fails.
@@ -41,7 +53,16 @@ class Video:
         # The number of threads is written into the file, so it may not depend on the machine. One is fastest
         # beside a drawing that keeps two cores busy, as long as it keeps up.
         threads = ("-threads", str(1 + min(width, height) // 1080))
-        command = [imageio_ffmpeg.get_ffmpeg_exe(), "-v", "error", "-y", *raw, *_ENCODING, *threads, str(path)]
+        command = [
+            imageio_ffmpeg.get_ffmpeg_exe(),
+            "-v",
+            "error",
+            "-y",
+            *raw,
+            *_ENCODINGS[path.suffix],
+            *threads,
+            str(path),
+        ]
         self._complaints = tempfile.TemporaryFile()  # noqa: SIM115 (closed in __exit__)
         # In a session of its own, so that Ctrl-C reaches us and not ffmpeg.
         self._ffmpeg = subprocess.Popen(command, stdin=subprocess.PIPE, stderr=self._complaints, start_new_session=True)
