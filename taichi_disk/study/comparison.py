@@ -123,7 +123,7 @@ def exponential_wall(curves: Sequence[Curve], others: Sequence[Curve], rows: Seq
         f"**Convex as η\\* grows**: {_verdict(convex)} (slow half then fast half, η\\* = {shapes}).",
         "",
         f"**d1 → 1 as η\\* grows**: {_verdict(abs(d1[-1] - 1) < abs(d1[0] - 1))} at a = 300/R: d1 grows from "
-        f"{d1[0]:.3f} to {shown(last['fits']['eq5'], 'd1')} at η\\* = {last['eta_star']:g}. ",
+        f"{d1[0]:.3f} to {shown(last['fits']['eq5'], 'd1')} at η\\* = {last['eta_star']:g}.",
     ]
     hard = [one for one in others if one.get("a", 0) >= 1000 and one.get("eta_star", 0) > 0 and "eq5" in one["fits"]]
     if hard:

@@ -87,7 +87,7 @@ def _impact(ax: Axes, curves: list[Curve]) -> None:
         if fit is not None and np.isfinite(fit.values["d1"]):
             ax.plot(v, theory.paper_restitution(v, fit.values["d1"], fit.values["d2"]), color=colour, linewidth=1.0)
         if "eq4" in curve.fits:
-            e = theory.quasistatic_restitution(v[::4], curve.fits["eq4"].values["tau0"], curve.young)
-            ax.plot(v[::4], e, ":", color=colour, linewidth=1.0)
+            e = theory.quasistatic_restitution(v[::8], curve.fits["eq4"].values["tau0"], curve.young)
+            ax.plot(v[::8], e, ":", color=colour, linewidth=1.0)
     ax.set_xlabel("impact speed  v/c")
     ax.set_ylabel("coefficient of restitution  e")

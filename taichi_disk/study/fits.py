@@ -8,6 +8,8 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import lru_cache
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -82,11 +84,8 @@ def fit_restitution(velocity: Array, e: Array, d1_is_1: bool = False) -> Fit:
 
 def fit_tau0(velocity: Array, e: Array, e_star: float) -> Fit:
     """tau0 [R/c] of eq. (4), integrated, from e (lattices, velocities) with e_star [M c^2/R^2] given."""
-    from scipy.interpolate import CubicSpline
-
-    # e of eq. (4) is smooth in tau0: a spline through a few solutions serves every resample.
-    grid = np.concatenate([[0.0], np.geomspace(1e-3, 2.0, 24)])
-    curves = CubicSpline(grid, [theory.quasistatic_restitution(velocity, float(tau), e_star) for tau in grid])
+    curves = _quasistatic_curves(tuple(velocity.tolist()), e_star)
+    grid = curves.x
 
     def solve(weights: Array) -> Array:
         data = weights @ e
@@ -96,6 +95,15 @@ def fit_tau0(velocity: Array, e: Array, e_star: float) -> Fit:
 
     best, intervals = _over_lattices(("tau0",), solve, len(e))
     return Fit(best, intervals, e.mean(0) - np.asarray(curves(best["tau0"])))
+
+
+@lru_cache(maxsize=4)  # the curves of a figure share it
+def _quasistatic_curves(velocity: tuple[float, ...], e_star: float) -> Any:
+    """e of eq. (4) at each velocity as a spline over tau0: it is smooth, so one serves every fit and resample."""
+    from scipy.interpolate import CubicSpline
+
+    grid = np.concatenate([[0.0], np.geomspace(1e-3, 2.0, 24)])
+    return CubicSpline(grid, [theory.quasistatic_restitution(velocity, float(tau), e_star) for tau in grid])
 
 
 def fit_curvature(x: Array, y: Array) -> Fit:
