@@ -17,6 +17,7 @@ import pytest
 from PIL import Image
 
 from taichi_disk.cli import main
+from taichi_disk.errors import InputError
 from taichi_disk.render.colours import GROUND
 from taichi_disk.render.film import film_problem
 from taichi_disk.runner import run
@@ -220,6 +221,25 @@ def test_another_scene_keeps_the_lattice(sandbox: Sandbox) -> None:
     assert sandbox.ledger.now()["com_vy"] < 0.0
     sandbox.set("compression.pressure", 0.02)
     assert sandbox.world.fields["load"].to_numpy().item() == 0.02
+
+
+def test_a_scene_that_cannot_be_built_is_explained_and_the_old_one_goes_on(
+    sandbox: Sandbox, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def refuse(scene: object) -> None:
+        raise InputError("the wall is too thin")
+
+    monkeypatch.setattr("taichi_disk.view.sandbox.body_of", refuse)
+    sandbox.switch("absorbing_wall")
+    assert sandbox.scene.scene == "exponential_wall" and sandbox.message == "the wall is too thin"
+    sandbox.advance(0.2)
+    assert sandbox.ledger.t > 0.0
+
+
+def test_a_scene_with_rows_closer_than_its_steps_can_be_saved(sandbox: Sandbox) -> None:
+    sandbox.scene = load_scene("exponential_wall", [*SMALL, "time.sample_interval=1e-4"])
+    sandbox.restart()
+    assert sandbox.saved_scene().time.sample_interval == sandbox.step.dt
 
 
 def test_colours_show_strain_force_speed_and_energy(sandbox: Sandbox) -> None:

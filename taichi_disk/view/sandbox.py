@@ -225,10 +225,15 @@ class Sandbox:
 
     def switch(self, kind: str) -> None:
         """To another scene, with its own defaults and the present lattice."""
-        if kind != self.scene.scene:
+        if kind == self.scene.scene:
+            return
+        try:
             self._build(SCENES[kind](lattice=self.scene.lattice))
-            self._start()
-            self.message = f"scene: {kind}"
+        except TaichiDiskError as error:
+            self.message = str(error)
+            return
+        self._start()
+        self.paused, self.message = False, f"scene: {kind}"
 
     def hit_again(self) -> None:
         """Send the disk back at the wall with the velocity of the scene; what shakes in it goes on shaking."""
@@ -339,7 +344,10 @@ class Sandbox:
         if interval and interval / -int(-interval // dt) != dt:
             # A whole part of the interval, rounded down: the least bit more gives the same part again.
             dt = float(np.nextafter(dt, np.inf))
-        return _with(_with(self.scene, "time.integrator", step.integrator), "time.dt", dt)
+        scene, between = self.scene, self.scene.time.sample_interval
+        if between != "auto" and between < dt:
+            scene = _with(scene, "time.sample_interval", dt)  # a row for every step, as here
+        return _with(_with(scene, "time.integrator", step.integrator), "time.dt", dt)
 
     def save(self, path: Path) -> None:
         """Write the scene: what is seen after a restart is what `run` computes from it."""

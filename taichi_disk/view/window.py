@@ -93,7 +93,8 @@ class Viewer:
     # ---- drawing
 
     def _draw(self) -> None:
-        width, height = self._window.get_window_shape()
+        # A window put away as an icon has no size.
+        width, height = (max(pixels, _SMALLEST) for pixels in self._window.get_window_shape())
         setup = self.sandbox.setup
         view = setup.view
         # Whatever one of these changes, the camera sees; another lattice needs another painter.
