@@ -15,6 +15,7 @@ import numpy as np
 import pytest
 
 from taichi_disk import load_scene, run
+from taichi_disk.cli import main
 from taichi_disk.lattice import disk_lattice
 from taichi_disk.model.physics import Physics
 from taichi_disk.scene_file import load_sweep
@@ -77,6 +78,18 @@ def test_only_what_is_missing_is_computed_and_the_table_is_the_same_bytes(small:
     assert (small.out / "points.csv").read_bytes() == table
 
 
+def test_the_command_prints_fits_and_where_the_files_are(
+    small: SweepResult, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "s.yaml").write_text(SMALL)
+    assert main(["sweep", str(tmp_path / "s.yaml"), "--out", str(small.out), "--jobs", "1"]) == 0
+    shown = capsys.readouterr().out
+    assert "eta_star: 30, 2 lattices" in shown and "eq. (4) integrated" in shown
+    assert "12 points, 0 of them computed now, 0 failed" in shown
+    assert main(["sweep", "exponential_wall"]) == 2
+    assert main(["run", str(tmp_path / "s.yaml")]) == 2
+
+
 def test_points_do_not_depend_on_the_sweep_they_are_in(small: SweepResult, tmp_path: Path) -> None:
     part = run_sweep(sweep_of(tmp_path, SMALL, "sweep.velocity=[0.02]", "sweep.eta_star=[30]"), tmp_path / "o", jobs=1)
     whole = {row["key"]: row for row in small.rows}
@@ -93,15 +106,18 @@ def test_a_killed_sweep_goes_on_and_ends_with_the_same_bytes_in_any_number_of_pr
     until = time.monotonic() + 60
     while not list((tmp_path / "out").glob("points/[!.]*.json")) and time.monotonic() < until and first.poll() is None:
         time.sleep(0.01)
+    workers = Path(f"/proc/{first.pid}/task/{first.pid}/children").read_text().split()
     os.kill(first.pid, signal.SIGKILL)
     first.wait()
+    until = time.monotonic() + 60
+    while any(Path(f"/proc/{worker}").exists() for worker in workers):
+        assert time.monotonic() < until, "workers outlive their parent"
+        time.sleep(0.1)
     done = len(list((tmp_path / "out").glob("points/[!.]*.json")))
     assert 0 < done <= 12
     second = subprocess.run([*command, "--jobs", "2"], capture_output=True, text=True, check=True)
     assert (tmp_path / "out" / "points.csv").read_bytes() == (small.out / "points.csv").read_bytes()
-    # A worker that was on its way may still have finished a point after its parent was killed.
-    computed = json.loads((tmp_path / "out" / "summary.json").read_text())["computed_now"]
-    assert computed <= 12 - done
+    assert json.loads((tmp_path / "out" / "summary.json").read_text())["computed_now"] == 12 - done
     assert "12 points" in second.stdout
 
 
