@@ -85,7 +85,6 @@ FAST = {
     ("exponential wall", ETA, TRAPEZOIDAL),
     ("compression", ETA, VV),
     ("reset", 0.0, VV),
-    ("reset", ETA, TRAPEZOIDAL),
     ("matched", ETA, TRAPEZOIDAL),
 }
 SCENES = ["compression", "exponential wall", "reset", "pinned", "matched"]

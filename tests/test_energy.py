@@ -98,7 +98,7 @@ LEDGERS = [
     ("compression", 20.0, VV, False),
     ("matched", 0.0, VV, True),
     ("matched", 20.0, VV, False),
-    ("matched", 100.0, TRAPEZOIDAL, True),
+    ("matched", 100.0, TRAPEZOIDAL, False),
     ("reset", 0.0, VV, False),
     ("reset", 20.0, VV, True),
     ("reset", 20.0, TRAPEZOIDAL, False),

@@ -91,7 +91,7 @@ CASES = {
 }
 
 
-SLOW = {"impact", "absorbing wall, dashpot"}
+SLOW = {"impact", "absorbing wall, dashpot", "absorbing wall, pinned"}
 
 
 @pytest.mark.parametrize(
