@@ -44,6 +44,7 @@ class BarProgress:
             progress.BarColumn(),
             progress.TaskProgressColumn(),
             progress.TimeElapsedColumn(),
+            progress.TimeRemainingColumn(),
             console=Console(file=stream),
             redirect_stdout=False,  # what is printed goes to stdout, not to the stream of the bar
         )
