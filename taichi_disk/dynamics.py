@@ -75,7 +75,7 @@ def next_trial(
     """
     if trial.time.dt != "auto":
         return None
-    if step.dt > MARGIN * limit:
+    if step.dt > max(MARGIN, trial.time.safety) * limit:
         return replace(trial, point_force=1.5 * peak)
     factor = 0.5
     if columns is not None:
