@@ -116,8 +116,9 @@ class CompressionSection(_Strict):
 class TimeSection(_Strict):
     """Time stepping."""
 
-    integrator: Literal["auto", "velocity_verlet", "trapezoidal"] = _key(
-        "auto", "trapezoidal takes the dashpots implicitly; auto: that where there are dashpots"
+    integrator: Literal["auto", "velocity_verlet", "trapezoidal", "vefrl"] = _key(
+        "auto",
+        "trapezoidal takes dashpots implicitly; vefrl: order 4, without dashpots; auto: what reaches the end first",
     )
     dt: Auto | Annotated[float, Field(ge=1e-9, le=1e3)] = _key(
         "auto", "time step; auto: safety times the largest stable one", "R/c"
@@ -181,15 +182,20 @@ class _SceneBase(_Strict):
         return "\n".join(lines) + "\n"
 
 
-def _sampling_conflicts(time: TimeSection) -> list[tuple[str, str]]:
-    if time.dt == "auto" or time.sample_interval == "auto" or time.sample_interval >= time.dt:
-        return []
-    return [
-        (
-            "time.sample_interval",
-            f"{time.sample_interval:g} is shorter than the time step time.dt = {time.dt:g} [R/c]",
-        )
-    ]
+def _time_conflicts(time: TimeSection, damping: list[str]) -> list[tuple[str, str]]:
+    """`damping`: the keys, with their values, that make forces depend on velocity."""
+    conflicts = []
+    if time.dt != "auto" and time.sample_interval != "auto" and time.sample_interval < time.dt:
+        text = f"{time.sample_interval:g} is shorter than the time step time.dt = {time.dt:g} [R/c]"
+        conflicts.append(("time.sample_interval", text))
+    if time.integrator == "vefrl" and damping:
+        text = f"vefrl cannot take forces that depend on velocity ({damping[0]}): write auto, or velocity_verlet"
+        conflicts.append(("time.integrator", text))
+    return conflicts
+
+
+def _dashpots(material: MaterialSection) -> list[str]:
+    return [f"material.eta_star = {material.eta_star:g}"] if material.eta_star else []
 
 
 def _least_distance(wall: WallSection | ElasticWallSection, velocity: float, fraction: float) -> float:
@@ -227,7 +233,7 @@ class CompressionScene(_SceneBase):
     video: VideoSection = VideoSection()
 
     def _conflicts(self) -> list[tuple[str, str]]:
-        return _sampling_conflicts(self.time)
+        return _time_conflicts(self.time, _dashpots(self.material))
 
 
 class ExponentialWallScene(_SceneBase):
@@ -242,7 +248,7 @@ class ExponentialWallScene(_SceneBase):
     video: VideoSection = VideoSection()
 
     def _conflicts(self) -> list[tuple[str, str]]:
-        return _sampling_conflicts(self.time) + _gap_conflicts(self.wall, self.impact)
+        return _time_conflicts(self.time, _dashpots(self.material)) + _gap_conflicts(self.wall, self.impact)
 
 
 class AbsorbingWallScene(_SceneBase):
@@ -257,7 +263,8 @@ class AbsorbingWallScene(_SceneBase):
     video: VideoSection = VideoSection()
 
     def _conflicts(self) -> list[tuple[str, str]]:
-        conflicts = _sampling_conflicts(self.time) + _gap_conflicts(self.wall, self.impact)
+        damping = _dashpots(self.material) + ["wall.boundary = dashpot"] * (self.wall.boundary == "dashpot")
+        conflicts = _time_conflicts(self.time, damping) + _gap_conflicts(self.wall, self.impact)
         # The contact force is cut off at the threshold; the energy lost there must not show in the ledger.
         least = _least_distance(self.wall, self.impact.velocity, 1e-5)
         if self.wall.threshold < least:

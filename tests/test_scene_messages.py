@@ -135,9 +135,9 @@ def k_a(value: str) -> str:
         ),
         (
             "time: {integrator: trapezodal}\n",
-            "2:20: time.integrator: must be auto, velocity_verlet or trapezoidal, not trapezodal; "
+            "2:20: time.integrator: must be auto, velocity_verlet, trapezoidal or vefrl, not trapezodal; "
             "did you mean trapezoidal? "
-            "(trapezoidal takes the dashpots implicitly; auto: that where there are dashpots)",
+            "(trapezoidal takes dashpots implicitly; vefrl: order 4, no dashpots; auto: what reaches the end first)",
         ),
         (
             "video: {size: 721}\n",
@@ -449,3 +449,16 @@ def test_any_bytes_give_a_scene_or_an_input_error(path: Path, data: bytes) -> No
         load_scene(path)
     except InputError as error:
         assert str(error)
+
+
+@pytest.mark.parametrize(
+    ("settings", "damping"),
+    [
+        (["exponential_wall", "material.eta_star=3"], "material.eta_star = 3"),
+        (["absorbing_wall", "wall.boundary=dashpot"], "wall.boundary = dashpot"),
+    ],
+)
+def test_order_four_is_refused_where_forces_depend_on_velocity(settings, damping):
+    with pytest.raises(InputError, match=r"time\.integrator: vefrl cannot") as caught:
+        load_scene(settings[0], [*settings[1:], "time.integrator=vefrl"])
+    assert damping in str(caught.value)

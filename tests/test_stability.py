@@ -10,13 +10,14 @@ from reference import Model
 from worlds import again, disk, disk_and_wall
 
 from taichi_disk.errors import InputError
+from taichi_disk.model.integrators import SPLITTINGS
 from taichi_disk.model.observables import COLUMNS
 from taichi_disk.model.physics import Physics
 from taichi_disk.model.stability import explicit_limit, spectrum, step_limit
 from taichi_disk.scene import TimeSection
 from taichi_disk.time_step import choose
 
-VV, TRAPEZOIDAL = "velocity_verlet", "trapezoidal"
+VV, TRAPEZOIDAL, VEFRL = "velocity_verlet", "trapezoidal", "vefrl"
 N = 60
 
 
@@ -29,7 +30,7 @@ def energies(world, steps):
     ("eta_star", "integrator", "sharp"),
     # With dashpots of middling strength the limit is safe but not sharp: the mode that is damped most is not the
     # one that vibrates fastest.
-    [(0.0, VV, True), (100.0, VV, True), (100.0, TRAPEZOIDAL, True), (10.0, VV, False)],
+    [(0.0, VV, True), (100.0, VV, True), (100.0, TRAPEZOIDAL, True), (10.0, VV, False), (0.0, VEFRL, True)],
 )
 @pytest.mark.usefixtures("taichi")
 def test_steps_below_the_limit_stay_bounded_and_above_blow_up(eta_star, integrator, sharp):
@@ -42,13 +43,32 @@ def test_steps_below_the_limit_stay_bounded_and_above_blow_up(eta_star, integrat
     v = 1e-6 * np.random.default_rng(0).standard_normal((1, N, 2))
     world = World(lattice, physics, v, 0.98 * limit)
     start = world.first_row[COLUMNS.index("kinetic"), 0]
-    # At h omega = 1.96 leapfrog's energy swings by a factor 1/(1 - 0.98^2) = 25, and no further.
+    # At h omega = 1.96 leapfrog's energy swings by a factor 1/(1 - 0.98^2) = 25, and no further; vefrl's by less.
     assert energies(world, 100_000).max() < 50.0 * start
     if sharp:
         again(world, lattice.positions[None], v, 1.05 * limit)
         energy = energies(world, 2000)
         assert not energy.max() < 1e6 * start
     world.destroy()
+
+
+def oscillator(splitting, angle):
+    """Half the trace of one step of x'' = -x by h = `angle`: cos of the phase it turns by, at most 1 while stable."""
+    step = np.eye(2)
+    for kick, move in zip(splitting.kicks, (*splitting.moves, 0.0), strict=True):
+        step = np.array([[1.0, move * angle], [0.0, 1.0]]) @ np.array([[1.0, 0.0], [-kick * angle, 1.0]]) @ step
+    return 0.5 * np.trace(step)
+
+
+@pytest.mark.parametrize("splitting", SPLITTINGS.values(), ids=SPLITTINGS)
+def test_an_oscillator_is_stable_up_to_the_stated_limit_and_its_phase_has_the_stated_order(splitting):
+    angles = np.linspace(0.01, splitting.stable - 1e-4, 2000)
+    assert max(abs(oscillator(splitting, angle)) for angle in angles) <= 1.0 + 1e-12
+    assert abs(oscillator(splitting, splitting.stable + 1e-3)) > 1.0
+    errors = [abs(np.arccos(oscillator(splitting, angle)) / angle - 1.0) for angle in (0.4, 0.2)]
+    assert np.log2(errors[0] / errors[1]) == pytest.approx(splitting.order, abs=0.1)
+    assert sum(splitting.kicks) == pytest.approx(1.0, abs=1e-14)
+    assert sum(splitting.moves) == pytest.approx(1.0, abs=1e-14)
 
 
 def jacobian(model, x):

@@ -61,7 +61,7 @@ class Boundary:
         What leapfrog keeps is m/2 v_{k-1/2} v_{k+1/2} = m/2 v_k^2 - m/2 (h/2 f_k/m)^2, and where there are
         dashpots f_k jumps too.
         """
-        half = 0.5 * p.g
+        half = p.closing
         energy = ti.Vector.zero(ti.f64, self.lanes)
         if ti.static(self.physics.dissipates):
             energy -= self.half_kick_energy(p, self.physics.implicit_dashpot)

@@ -25,7 +25,6 @@ class Observables:
 
     @ti.func
     def observe(self, p: ti.template(), rows: ti.template(), s, sums, elastic, upward, potential):
-        half = 0.5 * p.g
         for w in ti.static(range(self.lanes)):
             sx, sy, svx, svy, spin, v2 = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
             lowest, residual2 = self.x[0][1, w], 0.0
@@ -33,7 +32,7 @@ class Observables:
             for i in range(self.n):
                 x, y = self.x[i][0, w], self.x[i][1, w]
                 fx, fy = self.f[i][0, w], self.f[i][1, w]
-                vx, vy = self.v[i][0, w] + half * fx, self.v[i][1, w] + half * fy
+                vx, vy = self.v[i][0, w] + p.closing * fx, self.v[i][1, w] + p.closing * fy
                 v2 += vx * vx + vy * vy
                 if i < self.n_disk:
                     sx += x

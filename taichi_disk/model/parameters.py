@@ -7,11 +7,13 @@ from typing import Any
 import numpy as np
 import taichi as ti
 
+from taichi_disk.model.integrators import SPLITTINGS
 from taichi_disk.model.physics import Physics
 
 Parameters = ti.types.struct(
     h=ti.f64,  # time step
     g=ti.f64,  # h/m
+    closing=ti.f64,  # what the force at a step gets in that step's last kick, over m: h/(2 m) in leapfrog
     m=ti.f64,  # mass of a point
     k_a=ti.f64,
     k_b=ti.f64,
@@ -27,6 +29,7 @@ def parameters(physics: Physics, mass: float, dt: float) -> Any:
     return Parameters(
         h=dt,
         g=dt / mass,
+        closing=SPLITTINGS[physics.integrator].kicks[-1] * (dt / mass),
         m=mass,
         k_a=physics.k_a,
         k_b=physics.k_b,

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 Wall = Literal["none", "rigid", "elastic"]
 Boundary = Literal["none", "reset", "pinned", "dashpot"]
-Integrator = Literal["velocity_verlet", "trapezoidal"]
+Integrator = Literal["velocity_verlet", "trapezoidal", "vefrl"]
 
 
 @dataclass(frozen=True)
@@ -29,7 +29,7 @@ class Physics:
         boundary: what happens at the sides and bottom of the elastic wall.
         reset_interval: time between two settings of the boundary's velocities to zero [R/c].
         impedance: (k, 2) x and y dashpot constants Z of the boundary points [M c/R].
-        integrator: how a step is made; see `taichi_disk.model.world`.
+        integrator: how a step is made; see `taichi_disk.model.integrators`.
     """
 
     k_a: float = 1.0
@@ -60,6 +60,11 @@ class Physics:
     @property
     def dissipates(self) -> bool:
         return self.eta != 0.0
+
+    @property
+    def damped(self) -> bool:
+        """Whether any force depends on velocity."""
+        return self.dissipates or self.boundary == "dashpot"
 
     @property
     def reach(self) -> float:

@@ -1,6 +1,7 @@
 """The largest stable time step, from the lattice, the dashpots and the wall.
 
-Undamped leapfrog is bounded while h omega < 2 for the highest frequency omega. The wall adds the stiffness
+Without damping a step is bounded while h omega for the highest frequency omega is below the integrator's own limit, in
+leapfrog 2. The wall adds the stiffness
 a F of the point that carries the force F, at most to the point's own mass: omega^2 <= omega_lattice^2 + a F/m
 (twice that against an elastic wall, where two points of mass m approach each other).
 The trapezoidal dashpot does not lower the limit. The predicted one does: `explicit_limit`.
@@ -13,6 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from taichi_disk.lattice import Lattice
+from taichi_disk.model.integrators import SPLITTINGS
 from taichi_disk.model.physics import Physics
 from taichi_disk.stiffness import laplacian, largest_eigenvalue, tangent_stiffness
 
@@ -46,7 +48,7 @@ def step_limit(spectrum: Spectrum, physics: Physics, point_force: float) -> floa
     omega = np.sqrt(spectrum.omega**2 + bodies * physics.a * point_force / spectrum.mass)
     if physics.explicit_dashpot:
         return explicit_limit(float(omega), physics.eta * spectrum.damping)
-    return 2.0 / float(omega)
+    return SPLITTINGS[physics.integrator].stable / float(omega)
 
 
 def explicit_limit(omega: float, damping: float) -> float:

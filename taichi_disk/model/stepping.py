@@ -29,16 +29,16 @@ class Stepping(Boundary):
         return force, push
 
     @ti.func
-    def drift(self, p: ti.template(), peak):
-        """Kick by a whole step (half a step before and half a step after t_k) and move to t_{k+1}.
+    def drift(self, p: ti.template(), kick, move, peak):
+        """Change the velocities by `kick` times the force and the positions by `move` times the velocity.
 
         Returns `peak`, the wall's largest force on one point so far.
         """
         highest = peak
         for i in range(self.n):
             f = self.f[i]
-            v = self.v[i] + p.g * f
-            x = self.x[i] + p.h * v
+            v = self.v[i] + kick * f
+            x = self.x[i] + move * v
             self.v[i] = v
             self.x[i] = x
             if ti.static(self.physics.explicit_dashpot):
@@ -50,57 +50,43 @@ class Stepping(Boundary):
         return highest
 
     @ti.func
-    def solve_velocities(self, p: ti.template()):
-        """Solve for the velocities `u` at this step; returns per lane three powers.
+    def stage(self, p: ti.template(), kick, move, peak):
+        """Kick, move and compute the forces there.
 
-        u.D u lost in all dashpots D, u.D u_before, and the part of the first that is lost at the boundary.
+        Returns elastic energy, squares of the dashpots' relative velocities, contact force, contact potential, `peak`.
         """
-        half = 0.5 * p.g
-        for k in range(self.n_free):
-            i = self.order[k]
-            self.z[k] = self.v[i] + half * self.f[i]
-        self.solve_dashpot()
-        power = ti.Vector.zero(ti.f64, self.lanes)
-        cross = ti.Vector.zero(ti.f64, self.lanes)
-        for k in range(self.n_free):
-            i, u = self.order[k], self.z[k]
-            before = self.u[i]
-            loss = (self.v[i] + half * self.f[i] - u) / half
-            for w in ti.static(range(self.lanes)):
-                power[w] += u[0, w] * loss[0, w] + u[1, w] * loss[1, w]
-                cross[w] += before[0, w] * loss[0, w] + before[1, w] * loss[1, w]
-            self.u[i] = u
-        absorbed = ti.Vector.zero(ti.f64, self.lanes)
-        if ti.static(self.physics.boundary == "dashpot"):
-            for k in range(self.n_boundary):
-                u, Z = self.u[self.boundary[k]], self.impedance[k]
-                for w in ti.static(range(self.lanes)):
-                    absorbed[w] += Z[0] * u[0, w] * u[0, w] + Z[1] * u[1, w] * u[1, w]
-        return power, cross, absorbed
-
-    @ti.func
-    def take_damped_force(self, p: ti.template()):
-        """The force that the solved velocities imply, so that v + g/2 f = u and v + g f = 2 u - v."""
-        for k in range(self.n_free):
-            i = self.order[k]
-            self.f[i] = (self.u[i] - self.v[i]) / (0.5 * p.g)
+        highest = self.drift(p, kick * p.g, move * p.h, peak)
+        elastic, squares = self.add_spring_forces(p, self.physics.explicit_dashpot)
+        upward = ti.Vector.zero(ti.f64, self.lanes)
+        potential = ti.Vector.zero(ti.f64, self.lanes)
+        if ti.static(self.uses("elastic wall")):
+            upward, potential, highest = self.add_contact_forces(p, highest)
+        if ti.static(self.uses("pinned boundary")):
+            self.hold_boundary()
+        return elastic, squares, upward, potential, highest
 
     @ti.func
     def step(self, p: ti.template(), number, sums):
         """Make step `number`; returns `sums`, and elastic energy, contact force and contact potential after it."""
-        peak = self.drift(p, row(sums, PEAK))
-        elastic, squares = self.add_spring_forces(p, self.physics.explicit_dashpot)
+        peak = row(sums, PEAK)
+        elastic = ti.Vector.zero(ti.f64, self.lanes)
+        squares = ti.Vector.zero(ti.f64, self.lanes)
         upward = ti.Vector.zero(ti.f64, self.lanes)
         potential = ti.Vector.zero(ti.f64, self.lanes)
+        if ti.static(self.splitting.forces == 1):
+            elastic, squares, upward, potential, peak = self.stage(p, 1.0, 1.0, peak)
+        else:
+            for k in range(self.splitting.forces):
+                kick, move = 0.0, 0.0
+                for s in ti.static(range(self.splitting.forces)):
+                    if k == s:
+                        kick, move = self.splitting.joined_kicks[s], self.splitting.moves[s]
+                elastic, squares, upward, potential, peak = self.stage(p, kick, move, peak)
         power = ti.Vector.zero(ti.f64, self.lanes)
         cross = ti.Vector.zero(ti.f64, self.lanes)
         boundary_power = ti.Vector.zero(ti.f64, self.lanes)
-        if ti.static(self.uses("elastic wall")):
-            upward, potential, peak = self.add_contact_forces(p, peak)
         if ti.static(self.uses("explicit dashpot")):
             power = self.eta[None] * squares
-        if ti.static(self.uses("pinned boundary")):
-            self.hold_boundary()
         if ti.static(self.uses("dashpot boundary") and not self.physics.implicit_dashpot):
             boundary_power = self.damp_boundary(p)
         if ti.static(self.uses("implicit dashpot")):
@@ -182,7 +168,7 @@ class Stepping(Boundary):
                     for w in ti.static(range(self.lanes)):  # whose power is that of all dashpots together
                         sums[POWER, w] += sums[BOUNDARY_POWER, w]
             for i in range(self.n):
-                self.v[i] -= 0.5 * p.g * self.f[i]
+                self.v[i] -= p.closing * self.f[i]
             self.sums[0] = sums
             self.observe(p, rows, 0, sums, elastic, upward, potential)
 

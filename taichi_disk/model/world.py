@@ -1,12 +1,7 @@
 """One lattice (in one or more replicas) in Taichi fields, and the kernels that move it.
 
-Time step (leapfrog form of velocity Verlet, order 2; Hairer, Lubich & Wanner, Acta Numerica 2003):
-
-    v_{k+1/2} = v_{k-1/2} + h f_k/m,    x_{k+1} = x_k + h v_{k+1/2},    v_k = v_{k-1/2} + h/2 f_k/m.
-
-Forces that depend on velocity need v_k before it is known. `velocity_verlet` predicts it,
-u_k = v_{k-1/2} + h/2 f_{k-1}/m (its error is O(h^2), so the order stays 2; see `stability` for the price);
-`trapezoidal` solves for it (see `dashpots`). All steps between two looks run inside one kernel.
+How a step is made is in `integrators`. Between steps a world holds x_k, f_k and the velocity before its last kick,
+v_k - closing f_k (in leapfrog: v_{k-1/2}). All steps between two looks run inside one kernel.
 """
 
 from __future__ import annotations
@@ -19,8 +14,9 @@ import taichi as ti
 from numpy.typing import NDArray
 
 from taichi_disk.lattice import Lattice
-from taichi_disk.model.dashpots import ImplicitDashpot
 from taichi_disk.model.factor import Factor, factorise
+from taichi_disk.model.integrators import SPLITTINGS
+from taichi_disk.model.integrators.trapezoidal import ImplicitDashpot
 from taichi_disk.model.observables import COLUMNS, Observables
 from taichi_disk.model.ordering import spread
 from taichi_disk.model.parameters import parameters
@@ -72,6 +68,7 @@ class World(Stepping, Springs, Walls, ImplicitDashpot, Observables, Storage):
         self.reset_steps = max(1, round(physics.reset_interval / dt))
         self.block, self.blocks = blocks_of(lattice, self.lanes)
         self.compiled: set[str] = set()
+        self.splitting = SPLITTINGS[physics.integrator]
         self._signature = signature(lattice, physics, dt)
         self.n_free = self.n - (self.n_boundary if physics.boundary == "pinned" else 0)
         self.components = 2 if physics.boundary == "dashpot" else 1
@@ -210,7 +207,7 @@ class World(Stepping, Springs, Walls, ImplicitDashpot, Observables, Storage):
     def velocities(self) -> NDArray[np.float64]:
         """(lanes, n, 2) now [c]."""
         _, v, f = self.export_state().vectors[:3]
-        return np.moveaxis(v + 0.5 * self.dt / self.mass * f, 2, 0).copy()
+        return np.moveaxis(v + self.splitting.kicks[-1] * self.dt / self.mass * f, 2, 0).copy()
 
     def forces(self) -> NDArray[np.float64]:
         """(lanes, n, 2) total force on every point now [M c^2/R]."""

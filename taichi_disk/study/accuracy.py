@@ -60,9 +60,11 @@ def measure(scene: Scene, progress: Progress) -> list[Point]:
     end = _end(setup, progress)
     progress.start("reference", None)
     truth = cached_solution(Reference(setup.lattice, setup.physics), setup.velocities, end)
-    integrators: tuple[Integrator, ...] = ("velocity_verlet",)
+    integrators: list[Integrator] = ["velocity_verlet"]
     if setup.physics.dissipates:
-        integrators = ("velocity_verlet", "trapezoidal")
+        integrators.append("trapezoidal")
+    if not setup.physics.damped:
+        integrators.append("vefrl")
     progress.start("measure", len(integrators) * len(FRACTIONS))
     points = []
     for integrator in integrators:
@@ -166,7 +168,7 @@ def draw(points: list[Point], path: Path, title: str) -> None:
     figure = Figure(figsize=(6.4, 4.4), dpi=120, layout="constrained")
     FigureCanvasAgg(figure)
     axes = figure.subplots()
-    for name, colour in (("velocity_verlet", "#0072B2"), ("trapezoidal", "#D55E00")):
+    for name, colour in (("velocity_verlet", "#0072B2"), ("trapezoidal", "#D55E00"), ("vefrl", "#009E73")):
         curve = [p for p in points if p.integrator == name]
         if not curve:
             continue
