@@ -118,7 +118,7 @@ class TimeSection(_Strict):
 
     integrator: Literal["auto", "velocity_verlet", "trapezoidal", "vefrl"] = _key(
         "auto",
-        "trapezoidal takes dashpots implicitly; vefrl: order 4, without dashpots; auto: what reaches the end first",
+        "trapezoidal takes dashpots implicitly; vefrl: order 4, no dashpots; auto: what reaches the end first",
     )
     dt: Auto | Annotated[float, Field(ge=1e-9, le=1e3)] = _key(
         "auto", "time step; auto: safety times the largest stable one", "R/c"
