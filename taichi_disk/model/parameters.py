@@ -22,6 +22,7 @@ Parameters = ti.types.struct(
     reach=ti.f64,
     threshold=ti.f64,
     V0_at_threshold=ti.f64,
+    reset_steps=ti.i32,  # steps between two resets of the wall's boundary
 )
 
 
@@ -38,4 +39,5 @@ def parameters(physics: Physics, mass: float, dt: float) -> Any:
         reach=physics.reach,
         threshold=physics.threshold,
         V0_at_threshold=physics.V0 * float(np.exp(-physics.a * physics.threshold)),
+        reset_steps=max(1, round(physics.reset_interval / dt)),
     )

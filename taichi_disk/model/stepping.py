@@ -106,7 +106,7 @@ class Stepping(Boundary):
             result[BOUNDARY_POWER, w] = b1
             result[PEAK, w] = peak[w]
         if ti.static(self.uses("reset boundary")):
-            result = self.reset_boundary(p, number % self.reset_steps == 0, sums, result)
+            result = self.reset_boundary(p, number % p.reset_steps == 0, sums, result)
         elif ti.static(self.physics.implicit_dashpot):
             self.take_damped_force(p)
         return result, elastic, upward, potential

@@ -29,12 +29,11 @@ from taichi_disk.model.sums import SUMS
 from taichi_disk.model.walls import Walls
 
 
-def signature(lattice: Lattice, physics: Physics, dt: float) -> tuple[Any, ...]:
+def signature(lattice: Lattice, physics: Physics) -> tuple[Any, ...]:
     """All that kernels are compiled for: worlds that agree in this can share them."""
     sizes = (lattice.positions, lattice.bonds, lattice.disk_surface, lattice.wall_surface, lattice.wall_boundary)
     features = (physics.wall, physics.boundary, physics.integrator, physics.cubic, physics.dissipates)
-    reset_steps = max(1, round(physics.reset_interval / dt))
-    return (*(len(one) for one in sizes), lattice.disk_points, *features, physics.load != 0.0, reset_steps)
+    return (*(len(one) for one in sizes), lattice.disk_points, *features, physics.load != 0.0)
 
 
 @ti.data_oriented
@@ -65,11 +64,10 @@ class World(Stepping, Springs, Walls, ImplicitDashpot, Observables, Storage):
         self.n, self.n_disk, self.n_bonds = len(lattice.positions), lattice.disk_points, len(lattice.bonds)
         self.n_disk_surface, self.n_wall_surface = len(lattice.disk_surface), len(lattice.wall_surface)
         self.n_boundary = len(lattice.wall_boundary) if physics.boundary != "none" else 0
-        self.reset_steps = max(1, round(physics.reset_interval / dt))
         self.block, self.blocks = blocks_of(lattice, self.lanes)
         self.compiled: set[str] = set()
         self.splitting = SPLITTINGS[physics.integrator]
-        self._signature = signature(lattice, physics, dt)
+        self._signature = signature(lattice, physics)
         self.n_free = self.n - (self.n_boundary if physics.boundary == "pinned" else 0)
         self.components = 2 if physics.boundary == "dashpot" else 1
         self.lattice, self.physics, self.dt, self.mass = lattice, physics, dt, float(lattice.masses[0])
@@ -96,7 +94,7 @@ class World(Stepping, Springs, Walls, ImplicitDashpot, Observables, Storage):
         False, with nothing changed, where that cannot be: another number of points, springs or lanes, or
         another set of features.
         """
-        if len(velocities) != self.lanes or signature(lattice, physics, dt) != self._signature:
+        if len(velocities) != self.lanes or signature(lattice, physics) != self._signature:
             return False
         before = self.lattice, self.physics, self.dt, self.mass
         self.lattice, self.physics, self.dt, self.mass = lattice, physics, dt, float(lattice.masses[0])

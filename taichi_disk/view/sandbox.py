@@ -87,7 +87,7 @@ class Sandbox:
         lattice = replace(self.setup.lattice, positions=self.positions)
         physics = replace(physics, integrator=self.step.integrator)
         # Compiling takes seconds: a world that was made once is kept.
-        key = signature(lattice, physics, dt)
+        key = signature(lattice, physics)
         known = self._worlds.get(key)
         if known and known.restart(lattice, physics, self.velocities[None], dt):
             self.world = known
