@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from taichi_disk.errors import SimulationError
 from taichi_disk.lattice import Lattice, disk_lattice
 from taichi_disk.render.camera import Camera
-from taichi_disk.render.colours import GROUND, INK, strain_colours
+from taichi_disk.render.colours import GROUND, INK, amount_colours, strain_colours
 from taichi_disk.render.film import film_problem
 from taichi_disk.render.layout import Layout, _ticks
 from taichi_disk.render.picture import Frame, Subject
@@ -104,6 +104,12 @@ def test_equal_strains_of_either_sign_are_equally_light_and_lightness_falls_even
         assert light == pytest.approx(74 - (74 - 36) * strain / LIMIT, abs=1.5)
 
 
+def test_amounts_darken_evenly_from_what_stands_out_from_the_ground() -> None:
+    light = lightness(amount_colours(np.linspace(0.0, 3.0, 21), 3.0))
+    assert lightness(np.array(GROUND)) - light[0] > 12
+    assert np.diff(light) == pytest.approx((light[-1] - light[0]) / 20, abs=0.2) and light[-1] < 35
+
+
 def test_springs_at_rest_stand_out_from_the_ground() -> None:
     assert lightness(np.array(GROUND)) - lightness(strain_colours(np.array(0.0), LIMIT)) > 20
 
@@ -141,6 +147,28 @@ def test_a_spring_has_the_colour_of_its_strain() -> None:
         column, row = camera.to_pixels(x[:2].mean(axis=0)).astype(int)
         # One in 255 for rounding, one for the linear interpolation in the table of 256 colours.
         assert image[row, column] == pytest.approx(255 * strain_colours(np.array(strain), LIMIT), abs=2)
+
+
+@needs_vulkan
+@pytest.mark.parametrize("signed", [True, False])
+def test_a_point_without_springs_has_the_colour_of_the_mean_of_its_springs(signed: bool) -> None:
+    from taichi_disk.render.painter import Painter
+
+    triangle = lattice_of(np.array([(-0.9, 0.5), (0.9, 0.5), (0.0, 1.9)]), [(0, 1), (0, 2), (1, 2)])
+    camera = Camera.fit(VIEW, 0, 0, 360, 360, 10.0)
+    painter = Painter(subject(triangle, rigid_wall=False), camera, 0.5)
+    window = ti.ui.Window("test", (360, 360), show_window=False)
+    values = np.array([0.2, 0.6, 1.0])
+    painter.paint(window.get_canvas(), triangle.positions, values, "points", signed)
+    image = window.get_image_buffer_as_numpy()[..., :3].transpose(1, 0, 2)[::-1]
+    window.destroy()
+    Path("imgui.ini").unlink(missing_ok=True)
+    colours = (strain_colours if signed else amount_colours)(np.array([0.4, 0.6, 0.8]), 1.0)
+    for (column, row), colour in zip(camera.to_pixels(triangle.positions).astype(int), colours, strict=True):
+        assert image[row, column] == pytest.approx(colour, abs=2 / 255)
+    seen = (np.abs(image - GROUND).sum(axis=-1) > 0.02).sum()
+    assert seen < 3 * np.pi * 8**2  # nothing but three points
+    painter.destroy()
 
 
 @needs_vulkan

@@ -18,12 +18,12 @@ from PIL import Image
 
 from taichi_disk.cli import main
 from taichi_disk.errors import InputError
+from taichi_disk.render.colouring import COLOURINGS, spring_values
 from taichi_disk.render.colours import GROUND
 from taichi_disk.render.film import film_problem
 from taichi_disk.runner import run
 from taichi_disk.scene_file import load_scene
 from taichi_disk.stiffness import spring_energy
-from taichi_disk.view.colouring import COLOURINGS, spring_values
 from taichi_disk.view.controls import Controls
 from taichi_disk.view.sandbox import Sandbox
 
@@ -246,7 +246,8 @@ def test_colours_show_strain_force_speed_and_energy(sandbox: Sandbox) -> None:
     stretch = 1.01 * sandbox.positions
     sandbox.positions = stretch
     lattice, physics = sandbox.setup.lattice, sandbox.world.physics
-    strain, force, speed, energy = (spring_values(sandbox, one) for one in COLOURINGS)
+    state = lattice, physics, stretch, sandbox.velocities
+    strain, force, speed, energy = (spring_values(*state, one) for one in COLOURINGS)
     s = 0.01 * lattice.rest_lengths
     assert np.allclose(strain, 0.01)
     assert np.allclose(force, physics.k_a * s + physics.k_b * s**3)

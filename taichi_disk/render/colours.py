@@ -27,6 +27,10 @@ _XYZ_TO_RGB = np.array(
     ]
 )
 
+# For what has no sign: pale at rest, darkening evenly to violet.
+_NOTHING = np.array([82.0, 2.0, -4.0])
+_MUCH = np.array([26.0, 46.0, -52.0])
+
 
 def strain_colours(strain: NDArray[np.float64], limit: float) -> NDArray[np.float64]:
     """sRGB colours (..., 3) in 0..1 of strains (...): blue at -limit (compressed), grey at 0, red at +limit.
@@ -36,6 +40,12 @@ def strain_colours(strain: NDArray[np.float64], limit: float) -> NDArray[np.floa
     s = np.clip(np.asarray(strain, dtype=np.float64) / limit, -1.0, 1.0)[..., None]
     end = np.where(s < 0.0, _COMPRESSED, _STRETCHED)
     return _lab_to_srgb(_NEUTRAL + np.abs(s) * (end - _NEUTRAL))
+
+
+def amount_colours(amount: NDArray[np.float64], limit: float) -> NDArray[np.float64]:
+    """sRGB colours (..., 3) in 0..1 of amounts (...) from 0, pale, to `limit`, violet; linear in CIELAB."""
+    s = np.clip(np.asarray(amount, dtype=np.float64) / limit, 0.0, 1.0)[..., None]
+    return _lab_to_srgb(_NOTHING + s * (_MUCH - _NOTHING))
 
 
 def _lab_to_srgb(lab: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -10,7 +10,7 @@ import taichi as ti
 from numpy.typing import NDArray
 
 from taichi_disk.render.camera import Camera
-from taichi_disk.render.colours import FAINT_INK, GROUND, INK, strain_colours
+from taichi_disk.render.colours import FAINT_INK, GROUND, INK, amount_colours, strain_colours
 from taichi_disk.render.picture import Subject
 
 _TABLE = 256  # intervals of the colour table
@@ -31,7 +31,10 @@ class Painter:
         lattice = subject.lattice
         self._bonds, self._rest_lengths = lattice.bonds, lattice.rest_lengths
         self._limit = subject.strain_limit
-        self._table = strain_colours(np.linspace(-1.0, 1.0, _TABLE + 1), 1.0).astype(np.float32)
+        places = np.linspace(-1.0, 1.0, _TABLE + 1)
+        self._tables = [colours(places, 1.0).astype(np.float32) for colours in (amount_colours, strain_colours)]
+        degree = np.bincount(lattice.bonds.ravel(), minlength=len(lattice.positions))
+        self._share = 1.0 / np.maximum(degree, 1)
         self._spacing = float(np.median(lattice.rest_lengths))
         self._make_fields(len(lattice.positions), len(lattice.bonds), _HATCHES + 1 if subject.rigid_wall else 0)
         self.aim(camera, unit)
@@ -54,10 +57,11 @@ class Painter:
         """Two line ends for each spring, then two for each line of the rigid wall."""
         self._springs, self._wall = springs, wall
         self._ends, self._colours = ti.Vector.field(2, ti.f32), ti.Vector.field(3, ti.f32)
-        self._points = ti.Vector.field(2, ti.f32)
+        self._points, self._point_colours = ti.Vector.field(2, ti.f32), ti.Vector.field(3, ti.f32)
+        self._point_places = ti.field(ti.f64)
         builder = ti.FieldsBuilder()
         builder.dense(ti.i, 2 * (springs + wall)).place(self._ends, self._colours)
-        builder.dense(ti.i, points).place(self._points)
+        builder.dense(ti.i, points).place(self._points, self._point_colours, self._point_places)
         self._tree = builder.finalize()
 
     @ti.kernel
@@ -83,6 +87,7 @@ class Painter:
         rest_lengths: ti.types.ndarray(dtype=ti.f64, ndim=1),  # type: ignore[valid-type]
         table: ti.types.ndarray(dtype=ti.types.vector(3, ti.f32), ndim=1),  # type: ignore[valid-type]
         values: ti.types.ndarray(dtype=ti.f64, ndim=1),  # type: ignore[valid-type]
+        share: ti.types.ndarray(dtype=ti.f64, ndim=1),  # type: ignore[valid-type]
         by_strain: ti.template(),  # type: ignore[valid-type]
         hidden: ti.template(),  # type: ignore[valid-type]
         factor: _Pair,  # type: ignore[valid-type]
@@ -94,10 +99,11 @@ class Painter:
             i, j = bonds[b, 0], bonds[b, 1]
             p, q = ti.Vector([x[i, 0], x[i, 1]]), ti.Vector([x[j, 0], x[j, 1]])
             value = values[b] if ti.static(not by_strain) else ((p - q).norm() / rest_lengths[b] - 1.0) / self._limit
-            place = (ti.math.clamp(value, -1.0, 1.0) + 1.0) * (_TABLE / 2)
-            k = ti.min(ti.cast(place, ti.i32), _TABLE - 1)
-            colour = ti.math.mix(table[k], table[k + 1], ti.cast(place - k, ti.f32))
+            value = ti.math.clamp(value, -1.0, 1.0)
+            colour = self._colour(table, value)
             if ti.static(hidden):
+                self._point_places[i] += value * share[i]
+                self._point_places[j] += value * share[j]
                 p, q = _Pair(_FAR, _FAR), _Pair(_FAR, _FAR - 1.0)
             self._ends[2 * b] = ti.cast(factor * p + shift, ti.f32)
             self._ends[2 * b + 1] = ti.cast(factor * q + shift, ti.f32)
@@ -107,6 +113,15 @@ class Painter:
         for i in self._points:
             p = ti.Vector([x[i, 0], x[i, 1]])
             self._points[i] = ti.cast(factor * p + shift, ti.f32)
+            if ti.static(hidden):
+                self._point_colours[i] = self._colour(table, self._point_places[i])
+                self._point_places[i] = 0.0
+
+    @ti.func
+    def _colour(self, table: ti.template(), value: ti.f64):  # type: ignore[valid-type]
+        place = (value + 1.0) * (_TABLE / 2)
+        k = ti.min(ti.cast(place, ti.i32), _TABLE - 1)
+        return ti.math.mix(table[k], table[k + 1], ti.cast(place - k, ti.f32))
 
     def paint(
         self,
@@ -114,21 +129,24 @@ class Painter:
         positions: NDArray[np.float64],
         values: NDArray[np.float64] | None = None,
         show: Show = "both",
+        signed: bool = True,
     ) -> None:
         """Draw the state with `positions` (n, 2) [R] on a `ti.ui.Canvas` as large as the camera's stage.
 
-        `values` (springs,): places in the scale of colours, -1 to 1; by default the strain over its limit.
+        `values` (springs,): places in the scale of colours, -1 to 1 where they are `signed`, else 0 to 1; by
+        default the strain over its limit. Points without springs take the mean of theirs.
         """
         x, by_strain = np.ascontiguousarray(positions), values is None
         given = np.zeros(1) if values is None else np.ascontiguousarray(values)
-        springs = (self._bonds, self._rest_lengths, self._table, given)
+        springs = (self._bonds, self._rest_lengths, self._tables[signed], given, self._share)
         self._place(x, *springs, by_strain, show == "points", self._factor, self._shift)
         canvas.set_background_color(GROUND)
         # Hidden springs lie far outside, so that the wall beside them in the same field is still drawn.
         canvas.lines(self._ends, width=self._line, per_vertex_color=self._colours)
-        point = self._any_point if show == "points" else self._point
-        if point and show != "springs":
-            canvas.circles(self._points, radius=point, color=INK)
+        if show == "points":
+            canvas.circles(self._points, radius=self._any_point, per_vertex_color=self._point_colours)
+        elif self._point and show == "both":
+            canvas.circles(self._points, radius=self._point, color=INK)
 
     def destroy(self) -> None:
         """Free the fields; the painter cannot be used afterwards."""

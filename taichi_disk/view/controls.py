@@ -7,11 +7,12 @@ from math import log10
 from pathlib import Path
 
 from taichi_disk.errors import TaichiDiskError
+from taichi_disk.render.colouring import COLOURINGS
 from taichi_disk.render.painter import Show
 from taichi_disk.scene import AbsorbingWallScene, CompressionScene
 from taichi_disk.scenes.compression import Compression
 from taichi_disk.scenes.impact import Impact
-from taichi_disk.view.colouring import COLOURINGS, Scale
+from taichi_disk.view.colouring import Scale
 from taichi_disk.view.sandbox import Sandbox
 
 SCENE_NAMES = ("compression", "exponential_wall", "absorbing_wall")
@@ -111,7 +112,7 @@ class Controls:
         """Begin the scale of colours again: strains of an impact reach about v/c, speeds v, under a load about P."""
         push = self.push
         points = self.sandbox.scene.lattice.points
-        starts = {"strain": push, "force": 0.1 * push, "speed": push, "energy": 0.5 * push**2 / points}
+        starts = {"strain": push, "force": 0.1 * push, "speed": push, "kinetic": 0.5 * push**2 / points}
         self.scale = Scale(starts[COLOURINGS[self.colouring_number]])
 
     # ---- keys

@@ -9,7 +9,7 @@ from collections.abc import Callable
 from textwrap import wrap
 from typing import Any
 
-from taichi_disk.view.colouring import COLOURINGS, UNITS
+from taichi_disk.render.colouring import COLOURINGS, QUANTITIES
 from taichi_disk.view.controls import BOUNDARIES, SCENE_NAMES, SHOWS, Controls
 from taichi_disk.view.graph import CURVES
 
@@ -51,7 +51,7 @@ class Panel:
             now = BOUNDARIES[c.boundary_number]
             self._choice(f"boundary  [b]: {now}", "boundary", c.boundary_number, 2, c.set_boundary_number)
         colouring = COLOURINGS[c.colouring_number]
-        unit = f"{c.scale.limit:g} {UNITS[colouring]}".strip()
+        unit = f"{c.scale.limit:g} {QUANTITIES[colouring].unit}".strip()
         label = f"colour  [c]: {colouring}, full at {unit}"
         self._choice(label, "colour", c.colouring_number, len(COLOURINGS) - 1, c.set_colouring_number)
         self._choice(f"draw  [x]: {SHOWS[c.show_number]}", "draw", c.show_number, 2, c.set_show_number)

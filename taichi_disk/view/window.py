@@ -17,9 +17,9 @@ from numpy.typing import NDArray
 from taichi_disk.errors import TaichiDiskError
 from taichi_disk.output import prepare_output
 from taichi_disk.render.camera import Camera
+from taichi_disk.render.colouring import COLOURINGS, QUANTITIES, spring_values
 from taichi_disk.render.painter import Painter
 from taichi_disk.render.picture import Subject
-from taichi_disk.view.colouring import COLOURINGS, spring_values
 from taichi_disk.view.controls import SHOWS, Controls
 from taichi_disk.view.graph import Graph
 from taichi_disk.view.panel import WIDTH, Panel
@@ -108,8 +108,10 @@ class Viewer:
             self.camera = self._look(view, width, height)
             self._painter.aim(self.camera, self._unit(height))
         self._shape, self._drawn = (width, height), (setup.lattice.bonds, width, height, view)
-        values = self.controls.scale.places(spring_values(self.sandbox, COLOURINGS[self.controls.colouring_number]))
-        self._painter.paint(self._canvas, self.sandbox.positions, values, SHOWS[self.controls.show_number])
+        colouring, x, v = COLOURINGS[self.controls.colouring_number], self.sandbox.positions, self.sandbox.velocities
+        values = self.controls.scale.places(spring_values(setup.lattice, self.sandbox.world.physics, x, v, colouring))
+        signed = QUANTITIES[colouring].signed
+        self._painter.paint(self._canvas, x, values, SHOWS[self.controls.show_number], signed)
         if pulled := self.sandbox.pulled:
             self._tie.from_numpy(self._on_canvas(np.array(pulled)).astype(np.float32))
             self._canvas.lines(self._tie, width=2.0 / height, color=(0.85, 0.45, 0.0))
