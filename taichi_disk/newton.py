@@ -91,6 +91,32 @@ def rigid_balance(heights: Array, a: float, V0: float, pressure: float) -> float
     return float(np.log(a * V0 * crowd / pressure)) / a - lowest
 
 
+def lowest_lie(disk: Lattice, k_a: float, a: float, pressure: float) -> float:
+    """The angle [rad], counter-clockwise, by which the unloaded disk has to be turned to lie lowest.
+
+    On a wall V0 exp(-y/L) a rigid body rests where h = L ln sum_i exp(-y_i/L), y_i against the centre of mass, is
+    smallest; V0 does not matter. L = 1/a + 2 P/(pi k_a) makes its contact about as wide as Hertz's. The smallest
+    over all angles is taken, so that the answer does not depend on how the lattice happens to be turned.
+    """
+    from scipy.optimize import minimize_scalar
+
+    depth = 1.0 / a + 2.0 * pressure / (np.pi * k_a)
+    x, y = (disk.positions[disk.disk_surface] - disk.positions.mean(axis=0)).T
+
+    def height(angle: Array) -> Array:
+        below = -np.outer(np.sin(angle), x) - np.outer(np.cos(angle), y)
+        lowest = below.max(axis=1)
+        return np.asarray(lowest + depth * np.log(np.exp((below - lowest[:, None]) / depth).sum(axis=1)))
+
+    angles = np.linspace(-np.pi, np.pi, max(360, 4 * len(x)), endpoint=False)
+    best = float(angles[np.argmin(height(angles))])
+    step = float(angles[1] - angles[0])
+    found = minimize_scalar(
+        lambda t: float(height(np.array([t]))[0]), bounds=(best - step, best + step), method="bounded"
+    )
+    return float(found.x)
+
+
 class _PressedDisk:
     """Energy, force and tangent stiffness of springs, wall and load together."""
 

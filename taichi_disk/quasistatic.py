@@ -1,4 +1,4 @@
-"""Compression without time: the equilibrium, solved for by Newton's method."""
+"""Compression without time: the equilibrium that Newton's method has found, as a run that ends there."""
 
 from __future__ import annotations
 
@@ -7,9 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from taichi_disk.newton import compress
 from taichi_disk.outcome import Outcome
-from taichi_disk.progress import Progress
 from taichi_disk.scenes.compression import Compression
 from taichi_disk.scenes.setup import Columns
 from taichi_disk.stiffness import spring_energy
@@ -17,25 +15,13 @@ from taichi_disk.stiffness import spring_energy
 ROWS = 101
 
 
-def press(setup: Compression, progress: Progress) -> Outcome:
+def press(setup: Compression) -> Outcome:
     """The rest under the full load, and the straight way to it.
 
     Nothing moves in time here: `t` runs from 0, the undeformed start, to 1, the equilibrium, along the straight
     line between the two, on which the total energy falls to its minimum.
-    Raises SimulationError where Newton's method finds no rest.
     """
-    progress.start("solve", None)
-    physics, lattice = setup.physics, setup.lattice
-    rest = compress(
-        lattice,
-        physics.k_a,
-        physics.k_b,
-        physics.a,
-        physics.V0,
-        physics.load,
-        start=lattice.positions,
-        tolerance=min(1e-3 * setup.scene.compression.tolerance, 1e-9),
-    )
+    physics, lattice, rest = setup.physics, setup.lattice, setup.rest
     way = rest.positions - lattice.positions
     t = np.linspace(0.0, 1.0, ROWS)
 

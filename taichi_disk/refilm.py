@@ -66,7 +66,7 @@ def _scene_of(folder: Path, options: dict[str, Any]) -> Scene:
 def _compute(scene: Scene, progress: Progress) -> tuple[Setup, Outcome]:
     setup = build(scene)
     if isinstance(setup, Compression) and setup.scene.compression.method == "newton":
-        return setup, press(setup, progress)
+        return setup, press(setup)
     modes = spectrum(setup.lattice, setup.physics)
     # The run was made: what it took, also a step by force, is taken again.
     step = choose(scene.time, setup.physics, modes, setup.point_force, force=True)

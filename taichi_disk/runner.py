@@ -89,7 +89,7 @@ def run(
     try:
         with clock("simulate"):
             if isinstance(setup, Compression) and static:
-                outcome = press(setup, progress)
+                outcome = press(setup)
             else:
                 outcome = move(setup, scene.time, modes, step, progress)
     except (SimulationError, KeyboardInterrupt) as failure:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from taichi_disk.lattice import Lattice
 from taichi_disk.model.physics import Physics
 from taichi_disk.model.stability import contact_point_force
-from taichi_disk.newton import compress, rigid_balance, roll_angle
+from taichi_disk.newton import Equilibrium, compress, lowest_lie, rigid_balance
 from taichi_disk.scene import CompressionScene
 from taichi_disk.scenes.setup import Columns, Headline, Setup, spread
 
@@ -18,15 +18,23 @@ TOUCH = 1e-3  # of the load is borne by the wall at the start: a softer start th
 
 
 class Compression(Setup):
-    """Starts undeformed, just above the wall, as the disk would come to lie; ends when the motion has died out."""
+    """Starts undeformed, just above the wall, as the disk would come to lie; ends when the motion has died out.
+
+    `rest` is the equilibrium that it comes to, by Newton's method.
+    """
 
     scene: CompressionScene
+    rest: Equilibrium
 
     def __init__(self, scene: CompressionScene, disk: Lattice) -> None:
         self.scene = scene
         spec, material, wall = scene.lattice, scene.material, scene.wall
         self.pressure = scene.compression.pressure
-        self.lattice = _laid_down(disk, material.k_a, material.k_b, wall.a, wall.V0, self.pressure)
+        forces = (material.k_a, material.k_b, wall.a, wall.V0, self.pressure)
+        angle = lowest_lie(disk, material.k_a, wall.a, self.pressure)
+        laid = _laid_down(disk, angle, wall.a, wall.V0, self.pressure).positions
+        self.rest = compress(disk, *forces, start=laid)
+        self.lattice = _laid_down(disk, self.rest.roll, wall.a, wall.V0, TOUCH * self.pressure)
         y = self.lattice.positions[:, 1]
         self.unloaded = float(y.mean() - y.min())
         self.velocities = np.zeros((spec.points, 2))
@@ -117,22 +125,15 @@ class Compression(Setup):
         return (when, f"ξ = {xi:.6f} R")
 
 
-def _laid_down(disk: Lattice, k_a: float, k_b: float, a: float, V0: float, pressure: float) -> Lattice:
-    """`disk` turned as it comes to rest under the load, and so high that the wall bears TOUCH of the load.
+def _laid_down(disk: Lattice, angle: float, a: float, V0: float, load: float) -> Lattice:
+    """`disk` turned by the `angle` at which it rests, and so high that the wall bears the `load`.
 
     A random lattice's centre of mass lies some 0.005 R beside its middle, so that a disk put down at random
     rolls. Damped by dashpots that resist rotation too, that takes 10^4 R/c, and the turned disk's lowest point
     is another: the compression would be measured against the wrong radius.
     """
-    positions, angle = disk.positions, 0.0
-    for _ in range(4):
-        start = positions + np.array([0.0, rigid_balance(positions[:, 1], a, V0, pressure)])
-        rest = compress(disk, k_a, k_b, a, V0, pressure, start=start).positions
-        before, angle = angle, roll_angle(disk.positions, rest)
-        positions = _turned(disk.positions, angle)
-        if abs(angle - before) < 1e-8:  # Newton's method converges quadratically: the next change is rounding
-            break
-    lift = rigid_balance(positions[:, 1], a, V0, TOUCH * pressure)
+    positions = _turned(disk.positions, angle)
+    lift = rigid_balance(positions[:, 1], a, V0, load)
     return replace(disk, positions=positions + np.array([0.0, lift]))
 
 

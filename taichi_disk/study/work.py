@@ -18,7 +18,6 @@ from taichi_disk.errors import TaichiDiskError
 from taichi_disk.lattice import Lattice
 from taichi_disk.model.stability import Spectrum, spectrum, step_limit
 from taichi_disk.moduli import Moduli, bulk_moduli
-from taichi_disk.progress import QuietProgress
 from taichi_disk.quasistatic import press
 from taichi_disk.scene import CompressionScene, Scene
 from taichi_disk.scenes import body_of, build
@@ -116,7 +115,7 @@ def _pressed(scene: Scene, body: Lattice, moduli: Moduli) -> PointResult:
     try:
         setup = build(scene, body)
         assert isinstance(setup, Compression)
-        outcome = press(setup, QuietProgress())
+        outcome = press(setup)
     except TaichiDiskError as error:
         return PointResult("failed", str(error))
     numbers = {**setup.headline(outcome.columns).values, "young": moduli.young, "poisson": moduli.poisson}
