@@ -11,16 +11,17 @@ from taichi_disk import __version__
 from taichi_disk.errors import InputError
 from taichi_disk.results import write_text
 from taichi_disk.scene import Scene
+from taichi_disk.study.program import fingerprint
 from taichi_disk.study.work import PointResult
 
 
 def point_key(scene: Scene) -> str:
-    """Name of a point: a hash of its resolved scene and of the program's version.
+    """Name of a point: a hash of its resolved scene and of the program, so that results of two programs never mix.
 
     The film's settings are no part of it.
     """
     numbers = scene.model_dump(exclude={"video"})
-    return hashlib.sha256(json.dumps([__version__, numbers], sort_keys=True).encode()).hexdigest()[:20]
+    return hashlib.sha256(json.dumps([fingerprint(), numbers], sort_keys=True).encode()).hexdigest()[:20]
 
 
 class PointStore:
