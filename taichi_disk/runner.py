@@ -66,7 +66,7 @@ def run(
     """
     out, progress, clock = Path(out), progress or QuietProgress(), _Clock()
     with clock("build"):
-        runtime.start(arch, threads)
+        runtime.start(arch, threads, scene.time.precision)
         setup = build(scene)
         static = isinstance(setup, Compression) and setup.scene.compression.method == "newton"
         if not static:
@@ -81,7 +81,7 @@ def run(
         "status": "failed",
         "reason": None,
         "seed": scene.lattice.seed,
-        "precision": "f64",
+        "precision": "f64" if static else scene.time.precision,
         "arch": "cpu" if static else arch,
         "versions": results.versions(),
         "wall_clock": clock.seconds,
@@ -97,7 +97,7 @@ def run(
             summary["status"] = "interrupted"
         summary["reason"] = str(failure) or None
         if isinstance(failure, BlowUp):
-            results.write_arrays(out / "failure.npz", **failure.last_good())
+            results.write_arrays(out / "failure.npz", **failure.last_good)
         results.write_summary(out / "summary.json", summary)
         raise
     clock.move("simulate", "compile", outcome.compile_seconds)

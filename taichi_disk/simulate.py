@@ -23,17 +23,20 @@ BLOW_UP = 0.1  # imbalance of the energy, relative to the largest energy so far,
 
 
 class BlowUp(SimulationError):
-    """The state became meaningless. `state` is the last one that was still good, `columns` the rows up to it."""
+    """The state became meaningless.
 
-    def __init__(self, message: str, state: State, dt: float, columns: Columns) -> None:
+    `last_good` holds positions and velocities (n, 2) and the time of the last state that was still good.
+    """
+
+    def __init__(self, message: str, world: World, state: State) -> None:
         super().__init__(message)
-        self.state, self.dt, self.columns = state, dt, columns
+        world.import_state(state)
         self.peak_point_force = float(state.sums[PEAK].max())
-
-    def last_good(self) -> dict[str, NDArray[np.float64]]:
-        """Positions and velocities (n, 2) and time of the last good state; velocities are half a step older."""
-        x, v = self.state.vectors[:2, ..., 0]
-        return {"positions": x, "velocities": v, "t": np.array(self.state.step * self.dt)}
+        self.last_good = {
+            "positions": world.positions()[0],
+            "velocities": world.velocities()[0],
+            "t": np.array(world.time),
+        }
 
 
 @dataclass(frozen=True)
@@ -81,7 +84,7 @@ def simulate(setup: Setup, world: World, step: TimeStep, interval: float, progre
         columns = as_columns(rows, step.dt, stride)
         if problem := blown_up(columns, known):
             message = f"{problem}, {_where(world)}; {_advice(step)}"
-            raise BlowUp(message, good, step.dt, as_columns(rows[:known], step.dt, stride))
+            raise BlowUp(message, world, good)
         over = np.flatnonzero(setup.ended(columns)[known:])
         if len(over):
             # The launch went past the end: go back, and stop there.

@@ -53,7 +53,7 @@ def test_the_error_falls_with_the_square_of_the_step(tmp_path: Path, monkeypatch
     monkeypatch.setattr(accuracy, "REPEATS", 1)
     points = accuracy.measure(load_scene("exponential_wall", [*SMALL, "material.eta_star=5"]), QuietProgress())
     for integrator in ("velocity_verlet", "trapezoidal"):
-        curve = [p for p in points if p.integrator == integrator]
+        curve = [p for p in points if (p.integrator, p.precision) == (integrator, "f64")]
         dt = np.array([p.dt for p in curve])
         error = np.array([p.trajectory_error for p in curve])
         slope = np.polyfit(np.log(dt), np.log(error), 1)[0]
@@ -79,10 +79,11 @@ def test_the_command_leaves_table_and_picture(
         str(tmp_path / "out"),
     ]
     assert main(command) == 0
-    assert "| trapezoidal | 0.8 |" in capsys.readouterr().out
+    assert "| trapezoidal | f32 | 0.8 |" in capsys.readouterr().out
     with (tmp_path / "out" / "accuracy.csv").open() as file:
         rows = list(csv.DictReader(file))
-    assert [row["integrator"] for row in rows] == 2 * ["velocity_verlet"] + 2 * ["trapezoidal"]
+    assert [row["integrator"] for row in rows] == 2 * (2 * ["velocity_verlet"] + 2 * ["trapezoidal"])
+    assert [row["precision"] for row in rows] == 4 * ["f64"] + 4 * ["f32"]
     assert float(rows[3]["error"]) < float(rows[2]["error"]) < 1e-2
     assert (tmp_path / "out" / "accuracy.png").read_bytes().startswith(b"\x89PNG")
 

@@ -63,7 +63,8 @@ COMPRESSION = {
     "max_time": auto_or(number(1e-6, 1e6)),
 }
 TIME = {
-    "integrator": st.sampled_from(["auto", "velocity_verlet", "trapezoidal"]),
+    "integrator": st.sampled_from(["auto", "velocity_verlet", "trapezoidal", "vefrl"]),
+    "precision": st.sampled_from(["f64", "f32"]),
     "dt": auto_or(number(1e-9, 1e3)),
     "safety": number(0, 1, above=True),
     "sample_interval": auto_or(number(1e-9, 1e6)),
@@ -82,7 +83,14 @@ KEYS: dict[str, dict[str, dict[str, st.SearchStrategy[Any]]]] = {
 
 
 # Values that are within their bounds may still contradict each other; these contradict nothing.
-HARMLESS = {"impact.gap": "auto", "wall.threshold": 1e3, "time.dt": "auto", "time.sample_interval": "auto"}
+HARMLESS = {
+    "impact.gap": "auto",
+    "wall.threshold": 1e3,
+    "time.dt": "auto",
+    "time.sample_interval": "auto",
+    "time.integrator": "auto",
+    "time.precision": "f64",
+}
 
 
 @st.composite
@@ -215,6 +223,7 @@ def test_every_key_says_what_it_means_and_every_dimension_its_unit() -> None:
         "method",
         "tolerance",
         "integrator",
+        "precision",
         "safety",
     }
     for kind, scene in SCENES.items():

@@ -135,7 +135,7 @@ def test_failed_points_are_listed_and_do_not_stop_the_others(tmp_path: Path) -> 
 def test_a_lane_that_blows_up_leaves_the_others_as_they_are_alone() -> None:
     from taichi_disk.study.lanes import LaneEngine
 
-    engine = LaneEngine()
+    engine = LaneEngine("f64")
     setups = [
         build(load_scene("exponential_wall", ["lattice.points=60", "material.eta_star=0", f"impact.velocity={v}"]))
         for v in (9.0, 0.05)

@@ -11,12 +11,12 @@ class Boundary:
     @ti.func
     def hold_boundary(self):
         for k in range(self.n_boundary):
-            self.f[self.boundary[k]] = ti.Matrix.zero(ti.f64, 2, self.lanes)
+            self.f[self.boundary[k]] = ti.Matrix.zero(self.real, 2, self.lanes)
 
     @ti.func
     def damp_boundary(self, p: ti.template()):
         """Matched boundary: force -Z v, v centred at this step. Returns the power absorbed, per lane."""
-        power = ti.Vector.zero(ti.f64, self.lanes)
+        power = ti.Vector.zero(self.real, self.lanes)
         for k in range(self.n_boundary):
             i, Z = self.boundary[k], self.impedance[k]
             f = self.f[i]
@@ -62,18 +62,18 @@ class Boundary:
         dashpots f_k jumps too.
         """
         half = p.closing
-        energy = ti.Vector.zero(ti.f64, self.lanes)
+        energy = ti.Vector.zero(self.real, self.lanes)
         if ti.static(self.physics.dissipates):
             energy -= self.half_kick_energy(p, self.physics.implicit_dashpot)
         if ti.static(self.physics.explicit_dashpot):
             for i in range(self.n):
-                self.u[i] = ti.Matrix.zero(ti.f64, 2, self.lanes)
+                self.u[i] = ti.Matrix.zero(self.real, 2, self.lanes)
         for k in range(self.n_boundary):
             i = self.boundary[k]
             v = self.v[i] + half * self.f[i]
             if ti.static(self.physics.implicit_dashpot):
                 v = self.u[i]
-                self.u[i] = ti.Matrix.zero(ti.f64, 2, self.lanes)
+                self.u[i] = ti.Matrix.zero(self.real, 2, self.lanes)
             elif ti.static(self.physics.explicit_dashpot):
                 self.u[i] = v
             else:
@@ -122,7 +122,7 @@ class Boundary:
     @ti.func
     def half_kick_energy(self, p: ti.template(), solved: ti.template()):
         """sum(m/2 (h/2 f/m)^2) per lane; where the velocities are only `solved` for, h/2 f/m = u - v."""
-        energy = ti.Vector.zero(ti.f64, self.lanes)
+        energy = ti.Vector.zero(self.real, self.lanes)
         for i in range(self.n):
             kick = 0.5 * p.g * self.f[i]
             if ti.static(solved):
@@ -134,7 +134,7 @@ class Boundary:
     @ti.func
     def dashpot_work(self, g):
         """sum(eta (u_i - u_j).(w_i - w_j)) over the springs, w = v + g f: g = 0 the last half step, h/m the next."""
-        power = ti.Vector.zero(ti.f64, self.lanes)
+        power = ti.Vector.zero(self.real, self.lanes)
         eta = self.eta[None]
         for b in range(self.n_bonds):
             i, j = self.bond_i[b], self.bond_j[b]

@@ -2,6 +2,8 @@
 
 import taichi as ti
 
+from taichi_disk.model.sums import ABSORBED, DISSIPATED, SPEED
+
 COLUMNS = (
     "com_x",  # the disk's centre of mass [R]
     "com_y",
@@ -26,27 +28,32 @@ class Observables:
     @ti.func
     def observe(self, p: ti.template(), rows: ti.template(), s, sums, elastic, upward, potential):
         for w in ti.static(range(self.lanes)):
-            sx, sy, svx, svy, spin, v2 = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
-            lowest, residual2 = self.x[0][1, w], 0.0
-            force, energy = upward[w], potential[w]
+            zero = ti.cast(0.0, ti.f64)
+            sx, sy, svx, svy, spin, v2 = zero, zero, zero, zero, zero, zero
+            lowest, residual2 = ti.cast(self.place(0, 1, w, sums), ti.f64), zero
+            force, energy = ti.cast(upward[w], ti.f64), ti.cast(potential[w], ti.f64)
             for i in range(self.n):
-                x, y = self.x[i][0, w], self.x[i][1, w]
+                x = ti.cast(self.place(i, 0, w, sums), ti.f64)
+                y = ti.cast(self.place(i, 1, w, sums), ti.f64)
                 fx, fy = self.f[i][0, w], self.f[i][1, w]
-                vx, vy = self.v[i][0, w] + p.closing * fx, self.v[i][1, w] + p.closing * fy
-                v2 += vx * vx + vy * vy
+                vx = ti.cast(self.v[i][0, w] + p.closing * fx, ti.f64)
+                vy = ti.cast(self.v[i][1, w] + p.closing * fy, ti.f64)
                 if i < self.n_disk:
+                    if ti.static(self.single):
+                        vy += sums[SPEED, w]
                     sx += x
                     sy += y
                     svx += vx
                     svy += vy
                     spin += x * vy - y * vx
                     lowest = ti.min(lowest, y)
-                    residual2 = ti.max(residual2, fx * fx + fy * fy)
+                    residual2 = ti.max(residual2, ti.cast(fx * fx + fy * fy, ti.f64))
                     if ti.static(self.physics.wall == "rigid"):
                         if y < p.reach:
-                            e = p.V0 * ti.exp(-p.a * y)
+                            e = p.V0 * ti.exp(-p.a * ti.cast(y, self.real))
                             energy += e
                             force += p.a * e
+                v2 += vx * vx + vy * vy
             count = ti.cast(self.n_disk, ti.f64)
             rows[s, 0, w] = sx / count
             rows[s, 1, w] = sy / count
@@ -58,9 +65,9 @@ class Observables:
             rows[s, 7, w] = 0.5 * p.m * v2
             rows[s, 8, w] = elastic[w]
             rows[s, 9, w] = energy
-            rows[s, 10, w] = sums[0, w]
-            rows[s, 11, w] = sums[2, w]
-            load = 0.0
+            rows[s, 10, w] = sums[DISSIPATED, w]
+            rows[s, 11, w] = sums[ABSORBED, w]
+            load = zero
             if ti.static(self.physics.load != 0.0):
                 load = self.load[None][w] * sy / count
             rows[s, 12, w] = load

@@ -1,7 +1,5 @@
 """Numbers that a kernel gets as arguments, so that turning one needs no new compilation."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np
@@ -24,6 +22,27 @@ Parameters = ti.types.struct(
     V0_at_threshold=ti.f64,
     reset_steps=ti.i32,  # steps between two resets of the wall's boundary
 )
+
+Rounded = ti.types.struct(**{name: ti.i32 if kind is ti.i32 else ti.f32 for name, kind in Parameters.members.items()})
+
+
+@ti.func
+def rounded(q: ti.template()):  # type: ignore[valid-type]
+    """The parameters in single precision: one number in double would turn all it meets into double."""
+    return Rounded(
+        h=q.h,
+        g=q.g,
+        closing=q.closing,
+        m=q.m,
+        k_a=q.k_a,
+        k_b=q.k_b,
+        a=q.a,
+        V0=q.V0,
+        reach=q.reach,
+        threshold=q.threshold,
+        V0_at_threshold=q.V0_at_threshold,
+        reset_steps=q.reset_steps,
+    )
 
 
 def parameters(physics: Physics, mass: float, dt: float) -> Any:

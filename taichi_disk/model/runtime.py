@@ -4,15 +4,16 @@ from __future__ import annotations
 
 import contextlib
 import io
-from typing import Any
+from typing import Any, Literal
 
 from taichi_disk.errors import InputError
 
 ARCHES = ("cpu", "cuda", "vulkan")
+Precision = Literal["f64", "f32"]
 
 
-def start(arch: str = "cpu", threads: int | None = None) -> None:
-    """(Re)start Taichi in double precision on `arch`; every field made before this is gone.
+def start(arch: str = "cpu", threads: int | None = None, precision: Precision = "f64") -> None:
+    """(Re)start Taichi in `precision` on `arch`; every field made before this is gone.
 
     fast_math stays off: it gains nothing here, and without it the bytes of a result do not depend on how
     a kernel was optimised. The offline cache halves the compile time of the next run.
@@ -37,9 +38,16 @@ def start(arch: str = "cpu", threads: int | None = None) -> None:
     with contextlib.redirect_stdout(io.StringIO()):  # it tells the arch where only results belong
         ti.init(
             arch=getattr(ti, arch),
-            default_fp=ti.f64,
+            default_fp=getattr(ti, precision),
             default_ip=ti.i32,
             fast_math=False,
             log_level=ti.ERROR,
             **options,
         )
+
+
+def precision() -> Precision:
+    """The precision that Taichi was started in: literals in kernels have it, so every world has to."""
+    import taichi as ti
+
+    return "f32" if ti.lang.impl.current_cfg().default_fp == ti.f32 else "f64"

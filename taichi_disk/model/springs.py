@@ -14,41 +14,53 @@ class Springs:
         the springs [c^2], to which the power lost in the dashpots is proportional.
         """
         width = ti.static(self.block * self.lanes)
-        energy = ti.Vector.zero(ti.f64, width)
-        relative = ti.Vector.zero(ti.f64, self.lanes)
-        eta = ti.Matrix.zero(ti.f64, 2, self.lanes)
+        energy = ti.Vector.zero(self.real, width)
+        relative = ti.Vector.zero(self.real, self.lanes)
+        eta = ti.Matrix.zero(self.real, 2, self.lanes)
         if ti.static(dashpot):
             for w in ti.static(range(self.lanes)):
                 eta[0, w] = self.eta[None][w]
                 eta[1, w] = self.eta[None][w]
         for block in range(self.blocks):
             first = block * self.block
-            dx = ti.Vector.zero(ti.f64, width)
-            dy = ti.Vector.zero(ti.f64, width)
-            rest = ti.Vector.zero(ti.f64, width)
+            dx = ti.Vector.zero(self.real, width)
+            dy = ti.Vector.zero(self.real, width)
+            rest = ti.Vector.zero(self.real, width)
+            change = ti.Vector.zero(self.real, width)  # of the length's square
             for k in ti.static(range(self.block)):
                 d = self.x[self.bond_i[first + k]] - self.x[self.bond_j[first + k]]
                 for w in ti.static(range(self.lanes)):
                     dx[k * self.lanes + w] = d[0, w]
                     dy[k * self.lanes + w] = d[1, w]
                     rest[k * self.lanes + w] = self.rest[first + k]
+                if ti.static(self.single):
+                    span = self.span[first + k]
+                    for w in ti.static(range(self.lanes)):
+                        dx[k * self.lanes + w] += span[0]
+                        dy[k * self.lanes + w] += span[1]
+                        x = dx[k * self.lanes + w] + span[0]
+                        y = dy[k * self.lanes + w] + span[1]
+                        change[k * self.lanes + w] = x * d[0, w] + y * d[1, w]
             r = ti.sqrt(dx * dx + dy * dy)
             s = r - rest
+            part = s / r
+            if ti.static(self.single):
+                part = change / ((r + rest) * r)
+                s = part * r
             s2 = s * s
-            tension = p.k_a * s
+            pull = p.k_a * part
             energy += (0.5 * p.k_a) * s2
             if ti.static(self.uses("cubic")):
-                tension += p.k_b * s2 * s
+                pull += p.k_b * s2 * part
                 energy += (0.25 * p.k_b) * s2 * s2
-            pull = tension / r
             if ti.static(self.block > 1):
                 # This store makes the compiler take the block's square roots and divisions as one vector.
                 for k in ti.static(range(self.block)):
                     self.pull[first + k] = pull[k]
-            squares = ti.Vector.zero(ti.f64, self.lanes)
+            squares = ti.Vector.zero(self.real, self.lanes)
             for k in ti.static(range(self.block)):
                 i, j = self.bond_i[first + k], self.bond_j[first + k]
-                force = ti.Matrix.zero(ti.f64, 2, self.lanes)
+                force = ti.Matrix.zero(self.real, 2, self.lanes)
                 for w in ti.static(range(self.lanes)):
                     force[0, w] = pull[k * self.lanes + w] * dx[k * self.lanes + w]
                     force[1, w] = pull[k * self.lanes + w] * dy[k * self.lanes + w]
@@ -61,7 +73,7 @@ class Springs:
                 self.f[j] += force
             if ti.static(dashpot):
                 relative += squares
-        elastic = ti.Vector.zero(ti.f64, self.lanes)
+        elastic = ti.Vector.zero(self.real, self.lanes)
         for w in ti.static(range(self.lanes)):
             for k in ti.static(range(self.block)):
                 elastic[w] += energy[k * self.lanes + w]

@@ -3,23 +3,24 @@
 import taichi as ti
 
 from taichi_disk.model.boundary import Boundary
-from taichi_disk.model.parameters import Parameters
-from taichi_disk.model.sums import ABSORBED, BOUNDARY_POWER, DISSIPATED, PEAK, POWER, SUMS
+from taichi_disk.model.frame import Frame
+from taichi_disk.model.parameters import Parameters, rounded
+from taichi_disk.model.sums import ABSORBED, BOUNDARY_POWER, DISSIPATED, PEAK, POWER
 
 
-class Stepping(Boundary):
+class Stepping(Boundary, Frame):
     """Moves the points; part of `World`."""
 
     @ti.func
-    def outer_force(self, p: ti.template(), i, x):
-        """The force on point i at x that does not come from springs: the rigid wall's and the load.
+    def outer_force(self, p: ti.template(), i, sums):
+        """The force on point i that does not come from springs: the rigid wall's and the load.
 
         Also returns the wall's share, per lane.
         """
-        force = ti.Matrix.zero(ti.f64, 2, self.lanes)
-        push = ti.Vector.zero(ti.f64, self.lanes)
+        force = ti.Matrix.zero(self.real, 2, self.lanes)
+        push = ti.Vector.zero(self.real, self.lanes)
         if ti.static(self.uses("rigid wall")):
-            push = self.rigid_wall_force(p, ti.Vector([x[1, w] for w in range(self.lanes)]))
+            push = self.rigid_wall_force(p, ti.Vector([self.place(i, 1, w, sums) for w in range(self.lanes)]))
             for w in ti.static(range(self.lanes)):
                 force[1, w] += push[w]
         if ti.static(self.uses("load")):
@@ -29,62 +30,75 @@ class Stepping(Boundary):
         return force, push
 
     @ti.func
-    def drift(self, p: ti.template(), kick, move, peak):
+    def drift(self, p: ti.template(), kick, move, sums):
         """Change the velocities by `kick` times the force and the positions by `move` times the velocity.
 
-        Returns `peak`, the wall's largest force on one point so far.
+        `sums` is that of the frame already moved. Returns per lane the wall's force, and the largest on one point.
         """
-        highest = peak
+        total = ti.Vector.zero(self.real, self.lanes)
+        highest = ti.Vector.zero(self.real, self.lanes)
         for i in range(self.n):
             f = self.f[i]
             v = self.v[i] + kick * f
-            x = self.x[i] + move * v
+            if ti.static(self.single):
+                gain = self.frame_kick(i, kick, sums)
+                for w in ti.static(range(self.lanes)):
+                    v[1, w] -= gain[w]
             self.v[i] = v
-            self.x[i] = x
+            self.x[i] += move * v
             if ti.static(self.physics.explicit_dashpot):
                 self.u[i] = v + 0.5 * p.g * f
-            force, push = self.outer_force(p, i, x)
+            force, push = self.outer_force(p, i, sums)
             self.f[i] = force
             if ti.static(self.physics.wall == "rigid"):
                 highest = ti.max(highest, push)
-        return highest
+                total += push
+        return total, highest
 
     @ti.func
-    def stage(self, p: ti.template(), kick, move, peak):
+    def stage(self, p: ti.template(), kick, move, sums):
         """Kick, move and compute the forces there.
 
-        Returns elastic energy, squares of the dashpots' relative velocities, contact force, contact potential, `peak`.
+        Returns `sums`, elastic energy, squares of the dashpots' relative velocities, contact force, contact potential.
         """
-        highest = self.drift(p, kick * p.g, move * p.h, peak)
+        result = sums
+        if ti.static(self.single):
+            result = self.move_frame(kick * p.g, move * p.h, sums)
+        total, highest = self.drift(p, kick * p.g, move * p.h, result)
         elastic, squares = self.add_spring_forces(p, self.physics.explicit_dashpot)
-        upward = ti.Vector.zero(ti.f64, self.lanes)
-        potential = ti.Vector.zero(ti.f64, self.lanes)
+        upward = ti.Vector.zero(self.real, self.lanes)
+        potential = ti.Vector.zero(self.real, self.lanes)
         if ti.static(self.uses("elastic wall")):
-            upward, potential, highest = self.add_contact_forces(p, highest)
+            upward, potential, highest = self.add_contact_forces(p, result)
+            total = upward
         if ti.static(self.uses("pinned boundary")):
             self.hold_boundary()
-        return elastic, squares, upward, potential, highest
+        for w in ti.static(range(self.lanes)):
+            result[PEAK, w] = ti.max(result[PEAK, w], highest[w])
+        if ti.static(self.single):
+            result = self.push_frame(total, result)
+        return result, elastic, squares, upward, potential
 
     @ti.func
-    def step(self, p: ti.template(), number, sums):
+    def step(self, p: ti.template(), number, before):
         """Make step `number`; returns `sums`, and elastic energy, contact force and contact potential after it."""
-        peak = row(sums, PEAK)
-        elastic = ti.Vector.zero(ti.f64, self.lanes)
-        squares = ti.Vector.zero(ti.f64, self.lanes)
-        upward = ti.Vector.zero(ti.f64, self.lanes)
-        potential = ti.Vector.zero(ti.f64, self.lanes)
+        sums = before
+        elastic = ti.Vector.zero(self.real, self.lanes)
+        squares = ti.Vector.zero(self.real, self.lanes)
+        upward = ti.Vector.zero(self.real, self.lanes)
+        potential = ti.Vector.zero(self.real, self.lanes)
         if ti.static(self.splitting.forces == 1):
-            elastic, squares, upward, potential, peak = self.stage(p, 1.0, 1.0, peak)
+            sums, elastic, squares, upward, potential = self.stage(p, 1.0, 1.0, sums)
         else:
             for k in range(self.splitting.forces):
                 kick, move = 0.0, 0.0
                 for s in ti.static(range(self.splitting.forces)):
                     if k == s:
                         kick, move = self.splitting.joined_kicks[s], self.splitting.moves[s]
-                elastic, squares, upward, potential, peak = self.stage(p, kick, move, peak)
-        power = ti.Vector.zero(ti.f64, self.lanes)
-        cross = ti.Vector.zero(ti.f64, self.lanes)
-        boundary_power = ti.Vector.zero(ti.f64, self.lanes)
+                sums, elastic, squares, upward, potential = self.stage(p, kick, move, sums)
+        power = ti.Vector.zero(self.real, self.lanes)
+        cross = ti.Vector.zero(self.real, self.lanes)
+        boundary_power = ti.Vector.zero(self.real, self.lanes)
         if ti.static(self.uses("explicit dashpot")):
             power = self.eta[None] * squares
         if ti.static(self.uses("dashpot boundary") and not self.physics.implicit_dashpot):
@@ -104,7 +118,6 @@ class Stepping(Boundary):
             result[POWER, w] = p1
             result[ABSORBED, w] += boundary_loss
             result[BOUNDARY_POWER, w] = b1
-            result[PEAK, w] = peak[w]
         if ti.static(self.uses("reset boundary")):
             result = self.reset_boundary(p, number % p.reset_steps == 0, sums, result)
         elif ti.static(self.physics.implicit_dashpot):
@@ -114,7 +127,7 @@ class Stepping(Boundary):
     @ti.kernel
     def _advance(
         self,
-        p: Parameters,
+        numbers: Parameters,
         number: ti.i32,
         samples: ti.i32,
         stride: ti.i32,
@@ -122,33 +135,37 @@ class Stepping(Boundary):
     ):
         ti.loop_config(serialize=True)
         for _ in range(1):
+            p = rounded(numbers) if ti.static(self.single) else numbers
             sums = self.sums[0]
             for s in range(samples):
-                elastic = ti.Vector.zero(ti.f64, self.lanes)
-                upward = ti.Vector.zero(ti.f64, self.lanes)
-                potential = ti.Vector.zero(ti.f64, self.lanes)
+                elastic = ti.Vector.zero(self.real, self.lanes)
+                upward = ti.Vector.zero(self.real, self.lanes)
+                potential = ti.Vector.zero(self.real, self.lanes)
                 for k in range(stride):
                     sums, elastic, upward, potential = self.step(p, number + s * stride + k + 1, sums)
                 self.observe(p, rows, s, sums, elastic, upward, potential)
             self.sums[0] = sums
 
     @ti.kernel
-    def _initialise(self, p: Parameters, rows: ti.types.ndarray(dtype=ti.f64, ndim=3)):
-        """From x_0 and v_0 (in `v`): the forces at t = 0 and the velocities half a step before."""
+    def _initialise(self, numbers: Parameters, rows: ti.types.ndarray(dtype=ti.f64, ndim=3)):
+        """From x_0 and v_0 (in `v`): the forces at t = 0 and the velocities before the last kick."""
         ti.loop_config(serialize=True)
         for _ in range(1):
-            sums = ti.Matrix.zero(ti.f64, SUMS, self.lanes)
+            p = rounded(numbers) if ti.static(self.single) else numbers
+            sums = self.sums[0]
+            total = ti.Vector.zero(self.real, self.lanes)
             for i in range(self.n):
-                force, _push = self.outer_force(p, i, self.x[i])
+                force, push = self.outer_force(p, i, sums)
+                total += push
                 self.f[i] = force
                 if ti.static(self.physics.dissipates):
                     self.u[i] = self.v[i]
             elastic, squares = self.add_spring_forces(p, self.physics.dissipates)
-            upward = ti.Vector.zero(ti.f64, self.lanes)
-            potential = ti.Vector.zero(ti.f64, self.lanes)
-            peak = ti.Vector.zero(ti.f64, self.lanes)
+            upward = ti.Vector.zero(self.real, self.lanes)
+            potential = ti.Vector.zero(self.real, self.lanes)
             if ti.static(self.physics.wall == "elastic"):
-                upward, potential, peak = self.add_contact_forces(p, peak)
+                upward, potential, _highest = self.add_contact_forces(p, sums)
+                total = upward
             if ti.static(self.physics.boundary == "pinned"):
                 self.hold_boundary()
             if ti.static(self.physics.dissipates):
@@ -167,12 +184,15 @@ class Stepping(Boundary):
                 if ti.static(self.physics.implicit_dashpot):
                     for w in ti.static(range(self.lanes)):  # whose power is that of all dashpots together
                         sums[POWER, w] += sums[BOUNDARY_POWER, w]
+            if ti.static(self.single):
+                sums = self.push_frame(total, sums)
+                sums = self.move_frame(-p.closing, 0.0, sums)
             for i in range(self.n):
-                self.v[i] -= p.closing * self.f[i]
+                v = self.v[i] - p.closing * self.f[i]
+                if ti.static(self.single):
+                    gain = self.frame_kick(i, p.closing, sums)
+                    for w in ti.static(range(self.lanes)):
+                        v[1, w] += gain[w]
+                self.v[i] = v
             self.sums[0] = sums
             self.observe(p, rows, 0, sums, elastic, upward, potential)
-
-
-@ti.func
-def row(matrix, k: ti.template()):
-    return ti.Vector([matrix[k, w] for w in range(matrix.m)])

@@ -23,9 +23,10 @@ Integers2 = ti.types.ndarray(dtype=ti.i32, ndim=2)
 class State:
     """All that a world needs to go on from step `step` with the same bytes.
 
-    vectors: (3, n, 2, lanes) positions [R], velocities half a step before [c], forces [M c^2/R]; with implicit
-        dashpots (4, n, 2, lanes), the last the velocities that were solved for, which the energy ledger needs.
-    sums: (5, lanes) dissipated, its power, absorbed, its power, largest force of the wall on a point so far.
+    vectors: (3, n, 2, lanes) positions [R], velocities before the last kick [c], forces [M c^2/R]; with implicit
+        dashpots (4, n, 2, lanes), the last the velocities that were solved for, which the energy ledger needs. In
+        single precision positions and velocities are relative to base and frame (see `frame`).
+    sums: (8, lanes) dissipated, its power, absorbed, its power, largest force of the wall on a point so far, frame.
     """
 
     step: int
@@ -43,8 +44,17 @@ class Storage:
             self.bond_i[b] = ends[b, 0]
             self.bond_j[b] = ends[b, 1]
             self.rest[b] = rest[b]
-        for w in ti.static(range(self.lanes)):
-            self.x[self.n + 1][0, w] = 1.0  # the padding springs lie between (0, 0) and (1, 0), at rest
+        if ti.static(not self.single):
+            for w in ti.static(range(self.lanes)):
+                self.x[self.n + 1][0, w] = 1.0  # the padding springs lie between (0, 0) and (1, 0), at rest
+
+    @ti.kernel
+    def _fill_base(self, base: Reals2, span: Reals2):
+        ti.loop_config(serialize=True)
+        for i in range(self.n):
+            self.base[i] = ti.Vector([base[i, 0], base[i, 1]])
+        for b in range(self.blocks * self.block):
+            self.span[b] = ti.Vector([span[b, 0], span[b, 1]])
 
     @ti.kernel
     def _fill_lanes(self, eta: Reals1, load: Reals1):

@@ -7,5 +7,6 @@ kept in such a field comes out one launch late.
 
 from __future__ import annotations
 
-SUMS = 5
-DISSIPATED, POWER, ABSORBED, BOUNDARY_POWER, PEAK = range(SUMS)
+SUMS = 8
+DISSIPATED, POWER, ABSORBED, BOUNDARY_POWER, PEAK = range(5)
+SHIFT, SPEED, PUSH = range(5, SUMS)  # of the moving frame; zero in double precision (see `frame`)

@@ -9,7 +9,7 @@ class Walls:
     @ti.func
     def rigid_wall_force(self, p: ti.template(), y):
         """a V0 exp(-a y) of one point in every lane; zero, without an exponential, where all are out of reach."""
-        force = ti.Vector.zero(ti.f64, self.lanes)
+        force = ti.Vector.zero(self.real, self.lanes)
         if y.min() < p.reach:
             force = p.a * p.V0 * ti.exp(-p.a * y)
             for w in ti.static(range(self.lanes)):
@@ -18,38 +18,38 @@ class Walls:
         return force
 
     @ti.func
-    def add_contact_forces(self, p: ti.template(), peak):
+    def add_contact_forces(self, p: ti.template(), sums):
         """Push every surface point of the disk off the wall spring below it: a V0 exp(-a l) n.
 
         l is the distance along the spring's normal n. The spring's two ends take the reaction by the lever
         rule, which balances force and torque and makes the force the gradient of V0 exp(-a l) while the point
         stays over one spring. The potential is shifted to be zero at the threshold, so that coming into reach
-        adds no energy. Returns per lane the upward force on the disk [M c^2/R], the potential [M c^2], and `peak`
-        raised to the largest force on one point.
+        adds no energy. Returns per lane the upward force on the disk [M c^2/R], the potential [M c^2], and the
+        largest force on one point.
         """
-        upward = ti.Vector.zero(ti.f64, self.lanes)
-        potential = ti.Vector.zero(ti.f64, self.lanes)
-        highest = peak
+        upward = ti.Vector.zero(self.real, self.lanes)
+        potential = ti.Vector.zero(self.real, self.lanes)
+        highest = ti.Vector.zero(self.real, self.lanes)
         for w in ti.static(range(self.lanes)):
-            top = self.x[self.wall_surface[0]][1, w]
+            top = self.place(self.wall_surface[0], 1, w, sums)
             for k in range(1, self.n_wall_surface):
-                top = ti.max(top, self.x[self.wall_surface[k]][1, w])
+                top = ti.max(top, self.place(self.wall_surface[k], 1, w, sums))
             last = self.n_wall_surface - 2
-            left = self.x[self.wall_surface[0]][0, w]
-            pitch = (self.x[self.wall_surface[last + 1]][0, w] - left) / (last + 1)
+            left = self.place(self.wall_surface[0], 0, w, sums)
+            pitch = (self.place(self.wall_surface[last + 1], 0, w, sums) - left) / (last + 1)
             for n in range(self.n_disk_surface):
                 i = self.disk_surface[n]
-                x, y = self.x[i][0, w], self.x[i][1, w]
+                x, y = self.place(i, 0, w, sums), self.place(i, 1, w, sums)
                 # The vertical distance is at most twice l unless the surface is steeper than 60 degrees.
                 if y - top < 2.0 * p.threshold:
                     k = ti.max(0, ti.min(last, ti.cast((x - left) / pitch, ti.i32)))
-                    while k > 0 and x < self.x[self.wall_surface[k]][0, w]:
+                    while k > 0 and x < self.place(self.wall_surface[k], 0, w, sums):
                         k -= 1
-                    while k < last and x >= self.x[self.wall_surface[k + 1]][0, w]:
+                    while k < last and x >= self.place(self.wall_surface[k + 1], 0, w, sums):
                         k += 1
                     a, b = self.wall_surface[k], self.wall_surface[k + 1]
-                    ax, ay = self.x[a][0, w], self.x[a][1, w]
-                    tx, ty = self.x[b][0, w] - ax, self.x[b][1, w] - ay
+                    ax, ay = self.place(a, 0, w, sums), self.place(a, 1, w, sums)
+                    tx, ty = self.place(b, 0, w, sums) - ax, self.place(b, 1, w, sums) - ay
                     if x >= ax and x < ax + tx:
                         length2 = tx * tx + ty * ty
                         length = ti.sqrt(length2)

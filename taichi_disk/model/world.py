@@ -21,11 +21,12 @@ from taichi_disk.model.observables import COLUMNS, Observables
 from taichi_disk.model.ordering import spread
 from taichi_disk.model.parameters import parameters
 from taichi_disk.model.physics import Physics
+from taichi_disk.model.runtime import precision
 from taichi_disk.model.springs import Springs
 from taichi_disk.model.state import blocks_of, make_fields
 from taichi_disk.model.stepping import Stepping
 from taichi_disk.model.storage import State, Storage
-from taichi_disk.model.sums import SUMS
+from taichi_disk.model.sums import SHIFT, SPEED, SUMS
 from taichi_disk.model.walls import Walls
 
 
@@ -64,6 +65,8 @@ class World(Stepping, Springs, Walls, ImplicitDashpot, Observables, Storage):
         self.n, self.n_disk, self.n_bonds = len(lattice.positions), lattice.disk_points, len(lattice.bonds)
         self.n_disk_surface, self.n_wall_surface = len(lattice.disk_surface), len(lattice.wall_surface)
         self.n_boundary = len(lattice.wall_boundary) if physics.boundary != "none" else 0
+        self.single = precision() == "f32"
+        self.real = ti.f32 if self.single else ti.f64
         self.block, self.blocks = blocks_of(lattice, self.lanes)
         self.compiled: set[str] = set()
         self.splitting = SPLITTINGS[physics.integrator]
@@ -74,7 +77,7 @@ class World(Stepping, Springs, Walls, ImplicitDashpot, Observables, Storage):
         etas = np.full(self.lanes, physics.eta) if eta is None else np.asarray(eta, float)
         factor = self._factor(etas) if physics.implicit_dashpot else None
         self._most_entries = int(1.1 * len(factor.row)) + 100 if factor else 0  # other lattices need a few more
-        self.fields, self._tree = make_fields(lattice, physics, self.lanes, self.n_free, self._most_entries)
+        self.fields, self._tree = make_fields(lattice, physics, self.lanes, self.n_free, self._most_entries, self.real)
         for name, field in self.fields.items():
             setattr(self, name, field)
         self._start(factor, velocities, etas, load, positions)
@@ -119,10 +122,15 @@ class World(Stepping, Springs, Walls, ImplicitDashpot, Observables, Storage):
         self.step_number = 0
         self._fill(factor, eta, np.full(self.lanes, self.physics.load) if load is None else np.asarray(load, float))
         self._parameters = parameters(self.physics, self.mass, self.dt)
-        vectors = self._no_vectors()
+        vectors, sums = self._no_vectors(), np.zeros((SUMS, self.lanes))
         vectors[0] = self.lattice.positions[:, :, None] if positions is None else np.moveaxis(positions, 0, 2)
         vectors[1] = np.moveaxis(velocities, 0, 2)
-        self._copy_state(vectors, np.zeros((SUMS, self.lanes)), True)
+        if self.single:
+            vectors[0] -= self.lattice.positions[:, :, None]
+            for k, row in ((0, SHIFT), (1, SPEED)):
+                sums[row] = vectors[k, 0, 1]  # a frame that moves with one point serves as well as any
+                vectors[k, : self.n_disk, 1] -= sums[row]
+        self._copy_state(vectors, sums, True)
         rows = np.zeros((1, len(COLUMNS), self.lanes))
         self._initialise(self._parameters, rows)
         self.first_row: NDArray[np.float64] = rows[0]
@@ -165,6 +173,12 @@ class World(Stepping, Springs, Walls, ImplicitDashpot, Observables, Storage):
         rest = np.ones(padded)
         rest[: self.n_bonds] = self.lattice.rest_lengths[order]
         self._fill_springs(ends, rest)
+        if self.single:
+            span = np.tile([1.0, 0.0], (padded, 1))
+            span[: self.n_bonds] = np.subtract(*np.moveaxis(self.lattice.positions[ends[: self.n_bonds]], 1, 0))
+            if np.abs(np.hypot(*span.T) - rest).max() > 1e-9:
+                raise ValueError("single precision needs a lattice whose springs have their rest lengths at the start")
+            self._fill_base(self.lattice.positions, span)
         if self.physics.dissipates or self.physics.load != 0.0:
             self._fill_lanes(eta, load)
         if self.physics.wall == "elastic":
@@ -200,12 +214,23 @@ class World(Stepping, Springs, Walls, ImplicitDashpot, Observables, Storage):
 
     def positions(self) -> NDArray[np.float64]:
         """(lanes, n, 2) now [R]."""
-        return np.moveaxis(self.export_state().vectors[0], 2, 0).copy()
+        return self.places(self.export_state())
 
     def velocities(self) -> NDArray[np.float64]:
         """(lanes, n, 2) now [c]."""
-        _, v, f = self.export_state().vectors[:3]
-        return np.moveaxis(v + self.splitting.kicks[-1] * self.dt / self.mass * f, 2, 0).copy()
+        state = self.export_state()
+        v, f = state.vectors[1:3]
+        v = v + self.splitting.kicks[-1] * self.dt / self.mass * f
+        v[: self.n_disk, 1] += state.sums[SPEED]
+        return np.moveaxis(v, 2, 0).copy()
+
+    def places(self, state: State) -> NDArray[np.float64]:
+        """(lanes, n, 2) positions in a state of this world [R]."""
+        x = state.vectors[0].copy()
+        if self.single:
+            x += self.lattice.positions[:, :, None]
+            x[: self.n_disk, 1] += state.sums[SHIFT]
+        return np.moveaxis(x, 2, 0).copy()
 
     def forces(self) -> NDArray[np.float64]:
         """(lanes, n, 2) total force on every point now [M c^2/R]."""

@@ -14,6 +14,7 @@ from taichi_disk.dynamics import move
 from taichi_disk.errors import InputError
 from taichi_disk.model import runtime
 from taichi_disk.model.physics import Integrator
+from taichi_disk.model.runtime import Precision
 from taichi_disk.model.stability import spectrum, step_limit
 from taichi_disk.model.world import World
 from taichi_disk.output import atomic_write, prepare_output
@@ -26,6 +27,7 @@ from taichi_disk.simulate import as_columns, imbalance, make_world
 from taichi_disk.study.reference import Reference, cached_solution
 from taichi_disk.time_step import TimeStep, choose
 
+PRECISIONS: tuple[Precision, ...] = ("f64", "f32")
 FRACTIONS = (0.95, 0.8, 0.6, 0.4, 0.2, 0.1, 0.05)  # of the stability limit
 REPEATS = 5
 ROWS = 200  # at which the energy is looked at
@@ -36,6 +38,7 @@ class Point:
     """One integrator at one step. Errors are absolute: e is of the order 1, positions are in R."""
 
     integrator: Integrator
+    precision: Precision
     fraction: float  # of the stability limit
     dt: float  # [R/c]
     steps: int
@@ -48,7 +51,7 @@ class Point:
 
 
 def measure(scene: Scene, progress: Progress) -> list[Point]:
-    """Run `scene` to the time at which it ends (a compression: to 20 R/c) with every integrator and step.
+    """Run `scene` to the time at which it ends (a compression: to 20 R/c) with every integrator, precision and step.
 
     The reference, SciPy's DOP853 at rtol 1e-11 on a NumPy force, takes from seconds to minutes once and is kept.
     Raises InputError for a compression by Newton's method, which has no time step.
@@ -65,14 +68,16 @@ def measure(scene: Scene, progress: Progress) -> list[Point]:
         integrators.append("trapezoidal")
     if not setup.physics.damped:
         integrators.append("vefrl")
-    progress.start("measure", len(integrators) * len(FRACTIONS))
+    progress.start("measure", len(PRECISIONS) * len(integrators) * len(FRACTIONS))
     points = []
-    for integrator in integrators:
-        world: World | None = None
-        for fraction in FRACTIONS:
-            point, world = _measure(setup, integrator, fraction, end, truth, world)
-            points.append(point)
-            progress.update(len(points))
+    for precision in PRECISIONS:
+        runtime.start("cpu", 1, precision)
+        for integrator in integrators:
+            world: World | None = None
+            for fraction in FRACTIONS:
+                point, world = _measure(setup, integrator, precision, fraction, end, truth, world)
+                points.append(point)
+                progress.update(len(points))
     return points
 
 
@@ -85,7 +90,13 @@ def _end(setup: Setup, progress: Progress) -> float:
 
 
 def _measure(
-    setup: Setup, integrator: Integrator, fraction: float, end: float, truth: np.ndarray, earlier: World | None
+    setup: Setup,
+    integrator: Integrator,
+    precision: Precision,
+    fraction: float,
+    end: float,
+    truth: np.ndarray,
+    earlier: World | None,
 ) -> tuple[Point, World]:
     physics = replace(setup.physics, integrator=integrator)
     limit = step_limit(spectrum(setup.lattice, physics), physics, setup.point_force)
@@ -114,6 +125,7 @@ def _measure(
         error = float(velocities[:disk, 1].mean() - truth[1][:disk, 1].mean()) / setup.scene.impact.velocity
     point = Point(
         integrator=integrator,
+        precision=precision,
         fraction=fraction,
         dt=world.dt,
         steps=steps,
@@ -149,13 +161,13 @@ def write(points: list[Point], out: Path, title: str) -> None:
 
 def markdown(points: list[Point]) -> Iterator[str]:
     yield (
-        "| integrator | step / limit | steps | time [ms] | ns/spring/step "
+        "| integrator | precision | step / limit | steps | time [ms] | ns/spring/step "
         "| error | largest position error [R] | energy imbalance |"
     )
-    yield "|---|---|---|---|---|---|---|---|"
+    yield "|---|---|---|---|---|---|---|---|---|"
     for p in points:
         yield (
-            f"| {p.integrator} | {p.fraction:g} | {p.steps:,} | {1e3 * p.seconds:.1f} | {p.ns_per_spring_and_step:.1f} "
+            f"| {p.integrator} | {p.precision} | {p.fraction:g} | {p.steps:,} | {1e3 * p.seconds:.1f} | {p.ns_per_spring_and_step:.1f} "
             f"| {p.error:.1e} | {p.trajectory_error:.1e} | {p.closing_imbalance:+.1e} |"
         )
 
@@ -169,13 +181,15 @@ def draw(points: list[Point], path: Path, title: str) -> None:
     FigureCanvasAgg(figure)
     axes = figure.subplots()
     for name, colour in (("velocity_verlet", "#0072B2"), ("trapezoidal", "#D55E00"), ("vefrl", "#009E73")):
-        curve = [p for p in points if p.integrator == name]
-        if not curve:
-            continue
-        axes.loglog([p.error for p in curve], [p.seconds for p in curve], "o-", color=colour, label=name)
-        for p in curve:
-            if p.fraction == 0.8:
-                axes.loglog(p.error, p.seconds, "o", ms=12, mfc="none", color=colour)
+        for precision, style in (("f64", "o-"), ("f32", ".--")):
+            curve = [p for p in points if (p.integrator, p.precision) == (name, precision)]
+            if not curve:
+                continue
+            label = f"{name}, {precision}"
+            axes.loglog([p.error for p in curve], [p.seconds for p in curve], style, color=colour, label=label)
+            for p in curve:
+                if p.fraction == 0.8:
+                    axes.loglog(p.error, p.seconds, "o", ms=12, mfc="none", color=colour)
     axes.set_xlabel("error of the headline")
     axes.set_ylabel("time to solution, one core  [s]")
     axes.set_title(title, fontsize=10)

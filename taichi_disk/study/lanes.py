@@ -1,6 +1,6 @@
 """Several scenes of one lattice stepped side by side, one to a lane; each lane ends by itself.
 
-What a lane computes does not depend on its neighbours: the same operations in the same order, in f64.
+What a lane computes does not depend on its neighbours: the same operations in the same order.
 """
 
 from __future__ import annotations
@@ -13,13 +13,15 @@ from typing import Any
 import numpy as np
 
 from taichi_disk.model import runtime
+from taichi_disk.model.runtime import Precision
 from taichi_disk.model.sums import PEAK
 from taichi_disk.model.world import World
 from taichi_disk.scenes.setup import Columns, Setup
 from taichi_disk.simulate import SPRINGS_PER_LAUNCH, as_columns, blown_up
 from taichi_disk.time_step import TimeStep
 
-LANES = 4  # f64 numbers in a vector register (AVX2); eight cost the same per lane and compile three times longer
+# Numbers in a vector register (AVX2). Twice as many are some 15 % faster per lane and compile three times longer.
+LANES: dict[Precision, int] = {"f64": 4, "f32": 8}
 WORLDS = 20  # made before Taichi is started afresh: it never gives fields back for good
 
 
@@ -37,12 +39,13 @@ class Ending:
 class LaneEngine:
     """Steps groups of lanes in one process, on one core, keeping compiled worlds for the next group."""
 
-    def __init__(self) -> None:
-        runtime.start("cpu", threads=1)
+    def __init__(self, precision: Precision) -> None:
+        self.precision, self.lanes = precision, LANES[precision]
+        runtime.start("cpu", 1, precision)
         self._worlds: list[World] = []
 
     def run(self, setups: list[Setup], step: TimeStep, interval: float) -> Iterator[tuple[int, Ending]]:
-        """Step up to LANES `setups` of one lattice by `step`, sampled about every `interval` [R/c].
+        """Step up to `self.lanes` `setups` of one lattice by `step`, sampled about every `interval` [R/c].
 
         Yields (index in `setups`, its ending) as the lanes end. Where a lane blows up, what has not ended is done
         again one by one: a number that is not finite could reach other lanes through a decision they share.
@@ -60,7 +63,7 @@ class LaneEngine:
         """The endings of all lanes, but only those before a blow-up if there are several."""
         world = self._world(setups, step)
         stride = max(1, round(interval / step.dt))
-        samples = max(1, SPRINGS_PER_LAUNCH // (len(setups[0].lattice.bonds) * LANES * stride))
+        samples = max(1, SPRINGS_PER_LAUNCH // (len(setups[0].lattice.bonds) * self.lanes * stride))
         rows = world.first_row[None]
         peaks = world.export_state().sums[PEAK]
         running = set(range(len(setups)))
@@ -82,7 +85,7 @@ class LaneEngine:
 
     def _world(self, setups: list[Setup], step: TimeStep) -> World:
         # Lanes without a scene of their own repeat the last one.
-        lanes = [setups[min(k, len(setups) - 1)] for k in range(LANES)]
+        lanes = [setups[min(k, len(setups) - 1)] for k in range(self.lanes)]
         physics = replace(lanes[0].physics, integrator=step.integrator)
         velocities = np.array([setup.velocities for setup in lanes])
         own: dict[str, Any] = {
@@ -96,7 +99,7 @@ class LaneEngine:
                 return world
         if len(self._worlds) >= WORLDS:
             self._worlds.clear()
-            runtime.start("cpu", threads=1)
+            runtime.start("cpu", 1, self.precision)
         self._worlds.append(World(lattice, physics, velocities, step.dt, **own))
         return self._worlds[-1]
 

@@ -24,7 +24,7 @@ from taichi_disk.scenes import body_of, build
 from taichi_disk.scenes.compression import Compression
 from taichi_disk.scenes.setup import Setup
 from taichi_disk.simulate import imbalance
-from taichi_disk.study.lanes import LANES, Ending, LaneEngine
+from taichi_disk.study.lanes import Ending, LaneEngine
 from taichi_disk.time_step import TimeStep, choose
 
 RUNGS = 4  # of the ladder of time steps, per factor of two
@@ -69,7 +69,9 @@ class Computer:
             yield from self._stepped({k: scenes[k] for k in moving}, body, moduli)
 
     def _stepped(self, scenes: dict[int, Scene], body: Lattice, moduli: Moduli) -> Iterator[tuple[int, PointResult]]:
-        self._engine = self._engine or LaneEngine()
+        precision = next(iter(scenes.values())).time.precision
+        if self._engine is None or self._engine.precision != precision:
+            self._engine = LaneEngine(precision)
         modes: dict[bool, Spectrum] = {}
         queue: list[_Job] = []
         for k, scene in scenes.items():
@@ -84,7 +86,7 @@ class Computer:
                 yield k, PointResult("failed", str(error))
         while queue:
             again: list[_Job] = []
-            for group in _groups(queue):
+            for group in _groups(queue, self._engine.lanes):
                 step = group[0].step
                 for lane, ending in self._engine.run([job.setup for job in group], step, _interval(group[0])):
                     job = group[lane]
@@ -146,8 +148,8 @@ def _interval(job: _Job) -> float:
     return job.setup.sample_interval if asked == "auto" else asked
 
 
-def _groups(jobs: list[_Job]) -> Iterator[list[_Job]]:
-    """Jobs that can be lanes of one world, up to LANES of about equal duration together."""
+def _groups(jobs: list[_Job], lanes: int) -> Iterator[list[_Job]]:
+    """Jobs that can be lanes of one world, up to `lanes` of about equal duration together."""
     kinds: dict[Any, list[_Job]] = defaultdict(list)
     for job in jobs:
         physics = job.setup.physics
@@ -155,8 +157,8 @@ def _groups(jobs: list[_Job]) -> Iterator[list[_Job]]:
         kinds[job.step.integrator, job.step.dt, shared_eta].append(job)
     for kind in kinds.values():
         kind.sort(key=lambda job: -job.setup.max_time)
-        for first in range(0, len(kind), LANES):
-            yield kind[first : first + LANES]
+        for first in range(0, len(kind), lanes):
+            yield kind[first : first + lanes]
 
 
 def _described(setup: Setup, step: TimeStep, ending: Ending, moduli: Moduli) -> PointResult:

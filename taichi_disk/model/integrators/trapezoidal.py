@@ -54,8 +54,8 @@ class ImplicitDashpot:
             i = self.order[k]
             self.z[k] = self.v[i] + half * self.f[i]
         self.solve_dashpot()
-        power = ti.Vector.zero(ti.f64, self.lanes)
-        cross = ti.Vector.zero(ti.f64, self.lanes)
+        power = ti.Vector.zero(self.real, self.lanes)
+        cross = ti.Vector.zero(self.real, self.lanes)
         for k in range(self.n_free):
             i, u = self.order[k], self.z[k]
             before = self.u[i]
@@ -64,7 +64,7 @@ class ImplicitDashpot:
                 power[w] += u[0, w] * loss[0, w] + u[1, w] * loss[1, w]
                 cross[w] += before[0, w] * loss[0, w] + before[1, w] * loss[1, w]
             self.u[i] = u
-        absorbed = ti.Vector.zero(ti.f64, self.lanes)
+        absorbed = ti.Vector.zero(self.real, self.lanes)
         if ti.static(self.physics.boundary == "dashpot"):
             for k in range(self.n_boundary):
                 u, Z = self.u[self.boundary[k]], self.impedance[k]

@@ -1,0 +1,135 @@
+"""Single precision: rounding stays far below the error of the step, even for strains of 1e-9."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from reference import Model
+from worlds import disk, disk_and_wall, matched, moving_down
+
+from taichi_disk.errors import InputError
+from taichi_disk.model.observables import COLUMNS
+from taichi_disk.model.physics import Physics
+from taichi_disk.scene_file import load_scene
+
+ULP = 2.0**-24  # relative rounding of f32
+
+
+@pytest.fixture(scope="module")
+def single() -> Iterator[None]:
+    from taichi_disk.model import runtime
+
+    runtime.start("cpu", precision="f32")
+    yield
+
+
+def world_of(lattice, physics, velocities, dt=1e-3, **own):
+    from taichi_disk.model.world import World
+
+    return World(lattice, physics, velocities, dt, **own)
+
+
+def test_forces_of_strains_of_1e_9_are_right_to_six_digits(single):
+    # As differences of coordinates of order R in f32 they would be noise: 6e-8 R against 1e-9 x 0.1 R.
+    lattice = disk(60)
+    stretched = lattice.positions * (1.0 + 1e-9)
+    world = world_of(lattice, Physics(), np.zeros((1, 60, 2)), positions=stretched[None])
+    force, energy = world.forces()[0], world.first_row[COLUMNS.index("elastic"), 0]
+    i, j = lattice.bonds.T
+    span = lattice.positions[i] - lattice.positions[j]
+    pull = 1e-9 * span  # k_a s e with s = 1e-9 L
+    expected = np.zeros_like(force)
+    np.add.at(expected, i, -pull)
+    np.add.at(expected, j, pull)
+    assert np.abs(force - expected).max() < 30 * ULP * np.abs(pull).max()
+    assert energy == pytest.approx(0.5 * np.sum((1e-9 * lattice.rest_lengths) ** 2), rel=1e-6)
+
+
+@pytest.mark.parametrize("wall", ["rigid", "elastic"])
+def test_forces_in_contact_agree_with_the_reference(single, wall):
+    lattice = disk(60, height=0.02) if wall == "rigid" else disk_and_wall(60, 80, height=0.02)
+    physics = Physics(k_b=1.0, eta=0.3, wall=wall, load=0.01 if wall == "rigid" else 0.0)
+    if wall == "elastic":
+        physics = replace(matched(lattice, physics), boundary="pinned")
+    rng = np.random.default_rng(1)
+    x = lattice.positions + 1e-3 * rng.standard_normal(lattice.positions.shape)
+    v = 1e-2 * rng.standard_normal((1, *lattice.positions.shape))
+    world = world_of(lattice, physics, v, positions=x[None])
+    expected = Model.of(lattice, physics).force(x, v[0])
+    # a y is rounded to 300 x 6e-8 of coordinates of order R: 2e-5 of the contact force at worst.
+    assert np.abs(world.forces()[0] - expected).max() < 2e-5 * np.abs(expected).max()
+    np.testing.assert_allclose(world.positions()[0], x, atol=2e-10)
+    # Half a kick by the largest contact force, some 3 c, is taken off and put back.
+    np.testing.assert_allclose(world.velocities()[0], v[0], atol=4.0 * ULP)
+
+
+def test_a_free_disk_flies_straight_and_stays_undeformed(single):
+    # In its own frame nothing moves: no rounding at all.
+    lattice = disk(60)
+    world = world_of(lattice, Physics(), moving_down(lattice, 0.02), 1e-2)
+    row = dict(zip(COLUMNS, world.advance(1, 5000)[0, :, 0], strict=True))
+    np.testing.assert_allclose(world.positions()[0], lattice.positions - [0.0, 1.0], rtol=0, atol=1e-13)
+    # The time series adds up coordinates rounded to f32.
+    assert row["com_y"] == pytest.approx(lattice.positions[:, 1].mean() - 1.0, abs=2.0 * ULP)
+    assert row["com_vy"] == pytest.approx(-0.02, abs=1e-15)
+    assert row["elastic"] == 0.0
+
+
+def test_a_lane_of_eight_has_the_bytes_of_a_single_run(single):
+    lattice = disk(60, height=0.04)
+    physics = Physics(k_b=1e-3, eta=0.1, wall="rigid")
+    speeds = np.linspace(0.01, 0.08, 8)
+    v = np.concatenate([moving_down(lattice, speed) for speed in speeds])
+    many = world_of(lattice, physics, v)
+    one = world_of(lattice, physics, v[5:6])
+    many.advance(1, 700)
+    one.advance(1, 700)
+    np.testing.assert_array_equal(many.positions()[5], one.positions()[0])
+    np.testing.assert_array_equal(many.velocities()[5], one.velocities()[0])
+    state = many.export_state()
+    expected = many.advance(2, 50)
+    many.import_state(state)
+    np.testing.assert_array_equal(many.advance(2, 50), expected)
+
+
+def test_a_stretched_lattice_is_refused(single):
+    lattice = disk(30)
+    with pytest.raises(ValueError, match="rest lengths"):
+        world_of(replace(lattice, rest_lengths=1.01 * lattice.rest_lengths), Physics(), np.zeros((1, 30, 2)))
+
+
+SMALL = ["lattice.points=150", "time.safety=0.3"]
+CASES = {
+    "eta* = 0": ("exponential_wall", "material.eta_star=0"),
+    "slow": ("exponential_wall", "material.eta_star=0", "impact.velocity=0.003"),
+    "eta* = 100": ("exponential_wall", "material.eta_star=100"),
+    "reset": ("absorbing_wall", "wall.points=180", "wall.width=3.4"),
+}
+
+
+@pytest.mark.parametrize(
+    "name", [pytest.param(name, marks=() if name == "eta* = 0" else pytest.mark.validate) for name in CASES]
+)
+def test_restitution_differs_from_double_precision_by_less_than_the_error_of_the_step(name, tmp_path):
+    from taichi_disk import run
+
+    scene, *settings = CASES[name]
+    e = {}
+    for precision in ("f64", "f32"):
+        result = run(
+            load_scene(scene, [*SMALL, *settings, f"time.precision={precision}"]), tmp_path / precision, video=False
+        )
+        assert result.summary["precision"] == precision
+        assert abs(result.summary["energy"]["closing_imbalance"]) < 2e-5
+        e[precision] = result.headline["restitution"]
+    # Measured 2e-8 to 4e-7 with 1099 points; the automatic step's own error is some 2e-6.
+    assert 0.0 < abs(e["f64"] - e["f32"]) < 1e-6
+
+
+def test_a_relaxation_that_f32_cannot_reach_is_refused():
+    with pytest.raises(InputError, match="1e-4 at best"):
+        load_scene("compression", ["time.precision=f32"])
+    load_scene("compression", ["time.precision=f32", "compression.tolerance=1e-4"])
