@@ -6,6 +6,7 @@ import math
 
 import numpy as np
 import pytest
+from elastic_disk import pressed_disk
 from scipy.integrate import quad
 
 from taichi_disk import theory
@@ -27,6 +28,18 @@ def test_the_exact_law_is_the_integral_of_its_compliance() -> None:
         return (math.log(math.pi * E / P) - (1 + NU) / 4 - 1) / (math.pi * E)
 
     assert theory.exact_compression(0.01, E, NU) == pytest.approx(quad(compliance, 0, 0.01)[0], rel=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("pressure", "poisson"),
+    [(1e-3, NU), *(pytest.param(p, nu, marks=pytest.mark.validate) for p in (1e-4, 1e-2) for nu in (0.0, NU))],
+)
+def test_the_exact_law_is_what_finite_elements_converge_to(pressure: float, poisson: float) -> None:
+    # Linear triangles: the error falls as the square of their size, so that two meshes give the limit.
+    law = float(theory.exact_compression(pressure, E, poisson))
+    coarse, fine = (pressed_disk(pressure, E, poisson, rays) for rays in (16, 32))
+    # The law's own error is of the order of P/E; eq. (2) is off by 4 to 10 % at any.
+    assert (4 * fine - coarse) / 3 == pytest.approx(law, rel=1e-4 + 0.25 * pressure / E)
 
 
 @pytest.mark.parametrize("v", [3e-3, 5e-2])
