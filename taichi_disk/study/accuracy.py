@@ -167,8 +167,9 @@ def markdown(points: list[Point]) -> Iterator[str]:
     yield "|---|---|---|---|---|---|---|---|---|"
     for p in points:
         yield (
-            f"| {p.integrator} | {p.precision} | {p.fraction:g} | {p.steps:,} | {1e3 * p.seconds:.1f} | {p.ns_per_spring_and_step:.1f} "
-            f"| {p.error:.1e} | {p.trajectory_error:.1e} | {p.closing_imbalance:+.1e} |"
+            f"| {p.integrator} | {p.precision} | {p.fraction:g} | {p.steps:,} | {1e3 * p.seconds:.1f} "
+            f"| {p.ns_per_spring_and_step:.1f} | {p.error:.1e} | {p.trajectory_error:.1e} "
+            f"| {p.closing_imbalance:+.1e} |"
         )
 
 
