@@ -14,6 +14,17 @@ from pathlib import Path
 from taichi_disk import __version__
 from taichi_disk.errors import TaichiDiskError
 
+# Keys of a scene's `video` section that `render` takes on the command line: value, meaning. The schema checks them.
+_VIDEO = {
+    "size": ("N", "pixels of width and height, up to 2160"),
+    "fps": ("N", "frames a second"),
+    "seconds": ("N", "length of the film"),
+    "colour": ("WHAT", "strain, force, speed or kinetic"),
+    "draw": ("WHAT", "both, springs or points"),
+    "supersample": ("N", "samples across a pixel: 1, 1.5 or 2"),
+    "format": ("WHAT", "mp4, webm, gif, or png for a folder of pictures"),
+}
+
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Carry out one command. Raises SystemExit, as argparse does, on --help, --version and usage errors."""
@@ -98,11 +109,10 @@ def _render(arguments: argparse.Namespace) -> int:
     from taichi_disk.refilm import film_again
 
     folders = [arguments.folder, *([arguments.compare] if arguments.compare else [])]
-    options = {name: getattr(arguments, name) for name in ("size", "fps", "seconds")}
-    out = arguments.out or arguments.folder / ("comparison.mp4" if arguments.compare else "render.mp4")
+    options = {name: getattr(arguments, name) for name in _VIDEO if getattr(arguments, name) is not None}
     progress = progress_for(sys.stderr)
     try:
-        film_again(folders, out, {name: value for name, value in options.items() if value is not None}, progress)
+        out = film_again(folders, arguments.out, options, progress)
     finally:
         progress.stop()
     print(f"film in {out}")
@@ -180,10 +190,13 @@ def _parser() -> argparse.ArgumentParser:
     render.add_argument("folder", type=Path, metavar="DIR", help="what `run` wrote")
     render.add_argument("--compare", type=Path, metavar="DIR", help="another run, to be shown at the right")
     render.add_argument(
-        "--out", type=Path, metavar="FILE", help=".mp4, .webm, .gif, or .png for one picture (default: DIR/render.mp4)"
+        "--out",
+        type=Path,
+        metavar="FILE",
+        help=".mp4, .webm, .gif, .png for one picture, or a folder for many (default: DIR/render.mp4)",
     )
-    for name, what in (("size", "pixels of width and height, up to 2160"), ("fps", "frames a second"), ("seconds", "")):
-        render.add_argument(f"--{name}", metavar="N", help=what or "length of the film")
+    for name, (value, what) in _VIDEO.items():
+        render.add_argument(f"--{name}", metavar=value, help=what)
 
     _add_scene(_command(commands, "check", _check, "say what is wrong with a scene, or print it resolved"))
     accuracy = _command(commands, "accuracy", _accuracy, "speed against error: every integrator at several steps")

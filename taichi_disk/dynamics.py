@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from time import perf_counter
 from typing import Any
@@ -12,7 +11,7 @@ from numpy.typing import NDArray
 
 from taichi_disk.model.stability import Spectrum, step_limit
 from taichi_disk.model.world import World
-from taichi_disk.outcome import Outcome
+from taichi_disk.outcome import Outcome, Snapshots
 from taichi_disk.progress import Progress
 from taichi_disk.scene import TimeSection
 from taichi_disk.scenes.setup import Columns, Setup
@@ -109,7 +108,7 @@ def _describe(setup: Setup, simulation: Simulation, limit: float, attempts: int,
         },
     }
 
-    def snapshots(times: NDArray[np.float64]) -> Iterator[tuple[float, NDArray[np.float64]]]:
+    def snapshots(times: NDArray[np.float64]) -> Snapshots:
         return replay(simulation, times)
 
     return Outcome(columns, world.positions()[0], world.velocities()[0], snapshots, facts, compile_seconds)

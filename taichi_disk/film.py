@@ -1,98 +1,101 @@
-"""The film of an outcome: when to look, what to write beside it, which strain is full colour."""
+"""The film of outcomes: when to look, what to write beside them, which value is full colour."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
-from taichi_disk.outcome import Outcome
+from taichi_disk.outcome import Outcome, Snapshot
 from taichi_disk.output import atomic_write
 from taichi_disk.progress import Progress
+from taichi_disk.render.colouring import round_up, spring_values
 from taichi_disk.render.film import record_film, require_film
 from taichi_disk.render.picture import Frame, Subject
-from taichi_disk.scene import VideoSection
+from taichi_disk.scene import Colouring, VideoSection
 from taichi_disk.scenes.setup import Setup
 
-FULL_COLOUR = 95.0  # percentile of |strain| at the moment of the largest elastic energy
+FULL_COLOUR = 95.0  # percentile of the values, at the moment when it is largest, that has the full colour
+
+Run = tuple[Setup, Outcome]
 
 
-def film(
-    path: Path,
-    setup: Setup,
-    outcome: Outcome,
-    video: VideoSection,
-    progress: Progress,
-    *,
-    times: NDArray[np.float64] | None = None,
-    limit: float | None = None,
-) -> None:
-    """Film `outcome` into `path`, in the format that its suffix names. Raises TaichiDiskError if that cannot be.
+def film(path: Path, runs: Sequence[Run], video: VideoSection, progress: Progress) -> None:
+    """Film `runs` side by side into `path`, at the same times and in the same colours.
 
-    `times` [R/c] and `limit`, the strain of full colour: by default what suits this outcome best.
+    `record_film` says what `path` may be and what may be raised.
     """
-    count = frame_count(video)
-    times = setup.frame_times(outcome.columns, count) if times is None else times
-    subject = subject_of(setup, strain_limit(setup, outcome) if limit is None else limit)
+    count = max(2, round(video.fps * video.seconds))
+    setup, outcome = max(runs, key=lambda run: float(run[1].columns["t"][-1]))
+    times = setup.frame_times(outcome.columns, count)
+    subjects = _subjects(runs, video)
 
-    def frames() -> Iterator[Frame]:
-        for t, positions in outcome.snapshots(times):
-            yield frame_at(setup, outcome, t, positions)
+    def frames() -> Iterator[list[Frame]]:
+        for moment in zip(*(run[1].snapshots(times) for run in runs), strict=True):
+            yield [_frame(*one) for one in zip(runs, subjects, moment, strict=True)]
 
     progress.start("render", count)
     record_film(
         path,
-        subject,
+        subjects,
         frames(),
         size=video.size,
         fps=video.fps,
+        supersample=video.supersample,
         total=count,
         progress=lambda done, _total: progress.update(done),
     )
 
 
-def still(path: Path, setup: Setup, outcome: Outcome, size: int) -> None:
+def still(path: Path, runs: Sequence[Run], video: VideoSection) -> None:
     """A PNG of the moment of the largest elastic energy. `record_film` says what may be raised."""
     from PIL import Image
 
     from taichi_disk.render.still import Stills
 
-    t, positions = _tightest(outcome)
-    frame = frame_at(setup, outcome, t, positions)
-    require_film(size)
-    with Stills(subject_of(setup, strain_limit(setup, outcome)), size, len(frame.text)) as stills:
-        picture = stills.draw(frame)[..., :3].copy()
+    require_film(video.size)
+    subjects = _subjects(runs, video)
+    tightest = [_tightest(outcome) for _, outcome in runs]
+    frames = [_frame(*one) for one in zip(runs, subjects, tightest, strict=True)]
+    with Stills(subjects, video.size, max(len(frame.text) for frame in frames), video.supersample) as stills:
+        picture = stills.draw(frames)[..., :3].copy()
     atomic_write(path, lambda beside: Image.fromarray(picture).save(beside, optimize=True))
 
 
-def frame_count(video: VideoSection) -> int:
-    return max(2, round(video.fps * video.seconds))
+def _subjects(runs: Sequence[Run], video: VideoSection) -> list[Subject]:
+    limit = max(_limit(*run, video.colour) for run in runs)
+    views = np.array([setup.view for setup, _ in runs])
+    least, most = views.min(axis=0), views.max(axis=0)
+    view = float(least[0]), float(most[1]), float(least[2]), float(most[3])
+    return [
+        Subject(setup.lattice, setup.physics.wall == "rigid", setup.title(), limit, view, video.colour, video.draw)
+        for setup, _ in runs
+    ]
 
 
-def subject_of(setup: Setup, limit: float) -> Subject:
-    rigid = setup.physics.wall == "rigid"
-    return Subject(setup.lattice, rigid, title=setup.title(), strain_limit=limit, view=setup.view)
-
-
-def frame_at(setup: Setup, outcome: Outcome, t: float, positions: NDArray[np.float64]) -> Frame:
-    """The frame at `t`; after the end the observables are those of the end."""
+def _frame(run: Run, subject: Subject, state: Snapshot) -> Frame:
+    """The frame of a state; after the end the observables are those of the end."""
+    (setup, outcome), (t, x, v) = run, state
     columns = outcome.columns
     row = {name: float(np.interp(t, columns["t"], values)) for name, values in columns.items()}
-    return Frame(t, positions, setup.caption(row | {"t": t}))
+    values = None  # the strain, which the painter works out itself
+    if subject.colouring != "strain":
+        values = spring_values(setup.lattice, setup.physics, x, v, subject.colouring) / subject.limit
+    return Frame(t, x, setup.caption(row | {"t": t}), values)
 
 
-def _tightest(outcome: Outcome) -> tuple[float, NDArray[np.float64]]:
+def _tightest(outcome: Outcome) -> Snapshot:
     peak = outcome.columns["t"][int(outcome.columns["elastic"].argmax())]
     return next(iter(outcome.snapshots(np.array([peak]))))
 
 
-def strain_limit(setup: Setup, outcome: Outcome) -> float:
-    """End of the colour scale: a round number (1, 2 or 5 times a power of ten) near the largest strains."""
-    _, positions = _tightest(outcome)
-    i, j = setup.lattice.bonds.T
-    length = np.hypot(*(positions[i] - positions[j]).T)
-    strain = float(np.percentile(np.abs(length / setup.lattice.rest_lengths - 1.0), FULL_COLOUR))
-    decade = 10.0 ** np.floor(np.log10(max(strain, 1e-12)))
-    return float(decade * next(step for step in (1.0, 2.0, 5.0, 10.0) if step * decade >= strain))
+def _limit(setup: Setup, outcome: Outcome, colouring: Colouring) -> float:
+    """End of the scale of colours: a round number near the largest values at start, tightest moment and end."""
+    states = [
+        (setup.lattice.positions, setup.velocities),
+        _tightest(outcome)[1:],
+        (outcome.positions, outcome.velocities),
+    ]
+    values = [spring_values(setup.lattice, setup.physics, *state, colouring) for state in states]
+    return round_up(max(float(np.percentile(np.abs(one), FULL_COLOUR)) for one in values))

@@ -11,7 +11,9 @@ from numpy.typing import NDArray
 
 from taichi_disk.scenes.setup import Columns
 
-Snapshots = Iterator[tuple[float, NDArray[np.float64]]]  # (t [R/c], positions (n, 2) [R])
+# t [R/c], positions (n, 2) [R], velocities (n, 2) [c]
+Snapshot = tuple[float, NDArray[np.float64], NDArray[np.float64]]
+Snapshots = Iterator[Snapshot]
 
 
 @dataclass(frozen=True)
@@ -21,7 +23,7 @@ class Outcome:
     Attributes:
         columns: the time series.
         positions, velocities: (n, 2) at the end.
-        snapshots: positions at given ascending times, computed when asked for.
+        snapshots: the states at given ascending times, computed when asked for.
         facts: how it was computed, for the summary: steps, dt, integrator, energy balance.
         compile_seconds: wall-clock time spent on compiling.
     """

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import os
+import re
+import shutil
 from collections.abc import Callable
 from pathlib import Path
 
@@ -32,19 +34,38 @@ def prepare_output(out: Path) -> None:
 
 
 def atomic_write(path: Path, writer: Callable[[Path], None]) -> None:
-    """Let `writer` fill a file beside `path` (same suffix), then rename it to `path`.
+    """Let `writer` fill a file (or make a folder of pictures) beside `path`, same suffix, then rename it to `path`.
 
-    If the writer fails or is interrupted, the file beside is removed and `path` stays as it was. Raises
+    If the writer fails or is interrupted, what is beside is removed and `path` stays as it was. Raises
     SimulationError when the disk is full or the folder has become read-only; the writer's other errors pass.
     """
     beside = _beside(path)
     try:
         writer(beside)
+        if beside.is_dir():
+            remove_pictures(path)
         os.replace(beside, path)
     except OSError as error:
         raise SimulationError(f"cannot write {path}: {_reason(error)}") from error
     finally:
+        if beside.is_dir():
+            shutil.rmtree(beside)
         beside.unlink(missing_ok=True)
+
+
+def check_pictures(folder: Path) -> None:
+    """Raise InputError if `folder` is there and is not a folder with nothing but numbered PNGs."""
+    if not folder.exists():
+        return
+    if not folder.is_dir() or not all(re.fullmatch(r"\d+\.png", one.name) for one in folder.iterdir()):
+        raise InputError(f"{folder} is not a folder of a film's pictures alone: remove it, or choose another")
+
+
+def remove_pictures(folder: Path) -> None:
+    """Remove a folder of numbered PNGs, if it is there; `check_pictures` says what may be raised."""
+    check_pictures(folder)
+    if folder.exists():
+        shutil.rmtree(folder)
 
 
 def _beside(path: Path) -> Path:

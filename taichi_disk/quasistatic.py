@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-
 import numpy as np
 from numpy.typing import NDArray
 
-from taichi_disk.outcome import Outcome
+from taichi_disk.outcome import Outcome, Snapshots
 from taichi_disk.scenes.compression import Compression
 from taichi_disk.scenes.setup import Columns
 from taichi_disk.stiffness import spring_energy
@@ -25,13 +23,13 @@ def press(setup: Compression) -> Outcome:
     way = rest.positions - lattice.positions
     t = np.linspace(0.0, 1.0, ROWS)
 
-    def snapshots(times: NDArray[np.float64]) -> Iterator[tuple[float, NDArray[np.float64]]]:
+    def snapshots(times: NDArray[np.float64]) -> Snapshots:
         for time in times:
-            yield float(time), lattice.positions + time * way
+            yield float(time), lattice.positions + time * way, np.zeros_like(way)
 
     columns: Columns = {name: np.zeros(ROWS) for name in ("com_vx", "com_vy", "angular_momentum", "kinetic")}
     columns |= {name: np.zeros(ROWS) for name in ("dissipated", "absorbed")}
-    x = np.array([positions for _, positions in snapshots(t)])
+    x = np.array([positions for _, positions, _ in snapshots(t)])
     potential = physics.V0 * np.exp(-physics.a * x[:, :, 1])
     springs = (lattice.bonds, lattice.rest_lengths, physics.k_a, physics.k_b)
     columns |= {

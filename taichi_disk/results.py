@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taichi_disk.lattice import Lattice
-from taichi_disk.output import atomic_write
+from taichi_disk.output import atomic_write, remove_pictures
 from taichi_disk.scenes.setup import Columns
 
 FILES = (
@@ -24,7 +24,10 @@ FILES = (
     "failure.npz",
     "plot.png",
     "video.mp4",
+    "video.webm",
+    "video.gif",
 )
+PICTURES = "frames"  # a folder, where the film's format is png
 TIMESERIES = (
     "t",
     "com_x",
@@ -47,6 +50,7 @@ def clear(out: Path) -> None:
     """Remove what an earlier run left, so that nothing old stands beside new results."""
     for name in FILES:
         (out / name).unlink(missing_ok=True)
+    remove_pictures(out / PICTURES)
 
 
 def write_text(path: Path, text: str) -> None:

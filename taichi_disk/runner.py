@@ -114,10 +114,11 @@ def run(
     results.write_summary(out / "summary.json", summary)
     video_error = None
     if video:
+        name = results.PICTURES if scene.video.format == "png" else f"video.{scene.video.format}"
         try:
             with clock("render"):
-                film(out / "video.mp4", setup, outcome, scene.video, progress)
-            summary["video"] = "video.mp4"
+                film(out / name, [(setup, outcome)], scene.video, progress)
+            summary["video"] = name
         except TaichiDiskError as error:
             video_error = summary["video_error"] = str(error)
         results.write_summary(out / "summary.json", summary)

@@ -15,6 +15,9 @@ from pydantic import BaseModel, ConfigDict, Field, model_validator
 from pydantic_core import PydanticCustomError
 
 Auto: TypeAlias = Literal["auto"]
+Colouring: TypeAlias = Literal["strain", "force", "speed", "kinetic"]
+Show: TypeAlias = Literal["both", "springs", "points"]
+Format: TypeAlias = Literal["mp4", "webm", "gif", "png"]
 
 
 def _key(default: Any, meaning: str, unit: str = "", **bounds: Any) -> Any:
@@ -136,6 +139,10 @@ class VideoSection(_Strict):
     size: int = _key(720, "width and height, even", "px", ge=64, le=2160, multiple_of=2)
     fps: int = _key(30, "frames per second", "1/s", ge=1, le=120)
     seconds: float = _key(8.0, "length of the film", "s", ge=0.1, le=600)
+    colour: Colouring = _key("strain", "what colours show: strain or force of a spring, speed or kinetic of its ends")
+    draw: Show = _key("both", "springs, points or both; points without springs are coloured as those would be")
+    supersample: float = _key(1.5, "samples across a pixel: 1 is rough and quick", ge=1, le=2, multiple_of=0.5)
+    format: Format = _key("mp4", "of the film; png: a folder of numbered pictures")
 
 
 def yaml_scalar(value: bool | int | float | str) -> str:

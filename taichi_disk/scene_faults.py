@@ -91,6 +91,8 @@ def _allowed(spec: dict[str, Any]) -> str:
     number = "a whole number" if spec["type"] == "integer" else "a number"
     if spec.get("multipleOf") == 2:
         number = "an even whole number"
+    elif "multipleOf" in spec:
+        number = f"a multiple of {_short(spec['multipleOf'])}"
     if "exclusiveMinimum" in spec:
         return f"{number} above {_short(spec['exclusiveMinimum'])} and at most {_short(spec['maximum'])}"
     return f"{number} from {_short(spec['minimum'])} to {_short(spec['maximum'])}"

@@ -161,12 +161,17 @@ def _advice(step: TimeStep) -> str:
     return f"the step is {step.dt / step.limit:.2f} of the stability limit; try a smaller time.safety or a lower speed"
 
 
-def replay(simulation: Simulation, times: NDArray[np.float64]) -> Iterator[tuple[float, NDArray[np.float64]]]:
-    """Run again from the start and stop at the steps nearest to `times` (ascending): (t, positions (n, 2))."""
+def replay(
+    simulation: Simulation, times: NDArray[np.float64]
+) -> Iterator[tuple[float, NDArray[np.float64], NDArray[np.float64]]]:
+    """Run again from the start and stop at the steps nearest to `times` (ascending).
+
+    Yields (t, positions (n, 2), velocities (n, 2)).
+    """
     world = simulation.world
     launch = max(1, SPRINGS_PER_LAUNCH // len(world.lattice.bonds))
     world.import_state(simulation.start)
     for number in np.rint(times / world.dt).astype(int):
         if number > world.step_number:
             _steps(world, int(number) - world.step_number, launch)
-        yield world.time, world.positions()[0]
+        yield world.time, world.positions()[0], world.velocities()[0]

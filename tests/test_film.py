@@ -35,20 +35,20 @@ def subject() -> Subject:
     return Subject(disk_lattice(150, 0), False, ("A test", "N = 150"), 0.02, (-1.2, 1.2, -0.2, 2.2))
 
 
-def frames(what: Subject, count: int = COUNT, bad: int | None = None) -> Iterator[Frame]:
+def frames(what: Subject, count: int = COUNT, bad: int | None = None) -> Iterator[list[Frame]]:
     for k in range(count):
         centre = np.array([0.15 * np.sin(k), 1.0 + 0.15 * np.cos(0.7 * k)])
         positions = what.lattice.positions + centre
         if k == bad:
             positions[3] = np.nan
-        yield Frame(0.1 * k, positions, (f"t = {0.1 * k:.2f} R/c",))
+        yield [Frame(0.1 * k, positions, (f"t = {0.1 * k:.2f} R/c",))]
 
 
 @needs_vulkan
 def test_the_film_has_the_frames_size_and_rate_asked_for_and_the_disk_where_it_was(tmp_path: Path) -> None:
     what, path, told = subject(), tmp_path / "film.mp4", []
     progress = lambda done, total: told.append((done, total))  # noqa: E731
-    record_film(path, what, frames(what), size=SIZE, fps=FPS, total=COUNT, progress=progress)
+    record_film(path, [what], frames(what), size=SIZE, fps=FPS, total=COUNT, progress=progress)
     assert told == [(k, COUNT) for k in range(1, COUNT + 1)]
     assert list(tmp_path.iterdir()) == [path]
     film = iio.imread(path)
@@ -56,7 +56,7 @@ def test_the_film_has_the_frames_size_and_rate_asked_for_and_the_disk_where_it_w
     assert iio.immeta(path)["fps"] == FPS
     camera = Layout(what, SIZE, 1).camera
     stage = slice(camera.top, camera.top + camera.height)
-    for picture, frame in zip(film, frames(what), strict=True):
+    for picture, (frame,) in zip(film, frames(what), strict=True):
         amount = np.abs(picture[stage] - 255 * np.array(GROUND)).sum(axis=-1)
         rows, columns = np.nonzero(amount > 40)
         seen = np.array([columns.min() + columns.max() + 1, rows.min() + rows.max() + 1]) / 2 + [
@@ -71,8 +71,8 @@ def test_the_film_has_the_frames_size_and_rate_asked_for_and_the_disk_where_it_w
 def test_colours_survive_the_encoding(tmp_path: Path) -> None:
     what, path = subject(), tmp_path / "film.mp4"
     rest, up = what.lattice.positions, np.array([0.0, 1.0])
-    squeezed = [Frame(0.0, (1.0 + strain) * rest + up, ()) for strain in (0.02, -0.02, 0.0)]
-    record_film(path, what, squeezed, size=SIZE, total=3)
+    squeezed = [[Frame(0.0, (1.0 + strain) * rest + up, ())] for strain in (0.02, -0.02, 0.0)]
+    record_film(path, [what], squeezed, size=SIZE, total=3)
     camera = Layout(what, SIZE, 0).camera
     red, blue, grey = iio.imread(path)[:, camera.top : camera.top + camera.height].astype(int).mean(axis=(1, 2))
     ground = 255 * np.array(GROUND)
@@ -91,7 +91,7 @@ from pathlib import Path
 from test_film import frames, subject
 from taichi_disk.render.film import record_film
 what = subject()
-record_film(Path(sys.argv[1]), what, frames(what), size=240, total=12)
+record_film(Path(sys.argv[1]), [what], frames(what), size=240, total=12)
 """
 
 
@@ -119,7 +119,7 @@ def test_two_processes_with_1_and_2_threads_make_the_same_bytes(tmp_path: Path) 
 def test_a_film_that_fails_leaves_nothing(tmp_path: Path, given: dict, error: type, says: str) -> None:
     what = subject()
     with pytest.raises(error, match=says):
-        record_film(tmp_path / "film.mp4", what, frames(what, **given), size=SIZE, total=COUNT)
+        record_film(tmp_path / "film.mp4", [what], frames(what, **given), size=SIZE, total=COUNT)
     assert not list(tmp_path.iterdir())
 
 
@@ -128,15 +128,15 @@ def test_an_interrupted_film_leaves_the_old_one_as_it_was(tmp_path: Path) -> Non
     what, path = subject(), tmp_path / "film.mp4"
     path.write_bytes(b"old")
 
-    def interrupted() -> Iterator[Frame]:
+    def interrupted() -> Iterator[list[Frame]]:
         yield from frames(what, 3)
         raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        record_film(path, what, interrupted(), size=SIZE, total=COUNT)
+        record_film(path, [what], interrupted(), size=SIZE, total=COUNT)
     assert list(tmp_path.iterdir()) == [path] and path.read_bytes() == b"old"
     # A window was open when it happened: the next one must still work.
-    record_film(path, what, frames(what), size=SIZE, total=COUNT)
+    record_film(path, [what], frames(what), size=SIZE, total=COUNT)
     assert len(iio.imread(path)) == COUNT
 
 
@@ -155,7 +155,7 @@ def test_an_ffmpeg_that_fails_is_noticed_and_quoted(
     what, out = subject(), tmp_path / "out"
     out.mkdir()
     with pytest.raises(SimulationError, match="No space left on device"):
-        record_film(out / "film.mp4", what, frames(what), size=SIZE, total=COUNT)
+        record_film(out / "film.mp4", [what], frames(what), size=SIZE, total=COUNT)
     assert not list(out.iterdir())
 
 
@@ -166,7 +166,7 @@ def test_a_vulkan_that_does_not_work_is_reported(tmp_path: Path, monkeypatch: py
 
     monkeypatch.setattr(ti.ui, "Window", broken)
     with pytest.raises(TaichiDiskError, match=r"no film: Vulkan cannot draw .* device lost"):
-        record_film(tmp_path / "film.mp4", subject(), frames(subject()), size=SIZE, total=COUNT)
+        record_film(tmp_path / "film.mp4", [subject()], frames(subject()), size=SIZE, total=COUNT)
     assert not list(tmp_path.iterdir())
 
 
@@ -174,8 +174,8 @@ def test_a_vulkan_that_does_not_work_is_reported(tmp_path: Path, monkeypatch: py
 def test_odd_and_tiny_sizes_are_refused_before_a_frame_is_computed(tmp_path: Path, size: int) -> None:
     what, asked = subject(), frames(subject())
     with pytest.raises(InputError, match="even and at least 120"):
-        record_film(tmp_path / "film.mp4", what, asked, size=size, total=COUNT)
-    assert next(asked).t == 0.0
+        record_film(tmp_path / "film.mp4", [what], asked, size=size, total=COUNT)
+    assert next(asked)[0].t == 0.0
 
 
 NO_VULKAN = """
@@ -189,7 +189,7 @@ ti.init(ti.cpu, default_fp=ti.f64, log_level=ti.ERROR)
 from pathlib import Path
 from test_film import frames, subject
 try:
-    record_film(Path("film.mp4"), subject(), frames(subject()), total=12)
+    record_film(Path("film.mp4"), [subject()], frames(subject()), total=12)
 except TaichiDiskError as error:
     print(error.exit_status, error)
 """

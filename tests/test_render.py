@@ -65,8 +65,8 @@ def pictures(what: Subject, states: Iterable[NDArray[np.float64]], size: int = 3
     """Pictures (rows, columns, 3) of states with positions (n, 2), and the camera that took them."""
     from taichi_disk.render.still import Stills
 
-    with Stills(what, size, 1) as stills:
-        return [stills.draw(Frame(0.0, x, ("t = 0",)))[..., :3].copy() for x in states], stills.camera
+    with Stills([what], size, 1) as stills:
+        return [stills.draw([Frame(0.0, x, ("t = 0",))])[..., :3].copy() for x in states], stills.camera
 
 
 def drawn(image: NDArray[np.uint8], camera: Camera) -> NDArray[np.float64]:
@@ -214,11 +214,11 @@ def test_a_picture_does_not_depend_on_those_before_it() -> None:
 
     disk = disk_lattice(100, 0)
     first, second = 1.1 * disk.positions + UP, 0.9 * disk.positions + UP
-    with Stills(subject(disk), 360, 1) as stills:
-        stills.draw(Frame(0.0, first, ("t = 10000000 R/c",)))
-        after = stills.draw(Frame(1.0, second, ("t = 10000000 R/d",))).copy()
-    with Stills(subject(disk), 360, 1) as stills:
-        assert np.array_equal(after, stills.draw(Frame(1.0, second, ("t = 10000000 R/d",))))
+    with Stills([subject(disk)], 360, 1) as stills:
+        stills.draw([Frame(0.0, first, ("t = 10000000 R/c",))])
+        after = stills.draw([Frame(1.0, second, ("t = 10000000 R/d",))]).copy()
+    with Stills([subject(disk)], 360, 1) as stills:
+        assert np.array_equal(after, stills.draw([Frame(1.0, second, ("t = 10000000 R/d",))]))
 
 
 def test_changing_text_is_set_in_the_upper_right_and_leaves_the_rest_alone() -> None:
@@ -240,17 +240,18 @@ def test_the_colour_bar_shows_the_scale() -> None:
 
 
 @needs_vulkan
-def test_smoothing_averages_over_the_area_of_each_pixel() -> None:
+@pytest.mark.parametrize("samples", [2, 3, 4])
+def test_smoothing_averages_over_the_area_of_each_pixel(samples: int) -> None:
     from taichi_disk.render.still import _shrink
 
-    samples = np.random.default_rng(0).random((36, 24, 4)).astype(np.float32)
+    drawn = np.random.default_rng(0).random((12 * samples, 8 * samples, 4)).astype(np.float32)
     strip = np.zeros((16, 40), dtype=np.uint32)
-    _shrink(samples, strip, 10)
+    _shrink(drawn, strip, 10, samples)
     assert not strip[:, :10].any() and not strip[:, 34:].any()
     stage = np.ascontiguousarray(strip[:, 10:34])
-    # 3/2 samples a pixel: cut each into 2 x 2, average 3 x 3 of those; [x, y up] becomes [row, column].
-    fine = samples.repeat(2, axis=0).repeat(2, axis=1).astype(float)
-    mean = fine.reshape(24, 3, 16, 3, 4).mean(axis=(1, 3)).transpose(1, 0, 2)[::-1]
+    # samples/2 a pixel: cut each into 2 x 2, average samples x samples of those; [x, y up] becomes [row, column].
+    fine = drawn.repeat(2, axis=0).repeat(2, axis=1).astype(float)
+    mean = fine.reshape(24, samples, 16, samples, 4).mean(axis=(1, 3)).transpose(1, 0, 2)[::-1]
     assert np.abs(stage.view(np.uint8).reshape(16, 24, 4)[..., :3] - 255 * mean[..., :3]).max() < 0.5 + 1e-3
 
 

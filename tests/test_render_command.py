@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import json
 from pathlib import Path
 
 import imageio.v3 as iio
@@ -78,9 +79,57 @@ def test_what_cannot_be_filmed_is_said(
     for words, says in (
         ([str(tmp_path)], "no run is here"),
         ([str(runs[0]), "--out", str(tmp_path / "film.avi")], "end the name with"),
-        ([str(runs[0]), "--compare", str(runs[1]), "--out", str(tmp_path / "film.png")], "end the name with"),
-        ([str(runs[0]), "--size", "4000"], "video.size"),
+        ([str(runs[0]), "--out", str(tmp_path / "film.gif"), "--format", "mp4"], "says the format already"),
+        ([str(runs[0]), "--size", "4000"], "video.size: must be an even whole number from 64 to 2160"),
+        ([str(runs[0]), "--colour", "stress"], "video.colour: must be strain, force, speed or kinetic, not stress"),
+        ([str(runs[0]), "--supersample", "1.2"], "video.supersample: must be a multiple of 0.5 from 1 to 2"),
     ):
         assert main(["render", *words]) == 2
         assert says in capsys.readouterr().err
     assert not list(tmp_path.iterdir())
+
+
+@needs_vulkan
+def test_a_film_in_png_is_a_folder_of_numbered_pictures(runs: tuple[Path, Path], tmp_path: Path) -> None:
+    out, words = tmp_path / "frames", ["--size", "160", "--fps", "10", "--seconds", "0.3"]
+    for _ in range(2):  # what an earlier film left is replaced
+        assert main(["render", str(runs[0]), "--out", str(out), *words]) == 0
+    pictures = sorted(out.iterdir())
+    assert [path.name for path in pictures] == ["00001.png", "00002.png", "00003.png"]
+    assert list(tmp_path.iterdir()) == [out]
+    frames = np.array([np.asarray(Image.open(path)) for path in pictures])
+    assert frames.shape == (3, 160, 160, 3)
+    # Without loss, unlike the other formats.
+    assert np.array_equal(frames[:, 0, 0], np.tile(np.rint(255 * np.array(GROUND)), (3, 1)))
+    (out / "notes.txt").write_text("mine")
+    assert main(["render", str(runs[0]), "--out", str(out), *words]) == 2
+    assert (out / "notes.txt").read_text() == "mine"
+
+
+@needs_vulkan
+@pytest.mark.parametrize(
+    ("options", "kind"),
+    [(["--colour", "speed"], "violet"), (["--colour", "kinetic"], "violet"), (["--colour", "force"], "blue")],
+)
+def test_the_colours_show_what_was_asked_for(
+    runs: tuple[Path, Path], tmp_path: Path, options: list[str], kind: str
+) -> None:
+    out = tmp_path / "picture.png"
+    words = ["--size", "240", "--supersample", "1", "--draw", "springs"]
+    assert main(["render", str(runs[0]), "--out", str(out), *options, *words]) == 0
+    stage = np.asarray(Image.open(out)).astype(float)[40:200]
+    ink = np.abs(stage - 255 * np.array(GROUND)).sum(axis=-1) > 60
+    red, green, blue = stage[ink].mean(axis=0)
+    # Nothing that moves is green; compression at the wall is blue without red.
+    assert green < min(red, blue) if kind == "violet" else blue > red
+
+
+@needs_vulkan
+def test_a_scene_says_how_its_run_is_filmed(tmp_path: Path) -> None:
+    words = ["lattice.points=60", "video.size=120", "video.seconds=0.2", "video.fps=10", "video.draw=points"]
+    sets = [word for one in words for word in ("--set", one)]
+    for kind, name in (("gif", "video.gif"), ("png", "frames"), ("mp4", "video.mp4")):
+        assert main(["run", "exponential_wall", *sets, "--set", f"video.format={kind}", "--out", str(tmp_path)]) == 0
+        films = {"video.gif", "video.webm", "frames", "video.mp4"} & {path.name for path in tmp_path.iterdir()}
+        assert films == {name}
+        assert json.loads((tmp_path / "summary.json").read_text())["video"] == name

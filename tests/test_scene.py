@@ -73,6 +73,10 @@ VIDEO = {
     "size": st.integers(32, 1080).map(lambda half: 2 * half),
     "fps": st.integers(1, 120),
     "seconds": number(0.1, 600),
+    "colour": st.sampled_from(["strain", "force", "speed", "kinetic"]),
+    "draw": st.sampled_from(["both", "springs", "points"]),
+    "supersample": st.sampled_from([1, 1.5, 2]),
+    "format": st.sampled_from(["mp4", "webm", "gif", "png"]),
 }
 COMMON = {"lattice": LATTICE, "material": MATERIAL, "time": TIME, "video": VIDEO}
 KEYS: dict[str, dict[str, dict[str, st.SearchStrategy[Any]]]] = {
@@ -155,6 +159,7 @@ def test_a_written_scene_reads_back_equal(path: Path, scene: Scene) -> None:
         ("video", "size", [64, 2160], [62, 2162, 721]),
         ("video", "fps", [1, 120], [0, 121]),
         ("video", "seconds", [0.1, 600], [0.09, 600.1]),
+        ("video", "supersample", [1, 1.5, 2.0], [0.5, 1.2, 2.5]),
     ],
 )
 def test_bounds_are_where_they_are_said_to_be(section: str, key: str, inside: list[Any], outside: list[Any]) -> None:
@@ -225,6 +230,10 @@ def test_every_key_says_what_it_means_and_every_dimension_its_unit() -> None:
         "integrator",
         "precision",
         "safety",
+        "colour",
+        "draw",
+        "supersample",
+        "format",
     }
     for kind, scene in SCENES.items():
         for name in KEYS[kind]:

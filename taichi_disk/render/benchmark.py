@@ -51,12 +51,12 @@ def main(points: int = 1099, size: int = 720) -> None:
     subject = Subject(disk_lattice(points, 0), True, ("Benchmark", f"N = {points}"), 0.04, view)
     frames = list(_frames(subject))
     with tempfile.TemporaryDirectory() as folder:
-        with Stills(subject, size, 2) as stills:
-            pictures = [stills.draw(frame).copy() for frame in frames[:30]]  # also compiles the kernels
+        with Stills([subject], size, 2) as stills:
+            pictures = [stills.draw([frame]).copy() for frame in frames[:30]]  # also compiles the kernels
 
             def draw() -> None:
                 for frame in frames:
-                    stills.draw(frame)
+                    stills.draw([frame])
 
             _report("drawing alone", draw)
 
@@ -68,7 +68,9 @@ def main(points: int = 1099, size: int = 720) -> None:
         _report("encoding alone", encode)
         _report(
             "a film, with start-up",
-            lambda: record_film(Path(folder, "film.mp4"), subject, frames, size=size, total=_FRAMES),
+            lambda: record_film(
+                Path(folder, "film.mp4"), [subject], ([frame] for frame in frames), size=size, total=_FRAMES
+            ),
         )
 
 

@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal, get_args
+from typing import get_args
 
 import numpy as np
 from numpy.typing import NDArray
 
 from taichi_disk.lattice import Lattice
 from taichi_disk.model.physics import Physics
+from taichi_disk.scene import Colouring
 
-Colouring = Literal["strain", "force", "speed", "kinetic"]
 COLOURINGS: tuple[Colouring, ...] = get_args(Colouring)
 
 

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from itertools import chain
 from pathlib import Path
 
 from taichi_disk.errors import InputError, SimulationError, TaichiDiskError
-from taichi_disk.output import atomic_write
+from taichi_disk.output import atomic_write, check_pictures
+from taichi_disk.render.panel import Panel
 from taichi_disk.render.picture import Frame, Subject
 
 _MEND = "apt-get update && apt-get install -y --no-install-recommends libx11-6 mesa-vulkan-drivers"
@@ -41,22 +42,27 @@ def require_film(size: int) -> None:
 
 def record_film(
     path: Path,
-    subject: Subject,
-    frames: Iterable[Frame],
+    subjects: Sequence[Subject],
+    frames: Iterable[Sequence[Frame]],
     *,
     size: int = 720,
     fps: int = 30,
+    supersample: float = 1.5,
+    panel: Panel | None = None,
     total: int,
     progress: Callable[[int, int], None] | None = None,
 ) -> None:
-    """Film `frames` into `path` (.mp4, .webm or .gif), which appears only once it is complete.
+    """Film `frames`, each with one frame of every subject, into `path`, which appears only once it is complete.
 
-    `ti.init` must have been called. `size`: width and height in pixels, even. `total`: how many frames there
-    will be; `progress(done, total)` is called after each. Raises InputError for another size, SimulationError
-    if a position is not finite, the frames are fewer or more, or the file cannot be written, and
-    TaichiDiskError if films cannot be made here at all (`film_problem`).
+    `path`: .mp4, .webm or .gif; without a suffix a folder of pictures, 00001.png and so on.
+    `ti.init` must have been called. `size`, `supersample`, `panel`: see `Stills`. `total`: how many frames there
+    will be; `progress(done, total)` is called after each. Raises InputError for another size or a folder that
+    holds something else, SimulationError if a position is not finite, the frames are fewer or more, or the file
+    cannot be written, and TaichiDiskError if films cannot be made here at all (`film_problem`).
     """
     require_film(size)
+    if not path.suffix:
+        check_pictures(path)
     from taichi_disk.render.still import Stills
     from taichi_disk.render.video import Video
 
@@ -64,12 +70,20 @@ def record_film(
     first = next(stream, None)
     if first is None:
         raise SimulationError("a film of no frames")
+    lines = max(len(frame.text) for frame in first)
 
     def write(beside: Path) -> None:
-        done = 0
-        with Stills(subject, size, len(first.text)) as stills, Video(beside, size, size, fps) as video:
-            for frame in chain([first], stream):
-                video.write(stills.draw(frame))
+        done, target = 0, beside
+        if not path.suffix:
+            beside.mkdir()
+            # A per cent sign of the folder's own is no place for a number.
+            target = Path(str(beside).replace("%", "%%"), "%05d.png")
+        with (
+            Stills(subjects, size, lines, supersample, panel) as stills,
+            Video(target, stills.width, size, fps) as video,
+        ):
+            for moment in chain([first], stream):
+                video.write(stills.draw(moment))
                 done += 1
                 if progress:
                     progress(done, total)

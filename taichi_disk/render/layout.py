@@ -10,7 +10,8 @@ from PIL import Image, ImageDraw
 
 from taichi_disk.render import text
 from taichi_disk.render.camera import Camera
-from taichi_disk.render.colours import FAINT_INK, GROUND, INK, Colour, strain_colours
+from taichi_disk.render.colouring import QUANTITIES
+from taichi_disk.render.colours import FAINT_INK, GROUND, INK, Colour, amount_colours, strain_colours
 from taichi_disk.render.picture import Subject
 
 # Sizes in pixels of a picture of 720; a picture of another size scales them all.
@@ -19,6 +20,7 @@ _HEADING, _SMALL = 17.0, 13.0
 _LEADING = 20.0  # from baseline to baseline
 _FOOTER = 66.0
 _BAR_WIDTH, _BAR_HEIGHT = 300.0, 10.0
+_RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 
 def _bytes(colour: Colour) -> tuple[int, int, int]:
@@ -32,10 +34,10 @@ class Layout:
     `still` (size, size, 3) uint8 holds title and colour bar; `camera` says where the stage is.
     """
 
-    def __init__(self, subject: Subject, size: int, changing_lines: int) -> None:
+    def __init__(self, subject: Subject, size: int, lines: int) -> None:
         self.unit = size / 720
         self._size = size
-        rows = max(len(subject.title), changing_lines)
+        rows = max(len(subject.title), lines)
         header = self._even((_MARGIN + _HEADING + _LEADING * max(rows - 1, 0) + 12.0) * self.unit)
         footer = self._even(_FOOTER * self.unit)
         self.header = header
@@ -43,7 +45,7 @@ class Layout:
         image = Image.new("RGB", (size, size), _bytes(GROUND))
         draw = ImageDraw.Draw(image)
         self._draw_title(draw, subject.title)
-        self._draw_bar(image, draw, subject.strain_limit)
+        self._draw_bar(image, draw, subject)
         self.still: NDArray[np.uint8] = np.array(image)
         self._drawn: tuple[str, ...] = ()
         self._column = 0  # the widest changing text so far
@@ -64,34 +66,35 @@ class Layout:
     def _baseline(self, k: int) -> float:
         return (_MARGIN + _HEADING - 3.0 + _LEADING * k) * self.unit
 
-    def _draw_bar(self, image: Image.Image, draw: ImageDraw.ImageDraw, limit: float) -> None:
-        u = self.unit
+    def _draw_bar(self, image: Image.Image, draw: ImageDraw.ImageDraw, subject: Subject) -> None:
+        u, limit, quantity = self.unit, subject.limit, QUANTITIES[subject.colouring]
+        least = -limit if quantity.signed else 0.0
         width, height = round(_BAR_WIDTH * u), max(round(_BAR_HEIGHT * u), 1)
         left, top = (self._size - width) // 2, round(self._size - (_FOOTER - 12.0) * u)
-        colours = strain_colours(np.linspace(-1.0, 1.0, width), 1.0)
+        values = np.linspace(least, limit, width)
+        colours = (strain_colours if quantity.signed else amount_colours)(values, limit)
         strip = np.broadcast_to(np.rint(255 * colours).astype(np.uint8), (height, width, 3))
         image.paste(Image.fromarray(np.ascontiguousarray(strip)), (left, top))
-        # Pointed ends: strains beyond the limit have the colour of the limit.
-        for edge, tip, at in (
-            (left - 1, left - 1 - 0.8 * height, 0),
-            (left + width, left + width + 0.8 * height, -1),
-        ):
+        # Pointed ends: values beyond the limit have the colour of the limit.
+        tips = ((left - 1, left - 1 - 0.8 * height, 0), (left + width, left + width + 0.8 * height, -1))
+        for edge, tip, at in tips if quantity.signed else tips[1:]:
             corners = [(edge, top), (edge, top + height - 1), (tip, top + (height - 1) / 2)]
             draw.polygon(corners, fill=_bytes(tuple(colours[at])))
         size = _SMALL * u
         for tick in _ticks(limit):
-            x = left + 0.5 * (width - 1) * (1.0 + tick / limit)
+            if tick < least:
+                continue
+            x = left + (width - 1) * (tick - least) / (limit - least)
             draw.line([(x, top + height), (x, top + height + 3 * u)], fill=_bytes(FAINT_INK), width=max(round(u), 1))
-            label = f"{100 * tick:+.6g} %".replace("-", "−") if tick else "0"
+            label = _label(tick, subject.colouring == "strain", quantity.signed)
             at_x = x - text.width(label.removesuffix(" %"), size * 0.92) / 2
             text.draw_line(draw, (at_x, top + height + 15 * u), label, size * 0.92, _bytes(FAINT_INK))
-        label = "strain of the springs, (|r| − L) / L"
-        x = (self._size - text.width(label, size)) / 2
-        text.draw_line(draw, (x, top + height + 33 * u), label, size, _bytes(FAINT_INK))
+        x = (self._size - text.width(quantity.label, size)) / 2
+        text.draw_line(draw, (x, top + height + 33 * u), quantity.label, size, _bytes(FAINT_INK))
         y = top + height - 1
         for label, colour, x in (
-            ("compressed", colours[0], left - 18 * u - text.width("compressed", size)),
-            ("stretched", colours[-1], left + width + 18 * u),
+            (quantity.ends[0], colours[0], left - 18 * u - text.width(quantity.ends[0], size)),
+            (quantity.ends[1], colours[-1], left + width + 18 * u),
         ):
             text.draw_line(draw, (x, y), label, size, _bytes(tuple(colour)))
 
@@ -109,6 +112,17 @@ class Layout:
             text.draw_line(draw, (0.0, self._baseline(k)), line, size, _bytes(INK))
         picture[: self.header, -self._column :, :3] = np.asarray(patch)
         self._drawn = lines
+
+
+def _label(value: float, percent: bool, signed: bool) -> str:
+    """A tick's value, as `+5 %`, `0.02` or `2·10⁻⁷`."""
+    if not value:
+        return "0"
+    text = f"{100 * value if percent else value:{'+' if signed else ''}.6g}"
+    if "e" in text:
+        mantissa, exponent = text.split("e")
+        text = f"{mantissa}·10" + str(int(exponent)).translate(_RAISED)
+    return text.replace("-", "−") + (" %" if percent else "")
 
 
 def _ticks(limit: float) -> list[float]:

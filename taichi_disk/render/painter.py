@@ -3,7 +3,7 @@
 It does not know whether the canvas belongs to a window on the screen or to a headless one behind a film.
 """
 
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 import taichi as ti
@@ -12,13 +12,13 @@ from numpy.typing import NDArray
 from taichi_disk.render.camera import Camera
 from taichi_disk.render.colours import FAINT_INK, GROUND, INK, amount_colours, strain_colours
 from taichi_disk.render.picture import Subject
+from taichi_disk.scene import Show
 
 _TABLE = 256  # intervals of the colour table
 _FAR = -1e3  # [R] where no camera looks
 _HATCHES = 200  # lines below the rigid wall: enough for a picture three times as wide as high
 _HATCH = 11.0  # pixels (in a picture of 720) between the hatching lines below the rigid wall, and their depth
 
-Show = Literal["both", "springs", "points"]
 _Pair = ti.types.vector(2, ti.f64)
 
 
@@ -30,7 +30,7 @@ class Painter:
         """`unit`: size in pixels of what is one pixel in a picture of 720; line widths grow with it."""
         lattice = subject.lattice
         self._bonds, self._rest_lengths = lattice.bonds, lattice.rest_lengths
-        self._limit = subject.strain_limit
+        self._limit = subject.limit
         places = np.linspace(-1.0, 1.0, _TABLE + 1)
         self._tables = [colours(places, 1.0).astype(np.float32) for colours in (amount_colours, strain_colours)]
         degree = np.bincount(lattice.bonds.ravel(), minlength=len(lattice.positions))

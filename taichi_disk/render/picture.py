@@ -12,6 +12,7 @@ from taichi_disk.errors import SimulationError
 
 if TYPE_CHECKING:
     from taichi_disk.lattice import Lattice
+    from taichi_disk.scene import Colouring, Show
 
 
 @dataclass(frozen=True)
@@ -21,17 +22,23 @@ class Subject:
     lattice: Lattice
     rigid_wall: bool  # a line at y = 0, hatched below
     title: tuple[str, ...]  # first the scene's name, then lines with its numbers
-    strain_limit: float  # the colour scale runs from -strain_limit to +strain_limit
+    limit: float  # the scale of colours runs from -limit, or from 0, to +limit
     view: tuple[float, float, float, float]  # xmin, xmax, ymin, ymax in R: what must be kept in view
+    colouring: Colouring = "strain"
+    show: Show = "both"
 
 
 @dataclass(frozen=True)
 class Frame:
-    """One instant: positions (n, 2) in scene coordinates [R], and the lines of text that change with time."""
+    """One instant: positions (n, 2) in scene coordinates [R], and the lines of text that change with time.
+
+    `values` (springs,): what is coloured, in units of the subject's limit; by default the strain.
+    """
 
     t: float  # [R/c]
     positions: NDArray[np.float64]
     text: tuple[str, ...]
+    values: NDArray[np.float64] | None = None
 
     def require_finite(self) -> None:
         """Raise SimulationError if a point has no finite position: such a frame must not be drawn."""

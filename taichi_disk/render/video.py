@@ -1,4 +1,4 @@
-"""MP4 (H.264), WebM (VP9) and GIF, by the ffmpeg that comes with imageio-ffmpeg, running in a process of its own.
+"""MP4 (H.264), WebM (VP9), GIF and numbered PNGs, by imageio-ffmpeg's own ffmpeg, in a process of its own.
 
 imageio's own writer does not look at ffmpeg's exit status: a full disk would leave half a film unnoticed.
 """
@@ -29,19 +29,15 @@ _ENCODINGS = {
     ".webm": (*_TAGS, "-c:v", "libvpx-vp9", "-crf", "32", "-b:v", "0", "-deadline", "realtime", "-cpu-used", "6"),
     # One palette for all pictures, so that still parts do not flicker.
     ".gif": ("-vf", "split[a][b];[a]palettegen=max_colors=64[p];[b][p]paletteuse=dither=none", "-f", "gif"),
+    ".png": ("-c:v", "png", "-pix_fmt", "rgb24", "-fflags", "+bitexact", "-flags:v", "+bitexact", "-f", "image2"),
 }
-FORMATS = tuple(_ENCODINGS)
-
-
-def encoding(suffix: str) -> tuple[str, ...]:
-    """ffmpeg's options for a format of FORMATS."""
-    return _ENCODINGS[suffix]
 
 
 class Video:
-    """Writes pictures to a film, in the format that the suffix of `path` names (FORMATS).
+    """Writes pictures to a film, in the format that the suffix of `path` names: .mp4, .webm or .gif.
 
-    A context manager: left in order, the file is complete.
+    `.png`: into a picture each; the path then holds a `%05d`, which is replaced by its number.
+    A context manager: left in order, the film is complete.
 
     A thread feeds ffmpeg, so that drawing need not wait until a picture has gone through the pipe.
     `width`, `height`: in pixels, even. Raises SimulationError if ffmpeg fails.

@@ -8,8 +8,7 @@ from pathlib import Path
 
 from taichi_disk.errors import TaichiDiskError
 from taichi_disk.render.colouring import COLOURINGS
-from taichi_disk.render.painter import Show
-from taichi_disk.scene import AbsorbingWallScene, CompressionScene
+from taichi_disk.scene import AbsorbingWallScene, CompressionScene, Show
 from taichi_disk.scenes.compression import Compression
 from taichi_disk.scenes.impact import Impact
 from taichi_disk.view.colouring import Scale
