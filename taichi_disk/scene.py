@@ -211,6 +211,11 @@ def _least_distance(wall: WallSection | ElasticWallSection, velocity: float, fra
     return (log(wall.V0) - log(fraction / 2) - 2 * log(velocity)) / wall.a
 
 
+def least_threshold(wall: ElasticWallSection, velocity: float) -> float:
+    """Distance at which the contact may be cut off: farther away its potential is 1e-5 of v^2/2 or less [R]."""
+    return _least_distance(wall, velocity, 1e-5)
+
+
 def _gap_conflicts(wall: WallSection | ElasticWallSection, impact: ImpactSection) -> list[tuple[str, str]]:
     # Nearer than this the disk starts with potential energy to spare and is shot away: e > 1.
     least = _least_distance(wall, impact.velocity, 1e-3)
@@ -280,7 +285,7 @@ class AbsorbingWallScene(_SceneBase):
         damping = _dashpots(self.material) + ["wall.boundary = dashpot"] * (self.wall.boundary == "dashpot")
         conflicts = _time_conflicts(self.time, damping) + _gap_conflicts(self.wall, self.impact)
         # The contact force is cut off at the threshold; the energy lost there must not show in the ledger.
-        least = _least_distance(self.wall, self.impact.velocity, 1e-5)
+        least = least_threshold(self.wall, self.impact.velocity)
         if self.wall.threshold < least:
             conflicts.append(
                 (

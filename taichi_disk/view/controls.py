@@ -12,6 +12,7 @@ from taichi_disk.scene import AbsorbingWallScene, CompressionScene, Show
 from taichi_disk.scenes.compression import Compression
 from taichi_disk.scenes.impact import Impact
 from taichi_disk.view.colouring import Scale
+from taichi_disk.view.mouse import Mouse
 from taichi_disk.view.sandbox import Sandbox
 
 SCENE_NAMES = ("compression", "exponential_wall", "absorbing_wall")
@@ -27,7 +28,7 @@ class Controls:
     """
 
     def __init__(self, sandbox: Sandbox, out: Path) -> None:
-        self.sandbox, self.out = sandbox, out
+        self.sandbox, self.mouse, self.out = sandbox, Mouse(sandbox), out
         self.colouring_number = self.show_number = 0
         self.recording = self.picture_wanted = False
         self.scale = Scale(1e-12)
@@ -121,7 +122,7 @@ class Controls:
         yield "space", "go on" if self.sandbox.paused else "pause"
         yield "s", "single step"
         yield "r", "restart"
-        if self.sandbox.blown:
+        if self.sandbox.motion.blown:
             yield "m", "restart with half the step"
         if not isinstance(self.sandbox.scene, CompressionScene):
             yield "h", "hit again"
@@ -172,11 +173,11 @@ class Controls:
             "z": lambda: self.set_log_hardness(max(self.log_hardness - 0.1, 1.0)),
             "Left": move(self.log_speed, self.set_log_speed, -0.1),
             "Right": move(self.log_speed, self.set_log_speed, 0.1),
-            "Escape": sandbox.release,
+            "Escape": self.mouse.release,
         }
 
     def _pause(self) -> None:
-        if not self.sandbox.blown:
+        if not self.sandbox.motion.blown:
             self.sandbox.paused = not self.sandbox.paused
 
     def _record(self) -> None:
@@ -197,26 +198,25 @@ class Controls:
     def readings(self) -> Iterator[str]:
         """Lines of text: where the scene stands."""
         sandbox = self.sandbox
-        row = sandbox.ledger.now()
-        yield f"t = {sandbox.ledger.t:.4f} R/c   step {sandbox.step.dt:.2e} R/c"
+        motion = sandbox.motion
+        row = motion.ledger.now()
+        yield f"t = {motion.ledger.t:.4f} R/c   step {motion.step.dt:.2e} R/c"
         yield f"v_cm = {row['com_vy']:+.6f} c"
-        setup = sandbox.setup
+        setup = motion.setup
         if isinstance(setup, Impact):
             e = f"{sandbox.result['restitution']:.6f}" if sandbox.result else "-"
             unloaded = float(setup.lattice.positions[: setup.lattice.disk_points, 1].mean()) - setup.gap
             yield f"e = {e}   xi = {unloaded - (row['com_y'] - row['lowest_y']):+.6f} R"
-            scale = setup.kinetic
         else:
             assert isinstance(setup, Compression)
             yield f"xi = {setup.unloaded - (row['com_y'] - row['lowest_y']):.6f} R"
-            scale = max(setup.energy_scale(sandbox.ledger.columns()), 1e-300)
         yield f"contact force = {row['wall_force']:.3e} M c^2/R"
         yield f"energy: kinetic {row['kinetic']:.2e}, elastic {row['elastic']:.2e},"
         yield f"   lost {row['dissipated'] + row['absorbed']:.2e} M c^2"
-        if given := sandbox.ledger.given():
-            yield f"   given by the mouse {given:.2e} M c^2"
-        yield f"energy imbalance {sandbox.ledger.imbalance() / scale:+.1e}"
-        yield "changed by hand: r to restart as saved" if sandbox.changed else "this is what run computes"
+        if given := motion.ledger.given():
+            yield f"   given by hand {given:+.2e} M c^2"
+        yield f"energy imbalance {motion.ledger.imbalance() / motion.scale:+.1e}"
+        yield "changed by hand: r to restart as saved" if motion.changed else "this is what run computes"
         yield "mouse: turn before impact, pull after it"
 
 

@@ -28,7 +28,7 @@ def curves(sandbox: Sandbox) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
 
     v_cm is divided by the largest |v_cm| seen, energies by the largest sum of them, the force by its peak.
     """
-    history = list(sandbox.ledger.history)
+    history = list(sandbox.motion.ledger.history)
     history = history[:: max(1, len(history) // (4 * _SAMPLES))]
     t = np.array([moment for moment, _ in history])
 
@@ -77,7 +77,7 @@ class Graph:
         curve = np.stack([x, y], axis=-1)
         ends[2:] = np.stack([curve[:, :-1], curve[:, 1:]], axis=2).reshape(-1, 2, 2)
         # What has not come yet is not drawn.
-        later = np.tile(times[1:] > sandbox.ledger.t, len(CURVES))
+        later = np.tile(times[1:] > sandbox.motion.ledger.t, len(CURVES))
         ends[2:][later] = 0.0
         self._ends.from_numpy(ends.reshape(-1, 2))
         canvas.lines(self._ends, width=line, per_vertex_color=self._colours)

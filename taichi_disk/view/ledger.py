@@ -12,6 +12,8 @@ from taichi_disk.scenes.setup import Columns
 from taichi_disk.simulate import as_columns
 
 _DISSIPATED, _ABSORBED = COLUMNS.index("dissipated"), COLUMNS.index("absorbed")
+_MECHANICAL = [COLUMNS.index(name) for name in ("kinetic", "elastic", "wall", "load")]
+_ENERGIES = [*_MECHANICAL, _DISSIPATED, _ABSORBED]
 _HISTORY = 4000  # rows that the running graph can look back
 
 
@@ -23,23 +25,29 @@ class Ledger:
 
     def __init__(self, first: NDArray[np.float64], dt: float, stride: int) -> None:
         """`first`: (columns,) at the start; a row follows every `stride` steps of `dt` [R/c]."""
-        self._t, self._lost, self._dissipated, self._absorbed, self.work = 0.0, 0.0, 0.0, 0.0, 0.0
+        self._t, self._lost, self._dissipated, self._absorbed, self._given = 0.0, 0.0, 0.0, 0.0, 0.0
         self.history: deque[tuple[float, dict[str, float]]] = deque(maxlen=_HISTORY)
         self._begin(first, dt, stride)
 
     def _begin(self, first: NDArray[np.float64], dt: float, stride: int) -> None:
         self.dt, self.stride = dt, stride
-        self._rows = [first.copy()]
+        self._rows, self._off = [first.copy()], [0.0]
         self.last, self._steps, self._stretch_work = first.copy(), 0, 0.0
         self._note()
 
     def new_stretch(self, first: NDArray[np.float64], dt: float, stride: int) -> None:
         """Something was changed by hand: `first` is the state's row after it, its sums zero again."""
-        self._lost += self._stretch_imbalance()
+        self._lost += self.stretch_imbalance()
         self._t = self.t
+        self._given += self._stretch_work + float(first[_MECHANICAL].sum() - self.last[_MECHANICAL].sum())
         self._dissipated += self.last[_DISSIPATED]
         self._absorbed += self.last[_ABSORBED] + self._stretch_work
-        self.work += self._stretch_work
+        self._begin(first, dt, stride)
+
+    def again(self, first: NDArray[np.float64], dt: float, stride: int) -> None:
+        """The present stretch is made once more, with another step."""
+        while self.history and self.history[-1][0] >= self._t:
+            self.history.pop()
         self._begin(first, dt, stride)
 
     def add(self, row: NDArray[np.float64], steps: int, work: float) -> None:
@@ -51,11 +59,12 @@ class Ledger:
         self.last, self._steps = row, steps
         if steps % self.stride == 0:
             self._rows.append(row)
+            self._off.append(max(self._off[-1], abs(self.stretch_imbalance())))
             self._note()
 
     def back_to(self, rows: int) -> None:
         """Forget all but the first `rows` rows of this stretch."""
-        del self._rows[rows:]
+        del self._rows[rows:], self._off[rows:]
         self.last, self._steps = self._rows[-1], (rows - 1) * self.stride
         while self.history and self.history[-1][0] > self.t:
             self.history.pop()
@@ -65,7 +74,12 @@ class Ledger:
 
     @property
     def t(self) -> float:
-        return self._t + self._steps * self.dt
+        return self._t + self.stretch_time
+
+    @property
+    def stretch_time(self) -> float:
+        """Since the last change by hand [R/c]."""
+        return self._steps * self.dt
 
     def columns(self, last: int | None = None) -> Columns:
         """The rows of this stretch as a run's time series, or the last few of them (t then begins at 0)."""
@@ -80,15 +94,19 @@ class Ledger:
 
     def imbalance(self) -> float:
         """Energy that has appeared from nowhere since the start [M c^2]."""
-        return self._lost + self._stretch_imbalance()
+        return self._lost + self.stretch_imbalance()
 
     def given(self) -> float:
-        """Work of the mouse's pull since the start [M c^2]."""
-        return self.work + self._stretch_work
+        """Energy given by hand since the start, by the mouse's pull and at once by changes [M c^2]."""
+        return self._given + self._stretch_work
 
-    def _stretch_imbalance(self) -> float:
-        total = as_columns(np.array([self._rows[0], self.last]), self.dt, self.stride)["total"]
-        return float(total[1] - total[0])
+    def stretch_imbalance(self) -> float:
+        """Energy that has appeared from nowhere since the last change by hand [M c^2]."""
+        return float(self.last[_ENERGIES].sum() - self._rows[0][_ENERGIES].sum())
+
+    def worst(self, until: float = np.inf) -> float:
+        """Largest deviation of the energy in this stretch, up to the time `until` in it [M c^2]."""
+        return self._off[int(min(until / (self.stride * self.dt), len(self._off) - 1))]
 
     def _note(self) -> None:
         self.history.append((self.t, self.now()))

@@ -12,9 +12,9 @@ Four = ti.types.vector(4, ti.f64)
 
 
 @ti.kernel
-def _read(x: ti.template(), v: ti.template(), f: ti.template(), i: ti.i32, g: ti.f64) -> Four:  # type: ignore[valid-type]
-    """Place and velocity of point i now; g: step over mass."""
-    return Four(x[i][0, 0], x[i][1, 0], v[i][0, 0] + 0.5 * g * f[i][0, 0], v[i][1, 0] + 0.5 * g * f[i][1, 0])
+def _read(x: ti.template(), v: ti.template(), f: ti.template(), i: ti.i32, closing: ti.f64) -> Four:  # type: ignore[valid-type]
+    """Place and velocity of point i now; closing: see `Parameters`."""
+    return Four(x[i][0, 0], x[i][1, 0], v[i][0, 0] + closing * f[i][0, 0], v[i][1, 0] + closing * f[i][1, 0])
 
 
 @ti.kernel
@@ -40,7 +40,7 @@ class Pull:
         world = self._world
         g = world.dt / world.mass
         fields = world.fields
-        state = _read(fields["x"], fields["v"], fields["f"], self.point, g)
+        state = _read(fields["x"], fields["v"], fields["f"], self.point, world.splitting.kicks[-1] * g)
         kick = g * self._force(np.array([state[0], state[1]]))
         _kick(fields["v"], self.point, *kick)
         self.work += world.mass * float(np.array([state[2], state[3]]) @ kick + 0.5 * kick @ kick)

@@ -61,7 +61,6 @@ class Viewer:
         self._drawn: tuple[Any, ...] = ()
         self._shape = (0, 0)
         self._recorder: Recorder | None = None
-        self._turn_from: float | None = None
 
     def run(self) -> None:
         """Until the window is closed."""
@@ -79,7 +78,7 @@ class Viewer:
             now = perf_counter()
             elapsed, last = now - last, now
             self._listen()
-            if self._turn_from is None:
+            if not self.controls.mouse.turning:
                 steps += self.sandbox.advance(min(elapsed, _LONGEST))
             frames += 1
             if now - since > 0.5:
@@ -95,8 +94,8 @@ class Viewer:
     def _draw(self) -> None:
         # A window put away as an icon has no size.
         width, height = (max(pixels, _SMALLEST) for pixels in self._window.get_window_shape())
-        setup = self.sandbox.setup
-        view = setup.view
+        motion = self.sandbox.motion
+        setup, view = motion.setup, motion.setup.view
         # Whatever one of these changes, the camera sees; another lattice needs another painter.
         if self._painter is None or self._drawn[0] is not setup.lattice.bonds:
             if self._painter:
@@ -108,12 +107,13 @@ class Viewer:
             self.camera = self._look(view, width, height)
             self._painter.aim(self.camera, self._unit(height))
         self._shape, self._drawn = (width, height), (setup.lattice.bonds, width, height, view)
-        colouring, x, v = COLOURINGS[self.controls.colouring_number], self.sandbox.positions, self.sandbox.velocities
-        values = self.controls.scale.places(spring_values(setup.lattice, self.sandbox.world.physics, x, v, colouring))
+        colouring, x, v = COLOURINGS[self.controls.colouring_number], motion.positions, motion.velocities
+        values = self.controls.scale.places(spring_values(setup.lattice, motion.world.physics, x, v, colouring))
         signed = QUANTITIES[colouring].signed
         self._painter.paint(self._canvas, x, values, SHOWS[self.controls.show_number], signed)
-        if pulled := self.sandbox.pulled:
-            self._tie.from_numpy(self._on_canvas(np.array(pulled)).astype(np.float32))
+        tie = self.controls.mouse.tie
+        if tie is not None:
+            self._tie.from_numpy(self._on_canvas(tie).astype(np.float32))
             self._canvas.lines(self._tie, width=2.0 / height, color=(0.85, 0.45, 0.0))
         box = ((WIDTH + _MARGIN) / width, 1.0 - _MARGIN / width, _MARGIN / height, _GRAPH / height)
         self._graph.paint(self._canvas, self.sandbox, box, 1.5 / height)
@@ -147,35 +147,20 @@ class Viewer:
             elif event.key != ti.ui.LMB:
                 self.controls.press(key)
             elif self._painter and self._window.get_cursor_pos()[0] * self._shape[0] > WIDTH:
-                self._take_hold()
-        if self._turn_from is None and self.sandbox.pulled is None:
+                self.controls.mouse.press(*self._pointed())
+        mouse = self.controls.mouse
+        if not mouse.holding:
             return
-        if not self._window.is_pressed(ti.ui.LMB):
-            self._turn_from = None
-            self.sandbox.release()
-        elif self._turn_from is not None:
-            self.sandbox.turn(self._angle() - self._turn_from)
+        if self._window.is_pressed(ti.ui.LMB):
+            mouse.move(*self._pointed())
         else:
-            self.sandbox.drag(*self._pointed())
-
-    def _take_hold(self) -> None:
-        if self.sandbox.blown:
-            return
-        if self.sandbox.flying_in:
-            self._turn_from = self._angle()
-        else:
-            self.sandbox.grab(*self._pointed())
+            mouse.release()
 
     def _pointed(self) -> tuple[float, float]:
         """Where the mouse is in the scene [R]."""
         factor, shift = self.camera.canvas_map()
         x, y = (np.array(self._window.get_cursor_pos()) - shift) / factor
         return float(x), float(y)
-
-    def _angle(self) -> float:
-        """Of the mouse about the disk's middle [rad]."""
-        x, y = np.array(self._pointed()) - self.sandbox.positions[: self.sandbox.setup.lattice.disk_points].mean(axis=0)
-        return float(np.arctan2(y, x))
 
     # ---- pictures
 
@@ -210,12 +195,12 @@ class Viewer:
 
     def _facts(self) -> dict[str, str]:
         sandbox = self.sandbox
-        row = sandbox.ledger.now()
+        row = sandbox.motion.ledger.now()
         com = self.camera.to_pixels(np.array([row["com_x"], row["com_y"]]))
         facts = {
             "scene": sandbox.saved_scene().to_yaml(),
-            "changed by hand": str(sandbox.changed),
-            "t": repr(sandbox.ledger.t),
+            "changed by hand": str(sandbox.motion.changed),
+            "t": repr(sandbox.motion.ledger.t),
             "pixels": f"centre of mass at {com[0] - WIDTH:.2f} {com[1]:.2f}, {self.camera.scale:.4f} per R",
         }
         return facts | {name: repr(value) for name, value in row.items()}

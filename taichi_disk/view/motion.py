@@ -1,0 +1,219 @@
+"""A state that goes on in time, from one change by hand to the next, with a step that its energy ledger bears out."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from time import perf_counter
+
+import numpy as np
+from numpy.typing import NDArray
+
+from taichi_disk.dynamics import ATTEMPTS, CLOSING, MARGIN, WORST
+from taichi_disk.model.physics import Physics
+from taichi_disk.model.stability import step_limit
+from taichi_disk.model.sums import PEAK
+from taichi_disk.scene import TimeSection
+from taichi_disk.scenes.impact import Impact
+from taichi_disk.scenes.setup import Setup
+from taichi_disk.simulate import blown_up
+from taichi_disk.time_step import choose
+from taichi_disk.view.ledger import Ledger
+from taichi_disk.view.pull import Pull
+from taichi_disk.view.stage import Stage
+from taichi_disk.view.worlds import Worlds
+
+_SPRINGS_PER_LAUNCH = 1_000_000  # spring evaluations between two looks at the clock: some 5 ms on one core
+_TAIL = 1000  # rows that are looked at to see whether a scene has ended or blown up
+
+
+class Motion:
+    """Begins at t = 0 of `stage`.
+
+    A stretch is the time between two changes. As in `run`, a stretch whose energy ledger stays open, or in which a
+    point met a harder wall than was reckoned with, is made again with a shorter step, if the step is automatic.
+
+    Attributes:
+        setup: of the stage, until a change by hand.
+        positions, velocities: (n, 2) now [R], [c].
+        step: that of this stretch.
+        behind: how far this is behind the moment that was seen already [R/c].
+        pull: the mouse's, or None.
+        changed: whether this is no longer what `run` computes from the scene.
+        ended: whether the scene has come to its end.
+        blown: why the state is meaningless, or None.
+        note: what happened last that a person should know.
+    """
+
+    def __init__(self, stage: Stage, worlds: Worlds) -> None:
+        self.stage, self.setup, self._worlds = stage, stage.setup, worlds
+        self.step = stage.step
+        self.positions, self.velocities = self.setup.lattice.positions.copy(), self.setup.velocities.copy()
+        self.behind, self.changed, self.ended, self.note = 0.0, False, False, ""
+        self.pull: Pull | None = None
+        self.blown: str | None = None
+        self._begin(self.setup.physics)
+        self.ledger = Ledger(self.world.first_row[:, 0], self.step.dt, self._stride())
+        self._new_trials(stage.scene.time, self.setup.point_force)
+
+    def change(
+        self,
+        physics: Physics,
+        time: TimeSection,
+        point_force: float,
+        setup: Setup,
+        positions: NDArray[np.float64],
+        velocities: NDArray[np.float64],
+    ) -> None:
+        """Go on with these, in a step for `point_force`, the largest force of the wall on one point [M c^2/R].
+
+        Raises InputError for a step given by hand that is too long now, with everything left as it was.
+        """
+        self.step = choose(time, physics, self.stage.modes, point_force)
+        self.setup, self.positions, self.velocities = setup, positions, velocities
+        self.pull, self.changed, self.ended = None, True, False
+        self._begin(physics)
+        self.ledger.new_stretch(self.world.first_row[:, 0], self.step.dt, self._stride())
+        self._new_trials(time, point_force)
+
+    def _begin(self, physics: Physics) -> None:
+        lattice = replace(self.setup.lattice, positions=self.positions)
+        physics = replace(physics, integrator=self.step.integrator)
+        self._origin = self.positions, self.velocities
+        self.world = self._worlds.start(lattice, physics, self.velocities, self.step.dt)
+        self.state, self._earlier_work = self.world.export_state(), 0.0
+
+    def _stride(self) -> int:
+        interval = self.stage.scene.time.sample_interval
+        return max(1, round((self.setup.sample_interval if interval == "auto" else interval) / self.step.dt))
+
+    @property
+    def scale(self) -> float:
+        """What the energy imbalance is measured against [M c^2]."""
+        if isinstance(self.setup, Impact):
+            return self.setup.kinetic
+        # The work of the load on its way to rest is about P xi, and xi about P/k_a.
+        return float(self.world.physics.load**2 / self.world.physics.k_a)
+
+    @property
+    def flying_in(self) -> bool:
+        """Whether the disk has not felt the wall yet: its springs are still at rest."""
+        if self.world.step_number == 0 and not self.changed:
+            return True
+        return isinstance(self.setup, Impact) and bool(self.ledger.now()["elastic"] <= 1e-8 * self.setup.kinetic)
+
+    # ---- time
+
+    def go(self, steps: int, patience: float) -> int:
+        """Make `steps` steps, fewer where computing them takes longer than `patience` [s]; returns how many."""
+        if steps <= 0 or self.blown:
+            return 0
+        good, known = self.state, len(self.ledger)
+        made = self._march(steps, perf_counter() + patience)
+        self.behind = max(0.0, self.behind - made * self.step.dt)
+        tail = self.ledger.columns(_TAIL)
+        new = len(self.ledger) - known
+        if problem := blown_up(tail, 1) or (None if np.isfinite(self.ledger.last).all() else "not a finite state"):
+            if not self._try_shorter(float(good.sums[PEAK].max()), 4.0):
+                self.blown = problem  # the picture stays that of the last good state
+            return made
+        over = new > 0 and not (self.ended or self.pull) and bool((ended := self.setup.ended(tail)[-new:]).any())
+        if over:
+            # This went past the end: go back, and stop where `run` stops.
+            count = known + int(ended.argmax()) + 1
+            self.ledger.back_to(known)
+            self.world.import_state(good)
+            self._march((count - 1) * self.ledger.stride - good.step)
+        self._look()
+        self._judge(over)
+        return made
+
+    def _march(self, steps: int, until: float = np.inf) -> int:
+        world, stride = self.world, self.ledger.stride
+        launch = max(1, _SPRINGS_PER_LAUNCH // (len(self.setup.lattice.bonds) * world.splitting.forces))
+        first = world.step_number
+        last = first + steps
+        while world.step_number < last and (world.step_number == first or perf_counter() < until):
+            left = last - world.step_number
+            to_row = stride - world.step_number % stride
+            if self.pull:
+                row = self.pull.step()[0]
+            elif to_row == stride and stride <= min(left, launch):
+                rows = world.advance(min(left, launch) // stride, stride)[:, :, 0]
+                number = world.step_number - (len(rows) - 1) * stride
+                for k, row in enumerate(rows[:-1]):
+                    self.ledger.add(row, number + k * stride, self._worked())
+                row = rows[-1]
+            else:
+                row = world.advance(1, min(left, launch, to_row))[0, :, 0]
+            self.ledger.add(row, world.step_number, self._worked())
+        return world.step_number - first
+
+    def _worked(self) -> float:
+        return self._earlier_work + (self.pull.work if self.pull else 0.0)
+
+    def _look(self) -> None:
+        self.state = self.world.export_state()
+        x, v, f = self.state.vectors[:3, ..., 0]
+        self.positions = x
+        self.velocities = v + self.world.splitting.kicks[-1] * self.world.dt / self.world.mass * f
+
+    # ---- the mouse
+
+    def grab(self, point: int, target: tuple[float, float]) -> None:
+        """Tie a point to the mouse by a spring; its work enters the energy balance."""
+        self.pull, self.changed, self.ended = Pull(self.world, point, target), True, False
+
+    def let_go(self) -> None:
+        if self.pull:
+            self._earlier_work += self.pull.work
+            self.pull = None
+
+    # ---- the step on trial
+
+    def _new_trials(self, time: TimeSection, point_force: float) -> None:
+        self._time, self._force = time, point_force
+        self._attempts = 1 if time.dt == "auto" else ATTEMPTS
+        self._tried: tuple[float, float] | None = None  # when the last trial failed, and by how much
+        self._stands = False
+
+    def _judge(self, over: bool) -> None:
+        """End the scene if it is `over`, or go back to the start of the stretch if a shorter step does better."""
+        peak = float(self.state.sums[PEAK].max())
+        if peak > self._force:
+            limit = step_limit(self.stage.modes, self.world.physics, peak)
+            if self.step.dt > max(MARGIN, self._time.safety) * limit and self._try_shorter(peak, 0.0):
+                return
+        excess = self.ledger.worst() / (WORST * self.scale)
+        if over:
+            excess = max(excess, abs(self.ledger.stretch_imbalance()) / (CLOSING * self.scale))
+        if excess > 1.0 and not self._stands:
+            if self._tried and self.ledger.worst(self._tried[0]) > 0.5 * self._tried[1]:
+                # A point that slides off one wall spring onto the next loses or gains energy at any step.
+                self._stands = True
+            elif self._try_shorter(peak, excess):
+                return
+        if over:
+            self.ended = True
+
+    def _try_shorter(self, peak: float, excess: float) -> bool:
+        """Make the stretch again with a shorter step, if that is allowed; `excess` 0: only the wall was too hard."""
+        if self._attempts == ATTEMPTS or self.pull or self._earlier_work:
+            return False
+        self._attempts += 1
+        if excess:
+            self._tried = self.ledger.stretch_time, self.ledger.worst()
+            # Order 2. Of the step taken, which a reset boundary may have made shorter than the one asked for.
+            factor = min(0.5, 0.9 / float(np.sqrt(excess))) * self.step.dt / self.step.limit
+            self._time = self._time.model_copy(update={"safety": factor})
+        else:
+            self._force = 1.5 * peak
+        self.behind += self.ledger.stretch_time
+        physics = self.world.physics
+        self.step = choose(self._time, physics, self.stage.modes, max(self._force, peak))
+        if not self.changed:
+            self.stage = replace(self.stage, step=self.step)
+        self.positions, self.velocities = self._origin
+        self._begin(physics)
+        self.ledger.again(self.world.first_row[:, 0], self.step.dt, self._stride())
+        self.note = f"made again with a shorter step, {self.step.dt:.2g} R/c, to keep the energy balance"
+        return True
