@@ -25,6 +25,7 @@ from taichi_disk.runner import run
 from taichi_disk.scene_file import load_scene
 from taichi_disk.stiffness import spring_energy
 from taichi_disk.view.controls import Controls
+from taichi_disk.view.keys import Keys
 from taichi_disk.view.mouse import Mouse
 from taichi_disk.view.sandbox import Sandbox
 from taichi_disk.view.stage import with_key
@@ -217,11 +218,11 @@ def test_a_blow_up_is_told_and_a_smaller_step_offered(sandbox: Sandbox) -> None:
     assert "blow-up" in str(sandbox.motion.blown) or "finite" in str(sandbox.motion.blown)
     assert sandbox.paused and np.isfinite(sandbox.motion.positions).all()
     mouse.release()
-    controls = Controls(sandbox, Path())
-    assert "m" in dict(controls.labels())
-    controls.press("space")
+    keys = Keys(Controls(sandbox, Path()))
+    assert "m" in dict(keys.buttons())
+    keys.press("space")
     assert sandbox.advance(1.0) == 0
-    controls.press("m")
+    keys.press("m")
     assert sandbox.motion.step.dt == pytest.approx(0.5 * usual.dt) and not sandbox.motion.blown
     to_the_end(sandbox)
 
@@ -313,16 +314,31 @@ def test_colours_show_strain_force_speed_and_energy(sandbox: Sandbox) -> None:
 
 def test_every_key_that_the_panel_names_does_something(sandbox: Sandbox, tmp_path: Path) -> None:
     controls = Controls(sandbox, tmp_path)
-    for key in ("e", "d", "Up", "Down", "a", "z", "Left", "Right", "c", "x", *dict(controls.labels())):
-        before = (sandbox.scene, sandbox.speed, sandbox.paused, sandbox.message, sandbox.motion.ledger.t)
-        state = (controls.colouring_number, controls.show_number, controls.recording, controls.picture_wanted)
-        controls.press(key)
-        after = (sandbox.scene, sandbox.speed, sandbox.paused, sandbox.message, sandbox.motion.ledger.t)
-        now = (controls.colouring_number, controls.show_number, controls.recording, controls.picture_wanted)
-        assert (before, state) != (after, now), key
+    keys = Keys(controls)
+
+    def state() -> tuple[object, ...]:
+        wishes = (controls.recording, controls.picture_wanted, controls.closing)
+        shown = (controls.colouring_number, controls.show_number)
+        return sandbox.scene, sandbox.speed, sandbox.paused, sandbox.message, sandbox.motion.ledger.t, wishes, shown
+
+    for key in ("e", "d", "Up", "Down", "a", "z", "Left", "Right", "c", *dict(keys.buttons())):
+        before = state()
+        keys.press(key)
+        assert before != state(), key
     assert (tmp_path / "view-1.yaml").exists()
     controls.set_log_eta(-1.0)
     assert sandbox.scene.material.eta_star == 0.0
+    keys.press("F7")
+
+
+def test_more_points_and_another_lattice_are_built_at_once(sandbox: Sandbox) -> None:
+    keys = Keys(Controls(sandbox, Path()))
+    keys.press("n")
+    assert sandbox.scene.lattice.points == len(sandbox.motion.positions) == 200
+    bonds = sandbox.motion.setup.lattice.bonds
+    keys.press("l")
+    assert sandbox.scene.lattice.seed == 1 and not np.array_equal(sandbox.motion.setup.lattice.bonds, bonds)
+    assert sandbox.motion.ledger.t == 0.0 and not sandbox.motion.changed
 
 
 def test_without_a_display_one_message_names_the_remedy(

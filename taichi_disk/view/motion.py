@@ -36,6 +36,7 @@ class Motion:
         setup: of the stage, until a change by hand.
         positions, velocities: (n, 2) now [R], [c].
         step: that of this stretch.
+        unloaded: from the disk's lowest point up to its centre of mass, before it touched the wall [R].
         behind: how far this is behind the moment that was seen already [R/c].
         pull: the mouse's, or None.
         changed: whether this is no longer what `run` computes from the scene.
@@ -52,6 +53,7 @@ class Motion:
         self.pull: Pull | None = None
         self.blown: str | None = None
         self._begin(self.setup.physics)
+        self.unloaded = self._height()
         self.ledger = Ledger(self.world.first_row[:, 0], self.step.dt, self._stride())
         self._new_trials(stage.scene.time, self.setup.point_force)
 
@@ -69,7 +71,10 @@ class Motion:
         Raises InputError for a step given by hand that is too long now, with everything left as it was.
         """
         self.step = choose(time, physics, self.stage.modes, point_force)
+        flying_in = self.flying_in
         self.setup, self.positions, self.velocities = setup, positions, velocities
+        if flying_in:  # it may have been turned
+            self.unloaded = self._height()
         self.pull, self.changed, self.ended = None, True, False
         self._begin(physics)
         self.ledger.new_stretch(self.world.first_row[:, 0], self.step.dt, self._stride())
@@ -81,6 +86,10 @@ class Motion:
         self._origin = self.positions, self.velocities
         self.world = self._worlds.start(lattice, physics, self.velocities, self.step.dt)
         self.state, self._earlier_work = self.world.export_state(), 0.0
+
+    def _height(self) -> float:
+        y = self.positions[: self.setup.lattice.disk_points, 1]
+        return float(y.mean() - y.min())
 
     def _stride(self) -> int:
         interval = self.stage.scene.time.sample_interval

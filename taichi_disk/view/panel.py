@@ -1,44 +1,63 @@
-"""The panel of sliders, buttons and read-outs. It decides nothing: it calls the controls.
+"""The panel of sliders, buttons and read-outs. It decides nothing: it says what a hand has moved.
 
 It stands at the window's left: ImGui keeps its place there when the window is resized.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
+from functools import lru_cache, partial
 from textwrap import wrap
 from typing import Any
 
 from taichi_disk.render.colouring import COLOURINGS, QUANTITIES
-from taichi_disk.view.controls import BOUNDARIES, SCENE_NAMES, SHOWS, Controls
+from taichi_disk.render.colours import Colour
+from taichi_disk.view.controls import LEAST_LOG_ETA, MOST_LOG_ETA, POINTS, SCENE_NAMES, Controls
 from taichi_disk.view.graph import CURVES
+from taichi_disk.view.keys import Keys
 
 WIDTH = 330  # pixels
 _COLUMNS, _LINES = 44, 5  # of a message: ImGui does not break lines
+Wish = Callable[[], None]
 
 
 class Panel:
-    """Rows from the top; the first slider is that of eta*."""
+    """Rows from the top; the first slider is that of eta*.
 
-    def __init__(self, gui: Any, controls: Controls) -> None:
-        self._gui, self._controls = gui, controls
+    What a hand moves is done by `carry_out`, between two pictures: it may take a second.
+    """
 
-    def show(self, width: int, rates: str) -> None:
-        """`width`: of the window in pixels; `rates`: frames and steps per second."""
+    def __init__(self, gui: Any, controls: Controls, keys: Keys) -> None:
+        self._gui, self._controls, self._keys = gui, controls, keys
+        self._wishes: list[Wish] = []
+        self._points_wanted: int | None = None
+
+    def show(self, width: int, message: str, lines: Iterable[str]) -> None:
+        """`width`: of the window in pixels; `lines`: read-outs."""
         with self._gui.sub_window("taichi-disk", 0.0, 0.0, WIDTH / width, 1.0):
             self._sliders()
-            self._buttons()
-            message = self._controls.sandbox.message
-            for line in [*wrap(message, _COLUMNS)[:_LINES], *self._controls.readings()]:
+            for key, label in self._keys.buttons():
+                if self._gui.button(f"{label}  [{key}]"):
+                    self._wishes.append(partial(self._keys.press, key))
+            for line in [*_broken(message), *lines]:
                 self._gui.text(line)
-            self._gui.text(rates)
             for name, colour in CURVES:
-                self._gui.text(f"-- {name}", colour)
+                self._gui.text(f"-- {name}", _on_dark(colour))
+
+    def carry_out(self, held: bool) -> None:
+        """Do what was wished for; what builds a new disk waits while the mouse's button is `held`."""
+        wishes, self._wishes = self._wishes, []
+        for wish in wishes:
+            wish()
+        if self._points_wanted is not None and not held:
+            wanted, self._points_wanted = self._points_wanted, None
+            self._controls.set_points_number(wanted)
 
     def _sliders(self) -> None:
         c = self._controls
         scene, eta = c.sandbox.scene, c.sandbox.scene.material.eta_star
-        self._number(f"eta* = {eta:g}  [e d], leftmost: 0", "log10 eta*", c.log_eta, -1.0, 3.0, c.set_log_eta)
+        low, high = LEAST_LOG_ETA, MOST_LOG_ETA
+        self._number(f"eta* = {eta:g}  [e d], leftmost: 0", "log10 eta*", c.log_eta, low, high, c.set_log_eta)
         low, high = c.push_range
         symbol, value = c.push_symbol, c.push
         self._number(f"{symbol} = {value:g}  [up down]", f"log10 {symbol}", c.log_push, low, high, c.set_log_push)
@@ -46,15 +65,18 @@ class Panel:
         self._number(hardness, "log10 a", c.log_hardness, 1.0, 4.0, c.set_log_hardness)
         speed = f"speed of time {c.sandbox.speed:g} R/c per s  [left right]"
         self._number(speed, "log10 speed", c.log_speed, -2.0, 2.0, c.set_log_speed)
-        self._choice(f"scene  [1 2 3]: {SCENE_NAMES[c.scene_number]}", "scene", c.scene_number, 2, c.set_scene_number)
-        if c.boundary_number is not None:
-            now = BOUNDARIES[c.boundary_number]
-            self._choice(f"boundary  [b]: {now}", "boundary", c.boundary_number, 2, c.set_boundary_number)
+        self._choice(f"scene  [t y u]: {SCENE_NAMES[c.scene_number]}", "scene", c.scene_number, 2, c.set_scene_number)
+        wanted = self._points_wanted
+        points = scene.lattice.points if wanted is None else POINTS[wanted]
+        number = c.points_number if wanted is None else wanted
+        self._choice(f"points of the disk  [k n]: {points}", "points", number, len(POINTS) - 1, self._want_points)
         colouring = COLOURINGS[c.colouring_number]
         unit = f"{c.scale.limit:g} {QUANTITIES[colouring].unit}".strip()
         label = f"colour  [c]: {colouring}, full at {unit}"
         self._choice(label, "colour", c.colouring_number, len(COLOURINGS) - 1, c.set_colouring_number)
-        self._choice(f"draw  [x]: {SHOWS[c.show_number]}", "draw", c.show_number, 2, c.set_show_number)
+
+    def _want_points(self, number: int) -> None:
+        self._points_wanted = number
 
     def _number(
         self, heading: str, label: str, value: float, low: float, high: float, change: Callable[[float], None]
@@ -63,18 +85,21 @@ class Panel:
         new = self._gui.slider_float(label, value, low, high)
         # The slider works in single precision.
         if abs(new - value) > 1e-5:
-            change(new)
+            self._wishes.append(partial(change, new))
 
     def _choice(self, heading: str, label: str, value: int, last: int, change: Callable[[int], None]) -> None:
         # The label names the slider for ImGui: it may not change while it is dragged.
         self._gui.text(heading)
         new = self._gui.slider_int(label, value, 0, last)
         if new != value:
-            change(new)
+            self._wishes.append(partial(change, new))
 
-    def _buttons(self) -> None:
-        c = self._controls
-        for key, label in c.labels():
-            if self._gui.button(f"{label}  [{key}]"):
-                c.press(key)
-        self._gui.text("close the window  [q]")
+
+def _on_dark(colour: Colour) -> Colour:
+    red, green, blue = (0.45 + 0.55 * part for part in colour)
+    return red, green, blue
+
+
+@lru_cache(maxsize=8)
+def _broken(message: str) -> tuple[str, ...]:
+    return tuple(wrap(message, _COLUMNS)[:_LINES])
