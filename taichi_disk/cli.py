@@ -147,9 +147,9 @@ def _accuracy(arguments: argparse.Namespace) -> int:
 
 
 def _bench(arguments: argparse.Namespace) -> int:
-    from taichi_disk.bench import print_benchmark
+    from taichi_disk.benchmark.bench import PARTS, run_benchmark
 
-    print_benchmark()
+    run_benchmark(arguments.only or PARTS, arguments.out)
     return 0
 
 
@@ -202,7 +202,10 @@ def _parser() -> argparse.ArgumentParser:
     accuracy = _command(commands, "accuracy", _accuracy, "speed against error: every integrator at several steps")
     _add_scene(accuracy)
     accuracy.add_argument("--out", type=Path, metavar="DIR", help="where the files go (default: out/SCENE_accuracy)")
-    _command(commands, "bench", _bench, "time the stepping and a whole run on this machine")
+    bench = _command(commands, "bench", _bench, "speed and error on this machine, beside other programs")
+    parts = ("kernel", "sweep", "peers", "solution", "film")
+    bench.add_argument("--only", nargs="+", choices=parts, metavar="PART", help=f"of {', '.join(parts)} (default: all)")
+    bench.add_argument("--out", type=Path, metavar="DIR", help="write bench.csv, bench.json, bench.txt there")
     _command(commands, "doctor", _doctor, "what this machine can do, and how to mend what is missing")
     return parser
 

@@ -6,10 +6,10 @@ import csv
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass, fields, replace
 from pathlib import Path
-from time import perf_counter
 
 import numpy as np
 
+from taichi_disk.benchmark.stopwatch import seconds_to_advance
 from taichi_disk.dynamics import move
 from taichi_disk.errors import InputError
 from taichi_disk.model import runtime
@@ -110,12 +110,7 @@ def _measure(
     start = world.export_state()
     rows = world.advance(steps // stride, stride)
     positions, velocities = world.positions()[0], world.velocities()[0]
-    seconds = []
-    for _ in range(REPEATS):
-        world.import_state(start)
-        began = perf_counter()
-        world.advance(1, steps)
-        seconds.append(perf_counter() - began)
+    seconds = [seconds_to_advance(world, start, steps) for _ in range(REPEATS)]
     columns = as_columns(np.concatenate([world.first_row[None], rows])[:, :, 0], world.dt, stride)
     lost = imbalance(columns) / setup.energy_scale(columns)
     disk = setup.lattice.disk_points
