@@ -7,11 +7,11 @@ class Springs:
     """The spring forces of all lanes; part of `World`."""
 
     @ti.func
-    def add_spring_forces(self, p: ti.template(), dashpot: ti.template()):
-        """Add every spring's force (and its dashpot's, at the velocities `u`) to `f`.
+    def add_spring_forces(self, p: ti.template(), dashpot: ti.template(), begin, end):
+        """Add the forces of the springs in blocks begin..end (and of their dashpots, at the velocities `u`) to `f`.
 
         Returns, per lane, the elastic energy sum(k_a s^2/2 + k_b s^4/4) [M c^2] and sum(|v_i - v_j|^2) over
-        the springs [c^2], to which the power lost in the dashpots is proportional.
+        these springs [c^2], to which the power lost in the dashpots is proportional.
         """
         width = ti.static(self.block * self.lanes)
         energy = ti.Vector.zero(self.real, width)
@@ -21,7 +21,7 @@ class Springs:
             for w in ti.static(range(self.lanes)):
                 eta[0, w] = self.eta[None][w]
                 eta[1, w] = self.eta[None][w]
-        for block in range(self.blocks):
+        for block in range(begin, end):
             first = block * self.block
             dx = ti.Vector.zero(self.real, width)
             dy = ti.Vector.zero(self.real, width)
@@ -69,8 +69,8 @@ class Springs:
                     for w in ti.static(range(self.lanes)):
                         squares[w] += u[0, w] * u[0, w] + u[1, w] * u[1, w]
                     force += eta * u
-                self.f[i] -= force
-                self.f[j] += force
+                self.f[i] = self.f[i] - force  # `-=` would be atomic where chunks are taken in parallel
+                self.f[j] = self.f[j] + force
             if ti.static(dashpot):
                 relative += squares
         elastic = ti.Vector.zero(self.real, self.lanes)

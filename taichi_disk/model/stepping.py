@@ -30,14 +30,14 @@ class Stepping(Boundary, Frame):
         return force, push
 
     @ti.func
-    def drift(self, p: ti.template(), kick, move, sums):
-        """Change the velocities by `kick` times the force and the positions by `move` times the velocity.
+    def drift(self, p: ti.template(), kick, move, sums, first, last):
+        """Change velocities by `kick` times the force, then positions by `move` times the velocity: points first..last.
 
         `sums` is that of the frame already moved. Returns per lane the wall's force, and the largest on one point.
         """
         total = ti.Vector.zero(self.real, self.lanes)
         highest = ti.Vector.zero(self.real, self.lanes)
-        for i in range(self.n):
+        for i in range(first, last):
             f = self.f[i]
             v = self.v[i] + kick * f
             if ti.static(self.single):
@@ -45,7 +45,7 @@ class Stepping(Boundary, Frame):
                 for w in ti.static(range(self.lanes)):
                     v[1, w] -= gain[w]
             self.v[i] = v
-            self.x[i] += move * v
+            self.x[i] = self.x[i] + move * v  # `+=` would be atomic where chunks are moved in parallel
             if ti.static(self.physics.explicit_dashpot):
                 self.u[i] = v + 0.5 * p.g * f
             force, push = self.outer_force(p, i, sums)
@@ -64,8 +64,8 @@ class Stepping(Boundary, Frame):
         result = sums
         if ti.static(self.single):
             result = self.move_frame(kick * p.g, move * p.h, sums)
-        total, highest = self.drift(p, kick * p.g, move * p.h, result)
-        elastic, squares = self.add_spring_forces(p, self.physics.explicit_dashpot)
+        total, highest = self.drift(p, kick * p.g, move * p.h, result, 0, self.n)
+        elastic, squares = self.add_spring_forces(p, self.physics.explicit_dashpot, 0, self.blocks)
         upward = ti.Vector.zero(self.real, self.lanes)
         potential = ti.Vector.zero(self.real, self.lanes)
         if ti.static(self.uses("elastic wall")):
@@ -160,7 +160,7 @@ class Stepping(Boundary, Frame):
                 self.f[i] = force
                 if ti.static(self.physics.dissipates):
                     self.u[i] = self.v[i]
-            elastic, squares = self.add_spring_forces(p, self.physics.dissipates)
+            elastic, squares = self.add_spring_forces(p, self.physics.dissipates, 0, self.blocks)
             upward = ti.Vector.zero(self.real, self.lanes)
             potential = ti.Vector.zero(self.real, self.lanes)
             if ti.static(self.physics.wall == "elastic"):
