@@ -110,6 +110,8 @@ def _render(arguments: argparse.Namespace) -> int:
 
     folders = [arguments.folder, *([arguments.compare] if arguments.compare else [])]
     options = {name: getattr(arguments, name) for name in _VIDEO if getattr(arguments, name) is not None}
+    if arguments.panel is not None:
+        options["panel"] = "true" if arguments.panel else "false"
     progress = progress_for(sys.stderr)
     try:
         out = film_again(folders, arguments.out, options, progress)
@@ -197,6 +199,7 @@ def _parser() -> argparse.ArgumentParser:
     )
     for name, (value, what) in _VIDEO.items():
         render.add_argument(f"--{name}", metavar=value, help=what)
+    render.add_argument("--panel", action=argparse.BooleanOptionalAction, help="curves at the right, or none")
 
     _add_scene(_command(commands, "check", _check, "say what is wrong with a scene, or print it resolved"))
     accuracy = _command(commands, "accuracy", _accuracy, "speed against error: every integrator at several steps")

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
+from taichi_disk.contact import contact_forces
 from taichi_disk.outcome import Outcome, Snapshot
 from taichi_disk.output import atomic_write
 from taichi_disk.progress import Progress
@@ -15,6 +16,7 @@ from taichi_disk.render.film import record_film, require_film
 from taichi_disk.render.picture import Frame, Subject
 from taichi_disk.scene import Colouring, VideoSection
 from taichi_disk.scenes.setup import Setup
+from taichi_disk.side_panel import side_panel
 
 FULL_COLOUR = 95.0  # percentile of the values, at the moment when it is largest, that has the full colour
 
@@ -43,6 +45,7 @@ def film(path: Path, runs: Sequence[Run], video: VideoSection, progress: Progres
         size=video.size,
         fps=video.fps,
         supersample=video.supersample,
+        panel=side_panel(runs, video.size) if video.panel else None,
         total=count,
         progress=lambda done, _total: progress.update(done),
     )
@@ -58,20 +61,20 @@ def still(path: Path, runs: Sequence[Run], video: VideoSection) -> None:
     subjects = _subjects(runs, video)
     tightest = [_tightest(outcome) for _, outcome in runs]
     frames = [_frame(*one) for one in zip(runs, subjects, tightest, strict=True)]
-    with Stills(subjects, video.size, max(len(frame.text) for frame in frames), video.supersample) as stills:
+    lines, panel = max(len(frame.text) for frame in frames), side_panel(runs, video.size) if video.panel else None
+    with Stills(subjects, video.size, lines, video.supersample, panel) as stills:
         picture = stills.draw(frames)[..., :3].copy()
     atomic_write(path, lambda beside: Image.fromarray(picture).save(beside, optimize=True))
 
 
 def _subjects(runs: Sequence[Run], video: VideoSection) -> list[Subject]:
     limit = max(_limit(*run, video.colour) for run in runs)
+    force = max(_force(*run) for run in runs)
     views = np.array([setup.view for setup, _ in runs])
     least, most = views.min(axis=0), views.max(axis=0)
     view = float(least[0]), float(most[1]), float(least[2]), float(most[3])
-    return [
-        Subject(setup.lattice, setup.physics.wall == "rigid", setup.title(), limit, view, video.colour, video.draw)
-        for setup, _ in runs
-    ]
+    same = limit, view, video.colour, video.draw, force
+    return [Subject(setup.lattice, setup.physics.wall == "rigid", setup.title(), *same) for setup, _ in runs]
 
 
 def _frame(run: Run, subject: Subject, state: Snapshot) -> Frame:
@@ -82,7 +85,8 @@ def _frame(run: Run, subject: Subject, state: Snapshot) -> Frame:
     values = None  # the strain, which the painter works out itself
     if subject.colouring != "strain":
         values = spring_values(setup.lattice, setup.physics, x, v, subject.colouring) / subject.limit
-    return Frame(t, x, setup.caption(row | {"t": t}), values)
+    points, forces = contact_forces(setup.lattice, setup.physics, x)
+    return Frame(t, x, setup.caption(row | {"t": t}), values, (points, forces / subject.full_force))
 
 
 def _tightest(outcome: Outcome) -> Snapshot:
@@ -99,3 +103,9 @@ def _limit(setup: Setup, outcome: Outcome, colouring: Colouring) -> float:
     ]
     values = [spring_values(setup.lattice, setup.physics, *state, colouring) for state in states]
     return round_up(max(float(np.percentile(np.abs(one), FULL_COLOUR)) for one in values))
+
+
+def _force(setup: Setup, outcome: Outcome) -> float:
+    """A round number near the largest force of the wall on a point at the tightest moment [M c^2/R]."""
+    _, forces = contact_forces(setup.lattice, setup.physics, _tightest(outcome)[1])
+    return round_up(float(np.hypot(*forces.T).max(initial=0.0)))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from pathlib import Path
 from textwrap import fill
 from typing import Any
@@ -32,7 +33,7 @@ STYLE: dict[Any, Any] = {
     "legend.frameon": False,
     "legend.fontsize": 8.5,
 }
-_LINE, _MARK = "#0072B2", "0.45"
+LINE, _MARK = "#0072B2", "0.45"
 _AT_REST = 1e-8  # of the largest kinetic energy: its square root is the vibration's amplitude
 # Okabe and Ito's colours, which the colour-blind can tell apart.
 _ENERGIES = (
@@ -63,20 +64,22 @@ def plot_run(path: Path, kind: str, columns: Columns, headline: dict[str, float]
         _energies(axes[2], columns)
         moving = bool(columns["kinetic"].any())
         axes[-1].set_xlabel("time  [R/c]" if moving else "from the unloaded disk (0) to the equilibrium (1)")
-        axes[-1].set_xlim(columns["t"][0], _end(columns) if kind == "compression" else columns["t"][-1])
+        axes[-1].set_xlim(columns["t"][0], last_motion(kind, columns))
         figure.align_ylabels(axes)
         atomic_write(path, lambda beside: figure.savefig(beside, metadata={"Software": None}))
 
 
-def _end(columns: Columns) -> float:
-    """Where a compression's time axis ends: a disk at rest is not worth looking at."""
+def last_motion(kind: str, columns: Columns) -> float:
+    """Where the time axis ends: a pressed disk at rest is not worth looking at."""
     t, kinetic = columns["t"], columns["kinetic"]
+    if kind != "compression":
+        return float(t[-1])
     moving = np.flatnonzero(kinetic > _AT_REST * kinetic.max())
     return float(t[moving[-1]] if moving.size else t[-1])
 
 
 def _curve(ax: Axes, t: NDArray[np.float64], values: NDArray[np.float64], label: str) -> None:
-    ax.plot(t, values, color=_LINE)
+    ax.plot(t, values, color=LINE)
     ax.set_ylabel(label)
 
 
@@ -86,11 +89,27 @@ def _mark(ax: Axes, level: float, text: str, x: float) -> None:
     ax.annotate(text, (x, level), (0, -3), ax.get_yaxis_transform(), "offset points", va="top", color="0.2")
 
 
+def motion(kind: str, columns: Columns, headline: dict[str, float]) -> tuple[NDArray[np.float64], str]:
+    """What a run is about, (rows,), and its name: the velocity after an impact, or the compression."""
+    if kind == "compression":
+        height = columns["com_y"] - columns["lowest_y"]
+        return headline["xi"] + height[-1] - height, "compression ξ  [R]"
+    return columns["com_vy"] / -columns["com_vy"][0], "velocity of the centre\nof mass, $v_{cm}/v$"
+
+
+def energies(columns: Columns) -> Iterator[tuple[str, NDArray[np.float64], str]]:
+    """(name, (rows,) [M c^2], colour) of every kind of energy that this run knows; that of the load from its start."""
+    for name, label, colour in _ENERGIES:
+        values = columns.get(name)
+        if values is not None and values.any():
+            yield label, values - values[0] if name == "load" else values, colour
+
+
 def _impact(axes: list[Axes], columns: Columns, headline: dict[str, float]) -> None:
-    motion, force, _, balance = axes
-    t, v = columns["t"], -columns["com_vy"][0]
-    _curve(motion, t, columns["com_vy"] / v, "velocity of the centre\nof mass, $v_{cm}/v$")
-    _mark(motion, headline["restitution"], f"e = {headline['restitution']:.5f}", 0.02)
+    top, force, _, balance = axes
+    t = columns["t"]
+    _curve(top, t, *motion("impact", columns, headline))
+    _mark(top, headline["restitution"], f"e = {headline['restitution']:.5f}", 0.02)
     contact = f"contact time {headline['contact_time']:.4g} R/c"
     force.annotate(contact, (0.988, 0.92), xycoords="axes fraction", ha="right", va="top", color="0.2")
     imbalance = (columns["total"] - columns["total"][0]) / columns["kinetic"][0]
@@ -98,8 +117,7 @@ def _impact(axes: list[Axes], columns: Columns, headline: dict[str, float]) -> N
 
 
 def _compression(axes: list[Axes], columns: Columns, headline: dict[str, float]) -> None:
-    height = columns["com_y"] - columns["lowest_y"]
-    _curve(axes[0], columns["t"], headline["xi"] + height[-1] - height, "compression ξ  [R]")
+    _curve(axes[0], columns["t"], *motion("compression", columns, headline))
     _mark(axes[0], headline["xi"], f"ξ = {headline['xi']:.6g} R", 0.7)
     if "residual" in columns:
         _curve(axes[3], columns["t"], columns["residual"], "largest force on\na point  [Mc²/R]")
@@ -107,12 +125,9 @@ def _compression(axes: list[Axes], columns: Columns, headline: dict[str, float])
 
 
 def _energies(ax: Axes, columns: Columns) -> None:
-    """Every kind of energy that this run knows; that of the load is counted from the start."""
     start = columns["load"][0] if "load" in columns else 0.0
-    for name, label, colour in _ENERGIES:
-        values = columns.get(name)
-        if values is not None and values.any():
-            ax.plot(columns["t"], values - start if name == "load" else values, color=colour, label=label)
+    for label, values, colour in energies(columns):
+        ax.plot(columns["t"], values, color=colour, label=label)
     ax.plot(columns["t"], columns["total"] - start, color="#222222", linestyle=(0, (4, 2)), label="sum of all")
     ax.set_ylabel("energy  [Mc²]")
     ax.legend(loc="lower center", bbox_to_anchor=(0.54, 1.0), ncols=4, borderaxespad=0.2, columnspacing=1.4)

@@ -15,7 +15,7 @@ from taichi_disk.output import check_pictures, prepare_output
 from taichi_disk.progress import Progress
 from taichi_disk.quasistatic import press
 from taichi_disk.render.film import require_film
-from taichi_disk.scene import Scene
+from taichi_disk.scene import CompressionScene, Scene
 from taichi_disk.scene_file import load_scene
 from taichi_disk.scenes import build
 from taichi_disk.scenes.compression import Compression
@@ -37,6 +37,8 @@ def film_again(folders: list[Path], out: Path | None, options: dict[str, Any], p
     if out is not None and out.suffix not in ALLOWED:
         raise InputError(f"cannot film into {out}: end the name with one of {', '.join(ALLOWED)}, or with none")
     scenes = [_scene_of(folder, options) for folder in folders]
+    if len({_kind(scene) for scene in scenes}) > 1:
+        raise InputError(f"cannot compare {' with '.join(map(_kind, scenes))}: they have no time in common")
     video = scenes[0].video
     if out is None:
         name = "comparison" if len(folders) > 1 else "render"
@@ -52,6 +54,10 @@ def film_again(folders: list[Path], out: Path | None, options: dict[str, Any], p
     else:
         film(out, runs, video, progress)
     return out
+
+
+def _kind(scene: Scene) -> str:
+    return f"a {scene.compression.method} compression" if isinstance(scene, CompressionScene) else "an impact"
 
 
 def _scene_of(folder: Path, options: dict[str, Any]) -> Scene:

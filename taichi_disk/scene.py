@@ -141,6 +141,7 @@ class VideoSection(_Strict):
     seconds: float = _key(8.0, "length of the film", "s", ge=0.1, le=600)
     colour: Colouring = _key("strain", "what colours show: strain or force of a spring, speed or kinetic of its ends")
     draw: Show = _key("both", "springs, points or both; points without springs are coloured as those would be")
+    panel: bool = _key(False, "curves of v_cm, wall's force and energies at the right; the film is then 16 : 9")
     supersample: float = _key(1.5, "samples across a pixel: 1 is rough and quick", ge=1, le=2, multiple_of=0.5)
     format: Format = _key("mp4", "of the film; png: a folder of numbered pictures")
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -16,7 +17,7 @@ from taichi_disk.render.camera import Camera
 from taichi_disk.render.colours import GROUND, INK, amount_colours, strain_colours
 from taichi_disk.render.film import film_problem
 from taichi_disk.render.layout import Layout, _ticks
-from taichi_disk.render.picture import Frame, Subject
+from taichi_disk.render.picture import ARROW, Frame, Subject
 from taichi_disk.render.text import width
 
 needs_vulkan = pytest.mark.skipif(film_problem() is not None, reason=str(film_problem()))
@@ -219,6 +220,25 @@ def test_a_picture_does_not_depend_on_those_before_it() -> None:
         after = stills.draw([Frame(1.0, second, ("t = 10000000 R/d",))]).copy()
     with Stills([subject(disk)], 360, 1) as stills:
         assert np.array_equal(after, stills.draw([Frame(1.0, second, ("t = 10000000 R/d",))]))
+
+
+@needs_vulkan
+def test_an_arrow_stands_on_a_pushed_point_as_long_as_its_force(tmp_path: Path) -> None:
+    from taichi_disk.render.still import Stills
+
+    disk = replace(disk_lattice(100, 0))
+    what = replace(subject(disk, rigid_wall=False), full_force=2e-3)
+    x = disk.positions + UP
+    point = int(x[:, 0].argmin())
+    with Stills([what], 360, 1) as stills:
+        plain = stills.draw([Frame(0.0, x, ("t = 0",), pushed=(np.array([point]), np.array([[0.0, 0.001]])))]).copy()
+        pushed = stills.draw([Frame(0.0, x, ("t = 0",), pushed=(np.array([point]), np.array([[0.0, 0.8]])))])
+        changed = np.argwhere((plain != pushed).any(axis=-1)) + 0.5
+        column, foot = stills.camera.to_pixels(x[point])
+        length = 0.8 * ARROW * stills.camera.scale
+    assert changed[:, 0].min() == pytest.approx(foot - length, abs=2.0)
+    assert changed[:, 0].max() == pytest.approx(foot, abs=6.0)
+    assert changed[:, 1].mean() == pytest.approx(column, abs=1.0)
 
 
 def test_changing_text_is_set_in_the_upper_right_and_leaves_the_rest_alone() -> None:

@@ -76,10 +76,14 @@ def test_a_picture_is_that_of_the_greatest_deformation(runs: tuple[Path, Path], 
 def test_what_cannot_be_filmed_is_said(
     runs: tuple[Path, Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
+    pressed = runs[0].with_name("pressed")
+    pressed.mkdir()
+    (pressed / "scene.yaml").write_text("scene: compression")
     for words, says in (
         ([str(tmp_path)], "no run is here"),
         ([str(runs[0]), "--out", str(tmp_path / "film.avi")], "end the name with"),
         ([str(runs[0]), "--out", str(tmp_path / "film.gif"), "--format", "mp4"], "says the format already"),
+        ([str(runs[0]), "--compare", str(pressed)], "cannot compare an impact with a relaxation compression"),
         ([str(runs[0]), "--size", "4000"], "video.size: must be an even whole number from 64 to 2160"),
         ([str(runs[0]), "--colour", "stress"], "video.colour: must be strain, force, speed or kinetic, not stress"),
         ([str(runs[0]), "--supersample", "1.2"], "video.supersample: must be a multiple of 0.5 from 1 to 2"),
@@ -133,3 +137,30 @@ def test_a_scene_says_how_its_run_is_filmed(tmp_path: Path) -> None:
         films = {"video.gif", "video.webm", "frames", "video.mp4"} & {path.name for path in tmp_path.iterdir()}
         assert films == {name}
         assert json.loads((tmp_path / "summary.json").read_text())["video"] == name
+
+
+@needs_vulkan
+def test_the_panel_s_curves_end_where_the_time_series_is(runs: tuple[Path, Path], tmp_path: Path) -> None:
+    out, words = tmp_path / "frames", ["--size", "720", "--fps", "10", "--seconds", "0.6", "--panel"]
+    assert main(["render", str(runs[0]), "--out", str(out), *words]) == 0
+    frames = [np.asarray(Image.open(path)).astype(float) for path in sorted(out.iterdir())]
+    assert frames[0].shape == (720, 1280, 3)
+    blue = [
+        np.abs(frame[:190, 740:] - (0, 114, 178)).sum(axis=-1) < 60 for frame in frames
+    ]  # v_cm, in the uppermost axes
+    # The dot, of 4 pixels radius, is the only place where three neighbours are blue in both directions.
+    dots = []
+    for one in blue:
+        solid = np.all([one[1 + a : 189 + a, 1 + b : 539 + b] for a in (-1, 0, 1) for b in (-1, 0, 1)], axis=0)
+        dots.append(np.argwhere(solid).mean(axis=0) + 1)
+    rows, columns = np.array(dots).T
+    series = np.genfromtxt(runs[0] / "timeseries.csv", delimiter=",", names=True)
+    t = series["t"][-1] * (columns - columns[0]) / (columns[-1] - columns[0])
+    v = np.interp(t, series["t"], series["com_vy"])
+    # Rows are linear in v: the first and the last dot say how.
+    expected = np.interp(v, [v[0], v[-1]], [rows[0], rows[-1]])
+    assert 100 < rows[0] - rows[-1] < 190 and (np.diff(columns) > 0).all()
+    assert rows == pytest.approx(expected, abs=1.0)
+    # What is to come is not there yet: nothing blue right of the dot.
+    for one, column in zip(blue, columns, strict=True):
+        assert not one[:, int(column) + 7 :].any()

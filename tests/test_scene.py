@@ -75,6 +75,7 @@ VIDEO = {
     "seconds": number(0.1, 600),
     "colour": st.sampled_from(["strain", "force", "speed", "kinetic"]),
     "draw": st.sampled_from(["both", "springs", "points"]),
+    "panel": st.booleans(),
     "supersample": st.sampled_from([1, 1.5, 2]),
     "format": st.sampled_from(["mp4", "webm", "gif", "png"]),
 }
@@ -232,6 +233,7 @@ def test_every_key_says_what_it_means_and_every_dimension_its_unit() -> None:
         "safety",
         "colour",
         "draw",
+        "panel",
         "supersample",
         "format",
     }

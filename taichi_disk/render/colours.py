@@ -10,6 +10,7 @@ Colour = tuple[float, float, float]
 GROUND: Colour = (0.980, 0.980, 0.972)
 INK: Colour = (0.13, 0.14, 0.16)
 FAINT_INK: Colour = (0.42, 0.43, 0.46)
+CONTACT: Colour = (0.93, 0.47, 0.0)  # of contact forces: neither blue nor red, and bright
 
 # CIELAB (L*, a*, b*), D65. Both ends have the same lightness and nearly the same chroma, so that equal
 # strains of either sign look equally strong; the neutral is darker than the ground, so that springs at rest

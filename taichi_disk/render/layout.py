@@ -11,8 +11,8 @@ from PIL import Image, ImageDraw
 from taichi_disk.render import text
 from taichi_disk.render.camera import Camera
 from taichi_disk.render.colouring import QUANTITIES
-from taichi_disk.render.colours import FAINT_INK, GROUND, INK, Colour, amount_colours, strain_colours
-from taichi_disk.render.picture import Subject
+from taichi_disk.render.colours import CONTACT, FAINT_INK, GROUND, INK, Colour, amount_colours, strain_colours
+from taichi_disk.render.picture import ARROW, Subject
 
 # Sizes in pixels of a picture of 720; a picture of another size scales them all.
 _MARGIN = 20.0
@@ -91,12 +91,25 @@ class Layout:
             text.draw_line(draw, (at_x, top + height + 15 * u), label, size * 0.92, _bytes(FAINT_INK))
         x = (self._size - text.width(quantity.label, size)) / 2
         text.draw_line(draw, (x, top + height + 33 * u), quantity.label, size, _bytes(FAINT_INK))
+        if subject.full_force:
+            self._draw_arrow(draw, subject.full_force, top + height + 33 * u)
         y = top + height - 1
         for label, colour, x in (
             (quantity.ends[0], colours[0], left - 18 * u - text.width(quantity.ends[0], size)),
             (quantity.ends[1], colours[-1], left + width + 18 * u),
         ):
             text.draw_line(draw, (x, y), label, size, _bytes(tuple(colour)))
+
+    def _draw_arrow(self, draw: ImageDraw.ImageDraw, full_force: float, y: float) -> None:
+        """How long an arrow of the wall's force on a point is: one of 0.4 of the full force, and what it means."""
+        u, size = self.unit, 0.92 * _SMALL * self.unit
+        x0, middle, ink = _MARGIN * u, y - 0.35 * size, _bytes(CONTACT)
+        x1 = x0 + 0.4 * ARROW * self.camera.scale
+        for start in ((x0, middle), (x1 - 5 * u, middle - 3 * u), (x1 - 5 * u, middle + 3 * u)):
+            draw.line([start, (x1, middle)], fill=ink, width=max(round(1.8 * u), 1))
+        text.draw_line(draw, (x0, y - 18 * u), "wall pushes a point", size, _bytes(FAINT_INK))
+        label = f"{_label(0.4 * full_force, False, False)} Mc²/R"
+        text.draw_line(draw, (x1 + 6 * u, y), label, size, _bytes(FAINT_INK))
 
     def write(self, picture: NDArray[np.uint8], lines: tuple[str, ...]) -> None:
         """Set the changing lines in the upper right of a picture (size, size, 4) that began as `still`."""

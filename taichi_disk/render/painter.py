@@ -10,12 +10,14 @@ import taichi as ti
 from numpy.typing import NDArray
 
 from taichi_disk.render.camera import Camera
-from taichi_disk.render.colours import FAINT_INK, GROUND, INK, amount_colours, strain_colours
-from taichi_disk.render.picture import Subject
+from taichi_disk.render.colours import CONTACT, FAINT_INK, GROUND, INK, amount_colours, strain_colours
+from taichi_disk.render.picture import ARROW, Subject
 from taichi_disk.scene import Show
 
 _TABLE = 256  # intervals of the colour table
 _FAR = -1e3  # [R] where no camera looks
+_HEAD, _HEAD_ANGLE = 0.035, 0.5  # length of an arrow's head [R], angle between head and shaft
+_WEAK = 0.01  # of the full force: less is not marked
 _HATCHES = 200  # lines below the rigid wall: enough for a picture three times as wide as high
 _HATCH = 11.0  # pixels (in a picture of 720) between the hatching lines below the rigid wall, and their depth
 
@@ -36,6 +38,8 @@ class Painter:
         degree = np.bincount(lattice.bonds.ravel(), minlength=len(lattice.positions))
         self._share = 1.0 / np.maximum(degree, 1)
         self._spacing = float(np.median(lattice.rest_lengths))
+        # More than half of the rim never touches the wall.
+        self._touching = max(len(lattice.disk_surface) // 2, 8) if subject.full_force else 0
         self._make_fields(len(lattice.positions), len(lattice.bonds), _HATCHES + 1 if subject.rigid_wall else 0)
         self.aim(camera, unit)
 
@@ -48,6 +52,7 @@ class Painter:
         self._line = max(min(0.15 * spacing, 2.5 * unit), 1.1) / camera.height
         # In a lattice so fine that points would touch, the springs alone show more.
         self._point = min(0.11 * spacing, 6.0 * unit) / camera.height if spacing > 5.0 else 0.0
+        self._arrow, self._touched = 1.8 * unit / camera.height, max(1.6 * self._point, 3.0 * unit / camera.height)
         self._any_point = max(min(0.25 * spacing, 6.0 * unit), 1.0) / camera.height
         if self._wall:
             step = _HATCH * unit
@@ -61,6 +66,10 @@ class Painter:
         self._point_places = ti.field(ti.f64)
         builder = ti.FieldsBuilder()
         builder.dense(ti.i, 2 * (springs + wall)).place(self._ends, self._colours)
+        if self._touching:
+            self._arrows, self._touched_points = ti.Vector.field(2, ti.f32), ti.Vector.field(2, ti.f32)
+            builder.dense(ti.i, 6 * self._touching).place(self._arrows)
+            builder.dense(ti.i, self._touching).place(self._touched_points)
         builder.dense(ti.i, points).place(self._points, self._point_colours, self._point_places)
         self._tree = builder.finalize()
 
@@ -147,6 +156,33 @@ class Painter:
             canvas.circles(self._points, radius=self._any_point, per_vertex_color=self._point_colours)
         elif self._point and show == "both":
             canvas.circles(self._points, radius=self._point, color=INK)
+
+    def mark_contact(
+        self, canvas: Any, positions: NDArray[np.float64], points: NDArray[np.intp], forces: NDArray[np.float64]
+    ) -> None:
+        """Mark the `points` (k,) that the wall pushes, with arrows for the `forces` (k, 2) on them, full at length 1.
+
+        After `paint`; the subject must have a full force. Of more points than have room the most pushed are shown.
+        """
+        size = np.hypot(*forces.T)
+        strongest = np.argsort(-size, kind="stable")[: self._touching]
+        strongest = strongest[size[strongest] > _WEAK]
+        x, arrows, k = positions[points[strongest]], ARROW * forces[strongest], len(strongest)
+        ends = np.full((self._touching, 3, 2, 2), _FAR)
+        ends[:, :, 1] -= 1.0
+        ends[:k, 0] = np.stack([x, x + arrows], axis=1)
+        head = -np.minimum(_HEAD / np.hypot(*arrows.T), 0.5)[:, None] * arrows
+        c, s = np.cos(_HEAD_ANGLE), np.sin(_HEAD_ANGLE)
+        for side in (1, 2):
+            s = -s
+            ends[:k, side] = np.stack([x + arrows, x + arrows + head @ np.array([[c, s], [-s, c]])], axis=1)
+        factor, shift = np.array(self._factor), np.array(self._shift)
+        self._arrows.from_numpy((factor * ends + shift).reshape(-1, 2).astype(np.float32))
+        touched = np.full((self._touching, 2), _FAR)
+        touched[:k] = x
+        self._touched_points.from_numpy((factor * touched + shift).astype(np.float32))
+        canvas.lines(self._arrows, width=self._arrow, color=CONTACT)
+        canvas.circles(self._touched_points, radius=self._touched, color=CONTACT)
 
     def destroy(self) -> None:
         """Free the fields; the painter cannot be used afterwards."""

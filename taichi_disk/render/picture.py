@@ -15,6 +15,9 @@ if TYPE_CHECKING:
     from taichi_disk.scene import Colouring, Show
 
 
+ARROW = 0.35  # length of the arrow of the full force [R]
+
+
 @dataclass(frozen=True)
 class Subject:
     """What is filmed. In the lines of text, `_` begins a subscript: `v_cm`, `k_a`, `τ_{reset}`."""
@@ -26,6 +29,7 @@ class Subject:
     view: tuple[float, float, float, float]  # xmin, xmax, ymin, ymax in R: what must be kept in view
     colouring: Colouring = "strain"
     show: Show = "both"
+    full_force: float = 0.0  # of the wall on a point, drawn as an arrow of ARROW [M c^2/R]; 0: no arrows
 
 
 @dataclass(frozen=True)
@@ -33,12 +37,14 @@ class Frame:
     """One instant: positions (n, 2) in scene coordinates [R], and the lines of text that change with time.
 
     `values` (springs,): what is coloured, in units of the subject's limit; by default the strain.
+    `pushed`: the points (k,) that the wall pushes, and how hard, (k, 2) in units of the subject's full force.
     """
 
     t: float  # [R/c]
     positions: NDArray[np.float64]
     text: tuple[str, ...]
     values: NDArray[np.float64] | None = None
+    pushed: tuple[NDArray[np.intp], NDArray[np.float64]] | None = None
 
     def require_finite(self) -> None:
         """Raise SimulationError if a point has no finite position: such a frame must not be drawn."""
