@@ -31,7 +31,7 @@ def film(path: Path, runs: Sequence[Run], video: VideoSection, progress: Progres
     count = max(2, round(video.fps * video.seconds))
     setup, outcome = max(runs, key=lambda run: float(run[1].columns["t"][-1]))
     times = setup.frame_times(outcome.columns, count)
-    subjects = _subjects(runs, video)
+    subjects = _subjects(runs, [_tightest(outcome) for _, outcome in runs], video)
 
     def frames() -> Iterator[list[Frame]]:
         for moment in zip(*(run[1].snapshots(times) for run in runs), strict=True):
@@ -58,8 +58,8 @@ def still(path: Path, runs: Sequence[Run], video: VideoSection) -> None:
     from taichi_disk.render.still import Stills
 
     require_film(video.size)
-    subjects = _subjects(runs, video)
     tightest = [_tightest(outcome) for _, outcome in runs]
+    subjects = _subjects(runs, tightest, video)
     frames = [_frame(*one) for one in zip(runs, subjects, tightest, strict=True)]
     lines, panel = max(len(frame.text) for frame in frames), side_panel(runs, video.size) if video.panel else None
     with Stills(subjects, video.size, lines, video.supersample, panel) as stills:
@@ -67,9 +67,9 @@ def still(path: Path, runs: Sequence[Run], video: VideoSection) -> None:
     atomic_write(path, lambda beside: Image.fromarray(picture).save(beside, optimize=True))
 
 
-def _subjects(runs: Sequence[Run], video: VideoSection) -> list[Subject]:
-    limit = max(_limit(*run, video.colour) for run in runs)
-    force = max(_force(*run) for run in runs)
+def _subjects(runs: Sequence[Run], tightest: Sequence[Snapshot], video: VideoSection) -> list[Subject]:
+    limit = max(_limit(*run, state, video.colour) for run, state in zip(runs, tightest, strict=True))
+    force = max(_force(setup, state) for (setup, _), state in zip(runs, tightest, strict=True))
     views = np.array([setup.view for setup, _ in runs])
     least, most = views.min(axis=0), views.max(axis=0)
     view = float(least[0]), float(most[1]), float(least[2]), float(most[3])
@@ -94,18 +94,18 @@ def _tightest(outcome: Outcome) -> Snapshot:
     return next(iter(outcome.snapshots(np.array([peak]))))
 
 
-def _limit(setup: Setup, outcome: Outcome, colouring: Colouring) -> float:
+def _limit(setup: Setup, outcome: Outcome, tightest: Snapshot, colouring: Colouring) -> float:
     """End of the scale of colours: a round number near the largest values at start, tightest moment and end."""
     states = [
         (setup.lattice.positions, setup.velocities),
-        _tightest(outcome)[1:],
+        tightest[1:],
         (outcome.positions, outcome.velocities),
     ]
     values = [spring_values(setup.lattice, setup.physics, *state, colouring) for state in states]
     return round_up(max(float(np.percentile(np.abs(one), FULL_COLOUR)) for one in values))
 
 
-def _force(setup: Setup, outcome: Outcome) -> float:
+def _force(setup: Setup, tightest: Snapshot) -> float:
     """A round number near the largest force of the wall on a point at the tightest moment [M c^2/R]."""
-    _, forces = contact_forces(setup.lattice, setup.physics, _tightest(outcome)[1])
+    _, forces = contact_forces(setup.lattice, setup.physics, tightest[1])
     return round_up(float(np.hypot(*forces.T).max(initial=0.0)))
