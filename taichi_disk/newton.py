@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -115,6 +115,25 @@ def lowest_lie(disk: Lattice, k_a: float, a: float, pressure: float) -> float:
         lambda t: float(height(np.array([t]))[0]), bounds=(best - step, best + step), method="bounded"
     )
     return float(found.x)
+
+
+def laid_down(disk: Lattice, angle: float, a: float, V0: float, load: float) -> Lattice:
+    """`disk` turned by the `angle` at which it rests, and so high that the wall bears the `load`.
+
+    A random lattice's centre of mass lies some 0.005 R beside its middle, so that a disk put down at random
+    rolls. Damped by dashpots that resist rotation too, that takes 10^4 R/c, and the turned disk's lowest point
+    is another: the compression would be measured against the wrong radius.
+    """
+    positions = _turned(disk.positions, angle)
+    lift = rigid_balance(positions[:, 1], a, V0, load)
+    return replace(disk, positions=positions + np.array([0.0, lift]))
+
+
+def _turned(positions: Array, angle: float) -> Array:
+    """`positions` (n, 2) turned about their mean."""
+    c, s = np.cos(angle), np.sin(angle)
+    centre = positions.mean(axis=0)
+    return centre + (positions - centre) @ np.array([[c, s], [-s, c]])
 
 
 class _PressedDisk:

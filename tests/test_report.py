@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from taichi_disk import theory
-from taichi_disk.study import comparison
+from taichi_disk.study import comparison, continuum
 from taichi_disk.study.analysis import analyse
 from taichi_disk.study.report import fit_table
 
@@ -73,6 +73,39 @@ def test_shapes_and_d1_of_figure_3_are_judged(monkeypatch: Any) -> None:
     assert '("convex upwards")**: agrees' in text
     assert "**Convex as η\\* grows**: agrees" in text
     assert "**d1 → 1 as η\\* grows**: agrees" in text
+
+
+def test_the_pinned_limit_is_told_in_proportion_to_the_interval() -> None:
+    e = 1 - V
+    rows = thrown(e, boundary="pinned", reset_interval=3e-3)
+    rows += [row for tau in (1e-3, 2e-3) for row in thrown(e - 7 * tau, boundary="reset", reset_interval=tau)]
+    found = curves("absorbing_wall", ["boundary", "reset_interval", "seed", "velocity"], rows)
+    text = comparison.absorbing_wall(found, found, [])
+    assert "| 0.001 | 0.00700 | 7.00 | 0.00700 | 7.00 |" in text
+    assert "| 0.002 | 0.01400 | 7.00 | 0.01400 | 7.00 |" in text
+
+
+def grown(**given: Any) -> list[dict[str, str]]:
+    """Rows of points.csv for two lattices that scatter by 1 % to either side."""
+    return [
+        {"status": "done", "young": str(E), "poisson": str(NU), "points": "100", "a": "300.0"}
+        | {name: str(value * (1 + off) if name in ("xi", "restitution") else value) for name, value in given.items()}
+        for off in (-0.01, 0.01)
+    ]
+
+
+def test_a_disk_that_obeys_the_exact_law_has_nothing_left() -> None:
+    law = float(theory.exact_compression(0.01, E, NU))
+    assert "| +0.00% ± 1.00% |" in continuum.compression(grown(pressure=0.01, xi=law))[-1]
+    assert "| +3.00% ± 1.03% |" in continuum.compression(grown(pressure=0.01, xi=1.03 * law))[-1]
+
+
+def test_an_impact_that_obeys_eq_4_has_nothing_left(monkeypatch: Any) -> None:
+    monkeypatch.setattr(continuum, "contact_viscosity", lambda seed, points, a: 0.004)
+    law = theory.quasistatic_impact(0.02, 0.04, E)
+    row = {"velocity": 0.02, "eta_star": 10.0, "restitution": law.restitution, "contact_time": 1.1 * law.contact_time}
+    line = continuum.impact(grown(**row))[-1]
+    assert f"| {law.restitution:.4f} | +0.0000 ± {0.01 * law.restitution:.4f} |" in line and "| +10.0% |" in line
 
 
 def test_every_fit_is_in_the_table() -> None:

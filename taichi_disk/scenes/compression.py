@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 from numpy.typing import NDArray
 
 from taichi_disk.lattice import Lattice
 from taichi_disk.model.physics import Physics
 from taichi_disk.model.stability import contact_point_force
-from taichi_disk.newton import Equilibrium, compress, lowest_lie, rigid_balance
+from taichi_disk.newton import Equilibrium, compress, laid_down, lowest_lie
 from taichi_disk.scene import CompressionScene
 from taichi_disk.scenes.setup import Columns, Headline, Setup, spread
 
@@ -32,9 +30,9 @@ class Compression(Setup):
         self.pressure = scene.compression.pressure
         forces = (material.k_a, material.k_b, wall.a, wall.V0, self.pressure)
         angle = lowest_lie(disk, material.k_a, wall.a, self.pressure)
-        laid = _laid_down(disk, angle, wall.a, wall.V0, self.pressure).positions
+        laid = laid_down(disk, angle, wall.a, wall.V0, self.pressure).positions
         self.rest = compress(disk, *forces, start=laid)
-        self.lattice = _laid_down(disk, self.rest.roll, wall.a, wall.V0, TOUCH * self.pressure)
+        self.lattice = laid_down(disk, self.rest.roll, wall.a, wall.V0, TOUCH * self.pressure)
         y = self.lattice.positions[:, 1]
         self.unloaded = float(y.mean() - y.min())
         self.velocities = np.zeros((spec.points, 2))
@@ -123,22 +121,3 @@ class Compression(Setup):
         newton = self.scene.compression.method == "newton"
         when = f"{row['t']:.0%} of the way" if newton else f"t = {row['t']:7.3f} R/c"
         return (when, f"ξ = {xi:.6f} R")
-
-
-def _laid_down(disk: Lattice, angle: float, a: float, V0: float, load: float) -> Lattice:
-    """`disk` turned by the `angle` at which it rests, and so high that the wall bears the `load`.
-
-    A random lattice's centre of mass lies some 0.005 R beside its middle, so that a disk put down at random
-    rolls. Damped by dashpots that resist rotation too, that takes 10^4 R/c, and the turned disk's lowest point
-    is another: the compression would be measured against the wrong radius.
-    """
-    positions = _turned(disk.positions, angle)
-    lift = rigid_balance(positions[:, 1], a, V0, load)
-    return replace(disk, positions=positions + np.array([0.0, lift]))
-
-
-def _turned(positions: NDArray[np.float64], angle: float) -> NDArray[np.float64]:
-    """`positions` (n, 2) turned about their mean."""
-    c, s = np.cos(angle), np.sin(angle)
-    centre = positions.mean(axis=0)
-    return centre + (positions - centre) @ np.array([[c, s], [-s, c]])

@@ -181,7 +181,8 @@ def absorbing_wall(curves: Sequence[Curve], others: Sequence[Curve], rows: Seque
         "lost; matched dashpots absorb about half.",
         "",
     ]
-    intervals = [one for one in others if "reset_interval" in one and "eq5" in one["fits"]]
+    known = [one for one in others if "reset_interval" in one and "eq5" in one["fits"]]
+    intervals = [one for one in known if one.get("boundary", "reset") == "reset"]
     if intervals:
         lines += [
             "The loss is set by the interval between resets, which the paper does not give (its time step)."
@@ -197,6 +198,25 @@ def absorbing_wall(curves: Sequence[Curve], others: Sequence[Curve], rows: Seque
                 f"| {one.get('a', 300):g} | {one['reset_interval']:g} | {shown(own, 'd1')} | {shown(own, 'd2')} "
                 f"| {one['mean'][0]:.3f} | {one['mean'][-1]:.3f} | {apart:.3f} |"
             )
+    for pinned in (one for one in known if one.get("boundary") == "pinned"):
+        lines += ["", *_towards_pinned([one for one in intervals if one.get("a") == pinned.get("a")], pinned)]
+    return lines
+
+
+def _towards_pinned(intervals: Sequence[Curve], pinned: Curve) -> list[str]:
+    """How e tends to that of the pinned boundary as resets become more frequent."""
+    lines = [
+        f"Ever more frequent resets tend to the pinned boundary (a = {pinned.get('a', 300):g}), whose e is "
+        f"{pinned['mean'][0]:.5f} at the slowest and {pinned['mean'][-1]:.5f} at the fastest; in proportion to the "
+        "interval τ, as a drag of 2m/τ does:",
+        "",
+        "| τ [R/c] | e(pinned) − e, slowest | over τ | e(pinned) − e, fastest | over τ |",
+        "|---|---|---|---|---|",
+    ]
+    for one in sorted(intervals, key=lambda curve: float(curve["reset_interval"])):
+        tau = one["reset_interval"]
+        apart = [pinned["mean"][k] - one["mean"][k] for k in (0, -1)]
+        lines.append(f"| {tau:g} | " + " | ".join(f"{gap:.5f} | {gap / tau:.2f}" for gap in apart) + " |")
     return lines
 
 

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taichi_disk.lattice import Lattice, disk_lattice
+from taichi_disk.model import runtime
 from taichi_disk.model.physics import Physics
 from taichi_disk.model.stability import spectrum, step_limit
 from taichi_disk.model.world import World
@@ -26,6 +27,7 @@ Wave = Literal["p", "s"]
 WIDTH = 2.0  # of the slab [R]
 RIGID = 1e6  # dashpots that hold a point fast [M c/R]
 SPEED = 1e-6  # of the pulse [c]: small enough for linear waves
+LATTICES = 4  # of which the table shows the mean
 
 
 @dataclass(frozen=True)
@@ -89,3 +91,27 @@ def _dashpots(lattice: Lattice, moduli: Moduli, along: int, impedance: float) ->
     z[side, 1 - along] = RIGID
     z[np.setdiff1d(np.flatnonzero(side), bottom), along] = 0.0
     return z
+
+
+def table() -> list[str]:
+    """What the matched dashpots send back, measured now, in Markdown; starts Taichi."""
+    runtime.start("cpu")
+    lines = [
+        "**Matched dashpots** absorb waves that meet them head-on: what comes back of a plane pulse with the velocity "
+        f"profile exp(−y²/2σ²) in a slab of the wall's lattice, mean of {LATTICES} lattices. Energy counts all that is "
+        "left, also what the random lattice scatters on the way; amplitude, the plane wave alone (± its standard "
+        "deviation). An impact sends waves longer than these: they last as long as the contact, some 4 R/c.",
+        "",
+        "| wave | σ [R] | energy | amplitude |",
+        "|---|---|---|---|",
+    ]
+    waves: tuple[Wave, ...] = ("p", "s")
+    for wave in waves:
+        for sigma in (0.2, 0.35, 0.7):
+            found = [reflect(wave, sigma, seed) for seed in range(LATTICES)]
+            amplitudes = [one.amplitude for one in found]
+            lines.append(
+                f"| {wave.upper()} | {sigma:g} | {np.mean([one.energy for one in found]):.2%} "
+                f"| {np.mean(amplitudes):+.2%} ± {np.std(amplitudes, ddof=1):.2%} |"
+            )
+    return lines

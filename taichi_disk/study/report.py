@@ -1,9 +1,11 @@
 """docs/results.md: the sweeps' files set against the paper and the theory.
 
-    python -m taichi_disk.study.report FIGURE2 FIGURE3 FIGURE6 [FURTHER ...] [--out docs/results.md]
+    python -m taichi_disk.study.report FIGURE2 FIGURE3 FIGURE6 [FURTHER ...] [--continuum COMPRESSION IMPACT]
+                                       [--out docs/results.md]
 
 Each argument is a folder that `taichi-disk sweep` has left; figures go into `images/` beside the page. Further
-sweeps are experiments: what they show about a difference to the paper is told, and their fits are listed.
+sweeps are experiments: what they show about a difference to the paper is told, and their fits are listed. The two
+of docs/experiments/continuum_*.yaml are set against the continuum's laws.
 """
 
 from __future__ import annotations
@@ -18,12 +20,15 @@ from typing import Any
 
 from taichi_disk.errors import InputError
 from taichi_disk.results import write_text
-from taichi_disk.study import comparison
+from taichi_disk.study import comparison, continuum, reflection
 from taichi_disk.study.tell import SHOWN, curve_title
 
 
-def page(figure2: Path, figure3: Path, figure6: Path, further: Sequence[Path], out: Path) -> str:
-    """The text of the page; copies the figures. Raises InputError for a folder without a finished sweep."""
+def page(figure2: Path, figure3: Path, figure6: Path, further: Sequence[Path], grown: Sequence[Path], out: Path) -> str:
+    """The text of the page; copies the figures. Raises InputError for a folder without a finished sweep.
+
+    `grown`: the two sweeps towards the continuum, compression and impact, or none.
+    """
     main = [_load(folder) for folder in (figure2, figure3, figure6)]
     experiments = {folder.name: _load(folder) for folder in further}
     others = [curve for sweep in experiments.values() for curve in sweep["curves"]]
@@ -39,6 +44,10 @@ def page(figure2: Path, figure3: Path, figure6: Path, further: Sequence[Path], o
     for title, folder, sweep, paragraphs in zip(titles, (figure2, figure3, figure6), main, tell, strict=True):
         lines += [f"## {title}", "", f"![{title}]({_image(folder, out)})", ""]
         lines += [*paragraphs(sweep["curves"], others, sweep["rows"]), "", *fit_table(sweep["curves"]), ""]
+    lines += [*reflection.table(), ""]
+    if grown:
+        pressed, thrown = (_load(folder)["rows"] for folder in grown)
+        lines += ["## Towards the continuum", "", *continuum.compression(pressed), "", *continuum.impact(thrown), ""]
     lines += ["## Moduli", "", *comparison.moduli(main[0]["curves"][0]), "", "## Experiments", ""]
     for name, sweep in experiments.items():
         lines += [f"`docs/experiments/{name}.yaml`", "", *fit_table(sweep["curves"]), ""]
@@ -83,10 +92,12 @@ def main() -> None:
     for name in ("figure2", "figure3", "figure6"):
         parser.add_argument(name, type=Path)
     parser.add_argument("further", type=Path, nargs="*")
+    parser.add_argument("--continuum", type=Path, nargs=2, default=(), metavar=("COMPRESSION", "IMPACT"))
     parser.add_argument("--out", type=Path, default=Path("docs/results.md"))
     given = parser.parse_args()
     try:
-        write_text(given.out, page(given.figure2, given.figure3, given.figure6, given.further, given.out))
+        folders = (given.figure2, given.figure3, given.figure6, given.further, given.continuum)
+        write_text(given.out, page(*folders, given.out))
     except InputError as error:
         parser.error(str(error))
 

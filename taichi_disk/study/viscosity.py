@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taichi_disk.lattice import Lattice, disk_lattice
-from taichi_disk.newton import compress
+from taichi_disk.newton import compress, laid_down, lowest_lie
 from taichi_disk.stiffness import laplacian, tangent_stiffness
 
 Array = NDArray[np.float64]
@@ -38,7 +38,7 @@ def measured_viscosity(
     return Viscosity(
         stretch=_ratio(disk, springs, uniform),
         lowest_mode=_ratio(disk, springs, lowest_mode(disk, springs)),
-        contact=_contact(disk, k_a, pressure, a),
+        contact=contact_viscosity(seed, points, k_a, pressure, a),
     )
 
 
@@ -60,18 +60,24 @@ def _ratio(disk: Lattice, springs: object, motion: Array) -> float:
     return lost / float(flat @ (springs @ flat)) / len(motion)  # type: ignore[operator]
 
 
-def _contact(disk: Lattice, k_a: float, pressure: float, a: float) -> float:
-    """For the change of the pressed shape with the pressure, as in the middle of a slow impact."""
+def contact_viscosity(
+    seed: int, points: int = 1099, k_a: float = 1.0, pressure: float = 0.01, a: float = 300.0
+) -> float:
+    """tau0/eta* [R/c] of the change of the pressed shape with the pressure, as in the middle of a slow impact.
+
+    Of the default lattice of `seed`. Raises SimulationError as `compress` does.
+    """
     from scipy.sparse import diags, identity
     from scipy.sparse.linalg import splu
 
-    V0 = 0.5 * a
-    rest = compress(disk, k_a, 0.0, a, V0, pressure).positions
+    disk, V0 = disk_lattice(points, seed), 0.5 * a
+    disk = laid_down(disk, lowest_lie(disk, k_a, a, pressure), a, V0, pressure)
+    rest = compress(disk, k_a, 0.0, a, V0, pressure, start=disk.positions).positions
     springs = tangent_stiffness(rest, disk.bonds, disk.rest_lengths, k_a, 0.0)
     wall = np.zeros_like(rest)
     wall[:, 1] = a * a * V0 * np.exp(-a * rest[:, 1])
     held = springs + diags(wall.ravel()) + 1e-9 * identity(rest.size)
-    factor = splu(held.tocsc())
+    factor = splu(held.tocsc(), permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
     arm = rest - rest.mean(axis=0)
     turn = np.stack([-arm[:, 1], arm[:, 0]], axis=1).ravel()
     push = np.tile([0.0, -1.0 / len(rest)], len(rest))
