@@ -34,7 +34,7 @@ def edited(package: Path, name: str, old: str, new: str) -> str:
         ("model/springs.py", "0.25 * p.k_b", "0.26 * p.k_b"),
         ("lattice.py", "apothem - spacing", "apothem - 1.1 * spacing"),
         ("scenes/impact.py", "START_POTENTIAL = 1e-10", "START_POTENTIAL = 1e-9"),
-        ("study/lanes.py", "LANES = 4", "LANES = 2"),
+        ("study/lanes.py", "WORLDS = ", "WORLDS = 1 + "),
         ("newton.py", "_MOST_ROLL = 0.1", "_MOST_ROLL = 0.2"),
     ],
 )
