@@ -11,14 +11,14 @@ from taichi_disk.contact import contact_forces
 from taichi_disk.outcome import Outcome, Snapshot
 from taichi_disk.output import atomic_write
 from taichi_disk.progress import Progress
-from taichi_disk.render.colouring import round_up, spring_values
+from taichi_disk.render.colouring import QUANTITIES, round_up, spring_values
 from taichi_disk.render.film import record_film, require_film
 from taichi_disk.render.picture import Frame, Subject
 from taichi_disk.scene import Colouring, VideoSection
 from taichi_disk.scenes.setup import Setup
 from taichi_disk.side_panel import side_panel
 
-FULL_COLOUR = 95.0  # percentile of the values, at the moment when it is largest, that has the full colour
+FULL_COLOUR = 95.0  # percentile of |strain| or |force|, at the moment when it is largest, that has the full colour
 
 Run = tuple[Setup, Outcome]
 
@@ -101,8 +101,12 @@ def _limit(setup: Setup, outcome: Outcome, tightest: Snapshot, colouring: Colour
         tightest[1:],
         (outcome.positions, outcome.velocities),
     ]
-    values = [spring_values(setup.lattice, setup.physics, *state, colouring) for state in states]
-    return round_up(max(float(np.percentile(np.abs(one), FULL_COLOUR)) for one in values))
+    values = [np.abs(spring_values(setup.lattice, setup.physics, *state, colouring)) for state in states]
+    if QUANTITIES[colouring].signed:
+        return round_up(max(float(np.percentile(one, FULL_COLOUR)) for one in values))
+    # What moves does so as a whole: most of the disk then has the full colour, a wall at rest has none.
+    disk = (setup.lattice.bonds < setup.lattice.disk_points).all(axis=1)
+    return round_up(max(float(np.median(one[disk])) for one in values))
 
 
 def _force(setup: Setup, tightest: Snapshot) -> float:

@@ -12,7 +12,7 @@ import pytest
 from PIL import Image
 
 from taichi_disk.cli import main
-from taichi_disk.render.colours import GROUND
+from taichi_disk.render.colours import GROUND, amount_colours
 from taichi_disk.render.film import film_problem
 
 needs_vulkan = pytest.mark.skipif(film_problem() is not None, reason=str(film_problem()))
@@ -164,3 +164,15 @@ def test_the_panel_s_curves_end_where_the_time_series_is(runs: tuple[Path, Path]
     # What is to come is not there yet: nothing blue right of the dot.
     for one, column in zip(blue, columns, strict=True):
         assert not one[:, int(column) + 7 :].any()
+
+
+@needs_vulkan
+def test_a_disk_that_flies_has_the_full_colour_of_its_speed(runs: tuple[Path, Path], tmp_path: Path) -> None:
+    out, words = tmp_path / "frames", ["--size", "480", "--fps", "10", "--seconds", "0.2", "--draw", "points"]
+    assert main(["render", str(runs[0]), "--out", str(out), "--colour", "speed", *words]) == 0
+    flying, left = (np.asarray(Image.open(path)).astype(float)[60:420] for path in sorted(out.iterdir()))
+    full = 255 * amount_colours(np.array(1.0), 1.0)
+    points = (np.abs(flying - full).sum(axis=-1) < 6).sum()
+    assert points > 1000  # some ten pixels each of 120 points
+    # After the impact some shake against the motion of the whole.
+    assert 0.2 * points < (np.abs(left - full).sum(axis=-1) < 6).sum() < 0.95 * points

@@ -98,7 +98,8 @@ class Layout:
             (quantity.ends[0], colours[0], left - 18 * u - text.width(quantity.ends[0], size)),
             (quantity.ends[1], colours[-1], left + width + 18 * u),
         ):
-            text.draw_line(draw, (x, y), label, size, _bytes(tuple(colour)))
+            ink = tuple(colour) if quantity.signed or label == quantity.ends[1] else FAINT_INK
+            text.draw_line(draw, (x, y), label, size, _bytes(ink))
 
     def _draw_arrow(self, draw: ImageDraw.ImageDraw, full_force: float, y: float) -> None:
         """How long an arrow of the wall's force on a point is: one of 0.4 of the full force, and what it means."""

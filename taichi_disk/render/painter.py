@@ -52,7 +52,10 @@ class Painter:
         self._line = max(min(0.15 * spacing, 2.5 * unit), 1.1) / camera.height
         # In a lattice so fine that points would touch, the springs alone show more.
         self._point = min(0.11 * spacing, 6.0 * unit) / camera.height if spacing > 5.0 else 0.0
-        self._arrow, self._touched = 1.8 * unit / camera.height, max(1.6 * self._point, 3.0 * unit / camera.height)
+        # Arrows that stand close together are thin and show the pressure's profile.
+        self._arrow = max(min(0.15 * spacing, 1.8 * unit), 1.1) / camera.height
+        self._touched = max(min(0.2 * spacing, 8.0 * unit), 1.0) / camera.height
+        self._head = min(_HEAD, 0.8 * self._spacing)
         self._any_point = max(min(0.25 * spacing, 6.0 * unit), 1.0) / camera.height
         if self._wall:
             step = _HATCH * unit
@@ -171,7 +174,7 @@ class Painter:
         ends = np.full((self._touching, 3, 2, 2), _FAR)
         ends[:, :, 1] -= 1.0
         ends[:k, 0] = np.stack([x, x + arrows], axis=1)
-        head = -np.minimum(_HEAD / np.hypot(*arrows.T), 0.5)[:, None] * arrows
+        head = -np.minimum(self._head / np.hypot(*arrows.T), 0.5)[:, None] * arrows
         c, s = np.cos(_HEAD_ANGLE), np.sin(_HEAD_ANGLE)
         for side in (1, 2):
             s = -s

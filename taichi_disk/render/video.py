@@ -28,7 +28,12 @@ _ENCODINGS = {
     ".mp4": (*_TAGS, "-c:v", "libx264", "-preset", "veryfast", "-crf", "20", "-movflags", "+faststart", "-f", "mp4"),
     ".webm": (*_TAGS, "-c:v", "libvpx-vp9", "-crf", "32", "-b:v", "0", "-deadline", "realtime", "-cpu-used", "6"),
     # One palette for all pictures, so that still parts do not flicker.
-    ".gif": ("-vf", "split[a][b];[a]palettegen=max_colors=64[p];[b][p]paletteuse=dither=none", "-f", "gif"),
+    ".gif": (
+        "-vf",
+        "split[a][b];[a]palettegen=max_colors=128[p];[b][p]paletteuse=dither=none:diff_mode=rectangle",
+        "-f",
+        "gif",
+    ),
     ".png": ("-c:v", "png", "-pix_fmt", "rgb24", "-fflags", "+bitexact", "-flags:v", "+bitexact", "-f", "image2"),
 }
 
