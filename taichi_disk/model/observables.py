@@ -17,7 +17,7 @@ COLUMNS = (
     "wall",  # potential of the contact
     "dissipated",  # by dashpots since t = 0
     "absorbed",  # by the elastic wall's boundary since t = 0
-    "load",  # potential P y_cm of the pressing force
+    "load",  # potential P y_cm of the pressing force, and that of a pulling hand
     "residual",  # largest |force| on a point [M c^2/R]
 )
 
@@ -70,5 +70,8 @@ class Observables:
             load = zero
             if ti.static(self.physics.load != 0.0):
                 load = self.load[None][w] * sy / count
+            if ti.static(self.physics.pulled):
+                _i, _force, pull = self.pull_of_hand(w, sums)
+                load += pull
             rows[s, 12, w] = load
             rows[s, 13, w] = ti.sqrt(residual2)

@@ -30,6 +30,7 @@ class Physics:
         reset_interval: time between two settings of the boundary's velocities to zero [R/c].
         impedance: (k, 2) x and y dashpot constants Z of the boundary points [M c/R].
         integrator: how a step is made; see `taichi_disk.model.integrators`.
+        pulled: whether a hand may pull at a point; see `World.take_hold`.
     """
 
     k_a: float = 1.0
@@ -44,6 +45,7 @@ class Physics:
     reset_interval: float = 0.0
     impedance: NDArray[np.float64] = field(default_factory=lambda: np.zeros((0, 2)))
     integrator: Integrator = "velocity_verlet"
+    pulled: bool = False
 
     @property
     def cubic(self) -> bool:

@@ -63,6 +63,9 @@ def make_fields(
     builder.dense(ti.i, 1).place(fields["sums"])
     if physics.load != 0.0:
         per_lane("load")
+    if physics.pulled:
+        fields["hand"] = ti.Vector.field(5, real)  # see `hand`
+        builder.dense(ti.i, 1).place(fields["hand"])
     if physics.dissipates:
         vectors("u", n + 2)  # velocities at step k, predicted (explicit) or solved for (implicit)
         per_lane("eta")

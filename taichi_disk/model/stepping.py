@@ -4,11 +4,12 @@ import taichi as ti
 
 from taichi_disk.model.boundary import Boundary
 from taichi_disk.model.frame import Frame
+from taichi_disk.model.hand import Hand
 from taichi_disk.model.parameters import Parameters, rounded
 from taichi_disk.model.sums import ABSORBED, BOUNDARY_POWER, DISSIPATED, PEAK, POWER
 
 
-class Stepping(Boundary, Frame):
+class Stepping(Boundary, Frame, Hand):
     """Moves the points; part of `World`."""
 
     @ti.func
@@ -71,6 +72,8 @@ class Stepping(Boundary, Frame):
         if ti.static(self.uses("elastic wall")):
             upward, potential, highest = self.add_contact_forces(p, result)
             total = upward
+        if ti.static(self.uses("pull of a hand")):
+            self.add_pull_of_hand(result)
         if ti.static(self.uses("pinned boundary")):
             self.hold_boundary()
         for w in ti.static(range(self.lanes)):

@@ -34,7 +34,7 @@ def signature(lattice: Lattice, physics: Physics) -> tuple[Any, ...]:
     """All that kernels are compiled for: worlds that agree in this can share them."""
     sizes = (lattice.positions, lattice.bonds, lattice.disk_surface, lattice.wall_surface, lattice.wall_boundary)
     features = (physics.wall, physics.boundary, physics.integrator, physics.cubic, physics.dissipates)
-    return (*(len(one) for one in sizes), lattice.disk_points, *features, physics.load != 0.0)
+    return (*(len(one) for one in sizes), lattice.disk_points, *features, physics.load != 0.0, physics.pulled)
 
 
 @ti.data_oriented
@@ -122,6 +122,8 @@ class World(Stepping, Springs, Walls, ImplicitDashpot, Observables, Storage):
         self.step_number = 0
         self._fill(factor, eta, np.full(self.lanes, self.physics.load) if load is None else np.asarray(load, float))
         self._parameters = parameters(self.physics, self.mass, self.dt)
+        if self.physics.pulled:
+            self._take_hold(-1, 0.0, 0.0, 0.0, 0.0, 0.0)
         vectors, sums = self._no_vectors(), np.zeros((SUMS, self.lanes))
         vectors[0] = self.lattice.positions[:, :, None] if positions is None else np.moveaxis(positions, 0, 2)
         vectors[1] = np.moveaxis(velocities, 0, 2)
@@ -145,6 +147,7 @@ class World(Stepping, Springs, Walls, ImplicitDashpot, Observables, Storage):
             "rigid wall": physics.wall == "rigid",
             "elastic wall": physics.wall == "elastic",
             "load": physics.load != 0.0,
+            "pull of a hand": physics.pulled,
             "reset boundary": physics.boundary == "reset",
             "pinned boundary": physics.boundary == "pinned",
             "dashpot boundary": physics.boundary == "dashpot",
@@ -235,6 +238,16 @@ class World(Stepping, Springs, Walls, ImplicitDashpot, Observables, Storage):
     def forces(self) -> NDArray[np.float64]:
         """(lanes, n, 2) total force on every point now [M c^2/R]."""
         return np.moveaxis(self.export_state().vectors[2], 2, 0).copy()
+
+    def take_hold(self, point: int, target: tuple[float, float], stiffness: float, strongest: float) -> float:
+        """Pull `point` (-1: none any more) towards `target` [R] from now on, in every lane.
+
+        With the force stiffness [M c^2/R^2] times the distance, but `strongest` [M c^2/R] at most. The pull has a
+        potential, which the observable `load` includes; returns by how much that has jumped [M c^2]. Needs
+        `Physics.pulled`.
+        """
+        closing = self.splitting.kicks[-1] * self.dt / self.mass
+        return float(self._take_hold(point, *target, stiffness, strongest, closing))
 
     def destroy(self) -> None:
         """Give the fields' memory back; the world cannot be used afterwards."""

@@ -8,14 +8,16 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.special import logsumexp
 
 from taichi_disk.model.physics import Physics
 from taichi_disk.model.stability import contact_point_force, impact_point_force
 from taichi_disk.model.sums import PEAK
-from taichi_disk.scene import AbsorbingWallScene, CompressionScene, Scene
+from taichi_disk.scene import AbsorbingWallScene, CompressionScene, ExponentialWallScene, Scene
 from taichi_disk.scenes import build
 from taichi_disk.scenes.compression import Compression
 from taichi_disk.scenes.impact import Impact
+from taichi_disk.scenes.setup import Setup
 from taichi_disk.view.motion import Motion
 
 AT_ONCE = ("material.eta_star", "wall.a", "wall.boundary", "compression.pressure")  # keys that `turn_knobs` turns
@@ -35,26 +37,38 @@ def turn_knobs(motion: Motion, scene: Scene) -> str:
             physics = replace(
                 physics, boundary=wall.boundary, reset_interval=wall.reset_interval, impedance=wall.impedance
             )
-    if isinstance(setup, Impact) and not isinstance(scene, CompressionScene):
-        positions = _out_of_reach(motion, setup, scene)
-    before = motion.ledger.given()
+    if physics.a != motion.world.physics.a:
+        if isinstance(setup, Impact) and isinstance(scene, ExponentialWallScene | AbsorbingWallScene):
+            setup.scene = scene
+            if scene.impact.gap == "auto":
+                y = setup.lattice.positions[: setup.lattice.disk_points, 1]
+                setup.gap = setup.default_gap(y - y.min())
+        positions = _lifted(motion, setup, physics)
+        left, right, bottom, top = setup.view
+        setup.view = left, right, bottom, max(top, float(positions[:, 1].max()) + 0.05)
+    lift = float(positions[0, 1] - motion.positions[0, 1])
     go_on(motion, scene, physics, setup, positions, motion.velocities)
-    given = motion.ledger.given() - before
-    if abs(given) < 1e-3 * motion.scale:
-        return ""
-    return f"that gave the disk {given:+.2e} M c^2 at once: the potential changed where it stands"
+    return f"disk moved up by {lift:+.3f} R: there this wall pushes as the other did" if lift else ""
 
 
-def _out_of_reach(motion: Motion, setup: Impact, scene: Any) -> NDArray[np.float64]:
-    """A softer wall reaches farther: the end of the scene, and a disk that has not touched it, lie farther off."""
-    n, positions = setup.lattice.disk_points, motion.positions
-    y = positions[:n, 1]
-    setup.scene = scene
-    if scene.impact.gap == "auto":
-        setup.gap = setup.default_gap(y - y.min())
-    if motion.flying_in and y.min() < setup.gap:
-        positions = positions.copy()
-        positions[:n, 1] += setup.gap - y.min()
+def _lifted(motion: Motion, setup: Setup, physics: Physics) -> NDArray[np.float64]:
+    """The positions from which a wall of another hardness pushes as strongly as the one before.
+
+    Where V0 stays, a softer wall reaches farther: left where it is, a disk in contact would be shot away. With a flat
+    wall a height has no meaning of its own; with the elastic one, distances to it are taken upright.
+    """
+    before, n, positions = motion.world.physics, setup.lattice.disk_points, motion.positions
+    distances = positions[:n, 1]
+    if physics.wall == "elastic":
+        x, y = positions[setup.lattice.wall_surface].T
+        surface = positions[setup.lattice.disk_surface]
+        distances = surface[:, 1] - np.interp(surface[:, 0], x, y)
+    if isinstance(setup, Impact) and isinstance(motion.setup, Impact):
+        if distances.min() >= max(setup.gap, motion.setup.gap):  # out of reach of either
+            return positions
+    force = [logsumexp(-one.a * distances) + np.log(one.a * one.V0) for one in (before, physics)]
+    positions = positions.copy()
+    positions[:n, 1] += (force[1] - force[0]) / physics.a
     return positions
 
 
@@ -81,10 +95,5 @@ def go_on(
         force = impact_point_force(setup.lattice, physics, setup.velocity)
     else:
         force = contact_point_force(setup.lattice, physics, 2.0 * physics.load)
-    peak = float(motion.state.sums[PEAK].max())
-    if peak > 0.0:
-        # At the distance where one point took F = a V0 exp(-a l), another a may push harder.
-        before = motion.world.physics
-        near = np.log(before.a * before.V0 / peak) / before.a
-        force = max(force, float(physics.a * physics.V0 * np.exp(-physics.a * near)))
+    force = max(force, float(motion.state.sums[PEAK].max()))
     motion.change(physics, scene.time, force, setup, positions, velocities)

@@ -28,7 +28,6 @@ class Controls:
 
     def __init__(self, sandbox: Sandbox, out: Path) -> None:
         self.sandbox, self.mouse, self.out = sandbox, Mouse(sandbox), out
-        self.colouring_number = self.show_number = 0
         self.recording = self.picture_wanted = self.closing = False
         self.scale = Scale(1e-12)
         self.reset_scale()
@@ -117,12 +116,20 @@ class Controls:
         if self.boundary_number is not None:
             self.set_boundary_number((self.boundary_number + 1) % len(BOUNDARIES))
 
+    @property
+    def colouring_number(self) -> int:
+        return COLOURINGS.index(self.sandbox.scene.video.colour)
+
     def set_colouring_number(self, value: int) -> None:
-        self.colouring_number = value
+        self.sandbox.set("video.colour", COLOURINGS[value])
         self.reset_scale()
 
+    @property
+    def show_number(self) -> int:
+        return SHOWS.index(self.sandbox.scene.video.draw)
+
     def set_show_number(self, value: int) -> None:
-        self.show_number = value
+        self.sandbox.set("video.draw", SHOWS[value])
 
     def reset_scale(self) -> None:
         """Begin the scale of colours again: strains of an impact reach about v/c, speeds v, under a load about P."""

@@ -13,6 +13,7 @@ from taichi_disk.simulate import as_columns
 
 _DISSIPATED, _ABSORBED = COLUMNS.index("dissipated"), COLUMNS.index("absorbed")
 _MECHANICAL = [COLUMNS.index(name) for name in ("kinetic", "elastic", "wall", "load")]
+_LOAD = COLUMNS.index("load")
 _ENERGIES = [*_MECHANICAL, _DISSIPATED, _ABSORBED]
 _HISTORY = 4000  # rows that the running graph can look back
 
@@ -32,16 +33,16 @@ class Ledger:
     def _begin(self, first: NDArray[np.float64], dt: float, stride: int) -> None:
         self.dt, self.stride = dt, stride
         self._rows, self._off = [first.copy()], [0.0]
-        self.last, self._steps, self._stretch_work = first.copy(), 0, 0.0
+        self.last, self._steps, self._stretch_given = first.copy(), 0, 0.0
         self._note()
 
     def new_stretch(self, first: NDArray[np.float64], dt: float, stride: int) -> None:
         """Something was changed by hand: `first` is the state's row after it, its sums zero again."""
         self._lost += self.stretch_imbalance()
         self._t = self.t
-        self._given += self._stretch_work + float(first[_MECHANICAL].sum() - self.last[_MECHANICAL].sum())
+        self._given += self._stretch_given + float(first[_MECHANICAL].sum() - self.last[_MECHANICAL].sum())
         self._dissipated += self.last[_DISSIPATED]
-        self._absorbed += self.last[_ABSORBED] + self._stretch_work
+        self._absorbed += self.last[_ABSORBED] + self._stretch_given
         self._begin(first, dt, stride)
 
     def again(self, first: NDArray[np.float64], dt: float, stride: int) -> None:
@@ -50,17 +51,23 @@ class Ledger:
             self.history.pop()
         self._begin(first, dt, stride)
 
-    def add(self, row: NDArray[np.float64], steps: int, work: float) -> None:
-        """The state after `steps` steps of this stretch; `work` [M c^2] was done by hand in it so far."""
+    def add(self, row: NDArray[np.float64], steps: int) -> None:
+        """The state after `steps` steps of this stretch."""
         row = row.copy()
-        # What comes in by hand is a negative loss, so that the sum of all energies stays what it was.
-        row[_ABSORBED] -= work
-        self._stretch_work = work
+        # What came in by hand is a negative loss, so that the sum of all energies stays what it was.
+        row[_ABSORBED] -= self._stretch_given
         self.last, self._steps = row, steps
         if steps % self.stride == 0:
             self._rows.append(row)
             self._off.append(max(self._off[-1], abs(self.stretch_imbalance())))
             self._note()
+
+    def pulled(self, given: float) -> None:
+        """The potential of the mouse's pull has jumped by `given` [M c^2]."""
+        self._stretch_given += given
+        self.last = self.last.copy()
+        self.last[_LOAD] += given
+        self.last[_ABSORBED] -= given
 
     def back_to(self, rows: int) -> None:
         """Forget all but the first `rows` rows of this stretch."""
@@ -89,7 +96,7 @@ class Ledger:
         """All observables at this moment; `dissipated` and `absorbed` since the start."""
         row = dict(zip(COLUMNS, map(float, self.last), strict=True))
         row["dissipated"] += self._dissipated
-        row["absorbed"] += self._absorbed + self._stretch_work
+        row["absorbed"] += self._absorbed + self._stretch_given
         return row
 
     def imbalance(self) -> float:
@@ -98,7 +105,7 @@ class Ledger:
 
     def given(self) -> float:
         """Energy given by hand since the start, by the mouse's pull and at once by changes [M c^2]."""
-        return self._given + self._stretch_work
+        return self._given + self._stretch_given
 
     def stretch_imbalance(self) -> float:
         """Energy that has appeared from nowhere since the last change by hand [M c^2]."""

@@ -18,11 +18,12 @@ from taichi_disk.scenes.setup import Setup
 from taichi_disk.simulate import blown_up
 from taichi_disk.time_step import choose
 from taichi_disk.view.ledger import Ledger
-from taichi_disk.view.pull import Pull
 from taichi_disk.view.stage import Stage
 from taichi_disk.view.worlds import Worlds
 
 _SPRINGS_PER_LAUNCH = 1_000_000  # spring evaluations between two looks at the clock: some 5 ms on one core
+STIFFNESS = 0.2  # of the mouse's spring, in k_a
+STRONGEST = 0.02  # its largest pull, in k_a R: more would turn triangles of a fine lattice inside out
 _TAIL = 1000  # rows that are looked at to see whether a scene has ended or blown up
 
 
@@ -38,7 +39,7 @@ class Motion:
         step: that of this stretch.
         unloaded: from the disk's lowest point up to its centre of mass, before it touched the wall [R].
         behind: how far this is behind the moment that was seen already [R/c].
-        pull: the mouse's, or None.
+        pull: the point tied to the mouse and where the mouse is, or None.
         changed: whether this is no longer what `run` computes from the scene.
         ended: whether the scene has come to its end.
         blown: why the state is meaningless, or None.
@@ -50,7 +51,7 @@ class Motion:
         self.step = stage.step
         self.positions, self.velocities = self.setup.lattice.positions.copy(), self.setup.velocities.copy()
         self.behind, self.changed, self.ended, self.note = 0.0, False, False, ""
-        self.pull: Pull | None = None
+        self.pull: tuple[int, tuple[float, float]] | None = None
         self.blown: str | None = None
         self._begin(self.setup.physics)
         self.unloaded = self._height()
@@ -82,10 +83,10 @@ class Motion:
 
     def _begin(self, physics: Physics) -> None:
         lattice = replace(self.setup.lattice, positions=self.positions)
-        physics = replace(physics, integrator=self.step.integrator)
+        physics = replace(physics, integrator=self.step.integrator, pulled=True)
         self._origin = self.positions, self.velocities
         self.world = self._worlds.start(lattice, physics, self.velocities, self.step.dt)
-        self.state, self._earlier_work = self.world.export_state(), 0.0
+        self.state, self._touched = self.world.export_state(), False
 
     def _height(self) -> float:
         y = self.positions[: self.setup.lattice.disk_points, 1]
@@ -144,21 +145,16 @@ class Motion:
         while world.step_number < last and (world.step_number == first or perf_counter() < until):
             left = last - world.step_number
             to_row = stride - world.step_number % stride
-            if self.pull:
-                row = self.pull.step()[0]
-            elif to_row == stride and stride <= min(left, launch):
+            if to_row == stride and stride <= min(left, launch):
                 rows = world.advance(min(left, launch) // stride, stride)[:, :, 0]
                 number = world.step_number - (len(rows) - 1) * stride
                 for k, row in enumerate(rows[:-1]):
-                    self.ledger.add(row, number + k * stride, self._worked())
+                    self.ledger.add(row, number + k * stride)
                 row = rows[-1]
             else:
                 row = world.advance(1, min(left, launch, to_row))[0, :, 0]
-            self.ledger.add(row, world.step_number, self._worked())
+            self.ledger.add(row, world.step_number)
         return world.step_number - first
-
-    def _worked(self) -> float:
-        return self._earlier_work + (self.pull.work if self.pull else 0.0)
 
     def _look(self) -> None:
         self.state = self.world.export_state()
@@ -168,14 +164,16 @@ class Motion:
 
     # ---- the mouse
 
-    def grab(self, point: int, target: tuple[float, float]) -> None:
-        """Tie a point to the mouse by a spring; its work enters the energy balance."""
-        self.pull, self.changed, self.ended = Pull(self.world, point, target), True, False
+    def tie(self, point: int, x: float, y: float) -> None:
+        """Tie a point to the mouse at (x, y) [R] by a spring, or lead it there; what that gives is noted."""
+        self.pull, self.changed, self.ended, self._touched = (point, (x, y)), True, False, True
+        k_a = self.world.physics.k_a
+        self.ledger.pulled(self.world.take_hold(point, (x, y), STIFFNESS * k_a, STRONGEST * k_a))
 
     def let_go(self) -> None:
         if self.pull:
-            self._earlier_work += self.pull.work
             self.pull = None
+            self.ledger.pulled(self.world.take_hold(-1, (0.0, 0.0), 0.0, 0.0))
 
     # ---- the step on trial
 
@@ -206,7 +204,7 @@ class Motion:
 
     def _try_shorter(self, peak: float, excess: float) -> bool:
         """Make the stretch again with a shorter step, if that is allowed; `excess` 0: only the wall was too hard."""
-        if self._attempts == ATTEMPTS or self.pull or self._earlier_work:
+        if self._attempts == ATTEMPTS or self._touched:
             return False
         self._attempts += 1
         if excess:

@@ -28,7 +28,7 @@ class Mouse:
             self._turning = motion, self._angle(x, y)
         else:
             disk = motion.positions[: motion.setup.lattice.disk_points]
-            motion.grab(int(np.hypot(disk[:, 0] - x, disk[:, 1] - y).argmin()), (x, y))
+            motion.tie(int(np.hypot(disk[:, 0] - x, disk[:, 1] - y).argmin()), x, y)
             self._sandbox.result = None
 
     def move(self, x: float, y: float) -> None:
@@ -37,7 +37,7 @@ class Mouse:
         if self.turning and self._turning:
             self._turn(motion, self._angle(x, y) - self._turning[1])
         elif motion.pull:
-            motion.pull.target = (x, y)
+            motion.tie(motion.pull[0], x, y)
 
     def release(self) -> None:
         """Let go of the disk; from here on it moves as it stands."""
@@ -61,7 +61,7 @@ class Mouse:
     def tie(self) -> NDArray[np.float64] | None:
         """(2, 2) the ends of the pulling spring, or None."""
         motion = self._sandbox.motion
-        return np.array([motion.positions[motion.pull.point], motion.pull.target]) if motion.pull else None
+        return np.array([motion.positions[motion.pull[0]], motion.pull[1]]) if motion.pull else None
 
     def _angle(self, x: float, y: float) -> float:
         """Of (x, y) about the disk's centre of mass [rad]."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -58,11 +59,11 @@ class Sandbox:
         self.message = f"restarted with half the step, {self.motion.step.dt:.3g} R/c"
 
     def switch(self, kind: str) -> None:
-        """To another scene, with its own defaults and the present lattice."""
+        """To another scene, with its own defaults, the present lattice and look."""
         if kind == self.scene.scene:
             return
         try:
-            stage = set_up(SCENES[kind](lattice=self.scene.lattice), self.motion.stage)
+            stage = set_up(SCENES[kind](lattice=self.scene.lattice, video=self.scene.video), self.motion.stage)
         except TaichiDiskError as error:
             self.message = str(error)
             return
@@ -123,7 +124,10 @@ class Sandbox:
             self.scene = with_key(before, key, value)
             if self.scene == before:
                 return
-            if key == "impact.velocity":
+            if key.startswith("video."):
+                stage = self.motion.stage
+                self.motion.stage = replace(stage, scene=with_key(stage.scene, key, value))
+            elif key == "impact.velocity":
                 self._set_velocity()
             elif key in AT_ONCE:
                 self.message, self.result = turn_knobs(self.motion, self.scene), None

@@ -1,0 +1,67 @@
+"""A hand that pulls one point towards a place: a spring whose force does not grow beyond a limit.
+
+It derives from a potential, U = k r^2/2, and F r - F^2/(2 k) beyond r = F/k, so that what a hand gives the disk is
+what U jumps by when the hand takes hold, moves or lets go.
+"""
+
+import taichi as ti
+
+
+class Hand:
+    """The pull of `Physics.pulled`; part of `World`. `hand` holds the point (-1: none), its target, k and F."""
+
+    @ti.func
+    def pull_of_hand(self, w: ti.template(), sums):
+        """The point pulled, the force on it [M c^2/R] and the potential [M c^2] in lane w."""
+        hand = self.hand[0]
+        i = ti.cast(hand[0], ti.i32)
+        force = ti.Vector.zero(self.real, 2)
+        energy = ti.cast(0.0, self.real)
+        if i >= 0:
+            d = ti.Vector([hand[1] - self.place(i, 0, w, sums), hand[2] - self.place(i, 1, w, sums)])
+            r, k, most = d.norm(), hand[3], hand[4]
+            force = k * d
+            energy = 0.5 * k * r * r
+            if k * r > most:
+                force = (most / r) * d
+                energy = most * (r - 0.5 * most / k)
+        return i, force, energy
+
+    @ti.func
+    def add_pull_of_hand(self, sums):
+        """Add the force to `f`; returns the potential per lane."""
+        potential = ti.Vector.zero(self.real, self.lanes)
+        for w in ti.static(range(self.lanes)):
+            i, force, energy = self.pull_of_hand(w, sums)
+            if i >= 0:
+                self.f[i][0, w] += force[0]
+                self.f[i][1, w] += force[1]
+            potential[w] = energy
+        return potential
+
+    @ti.func
+    def change_hand(self, closing, factor, sums):
+        """Add `factor` times the pull to the forces at this step, and leave positions and velocities as they are.
+
+        Half a step's kick lies before this moment and half behind it: only the second changes.
+        """
+        total = ti.cast(0.0, self.real)
+        for w in ti.static(range(self.lanes)):
+            i, force, energy = self.pull_of_hand(w, sums)
+            if i >= 0:
+                for c in ti.static(range(2)):
+                    self.f[i][c, w] += factor * force[c]
+                    self.v[i][c, w] -= factor * closing * force[c]
+            total += factor * energy
+        return total
+
+    @ti.kernel
+    def _take_hold(
+        self, point: ti.i32, x: ti.f64, y: ti.f64, stiffness: ti.f64, strongest: ti.f64, closing: ti.f64
+    ) -> ti.f64:
+        """The hand pulls `point` (-1: none) towards (x, y) from now on; returns the energy given by that [M c^2]."""
+        sums = self.sums[0]
+        given = self.change_hand(closing, -1.0, sums)
+        self.hand[0] = ti.Vector([point, x, y, stiffness, strongest], dt=self.real)
+        given += self.change_hand(closing, 1.0, sums)
+        return given
