@@ -13,11 +13,12 @@ from numpy.typing import NDArray
 
 from taichi_disk.errors import SimulationError
 from taichi_disk.lattice import Lattice, disk_lattice
+from taichi_disk.render.arrows import ARROW
 from taichi_disk.render.camera import Camera
 from taichi_disk.render.colours import GROUND, INK, amount_colours, strain_colours
 from taichi_disk.render.film import film_problem
 from taichi_disk.render.layout import Layout, _ticks
-from taichi_disk.render.picture import ARROW, Frame, Subject
+from taichi_disk.render.picture import Frame, Subject
 from taichi_disk.render.text import width
 
 needs_vulkan = pytest.mark.skipif(film_problem() is not None, reason=str(film_problem()))
@@ -236,6 +237,7 @@ def test_an_arrow_stands_on_a_pushed_point_as_long_as_its_force(tmp_path: Path) 
         changed = np.argwhere((plain != pushed).any(axis=-1)) + 0.5
         column, foot = stills.camera.to_pixels(x[point])
         length = 0.8 * ARROW * stills.camera.scale
+        assert np.array_equal(stills.draw([Frame(0.0, x, ("t = 0",))]), plain)
     assert changed[:, 0].min() == pytest.approx(foot - length, abs=2.0)
     assert changed[:, 0].max() == pytest.approx(foot, abs=6.0)
     assert changed[:, 1].mean() == pytest.approx(column, abs=1.0)

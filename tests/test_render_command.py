@@ -14,6 +14,10 @@ from PIL import Image
 from taichi_disk.cli import main
 from taichi_disk.render.colours import GROUND, amount_colours
 from taichi_disk.render.film import film_problem
+from taichi_disk.render.layout import Layout
+from taichi_disk.render.picture import Subject
+from taichi_disk.scene_file import load_scene
+from taichi_disk.scenes import build
 
 needs_vulkan = pytest.mark.skipif(film_problem() is not None, reason=str(film_problem()))
 
@@ -176,3 +180,23 @@ def test_a_disk_that_flies_has_the_full_colour_of_its_speed(runs: tuple[Path, Pa
     assert points > 1000  # some ten pixels each of 120 points
     # After the impact some shake against the motion of the whole.
     assert 0.2 * points < (np.abs(left - full).sum(axis=-1) < 6).sum() < 0.95 * points
+
+
+@needs_vulkan
+def test_the_disk_in_the_film_moves_as_its_centre_of_mass_does(runs: tuple[Path, Path], tmp_path: Path) -> None:
+    out, words = tmp_path / "film.mp4", ["--size", "360", "--fps", "10", "--seconds", "1.5"]
+    assert main(["render", str(runs[0]), "--out", str(out), "--draw", "points", "--colour", "speed", *words]) == 0
+    setup = build(load_scene(runs[0] / "scene.yaml"))
+    series = np.genfromtxt(runs[0] / "timeseries.csv", delimiter=",", names=True)
+    t = setup.frame_times({name: series[name] for name in series.dtype.names}, 15)
+    centre = np.stack([np.interp(t, series["t"], series[name]) for name in ("com_x", "com_y")], axis=1)
+    camera = Layout(Subject(setup.lattice, True, setup.title(), 1.0, setup.view), 360, 2).camera
+    film = iio.imread(out).astype(float)
+    assert film.shape == (15, 360, 360, 3)
+    wall = int(camera.to_pixels((0.0, 0.0))[1])
+    for picture, there in zip(film, camera.to_pixels(centre), strict=True):
+        stage = picture[camera.top : wall - 1]
+        # All points weigh the same. Arrows are orange: red without blue.
+        ink = (np.abs(stage - 255 * np.array(GROUND)).sum(axis=-1) > 60) & (stage[..., 2] > stage[..., 0] - 10)
+        row, column = np.argwhere(ink).mean(axis=0) + 0.5
+        assert np.abs(np.array([column, row + camera.top]) - there).max() < 2.0

@@ -9,10 +9,11 @@ from numpy.typing import NDArray
 from PIL import Image, ImageDraw
 
 from taichi_disk.render import text
+from taichi_disk.render.arrows import ARROW
 from taichi_disk.render.camera import Camera
 from taichi_disk.render.colouring import QUANTITIES
 from taichi_disk.render.colours import CONTACT, FAINT_INK, GROUND, INK, Colour, amount_colours, strain_colours
-from taichi_disk.render.picture import ARROW, Subject
+from taichi_disk.render.picture import Subject
 
 # Sizes in pixels of a picture of 720; a picture of another size scales them all.
 _MARGIN = 20.0

@@ -9,18 +9,17 @@ import numpy as np
 import taichi as ti
 from numpy.typing import NDArray
 
+from taichi_disk.render.arrows import FAR, LINES, arrow_lines
 from taichi_disk.render.camera import Camera
 from taichi_disk.render.colours import CONTACT, FAINT_INK, GROUND, INK, amount_colours, strain_colours
-from taichi_disk.render.picture import ARROW, Subject
+from taichi_disk.render.picture import Subject
 from taichi_disk.scene import Show
 
 _TABLE = 256  # intervals of the colour table
-_FAR = -1e3  # [R] where no camera looks
-_HEAD, _HEAD_ANGLE = 0.035, 0.5  # length of an arrow's head [R], angle between head and shaft
-_WEAK = 0.01  # of the full force: less is not marked
 _HATCHES = 200  # lines below the rigid wall: enough for a picture three times as wide as high
 _HATCH = 11.0  # pixels (in a picture of 720) between the hatching lines below the rigid wall, and their depth
 
+_NOTHING = np.zeros(0, dtype=np.intp), np.zeros((0, 2))
 _Pair = ti.types.vector(2, ti.f64)
 
 
@@ -39,7 +38,7 @@ class Painter:
         self._share = 1.0 / np.maximum(degree, 1)
         self._spacing = float(np.median(lattice.rest_lengths))
         # More than half of the rim never touches the wall.
-        self._touching = max(len(lattice.disk_surface) // 2, 8) if subject.full_force else 0
+        self._arrows = max(len(lattice.disk_surface) // 2, 8) if subject.full_force else 0
         self._make_fields(len(lattice.positions), len(lattice.bonds), _HATCHES + 1 if subject.rigid_wall else 0)
         self.aim(camera, unit)
 
@@ -52,27 +51,20 @@ class Painter:
         self._line = max(min(0.15 * spacing, 2.5 * unit), 1.1) / camera.height
         # In a lattice so fine that points would touch, the springs alone show more.
         self._point = min(0.11 * spacing, 6.0 * unit) / camera.height if spacing > 5.0 else 0.0
-        # Arrows that stand close together are thin and show the pressure's profile.
-        self._arrow = max(min(0.15 * spacing, 1.8 * unit), 1.1) / camera.height
-        self._touched = max(min(0.2 * spacing, 8.0 * unit), 1.0) / camera.height
-        self._head = min(_HEAD, 0.8 * self._spacing)
         self._any_point = max(min(0.25 * spacing, 6.0 * unit), 1.0) / camera.height
         if self._wall:
             step = _HATCH * unit
             self._place_wall(self._shift, step / camera.width, step / camera.height)
 
     def _make_fields(self, points: int, springs: int, wall: int) -> None:
-        """Two line ends for each spring, then two for each line of the rigid wall."""
+        """Two line ends for each spring, then two for each line of the rigid wall, then those of the arrows."""
         self._springs, self._wall = springs, wall
         self._ends, self._colours = ti.Vector.field(2, ti.f32), ti.Vector.field(3, ti.f32)
         self._points, self._point_colours = ti.Vector.field(2, ti.f32), ti.Vector.field(3, ti.f32)
         self._point_places = ti.field(ti.f64)
         builder = ti.FieldsBuilder()
-        builder.dense(ti.i, 2 * (springs + wall)).place(self._ends, self._colours)
-        if self._touching:
-            self._arrows, self._touched_points = ti.Vector.field(2, ti.f32), ti.Vector.field(2, ti.f32)
-            builder.dense(ti.i, 6 * self._touching).place(self._arrows)
-            builder.dense(ti.i, self._touching).place(self._touched_points)
+        lines = springs + wall + LINES * self._arrows
+        builder.dense(ti.i, 2 * lines).place(self._ends, self._colours)
         builder.dense(ti.i, points).place(self._points, self._point_colours, self._point_places)
         self._tree = builder.finalize()
 
@@ -90,6 +82,14 @@ class Painter:
                 colour = ti.Vector([FAINT_INK[0], FAINT_INK[1], FAINT_INK[2]])
             self._ends[i], self._ends[i + 1] = ti.cast(foot, ti.f32), ti.cast(top, ti.f32)
             self._colours[i], self._colours[i + 1] = ti.cast(colour, ti.f32), ti.cast(colour, ti.f32)
+
+    @ti.kernel
+    def _place_arrows(self, ends: ti.types.ndarray(dtype=ti.f64, ndim=2), factor: _Pair, shift: _Pair):  # type: ignore[valid-type]
+        ti.loop_config(serialize=True)
+        for k in range(2 * LINES * self._arrows):
+            i = 2 * (self._springs + self._wall) + k
+            self._ends[i] = ti.cast(factor * ti.Vector([ends[k, 0], ends[k, 1]]) + shift, ti.f32)
+            self._colours[i] = ti.Vector([CONTACT[0], CONTACT[1], CONTACT[2]])
 
     @ti.kernel
     def _place(
@@ -116,7 +116,7 @@ class Painter:
             if ti.static(hidden):
                 self._point_places[i] += value * share[i]
                 self._point_places[j] += value * share[j]
-                p, q = _Pair(_FAR, _FAR), _Pair(_FAR, _FAR - 1.0)
+                p, q = _Pair(FAR, FAR), _Pair(FAR, FAR - 1.0)
             self._ends[2 * b] = ti.cast(factor * p + shift, ti.f32)
             self._ends[2 * b + 1] = ti.cast(factor * q + shift, ti.f32)
             self._colours[2 * b] = colour
@@ -142,16 +142,22 @@ class Painter:
         values: NDArray[np.float64] | None = None,
         show: Show = "both",
         signed: bool = True,
+        pushed: tuple[NDArray[np.intp], NDArray[np.float64]] | None = None,
     ) -> None:
         """Draw the state with `positions` (n, 2) [R] on a `ti.ui.Canvas` as large as the camera's stage.
 
         `values` (springs,): places in the scale of colours, -1 to 1 where they are `signed`, else 0 to 1; by
         default the strain over its limit. Points without springs take the mean of theirs.
+        `pushed`: if the subject has a full force, the points (k,) that the wall pushes and how hard, (k, 2), as
+        parts of it; arrows show them.
         """
         x, by_strain = np.ascontiguousarray(positions), values is None
         given = np.zeros(1) if values is None else np.ascontiguousarray(values)
         springs = (self._bonds, self._rest_lengths, self._tables[signed], given, self._share)
         self._place(x, *springs, by_strain, show == "points", self._factor, self._shift)
+        if self._arrows:
+            arrows = arrow_lines(positions, *(pushed or _NOTHING), self._spacing, self._arrows)
+            self._place_arrows(arrows.reshape(-1, 2), self._factor, self._shift)
         canvas.set_background_color(GROUND)
         # Hidden springs lie far outside, so that the wall beside them in the same field is still drawn.
         canvas.lines(self._ends, width=self._line, per_vertex_color=self._colours)
@@ -159,33 +165,6 @@ class Painter:
             canvas.circles(self._points, radius=self._any_point, per_vertex_color=self._point_colours)
         elif self._point and show == "both":
             canvas.circles(self._points, radius=self._point, color=INK)
-
-    def mark_contact(
-        self, canvas: Any, positions: NDArray[np.float64], points: NDArray[np.intp], forces: NDArray[np.float64]
-    ) -> None:
-        """Mark the `points` (k,) that the wall pushes, with arrows for the `forces` (k, 2) on them, full at length 1.
-
-        After `paint`; the subject must have a full force. Of more points than have room the most pushed are shown.
-        """
-        size = np.hypot(*forces.T)
-        strongest = np.argsort(-size, kind="stable")[: self._touching]
-        strongest = strongest[size[strongest] > _WEAK]
-        x, arrows, k = positions[points[strongest]], ARROW * forces[strongest], len(strongest)
-        ends = np.full((self._touching, 3, 2, 2), _FAR)
-        ends[:, :, 1] -= 1.0
-        ends[:k, 0] = np.stack([x, x + arrows], axis=1)
-        head = -np.minimum(self._head / np.hypot(*arrows.T), 0.5)[:, None] * arrows
-        c, s = np.cos(_HEAD_ANGLE), np.sin(_HEAD_ANGLE)
-        for side in (1, 2):
-            s = -s
-            ends[:k, side] = np.stack([x + arrows, x + arrows + head @ np.array([[c, s], [-s, c]])], axis=1)
-        factor, shift = np.array(self._factor), np.array(self._shift)
-        self._arrows.from_numpy((factor * ends + shift).reshape(-1, 2).astype(np.float32))
-        touched = np.full((self._touching, 2), _FAR)
-        touched[:k] = x
-        self._touched_points.from_numpy((factor * touched + shift).astype(np.float32))
-        canvas.lines(self._arrows, width=self._arrow, color=CONTACT)
-        canvas.circles(self._touched_points, radius=self._touched, color=CONTACT)
 
     def destroy(self) -> None:
         """Free the fields; the painter cannot be used afterwards."""

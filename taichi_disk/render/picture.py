@@ -15,9 +15,6 @@ if TYPE_CHECKING:
     from taichi_disk.scene import Colouring, Show
 
 
-ARROW = 0.35  # length of the arrow of the full force [R]
-
-
 @dataclass(frozen=True)
 class Subject:
     """What is filmed. In the lines of text, `_` begins a subscript: `v_cm`, `k_a`, `τ_{reset}`."""

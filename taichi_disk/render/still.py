@@ -67,9 +67,8 @@ class Stills:
         for k, (subject, frame) in enumerate(zip(self._subjects, frames, strict=True)):
             frame.require_finite()
             signed = QUANTITIES[subject.colouring].signed
-            self._painters[k].paint(self._canvas, frame.positions, frame.values, subject.show, signed)
-            if frame.pushed:
-                self._painters[k].mark_contact(self._canvas, frame.positions, *frame.pushed)
+            look = frame.values, subject.show, signed, frame.pushed
+            self._painters[k].paint(self._canvas, frame.positions, *look)
             drawn, left = self._window.get_image_buffer_as_numpy(), k * self._size
             _shrink(drawn, self._stage_rows, left + self.camera.left, self._samples)
             self._layouts[k].write(self._picture[:, left : left + self._size], frame.text)
