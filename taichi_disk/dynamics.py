@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from taichi_disk.errors import SimulationError
 from taichi_disk.model.stability import Spectrum, step_limit
 from taichi_disk.model.world import World
 from taichi_disk.outcome import Outcome, Snapshots
@@ -17,6 +18,7 @@ from taichi_disk.scene import TimeSection
 from taichi_disk.scenes.setup import Columns, Setup
 from taichi_disk.simulate import BlowUp, Simulation, imbalance, make_world, replay, simulate
 from taichi_disk.time_step import TimeStep, choose
+from taichi_disk.tolerance import Tried, better_step, error_estimate
 
 MARGIN = 0.95  # of the limit that the measured wall stiffness leaves; an automatic step above it is redone
 CLOSING, WORST = 2e-5, 1e-4  # largest imbalance of the energy, at the end and ever, that an automatic step may leave
@@ -44,6 +46,7 @@ def move(setup: Setup, time: TimeSection, modes: Spectrum, step: TimeStep, progr
             result = failure
         limit = step_limit(modes, replace(setup.physics, integrator=step.integrator), result.peak_point_force)
         columns = None if isinstance(result, BlowUp) else result.columns
+        trial = trial.with_run(setup, step, columns)
         following = next_trial(trial, setup, step, limit, result.peak_point_force, columns)
         if following is None or attempt == ATTEMPTS:
             break
@@ -51,7 +54,9 @@ def move(setup: Setup, time: TimeSection, modes: Spectrum, step: TimeStep, progr
         step = choose(trial.time, setup.physics, modes, trial.point_force)
     if isinstance(result, BlowUp):
         raise result
-    return _describe(setup, result, limit, attempt, compile_seconds)
+    if following is not None and time.tolerance != "none":
+        raise SimulationError(trial.out_of_tolerance())
+    return _describe(setup, trial, result, limit, attempt, compile_seconds)
 
 
 @dataclass(frozen=True)
@@ -61,6 +66,27 @@ class Trial:
     time: TimeSection
     point_force: float
     excess: float = float("inf")  # of the energy imbalance over what is allowed, in the trial before
+    tried: tuple[Tried, ...] = ()  # the runs so far, where an error has to be estimated
+
+    def with_run(self, setup: Setup, step: TimeStep, columns: Columns | None) -> Trial:
+        """This trial, knowing what a run with `step` gave; `columns` is None after a blow-up."""
+        if self.time.tolerance == "none" or columns is None:
+            return self
+        headline = next(iter(setup.headline(columns).values.values()))
+        return replace(self, tried=(*self.tried, Tried(step.integrator, step.dt, headline)))
+
+    def errors(self, setup: Setup, columns: Columns) -> dict[str, float]:
+        """The estimated error of the headline for its time step, by the headline's name, where one was asked for."""
+        error = error_estimate(self.tried) if self.tried else None
+        return {} if error is None else {next(iter(setup.headline(columns).values)): error}
+
+    def out_of_tolerance(self) -> str:
+        error = error_estimate(self.tried) if self.tried else None
+        found = "cannot be estimated" if error is None else f"is estimated at {error:.2g}"
+        return (
+            f"after {ATTEMPTS} runs the error of the headline {found}, time.tolerance is {self.time.tolerance}: "
+            "write a larger one, or time.dt: auto without a tolerance"
+        )
 
 
 def next_trial(
@@ -79,17 +105,33 @@ def next_trial(
     factor = 0.5
     if columns is not None:
         lost = np.abs(imbalance(columns)) / setup.energy_scale(columns)
-        excess = max(lost[-1] / CLOSING, lost.max() / WORST)
+        tolerance = 0.0 if trial.time.tolerance == "none" else trial.time.tolerance
+        excess = max(lost[-1] / max(CLOSING, tolerance), lost.max() / max(WORST, tolerance))
         # A point that slides off one wall spring onto the next loses or gains energy at any step.
         if excess <= 1.0 or excess > 0.5 * trial.excess:
-            return None
+            return _closer(trial, step, setup.physics.damped)
         trial = replace(trial, excess=float(excess))
         factor = max(0.25, 0.9 / float(np.sqrt(excess)))  # order 2: the error falls with the square of the step
     # Of the step taken, which a reset boundary may have made shorter than the one that was asked for.
     return replace(trial, time=trial.time.model_copy(update={"safety": factor * step.dt / step.limit}))
 
 
-def _describe(setup: Setup, simulation: Simulation, limit: float, attempts: int, compile_seconds: float) -> Outcome:
+def _closer(trial: Trial, step: TimeStep, damped: bool) -> Trial | None:
+    """What brings the headline within the scene's tolerance, if it has one; None where it is."""
+    time = trial.time
+    if time.tolerance == "none":
+        return None
+    better = better_step(trial.tried, time.tolerance, step, time.integrator == "auto" and not damped)
+    if better is None:
+        return None
+    integrator = better.integrator if better.integrator != step.integrator else time.integrator
+    update = {"safety": better.dt / better.limit, "integrator": integrator}
+    return replace(trial, time=time.model_copy(update=update))
+
+
+def _describe(
+    setup: Setup, trial: Trial, simulation: Simulation, limit: float, attempts: int, compile_seconds: float
+) -> Outcome:
     world, columns = simulation.world, simulation.columns
     world.import_state(simulation.end)
     lost = imbalance(columns) / setup.energy_scale(columns)
@@ -100,6 +142,7 @@ def _describe(setup: Setup, simulation: Simulation, limit: float, attempts: int,
         "dt_limit": limit,
         "attempts": attempts,
         "integrator": simulation.step.integrator,
+        "error_estimate": trial.errors(setup, columns),
         "energy": energy
         | {
             "scale": setup.energy_scale(columns),

@@ -25,10 +25,11 @@ def print_result(result: RunResult) -> None:
 
 
 def _rows(result: RunResult) -> Iterator[tuple[str, str, str]]:
+    summary = result.summary
     for key, value in result.headline.items():
         name, unit = NAMES.get(key, (key, ""))
-        yield name, f"{value:.8g}", unit
-    summary = result.summary
+        error = summary.get("error_estimate", {}).get(key)
+        yield name, f"{value:.8g}", f"{unit} ± {error:.1g} (time step)".strip() if error is not None else unit
     if "dt" in summary:
         yield "time step", f"{summary['dt']:.6g}", "R/c"
         yield "steps", f"{summary['steps']:,}", f"({summary['integrator']})"

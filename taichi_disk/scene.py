@@ -127,6 +127,9 @@ class TimeSection(_Strict):
         "auto", "time step; auto: safety times the largest stable one", "R/c"
     )
     safety: float = _key(0.8, "fraction of the largest stable step", gt=0, le=1)
+    tolerance: Literal["none"] | Annotated[float, Field(ge=1e-10, le=1e-2)] = _key(
+        "none", "largest error of the restitution that the step may cause; the run finds the step and tells the error"
+    )
     precision: Literal["f64", "f32"] = _key("f64", "of the numbers that are stepped; f32: sweeps are faster")
     sample_interval: Auto | Annotated[float, Field(ge=1e-9, le=1e6)] = _key(
         "auto", "time between two lines of the time series", "R/c"
@@ -197,6 +200,12 @@ def _time_conflicts(time: TimeSection, damping: list[str]) -> list[tuple[str, st
     if time.dt != "auto" and time.sample_interval != "auto" and time.sample_interval < time.dt:
         text = f"{time.sample_interval:g} is shorter than the time step time.dt = {time.dt:g} [R/c]"
         conflicts.append(("time.sample_interval", text))
+    if time.tolerance != "none" and time.dt != "auto":
+        conflicts.append(("time.tolerance", f"finds the step itself: write time.dt: auto, not {time.dt:g}"))
+    if time.tolerance != "none" and time.precision == "f32" and time.tolerance < 1e-6:
+        conflicts.append(
+            ("time.tolerance", "in f32 rounding alone moves e by up to 4e-7: write 1.0e-6 or more, or f64")
+        )
     if time.integrator == "vefrl" and damping:
         text = f"vefrl cannot take forces that depend on velocity ({damping[0]}): write auto, or velocity_verlet"
         conflicts.append(("time.integrator", text))
@@ -248,6 +257,9 @@ class CompressionScene(_SceneBase):
 
     def _conflicts(self) -> list[tuple[str, str]]:
         conflicts = _time_conflicts(self.time, _dashpots(self.material))
+        if self.time.tolerance != "none":
+            text = "a disk at rest does not depend on the time step: write compression.tolerance"
+            conflicts.append(("time.tolerance", text))
         if self.time.precision == "f32" and self.compression.method == "relaxation":
             # Forces come to rest to some 3e-5 P/N, the rounding of the springs' forces beside it.
             if self.compression.tolerance < 1e-4:

@@ -67,6 +67,7 @@ TIME = {
     "precision": st.sampled_from(["f64", "f32"]),
     "dt": auto_or(number(1e-9, 1e3)),
     "safety": number(0, 1, above=True),
+    "tolerance": st.just("none") | number(1e-10, 1e-2),
     "sample_interval": auto_or(number(1e-9, 1e6)),
 }
 VIDEO = {
@@ -95,6 +96,7 @@ HARMLESS = {
     "time.sample_interval": "auto",
     "time.integrator": "auto",
     "time.precision": "f64",
+    "time.tolerance": "none",
 }
 
 

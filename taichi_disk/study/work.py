@@ -89,11 +89,14 @@ class Computer:
             for group in _groups(queue, self._engine.lanes):
                 step = group[0].step
                 for lane, ending in self._engine.run([job.setup for job in group], step, _interval(group[0])):
-                    job = group[lane]
+                    columns = None if ending.failure else ending.columns
+                    job = replace(group[lane], trial=group[lane].trial.with_run(group[lane].setup, step, columns))
                     mode = modes[job.setup.physics.dissipates]
-                    following = None if job.attempt == ATTEMPTS else _following(job, mode, ending)
-                    if following is None:
-                        yield job.index, _described(job.setup, step, ending, moduli)
+                    following = _following(job, mode, ending)
+                    if following is None or job.attempt == ATTEMPTS:
+                        if following is not None and job.trial.tried:
+                            ending = replace(ending, failure=job.trial.out_of_tolerance())
+                        yield job.index, _described(job, step, ending, moduli)
                     else:
                         shorter = _step(job.setup, following, mode)
                         again.append(replace(job, trial=following, step=shorter, attempt=job.attempt + 1))
@@ -161,11 +164,13 @@ def _groups(jobs: list[_Job], lanes: int) -> Iterator[list[_Job]]:
             yield kind[first : first + lanes]
 
 
-def _described(setup: Setup, step: TimeStep, ending: Ending, moduli: Moduli) -> PointResult:
+def _described(job: _Job, step: TimeStep, ending: Ending, moduli: Moduli) -> PointResult:
+    setup = job.setup
     numbers: dict[str, Any] = {}
     if ending.failure is None:
         lost = imbalance(ending.columns)[-1] / setup.energy_scale(ending.columns)
         numbers = {**setup.headline(ending.columns).values, "energy_imbalance": float(lost)}
+        numbers |= {f"{name}_error": error for name, error in job.trial.errors(setup, ending.columns).items()}
     numbers |= {"young": moduli.young, "poisson": moduli.poisson}
     numbers |= {"steps": ending.steps, "dt": step.dt, "integrator": step.integrator}
     return PointResult("failed" if ending.failure else "done", ending.failure, numbers)
