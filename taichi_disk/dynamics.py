@@ -109,19 +109,19 @@ def next_trial(
         excess = max(lost[-1] / max(CLOSING, tolerance), lost.max() / max(WORST, tolerance))
         # A point that slides off one wall spring onto the next loses or gains energy at any step.
         if excess <= 1.0 or excess > 0.5 * trial.excess:
-            return _closer(trial, step, setup.physics.damped)
+            return _closer(trial, setup, step)
         trial = replace(trial, excess=float(excess))
         factor = max(0.25, 0.9 / float(np.sqrt(excess)))  # order 2: the error falls with the square of the step
     # Of the step taken, which a reset boundary may have made shorter than the one that was asked for.
     return replace(trial, time=trial.time.model_copy(update={"safety": factor * step.dt / step.limit}))
 
 
-def _closer(trial: Trial, step: TimeStep, damped: bool) -> Trial | None:
+def _closer(trial: Trial, setup: Setup, step: TimeStep) -> Trial | None:
     """What brings the headline within the scene's tolerance, if it has one; None where it is."""
     time = trial.time
     if time.tolerance == "none":
         return None
-    better = better_step(trial.tried, time.tolerance, step, time.integrator == "auto" and not damped)
+    better = better_step(trial.tried, time.tolerance, step, time.integrator == "auto" and not setup.physics.damped)
     if better is None:
         return None
     integrator = better.integrator if better.integrator != step.integrator else time.integrator
