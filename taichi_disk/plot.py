@@ -43,6 +43,7 @@ _ENERGIES = (
     ("load", "potential of the load", "#56B4E9"),
     ("dissipated", "dissipated by dashpots", "#009E73"),
     ("absorbed", "absorbed at the boundary", "#CC79A7"),
+    ("sliding", "lost from one wall spring to the next", "#999999"),
 )
 
 

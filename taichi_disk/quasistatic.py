@@ -28,7 +28,7 @@ def press(setup: Compression) -> Outcome:
             yield float(time), lattice.positions + time * way, np.zeros_like(way)
 
     columns: Columns = {name: np.zeros(ROWS) for name in ("com_vx", "com_vy", "angular_momentum", "kinetic")}
-    columns |= {name: np.zeros(ROWS) for name in ("dissipated", "absorbed")}
+    columns |= {name: np.zeros(ROWS) for name in ("dissipated", "absorbed", "sliding")}
     x = np.array([positions for _, positions, _ in snapshots(t)])
     potential = physics.V0 * np.exp(-physics.a * x[:, :, 1])
     springs = (lattice.bonds, lattice.rest_lengths, physics.k_a, physics.k_b)

@@ -44,6 +44,7 @@ TIMESERIES = (
     "absorbed",
     "total",
 )
+MORE = ("load", "sliding")  # potential of the pressing force; energy lost from one spring of the wall to the next
 
 
 def clear(out: Path) -> None:
@@ -65,11 +66,11 @@ def write_summary(path: Path, summary: dict[str, Any]) -> None:
 
 
 def write_timeseries(path: Path, columns: Columns) -> None:
-    """CSV with the columns of TIMESERIES, and `load` (potential of the pressing force) where there is one.
+    """CSV with the columns of TIMESERIES, and those of MORE that are not zero throughout.
 
     `total` is the sum of all energies. 17 digits, so that the numbers read back are the numbers computed.
     """
-    names = [*TIMESERIES, "load"] if columns["load"].any() else list(TIMESERIES)
+    names = [*TIMESERIES, *(name for name in MORE if columns[name].any())]
     table = np.stack([columns[name] for name in names], axis=1)
 
     def write(beside: Path) -> None:

@@ -118,7 +118,7 @@ def as_columns(rows: NDArray[np.float64], dt: float, stride: int) -> Columns:
     columns: Columns = {"t": np.arange(len(rows), dtype=np.float64) * (stride * dt)}
     columns.update({name: rows[:, k].copy() for k, name in enumerate(COLUMNS)})
     columns["total"] = np.sum(
-        [columns[name] for name in ("kinetic", "elastic", "wall", "dissipated", "absorbed", "load")], axis=0
+        [columns[name] for name in ("kinetic", "elastic", "wall", "dissipated", "absorbed", "sliding", "load")], axis=0
     )
     return columns
 

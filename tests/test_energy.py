@@ -1,4 +1,4 @@
-"""The energy ledger: kinetic + elastic + wall + load + dissipated + absorbed stays what it was.
+"""The energy ledger: kinetic + elastic + wall + load + dissipated + absorbed + sliding stays what it was.
 
 Leapfrog keeps a modified energy, E + h^2 E_2 + ..., so that what is missing at any instant falls as h^2; after an
 impact, where the state is smooth again, far less is missing than amid it.
@@ -19,7 +19,7 @@ from taichi_disk.model.physics import Physics
 pytestmark = pytest.mark.usefixtures("taichi")
 
 N = 60
-ENERGIES = ("kinetic", "elastic", "wall", "load", "dissipated", "absorbed")
+ENERGIES = ("kinetic", "elastic", "wall", "load", "dissipated", "absorbed", "sliding")
 VV, TRAPEZOIDAL = "velocity_verlet", "trapezoidal"
 
 # The limit of the step grows as 1/sqrt(N): at N = 150 this safety takes the step that 1099 points get automatically,
@@ -155,6 +155,31 @@ def test_losses_are_booked_where_they_happen(integrator):
     assert lost.min() > 1e-6
     np.testing.assert_allclose(row[[COLUMNS.index("dissipated"), COLUMNS.index("absorbed")]], lost, rtol=1e-3)
     world.destroy()
+
+
+def test_what_a_point_loses_by_sliding_over_the_bent_wall_is_booked():
+    # Where the surface is bent, l jumps as a point passes from one spring to the next: at any step the energy changes
+    # by that much, and what is missing beyond it falls with the square of the step.
+    from taichi_disk.model.world import World
+
+    lattice = disk_and_wall(N, 80, height=0.05)
+    velocities = moving_down(lattice, 0.3)
+    velocities[0, :N, 0] = 0.2
+    physics = Physics(wall="elastic", boundary="pinned")
+    world, missing, slid = None, [], []
+    for stride in (100, 200):
+        h = 4.0 / 40 / stride
+        if world is None:
+            world = World(lattice, physics, velocities, h)
+        else:
+            again(world, lattice.positions[None], velocities, h)
+        rows = np.concatenate([world.first_row[None], world.advance(40, stride)])[:, :, 0]
+        total = sum(rows[:, COLUMNS.index(name)] for name in ENERGIES)
+        missing.append(np.abs(total - total[0]).max())
+        slid.append(rows[-1, COLUMNS.index("sliding")])
+    world.destroy()
+    assert missing[0] / missing[1] == pytest.approx(4.0, abs=0.4)
+    assert slid[0] == pytest.approx(slid[1], rel=0.2) and abs(slid[1]) > 100 * missing[1]
 
 
 def test_wall_potential_is_counted_from_the_threshold():

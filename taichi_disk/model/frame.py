@@ -31,6 +31,15 @@ class Frame:
         return value
 
     @ti.func
+    def last_place(self, i, c: ti.template(), w: ti.template(), move, sums):
+        """Coordinate c of point i in lane w before the last move by `move` times the velocity [R]."""
+        v = self.v[i][c, w]
+        if ti.static(self.single and c == 1):
+            if i < self.n_disk:
+                v += ti.cast(sums[SPEED, w], self.real)
+        return self.place(i, c, w, sums) - move * v
+
+    @ti.func
     def frame_kick(self, i, kick, sums):
         """What a kick gives the frame of point i, per lane [c]."""
         gain = ti.Vector.zero(self.real, self.lanes)

@@ -2,7 +2,7 @@
 
 import taichi as ti
 
-from taichi_disk.model.sums import ABSORBED, DISSIPATED, SPEED
+from taichi_disk.model.sums import ABSORBED, DISSIPATED, SLIDING, SPEED
 
 COLUMNS = (
     "com_x",  # the disk's centre of mass [R]
@@ -18,6 +18,7 @@ COLUMNS = (
     "dissipated",  # by dashpots since t = 0
     "absorbed",  # by the elastic wall's boundary since t = 0
     "load",  # potential P y_cm of the pressing force, and that of a pulling hand
+    "sliding",  # what points lost by passing from one spring of the elastic wall to the next, since t = 0
     "residual",  # largest |force| on a point [M c^2/R]
 )
 
@@ -74,4 +75,5 @@ class Observables:
                 _i, _force, pull = self.pull_of_hand(w, sums)
                 load += pull
             rows[s, 12, w] = load
-            rows[s, 13, w] = ti.sqrt(residual2)
+            rows[s, 13, w] = sums[SLIDING, w]
+            rows[s, 14, w] = ti.sqrt(residual2)

@@ -6,7 +6,7 @@ from taichi_disk.model.boundary import Boundary
 from taichi_disk.model.frame import Frame
 from taichi_disk.model.hand import Hand
 from taichi_disk.model.parameters import Parameters, rounded
-from taichi_disk.model.sums import ABSORBED, BOUNDARY_POWER, DISSIPATED, PEAK, POWER
+from taichi_disk.model.sums import ABSORBED, BOUNDARY_POWER, DISSIPATED, PEAK, POWER, SLIDING
 
 
 class Stepping(Boundary, Frame, Hand):
@@ -70,8 +70,11 @@ class Stepping(Boundary, Frame, Hand):
         upward = ti.Vector.zero(self.real, self.lanes)
         potential = ti.Vector.zero(self.real, self.lanes)
         if ti.static(self.uses("elastic wall")):
-            upward, potential, highest = self.add_contact_forces(p, result)
+            slid = ti.Vector.zero(self.real, self.lanes)
+            upward, potential, highest, slid = self.add_contact_forces(p, move * p.h, result)
             total = upward
+            for w in ti.static(range(self.lanes)):
+                result[SLIDING, w] += slid[w]
         if ti.static(self.uses("pull of a hand")):
             self.add_pull_of_hand(result)
         if ti.static(self.uses("pinned boundary")):
@@ -167,7 +170,7 @@ class Stepping(Boundary, Frame, Hand):
             upward = ti.Vector.zero(self.real, self.lanes)
             potential = ti.Vector.zero(self.real, self.lanes)
             if ti.static(self.physics.wall == "elastic"):
-                upward, potential, _highest = self.add_contact_forces(p, sums)
+                upward, potential, _highest, _slid = self.add_contact_forces(p, 0.0, sums)
                 total = upward
             if ti.static(self.physics.boundary == "pinned"):
                 self.hold_boundary()

@@ -7,6 +7,6 @@ kept in such a field comes out one launch late.
 
 from __future__ import annotations
 
-SUMS = 8
-DISSIPATED, POWER, ABSORBED, BOUNDARY_POWER, PEAK = range(5)
-SHIFT, SPEED, PUSH = range(5, SUMS)  # of the moving frame; zero in double precision (see `frame`)
+SUMS = 9
+DISSIPATED, POWER, ABSORBED, BOUNDARY_POWER, PEAK, SLIDING = range(6)
+SHIFT, SPEED, PUSH = range(6, SUMS)  # of the moving frame; zero in double precision (see `frame`)

@@ -18,18 +18,19 @@ class Walls:
         return force
 
     @ti.func
-    def add_contact_forces(self, p: ti.template(), sums):
+    def add_contact_forces(self, p: ti.template(), move, sums):
         """Push every surface point of the disk off the wall spring below it: a V0 exp(-a l) n.
 
         l is the distance along the spring's normal n. The spring's two ends take the reaction by the lever
         rule, which balances force and torque and makes the force the gradient of V0 exp(-a l) while the point
         stays over one spring. The potential is shifted to be zero at the threshold, so that coming into reach
-        adds no energy. Returns per lane the upward force on the disk [M c^2/R], the potential [M c^2], and the
-        largest force on one point.
+        adds no energy. Returns per lane the upward force on the disk [M c^2/R], the potential [M c^2], the largest
+        force on one point, and what points lost by sliding in the last move, `move` times the velocity (`slid`).
         """
         upward = ti.Vector.zero(self.real, self.lanes)
         potential = ti.Vector.zero(self.real, self.lanes)
         highest = ti.Vector.zero(self.real, self.lanes)
+        slid = ti.Vector.zero(self.real, self.lanes)
         for w in ti.static(range(self.lanes)):
             top = self.place(self.wall_surface[0], 1, w, sums)
             for k in range(1, self.n_wall_surface):
@@ -68,4 +69,40 @@ class Walls:
                             upward[w] += force * ny
                             potential[w] += energy - p.V0_at_threshold
                             highest[w] = ti.max(highest[w], force)
-        return upward, potential, highest
+                            slid[w] += self.slid(p, i, k, w, move, sums)
+        return upward, potential, highest, slid
+
+    @ti.func
+    def slid(self, p: ti.template(), i, k, w: ti.template(), move, sums):
+        """Energy that point i, now over wall spring k, lost if it was over another one before the last move.
+
+        Where the surface is bent, the distance l jumps as a point passes from one spring to the next, and with it the
+        potential: half of the jumps at either end of the move, as the trapezoidal rule has it.
+        """
+        before = k
+        x = self.last_place(i, 0, w, move, sums)
+        last = self.n_wall_surface - 2
+        while before > 0 and x < self.last_place(self.wall_surface[before], 0, w, move, sums):
+            before -= 1
+        while before < last and x >= self.last_place(self.wall_surface[before + 1], 0, w, move, sums):
+            before += 1
+        lost = ti.cast(0.0, self.real)
+        if before != k:
+            for back in ti.static((0.0, 1.0)):
+                h = back * move
+                lost += 0.5 * (self.contact(p, i, before, w, h, sums) - self.contact(p, i, k, w, h, sums))
+        return lost
+
+    @ti.func
+    def contact(self, p: ti.template(), i, k, w: ti.template(), move, sums):
+        """Potential of point i's contact with wall spring k, by `move` times the velocity ago."""
+        a, b = self.wall_surface[k], self.wall_surface[k + 1]
+        ax, ay = self.last_place(a, 0, w, move, sums), self.last_place(a, 1, w, move, sums)
+        tx = self.last_place(b, 0, w, move, sums) - ax
+        ty = self.last_place(b, 1, w, move, sums) - ay
+        x, y = self.last_place(i, 0, w, move, sums) - ax, self.last_place(i, 1, w, move, sums) - ay
+        gap = (y * tx - x * ty) / ti.sqrt(tx * tx + ty * ty)
+        energy = ti.cast(0.0, self.real)
+        if gap < p.threshold:
+            energy = p.V0 * ti.exp(-p.a * gap) - p.V0_at_threshold
+        return energy

@@ -11,10 +11,10 @@ from taichi_disk.model.observables import COLUMNS
 from taichi_disk.scenes.setup import Columns
 from taichi_disk.simulate import as_columns
 
-_DISSIPATED, _ABSORBED = COLUMNS.index("dissipated"), COLUMNS.index("absorbed")
+_DISSIPATED, _ABSORBED, _SLIDING = (COLUMNS.index(name) for name in ("dissipated", "absorbed", "sliding"))
 _MECHANICAL = [COLUMNS.index(name) for name in ("kinetic", "elastic", "wall", "load")]
 _LOAD = COLUMNS.index("load")
-_ENERGIES = [*_MECHANICAL, _DISSIPATED, _ABSORBED]
+_ENERGIES = [*_MECHANICAL, _DISSIPATED, _ABSORBED, _SLIDING]
 _HISTORY = 4000  # rows that the running graph can look back
 
 
@@ -26,7 +26,7 @@ class Ledger:
 
     def __init__(self, first: NDArray[np.float64], dt: float, stride: int) -> None:
         """`first`: (columns,) at the start; a row follows every `stride` steps of `dt` [R/c]."""
-        self._t, self._lost, self._dissipated, self._absorbed, self._given = 0.0, 0.0, 0.0, 0.0, 0.0
+        self._t = self._lost = self._dissipated = self._absorbed = self._slid = self._given = 0.0
         self.history: deque[tuple[float, dict[str, float]]] = deque(maxlen=_HISTORY)
         self._begin(first, dt, stride)
 
@@ -43,6 +43,7 @@ class Ledger:
         self._given += self._stretch_given + float(first[_MECHANICAL].sum() - self.last[_MECHANICAL].sum())
         self._dissipated += self.last[_DISSIPATED]
         self._absorbed += self.last[_ABSORBED] + self._stretch_given
+        self._slid += self.last[_SLIDING]
         self._begin(first, dt, stride)
 
     def again(self, first: NDArray[np.float64], dt: float, stride: int) -> None:
@@ -93,10 +94,11 @@ class Ledger:
         return as_columns(np.array(self._rows[-last:] if last else self._rows), self.dt, self.stride)
 
     def now(self) -> dict[str, float]:
-        """All observables at this moment; `dissipated` and `absorbed` since the start."""
+        """All observables at this moment; what was lost is counted since the start."""
         row = dict(zip(COLUMNS, map(float, self.last), strict=True))
         row["dissipated"] += self._dissipated
         row["absorbed"] += self._absorbed + self._stretch_given
+        row["sliding"] += self._slid
         return row
 
     def imbalance(self) -> float:

@@ -195,7 +195,7 @@ class Motion:
             excess = max(excess, abs(self.ledger.stretch_imbalance()) / (CLOSING * self.scale))
         if excess > 1.0 and not self._stands:
             if self._tried and self.ledger.worst(self._tried[0]) > 0.5 * self._tried[1]:
-                # A point that slides off one wall spring onto the next loses or gains energy at any step.
+                # It is not the step that is at fault.
                 self._stands = True
             elif self._try_shorter(peak, excess):
                 return

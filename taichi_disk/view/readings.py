@@ -22,7 +22,7 @@ def readings(sandbox: Sandbox) -> Iterator[str]:
         yield f"xi = {xi:+.6f} R"
     yield f"contact force = {row['wall_force']:.3e} M c^2/R"
     yield f"energy: kinetic {row['kinetic']:.2e}, elastic {row['elastic']:.2e},"
-    yield f"   lost {row['dissipated'] + row['absorbed']:.2e} M c^2"
+    yield f"   lost {row['dissipated'] + row['absorbed'] + row['sliding']:.2e} M c^2"
     if given := motion.ledger.given():
         yield f"   given by hand {given:+.2e} M c^2"
     yield f"energy imbalance {motion.ledger.imbalance() / motion.scale:+.1e}"
