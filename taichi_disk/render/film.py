@@ -12,7 +12,7 @@ from taichi_disk.render.panel import Panel
 from taichi_disk.render.picture import Frame, Subject
 
 _MEND = "apt-get update && apt-get install -y --no-install-recommends libx11-6 mesa-vulkan-drivers"
-_SMALLEST = 120  # pixels: less leaves no room for title and colour bar
+_SMALLEST = 64  # pixels: nothing would be seen in less
 
 
 def film_problem() -> str | None:
