@@ -224,6 +224,25 @@ def test_a_picture_does_not_depend_on_those_before_it() -> None:
 
 
 @needs_vulkan
+def test_more_samples_make_smoother_edges_of_the_same_lines() -> None:
+    from taichi_disk.render.still import Stills
+
+    disk = disk_lattice(30, 0)
+    x, stages = disk.positions + UP, []
+    for samples in (1.0, 1.5, 2.0):
+        with Stills([replace(subject(disk, rigid_wall=False), show="springs")], 360, 1, samples) as stills:
+            image, camera = stills.draw([Frame(0.0, x, ("t = 0",))])[..., :3].astype(int), stills.camera
+            stages.append(image[camera.top : camera.top + camera.height, camera.left : camera.left + camera.width])
+    # At rest all springs are grey, and their points are not drawn: the darkest is the spring's grey.
+    grey, ground = (np.rint(255 * np.asarray(c)) for c in (strain_colours(np.array(0.0), 1.0), GROUND))
+    assert all((stage.min(axis=(0, 1)) >= grey - 1).all() for stage in stages)
+    shades = [len(np.unique(stage.reshape(-1, 3), axis=0)) for stage in stages]
+    assert shades[0] == 2 and shades[0] < shades[1] and shades[0] < shades[2]
+    cover = [(ground - stage).sum() for stage in stages]
+    assert cover[0] == pytest.approx(cover[2], rel=0.1) and cover[1] == pytest.approx(cover[2], rel=0.05)
+
+
+@needs_vulkan
 def test_an_arrow_stands_on_a_pushed_point_as_long_as_its_force(tmp_path: Path) -> None:
     from taichi_disk.render.still import Stills
 

@@ -40,7 +40,11 @@ def contents(folder: Path) -> dict[str, str]:
 @pytest.mark.parametrize("suffix", [".mp4", ".webm", ".gif"])
 def test_a_run_is_filmed_again_and_its_results_stay(runs: tuple[Path, Path], tmp_path: Path, suffix: str) -> None:
     before, out = contents(runs[0]), tmp_path / f"film{suffix}"
-    assert main(["render", str(runs[0]), "--out", str(out), "--size", "160", "--fps", "10", "--seconds", "1"]) == 0
+    words = ["--size", "160", "--fps", "10", "--seconds", "1"]
+    assert main(["render", str(runs[0]), "--out", str(out), *words]) == 0
+    first = out.read_bytes()
+    assert main(["render", str(runs[0]), "--out", str(out), *words]) == 0
+    assert out.read_bytes() == first
     assert contents(runs[0]) == before
     assert list(tmp_path.iterdir()) == [out]
     film = np.array([frame[..., :3] for frame in iio.imiter(out)])

@@ -18,11 +18,12 @@ from numpy.typing import NDArray
 
 from taichi_disk.errors import SimulationError
 
+_EXACT = ("-fflags", "+bitexact", "-flags:v", "+bitexact")  # no version or random numbers in the file
 _TAGS = (
     # Without the matrix and its tags players guess at the colours, and guess differently.
     *("-vf", "scale=out_color_matrix=bt709:out_range=tv", "-pix_fmt", "yuv420p"),
     *("-colorspace", "bt709", "-color_primaries", "bt709", "-color_trc", "bt709"),
-    *("-fflags", "+bitexact", "-flags:v", "+bitexact"),  # no version numbers in the file
+    *_EXACT,
 )
 _ENCODINGS = {
     ".mp4": (*_TAGS, "-c:v", "libx264", "-preset", "veryfast", "-crf", "20", "-movflags", "+faststart", "-f", "mp4"),
@@ -34,7 +35,7 @@ _ENCODINGS = {
         "-f",
         "gif",
     ),
-    ".png": ("-c:v", "png", "-pix_fmt", "rgb24", "-fflags", "+bitexact", "-flags:v", "+bitexact", "-f", "image2"),
+    ".png": ("-c:v", "png", "-pix_fmt", "rgb24", *_EXACT, "-f", "image2"),
 }
 
 
