@@ -134,16 +134,18 @@ def _accuracy(arguments: argparse.Namespace) -> int:
 
     scene = load_scene(arguments.scene, arguments.overrides)
 
-    from taichi_disk.study.accuracy import markdown, measure, write
+    from taichi_disk.study.accuracy import measure
+    from taichi_disk.study.accuracy_report import write
+    from taichi_disk.study.error_sources import other_errors
 
     progress = progress_for(sys.stderr)
     try:
         points = measure(scene, progress)
+        sources = other_errors(scene, points, progress)
     finally:
         progress.stop()
     out = arguments.out or Path("out") / f"{Path(arguments.scene).stem}_accuracy"
-    write(points, out, " ".join([Path(arguments.scene).stem, *arguments.overrides]))
-    print("\n".join(markdown(points)))
+    print(write(points, sources, out, " ".join([Path(arguments.scene).stem, *arguments.overrides])))
     print(f"files in {out}")
     return 0
 
@@ -202,7 +204,8 @@ def _parser() -> argparse.ArgumentParser:
     render.add_argument("--panel", action=argparse.BooleanOptionalAction, help="curves at the right, or none")
 
     _add_scene(_command(commands, "check", _check, "say what is wrong with a scene, or print it resolved"))
-    accuracy = _command(commands, "accuracy", _accuracy, "speed against error: every integrator at several steps")
+    summary = "speed against error: integrators, precisions and steps, beside lattices, N and walls"
+    accuracy = _command(commands, "accuracy", _accuracy, summary)
     _add_scene(accuracy)
     accuracy.add_argument("--out", type=Path, metavar="DIR", help="where the files go (default: out/SCENE_accuracy)")
     bench = _command(commands, "bench", _bench, "speed and error on this machine, beside other programs")

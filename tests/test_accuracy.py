@@ -13,7 +13,7 @@ from taichi_disk.cli import main
 from taichi_disk.progress import QuietProgress
 from taichi_disk.scene_file import load_scene
 from taichi_disk.scenes import build
-from taichi_disk.study import accuracy
+from taichi_disk.study import accuracy, error_sources
 from taichi_disk.study.reference import Reference, cached_solution
 
 SMALL = ["lattice.points=30", "impact.velocity=0.05"]
@@ -68,6 +68,7 @@ def test_the_command_leaves_table_and_picture(
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
     monkeypatch.setattr(accuracy, "FRACTIONS", (0.8, 0.4))
     monkeypatch.setattr(accuracy, "REPEATS", 1)
+    monkeypatch.setattr(error_sources, "FINER", (4,))
     command = [
         "accuracy",
         "compression",
@@ -85,6 +86,18 @@ def test_the_command_leaves_table_and_picture(
     assert [row["integrator"] for row in rows] == 2 * (2 * ["velocity_verlet"] + 2 * ["trapezoidal"])
     assert [row["precision"] for row in rows] == 4 * ["f64"] + 4 * ["f32"]
     assert float(rows[3]["error"]) < float(rows[2]["error"]) < 1e-2
+    with (tmp_path / "out" / "error_sources.csv").open() as file:
+        others = list(csv.DictReader(file))
+    assert [row["source"] for row in others] == 4 * ["time step"] + 7 * ["lattice sample"] + ["points"] + 2 * [
+        "wall hardness"
+    ]
+    # A run with the changed key gives the very number.
+    from taichi_disk import run
+
+    settings = ["lattice.points=12", "material.eta_star=5", "compression.method=newton", "lattice.seed=2"]
+    xi = run(load_scene("compression", settings), tmp_path / "run", video=False).headline["xi"]
+    assert float(others[5]["headline"]) == pytest.approx(xi, rel=1e-12)
+    assert float(others[5]["difference"]) == pytest.approx(xi - float(others[0]["headline"]), rel=1e-9)
     assert (tmp_path / "out" / "accuracy.png").read_bytes().startswith(b"\x89PNG")
 
 

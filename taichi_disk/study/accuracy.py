@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-import csv
-from collections.abc import Iterator
-from dataclasses import asdict, dataclass, fields, replace
-from pathlib import Path
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -17,9 +14,7 @@ from taichi_disk.model.physics import Integrator
 from taichi_disk.model.runtime import Precision
 from taichi_disk.model.stability import spectrum, step_limit
 from taichi_disk.model.world import World
-from taichi_disk.output import atomic_write, prepare_output
 from taichi_disk.progress import Progress
-from taichi_disk.results import write_text
 from taichi_disk.scene import CompressionScene, Scene
 from taichi_disk.scenes import build
 from taichi_disk.scenes.setup import Setup
@@ -136,59 +131,3 @@ def _measure(
 
 def _compression(positions: np.ndarray) -> float:
     return float(positions[:, 1].mean() - positions[:, 1].min())
-
-
-def write(points: list[Point], out: Path, title: str) -> None:
-    """accuracy.csv, accuracy.md and the work-precision diagram accuracy.png."""
-    prepare_output(out)
-
-    def table(beside: Path) -> None:
-        with beside.open("w", newline="", encoding="utf-8") as file:
-            writer = csv.DictWriter(file, [field.name for field in fields(Point)], lineterminator="\n")
-            writer.writeheader()
-            writer.writerows(asdict(point) for point in points)
-
-    atomic_write(out / "accuracy.csv", table)
-    text = "\n".join(markdown(points)) + "\n"
-    write_text(out / "accuracy.md", text)
-    draw(points, out / "accuracy.png", title)
-
-
-def markdown(points: list[Point]) -> Iterator[str]:
-    yield (
-        "| integrator | precision | step / limit | steps | time [ms] | ns/spring/step "
-        "| error | largest position error [R] | energy imbalance |"
-    )
-    yield "|---|---|---|---|---|---|---|---|---|"
-    for p in points:
-        yield (
-            f"| {p.integrator} | {p.precision} | {p.fraction:g} | {p.steps:,} | {1e3 * p.seconds:.1f} "
-            f"| {p.ns_per_spring_and_step:.1f} | {p.error:.1e} | {p.trajectory_error:.1e} "
-            f"| {p.closing_imbalance:+.1e} |"
-        )
-
-
-def draw(points: list[Point], path: Path, title: str) -> None:
-    """Error on x, time on y; a vertical mark where the step is 0.8 of the limit, what `dt: auto` takes."""
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(6.4, 4.4), dpi=120, layout="constrained")
-    FigureCanvasAgg(figure)
-    axes = figure.subplots()
-    for name, colour in (("velocity_verlet", "#0072B2"), ("trapezoidal", "#D55E00"), ("vefrl", "#009E73")):
-        for precision, style in (("f64", "o-"), ("f32", ".--")):
-            curve = [p for p in points if (p.integrator, p.precision) == (name, precision)]
-            if not curve:
-                continue
-            label = f"{name}, {precision}"
-            axes.loglog([p.error for p in curve], [p.seconds for p in curve], style, color=colour, label=label)
-            for p in curve:
-                if p.fraction == 0.8:
-                    axes.loglog(p.error, p.seconds, "o", ms=12, mfc="none", color=colour)
-    axes.set_xlabel("error of the headline")
-    axes.set_ylabel("time to solution, one core  [s]")
-    axes.set_title(title, fontsize=10)
-    axes.grid(True, which="both", color="0.92")
-    axes.legend(frameon=False, title="ring: the automatic step (0.8 of the limit)")
-    atomic_write(path, lambda beside: figure.savefig(beside, metadata={"Software": None}))
