@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ctypes
 import os
 import shutil
 import subprocess
@@ -28,7 +29,7 @@ from taichi_disk.view.controls import Controls
 from taichi_disk.view.keys import Keys
 from taichi_disk.view.mouse import Mouse
 from taichi_disk.view.sandbox import Sandbox
-from taichi_disk.view.stage import with_key
+from taichi_disk.view.stage import as_run, set_up, with_key
 
 SMALL = ["lattice.points=120", "impact.velocity=0.05"]
 WALL = [*SMALL, "wall.points=160", "wall.threshold=0.11"]
@@ -256,6 +257,13 @@ def test_a_hard_wall_is_met_again_with_a_step_that_closes_the_ledger(sandbox: Sa
     assert sandbox.motion.ledger.worst() < 1e-4 * sandbox.motion.scale
 
 
+def test_what_a_moving_disk_cannot_have_is_left_out_and_not_saved() -> None:
+    settings = ["time.integrator=vefrl", "time.tolerance=1e-6", "material.eta_star=0", *SMALL]
+    stage = set_up(load_scene("exponential_wall", settings))
+    time = as_run(stage, stage.scene).time
+    assert (time.integrator, time.tolerance, time.dt) == ("velocity_verlet", "none", stage.step.dt)
+
+
 def test_the_reach_of_the_contact_follows_a_softer_wall_and_a_slower_disk() -> None:
     scene = load_scene("absorbing_wall", [])
     for key, value in (("wall.a", 150.0), ("impact.velocity", 1e-3)):
@@ -398,6 +406,34 @@ def display() -> Iterator[dict[str, str]]:
     server.wait()
 
 
+def ask_to_close(display: str, window: int) -> None:
+    """What a window manager sends when the cross in a window's corner is pressed."""
+
+    class Message(ctypes.Structure):
+        _fields_ = (
+            ("type", ctypes.c_int),
+            ("serial", ctypes.c_ulong),
+            ("sent", ctypes.c_int),
+            ("display", ctypes.c_void_p),
+            ("window", ctypes.c_ulong),
+            ("kind", ctypes.c_ulong),
+            ("format", ctypes.c_int),
+            ("data", ctypes.c_long * 5),
+            ("rest_of_an_event", ctypes.c_long * 16),
+        )
+
+    x11 = ctypes.CDLL("libX11.so.6")
+    x11.XOpenDisplay.restype = ctypes.c_void_p
+    x11.XInternAtom.restype = ctypes.c_ulong
+    there = ctypes.c_void_p(x11.XOpenDisplay(display.encode()))
+    kind, close = (x11.XInternAtom(there, name, 0) for name in (b"WM_PROTOCOLS", b"WM_DELETE_WINDOW"))
+    client_message = 33
+    message = Message(type=client_message, window=window, kind=kind, format=32)
+    message.data[0] = close
+    x11.XSendEvent(there, ctypes.c_ulong(window), 0, ctypes.c_long(0), ctypes.byref(message))
+    x11.XCloseDisplay(there)
+
+
 def wait_for(path: Path) -> Path:
     for _ in range(100):
         if path.exists():
@@ -479,6 +515,8 @@ def test_the_window_opens_obeys_and_shows_the_disk_where_it_is(display: dict[str
         film = iio.imread(wait_for(out / "view-1.mp4"))
         assert len(film) >= 20 and film.shape[1:3] == (picture.shape[0], picture.shape[1])
 
+        # Another scene is compiled and shown; a drag in flight turns the disk; a film goes on in a window of any size.
+        hand.key("u")
         hand("windowsize", window, 700, 500)
         time.sleep(1.0)
         hand("mousemove", "--window", window, 500, 150, "mousedown", 1)
@@ -486,9 +524,17 @@ def test_the_window_opens_obeys_and_shows_the_disk_where_it_is(display: dict[str
         hand("mousemove", "--window", window, 600, 100)
         time.sleep(0.3)
         hand("mouseup", 1)
-        assert program.poll() is None
-        hand.key("q")
+        known = len(list(out.glob("*.png")))
+        hand.key("p")
+        with Image.open(wait_for(out / f"view-{known + 1}.png")) as image:
+            facts = image.text  # type: ignore[attr-defined]
+        assert facts["scene"].startswith("scene: absorbing_wall") and facts["changed by hand"] == "True"
+        assert image.height == 500
+        hand.key("v")
+        time.sleep(1.0)
+        ask_to_close(display["DISPLAY"], int(window))
         assert program.wait(20) == 0, program.stderr.read() if program.stderr else ""
+        assert len(iio.imread(out / "view-2.mp4")) > 5
         assert not list(tmp_path.rglob("imgui.ini"))
     finally:
         if program.poll() is None:

@@ -21,8 +21,4 @@ def view(scene: Scene, out: Path) -> None:
     from taichi_disk.view.window import Viewer
 
     runtime.start("cpu")
-    # In a window any knob may be turned: what could not follow (single precision, an integrator without dashpots) is
-    # left out, also of the scene that is saved.
-    plain = {"precision": "f64"} | ({"integrator": "auto"} if scene.time.integrator == "vefrl" else {})
-    scene = scene.model_copy(update={"time": scene.time.model_copy(update=plain)})
     Viewer(Sandbox(scene), out).run()

@@ -29,7 +29,7 @@ class Controls:
     def __init__(self, sandbox: Sandbox, out: Path) -> None:
         self.sandbox, self.mouse, self.out = sandbox, Mouse(sandbox), out
         self.recording = self.picture_wanted = self.closing = False
-        self.scale = Scale(1e-12)
+        self.scale = self.push_scale = Scale(1e-12)
         self.reset_scale()
 
     # ---- numbers
@@ -92,6 +92,7 @@ class Controls:
 
     def set_points_number(self, value: int) -> None:
         self.sandbox.set("lattice.points", POINTS[min(max(value, 0), len(POINTS) - 1)])
+        self.reset_scale()
 
     def another_lattice(self) -> None:
         self.sandbox.set("lattice.seed", self.sandbox.scene.lattice.seed + 1)
@@ -132,11 +133,12 @@ class Controls:
         self.sandbox.set("video.draw", SHOWS[value])
 
     def reset_scale(self) -> None:
-        """Begin the scale of colours again: strains of an impact reach about v/c, speeds v, under a load about P."""
+        """Begin the scales of colours and arrows again: strains of an impact reach about v/c, under a load about P."""
         push = self.push
         points = self.sandbox.scene.lattice.points
         starts = {"strain": push, "force": 0.1 * push, "speed": push, "kinetic": 0.5 * push**2 / points}
         self.scale = Scale(starts[COLOURINGS[self.colouring_number]])
+        self.push_scale = Scale(0.5 * self.sandbox.motion.setup.point_force, full=100.0)
 
     # ---- wishes
 

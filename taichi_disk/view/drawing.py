@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import taichi as ti
 
+from taichi_disk.contact import contact_forces
 from taichi_disk.render.camera import Camera
 from taichi_disk.render.colouring import COLOURINGS, QUANTITIES, spring_values
 from taichi_disk.render.painter import Painter
@@ -42,7 +43,7 @@ class Drawing:
         if self._painter is None or self._drawn[0] is not setup.lattice.bonds:
             if self._painter:
                 self._painter.destroy()
-            subject = Subject(setup.lattice, setup.physics.wall == "rigid", (), 1.0, view)
+            subject = Subject(setup.lattice, setup.physics.wall == "rigid", (), 1.0, view, full_force=1.0)
             self.camera = _look(view, width, height)
             self._painter = Painter(subject, self.camera, height / 720)
         elif (width, height, view) != self._drawn[1:]:
@@ -51,7 +52,9 @@ class Drawing:
         self._drawn = (setup.lattice.bonds, width, height, view)
         colouring, x, v = COLOURINGS[self._controls.colouring_number], motion.positions, motion.velocities
         values = self._controls.scale.places(spring_values(setup.lattice, motion.world.physics, x, v, colouring))
-        self._shown = x, values, SHOWS[self._controls.show_number], QUANTITIES[colouring].signed
+        points, forces = contact_forces(setup.lattice, motion.world.physics, x)
+        pushed = points, self._controls.push_scale.places(forces)
+        self._shown = x, values, SHOWS[self._controls.show_number], QUANTITIES[colouring].signed, pushed
         self._painter.paint(self._canvas, *self._shown)
         tie = self._controls.mouse.tie
         if tie is not None:

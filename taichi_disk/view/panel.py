@@ -39,7 +39,8 @@ class Panel:
             for key, label in self._keys.buttons():
                 if self._gui.button(f"{label}  [{key}]"):
                     self._wishes.append(partial(self._keys.press, key))
-            for line in [*_broken(message), *lines]:
+            arrows = f"arrows: wall's push, longest {self._controls.push_scale.limit:g} M c^2/R"
+            for line in [*_broken(message), *lines, arrows]:
                 self._gui.text(line)
             for name, colour in CURVES:
                 self._gui.text(f"-- {name}", _on_dark(colour))

@@ -31,14 +31,27 @@ class Stage:
 
 def set_up(scene: Scene, before: Stage | None = None) -> Stage:
     """Raises TaichiDiskError. What `before` has in common with `scene` is not built again."""
-    if isinstance(scene, CompressionScene) and scene.compression.method == "newton":
-        # Nothing moves in time there.
-        scene = with_key(scene, "compression.method", "relaxation")
+    scene = _live(scene)
     same = before is not None and _body_keys(scene) == _body_keys(before.scene)
     body = before.body if before is not None and same else body_of(scene)
     setup = build(scene, body)
     modes = spectrum(setup.lattice, replace(setup.physics, eta=setup.physics.eta or 1.0))
     return Stage(scene, body, setup, modes, choose(scene.time, setup.physics, modes, setup.point_force))
+
+
+def _live(scene: Scene) -> Scene:
+    """`scene` without what cannot be had while it moves and any knob may be turned; so is the scene that is saved.
+
+    That is single precision, an integrator without dashpots, a tolerance that takes several runs, and Newton's
+    method, in which nothing moves in time.
+    """
+    plain = {"precision": "f64", "tolerance": "none"}
+    if scene.time.integrator == "vefrl":
+        plain["integrator"] = "auto"
+    changes: dict[str, Any] = {"time": scene.time.model_copy(update=plain)}
+    if isinstance(scene, CompressionScene):
+        changes["compression"] = scene.compression.model_copy(update={"method": "relaxation"})
+    return scene.model_copy(update=changes)
 
 
 def _body_keys(scene: Scene) -> tuple[Any, ...]:

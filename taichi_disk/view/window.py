@@ -23,7 +23,7 @@ from taichi_disk.view.sandbox import PATIENCE, Sandbox
 from taichi_disk.view.shots import Shots
 
 TITLE = "taichi-disk view"
-SIZE = (1180, 800)
+SIZE = (1180, 860)
 _LONGEST = 0.1  # a picture that took longer does not make the next step longer [s]
 _PICTURE = 1.0 / 32.0  # what computing and drawing may take together [s]
 _NAMES = {
