@@ -14,6 +14,8 @@ from taichi_disk.results import write_text
 from taichi_disk.study.accuracy import Point
 from taichi_disk.study.error_sources import Source
 
+MARKS = {0.8: "o", 0.95: "|"}  # steps that a reader looks for, as fractions of the stability limit
+
 
 def write(points: list[Point], sources: list[Source], out: Path, title: str) -> str:
     """Write accuracy.csv, error_sources.csv, accuracy.md and accuracy.png; returns the text of accuracy.md."""
@@ -60,7 +62,7 @@ def sources_table(sources: list[Source]) -> Iterator[str]:
 
 
 def draw(points: list[Point], path: Path, title: str) -> None:
-    """Error on x, time on y; a vertical mark where the step is 0.8 of the limit, what `dt: auto` takes."""
+    """Error on x, time on y; a ring where the step is 0.8 of the limit, what `dt: auto` takes, a bar at 0.95."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
@@ -75,11 +77,13 @@ def draw(points: list[Point], path: Path, title: str) -> None:
             label = f"{name}, {precision}"
             axes.loglog([p.error for p in curve], [p.seconds for p in curve], style, color=colour, label=label)
             for p in curve:
-                if p.fraction == 0.8:
-                    axes.loglog(p.error, p.seconds, "o", ms=12, mfc="none", color=colour)
+                if p.fraction in MARKS:
+                    axes.loglog(p.error, p.seconds, MARKS[p.fraction], ms=12, mfc="none", color=colour)
     axes.set_xlabel("error of the headline")
     axes.set_ylabel("time to solution, one core  [s]")
     axes.set_title(title, fontsize=10)
     axes.grid(True, which="both", color="0.92")
-    axes.legend(frameon=False, title="ring: the automatic step (0.8 of the limit)")
+    axes.legend(
+        frameon=False, title="ring: 0.8 of the stability limit (automatic); bar: 0.95", fontsize=8, title_fontsize=8
+    )
     atomic_write(path, lambda beside: figure.savefig(beside, metadata={"Software": None}))
