@@ -37,7 +37,7 @@ def page(figure2: Path, figure3: Path, figure6: Path, further: Sequence[Path], g
     lines = [
         "# Results against the paper and the theory",
         "",
-        "Made by `python -m taichi_disk.study.report` from the files of `taichi-disk sweep`; not edited by hand.",
+        "Made by the commands at its end; not edited by hand.",
         "Units: disk mass M = radius R = reference speed c = 1. Intervals are 95 %, from resampling the lattices.",
         "",
     ]
@@ -55,7 +55,18 @@ def page(figure2: Path, figure3: Path, figure6: Path, further: Sequence[Path], g
     counts = ", ".join(f"{one['points']} points, {len(one['failed'])} failed" for one in main)
     worst = max(abs(float(row["energy_imbalance"])) for one in main for row in one["rows"] if row["energy_imbalance"])
     ledger = f"Largest energy imbalance of an impact: {worst:.1e} of its kinetic energy."
-    return "\n".join([*lines, "## Provenance", "", f"{versions}. Figures 2, 3 and 6: {counts}. {ledger}", ""])
+    lines += ["## Provenance", "", f"{versions}. Figures 2, 3 and 6: {counts}. {ledger}"]
+    lines += ["This page is what these commands leave:", ""]
+    return "\n".join([*lines, *_commands((figure2, figure3, figure6), further, grown), ""])
+
+
+def _commands(figures: Sequence[Path], further: Sequence[Path], grown: Sequence[Path]) -> list[str]:
+    """The command lines that make the page, as a block of code."""
+    swept = [folder.name for folder in figures]
+    swept += [f"docs/experiments/{folder.name}.yaml" for folder in (*further, *grown)]
+    report = ["python -m taichi_disk.study.report", *(f"out/{folder.name}" for folder in (*figures, *further))]
+    report += ["--continuum", *(f"out/{folder.name}" for folder in grown)] if grown else []
+    return ["```sh", *(f"taichi-disk sweep {name}" for name in swept), " ".join(report), "```"]
 
 
 def fit_table(curves: Sequence[dict[str, Any]]) -> list[str]:
