@@ -47,7 +47,8 @@ def film_again(folders: list[Path], out: Path | None, options: dict[str, Any], p
     prepare_output(out.parent)
     if not out.suffix:
         check_pictures(out)
-    runtime.start("cpu")
+    single = all(scene.time.precision == "f32" for scene in scenes)
+    runtime.start("cpu", precision="f32" if single else "f64")
     runs = [_compute(scene, progress) for scene in scenes]
     if out.suffix == ".png":
         still(out, runs, video)

@@ -148,6 +148,16 @@ def test_a_scene_says_how_its_run_is_filmed(tmp_path: Path) -> None:
 
 
 @needs_vulkan
+@pytest.mark.parametrize("precision", ["f64", "f32"])
+def test_filmed_again_without_options_a_film_is_the_same(tmp_path: Path, precision: str) -> None:
+    words = ["lattice.points=60", "video.size=120", "video.seconds=0.3", "video.panel=true", "video.colour=force"]
+    sets = [word for one in (*words, f"time.precision={precision}") for word in ("--set", one)]
+    assert main(["run", "exponential_wall", *sets, "--out", str(tmp_path)]) == 0
+    assert main(["render", str(tmp_path)]) == 0
+    assert (tmp_path / "render.mp4").read_bytes() == (tmp_path / "video.mp4").read_bytes()
+
+
+@needs_vulkan
 def test_the_panel_s_curves_end_where_the_time_series_is(runs: tuple[Path, Path], tmp_path: Path) -> None:
     out, words = tmp_path / "frames", ["--size", "720", "--fps", "10", "--seconds", "0.6", "--panel"]
     assert main(["render", str(runs[0]), "--out", str(out), *words]) == 0
