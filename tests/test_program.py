@@ -62,6 +62,7 @@ def test_another_version_of_a_library_changes_it(monkeypatch: pytest.MonkeyPatch
     fingerprint.cache_clear()
 
 
+@pytest.mark.validate
 def test_every_module_that_computing_a_point_loads_is_part_of_it(tmp_path: Path) -> None:
     code = """if True:
     import sys

@@ -21,7 +21,7 @@ Array = NDArray[np.float64]
 Row = dict[str, str]  # of points.csv
 Numbers = dict[str, Array]  # one value for each lattice
 SEEDS = 2  # lattices on which a viscosity is measured
-POINTS, MOST_LATTICES = 500_000, 32  # points in all, and lattices at most, of a size that are pressed at small strains
+POINTS, MOST_LATTICES = 300_000, 32  # points in all, and lattices at most, of a size that are pressed at small strains
 
 
 def compression(rows: Sequence[Row]) -> list[str]:
