@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from time import perf_counter
 from typing import Any
@@ -22,13 +23,23 @@ from taichi_disk.tolerance import Tried, better_step, error_estimate
 
 MARGIN = 0.95  # of the limit that the measured wall stiffness leaves; an automatic step above it is redone
 CLOSING, WORST = 2e-5, 1e-4  # largest imbalance of the energy, at the end and ever, that an automatic step may leave
+OPEN = 1e-3  # imbalance that no result may have: it would show in the third digit of e
 ATTEMPTS = 8
 
 
-def move(setup: Setup, time: TimeSection, modes: Spectrum, step: TimeStep, progress: Progress) -> Outcome:
+def move(
+    setup: Setup,
+    time: TimeSection,
+    modes: Spectrum,
+    step: TimeStep,
+    progress: Progress,
+    make: Callable[[Setup, TimeStep, World | None], World] = make_world,
+) -> Outcome:
     """Simulate `setup` to its end, beginning with `step`; an automatic step that proves too long is shortened.
 
-    Raises SimulationError when the scene does not end in time, BlowUp when the state becomes meaningless.
+    `make` gives the world at t = 0, if possible with the kernels of the one before.
+    Raises SimulationError when the scene does not end in time or, at an automatic step, its ledger stays open, BlowUp
+    when the state becomes meaningless.
     """
     interval = setup.sample_interval if time.sample_interval == "auto" else time.sample_interval
     trial = Trial(time, setup.point_force)
@@ -37,7 +48,7 @@ def move(setup: Setup, time: TimeSection, modes: Spectrum, step: TimeStep, progr
     for attempt in range(1, ATTEMPTS + 1):
         progress.start("compile", None)
         began = perf_counter()
-        world = make_world(setup, step, world)
+        world = make(setup, step, world)
         compile_seconds += perf_counter() - began
         result: Simulation | BlowUp
         try:
@@ -47,13 +58,16 @@ def move(setup: Setup, time: TimeSection, modes: Spectrum, step: TimeStep, progr
         limit = step_limit(modes, replace(setup.physics, integrator=step.integrator), result.peak_point_force)
         columns = None if isinstance(result, BlowUp) else result.columns
         trial = trial.with_run(setup, step, columns)
-        following = next_trial(trial, setup, step, limit, result.peak_point_force, columns)
+        stubborn = isinstance(result, BlowUp) and result.stubborn
+        following = next_trial(trial, setup, step, limit, result.peak_point_force, columns, stubborn)
         if following is None or attempt == ATTEMPTS:
             break
         trial = following
         step = choose(trial.time, setup.physics, modes, trial.point_force)
     if isinstance(result, BlowUp):
         raise result
+    if time.dt == "auto" and (still_open := unclosed(setup, result.columns)):
+        raise SimulationError(still_open)
     if following is not None and time.tolerance != "none":
         raise SimulationError(trial.out_of_tolerance())
     return _describe(setup, trial, result, limit, attempt, compile_seconds)
@@ -66,6 +80,7 @@ class Trial:
     time: TimeSection
     point_force: float
     excess: float = float("inf")  # of the energy imbalance over what is allowed, in the trial before
+    stubborn: bool = False  # the trial before blew up from what a shorter step seldom mends
     tried: tuple[Tried, ...] = ()  # the runs so far, where an error has to be estimated
 
     def with_run(self, setup: Setup, step: TimeStep, columns: Columns | None) -> Trial:
@@ -90,16 +105,24 @@ class Trial:
 
 
 def next_trial(
-    trial: Trial, setup: Setup, step: TimeStep, limit: float, peak: float, columns: Columns | None
+    trial: Trial,
+    setup: Setup,
+    step: TimeStep,
+    limit: float,
+    peak: float,
+    columns: Columns | None,
+    stubborn: bool = False,
 ) -> Trial | None:
     """What to choose a shorter step from, after `step` has been tried; None where it may stand.
 
     Args:
         limit: stability limit with the force `peak` on one point that was measured [R/c], [M c^2/R].
         columns: the time series, None after a blow-up.
+        stubborn: whether that blew up from what a shorter step seldom mends: one more is tried.
     """
-    if trial.time.dt != "auto":
+    if trial.time.dt != "auto" or (stubborn and trial.stubborn):
         return None
+    trial = replace(trial, stubborn=stubborn)
     if step.dt > max(MARGIN, trial.time.safety) * limit:
         return replace(trial, point_force=1.5 * peak)
     factor = 0.5
@@ -114,6 +137,20 @@ def next_trial(
         factor = max(0.25, 0.9 / float(np.sqrt(excess)))  # order 2: the error falls with the square of the step
     # Of the step taken, which a reset boundary may have made shorter than the one that was asked for.
     return replace(trial, time=trial.time.model_copy(update={"safety": factor * step.dt / step.limit}))
+
+
+def unclosed(setup: Setup, columns: Columns) -> str | None:
+    """What to tell of a run whose energy ledger is so far off, at the end or ever, that its result is none."""
+    lost = imbalance(columns) / setup.energy_scale(columns)
+    k = int(np.abs(lost).argmax())
+    allowed = OPEN if setup.scene.time.tolerance == "none" else max(OPEN, setup.scene.time.tolerance)
+    if abs(lost[k]) <= allowed:
+        return None
+    why = "the step is too long for what happens here: set time.dt: auto, or a shorter one"
+    if setup.scene.time.dt == "auto":
+        why = "a shorter step did not help; one written by hand as time.dt is kept, with this as a warning"
+    when = f"t = {columns['t'][k]:.6g} R/c"
+    return f"the energy ledger is off by {lost[k]:+.2g} at {when}, where {allowed:g} is allowed; {why}"
 
 
 def _closer(trial: Trial, setup: Setup, step: TimeStep) -> Trial | None:
@@ -137,7 +174,11 @@ def _describe(
     lost = imbalance(columns) / setup.energy_scale(columns)
     kinds = ("kinetic", "elastic", "wall", "dissipated", "absorbed", "sliding")
     energy = {name: float(columns[name][-1]) for name in kinds}
+    warnings = [
+        text for text in (_too_long(simulation.step, limit), unclosed(setup, columns), slid(setup, columns)) if text
+    ]
     facts: dict[str, Any] = {
+        "warnings": warnings,
         "steps": simulation.end.step,
         "dt": simulation.step.dt,
         "dt_limit": limit,
@@ -156,3 +197,25 @@ def _describe(
         return replay(simulation, times)
 
     return Outcome(columns, world.positions()[0], world.velocities()[0], snapshots, facts, compile_seconds)
+
+
+def slid(setup: Setup, columns: Columns) -> str | None:
+    """What to tell of a run in which sliding over the elastic wall's springs changed the energy visibly."""
+    part = float(np.abs(columns["sliding"]).max()) / setup.energy_scale(columns)
+    if part <= OPEN:
+        return None
+    return (
+        f"points of the disk slid from spring to spring of the dented wall, which changed the energy by {part:.2g} of "
+        "the kinetic energy: that is the contact law's own doing, at any step, and e is as uncertain; a lower "
+        "impact.velocity or a higher material.k_a dents the wall less"
+    )
+
+
+def _too_long(step: TimeStep, limit: float) -> str | None:
+    """What to tell of a step by hand that was stable by the estimate of the wall's force, but not by its measure."""
+    if step.dt <= limit:
+        return None
+    return (
+        f"the step {step.dt:.6g} R/c is beyond the stability limit that the measured force of the wall leaves, "
+        f"{limit:.6g} R/c: set time.dt: auto, or a shorter one"
+    )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
@@ -18,10 +19,12 @@ NAMES = {
 
 
 def print_result(result: RunResult) -> None:
-    """Print the result, how it was computed, how long that took, and where the files are."""
+    """Print the result, how it was computed, how long that took, where the files are; warnings on stderr."""
     for name, value, unit in _rows(result):
         print(f"{name:<36}{value:>16} {unit}".rstrip())
     print(f"files in {result.out}")
+    for text in result.summary.get("warnings", ()):
+        print(f"warning: {text}", file=sys.stderr)
 
 
 def _rows(result: RunResult) -> Iterator[tuple[str, str, str]]:

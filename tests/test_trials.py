@@ -7,7 +7,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from taichi_disk.dynamics import CLOSING, MARGIN, WORST, Trial, next_trial
+from taichi_disk.dynamics import CLOSING, MARGIN, OPEN, WORST, Trial, next_trial, slid, unclosed
 from taichi_disk.scene import TimeSection
 from taichi_disk.time_step import TimeStep
 
@@ -53,3 +53,27 @@ def test_a_step_given_by_hand_stands() -> None:
 def test_after_a_blow_up_the_step_is_halved() -> None:
     following = next_trial(Trial(TimeSection(), 0.1), SETUP, STEP, 0.02, 0.1, None)
     assert following is not None and following.time.safety * STEP.limit == pytest.approx(0.5 * STEP.dt)
+
+
+def test_what_a_shorter_step_seldom_mends_is_tried_once_more() -> None:
+    following = next_trial(Trial(TimeSection(), 0.1), SETUP, STEP, 0.02, 0.1, None, True)
+    assert following is not None and following.time.safety * STEP.limit == pytest.approx(0.5 * STEP.dt)
+    assert next_trial(following, SETUP, STEP, 0.02, 0.1, None, True) is None
+    assert next_trial(following, SETUP, STEP, 0.02, 0.1, None, False) is not None
+
+
+def test_a_ledger_that_stays_open_is_told_with_what_may_help() -> None:
+    for dt, helps in (("auto", "a shorter step did not help"), (0.01, "time.dt: auto")):
+        scene = SimpleNamespace(time=TimeSection(dt=dt))
+        setup = SimpleNamespace(energy_scale=SETUP.energy_scale, scene=scene)
+        for excess, told in ((0.9, False), (1.1, True)):
+            total = np.array([0.0, -excess * OPEN * 2.0, 0.0])
+            text = unclosed(setup, {"total": total, "t": np.arange(3.0)})
+            assert bool(text) == told
+            if text:
+                assert "off by -0.0011 at t = 1 R/c" in text and helps in text
+
+
+def test_energy_that_sliding_changed_is_told() -> None:
+    for part, told in ((0.9, False), (-1.1, True)):
+        assert bool(slid(SETUP, {"sliding": np.array([0.0, part * OPEN * 2.0, 0.0])})) == told

@@ -69,7 +69,8 @@ class Compression(Setup):
         return (
             f"the disk is not at rest by t = {columns['t'][-1]:.6g} R/c (kinetic energy {columns['kinetic'][-1]:.3g} "
             f"M c^2, largest force on a point {columns['residual'][-1]:.3g} M c^2/R); use compression.method: newton, "
-            "or set compression.max_time or material.eta_star higher"
+            "or set compression.max_time higher, or material.eta_star nearer to 100: weaker dashpots take longer, and "
+            "much stronger ones let the disk bounce as a rigid body, or hardly roll"
         )
 
     def energy_scale(self, columns: Columns) -> float:

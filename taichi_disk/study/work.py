@@ -13,7 +13,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
-from taichi_disk.dynamics import ATTEMPTS, Trial, next_trial
+from taichi_disk.dynamics import ATTEMPTS, Trial, next_trial, unclosed
 from taichi_disk.errors import TaichiDiskError
 from taichi_disk.lattice import Lattice
 from taichi_disk.model.stability import Spectrum, spectrum, step_limit
@@ -167,10 +167,13 @@ def _groups(jobs: list[_Job], lanes: int) -> Iterator[list[_Job]]:
 def _described(job: _Job, step: TimeStep, ending: Ending, moduli: Moduli) -> PointResult:
     setup = job.setup
     numbers: dict[str, Any] = {}
-    if ending.failure is None:
+    failure = ending.failure
+    if failure is None and setup.scene.time.dt == "auto":
+        failure = unclosed(setup, ending.columns)
+    if failure is None:
         lost = imbalance(ending.columns)[-1] / setup.energy_scale(ending.columns)
         numbers = {**setup.headline(ending.columns).values, "energy_imbalance": float(lost)}
         numbers |= {f"{name}_error": error for name, error in job.trial.errors(setup, ending.columns).items()}
     numbers |= {"young": moduli.young, "poisson": moduli.poisson}
     numbers |= {"steps": ending.steps, "dt": step.dt, "integrator": step.integrator}
-    return PointResult("failed" if ending.failure else "done", ending.failure, numbers)
+    return PointResult("failed" if failure else "done", failure, numbers)
