@@ -88,9 +88,11 @@ class Walls:
             before += 1
         lost = ti.cast(0.0, self.real)
         if before != k:
-            for back in ti.static((0.0, 1.0)):
-                h = back * move
-                lost += 0.5 * (self.contact(p, i, before, w, h, sums) - self.contact(p, i, k, w, h, sums))
+            for case in range(4):  # a loop: what is inlined four times takes long to compile
+                spring, half = k, ti.cast(-0.5, self.real)
+                if case < 2:
+                    spring, half = before, ti.cast(0.5, self.real)
+                lost += half * self.contact(p, i, spring, w, (case % 2) * move, sums)
         return lost
 
     @ti.func
