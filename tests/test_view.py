@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ctypes
 import os
+import re
 import shutil
 import subprocess
 import sys
@@ -339,6 +340,13 @@ def test_every_key_that_the_panel_names_does_something(sandbox: Sandbox, tmp_pat
     controls.set_log_eta(-1.0)
     assert sandbox.scene.material.eta_star == 0.0
     keys.press("F7")
+
+
+def test_the_page_on_the_window_names_every_key(sandbox: Sandbox) -> None:
+    page = (Path(__file__).parents[1] / "docs" / "window.md").read_text()
+    rows = [line.split("|")[1] for line in page.splitlines() if line.startswith("| `")]
+    named = [key for row in rows for key in re.findall("`(.+?)`", row)]
+    assert sorted(named) == sorted(Keys(Controls(sandbox, Path()))._actions())
 
 
 def test_more_points_and_another_lattice_are_built_at_once(sandbox: Sandbox) -> None:
