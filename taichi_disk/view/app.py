@@ -17,8 +17,7 @@ def view(scene: Scene, out: Path) -> None:
     """
     if problem := window_problem():
         raise TaichiDiskError(f"no window: {problem}")
-    from taichi_disk.view.sandbox import Sandbox
     from taichi_disk.view.window import Viewer
 
     runtime.start("cpu")
-    Viewer(Sandbox(scene), out).run()
+    Viewer(scene, out).run()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -33,8 +34,9 @@ class Sandbox:
         result: once the scene has ended, its headline.
     """
 
-    def __init__(self, scene: Scene) -> None:
-        self.worlds = Worlds()
+    def __init__(self, scene: Scene, before_compiling: Callable[[], None] = lambda: None) -> None:
+        """Raises TaichiDiskError. `before_compiling` is called whenever the next thing takes a moment."""
+        self.worlds = Worlds(before_compiling)
         self.speed = 1.0
         self._start(Motion(set_up(scene), self.worlds), "")
 

@@ -14,6 +14,8 @@ import taichi as ti
 
 from taichi_disk.errors import TaichiDiskError
 from taichi_disk.output import prepare_output
+from taichi_disk.render.colours import GROUND
+from taichi_disk.scene import Scene
 from taichi_disk.view.controls import Controls
 from taichi_disk.view.drawing import SMALLEST, Drawing
 from taichi_disk.view.keys import Keys
@@ -39,28 +41,35 @@ _NAMES = {
 class Viewer:
     """Holds the one window that may be alive; `run` returns when it has been closed."""
 
-    def __init__(self, sandbox: Sandbox, out: Path) -> None:
+    def __init__(self, scene: Scene, out: Path) -> None:
         """Files go into `out`. Raises InputError if it cannot be written, TaichiDiskError if there is no window."""
         prepare_output(out)
-        self.sandbox, self.controls = sandbox, Controls(sandbox, out.resolve())
+        self._scene, self._out = scene, out.resolve()
         try:
             self._window = ti.ui.Window(TITLE, SIZE, show_window=True)
         except RuntimeError as error:
             raise TaichiDiskError(f"no window: {error}") from error
+        self._ready = False
+
+    def run(self) -> None:
+        """Until the window is closed. Raises TaichiDiskError for a scene that cannot be built."""
+        with _elsewhere():  # GGUI leaves an imgui.ini in the current folder
+            try:
+                self._set_up()
+                self._loop()
+            finally:
+                if self._ready:
+                    self._shots.stop()
+                self._window.destroy()
+
+    def _set_up(self) -> None:
+        self.sandbox = Sandbox(self._scene, self._one_moment)
+        self.controls = Controls(self.sandbox, self._out)
         self._keys = Keys(self.controls)
         self._panel = Panel(self._window.get_gui(), self.controls, self._keys)
         self._drawing = Drawing(self._window.get_canvas(), self.controls)
         self._shots = Shots(self.controls, self._window.get_image_buffer_as_numpy)
-        sandbox.worlds.before_compiling = self._one_moment
-
-    def run(self) -> None:
-        """Until the window is closed."""
-        with _elsewhere():  # GGUI leaves an imgui.ini in the current folder
-            try:
-                self._loop()
-            finally:
-                self._shots.stop()
-                self._window.destroy()
+        self._ready = True
 
     def _loop(self) -> None:
         rates, frames, steps, since = "", 0, 0, perf_counter()
@@ -85,11 +94,16 @@ class Viewer:
 
     def _one_moment(self) -> None:
         """Between two pictures: say why the next one takes a second."""
-        self._drawing.again()
-        self._panel.show(self._size[0], self.sandbox.message, readings(self.sandbox))
-        with self._window.get_gui().sub_window("One moment", WIDTH / self._size[0] + 0.02, 0.02, 0.4, 0.08):
-            self._window.get_gui().text("Compiling for another scene or size...")
-        self._window.show()
+        gui = self._window.get_gui()
+        for _ in range(2):  # ImGui shows nothing in its first picture
+            if self._ready:
+                self._drawing.again()
+                self._panel.show(self._size[0], self.sandbox.message, readings(self.sandbox))
+            else:
+                self._window.get_canvas().set_background_color(GROUND)
+            with gui.sub_window("One moment", WIDTH / self._size[0] + 0.02, 0.02, 0.4, 0.08):
+                gui.text("Compiling for this scene and size...")
+            self._window.show()
 
     @property
     def _size(self) -> tuple[int, int]:

@@ -16,22 +16,19 @@ _KEPT = 12  # at a time
 
 
 class Worlds:
-    """One world for each number of points and springs and each set of features.
+    """One world for each number of points and springs and each set of features."""
 
-    Attributes:
-        before_compiling: called before the caller has to wait.
-    """
-
-    def __init__(self) -> None:
+    def __init__(self, before_compiling: Callable[[], None]) -> None:
+        """`before_compiling` is called before the caller has to wait."""
         self._known: dict[tuple[Any, ...], World] = {}
-        self.before_compiling: Callable[[], None] = lambda: None
+        self._before_compiling = before_compiling
 
     def start(self, lattice: Lattice, physics: Physics, velocities: NDArray[np.float64], dt: float) -> World:
         """A world at t = 0 of these; one that was given before may become it."""
         key = signature(lattice, physics)
         known = self._known.pop(key, None)
         if known is None or not known.restart(lattice, physics, velocities[None], dt):
-            self.before_compiling()
+            self._before_compiling()
             if known is None and len(self._known) >= _KEPT:
                 known = self._known.pop(next(iter(self._known)))
             if known is not None:
