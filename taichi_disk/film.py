@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from itertools import chain, repeat
 from pathlib import Path
 
 import numpy as np
@@ -33,9 +34,13 @@ def film(path: Path, runs: Sequence[Run], video: VideoSection, progress: Progres
     times = setup.frame_times(outcome.columns, count)
     subjects = _subjects(runs, [_tightest(outcome) for _, outcome in runs], video)
 
+    moving = bool(outcome.columns["kinetic"].any())
+    paces = [f"1 s shows {float(f'{pace:.2g}'):g} R/c" for pace in video.fps * np.diff(times)] if moving else [""]
+
     def frames() -> Iterator[list[Frame]]:
-        for moment in zip(*(run[1].snapshots(times) for run in runs), strict=True):
-            yield [_frame(*one) for one in zip(runs, subjects, moment, strict=True)]
+        moments = zip(*(run[1].snapshots(times) for run in runs), strict=True)
+        for moment, pace in zip(moments, chain(paces, repeat(paces[-1])), strict=False):
+            yield [_frame(*one, pace) for one in zip(runs, subjects, moment, strict=True)]
 
     progress.start("render", count)
     record_film(
@@ -77,8 +82,8 @@ def _subjects(runs: Sequence[Run], tightest: Sequence[Snapshot], video: VideoSec
     return [Subject(setup.lattice, setup.physics.wall == "rigid", setup.title(), *same) for setup, _ in runs]
 
 
-def _frame(run: Run, subject: Subject, state: Snapshot) -> Frame:
-    """The frame of a state; after the end the observables are those of the end."""
+def _frame(run: Run, subject: Subject, state: Snapshot, pace: str = "") -> Frame:
+    """The frame of a state; after the end the observables are those of the end. `pace`: how fast time passes."""
     (setup, outcome), (t, x, v) = run, state
     columns = outcome.columns
     row = {name: float(np.interp(t, columns["t"], values)) for name, values in columns.items()}
@@ -86,7 +91,8 @@ def _frame(run: Run, subject: Subject, state: Snapshot) -> Frame:
     if subject.colouring != "strain":
         values = spring_values(setup.lattice, setup.physics, x, v, subject.colouring) / subject.limit
     points, forces = contact_forces(setup.lattice, setup.physics, x)
-    return Frame(t, x, setup.caption(row | {"t": t}), values, (points, forces / subject.full_force))
+    caption = (*setup.caption(row | {"t": t}), *([pace] if pace else []))
+    return Frame(t, x, caption, values, (points, forces / subject.full_force))
 
 
 def _tightest(outcome: Outcome) -> Snapshot:

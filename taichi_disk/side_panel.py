@@ -45,18 +45,20 @@ def side_panel(runs: Sequence[tuple[Setup, Outcome]], size: int) -> Panel:
         moving = any(outcome.columns["kinetic"].any() for _, outcome in runs)
         axes[-1].set_xlabel("time  [R/c]" if moving else "from the unloaded disk (0) to the equilibrium (1)")
         results = _results(axes[0], runs)
-        axes[2].legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=2, borderaxespad=0.2, columnspacing=1.2)
+        axes[2].legend(loc="lower right", bbox_to_anchor=(1.0, 1.08), ncols=2, borderaxespad=0.2, columnspacing=1.2)
         if len(runs) > 1:
             handles = [Line2D([], [], color=LINE, linestyle=style) for style in _LINES]
             axes[0].legend(handles, _SIDES, loc="upper left", borderaxespad=0.2)
         figure.align_ylabels(axes)
         full = _pixels(canvas)
         figure.set_layout_engine("none")  # hiding the curves moves nothing
+        box = results.get_window_extent()
+        result = slice(size - int(box.y1) - 2, size - int(box.y0) + 2), slice(int(box.x0) - 2, int(box.x1) + 2)
         for artist in (*lines, results):
             artist.set_visible(False)
         empty = _pixels(canvas)
         left, right = (float(axes[0].transData.transform((t, 0.0))[0]) for t in (0.0, end))
-        return Panel(empty, full, (0.0, end), (left, right), tuple(_curve(line, size) for line in lines))
+        return Panel(empty, full, (0.0, end), (left, right), result, tuple(_curve(line, size) for line in lines))
 
 
 def _draw(axes: list[Axes], setup: Setup, outcome: Outcome, style: Any) -> Iterator[Line2D]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+from collections.abc import Iterable
 from pathlib import Path
 
 import imageio.v3 as iio
@@ -15,7 +16,7 @@ from taichi_disk.cli import main
 from taichi_disk.render.colours import GROUND, amount_colours
 from taichi_disk.render.film import film_problem
 from taichi_disk.render.layout import Layout
-from taichi_disk.render.picture import Subject
+from taichi_disk.render.picture import Frame, Subject
 from taichi_disk.scene_file import load_scene
 from taichi_disk.scenes import build
 
@@ -179,6 +180,9 @@ def test_the_panel_s_curves_end_where_the_time_series_is(runs: tuple[Path, Path]
     expected = np.interp(v, [v[0], v[-1]], [rows[0], rows[-1]])
     assert 100 < rows[0] - rows[-1] < 190 and (np.diff(columns) > 0).all()
     assert rows == pytest.approx(expected, abs=1.0)
+    # The result comes at the end, all at once.
+    ink = [(frame[160:182, 1150:1250] < 120).all(axis=-1).sum() for frame in frames]
+    assert ink[-1] > 50 and not any(ink[:3]) and set(ink) == {0, ink[-1]}
     # What is to come is not there yet: nothing blue right of the dot.
     for one, column in zip(blue, columns, strict=True):
         assert not one[:, int(column) + 7 :].any()
@@ -214,3 +218,21 @@ def test_the_disk_in_the_film_moves_as_its_centre_of_mass_does(runs: tuple[Path,
         ink = (np.abs(stage - 255 * np.array(GROUND)).sum(axis=-1) > 60) & (stage[..., 2] > stage[..., 0] - 10)
         row, column = np.argwhere(ink).mean(axis=0) + 0.5
         assert np.abs(np.array([column, row + camera.top]) - there).max() < 2.0
+
+
+def test_a_film_says_how_fast_its_time_passes(
+    runs: tuple[Path, Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    told: list[tuple[float, str]] = []
+
+    def record(_path: Path, _subjects: object, frames: Iterable[list[Frame]], **_: object) -> None:
+        told.extend((frame.t, frame.text[-1]) for (frame,) in frames)
+
+    monkeypatch.setattr("taichi_disk.film.record_film", record)
+    monkeypatch.setattr("taichi_disk.refilm.require_film", lambda size: None)
+    assert main(["render", str(runs[0]), "--out", str(tmp_path / "film.mp4"), "--fps", "20", "--seconds", "4"]) == 0
+    t, pace = np.array([(t, float(text.split()[3])) for t, text in told]).T
+    assert len(t) == 80 and told[0][1] == f"1 s shows {pace[0]:g} R/c"
+    # What was said adds up to the time that passed; the contact, in the middle, is slowed down.
+    assert (pace[:-1] / 20).sum() == pytest.approx(t[-1] - t[0], rel=0.03)
+    assert 1.8 * pace[40] < pace[1] and 1.8 * pace[40] < pace[-2]

@@ -27,6 +27,7 @@ class Panel:
         empty, full: (rows, columns, 3) uint8, without curves and with them whole.
         times: the first and the last time on the axis [R/c].
         edges: the columns of those, in pixels from the left.
+        result: rows and columns of a text that is not to come letter by letter.
         curves: of which the end is marked.
     """
 
@@ -34,6 +35,7 @@ class Panel:
     full: NDArray[np.uint8]
     times: tuple[float, float]
     edges: tuple[float, float]
+    result: tuple[slice, slice]
     curves: tuple[Curve, ...]
 
     def column(self, t: float) -> float:
@@ -46,6 +48,8 @@ class Panel:
         now = round(at)
         picture[:, :now, :3] = self.full[:, :now]
         picture[:, now:, :3] = self.empty[:, now:]
+        told = now > (self.result[1].start + self.result[1].stop) / 2
+        picture[..., :3][self.result] = (self.full if told else self.empty)[self.result]
         for curve in self.curves:
             self._mark(picture, at, float(np.interp(at, curve.columns, curve.rows)), curve.colour)
 

@@ -69,7 +69,9 @@ class Impact(Setup):
         last = columns["t"][-1]
         margin = 0.1 * (end - start)
         first, second = max(start - margin, 0.1 * start), min(end + margin, 0.9 * last + 0.1 * end)
-        return spread([0.0, first, second, last], [0.15, 0.7, 0.15], frames)
+        # The contact in slow motion: the flights before and after take half the time, and little of the film.
+        flights = [min(0.5 * flight, 0.2 * (second - first)) for flight in (first, last - second)]
+        return spread([0.0, first, second, last], [flights[0], second - first, flights[1]], frames)
 
     def title(self) -> tuple[str, ...]:
         scene = self.scene
