@@ -14,10 +14,10 @@ from taichi_disk.output import atomic_write
 from taichi_disk.progress import Progress
 from taichi_disk.render.colouring import QUANTITIES, round_up, spring_values
 from taichi_disk.render.film import record_film, require_film
+from taichi_disk.render.panel import Panel
 from taichi_disk.render.picture import Frame, Subject
 from taichi_disk.scene import Colouring, VideoSection
 from taichi_disk.scenes.setup import Setup
-from taichi_disk.side_panel import side_panel
 
 FULL_COLOUR = 95.0  # percentile of |strain| or |force|, at the moment when it is largest, that has the full colour
 
@@ -50,7 +50,7 @@ def film(path: Path, runs: Sequence[Run], video: VideoSection, progress: Progres
         size=video.size,
         fps=video.fps,
         supersample=video.supersample,
-        panel=side_panel(runs, video.size) if video.panel else None,
+        panel=_panel(runs, video),
         total=count,
         progress=lambda done, _total: progress.update(done),
     )
@@ -66,10 +66,18 @@ def still(path: Path, runs: Sequence[Run], video: VideoSection) -> None:
     tightest = [_tightest(outcome) for _, outcome in runs]
     subjects = _subjects(runs, tightest, video)
     frames = [_frame(*one) for one in zip(runs, subjects, tightest, strict=True)]
-    lines, panel = max(len(frame.text) for frame in frames), side_panel(runs, video.size) if video.panel else None
-    with Stills(subjects, video.size, lines, video.supersample, panel) as stills:
+    lines = max(len(frame.text) for frame in frames)
+    with Stills(subjects, video.size, lines, video.supersample, _panel(runs, video)) as stills:
         picture = stills.draw(frames)[..., :3].copy()
     atomic_write(path, lambda beside: Image.fromarray(picture).save(beside, optimize=True))
+
+
+def _panel(runs: Sequence[Run], video: VideoSection) -> Panel | None:
+    if not video.panel:
+        return None
+    from taichi_disk.side_panel import side_panel  # matplotlib takes its time
+
+    return side_panel(runs, video.size)
 
 
 def _subjects(runs: Sequence[Run], tightest: Sequence[Snapshot], video: VideoSection) -> list[Subject]:

@@ -36,7 +36,7 @@ def arrow_lines(
     tip = foot + ARROW * size * along
     head = np.minimum(min(_HEAD, 0.8 * spacing), 0.5 * ARROW * size)
     c, s = head * np.cos(_ANGLE), head * np.sin(_ANGLE)
-    bar = 0.25 * spacing * across
+    bar = min(0.25 * spacing, 0.05) * across
     ends = np.full((most, LINES, 2, 2), FAR)
     ends[:, :, 1, 1] -= 1.0  # a line has a length
     ends[:k, 0] = np.stack([foot - bar, foot + bar], axis=1)
