@@ -15,7 +15,7 @@ def window_problem() -> str | None:
         name = os.environ.get("DISPLAY", "")
         remedy = (
             "run it on a desktop, log in with `ssh -X`, or give it a virtual one: "
-            "`xvfb-run -s '-screen 0 1280x800x24' taichi-disk view`; `taichi-disk run` films without a display"
+            "`xvfb-run -s '-screen 0 1280x1024x24' taichi-disk view`; `taichi-disk run` films without a display"
         )
         if not name:
             return f"there is no display (DISPLAY is not set): {remedy}"
