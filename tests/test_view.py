@@ -185,6 +185,23 @@ def test_the_pull_of_the_mouse_gives_the_energy_that_the_disk_gains(sandbox: San
     assert sandbox.motion.ledger.given() == given and sandbox.motion.changed
 
 
+def test_the_end_is_reached_from_where_the_mouse_let_go(sandbox: Sandbox) -> None:
+    sandbox.set("material.eta_star", 0.0)
+    sandbox.restart()
+    motion = sandbox.motion
+    while motion.ledger.now()["com_vy"] < 0.02:
+        sandbox.advance(0.05)
+    motion.tie(0, 1.0, 3.0)
+    sandbox.advance(0.2)
+    before = motion.ledger.imbalance()
+    motion.let_go()
+    sandbox.speed = 1e3  # past the end at once: it goes back to the last look, and stops where the scene ends
+    sandbox.advance(1.0, patience=60.0)
+    assert sandbox.result is not None
+    # What is left is the wobble of a point that shakes: it falls with the square of the step.
+    assert abs(motion.ledger.imbalance() - before) < 2e-3 * motion.scale
+
+
 def test_a_turned_disk_is_as_far_from_the_wall_and_as_unloaded_as_before(sandbox: Sandbox) -> None:
     before, lattice = sandbox.motion.positions.copy(), sandbox.motion.setup.lattice
     assert sandbox.motion.flying_in

@@ -169,11 +169,14 @@ class Motion:
         self.pull, self.changed, self.ended, self._touched = (point, (x, y)), True, False, True
         k_a = self.world.physics.k_a
         self.ledger.pulled(self.world.take_hold(point, (x, y), STIFFNESS * k_a, STRONGEST * k_a))
+        self._look()  # the next kick is another one now
 
     def let_go(self) -> None:
+        """Untie the point, if one is tied."""
         if self.pull:
             self.pull = None
             self.ledger.pulled(self.world.take_hold(-1, (0.0, 0.0), 0.0, 0.0))
+            self._look()
 
     # ---- the step on trial
 
