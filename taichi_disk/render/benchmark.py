@@ -26,12 +26,13 @@ _FRAMES = 240
 
 
 def _frames(subject: Subject) -> Iterator[Frame]:
-    """A disk crossed by waves."""
+    """A disk crossed by waves, pushed at a dozen points."""
     rest = subject.lattice.positions
+    pushed = np.argsort(rest[:, 1])[:12], np.tile([0.0, 0.5], (12, 1))
     for k in range(_FRAMES):
         t = k / 30
         shaken = rest + [0.0, 1.1] + 0.004 * np.sin(9.0 * rest[:, ::-1] - 6.0 * t)
-        yield Frame(t, shaken, (f"t = {t:.2f} R/c", f"frame {k}"))
+        yield Frame(t, shaken, (f"t = {t:.2f} R/c", f"frame {k}"), pushed=pushed)
 
 
 def _report(what: str, work: Callable[[], None]) -> None:
@@ -48,7 +49,7 @@ def main(points: int = 1099, size: int = 720) -> None:
     """Print the three speeds for a disk of `points` points at `size` x `size` pixels."""
     ti.init(ti.cpu, default_fp=ti.f64, fast_math=False, log_level=ti.ERROR)
     view = (-1.1, 1.1, 0.0, 2.2)
-    subject = Subject(disk_lattice(points, 0), True, ("Benchmark", f"N = {points}"), 0.04, view)
+    subject = Subject(disk_lattice(points, 0), True, ("Benchmark", f"N = {points}"), 0.04, view, full_force=1.0)
     frames = list(_frames(subject))
     with tempfile.TemporaryDirectory() as folder:
         with Stills([subject], size, 2) as stills:
