@@ -128,7 +128,7 @@ def test_targets_are_met_not_met_or_not_measured() -> None:
 
 def test_the_files_hold_every_run(tmp_path: Path) -> None:
     timings = [timing("peers", "wall: Numba, serial", [2.0, 3.0], [0.8, 0.8])]
-    report.write(tmp_path / "out", timings, judged(timings, None), ["a line"])
+    report.write(tmp_path / "out", report.machine(), timings, judged(timings, None), ["a line"])
     with (tmp_path / "out" / "bench.csv").open() as file:
         (row,) = csv.DictReader(file)
     assert (row["name"], row["lanes"], row["precision"], float(row["median"])) == (

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 
@@ -29,28 +30,29 @@ def run_benchmark(parts: Sequence[str] = PARTS, out: Path | None = None) -> None
     facts = report.machine()
     tell([", ".join(f"{name} {value}" for name, value in facts.items()), ""])
     tell([f"Runs take turns, {REPEATS} times; ratio: the median over the turns, to the first row of a part.", ""])
-    if kernel.PART in parts:
-        timings += (found := kernel.measure(REPEATS))
-        tell([*report.table("one core, ns per spring, step and lane", "ns", 1e9, found), ""])
-    if sweep.PART in parts:
-        timings += (found := sweep.measure(REPEATS))
-        tell([*report.table("lanes, ns per spring, step and lane", "ns", 1e9, found), ""])
-    if comparison.PART in parts:
-        found, absent = comparison.measure(REPEATS)
+    for part in (part for part in PARTS if part in parts):
+        print(f"measuring: {part}", file=sys.stderr, flush=True)  # the first time, compiling takes minutes
+        if part == kernel.PART:
+            found = kernel.measure(REPEATS)
+            tell(report.table("one core, ns per spring, step and lane", "ns", 1e9, found))
+        elif part == sweep.PART:
+            found = sweep.measure(REPEATS)
+            tell(report.table("lanes, ns per spring, step and lane", "ns", 1e9, found))
+        elif part == comparison.PART:
+            found, absent = comparison.measure(REPEATS)
+            tell(report.table("other programs, one core, ns per spring and step", "ns", 1e9, found, "difference of e"))
+            tell(f"  {line}" for line in absent)
+        elif part == solution.PART:
+            found, fraction = solution.measure(REPEATS)
+            tell(report.table("time to e, automatic step, one core", "ms", 1e3, found, "error of e"))
+        else:
+            found = film.measure(3)
+            tell(report.table("a film", "s", 1.0, found))
         timings += found
-        tell(report.table("other programs, one core, ns per spring and step", "ns", 1e9, found, "difference of e"))
-        tell([*(f"  {line}" for line in absent), ""])
-    if solution.PART in parts:
-        solutions = solution.measure(REPEATS)
-        fraction = solutions.fraction
-        timings += solutions.timings
-        tell([*report.table("time to e, automatic step, one core", "ms", 1e3, solutions.timings, "error of e"), ""])
-    if film.PART in parts:
-        timings += (found := film.measure(3))
-        tell([*report.table("a film", "s", 1.0, found), ""])
+        tell([""])
     targets = [target for target in judged(timings, fraction) if target.part in parts]
     if targets:
         tell(report.verdicts(targets))
     if out:
-        report.write(out, timings, targets, printed)
+        report.write(out, facts, timings, targets, printed)
         print(f"files in {out}")

@@ -21,14 +21,16 @@ WIDTH = 60
 
 
 def machine() -> dict[str, Any]:
-    """What was measured on, and with which versions."""
+    """What is measured on, how busy that is with other work, and which versions."""
     versions = {}
     for name in PACKAGES:
         try:
             versions[name] = version(name)
         except PackageNotFoundError:
             continue
-    return {"processor": _processor(), "cores": os.cpu_count(), "python": platform.python_version(), **versions}
+    load = {"load average": round(os.getloadavg()[0], 1)} if hasattr(os, "getloadavg") else {}
+    facts = {"processor": _processor(), "cores": os.cpu_count(), **load}
+    return facts | {"python": platform.python_version(), **versions}
 
 
 def _processor() -> str:
@@ -56,8 +58,10 @@ def verdicts(targets: Sequence[Target]) -> Iterator[str]:
         yield f"  {target.text:<{WIDTH + 2}}{value:>10}{bound:>10}  {words[target.met]}"
 
 
-def write(out: Path, timings: Sequence[Timing], targets: Sequence[Target], text: Sequence[str]) -> None:
-    """bench.csv (a row for each timing), bench.json (every run, the targets, the machine), bench.txt."""
+def write(
+    out: Path, facts: dict[str, Any], timings: Sequence[Timing], targets: Sequence[Target], text: Sequence[str]
+) -> None:
+    """bench.csv (a row for each timing), bench.json (every run, the targets, the `machine`), bench.txt."""
     prepare_output(out)
     rows = [
         {
@@ -85,7 +89,7 @@ def write(out: Path, timings: Sequence[Timing], targets: Sequence[Target], text:
 
     atomic_write(out / "bench.csv", fill)
     details = {
-        "machine": machine(),
+        "machine": facts,
         "timings": [row | {"seconds": t.seconds} for row, t in zip(rows, timings, strict=True)],
         "targets": [{"text": t.text, "bound": t.bound, "value": t.value, "met": t.met} for t in targets],
     }

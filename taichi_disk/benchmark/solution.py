@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import partial
 
 from taichi_disk.benchmark.engine import EngineProcess, ours
@@ -17,16 +16,11 @@ SINGLE_PRECISION = "eta* = 0, f32"
 SOLVER = "SciPy DOP853 on NumPy, eta* = 0"
 
 
-@dataclass(frozen=True)
-class Solutions:
-    """Timings of whole impacts, and how long the undamped step was, as a fraction of the stability limit."""
+def measure(repeats: int) -> tuple[list[Timing], float]:
+    """Timings of whole impacts, and how long the undamped step is, as a fraction of the stability limit.
 
-    timings: list[Timing]
-    fraction: float
-
-
-def measure(repeats: int) -> Solutions:
-    """Errors are those of e against DOP853 at a relative tolerance of 10^-11 (kept, see `accuracy`)."""
+    Errors are those of e against DOP853 at a relative tolerance of 10^-11 (kept, see `accuracy`).
+    """
     tasks = {eta_star: impact("exponential_wall", f"material.eta_star={eta_star}") for eta_star in ETAS}
     truths = {eta_star: _truth(task) for eta_star, task in tasks.items()}
     runs, errors = {}, {}
@@ -44,7 +38,7 @@ def measure(repeats: int) -> Solutions:
         seconds = in_turn(runs, repeats)
     base = next(iter(seconds.values()))
     timings = [Timing(PART, name, 1, times, base, error=errors[name]) for name, times in seconds.items()]
-    return Solutions(timings, tasks[0].dt / tasks[0].limit)
+    return timings, tasks[0].dt / tasks[0].limit
 
 
 def _truth(task: Task) -> float:
