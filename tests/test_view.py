@@ -347,7 +347,9 @@ def test_every_key_that_the_panel_names_does_something(sandbox: Sandbox, tmp_pat
     def state() -> tuple[object, ...]:
         wishes = (controls.recording, controls.picture_wanted, controls.closing)
         shown = (controls.colouring_number, controls.show_number)
-        return sandbox.scene, sandbox.speed, sandbox.paused, sandbox.message, sandbox.motion.ledger.t, wishes, shown
+        built = (controls.points, controls.seed, sandbox.scene.scene)
+        t = sandbox.motion.ledger.t
+        return sandbox.scene, sandbox.speed, sandbox.paused, sandbox.message, t, wishes, shown, built
 
     for key in ("e", "d", "Up", "Down", "a", "z", "Left", "Right", "c", *dict(keys.buttons())):
         before = state()
@@ -367,12 +369,18 @@ def test_the_page_on_the_window_names_every_key(sandbox: Sandbox) -> None:
 
 
 def test_more_points_and_another_lattice_are_built_at_once(sandbox: Sandbox) -> None:
-    keys = Keys(Controls(sandbox, Path()))
-    keys.press("n")
+    controls, seen = Controls(sandbox, Path()), sandbox.motion
+    keys = Keys(controls)
+    for key in "nnkl":
+        keys.press(key)
+    assert sandbox.motion is seen and controls.points == 200
+    controls.build()  # once, whatever came before
     assert sandbox.scene.lattice.points == len(sandbox.motion.positions) == 200
+    assert sandbox.scene.lattice.seed == 1
     bonds = sandbox.motion.setup.lattice.bonds
     keys.press("l")
-    assert sandbox.scene.lattice.seed == 1 and not np.array_equal(sandbox.motion.setup.lattice.bonds, bonds)
+    controls.build()
+    assert sandbox.scene.lattice.seed == 2 and not np.array_equal(sandbox.motion.setup.lattice.bonds, bonds)
     assert sandbox.motion.ledger.t == 0.0 and not sandbox.motion.changed
 
 

@@ -29,6 +29,7 @@ class Controls:
     def __init__(self, sandbox: Sandbox, out: Path) -> None:
         self.sandbox, self.mouse, self.out = sandbox, Mouse(sandbox), out
         self.recording = self.picture_wanted = self.closing = False
+        self._wishes: dict[str, int] = {}
         self.scale = self.push_scale = Scale(1e-12)
         self.reset_scale()
 
@@ -84,38 +85,60 @@ class Controls:
     def set_log_speed(self, value: float) -> None:
         self.sandbox.speed = _rounded(min(max(value, -2.0), 2.0))
 
+    # Choices that something is built and compiled for: what was wished for last is built, by `build`.
+
+    @property
+    def points(self) -> int:
+        """Of the disk."""
+        wish = self._wishes.get("points")
+        return self.sandbox.scene.lattice.points if wish is None else POINTS[wish]
+
     @property
     def points_number(self) -> int:
         """The place in POINTS of the number nearest to that of the disk's points."""
-        ratios = np.log(np.array(POINTS) / self.sandbox.scene.lattice.points)
-        return int(np.abs(ratios).argmin())
+        return int(np.abs(np.log(np.array(POINTS) / self.points)).argmin())
 
     def set_points_number(self, value: int) -> None:
-        self.sandbox.set("lattice.points", POINTS[min(max(value, 0), len(POINTS) - 1)])
-        self.reset_scale()
+        self._wishes["points"] = min(max(value, 0), len(POINTS) - 1)
+
+    @property
+    def seed(self) -> int:
+        return self._wishes.get("seed", self.sandbox.scene.lattice.seed)
 
     def another_lattice(self) -> None:
-        self.sandbox.set("lattice.seed", self.sandbox.scene.lattice.seed + 1)
+        self._wishes["seed"] = self.seed + 1
 
     @property
     def scene_number(self) -> int:
-        return SCENE_NAMES.index(self.sandbox.scene.scene)
+        return self._wishes.get("scene", SCENE_NAMES.index(self.sandbox.scene.scene))
 
     def set_scene_number(self, value: int) -> None:
-        self.sandbox.switch(SCENE_NAMES[value])
-        self.reset_scale()
+        self._wishes["scene"] = value
 
     @property
     def boundary_number(self) -> int | None:
         scene = self.sandbox.scene
-        return BOUNDARIES.index(scene.wall.boundary) if isinstance(scene, AbsorbingWallScene) else None
-
-    def set_boundary_number(self, value: int) -> None:
-        self.sandbox.set("wall.boundary", BOUNDARIES[value])
+        if not isinstance(scene, AbsorbingWallScene):
+            return None
+        return self._wishes.get("boundary", BOUNDARIES.index(scene.wall.boundary))
 
     def next_boundary(self) -> None:
         if self.boundary_number is not None:
-            self.set_boundary_number((self.boundary_number + 1) % len(BOUNDARIES))
+            self._wishes["boundary"] = (self.boundary_number + 1) % len(BOUNDARIES)
+
+    def build(self) -> None:
+        """Build what was wished for, however many wishes went before."""
+        wishes, self._wishes = self._wishes, {}
+        if "boundary" in wishes:
+            self.sandbox.set("wall.boundary", BOUNDARIES[wishes["boundary"]])
+        if "points" in wishes:
+            self.sandbox.set("lattice.points", POINTS[wishes["points"]])
+        if "seed" in wishes:
+            self.sandbox.set("lattice.seed", wishes["seed"])
+        if "scene" in wishes:
+            self.sandbox.switch(SCENE_NAMES[wishes["scene"]])
+        if wishes:
+            self.reset_scale()
 
     @property
     def colouring_number(self) -> int:

@@ -33,7 +33,7 @@ class Keys:
         yield "w", "write the scene"
         yield "v", "stop recording" if c.recording else "record a film"
         yield "p", "picture"
-        yield "l", f"another lattice than {sandbox.scene.lattice.seed}"
+        yield "l", f"another lattice than {c.seed}"
         if c.boundary_number is not None:
             yield "b", f"boundary: {BOUNDARIES[c.boundary_number]}"
         yield "x", f"draw: {SHOWS[c.show_number]}"

@@ -30,7 +30,6 @@ class Panel:
     def __init__(self, gui: Any, controls: Controls, keys: Keys) -> None:
         self._gui, self._controls, self._keys = gui, controls, keys
         self._wishes: list[Wish] = []
-        self._points_wanted: int | None = None
 
     def show(self, width: int, message: str, lines: Iterable[str]) -> None:
         """`width`: of the window in pixels; `lines`: read-outs."""
@@ -45,14 +44,11 @@ class Panel:
             for name, colour in CURVES:
                 self._gui.text(f"-- {name}", _on_dark(colour))
 
-    def carry_out(self, held: bool) -> None:
-        """Do what was wished for; what builds a new disk waits while the mouse's button is `held`."""
+    def carry_out(self) -> None:
+        """Do what was wished for."""
         wishes, self._wishes = self._wishes, []
         for wish in wishes:
             wish()
-        if self._points_wanted is not None and not held:
-            wanted, self._points_wanted = self._points_wanted, None
-            self._controls.set_points_number(wanted)
 
     def _sliders(self) -> None:
         c = self._controls
@@ -67,17 +63,12 @@ class Panel:
         speed = f"speed of time {c.sandbox.speed:g} R/c per s  [left right]"
         self._number(speed, "log10 speed", c.log_speed, -2.0, 2.0, c.set_log_speed)
         self._choice(f"scene  [t y u]: {SCENE_NAMES[c.scene_number]}", "scene", c.scene_number, 2, c.set_scene_number)
-        wanted = self._points_wanted
-        points = scene.lattice.points if wanted is None else POINTS[wanted]
-        number = c.points_number if wanted is None else wanted
-        self._choice(f"points of the disk  [k n]: {points}", "points", number, len(POINTS) - 1, self._want_points)
+        last = len(POINTS) - 1
+        self._choice(f"points of the disk  [k n]: {c.points}", "points", c.points_number, last, c.set_points_number)
         colouring = COLOURINGS[c.colouring_number]
         unit = f"{c.scale.limit:g} {QUANTITIES[colouring].unit}".strip()
         label = f"colour  [c]: {colouring}, full at {unit}"
         self._choice(label, "colour", c.colouring_number, len(COLOURINGS) - 1, c.set_colouring_number)
-
-    def _want_points(self, number: int) -> None:
-        self._points_wanted = number
 
     def _number(
         self, heading: str, label: str, value: float, low: float, high: float, change: Callable[[float], None]

@@ -120,7 +120,9 @@ class Viewer:
             elif self._window.get_cursor_pos()[0] * self._size[0] > WIDTH:
                 self.controls.mouse.press(*self._pointed())
         held, mouse = self._window.is_pressed(ti.ui.LMB), self.controls.mouse
-        self._panel.carry_out(held)
+        self._panel.carry_out()
+        if not held:
+            self.controls.build()
         if mouse.holding:
             if held:
                 mouse.move(*self._pointed())
