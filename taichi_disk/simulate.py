@@ -21,6 +21,7 @@ from taichi_disk.time_step import TimeStep
 
 SPRINGS_PER_LAUNCH = 3_000_000  # spring evaluations in one kernel launch: about 15 ms on one core
 ENERGIES = [COLUMNS.index(name) for name in ("kinetic", "elastic", "wall", "dissipated", "absorbed", "sliding", "load")]
+SPRINGS_BETWEEN_LOOKS = 100 * SPRINGS_PER_LAUNCH  # of a large lattice, whose launches are short by themselves
 BLOW_UP = 0.1  # imbalance of the energy, relative to the largest energy so far, that ends a run
 
 
@@ -77,7 +78,7 @@ def simulate(setup: Setup, world: World, step: TimeStep, interval: float, progre
     start = good = world.export_state()
     stride = max(1, round(interval / step.dt))
     last = ceil(setup.max_time / (stride * step.dt))  # number of the last row
-    launch = max(1, SPRINGS_PER_LAUNCH // len(setup.lattice.bonds))  # steps
+    launch = _launch(world)
     rows = world.first_row[None, :, 0]
     progress.start("simulate", setup.max_time)
     while True:
@@ -101,6 +102,12 @@ def simulate(setup: Setup, world: World, step: TimeStep, interval: float, progre
             _checked(setup, world, world.export_state(), good, float(columns["total"][0]))
             return Simulation(world, step, start, world.export_state(), columns)
         progress.update(world.time)
+
+
+def _launch(world: World) -> int:
+    """Steps to ask a world for at once: so few that Ctrl-C is heard soon."""
+    springs = SPRINGS_PER_LAUNCH if world.chunks == 1 else SPRINGS_BETWEEN_LOOKS
+    return max(1, springs // len(world.lattice.bonds))
 
 
 def _advance(world: World, launch: int, stride: int, most: int) -> NDArray[np.float64]:
@@ -226,7 +233,7 @@ def replay(
     Yields (t, positions (n, 2), velocities (n, 2)).
     """
     world = simulation.world
-    launch = max(1, SPRINGS_PER_LAUNCH // len(world.lattice.bonds))
+    launch = _launch(world)
     world.import_state(simulation.start)
     for number in np.rint(times / world.dt).astype(int):
         if number > world.step_number:

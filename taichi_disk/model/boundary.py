@@ -94,14 +94,15 @@ class Boundary:
         for i in range(self.n):
             self.v[i] += half * self.f[i] - self.u[i]
         eta = self.eta[None]
-        for b in range(self.n_bonds):
-            i, j = self.bond_i[b], self.bond_j[b]
-            lost = self.u[i] - self.u[j]
-            for w in ti.static(range(self.lanes)):
-                lost[0, w] *= eta[w]
-                lost[1, w] *= eta[w]
-            self.f[i] += lost
-            self.f[j] -= lost
+        for b in range(self.blocks):
+            for k in ti.static(range(self.block)):
+                i, j = self.bond_i[b][k], self.bond_j[b][k]
+                lost = self.u[i] - self.u[j]
+                for w in ti.static(range(self.lanes)):
+                    lost[0, w] *= eta[w]
+                    lost[1, w] *= eta[w]
+                self.f[i] += lost
+                self.f[j] -= lost
         for i in range(self.n):
             self.u[i] = self.v[i]
             self.v[i] -= half * self.f[i]
@@ -136,10 +137,11 @@ class Boundary:
         """sum(eta (u_i - u_j).(w_i - w_j)) over the springs, w = v + g f: g = 0 the last half step, h/m the next."""
         power = ti.Vector.zero(self.real, self.lanes)
         eta = self.eta[None]
-        for b in range(self.n_bonds):
-            i, j = self.bond_i[b], self.bond_j[b]
-            u = self.u[i] - self.u[j]
-            v = self.v[i] - self.v[j] + g * (self.f[i] - self.f[j])
-            for w in ti.static(range(self.lanes)):
-                power[w] += eta[w] * (u[0, w] * v[0, w] + u[1, w] * v[1, w])
+        for b in range(self.blocks):
+            for k in ti.static(range(self.block)):
+                i, j = self.bond_i[b][k], self.bond_j[b][k]
+                u = self.u[i] - self.u[j]
+                v = self.v[i] - self.v[j] + g * (self.f[i] - self.f[j])
+                for w in ti.static(range(self.lanes)):
+                    power[w] += eta[w] * (u[0, w] * v[0, w] + u[1, w] * v[1, w])
         return power

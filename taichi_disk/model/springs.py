@@ -22,19 +22,19 @@ class Springs:
                 eta[0, w] = self.eta[None][w]
                 eta[1, w] = self.eta[None][w]
         for block in range(begin, end):
-            first = block * self.block
+            i, j, unloaded = self.bond_i[block], self.bond_j[block], self.rest[block]
             dx = ti.Vector.zero(self.real, width)
             dy = ti.Vector.zero(self.real, width)
             rest = ti.Vector.zero(self.real, width)
             change = ti.Vector.zero(self.real, width)  # of the length's square
             for k in ti.static(range(self.block)):
-                d = self.x[self.bond_i[first + k]] - self.x[self.bond_j[first + k]]
+                d = self.x[i[k]] - self.x[j[k]]
                 for w in ti.static(range(self.lanes)):
                     dx[k * self.lanes + w] = d[0, w]
                     dy[k * self.lanes + w] = d[1, w]
-                    rest[k * self.lanes + w] = self.rest[first + k]
+                    rest[k * self.lanes + w] = unloaded[k]
                 if ti.static(self.single):
-                    span = self.span[first + k]
+                    span = ti.Vector([self.span[block][k, 0], self.span[block][k, 1]])
                     for w in ti.static(range(self.lanes)):
                         dx[k * self.lanes + w] += span[0]
                         dy[k * self.lanes + w] += span[1]
@@ -55,22 +55,20 @@ class Springs:
                 energy += (0.25 * p.k_b) * s2 * s2
             if ti.static(self.block > 1):
                 # This store makes the compiler take the block's square roots and divisions as one vector.
-                for k in ti.static(range(self.block)):
-                    self.pull[first + k] = pull[k]
+                self.pull[block] = pull
             squares = ti.Vector.zero(self.real, self.lanes)
             for k in ti.static(range(self.block)):
-                i, j = self.bond_i[first + k], self.bond_j[first + k]
                 force = ti.Matrix.zero(self.real, 2, self.lanes)
                 for w in ti.static(range(self.lanes)):
                     force[0, w] = pull[k * self.lanes + w] * dx[k * self.lanes + w]
                     force[1, w] = pull[k * self.lanes + w] * dy[k * self.lanes + w]
                 if ti.static(dashpot):
-                    u = self.u[i] - self.u[j]
+                    u = self.u[i[k]] - self.u[j[k]]
                     for w in ti.static(range(self.lanes)):
                         squares[w] += u[0, w] * u[0, w] + u[1, w] * u[1, w]
                     force += eta * u
-                self.f[i] = self.f[i] - force  # `-=` would be atomic where chunks are taken in parallel
-                self.f[j] = self.f[j] + force
+                self.f[i[k]] = self.f[i[k]] - force  # `-=` would be atomic where chunks are taken in parallel
+                self.f[j[k]] = self.f[j[k]] + force
             if ti.static(dashpot):
                 relative += squares
         elastic = ti.Vector.zero(self.real, self.lanes)

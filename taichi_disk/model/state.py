@@ -7,20 +7,19 @@ from typing import Any
 import taichi as ti
 
 from taichi_disk.lattice import Lattice
+from taichi_disk.model.ordering import Arrangement
 from taichi_disk.model.physics import Physics
 from taichi_disk.model.sums import SUMS
 
-BLOCK = 4  # springs handled together, so that their square roots and divisions become one vector instruction
-
-
-def blocks_of(lattice: Lattice, lanes: int) -> tuple[int, int]:
-    """(springs per block, number of blocks); lanes already fill a vector register on their own."""
-    size = BLOCK if lanes == 1 else 1
-    return size, -(-len(lattice.bonds) // size)
-
 
 def make_fields(
-    lattice: Lattice, physics: Physics, lanes: int, n_free: int, factor_entries: int, real: Any
+    lattice: Lattice,
+    physics: Physics,
+    springs: Arrangement,
+    lanes: int,
+    n_free: int,
+    factor_entries: int,
+    real: Any,
 ) -> tuple[dict[str, Any], Any]:
     """Allocate the fields for `lanes` replicas of `lattice` in one SNode tree, `real` numbers in f64 or f32.
 
@@ -30,7 +29,7 @@ def make_fields(
     Returns the fields by name and the tree, whose `destroy()` gives the memory back.
     """
     n = len(lattice.positions)
-    size, blocks = blocks_of(lattice, lanes)
+    filled = n + 2 * springs.chunks
     builder = ti.FieldsBuilder()
     fields: dict[str, Any] = {}
 
@@ -46,28 +45,34 @@ def make_fields(
         fields[name] = ti.Vector.field(lanes, real)
         builder.place(fields[name])
 
-    # Two points past the end carry the springs that pad the last block.
-    vectors("x", n + 2)  # positions at step k; in single precision displacements (see `frame`)
-    vectors("v", n + 2)  # velocities at step k - 1/2
-    vectors("f", n + 2)  # forces at step k
-    scalars("bond_i", blocks * size, ti.i32)
-    scalars("bond_j", blocks * size, ti.i32)
-    scalars("rest", blocks * size)
-    if size > 1:
-        scalars("pull", blocks * size)
+    # Two points past the end for each chunk carry the springs that fill up its blocks.
+    vectors("x", filled)  # positions at step k; in single precision displacements (see `frame`)
+    vectors("v", filled)  # velocities at step k - 1/2
+    vectors("f", filled)  # forces at step k
+    # A block's numbers in one element: else, where a loop begins anywhere, the compiler does not see them side by side.
+    for name, kind in (("bond_i", ti.i32), ("bond_j", ti.i32), ("rest", real), ("pull", real)):
+        if name != "pull" or springs.block > 1:
+            fields[name] = ti.Vector.field(springs.block, kind)
+            builder.dense(ti.i, springs.blocks).place(fields[name])
     if real is ti.f32:
-        for name, count in (("base", n), ("span", blocks * size)):
-            fields[name] = ti.Vector.field(2, real)
-            builder.dense(ti.i, count).place(fields[name])
+        fields["base"] = ti.Vector.field(2, real)
+        builder.dense(ti.i, n).place(fields["base"])
+        fields["span"] = ti.Matrix.field(springs.block, 2, real)
+        builder.dense(ti.i, springs.blocks).place(fields["span"])
     fields["sums"] = ti.Matrix.field(SUMS, lanes, ti.f64)  # dissipated, absorbed... (see `stepping`)
     builder.dense(ti.i, 1).place(fields["sums"])
+    if springs.chunks > 1:
+        scalars("strips", len(springs.strips), ti.i32)
+        for name, rows, count in (("chunk_sums", 4, springs.chunks), ("latest", 3, 1)):
+            fields[name] = ti.Matrix.field(rows, lanes, real)
+            builder.dense(ti.i, count).place(fields[name])
     if physics.load != 0.0:
         per_lane("load")
     if physics.pulled:
         fields["hand"] = ti.Vector.field(5, real)  # see `hand`
         builder.dense(ti.i, 1).place(fields["hand"])
     if physics.dissipates:
-        vectors("u", n + 2)  # velocities at step k, predicted (explicit) or solved for (implicit)
+        vectors("u", filled)  # velocities at step k, predicted (explicit) or solved for (implicit)
         per_lane("eta")
     if physics.implicit_dashpot:
         vectors("z", n_free)

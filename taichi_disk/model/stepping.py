@@ -67,11 +67,22 @@ class Stepping(Boundary, Frame, Hand):
             result = self.move_frame(kick * p.g, move * p.h, sums)
         total, highest = self.drift(p, kick * p.g, move * p.h, result, 0, self.n)
         elastic, squares = self.add_spring_forces(p, self.physics.explicit_dashpot, 0, self.blocks)
+        result, upward, potential = self.touch(p, move * p.h, result, total, highest)
+        return result, elastic, squares, upward, potential
+
+    @ti.func
+    def touch(self, p: ti.template(), move, sums, push, top):
+        """After the springs' forces: contact with the elastic wall, hand, pinned points; notes the wall's force.
+
+        The points have just moved by `move` times the velocity; `push` and `top` are the rigid wall's force and the
+        largest on one point. Returns `sums`, and force and potential of the contact with the elastic wall.
+        """
+        result, total, highest = sums, push, top
         upward = ti.Vector.zero(self.real, self.lanes)
         potential = ti.Vector.zero(self.real, self.lanes)
         if ti.static(self.uses("elastic wall")):
             slid = ti.Vector.zero(self.real, self.lanes)
-            upward, potential, highest, slid = self.add_contact_forces(p, move * p.h, result)
+            upward, potential, highest, slid = self.add_contact_forces(p, move, result)
             total = upward
             for w in ti.static(range(self.lanes)):
                 result[SLIDING, w] += slid[w]
@@ -83,7 +94,7 @@ class Stepping(Boundary, Frame, Hand):
             result[PEAK, w] = ti.max(result[PEAK, w], highest[w])
         if ti.static(self.single):
             result = self.push_frame(total, result)
-        return result, elastic, squares, upward, potential
+        return result, upward, potential
 
     @ti.func
     def step(self, p: ti.template(), number, before):
@@ -102,6 +113,14 @@ class Stepping(Boundary, Frame, Hand):
                     if k == s:
                         kick, move = self.splitting.joined_kicks[s], self.splitting.moves[s]
                 sums, elastic, squares, upward, potential = self.stage(p, kick, move, sums)
+        return self.account(p, number, sums, squares), elastic, upward, potential
+
+    @ti.func
+    def account(self, p: ti.template(), number, sums, squares):
+        """End step `number`: dashpots that act on points, the energy that all dashpots took, the boundary's reset.
+
+        `squares` is that of the springs. Returns `sums`.
+        """
         power = ti.Vector.zero(self.real, self.lanes)
         cross = ti.Vector.zero(self.real, self.lanes)
         boundary_power = ti.Vector.zero(self.real, self.lanes)
@@ -128,7 +147,7 @@ class Stepping(Boundary, Frame, Hand):
             result = self.reset_boundary(p, number % p.reset_steps == 0, sums, result)
         elif ti.static(self.physics.implicit_dashpot):
             self.take_damped_force(p)
-        return result, elastic, upward, potential
+        return result
 
     @ti.kernel
     def _advance(

@@ -40,21 +40,30 @@ class Storage:
     @ti.kernel
     def _fill_springs(self, ends: Integers2, rest: Reals1):
         ti.loop_config(serialize=True)
-        for b in range(self.blocks * self.block):
-            self.bond_i[b] = ends[b, 0]
-            self.bond_j[b] = ends[b, 1]
-            self.rest[b] = rest[b]
+        for b in range(self.blocks):
+            for k in ti.static(range(self.block)):
+                self.bond_i[b][k] = ends[b * self.block + k, 0]
+                self.bond_j[b][k] = ends[b * self.block + k, 1]
+                self.rest[b][k] = rest[b * self.block + k]
         if ti.static(not self.single):
-            for w in ti.static(range(self.lanes)):
-                self.x[self.n + 1][0, w] = 1.0  # the padding springs lie between (0, 0) and (1, 0), at rest
+            for c in range(self.chunks):
+                for w in ti.static(range(self.lanes)):
+                    self.x[self.n + 2 * c + 1][0, w] = 1.0  # springs that fill up lie between (0, 0) and (1, 0)
+
+    @ti.kernel
+    def _fill_strips(self, strips: Integers1):
+        for s in range(self.n_strips):
+            self.strips[s] = strips[s]
 
     @ti.kernel
     def _fill_base(self, base: Reals2, span: Reals2):
         ti.loop_config(serialize=True)
         for i in range(self.n):
             self.base[i] = ti.Vector([base[i, 0], base[i, 1]])
-        for b in range(self.blocks * self.block):
-            self.span[b] = ti.Vector([span[b, 0], span[b, 1]])
+        for b in range(self.blocks):
+            for k in ti.static(range(self.block)):
+                for c in ti.static(range(2)):
+                    self.span[b][k, c] = span[b * self.block + k, c]
 
     @ti.kernel
     def _fill_lanes(self, eta: Reals1, load: Reals1):

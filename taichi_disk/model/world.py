@@ -14,16 +14,17 @@ import taichi as ti
 from numpy.typing import NDArray
 
 from taichi_disk.lattice import Lattice
+from taichi_disk.model.chunks import STAGES, Chunks
 from taichi_disk.model.factor import Factor, factorise
 from taichi_disk.model.integrators import SPLITTINGS
 from taichi_disk.model.integrators.trapezoidal import ImplicitDashpot
 from taichi_disk.model.observables import COLUMNS, Observables
-from taichi_disk.model.ordering import spread
+from taichi_disk.model.ordering import Arrangement, arrange
 from taichi_disk.model.parameters import parameters
 from taichi_disk.model.physics import Physics
 from taichi_disk.model.runtime import precision
 from taichi_disk.model.springs import Springs
-from taichi_disk.model.state import blocks_of, make_fields
+from taichi_disk.model.state import make_fields
 from taichi_disk.model.stepping import Stepping
 from taichi_disk.model.storage import State, Storage
 from taichi_disk.model.sums import SHIFT, SPEED, SUMS
@@ -37,8 +38,13 @@ def signature(lattice: Lattice, physics: Physics) -> tuple[Any, ...]:
     return (*(len(one) for one in sizes), lattice.disk_points, *features, physics.load != 0.0, physics.pulled)
 
 
+def _shape(springs: Arrangement) -> tuple[int, ...]:
+    """What of an arrangement is compiled into kernels."""
+    return len(springs.ends), springs.chunks, springs.strip, springs.chunk_strips
+
+
 @ti.data_oriented
-class World(Stepping, Springs, Walls, ImplicitDashpot, Observables, Storage):
+class World(Stepping, Chunks, Springs, Walls, ImplicitDashpot, Observables, Storage):
     """`lanes` replicas of one lattice, each with its own initial velocities, dashpot constant and load.
 
     Args:
@@ -62,14 +68,17 @@ class World(Stepping, Springs, Walls, ImplicitDashpot, Observables, Storage):
         positions: NDArray[np.float64] | None = None,
     ) -> None:
         self.lanes = len(velocities)
-        self.n, self.n_disk, self.n_bonds = len(lattice.positions), lattice.disk_points, len(lattice.bonds)
+        self.n, self.n_disk = len(lattice.positions), lattice.disk_points
         self.n_disk_surface, self.n_wall_surface = len(lattice.disk_surface), len(lattice.wall_surface)
         self.n_boundary = len(lattice.wall_boundary) if physics.boundary != "none" else 0
         self.single = precision() == "f32"
         self.real = ti.f32 if self.single else ti.f64
-        self.block, self.blocks = blocks_of(lattice, self.lanes)
+        springs = self._springs = arrange(lattice.bonds, self.n, self.lanes)
+        self.block, self.blocks, self.chunks = springs.block, springs.blocks, springs.chunks
+        self.strip, self.chunk_strips, self.n_strips = springs.strip, springs.chunk_strips, len(springs.strips)
         self.compiled: set[str] = set()
         self.splitting = SPLITTINGS[physics.integrator]
+        self.steps_per_launch = max(1, STAGES // self.splitting.forces)
         self._signature = signature(lattice, physics)
         self.n_free = self.n - (self.n_boundary if physics.boundary == "pinned" else 0)
         self.components = 2 if physics.boundary == "dashpot" else 1
@@ -77,7 +86,9 @@ class World(Stepping, Springs, Walls, ImplicitDashpot, Observables, Storage):
         etas = np.full(self.lanes, physics.eta) if eta is None else np.asarray(eta, float)
         factor = self._factor(etas) if physics.implicit_dashpot else None
         self._most_entries = int(1.1 * len(factor.row)) + 100 if factor else 0  # other lattices need a few more
-        self.fields, self._tree = make_fields(lattice, physics, self.lanes, self.n_free, self._most_entries, self.real)
+        self.fields, self._tree = make_fields(
+            lattice, physics, springs, self.lanes, self.n_free, self._most_entries, self.real
+        )
         for name, field in self.fields.items():
             setattr(self, name, field)
         self._start(factor, velocities, etas, load, positions)
@@ -99,6 +110,11 @@ class World(Stepping, Springs, Walls, ImplicitDashpot, Observables, Storage):
         """
         if len(velocities) != self.lanes or signature(lattice, physics) != self._signature:
             return False
+        springs = self._springs
+        if lattice.bonds is not self.lattice.bonds:
+            springs = arrange(lattice.bonds, self.n, self.lanes)
+            if _shape(springs) != _shape(self._springs):
+                return False
         before = self.lattice, self.physics, self.dt, self.mass
         self.lattice, self.physics, self.dt, self.mass = lattice, physics, dt, float(lattice.masses[0])
         etas = np.full(self.lanes, physics.eta) if eta is None else np.asarray(eta, float)
@@ -106,6 +122,7 @@ class World(Stepping, Springs, Walls, ImplicitDashpot, Observables, Storage):
         if factor and len(factor.row) > self._most_entries:
             self.lattice, self.physics, self.dt, self.mass = before
             return False
+        self._springs = springs
         self._start(factor, velocities, etas, load, positions)
         return True
 
@@ -169,19 +186,21 @@ class World(Stepping, Springs, Walls, ImplicitDashpot, Observables, Storage):
         return factorise(self.lattice.bonds, half * float(eta[0]), free, extra)
 
     def _fill(self, factor: Factor | None, eta: NDArray[np.float64], load: NDArray[np.float64]) -> None:
-        padded = self.block * self.blocks
-        ends = np.full((padded, 2), [self.n, self.n + 1], dtype=np.int32)
-        order = spread(self.lattice.bonds, self.n)
-        ends[: self.n_bonds] = self.lattice.bonds[order]
-        rest = np.ones(padded)
-        rest[: self.n_bonds] = self.lattice.rest_lengths[order]
-        self._fill_springs(ends, rest)
+        springs, lattice = self._springs, self.lattice
+        filler = springs.source < 0
+        rest = np.where(filler, 1.0, lattice.rest_lengths[springs.source])
+        self._fill_springs(springs.ends, rest)
+        if self.chunks > 1:
+            self._fill_strips(springs.strips)
         if self.single:
-            span = np.tile([1.0, 0.0], (padded, 1))
-            span[: self.n_bonds] = np.subtract(*np.moveaxis(self.lattice.positions[ends[: self.n_bonds]], 1, 0))
+            span = (
+                lattice.positions[lattice.bonds[springs.source, 0]]
+                - lattice.positions[lattice.bonds[springs.source, 1]]
+            )
+            span[filler] = 1.0, 0.0
             if np.abs(np.hypot(*span.T) - rest).max() > 1e-9:
                 raise ValueError("single precision needs a lattice whose springs have their rest lengths at the start")
-            self._fill_base(self.lattice.positions, span)
+            self._fill_base(lattice.positions, span)
         if self.physics.dissipates or self.physics.load != 0.0:
             self._fill_lanes(eta, load)
         if self.physics.wall == "elastic":
@@ -194,7 +213,14 @@ class World(Stepping, Springs, Walls, ImplicitDashpot, Observables, Storage):
     def advance(self, samples: int, stride: int = 1) -> NDArray[np.float64]:
         """Make `samples` times `stride` steps; returns the observables (samples, len(COLUMNS), lanes)."""
         rows = np.zeros((samples, len(COLUMNS), self.lanes))
-        self._advance(self._parameters, self.step_number, samples, stride, rows)
+        if self.chunks > 1:
+            for s in range(samples):
+                for k in range(0, stride, self.steps_per_launch):
+                    steps = min(stride - k, self.steps_per_launch)
+                    self._advance_chunks(self._parameters, self.step_number + s * stride + k, steps)
+                self._look(self._parameters, s, rows)
+        else:
+            self._advance(self._parameters, self.step_number, samples, stride, rows)
         self.step_number += samples * stride
         return rows
 

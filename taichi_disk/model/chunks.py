@@ -1,0 +1,109 @@
+"""Large lattices: a step by several cores, chunk by chunk (see `ordering`), with the bytes of one core.
+
+A step is two loops: move all chunks with the springs inside them, in parallel; then what concerns the whole lattice, on
+one core: the springs across the seams, the sums (chunk by chunk, in their order), contact, boundary, solved dashpots.
+"""
+
+import taichi as ti
+
+from taichi_disk.model.parameters import Parameters, rounded
+
+GRAIN = 512  # iterations that Taichi 1.7.4 gives to a core at once, whatever block_dim says: a chunk each
+STAGES = 2  # forces computed in one launch; more take long to compile
+
+
+class Chunks:
+    """Steps of a large lattice; part of `World`."""
+
+    @ti.func
+    def move_chunk(self, numbers, stage: ti.template(), c):
+        """Drift and inner springs of chunk c."""
+        p = rounded(numbers) if ti.static(self.single) else numbers
+        kick, move = self.kick_of(p, stage), self.move_of(p, stage)
+        sums = self.sums[0]
+        if ti.static(self.single):
+            sums = self.move_frame(kick, move, sums)
+        total = ti.Vector.zero(self.real, self.lanes)
+        highest = ti.Vector.zero(self.real, self.lanes)
+        elastic = ti.Vector.zero(self.real, self.lanes)
+        squares = ti.Vector.zero(self.real, self.lanes)
+        begin = 0
+        if c > 0:
+            begin = self.strips[c * self.chunk_strips - 1]
+        for s in range(c * self.chunk_strips, ti.min((c + 1) * self.chunk_strips, self.n_strips)):
+            push, top = self.drift(p, kick, move, sums, s * self.strip, ti.min((s + 1) * self.strip, self.n))
+            end = self.strips[s]
+            energy, square = self.add_spring_forces(p, self.physics.explicit_dashpot, begin, end)
+            begin = end
+            total += push
+            highest = ti.max(highest, top)
+            elastic += energy
+            squares += square
+        for w in ti.static(range(self.lanes)):
+            self.chunk_sums[c][0, w] = total[w]
+            self.chunk_sums[c][1, w] = highest[w]
+            self.chunk_sums[c][2, w] = elastic[w]
+            self.chunk_sums[c][3, w] = squares[w]
+
+    @ti.func
+    def join_chunks(self, numbers, stage: ti.template(), last: ti.template(), number):
+        """What concerns the whole lattice: seams, sums, contact; after the `last` stage the step's end."""
+        p = rounded(numbers) if ti.static(self.single) else numbers
+        move = self.move_of(p, stage)
+        sums = self.sums[0]
+        if ti.static(self.single):
+            sums = self.move_frame(self.kick_of(p, stage), move, sums)
+        total = ti.Vector.zero(self.real, self.lanes)
+        highest = ti.Vector.zero(self.real, self.lanes)
+        elastic, squares = self.add_spring_forces(
+            p, self.physics.explicit_dashpot, self.strips[self.n_strips - 1], self.blocks
+        )
+        for c in range(self.chunks):
+            part = self.chunk_sums[c]
+            for w in ti.static(range(self.lanes)):
+                total[w] += part[0, w]
+                highest[w] = ti.max(highest[w], part[1, w])
+                elastic[w] += part[2, w]
+                squares[w] += part[3, w]
+        sums, upward, potential = self.touch(p, move, sums, total, highest)
+        if ti.static(last):
+            sums = self.account(p, number, sums, squares)
+        self.sums[0] = sums
+        for w in ti.static(range(self.lanes)):
+            self.latest[0][0, w] = elastic[w]
+            self.latest[0][1, w] = upward[w]
+            self.latest[0][2, w] = potential[w]
+
+    @ti.func
+    def kick_of(self, p: ti.template(), stage: ti.template()):
+        return ti.static(self.splitting.joined_kicks[stage]) * p.g
+
+    @ti.func
+    def move_of(self, p: ti.template(), stage: ti.template()):
+        return ti.static(self.splitting.moves[stage]) * p.h
+
+    @ti.kernel
+    def _advance_chunks(self, numbers: Parameters, number: ti.i32, steps: ti.i32):
+        """Make `steps` steps after step `number`, at most `steps_per_launch`."""
+        for k in ti.static(range(self.steps_per_launch)):
+            for stage in ti.static(range(self.splitting.forces)):
+                for q in range(GRAIN * self.chunks * ti.cast(k < steps, ti.i32)):
+                    if q % GRAIN == 0:
+                        self.move_chunk(numbers, stage, q // GRAIN)
+                ti.loop_config(serialize=True)
+                for _ in range(ti.cast(k < steps, ti.i32)):
+                    self.join_chunks(numbers, stage, stage == self.splitting.forces - 1, number + k + 1)
+
+    @ti.kernel
+    def _look(self, numbers: Parameters, s: ti.i32, rows: ti.types.ndarray(dtype=ti.f64, ndim=3)):
+        """Fill row `s` with the observables now."""
+        ti.loop_config(serialize=True)
+        for _ in range(1):
+            p = rounded(numbers) if ti.static(self.single) else numbers
+            latest = self.latest[0]
+            elastic = ti.Vector.zero(self.real, self.lanes)
+            upward = ti.Vector.zero(self.real, self.lanes)
+            potential = ti.Vector.zero(self.real, self.lanes)
+            for w in ti.static(range(self.lanes)):
+                elastic[w], upward[w], potential[w] = latest[0, w], latest[1, w], latest[2, w]
+            self.observe(p, rows, s, self.sums[0], elastic, upward, potential)
