@@ -1,10 +1,7 @@
-"""Hard cases: scenes at and beyond the edge of what the model can hold, what the program should do with each, and a
-command that runs them all and writes the table of docs/stability.md.
-
-    python -m taichi_disk.study.hard_cases [--out docs/stability.md]
+"""Hard cases: scenes at and beyond the edge of what the model can hold, and what the program should do with each.
 
 Each ends in one of three ways: done, with an energy ledger that closes; stopped, with the reason and a remedy named;
-refused before anything is computed. The tests hold every case to that.
+refused before anything is computed. The tests hold every case to that; `stability_page` makes a table of them.
 """
 
 from __future__ import annotations
