@@ -45,15 +45,18 @@ def test_the_judge_and_this_program_agree_on_e(taichi: None, eta_star: float) ->
 def test_a_peer_agrees_on_e(peer: Peer) -> None:
     if peer.missing():
         pytest.skip(f"not installed: {', '.join(peer.missing())}")
-    task = bounce(0.0 if peer.undamped else 5.0)
     with EngineProcess(peer.engine) as process:
-        number = process.open(task, **peer.options)
-        first = process.restitution(number)
-        assert process.run(number) > 0.0
-        assert process.restitution(number) == first  # every run begins anew
-    assert first == pytest.approx(restitution(task, peer.lead), abs=1e-11)
-    if not peer.undamped:
-        assert abs(first - restitution(task, 0.5 - peer.lead)) > 1e-6  # which velocities it takes does matter
+        for eta_star in (0.0, 5.0):
+            task = bounce(eta_star)
+            if not peer.takes(task.physics):
+                continue
+            number = process.open(task, **peer.options)
+            first = process.restitution(number)
+            assert first == pytest.approx(restitution(task, peer.lead), abs=1e-11)
+            if eta_star:  # which velocities the dashpots take does matter
+                assert abs(first - restitution(task, 0.5 - peer.lead)) > 1e-6
+            assert process.run(number) > 0.0
+            assert process.restitution(number) == first  # every run begins anew
 
 
 def test_a_peer_that_disagrees_or_is_not_there_is_told_and_not_timed(monkeypatch: pytest.MonkeyPatch) -> None:
