@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from taichi_disk.lattice import Lattice, disk_lattice
 from taichi_disk.model.physics import Physics
 from taichi_disk.wall_lattice import with_wall
+
+if TYPE_CHECKING:
+    from taichi_disk.view.worlds import Worlds
 
 A, V0 = 300.0, 150.0
 
@@ -55,17 +59,28 @@ def matched(lattice: Lattice, physics: Physics) -> Physics:
     return replace(physics, boundary="dashpot", impedance=z)
 
 
-def computed(name: str, *settings: str):
-    """A shipped scene with some `settings`, stepped to its end without files: (setup, outcome)."""
+def computed(name: str, *settings: str, kept: Worlds | None = None):
+    """A shipped scene with some `settings`, stepped to its end without files: (setup, outcome).
+
+    `kept`: compiled worlds to take from, and to leave new ones in.
+    """
     from taichi_disk import load_scene
     from taichi_disk.dynamics import move
     from taichi_disk.model.stability import spectrum
     from taichi_disk.progress import QuietProgress
     from taichi_disk.scenes import build
+    from taichi_disk.simulate import make_world
     from taichi_disk.time_step import choose
 
     scene = load_scene(name, settings)
     setup = build(scene)
     modes = spectrum(setup.lattice, setup.physics)
     step = choose(scene.time, setup.physics, modes, setup.point_force)
-    return setup, move(setup, scene.time, modes, step, QuietProgress())
+    make = make_world
+    if kept is not None:
+
+        def make(setup, step, earlier):
+            physics = replace(setup.physics, integrator=step.integrator)
+            return kept.start(setup.lattice, physics, setup.velocities, step.dt)
+
+    return setup, move(setup, scene.time, modes, step, QuietProgress(), make)
