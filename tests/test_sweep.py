@@ -121,6 +121,17 @@ def test_a_killed_sweep_goes_on_and_ends_with_the_same_bytes_in_any_number_of_pr
     assert "12 points" in second.stdout
 
 
+@pytest.mark.validate
+def test_workers_leave_their_kernels_to_the_next_sweep(tmp_path: Path) -> None:
+    (tmp_path / "s.yaml").write_text(SMALL)
+    cache = tmp_path / "cache"
+    cache.mkdir()
+    command = [sys.executable, "-m", "taichi_disk", "sweep", str(tmp_path / "s.yaml"), "--out", str(tmp_path / "out")]
+    environment = os.environ | {"TI_OFFLINE_CACHE_FILE_PATH": str(cache)}
+    subprocess.run([*command, "--jobs", "2"], env=environment, capture_output=True, check=True)
+    assert sum(path.is_file() for path in cache.rglob("*")) > 3
+
+
 def test_failed_points_are_listed_and_do_not_stop_the_others(tmp_path: Path) -> None:
     # A small lattice in a short time: only the fast disk is back by then.
     text = "scene: exponential_wall\nlattice: {points: 60}\nmaterial: {eta_star: 0.0}\n"

@@ -18,6 +18,7 @@ from taichi_disk.scene import Scene
 from taichi_disk.study.work import Computer, PointResult
 
 Task = Sequence[Scene]
+GRACE = 10.0  # seconds for a worker to end by itself
 
 
 def compute_all(tasks: Sequence[Task], jobs: int) -> Iterator[tuple[int, int, PointResult]]:
@@ -52,9 +53,13 @@ class _Workers:
     def __enter__(self) -> _Workers:
         return self
 
-    def __exit__(self, *_: object) -> None:
-        for process, pipe in zip(self._processes, self._pipes, strict=True):
+    def __exit__(self, kind: object, *_: object) -> None:
+        for pipe in self._pipes:
             pipe.close()
+        for process in self._processes:
+            if kind is None:
+                # All is done: they end by themselves, with what they compiled kept for the next sweep.
+                process.join(GRACE)
             process.terminate()
             process.join()
 
@@ -99,7 +104,7 @@ def _work(pipe: Connection) -> None:
                 pipe.send(found)
             pipe.send(None)
     except (EOFError, BrokenPipeError, ConnectionResetError):
-        pass
+        computer.close()
 
 
 def _end_with_parent() -> None:

@@ -50,6 +50,14 @@ class Computer:
     def __init__(self) -> None:
         self._engine: LaneEngine | None = None
 
+    def close(self) -> None:
+        """Give back what Taichi holds; only then does it keep what it compiled for the next process."""
+        if self._engine is not None:
+            import taichi as ti
+
+            ti.reset()
+            self._engine = None
+
     def compute(self, scenes: Sequence[Scene]) -> Iterator[tuple[int, PointResult]]:
         """Results of `scenes`, which agree in `lattice_key`, as (index, result) in the order of their ending."""
         try:
