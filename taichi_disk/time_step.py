@@ -5,13 +5,14 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 from taichi_disk.errors import InputError
+from taichi_disk.model.ordering import PARALLEL_FROM
 from taichi_disk.model.physics import Integrator, Physics
 from taichi_disk.model.stability import Spectrum, step_limit
 from taichi_disk.scene import TimeSection
 
 # A step with the implicit dashpot costs this many steps with the explicit one (N = 1099, one core, f64:
-# `taichi-disk accuracy` prints both).
-IMPLICIT_COST = 2.5
+# `taichi-disk accuracy` prints both); in a large lattice its factor fits no cache, and its solve runs on one core.
+IMPLICIT_COST, IMPLICIT_COST_LARGE = 2.5, 12.0
 
 
 @dataclass(frozen=True)
@@ -39,7 +40,8 @@ def choose(
     integrator: Integrator
     if time.integrator == "auto":
         explicit, implicit = limit_of("velocity_verlet"), limit_of("trapezoidal")
-        integrator = "trapezoidal" if IMPLICIT_COST * explicit < implicit else "velocity_verlet"
+        cost = IMPLICIT_COST if spectrum.points < PARALLEL_FROM else IMPLICIT_COST_LARGE
+        integrator = "trapezoidal" if cost * explicit < implicit else "velocity_verlet"
     else:
         integrator = time.integrator
     limit = limit_of(integrator)

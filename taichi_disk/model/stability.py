@@ -21,7 +21,7 @@ from taichi_disk.stiffness import laplacian, largest_eigenvalue, tangent_stiffne
 
 @dataclass(frozen=True)
 class Spectrum:
-    """What bounds the step: highest lattice frequency omega [c/R], largest damping rate of unit eta, point mass.
+    """What bounds the step: highest lattice frequency omega [c/R], largest damping rate of unit eta, point mass, size.
 
     `damping` is lambda_max(L)/m [1/(M c/R) c/R], to be multiplied by eta [M c/R].
     """
@@ -29,6 +29,7 @@ class Spectrum:
     omega: float
     damping: float
     mass: float
+    points: int
 
 
 def spectrum(lattice: Lattice, physics: Physics) -> Spectrum:
@@ -39,7 +40,7 @@ def spectrum(lattice: Lattice, physics: Physics) -> Spectrum:
     damping = 0.0
     if physics.dissipates:
         damping = largest_eigenvalue(laplacian(lattice.bonds, n), lattice.masses)
-    return Spectrum(float(np.sqrt(largest_eigenvalue(stiffness, lattice.masses))), damping, mass)
+    return Spectrum(float(np.sqrt(largest_eigenvalue(stiffness, lattice.masses))), damping, mass, n)
 
 
 def step_limit(spectrum: Spectrum, physics: Physics, point_force: float) -> float:
