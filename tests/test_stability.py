@@ -168,6 +168,14 @@ def test_the_automatic_integrator_takes_strong_dashpots_implicitly():
             assert choose(TimeSection(integrator=asked), physics, modes, 0.01).integrator == asked
 
 
+def test_in_a_large_lattice_a_solve_has_to_save_more_steps():
+    modes, physics = modes_and_physics(6.0)
+    gain = step_limit(modes, replace(physics, integrator=TRAPEZOIDAL), 0.0) / step_limit(modes, physics, 0.0)
+    assert 3.0 < gain < 10.0
+    assert choose(TimeSection(), physics, modes, 0.0).integrator == TRAPEZOIDAL
+    assert choose(TimeSection(), physics, replace(modes, points=1_000_000), 0.0).integrator == VV
+
+
 @pytest.mark.parametrize("interval", [3e-3, 0.02, 0.05, 0.0777, 0.3, 1.0])
 def test_a_whole_number_of_steps_fits_the_reset_interval(interval):
     modes, physics = modes_and_physics()

@@ -6,12 +6,12 @@ import sys
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 
-from taichi_disk.benchmark import comparison, film, kernel, report, solution, sweep
+from taichi_disk.benchmark import comparison, film, kernel, report, size, solution, sweep
 from taichi_disk.benchmark.stopwatch import Timing
 from taichi_disk.benchmark.targets import judged
 from taichi_disk.model import runtime
 
-PARTS = (kernel.PART, sweep.PART, comparison.PART, solution.PART, film.PART)
+PARTS = (kernel.PART, size.PART, sweep.PART, comparison.PART, solution.PART, film.PART)
 REPEATS = 9
 
 
@@ -35,6 +35,10 @@ def run_benchmark(parts: Sequence[str] = PARTS, out: Path | None = None) -> None
         if part == kernel.PART:
             found = kernel.measure(REPEATS)
             tell(report.table("one core, ns per spring, step and lane", "ns", 1e9, found))
+        elif part == size.PART:
+            found = size.measure(REPEATS)
+            title = "by size, ns per spring and step; ratio: to one core at that size"
+            tell(report.table(title, "ns", 1e9, found))
         elif part == sweep.PART:
             found = sweep.measure(REPEATS)
             tell(report.table("lanes, ns per spring, step and lane", "ns", 1e9, found))

@@ -97,9 +97,9 @@ class EngineProcess:
         return answer
 
 
-def ours(precision: Precision = "f64") -> EngineProcess:
-    """A process of this program, on one core."""
-    return EngineProcess("taichi_disk.benchmark.ours:Ours", threads=1, precision=precision)
+def ours(precision: Precision = "f64", threads: int = 1) -> EngineProcess:
+    """A process of this program."""
+    return EngineProcess("taichi_disk.benchmark.ours:Ours", threads=threads, precision=precision)
 
 
 def _serve(pipe: Any, engine: str, options: dict[str, Any]) -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from taichi_disk.benchmark import comparison, kernel, solution, sweep
+from taichi_disk.benchmark import comparison, kernel, size, solution, sweep
 from taichi_disk.benchmark.stopwatch import Timing
 from taichi_disk.study.lanes import LANES
 
@@ -52,10 +52,14 @@ def judged(timings: Sequence[Timing], fraction: float | None) -> list[Target]:
 
     wall, both = comparison.CASES
     double, single = (sweep.name_of(LANES[precision], precision, "all cores") for precision in sweep.PRECISIONS)
+    large = ratio(size.PART, size.name_of(100_000, 2))
     steps, peers, end = kernel.PART, comparison.PART, solution.PART
     per_lane = "ns per spring, step and lane, all cores, lanes as in a sweep"
     return [
         Target(steps, "ns per spring and step, wall and dashpots, one core", 4.0, least(steps, kernel.SINGLE)),
+        Target(
+            size.PART, "times as fast on all cores as on one, 100,000 points", 1.6, 1.0 / large if large else None, True
+        ),
         Target(sweep.PART, f"{per_lane}, f64", 1.1, least(sweep.PART, double)),
         Target(sweep.PART, f"{per_lane}, f32", 0.55, least(sweep.PART, single)),
         Target(peers, "times Numba's speed, wall", 1.0, ratio(peers, f"{wall}: Numba"), True),

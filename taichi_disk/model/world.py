@@ -211,9 +211,14 @@ class World(Stepping, Chunks, Springs, Walls, ImplicitDashpot, Observables, Stor
             self._fill_factor(factor.order, factor.column, factor.row, factor.values, factor.inverse_diagonal)
 
     def advance(self, samples: int, stride: int = 1) -> NDArray[np.float64]:
-        """Make `samples` times `stride` steps; returns the observables (samples, len(COLUMNS), lanes)."""
+        """Make `samples` times `stride` steps; returns the observables (samples, len(COLUMNS), lanes).
+
+        None at all (`samples` 0) compiles the step.
+        """
         rows = np.zeros((samples, len(COLUMNS), self.lanes))
         if self.chunks > 1:
+            if samples == 0:
+                self._advance_chunks(self._parameters, self.step_number, 0)
             for s in range(samples):
                 for k in range(0, stride, self.steps_per_launch):
                     steps = min(stride - k, self.steps_per_launch)
