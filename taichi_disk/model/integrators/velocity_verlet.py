@@ -4,8 +4,8 @@
 
 (Hairer, Lubich & Wanner, Acta Numerica 12, 2003). The cheapest way to an error of e above 1e-7: the highest lattice
 frequency sets the step before accuracy does. Dashpots need v_k before the force is known; they get the prediction
-u_k = v_{k-1/2} + h/2 f_{k-1}/m, whose error is O(h^2), so the order stays 2. For weak dashpots: stability then asks for
-h damping < 1 besides h omega < 2 (`stability.explicit_limit`).
+u_k = v_{k-1/2} + h/2 f_{k-1}/m, whose error is O(h^2), so the order stays 2. For weak dashpots: they shorten the stable
+step to (h omega)^2 + 4 h damping < 4 (`stability.explicit_limit`).
 """
 
 from __future__ import annotations
