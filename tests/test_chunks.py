@@ -24,7 +24,6 @@ RIGID = Physics(k_b=2.0, eta=0.02, wall="rigid", load=0.02)
 def large(monkeypatch):
     """Small lattices are cut as large ones are."""
     monkeypatch.setattr(ordering, "PARALLEL_FROM", 1)
-    monkeypatch.setattr(ordering, "STRIP", 16)
 
 
 def world_of(lattice, physics, velocities, dt=2e-3, **own):
@@ -40,22 +39,15 @@ def test_chunks_share_no_point_and_hold_every_spring_once(large):
     used = one.source[one.source >= 0]
     np.testing.assert_array_equal(np.sort(used), np.arange(len(bonds)))
     np.testing.assert_array_equal(one.ends[one.source >= 0], bonds[used])
-    last = np.append(np.arange(one.chunk_strips - 1, len(one.strips) - 1, one.chunk_strips), len(one.strips) - 1)
     owned, begin = [], 0
-    for c, end in enumerate(one.strips[last[: one.chunks]]):
+    for c, end in enumerate(one.chunk_ends):
         inside = one.ends[begin * one.block : end * one.block]
         points = inside[inside < 900]
-        assert points.min() >= c * one.chunk_strips * one.strip
-        assert points.max() < (c + 1) * one.chunk_strips * one.strip
+        assert points.min() >= c * one.chunk_points
+        assert points.max() < (c + 1) * one.chunk_points
         owned.append(set(inside.ravel().tolist()))
         begin = int(end)
     assert sum(len(points) for points in owned) == len(set().union(*owned))
-    # A strip's springs end where points have moved already.
-    first = 0
-    for s, end in enumerate(one.strips):
-        inside = one.ends[first * one.block : end * one.block]
-        assert inside[inside < 900].max(initial=0) < (s + 1) * one.strip
-        first = int(end)
 
 
 def test_small_lattices_and_lanes_are_not_cut():
@@ -106,7 +98,6 @@ def test_chunks_move_as_one_core_without_chunks_does(name, monkeypatch):
     x = lattice.positions[None] + 2e-3 * rng.uniform(-1, 1, v.shape)
     serial = world_of(lattice, physics, v, positions=x)
     monkeypatch.setattr(ordering, "PARALLEL_FROM", 1)
-    monkeypatch.setattr(ordering, "STRIP", 16)
     cut = world_of(lattice, physics, v, positions=x)
     assert serial.chunks == 1
     assert cut.chunks >= 4
@@ -149,7 +140,7 @@ import sys
 sys.path.insert(0, "tests")
 from taichi_disk.model import ordering, runtime
 runtime.start("cpu", threads=int(sys.argv[1]))
-ordering.PARALLEL_FROM, ordering.STRIP = 1, 16
+ordering.PARALLEL_FROM = 1
 from test_chunks import bodies, fingerprint
 print(fingerprint(*bodies(sys.argv[2])))
 """

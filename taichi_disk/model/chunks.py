@@ -23,22 +23,12 @@ class Chunks:
         sums = self.sums[0]
         if ti.static(self.single):
             sums = self.move_frame(kick, move, sums)
-        total = ti.Vector.zero(self.real, self.lanes)
-        highest = ti.Vector.zero(self.real, self.lanes)
-        elastic = ti.Vector.zero(self.real, self.lanes)
-        squares = ti.Vector.zero(self.real, self.lanes)
         begin = 0
         if c > 0:
-            begin = self.strips[c * self.chunk_strips - 1]
-        for s in range(c * self.chunk_strips, ti.min((c + 1) * self.chunk_strips, self.n_strips)):
-            push, top = self.drift(p, kick, move, sums, s * self.strip, ti.min((s + 1) * self.strip, self.n))
-            end = self.strips[s]
-            energy, square = self.add_spring_forces(p, self.physics.explicit_dashpot, begin, end)
-            begin = end
-            total += push
-            highest = ti.max(highest, top)
-            elastic += energy
-            squares += square
+            begin = self.chunk_ends[c - 1]
+        first = c * self.chunk_points
+        total, highest = self.drift(p, kick, move, sums, first, ti.min(first + self.chunk_points, self.n))
+        elastic, squares = self.add_spring_forces(p, self.physics.explicit_dashpot, begin, self.chunk_ends[c])
         for w in ti.static(range(self.lanes)):
             self.chunk_sums[c][0, w] = total[w]
             self.chunk_sums[c][1, w] = highest[w]
@@ -56,7 +46,7 @@ class Chunks:
         total = ti.Vector.zero(self.real, self.lanes)
         highest = ti.Vector.zero(self.real, self.lanes)
         elastic, squares = self.add_spring_forces(
-            p, self.physics.explicit_dashpot, self.strips[self.n_strips - 1], self.blocks
+            p, self.physics.explicit_dashpot, self.chunk_ends[self.chunks - 1], self.blocks
         )
         for c in range(self.chunks):
             part = self.chunk_sums[c]

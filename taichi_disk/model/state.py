@@ -62,7 +62,7 @@ def make_fields(
     fields["sums"] = ti.Matrix.field(SUMS, lanes, ti.f64)  # dissipated, absorbed... (see `stepping`)
     builder.dense(ti.i, 1).place(fields["sums"])
     if springs.chunks > 1:
-        scalars("strips", len(springs.strips), ti.i32)
+        scalars("chunk_ends", springs.chunks, ti.i32)
         for name, rows, count in (("chunk_sums", 4, springs.chunks), ("latest", 3, 1)):
             fields[name] = ti.Matrix.field(rows, lanes, real)
             builder.dense(ti.i, count).place(fields[name])

@@ -51,9 +51,9 @@ class Storage:
                     self.x[self.n + 2 * c + 1][0, w] = 1.0  # springs that fill up lie between (0, 0) and (1, 0)
 
     @ti.kernel
-    def _fill_strips(self, strips: Integers1):
-        for s in range(self.n_strips):
-            self.strips[s] = strips[s]
+    def _fill_chunks(self, ends: Integers1):
+        for c in range(self.chunks):
+            self.chunk_ends[c] = ends[c]
 
     @ti.kernel
     def _fill_base(self, base: Reals2, span: Reals2):

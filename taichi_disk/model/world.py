@@ -40,7 +40,7 @@ def signature(lattice: Lattice, physics: Physics) -> tuple[Any, ...]:
 
 def _shape(springs: Arrangement) -> tuple[int, ...]:
     """What of an arrangement is compiled into kernels."""
-    return len(springs.ends), springs.chunks, springs.strip, springs.chunk_strips
+    return len(springs.ends), springs.chunk_points
 
 
 @ti.data_oriented
@@ -75,7 +75,7 @@ class World(Stepping, Chunks, Springs, Walls, ImplicitDashpot, Observables, Stor
         self.real = ti.f32 if self.single else ti.f64
         springs = self._springs = arrange(lattice.bonds, self.n, self.lanes)
         self.block, self.blocks, self.chunks = springs.block, springs.blocks, springs.chunks
-        self.strip, self.chunk_strips, self.n_strips = springs.strip, springs.chunk_strips, len(springs.strips)
+        self.chunk_points = springs.chunk_points
         self.compiled: set[str] = set()
         self.splitting = SPLITTINGS[physics.integrator]
         self.steps_per_launch = max(1, STAGES // self.splitting.forces)
@@ -191,7 +191,7 @@ class World(Stepping, Chunks, Springs, Walls, ImplicitDashpot, Observables, Stor
         rest = np.where(filler, 1.0, lattice.rest_lengths[springs.source])
         self._fill_springs(springs.ends, rest)
         if self.chunks > 1:
-            self._fill_strips(springs.strips)
+            self._fill_chunks(springs.chunk_ends)
         if self.single:
             span = (
                 lattice.positions[lattice.bonds[springs.source, 0]]
