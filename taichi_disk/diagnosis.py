@@ -119,6 +119,11 @@ def diagnose(
     if physics.wall == "elastic" and (slide := _slide(lattice, physics, before, after, gained)):
         return slide
     force = contacts(lattice, physics, before)[2]
+    # A point that got deep into the wall in one step would have needed the force that stops it alone, a m v^2/2.
+    surface = lattice.disk_surface
+    alone = 0.5 * lattice.masses[0] * (((after - before)[surface] / dt) ** 2).sum(axis=1)
+    deep = contacts(lattice, physics, after)[1] > alone
+    force = np.where(deep & (alone < np.inf), np.maximum(force, physics.a * alone), force)
     i = int(force.argmax())
     try:
         now = step_limit(spectrum(replace(lattice, positions=before), physics), physics, float(force[i]))

@@ -124,6 +124,9 @@ def test_the_cause_named_is_the_one_there_is() -> None:
     assert "beyond the stability limit" in beyond.cause and "auto" in beyond.remedy
     pushed = diagnose(lattice, physics, 0.05, 0.06, x - [0, 0.02], x, 1.0)
     assert "the wall pushes point" in pushed.cause
+    # From out of reach to deep in the wall in one step.
+    jumped = diagnose(lattice, Physics(wall="rigid", a=1e5), 0.05, 0.06, x, x - [0, 0.05], 1.0)
+    assert "the wall pushes point" in jumped.cause
     stiffened = diagnose(lattice, Physics(k_b=1e6), 0.05, 0.06, 1.1 * x, x, 1.0)
     assert "by the springs' strain" in stiffened.cause
     crushed = diagnose(lattice, Physics(), 0.01, 0.06, x * [1.0, 0.1], x, 1.0)

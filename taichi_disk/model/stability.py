@@ -66,13 +66,15 @@ def impact_point_force(lattice: Lattice, physics: Physics, velocity: float) -> f
     """Estimate of the largest force of the wall on one point in an impact [M c^2/R].
 
     Quasi-static energy balance v^2/2 = pi E* xi^2/(2 ln(4/xi)) gives the peak compression and its force;
-    Hertz's line contact, half-width sqrt(4 F/(pi E*)), spreads it over the points. A run checks the estimate.
+    Hertz's line contact, half-width sqrt(4 F/(pi E*)), spreads it over the points. A single point is stopped by the
+    force a m v^2/2 at the least: into a hard wall, at high speed, that is more. A run checks the estimate.
     """
     e_star = 1.2 * physics.k_a
     xi = velocity
     for _ in range(50):
         xi = min(velocity * np.sqrt(np.log(4.0 / min(xi, 1.0)) / (np.pi * e_star)), 1.0)
-    return contact_point_force(lattice, physics, np.pi * e_star * xi / np.log(4.0 / xi))
+    alone = 0.5 * physics.a * float(lattice.masses[0]) * velocity**2
+    return max(contact_point_force(lattice, physics, np.pi * e_star * xi / np.log(4.0 / xi)), alone)
 
 
 def contact_point_force(lattice: Lattice, physics: Physics, force: float) -> float:

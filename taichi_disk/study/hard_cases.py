@@ -54,6 +54,8 @@ class Verdict:
             text += (
                 f", imbalance {energy['closing_imbalance']:+.0e} at the end, {energy['worst_imbalance']:.0e} at worst"
             )
+            if energy["sliding"]:
+                text += f", lost by sliding {energy['sliding'] / energy['scale']:+.0e}"
             text += f"; {facts['steps']:,} steps, {facts['attempts']} attempts"
         return text + (f"; warning: {self.text}" if self.text else "")
 
@@ -193,6 +195,11 @@ CASES = (
     Case("a = 3000/R", _RIGID, (*_FREE, "wall.a=3000")),
     Case("a = 30000/R", _RIGID, (*_FREE, "wall.a=3e4")),
     Case("a = 10⁶/R", _RIGID, (*_FREE, "wall.a=1e6")),
+    Case(
+        "a = 80000/R at v = 1",
+        _RIGID,
+        (*("lattice.points=7", "material.eta_star=0", "material.k_a=2e-3"), "wall.a=8e4", "impact.velocity=1.0"),
+    ),
     Case("N = 3, all on one point", _RIGID, ("lattice.points=3", "material.eta_star=0"), quick=True),
     Case("N = 7", _RIGID, ("lattice.points=7",)),
     Case("N = 50", _RIGID, ("lattice.points=50",)),

@@ -17,7 +17,7 @@ from taichi_disk.model.world import World
 from taichi_disk.results import versions, write_text
 from taichi_disk.study.endurance import DRIFTS, LIMITS, Rest, drift
 from taichi_disk.study.hard_cases import CASES, Case, judge
-from taichi_disk.study.random_scenes import Fates
+from taichi_disk.study.random_scenes import MOST_WORK, Fates
 
 _HEAD = """# Hard cases
 
@@ -103,7 +103,9 @@ def _limits() -> Iterator[str]:
             where = "pressed on the wall, P = 0.01 k_a" if pressed else "free"
             yield (
                 f"| {integrator}, η* = {eta_star:g}, {where} | 60 points, k_a = 10⁻³, 1, 10³: 10⁵ steps at 0.98 of the "
-                f"limit; 1.05 of the true one | bounded; blows up | kinetic energy over its first value {below}; "
+                f"limit; 5,000 at 1.05 of the true one | "
+                f"bounded; blows up, slowly if at all where dashpots damp "
+                f"| kinetic energy over its first value {below}; "
                 f"10⁶ times it by step {above}; the limit is {min(shares):.2f} to {max(shares):.2f} of the true one |"
             )
 
@@ -133,6 +135,8 @@ def _random(count: int) -> Iterator[str]:
         f"ledger off by no more than {OPEN:g} and 0 < e ≤ 1, or stopped with the key of the scene that mends it. "
         f"Faults: {'; '.join(faults) or 'none'}."
     )
+    yield ""
+    yield f"(long: not computed, more than {MOST_WORK:.0e} springs times steps.)"
     yield ""
     yield "| end | scenes |"
     yield "|---|---|"
