@@ -312,7 +312,7 @@ CASES = (
         (
             "lattice.points=80",
             "material.eta_star=0",
-            "time.dt=0.02",
+            "time.dt=0.018",
             "impact.velocity=5",
             "wall.a=30",
             "material.k_a=0.01",
