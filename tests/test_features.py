@@ -14,7 +14,7 @@ from taichi_disk.model.parameters import parameters
 
 pytestmark = pytest.mark.usefixtures("taichi")
 
-ALWAYS = {"x", "v", "f", "bond_i", "bond_j", "rest", "pull", "sums"}
+ALWAYS = {"x", "v", "f", "bond_i", "bond_j", "rest", "sums"}
 DASHPOTS = {"u", "eta"}
 FACTOR = {"z", "order", "column", "row", "factor", "inverse_diagonal"}
 CONTACT = {"disk_surface", "wall_surface"}

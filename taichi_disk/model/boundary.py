@@ -3,6 +3,7 @@
 import taichi as ti
 
 from taichi_disk.model.sums import ABSORBED, DISSIPATED, POWER
+from taichi_disk.model.vectors import get, put
 
 
 class Boundary:
@@ -11,22 +12,22 @@ class Boundary:
     @ti.func
     def hold_boundary(self):
         for k in range(self.n_boundary):
-            self.f[self.boundary[k]] = ti.Matrix.zero(self.real, 2, self.lanes)
+            put(self.f, self.boundary[k], ti.Matrix.zero(self.real, 2, self.lanes))
 
     @ti.func
     def damp_boundary(self, p: ti.template()):
         """Matched boundary: force -Z v, v centred at this step. Returns the power absorbed, per lane."""
         power = ti.Vector.zero(self.real, self.lanes)
         for k in range(self.n_boundary):
-            i, Z = self.boundary[k], self.impedance[k]
-            f = self.f[i]
-            v = self.v[i] + 0.5 * p.g * f
+            i, Z = self.boundary[k], get(self.impedance, k)
+            f = get(self.f, i)
+            v = get(self.v, i) + 0.5 * p.g * f
             for w in ti.static(range(self.lanes)):
                 for c in ti.static(range(2)):
                     vc = v[c, w] / (1.0 + 0.5 * p.g * Z[c])
                     f[c, w] -= Z[c] * vc
                     power[w] += Z[c] * vc * vc
-            self.f[i] = f
+            put(self.f, i, f)
         return power
 
     @ti.func
@@ -64,20 +65,20 @@ class Boundary:
         half = p.closing
         energy = ti.Vector.zero(self.real, self.lanes)
         if ti.static(self.physics.dissipates):
-            energy -= self.half_kick_energy(p, self.physics.implicit_dashpot)
+            energy = -1.0 * self.half_kick_energy(p, self.physics.implicit_dashpot)
         if ti.static(self.physics.explicit_dashpot):
             for i in range(self.n):
-                self.u[i] = ti.Matrix.zero(self.real, 2, self.lanes)
+                put(self.u, i, ti.Matrix.zero(self.real, 2, self.lanes))
         for k in range(self.n_boundary):
             i = self.boundary[k]
-            v = self.v[i] + half * self.f[i]
+            v = get(self.v, i) + half * get(self.f, i)
             if ti.static(self.physics.implicit_dashpot):
-                v = self.u[i]
-                self.u[i] = ti.Matrix.zero(self.real, 2, self.lanes)
+                v = get(self.u, i)
+                put(self.u, i, ti.Matrix.zero(self.real, 2, self.lanes))
             elif ti.static(self.physics.explicit_dashpot):
-                self.u[i] = v
+                put(self.u, i, v)
             else:
-                self.v[i] = -half * self.f[i]
+                put(self.v, i, -half * get(self.f, i))
             for w in ti.static(range(self.lanes)):
                 energy[w] += 0.5 * p.m * (v[0, w] * v[0, w] + v[1, w] * v[1, w])
         if ti.static(self.physics.explicit_dashpot):
@@ -92,42 +93,42 @@ class Boundary:
     def restart_explicit(self, half):
         """From `u`, what each velocity has lost, and `f` before that: `f` after it, and `u` that goes with it."""
         for i in range(self.n):
-            self.v[i] += half * self.f[i] - self.u[i]
-        eta = self.eta[None]
+            put(self.v, i, get(self.v, i) + (half * get(self.f, i) - get(self.u, i)))
+        eta = ti.Vector([part[None] for part in self.eta])
         for b in range(self.blocks):
             for k in ti.static(range(self.block)):
-                i, j = self.bond_i[b][k], self.bond_j[b][k]
-                lost = self.u[i] - self.u[j]
+                i, j = self.bond_i[k][b], self.bond_j[k][b]
+                lost = get(self.u, i) - get(self.u, j)
                 for w in ti.static(range(self.lanes)):
                     lost[0, w] *= eta[w]
                     lost[1, w] *= eta[w]
-                self.f[i] += lost
-                self.f[j] -= lost
+                put(self.f, i, get(self.f, i) + lost)
+                put(self.f, j, get(self.f, j) - lost)
         for i in range(self.n):
-            self.u[i] = self.v[i]
-            self.v[i] -= half * self.f[i]
+            put(self.u, i, get(self.v, i))
+            put(self.v, i, get(self.v, i) - half * get(self.f, i))
 
     @ti.func
     def restart_implicit(self, half):
         """From `u`, the velocities after the loss, and `f` without dashpots: solve for the half step to come."""
         for k in range(self.n_free):
             i = self.order[k]
-            self.z[k] = self.u[i] + half * self.f[i]
+            put(self.z, k, get(self.u, i) + half * get(self.f, i))
         self.solve_dashpot()
         for k in range(self.n_free):
             i = self.order[k]
-            self.v[i] = 2.0 * self.u[i] - self.z[k]
-            self.f[i] = (self.z[k] - self.u[i]) / half
-            self.u[i] = self.z[k]  # the velocity at which the dashpots act in that half step
+            put(self.v, i, 2.0 * get(self.u, i) - get(self.z, k))
+            put(self.f, i, (get(self.z, k) - get(self.u, i)) / half)
+            put(self.u, i, get(self.z, k))  # the velocity at which the dashpots act in that half step
 
     @ti.func
     def half_kick_energy(self, p: ti.template(), solved: ti.template()):
         """sum(m/2 (h/2 f/m)^2) per lane; where the velocities are only `solved` for, h/2 f/m = u - v."""
         energy = ti.Vector.zero(self.real, self.lanes)
         for i in range(self.n):
-            kick = 0.5 * p.g * self.f[i]
+            kick = 0.5 * p.g * get(self.f, i)
             if ti.static(solved):
-                kick = self.u[i] - self.v[i]
+                kick = get(self.u, i) - get(self.v, i)
             for w in ti.static(range(self.lanes)):
                 energy[w] += 0.5 * p.m * (kick[0, w] * kick[0, w] + kick[1, w] * kick[1, w])
         return energy
@@ -136,12 +137,12 @@ class Boundary:
     def dashpot_work(self, g):
         """sum(eta (u_i - u_j).(w_i - w_j)) over the springs, w = v + g f: g = 0 the last half step, h/m the next."""
         power = ti.Vector.zero(self.real, self.lanes)
-        eta = self.eta[None]
+        eta = ti.Vector([part[None] for part in self.eta])
         for b in range(self.blocks):
             for k in ti.static(range(self.block)):
-                i, j = self.bond_i[b][k], self.bond_j[b][k]
-                u = self.u[i] - self.u[j]
-                v = self.v[i] - self.v[j] + g * (self.f[i] - self.f[j])
+                i, j = self.bond_i[k][b], self.bond_j[k][b]
+                u = get(self.u, i) - get(self.u, j)
+                v = get(self.v, i) - get(self.v, j) + g * (get(self.f, i) - get(self.f, j))
                 for w in ti.static(range(self.lanes)):
                     power[w] += eta[w] * (u[0, w] * v[0, w] + u[1, w] * v[1, w])
         return power

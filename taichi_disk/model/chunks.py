@@ -7,6 +7,7 @@ one core: the springs across the seams, the sums (chunk by chunk, in their order
 import taichi as ti
 
 from taichi_disk.model.parameters import Parameters, rounded
+from taichi_disk.model.vectors import get, put
 
 GRAIN = 512  # iterations that Taichi 1.7.4 gives to a core at once, whatever block_dim says: a chunk each
 STAGES = 2  # forces computed in one launch; more take long to compile
@@ -20,7 +21,7 @@ class Chunks:
         """Drift and inner springs of chunk c."""
         p = rounded(numbers) if ti.static(self.single) else numbers
         kick, move = self.kick_of(p, stage), self.move_of(p, stage)
-        sums = self.sums[0]
+        sums = get(self.sums, 0)
         if ti.static(self.single):
             sums = self.move_frame(kick, move, sums)
         begin = 0
@@ -30,17 +31,17 @@ class Chunks:
         total, highest = self.drift(p, kick, move, sums, first, ti.min(first + self.chunk_points, self.n))
         elastic, squares = self.add_spring_forces(p, self.physics.explicit_dashpot, begin, self.chunk_ends[c])
         for w in ti.static(range(self.lanes)):
-            self.chunk_sums[c][0, w] = total[w]
-            self.chunk_sums[c][1, w] = highest[w]
-            self.chunk_sums[c][2, w] = elastic[w]
-            self.chunk_sums[c][3, w] = squares[w]
+            self.chunk_sums[0][w][c] = total[w]
+            self.chunk_sums[1][w][c] = highest[w]
+            self.chunk_sums[2][w][c] = elastic[w]
+            self.chunk_sums[3][w][c] = squares[w]
 
     @ti.func
     def join_chunks(self, numbers, stage: ti.template(), last: ti.template(), number):
         """What concerns the whole lattice: seams, sums, contact; after the `last` stage the step's end."""
         p = rounded(numbers) if ti.static(self.single) else numbers
         move = self.move_of(p, stage)
-        sums = self.sums[0]
+        sums = get(self.sums, 0)
         if ti.static(self.single):
             sums = self.move_frame(self.kick_of(p, stage), move, sums)
         total = ti.Vector.zero(self.real, self.lanes)
@@ -49,7 +50,7 @@ class Chunks:
             p, self.physics.explicit_dashpot, self.chunk_ends[self.chunks - 1], self.blocks
         )
         for c in range(self.chunks):
-            part = self.chunk_sums[c]
+            part = get(self.chunk_sums, c)
             for w in ti.static(range(self.lanes)):
                 total[w] += part[0, w]
                 highest[w] = ti.max(highest[w], part[1, w])
@@ -58,11 +59,11 @@ class Chunks:
         sums, upward, potential = self.touch(p, move, sums, total, highest)
         if ti.static(last):
             sums = self.account(p, number, sums, squares)
-        self.sums[0] = sums
+        put(self.sums, 0, sums)
         for w in ti.static(range(self.lanes)):
-            self.latest[0][0, w] = elastic[w]
-            self.latest[0][1, w] = upward[w]
-            self.latest[0][2, w] = potential[w]
+            self.latest[0][w][0] = elastic[w]
+            self.latest[1][w][0] = upward[w]
+            self.latest[2][w][0] = potential[w]
 
     @ti.func
     def kick_of(self, p: ti.template(), stage: ti.template()):
@@ -90,10 +91,10 @@ class Chunks:
         ti.loop_config(serialize=True)
         for _ in range(1):
             p = rounded(numbers) if ti.static(self.single) else numbers
-            latest = self.latest[0]
+            latest = get(self.latest, 0)
             elastic = ti.Vector.zero(self.real, self.lanes)
             upward = ti.Vector.zero(self.real, self.lanes)
             potential = ti.Vector.zero(self.real, self.lanes)
             for w in ti.static(range(self.lanes)):
                 elastic[w], upward[w], potential[w] = latest[0, w], latest[1, w], latest[2, w]
-            self.observe(p, rows, s, self.sums[0], elastic, upward, potential)
+            self.observe(p, rows, s, get(self.sums, 0), elastic, upward, potential)

@@ -22,9 +22,9 @@ class Frame:
     @ti.func
     def place(self, i, c: ti.template(), w: ti.template(), sums):
         """Coordinate c of point i in lane w [R]."""
-        value = self.x[i][c, w]
+        value = self.x[c][w][i]
         if ti.static(self.single):
-            value += self.base[i][c]
+            value += self.base[c][i]
             if ti.static(c == 1):
                 if i < self.n_disk:
                     value += ti.cast(sums[SHIFT, w], self.real)
@@ -33,7 +33,7 @@ class Frame:
     @ti.func
     def last_place(self, i, c: ti.template(), w: ti.template(), move, sums):
         """Coordinate c of point i in lane w before the last move by `move` times the velocity [R]."""
-        v = self.v[i][c, w]
+        v = self.v[c][w][i]
         if ti.static(self.single and c == 1):
             if i < self.n_disk:
                 v += ti.cast(sums[SPEED, w], self.real)
@@ -65,6 +65,6 @@ class Frame:
         for w in ti.static(range(self.lanes)):
             force = ti.cast(total[w], ti.f64)
             if ti.static(self.physics.load != 0.0):
-                force -= ti.cast(self.load[None][w], ti.f64)
+                force -= ti.cast(self.load[w][None], ti.f64)
             result[PUSH, w] = force / self.n_disk
         return result

@@ -6,6 +6,8 @@ what U jumps by when the hand takes hold, moves or lets go.
 
 import taichi as ti
 
+from taichi_disk.model.vectors import get, put
+
 
 class Hand:
     """The pull of `Physics.pulled`; part of `World`. `hand` holds the point (-1: none), its target, k and F."""
@@ -13,7 +15,7 @@ class Hand:
     @ti.func
     def pull_of_hand(self, w: ti.template(), sums):
         """The point pulled, the force on it [M c^2/R] and the potential [M c^2] in lane w."""
-        hand = self.hand[0]
+        hand = get(self.hand, 0)
         i = ti.cast(hand[0], ti.i32)
         force = ti.Vector.zero(self.real, 2)
         energy = ti.cast(0.0, self.real)
@@ -34,8 +36,8 @@ class Hand:
         for w in ti.static(range(self.lanes)):
             i, force, energy = self.pull_of_hand(w, sums)
             if i >= 0:
-                self.f[i][0, w] += force[0]
-                self.f[i][1, w] += force[1]
+                self.f[0][w][i] += force[0]
+                self.f[1][w][i] += force[1]
             potential[w] = energy
         return potential
 
@@ -50,8 +52,8 @@ class Hand:
             i, force, energy = self.pull_of_hand(w, sums)
             if i >= 0:
                 for c in ti.static(range(2)):
-                    self.f[i][c, w] += factor * force[c]
-                    self.v[i][c, w] -= factor * closing * force[c]
+                    self.f[c][w][i] += factor * force[c]
+                    self.v[c][w][i] -= factor * closing * force[c]
             total += factor * energy
         return total
 
@@ -60,8 +62,8 @@ class Hand:
         self, point: ti.i32, x: ti.f64, y: ti.f64, stiffness: ti.f64, strongest: ti.f64, closing: ti.f64
     ) -> ti.f64:
         """The hand pulls `point` (-1: none) towards (x, y) from now on; returns the energy given by that [M c^2]."""
-        sums = self.sums[0]
+        sums = get(self.sums, 0)
         given = self.change_hand(closing, -1.0, sums)
-        self.hand[0] = ti.Vector([point, x, y, stiffness, strongest], dt=self.real)
+        put(self.hand, 0, ti.Vector([point, x, y, stiffness, strongest], dt=self.real))
         given += self.change_hand(closing, 1.0, sums)
         return given

@@ -36,9 +36,9 @@ class Observables:
             for i in range(self.n):
                 x = ti.cast(self.place(i, 0, w, sums), ti.f64)
                 y = ti.cast(self.place(i, 1, w, sums), ti.f64)
-                fx, fy = self.f[i][0, w], self.f[i][1, w]
-                vx = ti.cast(self.v[i][0, w] + p.closing * fx, ti.f64)
-                vy = ti.cast(self.v[i][1, w] + p.closing * fy, ti.f64)
+                fx, fy = self.f[0][w][i], self.f[1][w][i]
+                vx = ti.cast(self.v[0][w][i] + p.closing * fx, ti.f64)
+                vy = ti.cast(self.v[1][w][i] + p.closing * fy, ti.f64)
                 if i < self.n_disk:
                     if ti.static(self.single):
                         vy += sums[SPEED, w]
@@ -70,7 +70,7 @@ class Observables:
             rows[s, 11, w] = sums[ABSORBED, w]
             load = zero
             if ti.static(self.physics.load != 0.0):
-                load = self.load[None][w] * sy / count
+                load = self.load[w][None] * sy / count
             if ti.static(self.physics.pulled):
                 _i, _force, pull = self.pull_of_hand(w, sums)
                 load += pull

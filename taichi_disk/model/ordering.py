@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-BLOCK = 4  # springs handled together, so that their square roots and divisions become one vector instruction
+BLOCK = 8  # springs handled together, so that their square roots and divisions become one vector instruction
 WINDOW = 16  # points whose springs are shuffled among themselves: few enough to stay in the first-level cache
 PARALLEL_FROM = 50_000  # points from which two cores gain clearly; they break even near 35,000
 CHUNKS = 8  # of a large lattice: each more leaves another seam to one core

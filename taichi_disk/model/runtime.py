@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import io
+from collections.abc import Iterator
 from typing import Any, Literal
 
 from taichi_disk.errors import InputError
@@ -51,3 +52,17 @@ def precision() -> Precision:
     import taichi as ti
 
     return "f32" if ti.lang.impl.current_cfg().default_fp == ti.f32 else "f64"
+
+
+@contextlib.contextmanager
+def whole_vectors() -> Iterator[None]:
+    """Kernels that are compiled within keep local vectors whole on a CPU (see `vectors`)."""
+    import taichi as ti
+
+    config = ti.lang.impl.current_cfg()
+    scalarize = config.real_matrix_scalarize
+    config.real_matrix_scalarize = config.arch not in (ti.x64, ti.arm64)
+    try:
+        yield
+    finally:
+        config.real_matrix_scalarize = scalarize

@@ -2,9 +2,14 @@
 
 import taichi as ti
 
+from taichi_disk.model.vectors import get, put
+
 
 class Springs:
-    """The spring forces of all lanes; part of `World`."""
+    """The spring forces of all lanes; part of `World`.
+
+    Springs are taken a block at a time, every lane of every spring of the block in one vector.
+    """
 
     @ti.func
     def add_spring_forces(self, p: ti.template(), dashpot: ti.template(), begin, end):
@@ -15,32 +20,22 @@ class Springs:
         """
         width = ti.static(self.block * self.lanes)
         energy = ti.Vector.zero(self.real, width)
-        relative = ti.Vector.zero(self.real, self.lanes)
-        eta = ti.Matrix.zero(self.real, 2, self.lanes)
+        squares = ti.Vector.zero(self.real, width)
+        eta = ti.Vector.zero(self.real, width)
         if ti.static(dashpot):
-            for w in ti.static(range(self.lanes)):
-                eta[0, w] = self.eta[None][w]
-                eta[1, w] = self.eta[None][w]
+            for k in ti.static(range(width)):
+                eta[k] = self.eta[k % self.lanes][None]
         for block in range(begin, end):
-            i, j, unloaded = self.bond_i[block], self.bond_j[block], self.rest[block]
-            dx = ti.Vector.zero(self.real, width)
-            dy = ti.Vector.zero(self.real, width)
-            rest = ti.Vector.zero(self.real, width)
+            dx, dy = self.differences(self.x, block)
+            rest = self.broadcast(self.rest, block)
             change = ti.Vector.zero(self.real, width)  # of the length's square
-            for k in ti.static(range(self.block)):
-                d = self.x[i[k]] - self.x[j[k]]
-                for w in ti.static(range(self.lanes)):
-                    dx[k * self.lanes + w] = d[0, w]
-                    dy[k * self.lanes + w] = d[1, w]
-                    rest[k * self.lanes + w] = unloaded[k]
-                if ti.static(self.single):
-                    span = ti.Vector([self.span[block][k, 0], self.span[block][k, 1]])
-                    for w in ti.static(range(self.lanes)):
-                        dx[k * self.lanes + w] += span[0]
-                        dy[k * self.lanes + w] += span[1]
-                        x = dx[k * self.lanes + w] + span[0]
-                        y = dy[k * self.lanes + w] + span[1]
-                        change[k * self.lanes + w] = x * d[0, w] + y * d[1, w]
+            if ti.static(self.single):
+                span_x = self.broadcast([part[0] for part in self.span], block)
+                span_y = self.broadcast([part[1] for part in self.span], block)
+                moved_x, moved_y = dx, dy
+                dx += span_x
+                dy += span_y
+                change = (dx + span_x) * moved_x + (dy + span_y) * moved_y
             r = ti.sqrt(dx * dx + dy * dy)
             s = r - rest
             part = s / r
@@ -53,26 +48,51 @@ class Springs:
             if ti.static(self.uses("cubic")):
                 pull += p.k_b * s2 * part
                 energy += (0.25 * p.k_b) * s2 * s2
-            if ti.static(self.block > 1):
-                # This store makes the compiler take the block's square roots and divisions as one vector.
-                self.pull[block] = pull
-            squares = ti.Vector.zero(self.real, self.lanes)
-            for k in ti.static(range(self.block)):
-                force = ti.Matrix.zero(self.real, 2, self.lanes)
-                for w in ti.static(range(self.lanes)):
-                    force[0, w] = pull[k * self.lanes + w] * dx[k * self.lanes + w]
-                    force[1, w] = pull[k * self.lanes + w] * dy[k * self.lanes + w]
-                if ti.static(dashpot):
-                    u = self.u[i[k]] - self.u[j[k]]
-                    for w in ti.static(range(self.lanes)):
-                        squares[w] += u[0, w] * u[0, w] + u[1, w] * u[1, w]
-                    force += eta * u
-                self.f[i[k]] = self.f[i[k]] - force  # `-=` would be atomic where chunks are taken in parallel
-                self.f[j[k]] = self.f[j[k]] + force
+            fx, fy = pull * dx, pull * dy
             if ti.static(dashpot):
-                relative += squares
+                ux, uy = self.differences(self.u, block)
+                squares += ux * ux + uy * uy
+                fx += eta * ux
+                fy += eta * uy
+            self.pull_together(block, fx, fy)
         elastic = ti.Vector.zero(self.real, self.lanes)
+        relative = ti.Vector.zero(self.real, self.lanes)
         for w in ti.static(range(self.lanes)):
             for k in ti.static(range(self.block)):
                 elastic[w] += energy[k * self.lanes + w]
+                relative[w] += squares[k * self.lanes + w]
         return elastic, relative
+
+    @ti.func
+    def broadcast(self, parts: ti.template(), block):
+        """One number of each spring of a block, the same in every lane."""
+        return ti.Vector([parts[k][block] for k in range(self.block) for w in range(self.lanes)])
+
+    @ti.func
+    def differences(self, parts: ti.template(), block):
+        """x and y of what the first end of each spring of a block has more than the second."""
+        if ti.static(self.block == 1):
+            i, j = self.bond_i[0][block], self.bond_j[0][block]
+            return get(parts[0], i) - get(parts[0], j), get(parts[1], i) - get(parts[1], j)
+        else:
+            x, y = ti.static(parts[0][0], parts[1][0])
+            i = [self.bond_i[k][block] for k in range(self.block)]
+            j = [self.bond_j[k][block] for k in range(self.block)]
+            # x and y of a point stand side by side: loaded and subtracted together.
+            d = [ti.Vector([x[i[k]], y[i[k]]]) - ti.Vector([x[j[k]], y[j[k]]]) for k in range(self.block)]
+            return ti.Vector([one[0] for one in d]), ti.Vector([one[1] for one in d])
+
+    @ti.func
+    def pull_together(self, block, fx, fy):
+        """Subtract a force from the first end of each spring of a block and add it to the second."""
+        for k in ti.static(range(self.block)):
+            i, j = self.bond_i[k][block], self.bond_j[k][block]
+            if ti.static(self.block == 1):
+                put(self.f[0], i, get(self.f[0], i) - fx)
+                put(self.f[1], i, get(self.f[1], i) - fy)
+                put(self.f[0], j, get(self.f[0], j) + fx)
+                put(self.f[1], j, get(self.f[1], j) + fy)
+            else:
+                force = ti.Matrix([[fx[k]], [fy[k]]])
+                put(self.f, i, get(self.f, i) - force)
+                put(self.f, j, get(self.f, j) + force)

@@ -50,10 +50,9 @@ def make_fields(
     vectors("v", filled)  # velocities at step k - 1/2
     vectors("f", filled)  # forces at step k
     # A block's numbers in one element: else, where a loop begins anywhere, the compiler does not see them side by side.
-    for name, kind in (("bond_i", ti.i32), ("bond_j", ti.i32), ("rest", real), ("pull", real)):
-        if name != "pull" or springs.block > 1:
-            fields[name] = ti.Vector.field(springs.block, kind)
-            builder.dense(ti.i, springs.blocks).place(fields[name])
+    for name, kind in (("bond_i", ti.i32), ("bond_j", ti.i32), ("rest", real)):
+        fields[name] = ti.Vector.field(springs.block, kind)
+        builder.dense(ti.i, springs.blocks).place(fields[name])
     if real is ti.f32:
         fields["base"] = ti.Vector.field(2, real)
         builder.dense(ti.i, n).place(fields["base"])

@@ -7,6 +7,7 @@ from taichi_disk.model.frame import Frame
 from taichi_disk.model.hand import Hand
 from taichi_disk.model.parameters import Parameters, rounded
 from taichi_disk.model.sums import ABSORBED, BOUNDARY_POWER, DISSIPATED, PEAK, POWER, SLIDING
+from taichi_disk.model.vectors import get, put
 
 
 class Stepping(Boundary, Frame, Hand):
@@ -27,7 +28,7 @@ class Stepping(Boundary, Frame, Hand):
         if ti.static(self.uses("load")):
             if i < self.n_disk:
                 for w in ti.static(range(self.lanes)):
-                    force[1, w] -= self.load[None][w] / self.n_disk
+                    force[1, w] -= self.load[w][None] / self.n_disk
         return force, push
 
     @ti.func
@@ -39,18 +40,18 @@ class Stepping(Boundary, Frame, Hand):
         total = ti.Vector.zero(self.real, self.lanes)
         highest = ti.Vector.zero(self.real, self.lanes)
         for i in range(first, last):
-            f = self.f[i]
-            v = self.v[i] + kick * f
+            f = get(self.f, i)
+            v = get(self.v, i) + kick * f
             if ti.static(self.single):
                 gain = self.frame_kick(i, kick, sums)
                 for w in ti.static(range(self.lanes)):
                     v[1, w] -= gain[w]
-            self.v[i] = v
-            self.x[i] = self.x[i] + move * v  # `+=` would be atomic where chunks are moved in parallel
+            put(self.v, i, v)
+            put(self.x, i, get(self.x, i) + move * v)
             if ti.static(self.physics.explicit_dashpot):
-                self.u[i] = v + 0.5 * p.g * f
+                put(self.u, i, v + 0.5 * p.g * f)
             force, push = self.outer_force(p, i, sums)
-            self.f[i] = force
+            put(self.f, i, force)
             if ti.static(self.physics.wall == "rigid"):
                 highest = ti.max(highest, push)
                 total += push
@@ -125,7 +126,7 @@ class Stepping(Boundary, Frame, Hand):
         cross = ti.Vector.zero(self.real, self.lanes)
         boundary_power = ti.Vector.zero(self.real, self.lanes)
         if ti.static(self.uses("explicit dashpot")):
-            power = self.eta[None] * squares
+            power = ti.Vector([part[None] for part in self.eta]) * squares
         if ti.static(self.uses("dashpot boundary") and not self.physics.implicit_dashpot):
             boundary_power = self.damp_boundary(p)
         if ti.static(self.uses("implicit dashpot")):
@@ -161,7 +162,7 @@ class Stepping(Boundary, Frame, Hand):
         ti.loop_config(serialize=True)
         for _ in range(1):
             p = rounded(numbers) if ti.static(self.single) else numbers
-            sums = self.sums[0]
+            sums = get(self.sums, 0)
             for s in range(samples):
                 elastic = ti.Vector.zero(self.real, self.lanes)
                 upward = ti.Vector.zero(self.real, self.lanes)
@@ -169,7 +170,7 @@ class Stepping(Boundary, Frame, Hand):
                 for k in range(stride):
                     sums, elastic, upward, potential = self.step(p, number + s * stride + k + 1, sums)
                 self.observe(p, rows, s, sums, elastic, upward, potential)
-            self.sums[0] = sums
+            put(self.sums, 0, sums)
 
     @ti.kernel
     def _initialise(self, numbers: Parameters, rows: ti.types.ndarray(dtype=ti.f64, ndim=3)):
@@ -177,14 +178,14 @@ class Stepping(Boundary, Frame, Hand):
         ti.loop_config(serialize=True)
         for _ in range(1):
             p = rounded(numbers) if ti.static(self.single) else numbers
-            sums = self.sums[0]
+            sums = get(self.sums, 0)
             total = ti.Vector.zero(self.real, self.lanes)
             for i in range(self.n):
                 force, push = self.outer_force(p, i, sums)
                 total += push
-                self.f[i] = force
+                put(self.f, i, force)
                 if ti.static(self.physics.dissipates):
-                    self.u[i] = self.v[i]
+                    put(self.u, i, get(self.v, i))
             elastic, squares = self.add_spring_forces(p, self.physics.dissipates, 0, self.blocks)
             upward = ti.Vector.zero(self.real, self.lanes)
             potential = ti.Vector.zero(self.real, self.lanes)
@@ -194,18 +195,18 @@ class Stepping(Boundary, Frame, Hand):
             if ti.static(self.physics.boundary == "pinned"):
                 self.hold_boundary()
             if ti.static(self.physics.dissipates):
-                power = self.eta[None] * squares
+                power = ti.Vector([part[None] for part in self.eta]) * squares
                 for w in ti.static(range(self.lanes)):
                     sums[POWER, w] = power[w]
             if ti.static(self.physics.boundary == "dashpot"):
                 for k in range(self.n_boundary):
-                    i, Z = self.boundary[k], self.impedance[k]
-                    v, f = self.v[i], self.f[i]
+                    i, Z = self.boundary[k], get(self.impedance, k)
+                    v, f = get(self.v, i), get(self.f, i)
                     for w in ti.static(range(self.lanes)):
                         for c in ti.static(range(2)):
                             f[c, w] -= Z[c] * v[c, w]
                             sums[BOUNDARY_POWER, w] += Z[c] * v[c, w] * v[c, w]
-                    self.f[i] = f
+                    put(self.f, i, f)
                 if ti.static(self.physics.implicit_dashpot):
                     for w in ti.static(range(self.lanes)):  # whose power is that of all dashpots together
                         sums[POWER, w] += sums[BOUNDARY_POWER, w]
@@ -213,11 +214,11 @@ class Stepping(Boundary, Frame, Hand):
                 sums = self.push_frame(total, sums)
                 sums = self.move_frame(-p.closing, 0.0, sums)
             for i in range(self.n):
-                v = self.v[i] - p.closing * self.f[i]
+                v = get(self.v, i) - p.closing * get(self.f, i)
                 if ti.static(self.single):
                     gain = self.frame_kick(i, p.closing, sums)
                     for w in ti.static(range(self.lanes)):
                         v[1, w] += gain[w]
-                self.v[i] = v
-            self.sums[0] = sums
+                put(self.v, i, v)
+            put(self.sums, 0, sums)
             self.observe(p, rows, 0, sums, elastic, upward, potential)

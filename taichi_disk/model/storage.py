@@ -42,13 +42,13 @@ class Storage:
         ti.loop_config(serialize=True)
         for b in range(self.blocks):
             for k in ti.static(range(self.block)):
-                self.bond_i[b][k] = ends[b * self.block + k, 0]
-                self.bond_j[b][k] = ends[b * self.block + k, 1]
-                self.rest[b][k] = rest[b * self.block + k]
+                self.bond_i[k][b] = ends[b * self.block + k, 0]
+                self.bond_j[k][b] = ends[b * self.block + k, 1]
+                self.rest[k][b] = rest[b * self.block + k]
         if ti.static(not self.single):
             for c in range(self.chunks):
                 for w in ti.static(range(self.lanes)):
-                    self.x[self.n + 2 * c + 1][0, w] = 1.0  # springs that fill up lie between (0, 0) and (1, 0)
+                    self.x[0][w][self.n + 2 * c + 1] = 1.0  # springs that fill up lie between (0, 0) and (1, 0)
 
     @ti.kernel
     def _fill_chunks(self, ends: Integers1):
@@ -59,19 +59,20 @@ class Storage:
     def _fill_base(self, base: Reals2, span: Reals2):
         ti.loop_config(serialize=True)
         for i in range(self.n):
-            self.base[i] = ti.Vector([base[i, 0], base[i, 1]])
+            for c in ti.static(range(2)):
+                self.base[c][i] = base[i, c]
         for b in range(self.blocks):
             for k in ti.static(range(self.block)):
                 for c in ti.static(range(2)):
-                    self.span[b][k, c] = span[b * self.block + k, c]
+                    self.span[k][c][b] = span[b * self.block + k, c]
 
     @ti.kernel
     def _fill_lanes(self, eta: Reals1, load: Reals1):
         for w in ti.static(range(self.lanes)):
             if ti.static(self.physics.dissipates):
-                self.eta[None][w] = eta[w]
+                self.eta[w][None] = eta[w]
             if ti.static(self.physics.load != 0.0):
-                self.load[None][w] = load[w]
+                self.load[w][None] = load[w]
 
     @ti.kernel
     def _fill_surfaces(self, disk: Integers1, wall: Integers1):
@@ -85,7 +86,8 @@ class Storage:
         for k in range(self.n_boundary):
             self.boundary[k] = points[k]
             if ti.static(self.physics.boundary == "dashpot"):
-                self.impedance[k] = ti.Vector([impedance[k, 0], impedance[k, 1]])
+                for c in ti.static(range(2)):
+                    self.impedance[c][k] = impedance[k, c]
 
     @ti.kernel
     def _fill_factor(
@@ -101,12 +103,12 @@ class Storage:
             self.order[k] = order[k]
             self.column[k] = column[k]
             for c in ti.static(range(self.components)):
-                self.inverse_diagonal[k][c] = inverse_diagonal[k, c]
+                self.inverse_diagonal[c][k] = inverse_diagonal[k, c]
         self.column[self.n_free] = column[self.n_free]
         for e in range(column[self.n_free]):
             self.row[e] = row[e]
             for c in ti.static(range(self.components)):
-                self.factor[e][c] = values[e, c]
+                self.factor[c][e] = values[e, c]
 
     @ti.kernel
     def _copy_state(self, vectors: Reals4, sums: Reals2, into: ti.template()):
@@ -115,20 +117,20 @@ class Storage:
             for w in ti.static(range(self.lanes)):
                 for c in ti.static(range(2)):
                     if ti.static(into):
-                        self.x[i][c, w] = vectors[0, i, c, w]
-                        self.v[i][c, w] = vectors[1, i, c, w]
-                        self.f[i][c, w] = vectors[2, i, c, w]
+                        self.x[c][w][i] = vectors[0, i, c, w]
+                        self.v[c][w][i] = vectors[1, i, c, w]
+                        self.f[c][w][i] = vectors[2, i, c, w]
                         if ti.static(self.physics.implicit_dashpot):
-                            self.u[i][c, w] = vectors[3, i, c, w]
+                            self.u[c][w][i] = vectors[3, i, c, w]
                     else:
-                        vectors[0, i, c, w] = self.x[i][c, w]
-                        vectors[1, i, c, w] = self.v[i][c, w]
-                        vectors[2, i, c, w] = self.f[i][c, w]
+                        vectors[0, i, c, w] = self.x[c][w][i]
+                        vectors[1, i, c, w] = self.v[c][w][i]
+                        vectors[2, i, c, w] = self.f[c][w][i]
                         if ti.static(self.physics.implicit_dashpot):
-                            vectors[3, i, c, w] = self.u[i][c, w]
+                            vectors[3, i, c, w] = self.u[c][w][i]
         for k in ti.static(range(SUMS)):
             for w in ti.static(range(self.lanes)):
                 if ti.static(into):
-                    self.sums[0][k, w] = sums[k, w]
+                    self.sums[k][w][0] = sums[k, w]
                 else:
-                    sums[k, w] = self.sums[0][k, w]
+                    sums[k, w] = self.sums[k][w][0]

@@ -11,10 +11,9 @@ class Walls:
         """a V0 exp(-a y) of one point in every lane; zero, without an exponential, where all are out of reach."""
         force = ti.Vector.zero(self.real, self.lanes)
         if y.min() < p.reach:
-            force = p.a * p.V0 * ti.exp(-p.a * y)
             for w in ti.static(range(self.lanes)):
-                if y[w] >= p.reach:
-                    force[w] = 0.0
+                if y[w] < p.reach:
+                    force[w] = p.a * p.V0 * ti.exp(-p.a * y[w])
         return force
 
     @ti.func
@@ -60,12 +59,12 @@ class Walls:
                             lever = ((x - ax) * tx + (y - ay) * ty) / length2
                             energy = p.V0 * ti.exp(-p.a * gap)
                             force = p.a * energy
-                            self.f[i][0, w] += force * nx
-                            self.f[i][1, w] += force * ny
-                            self.f[a][0, w] -= (1.0 - lever) * force * nx
-                            self.f[a][1, w] -= (1.0 - lever) * force * ny
-                            self.f[b][0, w] -= lever * force * nx
-                            self.f[b][1, w] -= lever * force * ny
+                            self.f[0][w][i] += force * nx
+                            self.f[1][w][i] += force * ny
+                            self.f[0][w][a] -= (1.0 - lever) * force * nx
+                            self.f[1][w][a] -= (1.0 - lever) * force * ny
+                            self.f[0][w][b] -= lever * force * nx
+                            self.f[1][w][b] -= lever * force * ny
                             upward[w] += force * ny
                             potential[w] += energy - p.V0_at_threshold
                             highest[w] = ti.max(highest[w], force)

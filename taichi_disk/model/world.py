@@ -14,6 +14,7 @@ import taichi as ti
 from numpy.typing import NDArray
 
 from taichi_disk.lattice import Lattice
+from taichi_disk.model import runtime
 from taichi_disk.model.chunks import STAGES, Chunks
 from taichi_disk.model.factor import Factor, factorise
 from taichi_disk.model.integrators import SPLITTINGS
@@ -28,6 +29,7 @@ from taichi_disk.model.state import make_fields
 from taichi_disk.model.stepping import Stepping
 from taichi_disk.model.storage import State, Storage
 from taichi_disk.model.sums import SHIFT, SPEED, SUMS
+from taichi_disk.model.vectors import parts_of
 from taichi_disk.model.walls import Walls
 
 
@@ -90,7 +92,7 @@ class World(Stepping, Chunks, Springs, Walls, ImplicitDashpot, Observables, Stor
             lattice, physics, springs, self.lanes, self.n_free, self._most_entries, self.real
         )
         for name, field in self.fields.items():
-            setattr(self, name, field)
+            setattr(self, name, parts_of(field))
         self._start(factor, velocities, etas, load, positions)
 
     def restart(
@@ -151,7 +153,8 @@ class World(Stepping, Chunks, Springs, Walls, ImplicitDashpot, Observables, Stor
                 vectors[k, : self.n_disk, 1] -= sums[row]
         self._copy_state(vectors, sums, True)
         rows = np.zeros((1, len(COLUMNS), self.lanes))
-        self._initialise(self._parameters, rows)
+        with runtime.whole_vectors():
+            self._initialise(self._parameters, rows)
         self.first_row: NDArray[np.float64] = rows[0]
 
     def uses(self, feature: str) -> bool:
@@ -216,16 +219,17 @@ class World(Stepping, Chunks, Springs, Walls, ImplicitDashpot, Observables, Stor
         None at all (`samples` 0) compiles the step.
         """
         rows = np.zeros((samples, len(COLUMNS), self.lanes))
-        if self.chunks > 1:
-            if samples == 0:
-                self._advance_chunks(self._parameters, self.step_number, 0)
-            for s in range(samples):
-                for k in range(0, stride, self.steps_per_launch):
-                    steps = min(stride - k, self.steps_per_launch)
-                    self._advance_chunks(self._parameters, self.step_number + s * stride + k, steps)
-                self._look(self._parameters, s, rows)
-        else:
-            self._advance(self._parameters, self.step_number, samples, stride, rows)
+        with runtime.whole_vectors():
+            if self.chunks > 1:
+                if samples == 0:
+                    self._advance_chunks(self._parameters, self.step_number, 0)
+                for s in range(samples):
+                    for k in range(0, stride, self.steps_per_launch):
+                        steps = min(stride - k, self.steps_per_launch)
+                        self._advance_chunks(self._parameters, self.step_number + s * stride + k, steps)
+                    self._look(self._parameters, s, rows)
+            else:
+                self._advance(self._parameters, self.step_number, samples, stride, rows)
         self.step_number += samples * stride
         return rows
 

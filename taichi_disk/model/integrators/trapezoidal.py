@@ -13,6 +13,8 @@ which is leapfrog with the dashpot trapezoidal: order 2, and stable up to the un
 
 import taichi as ti
 
+from taichi_disk.model.vectors import get, put
+
 
 class ImplicitDashpot:
     """Solves for the velocities at a step; part of `World`."""
@@ -22,26 +24,26 @@ class ImplicitDashpot:
         """Solve the matrix with the right-hand side in `z` (elimination order); the result is left in `z`."""
         y = ti.static(self.components - 1)
         for k in range(self.n_free):
-            zk = self.z[k]
+            zk = get(self.z, k)
             for e in range(self.column[k], self.column[k + 1]):
-                c = self.factor[e]
+                c = get(self.factor, e)
                 for w in ti.static(range(self.lanes)):
-                    self.z[self.row[e]][0, w] -= c[0] * zk[0, w]
-                    self.z[self.row[e]][1, w] -= c[y] * zk[1, w]
+                    self.z[0][w][self.row[e]] -= c[0] * zk[0, w]
+                    self.z[1][w][self.row[e]] -= c[y] * zk[1, w]
         for back in range(self.n_free):
             k = self.n_free - 1 - back
-            d = self.inverse_diagonal[k]
-            zk = self.z[k]
+            d = get(self.inverse_diagonal, k)
+            zk = get(self.z, k)
             for w in ti.static(range(self.lanes)):
                 zk[0, w] *= d[0]
                 zk[1, w] *= d[y]
             for e in range(self.column[k], self.column[k + 1]):
-                c = self.factor[e]
-                other = self.z[self.row[e]]
+                c = get(self.factor, e)
+                other = get(self.z, self.row[e])
                 for w in ti.static(range(self.lanes)):
                     zk[0, w] -= c[0] * other[0, w]
                     zk[1, w] -= c[y] * other[1, w]
-            self.z[k] = zk
+            put(self.z, k, zk)
 
     @ti.func
     def solve_velocities(self, p: ti.template()):
@@ -52,22 +54,22 @@ class ImplicitDashpot:
         half = 0.5 * p.g
         for k in range(self.n_free):
             i = self.order[k]
-            self.z[k] = self.v[i] + half * self.f[i]
+            put(self.z, k, get(self.v, i) + half * get(self.f, i))
         self.solve_dashpot()
         power = ti.Vector.zero(self.real, self.lanes)
         cross = ti.Vector.zero(self.real, self.lanes)
         for k in range(self.n_free):
-            i, u = self.order[k], self.z[k]
-            before = self.u[i]
-            loss = (self.v[i] + half * self.f[i] - u) / half
+            i, u = self.order[k], get(self.z, k)
+            before = get(self.u, i)
+            loss = (get(self.v, i) + half * get(self.f, i) - u) / half
             for w in ti.static(range(self.lanes)):
                 power[w] += u[0, w] * loss[0, w] + u[1, w] * loss[1, w]
                 cross[w] += before[0, w] * loss[0, w] + before[1, w] * loss[1, w]
-            self.u[i] = u
+            put(self.u, i, u)
         absorbed = ti.Vector.zero(self.real, self.lanes)
         if ti.static(self.physics.boundary == "dashpot"):
             for k in range(self.n_boundary):
-                u, Z = self.u[self.boundary[k]], self.impedance[k]
+                u, Z = get(self.u, self.boundary[k]), get(self.impedance, k)
                 for w in ti.static(range(self.lanes)):
                     absorbed[w] += Z[0] * u[0, w] * u[0, w] + Z[1] * u[1, w] * u[1, w]
         return power, cross, absorbed
@@ -77,4 +79,4 @@ class ImplicitDashpot:
         """The force that the solved velocities imply, so that v + g/2 f = u and v + g f = 2 u - v."""
         for k in range(self.n_free):
             i = self.order[k]
-            self.f[i] = (self.u[i] - self.v[i]) / (0.5 * p.g)
+            put(self.f, i, (get(self.u, i) - get(self.v, i)) / (0.5 * p.g))
