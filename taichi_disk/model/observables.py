@@ -3,6 +3,7 @@
 import taichi as ti
 
 from taichi_disk.model.sums import ABSORBED, DISSIPATED, SLIDING, SPEED
+from taichi_disk.model.vectors import get
 
 COLUMNS = (
     "com_x",  # the disk's centre of mass [R]
@@ -28,52 +29,62 @@ class Observables:
 
     @ti.func
     def observe(self, p: ti.template(), rows: ti.template(), s, sums, elastic, upward, potential):
+        zero = ti.Vector.zero(ti.f64, self.lanes)
+        sx, sy, svx, svy, spin, v2, residual2 = zero, zero, zero, zero, zero, zero, zero
+        force, energy = self.in_double(upward), self.in_double(potential)
+        lowest = self.coordinates(0, 1, sums)
+        for i in range(self.n):
+            x, y = self.coordinates(i, 0, sums), self.coordinates(i, 1, sums)
+            fx, fy = get(self.f[0], i), get(self.f[1], i)
+            vx = self.in_double(get(self.v[0], i) + p.closing * fx)
+            vy = self.in_double(get(self.v[1], i) + p.closing * fy)
+            if i < self.n_disk:
+                if ti.static(self.single):
+                    vy += ti.Vector([sums[SPEED, w] for w in range(self.lanes)])
+                sx += x
+                sy += y
+                svx += vx
+                svy += vy
+                spin += x * vy - y * vx
+                lowest = ti.min(lowest, y)
+                residual2 = ti.max(residual2, self.in_double(fx * fx + fy * fy))
+                if ti.static(self.physics.wall == "rigid"):
+                    if y.min() < p.reach:
+                        for w in ti.static(range(self.lanes)):
+                            if y[w] < p.reach:
+                                e = p.V0 * ti.exp(-p.a * ti.cast(y[w], self.real))
+                                energy[w] += e
+                                force[w] += p.a * e
+            v2 += vx * vx + vy * vy
+        count = ti.cast(self.n_disk, ti.f64)
         for w in ti.static(range(self.lanes)):
-            zero = ti.cast(0.0, ti.f64)
-            sx, sy, svx, svy, spin, v2 = zero, zero, zero, zero, zero, zero
-            lowest, residual2 = ti.cast(self.place(0, 1, w, sums), ti.f64), zero
-            force, energy = ti.cast(upward[w], ti.f64), ti.cast(potential[w], ti.f64)
-            for i in range(self.n):
-                x = ti.cast(self.place(i, 0, w, sums), ti.f64)
-                y = ti.cast(self.place(i, 1, w, sums), ti.f64)
-                fx, fy = self.f[0][w][i], self.f[1][w][i]
-                vx = ti.cast(self.v[0][w][i] + p.closing * fx, ti.f64)
-                vy = ti.cast(self.v[1][w][i] + p.closing * fy, ti.f64)
-                if i < self.n_disk:
-                    if ti.static(self.single):
-                        vy += sums[SPEED, w]
-                    sx += x
-                    sy += y
-                    svx += vx
-                    svy += vy
-                    spin += x * vy - y * vx
-                    lowest = ti.min(lowest, y)
-                    residual2 = ti.max(residual2, ti.cast(fx * fx + fy * fy, ti.f64))
-                    if ti.static(self.physics.wall == "rigid"):
-                        if y < p.reach:
-                            e = p.V0 * ti.exp(-p.a * ti.cast(y, self.real))
-                            energy += e
-                            force += p.a * e
-                v2 += vx * vx + vy * vy
-            count = ti.cast(self.n_disk, ti.f64)
-            rows[s, 0, w] = sx / count
-            rows[s, 1, w] = sy / count
-            rows[s, 2, w] = svx / count
-            rows[s, 3, w] = svy / count
-            rows[s, 4, w] = p.m * (spin - (sx * svy - sy * svx) / count)
-            rows[s, 5, w] = lowest
-            rows[s, 6, w] = force
-            rows[s, 7, w] = 0.5 * p.m * v2
+            rows[s, 0, w] = sx[w] / count
+            rows[s, 1, w] = sy[w] / count
+            rows[s, 2, w] = svx[w] / count
+            rows[s, 3, w] = svy[w] / count
+            rows[s, 4, w] = p.m * (spin[w] - (sx[w] * svy[w] - sy[w] * svx[w]) / count)
+            rows[s, 5, w] = lowest[w]
+            rows[s, 6, w] = force[w]
+            rows[s, 7, w] = 0.5 * p.m * v2[w]
             rows[s, 8, w] = elastic[w]
-            rows[s, 9, w] = energy
+            rows[s, 9, w] = energy[w]
             rows[s, 10, w] = sums[DISSIPATED, w]
             rows[s, 11, w] = sums[ABSORBED, w]
-            load = zero
+            load = ti.cast(0.0, ti.f64)
             if ti.static(self.physics.load != 0.0):
-                load = self.load[w][None] * sy / count
+                load = self.load[w][None] * sy[w] / count
             if ti.static(self.physics.pulled):
                 _i, _force, pull = self.pull_of_hand(w, sums)
                 load += pull
             rows[s, 12, w] = load
             rows[s, 13, w] = sums[SLIDING, w]
-            rows[s, 14, w] = ti.sqrt(residual2)
+            rows[s, 14, w] = ti.sqrt(residual2[w])
+
+    @ti.func
+    def coordinates(self, i, c: ti.template(), sums):
+        """Coordinate c of point i in every lane, in double precision [R]."""
+        return self.in_double(ti.Vector([self.place(i, c, w, sums) for w in range(self.lanes)]))
+
+    @ti.func
+    def in_double(self, vector):
+        return ti.Vector([ti.cast(vector[w], ti.f64) for w in range(self.lanes)])
