@@ -12,7 +12,7 @@ from taichi_disk.scene import TimeSection
 
 # A step with the implicit dashpot costs this many steps with the explicit one (N = 1099, one core, f64:
 # `taichi-disk accuracy` prints both); in a large lattice its factor fits no cache, and its solve runs on one core.
-IMPLICIT_COST, IMPLICIT_COST_LARGE = 2.5, 12.0
+IMPLICIT_COST, IMPLICIT_COST_LARGE = 3.2, 12.0
 
 
 @dataclass(frozen=True)

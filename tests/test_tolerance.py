@@ -13,7 +13,7 @@ from taichi_disk.time_step import TimeStep
 from taichi_disk.tolerance import Tried, better_step, error_estimate
 
 VV, TRAPEZOIDAL, VEFRL = "velocity_verlet", "trapezoidal", "vefrl"
-FORCES = {VV: 1.0, TRAPEZOIDAL: 2.5, VEFRL: 4.0}  # cost of a step
+FORCES = {VV: 1.0, TRAPEZOIDAL: 3.2, VEFRL: 4.0}  # cost of a step
 
 
 def follows(integrator, dt, order, true=0.9, factor=3.0):

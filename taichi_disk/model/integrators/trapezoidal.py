@@ -1,7 +1,7 @@
 """Velocity Verlet with the dashpots trapezoidal: order 2, one force evaluation and one sparse solve a step.
 
 For strong dashpots: the step is set by the springs, not by eta. The symmetric positive definite matrix is constant, so
-its Cholesky factor is computed once and held in Taichi fields; a step then costs 2.5 of those with weak dashpots.
+its Cholesky factor is computed once and held in Taichi fields; a step then costs 3.2 of those with weak dashpots.
 
 With v_ the velocities half a step ago and F the springs' and walls' forces at this step, the velocity u at
 this step, centred between v_ and v_+ = 2 u - v_, obeys
