@@ -20,7 +20,7 @@ from taichi_disk.scenes.setup import Columns, Setup
 from taichi_disk.simulate import SPRINGS_PER_LAUNCH, as_columns, blown_up
 from taichi_disk.time_step import TimeStep
 
-# A cache line of numbers. Fewer cost more per lane (4 in f64 1.7 times); more gain nothing and compile three times longer.
+# A cache line of numbers. Fewer cost more per lane (four in f64 1.7 times); more gain nothing and compile far longer.
 LANES: dict[Precision, int] = {"f64": 8, "f32": 16}
 WORLDS = 20  # made before Taichi is started afresh: it never gives fields back for good
 
