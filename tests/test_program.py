@@ -47,7 +47,7 @@ def test_a_change_of_the_physics_changes_it(copy: Path, name: str, old: str, new
     [
         ("study/figures.py", '"osD^vPX"', '"osD"'),
         ("cli.py", "return 130", "return 131"),
-        ("model/springs.py", "# This store", "# That store"),
+        ("model/springs.py", "# x and y of a point", "# y and x of a point"),
     ],
 )
 def test_a_change_of_drawing_or_comment_does_not(copy: Path, name: str, old: str, new: str) -> None:
