@@ -185,6 +185,7 @@ class Motion:
         self._attempts = 1 if time.dt == "auto" else ATTEMPTS
         self._tried: tuple[float, float] | None = None  # when the last trial failed, and by how much
         self._stands = False
+        self._closing = np.inf  # excess at the end, in the trial before
 
     def _judge(self, over: bool) -> None:
         """End the scene if it is `over`, or go back to the start of the stretch if a shorter step does better."""
@@ -193,16 +194,20 @@ class Motion:
             limit = step_limit(self.stage.modes, self.world.physics, peak)
             if self.step.dt > max(MARGIN, self._time.safety) * limit and self._try_shorter(peak, 0.0):
                 return
-        excess = self.ledger.worst() / (WORST * self.scale)
-        if over:
-            excess = max(excess, abs(self.ledger.stretch_imbalance()) / (CLOSING * self.scale))
-        if excess > 1.0 and not self._stands:
+        worst = self.ledger.worst() / (WORST * self.scale)
+        if worst > 1.0 and not self._stands:
             if self._tried and self.ledger.worst(self._tried[0]) > 0.5 * self._tried[1]:
-                # It is not the step that is at fault.
+                # It is not the step that is at fault, or not in the middle of the contact.
                 self._stands = True
-            elif self._try_shorter(peak, excess):
+            elif self._try_shorter(peak, worst):
                 return
         if over:
+            # Only closing can be compared with closing: during the contact the energy also swings with the step.
+            closing = abs(self.ledger.stretch_imbalance()) / (CLOSING * self.scale)
+            if 1.0 < closing <= 0.5 * self._closing:
+                self._closing = closing
+                if self._try_shorter(peak, closing):
+                    return
             self.ended = True
 
     def _try_shorter(self, peak: float, excess: float) -> bool:
