@@ -3,17 +3,23 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from itertools import product
 
 import numpy as np
 import pytest
 from reference import Model
 from worlds import disk, disk_and_wall
 
+from taichi_disk.dynamics import MARGIN
 from taichi_disk.errors import InputError
 from taichi_disk.model.integrators import SPLITTINGS
 from taichi_disk.model.physics import Physics
 from taichi_disk.model.stability import explicit_limit, spectrum, step_limit
+from taichi_disk.progress import QuietProgress
 from taichi_disk.scene import TimeSection
+from taichi_disk.scene_file import load_scene
+from taichi_disk.scenes import build
+from taichi_disk.simulate import make_world, simulate
 from taichi_disk.study.endurance import BOUNDED, DRIFTS, LIMITS, Rest, drift
 from taichi_disk.time_step import choose
 
@@ -116,6 +122,19 @@ def test_wall_stiffness_is_bounded_by_the_force_on_a_point(wall):
         omega = np.sqrt(np.linalg.eigvals(jacobian(model, x)).real.max() / m)
         limit = step_limit(spectrum(lattice, physics), physics, force)
         assert 0.6 * 2.0 / omega < limit < 2.0 / omega * (1 + 1e-6)
+
+
+@pytest.mark.usefixtures("taichi")
+def test_the_force_on_a_point_is_foreseen_as_well_as_the_margin_of_the_step_asks():
+    world = None
+    for a, v in product((100.0, 300.0, 1000.0, 3000.0), (0.02, 0.1)):
+        setup = build(load_scene("exponential_wall", ["lattice.points=300", f"wall.a={a}", f"impact.velocity={v}"]))
+        step = choose(TimeSection(safety=0.5), setup.physics, spectrum(setup.lattice, setup.physics), setup.point_force)
+        world = make_world(setup, step, world)
+        force = simulate(setup, world, step, setup.sample_interval, QuietProgress()).peak_point_force
+        # The wall's stiffness a F makes up at most all of omega^2, and the step goes as its root.
+        assert 0.4 < force / setup.point_force < (MARGIN / TimeSection().safety) ** 2
+    world.destroy()
 
 
 def swings(omega, rate, h, steps=4000):

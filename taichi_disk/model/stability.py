@@ -19,6 +19,11 @@ from taichi_disk.model.physics import Physics
 from taichi_disk.stiffness import laplacian, largest_eigenvalue, tangent_stiffness
 
 
+# Of the largest force on one point over that of a smooth rim. Measured with 0.005 <= v <= 0.1, 30 <= a <= 30,000 and
+# N = 300, 1099, 4000 it is 0.06 to 1.5; the margin between an automatic step and the limit is good for another 1.4.
+ROUGHNESS = 1.2
+
+
 @dataclass(frozen=True)
 class Spectrum:
     """What bounds the step: highest lattice frequency omega [c/R], largest damping rate of unit eta, point mass, size.
@@ -78,8 +83,13 @@ def impact_point_force(lattice: Lattice, physics: Physics, velocity: float) -> f
 
 
 def contact_point_force(lattice: Lattice, physics: Physics, force: float) -> float:
-    """Estimate of the share of a total contact force that one point carries: twice Hertz's peak, at most all."""
-    half_width = np.sqrt(4.0 * force / (np.pi * 1.2 * physics.k_a))
+    """Estimate of the share of a total contact force that one point carries [M c^2/R], at most all.
+
+    The force is spread by the flattening, Hertz's semi-ellipse of half-width b = sqrt(4 F R/(pi E*)) and variance
+    b^2/4, and by the wall's softness: along a circle exp(-a y) is a Gaussian of variance R/a. A point carries the
+    peak of a Gaussian with both variances over its chord, and somewhat more where it sticks out.
+    """
+    variance = force / (np.pi * 1.2 * physics.k_a) + 1.0 / physics.a
     surface = lattice.positions[lattice.disk_surface]
     chords = np.hypot(*(surface - np.roll(surface, 1, axis=0)).T)
-    return float(min(force, 2.0 * 2.0 * force / (np.pi * half_width) * chords.max()))
+    return float(min(force, ROUGHNESS * force / np.sqrt(2.0 * np.pi * variance) * chords.max()))
