@@ -18,7 +18,6 @@ from taichi_disk.model.integrators import SPLITTINGS
 from taichi_disk.model.physics import Physics
 from taichi_disk.stiffness import laplacian, largest_eigenvalue, tangent_stiffness
 
-
 # Of the largest force on one point over that of a smooth rim. Measured with 0.005 <= v <= 0.1, 30 <= a <= 30,000 and
 # N = 300, 1099, 4000 it is 0.06 to 1.5; the margin between an automatic step and the limit is good for another 1.4.
 ROUGHNESS = 1.2
