@@ -128,8 +128,8 @@ def _cannot_read(path: Path, error: OSError | ValueError, shipped: list[str]) ->
         beside = []
     near = [str(path.with_name(name)) for name in difflib.get_close_matches(path.name, beside)]
     near += difflib.get_close_matches(path.stem, shipped, n=1)
-    hint = f"did you mean {' or '.join(near)}? " if near else ""
-    return f"{path}: no such file; {hint}The shipped scenes are {', '.join(shipped)}"
+    hint = f"; did you mean {' or '.join(near)}?" if near else "."
+    return f"{path}: no such file{hint} The shipped scenes are {', '.join(shipped)}"
 
 
 def _override(tree: Tree, override: str, rank: int) -> None:

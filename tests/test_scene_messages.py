@@ -389,7 +389,7 @@ def test_a_missing_file_is_met_with_the_nearest_names(tmp_path: Path) -> None:
     shipped = "The shipped scenes are absorbing_wall, compression, exponential_wall, figure2, figure3, figure6"
     with pytest.raises(InputError, match=rf"no such file; did you mean exponential_wall\? {shipped}$"):
         load_scene(tmp_path / "scenes" / "exponential_wall.yaml")
-    with pytest.raises(InputError, match=rf"^nonsense: no such file; {shipped}$"):
+    with pytest.raises(InputError, match=rf"^nonsense: no such file\. {shipped}$"):
         load_scene("nonsense")
 
 
