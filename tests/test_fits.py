@@ -7,6 +7,7 @@ import pytest
 
 from taichi_disk import theory
 from taichi_disk.study import fits
+from taichi_disk.study.analysis import analyse
 
 V = np.geomspace(3e-3, 5e-2, 12)
 P = np.linspace(4e-3, 1e-2, 7)
@@ -66,3 +67,14 @@ def test_intervals_hold_the_truth_about_as_often_as_their_level(monkeypatch: pyt
         held += low <= 1.0 <= high
     # Binomial(30, 0.95), and 16 lattices make the percentile interval a little narrow.
     assert held >= 23
+
+
+def test_the_moduli_are_the_mean_over_lattices_however_many_rows_each_has():
+    rows = [
+        {"seed": seed, "pressure": pressure, "xi": 0.01, "xi_nominal": 0.02, "status": "done", "young": young}
+        | {"poisson": 0.3 * young}
+        for seed, pressure, young in [(0, 1e-3, 1.0), (0, 2e-3, 1.0), (1, 1e-3, 1.2), (1, 2e-3, 1.2), (0, 3e-3, 1.0)]
+    ]
+    rows.append(rows[2] | {"pressure": 3e-3, "status": "failed", "xi": None})
+    curve = analyse("compression", ["seed", "pressure"], rows).curves[0]
+    assert (curve.young, curve.poisson) == (pytest.approx(1.1), pytest.approx(0.33))

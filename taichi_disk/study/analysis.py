@@ -86,7 +86,7 @@ def analyse(kind: str, axes: Sequence[str], rows: Sequence[dict[str, Any]]) -> A
 def _curve(
     label: dict[str, Any], rows: list[dict[str, Any]], alike: list[dict[str, Any]], x: str, seed: str | None, y: str
 ) -> Curve | None:
-    """The curve of `rows`; the moduli are the mean of all rows `alike` in material."""
+    """The curve of `rows`; the moduli are the mean over the lattices of all rows `alike` in material."""
     found = {(row[seed] if seed else 0, row[x]): row[y] for row in rows if row["status"] == "done"}
     abscissae = sorted({row[x] for row in rows})
     lattices = sorted({row[seed] if seed else 0 for row in rows})
@@ -94,8 +94,9 @@ def _curve(
     whole = [line for line in table if None not in line]
     if not whole:
         return None
-    done = [row for row in alike if row["status"] == "done"]
-    young, poisson = (float(np.mean([row[name] for row in done])) for name in ("young", "poisson"))
+    # Each lattice once: they need not have the same number of rows.
+    moduli = {row[seed] if seed else 0: (row["young"], row["poisson"]) for row in alike if row["status"] == "done"}
+    young, poisson = (float(one) for one in np.mean(list(moduli.values()), axis=0))
     return Curve(label, np.array(abscissae, float), np.array(whole, float), young, poisson)
 
 

@@ -1,4 +1,4 @@
-"""Where the points of a sweep are kept: one small file each, there whole or not at all."""
+"""Where the points of a sweep are kept: each as its scene and its result, which is there whole or not at all."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def point_key(scene: Scene) -> str:
 
 
 class PointStore:
-    """The folder `points` of a sweep."""
+    """The folder `points` of a sweep: KEY.yaml, a point's resolved scene, and KEY.json, its result."""
 
     def __init__(self, folder: Path) -> None:
         self._folder = folder
@@ -45,5 +45,7 @@ class PointStore:
 
     def put(self, key: str, scene: Scene, result: PointResult) -> None:
         self._folder.mkdir(exist_ok=True)
-        record = asdict(result) | {"version": __version__, "scene": scene.to_yaml()}
+        # The result last: where it is, the point is done.
+        write_text(self._folder / f"{key}.yaml", scene.to_yaml())
+        record = asdict(result) | {"version": __version__}
         write_text(self._folder / f"{key}.json", json.dumps(record, indent=1, allow_nan=False) + "\n")
