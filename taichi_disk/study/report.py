@@ -20,7 +20,7 @@ from typing import Any
 
 from taichi_disk.errors import InputError
 from taichi_disk.results import write_text
-from taichi_disk.study import comparison, continuum, reflection
+from taichi_disk.study import comparison, continuum, reflection, vibration
 from taichi_disk.study.tell import SHOWN, curve_title
 
 
@@ -48,6 +48,7 @@ def page(figure2: Path, figure3: Path, figure6: Path, further: Sequence[Path], g
     if grown:
         pressed, thrown = (_load(folder)["rows"] for folder in grown)
         lines += ["## Towards the continuum", "", *continuum.compression(pressed), "", *continuum.impact(thrown), ""]
+        lines += [*vibration.table(), ""]
     lines += ["## Moduli", "", *comparison.moduli(main[0]["curves"][0]), "", "## Experiments", ""]
     for name, sweep in experiments.items():
         lines += [f"`docs/experiments/{name}.yaml`", "", *fit_table(sweep["curves"]), ""]
