@@ -157,21 +157,27 @@ def test_a_lane_that_blows_up_leaves_the_others_as_they_are_alone() -> None:
     assert all(np.array_equal(both[1].columns[name], alone.columns[name]) for name in alone.columns)
 
 
-@pytest.mark.parametrize("integrator", ["velocity_verlet", "trapezoidal"])
-def test_a_restarted_world_is_a_new_one(taichi: None, integrator: str) -> None:
+@pytest.mark.parametrize(("integrator", "lanes"), [("velocity_verlet", 1), ("trapezoidal", 2)])
+def test_a_restarted_world_is_a_new_one(taichi: None, integrator: str, lanes: int) -> None:
     from taichi_disk.model.world import World
 
-    def arguments(seed: int) -> tuple:
-        disk = disk_lattice(60, seed)
-        v = np.random.default_rng(seed).standard_normal((2, 60, 2)) * 0.01
+    def arguments(seed: int, points: int = 60) -> tuple:
+        disk = disk_lattice(points, seed)
+        v = np.random.default_rng(seed).standard_normal((lanes, points, 2)) * 0.01
         physics = Physics(eta=(0.1 + seed) / 60, integrator=integrator, wall="rigid")
-        return disk, physics, v, 0.01 / (seed + 1), None, None, disk.positions + np.array([[[0.0, 1.0]], [[0.1, 1.2]]])
+        x = disk.positions + np.array([[[0.0, 1.0]], [[0.1, 1.2]]])[:lanes]
+        return disk, physics, v, 0.01 / (seed + 1), None, None, x
 
     world = World(*arguments(0))
     world.advance(3)
-    assert world.restart(*arguments(1))
-    assert np.array_equal(world.advance(20), World(*arguments(1)).advance(20))
-    assert not world.restart(disk_lattice(61, 0), *arguments(1)[1:])
+    expected = World(*arguments(1, 87)).advance(20)
+    for other in (arguments(1, 60), arguments(0, 130)):  # fewer points and more have been there before
+        assert world.restart(*other)
+        world.advance(20)
+        assert world.restart(*arguments(1, 87))
+        assert np.array_equal(world.advance(20), expected)
+    assert not world.restart(*arguments(0, 12_001))
+    assert np.array_equal(world.restart(*arguments(1, 87)) and world.advance(20), expected)
 
 
 def test_compressions_are_pressed_and_fitted(tmp_path: Path) -> None:

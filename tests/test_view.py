@@ -374,7 +374,9 @@ def test_more_points_and_another_lattice_are_built_at_once(sandbox: Sandbox) -> 
     for key in "nnkl":
         keys.press(key)
     assert sandbox.motion is seen and controls.points == 200
+    world = seen.world
     controls.build()  # once, whatever came before
+    assert sandbox.motion.world is world  # nothing is compiled for another size
     assert sandbox.scene.lattice.points == len(sandbox.motion.positions) == 200
     assert sandbox.scene.lattice.seed == 1
     bonds = sandbox.motion.setup.lattice.bonds
@@ -468,7 +470,7 @@ def ask_to_close(display: str, window: int) -> None:
 
 
 def wait_for(path: Path) -> Path:
-    for _ in range(100):
+    for _ in range(300):
         if path.exists():
             return path
         time.sleep(0.1)

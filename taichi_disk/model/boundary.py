@@ -10,15 +10,15 @@ class Boundary:
     """The wall's boundary; part of `World`."""
 
     @ti.func
-    def hold_boundary(self):
-        for k in range(self.n_boundary):
+    def hold_boundary(self, p: ti.template()):
+        for k in range(p.n_boundary):
             put(self.f, self.boundary[k], ti.Matrix.zero(self.real, 2, self.lanes))
 
     @ti.func
     def damp_boundary(self, p: ti.template()):
         """Matched boundary: force -Z v, v centred at this step. Returns the power absorbed, per lane."""
         power = ti.Vector.zero(self.real, self.lanes)
-        for k in range(self.n_boundary):
+        for k in range(p.n_boundary):
             i, Z = self.boundary[k], get(self.impedance, k)
             f = get(self.f, i)
             v = get(self.v, i) + 0.5 * p.g * f
@@ -40,7 +40,7 @@ class Boundary:
         """
         result = sums
         if ti.static(self.physics.dissipates):
-            power = self.dashpot_work(0.0)
+            power = self.dashpot_work(p, 0.0)
             for w in ti.static(range(self.lanes)):
                 result[DISSIPATED, w] = before[DISSIPATED, w] + 0.5 * p.h * (before[POWER, w] + power[w])
         if now:
@@ -50,7 +50,7 @@ class Boundary:
         elif ti.static(self.physics.implicit_dashpot):
             self.take_damped_force(p)
         if ti.static(self.physics.dissipates):
-            power = self.dashpot_work(p.g)
+            power = self.dashpot_work(p, p.g)
             for w in ti.static(range(self.lanes)):
                 result[POWER, w] = power[w]
         return result
@@ -67,9 +67,9 @@ class Boundary:
         if ti.static(self.physics.dissipates):
             energy = -1.0 * self.half_kick_energy(p, self.physics.implicit_dashpot)
         if ti.static(self.physics.explicit_dashpot):
-            for i in range(self.n):
+            for i in range(p.n):
                 put(self.u, i, ti.Matrix.zero(self.real, 2, self.lanes))
-        for k in range(self.n_boundary):
+        for k in range(p.n_boundary):
             i = self.boundary[k]
             v = get(self.v, i) + half * get(self.f, i)
             if ti.static(self.physics.implicit_dashpot):
@@ -82,20 +82,21 @@ class Boundary:
             for w in ti.static(range(self.lanes)):
                 energy[w] += 0.5 * p.m * (v[0, w] * v[0, w] + v[1, w] * v[1, w])
         if ti.static(self.physics.explicit_dashpot):
-            self.restart_explicit(half)
+            self.restart_explicit(p)
         if ti.static(self.physics.implicit_dashpot):
-            self.restart_implicit(half)
+            self.restart_implicit(p)
         if ti.static(self.physics.dissipates):
             energy += self.half_kick_energy(p, False)
         return energy
 
     @ti.func
-    def restart_explicit(self, half):
+    def restart_explicit(self, p: ti.template()):
         """From `u`, what each velocity has lost, and `f` before that: `f` after it, and `u` that goes with it."""
-        for i in range(self.n):
+        half = p.closing
+        for i in range(p.n):
             put(self.v, i, get(self.v, i) + (half * get(self.f, i) - get(self.u, i)))
         eta = ti.Vector([part[None] for part in self.eta])
-        for b in range(self.blocks):
+        for b in range(p.blocks):
             for k in ti.static(range(self.block)):
                 i, j = self.bond_i[k][b], self.bond_j[k][b]
                 lost = get(self.u, i) - get(self.u, j)
@@ -104,18 +105,19 @@ class Boundary:
                     lost[1, w] *= eta[w]
                 put(self.f, i, get(self.f, i) + lost)
                 put(self.f, j, get(self.f, j) - lost)
-        for i in range(self.n):
+        for i in range(p.n):
             put(self.u, i, get(self.v, i))
             put(self.v, i, get(self.v, i) - half * get(self.f, i))
 
     @ti.func
-    def restart_implicit(self, half):
+    def restart_implicit(self, p: ti.template()):
         """From `u`, the velocities after the loss, and `f` without dashpots: solve for the half step to come."""
-        for k in range(self.n_free):
+        half = p.closing
+        for k in range(p.n_free):
             i = self.order[k]
             put(self.z, k, get(self.u, i) + half * get(self.f, i))
-        self.solve_dashpot()
-        for k in range(self.n_free):
+        self.solve_dashpot(p)
+        for k in range(p.n_free):
             i = self.order[k]
             put(self.v, i, 2.0 * get(self.u, i) - get(self.z, k))
             put(self.f, i, (get(self.z, k) - get(self.u, i)) / half)
@@ -125,7 +127,7 @@ class Boundary:
     def half_kick_energy(self, p: ti.template(), solved: ti.template()):
         """sum(m/2 (h/2 f/m)^2) per lane; where the velocities are only `solved` for, h/2 f/m = u - v."""
         energy = ti.Vector.zero(self.real, self.lanes)
-        for i in range(self.n):
+        for i in range(p.n):
             kick = 0.5 * p.g * get(self.f, i)
             if ti.static(solved):
                 kick = get(self.u, i) - get(self.v, i)
@@ -134,11 +136,11 @@ class Boundary:
         return energy
 
     @ti.func
-    def dashpot_work(self, g):
+    def dashpot_work(self, p: ti.template(), g):
         """sum(eta (u_i - u_j).(w_i - w_j)) over the springs, w = v + g f: g = 0 the last half step, h/m the next."""
         power = ti.Vector.zero(self.real, self.lanes)
         eta = ti.Vector([part[None] for part in self.eta])
-        for b in range(self.blocks):
+        for b in range(p.blocks):
             for k in ti.static(range(self.block)):
                 i, j = self.bond_i[k][b], self.bond_j[k][b]
                 u = get(self.u, i) - get(self.u, j)

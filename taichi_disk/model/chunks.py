@@ -27,8 +27,8 @@ class Chunks:
         begin = 0
         if c > 0:
             begin = self.chunk_ends[c - 1]
-        first = c * self.chunk_points
-        total, highest = self.drift(p, kick, move, sums, first, ti.min(first + self.chunk_points, self.n))
+        first = c * p.chunk_points
+        total, highest = self.drift(p, kick, move, sums, first, ti.min(first + p.chunk_points, p.n))
         elastic, squares = self.add_spring_forces(p, self.physics.explicit_dashpot, begin, self.chunk_ends[c])
         for w in ti.static(range(self.lanes)):
             self.chunk_sums[0][w][c] = total[w]
@@ -47,7 +47,7 @@ class Chunks:
         total = ti.Vector.zero(self.real, self.lanes)
         highest = ti.Vector.zero(self.real, self.lanes)
         elastic, squares = self.add_spring_forces(
-            p, self.physics.explicit_dashpot, self.chunk_ends[self.chunks - 1], self.blocks
+            p, self.physics.explicit_dashpot, self.chunk_ends[self.chunks - 1], p.blocks
         )
         for c in range(self.chunks):
             part = get(self.chunk_sums, c)

@@ -20,30 +20,30 @@ class Frame:
     """Where points are and how fast, whatever the variables; part of `World`."""
 
     @ti.func
-    def place(self, i, c: ti.template(), w: ti.template(), sums):
+    def place(self, p: ti.template(), i, c: ti.template(), w: ti.template(), sums):
         """Coordinate c of point i in lane w [R]."""
         value = self.x[c][w][i]
         if ti.static(self.single):
             value += self.base[c][i]
             if ti.static(c == 1):
-                if i < self.n_disk:
+                if i < p.n_disk:
                     value += ti.cast(sums[SHIFT, w], self.real)
         return value
 
     @ti.func
-    def last_place(self, i, c: ti.template(), w: ti.template(), move, sums):
+    def last_place(self, p: ti.template(), i, c: ti.template(), w: ti.template(), move, sums):
         """Coordinate c of point i in lane w before the last move by `move` times the velocity [R]."""
         v = self.v[c][w][i]
         if ti.static(self.single and c == 1):
-            if i < self.n_disk:
+            if i < p.n_disk:
                 v += ti.cast(sums[SPEED, w], self.real)
-        return self.place(i, c, w, sums) - move * v
+        return self.place(p, i, c, w, sums) - move * v
 
     @ti.func
-    def frame_kick(self, i, kick, sums):
+    def frame_kick(self, p: ti.template(), i, kick, sums):
         """What a kick gives the frame of point i, per lane [c]."""
         gain = ti.Vector.zero(self.real, self.lanes)
-        if i < self.n_disk:
+        if i < p.n_disk:
             for w in ti.static(range(self.lanes)):
                 gain[w] = kick * ti.cast(sums[PUSH, w], self.real)
         return gain
@@ -59,12 +59,12 @@ class Frame:
         return result
 
     @ti.func
-    def push_frame(self, total, sums):
+    def push_frame(self, p: ti.template(), total, sums):
         """Note the force of the wall, `total` per lane, and the load for the next kick; returns `sums`."""
         result = sums
         for w in ti.static(range(self.lanes)):
             force = ti.cast(total[w], ti.f64)
             if ti.static(self.physics.load != 0.0):
                 force -= ti.cast(self.load[w][None], ti.f64)
-            result[PUSH, w] = force / self.n_disk
+            result[PUSH, w] = force / p.n_disk
         return result

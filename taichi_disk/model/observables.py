@@ -32,13 +32,13 @@ class Observables:
         zero = ti.Vector.zero(ti.f64, self.lanes)
         sx, sy, svx, svy, spin, v2, residual2 = zero, zero, zero, zero, zero, zero, zero
         force, energy = self.in_double(upward), self.in_double(potential)
-        lowest = self.coordinates(0, 1, sums)
-        for i in range(self.n):
-            x, y = self.coordinates(i, 0, sums), self.coordinates(i, 1, sums)
+        lowest = self.coordinates(p, 0, 1, sums)
+        for i in range(p.n):
+            x, y = self.coordinates(p, i, 0, sums), self.coordinates(p, i, 1, sums)
             fx, fy = get(self.f[0], i), get(self.f[1], i)
             vx = self.in_double(get(self.v[0], i) + p.closing * fx)
             vy = self.in_double(get(self.v[1], i) + p.closing * fy)
-            if i < self.n_disk:
+            if i < p.n_disk:
                 if ti.static(self.single):
                     vy += ti.Vector([sums[SPEED, w] for w in range(self.lanes)])
                 sx += x
@@ -56,7 +56,7 @@ class Observables:
                                 energy[w] += e
                                 force[w] += p.a * e
             v2 += vx * vx + vy * vy
-        count = ti.cast(self.n_disk, ti.f64)
+        count = ti.cast(p.n_disk, ti.f64)
         for w in ti.static(range(self.lanes)):
             rows[s, 0, w] = sx[w] / count
             rows[s, 1, w] = sy[w] / count
@@ -74,16 +74,16 @@ class Observables:
             if ti.static(self.physics.load != 0.0):
                 load = self.load[w][None] * sy[w] / count
             if ti.static(self.physics.pulled):
-                _i, _force, pull = self.pull_of_hand(w, sums)
+                _i, _force, pull = self.pull_of_hand(p, w, sums)
                 load += pull
             rows[s, 12, w] = load
             rows[s, 13, w] = sums[SLIDING, w]
             rows[s, 14, w] = ti.sqrt(residual2[w])
 
     @ti.func
-    def coordinates(self, i, c: ti.template(), sums):
+    def coordinates(self, p: ti.template(), i, c: ti.template(), sums):
         """Coordinate c of point i in every lane, in double precision [R]."""
-        return self.in_double(ti.Vector([self.place(i, c, w, sums) for w in range(self.lanes)]))
+        return self.in_double(ti.Vector([self.place(p, i, c, w, sums) for w in range(self.lanes)]))
 
     @ti.func
     def in_double(self, vector):

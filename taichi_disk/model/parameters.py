@@ -1,5 +1,10 @@
-"""Numbers that a kernel gets as arguments, so that turning one needs no new compilation."""
+"""Numbers that a kernel gets as arguments, so that turning one needs no new compilation.
 
+The sizes of a lattice are among them: a kernel is compiled for the room in its fields, and serves every lattice that
+finds room there with the same bytes and at the same speed as one compiled for it alone.
+"""
+
+from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
@@ -21,6 +26,14 @@ Parameters = ti.types.struct(
     threshold=ti.f64,
     V0_at_threshold=ti.f64,
     reset_steps=ti.i32,  # steps between two resets of the wall's boundary
+    n=ti.i32,  # and the other `Sizes`
+    n_disk=ti.i32,
+    n_disk_surface=ti.i32,
+    n_wall_surface=ti.i32,
+    n_boundary=ti.i32,
+    n_free=ti.i32,
+    blocks=ti.i32,
+    chunk_points=ti.i32,
 )
 
 Rounded = ti.types.struct(**{name: ti.i32 if kind is ti.i32 else ti.f32 for name, kind in Parameters.members.items()})
@@ -42,10 +55,33 @@ def rounded(q: ti.template()):  # type: ignore[valid-type]
         threshold=q.threshold,
         V0_at_threshold=q.V0_at_threshold,
         reset_steps=q.reset_steps,
+        n=q.n,
+        n_disk=q.n_disk,
+        n_disk_surface=q.n_disk_surface,
+        n_wall_surface=q.n_wall_surface,
+        n_boundary=q.n_boundary,
+        n_free=q.n_free,
+        blocks=q.blocks,
+        chunk_points=q.chunk_points,
     )
 
 
-def parameters(physics: Physics, mass: float, dt: float) -> Any:
+@dataclass(frozen=True)
+class Sizes:
+    """How many there are: points, those of the disk, on its surface and on the wall's, points of the wall's boundary,
+    points that a solve moves, blocks of springs (see `ordering`), points of a chunk."""
+
+    n: int
+    n_disk: int
+    n_disk_surface: int
+    n_wall_surface: int
+    n_boundary: int
+    n_free: int
+    blocks: int
+    chunk_points: int
+
+
+def parameters(physics: Physics, mass: float, dt: float, sizes: Sizes) -> Any:
     return Parameters(
         h=dt,
         g=dt / mass,
@@ -59,4 +95,5 @@ def parameters(physics: Physics, mass: float, dt: float) -> Any:
         threshold=physics.threshold,
         V0_at_threshold=physics.V0 * float(np.exp(-physics.a * physics.threshold)),
         reset_steps=max(1, round(physics.reset_interval / dt)),
+        **asdict(sizes),
     )

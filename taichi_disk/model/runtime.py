@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import io
 from collections.abc import Iterator
+from functools import lru_cache
 from typing import Any, Literal
 
 from taichi_disk.errors import InputError
@@ -25,6 +26,7 @@ def start(arch: str = "cpu", threads: int | None = None, precision: Precision = 
         raise InputError(f"--arch {arch}: choose one of {', '.join(ARCHES)}")
     import taichi as ti
 
+    _spare_source_lines()
     if arch == "cuda" and not ti._lib.core.with_cuda():
         raise InputError("--arch cuda: Taichi finds no CUDA device on this machine; use --arch cpu")
     if arch == "vulkan":
@@ -45,6 +47,30 @@ def start(arch: str = "cpu", threads: int | None = None, precision: Precision = 
             log_level=ti.ERROR,
             **options,
         )
+
+
+class _Whole:
+    """Stands in for a `textwrap.TextWrapper`, and wraps nothing."""
+
+    def __init__(self, width: int) -> None:
+        pass
+
+    def wrap(self, text: str) -> list[str]:
+        return [text] if text else []
+
+
+def _spare_source_lines() -> None:
+    """Take away what Taichi 1.7.4 spends half of its Python time on before a kernel is compiled, or found compiled.
+
+    For every node of every function that it inlines it breaks the source lines for an error message that is not
+    needed, and reads a function's source anew each time. Its messages now show whole lines.
+    """
+    from taichi.lang import kernel_impl
+    from taichi.lang.ast import ast_transformer_utils
+
+    ast_transformer_utils.TextWrapper = _Whole
+    if not hasattr(kernel_impl.getsourcelines, "cache_info"):
+        kernel_impl.getsourcelines = lru_cache(maxsize=None)(kernel_impl.getsourcelines)
 
 
 def precision() -> Precision:

@@ -22,13 +22,13 @@ class Stepping(Boundary, Frame, Hand):
         force = ti.Matrix.zero(self.real, 2, self.lanes)
         push = ti.Vector.zero(self.real, self.lanes)
         if ti.static(self.uses("rigid wall")):
-            push = self.rigid_wall_force(p, ti.Vector([self.place(i, 1, w, sums) for w in range(self.lanes)]))
+            push = self.rigid_wall_force(p, ti.Vector([self.place(p, i, 1, w, sums) for w in range(self.lanes)]))
             for w in ti.static(range(self.lanes)):
                 force[1, w] += push[w]
         if ti.static(self.uses("load")):
-            if i < self.n_disk:
+            if i < p.n_disk:
                 for w in ti.static(range(self.lanes)):
-                    force[1, w] -= self.load[w][None] / self.n_disk
+                    force[1, w] -= self.load[w][None] / p.n_disk
         return force, push
 
     @ti.func
@@ -43,7 +43,7 @@ class Stepping(Boundary, Frame, Hand):
             f = get(self.f, i)
             v = get(self.v, i) + kick * f
             if ti.static(self.single):
-                gain = self.frame_kick(i, kick, sums)
+                gain = self.frame_kick(p, i, kick, sums)
                 for w in ti.static(range(self.lanes)):
                     v[1, w] -= gain[w]
             put(self.v, i, v)
@@ -66,8 +66,8 @@ class Stepping(Boundary, Frame, Hand):
         result = sums
         if ti.static(self.single):
             result = self.move_frame(kick * p.g, move * p.h, sums)
-        total, highest = self.drift(p, kick * p.g, move * p.h, result, 0, self.n)
-        elastic, squares = self.add_spring_forces(p, self.physics.explicit_dashpot, 0, self.blocks)
+        total, highest = self.drift(p, kick * p.g, move * p.h, result, 0, p.n)
+        elastic, squares = self.add_spring_forces(p, self.physics.explicit_dashpot, 0, p.blocks)
         result, upward, potential = self.touch(p, move * p.h, result, total, highest)
         return result, elastic, squares, upward, potential
 
@@ -88,13 +88,13 @@ class Stepping(Boundary, Frame, Hand):
             for w in ti.static(range(self.lanes)):
                 result[SLIDING, w] += slid[w]
         if ti.static(self.uses("pull of a hand")):
-            self.add_pull_of_hand(result)
+            self.add_pull_of_hand(p, result)
         if ti.static(self.uses("pinned boundary")):
-            self.hold_boundary()
+            self.hold_boundary(p)
         for w in ti.static(range(self.lanes)):
             result[PEAK, w] = ti.max(result[PEAK, w], highest[w])
         if ti.static(self.single):
-            result = self.push_frame(total, result)
+            result = self.push_frame(p, total, result)
         return result, upward, potential
 
     @ti.func
@@ -180,26 +180,26 @@ class Stepping(Boundary, Frame, Hand):
             p = rounded(numbers) if ti.static(self.single) else numbers
             sums = get(self.sums, 0)
             total = ti.Vector.zero(self.real, self.lanes)
-            for i in range(self.n):
+            for i in range(p.n):
                 force, push = self.outer_force(p, i, sums)
                 total += push
                 put(self.f, i, force)
                 if ti.static(self.physics.dissipates):
                     put(self.u, i, get(self.v, i))
-            elastic, squares = self.add_spring_forces(p, self.physics.dissipates, 0, self.blocks)
+            elastic, squares = self.add_spring_forces(p, self.physics.dissipates, 0, p.blocks)
             upward = ti.Vector.zero(self.real, self.lanes)
             potential = ti.Vector.zero(self.real, self.lanes)
             if ti.static(self.physics.wall == "elastic"):
                 upward, potential, _highest, _slid = self.add_contact_forces(p, 0.0, sums)
                 total = upward
             if ti.static(self.physics.boundary == "pinned"):
-                self.hold_boundary()
+                self.hold_boundary(p)
             if ti.static(self.physics.dissipates):
                 power = ti.Vector([part[None] for part in self.eta]) * squares
                 for w in ti.static(range(self.lanes)):
                     sums[POWER, w] = power[w]
             if ti.static(self.physics.boundary == "dashpot"):
-                for k in range(self.n_boundary):
+                for k in range(p.n_boundary):
                     i, Z = self.boundary[k], get(self.impedance, k)
                     v, f = get(self.v, i), get(self.f, i)
                     for w in ti.static(range(self.lanes)):
@@ -211,12 +211,12 @@ class Stepping(Boundary, Frame, Hand):
                     for w in ti.static(range(self.lanes)):  # whose power is that of all dashpots together
                         sums[POWER, w] += sums[BOUNDARY_POWER, w]
             if ti.static(self.single):
-                sums = self.push_frame(total, sums)
+                sums = self.push_frame(p, total, sums)
                 sums = self.move_frame(-p.closing, 0.0, sums)
-            for i in range(self.n):
+            for i in range(p.n):
                 v = get(self.v, i) - p.closing * get(self.f, i)
                 if ti.static(self.single):
-                    gain = self.frame_kick(i, p.closing, sums)
+                    gain = self.frame_kick(p, i, p.closing, sums)
                     for w in ti.static(range(self.lanes)):
                         v[1, w] += gain[w]
                 put(self.v, i, v)

@@ -10,6 +10,7 @@ import taichi as ti
 from numpy.typing import NDArray
 
 from taichi_disk.model.sums import SUMS
+from taichi_disk.model.vectors import put
 
 Reals1 = ti.types.ndarray(dtype=ti.f64, ndim=1)
 Reals2 = ti.types.ndarray(dtype=ti.f64, ndim=2)
@@ -38,17 +39,24 @@ class Storage:
     """Copies; part of `World`."""
 
     @ti.kernel
-    def _fill_springs(self, ends: Integers2, rest: Reals1):
+    def _fill_springs(self, points: ti.i32, ends: Integers2, rest: Reals1):
+        """Springs; those that fill up blocks lie at rest between (0, 0) and (1, 0), past the last of `points`."""
         ti.loop_config(serialize=True)
-        for b in range(self.blocks):
+        for b in range(rest.shape[0] // self.block):
             for k in ti.static(range(self.block)):
                 self.bond_i[k][b] = ends[b * self.block + k, 0]
                 self.bond_j[k][b] = ends[b * self.block + k, 1]
                 self.rest[k][b] = rest[b * self.block + k]
-        if ti.static(not self.single):
-            for c in range(self.chunks):
+        for k in range(2 * self.chunks):
+            place = ti.Matrix.zero(self.real, 2, self.lanes)
+            put(self.v, points + k, place)
+            put(self.f, points + k, place)
+            if ti.static(self.physics.dissipates):
+                put(self.u, points + k, place)
+            if ti.static(not self.single):
                 for w in ti.static(range(self.lanes)):
-                    self.x[0][w][self.n + 2 * c + 1] = 1.0  # springs that fill up lie between (0, 0) and (1, 0)
+                    place[0, w] = k % 2
+            put(self.x, points + k, place)
 
     @ti.kernel
     def _fill_chunks(self, ends: Integers1):
@@ -58,10 +66,10 @@ class Storage:
     @ti.kernel
     def _fill_base(self, base: Reals2, span: Reals2):
         ti.loop_config(serialize=True)
-        for i in range(self.n):
+        for i in range(base.shape[0]):
             for c in ti.static(range(2)):
                 self.base[c][i] = base[i, c]
-        for b in range(self.blocks):
+        for b in range(span.shape[0] // self.block):
             for k in ti.static(range(self.block)):
                 for c in ti.static(range(2)):
                     self.span[k][c][b] = span[b * self.block + k, c]
@@ -76,14 +84,14 @@ class Storage:
 
     @ti.kernel
     def _fill_surfaces(self, disk: Integers1, wall: Integers1):
-        for k in range(self.n_disk_surface):
+        for k in range(disk.shape[0]):
             self.disk_surface[k] = disk[k]
-        for k in range(self.n_wall_surface):
+        for k in range(wall.shape[0]):
             self.wall_surface[k] = wall[k]
 
     @ti.kernel
     def _fill_boundary(self, points: Integers1, impedance: Reals2):
-        for k in range(self.n_boundary):
+        for k in range(points.shape[0]):
             self.boundary[k] = points[k]
             if ti.static(self.physics.boundary == "dashpot"):
                 for c in ti.static(range(2)):
@@ -98,14 +106,15 @@ class Storage:
         values: Reals2,
         inverse_diagonal: Reals2,
     ):
+        free = order.shape[0]
         ti.loop_config(serialize=True)
-        for k in range(self.n_free):
+        for k in range(free):
             self.order[k] = order[k]
             self.column[k] = column[k]
             for c in ti.static(range(self.components)):
                 self.inverse_diagonal[c][k] = inverse_diagonal[k, c]
-        self.column[self.n_free] = column[self.n_free]
-        for e in range(column[self.n_free]):
+        self.column[free] = column[free]
+        for e in range(row.shape[0]):
             self.row[e] = row[e]
             for c in ti.static(range(self.components)):
                 self.factor[c][e] = values[e, c]
@@ -113,7 +122,7 @@ class Storage:
     @ti.kernel
     def _copy_state(self, vectors: Reals4, sums: Reals2, into: ti.template()):
         ti.loop_config(serialize=True)
-        for i in range(self.n):
+        for i in range(vectors.shape[1]):
             for w in ti.static(range(self.lanes)):
                 for c in ti.static(range(2)):
                     if ti.static(into):

@@ -31,25 +31,25 @@ class Walls:
         highest = ti.Vector.zero(self.real, self.lanes)
         slid = ti.Vector.zero(self.real, self.lanes)
         for w in ti.static(range(self.lanes)):
-            top = self.place(self.wall_surface[0], 1, w, sums)
-            for k in range(1, self.n_wall_surface):
-                top = ti.max(top, self.place(self.wall_surface[k], 1, w, sums))
-            last = self.n_wall_surface - 2
-            left = self.place(self.wall_surface[0], 0, w, sums)
-            pitch = (self.place(self.wall_surface[last + 1], 0, w, sums) - left) / (last + 1)
-            for n in range(self.n_disk_surface):
+            top = self.place(p, self.wall_surface[0], 1, w, sums)
+            for k in range(1, p.n_wall_surface):
+                top = ti.max(top, self.place(p, self.wall_surface[k], 1, w, sums))
+            last = p.n_wall_surface - 2
+            left = self.place(p, self.wall_surface[0], 0, w, sums)
+            pitch = (self.place(p, self.wall_surface[last + 1], 0, w, sums) - left) / (last + 1)
+            for n in range(p.n_disk_surface):
                 i = self.disk_surface[n]
-                x, y = self.place(i, 0, w, sums), self.place(i, 1, w, sums)
+                x, y = self.place(p, i, 0, w, sums), self.place(p, i, 1, w, sums)
                 # The vertical distance is at most twice l unless the surface is steeper than 60 degrees.
                 if y - top < 2.0 * p.threshold:
                     k = ti.max(0, ti.min(last, ti.cast((x - left) / pitch, ti.i32)))
-                    while k > 0 and x < self.place(self.wall_surface[k], 0, w, sums):
+                    while k > 0 and x < self.place(p, self.wall_surface[k], 0, w, sums):
                         k -= 1
-                    while k < last and x >= self.place(self.wall_surface[k + 1], 0, w, sums):
+                    while k < last and x >= self.place(p, self.wall_surface[k + 1], 0, w, sums):
                         k += 1
                     a, b = self.wall_surface[k], self.wall_surface[k + 1]
-                    ax, ay = self.place(a, 0, w, sums), self.place(a, 1, w, sums)
-                    tx, ty = self.place(b, 0, w, sums) - ax, self.place(b, 1, w, sums) - ay
+                    ax, ay = self.place(p, a, 0, w, sums), self.place(p, a, 1, w, sums)
+                    tx, ty = self.place(p, b, 0, w, sums) - ax, self.place(p, b, 1, w, sums) - ay
                     if x >= ax and x < ax + tx:
                         length2 = tx * tx + ty * ty
                         length = ti.sqrt(length2)
@@ -79,11 +79,11 @@ class Walls:
         potential: half of the jumps at either end of the move, as the trapezoidal rule has it.
         """
         before = k
-        x = self.last_place(i, 0, w, move, sums)
-        last = self.n_wall_surface - 2
-        while before > 0 and x < self.last_place(self.wall_surface[before], 0, w, move, sums):
+        x = self.last_place(p, i, 0, w, move, sums)
+        last = p.n_wall_surface - 2
+        while before > 0 and x < self.last_place(p, self.wall_surface[before], 0, w, move, sums):
             before -= 1
-        while before < last and x >= self.last_place(self.wall_surface[before + 1], 0, w, move, sums):
+        while before < last and x >= self.last_place(p, self.wall_surface[before + 1], 0, w, move, sums):
             before += 1
         lost = ti.cast(0.0, self.real)
         if before != k:
@@ -98,10 +98,10 @@ class Walls:
     def contact(self, p: ti.template(), i, k, w: ti.template(), move, sums):
         """Potential of point i's contact with wall spring k, by `move` times the velocity ago."""
         a, b = self.wall_surface[k], self.wall_surface[k + 1]
-        ax, ay = self.last_place(a, 0, w, move, sums), self.last_place(a, 1, w, move, sums)
-        tx = self.last_place(b, 0, w, move, sums) - ax
-        ty = self.last_place(b, 1, w, move, sums) - ay
-        x, y = self.last_place(i, 0, w, move, sums) - ax, self.last_place(i, 1, w, move, sums) - ay
+        ax, ay = self.last_place(p, a, 0, w, move, sums), self.last_place(p, a, 1, w, move, sums)
+        tx = self.last_place(p, b, 0, w, move, sums) - ax
+        ty = self.last_place(p, b, 1, w, move, sums) - ay
+        x, y = self.last_place(p, i, 0, w, move, sums) - ax, self.last_place(p, i, 1, w, move, sums) - ay
         gap = (y * tx - x * ty) / ti.sqrt(tx * tx + ty * ty)
         energy = ti.cast(0.0, self.real)
         if gap < p.threshold:

@@ -21,11 +21,11 @@ from taichi_disk.model.integrators import SPLITTINGS
 from taichi_disk.model.integrators.trapezoidal import ImplicitDashpot
 from taichi_disk.model.observables import COLUMNS, Observables
 from taichi_disk.model.ordering import Arrangement, arrange
-from taichi_disk.model.parameters import parameters
+from taichi_disk.model.parameters import Sizes, parameters
 from taichi_disk.model.physics import Physics
 from taichi_disk.model.runtime import precision
 from taichi_disk.model.springs import Springs
-from taichi_disk.model.state import make_fields
+from taichi_disk.model.state import make_fields, room_for
 from taichi_disk.model.stepping import Stepping
 from taichi_disk.model.storage import State, Storage
 from taichi_disk.model.sums import SHIFT, SPEED, SUMS
@@ -33,16 +33,10 @@ from taichi_disk.model.vectors import parts_of
 from taichi_disk.model.walls import Walls
 
 
-def signature(lattice: Lattice, physics: Physics) -> tuple[Any, ...]:
-    """All that kernels are compiled for: worlds that agree in this can share them."""
-    sizes = (lattice.positions, lattice.bonds, lattice.disk_surface, lattice.wall_surface, lattice.wall_boundary)
-    features = (physics.wall, physics.boundary, physics.integrator, physics.cubic, physics.dissipates)
-    return (*(len(one) for one in sizes), lattice.disk_points, *features, physics.load != 0.0, physics.pulled)
-
-
-def _shape(springs: Arrangement) -> tuple[int, ...]:
-    """What of an arrangement is compiled into kernels."""
-    return len(springs.ends), springs.chunk_points
+def features(physics: Physics) -> tuple[Any, ...]:
+    """All of the physics that kernels are compiled for. (Of the lattice it is only the room that it takes.)"""
+    present = (physics.cubic, physics.dissipates, physics.load != 0.0, physics.pulled)
+    return (physics.wall, physics.boundary, physics.integrator, *present)
 
 
 @ti.data_oriented
@@ -70,30 +64,22 @@ class World(Stepping, Chunks, Springs, Walls, ImplicitDashpot, Observables, Stor
         positions: NDArray[np.float64] | None = None,
     ) -> None:
         self.lanes = len(velocities)
-        self.n, self.n_disk = len(lattice.positions), lattice.disk_points
-        self.n_disk_surface, self.n_wall_surface = len(lattice.disk_surface), len(lattice.wall_surface)
-        self.n_boundary = len(lattice.wall_boundary) if physics.boundary != "none" else 0
         self.single = precision() == "f32"
         self.real = ti.f32 if self.single else ti.f64
-        springs = self._springs = arrange(lattice.bonds, self.n, self.lanes)
-        self.block, self.blocks, self.chunks = springs.block, springs.blocks, springs.chunks
-        self.chunk_points = springs.chunk_points
         self.compiled: set[str] = set()
         self.splitting = SPLITTINGS[physics.integrator]
         self.steps_per_launch = max(1, STAGES // self.splitting.forces)
-        self._signature = signature(lattice, physics)
-        self.n_free = self.n - (self.n_boundary if physics.boundary == "pinned" else 0)
         self.components = 2 if physics.boundary == "dashpot" else 1
-        self.lattice, self.physics, self.dt, self.mass = lattice, physics, dt, float(lattice.masses[0])
+        springs = arrange(lattice.bonds, len(lattice.positions), self.lanes)
+        self.block, self.chunks = springs.block, springs.chunks
+        self.physics = physics
         etas = np.full(self.lanes, physics.eta) if eta is None else np.asarray(eta, float)
-        factor = self._factor(etas) if physics.implicit_dashpot else None
-        self._most_entries = int(1.1 * len(factor.row)) + 100 if factor else 0  # other lattices need a few more
-        self.fields, self._tree = make_fields(
-            lattice, physics, springs, self.lanes, self.n_free, self._most_entries, self.real
-        )
+        factor = _factor(lattice, physics, dt, etas)
+        self._room = room_for(len(lattice.positions), springs, factor, self.lanes)
+        self.fields, self._tree = make_fields(physics, springs, self._room, self.lanes, self.real)
         for name, field in self.fields.items():
             setattr(self, name, parts_of(field))
-        self._start(factor, velocities, etas, load, positions)
+        self._start(lattice, physics, dt, springs, factor, velocities, etas, load, positions)
 
     def restart(
         self,
@@ -107,42 +93,54 @@ class World(Stepping, Chunks, Springs, Walls, ImplicitDashpot, Observables, Stor
     ) -> bool:
         """Become the world that these arguments would make, without compiling anew.
 
-        False, with nothing changed, where that cannot be: another number of points, springs or lanes, or
-        another set of features.
+        False, with nothing changed, where that cannot be: more points, springs or entries of the factor than there is
+        room for, another number of lanes, or another set of features.
         """
-        if len(velocities) != self.lanes or signature(lattice, physics) != self._signature:
+        if len(velocities) != self.lanes or features(physics) != features(self.physics):
             return False
         springs = self._springs
         if lattice.bonds is not self.lattice.bonds:
-            springs = arrange(lattice.bonds, self.n, self.lanes)
-            if _shape(springs) != _shape(self._springs):
+            springs = arrange(lattice.bonds, len(lattice.positions), self.lanes)
+            if springs.chunks != self.chunks:
                 return False
-        before = self.lattice, self.physics, self.dt, self.mass
-        self.lattice, self.physics, self.dt, self.mass = lattice, physics, dt, float(lattice.masses[0])
         etas = np.full(self.lanes, physics.eta) if eta is None else np.asarray(eta, float)
-        factor = self._factor(etas) if physics.implicit_dashpot else None
-        if factor and len(factor.row) > self._most_entries:
-            self.lattice, self.physics, self.dt, self.mass = before
+        factor = _factor(lattice, physics, dt, etas)
+        if not self._room.holds(len(lattice.positions), springs, factor):
             return False
-        self._springs = springs
-        self._start(factor, velocities, etas, load, positions)
+        self._start(lattice, physics, dt, springs, factor, velocities, etas, load, positions)
         return True
 
     def _start(
         self,
+        lattice: Lattice,
+        physics: Physics,
+        dt: float,
+        springs: Arrangement,
         factor: Factor | None,
         velocities: NDArray[np.float64],
         eta: NDArray[np.float64],
         load: Sequence[float] | None,
         positions: NDArray[np.float64] | None,
     ) -> None:
-        if velocities.shape != (self.lanes, self.n, 2):
-            raise ValueError(f"velocities have shape {velocities.shape}, not (lanes, {self.n}, 2)")
-        self.step_number = 0
+        n, n_boundary = len(lattice.positions), len(lattice.wall_boundary) if physics.boundary != "none" else 0
+        if velocities.shape != (self.lanes, n, 2):
+            raise ValueError(f"velocities have shape {velocities.shape}, not (lanes, {n}, 2)")
+        self.lattice, self.physics, self.dt, self.mass = lattice, physics, dt, float(lattice.masses[0])
+        self._springs, self.step_number = springs, 0
+        sizes = Sizes(
+            n=n,
+            n_disk=lattice.disk_points,
+            n_disk_surface=len(lattice.disk_surface),
+            n_wall_surface=len(lattice.wall_surface),
+            n_boundary=n_boundary,
+            n_free=n - n_boundary if physics.boundary == "pinned" else n,
+            blocks=springs.blocks,
+            chunk_points=springs.chunk_points,
+        )
         self._fill(factor, eta, np.full(self.lanes, self.physics.load) if load is None else np.asarray(load, float))
-        self._parameters = parameters(self.physics, self.mass, self.dt)
+        self._parameters = parameters(self.physics, self.mass, self.dt, sizes)
         if self.physics.pulled:
-            self._take_hold(-1, 0.0, 0.0, 0.0, 0.0, 0.0)
+            self._take_hold(self._parameters, -1, 0.0, 0.0, 0.0, 0.0)
         vectors, sums = self._no_vectors(), np.zeros((SUMS, self.lanes))
         vectors[0] = self.lattice.positions[:, :, None] if positions is None else np.moveaxis(positions, 0, 2)
         vectors[1] = np.moveaxis(velocities, 0, 2)
@@ -150,7 +148,7 @@ class World(Stepping, Chunks, Springs, Walls, ImplicitDashpot, Observables, Stor
             vectors[0] -= self.lattice.positions[:, :, None]
             for k, row in ((0, SHIFT), (1, SPEED)):
                 sums[row] = vectors[k, 0, 1]  # a frame that moves with one point serves as well as any
-                vectors[k, : self.n_disk, 1] -= sums[row]
+                vectors[k, : lattice.disk_points, 1] -= sums[row]
         self._copy_state(vectors, sums, True)
         rows = np.zeros((1, len(COLUMNS), self.lanes))
         with runtime.whole_vectors():
@@ -176,23 +174,11 @@ class World(Stepping, Chunks, Springs, Walls, ImplicitDashpot, Observables, Stor
             self.compiled.add(feature)
         return used
 
-    def _factor(self, eta: NDArray[np.float64]) -> Factor:
-        if np.ptp(eta) > 0.0:
-            raise ValueError("lanes that share an implicit dashpot must have the same eta")
-        free = np.arange(self.n, dtype=np.int32)
-        if self.physics.boundary == "pinned":
-            free = np.setdiff1d(free, self.lattice.wall_boundary)
-        extra = np.zeros((self.n, 2 if self.physics.boundary == "dashpot" else 1))
-        half = 0.5 * self.dt / self.mass
-        if self.physics.boundary == "dashpot":
-            extra[self.lattice.wall_boundary] = half * self.physics.impedance
-        return factorise(self.lattice.bonds, half * float(eta[0]), free, extra)
-
     def _fill(self, factor: Factor | None, eta: NDArray[np.float64], load: NDArray[np.float64]) -> None:
         springs, lattice = self._springs, self.lattice
         filler = springs.source < 0
         rest = np.where(filler, 1.0, lattice.rest_lengths[springs.source])
-        self._fill_springs(springs.ends, rest)
+        self._fill_springs(len(lattice.positions), springs.ends, rest)
         if self.chunks > 1:
             self._fill_chunks(springs.chunk_ends)
         if self.single:
@@ -208,7 +194,7 @@ class World(Stepping, Chunks, Springs, Walls, ImplicitDashpot, Observables, Stor
             self._fill_lanes(eta, load)
         if self.physics.wall == "elastic":
             self._fill_surfaces(self.lattice.disk_surface, self.lattice.wall_surface)
-        if self.n_boundary:
+        if self.physics.boundary != "none":
             self._fill_boundary(self.lattice.wall_boundary, self.physics.impedance)
         if factor:
             self._fill_factor(factor.order, factor.column, factor.row, factor.values, factor.inverse_diagonal)
@@ -238,7 +224,7 @@ class World(Stepping, Chunks, Springs, Walls, ImplicitDashpot, Observables, Stor
         return self.step_number * self.dt
 
     def _no_vectors(self) -> NDArray[np.float64]:
-        return np.zeros((4 if self.physics.implicit_dashpot else 3, self.n, 2, self.lanes))
+        return np.zeros((4 if self.physics.implicit_dashpot else 3, len(self.lattice.positions), 2, self.lanes))
 
     def export_state(self) -> State:
         vectors = self._no_vectors()
@@ -259,7 +245,7 @@ class World(Stepping, Chunks, Springs, Walls, ImplicitDashpot, Observables, Stor
         state = self.export_state()
         v, f = state.vectors[1:3]
         v = v + self.splitting.kicks[-1] * self.dt / self.mass * f
-        v[: self.n_disk, 1] += state.sums[SPEED]
+        v[: self.lattice.disk_points, 1] += state.sums[SPEED]
         return np.moveaxis(v, 2, 0).copy()
 
     def places(self, state: State) -> NDArray[np.float64]:
@@ -267,7 +253,7 @@ class World(Stepping, Chunks, Springs, Walls, ImplicitDashpot, Observables, Stor
         x = state.vectors[0].copy()
         if self.single:
             x += self.lattice.positions[:, :, None]
-            x[: self.n_disk, 1] += state.sums[SHIFT]
+            x[: self.lattice.disk_points, 1] += state.sums[SHIFT]
         return np.moveaxis(x, 2, 0).copy()
 
     def forces(self) -> NDArray[np.float64]:
@@ -281,9 +267,25 @@ class World(Stepping, Chunks, Springs, Walls, ImplicitDashpot, Observables, Stor
         potential, which the observable `load` includes; returns by how much that has jumped [M c^2]. Needs
         `Physics.pulled`.
         """
-        closing = self.splitting.kicks[-1] * self.dt / self.mass
-        return float(self._take_hold(point, *target, stiffness, strongest, closing))
+        return float(self._take_hold(self._parameters, point, *target, stiffness, strongest))
 
     def destroy(self) -> None:
         """Give the fields' memory back; the world cannot be used afterwards."""
         self._tree.destroy()
+
+
+def _factor(lattice: Lattice, physics: Physics, dt: float, eta: NDArray[np.float64]) -> Factor | None:
+    """Of the matrix that the implicit dashpots of this physics have, if it has them."""
+    if not physics.implicit_dashpot:
+        return None
+    if np.ptp(eta) > 0.0:
+        raise ValueError("lanes that share an implicit dashpot must have the same eta")
+    n = len(lattice.positions)
+    free = np.arange(n, dtype=np.int32)
+    if physics.boundary == "pinned":
+        free = np.setdiff1d(free, lattice.wall_boundary)
+    extra = np.zeros((n, 2 if physics.boundary == "dashpot" else 1))
+    half = 0.5 * dt / float(lattice.masses[0])
+    if physics.boundary == "dashpot":
+        extra[lattice.wall_boundary] = half * physics.impedance
+    return factorise(lattice.bonds, half * float(eta[0]), free, extra)

@@ -15,7 +15,7 @@ import numpy as np
 from taichi_disk.dynamics import OPEN
 from taichi_disk.errors import InputError, SimulationError
 from taichi_disk.model import runtime
-from taichi_disk.model.world import World, signature
+from taichi_disk.model.world import World, features
 from taichi_disk.scene_file import load_scene
 from taichi_disk.scenes.setup import Setup
 from taichi_disk.simulate import make_world
@@ -118,7 +118,7 @@ class Fates:
         work = len(setup.lattice.bonds) * setup.max_time / step.dt
         if work > MOST_WORK:
             raise _TooLong(f"{work:.1g} springs times steps")
-        key = signature(setup.lattice, replace(setup.physics, integrator=step.integrator))
+        key = features(replace(setup.physics, integrator=step.integrator))
         self._worlds[key] = make_world(setup, step, self._worlds.get(key))
         return self._worlds[key]
 

@@ -10,13 +10,13 @@ from numpy.typing import NDArray
 
 from taichi_disk.lattice import Lattice
 from taichi_disk.model.physics import Physics
-from taichi_disk.model.world import World, signature
+from taichi_disk.model.world import World, features
 
 _KEPT = 12  # at a time
 
 
 class Worlds:
-    """One world for each number of points and springs and each set of features."""
+    """One world for each set of features; it grows with the largest lattice."""
 
     def __init__(self, before_compiling: Callable[[], None]) -> None:
         """`before_compiling` is called before the caller has to wait."""
@@ -25,7 +25,7 @@ class Worlds:
 
     def start(self, lattice: Lattice, physics: Physics, velocities: NDArray[np.float64], dt: float) -> World:
         """A world at t = 0 of these; one that was given before may become it."""
-        key = signature(lattice, physics)
+        key = features(physics)
         known = self._known.pop(key, None)
         if known is None or not known.restart(lattice, physics, velocities[None], dt):
             self._before_compiling()

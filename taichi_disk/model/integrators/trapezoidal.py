@@ -20,18 +20,18 @@ class ImplicitDashpot:
     """Solves for the velocities at a step; part of `World`."""
 
     @ti.func
-    def solve_dashpot(self):
+    def solve_dashpot(self, p: ti.template()):
         """Solve the matrix with the right-hand side in `z` (elimination order); the result is left in `z`."""
         y = ti.static(self.components - 1)
-        for k in range(self.n_free):
+        for k in range(p.n_free):
             zk = get(self.z, k)
             for e in range(self.column[k], self.column[k + 1]):
                 c = get(self.factor, e)
                 for w in ti.static(range(self.lanes)):
                     self.z[0][w][self.row[e]] -= c[0] * zk[0, w]
                     self.z[1][w][self.row[e]] -= c[y] * zk[1, w]
-        for back in range(self.n_free):
-            k = self.n_free - 1 - back
+        for back in range(p.n_free):
+            k = p.n_free - 1 - back
             d = get(self.inverse_diagonal, k)
             zk = get(self.z, k)
             for w in ti.static(range(self.lanes)):
@@ -52,13 +52,13 @@ class ImplicitDashpot:
         u.D u lost in all dashpots D, u.D u_before, and the part of the first that is lost at the boundary.
         """
         half = 0.5 * p.g
-        for k in range(self.n_free):
+        for k in range(p.n_free):
             i = self.order[k]
             put(self.z, k, get(self.v, i) + half * get(self.f, i))
-        self.solve_dashpot()
+        self.solve_dashpot(p)
         power = ti.Vector.zero(self.real, self.lanes)
         cross = ti.Vector.zero(self.real, self.lanes)
-        for k in range(self.n_free):
+        for k in range(p.n_free):
             i, u = self.order[k], get(self.z, k)
             before = get(self.u, i)
             loss = (get(self.v, i) + half * get(self.f, i) - u) / half
@@ -68,7 +68,7 @@ class ImplicitDashpot:
             put(self.u, i, u)
         absorbed = ti.Vector.zero(self.real, self.lanes)
         if ti.static(self.physics.boundary == "dashpot"):
-            for k in range(self.n_boundary):
+            for k in range(p.n_boundary):
                 u, Z = get(self.u, self.boundary[k]), get(self.impedance, k)
                 for w in ti.static(range(self.lanes)):
                     absorbed[w] += Z[0] * u[0, w] * u[0, w] + Z[1] * u[1, w] * u[1, w]
@@ -77,6 +77,6 @@ class ImplicitDashpot:
     @ti.func
     def take_damped_force(self, p: ti.template()):
         """The force that the solved velocities imply, so that v + g/2 f = u and v + g f = 2 u - v."""
-        for k in range(self.n_free):
+        for k in range(p.n_free):
             i = self.order[k]
             put(self.f, i, (get(self.u, i) - get(self.v, i)) / (0.5 * p.g))
