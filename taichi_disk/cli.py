@@ -209,7 +209,7 @@ def _parser() -> argparse.ArgumentParser:
     _add_scene(accuracy)
     accuracy.add_argument("--out", type=Path, metavar="DIR", help="where the files go (default: out/SCENE_accuracy)")
     bench = _command(commands, "bench", _bench, "speed and error on this machine, beside other programs")
-    parts = ("kernel", "size", "sweep", "peers", "solution", "film")
+    parts = ("kernel", "size", "sweep", "peers", "solution", "film", "window")
     bench.add_argument("--only", nargs="+", choices=parts, metavar="PART", help=f"of {', '.join(parts)} (default: all)")
     bench.add_argument("--out", type=Path, metavar="DIR", help="write bench.csv, bench.json, bench.txt there")
     _command(commands, "doctor", _doctor, "what this machine can do, and how to mend what is missing")

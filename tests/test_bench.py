@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from worlds import by_hand, disk
 
-from taichi_disk.benchmark import comparison, peers, report, solution
+from taichi_disk.benchmark import comparison, peers, report, solution, window
 from taichi_disk.benchmark.engine import EngineProcess
 from taichi_disk.benchmark.judge import restitution
 from taichi_disk.benchmark.ours import Ours
@@ -127,6 +127,39 @@ def test_targets_are_met_not_met_or_not_measured() -> None:
     assert met["times the time of eta* = 0 at eta* = 100"] is False
     assert met["that step, of the limit with the wall's force that was met"] is True
     assert "not met" in "\n".join(report.verdicts(judged(timings, 0.7)))
+
+
+def test_the_window_is_judged_by_its_slowest_scene() -> None:
+    def shown(name: str, frames: float) -> Timing:
+        seconds = [1.0 / frames] * 3
+        return Timing(window.PART, name, 1, seconds, seconds)
+
+    three = [shown(name, frames) for name, frames in zip(window.SCENES, (60.0, 29.0, 50.0), strict=True)]
+    smooth = {target.text: target.value for target in judged([*three, shown(window.name_of(20_000), 31.0)], None)}
+    assert smooth["frames/s in the window, slowest of the three scenes"] == pytest.approx(29.0)
+    assert smooth["frames/s in the window, 20,000 points"] == pytest.approx(31.0)
+    assert not any(target.value for target in judged(three[:2], None))  # a scene is missing
+
+
+def test_frames_steps_and_pace_are_those_of_the_pictures() -> None:
+    seconds = [0.02] * 199 + [0.02 * 51]
+    watched = window.Watched(seconds, steps=1000, passed=2.0, speed=0.8)
+    assert (watched.frames, watched.slowest) == (pytest.approx(50.0), pytest.approx(50.0))  # one in 200 is no hundredth
+    slow = window.Watched([0.02] * 95 + [0.1] * 5, 0, 0.0, 1.0)
+    assert (slow.frames, slow.slowest) == (pytest.approx(50.0), pytest.approx(10.0))
+    assert watched.steps_per_second == pytest.approx(200.0)
+    assert watched.pace == pytest.approx(0.5)
+    assert "50.0" in list(window.table({"a scene": watched}))[1]
+
+
+def test_without_a_display_the_window_is_not_measured_and_the_rest_is_told(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setenv("DISPLAY", "")
+    assert main(["bench", "--only", window.PART, "--out", str(tmp_path)]) == 0
+    printed = capsys.readouterr().out
+    assert "window: not measured: there is no display" in printed and "not measured\n" in printed
+    assert json.loads((tmp_path / "bench.json").read_text())["timings"] == []
 
 
 def test_the_files_hold_every_run(tmp_path: Path) -> None:

@@ -27,6 +27,7 @@ from taichi_disk.runner import run
 from taichi_disk.scene_file import load_scene
 from taichi_disk.stiffness import spring_energy
 from taichi_disk.view.controls import Controls
+from taichi_disk.view.drawing import thinned
 from taichi_disk.view.keys import Keys
 from taichi_disk.view.mouse import Mouse
 from taichi_disk.view.sandbox import Sandbox
@@ -386,6 +387,16 @@ def test_more_points_and_another_lattice_are_built_at_once(sandbox: Sandbox) -> 
     assert sandbox.motion.ledger.t == 0.0 and not sandbox.motion.changed
 
 
+def test_of_a_fine_lattice_no_more_springs_are_drawn_than_a_core_can_draw(sandbox: Sandbox) -> None:
+    lattice = sandbox.motion.setup.lattice
+    drawn = thinned(lattice, 150)
+    assert 75 < len(drawn.bonds) == len(drawn.rest_lengths) <= 150
+    i, j = drawn.bonds.T
+    assert np.allclose(np.hypot(*(lattice.positions[i] - lattice.positions[j]).T), drawn.rest_lengths)
+    assert np.histogram(lattice.positions[i, 0], 4, (-1.0, 1.0))[0].min() > 10  # from everywhere
+    assert np.array_equal(thinned(lattice, 1000).bonds, lattice.bonds)
+
+
 def test_without_a_display_one_message_names_the_remedy(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -482,6 +493,17 @@ def box_of_the_disk(picture: np.ndarray, bottom: float) -> np.ndarray:
     amount = np.abs(picture[: int(bottom)].astype(int) - 255 * np.array(GROUND)).sum(axis=-1)
     rows, columns = np.nonzero(amount > 60)
     return np.array([columns.min(), columns.max() + 1, rows.min(), rows.max() + 1])
+
+
+@pytest.mark.validate
+def test_an_open_window_can_be_watched(display: dict[str, str], tmp_path: Path) -> None:
+    watch = "from taichi_disk.benchmark.window import watch; "
+    watch += "one = watch('exponential_wall', ['lattice.points=120'], 0.5, 2.0); "
+    watch += "print(sum(one.seconds), len(one.seconds), one.steps, one.pace)"
+    done = subprocess.run([sys.executable, "-c", watch], env=display, cwd=tmp_path, capture_output=True, text=True)
+    seconds, pictures, steps, pace = map(float, done.stdout.split())
+    assert 1.5 < seconds < 4.0 and pictures > 5 and steps > 10 and 0.1 < pace < 1.2
+    assert not list(tmp_path.rglob("imgui.ini"))
 
 
 def test_the_window_opens_obeys_and_shows_the_disk_where_it_is(display: dict[str, str], tmp_path: Path) -> None:

@@ -6,12 +6,12 @@ import sys
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 
-from taichi_disk.benchmark import comparison, film, kernel, report, size, solution, sweep
+from taichi_disk.benchmark import comparison, film, kernel, report, size, solution, sweep, window
 from taichi_disk.benchmark.stopwatch import Timing
 from taichi_disk.benchmark.targets import judged
 from taichi_disk.model import runtime
 
-PARTS = (kernel.PART, size.PART, sweep.PART, comparison.PART, solution.PART, film.PART)
+PARTS = (kernel.PART, size.PART, sweep.PART, comparison.PART, solution.PART, film.PART, window.PART)
 REPEATS = 9
 
 
@@ -49,9 +49,12 @@ def run_benchmark(parts: Sequence[str] = PARTS, out: Path | None = None) -> None
         elif part == solution.PART:
             found, fraction = solution.measure(REPEATS)
             tell(report.table("time to e, automatic step, one core", "ms", 1e3, found, "error of e"))
-        else:
+        elif part == film.PART:
             found = film.measure(3)
             tell(report.table("a film", "s", 1.0, found))
+        else:
+            found, lines = window.measure()
+            tell(lines)
         timings += found
         tell([""])
     targets = [target for target in judged(timings, fraction) if target.part in parts]

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from taichi_disk.benchmark import comparison, kernel, size, solution, sweep
+from taichi_disk.benchmark import comparison, kernel, size, solution, sweep, window
 from taichi_disk.benchmark.stopwatch import Timing
 from taichi_disk.study.lanes import LANES
 
@@ -50,6 +50,10 @@ def judged(timings: Sequence[Timing], fraction: float | None) -> list[Target]:
         timing = find(part, name)
         return timing.error if timing else None
 
+    def frames(names: Sequence[str]) -> float | None:
+        found = [timing for name in names if (timing := find(window.PART, name))]
+        return min(1.0 / timing.typical for timing in found) if len(found) == len(names) else None
+
     wall, both = comparison.CASES
     double, single = (sweep.name_of(LANES[precision], precision, "all cores") for precision in sweep.PRECISIONS)
     large = ratio(size.PART, size.name_of(100_000, 2))
@@ -72,4 +76,6 @@ def judged(timings: Sequence[Timing], fraction: float | None) -> list[Target]:
         Target(end, "that step, of the limit with the wall's force that was met", 0.75, fraction, True),
         Target(end, "error of e, eta* = 100, automatic step", WITHIN, error(end, "eta* = 100,")),
         Target(end, "times the time of eta* = 0 at eta* = 100", 8.0, ratio(end, "eta* = 100,")),
+        Target(window.PART, "frames/s in the window, slowest of the three scenes", 30.0, frames(window.SCENES), True),
+        Target(window.PART, "frames/s in the window, 20,000 points", 30.0, frames([window.name_of(20_000)]), True),
     ]

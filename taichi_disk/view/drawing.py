@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import taichi as ti
 
 from taichi_disk.contact import contact_forces
+from taichi_disk.lattice import Lattice
 from taichi_disk.render.camera import Camera
 from taichi_disk.render.colouring import COLOURINGS, QUANTITIES, spring_values
 from taichi_disk.render.painter import Painter
@@ -19,12 +21,14 @@ from taichi_disk.view.panel import WIDTH
 SMALLEST = 40  # what is left for the disk in a window however small [px]
 _GRAPH = 110  # height of the running graph [px]
 _MARGIN = 16  # [px]
+_SPRINGS = 30_000  # drawn at most: software Vulkan needs 0.6 us of a core for each
 
 
 class Drawing:
     """Draws the sandbox of `controls` on a `ti.ui.Canvas`."""
 
     camera: Camera
+    _lattice: Lattice  # with the springs that are drawn
 
     def __init__(self, canvas: Any, controls: Controls) -> None:
         self._canvas, self._controls = canvas, controls
@@ -39,22 +43,25 @@ class Drawing:
         width, height = size
         motion = self._controls.sandbox.motion
         setup, view = motion.setup, motion.setup.view
+        show = SHOWS[self._controls.show_number]
+        kind = setup.lattice.bonds, show == "points"  # points take their colours from all springs
         # Whatever one of these changes, the camera sees; another lattice needs another painter.
-        if self._painter is None or self._drawn[0] is not setup.lattice.bonds:
+        if self._painter is None or self._drawn[0] is not kind[0] or self._drawn[1] != kind[1]:
             if self._painter:
                 self._painter.destroy()
-            subject = Subject(setup.lattice, setup.physics.wall == "rigid", (), 1.0, view, full_force=1.0)
+            self._lattice = setup.lattice if show == "points" else thinned(setup.lattice, _SPRINGS)
+            subject = Subject(self._lattice, setup.physics.wall == "rigid", (), 1.0, view, full_force=1.0)
             self.camera = _look(view, width, height)
             self._painter = Painter(subject, self.camera, height / 720)
-        elif (width, height, view) != self._drawn[1:]:
+        elif (width, height, view) != self._drawn[2:]:
             self.camera = _look(view, width, height)
             self._painter.aim(self.camera, height / 720)
-        self._drawn = (setup.lattice.bonds, width, height, view)
+        self._drawn = (*kind, width, height, view)
         colouring, x, v = COLOURINGS[self._controls.colouring_number], motion.positions, motion.velocities
-        values = self._controls.scale.places(spring_values(setup.lattice, motion.world.physics, x, v, colouring))
+        values = self._controls.scale.places(spring_values(self._lattice, motion.world.physics, x, v, colouring))
         points, forces = contact_forces(setup.lattice, motion.world.physics, x)
         pushed = points, self._controls.push_scale.places(forces)
-        self._shown = x, values, SHOWS[self._controls.show_number], QUANTITIES[colouring].signed, pushed
+        self._shown = x, values, show, QUANTITIES[colouring].signed, pushed
         self._painter.paint(self._canvas, *self._shown)
         tie = self._controls.mouse.tie
         if tie is not None:
@@ -68,6 +75,12 @@ class Drawing:
         """The disk as it was drawn last, while the next one is not ready."""
         if self._painter:
             self._painter.paint(self._canvas, *self._shown)
+
+
+def thinned(lattice: Lattice, springs: int) -> Lattice:
+    """`lattice` with every k-th of its springs, `springs` at most: they stand in order from one side to the other."""
+    k = -(-len(lattice.bonds) // springs)
+    return replace(lattice, bonds=lattice.bonds[::k].copy(), rest_lengths=lattice.rest_lengths[::k].copy())
 
 
 def _look(view: tuple[float, float, float, float], width: int, height: int) -> Camera:

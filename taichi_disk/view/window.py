@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 import os
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Generator, Iterator
 from pathlib import Path
 from time import perf_counter
 
@@ -39,7 +39,11 @@ _NAMES = {
 
 
 class Viewer:
-    """Holds the one window that may be alive; `run` returns when it has been closed."""
+    """Holds the one window that may be alive; `run` returns when it has been closed.
+
+    Attributes:
+        sandbox, controls: what is in it, from the first picture on.
+    """
 
     def __init__(self, scene: Scene, out: Path) -> None:
         """Files go into `out`. Raises InputError if it cannot be written, TaichiDiskError if there is no window."""
@@ -53,10 +57,15 @@ class Viewer:
 
     def run(self) -> None:
         """Until the window is closed. Raises TaichiDiskError for a scene that cannot be built."""
+        for _ in self.pictures():
+            pass
+
+    def pictures(self) -> Generator[tuple[float, int], None, None]:
+        """`run`, picture by picture: seconds of the clock since the one before, steps made for it."""
         with _elsewhere():  # GGUI leaves an imgui.ini in the current folder
             try:
                 self._set_up()
-                self._loop()
+                yield from self._loop()
             finally:
                 if self._ready:
                     self._shots.stop()
@@ -71,16 +80,16 @@ class Viewer:
         self._shots = Shots(self.controls, self._window.get_image_buffer_as_numpy)
         self._ready = True
 
-    def _loop(self) -> None:
+    def _loop(self) -> Generator[tuple[float, int], None, None]:
         rates, frames, steps, since = "", 0, 0, perf_counter()
         last, drawing = since, 0.0
         while self._window.running and not self.controls.closing:
             now = perf_counter()
-            elapsed, last = now - last, now
+            elapsed, last, made = now - last, now, 0
             if not self.controls.mouse.turning:
                 patience = min(max(_PICTURE - drawing, 0.25 * PATIENCE), PATIENCE)
-                steps += self.sandbox.advance(min(elapsed, _LONGEST), patience)
-            frames += 1
+                made = self.sandbox.advance(min(elapsed, _LONGEST), patience)
+            frames, steps = frames + 1, steps + made
             if now - since > 0.5:
                 rates = f"{frames / (now - since):.0f} frames/s, {steps / (now - since):,.0f} steps/s"
                 frames, steps, since = 0, 0, now
@@ -91,6 +100,7 @@ class Viewer:
             self._window.show()
             drawing = 0.9 * drawing + 0.1 * (perf_counter() - began)
             self._listen()
+            yield elapsed, made
 
     def _one_moment(self) -> None:
         """Between two pictures: say why the next one takes a second."""
