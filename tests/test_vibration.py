@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from taichi_disk.errors import SimulationError
 from taichi_disk.lattice import disk_lattice
 from taichi_disk.stiffness import spring_energy
 from taichi_disk.study import vibration
@@ -37,6 +38,8 @@ def test_the_energies_of_all_vibrations_are_the_energy(monkeypatch):
 def test_a_continuum_that_is_much_stiffer_than_the_wall_bounces_as_a_rigid_body():
     assert continuum_restitution(1e-3, 1.1, 0.29, rings=6, a=100.0) == pytest.approx(1.0, abs=1e-5)
     assert 0.9 < continuum_restitution(0.05, 1.1, 0.29, rings=6, a=3000.0) < 0.999
+    with pytest.raises(SimulationError, match="too long for the continuum"):
+        continuum_restitution(0.02, 1.1, 0.29, rings=6, a=1e6)
 
 
 @pytest.mark.validate

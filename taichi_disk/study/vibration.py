@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taichi_disk.dynamics import move
+from taichi_disk.errors import SimulationError
 from taichi_disk.lattice import Lattice
 from taichi_disk.model import runtime
 from taichi_disk.model.stability import spectrum
@@ -92,7 +93,10 @@ def _modal_energies(lattice: Lattice, rest: Array, u: Array, v: Array, k_a: floa
 def continuum_restitution(
     velocity: float, young: float, poisson: float, rings: int = RINGS, a: float = HARDNESS
 ) -> float:
-    """e of a linearly elastic disk on the wall of potential a/2 exp(-a y), by velocity Verlet."""
+    """e of a linearly elastic disk on the wall of potential a/2 exp(-a y), by velocity Verlet.
+
+    Raises SimulationError where the step turns out too long: the wall too hard for the mesh.
+    """
     from scipy.sparse import diags
     from scipy.sparse.linalg import eigsh
 
@@ -102,10 +106,10 @@ def continuum_restitution(
     stiffness = mesh.stiffness(young, poisson)
     root = diags(np.repeat(mesh.share, 2) ** -0.5)
     fastest = float(eigsh(root @ stiffness @ root, k=1, return_eigenvectors=False)[0])
-    # The wall's force at its most, about, and on how many nodes.
+    # The wall's force at its most, about, and on how many nodes; a single one that meets it turns within 1/(a v).
     force = 1.5 * velocity * np.sqrt(np.pi * young / np.log(4.0 / velocity))
     bearing = max(1.0, 2.0 * np.sqrt(4.0 * force / (np.pi * young)) / (2.0 * np.pi / len(rim)))
-    dt = 0.8 / np.sqrt(fastest + a * force / bearing / mesh.share[rim].min())
+    dt = 0.8 / np.sqrt(fastest + a * force / bearing / mesh.share[rim].min() + (a * velocity) ** 2)
 
     height = x[rim, 1] + 1.0
     gap = float(np.log(0.5 * a * np.exp(-a * height).sum() / (1e-10 * 0.5 * velocity**2))) / a
@@ -125,7 +129,10 @@ def continuum_restitution(
         v += 0.5 * dt * pull
         up = float(mesh.share @ v[:, 1])
         # Its vibrations are less than its speed, and the lowest turns within a unit of time.
-        if up > 0.0 and float((height + u[rim, 1]).min()) > gap + velocity:
+        if not (up <= 0.0 or float((height + u[rim, 1]).min()) <= gap + velocity):
+            energy = 0.5 * float(np.sum(mass * v * v) + u.ravel() @ (stiffness @ u.ravel()))
+            if not abs(energy - 0.5 * velocity**2) < 1e-3 * velocity**2:
+                raise SimulationError(f"the step is too long for the continuum at v = {velocity:g} c, a = {a:g}/R")
             return up / velocity
 
 
