@@ -49,3 +49,13 @@ def test_fine_lattices_obey_the_exact_law_to_1_percent():
     law = theory.exact_compression([4e-3, 1e-2], E, nu)
     error = xi.std(axis=0, ddof=1) / 2.0
     assert (np.abs(xi.mean(axis=0) - law) < 0.01 * law + error).all()
+
+
+def test_rim_springs_weigh_as_they_are_told():
+    disk = disk_lattice(400, 0)
+    outer = np.isin(disk.bonds, disk.disk_surface).all(axis=1)
+    assert outer.sum() == len(disk.disk_surface)
+    # A hoop of springs stiffens the disk: with half or a quarter of it, the disk gives way more.
+    quarter, half, whole = (hard_compression(disk, 1.0, [4e-3], share)[0] for share in (0.25, 0.5, 1.0))
+    assert quarter > half > whole and half / whole < 1.1
+    assert whole == hard_compression(disk, 1.0, [4e-3])[0]

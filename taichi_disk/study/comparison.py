@@ -177,8 +177,12 @@ def absorbing_wall(curves: Sequence[Curve], others: Sequence[Curve], rows: Seque
         f"**d1 = {PAPER_D1}, d2 = {PAPER_D2}** (e from {printed[0]:.3f} to {printed[-1]:.3f}): with velocities reset, "
         f"d1 = {shown(fit, 'd1')} ({_verdict(_holds(fit, 'd1', PAPER_D1))}), d2 = {shown(fit, 'd2')} "
         f"({_verdict(_holds(fit, 'd2', PAPER_D2))}); e from {reset['mean'][0]:.3f} to {reset['mean'][-1]:.3f}, at most "
-        f"{np.abs(np.array(reset['mean']) - printed).max():.3f} from the paper's curve. Pinned, next to nothing is "
-        "lost; matched dashpots absorb about half.",
+        f"{np.abs(np.array(reset['mean']) - printed).max():.3f} from the paper's curve."
+        + "".join(
+            f" With the boundary `{one['boundary']}`, e is {one['mean'][0]:.3f} to {one['mean'][-1]:.3f}."
+            for one in curves
+            if one.get("boundary", "reset") != "reset"
+        ),
         "",
     ]
     known = [one for one in others if "reset_interval" in one and "eq5" in one["fits"]]

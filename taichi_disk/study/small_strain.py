@@ -17,11 +17,12 @@ from taichi_disk.stiffness import tangent_stiffness
 Array = NDArray[np.float64]
 
 
-def hard_compression(disk: Lattice, k_a: float, pressures: Sequence[float]) -> list[float]:
+def hard_compression(disk: Lattice, k_a: float, pressures: Sequence[float], rim_share: float = 1.0) -> list[float]:
     """xi [R] of `disk` under each of `pressures` [M c^2/R], from centre of mass to lowest point.
 
     The disk lies as low as it can and is held against rolling. Forces between wall and rim points push only, and
-    only where they touch: found point by point from the lattice's compliance.
+    only where they touch: found point by point from the lattice's compliance. `rim_share`: the stiffness of springs
+    along the rim, in k_a. At 1/2 they count for their one triangle, as inner springs count for their two.
     """
     from scipy.sparse.linalg import splu
 
@@ -36,8 +37,11 @@ def hard_compression(disk: Lattice, k_a: float, pressures: Sequence[float]) -> l
     # Three supports, which bear nothing but the torque of a contact beside the centre of mass.
     left, right = rim[np.argmin(x[rim, 0])], rim[np.argmax(x[rim, 0])]
     free = np.setdiff1d(np.arange(x.size), [2 * left, 2 * left + 1, 2 * right + 1])
+    outer = np.isin(disk.bonds, rim).all(axis=1)
+    stiffness = tangent_stiffness(x, disk.bonds, disk.rest_lengths, k_a, 0.0)
+    stiffness -= (1.0 - rim_share) * tangent_stiffness(x, disk.bonds[outer], disk.rest_lengths[outer], k_a, 0.0)
     factor = splu(
-        tangent_stiffness(x, disk.bonds, disk.rest_lengths, k_a, 0.0)[free][:, free].tocsc(),
+        stiffness[free][:, free].tocsc(),
         permc_spec="MMD_AT_PLUS_A",
         diag_pivot_thresh=0.0,
         options={"SymmetricMode": True},
