@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import re
 import shutil
@@ -48,9 +49,14 @@ def atomic_write(path: Path, writer: Callable[[Path], None]) -> None:
     except OSError as error:
         raise SimulationError(f"cannot write {path}: {_reason(error)}") from error
     finally:
-        if beside.is_dir():
-            shutil.rmtree(beside)
-        beside.unlink(missing_ok=True)
+        remove(beside)
+
+
+def remove(path: Path) -> None:
+    """Remove a file or folder if that can be done. Where its place has become out of reach, that was told already."""
+    shutil.rmtree(path, ignore_errors=True)
+    with contextlib.suppress(OSError):
+        path.unlink()
 
 
 def check_pictures(folder: Path) -> None:

@@ -93,3 +93,11 @@ def test_a_full_disk_is_a_failed_computation_that_names_the_file(tmp_path: Path)
     with pytest.raises(SimulationError, match=r"cannot write .*final\.npz: No space left on device"):
         atomic_write(tmp_path / "final.npz", write)
     assert everything(tmp_path) == set()
+
+
+def test_a_folder_that_has_become_a_file_is_told_and_no_more(tmp_path: Path) -> None:
+    folder = tmp_path / "out"
+    folder.write_text("")
+    with pytest.raises(SimulationError, match=f"cannot write {folder}/scene.yaml: Not a directory"):
+        atomic_write(folder / "scene.yaml", lambda beside: beside.touch())
+    assert everything(tmp_path) == {folder}

@@ -20,6 +20,7 @@ from PIL import Image
 
 from taichi_disk.cli import main
 from taichi_disk.errors import InputError
+from taichi_disk.render.camera import Camera
 from taichi_disk.render.colouring import COLOURINGS, spring_values
 from taichi_disk.render.colours import GROUND
 from taichi_disk.render.film import film_problem
@@ -30,7 +31,9 @@ from taichi_disk.view.controls import Controls
 from taichi_disk.view.drawing import thinned
 from taichi_disk.view.keys import Keys
 from taichi_disk.view.mouse import Mouse
+from taichi_disk.view.panel import WIDTH
 from taichi_disk.view.sandbox import Sandbox
+from taichi_disk.view.shots import Shots
 from taichi_disk.view.stage import as_run, set_up, with_key
 
 SMALL = ["lattice.points=120", "impact.velocity=0.05"]
@@ -395,6 +398,31 @@ def test_of_a_fine_lattice_no_more_springs_are_drawn_than_a_core_can_draw(sandbo
     assert np.allclose(np.hypot(*(lattice.positions[i] - lattice.positions[j]).T), drawn.rest_lengths)
     assert np.histogram(lattice.positions[i, 0], 4, (-1.0, 1.0))[0].min() > 10  # from everywhere
     assert np.array_equal(thinned(lattice, 1000).bonds, lattice.bonds)
+
+
+def test_files_that_cannot_be_written_are_told_and_the_window_lives(sandbox: Sandbox, tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    out.mkdir()
+    controls = Controls(sandbox, out)
+    shots = Shots(controls, lambda: np.zeros((WIDTH + 60, 50, 4), np.float32))
+    camera = Camera.fit(sandbox.motion.setup.view, 0, 0, 60, 50, 5)
+    controls.record()
+    shots.take(0.1, camera)
+    (out / "view-1.mp4").write_text("another window's")  # there was none when the film was begun
+    controls.record()
+    shots.take(0.1, camera)
+    assert (out / "view-1.mp4").read_text() == "another window's"
+    assert "view-2.mp4" in sandbox.message and sorted(one.name for one in out.iterdir()) == ["view-1.mp4", "view-2.mp4"]
+    shutil.rmtree(out)
+    out.write_text("")
+    for wish in (controls.want_picture, controls.record):
+        wish()
+        for _ in range(50):
+            shots.take(0.1, camera)
+        assert "write" in sandbox.message and not controls.recording
+        sandbox.message = ""
+    Keys(controls).press("w")
+    assert "Not a directory" in sandbox.message
 
 
 def test_without_a_display_one_message_names_the_remedy(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from math import log10
 from pathlib import Path
 
@@ -183,7 +184,7 @@ class Controls:
     def next_file(self, suffix: str) -> Path:
         """A name in `out` that is not taken: view-1.yaml, view-2.yaml..."""
         number = 1
-        while (path := self.out / f"view-{number}{suffix}").exists():
+        while os.path.exists(path := self.out / f"view-{number}{suffix}"):  # no, where nothing can be looked up
             number += 1
         return path
 

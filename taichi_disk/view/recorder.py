@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -10,7 +11,8 @@ from numpy.typing import NDArray
 from PIL import Image
 from PIL.PngImagePlugin import PngInfo
 
-from taichi_disk.output import atomic_write
+from taichi_disk.errors import SimulationError
+from taichi_disk.output import atomic_write, remove
 from taichi_disk.render.video import Video
 
 FPS = 30
@@ -19,9 +21,13 @@ FPS = 30
 class Recorder:
     """A film that grows with the clock; `close` makes it a file. All pictures have the size of the first."""
 
-    def __init__(self, path: Path, picture: NDArray[np.uint8]) -> None:
-        """`picture` (height, width, 3), rows downwards; an odd last row or column is left out."""
-        self.path = path
+    def __init__(self, free: Callable[[], Path], picture: NDArray[np.uint8]) -> None:
+        """`picture` (height, width, 3), rows downwards; an odd last row or column is left out.
+
+        `free` names a file that is not there; `close` asks again, for another window may have taken that `path`.
+        """
+        path = free()
+        self.path, self._free = path, free
         self._shape = picture.shape
         self._beside = path.with_name(f".{path.stem}.{os.getpid()}{path.suffix}")
         self._height, self._width = picture.shape[0] // 2 * 2, picture.shape[1] // 2 * 2
@@ -47,9 +53,12 @@ class Recorder:
         """Complete the film. Raises SimulationError if it could not be written; then there is none."""
         try:
             self._video.__exit__(None, None, None)
+            self.path = self._free()
             os.replace(self._beside, self.path)
+        except OSError as error:
+            raise SimulationError(f"cannot write {self.path}: {error.strerror}") from error
         finally:
-            self._beside.unlink(missing_ok=True)
+            remove(self._beside)
 
 
 def write_picture(path: Path, picture: NDArray[np.uint8], facts: dict[str, str]) -> None:

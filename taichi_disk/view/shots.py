@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -43,11 +44,13 @@ class Shots:
                 if self._recorder and not self._recorder.fits(picture):
                     self.stop()
                 if not self._recorder:
-                    self._recorder = Recorder(controls.next_file(".mp4"), picture)
+                    self._recorder = Recorder(partial(controls.next_file, ".mp4"), picture)
                     sandbox.message = f"recording {self._recorder.path}"
                 self._recorder.add(picture, seconds)
         except TaichiDiskError as error:
-            controls.recording, self._recorder, sandbox.message = False, None, str(error)
+            controls.recording = False
+            self.stop()  # a film goes to its end where only a picture could not be written
+            sandbox.message = str(error)
 
     def stop(self) -> None:
         """Complete the film, if there is one."""
