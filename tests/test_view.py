@@ -25,6 +25,7 @@ from taichi_disk.render.colouring import COLOURINGS, spring_values
 from taichi_disk.render.colours import GROUND
 from taichi_disk.render.film import film_problem
 from taichi_disk.runner import run
+from taichi_disk.scene import AbsorbingWallScene
 from taichi_disk.scene_file import load_scene
 from taichi_disk.stiffness import spring_energy
 from taichi_disk.view.controls import Controls
@@ -315,12 +316,19 @@ def test_another_scene_keeps_the_lattice(sandbox: Sandbox) -> None:
 def test_a_scene_that_cannot_be_built_is_explained_and_the_old_one_goes_on(
     sandbox: Sandbox, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def refuse(scene: object) -> None:
+    asked = []
+
+    def refuse(scene: AbsorbingWallScene) -> None:
+        asked.append(scene)
         raise InputError("the wall is too thin")
 
     monkeypatch.setattr("taichi_disk.view.stage.body_of", refuse)
     sandbox.switch("absorbing_wall")
     assert sandbox.scene.scene == "exponential_wall" and sandbox.message == "the wall is too thin"
+    (scene,) = asked
+    assert scene.lattice == sandbox.scene.lattice
+    # As dense as the disk and no deeper than the shipped one, for its 1099 points.
+    assert scene.wall.points == round(1269 * 120 / 1099)
     sandbox.advance(0.2)
     assert sandbox.motion.ledger.t > 0.0
 

@@ -61,11 +61,13 @@ class Sandbox:
         self.message = f"restarted with half the step, {self.motion.step.dt:.3g} R/c"
 
     def switch(self, kind: str) -> None:
-        """To another scene, with its own defaults, the present lattice and look."""
+        """To another scene with its own defaults, a wall as deep as by default, the present lattice and look."""
         if kind == self.scene.scene:
             return
+        lattice = self.scene.lattice
+        scene = with_key(SCENES[kind](video=self.scene.video), "lattice.points", lattice.points)
         try:
-            stage = set_up(SCENES[kind](lattice=self.scene.lattice, video=self.scene.video), self.motion.stage)
+            stage = set_up(scene.model_copy(update={"lattice": lattice}), self.motion.stage)
         except TaichiDiskError as error:
             self.message = str(error)
             return

@@ -112,7 +112,7 @@ class Viewer:
             else:
                 self._window.get_canvas().set_background_color(GROUND)
             with gui.sub_window("One moment", WIDTH / self._size[0] + 0.02, 0.02, 0.4, 0.08):
-                gui.text("Compiling for this scene and size...")
+                gui.text("Compiling for this scene...")
             self._window.show()
 
     @property
