@@ -11,7 +11,9 @@ from numpy.typing import NDArray
 
 from taichi_disk.diagnosis import Diagnosis, diagnose, gone_through
 from taichi_disk.errors import SimulationError
+from taichi_disk.lattice import Lattice
 from taichi_disk.model.observables import COLUMNS
+from taichi_disk.model.physics import Physics
 from taichi_disk.model.storage import State
 from taichi_disk.model.sums import PEAK
 from taichi_disk.model.world import World
@@ -23,6 +25,8 @@ SPRINGS_PER_LAUNCH = 3_000_000  # spring evaluations in one kernel launch: about
 ENERGIES = [COLUMNS.index(name) for name in ("kinetic", "elastic", "wall", "dissipated", "absorbed", "sliding", "load")]
 SPRINGS_BETWEEN_LOOKS = 100 * SPRINGS_PER_LAUNCH  # of a large lattice, whose launches are short by themselves
 BLOW_UP = 0.1  # imbalance of the energy, relative to the largest energy so far, that ends a run
+
+SLID = "points that slid along the elastic wall's springs have changed the energy by a tenth"
 
 
 class BlowUp(SimulationError):
@@ -151,13 +155,18 @@ def first_lost(columns: Columns, first: int) -> int | None:
     return int(bad.argmax()) if bad.any() else None
 
 
-def blown_up(columns: Columns, first: int) -> str | None:
-    """What is wrong with the rows from `first` on, or None."""
-    k = first_lost(columns, first)
-    if k is None:
-        return None
-    t0, t1 = columns["t"][max(k - 1, 0)], columns["t"][k]
-    return f"blow-up between t = {t0:.6g} and {t1:.6g} R/c: {_what(columns, k)}"
+def blown_up(
+    lattice: Lattice, physics: Physics, columns: Columns, first: int, x: NDArray[np.float64] | None
+) -> Diagnosis | None:
+    """What is wrong with the rows from `first` on, or with the positions (n, 2) that there are now, if they are given.
+
+    The same that `simulate` looks for, which then finds the step, and the cause from that.
+    """
+    if (k := first_lost(columns, first)) is not None:
+        t0, t1, what = columns["t"][max(k - 1, 0)], columns["t"][k], _what(columns, k)
+        cause = f"blow-up between t = {t0:.6g} and {t1:.6g} R/c: {what}"
+        return Diagnosis(cause, "set time.dt: auto", stubborn=what == SLID)
+    return None if x is None else gone_through(lattice, physics, x, float(columns["total"][0]))
 
 
 def _what(columns: Columns, row: int) -> str:
@@ -165,7 +174,7 @@ def _what(columns: Columns, row: int) -> str:
         return "a number is no longer finite"
     if abs(imbalance(columns)[row]) > abs(columns["sliding"][row]):
         return "the energy balance is lost"
-    return "points that slid along the elastic wall's springs have changed the energy by a tenth"
+    return SLID
 
 
 def _checked(setup: Setup, world: World, now: State, good: State, energy: float) -> State:

@@ -132,3 +132,25 @@ def test_the_cause_named_is_the_one_there_is() -> None:
     crushed = diagnose(lattice, Physics(), 0.01, 0.06, x * [1.0, 0.1], x, 1.0)
     assert "crushed" in crushed.cause
     assert "none is plain" in diagnose(lattice, Physics(), 0.01, 0.06, x, x, 1.0).cause
+
+
+@pytest.mark.validate
+@pytest.mark.parametrize("settings", [("impact.velocity=2",), ("material.k_a=1e-3", "impact.velocity=0.05")])
+def test_a_disk_that_goes_through_the_wall_is_seen_in_a_run_a_sweep_and_the_window(settings) -> None:
+    from taichi_disk.model import runtime
+    from taichi_disk.study.work import Computer
+    from taichi_disk.view.sandbox import Sandbox
+
+    bed = ("lattice.points=150", "wall.points=180", "wall.width=3.4")
+    scene = load_scene("absorbing_wall", (*bed, *settings))
+    runtime.start("cpu", 1)
+    with pytest.raises(BlowUp, match="gone through") as caught:
+        compute(scene)
+    sandbox = Sandbox(scene)
+    for _ in range(1000):
+        if sandbox.motion.go(2000, 1.0) == 0:
+            break
+    assert "gone through" in str(sandbox.motion.blown)
+    sandbox.destroy()
+    ((_, point),) = Computer().compute([scene])
+    assert point.status == "failed" and point.reason == str(caught.value)

@@ -12,12 +12,14 @@ from typing import Any
 
 import numpy as np
 
+from taichi_disk.errors import SimulationError
 from taichi_disk.model import runtime
 from taichi_disk.model.runtime import Precision
 from taichi_disk.model.sums import PEAK
 from taichi_disk.model.world import World
+from taichi_disk.progress import QuietProgress
 from taichi_disk.scenes.setup import Columns, Setup
-from taichi_disk.simulate import SPRINGS_PER_LAUNCH, as_columns, blown_up
+from taichi_disk.simulate import SPRINGS_PER_LAUNCH, as_columns, blown_up, simulate
 from taichi_disk.time_step import TimeStep
 
 # A cache line of numbers. Fewer cost more per lane (four in f64 1.7 times); more gain nothing and compile far longer.
@@ -27,13 +29,12 @@ WORLDS = 20  # made before Taichi is started afresh: it never gives fields back 
 
 @dataclass(frozen=True)
 class Ending:
-    """How one lane ended: its time series, steps made, largest force on one point, and what went wrong if anything."""
+    """How one lane ended: time series, steps made, largest force on one point; or, without the first, why it failed."""
 
     columns: Columns
     steps: int
     peak_point_force: float
-    failure: str | None
-    blown_up: bool = False
+    failure: SimulationError | None = None
 
 
 class LaneEngine:
@@ -48,7 +49,8 @@ class LaneEngine:
         """Step up to `self.lanes` `setups` of one lattice by `step`, sampled about every `interval` [R/c].
 
         Yields (index in `setups`, its ending) as the lanes end. Where a lane blows up, what has not ended is done
-        again one by one: a number that is not finite could reach other lanes through a decision they share.
+        again one by one, as a single run would: a number that is not finite could reach other lanes through a decision
+        they share.
         """
         done: set[int] = set()
         for index, ending in self._group(setups, step, interval):
@@ -56,32 +58,39 @@ class LaneEngine:
             yield index, ending
         for index in range(len(setups)):
             if index not in done:
-                for _, ending in self._group([setups[index]], step, interval):
-                    yield index, ending
+                yield index, self._alone(setups[index], step, interval)
 
     def _group(self, setups: list[Setup], step: TimeStep, interval: float) -> Iterator[tuple[int, Ending]]:
-        """The endings of all lanes, but only those before a blow-up if there are several."""
+        """The endings of all lanes, but only those before a blow-up."""
         world = self._world(setups, step)
         stride = max(1, round(interval / step.dt))
-        samples = max(1, SPRINGS_PER_LAUNCH // (len(setups[0].lattice.bonds) * self.lanes * stride))
+        bonds = len(setups[0].lattice.bonds)
+        samples = max(1, SPRINGS_PER_LAUNCH // (bonds * self.lanes * stride))
         rows = world.first_row[None]
-        peaks = world.export_state().sums[PEAK]
-        running = set(range(len(setups)))
+        running, looked = set(range(len(setups))), 0
         while running:
-            known, before = len(rows), peaks
+            known = len(rows)
             rows = np.concatenate([rows, world.advance(samples, stride)])
-            peaks = world.export_state().sums[PEAK]
+            state, x = world.export_state(), None
+            if (world.step_number - looked) * bonds >= SPRINGS_PER_LAUNCH:  # as often as a single run looks
+                x, looked = world.places(state), world.step_number
             columns = {lane: as_columns(rows[:, :, lane], step.dt, stride) for lane in running}
-            problems = {lane: blown_up(columns[lane], known) for lane in running}
-            if any(problems.values()):
-                if len(setups) == 1:
-                    yield 0, Ending(columns[0], (len(rows) - 1) * stride, float(before[0]), problems[0], True)
-                return
+            for lane in running:
+                if blown_up(world.lattice, world.physics, columns[lane], known, None if x is None else x[lane]):
+                    return
             for lane in sorted(running):
-                ending = _ending(setups[lane], columns[lane], known, stride, float(peaks[lane]))
+                ending = _ending(setups[lane], columns[lane], known, stride, float(state.sums[PEAK, lane]))
                 if ending is not None:
                     running.discard(lane)
                     yield lane, ending
+
+    def _alone(self, setup: Setup, step: TimeStep, interval: float) -> Ending:
+        world = self._world([setup], step)
+        try:
+            result = simulate(setup, world, step, interval, QuietProgress())
+        except SimulationError as failure:
+            return Ending({}, world.step_number, float(world.export_state().sums[PEAK, 0]), failure)
+        return Ending(result.columns, result.end.step, result.peak_point_force)
 
     def _world(self, setups: list[Setup], step: TimeStep) -> World:
         # Lanes without a scene of their own repeat the last one.
@@ -111,6 +120,7 @@ def _ending(setup: Setup, columns: Columns, known: int, stride: int, peak: float
     over = np.flatnonzero(setup.ended(columns)[known:most])
     if not len(over) and len(columns["t"]) < most:
         return None
-    count = known + int(over[0]) + 1 if len(over) else most
-    columns = {name: values[:count] for name, values in columns.items()}
-    return Ending(columns, (count - 1) * stride, peak, None if len(over) else setup.unfinished(columns))
+    if not len(over):
+        return Ending({}, (most - 1) * stride, peak, SimulationError(setup.unfinished(columns)))
+    count = known + int(over[0]) + 1
+    return Ending({name: values[:count] for name, values in columns.items()}, (count - 1) * stride, peak)

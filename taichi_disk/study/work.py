@@ -14,7 +14,7 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 from taichi_disk.dynamics import ATTEMPTS, Trial, next_trial, unclosed
-from taichi_disk.errors import TaichiDiskError
+from taichi_disk.errors import SimulationError, TaichiDiskError
 from taichi_disk.lattice import Lattice
 from taichi_disk.model.stability import Spectrum, spectrum, step_limit
 from taichi_disk.moduli import Moduli, bulk_moduli
@@ -23,7 +23,7 @@ from taichi_disk.scene import CompressionScene, Scene
 from taichi_disk.scenes import body_of, build
 from taichi_disk.scenes.compression import Compression
 from taichi_disk.scenes.setup import Setup
-from taichi_disk.simulate import imbalance
+from taichi_disk.simulate import BlowUp, imbalance
 from taichi_disk.study.lanes import Ending, LaneEngine
 from taichi_disk.time_step import TimeStep, choose
 
@@ -103,7 +103,7 @@ class Computer:
                     following = _following(job, mode, ending)
                     if following is None or job.attempt == ATTEMPTS:
                         if following is not None and job.trial.tried:
-                            ending = replace(ending, failure=job.trial.out_of_tolerance())
+                            ending = replace(ending, failure=SimulationError(job.trial.out_of_tolerance()))
                         yield job.index, _described(job, step, ending, moduli)
                     else:
                         shorter = _step(job.setup, following, mode)
@@ -138,12 +138,13 @@ def _pressed(scene: Scene, body: Lattice, moduli: Moduli) -> PointResult:
 
 def _following(job: _Job, modes: Spectrum, ending: Ending) -> Trial | None:
     """As in a single run: what to choose a shorter step from, if this one was too long."""
-    if ending.failure and not ending.blown_up:
+    blow_up = ending.failure if isinstance(ending.failure, BlowUp) else None
+    if ending.failure and not blow_up:
         return None
     physics = replace(job.setup.physics, integrator=job.step.integrator)
     limit = step_limit(modes, physics, ending.peak_point_force)
-    columns = None if ending.blown_up else ending.columns
-    return next_trial(job.trial, job.setup, job.step, limit, ending.peak_point_force, columns)
+    columns, stubborn = (None, blow_up.stubborn) if blow_up else (ending.columns, False)
+    return next_trial(job.trial, job.setup, job.step, limit, ending.peak_point_force, columns, stubborn)
 
 
 def _step(setup: Setup, trial: Trial, modes: Spectrum) -> TimeStep:
@@ -175,7 +176,7 @@ def _groups(jobs: list[_Job], lanes: int) -> Iterator[list[_Job]]:
 def _described(job: _Job, step: TimeStep, ending: Ending, moduli: Moduli) -> PointResult:
     setup = job.setup
     numbers: dict[str, Any] = {}
-    failure = ending.failure
+    failure = str(ending.failure) if ending.failure else None
     if failure is None and setup.scene.time.dt == "auto":
         failure = unclosed(setup, ending.columns)
     if failure is None:

@@ -8,6 +8,7 @@ from time import perf_counter
 import numpy as np
 from numpy.typing import NDArray
 
+from taichi_disk.diagnosis import Diagnosis
 from taichi_disk.dynamics import ATTEMPTS, CLOSING, MARGIN, WORST
 from taichi_disk.model.physics import Physics
 from taichi_disk.model.stability import step_limit
@@ -53,6 +54,7 @@ class Motion:
         self.behind, self.changed, self.ended, self.note = 0.0, False, False, ""
         self.pull: tuple[int, tuple[float, float]] | None = None
         self.blown: str | None = None
+        self._stubborn = False
         self._begin(self.setup.physics)
         self.unloaded = self._height()
         self.ledger = Ledger(self.world.first_row[:, 0], self.step.dt, self._stride())
@@ -122,9 +124,15 @@ class Motion:
         self.behind = max(0.0, self.behind - made * self.step.dt)
         tail = self.ledger.columns(_TAIL)
         new = len(self.ledger) - known
-        if problem := blown_up(tail, 1) or (None if np.isfinite(self.ledger.last).all() else "not a finite state"):
-            if not self._try_shorter(float(good.sums[PEAK].max()), 4.0):
-                self.blown = problem  # the picture stays that of the last good state
+        lattice, physics = self.world.lattice, self.world.physics
+        lost = blown_up(lattice, physics, tail, 1, self.world.positions()[0] if physics.wall == "elastic" else None)
+        if lost is None and not np.isfinite(self.ledger.last).all():
+            lost = Diagnosis("not a finite state", "")
+        if lost is not None:
+            again = not (lost.stubborn and self._stubborn) and self._try_shorter(float(good.sums[PEAK].max()), 4.0)
+            self._stubborn = lost.stubborn
+            if not again:
+                self.blown = lost.cause  # the picture stays that of the last good state
             return made
         over = new > 0 and not (self.ended or self.pull) and bool((ended := self.setup.ended(tail)[-new:]).any())
         if over:
@@ -185,6 +193,7 @@ class Motion:
         self._attempts = 1 if time.dt == "auto" else ATTEMPTS
         self._tried: tuple[float, float] | None = None  # when the last trial failed, and by how much
         self._stands = False
+        self._stubborn = False  # the last trial blew up from what a shorter step seldom mends
         self._closing = np.inf  # excess at the end, in the trial before
 
     def _judge(self, over: bool) -> None:
