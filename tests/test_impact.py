@@ -125,12 +125,12 @@ def test_contact_interval_of_a_known_force():
     # F = exp(-|t - t_0|/tau) is 0.01 of its peak at t_0 -+ tau ln 100, and log-linear interpolation is exact on it.
     t = np.linspace(0.0, 30.0, 1001)
     tau, t0 = 1.7, t[500]
-    start, end = contact_interval(t, 3.0 * np.exp(-np.abs(t - t0) / tau))
+    start, end = contact_interval(t, 3.0 * np.exp(-np.abs(t - t0) / tau), t - t0)
     assert start == pytest.approx(t0 - tau * np.log(100.0), abs=1e-9)
     assert end == pytest.approx(t0 + tau * np.log(100.0), abs=1e-9)
     # Two touches: from the first to the last.
     twice = np.exp(-((t - 8.0) ** 2)) + 0.5 * np.exp(-((t - 20.0) ** 2))
-    start, end = contact_interval(t, twice)
+    start, end = contact_interval(t, twice, t - t0)
     assert start == pytest.approx(8.0 - np.sqrt(np.log(100.0)), abs=1e-3)
     assert end == pytest.approx(20.0 + np.sqrt(np.log(50.0)), abs=1e-3)
 
@@ -164,3 +164,9 @@ def test_on_a_hard_wall_contact_lasts_as_long_as_hertz_says():
     force = np.append(F[inside], F[inside][-1])
     duration = 2 * np.sum(-np.diff(v) / (0.5 * (force[1:] + force[:-1]))) + 2 * xi[0] / setup.velocity
     assert measured == pytest.approx(duration, rel=0.08)
+
+
+def test_a_hit_that_no_sample_has_seen_lies_between_the_samples_before_and_after_it() -> None:
+    t, v = np.arange(5.0), np.array([-1.0, -1.0, -1.0, 0.9, 0.9])
+    assert contact_interval(t, np.zeros(5), v) == (2.0, 3.0)
+    assert 1.0 < contact_interval(t, np.array([0.0, 0.0, 1.0, 0.0, 0.0]), v)[0] < 2.0

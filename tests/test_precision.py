@@ -14,6 +14,8 @@ from taichi_disk.errors import InputError
 from taichi_disk.model.observables import COLUMNS
 from taichi_disk.model.physics import Physics
 from taichi_disk.scene_file import load_scene
+from taichi_disk.study.endurance import ABOVE, BELOW, BOUNDED, LIMITS, Rest
+from taichi_disk.study.hard_cases import CASES, judge
 
 ULP = 2.0**-24  # relative rounding of f32
 
@@ -99,6 +101,28 @@ def test_a_stretched_lattice_is_refused(single):
     lattice = disk(30)
     with pytest.raises(ValueError, match="rest lengths"):
         world_of(replace(lattice, rest_lengths=1.01 * lattice.rest_lengths), Physics(), np.zeros((1, 30, 2)))
+
+
+@pytest.mark.validate
+@pytest.mark.parametrize("pressed", [False, True], ids=["free", "pressed on the wall"])
+@pytest.mark.parametrize(("integrator", "eta_star"), LIMITS)
+def test_the_limit_of_the_step_is_that_of_double_precision(single, integrator, eta_star, pressed):
+    world = None
+    for k_a in (1e-3, 1.0, 1e3):
+        rest = Rest(integrator, eta_star, k_a, pressed)
+        world = rest.world(0.98 * rest.limit.stated, world)
+        assert rest.growth(world, BELOW) < (BOUNDED, BELOW + 1)
+        world = rest.world(1.05 * rest.limit.true, world)
+        assert rest.growth(world, ABOVE)[1] < ABOVE
+    world.destroy()
+
+
+@pytest.mark.parametrize(
+    "case", [pytest.param(one, id=one.name, marks=() if one.quick else pytest.mark.validate) for one in CASES]
+)
+def test_a_hard_case_ends_in_single_precision_as_it_should(single, case):
+    case = case.in_single_precision()
+    assert case.failings(judge(case)) == []
 
 
 SMALL = ["lattice.points=150", "time.safety=0.3"]

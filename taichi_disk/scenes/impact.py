@@ -55,7 +55,7 @@ class Impact(Setup):
         return self.kinetic
 
     def headline(self, columns: Columns) -> Headline:
-        start, end = contact_interval(columns["t"], columns["wall_force"])
+        start, end = contact_interval(columns["t"], columns["wall_force"], columns["com_vy"])
         return Headline(
             {"restitution": float(columns["com_vy"][-1] / self.velocity), "contact_time": end - start},
             {
@@ -65,7 +65,7 @@ class Impact(Setup):
         )
 
     def frame_times(self, columns: Columns, frames: int) -> NDArray[np.float64]:
-        start, end = contact_interval(columns["t"], columns["wall_force"])
+        start, end = contact_interval(columns["t"], columns["wall_force"], columns["com_vy"])
         last = columns["t"][-1]
         margin = 0.1 * (end - start)
         first, second = max(start - margin, 0.1 * start), min(end + margin, 0.9 * last + 0.1 * end)
@@ -85,8 +85,16 @@ class Impact(Setup):
         return (f"t = {row['t']:7.3f} R/c", f"v_cm/v = {row['com_vy'] / self.velocity:+.4f}")
 
 
-def contact_interval(t: NDArray[np.float64], force: NDArray[np.float64]) -> tuple[float, float]:
-    """First and last time that `force` crosses CONTACT_LEVEL of its peak; log-linear between samples."""
+def contact_interval(
+    t: NDArray[np.float64], force: NDArray[np.float64], velocity: NDArray[np.float64]
+) -> tuple[float, float]:
+    """First and last time that `force` crosses CONTACT_LEVEL of its peak; log-linear between samples.
+
+    Where a hit was so short that no sample has seen a force: the samples between which the disk turned.
+    """
+    if not force.any():
+        turned = int(np.argmax(velocity > 0.0))
+        return float(t[turned - 1]), float(t[turned])
     level = CONTACT_LEVEL * force.max()
     inside = np.flatnonzero(force >= level)
     log = np.log(np.maximum(force, 1e-300)) - np.log(level)

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taichi_disk.lattice import Lattice, disk_lattice
+from taichi_disk.model import runtime
 from taichi_disk.model.integrators import SPLITTINGS
 from taichi_disk.model.observables import COLUMNS
 from taichi_disk.model.physics import Integrator, Physics
@@ -79,8 +80,8 @@ class Rest:
         stated = step_limit(spectrum(disk, self.physics), self.physics, float(force.max()))
         self.limit = Limit(stated, self._true(stated))
         noise = np.random.default_rng(0).standard_normal((1, POINTS, 2))
-        # So slow that forces stay linear, whose frequencies the limits are about.
-        self.velocities = 1e-6 * np.sqrt(k_a) * noise
+        # So slow that forces stay linear, whose frequencies the limits are about; in f32, above its rounding.
+        self.velocities = (1e-6 if runtime.precision() == "f64" else 3e-5) * np.sqrt(k_a) * noise
 
     def _true(self, stated: float) -> float:
         if not self.physics.explicit_dashpot:

@@ -120,7 +120,8 @@ def _ending(setup: Setup, columns: Columns, known: int, stride: int, peak: float
     over = np.flatnonzero(setup.ended(columns)[known:most])
     if not len(over) and len(columns["t"]) < most:
         return None
+    count = known + int(over[0]) + 1 if len(over) else most
+    columns = {name: values[:count] for name, values in columns.items()}
     if not len(over):
-        return Ending({}, (most - 1) * stride, peak, SimulationError(setup.unfinished(columns)))
-    count = known + int(over[0]) + 1
-    return Ending({name: values[:count] for name, values in columns.items()}, (count - 1) * stride, peak)
+        return Ending({}, (count - 1) * stride, peak, SimulationError(setup.unfinished(columns)))
+    return Ending(columns, (count - 1) * stride, peak)

@@ -16,7 +16,7 @@ from taichi_disk.model import runtime
 from taichi_disk.model.world import World
 from taichi_disk.results import versions, write_text
 from taichi_disk.study.endurance import ABOVE, BELOW, DRIFTS, LIMITS, Rest, drift
-from taichi_disk.study.hard_cases import CASES, Case, judge
+from taichi_disk.study.hard_cases import CASES, Case, Verdict, judge
 from taichi_disk.study.random_scenes import MOST_WORK, Fates
 
 _HEAD = """# Hard cases
@@ -76,30 +76,54 @@ such.
 def page(scenes: int) -> str:
     """The whole page; computes for some minutes."""
     runtime.start("cpu", threads=1)
-    lines = [_HEAD, "## Scenes", "", "| case | tried | what it does | measured, or told |", "|---|---|---|---|"]
-    lines += [_row(case) for case in CASES]
+    lines = [
+        _HEAD,
+        "## Scenes",
+        "",
+        "| case | tried | what it does | measured, or told | in f32 |",
+        "|---|---|---|---|---|",
+    ]
+    doubles = [judge(case) for case in CASES]
+    runtime.start("cpu", threads=1, precision="f32")
+    singles = [judge(case.in_single_precision()) for case in CASES]
+    lines += [_row(*one) for one in zip(CASES, doubles, singles, strict=True)]
     lines += [
         "",
-        "All of them: `tests/test_hard_cases.py`.",
+        "All of them: `tests/test_hard_cases.py`, in single precision `tests/test_precision.py`.",
         "",
         "## The limit of the step, and energy for 10⁶ steps",
         "",
     ]
-    lines += ["| case | tried | what it does | measured |", "|---|---|---|---|", *_limits(), *_drifts()]
+    in_single = list(_limits("f32"))
+    runtime.start("cpu", threads=1)
+    lines += [
+        "| case | tried | what it does | measured |",
+        "|---|---|---|---|",
+        *_limits("f64"),
+        *in_single,
+        *_drifts(),
+    ]
     lines += ["", _ENERGY, "", "## Random scenes", "", *_random(scenes), _TAIL]
     return "\n".join(lines) + "\n" + ", ".join(f"{name} {version}" for name, version in versions().items()) + ".\n"
 
 
-def _row(case: Case) -> str:
-    verdict = judge(case)
-    wrong = case.failings(verdict)
+def _row(case: Case, double: Verdict, single: Verdict) -> str:
+    wrong = case.failings(double) + case.in_single_precision().failings(single)
     settings = " ".join(case.settings) + (" `--force`" if case.force else "")
-    end = f"**{verdict.end}**" + (f" — but {'; '.join(wrong)}" if wrong else "")
-    return f"| {case.name} | {case.scene} {settings} | {end} | {verdict.measured} |".replace("_", "\\_")
+    end = f"**{double.end}**" + (f" — but {'; '.join(wrong)}" if wrong else "")
+    row = f"| {case.name} | {case.scene} {settings} | {end} | {double.measured} | {_in_single(double, single)} |"
+    return row.replace("_", "\\_")
 
 
-def _limits() -> Iterator[str]:
-    """For each integrator, free and pressed on the wall, soft and stiff."""
+def _in_single(double: Verdict, single: Verdict) -> str:
+    """What is different in single precision."""
+    if single.end != double.end:
+        return f"**{single.end}**: {single.measured}"
+    return single.measured.split(",")[0] if single.end == "done" else "the same"
+
+
+def _limits(precision: str) -> Iterator[str]:
+    """For each integrator, free and pressed on the wall, soft and stiff, in the precision that Taichi has."""
     for integrator, eta_star in LIMITS:
         for pressed in (False, True):
             grown, shares, lost, factors = [], [], [], []
@@ -118,8 +142,8 @@ def _limits() -> Iterator[str]:
             by = f" (amplitude times {', '.join(f'{one:.5g}' for one in factors)} a step)" if factors else ""
             where = "pressed on the wall, P = 0.01 k_a" if pressed else "free"
             yield (
-                f"| {integrator}, η* = {eta_star:g}, {where} | 60 points, k_a = 10⁻³, 1, 10³: {BELOW:,} steps at 0.98 "
-                f"of the limit; {ABOVE:,} at 1.05 of the true one | "
+                f"| {integrator}, {precision}, η* = {eta_star:g}, {where} | 60 points, k_a = 10⁻³, 1, 10³: "
+                f"{BELOW:,} steps at 0.98 of the limit; {ABOVE:,} at 1.05 of the true one | "
                 f"bounded; blows up | energy over its first value {below}; "
                 f"10⁶ times it by step {above}{by}; "
                 f"the limit is {min(shares):.2f} to {max(shares):.2f} of the true one |"
