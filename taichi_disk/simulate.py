@@ -135,7 +135,8 @@ def as_columns(rows: NDArray[np.float64], dt: float, stride: int) -> Columns:
     """Name the columns of `rows` (rows, columns), the first at t = 0, and add time and total energy."""
     columns: Columns = {"t": np.arange(len(rows), dtype=np.float64) * (stride * dt)}
     columns.update({name: rows[:, k].copy() for k, name in enumerate(COLUMNS)})
-    columns["total"] = rows[:, ENERGIES].sum(axis=1)
+    with np.errstate(invalid="ignore"):  # after a blow-up there may be infinite energies of both signs
+        columns["total"] = rows[:, ENERGIES].sum(axis=1)
     return columns
 
 
