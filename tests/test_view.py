@@ -329,6 +329,9 @@ def test_a_scene_that_cannot_be_built_is_explained_and_the_old_one_goes_on(
     assert scene.lattice == sandbox.scene.lattice
     # As dense as the disk and no deeper than the shipped one, for its 1099 points.
     assert scene.wall.points == round(1269 * 120 / 1099)
+    sandbox.scene = load_scene("exponential_wall", ["lattice.points=2000000"])
+    sandbox.switch("absorbing_wall")  # which would need too many points
+    assert sandbox.scene.scene == "exponential_wall" and "2000000" in sandbox.message
     sandbox.advance(0.2)
     assert sandbox.motion.ledger.t > 0.0
 

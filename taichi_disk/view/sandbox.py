@@ -65,11 +65,11 @@ class Sandbox:
         if kind == self.scene.scene:
             return
         lattice = self.scene.lattice
-        scene = with_key(SCENES[kind](video=self.scene.video), "lattice.points", lattice.points)
         try:
+            scene = with_key(SCENES[kind](video=self.scene.video), "lattice.points", lattice.points)
             stage = set_up(scene.model_copy(update={"lattice": lattice}), self.motion.stage)
-        except TaichiDiskError as error:
-            self.message = str(error)
+        except (TaichiDiskError, ValidationError) as error:
+            self.message = _said(error)
             return
         self._start(Motion(stage, self.worlds), f"scene: {kind}")
 
@@ -137,10 +137,8 @@ class Sandbox:
                 self.message, self.result = turn_knobs(self.motion, self.scene), None
             else:
                 self.restart()
-        except TaichiDiskError as error:
-            self.scene, self.message = before, str(error)
-        except ValidationError as error:
-            self.scene, self.message = before, "; ".join(one["msg"] for one in error.errors(include_url=False))
+        except (TaichiDiskError, ValidationError) as error:
+            self.scene, self.message = before, _said(error)
 
     def hit_again(self) -> None:
         """Send the disk back at the wall with the velocity of the scene; what shakes in it goes on shaking."""
@@ -172,3 +170,9 @@ class Sandbox:
     def destroy(self) -> None:
         """Free the fields; the sandbox cannot be used afterwards."""
         self.worlds.destroy()
+
+
+def _said(error: TaichiDiskError | ValidationError) -> str:
+    if isinstance(error, ValidationError):
+        return "; ".join(one["msg"] for one in error.errors(include_url=False))
+    return str(error)
