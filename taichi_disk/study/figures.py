@@ -15,6 +15,7 @@ from taichi_disk import theory
 from taichi_disk.output import atomic_write
 from taichi_disk.plot import STYLE
 from taichi_disk.study.analysis import Analysis, Curve
+from taichi_disk.study.comparison import PAPER_B, PAPER_D1, PAPER_D2
 
 # Okabe and Ito's colours, which the colour-blind can tell apart.
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#222222")
@@ -30,6 +31,8 @@ def draw(analysis: Analysis, out: Path) -> None:
         FigureCanvasAgg(figure)
         ax = figure.subplots()
         (_compression if analysis.kind == "compression" else _impact)(ax, analysis.curves)
+        if analysis.kind == "absorbing_wall" and analysis.curves:
+            _paper_fit(ax, analysis.curves)
         if analysis.curves:
             ax.legend(loc="best")
         atomic_write(out / "figure.png", lambda path: figure.savefig(path, metadata={"Software": None}))
@@ -67,9 +70,10 @@ def _compression(ax: Axes, curves: list[Curve]) -> None:
         if k == 0 and len(curve.x) > 1:
             P = np.linspace(curve.x.min(), curve.x.max(), 60)
             b = curve.fits["eq2"].values["b"]
+            paper = theory.paper_compression(P, curve.young, curve.poisson, PAPER_B)
             for law, style, text in (
                 (theory.paper_compression(P, curve.young, curve.poisson, b), "-", f"eq. (2), fitted b = {b:.3f}"),
-                (theory.paper_compression(P, curve.young, curve.poisson, 1.55), ":", "eq. (2), the paper's b = 1.55"),
+                (paper, ":", f"eq. (2), the paper's b = {PAPER_B}"),
                 (theory.exact_compression(P, curve.young, curve.poisson), "--", "exact law, rigid wall"),
             ):
                 ax.plot(law, P / scale, style, color="#222222", linewidth=1.1, label=text)
@@ -91,3 +95,10 @@ def _impact(ax: Axes, curves: list[Curve]) -> None:
             ax.plot(v[::8], e, ":", color=colour, linewidth=1.0)
     ax.set_xlabel("impact speed  v/c")
     ax.set_ylabel("coefficient of restitution  e")
+
+
+def _paper_fit(ax: Axes, curves: list[Curve]) -> None:
+    """The line of the paper's figure 6."""
+    v = np.linspace(min(curve.x.min() for curve in curves), max(curve.x.max() for curve in curves), 80)
+    text = f"eq. (5), the paper's d1 = {PAPER_D1}, d2 = {PAPER_D2}"
+    ax.plot(v, theory.paper_restitution(v, PAPER_D1, PAPER_D2), ":", color="#222222", linewidth=1.1, label=text)
