@@ -5,14 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 from taichi_disk.errors import InputError
-from taichi_disk.model.ordering import PARALLEL_FROM
+from taichi_disk.model.chebyshev import BOUND, solver
 from taichi_disk.model.physics import Integrator, Physics
 from taichi_disk.model.stability import Spectrum, step_limit
 from taichi_disk.scene import TimeSection
-
-# A step with the implicit dashpot costs this many steps with the explicit one (N = 1099, one core, f64:
-# `taichi-disk accuracy` prints both); in a large lattice its factor fits no cache, and its solve runs on one core.
-IMPLICIT_COST, IMPLICIT_COST_LARGE = 3.2, 12.0
 
 
 @dataclass(frozen=True)
@@ -40,7 +36,8 @@ def choose(
     integrator: Integrator
     if time.integrator == "auto":
         explicit, implicit = limit_of("velocity_verlet"), limit_of("trapezoidal")
-        cost = IMPLICIT_COST if spectrum.points < PARALLEL_FROM else IMPLICIT_COST_LARGE
+        dt = time.safety * implicit if time.dt == "auto" else time.dt
+        _, cost = solver(spectrum.points, 1.0 + 0.5 * dt * physics.eta * BOUND * spectrum.damping)
         integrator = "trapezoidal" if cost * explicit < implicit else "velocity_verlet"
     else:
         integrator = time.integrator

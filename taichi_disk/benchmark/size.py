@@ -1,4 +1,7 @@
-"""What a step costs by the number of points, on one core and on all: it should stay flat, and halve on two."""
+"""What a step costs by the number of points, on one core and on all: it should stay flat, and halve on two.
+
+Beside the explicit step the one that takes dashpots implicitly, whose solver depends on the size.
+"""
 
 from __future__ import annotations
 
@@ -20,33 +23,45 @@ PART = "size"
 POINTS = (1_000, 10_000, 100_000, 1_000_000)
 WORK = 6_000_000  # springs times steps of a run: some 20 ms on one core
 STEPS = 8  # at least
+STRONG = 100  # eta* of the dashpots that are taken implicitly
 
 
 def measure(repeats: int) -> list[Timing]:
-    """Some steps in contact with the rigid wall, with dashpots; each compared with one core at the same size."""
+    """Some steps above the rigid wall, with dashpots; each compared with explicit ones, on one core, at that size."""
     cores = os.cpu_count() or 1
     found = []
     with ExitStack() as stack:
         processes = {threads: stack.enter_context(ours(threads=threads)) for threads in sorted({1, cores})}
         for points in POINTS:
-            task = in_contact(points)
-            runs = {threads: partial(one.run, one.open(task)) for threads, one in processes.items()}
-            seconds = in_turn({str(threads): run for threads, run in runs.items()}, repeats)
-            base = [one / task.work for one in seconds["1"]]
-            found += [
-                Timing(
-                    PART, name_of(points, threads), task.work, seconds[str(threads)], base, 1, "f64", threads, points
+            explicit = above_wall(points)
+            tasks = {False: explicit, True: with_implicit_dashpots(explicit)}
+            cases = [(implicit, threads) for implicit in tasks for threads in processes]
+            runs = {
+                name_of(points, threads, implicit): partial(
+                    processes[threads].run, processes[threads].open(tasks[implicit])
                 )
-                for threads in processes
-            ]
+                for implicit, threads in cases
+            }
+            seconds = in_turn(runs, repeats)
+            base = [one / explicit.work for one in seconds[name_of(points, 1)]]
+            for (implicit, threads), (name, times) in zip(cases, seconds.items(), strict=True):
+                found.append(Timing(PART, name, tasks[implicit].work, times, base, 1, "f64", threads, points))
     return found
 
 
-def name_of(points: int, threads: int) -> str:
-    return f"{points:,} points, {'one core' if threads == 1 else 'all cores'}"
+def name_of(points: int, threads: int, implicit: bool = False) -> str:
+    how = f", eta* = {STRONG} trapezoidal" if implicit else ""
+    return f"{points:,} points, {'one core' if threads == 1 else 'all cores'}{how}"
 
 
-def in_contact(points: int) -> Task:
+def with_implicit_dashpots(task: Task) -> Task:
+    """The same disk with eta* = STRONG, at the step that a run would take: how much there is to solve depends on it."""
+    eta = STRONG / task.lattice.disk_points
+    physics = replace(task.physics, eta=eta, integrator="trapezoidal")
+    return replace(task, physics=physics, dt=5.0 * task.dt)
+
+
+def above_wall(points: int) -> Task:
     """A disk whose lowest point is 0.05 R above the wall, at some step that is surely stable."""
     setup = build(load_scene("exponential_wall", ["material.eta_star=10", f"lattice.points={points}"]))
     x = setup.lattice.positions - [0.0, setup.lattice.positions[:, 1].min() - 0.05]

@@ -113,12 +113,17 @@ class Boundary:
     def restart_implicit(self, p: ti.template()):
         """From `u`, the velocities after the loss, and `f` without dashpots: solve for the half step to come."""
         half = p.closing
+        if ti.static(self.sweeps > 0):
+            self.sweep_after_stop(p)
+        else:
+            for k in range(p.n_free):
+                i = self.order[k]
+                put(self.z, k, get(self.u, i) + half * get(self.f, i))
+            self.solve_dashpot(p)
         for k in range(p.n_free):
-            i = self.order[k]
-            put(self.z, k, get(self.u, i) + half * get(self.f, i))
-        self.solve_dashpot(p)
-        for k in range(p.n_free):
-            i = self.order[k]
+            i = k
+            if ti.static(self.sweeps == 0):
+                i = self.order[k]
             put(self.v, i, 2.0 * get(self.u, i) - get(self.z, k))
             put(self.f, i, (get(self.z, k) - get(self.u, i)) / half)
             put(self.u, i, get(self.z, k))  # the velocity at which the dashpots act in that half step

@@ -48,7 +48,7 @@ def _doubled(least: int, count: int) -> int:
 
 
 def make_fields(
-    physics: Physics, springs: Arrangement, room: Room, lanes: int, real: Any
+    physics: Physics, springs: Arrangement, room: Room, lanes: int, sweeps: int, neighbours: int, real: Any
 ) -> tuple[dict[str, Any], Any]:
     """Allocate the fields for `lanes` replicas of a lattice in one SNode tree, `real` numbers in f64 or f32.
 
@@ -102,7 +102,15 @@ def make_fields(
     if physics.dissipates:
         vectors("u", filled)  # velocities at step k, predicted (explicit) or solved for (implicit)
         per_lane("eta")
-    if physics.implicit_dashpot:
+    if physics.implicit_dashpot and sweeps:
+        vectors("z", 2 * n)
+        fields["neighbours"] = ti.Vector.field(neighbours, ti.i32)
+        builder.dense(ti.i, n).place(fields["neighbours"])
+        scalars("iteration", sweeps + 2)
+        if physics.boundary == "dashpot":
+            fields["outer"] = ti.Vector.field(2, real)
+            builder.dense(ti.i, n).place(fields["outer"])
+    elif physics.implicit_dashpot:
         vectors("z", n)
         scalars("order", n, ti.i32)
         scalars("column", n + 1, ti.i32)

@@ -50,6 +50,8 @@ class Stepping(Boundary, Frame, Hand):
             put(self.x, i, get(self.x, i) + move * v)
             if ti.static(self.physics.explicit_dashpot):
                 put(self.u, i, v + 0.5 * p.g * f)
+            if ti.static(self.sweeps > 0):
+                put(self.z, i, 2.0 * v - get(self.u, i))  # the same prediction, as a first guess
             force, push = self.outer_force(p, i, sums)
             put(self.f, i, force)
             if ti.static(self.physics.wall == "rigid"):
@@ -146,7 +148,7 @@ class Stepping(Boundary, Frame, Hand):
             result[BOUNDARY_POWER, w] = b1
         if ti.static(self.uses("reset boundary")):
             result = self.reset_boundary(p, number % p.reset_steps == 0, sums, result)
-        elif ti.static(self.physics.implicit_dashpot):
+        elif ti.static(self.physics.implicit_dashpot and self.sweeps == 0):
             self.take_damped_force(p)
         return result
 

@@ -120,6 +120,18 @@ class Storage:
                 self.factor[c][e] = values[e, c]
 
     @ti.kernel
+    def _fill_sweeps(self, neighbours: Integers2, iteration: Reals1, outer: Reals2):
+        ti.loop_config(serialize=True)
+        for i in range(neighbours.shape[0]):
+            for k in ti.static(range(self.most_neighbours)):
+                self.neighbours[k][i] = neighbours[i, k]
+            if ti.static(self.physics.boundary == "dashpot"):
+                for c in ti.static(range(2)):
+                    self.outer[c][i] = outer[i, c]
+        for k in range(self.sweeps + 2):
+            self.iteration[k] = iteration[k]
+
+    @ti.kernel
     def _copy_state(self, vectors: Reals4, sums: Reals2, into: ti.template()):
         ti.loop_config(serialize=True)
         for i in range(vectors.shape[1]):

@@ -15,9 +15,11 @@ from numpy.typing import NDArray
 
 from taichi_disk.lattice import Lattice
 from taichi_disk.model import runtime
+from taichi_disk.model.chebyshev import Iteration, iteration, largest_rate, solver
 from taichi_disk.model.chunks import STAGES, Chunks
 from taichi_disk.model.factor import Factor, factorise
 from taichi_disk.model.integrators import SPLITTINGS
+from taichi_disk.model.integrators.sweeps import Sweeps
 from taichi_disk.model.integrators.trapezoidal import ImplicitDashpot
 from taichi_disk.model.observables import COLUMNS, Observables
 from taichi_disk.model.ordering import Arrangement, arrange
@@ -40,7 +42,7 @@ def features(physics: Physics) -> tuple[Any, ...]:
 
 
 @ti.data_oriented
-class World(Stepping, Chunks, Springs, Walls, ImplicitDashpot, Observables, Storage):
+class World(Stepping, Chunks, Springs, Walls, ImplicitDashpot, Sweeps, Observables, Storage):
     """`lanes` replicas of one lattice, each with its own initial velocities, dashpot constant and load.
 
     Args:
@@ -74,12 +76,15 @@ class World(Stepping, Chunks, Springs, Walls, ImplicitDashpot, Observables, Stor
         self.block, self.chunks = springs.block, springs.chunks
         self.physics = physics
         etas = np.full(self.lanes, physics.eta) if eta is None else np.asarray(eta, float)
-        factor = _factor(lattice, physics, dt, etas)
-        self._room = room_for(len(lattice.positions), springs, factor, self.lanes)
-        self.fields, self._tree = make_fields(physics, springs, self._room, self.lanes, self.real)
+        solver = _solver(lattice, physics, dt, etas)
+        self.sweeps, self.most_neighbours = _sweeps_of(solver)
+        self._room = room_for(len(lattice.positions), springs, _factor_of(solver), self.lanes)
+        self.fields, self._tree = make_fields(
+            physics, springs, self._room, self.lanes, self.sweeps, self.most_neighbours, self.real
+        )
         for name, field in self.fields.items():
             setattr(self, name, parts_of(field))
-        self._start(lattice, physics, dt, springs, factor, velocities, etas, load, positions)
+        self._start(lattice, physics, dt, springs, solver, velocities, etas, load, positions)
 
     def restart(
         self,
@@ -104,10 +109,12 @@ class World(Stepping, Chunks, Springs, Walls, ImplicitDashpot, Observables, Stor
             if springs.chunks != self.chunks:
                 return False
         etas = np.full(self.lanes, physics.eta) if eta is None else np.asarray(eta, float)
-        factor = _factor(lattice, physics, dt, etas)
-        if not self._room.holds(len(lattice.positions), springs, factor):
+        solver = _solver(lattice, physics, dt, etas)
+        if _sweeps_of(solver) != (self.sweeps, self.most_neighbours):
             return False
-        self._start(lattice, physics, dt, springs, factor, velocities, etas, load, positions)
+        if not self._room.holds(len(lattice.positions), springs, _factor_of(solver)):
+            return False
+        self._start(lattice, physics, dt, springs, solver, velocities, etas, load, positions)
         return True
 
     def _start(
@@ -116,7 +123,7 @@ class World(Stepping, Chunks, Springs, Walls, ImplicitDashpot, Observables, Stor
         physics: Physics,
         dt: float,
         springs: Arrangement,
-        factor: Factor | None,
+        solver: Factor | Iteration | None,
         velocities: NDArray[np.float64],
         eta: NDArray[np.float64],
         load: Sequence[float] | None,
@@ -137,7 +144,7 @@ class World(Stepping, Chunks, Springs, Walls, ImplicitDashpot, Observables, Stor
             blocks=springs.blocks,
             chunk_points=springs.chunk_points,
         )
-        self._fill(factor, eta, np.full(self.lanes, self.physics.load) if load is None else np.asarray(load, float))
+        self._fill(solver, eta, np.full(self.lanes, self.physics.load) if load is None else np.asarray(load, float))
         self._parameters = parameters(self.physics, self.mass, self.dt, sizes)
         if self.physics.pulled:
             self._take_hold(self._parameters, -1, 0.0, 0.0, 0.0, 0.0)
@@ -174,7 +181,7 @@ class World(Stepping, Chunks, Springs, Walls, ImplicitDashpot, Observables, Stor
             self.compiled.add(feature)
         return used
 
-    def _fill(self, factor: Factor | None, eta: NDArray[np.float64], load: NDArray[np.float64]) -> None:
+    def _fill(self, solver: Factor | Iteration | None, eta: NDArray[np.float64], load: NDArray[np.float64]) -> None:
         springs, lattice = self._springs, self.lattice
         filler = springs.source < 0
         rest = np.where(filler, 1.0, lattice.rest_lengths[springs.source])
@@ -196,8 +203,10 @@ class World(Stepping, Chunks, Springs, Walls, ImplicitDashpot, Observables, Stor
             self._fill_surfaces(self.lattice.disk_surface, self.lattice.wall_surface)
         if self.physics.boundary != "none":
             self._fill_boundary(self.lattice.wall_boundary, self.physics.impedance)
-        if factor:
-            self._fill_factor(factor.order, factor.column, factor.row, factor.values, factor.inverse_diagonal)
+        if isinstance(solver, Factor):
+            self._fill_factor(solver.order, solver.column, solver.row, solver.values, solver.inverse_diagonal)
+        elif isinstance(solver, Iteration):
+            self._fill_sweeps(solver.neighbours, solver.numbers, solver.outer)
 
     def advance(self, samples: int, stride: int = 1) -> NDArray[np.float64]:
         """Make `samples` times `stride` steps; returns the observables (samples, len(COLUMNS), lanes).
@@ -274,8 +283,8 @@ class World(Stepping, Chunks, Springs, Walls, ImplicitDashpot, Observables, Stor
         self._tree.destroy()
 
 
-def _factor(lattice: Lattice, physics: Physics, dt: float, eta: NDArray[np.float64]) -> Factor | None:
-    """Of the matrix that the implicit dashpots of this physics have, if it has them."""
+def _solver(lattice: Lattice, physics: Physics, dt: float, eta: NDArray[np.float64]) -> Factor | Iteration | None:
+    """For the matrix that the implicit dashpots of this physics have, if it has them."""
     if not physics.implicit_dashpot:
         return None
     if np.ptp(eta) > 0.0:
@@ -288,4 +297,17 @@ def _factor(lattice: Lattice, physics: Physics, dt: float, eta: NDArray[np.float
     half = 0.5 * dt / float(lattice.masses[0])
     if physics.boundary == "dashpot":
         extra[lattice.wall_boundary] = half * physics.impedance
-    return factorise(lattice.bonds, half * float(eta[0]), free, extra)
+    coupling = half * float(eta[0])
+    kappa = 1.0 + coupling * largest_rate(lattice.bonds, n) + float(extra.max())
+    if solver(n, kappa)[0]:
+        return iteration(lattice.bonds, coupling, kappa, free, extra)
+    return factorise(lattice.bonds, coupling, free, extra)
+
+
+def _sweeps_of(solver: Factor | Iteration | None) -> tuple[int, int]:
+    """The number of sweeps, and of neighbours that they look at, that kernels are compiled for; 0 without sweeps."""
+    return (len(solver.numbers) - 2, solver.neighbours.shape[1]) if isinstance(solver, Iteration) else (0, 0)
+
+
+def _factor_of(solver: Factor | Iteration | None) -> Factor | None:
+    return solver if isinstance(solver, Factor) else None
