@@ -32,21 +32,23 @@ from the definitions that the tests use (`taichi_disk/study/hard_cases.py`, `end
 
 A closed ledger is needed for a right e, but not enough where the motion is chaotic: a crushed disk whose triangles
 turn over, or points that rattle between a disk and a very hard wall, come out differently with every other step or
-rounding. The last column, the same scene in single precision, shows how many digits of e the scene itself bears.
+rounding. The last column, the same scene in single precision, shows how many digits of e the scene itself bears (for
+a = 10⁶/R, also how coarsely f32 rounds heights).
 """
 
-_ENERGY = """
+_ENERGY = """\
 The true limit is that of the whole matrix of a step: with explicit dashpots the step at which its spectral radius
 passes 1, else the integrator's own limit over the highest frequency. Implicit dashpots do not lower that: in a mode
-that changes sign at every step the velocity at the steps is 0, and no dashpot acts. It does not damp it either, so
+that changes sign at every step the velocity at the steps is 0, and no dashpot acts. They do not damp it either, so
 that beyond the limit such a mode grows, slowly where damping is strong, without kinetic energy at the steps; and
-just below it dies out slowly. The ledger sees it, by the elastic energy.
+just below it dies out slowly (the 150 in the table). The ledger sees it, by the elastic energy.
 
 Energies are relative to what the disk has above its rest, slopes over the whole run. Leapfrog conserves not the
 energy E but, to the fourth order of the step h, the modified energy E + h² (v·V″v/12 − |f|²/(24 m)) (Hairer, Lubich
-& Wanner, Acta Numerica 2003): E + (hω)² E/24 for a mode of frequency ω. In bounces, energy goes over from the slow
-bounce to fast vibration until it is spread evenly, so E at the steps falls, by h² and no more: with half the step,
-in the same time, to a quarter of that, and what the modified energy wanders to a sixteenth. `tests/test_stability.py`.
+& Wanner, Acta Numerica 2003): E + (hω)² E/24 on average for a mode of frequency ω. In bounces, energy goes over from
+the slow bounce to fast vibration until it is spread evenly, so E at the steps falls, as h² and no more: with half the
+step, in the same time, by about a quarter of that, and the modified energy wanders by a sixteenth.
+`tests/test_stability.py`.
 """
 
 _TAIL = """
@@ -109,7 +111,7 @@ def page(scenes: int) -> str:
         *in_single,
         *_drifts(),
     ]
-    lines += ["", _ENERGY, "", "## Random scenes", "", *_random(scenes), _TAIL]
+    lines += ["", _ENERGY, "## Random scenes", "", *_random(scenes), _TAIL]
     return "\n".join(lines) + "\n" + ", ".join(f"{name} {version}" for name, version in versions().items()) + ".\n"
 
 
