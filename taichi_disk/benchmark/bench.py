@@ -37,7 +37,7 @@ def run_benchmark(parts: Sequence[str] = PARTS, out: Path | None = None) -> None
             tell(report.table("one core, ns per spring, step and lane", "ns", 1e9, found))
         elif part == size.PART:
             found = size.measure(REPEATS)
-            title = "by size, ns per spring and step; ratio: to one core at that size"
+            title = "by size, ns per spring and step; ratio: to explicit, one core"
             tell(report.table(title, "ns", 1e9, found))
         elif part == sweep.PART:
             found = sweep.measure(REPEATS)
