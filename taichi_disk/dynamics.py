@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taichi_disk.errors import SimulationError
+from taichi_disk.model.integrators import SPLITTINGS
 from taichi_disk.model.stability import Spectrum, step_limit
 from taichi_disk.model.world import World
 from taichi_disk.outcome import Outcome, Snapshots
@@ -19,12 +20,13 @@ from taichi_disk.scene import TimeSection
 from taichi_disk.scenes.setup import Columns, Setup
 from taichi_disk.simulate import BlowUp, Simulation, imbalance, make_world, replay, simulate
 from taichi_disk.time_step import TimeStep, choose
-from taichi_disk.tolerance import Tried, better_step, error_estimate
+from taichi_disk.tolerance import LEAST, Tried, better_step, error_estimate, settles
 
 MARGIN = 0.95  # of the limit that the measured wall stiffness leaves; an automatic step above it is redone
 CLOSING, WORST = 2e-5, 1e-4  # largest imbalance of the energy, at the end and ever, that an automatic step may leave
 OPEN = 1e-3  # imbalance at the end that no result may have: it would show in the third digit of e
 ATTEMPTS = 8
+ROUNDING = 4e-7  # of e in single precision (`taichi-disk accuracy`), which no difference between two runs shows
 
 
 def move(
@@ -68,8 +70,8 @@ def move(
         raise result
     if time.dt == "auto" and (still_open := unclosed(setup, result.columns)):
         raise SimulationError(still_open)
-    if following is not None and time.tolerance != "none":
-        raise SimulationError(trial.out_of_tolerance())
+    if out := trial.out_of_tolerance(setup, result.columns):
+        raise SimulationError(out)
     return _describe(setup, trial, result, limit, attempt, compile_seconds)
 
 
@@ -87,21 +89,41 @@ class Trial:
         """This trial, knowing what a run with `step` gave; `columns` is None after a blow-up."""
         if self.time.tolerance == "none" or columns is None:
             return self
-        headline = next(iter(setup.headline(columns).values.values()))
-        return replace(self, tried=(*self.tried, Tried(step.integrator, step.dt, headline)))
+        worst = float(np.abs(imbalance(columns)).max()) / setup.energy_scale(columns)
+        return replace(self, tried=(*self.tried, Tried(step.integrator, step.dt, setup.main_number(columns)[1], worst)))
+
+    def error(self, setup: Setup, columns: Columns) -> float | None:
+        """The estimated error of the last headline; None without a tolerance, or while there is too little to tell."""
+        if not self.tried:
+            return None
+        known = setup.left_over(columns)
+        if not setup.depends_on_step:
+            return known
+        if self.time.precision == "f32":
+            known += ROUNDING
+        error = error_estimate(self.tried, setup.resolving_step)
+        return None if error is None else error + known
 
     def errors(self, setup: Setup, columns: Columns) -> dict[str, float]:
-        """The estimated error of the headline for its time step, by the headline's name, where one was asked for."""
-        error = error_estimate(self.tried) if self.tried else None
-        return {} if error is None else {next(iter(setup.headline(columns).values)): error}
+        """The estimated error of the headline by the headline's name, where one was asked for."""
+        error = self.error(setup, columns)
+        return {} if error is None else {setup.main_number(columns)[0]: error}
 
-    def out_of_tolerance(self) -> str:
-        error = error_estimate(self.tried) if self.tried else None
+    def out_of_tolerance(self, setup: Setup, columns: Columns) -> str | None:
+        """What to tell where the last run, which gave `columns`, is not known to be within the tolerance asked for."""
+        tolerance = self.time.tolerance
+        error = self.error(setup, columns)
+        if tolerance == "none" or (error is not None and error <= tolerance):
+            return None
         found = "cannot be estimated" if error is None else f"is estimated at {error:.2g}"
-        return (
-            f"after {ATTEMPTS} runs the error of the headline {found}, time.tolerance is {self.time.tolerance}: "
-            "write a larger one, or time.dt: auto without a tolerance"
-        )
+        text = f"time.tolerance is {tolerance:g}, and the error of the headline after {len(self.tried)} runs {found}"
+        left = setup.left_over(columns)
+        if left > 0.5 * tolerance:
+            return f"{text}: {left:.2g} is left over where a run ends, at any step; {setup.less_left_over}"
+        if not settles(self.tried):
+            change = abs(self.tried[-1].headline - self.tried[-2].headline)
+            text += f": shorter steps do not make it settle (the last changed it by {change:.2g})"
+        return f"{text}; write a larger time.tolerance, or none"
 
 
 def next_trial(
@@ -126,16 +148,17 @@ def next_trial(
     if trial.time.dt != "auto" or (stubborn and trial.stubborn):
         return None
     trial = replace(trial, stubborn=stubborn)
+    if trial.time.tolerance != "none" and columns is not None:
+        return _closer(trial, setup, step, limit, columns)
     if step.dt > max(MARGIN, trial.time.safety) * limit:
         return replace(trial, point_force=1.5 * peak)
     factor = 0.5
     if columns is not None:
         lost = np.abs(imbalance(columns)) / setup.energy_scale(columns)
-        tolerance = 0.0 if trial.time.tolerance == "none" else trial.time.tolerance
-        excess = max(lost[-1] / max(CLOSING, tolerance), lost.max() / max(WORST, tolerance))
+        excess = max(lost[-1] / CLOSING, lost.max() / WORST)
         # Where a shorter step does not help, it is not the step that is at fault.
         if excess <= 1.0 or excess > 0.5 * trial.excess:
-            return _closer(trial, setup, step)
+            return None
         trial = replace(trial, excess=float(excess))
         factor = max(0.25, 0.9 / float(np.sqrt(excess)))  # order 2: the error falls with the square of the step
     # Of the step taken, which a reset boundary may have made shorter than the one that was asked for.
@@ -155,17 +178,28 @@ def unclosed(setup: Setup, columns: Columns) -> str | None:
     return f"the energy ledger is off by {lost:+.2g} at the end, where {allowed:g} is allowed; {why}"
 
 
-def _closer(trial: Trial, setup: Setup, step: TimeStep) -> Trial | None:
-    """What brings the headline within the scene's tolerance, if it has one; None where it is."""
+def _closer(trial: Trial, setup: Setup, step: TimeStep, limit: float, columns: Columns) -> Trial | None:
+    """What brings the headline within the scene's tolerance; None where it is.
+
+    A first run beyond the measured stability `limit` [R/c] still serves to compare with, the last must be within it.
+    """
     time = trial.time
-    if time.tolerance == "none":
+    assert time.tolerance != "none"
+    off = setup.depends_on_step and trial.out_of_tolerance(setup, columns)
+    if not off and step.dt <= max(MARGIN, time.safety) * limit and not unclosed(setup, columns):
         return None
-    better = better_step(trial.tried, time.tolerance, step, time.integrator == "auto" and not setup.physics.damped)
-    if better is None:
-        return None
+    excess = abs(float(imbalance(columns)[-1])) / setup.energy_scale(columns) / max(OPEN, time.tolerance)
+    better = better_step(
+        trial.tried,
+        time.tolerance,
+        replace(step, limit=min(limit, step.limit)),
+        time.integrator == "auto" and not setup.physics.damped,
+        setup.resolving_step,
+        max(LEAST, float(np.sqrt(excess)), step.dt / (MARGIN * limit)),
+    )
+    limit = step.limit * SPLITTINGS[better.integrator].stable / SPLITTINGS[step.integrator].stable
     integrator = better.integrator if better.integrator != step.integrator else time.integrator
-    update = {"safety": better.dt / better.limit, "integrator": integrator}
-    return replace(trial, time=time.model_copy(update=update))
+    return replace(trial, time=time.model_copy(update={"safety": better.dt / limit, "integrator": integrator}))
 
 
 def _describe(

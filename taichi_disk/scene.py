@@ -128,7 +128,7 @@ class TimeSection(_Strict):
     )
     safety: float = _key(0.8, "fraction of the largest stable step", gt=0, le=1)
     tolerance: Literal["none"] | Annotated[float, Field(ge=1e-10, le=1e-2)] = _key(
-        "none", "largest error of the restitution that the step may cause; the run finds the step and tells the error"
+        "none", "largest error of e, or of xi [R], absolute; the run finds the step and tells the error it estimates"
     )
     precision: Literal["f64", "f32"] = _key("f64", "of the numbers that are stepped; f32: sweeps are faster")
     sample_interval: Auto | Annotated[float, Field(ge=1e-9, le=1e6)] = _key(
@@ -257,8 +257,8 @@ class CompressionScene(_SceneBase):
 
     def _conflicts(self) -> list[tuple[str, str]]:
         conflicts = _time_conflicts(self.time, _dashpots(self.material))
-        if self.time.tolerance != "none":
-            text = "a disk at rest does not depend on the time step: write compression.tolerance"
+        if self.time.tolerance != "none" and self.compression.method == "newton":
+            text = "Newton's method takes no time step, and solves to rounding: write none, or method: relaxation"
             conflicts.append(("time.tolerance", text))
         if self.time.precision == "f32" and self.compression.method == "relaxation":
             # Forces come to rest to some 3e-5 P/N, the rounding of the springs' forces beside it.

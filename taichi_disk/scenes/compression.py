@@ -23,6 +23,9 @@ class Compression(Setup):
 
     scene: CompressionScene
     rest: Equilibrium
+    depends_on_step = False
+    resolving_step = float("inf")
+    less_left_over = "write compression.method: newton"
 
     def __init__(self, scene: CompressionScene, disk: Lattice) -> None:
         self.scene = scene
@@ -55,17 +58,48 @@ class Compression(Setup):
         self.view = (-1.15, 1.15, -0.1, 2.05)
 
     def ended(self, columns: Columns) -> NDArray[np.bool_]:
-        tolerance = self.scene.compression.tolerance
+        tolerance, wanted = self.scene.compression.tolerance, self.scene.time.tolerance
         rest = (
             (columns["kinetic"] <= tolerance * self.pressure**2 / self.scene.material.k_a)
             & (columns["residual"] <= tolerance * self.pressure / self.scene.lattice.points)
             # A vibration shows here and the slow roll does not: see `headline`.
             & (np.abs(columns["wall_force"] / self.pressure - 1.0) <= 1e-3 * tolerance)
         )
+        if wanted != "none":
+            rest &= np.abs(sum(self._distances(columns)) - self._distance_at_rest) <= 0.5 * wanted
         moved = np.where(rest, -1, np.arange(len(rest)))
         return columns["t"] - columns["t"][np.maximum.accumulate(moved)] >= self.watch
 
+    @property
+    def _distance_at_rest(self) -> float:
+        y = self.rest.positions[:, 1]
+        return float(y.mean() - y.min())
+
+    def left_over(self, columns: Columns) -> float:
+        return abs(self.headline(columns).values["xi"] - (self.unloaded - self._distance_at_rest))
+
+    def _distances(self, columns: Columns) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Centre of mass to lowest point now, and what the last of the roll will add, for each row (rows,) [R].
+
+        The dashpots make the last roll onto the lowest place slow, theta ~ exp(-t/T), T up to 10^4 R/c. What
+        remains of it follows from the last stretch of time: xi - xi_end falls as the angular momentum does.
+        """
+        t, spin = columns["t"], columns["angular_momentum"]
+        distance = columns["com_y"] - columns["lowest_y"]
+        before = np.searchsorted(t, t - self.watch)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            ratio = spin / spin[before]
+            still_to_come = (distance - distance[before]) * ratio / (1.0 - ratio)
+        return distance, np.where((ratio > 0.0) & (ratio < 1.0), still_to_come, 0.0)
+
     def unfinished(self, columns: Columns) -> str:
+        wanted = self.scene.time.tolerance
+        if wanted != "none" and (off := self.left_over(columns)) > 0.5 * wanted:
+            return (
+                f"by t = {columns['t'][-1]:.6g} R/c xi is still {off:.2g} R from that of Newton's method, half of "
+                f"time.tolerance = {wanted:g} is asked for; use compression.method: newton, or set "
+                "compression.max_time higher, or write a larger time.tolerance"
+            )
         return (
             f"the disk is not at rest by t = {columns['t'][-1]:.6g} R/c (kinetic energy {columns['kinetic'][-1]:.3g} "
             f"M c^2, largest force on a point {columns['residual'][-1]:.3g} M c^2/R); use compression.method: newton, "
@@ -78,22 +112,14 @@ class Compression(Setup):
         return float(np.ptp(columns["load"])) or self.pressure**2
 
     def headline(self, columns: Columns) -> Headline:
-        """xi once the roll, too, has come to its end.
-
-        The dashpots make the last roll onto the lowest place slow, theta ~ exp(-t/T), T up to 10^4 R/c. What
-        remains of it follows from the last stretch of time: xi - xi_end falls as the angular momentum does.
-        """
-        last = columns["t"] >= columns["t"][-1] - self.watch
-        distance = (columns["com_y"] - columns["lowest_y"])[last]
-        spin = columns["angular_momentum"][last]
-        ratio = spin[-1] / spin[0] if spin[0] else 0.0
-        still_to_come = (distance[-1] - distance[0]) * ratio / (1.0 - ratio) if 0.0 < ratio < 1.0 else 0.0
-        end = float(distance[-1] + still_to_come)
+        """xi once the roll, too, has come to its end."""
+        distance, still_to_come = (float(values[-1]) for values in self._distances(columns))
+        end = distance + still_to_come
         return Headline(
             {
                 "xi": abs(self.unloaded - end),
                 "xi_nominal": abs(1.0 - end),
-                "xi_extrapolated": abs(float(still_to_come)),
+                "xi_extrapolated": abs(still_to_come),
             },
             {
                 "xi": "centre of mass to lowest point, unloaded minus loaded [R]",

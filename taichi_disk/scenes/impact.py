@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from taichi_disk.scene import AbsorbingWallScene, ExponentialWallScene
 from taichi_disk.scenes.setup import Columns, Headline, Setup, spread
+from taichi_disk.tolerance import RESOLVED
 
 START_POTENTIAL = 1e-10  # of the wall at the start, as a fraction of the kinetic energy
 CONTACT_LEVEL = 0.01  # contact lasts while the wall's force exceeds this fraction of its peak
@@ -16,6 +17,8 @@ class Impact(Setup):
     """A disk that flies at the wall with velocity v: restitution e = -v_cm(after)/v_cm(before)."""
 
     scene: ExponentialWallScene | AbsorbingWallScene
+    depends_on_step = True
+    less_left_over = "a larger impact.gap ends it farther from the wall"
 
     def __init__(self, scene: ExponentialWallScene | AbsorbingWallScene) -> None:
         self.scene = scene
@@ -23,6 +26,7 @@ class Impact(Setup):
         self.kinetic = 0.5 * self.velocity**2
         unit = 1.0 / np.sqrt(scene.material.k_a)  # the disk's own time scale [R/c]
         self.sample_interval = float(0.05 * unit)
+        self.resolving_step = RESOLVED / (scene.wall.a * self.velocity)
         self.gap = 0.0
 
     def default_gap(self, heights: NDArray[np.float64]) -> float:
@@ -50,6 +54,11 @@ class Impact(Setup):
             f"the disk has not left the wall by t = {columns['t'][-1]:.6g} R/c (v_cm = {v:.3g} c, lowest point at "
             f"{y:.3g} R); set impact.max_time higher, or lower material.eta_star"
         )
+
+    def left_over(self, columns: Columns) -> float:
+        # The wall's last potential becomes kinetic energy, at most that of the flight.
+        v, potential = columns["com_vy"][-1], max(float(columns["wall"][-1]), 0.0)
+        return float(np.sqrt(v**2 + 2.0 * potential) - v) / self.velocity
 
     def energy_scale(self, columns: Columns) -> float:
         return self.kinetic

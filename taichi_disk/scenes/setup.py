@@ -36,6 +36,9 @@ class Setup(ABC):
         sample_interval: suggested time between two rows [R/c].
         energy_scale: what the energy balance is measured against [M c^2].
         view: (xmin, xmax, ymin, ymax) that the film keeps in sight [R].
+        depends_on_step: whether the headline does, beyond where the run happens to end.
+        resolving_step: the longest step that resolves the wall, where the headline depends on the step [R/c].
+        less_left_over: which keys make `left_over` smaller.
     """
 
     scene: Scene
@@ -46,6 +49,9 @@ class Setup(ABC):
     max_time: float
     sample_interval: float
     view: tuple[float, float, float, float]
+    depends_on_step: bool
+    resolving_step: float
+    less_left_over: str
 
     @abstractmethod
     def ended(self, columns: Columns) -> NDArray[np.bool_]:
@@ -58,6 +64,14 @@ class Setup(ABC):
     @abstractmethod
     def headline(self, columns: Columns) -> Headline:
         """The result, from the whole time series of a scene that has ended."""
+
+    def main_number(self, columns: Columns) -> tuple[str, float]:
+        """Name and value of the first of the headline's numbers, the one that a tolerance is for."""
+        return next(iter(self.headline(columns).values.items()))
+
+    @abstractmethod
+    def left_over(self, columns: Columns) -> float:
+        """By how much the main number would still change if a scene that has ended went on, at any step."""
 
     @abstractmethod
     def energy_scale(self, columns: Columns) -> float:

@@ -24,7 +24,7 @@ HEADLINES = {
     "exponential_wall": ("restitution", "contact_time"),
     "absorbing_wall": ("restitution", "contact_time"),
 }
-ERRORS = ("energy_imbalance", "residual")
+ERRORS = ("error_estimate", "energy_imbalance", "residual")
 HOW = ("steps", "dt", "integrator")
 
 Row = dict[str, Any]

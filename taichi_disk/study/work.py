@@ -14,7 +14,7 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 from taichi_disk.dynamics import ATTEMPTS, Trial, next_trial, unclosed
-from taichi_disk.errors import SimulationError, TaichiDiskError
+from taichi_disk.errors import TaichiDiskError
 from taichi_disk.lattice import Lattice
 from taichi_disk.model.stability import Spectrum, spectrum, step_limit
 from taichi_disk.moduli import Moduli, bulk_moduli
@@ -97,13 +97,9 @@ class Computer:
             for group in _groups(queue, self._engine.lanes):
                 step = group[0].step
                 for lane, ending in self._engine.run([job.setup for job in group], step, _interval(group[0])):
-                    columns = None if ending.failure else ending.columns
-                    job = replace(group[lane], trial=group[lane].trial.with_run(group[lane].setup, step, columns))
-                    mode = modes[job.setup.physics.dissipates]
-                    following = _following(job, mode, ending)
+                    mode = modes[group[lane].setup.physics.dissipates]
+                    job, following = _following(group[lane], mode, ending)
                     if following is None or job.attempt == ATTEMPTS:
-                        if following is not None and job.trial.tried:
-                            ending = replace(ending, failure=SimulationError(job.trial.out_of_tolerance()))
                         yield job.index, _described(job, step, ending, moduli)
                     else:
                         shorter = _step(job.setup, following, mode)
@@ -136,15 +132,16 @@ def _pressed(scene: Scene, body: Lattice, moduli: Moduli) -> PointResult:
     return PointResult("done", None, numbers | {"residual": residual, "steps": outcome.facts["steps"]})
 
 
-def _following(job: _Job, modes: Spectrum, ending: Ending) -> Trial | None:
-    """As in a single run: what to choose a shorter step from, if this one was too long."""
+def _following(job: _Job, modes: Spectrum, ending: Ending) -> tuple[_Job, Trial | None]:
+    """As in a single run: the job, knowing this run, and what to choose a shorter step from if it was too long."""
     blow_up = ending.failure if isinstance(ending.failure, BlowUp) else None
     if ending.failure and not blow_up:
-        return None
+        return job, None
     physics = replace(job.setup.physics, integrator=job.step.integrator)
     limit = step_limit(modes, physics, ending.peak_point_force)
     columns, stubborn = (None, blow_up.stubborn) if blow_up else (ending.columns, False)
-    return next_trial(job.trial, job.setup, job.step, limit, ending.peak_point_force, columns, stubborn)
+    job = replace(job, trial=job.trial.with_run(job.setup, job.step, columns))
+    return job, next_trial(job.trial, job.setup, job.step, limit, ending.peak_point_force, columns, stubborn)
 
 
 def _step(setup: Setup, trial: Trial, modes: Spectrum) -> TimeStep:
@@ -178,11 +175,12 @@ def _described(job: _Job, step: TimeStep, ending: Ending, moduli: Moduli) -> Poi
     numbers: dict[str, Any] = {}
     failure = str(ending.failure) if ending.failure else None
     if failure is None and setup.scene.time.dt == "auto":
-        failure = unclosed(setup, ending.columns)
+        failure = unclosed(setup, ending.columns) or job.trial.out_of_tolerance(setup, ending.columns)
     if failure is None:
         lost = imbalance(ending.columns)[-1] / setup.energy_scale(ending.columns)
         numbers = {**setup.headline(ending.columns).values, "energy_imbalance": float(lost)}
-        numbers |= {f"{name}_error": error for name, error in job.trial.errors(setup, ending.columns).items()}
+        if (error := job.trial.error(setup, ending.columns)) is not None:
+            numbers["error_estimate"] = error
     numbers |= {"young": moduli.young, "poisson": moduli.poisson}
     numbers |= {"steps": ending.steps, "dt": step.dt, "integrator": step.integrator}
     return PointResult("failed" if failure else "done", failure, numbers)
