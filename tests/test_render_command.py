@@ -201,9 +201,13 @@ def test_a_disk_that_flies_has_the_full_colour_of_its_speed(runs: tuple[Path, Pa
 
 
 @needs_vulkan
-def test_the_disk_in_the_film_moves_as_its_centre_of_mass_does(runs: tuple[Path, Path], tmp_path: Path) -> None:
+def test_the_disk_in_the_film_moves_as_its_centre_of_mass_does(
+    runs: tuple[Path, Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    # Arrows hide the points at the wall, and colours of speed those that rest, against the ground.
+    monkeypatch.setattr("taichi_disk.film.contact_forces", lambda *_: (np.empty(0, int), np.empty((0, 2))))
     out, words = tmp_path / "film.mp4", ["--size", "360", "--fps", "10", "--seconds", "1.5"]
-    assert main(["render", str(runs[0]), "--out", str(out), "--draw", "points", "--colour", "speed", *words]) == 0
+    assert main(["render", str(runs[0]), "--out", str(out), "--draw", "points", *words]) == 0
     setup = build(load_scene(runs[0] / "scene.yaml"))
     series = np.genfromtxt(runs[0] / "timeseries.csv", delimiter=",", names=True)
     t = setup.frame_times({name: series[name] for name in series.dtype.names}, 15)
@@ -214,10 +218,10 @@ def test_the_disk_in_the_film_moves_as_its_centre_of_mass_does(runs: tuple[Path,
     wall = int(camera.to_pixels((0.0, 0.0))[1])
     for picture, there in zip(film, camera.to_pixels(centre), strict=True):
         stage = picture[camera.top : wall - 1]
-        # All points weigh the same. Arrows are orange: red without blue.
-        ink = (np.abs(stage - 255 * np.array(GROUND)).sum(axis=-1) > 60) & (stage[..., 2] > stage[..., 0] - 10)
+        # All points weigh the same.
+        ink = np.abs(stage - 255 * np.array(GROUND)).sum(axis=-1) > 60
         row, column = np.argwhere(ink).mean(axis=0) + 0.5
-        assert np.abs(np.array([column, row + camera.top]) - there).max() < 2.0
+        assert np.abs(np.array([column, row + camera.top]) - there).max() < 1.0
 
 
 def test_a_film_says_how_fast_its_time_passes(
