@@ -137,6 +137,7 @@ def test_the_colours_show_what_was_asked_for(
     assert green < min(red, blue) if kind == "violet" else blue > red
 
 
+@pytest.mark.validate
 @needs_vulkan
 def test_a_scene_says_how_its_run_is_filmed(tmp_path: Path) -> None:
     words = ["lattice.points=60", "video.size=120", "video.seconds=0.2", "video.fps=10", "video.draw=points"]

@@ -196,6 +196,7 @@ def test_a_compression_rests_within_the_tolerance_of_newtons_method():
         computed(*settings, "time.tolerance=1e-7", "compression.max_time=200")
 
 
+@pytest.mark.validate
 def test_what_the_wall_still_holds_when_the_run_ends_is_part_of_the_error(tmp_path):
     settings = [*SMALL, "wall.a=30", "wall.V0=15", "lattice.seed=1"]
     near = run(load_scene("exponential_wall", [*settings, "impact.gap=0.55", "time.tolerance=1e-3"]), tmp_path / "a")
