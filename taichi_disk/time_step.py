@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 from taichi_disk.errors import InputError
-from taichi_disk.model.chebyshev import BOUND, solver
+from taichi_disk.model.chebyshev import BOUND, solver_for
 from taichi_disk.model.physics import Integrator, Physics
 from taichi_disk.model.stability import Spectrum, step_limit
 from taichi_disk.scene import TimeSection
@@ -37,7 +37,7 @@ def choose(
     if time.integrator == "auto":
         explicit, implicit = limit_of("velocity_verlet"), limit_of("trapezoidal")
         dt = time.safety * implicit if time.dt == "auto" else time.dt
-        _, cost = solver(spectrum.points, 1.0 + 0.5 * dt * physics.eta * BOUND * spectrum.damping)
+        _, cost = solver_for(spectrum.points, 1.0 + 0.5 * dt * physics.eta * BOUND * spectrum.damping)
         integrator = "trapezoidal" if cost * explicit < implicit else "velocity_verlet"
     else:
         integrator = time.integrator

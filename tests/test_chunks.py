@@ -106,7 +106,7 @@ def test_chunks_move_as_one_core_without_chunks_does(name, monkeypatch):
     rng = np.random.default_rng(1)
     x = lattice.positions[None] + 2e-3 * rng.uniform(-1, 1, v.shape)
     # One core would solve by a factor (see test_sweeps): it makes the sweeps that chunks need.
-    monkeypatch.setattr("taichi_disk.model.world.solver", lambda points, kappa: (chebyshev.sweeps_for(kappa), 0.0))
+    monkeypatch.setattr("taichi_disk.model.world.solver_for", lambda points, kappa: (chebyshev.sweeps_for(kappa), 0.0))
     serial = world_of(lattice, physics, v, positions=x)
     monkeypatch.setattr(ordering, "PARALLEL_FROM", 1)
     cut = world_of(lattice, physics, v, positions=x)

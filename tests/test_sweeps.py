@@ -26,7 +26,7 @@ RIGID = Physics(k_b=1.0, eta=100.0 / N, wall="rigid", integrator="trapezoidal")
 def swept(monkeypatch):
     """Small lattices are solved as large ones are, on one core."""
     monkeypatch.setattr(chebyshev, "FACTOR_UP_TO", 0)
-    monkeypatch.setattr("taichi_disk.model.world.solver", lambda points, kappa: (chebyshev.sweeps_for(kappa), 0.0))
+    monkeypatch.setattr("taichi_disk.model.world.solver_for", lambda points, kappa: (chebyshev.sweeps_for(kappa), 0.0))
 
 
 def world_of(lattice, physics, velocities, dt):

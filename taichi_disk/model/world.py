@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from taichi_disk.lattice import Lattice
 from taichi_disk.model import runtime
-from taichi_disk.model.chebyshev import Iteration, iteration, largest_rate, solver
+from taichi_disk.model.chebyshev import Iteration, iteration, largest_rate, solver_for
 from taichi_disk.model.chunks import STAGES, Chunks
 from taichi_disk.model.factor import Factor, factorise
 from taichi_disk.model.integrators import SPLITTINGS
@@ -299,7 +299,7 @@ def _solver(lattice: Lattice, physics: Physics, dt: float, eta: NDArray[np.float
         extra[lattice.wall_boundary] = half * physics.impedance
     coupling = half * float(eta[0])
     kappa = 1.0 + coupling * largest_rate(lattice.bonds, n) + float(extra.max())
-    if solver(n, kappa)[0]:
+    if solver_for(n, kappa)[0]:
         return iteration(lattice.bonds, coupling, kappa, free, extra)
     return factorise(lattice.bonds, coupling, free, extra)
 

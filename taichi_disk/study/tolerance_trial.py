@@ -26,6 +26,7 @@ import numpy as np
 from taichi_disk.dynamics import move
 from taichi_disk.errors import SimulationError
 from taichi_disk.model import runtime
+from taichi_disk.model.chebyshev import SMALL_FACTOR_COST
 from taichi_disk.model.integrators import SPLITTINGS
 from taichi_disk.model.physics import Integrator
 from taichi_disk.model.stability import Spectrum, spectrum, step_limit
@@ -46,7 +47,6 @@ POINTS, SHARES = (30, 60, 100, 200, 400), (0.35, 0.35, 0.2, 0.07, 0.03)
 # rim, min_spacing; the default one more often
 LATTICES = ((True, 0.7), (True, 0.7), (True, 0.7), (True, 0.4), (True, 0.4), (False, 0.7), (False, 0.0))
 BOUNDARIES = ("reset", "pinned", "dashpot")
-IMPLICIT_COST = 3.2  # of a step with implicit dashpots, in force evaluations, for lattices as small as these
 GRID = 0.9  # of one step by hand to the next
 MOST_WORLDS = 60  # before Taichi is started afresh: it never gives all back
 
@@ -222,7 +222,7 @@ class Trials:
 
 def cost(integrator: Integrator) -> float:
     """Of a step, in force evaluations."""
-    return IMPLICIT_COST if integrator == "trapezoidal" else float(SPLITTINGS[integrator].forces)
+    return SMALL_FACTOR_COST if integrator == "trapezoidal" else float(SPLITTINGS[integrator].forces)
 
 
 def true_number(setup: Setup, outcome: Outcome, tolerance: float) -> tuple[float, float]:
