@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from taichi_disk.errors import SimulationError
 from taichi_disk.model.integrators import SPLITTINGS
+from taichi_disk.model.physics import Integrator
 from taichi_disk.model.stability import Spectrum, step_limit
 from taichi_disk.model.world import World
 from taichi_disk.outcome import Outcome, Snapshots
@@ -19,14 +20,21 @@ from taichi_disk.progress import Progress
 from taichi_disk.scene import TimeSection
 from taichi_disk.scenes.setup import Columns, Setup
 from taichi_disk.simulate import BlowUp, Simulation, imbalance, make_world, replay, simulate
-from taichi_disk.time_step import TimeStep, choose
-from taichi_disk.tolerance import LEAST, Tried, better_step, error_estimate, settles
+from taichi_disk.time_step import TimeStep, choose, implicit_cost
+from taichi_disk.tolerance import LEAST, RATIO, Other, Tried, better_step, error_estimate, settles
 
 MARGIN = 0.95  # of the limit that the measured wall stiffness leaves; an automatic step above it is redone
 CLOSING, WORST = 2e-5, 1e-4  # largest imbalance of the energy, at the end and ever, that an automatic step may leave
 OPEN = 1e-3  # imbalance at the end that no result may have: it would show in the third digit of e
 ATTEMPTS = 8
+LONGEST = 0.96  # of the stability limit, a step to hold the automatic one against
 ROUNDING = 4e-7  # of e in single precision (`taichi-disk accuracy`), which no difference between two runs shows
+
+
+def first_step(setup: Setup, time: TimeSection, modes: Spectrum, force: bool = False) -> TimeStep:
+    """The step with which `setup` begins; see `time_step.choose`."""
+    trial = Trial.first(setup, time)
+    return choose(trial.time, setup.physics, modes, trial.point_force, force)
 
 
 def move(
@@ -44,7 +52,7 @@ def move(
     when the state becomes meaningless.
     """
     interval = setup.sample_interval if time.sample_interval == "auto" else time.sample_interval
-    trial = Trial(time, setup.point_force)
+    trial = Trial.first(setup, time)
     world: World | None = None
     compile_seconds = 0.0
     for attempt in range(1, ATTEMPTS + 1):
@@ -61,7 +69,7 @@ def move(
         columns = None if isinstance(result, BlowUp) else result.columns
         trial = trial.with_run(setup, step, columns)
         stubborn = isinstance(result, BlowUp) and result.stubborn
-        following = next_trial(trial, setup, step, limit, result.peak_point_force, columns, stubborn)
+        following = next_trial(trial, setup, step, modes, result.peak_point_force, columns, stubborn)
         if following is None or attempt == ATTEMPTS:
             break
         trial = following
@@ -84,6 +92,14 @@ class Trial:
     excess: float = float("inf")  # of the energy imbalance over what is allowed, in the trial before
     stubborn: bool = False  # the trial before blew up from what a shorter step seldom mends
     tried: tuple[Tried, ...] = ()  # the runs so far, where an error has to be estimated
+
+    @classmethod
+    def first(cls, setup: Setup, time: TimeSection) -> Trial:
+        """Where a tolerance is asked for, a longer step than the automatic one, to hold that against."""
+        if time.tolerance != "none" and setup.depends_on_step:
+            safety = max(time.safety, min(RATIO * time.safety, LONGEST))
+            time = time.model_copy(update={"safety": safety})
+        return cls(time, setup.point_force)
 
     def with_run(self, setup: Setup, step: TimeStep, columns: Columns | None) -> Trial:
         """This trial, knowing what a run with `step` gave; `columns` is None after a blow-up."""
@@ -130,7 +146,7 @@ def next_trial(
     trial: Trial,
     setup: Setup,
     step: TimeStep,
-    limit: float,
+    modes: Spectrum,
     peak: float,
     columns: Columns | None,
     stubborn: bool = False,
@@ -141,7 +157,7 @@ def next_trial(
     disk and wall is not foreseen. A force five times larger there, and longer strides to the last step, saved a tenth.
 
     Args:
-        limit: stability limit with the force `peak` on one point that was measured [R/c], [M c^2/R].
+        peak: largest force of the wall on one point that was measured [M c^2/R].
         columns: the time series, None after a blow-up.
         stubborn: whether that blew up from what a shorter step seldom mends: one more is tried.
     """
@@ -149,7 +165,8 @@ def next_trial(
         return None
     trial = replace(trial, stubborn=stubborn)
     if trial.time.tolerance != "none" and columns is not None:
-        return _closer(trial, setup, step, limit, columns)
+        return _closer(trial, setup, step, modes, peak, columns)
+    limit = step_limit(modes, replace(setup.physics, integrator=step.integrator), peak)
     if step.dt > max(MARGIN, trial.time.safety) * limit:
         return replace(trial, point_force=1.5 * peak)
     factor = 0.5
@@ -178,28 +195,32 @@ def unclosed(setup: Setup, columns: Columns) -> str | None:
     return f"the energy ledger is off by {lost:+.2g} at the end, where {allowed:g} is allowed; {why}"
 
 
-def _closer(trial: Trial, setup: Setup, step: TimeStep, limit: float, columns: Columns) -> Trial | None:
+def _closer(trial: Trial, setup: Setup, step: TimeStep, modes: Spectrum, peak: float, columns: Columns) -> Trial | None:
     """What brings the headline within the scene's tolerance; None where it is.
 
-    A first run beyond the measured stability `limit` [R/c] still serves to compare with, the last must be within it.
+    A first run beyond the measured stability limit still serves to compare with, the last must be within it.
     """
-    time = trial.time
+
+    def limit(integrator: Integrator, force: float = peak) -> float:
+        return step_limit(modes, replace(setup.physics, integrator=integrator), force)
+
+    time, present = trial.time, replace(step, limit=limit(step.integrator))
     assert time.tolerance != "none"
     off = setup.depends_on_step and trial.out_of_tolerance(setup, columns)
-    if not off and step.dt <= max(MARGIN, time.safety) * limit and not unclosed(setup, columns):
+    if not off and step.dt <= max(MARGIN, time.safety) * present.limit and not unclosed(setup, columns):
         return None
+    other = None
+    if time.integrator == "auto" and step.integrator == "trapezoidal" and setup.physics.boundary != "reset":
+        cost = 1.0 / implicit_cost(modes, setup.physics, step.dt)
+        other = Other("velocity_verlet", limit("velocity_verlet"), cost)
+    elif time.integrator == "auto" and not setup.physics.damped:
+        other = Other("vefrl", limit("vefrl"), SPLITTINGS["vefrl"].forces)
     excess = abs(float(imbalance(columns)[-1])) / setup.energy_scale(columns) / max(OPEN, time.tolerance)
-    better = better_step(
-        trial.tried,
-        time.tolerance,
-        replace(step, limit=min(limit, step.limit)),
-        time.integrator == "auto" and not setup.physics.damped,
-        setup.resolving_step,
-        max(LEAST, float(np.sqrt(excess)), step.dt / (MARGIN * limit)),
-    )
-    limit = step.limit * SPLITTINGS[better.integrator].stable / SPLITTINGS[step.integrator].stable
+    least = max(LEAST, float(np.sqrt(excess)), step.dt / (MARGIN * present.limit))
+    better = better_step(trial.tried, time.tolerance, present, other, setup.resolving_step, least)
     integrator = better.integrator if better.integrator != step.integrator else time.integrator
-    return replace(trial, time=time.model_copy(update={"safety": better.dt / limit, "integrator": integrator}))
+    safety = better.dt / limit(better.integrator, trial.point_force)
+    return replace(trial, time=time.model_copy(update={"safety": safety, "integrator": integrator}))
 
 
 def _describe(

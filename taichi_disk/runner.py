@@ -10,7 +10,7 @@ from time import perf_counter
 from typing import Any
 
 from taichi_disk import results
-from taichi_disk.dynamics import move
+from taichi_disk.dynamics import first_step, move
 from taichi_disk.errors import SimulationError, TaichiDiskError
 from taichi_disk.film import film
 from taichi_disk.model import runtime
@@ -25,7 +25,6 @@ from taichi_disk.scenes import build
 from taichi_disk.scenes.compression import Compression
 from taichi_disk.scenes.setup import Setup
 from taichi_disk.simulate import BlowUp
-from taichi_disk.time_step import choose
 
 
 @dataclass(frozen=True)
@@ -71,7 +70,7 @@ def run(
         static = isinstance(setup, Compression) and setup.scene.compression.method == "newton"
         if not static:
             modes = spectrum(setup.lattice, setup.physics)
-            step = choose(scene.time, setup.physics, modes, setup.point_force, force)
+            step = first_step(setup, scene.time, modes, force)
     prepare_output(out)
     results.clear(out)
     results.write_text(out / "scene.yaml", scene.to_yaml())

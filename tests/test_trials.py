@@ -8,24 +8,32 @@ import numpy as np
 import pytest
 
 from taichi_disk.dynamics import CLOSING, MARGIN, OPEN, WORST, Trial, next_trial, slid, unclosed
+from taichi_disk.model.physics import Physics
+from taichi_disk.model.stability import Spectrum
 from taichi_disk.scene import TimeSection
 from taichi_disk.time_step import TimeStep
 
-SETUP = SimpleNamespace(energy_scale=lambda columns: 2.0)  # what next_trial asks of a setup
+# What next_trial asks of a setup.
+SETUP = SimpleNamespace(energy_scale=lambda columns: 2.0, physics=Physics(wall="none"))
 STEP = TimeStep("velocity_verlet", limit=0.02, dt=0.016)
+
+
+def modes(limit: float) -> Spectrum:
+    """Of a disk for which that is the stability limit of leapfrog [R/c], whatever the wall does."""
+    return Spectrum(omega=2.0 / limit, damping=0.0, mass=1.0, points=100)
 
 
 def tried(excess: float, before: float = float("inf"), **time) -> Trial | None:
     """After a run whose worst imbalance is `excess` times the allowed one."""
     total = np.array([0.0, excess * WORST * 2.0, 0.0])
     trial = Trial(TimeSection(**time), point_force=0.1, excess=before)
-    return next_trial(trial, SETUP, STEP, limit=0.02, peak=0.1, columns={"total": total})
+    return next_trial(trial, SETUP, STEP, modes(0.02), peak=0.1, columns={"total": total})
 
 
 def test_a_closed_ledger_lets_the_step_stand() -> None:
     assert tried(0.9) is None
     closing = np.array([0.0, 3 * CLOSING * 2.0])
-    assert next_trial(Trial(TimeSection(), 0.1), SETUP, STEP, 0.02, 0.1, {"total": closing}) is not None
+    assert next_trial(Trial(TimeSection(), 0.1), SETUP, STEP, modes(0.02), 0.1, {"total": closing}) is not None
 
 
 def test_an_open_ledger_shortens_the_step_as_order_2_asks() -> None:
@@ -42,7 +50,8 @@ def test_an_imbalance_that_shorter_steps_leave_as_it_is_ends_the_trials() -> Non
 
 
 def test_a_harder_wall_than_estimated_is_met_with_its_measured_force() -> None:
-    following = next_trial(Trial(TimeSection(), 0.1), SETUP, STEP, STEP.dt / MARGIN * 0.99, 0.4, {"total": np.zeros(2)})
+    measured = modes(0.99 * STEP.dt / MARGIN)
+    following = next_trial(Trial(TimeSection(), 0.1), SETUP, STEP, measured, 0.4, {"total": np.zeros(2)})
     assert following is not None and following.point_force == pytest.approx(0.6)
 
 
@@ -51,15 +60,15 @@ def test_a_step_given_by_hand_stands() -> None:
 
 
 def test_after_a_blow_up_the_step_is_halved() -> None:
-    following = next_trial(Trial(TimeSection(), 0.1), SETUP, STEP, 0.02, 0.1, None)
+    following = next_trial(Trial(TimeSection(), 0.1), SETUP, STEP, modes(0.02), 0.1, None)
     assert following is not None and following.time.safety * STEP.limit == pytest.approx(0.5 * STEP.dt)
 
 
 def test_what_a_shorter_step_seldom_mends_is_tried_once_more() -> None:
-    following = next_trial(Trial(TimeSection(), 0.1), SETUP, STEP, 0.02, 0.1, None, True)
+    following = next_trial(Trial(TimeSection(), 0.1), SETUP, STEP, modes(0.02), 0.1, None, True)
     assert following is not None and following.time.safety * STEP.limit == pytest.approx(0.5 * STEP.dt)
-    assert next_trial(following, SETUP, STEP, 0.02, 0.1, None, True) is None
-    assert next_trial(following, SETUP, STEP, 0.02, 0.1, None, False) is not None
+    assert next_trial(following, SETUP, STEP, modes(0.02), 0.1, None, True) is None
+    assert next_trial(following, SETUP, STEP, modes(0.02), 0.1, None, False) is not None
 
 
 def test_a_ledger_that_stays_open_is_told_with_what_may_help() -> None:

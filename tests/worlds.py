@@ -65,17 +65,16 @@ def computed(name: str, *settings: str, kept: Worlds | None = None):
     `kept`: compiled worlds to take from, and to leave new ones in.
     """
     from taichi_disk import load_scene
-    from taichi_disk.dynamics import move
+    from taichi_disk.dynamics import first_step, move
     from taichi_disk.model.stability import spectrum
     from taichi_disk.progress import QuietProgress
     from taichi_disk.scenes import build
     from taichi_disk.simulate import make_world
-    from taichi_disk.time_step import choose
 
     scene = load_scene(name, settings)
     setup = build(scene)
     modes = spectrum(setup.lattice, setup.physics)
-    step = choose(scene.time, setup.physics, modes, setup.point_force)
+    step = first_step(setup, scene.time, modes)
     make = make_world
     if kept is not None:
 

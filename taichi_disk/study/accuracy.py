@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from taichi_disk.benchmark.stopwatch import seconds_to_advance
-from taichi_disk.dynamics import move
+from taichi_disk.dynamics import first_step, move
 from taichi_disk.errors import InputError
 from taichi_disk.model import runtime
 from taichi_disk.model.physics import Integrator
@@ -20,7 +20,7 @@ from taichi_disk.scenes import build
 from taichi_disk.scenes.setup import Setup
 from taichi_disk.simulate import as_columns, imbalance, make_world
 from taichi_disk.study.reference import Reference, cached_solution
-from taichi_disk.time_step import TimeStep, choose
+from taichi_disk.time_step import TimeStep
 
 PRECISIONS: tuple[Precision, ...] = ("f64", "f32")
 FRACTIONS = (0.95, 0.8, 0.6, 0.4, 0.2, 0.1, 0.05)  # of the stability limit
@@ -80,7 +80,7 @@ def _end(setup: Setup, progress: Progress) -> float:
     if isinstance(setup.scene, CompressionScene):
         return 20.0 / float(np.sqrt(setup.physics.k_a))
     modes, time = spectrum(setup.lattice, setup.physics), setup.scene.time
-    columns = move(setup, time, modes, choose(time, setup.physics, modes, setup.point_force, True), progress).columns
+    columns = move(setup, time, modes, first_step(setup, time, modes, True), progress).columns
     return float(columns["t"][-1])
 
 

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
-from taichi_disk.dynamics import move
+from taichi_disk.dynamics import first_step, move
 from taichi_disk.model import runtime
 from taichi_disk.model.stability import spectrum
 from taichi_disk.progress import Progress, QuietProgress
@@ -15,7 +15,6 @@ from taichi_disk.scene import Scene
 from taichi_disk.scenes import build
 from taichi_disk.scenes.compression import Compression
 from taichi_disk.study.accuracy import Point
-from taichi_disk.time_step import choose
 
 SEEDS = 8
 FINER = (4, 16, 64)  # times the points, at the same mass, stiffness and viscosity of the whole disk
@@ -83,6 +82,6 @@ def _headline(scene: Scene) -> float:
         outcome = press(setup)
     else:
         modes = spectrum(setup.lattice, setup.physics)
-        step = choose(scene.time, setup.physics, modes, setup.point_force)
+        step = first_step(setup, scene.time, modes)
         outcome = move(setup, scene.time, modes, step, QuietProgress())
     return next(iter(setup.headline(outcome.columns).values.values()))

@@ -13,7 +13,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from taichi_disk.dynamics import OPEN, move
+from taichi_disk.dynamics import OPEN, first_step, move
 from taichi_disk.errors import InputError, SimulationError
 from taichi_disk.lattice import Lattice, bond_lengths
 from taichi_disk.model.stability import spectrum
@@ -26,7 +26,6 @@ from taichi_disk.scenes import body_of, build
 from taichi_disk.scenes.compression import Compression
 from taichi_disk.scenes.setup import Setup
 from taichi_disk.simulate import BlowUp, make_world
-from taichi_disk.time_step import choose
 from taichi_disk.triangulation import triangulate
 
 End = Literal["done", "stopped", "refused"]
@@ -114,7 +113,7 @@ def compute(
         if start is not None:
             start(setup)
         modes = spectrum(setup.lattice, setup.physics)
-        step = choose(scene.time, setup.physics, modes, setup.point_force, force)
+        step = first_step(setup, scene.time, modes, force)
         outcome = move(setup, scene.time, modes, step, QuietProgress(), make)
     return replace(outcome, facts=outcome.facts | setup.headline(outcome.columns).values)
 

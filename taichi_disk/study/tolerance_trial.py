@@ -23,7 +23,7 @@ from typing import Literal
 
 import numpy as np
 
-from taichi_disk.dynamics import move
+from taichi_disk.dynamics import first_step, move
 from taichi_disk.errors import SimulationError
 from taichi_disk.model import runtime
 from taichi_disk.model.chebyshev import SMALL_FACTOR_COST
@@ -41,7 +41,7 @@ from taichi_disk.scenes.impact import Impact
 from taichi_disk.scenes.setup import Setup
 from taichi_disk.simulate import make_world, simulate
 from taichi_disk.study.truth import Solver, at_rest
-from taichi_disk.time_step import TimeStep, choose
+from taichi_disk.time_step import TimeStep
 
 POINTS, SHARES = (30, 60, 100, 200, 400), (0.35, 0.35, 0.2, 0.07, 0.03)
 # rim, min_spacing; the default one more often
@@ -134,8 +134,10 @@ class Trials:
         text = " ".join((name, *settings))
         setup = build(scene)
         modes = spectrum(setup.lattice, setup.physics)
-        first = choose(scene.time, setup.physics, modes, setup.point_force)
-        crossed = setup.physics.a * setup.velocity * first.dt if isinstance(setup, Impact) else 0.0
+        first = first_step(setup, scene.time, modes)
+        crossed = (
+            setup.physics.a * setup.velocity * scene.time.safety * first.limit if isinstance(setup, Impact) else 0.0
+        )
         judgement = Judgement(number, "kept", text, scene.time.tolerance, crossed=crossed)
         try:
             outcome = self._counted(setup, modes, first)

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from taichi_disk.dynamics import move
+from taichi_disk.dynamics import first_step, move
 from taichi_disk.errors import SimulationError
 from taichi_disk.lattice import Lattice
 from taichi_disk.model import runtime
@@ -24,7 +24,6 @@ from taichi_disk.scene_file import load_scene
 from taichi_disk.scenes import build
 from taichi_disk.stiffness import tangent_stiffness
 from taichi_disk.study.finite_elements import Triangles, ring_points
-from taichi_disk.time_step import choose
 
 Array = NDArray[np.float64]
 POINTS, RINGS, HARDNESS = 4396, 38, 12000.0  # of the lattice; of the continuum's mesh, about as fine; a [1/R]
@@ -51,7 +50,7 @@ def kept(seed: int, velocity: float, points: int = POINTS, a: float = HARDNESS) 
     assert isinstance(scene, ExponentialWallScene)
     setup = build(scene)
     modes = spectrum(setup.lattice, setup.physics)
-    end = move(setup, scene.time, modes, choose(scene.time, setup.physics, modes, setup.point_force), QuietProgress())
+    end = move(setup, scene.time, modes, first_step(setup, scene.time, modes), QuietProgress())
 
     # In the frame of the disk: the centre of mass at rest, turned back, and not spinning.
     rest = setup.lattice.positions - setup.lattice.positions.mean(axis=0)

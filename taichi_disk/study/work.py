@@ -16,7 +16,7 @@ from typing import Any
 from taichi_disk.dynamics import ATTEMPTS, Trial, next_trial, unclosed
 from taichi_disk.errors import TaichiDiskError
 from taichi_disk.lattice import Lattice
-from taichi_disk.model.stability import Spectrum, spectrum, step_limit
+from taichi_disk.model.stability import Spectrum, spectrum
 from taichi_disk.moduli import Moduli, bulk_moduli
 from taichi_disk.quasistatic import press
 from taichi_disk.scene import CompressionScene, Scene
@@ -88,7 +88,7 @@ class Computer:
                 damped = setup.physics.dissipates
                 # Of the lattice where it was made: a shift would change the last digits.
                 modes[damped] = modes.get(damped) or spectrum(body, setup.physics)
-                trial = Trial(scene.time, setup.point_force)
+                trial = Trial.first(setup, scene.time)
                 queue.append(_Job(k, setup, trial, _step(setup, trial, modes[damped]), 1))
             except TaichiDiskError as error:
                 yield k, PointResult("failed", str(error))
@@ -137,11 +137,9 @@ def _following(job: _Job, modes: Spectrum, ending: Ending) -> tuple[_Job, Trial 
     blow_up = ending.failure if isinstance(ending.failure, BlowUp) else None
     if ending.failure and not blow_up:
         return job, None
-    physics = replace(job.setup.physics, integrator=job.step.integrator)
-    limit = step_limit(modes, physics, ending.peak_point_force)
     columns, stubborn = (None, blow_up.stubborn) if blow_up else (ending.columns, False)
     job = replace(job, trial=job.trial.with_run(job.setup, job.step, columns))
-    return job, next_trial(job.trial, job.setup, job.step, limit, ending.peak_point_force, columns, stubborn)
+    return job, next_trial(job.trial, job.setup, job.step, modes, ending.peak_point_force, columns, stubborn)
 
 
 def _step(setup: Setup, trial: Trial, modes: Spectrum) -> TimeStep:
