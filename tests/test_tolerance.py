@@ -69,17 +69,21 @@ def test_an_energy_that_hardly_errs_vouches_for_the_first_run_of_order_4():
     assert unknown > 1e-5
     assert error_estimate([*before, high]) == pytest.approx(3.0 * 1e-7 / (2.0 * 0.9))  # e^2 is energy: 2 e de = dE
     assert error_estimate([*before, high], resolving=0.029) == pytest.approx(unknown)
+    # Two of order 4 that agree by accident are not believed more than it.
+    agreeing = [Tried(VEFRL, h, 0.9, imbalance=1e-6) for h in (0.03, 0.02)]
+    assert error_estimate(agreeing) == pytest.approx(1e-6 / (2.0 * 0.9))
 
 
 @pytest.mark.parametrize("steps", [(0.8, 0.57, 0.5), (0.8, 0.57, 0.19), (0.8, 0.57, 0.4, 0.1)])
-def test_a_second_power_of_the_step_is_never_missed_by_three_runs(steps):
+@pytest.mark.parametrize("power", [3, 4])
+def test_a_next_power_of_the_step_is_never_missed_by_three_runs(steps, power):
     """Two runs may agree by accident, where the powers cancel: h^2 - h^4/(h_1^2 + h_2^2) has no error to see there."""
-    cancelling = 1.0 / (steps[0] ** 2 + steps[1] ** 2)
-    assert error_estimate(runs(VV, steps[:2], lambda h: h**2 - cancelling * h**4)) < 1e-12
+    cancelling = (steps[0] ** 2 - steps[1] ** 2) / (steps[0] ** power - steps[1] ** power)
+    assert error_estimate(runs(VV, steps[:2], lambda h: h**2 - cancelling * h**power)) < 1e-12
     for part in [*np.linspace(-5.0, 5.0, 101), -cancelling]:
 
         def error(h, part=part):
-            return h**2 + part * h**4
+            return h**2 + part * h**power
 
         assert error_estimate(runs(VV, steps, error)) >= (1.0 - 1e-9) * abs(error(steps[-1]))
 
