@@ -129,6 +129,31 @@ def test_what_is_missing_falls_with_the_square_of_the_step(scene, eta_star, inte
     assert worst[1] < 1e-4 * 0.5 * 0.05**2
 
 
+@pytest.mark.parametrize(
+    ("scene", "eta_star", "integrator"),
+    [("rigid", 1.0, VV), ("rigid", 20.0, TRAPEZOIDAL), ("matched", 3.0, VV)],
+)
+def test_what_is_missing_once_the_disk_has_come_to_rest_in_itself_falls_with_the_fourth_power(
+    scene, eta_star, integrator
+):
+    """Where nothing vibrates any more E_2 is gone, and what the dashpots took is summed to the order of what is left."""
+    from taichi_disk.model.world import World
+
+    lattice = disk(N, height=0.12) if scene == "rigid" else disk_and_wall(N, 80, height=0.12)
+    physics = Physics(k_b=1.0, wall="rigid" if scene == "rigid" else "elastic")
+    physics = replace(matched(lattice, physics) if scene == "matched" else physics, eta=eta_star / N)
+    physics = replace(physics, integrator=integrator)
+    closing = []
+    for steps in (400, 800):
+        world = World(lattice, physics, moving_down(lattice, 0.05), 9.0 / steps)
+        rows = np.concatenate([world.first_row[None], world.advance(1, steps)])[:, :, 0]
+        total = sum(rows[:, COLUMNS.index(name)] for name in ENERGIES)
+        closing.append(total[1] - total[0])
+        world.destroy()
+    assert closing[0] / closing[1] == pytest.approx(16.0, rel=0.2)
+    assert abs(closing[1]) < 3e-6 * 0.5 * 0.05**2
+
+
 @pytest.mark.parametrize("integrator", [TRAPEZOIDAL, pytest.param(VV, marks=pytest.mark.validate)])
 def test_losses_are_booked_where_they_happen(integrator):
     # dissipated = int eta sum |v_i - v_j|^2 dt over the springs, absorbed = int sum Z v^2 dt over the boundary, by the

@@ -16,17 +16,18 @@ class Boundary:
 
     @ti.func
     def damp_boundary(self, p: ti.template()):
-        """Matched boundary: force -Z v, v centred at this step. Returns the power absorbed, per lane."""
+        """Matched boundary: force -Z v, v centred at this step. Returns, per lane, (v.Zv + 2 v_.Zv_)/3 (see `account`)."""
         power = ti.Vector.zero(self.real, self.lanes)
         for k in range(p.n_boundary):
             i, Z = self.boundary[k], get(self.impedance, k)
             f = get(self.f, i)
-            v = get(self.v, i) + 0.5 * p.g * f
+            before = get(self.v, i)
+            v = before + 0.5 * p.g * f
             for w in ti.static(range(self.lanes)):
                 for c in ti.static(range(2)):
                     vc = v[c, w] / (1.0 + 0.5 * p.g * Z[c])
                     f[c, w] -= Z[c] * vc
-                    power[w] += Z[c] * vc * vc
+                    power[w] += Z[c] * (vc * vc + 2.0 * before[c, w] * before[c, w]) / 3.0
             put(self.f, i, f)
         return power
 

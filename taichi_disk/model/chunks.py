@@ -31,12 +31,12 @@ class Chunks:
             begin = self.chunk_ends[c - 1]
         first = c * p.chunk_points
         total, highest = self.drift(p, kick, move, sums, first, ti.min(first + p.chunk_points, p.n))
-        elastic, squares = self.add_spring_forces(p, self.physics.explicit_dashpot, begin, self.chunk_ends[c])
+        elastic, products = self.add_spring_forces(p, self.physics.explicit_dashpot, begin, self.chunk_ends[c])
         for w in ti.static(range(self.lanes)):
             self.chunk_sums[0][w][c] = total[w]
             self.chunk_sums[1][w][c] = highest[w]
             self.chunk_sums[2][w][c] = elastic[w]
-            self.chunk_sums[3][w][c] = squares[w]
+            self.chunk_sums[3][w][c] = products[w]
 
     @ti.func
     def sweep_chunk(self, numbers, k: ti.template(), c):
@@ -68,7 +68,7 @@ class Chunks:
             sums = self.move_frame(self.kick_of(p, stage), move, sums)
         total = ti.Vector.zero(self.real, self.lanes)
         highest = ti.Vector.zero(self.real, self.lanes)
-        elastic, squares = self.add_spring_forces(
+        elastic, products = self.add_spring_forces(
             p, self.physics.explicit_dashpot, self.chunk_ends[self.chunks - 1], p.blocks
         )
         for c in range(self.chunks):
@@ -77,10 +77,10 @@ class Chunks:
                 total[w] += part[0, w]
                 highest[w] = ti.max(highest[w], part[1, w])
                 elastic[w] += part[2, w]
-                squares[w] += part[3, w]
+                products[w] += part[3, w]
         sums, upward, potential = self.touch(p, move, sums, total, highest)
         if ti.static(last):
-            sums = self.account(p, number, sums, squares)
+            sums = self.account(p, number, sums, products)
         put(self.sums, 0, sums)
         for w in ti.static(range(self.lanes)):
             self.latest[0][w][0] = elastic[w]

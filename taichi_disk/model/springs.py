@@ -15,12 +15,12 @@ class Springs:
     def add_spring_forces(self, p: ti.template(), dashpot: ti.template(), begin, end):
         """Add the forces of the springs in blocks begin..end (and of their dashpots, at the velocities `u`) to `f`.
 
-        Returns, per lane, the elastic energy sum(k_a s^2/2 + k_b s^4/4) [M c^2] and sum(|v_i - v_j|^2) over
-        these springs [c^2], to which the power lost in the dashpots is proportional.
+        Returns, per lane, the elastic energy sum(k_a s^2/2 + k_b s^4/4) [M c^2] and sum((u_i - u_j).(w_i - w_j)) over
+        these springs [c^2] with w = (u + 2 v)/3, from which `Stepping.account` has the power lost in the dashpots.
         """
         width = ti.static(self.block * self.lanes)
         energy = ti.Vector.zero(self.real, width)
-        squares = ti.Vector.zero(self.real, width)
+        products = ti.Vector.zero(self.real, width)
         eta = ti.Vector.zero(self.real, width)
         if ti.static(dashpot):
             for k in ti.static(range(width)):
@@ -51,17 +51,18 @@ class Springs:
             fx, fy = pull * dx, pull * dy
             if ti.static(dashpot):
                 ux, uy = self.differences(self.u, block)
-                squares += ux * ux + uy * uy
+                vx, vy = self.differences(self.v, block)
+                products += ux * (ux + 2.0 * vx) + uy * (uy + 2.0 * vy)
                 fx += eta * ux
                 fy += eta * uy
             self.pull_together(block, fx, fy)
         elastic = ti.Vector.zero(self.real, self.lanes)
-        relative = ti.Vector.zero(self.real, self.lanes)
+        rates = ti.Vector.zero(self.real, self.lanes)
         for w in ti.static(range(self.lanes)):
             for k in ti.static(range(self.block)):
                 elastic[w] += energy[k * self.lanes + w]
-                relative[w] += squares[k * self.lanes + w]
-        return elastic, relative
+                rates[w] += products[k * self.lanes + w] / 3.0
+        return elastic, rates
 
     @ti.func
     def broadcast(self, parts: ti.template(), block):
