@@ -215,6 +215,16 @@ def test_a_run_reports_the_error_it_estimates(tmp_path, capsys):
     assert f"± {error:.1g} (time step)" in capsys.readouterr().out
 
 
+def test_a_loose_tolerance_leaves_an_automatic_step_that_stands(tmp_path):
+    """All that it adds is another run, and the error."""
+    stands = ("lattice.points=300", "material.eta_star=0")
+    plain = run(load_scene("exponential_wall", stands), tmp_path / "a", video=False)
+    told = run(load_scene("exponential_wall", [*stands, "time.tolerance=1e-2"]), tmp_path / "b", video=False)
+    assert told.headline["restitution"] == pytest.approx(plain.headline["restitution"], rel=1e-12)
+    assert told.summary["steps"] == plain.summary["steps"]
+    assert (plain.summary["attempts"], told.summary["attempts"]) == (1, 2)
+
+
 def test_in_single_precision_the_estimate_holds_the_rounding(tmp_path):
     settings = [*SMALL, "time.tolerance=1e-4", "time.precision=f32"]
     result = run(load_scene("exponential_wall", settings), tmp_path, video=False)
