@@ -26,8 +26,8 @@ from taichi_disk.time_step import TimeStep
 RATIO = 1.2  # of the first two steps: to tell errors apart, and cheap
 CAUTION, REGULAR_CAUTION = 1.5, 1.1  # by which an estimate from two runs is enlarged
 LEAST, MOST = 1.15, 3.0  # by which a later step is shortened: a longer leap would trust the power too far,
-FAR = 8.0  # unless runs were regular: the imbalance fell with its power, or three enlarge the estimate by no more than
-REGULAR = 1.1  # this
+FAR = 8.0  # unless the runs were regular: the imbalance of two fell with its power, or of three
+REGULAR = 1.1  # the estimate is enlarged by no more than this
 AIM = 0.75  # of the tolerance, at which a step is aimed
 RESOLVED = 0.7  # of the wall's decay length that a step may cross
 UNRESOLVED_PART = 0.5  # of the worst imbalance, which the error may be where a step crosses more
