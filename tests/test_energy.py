@@ -136,7 +136,7 @@ def test_what_is_missing_falls_with_the_square_of_the_step(scene, eta_star, inte
 def test_what_is_missing_once_the_disk_has_come_to_rest_in_itself_falls_with_the_fourth_power(
     scene, eta_star, integrator
 ):
-    """Where nothing vibrates any more E_2 is gone, and what the dashpots took is summed to the order of what is left."""
+    """Where nothing vibrates any more E_2 is gone; what the dashpots took is summed to the order of what is left."""
     from taichi_disk.model.world import World
 
     lattice = disk(N, height=0.12) if scene == "rigid" else disk_and_wall(N, 80, height=0.12)

@@ -94,6 +94,18 @@ def test_restitution_and_contact_time_equal_those_of_dop853(eta_star, velocity):
 
 
 @pytest.mark.usefixtures("taichi")
+def test_the_contact_time_does_not_hang_on_the_rows_where_a_hard_wall_rattles():
+    """Against a row for every step; rows 0.05 R/c apart miss the first and the last of the pushes."""
+    hard = ("lattice.points=300", "wall.a=12000", "wall.V0=6000", "material.eta_star=0", "impact.velocity=0.05")
+    found = {}
+    for interval in ("auto", "1e-6", "0.05"):
+        setup, outcome = computed("exponential_wall", *hard, f"time.sample_interval={interval}")
+        found[interval] = setup.headline(outcome.columns).values["contact_time"]
+    assert found["auto"] == pytest.approx(found["1e-6"], rel=1e-3)
+    assert found["0.05"] != pytest.approx(found["1e-6"], rel=3e-3)
+
+
+@pytest.mark.usefixtures("taichi")
 @pytest.mark.parametrize(
     ("name", "settings"),
     [

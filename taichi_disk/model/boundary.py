@@ -16,7 +16,10 @@ class Boundary:
 
     @ti.func
     def damp_boundary(self, p: ti.template()):
-        """Matched boundary: force -Z v, v centred at this step. Returns, per lane, (v.Zv + 2 v_.Zv_)/3 (see `account`)."""
+        """Matched boundary: force -Z v, v centred at this step.
+
+        Returns, per lane, (v.Zv + 2 v_.Zv_)/3 with v_ half a step ago, for `Stepping.account`.
+        """
         power = ti.Vector.zero(self.real, self.lanes)
         for k in range(p.n_boundary):
             i, Z = self.boundary[k], get(self.impedance, k)
