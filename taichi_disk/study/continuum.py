@@ -90,7 +90,7 @@ def impact(rows: Sequence[Row]) -> list[str]:
     lines = [
         "Impacts against equation (4), integrated, with E of the lattices and τ₀ of their pressed contact; η, not "
         "η\\*, is the same for all N. Equation (4) is quasi-static: it knows of no energy left in vibrations. Without "
-        "dashpots, single points still knock on the hard wall at the end: there a contact time is good to about 1 %.",
+        "dashpots, single points still knock on the hard wall at the end, and contact lasts longer for it.",
         "",
         "| N | a [1/R] | η\\* | τ₀ [R/c] | v [c] | e | eq. (4) | e − eq. (4) "
         "| contact time [R/c] | eq. (4) | Hertz's | contact time/eq. (4) − 1 |",
