@@ -26,7 +26,7 @@ from taichi_disk.model import ordering
 TOLERANCE, LEAST = 0.03, 3
 
 FACTOR_UP_TO = 5_000  # points; below, sweeps gain nothing that matters
-SMALL_FACTOR_COST = 3.2  # of a step with a factor in lattices of about a thousand points, in explicit ones
+SMALL_FACTOR_COST = 2.8  # of a step with a factor in lattices of about a thousand points, in explicit ones
 BOUND = 1.2  # times the largest eigenvalue of L is what `largest_rate` finds for random lattices
 
 
@@ -57,13 +57,14 @@ def solver_for(points: int, kappa: float) -> tuple[int, float]:
     """The number of sweeps that solve best, 0 where a factor does; and the cost of a step, in explicit ones.
 
     Costs are measured (one core, f64). A factor has 2.5 n^(1/4) entries for each point, and from some size on fits no
-    cache: its step costs 3.2 at n = 1,099, 4.6 at 10,000, 9 at 40,000. One with K sweeps costs 1 + 0.5 K at any size.
+    cache: its step costs 2.8 at n = 1,099, 4.0 at 10,000, 6.3 at 40,000. One with K sweeps costs 0.9 + 0.4 K at any
+    size.
     """
     large = points >= ordering.PARALLEL_FROM  # a factor is one core's work
     if points < FACTOR_UP_TO and not large:
         return 0, SMALL_FACTOR_COST
     sweeps = sweeps_for(kappa)
-    by_sweeps, by_factor = 1.05 + 0.47 * sweeps, 1.0 + 2.2 * (points / 1000.0) ** 0.25
+    by_sweeps, by_factor = 0.94 + 0.42 * sweeps, 0.9 + 1.9 * (points / 1000.0) ** 0.25
     if not large and by_factor < by_sweeps:
         return 0, by_factor
     return sweeps, by_sweeps

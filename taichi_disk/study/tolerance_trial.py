@@ -6,7 +6,7 @@ It may be stopped and started again: judgements.jsonl in its folder holds what i
 Scenes are drawn by number: `trial_scene`. The truth is that of `taichi_disk.study.truth`; where contacts jump or the
 wall is hard it is computed at two tolerances of its own, and if these differ by more than a tenth of the tolerance
 asked for, the scene has no truth to be held against. Work is counted in force evaluations of all runs together, a step
-with implicit dashpots as 3.2. The best step by hand is the cheapest, over the integrators and a grid of steps 10 %
+with implicit dashpots as 2.8. The best step by hand is the cheapest, over the integrators and a grid of steps 10 %
 apart from 0.95 of the stability limit down, from which on all shorter ones tried keep the tolerance: nobody knows it
 without knowing the truth.
 """

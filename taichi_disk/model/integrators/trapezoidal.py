@@ -1,10 +1,10 @@
 """Velocity Verlet with the dashpots trapezoidal: order 2, one force evaluation and one sparse solve a step.
 
 For strong dashpots: the step is set by the springs, not by eta. The symmetric positive definite matrix is constant, so
-its Cholesky factor is computed once and held in Taichi fields; a step then costs 3.2 of those with weak dashpots. In
-large lattices a factor costs more, 4.9 steps at N = 10,000 and 9 at 40,000, and is one core's work: sweeps solve there
-(see `sweeps`), half a step each, 7 and 5 of them at eta* = 100. At N = 1099, where a sweep costs a quarter of the solve
-by the factor, it would take 4 at eta* = 10 and 12 at eta* = 100.
+its Cholesky factor is computed once and held in Taichi fields; a step then costs 2.8 of those with weak dashpots. In
+large lattices a factor costs more, 4.0 steps at N = 10,000 and 6.3 at 40,000, and is one core's work: there sweeps
+solve (see `sweeps`), 0.4 steps each, 7 and 5 of them at eta* = 100. At N = 1099, where a sweep costs a quarter of the
+solve by the factor, it would take 4 at eta* = 10 and 12 at eta* = 100.
 
 With v_ the velocities half a step ago and F the springs' and walls' forces at this step, the velocity u at
 this step, centred between v_ and v_+ = 2 u - v_, obeys
