@@ -28,7 +28,9 @@ CLOSING, WORST = 2e-5, 1e-4  # largest imbalance of the energy, at the end and e
 OPEN = 1e-3  # imbalance at the end that no result may have: it would show in the third digit of e
 ATTEMPTS = 8
 LONGEST = 0.96  # of the stability limit, a step to hold the automatic one against
-ROUNDING = 4e-7  # of e in single precision (`taichi-disk accuracy`), which no difference between two runs shows
+# Of e in single precision (`taichi-disk accuracy`), which no difference between two runs shows. It grows with the
+# number of steps, from this fraction of the stability limit down.
+ROUNDING, OFTEN = 4e-7, 0.5
 
 
 def first_step(setup: Setup, time: TimeSection, modes: Spectrum, force: bool = False) -> TimeStep:
@@ -106,7 +108,8 @@ class Trial:
         if self.time.tolerance == "none" or columns is None:
             return self
         worst = float(np.abs(imbalance(columns)).max()) / setup.energy_scale(columns)
-        return replace(self, tried=(*self.tried, Tried(step.integrator, step.dt, setup.main_number(columns)[1], worst)))
+        run = Tried(step.integrator, step.dt, setup.main_number(columns)[1], worst, step.dt / step.limit)
+        return replace(self, tried=(*self.tried, run))
 
     def error(self, setup: Setup, columns: Columns) -> float | None:
         """The estimated error of the last headline; None without a tolerance, or while there is too little to tell."""
@@ -116,7 +119,7 @@ class Trial:
         if not setup.depends_on_step:
             return known
         if self.time.precision == "f32":
-            known += ROUNDING
+            known += ROUNDING * max(1.0, OFTEN / self.tried[-1].fraction)
         error = error_estimate(self.tried, setup.resolving_step)
         return None if error is None else error + known
 

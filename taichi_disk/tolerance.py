@@ -36,12 +36,16 @@ LONGEST_FIRST = 0.95  # of its stability limit, with which another integrator be
 
 @dataclass(frozen=True)
 class Tried:
-    """One run: its integrator and step [R/c], its headline, its energy's worst imbalance over the kinetic energy."""
+    """One run: its integrator and step [R/c], its headline, its energy's worst imbalance over the kinetic energy.
+
+    `fraction`: the step over its stability limit.
+    """
 
     integrator: Integrator
     dt: float
     headline: float
     imbalance: float = 0.0
+    fraction: float = 1.0
 
     @property
     def order(self) -> int:

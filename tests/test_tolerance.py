@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -11,9 +12,10 @@ from reference import Model
 from worlds import computed, disk_and_wall
 
 from taichi_disk import load_scene, run
-from taichi_disk.dynamics import ROUNDING
+from taichi_disk.dynamics import ROUNDING, Trial
 from taichi_disk.errors import InputError, SimulationError
 from taichi_disk.model.physics import Physics
+from taichi_disk.scene import TimeSection
 from taichi_disk.scenes import build
 from taichi_disk.study.truth import Solver
 from taichi_disk.time_step import TimeStep
@@ -229,6 +231,12 @@ def test_in_single_precision_the_estimate_holds_the_rounding(tmp_path):
     settings = [*SMALL, "time.tolerance=1e-4", "time.precision=f32"]
     result = run(load_scene("exponential_wall", settings), tmp_path, video=False)
     assert ROUNDING < result.summary["error_estimate"]["restitution"] <= 1e-4
+    # Steps of 0.1 and 0.05 of the limit were off by up to 2.0e-6 and 2.4e-6 (eta* = 10 and 100, implicit dashpots).
+    setup = SimpleNamespace(left_over=lambda columns: 0.0, depends_on_step=True, resolving_step=np.inf)
+    for fraction, rounding in ((0.8, ROUNDING), (0.1, 5.0 * ROUNDING), (0.05, 10.0 * ROUNDING)):
+        same = [Tried(VV, dt, 0.9, fraction=fraction) for dt in (0.02, 0.016)]
+        trial = Trial(TimeSection(tolerance=1e-5, precision="f32"), 0.0, tried=tuple(same))
+        assert trial.error(setup, {}) == pytest.approx(rounding, rel=1e-12)
 
 
 @pytest.mark.usefixtures("taichi")
