@@ -27,14 +27,14 @@ MARGIN = 0.95  # of the limit that the measured wall stiffness leaves; an automa
 CLOSING, WORST = 2e-5, 1e-4  # largest imbalance of the energy, at the end and ever, that an automatic step may leave
 OPEN = 1e-3  # imbalance at the end that no result may have: it would show in the third digit of e
 ATTEMPTS = 8
-LONGEST = 0.96  # of the stability limit, a step to hold the automatic one against
+LONGEST_FIRST = 0.96  # of the stability limit, a step to hold the automatic one against
 # Of e in single precision (`taichi-disk accuracy`), which no difference between two runs shows. It grows with the
 # number of steps, from this fraction of the stability limit down.
-ROUNDING, OFTEN = 4e-7, 0.5
+ROUNDING, ROUNDING_GROWS = 4e-7, 0.5
 
 
 def first_step(setup: Setup, time: TimeSection, modes: Spectrum, force: bool = False) -> TimeStep:
-    """The step with which `setup` begins; see `time_step.choose`."""
+    """The step with which `move` begins. Raises InputError for one by hand beyond the limit, unless `force`."""
     trial = Trial.first(setup, time)
     return choose(trial.time, setup.physics, modes, trial.point_force, force)
 
@@ -43,18 +43,18 @@ def move(
     setup: Setup,
     time: TimeSection,
     modes: Spectrum,
-    step: TimeStep,
     progress: Progress,
     make: Callable[[Setup, TimeStep, World | None], World] = make_world,
+    force: bool = False,
 ) -> Outcome:
-    """Simulate `setup` to its end, beginning with `step`; an automatic step that proves too long is shortened.
+    """Simulate `setup` to its end; an automatic step that proves too long is shortened, and a tolerance kept.
 
-    `make` gives the world at t = 0, if possible with the kernels of the one before.
-    Raises SimulationError when the scene does not end in time or, at an automatic step, its ledger stays open, BlowUp
-    when the state becomes meaningless.
+    `make` gives the world at t = 0, if possible with the kernels of the one before; `force` is that of `first_step`.
+    Raises InputError as that does, SimulationError when the scene does not end in time or, at an automatic step, its
+    ledger stays open, BlowUp when the state becomes meaningless.
     """
     interval = setup.sample_interval if time.sample_interval == "auto" else time.sample_interval
-    trial = Trial.first(setup, time)
+    trial, step = Trial.first(setup, time), first_step(setup, time, modes, force)
     world: World | None = None
     compile_seconds = 0.0
     for attempt in range(1, ATTEMPTS + 1):
@@ -67,7 +67,6 @@ def move(
             result = simulate(setup, world, step, interval, progress)
         except BlowUp as failure:
             result = failure
-        limit = step_limit(modes, replace(setup.physics, integrator=step.integrator), result.peak_point_force)
         columns = None if isinstance(result, BlowUp) else result.columns
         trial = trial.with_run(setup, step, columns)
         stubborn = isinstance(result, BlowUp) and result.stubborn
@@ -82,6 +81,7 @@ def move(
         raise SimulationError(still_open)
     if out := trial.out_of_tolerance(setup, result.columns):
         raise SimulationError(out)
+    limit = step_limit(modes, replace(setup.physics, integrator=step.integrator), result.peak_point_force)
     return _describe(setup, trial, result, limit, attempt, compile_seconds)
 
 
@@ -99,7 +99,7 @@ class Trial:
     def first(cls, setup: Setup, time: TimeSection) -> Trial:
         """Where a tolerance is asked for, a longer step than the automatic one, to hold that against."""
         if time.tolerance != "none" and setup.depends_on_step:
-            safety = max(time.safety, min(RATIO * time.safety, LONGEST))
+            safety = max(time.safety, min(RATIO * time.safety, LONGEST_FIRST))
             time = time.model_copy(update={"safety": safety})
         return cls(time, setup.point_force)
 
@@ -119,7 +119,7 @@ class Trial:
         if not setup.depends_on_step:
             return known
         if self.time.precision == "f32":
-            known += ROUNDING * max(1.0, OFTEN / self.tried[-1].fraction)
+            known += ROUNDING * max(1.0, ROUNDING_GROWS / self.tried[-1].fraction)
         error = error_estimate(self.tried, setup.resolving_step)
         return None if error is None else error + known
 
@@ -207,10 +207,10 @@ def _closer(trial: Trial, setup: Setup, step: TimeStep, modes: Spectrum, peak: f
     def limit(integrator: Integrator, force: float = peak) -> float:
         return step_limit(modes, replace(setup.physics, integrator=integrator), force)
 
-    time, present = trial.time, replace(step, limit=limit(step.integrator))
+    time, measured = trial.time, limit(step.integrator)
     assert time.tolerance != "none"
     off = setup.depends_on_step and trial.out_of_tolerance(setup, columns)
-    if not off and step.dt <= max(MARGIN, time.safety) * present.limit and not unclosed(setup, columns):
+    if not off and step.dt <= max(MARGIN, time.safety) * measured and not unclosed(setup, columns):
         return None
     other = None
     if time.integrator == "auto" and step.integrator == "trapezoidal" and setup.physics.boundary != "reset":
@@ -219,8 +219,8 @@ def _closer(trial: Trial, setup: Setup, step: TimeStep, modes: Spectrum, peak: f
     elif time.integrator == "auto" and not setup.physics.damped:
         other = Other("vefrl", limit("vefrl"), SPLITTINGS["vefrl"].forces)
     excess = abs(float(imbalance(columns)[-1])) / setup.energy_scale(columns) / max(OPEN, time.tolerance)
-    least = max(LEAST, float(np.sqrt(excess)), step.dt / (MARGIN * present.limit))
-    better = better_step(trial.tried, time.tolerance, present, other, setup.resolving_step, least)
+    least = max(LEAST, float(np.sqrt(excess)), step.dt / (MARGIN * measured))
+    better = better_step(trial.tried, time.tolerance, step, other, setup.resolving_step, least)
     integrator = better.integrator if better.integrator != step.integrator else time.integrator
     safety = better.dt / limit(better.integrator, trial.point_force)
     return replace(trial, time=time.model_copy(update={"safety": safety, "integrator": integrator}))

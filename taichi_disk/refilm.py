@@ -20,7 +20,6 @@ from taichi_disk.scene_file import load_scene
 from taichi_disk.scenes import build
 from taichi_disk.scenes.compression import Compression
 from taichi_disk.scenes.setup import Setup
-from taichi_disk.time_step import choose
 
 ALLOWED = (".mp4", ".webm", ".gif", ".png", "")
 
@@ -74,5 +73,4 @@ def _compute(scene: Scene, progress: Progress) -> tuple[Setup, Outcome]:
         return setup, press(setup)
     modes = spectrum(setup.lattice, setup.physics)
     # The run was made: what it took, also a step by force, is taken again.
-    step = choose(scene.time, setup.physics, modes, setup.point_force, force=True)
-    return setup, move(setup, scene.time, modes, step, progress)
+    return setup, move(setup, scene.time, modes, progress, force=True)

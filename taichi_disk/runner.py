@@ -70,7 +70,7 @@ def run(
         static = isinstance(setup, Compression) and setup.scene.compression.method == "newton"
         if not static:
             modes = spectrum(setup.lattice, setup.physics)
-            step = first_step(setup, scene.time, modes, force)
+            first_step(setup, scene.time, modes, force)  # refused, if it is, before anything is written
     prepare_output(out)
     results.clear(out)
     results.write_text(out / "scene.yaml", scene.to_yaml())
@@ -90,7 +90,7 @@ def run(
             if isinstance(setup, Compression) and static:
                 outcome = press(setup)
             else:
-                outcome = move(setup, scene.time, modes, step, progress)
+                outcome = move(setup, scene.time, modes, progress, force=force)
     except (SimulationError, KeyboardInterrupt) as failure:
         if isinstance(failure, KeyboardInterrupt):
             summary["status"] = "interrupted"

@@ -54,7 +54,7 @@ class Tried:
     @property
     def moved(self) -> float:
         """What e is off by if all the energy that is amiss is missing from the flight: e^2 is a part of energy."""
-        return self.imbalance / max(2.0 * abs(self.headline), 1e-300)
+        return self.imbalance / (2.0 * self.headline)
 
 
 @dataclass(frozen=True)

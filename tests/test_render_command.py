@@ -12,7 +12,10 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from taichi_disk import run
 from taichi_disk.cli import main
+from taichi_disk.progress import QuietProgress
+from taichi_disk.refilm import _compute
 from taichi_disk.render.colours import GROUND, amount_colours
 from taichi_disk.render.film import film_problem
 from taichi_disk.render.layout import Layout
@@ -147,6 +150,13 @@ def test_a_scene_says_how_its_run_is_filmed(tmp_path: Path) -> None:
         films = {"video.gif", "video.webm", "frames", "video.mp4"} & {path.name for path in tmp_path.iterdir()}
         assert films == {name}
         assert json.loads((tmp_path / "summary.json").read_text())["video"] == name
+
+
+def test_a_run_that_sought_its_step_takes_the_same_one_when_it_is_filmed_again(tmp_path: Path) -> None:
+    settings = ["lattice.points=60", "material.eta_star=0", "time.tolerance=1e-6"]
+    made = run(load_scene("exponential_wall", settings), tmp_path, video=False).summary
+    _, again = _compute(load_scene(tmp_path / "scene.yaml", ()), QuietProgress())
+    assert (again.facts["dt"], again.facts["attempts"]) == (made["dt"], made["attempts"])
 
 
 @needs_vulkan

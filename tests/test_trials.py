@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -12,6 +13,7 @@ from taichi_disk.model.physics import Physics
 from taichi_disk.model.stability import Spectrum
 from taichi_disk.scene import TimeSection
 from taichi_disk.time_step import TimeStep
+from taichi_disk.tolerance import Tried
 
 # What next_trial asks of a setup.
 SETUP = SimpleNamespace(energy_scale=lambda columns: 2.0, physics=Physics(wall="none"))
@@ -69,6 +71,28 @@ def test_what_a_shorter_step_seldom_mends_is_tried_once_more() -> None:
     assert following is not None and following.time.safety * STEP.limit == pytest.approx(0.5 * STEP.dt)
     assert next_trial(following, SETUP, STEP, modes(0.02), 0.1, None, True) is None
     assert next_trial(following, SETUP, STEP, modes(0.02), 0.1, None, False) is not None
+
+
+@pytest.mark.parametrize(
+    ("eta", "boundary", "taken"),
+    [(0.0, "none", "vefrl"), (1.0, "none", "velocity_verlet"), (1.0, "reset", "auto")],
+)
+def test_a_tolerance_changes_the_integrator_where_another_costs_less(eta: float, boundary: str, taken: str) -> None:
+    """Not beside a reset boundary, where explicit dashpots were seen to err far more than implicit ones."""
+    setup = SimpleNamespace(
+        physics=Physics(wall="none", eta=eta, boundary=boundary),
+        energy_scale=SETUP.energy_scale,
+        scene=SimpleNamespace(time=TimeSection(tolerance=1e-8)),
+        depends_on_step=True,
+        resolving_step=np.inf,
+        left_over=lambda columns: 0.0,
+    )
+    present = replace(STEP, integrator="trapezoidal" if eta else "velocity_verlet")
+    runs = tuple(Tried(present.integrator, dt, 0.9 + dt**2) for dt in (1.2 * STEP.dt, STEP.dt))
+    spectrum = replace(modes(0.02), damping=500.0)
+    trial = Trial(TimeSection(tolerance=1e-8), 0.1, tried=runs)
+    following = next_trial(trial, setup, present, spectrum, 0.1, {"total": np.zeros(2)})
+    assert following is not None and following.time.integrator == taken
 
 
 def test_a_ledger_that_stays_open_is_told_with_what_may_help() -> None:

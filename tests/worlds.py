@@ -65,7 +65,7 @@ def computed(name: str, *settings: str, kept: Worlds | None = None):
     `kept`: compiled worlds to take from, and to leave new ones in.
     """
     from taichi_disk import load_scene
-    from taichi_disk.dynamics import first_step, move
+    from taichi_disk.dynamics import move
     from taichi_disk.model.stability import spectrum
     from taichi_disk.progress import QuietProgress
     from taichi_disk.scenes import build
@@ -74,7 +74,6 @@ def computed(name: str, *settings: str, kept: Worlds | None = None):
     scene = load_scene(name, settings)
     setup = build(scene)
     modes = spectrum(setup.lattice, setup.physics)
-    step = first_step(setup, scene.time, modes)
     make = make_world
     if kept is not None:
 
@@ -82,4 +81,4 @@ def computed(name: str, *settings: str, kept: Worlds | None = None):
             physics = replace(setup.physics, integrator=step.integrator)
             return kept.start(setup.lattice, physics, setup.velocities, step.dt)
 
-    return setup, move(setup, scene.time, modes, step, QuietProgress(), make)
+    return setup, move(setup, scene.time, modes, QuietProgress(), make)

@@ -14,7 +14,6 @@ from taichi_disk.model.stability import spectrum
 from taichi_disk.progress import QuietProgress
 from taichi_disk.scene_file import load_scene
 from taichi_disk.scenes import build
-from taichi_disk.time_step import choose
 
 
 @dataclass(frozen=True)
@@ -52,7 +51,6 @@ def impact(scene: str, *settings: str) -> Task:
     loaded = load_scene(scene, settings)
     setup = build(loaded)
     modes = spectrum(setup.lattice, setup.physics)
-    step = choose(loaded.time, setup.physics, modes, setup.point_force)
-    facts = move(setup, loaded.time, modes, step, QuietProgress()).facts
+    facts = move(setup, loaded.time, modes, QuietProgress()).facts
     physics = replace(setup.physics, integrator=facts["integrator"])
     return Task(setup.lattice, physics, setup.velocities[None], facts["dt"], facts["dt_limit"], facts["steps"])

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from taichi_disk.benchmark.stopwatch import seconds_to_advance
-from taichi_disk.dynamics import first_step, move
+from taichi_disk.dynamics import move
 from taichi_disk.errors import InputError
 from taichi_disk.model import runtime
 from taichi_disk.model.physics import Integrator
@@ -80,7 +80,7 @@ def _end(setup: Setup, progress: Progress) -> float:
     if isinstance(setup.scene, CompressionScene):
         return 20.0 / float(np.sqrt(setup.physics.k_a))
     modes, time = spectrum(setup.lattice, setup.physics), setup.scene.time
-    columns = move(setup, time, modes, first_step(setup, time, modes, True), progress).columns
+    columns = move(setup, time, modes, progress, force=True).columns
     return float(columns["t"][-1])
 
 

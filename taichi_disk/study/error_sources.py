@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
-from taichi_disk.dynamics import first_step, move
+from taichi_disk.dynamics import move
 from taichi_disk.model import runtime
 from taichi_disk.model.stability import spectrum
 from taichi_disk.progress import Progress, QuietProgress
@@ -82,6 +82,5 @@ def _headline(scene: Scene) -> float:
         outcome = press(setup)
     else:
         modes = spectrum(setup.lattice, setup.physics)
-        step = first_step(setup, scene.time, modes)
-        outcome = move(setup, scene.time, modes, step, QuietProgress())
+        outcome = move(setup, scene.time, modes, QuietProgress())
     return next(iter(setup.headline(outcome.columns).values.values()))

@@ -13,7 +13,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from taichi_disk.dynamics import OPEN, first_step, move
+from taichi_disk.dynamics import OPEN, move
 from taichi_disk.errors import InputError, SimulationError
 from taichi_disk.lattice import Lattice, bond_lengths
 from taichi_disk.model.stability import spectrum
@@ -113,8 +113,7 @@ def compute(
         if start is not None:
             start(setup)
         modes = spectrum(setup.lattice, setup.physics)
-        step = first_step(setup, scene.time, modes, force)
-        outcome = move(setup, scene.time, modes, step, QuietProgress(), make)
+        outcome = move(setup, scene.time, modes, QuietProgress(), make, force)
     return replace(outcome, facts=outcome.facts | setup.headline(outcome.columns).values)
 
 

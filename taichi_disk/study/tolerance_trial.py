@@ -140,7 +140,7 @@ class Trials:
         )
         judgement = Judgement(number, "kept", text, scene.time.tolerance, crossed=crossed)
         try:
-            outcome = self._counted(setup, modes, first)
+            outcome = self._counted(setup, modes)
         except SimulationError as error:
             end: Literal["told", "ended"] = "told" if "time.tolerance" in str(error) else "ended"
             return replace(judgement, end=end, text=f"{text}: {error}", work=self._work)
@@ -160,11 +160,11 @@ class Trials:
         best = self._best_by_hand(setup, modes, first, finish, truth, scene.time.tolerance)
         return replace(judgement, by_hand=best)
 
-    def _counted(self, setup: Setup, modes: Spectrum, first: TimeStep) -> Outcome:
+    def _counted(self, setup: Setup, modes: Spectrum) -> Outcome:
         """The scene run as `run` does; `_work` is that of all its runs."""
         self._work, self._running = 0.0, None
         try:
-            return move(setup, setup.scene.time, modes, first, QuietProgress(), self._make)
+            return move(setup, setup.scene.time, modes, QuietProgress(), self._make)
         finally:
             self._count()
 

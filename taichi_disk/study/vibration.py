@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from taichi_disk.dynamics import first_step, move
+from taichi_disk.dynamics import move
 from taichi_disk.errors import SimulationError
 from taichi_disk.lattice import Lattice
 from taichi_disk.model import runtime
@@ -50,7 +50,7 @@ def kept(seed: int, velocity: float, points: int = POINTS, a: float = HARDNESS) 
     assert isinstance(scene, ExponentialWallScene)
     setup = build(scene)
     modes = spectrum(setup.lattice, setup.physics)
-    end = move(setup, scene.time, modes, first_step(setup, scene.time, modes), QuietProgress())
+    end = move(setup, scene.time, modes, QuietProgress())
 
     # In the frame of the disk: the centre of mass at rest, turned back, and not spinning.
     rest = setup.lattice.positions - setup.lattice.positions.mean(axis=0)
