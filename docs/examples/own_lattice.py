@@ -12,7 +12,6 @@ from taichi_disk.model import runtime
 from taichi_disk.model.stability import spectrum
 from taichi_disk.progress import QuietProgress
 from taichi_disk.scenes import build
-from taichi_disk.time_step import choose
 from taichi_disk.triangulation import triangulate
 
 k = 8  # points along an edge, less one
@@ -28,7 +27,6 @@ runtime.start("cpu")
 scene = load_scene("exponential_wall", [f"lattice.points={n}", "material.eta_star=0", "impact.velocity=0.03"])
 setup = build(scene, hexagon)
 modes = spectrum(setup.lattice, setup.physics)
-step = choose(scene.time, setup.physics, modes, setup.point_force)
-outcome = move(setup, scene.time, modes, step, QuietProgress())
+outcome = move(setup, scene.time, modes, QuietProgress())
 e = setup.headline(outcome.columns).values["restitution"]
 print(f"{n} points, flat side down: e = {e:.4f}, the rest of the energy vibrates")
