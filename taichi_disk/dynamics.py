@@ -53,7 +53,6 @@ def move(
     Raises InputError as that does, SimulationError when the scene does not end in time or, at an automatic step, its
     ledger stays open, BlowUp when the state becomes meaningless.
     """
-    interval = setup.sample_interval if time.sample_interval == "auto" else time.sample_interval
     trial, step = Trial.first(setup, time), first_step(setup, time, modes, force)
     world: World | None = None
     compile_seconds = 0.0
@@ -64,7 +63,7 @@ def move(
         compile_seconds += perf_counter() - began
         result: Simulation | BlowUp
         try:
-            result = simulate(setup, world, step, interval, progress)
+            result = simulate(setup, world, step, setup.row_interval, progress)
         except BlowUp as failure:
             result = failure
         columns = None if isinstance(result, BlowUp) else result.columns

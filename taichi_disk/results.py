@@ -65,13 +65,17 @@ def write_summary(path: Path, summary: dict[str, Any]) -> None:
     write_text(path, json.dumps(summary, indent=2, allow_nan=False) + "\n")
 
 
-def write_timeseries(path: Path, columns: Columns) -> None:
+def write_timeseries(path: Path, columns: Columns, every: int = 1) -> None:
     """CSV with the columns of TIMESERIES, and those of MORE that are not zero throughout.
 
-    `total` is the sum of all energies. 17 digits, so that the numbers read back are the numbers computed.
+    Of the rows each `every`-th, and the last. `total` is the sum of all energies. 17 digits, so that the numbers read
+    back are the numbers computed.
     """
     names = [*TIMESERIES, *(name for name in MORE if columns[name].any())]
     table = np.stack([columns[name] for name in names], axis=1)
+    kept = np.arange(len(table)) % every == 0
+    kept[-1] = True
+    table = table[kept]
 
     def write(beside: Path) -> None:
         np.savetxt(beside, table, fmt="%.17g", delimiter=",", header=",".join(names), comments="")

@@ -126,7 +126,9 @@ def run(
 
 
 def _write(out: Path, scene: Scene, setup: Setup, outcome: Outcome, headline: dict[str, float]) -> None:
-    results.write_timeseries(out / "timeseries.csv", outcome.columns)
+    asked, spacing = scene.time.sample_interval, float(outcome.columns["t"][1])
+    every = 1 if asked == "auto" or "dt" not in outcome.facts else max(1, round(asked / spacing))
+    results.write_timeseries(out / "timeseries.csv", outcome.columns, every)
     results.write_arrays(
         out / "final.npz",
         positions=outcome.positions,

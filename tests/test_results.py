@@ -49,6 +49,15 @@ def test_files_are_those_of_the_contract(impact, absorbing, compression):
         assert names == {"scene.yaml", "summary.json", "timeseries.csv", "lattice.npz", "final.npz", "plot.png"}
 
 
+def test_rows_asked_for_far_apart_are_rows_of_the_full_series_and_its_end(impact, tmp_path):
+    run(load_scene("exponential_wall", (*SMALL, "time.sample_interval=1.0")), tmp_path / "o", video=False)
+    full, few = table_of(impact[1]), table_of(tmp_path / "o")
+    every = round(1.0 / full["t"][1])
+    chosen = sorted({*range(0, len(full["t"]), every), len(full["t"]) - 1})
+    assert np.ptp(np.diff(few["t"])[:-1]) < 1e-9 and few["t"][1] == pytest.approx(1.0, abs=0.5 * full["t"][1])
+    assert all(np.array_equal(few[name], full[name][chosen]) for name in full)
+
+
 def test_summary_says_what_was_computed_and_how(impact, absorbing, compression):
     common = {"scene", "status", "reason", "seed", "precision", "versions", "wall_clock", "measured"}
     common |= {"steps", "integrator"}

@@ -95,6 +95,14 @@ def test_points_do_not_depend_on_the_sweep_they_are_in(small: SweepResult, tmp_p
     assert all(whole[row["key"]] == row for row in part.rows) and len(part.rows) == 2
 
 
+def test_points_that_share_a_step_and_differ_in_their_rows_do_not_share_these(tmp_path: Path) -> None:
+    # A reset boundary gives both the same step; the faster one needs rows closer by.
+    text = "scene: absorbing_wall\nlattice: {points: 40}\nwall: {points: 50, width: 3.0}\nsweep: {velocity: [0.02, 0.05]}"
+    both = run_sweep(sweep_of(tmp_path, text), tmp_path / "both", jobs=1).rows
+    fast = run_sweep(sweep_of(tmp_path, text, "sweep.velocity=[0.05]"), tmp_path / "fast", jobs=1).rows
+    assert both[0]["dt"] == both[1]["dt"] and both[1:] == fast
+
+
 @pytest.mark.validate
 def test_a_killed_sweep_goes_on_and_ends_with_the_same_bytes_in_any_number_of_processes(
     small: SweepResult, tmp_path: Path

@@ -13,7 +13,8 @@ START_POTENTIAL = 1e-10  # of the wall at the start, as a fraction of the kineti
 # Part of the wall's decay time 1/(a v) between two rows: a point is pushed for a few of these, and on a hard wall the
 # force of the whole disk is made of such pushes, whose first and last bound the contact.
 BLINK = 0.3
-SHORTEST, LONGEST = 2e-4, 0.05  # between two rows, of the disk's own time: some 30,000 and 100 rows of contact
+LONGEST = 0.05  # between two rows, of the disk's own time: some 100 rows of contact
+HALVINGS = 8  # of that at the most: some 30,000 rows. By halves, so that points of a sweep can be lanes of one world
 CONTACT_LEVEL = 0.01  # contact lasts while the wall's force exceeds this fraction of its peak
 
 
@@ -29,8 +30,8 @@ class Impact(Setup):
         self.velocity = scene.impact.velocity
         self.kinetic = 0.5 * self.velocity**2
         unit = 1.0 / np.sqrt(scene.material.k_a)  # the disk's own time scale [R/c]
-        blink = BLINK / (scene.wall.a * self.velocity)
-        self.sample_interval = float(np.clip(blink, SHORTEST * unit, LONGEST * unit))
+        halvings = np.ceil(np.log2(LONGEST * unit * scene.wall.a * self.velocity / BLINK) - 1e-9)
+        self.sample_interval = float(LONGEST * unit * 0.5 ** np.clip(halvings, 0, HALVINGS))
         self.resolving_step = RESOLVED / (scene.wall.a * self.velocity)
         self.gap = 0.0
 

@@ -33,7 +33,7 @@ class Setup(ABC):
         physics: what acts, except the integrator, which the time step decides.
         point_force: estimate of the largest force of the wall on one point [M c^2/R].
         max_time: when to give up [R/c].
-        sample_interval: suggested time between two rows [R/c].
+        sample_interval: longest time between two rows from which the scene can be judged [R/c].
         energy_scale: what the energy balance is measured against [M c^2].
         view: (xmin, xmax, ymin, ymax) that the film keeps in sight [R].
         depends_on_step: whether the headline does, beyond where the run happens to end.
@@ -52,6 +52,15 @@ class Setup(ABC):
     depends_on_step: bool
     resolving_step: float
     less_left_over: str
+
+    @property
+    def row_interval(self) -> float:
+        """Time between two rows to take [R/c]: shorter than `sample_interval` where that is asked for, never longer.
+
+        What a run finds, and when it ends, must not depend on how many lines somebody wants to read.
+        """
+        asked = self.scene.time.sample_interval
+        return self.sample_interval if asked == "auto" else min(asked, self.sample_interval)
 
     @abstractmethod
     def ended(self, columns: Columns) -> NDArray[np.bool_]:

@@ -96,7 +96,7 @@ class Computer:
             again: list[_Job] = []
             for group in _groups(queue, self._engine.lanes):
                 step = group[0].step
-                for lane, ending in self._engine.run([job.setup for job in group], step, _interval(group[0])):
+                for lane, ending in self._engine.run([job.setup for job in group], step, group[0].setup.row_interval):
                     mode = modes[group[lane].setup.physics.dissipates]
                     job, following = _following(group[lane], mode, ending)
                     if following is None or job.attempt == ATTEMPTS:
@@ -150,18 +150,13 @@ def _step(setup: Setup, trial: Trial, modes: Spectrum) -> TimeStep:
     return TimeStep(step.integrator, step.limit, 2.0 ** (rung / RUNGS))
 
 
-def _interval(job: _Job) -> float:
-    asked = job.trial.time.sample_interval
-    return job.setup.sample_interval if asked == "auto" else asked
-
-
 def _groups(jobs: list[_Job], lanes: int) -> Iterator[list[_Job]]:
     """Jobs that can be lanes of one world, up to `lanes` of about equal duration together."""
     kinds: dict[Any, list[_Job]] = defaultdict(list)
     for job in jobs:
         physics = job.setup.physics
         shared_eta = physics.eta if job.step.integrator == "trapezoidal" else physics.dissipates
-        kinds[job.step.integrator, job.step.dt, shared_eta].append(job)
+        kinds[job.step.integrator, job.step.dt, shared_eta, job.setup.row_interval].append(job)
     for kind in kinds.values():
         kind.sort(key=lambda job: -job.setup.max_time)
         for first in range(0, len(kind), lanes):

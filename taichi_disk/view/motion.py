@@ -95,8 +95,7 @@ class Motion:
         return float(y.mean() - y.min())
 
     def _stride(self) -> int:
-        interval = self.stage.scene.time.sample_interval
-        return max(1, round((self.setup.sample_interval if interval == "auto" else interval) / self.step.dt))
+        return max(1, round(self.setup.row_interval / self.step.dt))
 
     @property
     def scale(self) -> float:
