@@ -114,13 +114,17 @@ class Trial:
         """The estimated error of the last headline; None without a tolerance, or while there is too little to tell."""
         if not self.tried:
             return None
-        known = setup.left_over(columns)
         if not setup.depends_on_step:
-            return known
-        if self.time.precision == "f32":
-            known += ROUNDING * max(1.0, ROUNDING_GROWS / self.tried[-1].fraction)
+            return setup.left_over(columns)
         error = error_estimate(self.tried, setup.resolving_step)
-        return None if error is None else error + known
+        return None if error is None else error + setup.left_over(columns) + self.rounding
+
+    @property
+    def rounding(self) -> float:
+        """What rounding has left in the last headline."""
+        if self.time.precision == "f64":
+            return 0.0
+        return ROUNDING * max(1.0, ROUNDING_GROWS / self.tried[-1].fraction)
 
     def errors(self, setup: Setup, columns: Columns) -> dict[str, float]:
         """The estimated error of the headline by the headline's name, where one was asked for."""
@@ -138,6 +142,8 @@ class Trial:
         left = setup.left_over(columns)
         if left > 0.5 * tolerance:
             return f"{text}: {left:.2g} is left over where a run ends, at any step; {setup.less_left_over}"
+        if setup.depends_on_step and self.rounding > 0.5 * tolerance:
+            return f"{text}: {self.rounding:.2g} of it is rounding; write time.precision: f64"
         if not settles(self.tried):
             change = abs(self.tried[-1].headline - self.tried[-2].headline)
             text += f": shorter steps do not make it settle (the last changed it by {change:.2g})"
@@ -211,6 +217,11 @@ def _closer(trial: Trial, setup: Setup, step: TimeStep, modes: Spectrum, peak: f
     off = setup.depends_on_step and trial.out_of_tolerance(setup, columns)
     if not off and step.dt <= max(MARGIN, time.safety) * measured and not unclosed(setup, columns):
         return None
+    room = time.tolerance
+    if setup.depends_on_step:
+        room -= setup.left_over(columns) + trial.rounding
+    if room <= 0.0:
+        return None
     other = None
     if time.integrator == "auto" and step.integrator == "trapezoidal" and setup.physics.boundary != "reset":
         cost = 1.0 / implicit_cost(modes, setup.physics, step.dt)
@@ -219,7 +230,7 @@ def _closer(trial: Trial, setup: Setup, step: TimeStep, modes: Spectrum, peak: f
         other = Other("vefrl", limit("vefrl"), SPLITTINGS["vefrl"].forces)
     excess = abs(float(imbalance(columns)[-1])) / setup.energy_scale(columns) / max(OPEN, time.tolerance)
     least = max(LEAST, float(np.sqrt(excess)), step.dt / (MARGIN * measured))
-    better = better_step(trial.tried, time.tolerance, step, other, setup.resolving_step, least)
+    better = better_step(trial.tried, room, step, other, setup.resolving_step, least)
     integrator = better.integrator if better.integrator != step.integrator else time.integrator
     safety = better.dt / limit(better.integrator, trial.point_force)
     return replace(trial, time=time.model_copy(update={"safety": safety, "integrator": integrator}))
@@ -234,7 +245,13 @@ def _describe(
     kinds = ("kinetic", "elastic", "wall", "dissipated", "absorbed", "sliding")
     energy = {name: float(columns[name][-1]) for name in kinds}
     warnings = [
-        text for text in (_too_long(simulation.step, limit), unclosed(setup, columns), slid(setup, columns)) if text
+        text
+        for text in (
+            _too_long(simulation.step, limit),
+            unclosed(setup, columns) or _loose(setup, columns),
+            slid(setup, columns),
+        )
+        if text
     ]
     facts: dict[str, Any] = {
         "warnings": warnings,
@@ -256,6 +273,17 @@ def _describe(
         return replay(simulation, times)
 
     return Outcome(columns, world.positions()[0], world.velocities()[0], snapshots, facts, compile_seconds)
+
+
+def _loose(setup: Setup, columns: Columns) -> str | None:
+    """What to tell of a ledger that is open farther than any result's may be without a tolerance."""
+    lost = float(imbalance(columns)[-1]) / setup.energy_scale(columns)
+    if abs(lost) <= OPEN:
+        return None
+    return (
+        f"the energy ledger is off by {lost:+.2g} at the end, which time.tolerance = {setup.scene.time.tolerance:g} "
+        f"allows; without it no more than {OPEN:g} would be"
+    )
 
 
 def slid(setup: Setup, columns: Columns) -> str | None:

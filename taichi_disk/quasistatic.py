@@ -43,5 +43,11 @@ def press(setup: Compression) -> Outcome:
         "load": physics.load * x[:, :, 1].mean(1),
     }
     columns["total"] = columns["elastic"] + columns["wall"] + columns["load"]
-    facts = {"steps": rest.iterations, "integrator": "newton", "residual": rest.residual, "roll": rest.roll}
+    facts = {
+        "warnings": [],
+        "steps": rest.iterations,
+        "integrator": "newton",
+        "residual": rest.residual,
+        "roll": rest.roll,
+    }
     return Outcome(columns, rest.positions, np.zeros_like(x[-1]), snapshots, facts)

@@ -111,11 +111,14 @@ def _unknown(kind: str, path: Path) -> str:
         return "merge keys are not supported: write the keys out"
     there = sections(kind)
     siblings = ["scene", *there] if len(path) == 1 else list(there[path[0]].model_fields)
-    if _nearest(path[-1], siblings):
-        return f"unknown key{did_you_mean(path[-1], siblings)}"
+    elsewhere: dict[str, list[str]] = {}
     for name, section in there.items():
-        if path[-1] in section.model_fields:
-            return f"unknown key; did you mean {name}.{path[-1]}?"
+        for key in section.model_fields:
+            elsewhere.setdefault(key, []).append(f"{name}.{key}")
+    if path[-1] not in elsewhere and _nearest(path[-1], siblings):
+        return f"unknown key{did_you_mean(path[-1], siblings)}"
+    if near := _nearest(path[-1], elsewhere):
+        return f"unknown key; did you mean {_either(elsewhere[near])}?"
     place = f"in {path[0]}" if len(path) > 1 else f"in scene: {kind}"
     return f"unknown key; {place} there are {', '.join(siblings)}"
 

@@ -92,14 +92,17 @@ def _by_differences(tried: Sequence[Tried], resolving: float) -> float | None:
         if len(before) < 2:
             return None
         error = 2.0 * abs(last.headline - _extrapolated(*before[-2:]))
-        # Where order 4 resolves the wall, a twentieth of the scenes at most are off by more than that.
-        return min(error, 3.0 * last.moved) if last.order == 4 and last.dt <= resolving else error
+        if last.order == 4 and last.dt <= resolving:
+            # There a twentieth of the scenes at most are off by more than three times what the energy tells.
+            return min(max(error, last.moved), 3.0 * last.moved)
+        return error
     answer = _extrapolated(*same[-2:])
     error = abs(last.headline - answer)
     if len(same) > 2:
         return error + _lever(*same[-3:]) * abs(answer - _extrapolated(*same[-3:-1]))
     if last.order == 4:  # whose power sets in later, and whose energy is as good a witness
-        return max(CAUTION * error, last.moved)
+        unresolved = abs(last.headline - same[0].headline) if last.dt > resolving else 0.0
+        return max(CAUTION * error, last.moved, unresolved)
     return (REGULAR_CAUTION if _regular(*same) else CAUTION) * error
 
 

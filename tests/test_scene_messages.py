@@ -367,6 +367,8 @@ def test_the_last_override_of_a_key_wins(path: Path) -> None:
         ("lattice.point=3", "lattice.point: unknown key; did you mean points?"),
         ("latice.points=3", "latice: unknown key; did you mean lattice?"),
         ("velocity=3", "velocity: unknown key; did you mean impact.velocity?"),
+        ("tolerance=1e-6", "tolerance: unknown key; did you mean time.tolerance?"),
+        ("prcision=f32", "prcision: unknown key; did you mean time.precision?"),
         ("lattice=3", "a section cannot be set as a whole: set its keys one by one"),
         ("lattice={points: 3}", "a section cannot be set as a whole: set its keys one by one"),
         ("video=3", "video: must be a section, that is indented lines of key: value, not 3"),
