@@ -97,7 +97,8 @@ def test_points_do_not_depend_on_the_sweep_they_are_in(small: SweepResult, tmp_p
 
 def test_points_that_share_a_step_and_differ_in_their_rows_do_not_share_these(tmp_path: Path) -> None:
     # A reset boundary gives both the same step; the faster one needs rows closer by.
-    text = "scene: absorbing_wall\nlattice: {points: 40}\nwall: {points: 50, width: 3.0}\nsweep: {velocity: [0.02, 0.05]}"
+    text = "scene: absorbing_wall\nlattice: {points: 40}\nwall: {points: 50, width: 3.0}\n"
+    text += "sweep: {velocity: [0.02, 0.05]}"
     both = run_sweep(sweep_of(tmp_path, text), tmp_path / "both", jobs=1).rows
     fast = run_sweep(sweep_of(tmp_path, text, "sweep.velocity=[0.05]"), tmp_path / "fast", jobs=1).rows
     assert both[0]["dt"] == both[1]["dt"] and both[1:] == fast

@@ -60,7 +60,7 @@ def test_the_estimate_is_exact_where_the_error_is_a_power_of_the_step():
 
 
 def test_an_energy_that_hardly_errs_vouches_for_the_first_run_of_order_4():
-    """Whose error is then one to three times that, whatever the runs before say; but only where it resolves the wall."""
+    """Whose error is one to three times that, whatever the runs before say; but only where it resolves the wall."""
     before = runs(VV, [0.02, 0.016], lambda h: 3.0 * h**2 + 50.0 * h**3)
     (high,) = runs(VEFRL, [0.03], lambda h: 0.0)
     high = replace(high, imbalance=1e-7)

@@ -104,9 +104,9 @@ class Compression(Setup):
         if wanted != "none" and self._at_rest(columns)[-1] and (off := self.left_over(columns)) > 0.5 * wanted:
             return (
                 f"by t = {columns['t'][-1]:.6g} R/c xi is still {off:.2g} R from that of Newton's method, half of "
-                f"time.tolerance = {wanted:g} is asked for, and hardly changes: the disk still rolls, or lies in another "
-                "equilibrium; use compression.method: newton, or set compression.max_time higher, or write a larger "
-                "time.tolerance, or none to take what it came to"
+                f"time.tolerance = {wanted:g} is asked for, and hardly changes: the disk still rolls, or lies in "
+                "another equilibrium; use compression.method: newton, or set compression.max_time higher, or write a "
+                "larger time.tolerance, or none to take what it came to"
             )
         return (
             f"the disk is not at rest by t = {columns['t'][-1]:.6g} R/c (kinetic energy {columns['kinetic'][-1]:.3g} "
