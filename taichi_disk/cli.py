@@ -14,6 +14,7 @@ from pathlib import Path
 from taichi_disk import __version__
 from taichi_disk.errors import TaichiDiskError
 
+_SCENES = "compression, exponential_wall, absorbing_wall"
 # Keys of a scene's `video` section that `render` takes on the command line: value, meaning. The schema checks them.
 _VIDEO = {
     "size": ("N", "pixels of width and height, up to 2160"),
@@ -175,12 +176,14 @@ def _parser() -> argparse.ArgumentParser:
     _add_scene(run)
     run.add_argument("--out", type=Path, metavar="DIR", help="where the results go (default: out/SCENE)")
     run.add_argument("--no-video", dest="video", action="store_false", help="make no film")
-    run.add_argument("--arch", choices=("cpu", "cuda", "vulkan"), default="cpu", help="default: cpu")
+    run.add_argument(
+        "--arch", choices=("cpu", "cuda", "vulkan"), default="cpu", help="cpu (default) or cuda; vulkan is refused"
+    )
     run.add_argument("--threads", type=_count, metavar="N", help="CPU threads (default: all cores)")
     run.add_argument("--force", action="store_true", help="take a time step even beyond the stable limit")
 
     sweep = _command(commands, "sweep", _sweep, "compute every scene of a sweep: table, fits and figure; resumable")
-    _add_scene(sweep)
+    _add_scene(sweep, "figure2, figure3, figure6")
     sweep.add_argument("--out", type=Path, metavar="DIR", help="where the results go (default: out/SCENE)")
     sweep.add_argument("--jobs", type=_count, metavar="N", help="processes (default: one for each core)")
 
@@ -197,7 +200,7 @@ def _parser() -> argparse.ArgumentParser:
         "--out",
         type=Path,
         metavar="FILE",
-        help=".mp4, .webm, .gif, .png for one picture, or a folder for many (default: DIR/render.mp4)",
+        help=".mp4, .webm, .gif, .png for one picture, or a folder for many (default: render or comparison in DIR)",
     )
     for name, (value, what) in _VIDEO.items():
         render.add_argument(f"--{name}", metavar=value, help=what)
@@ -227,13 +230,13 @@ def _command(
     return parser
 
 
-def _add_scene(parser: argparse.ArgumentParser, default: str | None = None) -> None:
+def _add_scene(parser: argparse.ArgumentParser, shipped: str = _SCENES, default: str | None = None) -> None:
     parser.add_argument(
         "scene",
         metavar="SCENE",
         nargs="?" if default else None,
         default=default,
-        help="a YAML file, or a shipped scene: exponential_wall",
+        help=f"a YAML file, or a shipped one: {shipped}",
     )
     parser.add_argument(
         "--set",

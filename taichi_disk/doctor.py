@@ -44,7 +44,7 @@ ti.init(arch=ti.cuda, default_fp=ti.f64, log_level=ti.ERROR, offline_cache=False
 x = ti.field(ti.f64, 4)
 x.fill(0.25)
 assert x.to_numpy().sum() == 1.0
-print("computes: run with --arch cuda")
+print("computes, with --arch cuda; whether faster than the cores is to be tried")
 """
 _ENCODE = """
 import subprocess

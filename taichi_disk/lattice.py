@@ -11,7 +11,7 @@ from taichi_disk.errors import InputError
 from taichi_disk.scatter import MAX_SPACING, hexagonal_spacing, scatter
 from taichi_disk.triangulation import triangulate
 
-MIN_POINTS, MAX_POINTS = 3, 1_000_000
+MIN_POINTS, MAX_POINTS = 3, 2_000_000
 
 
 @dataclass(frozen=True)

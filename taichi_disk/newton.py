@@ -73,7 +73,7 @@ def compress(
             return Equilibrium(x, iteration, residual, roll_angle(lattice.positions, x))
     raise SimulationError(
         f"no equilibrium within {max_iterations} Newton iterations (force {residual:.1e}, wanted {goal:.1e}):"
-        " lower compression.pressure or wall.a, or take compression.method: relaxation"
+        " lower compression.pressure or wall.a"
     )
 
 
@@ -201,7 +201,7 @@ def _step(
                 return trial, shift
             share /= 2.0
         shift *= 8.0
-    raise SimulationError("Newton's method found no way downhill: take compression.method: relaxation")
+    raise SimulationError("Newton's method found no way downhill to a rest: lower compression.pressure or wall.a")
 
 
 def _factor(matrix: Any, shift: float) -> Any:

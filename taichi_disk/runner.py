@@ -20,7 +20,7 @@ from taichi_disk.output import prepare_output
 from taichi_disk.plot import plot_run
 from taichi_disk.progress import Progress, QuietProgress
 from taichi_disk.quasistatic import press
-from taichi_disk.scene import Scene
+from taichi_disk.scene import CompressionScene, Scene
 from taichi_disk.scenes import build
 from taichi_disk.scenes.compression import Compression
 from taichi_disk.scenes.setup import Setup
@@ -64,17 +64,7 @@ def run(
     computation fails: `out` then holds summary.json (status `failed` and why) and, after a blow-up, failure.npz.
     """
     out, progress, clock = Path(out), progress or QuietProgress(), _Clock()
-    with clock("build"):
-        runtime.start(arch, threads, scene.time.precision)
-        setup = build(scene)
-        static = isinstance(setup, Compression) and setup.scene.compression.method == "newton"
-        if not static:
-            modes = spectrum(setup.lattice, setup.physics)
-            first_step(setup, scene.time, modes, force)  # refused, if it is, before anything is written
-    prepare_output(out)
-    results.clear(out)
-    results.write_text(out / "scene.yaml", scene.to_yaml())
-    results.write_lattice(out / "lattice.npz", setup.lattice, setup.velocities, setup.physics.impedance)
+    static = isinstance(scene, CompressionScene) and scene.compression.method == "newton"
     summary: dict[str, Any] = {
         "scene": scene.scene,
         "status": "failed",
@@ -85,6 +75,19 @@ def run(
         "versions": results.versions(),
         "wall_clock": clock.seconds,
     }
+    try:
+        with clock("build"):
+            runtime.start(arch, threads, scene.time.precision)
+            setup = build(scene)
+            if not static:
+                modes = spectrum(setup.lattice, setup.physics)
+                first_step(setup, scene.time, modes, force)  # refused, if it is, before anything is written
+    except SimulationError as failure:
+        _begin(out, scene)
+        results.write_summary(out / "summary.json", summary | {"reason": str(failure)})
+        raise
+    _begin(out, scene)
+    results.write_lattice(out / "lattice.npz", setup.lattice, setup.velocities, setup.physics.impedance)
     try:
         with clock("simulate"):
             if isinstance(setup, Compression) and static:
@@ -123,6 +126,12 @@ def run(
         results.write_summary(out / "summary.json", summary)
     progress.stop()
     return RunResult("done", headline.values, summary, out, video_error)
+
+
+def _begin(out: Path, scene: Scene) -> None:
+    prepare_output(out)
+    results.clear(out)
+    results.write_text(out / "scene.yaml", scene.to_yaml())
 
 
 def _write(out: Path, scene: Scene, setup: Setup, outcome: Outcome, headline: dict[str, float]) -> None:

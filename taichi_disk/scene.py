@@ -204,7 +204,7 @@ def _time_conflicts(time: TimeSection, damping: list[str]) -> list[tuple[str, st
         conflicts.append(("time.tolerance", f"finds the step itself: write time.dt: auto, not {time.dt:g}"))
     if time.tolerance != "none" and time.precision == "f32" and time.tolerance < 1e-6:
         conflicts.append(
-            ("time.tolerance", "in f32 rounding alone moves e by up to 4e-7: write 1.0e-6 or more, or f64")
+            ("time.tolerance", "in f32 rounding alone moves the result by up to 4e-7: write 1.0e-6 or more, or f64")
         )
     if time.integrator == "vefrl" and damping:
         text = f"vefrl cannot take forces that depend on velocity ({damping[0]}): write auto, or velocity_verlet"
@@ -264,8 +264,9 @@ class CompressionScene(_SceneBase):
             # Forces flicker by up to 4.5e-7 N, in parts of P/N: the rounding of the springs' forces beside it.
             least = max(1e-4, 1e-6 * self.lattice.points)
             if self.compression.tolerance < least:
-                text = f"in f32 this disk comes to rest to {least:.2g} at best: write compression.tolerance: "
-                conflicts.append(("time.precision", f"{text}{_rounded_up(least)} or more, or f64"))
+                instead = f"compression.tolerance: {_rounded_up(least)} or more, or f64" if least < 9.9e-3 else "f64"
+                text = f"in f32 this disk comes to rest to {least:.2g} at best: write {instead}"
+                conflicts.append(("time.precision", text))
         return conflicts
 
 

@@ -113,7 +113,7 @@ def _axes(
         entry = tree.entries[path]
         target = target_of(kind, name)
         if target is None:
-            names = [key for one in sections(kind).values() for key in one.model_fields]
+            names = [key for part, one in sections(kind).items() if part != "video" for key in one.model_fields]
             what = f"no key of scene: {kind} that can be swept{did_you_mean(name.split('.')[-1], names)}"
             faults.append(Fault(entry.key, ".".join(path), what))
             continue

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from math import ceil
 
 from taichi_disk.errors import InputError
 from taichi_disk.model.chebyshev import BOUND, solver_for
@@ -49,10 +50,11 @@ def choose(
         if dt > limit and not force:
             raise InputError(
                 f"time.dt: {dt:g} R/c is beyond the stability limit of {integrator}, {limit:.6g} R/c for this scene; "
-                f"write a smaller one (or auto: {time.safety * limit:.6g}), or use --force to see it blow up"
+                f"write a smaller one (or auto: {time.safety * limit:.6g}), or see it blow up with `run --force`"
             )
     if physics.reset_interval:
-        dt = physics.reset_interval / -int(-physics.reset_interval // dt)
+        # Less a little, or a whole part of the interval that was rounded down would give the next one.
+        dt = physics.reset_interval / ceil((1.0 - 1e-9) * physics.reset_interval / dt)
     return TimeStep(integrator, limit, dt)
 
 

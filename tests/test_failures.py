@@ -49,6 +49,19 @@ def test_a_forced_blow_up_is_told_and_keeps_the_last_good_state(tmp_path, capsys
     assert float(last["t"]) >= 0.0
 
 
+def test_a_scene_that_cannot_be_built_says_so_where_an_earlier_run_lies(tmp_path, capsys):
+    for name in (*FINISHED, "summary.json"):
+        (tmp_path / name).write_text("old")
+    impossible = ("lattice.points=8", "compression.pressure=1", "material.k_a=1e-6", "wall.a=1e6")
+    command = ["run", "compression", "--out", str(tmp_path), "--no-video", *(f"--set={one}" for one in impossible)]
+    assert main(command) == 1
+    told = capsys.readouterr().err
+    assert "Newton's method found no way downhill" in told and "method: relaxation" not in told
+    assert {path.name for path in tmp_path.iterdir()} == {"scene.yaml", "summary.json"}
+    summary = json.loads((tmp_path / "summary.json").read_text())
+    assert summary["status"] == "failed" and "no way downhill" in summary["reason"]
+
+
 def test_no_separation_in_time_is_a_failure_with_advice(tmp_path):
     (tmp_path / "failure.npz").write_text("old")
     with pytest.raises(SimulationError, match="max_time"):

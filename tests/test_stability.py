@@ -224,3 +224,7 @@ def test_a_whole_number_of_steps_fits_the_reset_interval(interval):
     assert count == pytest.approx(round(count), abs=1e-9)
     assert step.dt <= 0.8 * step.limit * (1 + 1e-12)
     assert round(count) == 1 or interval / (round(count) - 1) > 0.8 * step.limit
+    # What was taken, written as dt, is taken again, however the division was rounded.
+    for part in range(1, 100):
+        dt = interval / part
+        assert choose(TimeSection(dt=dt), physics, modes, 0.01, force=True).dt == dt

@@ -85,6 +85,7 @@ def test_axes_can_be_set_from_the_command_line(tmp_path: Path) -> None:
     [
         ("sweep: {eta_sta: [1]}", "2:9: sweep.eta_sta: no key of scene: exponential_wall that can be swept; did you mean eta_star?"),
         ("sweep: {boundary: [reset]}", "2:9: sweep.boundary: no key of scene: exponential_wall that can be swept"),
+        ("sweep: {colour: [strain]}", "2:9: sweep.colour: no key of scene: exponential_wall that can be swept"),
         ("sweep: {seed: 3}", "2:15: sweep.seed: must be a list of values, {lin: [from, to, count]}, {geom: [from, to, count]} or {range: count}, not 3"),
         ("sweep: {seed: []}", "2:15: sweep.seed: an empty list: give it values, or leave the axis out"),
         ("sweep: {seed: [1, 2, 1]}", "2:22: sweep.seed: 1 is given twice"),

@@ -366,6 +366,25 @@ def test_every_key_that_the_panel_names_does_something(sandbox: Sandbox, tmp_pat
     keys.press("F7")
 
 
+@pytest.mark.parametrize("key", ["n", "k", "e", "d", "Up", "Down", "a", "z"])
+def test_no_key_goes_the_other_way_from_beyond_its_range(key: str, tmp_path: Path) -> None:
+    begins = ["material.eta_star=5000", "wall.a=30000", "wall.V0=15000", "impact.velocity=0.5", "lattice.points=60"]
+    if key in ("d", "Down", "z"):
+        begins = ["material.eta_star=0", "wall.a=5", "wall.V0=2.5", "impact.velocity=2e-4", "lattice.points=60"]
+    controls = Controls(Sandbox(load_scene("exponential_wall", begins)), tmp_path)
+
+    def numbers() -> tuple[float, ...]:
+        scene = controls.sandbox.scene
+        assert scene.scene == "exponential_wall"
+        return controls.points, scene.material.eta_star, scene.impact.velocity, scene.wall.a
+
+    before = numbers()
+    Keys(controls).press(key)
+    moved = np.sign(np.array(numbers()) - before)
+    # From 60 points there are more and no fewer; all others stand beyond what this key moves to.
+    assert list(moved) == [1.0 if key == "n" else 0.0, 0.0, 0.0, 0.0]
+
+
 def test_the_page_on_the_window_names_every_key(sandbox: Sandbox) -> None:
     page = (Path(__file__).parents[1] / "docs" / "window.md").read_text()
     rows = [line.split("|")[1] for line in page.splitlines() if line.startswith("| `")]

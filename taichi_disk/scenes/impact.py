@@ -56,9 +56,10 @@ class Impact(Setup):
 
     def unfinished(self, columns: Columns) -> str:
         v, y = columns["com_vy"][-1], columns["lowest_y"][-1]
+        lower = ", or lower material.eta_star" if self.scene.material.eta_star else ""
         return (
             f"the disk has not left the wall by t = {columns['t'][-1]:.6g} R/c (v_cm = {v:.3g} c, lowest point at "
-            f"{y:.3g} R); set impact.max_time higher, or lower material.eta_star"
+            f"{y:.3g} R); set impact.max_time higher{lower}"
         )
 
     def left_over(self, columns: Columns) -> float:

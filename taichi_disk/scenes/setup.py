@@ -57,7 +57,7 @@ class Setup(ABC):
     def row_interval(self) -> float:
         """Time between two rows to take [R/c]: shorter than `sample_interval` where that is asked for, never longer.
 
-        What a run finds, and when it ends, must not depend on how many lines somebody wants to read.
+        What a run finds, and when it ends, must not depend on how few lines somebody wants to read.
         """
         asked = self.scene.time.sample_interval
         return self.sample_interval if asked == "auto" else min(asked, self.sample_interval)

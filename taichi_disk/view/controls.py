@@ -17,7 +17,7 @@ from taichi_disk.view.sandbox import Sandbox
 SCENE_NAMES = ("compression", "exponential_wall", "absorbing_wall")
 BOUNDARIES = ("reset", "pinned", "dashpot")
 SHOWS: tuple[Show, ...] = ("both", "springs", "points")
-POINTS = (100, 200, 300, 500, 700, 1099, 1500, 2000, 3000, 5000)  # few sizes: each is compiled for
+POINTS = (100, 200, 300, 500, 700, 1099, 1500, 2000, 3000, 5000)
 LEAST_LOG_ETA, MOST_LOG_ETA = -1.0, 3.0  # the slider's left end stands for no dashpots
 
 
@@ -42,7 +42,7 @@ class Controls:
         return max(log10(eta), LEAST_LOG_ETA) if eta else LEAST_LOG_ETA
 
     def set_log_eta(self, value: float) -> None:
-        eta = _rounded(min(value, MOST_LOG_ETA)) if value > LEAST_LOG_ETA + 0.02 else 0.0
+        eta = _rounded(value) if value > LEAST_LOG_ETA + 0.02 else 0.0
         self.sandbox.set("material.eta_star", eta)
 
     @property
@@ -86,7 +86,7 @@ class Controls:
     def set_log_speed(self, value: float) -> None:
         self.sandbox.speed = _rounded(min(max(value, -2.0), 2.0))
 
-    # Choices that something is built and compiled for: what was wished for last is built, by `build`.
+    # Choices that something is built for: what was wished for last is built, by `build`.
 
     @property
     def points(self) -> int:
@@ -101,6 +101,12 @@ class Controls:
 
     def set_points_number(self, value: int) -> None:
         self._wishes["points"] = min(max(value, 0), len(POINTS) - 1)
+
+    def change_points(self, more: bool) -> None:
+        """To the next of POINTS, if there is one."""
+        beyond = [k for k, n in enumerate(POINTS) if (n > self.points if more else n < self.points)]
+        if beyond:
+            self._wishes["points"] = beyond[0] if more else beyond[-1]
 
     @property
     def seed(self) -> int:

@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator
 from taichi_disk.errors import TaichiDiskError
 from taichi_disk.render.colouring import COLOURINGS
 from taichi_disk.scene import CompressionScene
-from taichi_disk.view.controls import BOUNDARIES, LEAST_LOG_ETA, SHOWS, Controls
+from taichi_disk.view.controls import BOUNDARIES, LEAST_LOG_ETA, MOST_LOG_ETA, SHOWS, Controls
 
 
 class Keys:
@@ -63,21 +63,26 @@ class Keys:
             "p": c.want_picture,
             "q": c.close,
             "l": c.another_lattice,
-            "n": lambda: c.set_points_number(c.points_number + 1),
-            "k": lambda: c.set_points_number(c.points_number - 1),
+            "n": lambda: c.change_points(more=True),
+            "k": lambda: c.change_points(more=False),
             "t": lambda: c.set_scene_number(0),
             "y": lambda: c.set_scene_number(1),
             "u": lambda: c.set_scene_number(2),
             "b": c.next_boundary,
             "c": lambda: c.set_colouring_number((c.colouring_number + 1) % len(COLOURINGS)),
             "x": lambda: c.set_show_number((c.show_number + 1) % len(SHOWS)),
-            "e": lambda: c.set_log_eta(max(c.log_eta, LEAST_LOG_ETA + 0.05) + 0.1),
+            "e": lambda: c.set_log_eta(_moved(max(c.log_eta, LEAST_LOG_ETA + 0.05), 0.1, LEAST_LOG_ETA, MOST_LOG_ETA)),
             "d": lambda: c.set_log_eta(c.log_eta - 0.1),
-            "Up": lambda: c.set_log_push(min(c.log_push + 0.05, high)),
-            "Down": lambda: c.set_log_push(max(c.log_push - 0.05, low)),
-            "a": lambda: c.set_log_hardness(min(c.log_hardness + 0.1, 4.0)),
-            "z": lambda: c.set_log_hardness(max(c.log_hardness - 0.1, 1.0)),
+            "Up": lambda: c.set_log_push(_moved(c.log_push, 0.05, low, high)),
+            "Down": lambda: c.set_log_push(_moved(c.log_push, -0.05, low, high)),
+            "a": lambda: c.set_log_hardness(_moved(c.log_hardness, 0.1, 1.0, 4.0)),
+            "z": lambda: c.set_log_hardness(_moved(c.log_hardness, -0.1, 1.0, 4.0)),
             "Left": lambda: c.set_log_speed(c.log_speed - 0.1),
             "Right": lambda: c.set_log_speed(c.log_speed + 0.1),
             "Escape": c.mouse.release,
         }
+
+
+def _moved(value: float, by: float, low: float, high: float) -> float:
+    """`value` moved, not beyond the range; from outside it no farther out, and never the other way."""
+    return min(value + by, max(high, value)) if by > 0.0 else max(value + by, min(low, value))

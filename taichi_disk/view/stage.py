@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import Any
 
-import numpy as np
 
 from taichi_disk.lattice import Lattice
 from taichi_disk.model.stability import Spectrum, spectrum
@@ -85,10 +84,6 @@ def as_run(stage: Stage, scene: Scene) -> Scene:
     if scene != stage.scene:
         return scene
     dt = stage.step.dt
-    interval = stage.setup.physics.reset_interval
-    if interval and interval / -int(-interval // dt) != dt:
-        # A whole part of the interval, rounded down: the least bit more gives the same part again.
-        dt = float(np.nextafter(dt, np.inf))
     between = scene.time.sample_interval
     if between != "auto" and between < dt:
         scene = with_key(scene, "time.sample_interval", dt)  # a row for every step, as here
