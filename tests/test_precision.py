@@ -162,7 +162,7 @@ def test_a_relaxation_that_f32_cannot_reach_is_refused_and_what_is_advised_is_re
     small = [f"lattice.points={points}", "time.precision=f32"]
     with pytest.raises(InputError, match=f"at best: write compression.tolerance: {least} or more"):
         load_scene("compression", small)
-    with pytest.raises(InputError, match="at best: write f64$"):
+    with pytest.raises(InputError, match=r"at best: write f64$"):
         load_scene("compression", ["lattice.points=10000", "time.precision=f32"])
     result = run(load_scene("compression", [*small, f"compression.tolerance={least}"]), tmp_path / "a", video=False)
     newton = ["compression.method=newton", f"lattice.points={points}"]

@@ -22,10 +22,10 @@ from taichi_disk.study.random_scenes import MOST_WORK, Fates
 _HEAD = """# Hard cases
 
 What the program does at the edge of what it can, and beyond. Every case ends in one of three ways: **done**, with
-an energy ledger that closes to 10⁻³ of the kinetic energy (the automatic step aims at 2·10⁻⁵), or with a warning that a
-step by hand left it open; **stopped**, with the reason and a remedy and exit status 1 (a blow-up with step, time, place,
-likely cause, and the last good state in `failure.npz`); or **refused** before anything is computed, exit status 2.
-Made by
+an energy ledger that closes to 10⁻³ of the kinetic energy (the automatic step aims at 2·10⁻⁵), or with a warning
+that a step by hand left it open; **stopped**, with the reason and a remedy and exit status 1 (a blow-up with step,
+time, place, likely cause, and the last good state in `failure.npz`); or **refused** before anything is computed,
+exit status 2. Made by
 
     python -m taichi_disk.study.stability_page
 
@@ -55,14 +55,14 @@ step, in the same time, by about a quarter of that, and the modified energy wand
 _TAIL = """
 ## How a blow-up is found
 
-After every launch of steps (some 3 million springs, in lattices that several cores step 300 million) the state is looked at: a number that is none, a disk inside
-the elastic wall or past its end. In the rows of the time series between, the energy balance must hold to 10 % of
-the largest energy so far, and so must what points lost by sliding. Where it does not, the launch is computed
-again step by step: the message names the first bad step, and its cause follows from that step and the one before
-(`taichi_disk/diagnosis.py`). An automatic step is shortened and tried again up to seven times, but only once more
-where the contact with the elastic wall was lost. A step by hand is not: `warnings` in summary.json, and
-on the screen, say where it was beyond the limit that the measured force of the wall leaves, and where the ledger
-is open by more than 10⁻³.
+After every launch of steps (some 3 million springs, in lattices that several cores step 300 million) the state is
+looked at: a number that is none, a disk inside the elastic wall or past its end. In the rows of the time series
+between, the energy balance must hold to 10 % of the largest energy so far, and so must what points lost by sliding.
+Where it does not, the launch is computed again step by step: the message names the first bad step, and its cause
+follows from that step and the one before (`taichi_disk/diagnosis.py`). An automatic step is shortened and tried again
+up to seven times, but only once more where the contact with the elastic wall was lost. A step by hand is not:
+`warnings` in summary.json, and on the screen, say where it was beyond the limit that the measured force of the wall
+leaves, and where the ledger is open by more than 10⁻³.
 
 Sweeps and the window look for the same. A sweep computes a lane that blew up again, alone, and gives the reason
 that a run gives, word for word; the window tries a shorter step as a run does, then stops with what it has seen.

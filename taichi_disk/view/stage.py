@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import Any
 
-
 from taichi_disk.lattice import Lattice
 from taichi_disk.model.stability import Spectrum, spectrum
 from taichi_disk.scene import AbsorbingWallScene, CompressionScene, Scene, least_threshold
