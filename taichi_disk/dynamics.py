@@ -117,7 +117,11 @@ class Trial:
         if not setup.depends_on_step:
             return setup.left_over(columns)
         error = error_estimate(self.tried, setup.resolving_step)
-        return None if error is None else error + setup.left_over(columns) + self.rounding
+        return None if error is None else error + self.lasting(setup, columns)
+
+    def lasting(self, setup: Setup, columns: Columns) -> float:
+        """What the last headline is off by that no shorter step mends."""
+        return setup.left_over(columns) + self.rounding
 
     @property
     def rounding(self) -> float:
@@ -217,9 +221,7 @@ def _closer(trial: Trial, setup: Setup, step: TimeStep, modes: Spectrum, peak: f
     off = setup.depends_on_step and trial.out_of_tolerance(setup, columns)
     if not off and step.dt <= max(MARGIN, time.safety) * measured and not unclosed(setup, columns):
         return None
-    room = time.tolerance
-    if setup.depends_on_step:
-        room -= setup.left_over(columns) + trial.rounding
+    room = time.tolerance - (trial.lasting(setup, columns) if setup.depends_on_step else 0.0)
     if room <= 0.0:
         return None
     other = None
