@@ -52,10 +52,13 @@ def choose(
                 f"time.dt: {dt:g} R/c is beyond the stability limit of {integrator}, {limit:.6g} R/c for this scene; "
                 f"write a smaller one (or auto: {time.safety * limit:.6g}), or see it blow up with `run --force`"
             )
-    if physics.reset_interval:
-        # Less a little, or a whole part of the interval that was rounded down would give the next one.
-        dt = physics.reset_interval / ceil((1.0 - 1e-9) * physics.reset_interval / dt)
-    return TimeStep(integrator, limit, dt)
+    return TimeStep(integrator, limit, fitted(dt, physics.reset_interval))
+
+
+def fitted(dt: float, interval: float) -> float:
+    """The longest step up to `dt` of which a whole number fits `interval` [R/c]; `dt` where that is 0."""
+    # Less a little, or a whole part of the interval that was rounded down would give the next one.
+    return interval / ceil((1.0 - 1e-9) * interval / dt) if interval else dt
 
 
 def implicit_cost(spectrum: Spectrum, physics: Physics, dt: float) -> float:

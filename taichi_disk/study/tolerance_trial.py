@@ -41,7 +41,7 @@ from taichi_disk.scenes.impact import Impact
 from taichi_disk.scenes.setup import Setup
 from taichi_disk.simulate import make_world, simulate
 from taichi_disk.study.truth import Solver, at_rest
-from taichi_disk.time_step import TimeStep
+from taichi_disk.time_step import TimeStep, fitted
 
 POINTS, SHARES = (30, 60, 100, 200, 400), (0.35, 0.35, 0.2, 0.07, 0.03)
 # rim, min_spacing; the default one more often
@@ -204,8 +204,7 @@ class Trials:
         """Work at the first step of the grid from which on three in a row keep the tolerance."""
         kept: list[float] = []
         while len(kept) < 3:
-            interval = setup.physics.reset_interval
-            taken = replace(step, dt=interval / -int(-interval // step.dt)) if interval else step
+            taken = replace(step, dt=fitted(step.dt, setup.physics.reset_interval))
             shorter = GRID
             try:
                 run = simulate(setup, self._world(setup, taken), taken, setup.sample_interval, QuietProgress())
@@ -218,7 +217,7 @@ class Trials:
                     return math.inf
                 if error > 4.0 * tolerance:  # far off: no need of a fine grid
                     shorter = max(1.0 / 3.0, (2.0 * tolerance / error) ** (1.0 / SPLITTINGS[step.integrator].order))
-            step = replace(step, dt=min(shorter * step.dt, (1.0 - 1e-9) * taken.dt))
+            step = replace(step, dt=min(shorter * step.dt, (1.0 - 1e-6) * taken.dt))
         return kept[0]
 
 
