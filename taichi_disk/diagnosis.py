@@ -137,7 +137,7 @@ def diagnose(
             else "by the springs' strain"
         )
         text = f"the stability limit has fallen from {limit:.3g} to {now:.3g} R/c, {why}, and the step is {dt:.3g} R/c"
-        return Diagnosis(text, f"set time.dt: auto, or below {now:.2g}; a lower speed or a softer wall helps too")
+        return Diagnosis(text, f"set time.dt below {now:.2g}; a lower speed or a softer wall helps too")
     strain = np.abs(np.hypot(*(before[lattice.bonds[:, 0]] - before[lattice.bonds[:, 1]]).T) / lattice.rest_lengths - 1)
     if strain.max() > CRUSHED:
         many = int((strain > CRUSHED).sum())
