@@ -65,14 +65,15 @@ def write_summary(path: Path, summary: dict[str, Any]) -> None:
     write_text(path, json.dumps(summary, indent=2, allow_nan=False) + "\n")
 
 
-def write_timeseries(path: Path, columns: Columns, every: int = 1) -> None:
+def write_timeseries(path: Path, columns: Columns, interval: float = 0.0) -> None:
     """CSV with the columns of TIMESERIES, and those of MORE that are not zero throughout.
 
-    Of the rows each `every`-th, and the last. `total` is the sum of all energies. 17 digits, so that the numbers read
-    back are the numbers computed.
+    Of the rows those about every `interval` [R/c], and the last. `total` is the sum of all energies. 17 digits, so
+    that the numbers read back are the numbers computed.
     """
     names = [*TIMESERIES, *(name for name in MORE if columns[name].any())]
     table = np.stack([columns[name] for name in names], axis=1)
+    every = max(1, round(interval / float(columns["t"][1])))
     kept = np.arange(len(table)) % every == 0
     kept[-1] = True
     table = table[kept]

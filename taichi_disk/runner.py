@@ -135,9 +135,10 @@ def _begin(out: Path, scene: Scene) -> None:
 
 
 def _write(out: Path, scene: Scene, setup: Setup, outcome: Outcome, headline: dict[str, float]) -> None:
-    asked, spacing = scene.time.sample_interval, float(outcome.columns["t"][1])
-    every = 1 if asked == "auto" or "dt" not in outcome.facts else max(1, round(asked / spacing))
-    results.write_timeseries(out / "timeseries.csv", outcome.columns, every)
+    asked = scene.time.sample_interval
+    # Newton's rows are on the way to rest, not in time.
+    interval = 0.0 if asked == "auto" or "dt" not in outcome.facts else asked
+    results.write_timeseries(out / "timeseries.csv", outcome.columns, interval)
     results.write_arrays(
         out / "final.npz",
         positions=outcome.positions,
