@@ -104,3 +104,9 @@ def test_the_command_leaves_table_and_picture(
 def test_newtons_method_has_no_steps_to_measure(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["accuracy", "compression", "--set", "compression.method=newton"]) == 2
     assert "takes no time steps" in capsys.readouterr().err
+
+
+def test_no_finer_lattice_is_asked_for_than_can_be_built():
+    scene = load_scene("exponential_wall", ["lattice.points=40000"])
+    finer = [changed.lattice.points for source, _, changed in error_sources._changes(scene) if source == "points"]
+    assert finer == [160_000, 640_000]

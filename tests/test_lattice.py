@@ -201,3 +201,11 @@ def test_arguments_out_of_range_are_named(points, min_spacing, name):
 def test_nan_min_spacing_is_refused():
     with pytest.raises(InputError):
         disk_lattice(50, 0, True, float("nan"))
+
+
+def test_a_scene_may_ask_for_as_many_points_as_are_built():
+    from taichi_disk.lattice import MAX_POINTS, MIN_POINTS
+    from taichi_disk.scene import LatticeSection
+
+    bounds = LatticeSection.model_json_schema()["properties"]["points"]
+    assert (bounds["minimum"], bounds["maximum"]) == (MIN_POINTS, MAX_POINTS)
