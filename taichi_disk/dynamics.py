@@ -27,7 +27,7 @@ MARGIN = 0.95  # of the limit that the measured wall stiffness leaves; an automa
 CLOSING, WORST = 2e-5, 1e-4  # largest imbalance of the energy, at the end and ever, that an automatic step may leave
 OPEN = 1e-3  # imbalance at the end that no result may have: it would show in the third digit of e
 ATTEMPTS = 8
-LONGEST_FIRST = 0.96  # of the stability limit, a step to hold the automatic one against
+LONGEST_HELD_AGAINST = 0.96  # of the stability limit, a step to hold the automatic one against
 # Of e in single precision (`taichi-disk accuracy`), which no difference between two runs shows. It grows with the
 # number of steps, from this fraction of the stability limit down.
 ROUNDING, ROUNDING_GROWS = 4e-7, 0.5
@@ -98,7 +98,7 @@ class Trial:
     def first(cls, setup: Setup, time: TimeSection) -> Trial:
         """Where a tolerance is asked for, a longer step than the automatic one, to hold that against."""
         if time.tolerance != "none" and setup.depends_on_step:
-            safety = max(time.safety, min(RATIO * time.safety, LONGEST_FIRST))
+            safety = max(time.safety, min(RATIO * time.safety, LONGEST_HELD_AGAINST))
             time = time.model_copy(update={"safety": safety})
         return cls(time, setup.point_force)
 

@@ -18,6 +18,7 @@ Auto: TypeAlias = Literal["auto"]
 Colouring: TypeAlias = Literal["strain", "force", "speed", "kinetic"]
 Show: TypeAlias = Literal["both", "springs", "points"]
 Format: TypeAlias = Literal["mp4", "webm", "gif", "png"]
+LOOSEST_REST = 1e-2  # compression.tolerance
 
 
 def _key(default: Any, meaning: str, unit: str = "", **bounds: Any) -> Any:
@@ -110,7 +111,7 @@ class CompressionSection(_Strict):
     method: Literal["relaxation", "newton"] = _key(
         "relaxation", "wait until the vibration has died out, or solve for the equilibrium"
     )
-    tolerance: float = _key(1e-6, "at rest once no force exceeds this part of P/N", ge=1e-9, le=1e-2)
+    tolerance: float = _key(1e-6, "at rest once no force exceeds this part of P/N", ge=1e-9, le=LOOSEST_REST)
     max_time: Auto | Annotated[float, Field(ge=1e-6, le=1e6)] = _key(
         "auto", "give up when the disk is not at rest by this time (method: relaxation)", "R/c"
     )
@@ -264,7 +265,11 @@ class CompressionScene(_SceneBase):
             # Forces flicker by up to 4.5e-7 N, in parts of P/N: the rounding of the springs' forces beside it.
             least = max(1e-4, 1e-6 * self.lattice.points)
             if self.compression.tolerance < least:
-                instead = f"compression.tolerance: {_rounded_up(least)} or more, or f64" if least < 9.9e-3 else "f64"
+                instead = (
+                    f"compression.tolerance: {_rounded_up(least)} or more, or f64"
+                    if 1.001 * least < LOOSEST_REST
+                    else "f64"
+                )
                 text = f"in f32 this disk comes to rest to {least:.2g} at best: write {instead}"
                 conflicts.append(("time.precision", text))
         return conflicts
