@@ -6,13 +6,23 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from taichi_disk.runner import run
-    from taichi_disk.scene_file import load_scene
+    from taichi_disk.api import Result, run
+    from taichi_disk.lattice import Lattice
+    from taichi_disk.scenes import Scene, load_scene, load_sweep
+    from taichi_disk.sweep.sweep import run_sweep
 
-__version__ = "0.1.0"
-__all__ = ["__version__", "load_scene", "run"]
+__version__ = "0.2.0"
+__all__ = ["Lattice", "Result", "Scene", "__version__", "load_scene", "load_sweep", "run", "run_sweep"]
 
-_HOME = {"load_scene": "taichi_disk.scene_file", "run": "taichi_disk.runner"}
+_HOME = {
+    "Lattice": "taichi_disk.lattice",
+    "Result": "taichi_disk.api",
+    "Scene": "taichi_disk.scenes",
+    "load_scene": "taichi_disk.scenes",
+    "load_sweep": "taichi_disk.scenes",
+    "run": "taichi_disk.api",
+    "run_sweep": "taichi_disk.sweep.sweep",
+}
 
 
 def __getattr__(name: str) -> Any:

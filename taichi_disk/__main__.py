@@ -1,3 +1,3 @@
-from taichi_disk.cli import main
+from taichi_disk.cli import process
 
-raise SystemExit(main())
+raise SystemExit(process())

@@ -8,153 +8,217 @@ from __future__ import annotations
 import argparse
 import os
 import sys
-from collections.abc import Callable, Sequence
+import warnings
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager, suppress
 from pathlib import Path
+from typing import TYPE_CHECKING, Any, NoReturn
 
 from taichi_disk import __version__
-from taichi_disk.errors import TaichiDiskError
+from taichi_disk.config.sections import VideoSection
+from taichi_disk.errors import InputError, TaichiDiskError
+from taichi_disk.signals import heard, ignore, interrupts
+
+if TYPE_CHECKING:
+    from taichi_disk.progress import Progress
 
 _SCENES = "compression, exponential_wall, absorbing_wall"
-# Keys of a scene's `video` section that `render` takes on the command line: value, meaning. The schema checks them.
-_VIDEO = {
-    "size": ("N", "pixels of width and height, up to 2160"),
-    "fps": ("N", "frames a second"),
-    "seconds": ("N", "length of the film"),
-    "colour": ("WHAT", "strain, force, speed or kinetic"),
-    "draw": ("WHAT", "both, springs or points"),
-    "supersample": ("N", "samples across a pixel: 1, 1.5 or 2"),
-    "format": ("WHAT", "mp4, webm, gif, or png for a folder of pictures"),
-}
+
+
+def process() -> int:
+    """`main` as the whole of a process: its exit status stands whatever signals come while Python ends."""
+    status = main()
+    ignore()
+    return status
 
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Carry out one command. Raises SystemExit, as argparse does, on --help, --version and usage errors."""
-    arguments = _parser().parse_args(argv)
+    # Libraries' warnings are for their developers; as errors (PYTHONWARNINGS=error) they would end a run.
+    warnings.simplefilter("ignore")
     try:
-        status: int = arguments.command(arguments)
-        sys.stdout.flush()
-        return status
+        with interrupts():
+            parser = _parser()
+            given = list(sys.argv[1:] if argv is None else argv)
+            if not given:
+                parser.print_help()
+                return 0
+            arguments = parser.parse_args(given)
+            status: int = arguments.command(arguments)
+            if sys.stdout is not None:  # it may be closed
+                sys.stdout.flush()
+            return status
     except TaichiDiskError as error:
-        print(f"error: {error}", file=sys.stderr)
+        _say(f"error: {error}")
         return error.exit_status
     except KeyboardInterrupt:
-        print("interrupted", file=sys.stderr)
+        heard()
+        _say("interrupted")
         return 130
-    except BrokenPipeError:
-        # The reader has gone (| head). Python would complain once more when it flushes at exit.
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+    except (MemoryError, RuntimeError) as error:
+        if not isinstance(error, MemoryError) and "memory" not in str(error):
+            raise
+        _say("error: not enough memory; take fewer points (lattice.points), or stop other programs")
+        return 1
+    except BrokenPipeError:  # the reader has gone (| head)
+        _close_quietly()
+        return 1
+    except OSError as error:
+        _say(f"error: {error.strerror or error}")
+        _close_quietly()
         return 1
 
 
-def _run(arguments: argparse.Namespace) -> int:
+def _say(text: str) -> None:
+    """On stderr, if there is one."""
+    with suppress(OSError, ValueError, AttributeError):
+        print(text, file=sys.stderr, flush=True)
+
+
+def _note(text: str) -> None:
+    _say(f"note: {text}")
+
+
+def _close_quietly() -> None:
+    """Let Python not complain once more when it flushes stdout at exit."""
+    with suppress(OSError, ValueError, AttributeError):
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+
+
+@contextmanager
+def _progress() -> Iterator[Progress]:
     from taichi_disk.progress import progress_for
-    from taichi_disk.scene_file import load_scene
-
-    scene = load_scene(arguments.scene, arguments.overrides)
-
-    from taichi_disk.report import print_result
-    from taichi_disk.runner import run
 
     progress = progress_for(sys.stderr)
     try:
-        result = run(
-            scene,
-            arguments.out or Path("out") / Path(arguments.scene).stem,
-            video=arguments.video,
-            arch=arguments.arch,
-            threads=arguments.threads,
-            force=arguments.force,
-            progress=progress,
-        )
+        yield progress
     finally:
         progress.stop()
-    print_result(result)
-    if result.video_error:
-        print(f"error: {result.video_error}", file=sys.stderr)
+
+
+def _load(arguments: argparse.Namespace, what: str = "scene") -> Any:
+    """The scene or sweep that was asked for; remarks on its file are told."""
+    from taichi_disk import scenes
+
+    load = {"scene": scenes.load_scene, "sweep": scenes.load_sweep, "any": scenes.load_any}[what]
+    notes: list[str] = []
+    loaded = load(arguments.scene, arguments.overrides, notes)
+    for note in notes:
+        _note(note)
+    return loaded
+
+
+def _out(arguments: argparse.Namespace, suffix: str = "") -> Path:
+    """The folder that was asked for, else out/NAME, after the scene file's name."""
+    stem = Path(arguments.scene).stem
+    return arguments.out or Path("out", (stem if stem not in ("", "stdin", "-") else "scene") + suffix)
+
+
+# ---- commands: each imports what it needs, once its scene is known to be right
+
+
+def _run(arguments: argparse.Namespace) -> int:
+    scene = _load(arguments)
+
+    from taichi_disk.api import run
+    from taichi_disk.output.report import print_result
+
+    with _progress() as progress:
+        result = run(
+            scene,
+            _out(arguments),
+            video=arguments.video,
+            export=arguments.export,
+            overwrite=arguments.overwrite,
+            count_on=arguments.out is None,
+            force=arguments.force,
+            threads=arguments.threads,
+            progress=progress,
+            say=_note,
+            started=_seconds_so_far(),
+        )
+    assert result.out is not None
+    print_result(result.summary, result.scenario.labels, result.out)
+    if "video_error" in result.summary:
+        _say(f"error: {result.summary['video_error']}")
         return 1
     return 0
 
 
+def _seconds_so_far() -> float:
+    """Since the process began; 0 where the system does not tell."""
+    import time
+
+    with suppress(OSError, ValueError, IndexError, AttributeError):
+        ticks = float(Path("/proc/self/stat").read_text().rpartition(")")[2].split()[19])
+        return max(0.0, time.clock_gettime(time.CLOCK_BOOTTIME) - ticks / os.sysconf("SC_CLK_TCK"))
+    return 0.0
+
+
 def _sweep(arguments: argparse.Namespace) -> int:
-    from taichi_disk.progress import progress_for
-    from taichi_disk.scene_file import load_sweep
+    sweep = _load(arguments, "sweep")
 
-    sweep = load_sweep(arguments.scene, arguments.overrides)
+    from taichi_disk.sweep.report import print_sweep
+    from taichi_disk.sweep.sweep import run_sweep
 
-    from taichi_disk.study.sweep import run_sweep
-    from taichi_disk.study.tell import print_sweep
-
-    progress = progress_for(sys.stderr)
-    try:
-        out = arguments.out or Path("out") / Path(arguments.scene).stem
-        result = run_sweep(sweep, out, jobs=arguments.jobs, progress=progress)
-    finally:
-        progress.stop()
+    names = ("jobs", "scheduler", "part", "estimate")
+    with _progress() as progress:
+        options = {name: getattr(arguments, name) for name in names}
+        result = run_sweep(sweep, _out(arguments), progress=progress, say=_note, **options)
     print_sweep(result)
     return 1 if result.failed else 0
 
 
 def _view(arguments: argparse.Namespace) -> int:
-    from taichi_disk.scene_file import load_scene
+    from taichi_disk.window.app import view
 
-    scene = load_scene(arguments.scene, arguments.overrides)
-
-    from taichi_disk.view.app import view
-
-    view(scene, arguments.out)
+    folder = Path(arguments.scene).is_dir()
+    if folder and arguments.overrides:
+        raise InputError("--set: a folder's scenes are viewed as they are; name one of them")
+    view(Path(arguments.scene) if folder else _load(arguments), arguments.out or Path("out/view"))
     return 0
 
 
 def _render(arguments: argparse.Namespace) -> int:
-    from taichi_disk.progress import progress_for
-    from taichi_disk.refilm import film_again
+    from taichi_disk.render.film import film_again
 
     folders = [arguments.folder, *([arguments.compare] if arguments.compare else [])]
-    options = {name: getattr(arguments, name) for name in _VIDEO if getattr(arguments, name) is not None}
-    if arguments.panel is not None:
-        options["panel"] = "true" if arguments.panel else "false"
-    progress = progress_for(sys.stderr)
-    try:
+    given = {name: getattr(arguments, name) for name in VideoSection.schema()}
+    text = {True: "true", False: "false"}  # of `panel`; the others are text
+    options = {name: text.get(value, value) for name, value in given.items() if value is not None}
+    with _progress() as progress:
         out = film_again(folders, arguments.out, options, progress)
-    finally:
-        progress.stop()
-    print(f"film in {out}")
+    print(f"{'picture' if out.suffix == '.png' else 'film'} in {out}")
+    return 0
+
+
+def _export(arguments: argparse.Namespace) -> int:
+    from taichi_disk.api import Result
+
+    form = arguments.format or (None if arguments.out else "xyz")
+    result = Result.load(arguments.folder)
+    out = result.export(arguments.out or arguments.folder, form, arguments.frames, arguments.times)
+    print(f"trajectory in {out}")
     return 0
 
 
 def _check(arguments: argparse.Namespace) -> int:
-    from taichi_disk.scene_file import load_any
+    from taichi_disk.scenes.feasible import check_feasible
 
-    print(load_any(arguments.scene, arguments.overrides).to_yaml(), end="")
+    scene = _load(arguments, "any")
+    check_feasible(scene)
+    print(scene.to_yaml(), end="")
     return 0
 
 
 def _accuracy(arguments: argparse.Namespace) -> int:
-    from taichi_disk.progress import progress_for
-    from taichi_disk.scene_file import load_scene
+    scene = _load(arguments)
 
-    scene = load_scene(arguments.scene, arguments.overrides)
+    from taichi_disk.accuracy.study import study
 
-    from taichi_disk.study.accuracy import measure
-    from taichi_disk.study.accuracy_report import write
-    from taichi_disk.study.error_sources import other_errors
-
-    progress = progress_for(sys.stderr)
-    try:
-        points = measure(scene, progress)
-        sources = other_errors(scene, points, progress)
-    finally:
-        progress.stop()
-    out = arguments.out or Path("out") / f"{Path(arguments.scene).stem}_accuracy"
-    print(write(points, sources, out, " ".join([Path(arguments.scene).stem, *arguments.overrides])))
-    print(f"files in {out}")
-    return 0
-
-
-def _bench(arguments: argparse.Namespace) -> int:
-    from taichi_disk.benchmark.bench import PARTS, run_benchmark
-
-    run_benchmark(arguments.only or PARTS, arguments.out)
+    name = " ".join([Path(arguments.scene).stem, *arguments.overrides])
+    with _progress() as progress:
+        study(scene, _out(arguments, "_accuracy"), name, progress, _note)
     return 0
 
 
@@ -164,92 +228,93 @@ def _doctor(arguments: argparse.Namespace) -> int:
     return 0 if print_findings(examine()) else 1
 
 
+# ---- arguments
+
+
+class _Parser(argparse.ArgumentParser):
+    """Says how keys are set where somebody tries it as an option."""
+
+    def error(self, message: str) -> NoReturn:
+        if "unrecognized arguments" in message:
+            message += "; a key of the scene is changed by --set SECTION.KEY=VALUE, as --set material.eta_star=30"
+        super().error(message)
+
+
 def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(
+    parser = _Parser(
         prog="taichi-disk",
         description="Simulate, measure and film a two-dimensional elastic disk of mass points and springs.",
     )
     parser.add_argument("--version", action="version", version=f"taichi-disk {__version__}")
-    commands = parser.add_subparsers(metavar="COMMAND", required=True)
+    commands = parser.add_subparsers(metavar="COMMAND", required=True, parser_class=_Parser)
 
-    run = _command(commands, "run", _run, "simulate a scene, write results and film, print the headline result")
-    _add_scene(run)
-    run.add_argument("--out", type=Path, metavar="DIR", help="where the results go (default: out/SCENE)")
-    run.add_argument("--no-video", dest="video", action="store_false", help="make no film")
-    run.add_argument(
-        "--arch", choices=("cpu", "cuda", "vulkan"), default="cpu", help="cpu (default) or cuda; vulkan is refused"
-    )
-    run.add_argument("--threads", type=_count, metavar="N", help="CPU threads (default: all cores)")
-    run.add_argument("--force", action="store_true", help="take a time step even beyond the stable limit")
+    def command(name: str, act: Callable[[argparse.Namespace], int], summary: str) -> argparse.ArgumentParser:
+        one: argparse.ArgumentParser = commands.add_parser(
+            name, help=summary, description=summary[0].upper() + summary[1:] + "."
+        )
+        one.set_defaults(command=act)
+        return one
 
-    sweep = _command(commands, "sweep", _sweep, "compute every scene of a sweep: table, fits and figure; resumable")
-    _add_scene(sweep, "figure2, figure3, figure6")
-    sweep.add_argument("--out", type=Path, metavar="DIR", help="where the results go (default: out/SCENE)")
-    sweep.add_argument("--jobs", type=_count, metavar="N", help="processes (default: one for each core)")
+    add = command("run", _run, "simulate a scene, write results and film, print the result").add_argument
+    _add_scene(add)
+    add("--out", type=Path, metavar="DIR", help="where the results go (default: out/SCENE)")
+    add("--overwrite", action="store_true", help="replace another run in DIR")
+    add("--no-video", dest="video", action="store_false", help="make no film")
+    add("--export", metavar="FORMAT", help="also write a trajectory: xyz, gsd, vtu or npz")
+    add("--threads", type=_count, metavar="N", help="CPU threads (default: all cores)")
+    add("--force", action="store_true", help="take a time step even beyond the stable limit")
 
-    view = _command(commands, "view", _view, "play with a scene in a window")
-    _add_scene(view, default="exponential_wall")
-    view.add_argument(
-        "--out", type=Path, default=Path("out/view"), metavar="DIR", help="for saved scenes, films, pictures"
-    )
+    add = command("sweep", _sweep, "compute every scene of a sweep: table, fits and figure; resumable").add_argument
+    _add_scene(add, "figure2, figure3, figure6")
+    add("--out", type=Path, metavar="DIR", help="where the results go (default: out/SCENE)")
+    add("--jobs", type=_count, metavar="N", help="processes (default: one for each core)")
+    add("--scheduler", metavar="ADDRESS", help="of a Dask cluster that computes instead, tcp://HOST:8786")
+    add("--part", metavar="K/N", help="compute the K-th of N shares only, and no table")
+    add("--estimate", action="store_true", help="estimate each result's time-step error: twice the work")
 
-    render = _command(commands, "render", _render, "film a finished run again, or two of them side by side")
-    render.add_argument("folder", type=Path, metavar="DIR", help="what `run` wrote")
-    render.add_argument("--compare", type=Path, metavar="DIR", help="another run, to be shown at the right")
-    render.add_argument(
-        "--out",
-        type=Path,
-        metavar="FILE",
-        help=".mp4, .webm, .gif, .png for one picture, or a folder for many (default: render or comparison in DIR)",
-    )
-    for name, (value, what) in _VIDEO.items():
-        render.add_argument(f"--{name}", metavar=value, help=what)
-    render.add_argument("--panel", action=argparse.BooleanOptionalAction, help="curves at the right, or none")
+    add = command("view", _view, "play with a scene in a window").add_argument
+    _add_scene(add, f"{_SCENES}; or a folder of scenes", nargs="?", default="exponential_wall")
+    add("--out", type=Path, metavar="DIR", help="for saved scenes, films, pictures (default: out/view)")
 
-    _add_scene(_command(commands, "check", _check, "say what is wrong with a scene, or print it resolved"))
-    summary = "speed against error: integrators, precisions and steps, beside lattices, N and walls"
-    accuracy = _command(commands, "accuracy", _accuracy, summary)
-    _add_scene(accuracy)
-    accuracy.add_argument("--out", type=Path, metavar="DIR", help="where the files go (default: out/SCENE_accuracy)")
-    bench = _command(commands, "bench", _bench, "speed and error on this machine, beside other programs")
-    parts = ("kernel", "size", "sweep", "peers", "solution", "film", "window")
-    bench.add_argument("--only", nargs="+", choices=parts, metavar="PART", help=f"of {', '.join(parts)} (default: all)")
-    bench.add_argument("--out", type=Path, metavar="DIR", help="write bench.csv, bench.json, bench.txt there")
-    _command(commands, "doctor", _doctor, "what this machine can do, and how to mend what is missing")
+    add = command("render", _render, "film a finished run again, or two of them side by side").add_argument
+    add("folder", type=Path, metavar="DIR", help="what `run` wrote")
+    add("--compare", type=Path, metavar="DIR", help="another run, to be shown at the right")
+    files = ".mp4, .webm, .gif, .png for one picture, or a folder for many (default: render or comparison in DIR)"
+    add("--out", type=Path, metavar="FILE", help=files)
+    for name, key in VideoSection.schema().items():  # which also checks what is given
+        if key.kind is bool:
+            add(f"--{name}", action=argparse.BooleanOptionalAction, help=key.meaning)
+        else:
+            listed = f"{key.meaning}: {', '.join(key.words)}" if key.words else key.meaning
+            add(f"--{name}", metavar="WHAT" if key.words else "N", help=listed)
+
+    export = command("export", _export, "write the trajectory of a finished run for another program")
+    add, when = export.add_argument, export.add_mutually_exclusive_group().add_argument
+    add("folder", type=Path, metavar="DIR", help="what `run` wrote")
+    add("--format", metavar="FORMAT", help="xyz, gsd, vtu or npz (default: as FILE's suffix says; xyz)")
+    when("--frames", type=_count, default=200, metavar="N", help="evenly spaced in time (default: 200)")
+    when("--times", type=float, nargs="+", metavar="T", help="ascending, in R/c")
+    add("--out", type=Path, metavar="FILE", help="default: trajectory.FORMAT in DIR")
+
+    _add_scene(command("check", _check, "say what is wrong with a scene, or print it resolved").add_argument)
+
+    what = "speed against error: integrators and steps, beside lattices, N and walls"
+    add = command("accuracy", _accuracy, what).add_argument
+    _add_scene(add)
+    add("--out", type=Path, metavar="DIR", help="where the files go (default: out/SCENE_accuracy)")
+
+    command("doctor", _doctor, "what this machine can do, and how to mend what is missing")
     return parser
 
 
-def _command(
-    commands: argparse._SubParsersAction[argparse.ArgumentParser],
-    name: str,
-    command: Callable[[argparse.Namespace], int],
-    summary: str,
-) -> argparse.ArgumentParser:
-    parser = commands.add_parser(name, help=summary, description=summary[0].upper() + summary[1:] + ".")
-    parser.set_defaults(command=command)
-    return parser
-
-
-def _add_scene(parser: argparse.ArgumentParser, shipped: str = _SCENES, default: str | None = None) -> None:
-    parser.add_argument(
-        "scene",
-        metavar="SCENE",
-        nargs="?" if default else None,
-        default=default,
-        help=f"a YAML file, or a shipped one: {shipped}",
-    )
-    parser.add_argument(
-        "--set",
-        dest="overrides",
-        action="append",
-        default=[],
-        metavar="SECTION.KEY=VALUE",
-        help="change one key of the scene, e.g. material.eta_star=100 (repeatable)",
-    )
+def _add_scene(add: Callable[..., Any], shipped: str = _SCENES, **options: Any) -> None:
+    add("scene", metavar="SCENE", help=f"a YAML file, or a shipped one: {shipped}", **options)
+    what = "change one key of the scene, e.g. material.eta_star=100 (repeatable)"
+    add("--set", dest="overrides", action="append", default=[], metavar="SECTION.KEY=VALUE", help=what)
 
 
 def _count(text: str) -> int:
-    value = int(text) if text.isdecimal() else 0
-    if not 1 <= value <= 4096:
-        raise argparse.ArgumentTypeError(f"{text!r} is not a whole number from 1 to 4096")
+    value = int(text) if text.isdecimal() and len(text) < 10 else 0
+    if not 1 <= value <= 100_000:
+        raise argparse.ArgumentTypeError(f"{text!r} is not a whole number from 1 to 100,000")
     return value

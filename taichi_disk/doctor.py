@@ -1,19 +1,20 @@
 """What this machine can do, and the command that mends what is missing.
 
-Whatever may crash a process (Taichi's start, the Vulkan and CUDA drivers) is tried in a process of its own.
+Whatever may crash a process (Taichi's start, the Vulkan driver) is tried in a process of its own.
 """
 
 from __future__ import annotations
 
 import os
+import platform
 import signal
 import subprocess
 import sys
 from collections.abc import Sequence
-from contextlib import suppress
 from dataclasses import dataclass
-from pathlib import Path
 from tempfile import TemporaryDirectory
+
+from taichi_disk.runtime import CACHE, cache_folder, free_memory, prepare_environment, writable
 
 APT = "apt-get update && apt-get install -y --no-install-recommends"
 PROBE_SECONDS = 120
@@ -36,24 +37,17 @@ window.get_canvas().set_background_color((1.0, 1.0, 1.0))
 assert window.get_image_buffer_as_numpy().min() > 0.99
 print("draws off screen")
 """
-_CUDA = """
-import taichi as ti
-if not ti._lib.core.with_cuda():
-    raise SystemExit("no CUDA device")
-ti.init(arch=ti.cuda, default_fp=ti.f64, log_level=ti.ERROR, offline_cache=False)
-x = ti.field(ti.f64, 4)
-x.fill(0.25)
-assert x.to_numpy().sum() == 1.0
-print("computes, with --arch cuda; whether faster than the cores is to be tried")
-"""
 _ENCODE = """
-import subprocess
-from imageio_ffmpeg import get_ffmpeg_exe, get_ffmpeg_version
-test = "-v error -f lavfi -i color=size=64x64:duration=0.1 -c:v libx264 -pix_fmt yuv420p -f null -"
-done = subprocess.run([get_ffmpeg_exe(), *test.split()], capture_output=True, text=True)
-if done.returncode:
-    raise SystemExit(done.stderr)
-print(f"ffmpeg {get_ffmpeg_version()} encodes H.264")
+import av, io
+import numpy as np
+with av.open(io.BytesIO(), "w", format="mp4") as film:
+    stream = film.add_stream("libx264", rate=30)
+    stream.width = stream.height = 64
+    stream.pix_fmt = "yuv420p"
+    frame = av.VideoFrame.from_ndarray(np.zeros((64, 64, 3), np.uint8), format="rgb24")
+    for packet in [*stream.encode(frame), *stream.encode(None)]:
+        film.mux(packet)
+print(f"PyAV {av.__version__} encodes H.264")
 """
 
 
@@ -70,22 +64,30 @@ class Finding:
 
 def examine() -> list[Finding]:
     """Look at all that `run` needs, and at what is good to have. Takes a few seconds; raises nothing."""
-    return [_python(), _taichi(), _vulkan(), _ffmpeg(), _cuda(), _cores(), _memory(), _cache(), _display()]
+    computes, draws, encodes = probe(_COMPUTE), probe(_DRAW), probe(_ENCODE)
+    taichi = f"{APT} libx11-6" if "libX11" in computes[1] else "pip install taichi==1.7.4"
+    cache, free = cache_folder(), free_memory()
+    kept = "HOME" in os.environ and writable(cache)
+    elsewhere = f"kernels are kept in the temporary directory instead; set {CACHE} (and HOME) to keep them for good"
+    memory = "a run takes up to 1 GB: stop other programs, or take fewer points"
+    display = os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY") or ""
+    return [
+        Finding("Python", True, platform.python_version(), needed=False),
+        Finding("Taichi on the CPU", *computes, taichi),
+        Finding("Vulkan, for the film", *draws, f"{APT} libx11-6 mesa-vulkan-drivers"),
+        Finding("encoder, for the film", *encodes, "pip install --force-reinstall 'imageio[pyav]'"),
+        Finding("processor cores", True, str(len(os.sched_getaffinity(0))), needed=False),
+        Finding("free memory", free >= 1e9, f"{free / 1e9:.1f} GB", memory, needed=False),
+        Finding("cache of kernels", kept, f"{cache}{'' if kept else ' cannot be written'}", elsewhere, needed=False),
+        Finding("display, for windows", display != "", display or "none (films need none)", needed=False),
+    ]
 
 
 def print_findings(findings: Sequence[Finding]) -> bool:
     """Print a table and what to do; whether everything needed is there."""
-    from rich.console import Console
-    from rich.table import Table
-    from rich.text import Text
-
-    table = Table(box=None, pad_edge=False)
-    for heading in ("", "what", "found"):
-        table.add_column(heading, overflow="fold")
     for one in findings:
-        word, colour = ("ok", "green") if one.ok else ("missing", "red") if one.needed else ("no", "yellow")
-        table.add_row(Text(word, colour), one.name, Text(one.found))
-    Console(highlight=False).print(table)
+        word = "ok" if one.ok else "missing" if one.needed else "no"
+        print(f"{word:<8} {one.name:<22} {one.found}")
     for one in findings:
         if not one.ok and one.mend:
             print(f"\n{one.name}:\n    {one.mend}")
@@ -94,20 +96,14 @@ def print_findings(findings: Sequence[Finding]) -> bool:
     return not missing
 
 
-def _probe(code: str) -> tuple[bool, str]:
+def probe(code: str) -> tuple[bool, str]:
     """Run Python code in a process of its own: whether it succeeded, and the last line that it said."""
-    environment = {**os.environ, "ENABLE_TAICHI_HEADER_PRINT": "0"}
+    prepare_environment()
+    command = [sys.executable, "-c", code]
     try:
-        # GGUI leaves its imgui.ini wherever it is started.
-        with TemporaryDirectory() as folder:
+        with TemporaryDirectory() as folder:  # GGUI leaves its imgui.ini wherever it is started
             done = subprocess.run(
-                [sys.executable, "-c", code],
-                capture_output=True,
-                text=True,
-                errors="replace",
-                env=environment,
-                cwd=folder,
-                timeout=PROBE_SECONDS,
+                command, capture_output=True, text=True, errors="replace", cwd=folder, timeout=PROBE_SECONDS
             )
     except subprocess.TimeoutExpired:
         return False, f"no answer within {PROBE_SECONDS} s"
@@ -115,60 +111,3 @@ def _probe(code: str) -> tuple[bool, str]:
         return False, f"crashed ({signal.Signals(-done.returncode).name})"
     text = done.stdout if done.returncode == 0 else done.stderr
     return done.returncode == 0, (text.strip().splitlines() or ["failed without a message"])[-1]
-
-
-def _python() -> Finding:
-    version = sys.version_info
-    found = f"{version.major}.{version.minor}.{version.micro}"
-    return Finding("Python", (3, 10) <= version < (3, 14), found, "install Python 3.10, 3.11, 3.12 or 3.13")
-
-
-def _taichi() -> Finding:
-    ok, found = _probe(_COMPUTE)
-    mend = f"{APT} libx11-6" if "libX11" in found else "pip install taichi==1.7.4"
-    return Finding("Taichi on the CPU", ok, found, mend)
-
-
-def _vulkan() -> Finding:
-    ok, found = _probe(_DRAW)
-    return Finding("Vulkan, for the film", ok, found, f"{APT} libx11-6 mesa-vulkan-drivers")
-
-
-def _ffmpeg() -> Finding:
-    ok, found = _probe(_ENCODE)
-    return Finding("ffmpeg, for the film", ok, found, "pip install --force-reinstall imageio-ffmpeg")
-
-
-def _cuda() -> Finding:
-    ok, found = _probe(_CUDA)
-    return Finding("CUDA", ok, found, needed=False)
-
-
-def _cores() -> Finding:
-    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-    return Finding("processor cores", True, str(cores), needed=False)
-
-
-def _memory() -> Finding:
-    try:
-        total = os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
-    except (AttributeError, ValueError, OSError):
-        return Finding("memory", True, "unknown", needed=False)
-    # In a container the limit of its control group counts ("max": none).
-    with suppress(OSError, ValueError):
-        total = min(total, int(Path("/sys/fs/cgroup/memory.max").read_text()))
-    mend = "a run takes up to 1 GB: stop other programs, or take fewer points"
-    return Finding("memory", total >= 1e9, f"{total / 1e9:.1f} GB", mend, needed=False)
-
-
-def _cache() -> Finding:
-    folder = Path(os.environ.get("TI_OFFLINE_CACHE_FILE_PATH") or Path.home() / ".cache" / "taichi")
-    existing = next((one for one in (folder, *folder.parents) if one.exists()), folder)
-    ok = existing.is_dir() and os.access(existing, os.W_OK)
-    mend = "set TI_OFFLINE_CACHE_FILE_PATH to a writable folder, else every run compiles anew"
-    return Finding("cache of kernels", ok, f"{folder}{'' if ok else ' cannot be written'}", mend, needed=False)
-
-
-def _display() -> Finding:
-    display = os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")
-    return Finding("display, for windows", bool(display), display or "none (films need none)", needed=False)

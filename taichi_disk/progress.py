@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import sys
-from typing import Protocol, TextIO
+from typing import TextIO
 
 
-class Progress(Protocol):
-    """What a long computation reports to. `stop` may be called at any time, also twice."""
+class Progress:
+    """What a long computation reports to; this one says nothing. `stop` may be called at any time, also twice."""
 
     def start(self, stage: str, total: float | None) -> None:
         """A new stage begins; `total` is the amount at its end, None if that is not known."""
@@ -19,20 +19,7 @@ class Progress(Protocol):
         """Nothing more will come."""
 
 
-class QuietProgress:
-    """Says nothing."""
-
-    def start(self, stage: str, total: float | None) -> None:
-        pass
-
-    def update(self, done: float) -> None:
-        pass
-
-    def stop(self) -> None:
-        pass
-
-
-class BarProgress:
+class BarProgress(Progress):
     """One line of a terminal for each stage."""
 
     def __init__(self, stream: TextIO) -> None:
@@ -66,4 +53,11 @@ class BarProgress:
 def progress_for(stream: TextIO | None = None) -> Progress:
     """A bar if `stream` (default stderr) is a terminal, else silence."""
     stream = stream or sys.stderr
-    return BarProgress(stream) if stream.isatty() else QuietProgress()
+    return BarProgress(stream) if stream.isatty() else Progress()
+
+
+def duration(seconds: float) -> str:
+    """A time that is still to come, rounded to what such an estimate is worth."""
+    if seconds < 90.0:
+        return f"{max(10, 10 * round(seconds / 10)):g} s"
+    return f"{round(seconds / 60)} min" if seconds < 6000.0 else f"{seconds / 3600:.1f} h"

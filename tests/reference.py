@@ -6,13 +6,31 @@ Shares no code with the program; takes what lattice.npz holds and the numbers of
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 import numpy as np
 from scipy.integrate import solve_ivp
 
 
+def _none():
+    return np.zeros(0, int)
+
+
+class Contacts(NamedTuple):
+    """Points of the disk, ends of the wall springs below them, normals, distances along these, levers: a row each."""
+
+    point: np.ndarray
+    left: np.ndarray
+    right: np.ndarray
+    normal: np.ndarray
+    distance: np.ndarray
+    lever: np.ndarray
+
+
 @dataclass
 class Model:
+    """The model of one lattice. `rigid`: there is an exponential wall at y = 0."""
+
     bonds: np.ndarray
     rest: np.ndarray
     mass: float
@@ -25,54 +43,45 @@ class Model:
     rigid: bool = False
     load: float = 0.0
     threshold: float = 0.1
-    disk_surface: np.ndarray = field(default_factory=lambda: np.zeros(0, int))
-    wall_surface: np.ndarray = field(default_factory=lambda: np.zeros(0, int))
-    boundary: np.ndarray = field(default_factory=lambda: np.zeros(0, int))
+    disk_surface: np.ndarray = field(default_factory=_none)
+    wall_surface: np.ndarray = field(default_factory=_none)
+    boundary: np.ndarray = field(default_factory=_none)
     impedance: np.ndarray | None = None
     pinned: bool = False
 
     @classmethod
-    def of(cls, lattice, physics):
-        """The model with a lattice's arrays and a `Physics`' numbers."""
+    def of(cls, lattice, model):
+        """With a lattice's arrays and the numbers of the program's own model."""
+        kind, springs = type(model.wall).__name__, model.springs
+        numbers = {"k_a": springs.k_a, "k_b": springs.k_b, "eta": springs.eta, "rigid": kind == "ExponentialWall"}
+        numbers |= {name: getattr(model.wall, name) for name in ("a", "V0", "threshold") if hasattr(model.wall, name)}
         return cls(
             bonds=lattice.bonds,
             rest=lattice.rest_lengths,
             mass=lattice.masses[0],
             disk_points=lattice.disk_points,
-            k_a=physics.k_a,
-            k_b=physics.k_b,
-            eta=physics.eta,
-            a=physics.a,
-            V0=physics.V0,
-            rigid=physics.wall == "rigid",
-            load=physics.load,
-            threshold=physics.threshold,
+            load=model.load.force if model.load else 0.0,
             disk_surface=lattice.disk_surface,
-            wall_surface=lattice.wall_surface if physics.wall == "elastic" else np.zeros(0, int),
+            wall_surface=lattice.wall_surface if kind == "ElasticWall" else _none(),
             boundary=lattice.wall_boundary,
-            impedance=physics.impedance if physics.boundary == "dashpot" else None,
-            pinned=physics.boundary == "pinned",
+            impedance=getattr(model.boundary, "impedance", None),
+            pinned=type(model.boundary).__name__ == "PinnedBoundary",
+            **numbers,
         )
 
     def contacts(self, x):
-        """(point, left end, right end, n, l, lever) of the disk's surface points over a wall spring, one row each.
-
-        Brute force: every point is held against every spring.
-        """
+        """The disk's surface points within reach over a wall spring: every point is held against every spring."""
         left, right = self.wall_surface[:-1], self.wall_surface[1:]
-        if not len(left):
-            return
         px = x[self.disk_surface, 0][:, None]
-        over = (x[left, 0] <= px) & (px < x[right, 0])
-        for row in np.flatnonzero(over.any(axis=1)):
-            i, k = self.disk_surface[row], np.argmax(over[row])
-            a, b = x[left[k]], x[right[k]]
-            t = b - a
-            length = np.hypot(*t)
-            normal = np.array([-t[1], t[0]]) / length
-            distance = (x[i] - a) @ normal
-            if distance < self.threshold:
-                yield i, left[k], right[k], normal, distance, (x[i] - a) @ t / length**2
+        row, spring = np.nonzero((x[left, 0] <= px) & (px < x[right, 0]))
+        row, first = np.unique(row, return_index=True)
+        point, left, right = self.disk_surface[row], left[spring[first]], right[spring[first]]
+        t, away = x[right] - x[left], x[point] - x[left]
+        length = np.hypot(*t.T)
+        normal = np.stack([-t[:, 1], t[:, 0]], axis=1) / length[:, None]
+        distance, lever = (away * normal).sum(axis=1), (away * t).sum(axis=1) / length**2
+        near = distance < self.threshold
+        return Contacts(*(one[near] for one in (point, left, right, normal, distance, lever)))
 
     def elastic(self, x):
         d = x[self.bonds[:, 0]] - x[self.bonds[:, 1]]
@@ -82,13 +91,25 @@ class Model:
     def wall(self, x):
         rigid = np.sum(self.V0 * np.exp(-self.a * x[: self.disk_points, 1])) if self.rigid else 0.0
         edge = np.exp(-self.a * self.threshold)
-        return rigid + sum(self.V0 * (np.exp(-self.a * c[4]) - edge) for c in self.contacts(x))
+        return rigid + np.sum(self.V0 * (np.exp(-self.a * self.contacts(x).distance) - edge))
 
     def potential(self, x):
         return self.elastic(x) + self.wall(x) + self.load * x[: self.disk_points, 1].mean()
 
-    def force(self, x, v):
+    def wall_force(self, x):
+        """(n, 2) what the wall alone does, its reaction on an elastic wall's points included."""
         f = np.zeros_like(x)
+        if self.rigid:
+            f[: self.disk_points, 1] += self.a * self.V0 * np.exp(-self.a * x[: self.disk_points, 1])
+        found = self.contacts(x)
+        push = (self.a * self.V0 * np.exp(-self.a * found.distance))[:, None] * found.normal
+        np.add.at(f, found.point, push)
+        np.add.at(f, found.left, (found.lever - 1.0)[:, None] * push)
+        np.add.at(f, found.right, -found.lever[:, None] * push)
+        return f
+
+    def force(self, x, v):
+        f = self.wall_force(x)
         i, j = self.bonds.T
         d = x[i] - x[j]
         r = np.hypot(d[:, 0], d[:, 1])
@@ -96,37 +117,30 @@ class Model:
         g = -((self.k_a * s + self.k_b * s**3) / r)[:, None] * d - self.eta * (v[i] - v[j])
         for c in (0, 1):
             f[:, c] += np.bincount(i, g[:, c], len(x)) - np.bincount(j, g[:, c], len(x))
-        if self.rigid:
-            f[: self.disk_points, 1] += self.a * self.V0 * np.exp(-self.a * x[: self.disk_points, 1])
         f[: self.disk_points, 1] -= self.load / self.disk_points
-        for p, left, right, normal, distance, lever in self.contacts(x):
-            push = self.a * self.V0 * np.exp(-self.a * distance) * normal
-            f[p] += push
-            f[left] -= (1 - lever) * push
-            f[right] -= lever * push
         if self.impedance is not None:
             f[self.boundary] -= self.impedance * v[self.boundary]
         if self.pinned:
             f[self.boundary] = 0.0
         return f
 
-    def solve(self, x, v, end, rtol=1e-11, reset_interval=None):
-        """State (x, v) at time `end`; the boundary's velocities are zeroed every `reset_interval`."""
-        n = len(x)
+    def solve(self, x, v, times, rtol=1e-11):
+        """(x, v) at each of the `times`, which begin at the start: (times, 2, n, 2)."""
 
         def rate(_t, y):
-            x, v = y.reshape(2, n, 2)
+            x, v = y.reshape(2, *shape)
             return np.concatenate([v, self.force(x, v) / self.mass]).ravel()
 
-        stops = [end]
-        if reset_interval:
-            count = int(np.floor(end / reset_interval * (1 + 1e-12)))
-            stops = [*(np.arange(1, count + 1) * reset_interval), end]
-        t, y = 0.0, np.concatenate([x, v]).ravel()
-        for k, stop in enumerate(stops):
-            if stop > t:
-                y = solve_ivp(rate, (t, stop), y, method="DOP853", rtol=rtol, atol=1e-3 * rtol).y[:, -1]
-                t = stop
-            if reset_interval and k < len(stops) - 1:
-                y.reshape(2, n, 2)[1, self.boundary] = 0.0
-        return y.reshape(2, n, 2)
+        shape, y = x.shape, np.concatenate([x, v]).ravel()
+        span = times[0], times[-1]
+        found = solve_ivp(rate, span, y, method="DOP853", rtol=rtol, atol=1e-3 * rtol, t_eval=times)
+        return found.y.T.reshape(-1, 2, *shape)
+
+    def solve_with_resets(self, x, v, end, interval, rtol=1e-11):
+        """(x, v) at the time `end`; the boundary's velocities are zeroed every `interval`."""
+        t = 0.0
+        for stop in np.arange(1, int(end / interval * (1 + 1e-12)) + 1) * interval:
+            x, v = self.solve(x, v, (t, stop), rtol)[-1]
+            v[self.boundary] = 0.0
+            t = stop
+        return self.solve(x, v, (t, end), rtol)[-1] if t < end else (x, v)

@@ -4,10 +4,8 @@ python docs/examples/a_sweep.py [folder]
 """
 
 import sys
-from pathlib import Path
 
-from taichi_disk.scene_file import load_sweep
-from taichi_disk.study.sweep import run_sweep
+from taichi_disk import load_sweep, run_sweep
 
 SWEEP = """
 scene: exponential_wall
@@ -17,11 +15,8 @@ sweep: {eta_star: [10], seed: {range: 3}, velocity: {geom: [1.0e-2, 5.0e-2, 4]}}
 
 
 def main() -> None:
-    out = Path(sys.argv[1] if len(sys.argv) > 1 else "out/a_sweep")
-    out.mkdir(parents=True, exist_ok=True)
-    (out / "input.yaml").write_text(SWEEP)
     # Stop it at any time and start it again: what is done is not computed twice.
-    result = run_sweep(load_sweep(out / "input.yaml"), out)
+    result = run_sweep(load_sweep(SWEEP), sys.argv[1] if len(sys.argv) > 1 else "out/a_sweep")
     for row in result.rows:
         print(f"seed {row['seed']}  v = {row['velocity']:.4f} c  e = {row['restitution']:.5f}")
     fit = result.summary["curves"][0]["fits"]["eq5"]

@@ -23,4 +23,4 @@ print(f"t = {float(final['t']):.3f} R/c: strains from {strain.min():+.2e} to {st
 print(f"the largest is between points {i[worst]} and {j[worst]}")
 
 energy = 0.5 * np.sum(lattice["masses"][:, None] * final["velocities"] ** 2)
-print(f"kinetic energy {energy:.6e} M c^2; the ledger says {summary['energy']['kinetic']:.6e}")
+print(f"kinetic energy {energy:.6e} M c^2; the energy balance says {summary['energy']['kinetic']:.6e}")

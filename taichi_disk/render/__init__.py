@@ -1,1 +1,28 @@
-"""Pictures and films of the disk: one drawing routine on a GGUI canvas, text around it, MP4 behind it."""
+"""Pictures and films of the disk: one drawing routine on a GGUI canvas, text around it, an encoder behind it."""
+
+from __future__ import annotations
+
+from taichi_disk.errors import TaichiDiskError
+
+_REMEDY = "apt-get update && apt-get install -y --no-install-recommends libx11-6 mesa-vulkan-drivers"
+
+
+def film_problem() -> str | None:
+    """Why no film can be made on this machine and the command that mends it, or None. Needs no `ti.init`."""
+    try:
+        import taichi as ti
+    except ImportError as error:
+        return f"Taichi cannot be loaded ({error}); as root: {_REMEDY}"
+    if not ti._lib.core.with_vulkan():
+        return f"pictures are drawn with Vulkan, and there is no Vulkan driver here; as root: {_REMEDY}"
+    try:
+        import av  # noqa: F401
+    except ImportError as error:
+        return f"no encoder to write the film with ({error}); pip install --force-reinstall av"
+    return None
+
+
+def require_film() -> None:
+    """Raise TaichiDiskError if no film can be made on this machine."""
+    if problem := film_problem():
+        raise TaichiDiskError(f"no film: {problem}")

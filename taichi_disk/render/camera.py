@@ -1,56 +1,82 @@
-"""Where a point of the scene falls in the picture."""
+"""Where a point of the scene falls on the canvas, and back. A value: zooming and panning make new cameras."""
 
 from __future__ import annotations
 
-import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
+
+from taichi_disk.lattice import Array
+
+View = tuple[float, float, float, float]
 
 
 @dataclass(frozen=True)
 class Camera:
-    """A fixed view with equal scales in x and y, filling a rectangle (the stage) of the picture."""
+    """A view with equal scales in x and y. Pixels count from the canvas's upper left corner, rows downwards.
 
-    left: int  # the stage in the picture, in pixels from the picture's upper left corner
-    top: int
+    Attributes:
+        width, height: of the canvas [px].
+        scale: pixels per R.
+        look_at: a point of the scene [R] ...
+        middle: ... and where it is seen (column, row) [px].
+    """
+
     width: int
     height: int
-    scale: float  # pixels per R
-    centre: tuple[float, float]  # the point of the scene in the middle of the stage [R]
+    scale: float
+    look_at: tuple[float, float]
+    middle: tuple[float, float]
 
     @classmethod
-    def fit(
-        cls,
-        view: tuple[float, float, float, float],
-        left: int,
-        top: int,
-        width: int,
-        height: int,
-        margin: float,
-    ) -> Camera:
-        """The largest scale at which `view` (xmin, xmax, ymin, ymax), with a margin in pixels, fits a rectangle.
+    def fit(cls, view: View, width: int, height: int, margin: float = 0.0, stage: View | None = None) -> Camera:
+        """The largest scale at which `view` (xmin, xmax, ymin, ymax) [R] fits, in the middle of the stage.
 
-        The stage is then as much of the rectangle as the view needs, in its middle: what is not drawn need
-        not be read back from the graphics device.
+        Args:
+            margin: around the view [px].
+            stage: (left, right, top, bottom) [px], the part of the canvas to fill; by default all of it.
         """
         xmin, xmax, ymin, ymax = view
-        scale = min((width - 2 * margin) / (xmax - xmin), (height - 2 * margin) / (ymax - ymin))
-        wide = min(2 * math.ceil((scale * (xmax - xmin) + 2 * margin) / 2), width)
-        high = min(2 * math.ceil((scale * (ymax - ymin) + 2 * margin) / 2), height)
-        centre = ((xmin + xmax) / 2, (ymin + ymax) / 2)
-        return cls(left + (width - wide) // 2, top + (height - high) // 2, wide, high, scale, centre)
+        left, right, top, bottom = stage or (0.0, float(width), 0.0, float(height))
+        room = right - left - 2.0 * margin, bottom - top - 2.0 * margin
+        scale = max(min(room[0] / (xmax - xmin), room[1] / (ymax - ymin)), 1e-3)
+        middle = (left + right) / 2.0, (top + bottom) / 2.0
+        return cls(width, height, scale, ((xmin + xmax) / 2.0, (ymin + ymax) / 2.0), middle)
 
-    def to_pixels(self, xy: ArrayLike) -> NDArray[np.float64]:
-        """Points (..., 2) [R] to (column, row) in the picture, row downwards; pixel k covers k to k + 1."""
-        offset = (np.asarray(xy, dtype=np.float64) - self.centre) * self.scale
-        return np.stack(
-            [self.left + self.width / 2 + offset[..., 0], self.top + self.height / 2 - offset[..., 1]],
-            axis=-1,
-        )
+    def to_pixels(self, xy: ArrayLike) -> Array:
+        """Points (..., 2) [R] to (column, row) [px]; pixel k covers k to k + 1."""
+        offset = (np.asarray(xy, dtype=np.float64) - self.look_at) * self.scale
+        return np.stack([self.middle[0] + offset[..., 0], self.middle[1] - offset[..., 1]], axis=-1)
 
-    def canvas_map(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Factor and shift (2,): canvas coordinates (0..1 over the stage, y up) are factor * xy + shift."""
-        factor = self.scale / np.array([self.width, self.height])
-        return factor, 0.5 - factor * np.asarray(self.centre)
+    def to_scene(self, pixels: ArrayLike) -> Array:
+        """(column, row) (..., 2) [px] to points of the scene [R]."""
+        offset = (np.asarray(pixels, dtype=np.float64) - self.middle) / self.scale
+        return np.stack([self.look_at[0] + offset[..., 0], self.look_at[1] - offset[..., 1]], axis=-1)
+
+    def zoomed(self, factor: float, at: tuple[float, float]) -> Camera:
+        """`factor` times as large, with what is at `at` (column, row) staying there."""
+        (x, y), (column, row) = self.middle, at
+        middle = column + factor * (x - column), row + factor * (y - row)
+        return replace(self, scale=self.scale * factor, middle=middle)
+
+    def panned(self, columns: float, rows: float) -> Camera:
+        """With everything moved by so many pixels."""
+        return replace(self, middle=(self.middle[0] + columns, self.middle[1] + rows))
+
+    def following(self, point: tuple[float, float]) -> Camera:
+        """With `point` [R] where `look_at` was."""
+        return replace(self, look_at=point)
+
+    @property
+    def seen(self) -> View:
+        """(xmin, xmax, ymin, ymax) [R] of the whole canvas."""
+        (xmin, ymin), (xmax, ymax) = self.to_scene([(0.0, self.height), (self.width, 0.0)])
+        return float(xmin), float(xmax), float(ymin), float(ymax)
+
+    def canvas_map(self) -> tuple[Array, Array]:
+        """Factor and shift (2,): GGUI's coordinates (0 to 1 over the canvas, y upwards) are factor * xy + shift."""
+        size = np.array([self.width, self.height])
+        factor = self.scale / size
+        origin = np.array([self.middle[0], self.height - self.middle[1]]) / size
+        return factor, origin - factor * np.asarray(self.look_at)

@@ -1,171 +1,235 @@
-"""The drawing routine: springs coloured by strain, points and the rigid wall, on any GGUI canvas.
+"""The drawing routine of films, stills and the window: field, springs or points, wall and arrows on a GGUI canvas."""
 
-It does not know whether the canvas belongs to a window on the screen or to a headless one behind a film.
-"""
+from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import taichi as ti
 from numpy.typing import NDArray
+from taichi.ui.utils import get_field_info
 
-from taichi_disk.render.arrows import FAR, LINES, arrow_lines
+from taichi_disk.fields import QUANTITIES, Triangles, at_points
+from taichi_disk.lattice import Array, Lattice
+from taichi_disk.render import kernels, shapes
 from taichi_disk.render.camera import Camera
-from taichi_disk.render.colours import CONTACT, FAINT_INK, GROUND, INK, amount_colours, strain_colours
-from taichi_disk.render.picture import Subject
-from taichi_disk.scene import Show
+from taichi_disk.render.palette import THEMES, Theme, colour_map
+from taichi_disk.render.scales import full_scale
+from taichi_disk.render.shapes import WallBody
 
-_TABLE = 256  # intervals of the colour table
-_HATCHES = 200  # lines below the rigid wall: enough for a picture three times as wide as high
-_HATCH = 11.0  # pixels (in a picture of 720) between the hatching lines below the rigid wall, and their depth
+if TYPE_CHECKING:
+    from taichi_disk.physics.springs import Springs
 
-_NOTHING = np.zeros(0, dtype=np.intp), np.zeros((0, 2))
-_Pair = ti.types.vector(2, ti.f64)
+Vertices = NDArray[np.float32]
+
+_SPRING, _OUTLINE = 0.65, 1.3  # half the width of a spring on the field, and of an outline: pixels in a picture of 720
+_ARROW, _HEAD, _RIM, _APART = 1.8, 4.5, 1.0, 10.0  # an arrow's shaft, half its head, its rim, its distance to the next
+_FINE, _COARSE = 5.0, 14.0  # pixels between two points, from which on springs are seen on the field, and seen in full
+_WEAK = 0.02  # of the full force: less has no arrow
+_SEEN = 0.25  # how much of the springs' ink is mixed into the field
+_FRINGE_PARTS = 20_000  # small triangles, about, into which the triangles of a coarse lattice are cut for fringes
 
 
-@ti.data_oriented
 class Painter:
-    """Draws one lattice through one camera. `ti.init` must have been called; `destroy` frees the fields."""
+    """Draws one lattice. `ti.init` must have been called. A window, or a film, does this with each state:
 
-    def __init__(self, subject: Subject, camera: Camera, unit: float) -> None:
-        """`unit`: size in pixels of what is one pixel in a picture of 720; line widths grow with it."""
-        lattice = subject.lattice
-        self._bonds, self._rest_lengths = lattice.bonds, lattice.rest_lengths
-        self._limit = subject.limit
-        places = np.linspace(-1.0, 1.0, _TABLE + 1)
-        self._tables = [colours(places, 1.0).astype(np.float32) for colours in (amount_colours, strain_colours)]
-        degree = np.bincount(lattice.bonds.ravel(), minlength=len(lattice.positions))
-        self._share = 1.0 / np.maximum(degree, 1)
-        self._spacing = float(np.median(lattice.rest_lengths))
-        # More than half of the rim never touches the wall.
-        self._arrows = max(len(lattice.disk_surface) // 2, 8) if subject.full_force else 0
-        self._make_fields(len(lattice.positions), len(lattice.bonds), _HATCHES + 1 if subject.rigid_wall else 0)
-        self.aim(camera, unit)
+        painter = Painter(lattice, model.springs, model.wall)
+        painter.limit = painter.scale(painter.values(x, v))           # once, or as often as the colours shall change
+        painter.paint(window.get_canvas(), camera, x, v)
 
-    def aim(self, camera: Camera, unit: float) -> None:
-        """Look through another camera from now on."""
-        factor, shift = camera.canvas_map()
-        self._factor, self._shift = _Pair(factor), _Pair(shift)
-        spacing = self._spacing * camera.scale
-        # Few springs need not be thick to be seen; a line below about a pixel vanishes.
-        self._line = max(min(0.15 * spacing, 2.5 * unit), 1.1) / camera.height
-        # In a lattice so fine that points would touch, the springs alone show more.
-        self._point = min(0.11 * spacing, 6.0 * unit) / camera.height if spacing > 5.0 else 0.0
-        self._any_point = max(min(0.25 * spacing, 6.0 * unit), 1.0) / camera.height
-        if self._wall:
-            step = _HATCH * unit
-            self._place_wall(self._shift, step / camera.width, step / camera.height)
+    `x` (n, 2) [R] and `v` (n, 2) [c] are in the lattice's order; all values must be finite.
 
-    def _make_fields(self, points: int, springs: int, wall: int) -> None:
-        """Two line ends for each spring, then two for each line of the rigid wall, then those of the arrows."""
-        self._springs, self._wall = springs, wall
-        self._ends, self._colours = ti.Vector.field(2, ti.f32), ti.Vector.field(3, ti.f32)
-        self._points, self._point_colours = ti.Vector.field(2, ti.f32), ti.Vector.field(3, ti.f32)
-        self._point_places = ti.field(ti.f64)
-        builder = ti.FieldsBuilder()
-        lines = springs + wall + LINES * self._arrows
-        builder.dense(ti.i, 2 * lines).place(self._ends, self._colours)
-        builder.dense(ti.i, points).place(self._points, self._point_colours, self._point_places)
-        self._tree = builder.finalize()
+    Attributes, all of which may be changed at any time:
+        colour: a name of `fields.QUANTITIES`: what colours show.
+        draw: "field" (triangles), "both" (and springs faintly on it, where points are far enough apart; fringes stay
+            without), "springs" or "points" alone.
+        theme: "light" or "dark".
+        limit: value of full colour, from -limit where values have a sign, else from 0; of fringes: the stress
+            difference from one to the next. In units of the quantity.
+        full_force: force that an arrow of `shapes.ARROW` stands for [M c^2/R]; 0: no arrows.
+        edge: height of the wall's edge over its surface [R], see `shapes.edge_height`.
+        shown: (n,) the values in the last picture.
+    """
 
-    @ti.kernel
-    def _place_wall(self, shift: _Pair, across: ti.f64, down: ti.f64):  # type: ignore[valid-type]
-        """A line at y = 0 and short lines that lean to it from below, in canvas coordinates."""
-        for k in range(self._wall):
-            i = 2 * (self._springs + k)
-            height = shift[1]  # type: ignore[index]
-            foot, top = ti.Vector([0.0, height]), ti.Vector([1.0, height])
-            colour = ti.Vector([INK[0], INK[1], INK[2]])
-            if k > 0:
-                top[0] = (k - 1) * across
-                foot = top - ti.Vector([across, down])
-                colour = ti.Vector([FAINT_INK[0], FAINT_INK[1], FAINT_INK[2]])
-            self._ends[i], self._ends[i + 1] = ti.cast(foot, ti.f32), ti.cast(top, ti.f32)
-            self._colours[i], self._colours[i + 1] = ti.cast(colour, ti.f32), ti.cast(colour, ti.f32)
+    shown: Array
 
-    @ti.kernel
-    def _place_arrows(self, ends: ti.types.ndarray(dtype=ti.f64, ndim=2), factor: _Pair, shift: _Pair):  # type: ignore[valid-type]
-        ti.loop_config(serialize=True)
-        for k in range(2 * LINES * self._arrows):
-            i = 2 * (self._springs + self._wall) + k
-            self._ends[i] = ti.cast(factor * ti.Vector([ends[k, 0], ends[k, 1]]) + shift, ti.f32)
-            self._colours[i] = ti.Vector([CONTACT[0], CONTACT[1], CONTACT[2]])
+    def __init__(self, lattice: Lattice, springs: Springs, wall: Any = None) -> None:
+        self.lattice, self.springs, self.wall = lattice, springs, wall
+        self.colour, self.draw, self.theme = "shear", "both", "light"
+        self.limit, self.full_force, self.edge = 1.0, 0.0, 0.0
+        self._triangles, self._spacing = Triangles(lattice), float(np.median(lattice.rest_lengths))
+        self._buffers: dict[str, Vertices] = {}
 
-    @ti.kernel
-    def _place(
-        self,
-        x: ti.types.ndarray(dtype=ti.f64, ndim=2),  # type: ignore[valid-type]
-        bonds: ti.types.ndarray(dtype=ti.i32, ndim=2),  # type: ignore[valid-type]
-        rest_lengths: ti.types.ndarray(dtype=ti.f64, ndim=1),  # type: ignore[valid-type]
-        table: ti.types.ndarray(dtype=ti.types.vector(3, ti.f32), ndim=1),  # type: ignore[valid-type]
-        values: ti.types.ndarray(dtype=ti.f64, ndim=1),  # type: ignore[valid-type]
-        share: ti.types.ndarray(dtype=ti.f64, ndim=1),  # type: ignore[valid-type]
-        by_strain: ti.template(),  # type: ignore[valid-type]
-        hidden: ti.template(),  # type: ignore[valid-type]
-        factor: _Pair,  # type: ignore[valid-type]
-        shift: _Pair,  # type: ignore[valid-type]
-    ):
-        # Serial, here and below: a thousand light iterations cost less than waking a second thread.
-        ti.loop_config(serialize=True)
-        for b in range(self._springs):
-            i, j = bonds[b, 0], bonds[b, 1]
-            p, q = ti.Vector([x[i, 0], x[i, 1]]), ti.Vector([x[j, 0], x[j, 1]])
-            value = values[b] if ti.static(not by_strain) else ((p - q).norm() / rest_lengths[b] - 1.0) / self._limit
-            value = ti.math.clamp(value, -1.0, 1.0)
-            colour = self._colour(table, value)
-            if ti.static(hidden):
-                self._point_places[i] += value * share[i]
-                self._point_places[j] += value * share[j]
-                p, q = _Pair(FAR, FAR), _Pair(FAR, FAR - 1.0)
-            self._ends[2 * b] = ti.cast(factor * p + shift, ti.f32)
-            self._ends[2 * b + 1] = ti.cast(factor * q + shift, ti.f32)
-            self._colours[2 * b] = colour
-            self._colours[2 * b + 1] = colour
-        ti.loop_config(serialize=True)
-        for i in self._points:
-            p = ti.Vector([x[i, 0], x[i, 1]])
-            self._points[i] = ti.cast(factor * p + shift, ti.f32)
-            if ti.static(hidden):
-                self._point_colours[i] = self._colour(table, self._point_places[i])
-                self._point_places[i] = 0.0
+    # ---- values
 
-    @ti.func
-    def _colour(self, table: ti.template(), value: ti.f64):  # type: ignore[valid-type]
-        place = (value + 1.0) * (_TABLE / 2)
-        k = ti.min(ti.cast(place, ti.i32), _TABLE - 1)
-        return ti.math.mix(table[k], table[k + 1], ti.cast(place - k, ti.f32))
+    def values(self, x: Array, v: Array) -> Array:
+        """(n,) what the colours show at the points."""
+        return at_points(self.colour, self._triangles, self.springs, x, v)
 
-    def paint(
-        self,
-        canvas: Any,
-        positions: NDArray[np.float64],
-        values: NDArray[np.float64] | None = None,
-        show: Show = "both",
-        signed: bool = True,
-        pushed: tuple[NDArray[np.intp], NDArray[np.float64]] | None = None,
-    ) -> None:
-        """Draw the state with `positions` (n, 2) [R] on a `ti.ui.Canvas` as large as the camera's stage.
+    def scale(self, values: Array) -> float:
+        """A round `limit` for `values` (n,), from those of the disk."""
+        return full_scale(values[: self.lattice.disk_points], self.colour)
 
-        `values` (springs,): places in the scale of colours, -1 to 1 where they are `signed`, else 0 to 1; by
-        default the strain over its limit. Points without springs take the mean of theirs.
-        `pushed`: if the subject has a full force, the points (k,) that the wall pushes and how hard, (k, 2), as
-        parts of it; arrows show them.
+    @property
+    def signed(self) -> bool:
+        return QUANTITIES[self.colour].signed
+
+    @property
+    def map(self) -> NDArray[np.float32]:
+        """(LEVELS, 3) the map of colours, from the least value to the largest; of fringes: from dark to bright."""
+        kind = {"pressure": "pressure", "rate": "pressure", "fringes": "fringes"}.get(self.colour, "amount")
+        kind = "stretch" if kind == "amount" and self.signed else kind
+        return colour_map(self.theme, kind, self.draw in ("springs", "points"))
+
+    def places(self, values: Array) -> Array:
+        """Where `values` lie in the map, 0 to 1; of fringes: their order."""
+        return np.asarray(0.5 + 0.5 * values / self.limit if self.signed else values / self.limit)
+
+    def colours(self, places: Array) -> NDArray[np.float32]:
+        """(..., 3) of `places` (...)."""
+        if self.colour == "fringes":
+            places = np.sin(np.pi * places) ** 2
+        table = self.map
+        return table[(np.clip(places, 0.0, 1.0) * (len(table) - 1) + 0.5).astype(np.intp)]
+
+    # ---- drawing
+
+    def paint(self, canvas: Any, camera: Camera, x: Array, v: Array, unit: float = 1.0) -> None:
+        """Draw the state on a `ti.ui.Canvas`, which is first filled with the theme's ground.
+
+        Args:
+            unit: pixels that are one in a picture of 720: all widths are multiples of it.
         """
-        x, by_strain = np.ascontiguousarray(positions), values is None
-        given = np.zeros(1) if values is None else np.ascontiguousarray(values)
-        springs = (self._bonds, self._rest_lengths, self._tables[signed], given, self._share)
-        self._place(x, *springs, by_strain, show == "points", self._factor, self._shift)
-        if self._arrows:
-            arrows = arrow_lines(positions, *(pushed or _NOTHING), self._spacing, self._arrows)
-            self._place_arrows(arrows.reshape(-1, 2), self._factor, self._shift)
-        canvas.set_background_color(GROUND)
-        # Hidden springs lie far outside, so that the wall beside them in the same field is still drawn.
-        canvas.lines(self._ends, width=self._line, per_vertex_color=self._colours)
-        if show == "points":
-            canvas.circles(self._points, radius=self._any_point, per_vertex_color=self._point_colours)
-        elif self._point and show == "both":
-            canvas.circles(self._points, radius=self._point, color=INK)
+        x = np.ascontiguousarray(x)
+        theme, pixel, filled = THEMES[self.theme], 1.0 / camera.scale, self.draw in ("field", "both")
+        self.shown = self.values(x, v)
+        places = self.places(self.shown)
+        above, half, body = [shapes.NOTHING], max(_OUTLINE * unit, 1.0) * pixel, None
+        canvas.set_background_color(theme.ground)
+        if self.wall is not None:
+            body, chain = WallBody(self.edge, max(1.0 / self.wall.a, 0.4 * pixel), theme), self._chain(camera, x)
+            self._draw_shape(canvas, "haze", body.haze(chain), camera)
+        if filled:
+            self._fill(canvas, camera, x, places, unit)
+            above.append(self._outline(x, places, half, theme, body))
+        elif self.draw == "springs":
+            self._springs(canvas, camera, x, places, unit)
+        if body is not None:
+            depth = 1.0 - camera.seen[2] if self._rigid else half  # over the elastic wall's own outline
+            above.append(body.solid(chain, depth))
+        if self.full_force and self.wall is not None:
+            sizes = (_HEAD * unit * pixel, max(_ARROW * unit, 1.0) * pixel, _RIM * unit * pixel)
+            above.append(shapes.arrows(*self.pushes(x, max(_APART * unit, 9.0) * pixel), *sizes, theme))
+        self._draw_shape(canvas, "above", shapes.joined(*above), camera)
+        if self.draw == "points":
+            self._points(canvas, camera, x, places, unit)
 
-    def destroy(self) -> None:
-        """Free the fields; the painter cannot be used afterwards."""
-        self._tree.destroy()
+    @property
+    def _rigid(self) -> bool:
+        return not len(self.lattice.wall_surface)
+
+    def pushes(self, x: Array, apart: float) -> tuple[Array, Array]:
+        """Feet (k, 2) [R] and forces (k, 2) of arrows, in parts of the full force.
+
+        Where points stand closer than `apart` [R], one arrow for all that are pushed within that shows their mean.
+        """
+        points, forces = self.wall.contact_forces(self.lattice, x)
+        forces = forces / self.full_force
+        strong = np.hypot(*forces.T) > _WEAK
+        feet, forces = x[points[strong]], forces[strong]
+        if self._spacing > 0.8 * apart and self.wall.a * self._spacing > 1.0:
+            return feet, forces
+        _, group = np.unique(np.floor(feet[:, 0] / apart), return_inverse=True)
+        count = np.bincount(group)
+        mean = [np.bincount(group, part) / count for part in (*feet.T, *forces.T)]
+        return np.stack(mean[:2], axis=1), np.stack(mean[2:], axis=1)
+
+    def _chain(self, camera: Camera, x: Array) -> Array:
+        """The wall's surface, ordered by x: of the rigid wall as far as can be seen."""
+        if not self._rigid:
+            return x[self.lattice.wall_surface]
+        left, right, _, _ = camera.seen
+        return np.array([(left - 1.0, 0.0), (right + 1.0, 0.0)])
+
+    def _fill(self, canvas: Any, camera: Camera, x: Array, places: Array, unit: float) -> None:
+        fringes = self.colour == "fringes"
+        apart = self._spacing * camera.scale / max(unit, 0.7)
+        ink = _SEEN * min(max((apart - _FINE) / (_COARSE - _FINE), 0.0), 1.0) if self.draw == "both" else 0.0
+        layered = ink > 0.0 and not fringes
+        pattern = _pattern(0 if layered else self._parts() if fringes else 1)
+        out = self._buffer("fill", len(self._triangles.triangles) * len(pattern))
+        inset = max(_SPRING * unit, 0.55) / camera.scale if layered else 0.0
+        # Springs are seen where triangles that are drawn smaller leave a darker field between them.
+        corners = self._triangles.triangles
+        kernels.fill(x, places, corners, pattern, inset, ink, self.map, fringes, *camera.canvas_map(), out)
+        draw_triangles(canvas, out)
+
+    def _parts(self) -> int:
+        """How finely triangles are cut for fringes, whose colour is not linear between the points."""
+        return min(max(round(np.sqrt(_FRINGE_PARTS / max(len(self._triangles.triangles), 1))), 1), 6)
+
+    def _outline(self, x: Array, places: Array, half: float, theme: Theme, body: WallBody | None) -> shapes.Shape:
+        start, end = self._triangles.outline.T
+        inside = self.colours(places)[self._triangles.outline]
+        outside = np.asarray(theme.ground)
+        if body is not None and self._rigid:
+            outside = body.seen(0.5 * (x[start, 1] + x[end, 1]))
+        return shapes.outline(x[start], x[end], half, inside, theme.ink, outside)
+
+    def _springs(self, canvas: Any, camera: Camera, x: Array, places: Array, unit: float) -> None:
+        if self.colour in ("strain", "force"):
+            law = self.springs.strain if self.colour == "strain" else self.springs.tension
+            each = self.places(law(self.lattice, x))
+        else:
+            each = places[self.lattice.bonds].mean(axis=1)
+        # Few springs need not be thick to be seen; a line below about a pixel vanishes.
+        width = max(min(0.15 * self._spacing * camera.scale, 2.5 * unit), 1.1)
+        out = self._put("springs", camera, x[self.lattice.bonds.ravel()], np.repeat(self.colours(each), 2, axis=0))
+        canvas.canvas.lines(get_field_info(out), get_field_info(None), True, (0.0, 0.0, 0.0), width / camera.height)
+
+    def _points(self, canvas: Any, camera: Camera, x: Array, places: Array, unit: float) -> None:
+        radius = max(min(0.3 * self._spacing * camera.scale, 6.0 * unit), 1.0) / camera.height
+        out = self._put("points", camera, x, self.colours(places))
+        canvas.canvas.circles(get_field_info(out), True, False, (0.0, 0.0, 0.0), radius)
+
+    def _draw_shape(self, canvas: Any, name: str, shape: shapes.Shape, camera: Camera) -> None:
+        if len(shape[0]):
+            draw_triangles(canvas, self._put(name, camera, *shape))
+
+    def _put(self, name: str, camera: Camera, places: Array, colours: NDArray[Any]) -> Vertices:
+        """Vertices at `places` (k, 2) [R] with `colours` (k, 3)."""
+        out = self._buffer(name, len(places))
+        factor, shift = camera.canvas_map()
+        out[:, :2], out[:, 8:11] = factor * places + shift, colours
+        return out
+
+    def _buffer(self, name: str, vertices: int) -> Vertices:
+        """Room for so many vertices, opaque; it grows by halves, so that counts that tremble make few of them."""
+        have = self._buffers.get(name)
+        if have is None or len(have) < vertices:
+            have = self._buffers[name] = np.zeros((vertices + vertices // 2, kernels.VERTEX), dtype=np.float32)
+            have[:, -1] = 1.0
+        return have[:vertices]
+
+
+def draw_triangles(canvas: Any, vertices: Vertices) -> None:
+    """What `Canvas.triangles` of Taichi 1.7.4 does once it has copied fields into such an array.
+
+    Without the fields nothing is compiled for each lattice (0.3 s), and a picture takes a tenth less.
+    """
+    canvas.canvas.triangles(get_field_info(vertices), get_field_info(None), True, (0.0, 0.0, 0.0))
+
+
+def _pattern(parts: int) -> Array:
+    """The corners that one triangle is drawn with, see `kernels.fill`: cut into parts x parts; 0: with its springs."""
+    corners = np.eye(3)
+    if parts == 0:  # the triangle whole, then smaller
+        return np.concatenate([np.column_stack([corners, np.full(3, part)]) for part in (0.0, 1.0)])
+    grid = [
+        [(m + a, n + b) for a, b in steps]
+        for m in range(parts)
+        for n in range(parts - m)
+        for steps in (((0, 0), (1, 0), (0, 1)), ((1, 0), (1, 1), (0, 1)))
+        if m + n < parts - 1 or steps[0] == (0, 0)
+    ]
+    u, w = np.array(grid, dtype=float).reshape(-1, 2).T / parts
+    return np.column_stack([1.0 - u - w, u, w, np.ones(len(u))])

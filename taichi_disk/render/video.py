@@ -1,98 +1,71 @@
-"""MP4 (H.264), WebM (VP9), GIF and numbered PNGs, by imageio-ffmpeg's own ffmpeg, in a process of its own.
-
-imageio's own writer does not look at ffmpeg's exit status: a full disk would leave half a film unnoticed.
-"""
+"""MP4 (H.264), WebM (VP9), GIF and numbered PNGs, encoded by PyAV, Pillow and imageio in a thread of their own."""
 
 from __future__ import annotations
 
-import subprocess
-import tempfile
+import sys
+import zlib
+from collections.abc import Callable, Iterator
+from fractions import Fraction
 from pathlib import Path
 from queue import Queue
 from threading import Thread
 from types import TracebackType
+from typing import Any
 
-import imageio_ffmpeg
 import numpy as np
 from numpy.typing import NDArray
 
 from taichi_disk.errors import SimulationError
 
-_EXACT = ("-fflags", "+bitexact", "-flags:v", "+bitexact")  # no version or random numbers in the file
-_TAGS = (
-    # Without the matrix and its tags players guess at the colours, and guess differently.
-    *("-vf", "scale=out_color_matrix=bt709:out_range=tv", "-pix_fmt", "yuv420p"),
-    *("-colorspace", "bt709", "-color_primaries", "bt709", "-color_trc", "bt709"),
-    *_EXACT,
-)
-_ENCODINGS = {
-    ".mp4": (*_TAGS, "-c:v", "libx264", "-preset", "veryfast", "-crf", "20", "-movflags", "+faststart", "-f", "mp4"),
-    ".webm": (*_TAGS, "-c:v", "libvpx-vp9", "-crf", "32", "-b:v", "0", "-deadline", "realtime", "-cpu-used", "6"),
-    # One palette for all pictures, so that still parts do not flicker.
-    ".gif": (
-        "-vf",
-        "split[a][b];[a]palettegen=max_colors=128[p];[b][p]paletteuse=dither=none:diff_mode=rectangle",
-        "-f",
-        "gif",
-    ),
-    ".png": ("-c:v", "png", "-pix_fmt", "rgb24", *_EXACT, "-f", "image2"),
+Picture = NDArray[np.uint8]
+
+_CODECS = {".mp4": "libx264", ".webm": "libvpx-vp9"}
+_OPTIONS = {
+    # Without B-frames and small partitions half the time, for a sixth more bytes at the same error.
+    ".mp4": {"preset": "veryfast", "crf": "21", "bf": "0", "partitions": "none"},
+    ".webm": {"crf": "32", "b": "0", "deadline": "realtime", "cpu-used": "6"},
 }
+_CONTAINER = {".mp4": {"movflags": "+faststart"}, ".webm": {}}
+_BT709 = 1  # of primaries, transfer and matrix in H.273; players guess at colours that carry no tags
+_GIF_SAMPLES = 12  # pictures, about, from which the palette is chosen
 
 
 class Video:
-    """Writes pictures to a film, in the format that the suffix of `path` names: .mp4, .webm or .gif.
+    """A film in a format: ".mp4", ".webm", ".gif", or "" for a folder of PNGs.
 
-    `.png`: into a picture each; the path then holds a `%05d`, which is replaced by its number.
-    A context manager: left in order, the film is complete.
-
-    A thread feeds ffmpeg, so that drawing need not wait until a picture has gone through the pipe.
-    `width`, `height`: in pixels, even. Raises SimulationError if ffmpeg fails.
+    A context manager: left in order, the film is complete. Raises OSError if it cannot be written. The same pictures
+    give the same bytes.
     """
 
-    def __init__(self, path: Path, width: int, height: int, fps: int) -> None:
-        self._path = path
-        raw = ("-f", "rawvideo", "-pix_fmt", "rgb0", "-s", f"{width}x{height}", "-r", str(fps), "-i", "-")
-        # The number of threads is written into the file, so it may not depend on the machine. One is fastest
-        # beside a drawing that keeps two cores busy, as long as it keeps up.
-        threads = ("-threads", str(1 + min(width, height) // 1080))
-        command = [
-            imageio_ffmpeg.get_ffmpeg_exe(),
-            "-v",
-            "error",
-            "-y",
-            *raw,
-            *_ENCODINGS[path.suffix],
-            *threads,
-            str(path),
-        ]
-        self._complaints = tempfile.TemporaryFile()  # noqa: SIM115 (closed in __exit__)
-        # In a session of its own, so that Ctrl-C reaches us and not ffmpeg.
-        self._ffmpeg = subprocess.Popen(command, stdin=subprocess.PIPE, stderr=self._complaints, start_new_session=True)
-        self._pictures: Queue[NDArray[np.uint8] | None] = Queue(maxsize=2)
-        self._broken = False
-        self._feeder = Thread(target=self._feed, daemon=True)
-        self._feeder.start()
+    def __init__(self, path: Path, form: str, width: int, height: int, fps: int) -> None:
+        """`width`, `height`: in pixels, even."""
+        self._given = path, form, width, height, fps
+        self._encode = {"": _encode_pngs, ".gif": _encode_gif}.get(form, _encode_stream)
+        self._error: Exception | None = None
+        self._pictures: Queue[Callable[[], Picture] | None] = Queue(maxsize=2)
+        self._thread = Thread(target=self._work, daemon=True)
+        # Drawing keeps Python's lock for milliseconds at a time; the encoder should not wait 5 ms more for its turn.
+        self._switch_interval = sys.getswitchinterval()
+        sys.setswitchinterval(5e-4)
+        self._thread.start()
 
-    def write(self, picture: NDArray[np.uint8]) -> None:
-        """Append a picture (height, width, 4), the fourth byte unused; it may be overwritten on return."""
-        if self._broken:
-            raise self._failure()
-        self._pictures.put(picture.copy())
+    def write(self, picture: Callable[[], Picture]) -> None:
+        """Append what `picture` returns (height, width, 3); it is called in the encoder's thread."""
+        self._check()
+        self._pictures.put(picture)
 
-    def _feed(self) -> None:
-        assert self._ffmpeg.stdin is not None
-        while (picture := self._pictures.get()) is not None:
-            if not self._broken:
-                try:
-                    self._ffmpeg.stdin.write(picture.data)
-                except OSError:
-                    self._broken = True
+    def _work(self) -> None:
+        incoming = iter(self._pictures.get, None)
+        try:
+            self._encode(*self._given, (picture() for picture in incoming))
+        except Exception as error:  # told by the next call of the other thread
+            self._error = error
+            for _ in incoming:
+                pass
 
-    def _failure(self) -> SimulationError:
-        self._ffmpeg.wait()
-        self._complaints.seek(0)
-        said = self._complaints.read().decode(errors="replace").strip()
-        return SimulationError(f"ffmpeg could not write {self._path}: {said or 'it gave no reason'}")
+    def _check(self) -> None:
+        if self._error is not None:
+            raise self._error
 
     def __enter__(self) -> Video:
         return self
@@ -100,15 +73,70 @@ class Video:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        with self._complaints:
-            try:
-                if kind is not None:
-                    self._ffmpeg.kill()
-                self._pictures.put(None)
-                self._feeder.join()
-                self._ffmpeg.communicate()
-            except BaseException:
-                self._ffmpeg.kill()
-                raise
-            if kind is None and self._ffmpeg.returncode != 0:
-                raise self._failure()
+        if kind is not None:
+            self._pictures.put(_give_up)
+        self._pictures.put(None)
+        self._thread.join()
+        sys.setswitchinterval(self._switch_interval)
+        if kind is None:
+            self._check()
+
+
+def _give_up() -> Picture:
+    raise SimulationError("the film was given up")
+
+
+def _encode_stream(path: Path, form: str, width: int, height: int, fps: int, pictures: Iterator[Picture]) -> None:
+    """One stream of H.264 or VP9."""
+    import av
+
+    options = _CONTAINER[form] | {"fflags": "+bitexact"}
+    with open(path, "w+b") as file:  # of Python's, whose errors reach us: a full disk is one
+        container = av.open(file, "w", format=form[1:], options=options)
+        stream: Any = container.add_stream(_CODECS[form], rate=fps, options=_OPTIONS[form])
+        stream.width, stream.height, stream.pix_fmt = width, height, "yuv420p"
+        context = stream.codec_context
+        # The number of threads is written into the file, so it may not depend on the machine. One is fastest
+        # beside a drawing that keeps two cores busy, as long as it keeps up.
+        context.thread_count = 1 + min(width, height) // 1080
+        context.flags |= av.codec.context.Flags.bitexact
+        context.color_range, context.colorspace = 1, _BT709
+        context.color_primaries = context.color_trc = _BT709
+        # One converter for all pictures: to make it takes twice as long as to use it.
+        converter: Any = av.video.reformatter.VideoReformatter()
+        for number, picture in enumerate(pictures):
+            frame: Any = av.VideoFrame.from_numpy_buffer(np.ascontiguousarray(picture), format="rgb24")
+            frame = converter.reformat(
+                frame, format="yuv420p", dst_colorspace="ITU709", dst_color_range="MPEG", interpolation="POINT"
+            )
+            frame.pts, frame.time_base = number, Fraction(1, fps)
+            container.mux(stream.encode(frame))
+        container.mux(stream.encode(None))
+        container.close()
+
+
+def _encode_gif(path: Path, form: str, width: int, height: int, fps: int, pictures: Iterator[Picture]) -> None:
+    """One palette for all pictures, so that still parts do not flicker: they wait, packed, until it is known."""
+    from PIL import Image
+
+    packed = [zlib.compress(picture.tobytes(), 1) for picture in pictures]
+
+    def unpacked(step: int = 1) -> Iterator[Any]:
+        return (Image.frombytes("RGB", (width, height), zlib.decompress(one)) for one in packed[::step])
+
+    sampled = np.concatenate([np.asarray(one) for one in unpacked(1 + len(packed) // _GIF_SAMPLES)])
+    palette = Image.fromarray(sampled).quantize(256, Image.Quantize.MAXCOVERAGE)
+    first, *others = (one.quantize(palette=palette, dither=Image.Dither.NONE) for one in unpacked())
+    ends = np.rint(100.0 * np.arange(len(packed) + 1) / fps)  # a GIF counts in hundredths of a second
+    durations = [int(one) for one in 10.0 * np.diff(ends)]
+    with open(path, "w+b") as file:
+        first.save(file, "GIF", save_all=True, append_images=others, duration=durations, loop=0)
+
+
+def _encode_pngs(path: Path, form: str, width: int, height: int, fps: int, pictures: Iterator[Picture]) -> None:
+    """A folder of pictures, 00001.png and so on."""
+    import imageio.v3 as iio
+
+    path.mkdir()
+    for number, picture in enumerate(pictures, 1):
+        iio.imwrite(path / f"{number:05d}.png", picture, compress_level=6)

@@ -1,42 +1,51 @@
-"""The scene layer: what each scene builds, what drives it, when it has ended, what it measures."""
+"""The kinds of scenes, and how one is loaded. A new kind is a file here and an entry of SCENES."""
 
 from __future__ import annotations
 
-from taichi_disk.errors import InputError
-from taichi_disk.lattice import Lattice, disk_lattice
-from taichi_disk.scene import AbsorbingWallScene, CompressionScene, Scene
-from taichi_disk.scenes.setup import Setup
-from taichi_disk.wall_lattice import with_wall
+from collections.abc import Sequence
+from typing import TypeAlias, cast
+
+from taichi_disk.config import loader
+from taichi_disk.config.loader import Source, shipped_scenes
+from taichi_disk.config.scene_base import SceneBase
+from taichi_disk.config.sweep_axes import Sweep
+from taichi_disk.scenes.absorbing_wall import AbsorbingWallScene
+from taichi_disk.scenes.compression import CompressionScene
+from taichi_disk.scenes.exponential_wall import ExponentialWallScene
+
+__all__ = ["SCENES", "Scene", "Sweep", "load_any", "load_scene", "load_sweep", "shipped_scenes"]
+
+Scene: TypeAlias = CompressionScene | ExponentialWallScene | AbsorbingWallScene
+SCENES: dict[str, type[SceneBase]] = {
+    "compression": CompressionScene,
+    "exponential_wall": ExponentialWallScene,
+    "absorbing_wall": AbsorbingWallScene,
+}
 
 
-def build(scene: Scene, body: Lattice | None = None) -> Setup:
-    """Make the initial state of `scene`. Raises InputError or SimulationError.
+def load_scene(source: Source, overrides: Sequence[str] = (), notes: list[str] | None = None) -> Scene:
+    """Read a scene and check it.
 
-    `body` is its unloaded lattice where that is at hand already (see `body_of`), or one of your own with as many
-    points as the scene says.
+    Args:
+        source: path of a YAML file, bare name of a shipped scene ("exponential_wall"), YAML text, or a mapping.
+        overrides: "section.key=value" each, the value written as in YAML; the last of several wins.
+        notes: a list to which remarks on the source are added, for a person to read.
+
+    Raises:
+        InputError: with every fault at once, each as file:line:column: key: what is wrong.
     """
-    if body is None:
-        body = body_of(scene)
-    if body.disk_points != scene.lattice.points:
-        raise InputError(f"lattice.points is {scene.lattice.points}, but the lattice given has {body.disk_points}")
-    if isinstance(scene, CompressionScene):
-        from taichi_disk.scenes.compression import Compression
-
-        return Compression(scene, body)
-    if isinstance(scene, AbsorbingWallScene):
-        from taichi_disk.scenes.absorbing_wall import AbsorbingWall
-
-        return AbsorbingWall(scene, body)
-    from taichi_disk.scenes.exponential_wall import ExponentialWall
-
-    return ExponentialWall(scene, body)
+    return cast(Scene, loader.load(source, overrides, SCENES, notes, want="scene"))
 
 
-def body_of(scene: Scene) -> Lattice:
-    """The unloaded lattice of `scene`; disk and elastic wall just touching where there is one."""
-    spec = scene.lattice
-    disk = disk_lattice(spec.points, spec.seed, spec.rim, spec.min_spacing)
-    if isinstance(scene, AbsorbingWallScene):
-        wall = scene.wall
-        return with_wall(disk, wall.points, wall.width, spec.seed, spec.rim, spec.min_spacing, gap=0.0)
-    return disk
+def load_sweep(source: Source, overrides: Sequence[str] = (), notes: list[str] | None = None) -> Sweep:
+    """Read a scene with a section `sweep:` and check every scene of it; else as `load_scene`.
+
+    "sweep.key=[...]" in `overrides` sets an axis: where `sweep:` is a list of sections, in every section that has
+    the axis, or else in all of them.
+    """
+    return cast(Sweep, loader.load(source, overrides, SCENES, notes, want="sweep"))
+
+
+def load_any(source: Source, overrides: Sequence[str] = (), notes: list[str] | None = None) -> Scene | Sweep:
+    """A sweep where the source has a section `sweep:`, else a scene. The source is read once."""
+    return cast("Scene | Sweep", loader.load(source, overrides, SCENES, notes))

@@ -1,89 +1,107 @@
-"""Impact on the elastic wall that absorbs energy at its sides and bottom (paper section 5, figures 4 to 6)."""
+"""Head-on impact on an elastic wall whose sides and bottom absorb the energy (figures 4 to 6)."""
 
 from __future__ import annotations
 
-from dataclasses import replace
+from typing import TYPE_CHECKING, ClassVar, Literal
 
-import numpy as np
-from numpy.typing import NDArray
+from taichi_disk.config.scene_base import (
+    Conflicts,
+    dashpots,
+    gap_conflicts,
+    least_threshold,
+    rounded_up,
+    time_conflicts,
+)
+from taichi_disk.config.sections import ElasticWallSection, ImpactSection, MaterialSection
+from taichi_disk.lattice import Lattice, bulk_moduli, with_wall
+from taichi_disk.scenes.body import DiskScene
+from taichi_disk.scenes.impact import ImpactScenario
 
-from taichi_disk.lattice import Lattice
-from taichi_disk.model.physics import Physics
-from taichi_disk.model.stability import impact_point_force
-from taichi_disk.moduli import bulk_moduli
-from taichi_disk.scene import AbsorbingWallScene
-from taichi_disk.scenes.impact import Impact
+if TYPE_CHECKING:
+    from taichi_disk.physics import Boundary, Model
 
 
-class AbsorbingWall(Impact):
+class AbsorbingWallScene(DiskScene):
+    """What a scene file of this kind may say."""
+
+    title: ClassVar[str] = "impact on an elastic, absorbing wall"
+    lattice_keys: ClassVar[tuple[str, ...]] = ("lattice", "wall.points", "wall.width")
+    abscissa: ClassVar[tuple[str, str]] = ("impact", "velocity")
+    results: ClassVar[tuple[str, ...]] = ("restitution", "contact_time")
+    laws: ClassVar[tuple[str, ...]] = ("eq5", "eq5_d1_is_1", "curvature")
+    paper: ClassVar[dict[str, float]] = {"d1": 0.973, "d2": 0.119}
+
+    scene: Literal["absorbing_wall"] = "absorbing_wall"
+    material: MaterialSection = MaterialSection(eta_star=0.0)  # the boundary absorbs the energy
+    wall: ElasticWallSection = ElasticWallSection()
+    impact: ImpactSection = ImpactSection()
+
+    def conflicts(self) -> Conflicts:
+        damping = dashpots(self.material) + ["wall.boundary = dashpot"] * (self.wall.boundary == "dashpot")
+        conflicts = time_conflicts(self.time, damping) + gap_conflicts(self.wall, self.impact)
+        least = least_threshold(self.wall, self.impact.velocity)
+        if self.wall.threshold < least:
+            text = (
+                f"at {self.wall.threshold:g} R the contact potential exceeds 1e-5 of the kinetic energy, "
+                f"so that energy would jump there: write {rounded_up(least)} R or more"
+            )
+            conflicts.append(("wall.threshold", text))
+        dt, interval = self.time.dt, self.wall.reset_interval
+        if self.wall.boundary == "reset" and dt != "auto" and dt > interval:
+            conflicts.append(("time.dt", f"{dt:g} is longer than wall.reset_interval = {interval:g} [R/c]"))
+        return conflicts
+
+    def body(self) -> Lattice:
+        """The unloaded disk over its wall, just touching."""
+        return self._over_wall(super().body())
+
+    def _over_wall(self, disk: Lattice) -> Lattice:
+        spec, wall = self.lattice, self.wall
+        return with_wall(disk, wall.points, wall.width, spec.seed, spec.rim, spec.min_spacing, gap=0.0)
+
+    def scenario(self, lattice: Lattice | None = None) -> AbsorbingWallImpact:
+        """The scene ready to be stepped.
+
+        Args:
+            lattice: an unloaded disk to take instead of the scene's own, or one with its wall as `body` gives it.
+        """
+        if lattice is not None and not len(lattice.wall_surface):
+            lattice = self._over_wall(lattice)
+        return AbsorbingWallImpact(self, lattice or self.body())
+
+
+class AbsorbingWallImpact(ImpactScenario):
+    """A disk thrown at the elastic wall."""
+
     scene: AbsorbingWallScene
+    kind = "Impact on an elastic wall"
 
     def __init__(self, scene: AbsorbingWallScene, body: Lattice) -> None:
-        super().__init__(scene)
-        spec, wall, material = scene.lattice, scene.wall, scene.material
-        surface = body.positions[body.disk_surface, 1]
-        gap = scene.impact.gap
-        self.gap = self.default_gap(surface - surface.min()) if gap == "auto" else gap
-        positions = body.positions.copy()
-        positions[: body.disk_points, 1] += self.gap - surface.min()
-        self.lattice = replace(body, positions=positions)
-        self.velocities = np.zeros_like(self.lattice.positions)
-        self.velocities[: spec.points, 1] = -self.velocity
-        self.physics = Physics(
-            k_a=material.k_a,
-            k_b=material.k_b,
-            eta=material.eta_star / spec.points,
-            wall="elastic",
-            a=wall.a,
-            V0=wall.V0,
-            threshold=wall.threshold,
-            boundary=wall.boundary,
-            reset_interval=wall.reset_interval if wall.boundary == "reset" else 0.0,
-            impedance=self._impedance() if wall.boundary == "dashpot" else np.zeros((0, 2)),
-        )
-        self.point_force = impact_point_force(body, self.physics, self.velocity)
-        limit = scene.impact.max_time
-        self.max_time = self.default_max_time(self.gap) if limit == "auto" else limit
-        half = 0.5 * wall.width
-        depth = -float(self.lattice.positions[:, 1].min())
-        self.view = (min(-half, -1.1) - 0.05, max(half, 1.1) + 0.05, -depth - 0.05, 2.0 + self.gap)
+        super().__init__(scene, body)
+        half, bottom = max(0.5 * scene.wall.width, 1.1), float(self.lattice.positions[:, 1].min())
+        self.view = (-half - 0.05, half + 0.05, bottom - 0.05, 2.0 + self.gap)
 
-    def _impedance(self) -> NDArray[np.float64]:
-        """Matched dashpots Z = rho c_p and rho c_s times the tributary length (Lysmer & Kuhlemeyer 1969)."""
-        spec, material = self.scene.lattice, self.scene.material
-        moduli = bulk_moduli(spec.points, spec.seed, material.k_a, spec.min_spacing)
-        return boundary_impedance(
-            self.lattice,
-            moduli.density * moduli.wave_speed_p,
-            moduli.density * moduli.wave_speed_s,
-        )
+    def _model(self) -> Model:
+        from taichi_disk.physics import ElasticWall, Model
+
+        wall = self.scene.wall
+        contact = ElasticWall(wall.a, wall.V0, wall.threshold)
+        return Model(self.scene.springs(self.lattice), contact, boundary=self._boundary())
+
+    def _boundary(self) -> Boundary:
+        from taichi_disk.physics import MatchedBoundary, PinnedBoundary, ResetBoundary, matched_impedance
+
+        spec, wall = self.scene.lattice, self.scene.wall
+        if wall.boundary == "reset":
+            return ResetBoundary(wall.reset_interval)
+        if wall.boundary == "pinned":
+            return PinnedBoundary()
+        moduli = bulk_moduli(self.lattice.disk_points, spec.seed, self.scene.material.k_a, spec.min_spacing)
+        p, s = moduli.density * moduli.wave_speed_p, moduli.density * moduli.wave_speed_s
+        return MatchedBoundary(matched_impedance(self.lattice, p, s))
 
     def title(self) -> tuple[str, ...]:
-        _, first, second = super().title()
-        boundary: str = self.scene.wall.boundary
-        if boundary == "reset":
-            boundary = f"reset every {self.scene.wall.reset_interval:g} R/c"
-        return (
-            "Impact on an elastic wall",
-            first,
-            f"{second}    wall of {self.scene.wall.points:,}, boundary: {boundary}",
-        )
-
-
-def boundary_impedance(lattice: Lattice, normal: float, tangential: float) -> NDArray[np.float64]:
-    """(k, 2) dashpot constants [M c/R] of the chain `wall_boundary`, which runs left, bottom, right.
-
-    Args:
-        normal, tangential: rho c_p and rho c_s of the wall [M c/R^2].
-
-    Half of each chain segment belongs to each of its ends; a segment's normal takes Z_p, its direction Z_s.
-    """
-    chain = lattice.positions[lattice.wall_boundary]
-    segment = np.diff(chain, axis=0)
-    length = np.hypot(segment[:, 0], segment[:, 1])
-    direction = (segment / length[:, None]) ** 2
-    z = 0.5 * length[:, None] * (normal * direction[:, ::-1] + tangential * direction)
-    impedance = np.zeros_like(chain)
-    impedance[:-1] += z
-    impedance[1:] += z
-    return impedance
+        kind, first, second = super().title()
+        wall = self.scene.wall
+        boundary = f"reset every {wall.reset_interval:g} R/c" if wall.boundary == "reset" else wall.boundary
+        return kind, first, f"{second}    wall of {wall.points:,}, boundary: {boundary}"

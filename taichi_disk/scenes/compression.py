@@ -1,144 +1,165 @@
-"""The disk pressed on the rigid wall by a body force (paper section 3, eq. 3, figures 1 and 2)."""
+"""The disk pressed on a rigid wall (figures 1 and 2): xi against P, eq. (2)."""
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING, ClassVar, Literal
+
 import numpy as np
-from numpy.typing import NDArray
 
+from taichi_disk.config.scene_base import Conflicts, dashpots, time_conflicts
+from taichi_disk.config.sections import CompressionSection, MaterialSection, WallSection
 from taichi_disk.lattice import Lattice
-from taichi_disk.model.physics import Physics
-from taichi_disk.model.stability import contact_point_force
-from taichi_disk.newton import Equilibrium, compress, laid_down, lowest_lie
-from taichi_disk.scene import CompressionScene
-from taichi_disk.scenes.setup import Columns, Headline, Setup, spread
+from taichi_disk.scenes.body import DiskScene
+from taichi_disk.simulation.observables import Columns
+from taichi_disk.simulation.scenario import Array, Scenario, spread
 
-# Of the wall's force over the load at rest in single precision: it flickers by up to 2.5e-6, whatever N and P are.
-FLICKER = 5e-6
+if TYPE_CHECKING:
+    from taichi_disk.simulation.equilibrium import Equilibrium
+
 TOUCH = 1e-3  # of the load is borne by the wall at the start: a softer start than contact, a shorter fall than none
+AT_REST = 1e-8  # of the largest kinetic energy, where curves end: its square root is the vibration's amplitude
 
 
-class Compression(Setup):
+class CompressionScene(DiskScene):
+    """What a scene file of this kind may say."""
+
+    title: ClassVar[str] = "compression on a rigid wall"
+    abscissa: ClassVar[tuple[str, str]] = ("compression", "pressure")
+    results: ClassVar[tuple[str, ...]] = ("xi", "xi_nominal", "xi_extrapolated")
+    laws: ClassVar[tuple[str, ...]] = ("eq2", "eq2_nominal")
+    paper: ClassVar[dict[str, float]] = {"b": 1.55}
+
+    scene: Literal["compression"] = "compression"
+    material: MaterialSection = MaterialSection(eta_star=100.0)  # so that the vibration dies out
+    wall: WallSection = WallSection()
+    compression: CompressionSection = CompressionSection()
+
+    def conflicts(self) -> Conflicts:
+        conflicts = time_conflicts(self.time, dashpots(self.material))
+        if self.time.tolerance != "none" and self.compression.method == "newton":
+            text = "Newton's method takes no time step, and solves to rounding: write none, or method: relaxation"
+            conflicts.append(("time.tolerance", text))
+        return conflicts
+
+    def scenario(self, lattice: Lattice | None = None) -> Compression:
+        """The scene ready to be stepped; `lattice`: an unloaded disk to take instead of the scene's own."""
+        return Compression(self, lattice or self.body())
+
+
+class Compression(Scenario):
     """Starts undeformed, just above the wall, as the disk would come to lie; ends when the motion has died out.
 
-    `rest` is the equilibrium that it comes to, by Newton's method.
+    The angle at which it comes to lie, and nothing else of a relaxation, is that of the equilibrium `rest`, by Newton's
+    method: rolling there by itself takes 10^4 R/c. What the two methods find is compared for that angle.
     """
 
     scene: CompressionScene
     rest: Equilibrium
-    depends_on_step = False
-    resolving_step = float("inf")
-    less_left_over = "write compression.method: newton"
+    step_dependent = False
+    truncation_remedy = "write compression.method: newton"
+    labels: ClassVar = {"xi": ("compression xi", "R"), "xi_nominal": ("compression xi, from nominal radius", "R")}
+    notes: ClassVar = {
+        "xi": "centre of mass to lowest point, unloaded minus loaded [R]",
+        "xi_nominal": "R = 1 minus the loaded distance from centre of mass to lowest point [R]",
+        "xi_extrapolated": "part of xi from extrapolating the last slow roll [R]",
+    }
 
     def __init__(self, scene: CompressionScene, disk: Lattice) -> None:
-        self.scene = scene
-        spec, material, wall = scene.lattice, scene.material, scene.wall
+        from taichi_disk.physics import ExponentialWall, Load, Model
+        from taichi_disk.simulation.equilibrium import place_on_wall, resting_angle, solve_equilibrium
+        from taichi_disk.simulation.stability import contact_point_force
+
+        self.scene, material = scene, scene.material
         self.pressure = scene.compression.pressure
-        forces = (material.k_a, material.k_b, wall.a, wall.V0, self.pressure)
-        angle = lowest_lie(disk, material.k_a, wall.a, self.pressure)
-        laid = laid_down(disk, angle, wall.a, wall.V0, self.pressure).positions
-        self.rest = compress(disk, *forces, start=laid)
-        self.lattice = laid_down(disk, self.rest.roll, wall.a, wall.V0, TOUCH * self.pressure)
+        self.static = scene.compression.method == "newton"
+        wall = ExponentialWall(scene.wall.a, scene.wall.V0)
+        self.model = Model(scene.springs(disk), wall, Load(self.pressure))
+        angle = resting_angle(disk, material.k_a, wall.a, self.pressure)
+        start = place_on_wall(disk, angle, wall, self.pressure).positions
+        self.rest = solve_equilibrium(disk, self.model, start)
+        self.lattice = place_on_wall(disk, self.rest.roll, wall, TOUCH * self.pressure)
         y = self.lattice.positions[:, 1]
         self.unloaded = float(y.mean() - y.min())
-        self.velocities = np.zeros((spec.points, 2))
-        self.physics = Physics(
-            k_a=material.k_a,
-            k_b=material.k_b,
-            eta=material.eta_star / spec.points,
-            wall="rigid",
-            a=wall.a,
-            V0=wall.V0,
-            load=self.pressure,
-        )
+        self.velocities = np.zeros_like(self.lattice.positions)
         # Released without damping, the contact force would swing to twice the load.
-        self.point_force = contact_point_force(self.lattice, self.physics, 2.0 * self.pressure)
+        self.point_force = contact_point_force(self.lattice, self.model, 2.0 * self.pressure)
         unit = 1.0 / np.sqrt(material.k_a)
         self.sample_interval = float(0.1 * unit)
-        self.watch = float(20.0 * unit)  # how long it has to have been at rest [R/c]
+        self.quiet_time = float(20.0 * unit)
         limit = scene.compression.max_time
         self.max_time = float(5000.0 * unit) if limit == "auto" else limit
         self.view = (-1.15, 1.15, -0.1, 2.05)
 
-    def ended(self, columns: Columns) -> NDArray[np.bool_]:
-        wanted, rest = self.scene.time.tolerance, self._at_rest(columns)
-        if wanted != "none":
-            rest &= np.abs(sum(self._distances(columns)) - self._distance_at_rest) <= 0.5 * wanted
-        moved = np.where(rest, -1, np.arange(len(rest)))
-        return columns["t"] - columns["t"][np.maximum.accumulate(moved)] >= self.watch
-
-    def _at_rest(self, columns: Columns) -> NDArray[np.bool_]:
-        """For each row, whether the disk moves no more, but for the slow roll."""
+    def end_bounds(self) -> dict[str, tuple[float, float]]:
+        """The disk moves no more, but for the slow roll. A vibration shows in the wall's force, the roll does not."""
         tolerance = self.scene.compression.tolerance
-        force = max(1e-3 * tolerance, 0.0 if self.scene.time.precision == "f64" else FLICKER)
-        return (
-            (columns["kinetic"] <= tolerance * self.pressure**2 / self.scene.material.k_a)
-            & (columns["residual"] <= tolerance * self.pressure / self.scene.lattice.points)
-            # A vibration shows here and the slow roll does not: see `headline`.
-            & (np.abs(columns["wall_force"] / self.pressure - 1.0) <= force)
-        )
+        return {
+            "kinetic": (0.0, tolerance * self.pressure**2 / self.scene.material.k_a),
+            "residual": (0.0, tolerance * self.pressure / self.lattice.disk_points),
+            "wall_force": (self.pressure * (1.0 - 1e-3 * tolerance), self.pressure * (1.0 + 1e-3 * tolerance)),
+        }
 
-    @property
-    def _distance_at_rest(self) -> float:
+    def ended(self, columns: Columns) -> bool:
+        wanted = self.scene.time.tolerance
+        return wanted == "none" or self.end_truncation_error(columns) <= 0.5 * wanted
+
+    def end_truncation_error(self, columns: Columns) -> float:
         y = self.rest.positions[:, 1]
-        return float(y.mean() - y.min())
-
-    def left_over(self, columns: Columns) -> float:
-        return abs(self.headline(columns).values["xi"] - (self.unloaded - self._distance_at_rest))
-
-    def _distances(self, columns: Columns) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Centre of mass to lowest point now, and what the last of the roll will add, for each row (rows,) [R].
-
-        The dashpots make the last roll onto the lowest place slow, theta ~ exp(-t/T), T up to 10^4 R/c. What
-        remains of it follows from the last stretch of time: xi - xi_end falls as the angular momentum does.
-        """
-        t, spin = columns["t"], columns["angular_momentum"]
-        distance = columns["com_y"] - columns["lowest_y"]
-        before = np.searchsorted(t, t - self.watch)
-        with np.errstate(divide="ignore", invalid="ignore"):
-            ratio = spin / spin[before]
-            still_to_come = (distance - distance[before]) * ratio / (1.0 - ratio)
-        return distance, np.where((ratio > 0.0) & (ratio < 1.0), still_to_come, 0.0)
+        return abs(self.result(columns)["xi"] - (self.unloaded - float(y.mean() - y.min())))
 
     def unfinished(self, columns: Columns) -> str:
-        wanted = self.scene.time.tolerance
-        if wanted != "none" and self._at_rest(columns)[-1] and (off := self.left_over(columns)) > 0.5 * wanted:
+        end, wanted = {name: values[-1] for name, values in columns.items()}, self.scene.time.tolerance
+        remedy = "use compression.method: newton, or set compression.max_time higher"
+        low, high = self.end_bounds()["wall_force"]
+        if wanted != "none" and low <= end["wall_force"] <= high and not self.ended(columns):
             return (
-                f"by t = {columns['t'][-1]:.6g} R/c xi is still {off:.2g} R from that of Newton's method, half of "
-                f"time.tolerance = {wanted:g} is asked for, and hardly changes: the disk still rolls, or lies in "
-                "another equilibrium; use compression.method: newton, or set compression.max_time higher, or write a "
-                "larger time.tolerance, or none to take what it came to"
+                f"by t = {end['t']:.6g} R/c xi is still {self.end_truncation_error(columns):.2g} R from that of "
+                f"Newton's method, where half of time.tolerance = {wanted:g} is asked for, and hardly changes: the "
+                f"disk still rolls, or lies in another equilibrium; {remedy}, or write a larger time.tolerance"
             )
         return (
-            f"the disk is not at rest by t = {columns['t'][-1]:.6g} R/c (kinetic energy {columns['kinetic'][-1]:.3g} "
-            f"M c^2, largest force on a point {columns['residual'][-1]:.3g} M c^2/R); use compression.method: newton, "
-            "or set compression.max_time higher, or material.eta_star nearer to 100: weaker dashpots take longer, and "
-            "much stronger ones let the disk bounce as a rigid body, or hardly roll"
+            f"the disk is not at rest by t = {end['t']:.6g} R/c (kinetic energy {end['kinetic']:.3g} M c^2, largest "
+            f"force on a point {end['residual']:.3g} M c^2/R); {remedy}, or material.eta_star nearer to 100: weaker "
+            "dashpots take longer, and much stronger ones let the disk bounce as a rigid body, or hardly roll"
         )
 
     def energy_scale(self, columns: Columns) -> float:
         # Nothing moves at first: the work of the load on the way to rest takes the kinetic energy's place.
         return float(np.ptp(columns["load"])) or self.pressure**2
 
-    def headline(self, columns: Columns) -> Headline:
-        """xi once the roll, too, has come to its end."""
-        distance, still_to_come = (float(values[-1]) for values in self._distances(columns))
-        end = distance + still_to_come
-        return Headline(
-            {
-                "xi": abs(self.unloaded - end),
-                "xi_nominal": abs(1.0 - end),
-                "xi_extrapolated": abs(still_to_come),
-            },
-            {
-                "xi": "centre of mass to lowest point, unloaded minus loaded [R]",
-                "xi_nominal": "R = 1 minus the loaded distance from centre of mass to lowest point [R]",
-                "xi_extrapolated": "part of xi from extrapolating the last slow roll [R]",
-            },
-        )
+    def result(self, columns: Columns) -> dict[str, float]:
+        """xi once the roll, too, has come to its end.
 
-    def frame_times(self, columns: Columns, frames: int) -> NDArray[np.float64]:
+        The dashpots make the last roll onto the lowest place slow, theta ~ exp(-t/T), T up to 10^4 R/c. What remains of
+        it follows from the last stretch of time: xi - xi_end falls as the angular momentum does.
+        """
+        t, spin = columns["t"], columns["angular_momentum"]
+        distance = columns["com_y"] - columns["lowest_y"]
+        before = int(np.searchsorted(t, t[-1] - self.quiet_time))
+        with np.errstate(divide="ignore", invalid="ignore"):
+            ratio = spin[-1] / spin[before]
+            remaining = float((distance[-1] - distance[before]) * ratio / (1.0 - ratio)) if 0.0 < ratio < 1.0 else 0.0
+        end = float(distance[-1]) + remaining
+        return {"xi": abs(self.unloaded - end), "xi_nominal": abs(1.0 - end), "xi_extrapolated": abs(remaining)}
+
+    def marks(self, columns: Columns) -> tuple[str, str]:
+        return f"ξ = {self.result(columns)['xi']:.6g} R", ""
+
+    def quality(self, columns: Columns) -> tuple[Array, str, str] | None:
+        return None if self.static else (columns["residual"], "largest force on\na point  [Mc²/R]", "log")
+
+    def motion(self, columns: Columns) -> tuple[Array, str]:
+        height = columns["com_y"] - columns["lowest_y"]
+        return self.result(columns)["xi"] + height[-1] - height, "compression ξ  [R]"
+
+    def last_motion(self, columns: Columns) -> float:
         t, kinetic = columns["t"], columns["kinetic"]
-        if self.scene.compression.method == "newton":
+        moving = np.flatnonzero(kinetic > AT_REST * kinetic.max())
+        return float(t[moving[-1]] if moving.size else t[-1])
+
+    def frame_times(self, columns: Columns, frames: int) -> Array:
+        t, kinetic = columns["t"], columns["kinetic"]
+        if self.static:
             return spread([0.0, 1.0, 1.0], [0.8, 0.2], frames)
         visible = t[np.flatnonzero(kinetic >= 1e-4 * kinetic.max())[-1]]
         return spread([0.0, min(visible, 0.5 * t[-1]), t[-1]], [0.85, 0.15], frames)
@@ -148,11 +169,10 @@ class Compression(Setup):
         return (
             f"Compression on a rigid wall ({scene.compression.method})",
             f"P = {self.pressure:g} Mc²/R    η* = {scene.material.eta_star:g}    a = {scene.wall.a:g}/R",
-            f"N = {scene.lattice.points:,}    seed {scene.lattice.seed}",
+            scene.described(self.lattice),
         )
 
     def caption(self, row: dict[str, float]) -> tuple[str, ...]:
         xi = self.unloaded - (row["com_y"] - row["lowest_y"])
-        newton = self.scene.compression.method == "newton"
-        when = f"{row['t']:.0%} of the way" if newton else f"t = {row['t']:7.3f} R/c"
+        when = f"{row['t']:.0%} of the way" if self.static else f"t = {row['t']:7.3f} R/c"
         return (when, f"ξ = {xi:.6f} R")

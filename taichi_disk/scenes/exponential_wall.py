@@ -1,38 +1,46 @@
-"""Impact on the rigid exponential wall (paper section 4, eq. 6, figure 3)."""
+"""Head-on impact on a rigid wall (figure 3): restitution e against v, eq. (5)."""
 
 from __future__ import annotations
 
-from dataclasses import replace
+from typing import TYPE_CHECKING, ClassVar, Literal
 
-import numpy as np
-
+from taichi_disk.config.scene_base import Conflicts, dashpots, gap_conflicts, time_conflicts
+from taichi_disk.config.sections import ImpactSection, WallSection
 from taichi_disk.lattice import Lattice
-from taichi_disk.model.physics import Physics
-from taichi_disk.model.stability import impact_point_force
-from taichi_disk.scene import ExponentialWallScene
-from taichi_disk.scenes.impact import Impact
+from taichi_disk.scenes.body import DiskScene
+from taichi_disk.scenes.impact import ImpactScenario
+
+if TYPE_CHECKING:
+    from taichi_disk.physics import Model
 
 
-class ExponentialWall(Impact):
+class ExponentialWallScene(DiskScene):
+    """What a scene file of this kind may say."""
+
+    title: ClassVar[str] = "impact on a rigid wall"
+    abscissa: ClassVar[tuple[str, str]] = ("impact", "velocity")
+    results: ClassVar[tuple[str, ...]] = ("restitution", "contact_time")
+    laws: ClassVar[tuple[str, ...]] = ("eq5", "eq5_d1_is_1", "curvature", "eq4")
+
+    scene: Literal["exponential_wall"] = "exponential_wall"
+    wall: WallSection = WallSection()
+    impact: ImpactSection = ImpactSection()
+
+    def conflicts(self) -> Conflicts:
+        return time_conflicts(self.time, dashpots(self.material)) + gap_conflicts(self.wall, self.impact)
+
+    def scenario(self, lattice: Lattice | None = None) -> ExponentialWallImpact:
+        """The scene ready to be stepped; `lattice`: an unloaded disk to take instead of the scene's own."""
+        return ExponentialWallImpact(self, lattice or self.body())
+
+
+class ExponentialWallImpact(ImpactScenario):
+    """A disk thrown at the rigid wall."""
+
     scene: ExponentialWallScene
+    kind = "Impact on a rigid wall"
 
-    def __init__(self, scene: ExponentialWallScene, disk: Lattice) -> None:
-        super().__init__(scene)
-        spec, material = scene.lattice, scene.material
-        heights = disk.positions[:, 1] - disk.positions[:, 1].min()
-        self.gap = self.default_gap(heights) if scene.impact.gap == "auto" else scene.impact.gap
-        lift = self.gap - disk.positions[:, 1].min()
-        self.lattice = replace(disk, positions=disk.positions + np.array([0.0, lift]))
-        self.velocities = np.tile([0.0, -self.velocity], (spec.points, 1))
-        self.physics = Physics(
-            k_a=material.k_a,
-            k_b=material.k_b,
-            eta=material.eta_star / spec.points,
-            wall="rigid",
-            a=scene.wall.a,
-            V0=scene.wall.V0,
-        )
-        self.point_force = impact_point_force(self.lattice, self.physics, self.velocity)
-        limit = scene.impact.max_time
-        self.max_time = self.default_max_time(self.gap) if limit == "auto" else limit
-        self.view = (-1.1, 1.1, -0.1, 2.0 + self.gap)
+    def _model(self) -> Model:
+        from taichi_disk.physics import ExponentialWall, Model
+
+        return Model(self.scene.springs(self.lattice), ExponentialWall(self.scene.wall.a, self.scene.wall.V0))

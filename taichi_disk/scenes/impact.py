@@ -2,57 +2,108 @@
 
 from __future__ import annotations
 
-import numpy as np
-from numpy.typing import NDArray
+from abc import abstractmethod
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any, ClassVar
 
-from taichi_disk.scene import AbsorbingWallScene, ExponentialWallScene
-from taichi_disk.scenes.setup import Columns, Headline, Setup, spread
-from taichi_disk.tolerance import RESOLVED
+import numpy as np
+
+from taichi_disk.errors import InputError
+from taichi_disk.lattice import Lattice
+from taichi_disk.simulation.observables import Columns
+from taichi_disk.simulation.scenario import Array, Scenario, spread
+
+if TYPE_CHECKING:
+    from taichi_disk.physics import Model
 
 START_POTENTIAL = 1e-10  # of the wall at the start, as a fraction of the kinetic energy
 # Part of the wall's decay time 1/(a v) between two rows: a point is pushed for a few of these, and on a hard wall the
 # force of the whole disk is made of such pushes, whose first and last bound the contact.
-BLINK = 0.3
+DECAY_TIMES_PER_ROW = 0.3
 LONGEST = 0.05  # between two rows, of the disk's own time: some 100 rows of contact
-HALVINGS = 8  # of that at the most: some 30,000 rows. By halves, so that points of a sweep can be lanes of one world
+HALVINGS = 8  # of that at the most: some 30,000 rows
 CONTACT_LEVEL = 0.01  # contact lasts while the wall's force exceeds this fraction of its peak
+RESOLVED = 0.7  # of the wall's decay length that a step may cross, for its error to be told by another step
 
 
-class Impact(Setup):
-    """A disk that flies at the wall with velocity v: restitution e = -v_cm(after)/v_cm(before)."""
+class ImpactScenario(Scenario):
+    """A disk that flies at the wall with velocity v: restitution e = -v_cm(after)/v_cm(before).
 
-    scene: ExponentialWallScene | AbsorbingWallScene
-    depends_on_step = True
-    less_left_over = "a larger impact.gap ends it farther from the wall"
+    Attributes:
+        velocity: v [c].
+        gap: distance of the lowest point from the wall at the start [R].
+        kinetic: M v^2/2 [M c^2].
+    """
 
-    def __init__(self, scene: ExponentialWallScene | AbsorbingWallScene) -> None:
+    truncation_remedy = "a larger impact.gap ends it farther from the wall"
+    kind = "Impact"
+    labels: ClassVar = {"restitution": ("restitution e", ""), "contact_time": ("contact time", "R/c")}
+    notes: ClassVar = {
+        "restitution": "-v_cm(after)/v_cm(before), after the disk has left for good",
+        "contact_time": f"first to last time that the wall's force is {CONTACT_LEVEL:g} of its peak [R/c]",
+    }
+
+    def __init__(self, scene: Any, body: Lattice) -> None:
+        """`body`: the unloaded lattice, the elastic wall's surface at y = 0 if there is one."""
+        from taichi_disk.simulation.stability import impact_point_force
+
         self.scene = scene
-        self.velocity = scene.impact.velocity
-        self.kinetic = 0.5 * self.velocity**2
+        self.velocity, self.kinetic = scene.impact.velocity, 0.5 * scene.impact.velocity**2
         unit = 1.0 / np.sqrt(scene.material.k_a)  # the disk's own time scale [R/c]
-        halvings = np.ceil(np.log2(LONGEST * unit * scene.wall.a * self.velocity / BLINK) - 1e-9)
+        halvings = np.ceil(np.log2(LONGEST * unit * scene.wall.a * self.velocity / DECAY_TIMES_PER_ROW) - 1e-9)
         self.sample_interval = float(LONGEST * unit * 0.5 ** np.clip(halvings, 0, HALVINGS))
         self.resolving_step = RESOLVED / (scene.wall.a * self.velocity)
-        self.gap = 0.0
+        self._put_at_start(body)
+        self.model = self._model()
+        self.point_force = impact_point_force(self.lattice, self.model, self.velocity)
+        limit = scene.impact.max_time
+        self.max_time = self._default_max_time() if limit == "auto" else limit
+        self.view = (-1.1, 1.1, -0.1, 2.0 + self.gap)
 
-    def default_gap(self, heights: NDArray[np.float64]) -> float:
+    @abstractmethod
+    def _model(self) -> Model:
+        """From `scene` and `lattice`."""
+
+    def _put_at_start(self, body: Lattice) -> None:
+        """Turn the disk, lift it by the gap, give it velocity and spin."""
+        from taichi_disk.simulation.equilibrium import turned
+
+        impact, n = self.scene.impact, body.disk_points
+        positions = body.positions.copy()
+        if impact.turn:
+            positions[:n] = turned(positions[:n], impact.turn)
+        surface = positions[body.disk_surface, 1]
+        self.gap = self._default_gap(surface - surface.min()) if impact.gap == "auto" else impact.gap
+        positions[:n, 1] += self.gap - surface.min()
+        self.lattice = replace(body, positions=positions)
+        self.velocities = np.zeros_like(positions)
+        self.velocities[:n, 1] = -self.velocity
+        if impact.spin:
+            arm = positions[:n] - positions[:n].mean(axis=0)
+            self.velocities[:n] += impact.spin * np.stack([-arm[:, 1], arm[:, 0]], axis=1)
+
+    def _default_gap(self, heights: Array) -> float:
         """Gap [R] at which the wall's potential, summed over points `heights` above the lowest, is negligible."""
         wall = self.scene.wall
         total = np.log(np.exp(-wall.a * heights).sum()) + np.log(wall.V0)
         return float(max(total - np.log(START_POTENTIAL * self.kinetic), 1.0) / wall.a)
 
-    def default_max_time(self, gap: float) -> float:
+    def _default_max_time(self) -> float:
         """Time to come, ten contacts after Hertz, pi sqrt(ln(4 c/v)) R/c, and to leave with e = 0.05 [R/c]."""
         unit = 1.0 / np.sqrt(self.scene.material.k_a)
         contact = np.pi * unit * np.sqrt(np.log(4.0 / min(self.velocity * unit, 1.0)))
-        return float(22.0 * gap / self.velocity + 10.0 * contact)
+        return float(22.0 * self.gap / self.velocity + 10.0 * contact)
 
-    def ended(self, columns: Columns) -> NDArray[np.bool_]:
-        # A disk on its way out may still vibrate so much that it touches again: its lowest point has to be
-        # higher than at the start by the largest stretch that its internal energy U allows, sqrt(2 U/k_a).
-        internal = columns["kinetic"] + columns["elastic"] - 0.5 * columns["com_vy"] ** 2
-        stretch = np.sqrt(2.0 * np.maximum(internal, 0.0) / self.scene.material.k_a)
-        return (columns["com_vy"] > 0.0) & (columns["lowest_y"] >= self.gap + stretch)
+    def end_bounds(self) -> dict[str, tuple[float, float]]:
+        return {"com_vy": (0.0, np.inf), "lowest_y": (self.gap, np.inf)}
+
+    def ended(self, columns: Columns) -> bool:
+        # A disk on its way out may still vibrate so much that it touches again. Its lowest point has to be higher than
+        # at the start by sqrt(2 U/k_a), U all energy but that of the flight: 1.4 to 2.3 times what the remaining
+        # vibrations were seen to move the rim.
+        internal = columns["kinetic"][-1] + columns["elastic"][-1] - 0.5 * columns["com_vy"][-1] ** 2
+        stretch = np.sqrt(2.0 * max(internal, 0.0) / self.scene.material.k_a)
+        return bool(columns["com_vy"][-1] > 0.0 and columns["lowest_y"][-1] >= self.gap + stretch)
 
     def unfinished(self, columns: Columns) -> str:
         v, y = columns["com_vy"][-1], columns["lowest_y"][-1]
@@ -62,7 +113,7 @@ class Impact(Setup):
             f"{y:.3g} R); set impact.max_time higher{lower}"
         )
 
-    def left_over(self, columns: Columns) -> float:
+    def end_truncation_error(self, columns: Columns) -> float:
         # The wall's last potential becomes kinetic energy, at most that of the flight.
         v, potential = columns["com_vy"][-1], max(float(columns["wall"][-1]), 0.0)
         return float(np.sqrt(v**2 + 2.0 * potential) - v) / self.velocity
@@ -70,17 +121,29 @@ class Impact(Setup):
     def energy_scale(self, columns: Columns) -> float:
         return self.kinetic
 
-    def headline(self, columns: Columns) -> Headline:
+    def result(self, columns: Columns) -> dict[str, float]:
         start, end = contact_interval(columns["t"], columns["wall_force"], columns["com_vy"])
-        return Headline(
-            {"restitution": float(columns["com_vy"][-1] / self.velocity), "contact_time": end - start},
-            {
-                "restitution": "-v_cm(after)/v_cm(before), after the disk has left for good",
-                "contact_time": f"first to last time that the wall's force is {CONTACT_LEVEL:g} of its peak [R/c]",
-            },
-        )
+        return {"restitution": float(columns["com_vy"][-1] / self.velocity), "contact_time": end - start}
 
-    def frame_times(self, columns: Columns, frames: int) -> NDArray[np.float64]:
+    def start_with(self, velocities: Array) -> None:
+        super().start_with(velocities)
+        self.velocity = -float(velocities[:, 1].mean())
+        self.kinetic = 0.5 * self.velocity**2
+        if not self.velocity > 0.0:
+            raise InputError(f"velocities: their mean has to point down, at the wall, not {-self.velocity:+g} c")
+
+    def marks(self, columns: Columns) -> tuple[str, str]:
+        e, contact_time = self.result(columns).values()
+        return f"e = {e:.5f}", f"contact time {contact_time:.4g} R/c"
+
+    def quality(self, columns: Columns) -> tuple[Array, str, str]:
+        lost = (columns["total"] - columns["total"][0]) / self.kinetic
+        return lost, "energy imbalance\n/ initial kinetic", "linear"
+
+    def motion(self, columns: Columns) -> tuple[Array, str]:
+        return columns["com_vy"] / self.velocity, "velocity of the centre\nof mass, $v_{cm}/v$"
+
+    def frame_times(self, columns: Columns, frames: int) -> Array:
         start, end = contact_interval(columns["t"], columns["wall_force"], columns["com_vy"])
         last = columns["t"][-1]
         margin = 0.1 * (end - start)
@@ -91,19 +154,19 @@ class Impact(Setup):
 
     def title(self) -> tuple[str, ...]:
         scene = self.scene
+        start = f"    spin {scene.impact.spin:g} c/R" if scene.impact.spin else ""
+        start += f"    turned by {scene.impact.turn:g}" if scene.impact.turn else ""
         return (
-            "Impact on a rigid wall",
-            f"v = {self.velocity:g} c    η* = {scene.material.eta_star:g}    a = {scene.wall.a:g}/R",
-            f"N = {scene.lattice.points:,}    seed {scene.lattice.seed}",
+            self.kind,
+            f"v = {self.velocity:g} c    η* = {scene.material.eta_star:g}    a = {scene.wall.a:g}/R{start}",
+            scene.described(self.lattice),
         )
 
     def caption(self, row: dict[str, float]) -> tuple[str, ...]:
         return (f"t = {row['t']:7.3f} R/c", f"v_cm/v = {row['com_vy'] / self.velocity:+.4f}")
 
 
-def contact_interval(
-    t: NDArray[np.float64], force: NDArray[np.float64], velocity: NDArray[np.float64]
-) -> tuple[float, float]:
+def contact_interval(t: Array, force: Array, velocity: Array) -> tuple[float, float]:
     """First and last time that `force` crosses CONTACT_LEVEL of its peak; log-linear between samples.
 
     Where a hit was so short that no sample has seen a force: the samples between which the disk turned.

@@ -1,0 +1,56 @@
+"""A force of one's own: a trap that pulls every point of the disk back to x = 0.
+
+python docs/examples/new_force.py
+"""
+
+from dataclasses import replace
+
+import numpy as np
+import taichi as ti
+
+from taichi_disk import load_scene, runtime
+from taichi_disk.lattice import Lattice
+from taichi_disk.physics import BodyForce
+from taichi_disk.physics.law import Array
+from taichi_disk.simulation.outcome import compute
+
+
+@ti.data_oriented
+class Trap(BodyForce):
+    """A force -(k/n) x on each of n points [M c^2/R]; its potential is k x^2/(2 n)."""
+
+    scalars = ("k",)  # what kernels read, as self.now.k[None]: another k needs no new compilation
+
+    def __init__(self, k: float) -> None:
+        self.k = k
+
+    @ti.func
+    def at(self, state: ti.template(), i):  # type: ignore
+        return ti.Vector([-self.now.k[None] * state.x[0][i] / state.n[None], 0.0])
+
+    @ti.func
+    def potential_at(self, state: ti.template(), i):  # type: ignore
+        return 0.5 * self.now.k[None] * state.x[0][i] ** 2 / state.n[None]
+
+    # The same in NumPy, for tests, pictures and Newton's method.
+
+    def energy(self, lattice: Lattice, x: Array) -> float:
+        return 0.5 * self.k * float((x[:, 0] ** 2).mean())
+
+    def forces(self, lattice: Lattice, x: Array) -> Array:
+        return np.asarray(x * [-self.k / len(x), 0.0])
+
+
+runtime.start()
+scene = load_scene("exponential_wall").with_(points=200, eta_star=0)
+scenario = scene.scenario()
+scenario.model = replace(scenario.model, others=(Trap(k=0.05),))
+scenario.velocities[:, 0] = 0.01  # across the trap
+outcome = compute(scenario, scene.time)
+
+t, x = outcome.columns["t"], outcome.columns["com_x"]
+angle = np.sqrt(0.05) * t  # of an oscillator with k = 0.05 and the mass 1
+oscillator = x[0] * np.cos(angle) + 0.01 / np.sqrt(0.05) * np.sin(angle)
+print(f"the centre of mass is off an oscillator by {np.abs(x - oscillator).max():.1e} R")
+print(f"e = {scenario.result(outcome.columns)['restitution']:.5f}")
+print(f"energy imbalance {outcome.facts['energy']['closing_imbalance']:.1e}")

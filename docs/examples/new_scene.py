@@ -1,0 +1,64 @@
+"""A scene of one's own: a disk that is stretched, let go, and rings. There is no wall.
+
+In the project: these classes in a file of taichi_disk/scenes, an entry of SCENES, and a YAML file in scenes/.
+
+python docs/examples/new_scene.py
+"""
+
+from dataclasses import replace
+from typing import Any, Literal
+
+import numpy as np
+
+from taichi_disk import Lattice, load_scene, run
+from taichi_disk.config.sections import Section, key
+from taichi_disk.physics import Model
+from taichi_disk.scenes import SCENES
+from taichi_disk.scenes.body import DiskScene
+from taichi_disk.simulation.scenario import Array, Columns, Scenario
+
+
+class StretchSection(Section):
+    strain: float = key(0.01, "stretch at the start", low=1e-6, high=0.1)
+    time: float = key(12.0, "how long to listen", "R/c", low=1.0, high=1e3)
+
+
+class RingingScene(DiskScene):
+    scene: Literal["ringing"] = "ringing"
+    stretch: StretchSection = StretchSection()
+
+    def scenario(self, lattice: Lattice | None = None) -> "Ringing":
+        return Ringing(self, lattice or self.body())
+
+
+class Ringing(Scenario):
+    labels = {"period": ("period of the lowest mode", "R/c")}  # noqa: RUF012
+
+    def __init__(self, scene: RingingScene, disk: Lattice) -> None:
+        self.scene, s = scene, scene.stretch.strain
+        self.model = Model(scene.springs(disk))
+        self.lattice = replace(disk, positions=disk.positions * [1 - s, 1 + s])
+        self.velocities = np.zeros_like(disk.positions)
+        self.point_force, self.sample_interval = 0.0, 0.02
+        self.max_time, self.view = 2 * scene.stretch.time, (-1.2, 1.2, -1.2, 1.2)
+        self.quiet_time = scene.stretch.time  # rows have to be within `end_bounds`, here any, for so long
+
+    def result(self, columns: Columns) -> dict[str, float]:
+        t, y = columns["t"], columns["lowest_y"] - columns["lowest_y"].mean()
+        up = np.flatnonzero((y[:-1] < 0) & (y[1:] >= 0))
+        crossings = t[up] - y[up] * (t[up + 1] - t[up]) / (y[up + 1] - y[up])
+        return {"period": float(np.diff(crossings).mean())}
+
+    def energy_scale(self, columns: Columns) -> float:
+        return float(columns["elastic"][0])
+
+    def motion(self, columns: Columns) -> tuple[Array, str]:
+        return columns["lowest_y"], "lowest point  [R]"
+
+    def title(self) -> tuple[str, ...]:
+        return ("Ringing", f"η* = {self.scene.material.eta_star:g}", self.scene.described(self.lattice))
+
+
+SCENES["ringing"] = RingingScene
+scene: Any = load_scene("scene: ringing\nmaterial: {eta_star: 0}\nlattice: {points: 400}\n")
+print(f"the lowest mode of 400 points has the period {run(scene).numbers['period']:.3f} R/c")

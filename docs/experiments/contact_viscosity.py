@@ -1,0 +1,42 @@
+"""tau0 of equation (4) from the dashpots of the lattice, not fitted: 0.0039 eta* R/c for N = 1099.
+
+    python docs/experiments/contact_viscosity.py [points] [lattices] [a]
+
+The dashpots are the matrix eta L, L the graph Laplacian of the springs; the springs are the stiffness matrix K. Where
+all points move as u, the dissipated over the elastic power is tau0 = eta u.L u/(u.K u). Here u is the change of shape
+of a disk pressed on the wall when the load changes, as in the middle of a slow impact.
+"""
+
+from __future__ import annotations
+
+import sys
+
+import numpy as np
+from scipy.sparse import identity
+from scipy.sparse.linalg import splu
+
+from taichi_disk import load_scene
+from taichi_disk.lattice.network import laplacian
+
+
+def contact_viscosity(points: int, seed: int, a: float) -> float:
+    """tau0/eta* [R/c] of a default lattice under P = 0.01 M c^2/R on a wall of hardness a [1/R]."""
+    scene = load_scene("compression").with_(points=points, seed=seed, a=a, method="newton")
+    scenario = scene.scenario()
+    lattice, model, rest = scenario.lattice, scenario.model, scenario.rest.positions
+    shift = 1e-9 * identity(rest.size)  # the disk slides freely
+    factor = splu((model.stiffness(lattice, rest) + shift).tocsc())
+    arm = rest - rest.mean(axis=0)
+    turn = np.stack([-arm[:, 1], arm[:, 0]], axis=1).ravel()
+    motion, roll = factor.solve(np.tile([0.0, -1.0 / points], points)), factor.solve(turn)
+    motion -= roll * (turn @ motion) / (turn @ roll)  # an impact is too short for the disk to roll
+    springs, dashpots = model.springs.stiffness(lattice, rest), laplacian(lattice.bonds, points)
+    u = motion.reshape(-1, 2)
+    return float(np.sum(u * (dashpots @ u)) / (motion @ (springs @ motion))) / points
+
+
+if __name__ == "__main__":
+    points, lattices, a = map(int, sys.argv[1:] + ["1099", "4", "300"][len(sys.argv) - 1 :])
+    found = np.array([contact_viscosity(points, seed, a) for seed in range(lattices)])
+    each = ", ".join(f"{one:.3e}" for one in found)
+    print(f"tau0/eta* = {found.mean():.3e} R/c, mean of {lattices}; lattice by lattice {each}")

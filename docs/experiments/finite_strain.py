@@ -1,0 +1,116 @@
+"""How far the exact law of compression, one of small strains, errs for a continuum of the lattice's springs.
+
+    python docs/experiments/finite_strain.py     (scikit-fem: pip install '.[experiments]'; half a minute)
+
+The continuum: springs of every direction in equal numbers, all stretched as the whole is (Cauchy and Born),
+W = 3 E/2 <(|F e| - 1)^2> per area, <> over directions e, F the deformation gradient. For small strains that is plane
+stress with E and nu = 1/3. A disk of it is pressed on a hard wall, by linear triangles and Newton's method, contact
+node by node. Neither the lattice nor the exponential wall has a part in it.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import Delaunay
+from skfem import Basis, BilinearForm, ElementTriP1, ElementVector, LinearForm, MeshTri, condense, solve
+from skfem.helpers import ddot, grad
+
+from taichi_disk.sweep.theory import exact_compression
+
+Array = NDArray[np.float64]
+
+POISSON = 1.0 / 3.0
+ANGLES = np.arange(12) * np.pi / 12  # of springs: their mean of a fourth power of e is exact from 3 on
+E = np.stack([np.cos(ANGLES), np.sin(ANGLES)])  # (2, directions)
+RAYS = 32  # of the finer mesh
+
+
+def springs(w: Any) -> tuple[Array, Array]:
+    """Stress P and its slope dP/dF of springs of unit modulus, at the displacements w.u."""
+    F = grad(w.u) + np.eye(2)[:, :, None, None]
+    spring = np.einsum("ij...,jd->id...", F, E)
+    length = np.sqrt((spring**2).sum(axis=0))
+    along = spring / length
+    stress = 3.0 / 12 * np.einsum("d...,id...,jd->ij...", length - 1.0, along, E)
+    each = np.eye(2)[:, :, None, None, None] * (1.0 - 1.0 / length) + along[:, None] * along[None] / length
+    return stress, 3.0 / 12 * np.einsum("ikd...,jd,ld->ijkl...", each, E, E, optimize=True)
+
+
+@LinearForm
+def resistance(v: Any, w: Any) -> Any:
+    return ddot(springs(w)[0], grad(v))
+
+
+@BilinearForm
+def tangent(u: Any, v: Any, w: Any) -> Any:
+    return np.einsum("ijkl...,kl...,ij...", springs(w)[1], grad(u), grad(v), optimize=True)
+
+
+@LinearForm
+def height(v: Any, _w: Any) -> Any:
+    return v[1]
+
+
+def finite_compression(pressure: float, young: float, rays: int = RAYS) -> float:
+    """xi [R] under `pressure` [M c^2/R], centre of mass to lowest point: of two meshes, extrapolated by order 2."""
+    coarse, fine = (pressed(pressure / young, one) for one in (rays // 2, rays))
+    return (4.0 * fine - coarse) / 3.0
+
+
+def pressed(load: float, rays: int) -> float:
+    """How far the centre of mass comes down under the body force `load` in all, in units of E R."""
+    mesh, rim = graded_mesh(0.02 * np.sqrt(load), rays)
+    basis = Basis(mesh, ElementVector(ElementTriP1()))
+    weight = height.assemble(basis)
+    weight /= weight.sum()
+    _, y = mesh.p
+    near = rim[y[rim] < -0.8]
+    vertical = basis.nodal_dofs[1, near]
+    room = y[near] + 1.0  # above the wall
+    middle = basis.nodal_dofs[0, [rim[np.argmin(y[rim])], rim[np.argmax(y[rim])]]]  # symmetry
+    touching, u = room < 0.3 * load, basis.zeros()
+    for _ in range(100):
+        now = {"u": basis.interpolate(u)}
+        force = resistance.assemble(basis, **now)
+        move = basis.zeros()
+        move[vertical[touching]] = -room[touching] - u[vertical[touching]]
+        held = np.concatenate([middle, vertical[touching]])
+        move = solve(*condense(tangent.assemble(basis, **now), -load * weight - force, x=move, D=held))
+        u = u + move
+        bears = resistance.assemble(basis, u=basis.interpolate(u)) + load * weight
+        pulled = touching & (bears[vertical] < 0.0)
+        sunk = ~touching & (u[vertical] < -room - 1e-12)
+        if np.abs(move).max() < 1e-11 and not (pulled.any() or sunk.any()):
+            return -float(weight @ u)
+        if np.abs(move).max() < 1e-3:  # not before the shape is about that of the contact so far
+            touching = (touching & ~pulled) | sunk
+    raise ArithmeticError(f"no equilibrium at P = {load:g} E R")
+
+
+def graded_mesh(smallest: float, rays: int) -> tuple[MeshTri, NDArray[np.intp]]:
+    """A mesh of the unit disk, fine at (0, -1), and its nodes on the rim.
+
+    Half circles about the origin of the upper half-plane, of radii in geometric progression, mapped conformally.
+    """
+    radius = np.exp(np.arange(np.log(smallest), 4.0, np.pi / rays))
+    w = np.concatenate([[0.0], np.outer(radius, np.exp(1j * np.linspace(0.0, np.pi, rays + 1))).ravel()])
+    z = -1j * (1.0 + 1j * w) / (1.0 - 1j * w)  # 0 to -i, infinity to i, the real line to the circle
+    first = 1 + np.arange(len(radius)) * (rays + 1)
+    rim = np.concatenate([[0], first, first + rays])
+    z[rim] /= np.abs(z[rim])
+    points = np.stack([z.real, z.imag], axis=1)
+    corners = Delaunay(points).simplices
+    a, b, c = (points[corners[:, k]] for k in range(3))
+    twice = (b - a)[:, 0] * (c - a)[:, 1] - (b - a)[:, 1] * (c - a)[:, 0]
+    good = twice > 1e-14  # three neighbours on the rim may lie on a line
+    return MeshTri(points.T.copy(), corners[good].T.copy()), rim
+
+
+if __name__ == "__main__":
+    print("P      xi [R]    over the exact law - 1, E = 1.1")
+    for P in (1e-3, 4e-3, 1e-2):
+        xi = finite_compression(P, 1.1)
+        print(f"{P:<5g}  {xi:.6f}  {xi / float(exact_compression(P, 1.1, POISSON)) - 1.0:+.2%}")

@@ -1,0 +1,85 @@
+"""What the elastic wall's matched dashpots (wall.boundary: dashpot) send back of a plane wave that meets them head-on.
+
+    python docs/experiments/reflection.py        (two minutes)
+
+A slab of the wall's own lattice, stepped by the same kernels. A bump of velocity exp(-y^2/(2 sigma^2)) at its free top
+runs down as a plane pulse to the dashpots at the bottom. The sides let a plane wave pass as if there were none: they
+hold what such a wave does not move (x under a P wave, y under an S wave) by dashpots too strong to yield, and leave the
+rest free. An impact sends waves longer than these: they last as long as the contact, some 4 R/c.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from taichi_disk import runtime
+
+runtime.start()
+
+from taichi_disk.integrators import VELOCITY_VERLET  # noqa: E402
+from taichi_disk.lattice import Lattice, Moduli, bulk_moduli, disk_lattice, with_wall  # noqa: E402
+from taichi_disk.physics import ElasticWall, MatchedBoundary, Model, Springs, matched_impedance  # noqa: E402
+from taichi_disk.simulation.observables import INDEX  # noqa: E402
+from taichi_disk.simulation.simulation import Simulation  # noqa: E402
+from taichi_disk.simulation.stability import spectrum, step_limit  # noqa: E402
+
+WIDTH = 2.0  # of the slab [R]
+RIGID = 1e6  # dashpots that hold a point fast [M c/R]
+SPEED = 1e-6  # of the pulse [c]: small enough for linear waves
+LATTICES = 4
+
+
+def reflect(wave: str, sigma: float, seed: int, points: int = 1099, impedance: float = 1.0) -> tuple[float, float]:
+    """What comes back, once the pulse has had time to be half way up again: energy, and amplitude of the plane pulse.
+
+    Args:
+        wave: "p" or "s"; sigma: [R], a tenth of the slab's depth.
+        points: of the disk whose material the slab is made of.
+        impedance: the bottom's dashpots over matched ones. Theory: the amplitude is (1 - impedance)/(1 + impedance).
+
+    The energy counts all that is left in the slab over all that was sent, also what the random lattice has scattered.
+    """
+    moduli, depth = bulk_moduli(points, seed, 1.0, 0.7), 10.0 * sigma
+    # The disk hangs far above, at rest.
+    disk, slab = disk_lattice(points, seed), round(points * WIDTH * depth / np.pi)
+    lattice = with_wall(disk, slab, WIDTH, seed, True, 0.7, gap=10.0)
+    along = 1 if wave == "p" else 0  # the component that the wave moves
+    boundary = MatchedBoundary(dashpots(lattice, moduli, along, impedance))
+    model = Model(Springs(), ElasticWall(300.0, 150.0, 0.1), boundary=boundary)
+    y = lattice.positions[points:, 1]
+    velocities = np.zeros_like(lattice.positions)
+    velocities[points:, along] = SPEED * np.exp(-0.5 * (y / sigma) ** 2)
+    dt = 0.5 * step_limit(spectrum(lattice, model), model, VELOCITY_VERLET, 0.0)
+    simulation = Simulation(lattice, model, VELOCITY_VERLET, velocities, dt)
+    steps = round(1.5 * depth / (moduli.wave_speed_p if wave == "p" else moduli.wave_speed_s) / dt)
+    simulation.advance(steps, steps)
+    left = simulation.now[INDEX["kinetic"]] + simulation.now[INDEX["elastic"]]
+    sent = 0.5 * float((lattice.masses[:, None] * velocities**2).sum())
+    returned = np.exp(-0.5 * ((y + 0.5 * depth) / sigma) ** 2)
+    after = simulation.velocities()[points:, along]
+    simulation.destroy()
+    # Of the bump at a free end, and of its mirror image beyond, one half runs down.
+    return float(left) / sent, float(after @ returned) / (0.5 * SPEED * float(returned @ returned))
+
+
+def dashpots(lattice: Lattice, moduli: Moduli, along: int, impedance: float) -> NDArray[np.float64]:
+    """(k, 2) dashpot constants [M c/R]: those of the scene at the bottom, sides that only guide."""
+    z = matched_impedance(lattice, moduli.density * moduli.wave_speed_p, moduli.density * moduli.wave_speed_s)
+    chain = lattice.positions[lattice.wall_boundary]
+    side = np.abs(chain[:, 0]) >= 0.5 * WIDTH - 1e-9
+    bottom = np.flatnonzero(chain[:, 1] <= chain[:, 1].min() + 1e-9)
+    z[bottom[[0, -1]], along] = 0.5 * z[bottom[1], along]  # a corner's own share holds half a spring of the side too
+    z[bottom] *= impedance
+    z[side, 1 - along] = RIGID
+    z[np.setdiff1d(np.flatnonzero(side), bottom), along] = 0.0
+    return z
+
+
+if __name__ == "__main__":
+    print("wave  sigma [R]  energy   amplitude (mean and standard deviation of 4 lattices)")
+    for wave in ("p", "s"):
+        for sigma in (0.2, 0.35, 0.7):
+            energy, amplitude = np.array([reflect(wave, sigma, seed) for seed in range(LATTICES)]).T
+            back = f"{amplitude.mean():+.2%} ± {amplitude.std(ddof=1):.2%}"
+            print(f"{wave.upper():4}  {sigma:<9g}  {energy.mean():.2%}    {back}")

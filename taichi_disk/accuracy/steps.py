@@ -1,0 +1,137 @@
+"""Work against error: every integrator at several time steps, held against the reference."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from math import ceil
+from time import perf_counter
+
+import numpy as np
+
+from taichi_disk.accuracy.reference import Reference
+from taichi_disk.integrators import INTEGRATORS, Integrator
+from taichi_disk.lattice import Array
+from taichi_disk.simulation.energy_balance import relative_imbalance
+from taichi_disk.simulation.observables import COLUMNS, as_columns
+from taichi_disk.simulation.outcome import Outcome
+from taichi_disk.simulation.scenario import Scenario
+from taichi_disk.simulation.simulation import KernelCache
+from taichi_disk.simulation.stability import Spectrum, step_limit
+
+FRACTIONS = (0.95, 0.8, 0.6, 0.4, 0.2, 0.1, 0.05)  # of the stability limit
+REPEATS = 5
+ROWS = 200  # at which the energy is looked at
+
+
+@dataclass(frozen=True)
+class StepError:
+    """One integrator at one step. Errors are absolute: e is of the order 1, positions are in R.
+
+    Attributes:
+        own: whether it is the step that `run` takes.
+        fraction: of the stability limit.
+        seconds: of all steps, compilation apart, the best of REPEATS.
+        error: of the primary result.
+        trajectory_error: largest of any coordinate at the end [R].
+        closing_imbalance, worst_imbalance: of the energy, over the scene's scale.
+    """
+
+    integrator: str
+    own: bool
+    fraction: float
+    dt: float  # [R/c]
+    steps: int
+    seconds: float
+    ns_per_spring_and_step: float
+    error: float
+    trajectory_error: float
+    closing_imbalance: float
+    worst_imbalance: float
+
+
+class StepStudy:
+    """The runs to be made for one scenario.
+
+    Args:
+        outcome: of the run that `run` makes. The others end when it does; where the result does not depend on the step,
+            and may take very long to be reached, sooner.
+    """
+
+    def __init__(self, scenario: Scenario, modes: Spectrum, outcome: Outcome) -> None:
+        self.scenario, self.modes, model = scenario, modes, scenario.model
+        self.end = float(outcome.columns["t"][-1]) if scenario.step_dependent else scenario.quiet_time
+        if model.reset_interval:
+            self.end = max(1, round(self.end / model.reset_interval)) * model.reset_interval
+        self.own = INTEGRATORS[outcome.facts["integrator"]], self._steps(outcome.facts["dt"] * (1.0 + 1e-9))
+        needed = {"explicit": True, "implicit": model.springs.damped, "none": not model.velocity_dependent}
+        integrators = [one for one in INTEGRATORS.values() if needed[one.dashpots]]
+        runs = {(one, self._steps(part * self._limit(one))) for one in integrators for part in FRACTIONS}
+        self.runs = sorted({*runs, self.own}, key=lambda run: (run[0].order, run[0].name, run[1]))
+        self.reference = Reference(scenario.lattice, model)
+
+    def _limit(self, integrator: Integrator) -> float:
+        return step_limit(self.modes, self.scenario.model, integrator, self.scenario.point_force)
+
+    def _steps(self, longest: float) -> int:
+        """The fewest steps to the end that are not longer than `longest` [R/c], a whole number to each reset."""
+        interval = self.scenario.model.reset_interval or self.end
+        return round(self.end / interval) * ceil(interval / longest)
+
+    def seconds(self, per_step: float) -> float:
+        """About how long all will take if a step of the run's own integrator takes `per_step` [s]."""
+        work = sum(steps * one.forces for one, steps in self.runs) / self.own[0].forces
+        state = np.concatenate([self.scenario.lattice.positions, self.scenario.velocities]).ravel()
+        began = perf_counter()
+        self.reference.rate(0.0, state)
+        evaluation = perf_counter() - began
+        # Force evaluations of DOP853: some 10 for each radian of the fastest vibration, fewer where dashpots bind it.
+        springs, interval = self.scenario.model.springs, self.scenario.model.reset_interval
+        rate = 9.0 * self.modes.omega + 3.0 * springs.eta * self.modes.damping + (25.0 / interval if interval else 0.0)
+        return (1 + REPEATS) * work * per_step + self.end * rate * evaluation
+
+    def measure(self, kernels: KernelCache, done: Callable[[int], None]) -> list[StepError]:
+        """Compute the reference and all runs; `done` is told how many of them are."""
+        truth, found = self.reference.solve(self.scenario.velocities, self.end), []
+        for number, (integrator, steps) in enumerate(self.runs):
+            done(1 + number)
+            found.append(self._measured(kernels, integrator, steps, truth))
+        return found
+
+    def _measured(self, kernels: KernelCache, integrator: Integrator, steps: int, truth: Array) -> StepError:
+        scenario, dt, stride = self.scenario, self.end / steps, max(1, steps // ROWS)
+        simulation = kernels.simulation(scenario.lattice, scenario.model, integrator, scenario.velocities, dt)
+        start = simulation.snapshot()
+        rows, _ = simulation.advance(steps, stride)
+        columns = as_columns(np.vstack([simulation.first_row, rows, simulation.now]), stride * dt)
+        closing, worst = relative_imbalance(scenario, columns)
+        state = simulation.positions(), simulation.velocities()
+        times = []
+        for _ in range(REPEATS):
+            simulation.restore(start)
+            began = perf_counter()
+            simulation.advance(steps, steps)
+            times.append(perf_counter() - began)
+        return StepError(
+            integrator=integrator.name,
+            own=(integrator, steps) == self.own,
+            fraction=dt / self._limit(integrator),
+            dt=dt,
+            steps=steps,
+            seconds=min(times),
+            ns_per_spring_and_step=1e9 * min(times) / steps / len(scenario.lattice.bonds),
+            error=abs(result_of_state(scenario, *state) - result_of_state(scenario, *truth)),
+            trajectory_error=float(np.abs(state[0] - truth[0]).max()),
+            closing_imbalance=closing,
+            worst_imbalance=worst,
+        )
+
+
+def result_of_state(scenario: Scenario, x: Array, v: Array) -> float:
+    """The primary result of a time series of one row, with positions x and velocities v (n, 2)."""
+    columns = {name: np.zeros(1) for name in ("t", *COLUMNS, "total")}
+    disk = scenario.lattice.disk_points
+    for name, values in (("com_x", x[:, 0]), ("com_y", x[:, 1]), ("com_vx", v[:, 0]), ("com_vy", v[:, 1])):
+        columns[name][0] = values[:disk].mean()
+    columns["lowest_y"][0] = x[:disk, 1].min()
+    return scenario.primary(columns)[1]

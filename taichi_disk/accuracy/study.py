@@ -1,0 +1,184 @@
+"""The error of the time step beside the others: how the result changes with lattice, number of points and wall."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from time import perf_counter
+from typing import Any
+
+import numpy as np
+
+from taichi_disk import runtime
+from taichi_disk.accuracy.steps import StepError, StepStudy
+from taichi_disk.errors import TaichiDiskError
+from taichi_disk.output.files import prepare_output, remove_empty
+from taichi_disk.progress import Progress, duration
+from taichi_disk.scenes import Scene
+from taichi_disk.simulation.outcome import compute
+from taichi_disk.simulation.simulation import KernelCache
+from taichi_disk.simulation.stability import spectrum
+
+SEEDS = 8
+FINER = (4, 16, 64)  # times the points; same mass, stiffness and viscosity of the whole disk
+MOST_POINTS = 200_000  # of the disk, beyond which only the first of these is tried
+HARDER = (3.0, 10.0)  # times the wall's a
+SAMPLE, POINTS, WALL = "lattice sample", "points", "wall hardness"
+CLEAR = 2.0  # times the lattice scatter, from which a finer lattice is more than another sample
+COMPILING = 5.0  # [s] of kernels, about
+
+
+@dataclass(frozen=True)
+class Change:
+    """A change to the scene: the primary result with it, and how far that is from the result without.
+
+    Attributes:
+        source: of error.
+        change: in words.
+        keys: the same, as `SceneBase.with_` takes it.
+        finer: times as many points.
+        remark: why there is no result, which is then NaN.
+    """
+
+    source: str
+    change: str
+    keys: dict[str, Any] = field(default_factory=dict)
+    finer: int = 1
+    result: float = math.nan
+    difference: float = math.nan
+    remark: str = ""
+
+
+@dataclass(frozen=True)
+class Findings:
+    """`name`: of the primary result; `steps`: empty where there is no time; `sources`: the scene itself first."""
+
+    name: str
+    steps: list[StepError]
+    sources: list[Change]
+    step_dependent: bool
+
+    @property
+    def step(self) -> float:
+        """The error of the primary result at the step that `run` takes; 0 for an equilibrium."""
+        return next(one.error for one in self.steps if one.own) if self.step_dependent else 0.0
+
+    @property
+    def samples(self) -> list[float]:
+        """The primary result of the scene on one lattice after the other."""
+        return [one.result for one in self.sources[:1] + [one for one in self.sources if one.source == SAMPLE]]
+
+    @property
+    def scatter(self) -> float:
+        """Standard deviation over lattices; NaN where there is but one."""
+        found = [one for one in self.samples if math.isfinite(one)]
+        return float(np.std(found, ddof=1)) if len(found) > 1 else math.nan
+
+    def last_difference(self, source: str) -> float:
+        """What the last change of that kind does; NaN without one."""
+        found = [one.difference for one in self.sources if one.source == source and not one.remark]
+        return found[-1] if found else math.nan
+
+    @property
+    def sentence(self) -> str:
+        """What matters, and so what to do."""
+        finest, scatter = self.last_difference(POINTS), self.scatter
+        parts = [f"time step {self.step:.1g}" if self.step_dependent else "time step none (an equilibrium)"]
+        known = (("lattice scatter", scatter), ("finest lattice", finest), ("hardest wall", self.last_difference(WALL)))
+        parts += [f"{name} {value:.1g}" for name, value in known if math.isfinite(value)]
+        more = ["seeds"] * (scatter > self.step) + ["points"] * (abs(finest) > max(CLEAR * scatter, self.step))
+        advice = "use smaller steps (time.tolerance)" if self.step_dependent else "nothing to gain"
+        if more:
+            advice = f"use more {' and '.join(more)}, not smaller steps"
+        return f"{self.name}: {', '.join(parts)}: {advice}"
+
+
+def study(scene: Scene, out: Path, title: str, progress: Progress, say: Callable[[str], None]) -> None:
+    """Measure the errors of a scene's primary result, print them, and leave tables and a picture in `out`.
+
+    Args:
+        say: told once, after the first runs, how many there are and about how long they will take.
+
+    Raises InputError for a folder that cannot be written or a step by hand beyond the stability limit, SimulationError
+    where the scene has no result.
+    """
+    from taichi_disk.accuracy.report import print_findings, write_findings
+
+    made = prepare_output(out)
+    try:
+        runtime.start()
+        findings = assess(scene, progress, say)
+        write_findings(findings, out, title)
+    except BaseException:
+        remove_empty(made)
+        raise
+    progress.stop()
+    print_findings(findings)
+    print(f"files in {out}")
+
+
+def assess(scene: Scene, progress: Progress, say: Callable[[str], None]) -> Findings:
+    """The measurements of `study`. Taichi has to be started."""
+    kernels, scenario = KernelCache(), scene.scenario()
+    progress.start("simulate", None)
+    modes = spectrum(scenario.lattice, scenario.model)
+    outcome = compute(scenario, scene.time, kernels=kernels, modes=modes, estimate=False)
+    study = None if scenario.static else StepStudy(scenario, modes, outcome)
+    others, began = list(changes(scene)), perf_counter()
+    base = result_of(scene, kernels)
+    each = perf_counter() - began
+    growth = 1.4 if scenario.step_dependent else 1.1  # of time with the number of points: steps are shorter, too
+    expected = COMPILING + each * sum(one.finer**growth for one in others)
+    if study:
+        expected += study.seconds(each / outcome.facts["steps"]) if scenario.step_dependent else 60.0
+    runs = len(others) + (len(study.runs) if study else 0)
+    say(f"{runs} runs{' and a reference solution' if study else ''}, about {duration(expected)}")
+    steps = []
+    if study:
+        progress.start("reference and steps", 1 + len(study.runs))
+        steps = study.measure(kernels, progress.update)
+    progress.start("compare", len(others))
+    sources = [Change("scene", "as it is", result=base, difference=0.0)]
+    for number, change in enumerate(others):
+        progress.update(number)
+        sources.append(measured(scene, base, change, kernels))
+    return Findings(scenario.primary(outcome.columns)[0], steps, sources, scenario.step_dependent)
+
+
+def changes(scene: Scene) -> Iterator[Change]:
+    """Other lattices, finer lattices and harder walls."""
+    lattice, wall = scene.lattice, scene.wall
+    if lattice.file == "none":  # of points of one's own there is no other sample
+        for seed in range(lattice.seed + 1, lattice.seed + SEEDS):
+            yield Change(SAMPLE, f"seed {seed}", {"lattice.seed": seed})
+        for factor in FINER:
+            if factor > FINER[0] and factor * lattice.points > MOST_POINTS:
+                break
+            keys = {f"{home}.points": factor * getattr(scene, home).points for home, _ in scene.homes("points")}
+            # eta = eta* m c/R of a spring is a material constant, m = M/N is not.
+            more = {"material.eta_star": factor * scene.material.eta_star}
+            yield Change(POINTS, f"N = {factor * lattice.points:,}", keys | more, factor)
+    for multiple in HARDER:
+        yield Change(WALL, f"a = {multiple * wall.a:g}/R", {"wall.a": multiple * wall.a})
+
+
+def measured(scene: Scene, base: float, change: Change, kernels: KernelCache) -> Change:
+    """`change` with what it does to the result `base` of the scene."""
+    try:
+        result = result_of(scene.with_(change.keys), kernels)
+    except TaichiDiskError as error:
+        return replace(change, remark=str(error))
+    return replace(change, result=result, difference=result - base)
+
+
+def result_of(scene: Scene, kernels: KernelCache) -> float:
+    """The primary result by the automatic step, because a step by hand seldom suits a finer lattice.
+
+    At once by Newton's method where the result does not depend on the step. Raises TaichiDiskError.
+    """
+    scenario = scene.scenario()
+    scenario.static = scenario.static or not scenario.step_dependent
+    time = replace(scene.time, dt="auto")
+    return scenario.primary(compute(scenario, time, kernels=kernels, estimate=False).columns)[1]

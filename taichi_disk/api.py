@@ -1,0 +1,389 @@
+"""taichi_disk from Python: run a scene, look at its result, keep it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
+from dataclasses import dataclass, field, replace
+from functools import lru_cache
+from pathlib import Path
+from time import perf_counter
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from taichi_disk import runtime
+from taichi_disk.errors import InputError, SimulationError, TaichiDiskError
+from taichi_disk.lattice import Array, Lattice
+from taichi_disk.output import files
+from taichi_disk.output.run_folder import RunFolder
+from taichi_disk.progress import Progress
+from taichi_disk.scenes import Scene, load_scene
+from taichi_disk.scenes.feasible import check_memory
+from taichi_disk.signals import heard
+from taichi_disk.simulation.failure import BlowUp
+from taichi_disk.simulation.outcome import Outcome, compute
+from taichi_disk.simulation.scenario import Scenario
+from taichi_disk.simulation.simulation import KernelCache
+from taichi_disk.simulation.stability import Spectrum, spectrum
+from taichi_disk.simulation.step_control import StepControl
+
+
+class State(NamedTuple):
+    """One moment of a run: t [R/c], positions (n, 2) [R] with the disk's points first, velocities (n, 2) [c]."""
+
+    t: float
+    positions: Array
+    velocities: Array
+
+
+@dataclass(frozen=True)
+class Result:
+    """A scene computed to its end.
+
+    Attributes:
+        scene: what was computed.
+        scenario: the same with its lattice, laws and start.
+        summary: what summary.json holds.
+        out: the folder that the run went into, if there is one.
+    """
+
+    scene: Scene
+    scenario: Scenario
+    summary: dict[str, Any]
+    outcome: Outcome = field(repr=False)
+    out: Path | None = None
+
+    # ---- numbers
+
+    @property
+    def numbers(self) -> dict[str, float]:
+        """The results by name, the primary one first: restitution and contact_time [R/c], or xi [R] and xi_nominal."""
+        return self.scenario.result(self.outcome.columns)
+
+    @property
+    def restitution(self) -> float:
+        """e = -v_cm(after)/v_cm(before). Raises AttributeError for a compression."""
+        return self._number("restitution")
+
+    @property
+    def contact_time(self) -> float:
+        """[R/c]. Raises AttributeError for a compression."""
+        return self._number("contact_time")
+
+    @property
+    def xi(self) -> float:
+        """Compression [R]. Raises AttributeError for an impact."""
+        return self._number("xi")
+
+    def _number(self, name: str) -> float:
+        if name not in self.numbers:
+            raise AttributeError(f"scene {self.scene.scene} has no {name}; it has {', '.join(self.numbers)}")
+        return self.numbers[name]
+
+    @property
+    def error(self) -> float | None:
+        """Estimated error of the primary result due to the time step and to where the run ends; None if unknown."""
+        return next(iter(self.outcome.facts["error_estimate"].values()), None)
+
+    @property
+    def series(self) -> dict[str, Array]:
+        """The time series: one array (rows,) for each column of timeseries.csv."""
+        return self.outcome.columns
+
+    # ---- states
+
+    @property
+    def lattice(self) -> Lattice:
+        """Points and springs at t = 0, in scene coordinates."""
+        return self.scenario.lattice
+
+    def state(self, t: float) -> State:
+        """The state at the step nearest to `t` [R/c] (of a compression by Newton's method: the part of the way).
+
+        Raises InputError for a time outside the run.
+        """
+        return State(*next(self._moments([t])))
+
+    def trajectory(self, times: Sequence[float] | Array) -> tuple[Array, Array, Array]:
+        """(times (T,) [R/c], positions (T, n, 2) [R], velocities (T, n, 2) [c]) at the steps nearest to `times`.
+
+        Raises InputError unless the times ascend and lie within the run.
+        """
+        moments = list(self._moments(times))
+        t, x, v = zip(*moments, strict=True)
+        return np.array(t), np.array(x), np.array(v)
+
+    def field(self, name: str, t: float) -> Any:
+        """A quantity at time `t` [R/c]: see `taichi_disk.fields.field` for the names and what is returned.
+
+        Raises InputError for an unknown name or a time outside the run.
+        """
+        from taichi_disk.fields import QUANTITIES
+        from taichi_disk.fields import field as quantity
+
+        if name not in QUANTITIES:
+            raise InputError(f"no quantity {name!r}; there are {', '.join(QUANTITIES)}")
+        _, x, v = self.state(t)
+        return quantity(name, self.lattice, self.scenario.model.springs, x, v)
+
+    def export(
+        self,
+        path: Path | str,
+        format: str | None = None,
+        frames: int = 200,
+        times: Sequence[float] | Array | None = None,
+    ) -> Path:
+        """Write a trajectory for another program; returns the file that was written.
+
+        Args:
+            path: a file, or a folder that gets trajectory.SUFFIX.
+            format: "xyz", "gsd", "vtu" or "npz", see docs/output.md; by default as the suffix of `path` says.
+            frames: how many, evenly spaced in time; or `times`: ascending, within the run [R/c].
+
+        Raises InputError for times outside the run, an unknown format, or one whose package is not installed.
+        """
+        from taichi_disk.output.export import export_run
+
+        times = np.atleast_1d(np.linspace(0.0, self.series["t"][-1], frames) if times is None else times)
+        return export_run(self.scenario, self._moments(times), len(times), Path(path), format)
+
+    def _moments(self, times: Any) -> Iterator[tuple[float, Array, Array]]:
+        times = np.atleast_1d(np.asarray(times, dtype=float))
+        last = float(self.series["t"][-1])
+        if times.ndim != 1 or not len(times) or not np.isfinite(times).all() or (np.diff(times) < 0.0).any():
+            raise InputError("times: must be ascending finite numbers")
+        if times[0] < 0.0 or times[-1] > last * (1.0 + 1e-12):
+            raise InputError(f"times: must lie within 0 and {last:.6g}, the end of the run")
+        return self.outcome.replay(times)
+
+    # ---- files
+
+    def film(self, path: Path | str, progress: Progress | None = None, **video: Any) -> Path:
+        """Film the run into `path`: .mp4, .webm, .gif, one picture .png, or a folder for numbered pictures.
+
+        Args:
+            video: keys of a scene's `video` section in place of the scene's own, as `colour="shear"`.
+
+        Returns the path. Raises InputError for a wrong key, TaichiDiskError where no film can be drawn or written.
+        """
+        from taichi_disk.render.film import check_target, film
+
+        path = Path(path)
+        section = self.scene.with_({f"video.{key}": value for key, value in video.items()}).video
+        check_target(path)
+        files.prepare_output(path.parent)
+        film(path, [(self.scenario, self.outcome)], section, progress or Progress())
+        return path
+
+    def save(self, out: Path | str, video: bool = False, overwrite: bool = False) -> Path:
+        """Write the files of a run into the folder `out`; see docs/output.md.
+
+        Raises InputError where `out` holds another run (unless `overwrite`) or files that no run wrote.
+        """
+        repeatable = "own_start" not in self.summary
+        with RunFolder(out, self.scene.to_yaml(), True, overwrite, repeatable=repeatable) as folder:
+            _write(folder.path, self, video, Progress(), _Clock())
+        return folder.out
+
+    @classmethod
+    def load(cls, folder: Path | str) -> Result:
+        """The result of a finished run, computed again from its scene.yaml: bitwise the same.
+
+        Raises InputError where there is no run, or one that Python gave its lattice or velocities.
+        """
+        path = Path(folder, "scene.yaml")
+        if not path.is_file():
+            raise InputError(f"{folder}: no run is here (no scene.yaml)")
+        if "own_start" in Path(folder, "summary.json").read_text(encoding="utf-8", errors="replace"):
+            raise InputError(f"{folder}: this run began with arrays given in Python; see lattice.npz for them")
+        return run(load_scene(path), force=True)
+
+
+def run(
+    scene: Scene | Path | str,
+    out: Path | str | None = None,
+    *,
+    lattice: Lattice | None = None,
+    velocities: Array | None = None,
+    video: bool = True,
+    export: str | None = None,
+    overwrite: bool = False,
+    count_on: bool = False,
+    force: bool = False,
+    threads: int | None = None,
+    progress: Progress | None = None,
+    say: Callable[[str], None] = lambda text: None,
+    started: float = 0.0,
+) -> Result:
+    """Compute a scene.
+
+    Args:
+        scene: as `load_scene` gives it, or what that takes.
+        out: a folder for the files of the run; none are written without it.
+        lattice: an unloaded disk of one's own, see `Lattice.from_points`.
+        velocities: (N, 2) [c] of the disk's points at t = 0, in the order of the lattice.
+        video: whether to make the film, if there is a folder. Without Vulkan there is no film, and
+            `summary["video_error"]` says why.
+        export: the format of a trajectory to write into the folder, too: "xyz", "gsd", "vtu" or "npz".
+        overwrite: whether another run in `out` may be replaced.
+        count_on: whether to go into out-2, out-3 … where `out` holds another run.
+        force: take a time step even beyond the stability limit.
+        threads: of parallel loops; results do not depend on it.
+        progress: told how far it has come.
+        say: told what a person should know: that the run goes elsewhere, and why.
+        started: seconds that the process has taken before this, for the wall clock of the summary.
+
+    Raises InputError, with nothing written, for what cannot be computed as asked; SimulationError when the computation
+    fails: `out` then holds summary.json (status `failed` and why) and, after a blow-up, failure.npz.
+    """
+    scene = load_scene(scene) if isinstance(scene, (str, Path)) else scene
+    job = _Job(scene, lattice, velocities, force, threads, progress or Progress(), _Clock(started))
+    if out is None:
+        return job.compute(job.scenario())
+    repeatable = lattice is None and velocities is None
+    with RunFolder(out, scene.to_yaml(), not count_on, overwrite, say, repeatable) as folder:
+        result = job.into(folder.path, video, folder.film, export)
+    return replace(result, out=folder.out)
+
+
+class _Clock:
+    """Wall-clock seconds by stage; they add up to what the process took."""
+
+    def __init__(self, started: float = 0.0) -> None:
+        self.seconds: dict[str, float] = {"start": started} if started else {}
+
+    @contextmanager
+    def __call__(self, stage: str) -> Iterator[None]:
+        began = perf_counter()
+        try:
+            yield
+        finally:
+            self.seconds[stage] = self.seconds.get(stage, 0.0) + perf_counter() - began
+
+    def move(self, source: str, target: str, seconds: float) -> None:
+        self.seconds[source] -= seconds
+        self.seconds[target] = self.seconds.get(target, 0.0) + seconds
+
+
+@dataclass
+class _Job:
+    """One computation, with a clock."""
+
+    scene: Scene
+    lattice: Lattice | None
+    velocities: Array | None
+    force: bool
+    threads: int | None
+    progress: Progress
+    clock: _Clock
+    modes: Spectrum | None = None
+
+    def scenario(self) -> Scenario:
+        with self.clock("build"):
+            check_memory(self.scene)
+            runtime.start(self.threads)
+            scenario = self.scene.scenario(self.lattice)
+            if self.velocities is not None:
+                scenario.start_with(np.asarray(self.velocities, dtype=float))
+            if not scenario.static:
+                self.modes = spectrum(scenario.lattice, scenario.model)
+                # Refused, if it is, before anything is written.
+                StepControl(scenario, self.scene.time, self.modes, self.force)
+        return scenario
+
+    def compute(self, scenario: Scenario) -> Result:
+        time, kernels = self.scene.time, shared_kernels()
+        with self.clock("simulate"):
+            outcome = compute(scenario, time, self.progress, kernels, modes=self.modes, force=self.force)
+        self.clock.move("simulate", "compile", outcome.compile_seconds)
+        numbers = {**scenario.result(outcome.columns), "measured": scenario.notes, **outcome.facts, "video": None}
+        return Result(self.scene, scenario, self.summary("done") | numbers, outcome)
+
+    def summary(self, status: str, reason: str | None = None) -> dict[str, Any]:
+        """What summary.json says of any run."""
+        told: dict[str, Any] = {"scene": self.scene.scene, "status": status, "reason": reason}
+        told |= {"seed": self.scene.lattice.seed, "versions": files.versions(), "wall_clock": self.clock.seconds}
+        if self.lattice is not None or self.velocities is not None:
+            told["own_start"] = "lattice or velocities were given in Python: lattice.npz holds them"
+        return told
+
+    def into(self, path: Path, video: bool, film: str | None, export: str | None) -> Result:
+        """Compute, and write everything into the folder `path`; `film` is one that is there already."""
+        if export:
+            from taichi_disk.output.export import check_export
+
+            check_export(path, export)
+        result: Result | None = None
+        scenario: Scenario | None = None
+        try:
+            scenario = self.scenario()
+            result = self.compute(scenario)
+            result.summary["video"] = film
+            if export:
+                with self.clock("export"):
+                    result.export(path, export)
+            _write(path, result, video, self.progress, self.clock)
+            return result
+        except (SimulationError, KeyboardInterrupt) as failure:
+            interrupted = isinstance(failure, KeyboardInterrupt)
+            if interrupted:
+                heard()
+            told = self.summary("interrupted" if interrupted else "failed", str(failure) or None)
+            if scenario is not None:
+                _write_start(path, scenario)
+            if isinstance(failure, BlowUp):
+                files.write_arrays(path / "failure.npz", **failure.last_good)
+            files.write_summary(path / "summary.json", (result.summary if result else {}) | told)
+            raise
+
+
+@lru_cache(maxsize=1)
+def _kernels_of(program: int) -> KernelCache:
+    return KernelCache()
+
+
+def shared_kernels() -> KernelCache:
+    """The compiled simulations of this process: Taichi, too, exists once in a process."""
+    import taichi as ti
+
+    return _kernels_of(id(ti.lang.impl.get_runtime().prog))
+
+
+def _write(path: Path, result: Result, video: bool, progress: Progress, clock: _Clock) -> None:
+    """All files of a run; summary.json last."""
+    scene, scenario, outcome, columns = result.scene, result.scenario, result.outcome, result.series
+    with clock("write"):
+        asked = scene.time.sample_interval
+        # Rows of an equilibrium are on the way to rest, not in time.
+        interval = 0.0 if asked == "auto" or scenario.static else asked
+        _write_start(path, scenario)
+        files.write_timeseries(path / "timeseries.csv", columns, interval)
+        end = {"positions": outcome.positions, "velocities": outcome.velocities, "t": columns["t"][-1]}
+        files.write_arrays(path / "final.npz", **end)
+    with clock("film" if video else "plot"), ThreadPoolExecutor(1) as beside:
+        plot = beside.submit(_plot, path / "plot.png", scenario, columns)
+        if video:
+            name = "frames" if scene.video.format == "png" else f"video.{scene.video.format}"
+            try:
+                from taichi_disk.render.film import film
+
+                film(path / name, [(scenario, outcome)], scene.video, progress)
+                result.summary["video"] = name
+            except TaichiDiskError as error:
+                result.summary["video_error"] = str(error)
+        plot.result()
+    files.write_summary(path / "summary.json", result.summary)
+    progress.stop()
+
+
+def _write_start(path: Path, scenario: Scenario) -> None:
+    impedance = getattr(scenario.model.boundary, "impedance", None)
+    files.write_lattice(path / "lattice.npz", scenario.lattice, scenario.velocities, impedance)
+
+
+def _plot(path: Path, scenario: Scenario, columns: dict[str, Array]) -> None:
+    from taichi_disk.output.plot import plot_run  # matplotlib is imported while the film is drawn
+
+    plot_run(path, scenario, columns)

@@ -1,0 +1,148 @@
+"""A scene as a value: sections that agree with each other, written out or changed. Each kind is a subclass."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Collection, Mapping
+from dataclasses import asdict, fields
+from math import log
+from typing import TYPE_CHECKING, Any, ClassVar, TypeAlias, cast
+
+from taichi_disk.config.checks import SECTION_AS_A_WHOLE, check, either
+from taichi_disk.config.sections import (
+    ElasticWallSection,
+    Frozen,
+    ImpactSection,
+    LatticeSection,
+    MaterialSection,
+    Section,
+    TimeSection,
+    VideoSection,
+    WallSection,
+)
+from taichi_disk.config.yaml_tree import Fault, Place, tree_of
+
+if TYPE_CHECKING:
+    from typing_extensions import Self
+
+Value: TypeAlias = bool | int | float | str
+Conflicts: TypeAlias = list[tuple[str, str]]  # (dotted key, what is wrong with it)
+
+
+class SceneBase(Frozen):
+    """What every kind of scene has. A kind narrows `scene` to its name and adds sections of its own."""
+
+    title: ClassVar[str] = ""  # the kind in words
+
+    scene: str = ""
+    lattice: LatticeSection = LatticeSection()
+    material: MaterialSection = MaterialSection()
+    time: TimeSection = TimeSection()
+    video: VideoSection = VideoSection()
+
+    @classmethod
+    def sections(cls) -> dict[str, Section]:
+        """The sections of this kind of scene at their defaults, by name, in the order in which they are written."""
+        ordered = sorted(fields(cls), key=lambda one: one.name in ("time", "video"))
+        return {one.name: cast(Section, one.default) for one in ordered if one.name != "scene"}
+
+    @classmethod
+    def homes(cls, key: str) -> list[tuple[str, str]]:
+        """(section, key) of every key of that name; `key` may be dotted and then names one section's."""
+        *home, name = key.split(".")
+        return [(one, name) for one, keys in cls.sections().items() if name in keys.schema() and home in ([], [one])]
+
+    def conflicts(self) -> Conflicts:
+        """Disagreements between keys that are valid by themselves; a kind adds its own."""
+        return []
+
+    def with_(self, changes: Mapping[str, Any] | None = None, /, **keys: Any) -> Self:
+        """The scene with some keys changed: `scene.with_(eta_star=30)`, `scene.with_({"wall.a": 3000})`.
+
+        A key's own name is enough where only one section has it. Raises InputError with every fault at once.
+        """
+        data, wrong = asdict(self), dict[str, str]()
+        for name, value in {**(changes or {}), **keys}.items():
+            homes = self.homes(name) or [name.partition(".")[::2]]
+            section, key = homes[0]
+            if len(homes) > 1:
+                wrong[name] = f"write {either('.'.join(home) for home in homes)}"
+            elif not key and section in self.sections():
+                wrong[name] = SECTION_AS_A_WHOLE
+            elif section in self.sections():
+                data[section][key] = value
+            else:
+                data[name] = value
+        tree = tree_of(data)
+        tree.faults += [Fault(Place(), name, what) for name, what in wrong.items()]
+        found = check(tree, {self.scene: type(self)}) if tree.value else None
+        tree.refuse()
+        return cast("Self", found)
+
+    def to_yaml(self, leave_out: Collection[str] = ()) -> str:
+        """The whole scene but the dotted keys `leave_out`, with units; reading it gives an equal scene."""
+        lines = [f"scene: {self.scene}"]
+        for name, section in self.sections().items():
+            lines.append(f"{name}:")
+            for one, key in section.schema().items():
+                if f"{name}.{one}" not in leave_out:
+                    entry = f"  {one}: {yaml_scalar(getattr(getattr(self, name), one))}"
+                    lines.append(f"{entry:<32} # {f'[{key.unit}] ' if key.unit else ''}{key.meaning}")
+        return "\n".join(lines) + "\n"
+
+
+def yaml_scalar(value: Value) -> str:
+    """YAML text that reads back as the same value, in YAML 1.1 as in 1.2."""
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    if isinstance(value, float):
+        text = repr(value)  # the shortest text that reads back bit-equal
+        # Without a point, YAML 1.1 readers (PyYAML too) take 1e-05 for a string.
+        return text if "." in text else text.replace("e", ".0e")
+    if isinstance(value, int) or re.fullmatch(r"[a-z][a-z0-9]+(_[a-z]+)*", value):
+        return str(value)
+    return json.dumps(value, ensure_ascii=False)  # a path: quoted
+
+
+def time_conflicts(time: TimeSection, damping: list[str]) -> Conflicts:
+    """Those of the section `time`; `damping` are the keys, with values, that make forces depend on velocity."""
+    conflicts = []
+    if time.dt != "auto" and time.sample_interval != "auto" and time.sample_interval < time.dt:
+        text = f"{time.sample_interval:g} is shorter than the time step time.dt = {time.dt:g} [R/c]"
+        conflicts.append(("time.sample_interval", text))
+    if time.tolerance != "none" and time.dt != "auto":
+        conflicts.append(("time.tolerance", f"finds the step itself: write time.dt: auto, not {time.dt:g}"))
+    if time.integrator == "vefrl" and damping:
+        text = f"vefrl cannot take forces that depend on velocity ({damping[0]}): write auto, or velocity_verlet"
+        conflicts.append(("time.integrator", text))
+    return conflicts
+
+
+def dashpots(material: MaterialSection) -> list[str]:
+    """The key, with its value, that makes the springs' forces depend on velocity; empty where none does."""
+    return [f"material.eta_star = {material.eta_star:g}"] if material.eta_star else []
+
+
+def gap_conflicts(wall: WallSection | ElasticWallSection, impact: ImpactSection) -> Conflicts:
+    """A start within the wall's reach: the disk would be shot away by potential energy to spare, e > 1."""
+    least = _distance(wall, impact.velocity, 1e-3)
+    if impact.gap == "auto" or impact.gap >= least:
+        return []
+    what = f"at {impact.gap:g} R the wall's potential exceeds 1e-3 of the kinetic energy"
+    return [("impact.gap", f"{what}: start at {rounded_up(least)} R or farther, or write auto")]
+
+
+def least_threshold(wall: ElasticWallSection, velocity: float) -> float:
+    """Distance at which the contact may be cut off: farther away its potential is 1e-5 of v^2/2 or less [R]."""
+    return _distance(wall, velocity, 1e-5)
+
+
+def _distance(wall: WallSection | ElasticWallSection, velocity: float, fraction: float) -> float:
+    """Distance from the wall at which its potential V0 exp(-a y) is `fraction` of v^2/2 (M = 1) [R]."""
+    return (log(wall.V0) - log(fraction / 2) - 2 * log(velocity)) / wall.a
+
+
+def rounded_up(value: float) -> str:
+    """Four digits, above the value."""
+    return f"{value * 1.001:.4g}"

@@ -1,0 +1,182 @@
+"""The `sweep:` section: which keys of a scene take which values, checked like every other value.
+
+    sweep: {eta_star: [0, 10, 100], velocity: {geom: [3e-3, 5e-2, 12]}, seed: {range: 8}}
+
+Every combination is one scene. A list of such sections is swept one after the other.
+"""
+
+from __future__ import annotations
+
+import itertools
+from dataclasses import dataclass
+from math import prod
+from typing import Any, TypeAlias
+
+from taichi_disk.config.checks import Kinds, check, did_you_mean
+from taichi_disk.config.scene_base import SceneBase, Value, yaml_scalar
+from taichi_disk.config.yaml_tree import Entry, Path, Tree
+
+MAX_SCENES = 100_000
+FORMS = "a list of values, {lin: [from, to, count]}, {geom: [from, to, count]} or {range: count}"
+Axes: TypeAlias = dict[str, list[tuple[Value, Entry]]]  # the values of each axis, each with the entry to blame for it
+
+
+@dataclass(frozen=True)
+class Sweep:
+    """Scenes that differ in some keys.
+
+    Attributes:
+        blocks: names and values of the axes of each section, which is a product.
+        scenes: every scene once, the last axis of a block varying fastest; the first has the first values.
+    """
+
+    blocks: tuple[dict[str, tuple[Value, ...]], ...]
+    scenes: tuple[Any, ...]
+
+    @property
+    def axes(self) -> list[str]:
+        """Names of all axes, in the order of the file."""
+        return list(dict.fromkeys(name for block in self.blocks for name in block))
+
+    def to_yaml(self) -> str:
+        """The whole sweep, every default filled in; reading it gives an equal sweep."""
+        swept = {".".join(target_of(self.scenes[0], name) or ()) for name in self.axes}
+        lines = ["sweep:"]
+        for block in self.blocks:
+            written = [f"{name}: [{', '.join(map(yaml_scalar, values))}]" for name, values in block.items()]
+            lines += [("    " if k else "  - ") + line for k, line in enumerate(written)]
+        return self.scenes[0].to_yaml(leave_out=swept) + "\n".join(lines) + "\n"
+
+
+def target_of(scene: SceneBase | type[SceneBase], name: str) -> tuple[str, str] | None:
+    """(section, key) of the axis `name`: dotted, or the first section's key of that name; None where there is none."""
+    return next((home for home in scene.homes(name) if home[0] != "video"), None)
+
+
+def value_of(scene: SceneBase, name: str) -> Any:
+    """What `scene` has at the axis `name`."""
+    section, key = target_of(scene, name) or ("", "")
+    return getattr(getattr(scene, section), key)
+
+
+def check_sweep(tree: Tree, kinds: Kinds) -> Sweep | None:
+    """The sweep that the tree describes; None where it has faults, which are added to the tree's."""
+    section, name = tree.value.pop("sweep"), tree.value.get("scene")
+    kind = kinds.get(name) if isinstance(name, str) else None
+    listed = isinstance(section, list) and len(section) > 0
+    blocks: list[Axes] = []
+    for number, block in enumerate(section if listed else [section]):
+        path: Path = ("sweep", str(number)) if listed else ("sweep",)
+        if not (isinstance(block, dict) and block):
+            entry = tree.entries[path]
+            tree.fault(entry.value, ("sweep",), f"must be lines of key: values, not {entry.shown}")
+        elif kind:
+            blocks.append(_axes(kind, block, path, tree))
+    if kind and not tree.faults:
+        return _combine(kind, blocks, tree, kinds)
+    check(tree, kinds)
+    return None
+
+
+def _axes(kind: type[SceneBase], block: dict[str, Any], prefix: Path, tree: Tree) -> Axes:
+    axes: Axes = {}
+    taken: dict[Path, str] = {}
+    for name, spec in block.items():
+        path = (*prefix, name)
+        place, target = tree.entries[path].key, target_of(kind, name)
+        if target is None:
+            names = [key for section, one in kind.sections().items() if section != "video" for key in one.schema()]
+            hint = did_you_mean(name.split(".")[-1], names)
+            tree.fault(place, path, f"no key of scene: {tree.value['scene']} that can be swept{hint}")
+            continue
+        if target in tree.entries or target in taken:
+            other = taken.get(target, "the scene")
+            tree.fault(place, path, f"{'.'.join(target)} is also given by {other}: leave one of the two out")
+        taken[target] = name
+        whole = kind.sections()[target[0]].schema()[target[1]].kind is int
+        axes[name] = _values(spec, path, whole, tree)
+    return axes
+
+
+def _values(spec: Any, path: Path, whole: bool, tree: Tree) -> list[tuple[Value, Entry]]:
+    """The values that `spec` stands for."""
+    entry = tree.entries[path]
+    if isinstance(spec, list):
+        if not spec:
+            tree.fault(entry.value, path, "an empty list: give it values, or leave the axis out")
+        return [(value, tree.entries[path + (str(k),)]) for k, value in enumerate(spec)]
+    form = next(iter(spec)) if isinstance(spec, dict) and len(spec) == 1 else ""
+    if form not in ("lin", "geom", "range"):
+        tree.fault(entry.value, path, f"must be {FORMS}, not {entry.shown}")
+        return []
+    place = tree.entries[path + (form,)].value
+    try:
+        return [(number, Entry(place, place, f"{number:g}")) for number in _numbers(form, spec[form], whole)]
+    except ValueError as error:
+        tree.fault(place, (*path, form), str(error))
+        return []
+
+
+def _numbers(form: str, given: Any, whole: bool) -> list[int] | list[float]:
+    if form == "range":
+        if type(given) is not int or not 1 <= given <= MAX_SCENES:
+            raise ValueError(f"must be a whole number from 1 to {MAX_SCENES}: {{range: 3}} is 0, 1, 2")
+        return list(range(given))
+    if not (isinstance(given, list) and len(given) == 3 and all(type(one) in (int, float) for one in given)):
+        raise ValueError(f"must be three numbers: {{{form}: [from, to, count]}}")
+    low, high, count = given
+    if not (abs(low) < 1e300 and abs(high) < 1e300):
+        raise ValueError("a bound is too large")
+    if not isinstance(count, int) or not 2 <= count <= MAX_SCENES:
+        raise ValueError(f"the count must be a whole number from 2 to {MAX_SCENES}, not {count}")
+    if form == "geom" and not (low > 0 and high > 0):
+        raise ValueError("a geometric axis needs bounds above 0")
+    parts = [k / (count - 1) for k in range(count)]
+    values = [low * (high / low) ** part if form == "geom" else low + (high - low) * part for part in parts]
+    # Twelve digits: the last bits of a power are not the same on every machine, and a table should be.
+    return [round(value) for value in values] if whole else [float(f"{value:.12g}") for value in values]
+
+
+def _combine(kind: type[SceneBase], blocks: list[Axes], tree: Tree, kinds: Kinds) -> Sweep | None:
+    total = sum(prod(map(len, block.values())) for block in blocks)
+    if total > MAX_SCENES:
+        tree.fault(tree.entries[("sweep",)].key, ("sweep",), f"{total} combinations: at most {MAX_SCENES}")
+        return None
+    # Every value by itself first, so that all faulty ones are told at once, and without a combination.
+    for block in blocks:
+        start = {name: values[0] for name, values in block.items()}
+        for name, value in ((name, value) for name, values in block.items() for value in values):
+            one = _with(kind, tree, start | {name: value})
+            check(one, kinds)
+            tree.faults += one.faults
+    if tree.faults:
+        return None
+    scenes: dict[SceneBase, None] = {}
+    swept: list[dict[str, tuple[Any, ...]]] = []
+    for block in blocks:
+        values: dict[str, dict[Any, None]] = {name: {} for name in block}
+        for combination in itertools.product(*block.values()):
+            chosen = dict(zip(block, combination, strict=True))
+            one = _with(kind, tree, chosen)
+            found = check(one, kinds)
+            if found is None:
+                given = ", ".join(f"{name}: {value}" for name, (value, _) in chosen.items())
+                tree.faults = [fault._replace(what=f"{fault.what} (at {given})") for fault in one.faults]
+                return None
+            scenes[found] = None
+            for name in block:
+                values[name][value_of(found, name)] = None
+        swept.append({name: tuple(each) for name, each in values.items()})
+    return Sweep(tuple(swept), tuple(scenes))
+
+
+def _with(kind: type[SceneBase], tree: Tree, chosen: dict[str, tuple[Value, Entry]]) -> Tree:
+    """The tree of one scene: `chosen` written where the axes point."""
+    scene = Tree({**tree.value}, {**tree.entries}, folder=tree.folder)
+    for name, (one, entry) in chosen.items():
+        target = section, key = target_of(kind, name) or ("", "")
+        scene.entries.setdefault((section,), entry)
+        if isinstance(there := scene.value.get(section, {}), dict):
+            scene.value[section] = {**there, key: one}
+            scene.entries[target] = entry
+    return scene

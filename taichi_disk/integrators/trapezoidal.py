@@ -1,0 +1,161 @@
+"""Velocity Verlet with the dashpots trapezoidal: order 2, stable up to the undamped limit however strong they are.
+
+With F the force of springs and wall at this step, the velocity u at this step, centred between v_ and v_+ = 2 u - v_,
+obeys
+
+    (1 + h/2 (eta/m) L) u = v_ + h/2 F/m,      L = graph Laplacian of the springs.
+
+The matrix is constant, sparse, symmetric and positive definite, and the same for x and y (but for the dashpots of a
+matched boundary): one sparse Cholesky factor L D L^T in an order that keeps it sparse serves all steps.
+"""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import taichi as ti
+from numpy.typing import NDArray
+
+from taichi_disk.integrators.schemes import Integrator
+from taichi_disk.lattice import Array, Lattice
+from taichi_disk.lattice.network import laplacian, symmetric_factors
+from taichi_disk.physics import MatchedBoundary, Model, PinnedBoundary
+from taichi_disk.physics.law import Room
+from taichi_disk.physics.points import Integers1, Reals2, get, pair_of, put
+
+TRAPEZOIDAL = Integrator("trapezoidal", 2, kicks=(0.5, 0.5), moves=(1.0,), stable=2.0, dashpots="implicit")
+
+
+@dataclass(frozen=True)
+class Factor:
+    """L D L^T of the dashpots' matrix by columns; `order[k]` is the point eliminated k-th.
+
+    `values` (entries, c) and `inverse_diagonal` (k, c): c = 2 where x and y have matrices of their own.
+    """
+
+    order: NDArray[np.int32]
+    column: NDArray[np.int32]
+    row: NDArray[np.int32]
+    values: Array
+    inverse_diagonal: Array
+
+
+def factorise(lattice: Lattice, model: Model, dt: float) -> Factor:
+    """Factorise 1 + h/2 (eta L + Z)/m over the points that move, Z the dashpots of a matched boundary."""
+    import scipy.sparse as sp
+
+    n = len(lattice.positions)
+    free, extra = np.arange(n), np.zeros((n, 1))
+    half = 0.5 * dt / float(lattice.masses[0])
+    if isinstance(model.boundary, PinnedBoundary):
+        free = np.setdiff1d(free, lattice.wall_boundary)
+    if isinstance(model.boundary, MatchedBoundary):
+        extra = np.zeros((n, 2))
+        extra[lattice.wall_boundary] = half * model.boundary.impedance
+    matrix = (half * model.springs.eta * laplacian(lattice.bonds, n) + sp.identity(n)).tocsc()[free][:, free]
+    factors = [symmetric_factors(matrix + sp.diags(one[free])) for one in extra.T]
+    lowers = [sp.tril(one.L, -1, format="csc") for one in factors]
+    for lower in lowers:
+        lower.sort_indices()
+    return Factor(
+        order=free[np.argsort(factors[0].perm_c)].astype(np.int32),
+        column=lowers[0].indptr.astype(np.int32),
+        row=lowers[0].indices.astype(np.int32),
+        values=np.stack([lower.data for lower in lowers], axis=1),
+        inverse_diagonal=np.stack([1.0 / one.U.diagonal() for one in factors], axis=1),
+    )
+
+
+@ti.data_oriented
+class DashpotSolver:
+    """Solves for the velocities at a step; `components`: 2 where x and y have factors of their own, else 1."""
+
+    def __init__(self, builder: Any, room: Room, components: int) -> None:
+        self.components = components
+        self.z = pair_of(builder, room.points)
+        self.order, self.column, self.row, self.free = (ti.field(ti.i32) for _ in range(4))
+        builder.dense(ti.i, room.points).place(self.order)
+        builder.dense(ti.i, room.points + 1).place(self.column)
+        builder.dense(ti.i, room.entries).place(self.row)
+        builder.dense(ti.i, 1).place(self.free)
+        self.values = [ti.field(ti.f64) for _ in range(components)]
+        self.inverse_diagonal = [ti.field(ti.f64) for _ in range(components)]
+        builder.dense(ti.i, room.entries).place(*self.values)
+        builder.dense(ti.i, room.points).place(*self.inverse_diagonal)
+
+    def fill(self, factor: Factor) -> None:
+        self._fill(factor.order, factor.column, factor.row, factor.values, factor.inverse_diagonal)
+
+    @ti.kernel
+    def _fill(self, order: Integers1, column: Integers1, row: Integers1, values: Reals2, inverse_diagonal: Reals2):
+        ti.loop_config(serialize=True)
+        for k in range(order.shape[0]):
+            self.order[k] = order[k]
+            self.column[k] = column[k]
+            for c in ti.static(range(self.components)):
+                self.inverse_diagonal[c][k] = inverse_diagonal[k, c]
+        self.free[0] = order.shape[0]
+        self.column[order.shape[0]] = column[order.shape[0]]
+        for e in range(row.shape[0]):
+            self.row[e] = row[e]
+            for c in ti.static(range(self.components)):
+                self.values[c][e] = values[e, c]
+
+    @ti.func
+    def solve(self, state: ti.template(), v: ti.template()):
+        """Solve for v + h/2 f/m on the right-hand side; the result is left in `z`, in the order of elimination."""
+        y = ti.static(self.components - 1)
+        free, half = self.free[0], state.closing[None]
+        for k in range(free):
+            i = self.order[k]
+            put(self.z, k, get(v, i) + half * get(state.f, i))
+        for k in range(free):
+            zk = get(self.z, k)
+            for e in range(self.column[k], self.column[k + 1]):
+                i = self.row[e]
+                self.z[0][i] -= self.values[0][e] * zk[0]
+                self.z[1][i] -= self.values[y][e] * zk[1]
+        for back in range(free):
+            k = free - 1 - back
+            zk = get(self.z, k)
+            zk[0] *= self.inverse_diagonal[0][k]
+            zk[1] *= self.inverse_diagonal[y][k]
+            for e in range(self.column[k], self.column[k + 1]):
+                other = get(self.z, self.row[e])
+                zk[0] -= self.values[0][e] * other[0]
+                zk[1] -= self.values[y][e] * other[1]
+            put(self.z, k, zk)
+
+    @ti.func
+    def solve_velocities(self, state: ti.template()):
+        """The velocities at this step into `state.u`; returns u.D u and u.D u_before, D all dashpots together."""
+        self.solve(state, state.v)
+        half = state.closing[None]
+        power, cross = 0.0, 0.0
+        for k in range(self.free[0]):
+            i, u = self.order[k], get(self.z, k)
+            before = get(state.u, i)
+            loss = (get(state.v, i) + half * get(state.f, i) - u) / half
+            power += u[0] * loss[0] + u[1] * loss[1]
+            cross += before[0] * loss[0] + before[1] * loss[1]
+            put(state.u, i, u)
+        return power, cross
+
+    @ti.func
+    def take_damped_force(self, state: ti.template()):
+        """The force that the solved velocities imply, so that v + g/2 f = u and v + g f = 2 u - v."""
+        for k in range(self.free[0]):
+            i = self.order[k]
+            put(state.f, i, (get(state.u, i) - get(state.v, i)) / state.closing[None])
+
+    @ti.func
+    def restart(self, state: ti.template()):
+        """From `u`, the velocities after a loss, and `f` without dashpots: solve for the half step to come."""
+        self.solve(state, state.u)
+        half = state.closing[None]
+        for k in range(self.free[0]):
+            i, z = self.order[k], get(self.z, k)
+            u = get(state.u, i)
+            put(state.v, i, 2.0 * u - z)
+            put(state.f, i, (z - u) / half)
+            put(state.u, i, z)  # the velocity at which the dashpots act in that half step

@@ -1,0 +1,230 @@
+"""Trajectories for other programs; docs/output.md lists formats and quantities."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass
+from importlib.util import find_spec
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from taichi_disk.errors import InputError
+from taichi_disk.fields import Triangles, stress
+from taichi_disk.fields.stress import pressure
+from taichi_disk.lattice import Array, Lattice
+from taichi_disk.output.files import atomic_write, check_pictures, prepare_output, write_text
+
+if TYPE_CHECKING:
+    from taichi_disk.physics.model import Model
+    from taichi_disk.simulation.scenario import Scenario
+
+Moment = tuple[float, Array, Array]  # t [R/c], positions (n, 2) [R], velocities (n, 2) [c]
+
+
+@dataclass(frozen=True)
+class Frame:
+    """What is exported of one moment: the arrays of docs/output.md, by what they belong to."""
+
+    time: float  # [R/c]
+    positions: Array  # (n, 2) [R]
+    velocities: Array  # (n, 2) [c]
+    points: dict[str, Array]
+    springs: dict[str, Array]
+    triangles: dict[str, Array]
+    energies: dict[str, float]
+
+
+def _frames(lattice: Lattice, model: Model, moments: Iterable[Moment]) -> Iterator[Frame]:
+    tiles = Triangles(lattice)
+    for time, x, v in moments:
+        contact = np.zeros_like(x)
+        if model.wall is not None:
+            touching, forces = model.wall.contact_forces(lattice, x)
+            contact[touching] = forces
+        sigma = stress(tiles, model.springs, x)
+        at_points = tiles.point_means(sigma, tiles.areas(x))
+        springs = {
+            "strain": model.springs.strain(lattice, x),
+            "tension": model.springs.tension(lattice, x),
+            "energy": model.springs.energies(lattice, x),
+        }
+        energies = {
+            "kinetic": float(0.5 * lattice.masses @ (v * v).sum(axis=1)),
+            "elastic": float(springs["energy"].sum()),
+            "wall": model.wall.energy(lattice, x) if model.wall is not None else 0.0,
+        }
+        points = {"contact_force": contact, "stress": at_points, "pressure": pressure(at_points)}
+        yield Frame(time, x, v, points, springs, {"stress": sigma, "pressure": pressure(sigma)}, energies)
+
+
+# ---- the formats: each writer takes a path, the lattice, the frames one after the other, and how many they are
+
+
+def _write_xyz(path: Path, lattice: Lattice, frames: Iterator[Frame], count: int) -> None:
+    """Extended XYZ: text, a line for each point, with 12 digits. It knows no springs.
+
+    Strain and tension are means over the springs of a point, energy is half of theirs, so that it adds up. The species
+    is D for points of the disk, W for those of an elastic wall.
+    """
+    n = len(lattice.positions)
+    species = np.where(np.arange(n) < lattice.disk_points, "D", "W")
+    size = np.full(n, _radius(lattice))
+    ends = lattice.bonds.ravel()
+    springs = np.maximum(np.bincount(ends, minlength=n), 1)
+    with path.open("w", encoding="ascii", newline="\n") as file:
+        for frame in frames:
+            at = {name: np.bincount(ends, np.repeat(each, 2), n) / springs for name, each in frame.springs.items()}
+            at["energy"] *= 0.5 * springs
+            columns = {"pos": frame.positions, "velo": frame.velocities, "mass": lattice.masses, "radius": size}
+            parts = {name: _padded(values).reshape(n, -1) for name, values in (columns | frame.points | at).items()}
+            kinds = ":".join(f"{name}:R:{values.shape[1]}" for name, values in parts.items())
+            energies = " ".join(f"{name}_energy={value:.17g}" for name, value in frame.energies.items())
+            file.write(f'{n}\nProperties=species:S:1:{kinds} Time={frame.time:.17g} {energies} pbc="F F F"\n')
+            table = np.concatenate(list(parts.values()), axis=1)
+            line = "%s" + " %.12g" * table.shape[1] + "\n"
+            file.writelines(line % (kind, *row) for kind, row in zip(species, table.tolist(), strict=True))
+
+
+def _write_gsd(path: Path, lattice: Lattice, frames: Iterator[Frame], count: int) -> None:
+    """GSD in HOOMD's schema: positions in single precision, our quantities as logged arrays in double."""
+    import gsd.hoomd
+
+    n, m, reach = len(lattice.positions), len(lattice.bonds), 0.0
+    with gsd.hoomd.open(name=str(path), mode="w") as file:
+        for number, frame in enumerate(frames):
+            shot = gsd.hoomd.Frame()
+            shot.configuration.step, shot.configuration.dimensions = number, 2
+            # Readers take the box for periodic: in one of twice the size no spring is shorter across an edge.
+            reach = max(reach, float(np.abs(frame.positions).max()))
+            shot.configuration.box = [4.0 * reach, 4.0 * reach, 0, 0, 0, 0]
+            shot.particles.N, shot.particles.types = n, ["disk", "wall"]
+            shot.particles.typeid = (np.arange(n) >= lattice.disk_points).astype(np.uint32)
+            shot.particles.position, shot.particles.velocity = _padded(frame.positions), _padded(frame.velocities)
+            shot.particles.mass, shot.particles.diameter = lattice.masses, np.full(n, 2.0 * _radius(lattice))
+            shot.bonds.N, shot.bonds.types = m, ["spring"]
+            shot.bonds.group, shot.bonds.typeid = lattice.bonds, np.zeros(m, np.uint32)
+            shot.log = {f"particles/{name}": values for name, values in frame.points.items()}
+            shot.log |= {f"bonds/{name}": values for name, values in frame.springs.items()}
+            shot.log |= {f"{name}_energy": np.array([value]) for name, value in frame.energies.items()}
+            shot.log["time"] = np.array([frame.time])
+            file.append(shot)
+
+
+def _write_vtu(path: Path, lattice: Lattice, frames: Iterator[Frame], count: int) -> None:
+    """VTK's unstructured grids: a .pvd that lists the .vtu files, which are in a folder of its name.
+
+    Each frame is two files, one of springs (lines), one of triangles: each has its own quantities, and can be hidden.
+    The folder comes first, whole.
+    """
+    import meshio
+
+    folder, listed = path.with_suffix(""), []
+    digits = len(str(count - 1))
+
+    def fill(new: Path) -> None:
+        new.mkdir()
+        for number, frame in enumerate(frames):
+            points = frame.points | {"velocity": frame.velocities, "mass": lattice.masses}
+            points = {name: _padded(values) for name, values in points.items()}
+            cells = {"springs": ("line", lattice.bonds), "triangles": ("triangle", lattice.triangles)}
+            for part, kind in enumerate(cells):
+                cell_data = {name: [values] for name, values in getattr(frame, kind).items()}
+                name = f"{number:0{digits}}_{kind}.vtu"
+                mesh = meshio.Mesh(_padded(frame.positions), [cells[kind]], points, cell_data)
+                mesh.write(new / name, file_format="vtu")
+                listed.append(f'<DataSet timestep="{frame.time:.17g}" part="{part}" file="{folder.name}/{name}"/>')
+
+    atomic_write(folder, fill)
+    lines = ['<?xml version="1.0"?>', '<VTKFile type="Collection" version="0.1">', "<Collection>", *listed]
+    write_text(path, "\n".join([*lines, "</Collection>", "</VTKFile>", ""]))
+
+
+def _write_npz(path: Path, lattice: Lattice, frames: Iterator[Frame], count: int) -> None:
+    """t (T,), positions and velocities (T, n, 2), points_…, springs_…, triangles_… as in `Frame`, energies, lattice.
+
+    Arrays are filled frame by frame in files beside `path`, so that no trajectory is too large for the memory.
+    """
+    with TemporaryDirectory(dir=path.parent, prefix=f"{path.name}.") as place:
+        arrays: dict[str, Any] = {}
+        for number, frame in enumerate(frames):
+            named: dict[str, Any] = {"t": frame.time, "positions": frame.positions, "velocities": frame.velocities}
+            for kind in ("points", "springs", "triangles"):
+                named |= {f"{kind}_{name}": values for name, values in getattr(frame, kind).items()}
+            for name, values in (named | {f"{name}_energy": one for name, one in frame.energies.items()}).items():
+                if name not in arrays:
+                    shape = (count, *np.shape(values))
+                    arrays[name] = np.lib.format.open_memmap(Path(place, name), "w+", np.float64, shape)
+                arrays[name][number] = values
+        constant = ("bonds", "triangles", "rest_lengths", "masses", "disk_points")
+        np.savez(path, **arrays, **{name: getattr(lattice, name) for name in constant})
+
+
+def _radius(lattice: Lattice) -> float:
+    """Of the balls that programs for particles draw [R]: a quarter of a typical spring, so that springs are seen."""
+    return 0.25 * float(np.median(lattice.rest_lengths))
+
+
+def _padded(values: Array) -> Array:
+    """(n, 2) vectors with a z of 0; other arrays as they are."""
+    return np.pad(values, ((0, 0), (0, 1))) if values.ndim == 2 and values.shape[1] == 2 else values
+
+
+class Format(NamedTuple):
+    suffix: str
+    write: Callable[[Path, Lattice, Iterator[Frame], int], None]
+    package: str = ""  # that it needs
+
+
+FORMATS = {
+    "xyz": Format(".xyz", _write_xyz),
+    "gsd": Format(".gsd", _write_gsd, "gsd"),
+    "vtu": Format(".pvd", _write_vtu, "meshio"),
+    "npz": Format(".npz", _write_npz),
+}
+
+
+def check_export(path: Path, format: str | None = None) -> tuple[Path, str]:
+    """Where a trajectory goes, and its format; to be called before anything is computed.
+
+    Args:
+        path: a file, or a folder, in which the file will be called trajectory.
+        format: one of FORMATS; None: as the suffix says.
+
+    Raises InputError if there is no such format, its package is missing, or the place cannot be written.
+    """
+    if format is None:
+        format = next((name for name, one in FORMATS.items() if one.suffix == path.suffix), None)
+    if format not in FORMATS:
+        endings = ", ".join(f"{name} ({one.suffix})" for name, one in FORMATS.items())
+        raise InputError(f"cannot export to {path}: the formats are {endings}")
+    kind = FORMATS[format]
+    if path.is_dir():
+        path = path / f"trajectory{kind.suffix}"
+    if path.suffix != kind.suffix:
+        raise InputError(f"cannot export to {path}: a file of format {format} ends with {kind.suffix}")
+    if kind.package and find_spec(kind.package) is None:
+        needed = f"the format {format} needs the package {kind.package}"
+        raise InputError(f"{needed}: install it with pip install 'taichi-disk[export]'")
+    prepare_output(path.parent)
+    if format == "vtu":
+        check_pictures(path.with_suffix(""))
+    return path, format
+
+
+def export_run(
+    scenario: Scenario, moments: Iterable[Moment], count: int, path: Path, format: str | None = None
+) -> Path:
+    """Write `count` moments of a run; returns the file that was written. `path`, `format`: as for `check_export`.
+
+    Raises what that does, and SimulationError if the file cannot be written.
+    """
+    path, format = check_export(path, format)
+    frames = _frames(scenario.lattice, scenario.model, moments)
+    if format == "vtu":  # more than one file: it sees itself that they come all at once
+        _write_vtu(path, scenario.lattice, frames, count)
+    else:
+        atomic_write(path, lambda new: FORMATS[format].write(new, scenario.lattice, frames, count))
+    return path

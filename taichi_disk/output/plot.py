@@ -1,0 +1,121 @@
+"""plot.png, the curves that one wants to see first; names and colours of curves in plot, film and window.
+
+matplotlib takes 0.3 s to import: it is when something is drawn.
+"""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from textwrap import fill
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from taichi_disk.output.files import Array, atomic_write
+
+if TYPE_CHECKING:
+    from taichi_disk.simulation.scenario import Scenario
+
+Columns = dict[str, Array]
+
+STYLE: dict[Any, Any] = {
+    "font.size": 9.5,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.edgecolor": "0.35",
+    "axes.grid": True,
+    "grid.color": "0.91",
+    "grid.linewidth": 0.7,
+    "axes.axisbelow": True,
+    "axes.formatter.limits": (-3, 4),
+    "axes.formatter.use_mathtext": True,
+    "lines.linewidth": 1.4,
+    "legend.frameon": False,
+    "legend.fontsize": 8.5,
+}
+# Okabe and Ito's colours, which the colour-blind can tell apart.
+BLUE, RED, GREEN, PINK, ORANGE, SKY = "#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9"
+LINE, MARK, SUM = BLUE, "0.45", "#222222"
+# Columns: names and colours.
+ENERGIES = {
+    "kinetic": ("kinetic", BLUE),
+    "elastic": ("elastic", RED),
+    "wall": ("wall potential", ORANGE),
+    "load": ("potential of the load", SKY),
+    "dissipated": ("dissipated by dashpots", GREEN),
+    "absorbed": ("absorbed at the boundary", PINK),
+    "sliding": ("lost from one wall spring to the next", "#999999"),
+}
+HEIGHTS = (1.2, 1.0, 1.5)  # of the axes of motion, force and energies
+
+_settings = threading.RLock()
+
+
+@contextmanager
+def styled(settings: dict[Any, Any]) -> Iterator[None]:
+    """Draw with these settings of matplotlib. They are global: threads that draw wait for each other."""
+    import matplotlib
+
+    with _settings, matplotlib.rc_context(settings):
+        yield
+
+
+def draw_curves(axes: list[Any], scenario: Scenario, columns: Columns, **look: Any) -> list[Any]:
+    """Motion, wall's force and energies over time in three axes, named; returns the lines.
+
+    Of the energies those are drawn that a run has; the load's is counted from its start.
+    """
+    motion, label = scenario.motion(columns)
+    curves = [(axes[0], motion, LINE, ""), (axes[1], columns["wall_force"], LINE, "")]
+    for column, (name, colour) in ENERGIES.items():
+        values = columns.get(column)
+        if values is not None and values.any():
+            curves.append((axes[2], values - values[0] if column == "load" else values, colour, name))
+    for ax, name in zip(axes, (label, "wall's force on\nthe disk  [Mc²/R]", "energy  [Mc²]"), strict=False):
+        ax.set_ylabel(name)
+    static = "from the unloaded disk (0) to the equilibrium (1)"
+    axes[-1].set_xlabel(static if scenario.static else "time  [R/c]")
+    return [ax.plot(columns["t"], curve, color=colour, label=name, **look)[0] for ax, curve, colour, name in curves]
+
+
+def plot_run(path: Path, scenario: Scenario, columns: Columns) -> None:
+    """Draw a run's time series, named as in timeseries.csv, into a PNG, bitwise reproducibly.
+
+    Raises SimulationError if the file cannot be written.
+    """
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    t, quality = columns["t"], scenario.quality(columns)
+    ratios = (*HEIGHTS, 0.8) if quality else HEIGHTS
+    result, note = scenario.marks(columns)
+    with styled(STYLE):
+        figure = Figure(figsize=(7.6, 9.2), dpi=120, layout="constrained")
+        FigureCanvasAgg(figure)
+        axes = list(figure.subplots(len(ratios), 1, sharex=True, height_ratios=ratios))
+        figure.suptitle(fill("    ".join(scenario.title()[1:]), 95), fontsize=9.5, fontweight="bold")
+        axes[-1].set_xlim(t[0], scenario.last_motion(columns))
+        motion = draw_curves(axes, scenario, columns)[0]
+        _mark(axes[0], t, motion.get_ydata(), result)
+        axes[1].annotate(note, (0.988, 0.92), xycoords="axes fraction", ha="right", va="top", color="0.2")
+        total = columns["total"] - (columns["load"][0] if "load" in columns else 0.0)
+        axes[2].plot(t, total, color=SUM, linestyle=(0, (4, 2)), label="sum of all")
+        axes[2].legend(loc="lower center", bbox_to_anchor=(0.54, 1.0), ncols=4, borderaxespad=0.2, columnspacing=1.4)
+        if quality:
+            values, label, scale = quality
+            axes[3].plot(t, values, color=LINE)
+            axes[3].set(ylabel=label, yscale=scale)
+        figure.align_ylabels(axes)
+        atomic_write(path, lambda new: figure.savefig(new, metadata={"Software": None}))
+
+
+def _mark(ax: Any, t: Array, values: Array, text: str) -> None:
+    """A dashed line across the panel where the curve ends, its meaning below it where the curve is not."""
+    level, (start, end) = values[-1], ax.get_xlim()
+    before = np.abs(values[t <= start + 0.3 * (end - start)] - level)
+    x = 0.02 if before.min() > 0.3 * np.ptp(values) else 0.7
+    ax.axhline(level, color=MARK, linewidth=1.0, linestyle=(0, (5, 4)))
+    ax.annotate(text, (x, level), (0, -3), ax.get_yaxis_transform(), "offset points", va="top", color="0.2")

@@ -1,0 +1,198 @@
+"""Sides and bottom of the elastic wall (paper section 5): pinned, reset or matched.
+
+The paper says that "the energy of the particles at both sides and the bottom is reset to 0 at every time step". Three
+readings: `ResetBoundary` zeroes velocities at a fixed interval, whatever the time step is; `PinnedBoundary` is its
+limit for an interval of 0, a perfect reflector; `MatchedBoundary` absorbs waves (Lysmer & Kuhlemeyer 1969), which is
+what the reset was made for.
+"""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import taichi as ti
+
+from taichi_disk.lattice import Lattice
+from taichi_disk.physics.law import Array, Law, Room
+from taichi_disk.physics.points import get, pair_of, put
+
+
+@ti.data_oriented
+class Boundary(Law):
+    """The points of `Lattice.wall_boundary`, and what happens to them."""
+
+    def place(self, builder: Any, room: Room) -> None:
+        super().place(builder, room)
+        self.point, self.count = ti.field(ti.i32), ti.field(ti.i32)
+        builder.dense(ti.i, room.points).place(self.point)
+        builder.dense(ti.i, 1).place(self.count)
+
+    def fill(self, lattice: Lattice) -> None:
+        self._fill_points(lattice.wall_boundary)
+
+    @ti.kernel
+    def _fill_points(self, points: ti.types.ndarray(ti.i32, ndim=1)):
+        self.count[0] = points.shape[0]
+        for k in range(points.shape[0]):
+            self.point[k] = points[k]
+
+
+@ti.data_oriented
+class PinnedBoundary(Boundary):
+    """The points are held fast."""
+
+    @ti.func
+    def hold(self, state: ti.template()):
+        """Take the force from the points, so that they stay at rest."""
+        for k in range(self.count[0]):
+            put(state.f, self.point[k], ti.Vector([0.0, 0.0]))
+
+
+@ti.data_oriented
+@dataclass(eq=False)
+class MatchedBoundary(Boundary):
+    """A force -Z v on each point, Z from `matched_impedance`: waves leave without reflection."""
+
+    impedance: Array  # (k, 2) Z for x and y: rho c times the length of boundary that a point stands for [M c/R]
+
+    def place(self, builder: Any, room: Room) -> None:
+        super().place(builder, room)
+        self.Z = pair_of(builder, room.points)
+
+    def fill(self, lattice: Lattice) -> None:
+        super().fill(lattice)
+        self._fill_impedance(self.impedance)
+
+    @ti.kernel
+    def _fill_impedance(self, impedance: ti.types.ndarray(ti.f64, ndim=2)):
+        for k in range(impedance.shape[0]):
+            for c in ti.static(range(2)):
+                self.Z[c][k] = impedance[k, c]
+
+    def damping_forces(self, lattice: Lattice, v: Array) -> Array:
+        force = np.zeros_like(v)
+        force[lattice.wall_boundary] = -self.impedance * v[lattice.wall_boundary]
+        return force
+
+    @ti.func
+    def damp(self, state: ti.template(), half):
+        """Add the forces -Z v at this step, whose velocity v is `half` times the force after v_ in `state.v`.
+
+        Returns (v.Zv + 2 v_.Zv_)/3, for the energy balance.
+        """
+        power = 0.0
+        for k in range(self.count[0]):
+            i = self.point[k]
+            for c in ti.static(range(2)):
+                Z, before = self.Z[c][k], state.v[c][i]
+                v = (before + half * state.f[c][i]) / (1.0 + half * Z)
+                state.f[c][i] -= Z * v
+                power += Z * (v * v + 2.0 * before * before) / 3.0
+        return power
+
+    @ti.func
+    def solved_power(self, state: ti.template()):
+        """u.Zu, where the velocities u at this step have been solved for."""
+        power = 0.0
+        for k in range(self.count[0]):
+            u = get(state.u, self.point[k])
+            power += self.Z[0][k] * u[0] * u[0] + self.Z[1][k] * u[1] * u[1]
+        return power
+
+
+@ti.data_oriented
+@dataclass(eq=False)
+class ResetBoundary(Boundary):
+    """The velocities of the points are set to zero once every `interval`: a drag of 2 m/interval on each.
+
+    Springs do not notice a stop. Dashpots do: their force jumps with the velocity, and the coming half step has to
+    start from the force after the jump, or the reset would cost an order of accuracy.
+    """
+
+    interval: float  # a whole number of time steps [R/c]
+
+    @ti.func
+    def stop(self, state: ti.template(), springs: ti.template(), solver: ti.template(), implicit: ti.template()):
+        """Set the velocities at this step to zero; returns the kinetic energy that they held [M c^2].
+
+        What leapfrog keeps is m/2 v_{k-1/2} v_{k+1/2} = m/2 v_k^2 - m/2 (h/2 f_k/m)^2, and where there are dashpots f_k
+        jumps too. `implicit`: whether `solver` (see `trapezoidal`) has solved for the velocities in `state.u`.
+        """
+        m, half = state.m[None], state.closing[None]
+        energy = 0.0
+        if ti.static(springs.damped):
+            energy = -self.half_kick_energy(state, implicit)
+        if ti.static(springs.damped and not implicit):
+            for i in range(state.n[None]):
+                put(state.u, i, ti.Vector([0.0, 0.0]))
+        for k in range(self.count[0]):
+            i = self.point[k]
+            v = get(state.v, i) + half * get(state.f, i)
+            if ti.static(implicit):
+                v = get(state.u, i)
+                put(state.u, i, ti.Vector([0.0, 0.0]))
+            elif ti.static(springs.damped):
+                put(state.u, i, v)
+            else:
+                put(state.v, i, -half * get(state.f, i))
+            energy += 0.5 * m * (v[0] * v[0] + v[1] * v[1])
+        if ti.static(implicit):
+            solver.restart(state)
+        elif ti.static(springs.damped):
+            self.restart_explicit(state, springs)
+        if ti.static(springs.damped):
+            energy += self.half_kick_energy(state, False)
+        return energy
+
+    @ti.func
+    def restart_explicit(self, state: ti.template(), springs: ti.template()):
+        """From `u`, what each velocity has lost, and `f` before that: `f` after it, and `u` that goes with it."""
+        half, eta = state.closing[None], springs.now.eta[None]
+        for i in range(state.n[None]):
+            put(state.v, i, get(state.v, i) + (half * get(state.f, i) - get(state.u, i)))
+        for b in range(state.blocks[None]):
+            for k in ti.static(range(len(springs.first))):
+                i, j = springs.first[k][b], springs.second[k][b]
+                springs.pull_together(state.f, k, b, eta * (get(state.u, j) - get(state.u, i)))
+        for i in range(state.n[None]):
+            put(state.u, i, get(state.v, i))
+            put(state.v, i, get(state.v, i) - half * get(state.f, i))
+
+    @ti.func
+    def half_kick_energy(self, state: ti.template(), solved: ti.template()):
+        """sum(m/2 (h/2 f/m)^2); where the velocities are only `solved` for, h/2 f/m = u - v."""
+        energy = 0.0
+        for i in range(state.n[None]):
+            kick = 0.5 * state.g[None] * get(state.f, i)
+            if ti.static(solved):
+                kick = get(state.u, i) - get(state.v, i)
+            energy += 0.5 * state.m[None] * (kick[0] * kick[0] + kick[1] * kick[1])
+        return energy
+
+    @ti.func
+    def dashpot_work(self, state: ti.template(), springs: ti.template(), g):
+        """sum(eta (u_i - u_j).(w_i - w_j)) over the springs, w = v + g f: g = 0 the last half step, h/m the next."""
+        power = 0.0
+        for b in range(state.blocks[None]):
+            for k in ti.static(range(len(springs.first))):
+                i, j = springs.first[k][b], springs.second[k][b]
+                u = get(state.u, i) - get(state.u, j)
+                w = get(state.v, i) - get(state.v, j) + g * (get(state.f, i) - get(state.f, j))
+                power += springs.now.eta[None] * (u[0] * w[0] + u[1] * w[1])
+        return power
+
+
+def matched_impedance(lattice: Lattice, normal: float, tangential: float) -> Array:
+    """(k, 2) dashpot constants [M c/R] of `wall_boundary`; normal, tangential: rho c_p, rho c_s of the wall [M c/R^2].
+
+    Half of each segment of the boundary belongs to each of its ends; its normal takes rho c_p, its direction rho c_s.
+    """
+    chain = lattice.positions[lattice.wall_boundary]
+    segment = np.diff(chain, axis=0)
+    length = np.hypot(segment[:, 0], segment[:, 1])
+    direction = (segment / length[:, None]) ** 2
+    z = 0.5 * length[:, None] * (normal * direction[:, ::-1] + tangential * direction)
+    impedance = np.zeros_like(chain)
+    impedance[:-1] += z
+    impedance[1:] += z
+    return impedance

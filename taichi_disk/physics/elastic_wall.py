@@ -1,0 +1,191 @@
+"""Contact with the elastic wall (paper section 5): a V0 exp(-a l) from the wall's surface spring below a point.
+
+The distance l is measured along the spring's normal n. The spring's two ends take the reaction by the lever rule, which
+balances force and torque and makes the force the gradient of V0 exp(-a l) while the point stays over one spring. The
+potential is shifted to be zero at the threshold, so that coming into reach adds no energy.
+"""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import taichi as ti
+from numpy.typing import NDArray
+
+from taichi_disk.lattice import Lattice
+from taichi_disk.physics.law import Array, Law, Room
+from taichi_disk.physics.points import get, put
+
+
+@dataclass(frozen=True)
+class Contacts:
+    """Surface points of the disk over the wall, in NumPy."""
+
+    points: NDArray[np.intp]  # (k,) their numbers in the lattice
+    springs: NDArray[np.intp]  # (k,) the wall's surface spring below each; its ends are wall_surface[s] and [s + 1]
+    distance: Array  # (k,) l [R]
+    lever: Array  # (k,) where along the spring each stands, 0 to 1
+    energy: Array  # (k,) V0 exp(-a l), not shifted [M c^2]
+    push: Array  # (k, 2) force on each [M c^2/R]
+
+
+@ti.data_oriented
+@dataclass(eq=False)
+class ElasticWall(Law):
+    """The contact law between the disk's surface points and the wall's surface springs."""
+
+    a: float  # hardness [1/R]
+    V0: float  # potential at distance 0 [M c^2]
+    threshold: float  # distance beyond which there is no contact [R]
+
+    scalars = ("a", "V0", "threshold", "V0_at_threshold")
+
+    @property
+    def V0_at_threshold(self) -> float:
+        return self.V0 * float(np.exp(-self.a * self.threshold))
+
+    def added_stiffness(self, point_force: float) -> float:
+        """As for the rigid wall, but two points of equal mass approach each other: 2 a F [M c^2/R^2]."""
+        return 2.0 * self.a * point_force
+
+    def place(self, builder: Any, room: Room) -> None:
+        super().place(builder, room)
+        self.disk_surface, self.wall_surface, self.count = (ti.field(ti.i32) for _ in range(3))
+        builder.dense(ti.i, room.points).place(self.disk_surface)
+        builder.dense(ti.i, room.points).place(self.wall_surface)
+        builder.dense(ti.i, 2).place(self.count)
+
+    def fill(self, lattice: Lattice) -> None:
+        self._fill(lattice.disk_surface, lattice.wall_surface)
+
+    @ti.kernel
+    def _fill(self, disk: ti.types.ndarray(ti.i32, ndim=1), wall: ti.types.ndarray(ti.i32, ndim=1)):
+        self.count[0], self.count[1] = disk.shape[0], wall.shape[0]
+        for k in range(disk.shape[0]):
+            self.disk_surface[k] = disk[k]
+        for k in range(wall.shape[0]):
+            self.wall_surface[k] = wall[k]
+
+    @ti.func
+    def add(self, state: ti.template(), move):
+        """Push every surface point of the disk off the wall spring below it.
+
+        Returns the upward force on the disk [M c^2/R], the potential [M c^2], the largest force on one point, and what
+        points lost by sliding in the last move, which was `move` times the velocity (see `slid`).
+        """
+        a, V0, threshold = self.now.a[None], self.now.V0[None], self.now.threshold[None]
+        x, y = ti.static(state.x[0], state.x[1])
+        upward, potential, highest, slid = 0.0, 0.0, 0.0, 0.0
+        last = self.count[1] - 1
+        top = y[self.wall_surface[0]]
+        for k in range(1, last + 1):
+            top = ti.max(top, y[self.wall_surface[k]])
+        left = x[self.wall_surface[0]]
+        pitch = (x[self.wall_surface[last]] - left) / last
+        for n in range(self.count[0]):
+            i = self.disk_surface[n]
+            # The vertical distance is at most twice l unless the surface is steeper than 60 degrees.
+            if y[i] - top < 2.0 * threshold:
+                guess = ti.max(0, ti.min(last - 1, ti.cast((x[i] - left) / pitch, ti.i32)))
+                k = self.spring_below(state, i, guess, 0.0)
+                p, q = self.wall_surface[k], self.wall_surface[k + 1]
+                if x[i] >= x[p] and x[i] < x[q]:
+                    distance, lever, normal = self.over(state, i, k, 0.0)
+                    if distance < threshold:
+                        energy = V0 * ti.exp(-a * distance)
+                        push = (a * energy) * normal
+                        put(state.f, i, get(state.f, i) + push)
+                        put(state.f, p, get(state.f, p) - (1.0 - lever) * push)
+                        put(state.f, q, get(state.f, q) - lever * push)
+                        upward += push[1]
+                        potential += energy - self.now.V0_at_threshold[None]
+                        highest = ti.max(highest, a * energy)
+                        slid += self.slid(state, i, k, move)
+        return upward, potential, highest, slid
+
+    @ti.func
+    def slid(self, state: ti.template(), i, k, move):
+        """Energy that point i, now over wall spring k, lost if it was over another one before the last move.
+
+        Where the surface is bent, the distance l jumps as a point passes from one spring to the next, and with it the
+        potential: half of the jumps at either end of the move, as the trapezoidal rule has it.
+        """
+        before = self.spring_below(state, i, k, move)
+        lost = 0.0
+        if before != k:
+            for case in range(4):  # a loop: what is inlined four times takes long to compile
+                spring, half = k, -0.5
+                if case < 2:
+                    spring, half = before, 0.5
+                distance, _lever, _normal = self.over(state, i, spring, (case % 2) * move)
+                if distance < self.now.threshold[None]:
+                    energy = self.now.V0[None] * ti.exp(-self.now.a[None] * distance)
+                    lost += half * (energy - self.now.V0_at_threshold[None])
+        return lost
+
+    @ti.func
+    def spring_below(self, state: ti.template(), i, guess, move):
+        """Number of the wall spring below or nearest to point i, `move` times the velocity ago."""
+        k = guess
+        x = self.place_before(state, i, move)[0]
+        while k > 0 and x < self.place_before(state, self.wall_surface[k], move)[0]:
+            k -= 1
+        while k < self.count[1] - 2 and x >= self.place_before(state, self.wall_surface[k + 1], move)[0]:
+            k += 1
+        return k
+
+    @ti.func
+    def over(self, state: ti.template(), i, k, move):
+        """Distance and lever of point i over wall spring k, and the spring's normal, `move` times the velocity ago."""
+        start = self.place_before(state, self.wall_surface[k], move)
+        along = self.place_before(state, self.wall_surface[k + 1], move) - start
+        away = self.place_before(state, i, move) - start
+        length2 = along.dot(along)
+        normal = ti.Vector([-along[1], along[0]]) / ti.sqrt(length2)
+        return away.dot(normal), away.dot(along) / length2, normal
+
+    @ti.func
+    def place_before(self, state: ti.template(), i, move):
+        """Where point i was `move` times the velocity ago."""
+        return get(state.x, i) - move * get(state.v, i)
+
+    # ---- the NumPy twin
+
+    def contacts(self, lattice: Lattice, x: Array) -> Contacts:
+        """All contacts with the points at `x` (n, 2) [R]."""
+        rows, springs = self.rows_over(lattice, x)
+        near = self.against(lattice, x, rows, springs).distance < self.threshold
+        return self.against(lattice, x, rows[near], springs[near])
+
+    def rows_over(self, lattice: Lattice, x: Array) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+        """Which points of `disk_surface` are over the wall, and over which of its springs, however far away."""
+        px, edges = x[lattice.disk_surface, 0][:, None], x[lattice.wall_surface, 0]
+        over = (edges[:-1] <= px) & (px < edges[1:])
+        rows = np.flatnonzero(over.any(axis=1))
+        return rows, over[rows].argmax(axis=1)
+
+    def against(self, lattice: Lattice, x: Array, rows: NDArray[np.intp], springs: NDArray[np.intp]) -> Contacts:
+        """Points number `rows` of `disk_surface` against the wall's surface springs number `springs`."""
+        points, chain = lattice.disk_surface[rows].astype(np.intp), x[lattice.wall_surface]
+        away, t = x[points] - chain[springs], chain[springs + 1] - chain[springs]
+        length2 = (t * t).sum(axis=1)
+        normal = np.stack([-t[:, 1], t[:, 0]], axis=1) / np.sqrt(length2)[:, None]
+        distance, lever = (away * normal).sum(axis=1), (away * t).sum(axis=1) / length2
+        with np.errstate(over="ignore", invalid="ignore"):  # after a blow-up
+            energy = self.V0 * np.exp(-self.a * distance)
+            return Contacts(points, springs, distance, lever, energy, (self.a * energy)[:, None] * normal)
+
+    def energy(self, lattice: Lattice, x: Array) -> float:
+        return float((self.contacts(lattice, x).energy - self.V0_at_threshold).sum())
+
+    def forces(self, lattice: Lattice, x: Array) -> Array:
+        found, force = self.contacts(lattice, x), np.zeros_like(x)
+        np.add.at(force, found.points, found.push)
+        np.add.at(force, lattice.wall_surface[found.springs], (found.lever - 1.0)[:, None] * found.push)
+        np.add.at(force, lattice.wall_surface[found.springs + 1], -found.lever[:, None] * found.push)
+        return force
+
+    def contact_forces(self, lattice: Lattice, x: Array) -> tuple[NDArray[np.intp], Array]:
+        """(points (k,), forces (k, 2) [M c^2/R]) of the wall on the disk's surface points within the threshold."""
+        found = self.contacts(lattice, x)
+        return found.points, found.push

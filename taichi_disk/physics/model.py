@@ -1,0 +1,78 @@
+"""What acts in a scene: the laws, and no more of them than the scene needs."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from taichi_disk.lattice import Lattice
+from taichi_disk.physics.boundaries import Boundary, MatchedBoundary, PinnedBoundary, ResetBoundary
+from taichi_disk.physics.elastic_wall import ElasticWall
+from taichi_disk.physics.exponential_wall import ExponentialWall
+from taichi_disk.physics.law import Array, BodyForce, Law
+from taichi_disk.physics.load import Load
+from taichi_disk.physics.mouse_spring import MouseSpring
+from taichi_disk.physics.springs import Springs
+
+
+@dataclass(frozen=True)
+class Model:
+    """The laws of one scene. A law that is absent has no field, is not compiled and not computed."""
+
+    springs: Springs  # of all bodies, with their dashpots
+    wall: ExponentialWall | ElasticWall | None = None
+    load: Load | None = None
+    boundary: Boundary | None = None  # what happens at the sides and bottom of the elastic wall
+    mouse: MouseSpring | None = None
+    others: tuple[BodyForce, ...] = ()  # see docs/extending.md
+
+    @property
+    def laws(self) -> tuple[Law, ...]:
+        optional = (self.wall, self.load, self.boundary, self.mouse)
+        return (self.springs, *(law for law in optional if law is not None), *self.others)
+
+    @property
+    def body_forces(self) -> tuple[BodyForce, ...]:
+        """In the order in which kernels add them."""
+        return tuple(law for law in self.laws if isinstance(law, BodyForce))
+
+    @property
+    def elastic(self) -> ElasticWall | None:
+        return self.wall if isinstance(self.wall, ElasticWall) else None
+
+    @property
+    def velocity_dependent(self) -> bool:
+        """Whether any force depends on velocity."""
+        return self.springs.damped or isinstance(self.boundary, MatchedBoundary)
+
+    @property
+    def reset_interval(self) -> float:
+        """Time between two resets of the boundary [R/c]; 0 without one."""
+        return self.boundary.interval if isinstance(self.boundary, ResetBoundary) else 0.0
+
+    def signature(self) -> tuple[Any, ...]:
+        """All of the model that kernels are compiled for."""
+        return tuple((type(law), *law.signature) for law in self.laws)
+
+    # ---- the NumPy twin
+
+    def energy(self, lattice: Lattice, x: Array) -> float:
+        """Potential energy [M c^2] with the points at `x` (n, 2) [R]."""
+        return sum(law.energy(lattice, x) for law in self.laws)
+
+    def forces(self, lattice: Lattice, x: Array) -> Array:
+        """Force (n, 2) on each point, that of the dashpots apart [M c^2/R]."""
+        return np.asarray(sum(law.forces(lattice, x) for law in self.laws))
+
+    def forces_moving(self, lattice: Lattice, x: Array, v: Array) -> Array:
+        """Force (n, 2) on each point that moves with the velocity `v` (n, 2) [c]; 0 on those held fast."""
+        force = self.forces(lattice, x) + sum(law.damping_forces(lattice, v) for law in self.laws)
+        if isinstance(self.boundary, PinnedBoundary):
+            force[lattice.wall_boundary] = 0.0
+        return np.asarray(force)
+
+    def stiffness(self, lattice: Lattice, x: Array) -> Any:
+        """Second derivative of `energy`, sparse (2n, 2n) [M c^2/R^2]."""
+        return sum(law.stiffness(lattice, x) for law in self.laws)

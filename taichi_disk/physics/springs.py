@@ -1,0 +1,178 @@
+"""Springs and dashpots: f_ij = -(k_a s + k_b s^3) e - eta (v_i - v_j), paper eqs. (1), (3) and (6).
+
+s = |r_i - r_j| - L_ij is the stretch of a spring beyond its rest length L_ij, the distance in the unloaded lattice;
+e = (r_i - r_j)/|r_i - r_j|. (The plus sign before eta in eq. (1) is a slip of the paper: (3) and (6) have a minus.)
+"""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import taichi as ti
+
+from taichi_disk.lattice import Lattice
+from taichi_disk.lattice.network import assemble
+from taichi_disk.physics.law import Array, Law, Room
+from taichi_disk.physics.ordering import BLOCK, Arrangement
+from taichi_disk.physics.points import get, put
+
+
+@ti.data_oriented
+@dataclass(eq=False)
+class Springs(Law):
+    """The springs of a lattice, and a dashpot beside each of them.
+
+    Springs are taken a block of BLOCK at a time, so that square roots and divisions become vector instructions.
+    """
+
+    k_a: float = 1.0  # linear spring constant [M c^2/R^2]
+    k_b: float = 0.0  # cubic spring constant [M c^2/R^4]; 0: no cubic term is computed
+    eta: float = 0.0  # dashpot constant eta_dis = eta* m c/R of every spring [M c/R]; 0: no dashpots
+
+    scalars = ("k_a", "k_b", "eta")
+
+    def __post_init__(self) -> None:
+        self.cubic, self.damped = self.k_b != 0.0, self.eta != 0.0
+
+    @property
+    def signature(self) -> tuple[Any, ...]:
+        return (self.cubic, self.damped)
+
+    def place(self, builder: Any, room: Room) -> None:
+        super().place(builder, room)
+
+        def block(kind: Any) -> list[Any]:
+            # A block's numbers side by side in memory, or the compiler does not load them together.
+            fields = [ti.field(kind) for _ in range(BLOCK)]
+            builder.dense(ti.i, room.blocks).place(*fields)
+            return fields
+
+        self.first, self.second, self.rest = block(ti.i32), block(ti.i32), block(ti.f64)
+
+    def arrange(self, lattice: Lattice, arrangement: Arrangement) -> None:
+        """Write the springs in the order in which kernels take them; `lattice` gives their rest lengths."""
+        filler = arrangement.source < 0
+        rest = np.where(filler, 1.0, lattice.rest_lengths[arrangement.source])
+        self._fill_springs(arrangement.ends, rest)
+
+    @ti.kernel
+    def _fill_springs(self, ends: ti.types.ndarray(ti.i32, ndim=2), rest: ti.types.ndarray(ti.f64, ndim=1)):
+        ti.loop_config(serialize=True)
+        for b in range(rest.shape[0] // BLOCK):
+            for k in ti.static(range(BLOCK)):
+                self.first[k][b] = ends[b * BLOCK + k, 0]
+                self.second[k][b] = ends[b * BLOCK + k, 1]
+                self.rest[k][b] = rest[b * BLOCK + k]
+
+    @ti.func
+    def add(self, state: ti.template(), dashpots: ti.template(), begin, end):
+        """Add the forces of the springs in blocks begin..end (with `dashpots`: also theirs, at the velocities u).
+
+        Returns the elastic energy sum(k_a s^2/2 + k_b s^4/4) [M c^2] and sum((u_i - u_j).(w_i - w_j)) over these
+        springs [c^2] with w = (u + 2 v)/3, from which the energy balance has the power lost in the dashpots.
+        """
+        k_a, k_b, eta = self.now.k_a[None], self.now.k_b[None], self.now.eta[None]
+        energy = ti.Vector.zero(ti.f64, BLOCK)
+        products = ti.Vector.zero(ti.f64, BLOCK)
+        for block in range(begin, end):
+            dx, dy = self.differences(state.x, block)
+            rest = ti.Vector([self.rest[k][block] for k in range(BLOCK)])
+            r = ti.sqrt(dx * dx + dy * dy)
+            s = r - rest
+            part = s / r
+            s2 = s * s
+            pull = k_a * part
+            energy += (0.5 * k_a) * s2
+            if ti.static(self.cubic):
+                pull += k_b * s2 * part
+                energy += (0.25 * k_b) * s2 * s2
+            fx, fy = pull * dx, pull * dy
+            if ti.static(dashpots):
+                ux, uy = self.differences(state.u, block)
+                vx, vy = self.differences(state.v, block)
+                products += ux * (ux + 2.0 * vx) + uy * (uy + 2.0 * vy)
+                fx += eta * ux
+                fy += eta * uy
+            for k in ti.static(range(BLOCK)):
+                self.pull_together(state.f, k, block, ti.Vector([fx[k], fy[k]]))
+        elastic, rate = 0.0, 0.0
+        for k in ti.static(range(BLOCK)):
+            elastic += energy[k]
+            rate += products[k] / 3.0
+        return elastic, rate
+
+    @ti.func
+    def differences(self, pair: ti.template(), block):
+        """x and y of what the first end of each spring of a block has more than the second."""
+        x, y = ti.static(pair[0], pair[1])
+        i = [self.first[k][block] for k in range(BLOCK)]
+        j = [self.second[k][block] for k in range(BLOCK)]
+        # x and y of a point stand side by side: loaded and subtracted together.
+        d = [ti.Vector([x[i[k]], y[i[k]]]) - ti.Vector([x[j[k]], y[j[k]]]) for k in range(BLOCK)]
+        return ti.Vector([one[0] for one in d]), ti.Vector([one[1] for one in d])
+
+    @ti.func
+    def pull_together(self, pair: ti.template(), k: ti.template(), block, force):
+        """Subtract a force from the first end of spring k of a block and add it to the second."""
+        i, j = self.first[k][block], self.second[k][block]
+        put(pair, i, get(pair, i) - force)
+        put(pair, j, get(pair, j) + force)
+
+    # ---- the NumPy twin
+
+    @staticmethod
+    def ends_apart(lattice: Lattice, x: Array) -> Array:
+        """(2, m) x and y of what the first end of each spring has more than the second."""
+        i, j = lattice.bonds.T
+        return np.stack([one[i] - one[j] for one in x.T])  # columns are gathered nine times faster than pairs
+
+    def stretch(self, lattice: Lattice, x: Array) -> Array:
+        """(m,) length of each spring beyond its rest length [R]."""
+        dx, dy = self.ends_apart(lattice, x)
+        return np.asarray(np.sqrt(dx * dx + dy * dy) - lattice.rest_lengths)
+
+    def strain(self, lattice: Lattice, x: Array) -> Array:
+        """(m,) stretch over rest length."""
+        return self.stretch(lattice, x) / lattice.rest_lengths
+
+    def tension(self, lattice: Lattice, x: Array) -> Array:
+        """(m,) pull k_a s + k_b s^3 of each spring, positive where it is stretched [M c^2/R]."""
+        return self._pull(self.stretch(lattice, x))
+
+    def _pull(self, s: Array) -> Array:
+        return np.asarray(s * (self.k_a + self.k_b * s * s))
+
+    def energies(self, lattice: Lattice, x: Array) -> Array:
+        """(m,) k_a s^2/2 + k_b s^4/4 of each spring [M c^2]."""
+        square = self.stretch(lattice, x) ** 2
+        return np.asarray((0.5 * self.k_a + 0.25 * self.k_b * square) * square)
+
+    def energy(self, lattice: Lattice, x: Array) -> float:
+        return float(self.energies(lattice, x).sum())
+
+    def forces(self, lattice: Lattice, x: Array) -> Array:
+        apart = self.ends_apart(lattice, x)
+        length = np.sqrt(apart[0] * apart[0] + apart[1] * apart[1])
+        return self._gathered(lattice, len(x), self._pull(length - lattice.rest_lengths) / length * apart)
+
+    def damping_forces(self, lattice: Lattice, v: Array) -> Array:
+        return self._gathered(lattice, len(v), self.eta * self.ends_apart(lattice, v))
+
+    @staticmethod
+    def _gathered(lattice: Lattice, n: int, pulls: Array) -> Array:
+        """(n, 2) force on each point where the springs pull their first ends back by `pulls` (2, m)."""
+        i, j = lattice.bonds.T
+        return np.stack([np.bincount(j, pull, n) - np.bincount(i, pull, n) for pull in pulls], axis=1)
+
+    def stiffness(self, lattice: Lattice, x: Array) -> Any:
+        """A spring of length r and tension T adds T' e e^T (material) + T/r (1 - e e^T) (geometric)."""
+        s = self.stretch(lattice, x)
+        length = s + lattice.rest_lengths
+        ex, ey = self.ends_apart(lattice, x) / length
+        along = self.k_a + 3.0 * self.k_b * s * s
+        across = (self.k_a + self.k_b * s * s) * s / length
+        block = np.empty((len(s), 2, 2))
+        block[:, 0, 0] = along * ex * ex + across * ey * ey
+        block[:, 1, 1] = along * ey * ey + across * ex * ex
+        block[:, 0, 1] = block[:, 1, 0] = (along - across) * ex * ey
+        return assemble(block, lattice.bonds, len(x))

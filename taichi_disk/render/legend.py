@@ -1,0 +1,196 @@
+"""What surrounds the stage: title above on the left, what changes above on the right, the scales below."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image, ImageDraw
+
+from taichi_disk.fields import QUANTITIES
+from taichi_disk.fields.quantities import FRINGES
+from taichi_disk.render import scales, text
+from taichi_disk.render.painter import Painter
+from taichi_disk.render.palette import THEMES, Colour
+from taichi_disk.render.shapes import ARROW
+
+LEAST = 11.0  # pixels of the smallest letters
+# Sizes in pixels of a picture of 720; other pictures scale them, as far as letters stay readable.
+_MARGIN, _HEADING, _SMALL = 20.0, 17.0, 13.0
+_BAR_WIDTH, _BAR_HEIGHT = 300.0, 10.0
+_LABELLED = 240  # pixels of a picture from which there is room for text
+_MOST = 0.34  # of the height for the header: lines that do not fit are left out
+_ARROWS = "wall pushes a point"
+_ARROW, _LENGTH = 0.1, 0.2  # of the width that the arrow of the scale, and a length, may take
+
+
+def ink(colour: Colour | NDArray[np.float32]) -> text.Ink:
+    """A colour in bytes."""
+    red, green, blue = (round(255 * c) for c in colour)
+    return red, green, blue
+
+
+class Legend:
+    """The text of one disk's picture of `width` x `height` pixels; what does not fit at 11 pixels is left out.
+
+    It is drawn with Pillow's ImageDraw, or with what has its methods.
+
+    Attributes:
+        header, footer: heights above and below the stage [px].
+        unit: pixels that are one in a picture of 720.
+    """
+
+    def __init__(
+        self, painter: Painter, width: int, height: int, title: Sequence[str], samples: Sequence[str], rows: int
+    ) -> None:
+        """`samples`: of the lines that change, the longest among them; `rows`: how many of those there are at once."""
+        size = min(width, height)
+        self.painter, self.unit, self._width, self._height = painter, size / 720, width, height
+        theme = THEMES[painter.theme]
+        self._ground, self._ink, self._faint, self._rule = map(ink, (theme.ground, theme.ink, theme.faint, theme.rule))
+        self._small, self._heading = max(_SMALL * self.unit, LEAST), max(_HEADING * self.unit, LEAST + 1)
+        self._margin, self._leading = max(_MARGIN * self.unit, 7.0), round(1.5 * self._small)
+        self._column = math.ceil(max(text.width(*self._set(line)) for line in samples) + self._margin)
+        fits = int((_MOST * size - self._margin) / self._leading) if size >= _LABELLED else 0
+        self._title, self._rows = self._wrapped(title)[:fits], min(rows, fits)
+        count = max(len(self._title), self._rows)
+        self.header = _even(self._margin + self._leading * count) if count else 0
+        self.footer = _even(2.0 * self._leading + (_BAR_HEIGHT + 20.0) * self.unit + 4.0) if fits else 0
+
+    def _wrapped(self, title: Sequence[str]) -> list[tuple[str, float, bool]]:
+        """The lines of a title as they are set, broken where they do not fit beside the column, between parts first."""
+        room, lines = self._width - self._column - 2.0 * self._margin, []
+        for k, line in enumerate(title):
+            size, bold, now = (self._small, False, "") if k else (self._heading, True, "")
+            for part in line.split("    "):
+                words = [part] if text.width(part, size, bold) <= room else part.split(" ")
+                for n, word in enumerate(words):
+                    longer = f"{now}{' ' if n else '    '}{word}" if now else word
+                    if now and text.width(longer, size, bold) > room:
+                        lines.append((now, size, bold))
+                        longer = word
+                    now = longer
+            lines.append((now, size, bold))
+        return lines
+
+    def _set(self, line: str) -> tuple[str, float, bool]:
+        """A line that changes, its size, and whether it is bold: what begins with a `*` is large and bold."""
+        return line.removeprefix("*"), self._heading if line.startswith("*") else self._small, line.startswith("*")
+
+    def _baseline(self, k: int) -> float:
+        return self._margin + 0.72 * self._heading + self._leading * k
+
+    def still(self, scale: float) -> NDArray[np.uint8]:
+        """(height, width, 3) what does not change; `scale`: pixels per R."""
+        image = Image.new("RGB", (self._width, self._height), self._ground)
+        self.draw(ImageDraw.Draw(image), scale)
+        return np.array(image)
+
+    def draw(self, draw: Any, scale: float) -> None:
+        """What does not change: title, scales of colours, lengths, arrows; `scale`: pixels per R."""
+        for k, (line, size, bold) in enumerate(self._title):
+            place, colour = (self._margin, self._baseline(k)), self._ink if bold else self._faint
+            text.draw_line(draw, place, line, size, colour, bold)
+        if self.footer:
+            self._draw_scales(draw, scale)
+
+    def write(self, picture: NDArray[np.uint8], lines: Sequence[str]) -> None:
+        """Set the changing lines above on the right of a picture (height, width, 3)."""
+        if self._rows:
+            patch = Image.new("RGB", (self._column, self.header), self._ground)
+            self.draw_lines(ImageDraw.Draw(patch), lines, 0.0)
+            picture[: self.header, -self._column :] = np.asarray(patch)
+
+    def draw_lines(self, draw: Any, lines: Sequence[str], left: float | None = None) -> None:
+        """The changing lines, from the column `left` on; by default above on the right."""
+        left = self._width - self._column if left is None else left
+        for k, line in enumerate(lines[: self._rows]):
+            line, size, bold = self._set(line)
+            text.draw_line(draw, (left, self._baseline(k)), line, size, self._ink, bold)
+
+    # ---- below the stage: bar, arrow and length in one row, their numbers in the next, words in the last
+
+    def _draw_scales(self, draw: Any, scale: float) -> None:
+        top = round(self._height - self.footer + 12.0 * self.unit)
+        height = max(round(_BAR_HEIGHT * self.unit), 6)
+        numbers = top + height + 0.95 * self._leading
+        left = self._draw_arrow(draw, scale, top + height / 2, numbers)
+        right = self._draw_length(draw, scale, top + height / 2, numbers)
+        room = 2.0 * (self._width / 2 - max(left, self._width - right) - 3.0 * self._small)
+        self._draw_bar(draw, round(min(_BAR_WIDTH * self.unit, room)), top, height, numbers)
+        quantity, line = QUANTITIES[self.painter.colour], scales.caption(self.painter.colour, self.painter.limit)
+        whole = f"◂ {quantity.low}    {line}    {quantity.high} ▸"
+        if quantity.low and text.width(whole, self._small) < self._width - 10:
+            line = whole
+        start, words = (self._width - text.width(line, self._small)) / 2, numbers + self._leading
+        if start > 0:
+            text.draw_line(draw, (start, words), line, self._small, self._faint)
+        if self.painter.full_force and self._margin + text.width(_ARROWS, self._small) < start - self._small:
+            text.draw_line(draw, (self._margin, words), _ARROWS, self._small, self._faint)
+
+    def _draw_bar(self, draw: Any, width: int, top: int, height: int, numbers: float) -> None:
+        """The scale of colours; an end beyond which values keep their colour is a tip."""
+        painter, left = self.painter, (self._width - width) // 2
+        fringes, percent = painter.colour == "fringes", painter.colour == "strain"
+        limit = float(FRINGES) if fringes else painter.limit
+        least = -limit if painter.signed else 0.0
+        places = np.linspace(0.0, limit if fringes else 1.0, width)
+        colours = [ink(colour) for colour in painter.colours(places)]
+        bottom, ends = top + height - 1, left + width - 1
+        if not painter.signed:  # a pale end needs a border
+            draw.rectangle([left - 1, top - 1, ends + 1, bottom + 1], outline=self._rule)
+        for k, colour in enumerate(colours):
+            draw.line([(left + k, top), (left + k, bottom)], fill=colour)
+        for edge, way, colour in ((left - 1, -1, colours[0]), (ends + 1, 1, colours[-1])):
+            if not fringes and (painter.signed or way > 0):
+                tip = (edge + 0.8 * way * height, (top + bottom) / 2)
+                draw.polygon([(edge, top), (edge, bottom), tip], fill=colour)
+        ticks = [float(k) for k in range(FRINGES + 1)] if fringes else scales.ticks(limit, painter.signed)
+        labels = {tick: scales.label(tick, percent, painter.signed) for tick in ticks}
+        widest = max(text.width(line, self._small) for line in labels.values()) + self._small
+        choices = (ticks, [ticks[0], 0.0, ticks[-1]], [ticks[0], ticks[-1]])
+        numbered = next((some for some in choices if widest * (len(some) - 1) < width), ticks[-1:])
+        for tick, line in labels.items():
+            x = left + (width - 1) * (tick - least) / (limit - least)
+            draw.line([(x, top + height), (x, top + height + 3 * self.unit)], fill=self._faint)
+            if tick in numbered:
+                place = x - text.width(line.removesuffix(" %"), self._small) / 2
+                text.draw_line(draw, (place, numbers), line, self._small, self._faint)
+
+    def _draw_arrow(self, draw: Any, scale: float, row: float, numbers: float) -> float:
+        """How long an arrow of the wall's force on a point is; returns where the column ends."""
+        x0, full = self._margin, self.painter.full_force
+        if not full:
+            return x0
+        share = _part(ARROW * scale, _ARROW * self._width)
+        x1, head = x0 + share * ARROW * scale, max(4.0 * self.unit, 3.0)
+        draw.line([(x0, row), (x1 - head, row)], fill=self._ink, width=max(round(1.8 * self.unit), 1))
+        draw.polygon([(x1 - 2 * head, row - head), (x1 - 2 * head, row + head), (x1, row)], fill=self._ink)
+        line = f"{scales.label(share * full)} Mc²/R"
+        text.draw_line(draw, (x0, numbers), line, self._small, self._faint)
+        return max(x1, x0 + text.width(line, self._small))
+
+    def _draw_length(self, draw: Any, scale: float, row: float, numbers: float) -> float:
+        """How long a part of R is; returns where the column begins."""
+        length = _part(scale, _LENGTH * self._width)
+        x1, tall = self._width - self._margin, max(3.0 * self.unit, 2.0)
+        x0 = x1 - length * scale
+        draw.line([(x0, row), (x1, row)], fill=self._ink, width=max(round(1.8 * self.unit), 1))
+        for x in (x0, x1):
+            draw.line([(x, row - tall), (x, row + tall)], fill=self._ink, width=max(round(1.2 * self.unit), 1))
+        line = f"{length:g} R".removeprefix("1 ")
+        start = min((x0 + x1 - text.width(line, self._small)) / 2, x1 - text.width(line, self._small))
+        text.draw_line(draw, (start, numbers), line, self._small, self._faint)
+        return min(x0, start)
+
+
+def _part(pixels: float, room: float) -> float:
+    """The largest of 1, 0.5, 0.2, 0.1 and so on that leaves fewer `pixels` than there is `room`."""
+    return next(one for k in range(12) for one in (10.0**-k, 0.5 * 10.0**-k, 0.2 * 10.0**-k) if one * pixels < room)
+
+
+def _even(pixels: float) -> int:
+    return 2 * math.ceil(pixels / 2)

@@ -1,0 +1,119 @@
+"""Colours: of curves, of the two themes, and the maps from values to colours. NumPy only."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from taichi_disk.output.plot import ENERGIES, LINE
+
+Colour = tuple[float, float, float]  # sRGB, 0 to 1
+
+# Of the same curves in plot, film and window: "line" is the one curve of an axis, the others are columns of energy.
+PALETTE: dict[str, str] = {"line": LINE} | {column: colour for column, (_, colour) in ENERGIES.items()}
+
+LEVELS = 512  # of a colour map
+_BARE = 0.7  # of the lightness that a map spans is left to one that stands out from the ground
+
+
+@dataclass(frozen=True)
+class Theme:
+    """The colours of a picture. `zero`, `low`, `high`: of the maps, CIELAB; `low` and `high` run outwards from zero."""
+
+    name: str
+    ground: Colour
+    ink: Colour  # text that matters, outlines
+    faint: Colour  # other text
+    wall: Colour  # the body of the rigid wall, and the skin of the elastic one
+    arrow: Colour
+    rule: Colour  # lines of a graph
+    low: tuple[tuple[float, float, float], ...]
+    zero: tuple[float, float, float]
+    high: tuple[tuple[float, float, float], ...]
+    amount: tuple[tuple[float, float, float], ...]
+    fringe: tuple[tuple[float, float, float], ...]
+
+
+LIGHT = Theme(
+    name="light",
+    ground=(0.980, 0.980, 0.972),
+    ink=(0.13, 0.14, 0.16),
+    faint=(0.37, 0.38, 0.41),
+    wall=(0.77, 0.76, 0.73),
+    arrow=(0.10, 0.10, 0.12),
+    rule=(0.87, 0.87, 0.86),
+    low=((76, 24, 30), (54, 56, 46), (32, 52, 36)),
+    zero=(96, 0, 1),
+    high=((76, -10, -24), (54, -2, -48), (32, 16, -56)),
+    amount=((96, -1, 8), (77, 18, 46), (58, 48, 36), (39, 50, 0), (20, 34, -30)),
+    fringe=((96, 0, 1), (20, 2, -8)),
+)
+DARK = Theme(
+    name="dark",
+    ground=(0.051, 0.055, 0.067),
+    ink=(0.93, 0.93, 0.91),
+    faint=(0.64, 0.65, 0.67),
+    wall=(0.30, 0.33, 0.38),
+    arrow=(0.97, 0.97, 0.95),
+    rule=(0.20, 0.21, 0.23),
+    low=((38, 40, 40), (62, 48, 52), (86, 12, 46)),
+    zero=(14, 0, -2),
+    high=((38, -4, -34), (62, -14, -38), (86, -18, -18)),
+    amount=((9, 12, -18), (31, 44, -14), (53, 56, 36), (75, 26, 66), (97, -8, 44)),
+    fringe=((6, 0, 0), (94, -9, 3)),
+)
+THEMES = {theme.name: theme for theme in (LIGHT, DARK)}
+
+
+@lru_cache
+def colour_map(theme: str, kind: str, bare: bool = False) -> NDArray[np.float32]:
+    """(LEVELS, 3) sRGB, even in CIELAB's lightness: of the least value first.
+
+    Args:
+        kind: "pressure" (compression, the positive values, is blue), "stretch" (compression, the negative values, is
+            blue; both have zero in the middle), "amount" (from zero up), "fringes" (from dark field to light).
+        bare: for lines and points on the ground, from which zero then stands out.
+    """
+    look = THEMES[theme]
+    if kind == "fringes":
+        return lab_to_srgb(_curve(look.fringe, LEVELS)).astype(np.float32)
+    if kind == "amount":
+        lab = _curve(look.amount, LEVELS)
+    else:
+        sides = (look.low, look.high) if kind == "pressure" else (look.high, look.low)
+        below, above = (_curve((look.zero, *side), LEVELS // 2) for side in sides)
+        lab = np.concatenate([below[::-1], above])
+    if bare:
+        lab[:, 0] = lab[-1, 0] + _BARE * (lab[:, 0] - lab[-1, 0])
+        lab[:, 1:] *= 0.9  # within what screens show at that lightness
+    return lab_to_srgb(lab).astype(np.float32)
+
+
+def _curve(nodes: tuple[tuple[float, float, float], ...], count: int) -> NDArray[np.float64]:
+    """(count, 3) points on the polynomial through `nodes`: smooth, so that no edge is seen where there is none."""
+    places, at = np.linspace(0.0, 1.0, len(nodes)), np.linspace(0.0, 1.0, count)
+    powers = np.arange(len(nodes))
+    return np.asarray(at[:, None] ** powers @ np.linalg.solve(places[:, None] ** powers, np.array(nodes, dtype=float)))
+
+
+_WHITE = np.array([0.95047, 1.0, 1.08883])  # D65
+_XYZ_TO_RGB = np.array(
+    [
+        [3.2404542, -1.5371385, -0.4985314],
+        [-0.9692660, 1.8760108, 0.0415560],
+        [0.0556434, -0.2040259, 1.0572252],
+    ]
+)
+
+
+def lab_to_srgb(lab: NDArray[np.float64]) -> NDArray[np.float64]:
+    """CIELAB (..., 3) to sRGB (IEC 61966-2-1), clipped to the gamut."""
+    fy = (lab[..., 0] + 16.0) / 116.0
+    f = np.stack([fy + lab[..., 1] / 500.0, fy, fy - lab[..., 2] / 200.0], axis=-1)
+    xyz = _WHITE * np.where(f > 6.0 / 29.0, f**3, (f - 4.0 / 29.0) * 3.0 * (6.0 / 29.0) ** 2)
+    linear = np.clip(xyz @ _XYZ_TO_RGB.T, 0.0, 1.0)
+    encoded = np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * linear ** (1.0 / 2.4) - 0.055)
+    return np.clip(encoded, 0.0, 1.0)

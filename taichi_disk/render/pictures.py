@@ -1,0 +1,106 @@
+"""From states to the pixels of finished pictures, without a screen."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import tempfile
+from collections.abc import Iterator, Sequence
+from types import TracebackType
+
+import numpy as np
+import taichi as ti
+from numpy.typing import NDArray
+
+from taichi_disk.errors import SimulationError, TaichiDiskError
+from taichi_disk.lattice import Array
+from taichi_disk.render import kernels
+from taichi_disk.render.camera import Camera, View
+from taichi_disk.render.legend import Legend
+from taichi_disk.render.panel import Panel
+
+Picture = NDArray[np.uint8]
+
+_MARGIN = 8.0  # around the view: pixels in a picture of 720
+
+
+class Pictures:
+    """Makes pictures of one disk, or of several side by side, with a panel of curves at the right if wanted.
+
+    A context manager: it holds a window, of which only one may be alive. `draw` needs the thread that made it; `finish`
+    may run in another while the next picture is drawn.
+
+    Attributes:
+        width: of a picture [px].
+    """
+
+    def __init__(
+        self, legends: Sequence[Legend], size: int, view: View, supersample: float, panel: Panel | None = None
+    ) -> None:
+        """`size`: of the picture of one disk [px], even; `supersample`: samples across a pixel, 1, 1.5 or 2."""
+        self._legends, self._size, self._samples, self._panel = legends, size, round(2 * supersample), panel
+        # Side by side all disks lie at the same height: below the longest title.
+        header, self._bottom = max(legend.header for legend in legends), size - legends[0].footer
+        self._unit = legends[0].unit * supersample
+        drawn = round(size * supersample), round((self._bottom - header) * supersample)
+        self._camera = Camera.fit(view, *drawn, _MARGIN * self._unit)
+        parts = [legend.still(self._camera.scale / supersample) for legend in legends]
+        self._blank = np.concatenate([*parts, panel.empty] if panel else parts, axis=1)
+        self.width = self._blank.shape[1]
+        try:
+            self._window = ti.ui.Window("taichi-disk", drawn, show_window=False)
+        except RuntimeError as error:  # a Vulkan driver that is there and does not work
+            raise TaichiDiskError(f"no film: Vulkan cannot draw {drawn[0]} x {drawn[1]} pixels: {error}") from error
+
+    def draw(self, states: Sequence[tuple[float, Array, Array]]) -> Picture:
+        """A picture (size, width, 3), rows downwards, with (t, x, v) of each disk and without its changing text.
+
+        Raises SimulationError if a value is not finite.
+        """
+        picture = self._blank.copy()
+        for k, (legend, (t, x, v)) in enumerate(zip(self._legends, states, strict=True)):
+            require_finite(t, x, v)
+            legend.painter.paint(self._window.get_canvas(), self._camera, x, v, self._unit)
+            drawn = self._window.get_image_buffer_as_numpy()
+            kernels.shrink(drawn, picture, k * self._size, self._bottom, self._samples)
+        return picture
+
+    def finish(self, picture: Picture, lines: Sequence[Sequence[str]], t: float) -> Picture:
+        """A copy of a picture with the changing `lines` of each disk, and the panel's curves up to `t` [R/c]."""
+        picture = picture.copy()
+        for k, legend in enumerate(self._legends):
+            legend.write(picture[:, k * self._size : (k + 1) * self._size], lines[k])
+        if self._panel:
+            self._panel.draw(picture[:, len(self._legends) * self._size :], t)
+        return picture
+
+    def __enter__(self) -> Pictures:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        with elsewhere():
+            self._window.destroy()
+
+
+@contextlib.contextmanager
+def elsewhere() -> Iterator[None]:
+    """Work in another folder: a window that closes leaves an imgui.ini in the current one."""
+    here = os.getcwd()
+    with tempfile.TemporaryDirectory() as folder:
+        os.chdir(folder)
+        try:
+            yield
+        finally:
+            os.chdir(here)
+
+
+def require_finite(t: float, x: Array, v: Array) -> None:
+    """Raise SimulationError if a point has no finite position or velocity: such a state must not be drawn."""
+    bad = np.flatnonzero(~(np.isfinite(x) & np.isfinite(v)).all(axis=1))
+    if bad.size:
+        raise SimulationError(
+            f"the frame at t = {t:g} R/c cannot be drawn: {bad.size} of {len(x)} points have no finite position or "
+            f"velocity (the first is point {bad[0]}); the state has blown up, try a smaller time step"
+        )

@@ -1,0 +1,142 @@
+"""Starting Taichi: the environment that it needs, and the settings that make its results reproducible.
+
+Nothing here imports Taichi before `prepare_environment` has been called: Taichi 1.7.4 reads the environment when it is
+imported, and ends the process where it finds no home.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import os
+import sys
+import tempfile
+from collections.abc import Iterator
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+from taichi_disk.errors import TaichiDiskError
+
+CACHE = "TI_OFFLINE_CACHE_FILE_PATH"
+
+
+def cache_folder() -> Path:
+    """Where Taichi keeps compiled kernels."""
+    home = os.environ.get("HOME") or "/nonexistent"
+    return Path(os.environ.get(CACHE) or Path(home, ".cache", "taichi"))
+
+
+def writable(folder: Path) -> bool:
+    """Whether `folder` can be made and written into; tried, because permissions alone do not tell (root, /proc)."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=folder):
+            return True
+    except OSError:
+        return False
+
+
+def prepare_environment() -> None:
+    """Give Taichi a home and a cache that it can write; without them it aborts, or crashes at the end.
+
+    Where there are none (cron, systemd, a container's user), kernels go into a folder of this user's in the temporary
+    directory, which is said once on stderr.
+    """
+    os.environ.setdefault("ENABLE_TAICHI_HEADER_PRINT", "0")
+    if "HOME" in os.environ and writable(cache_folder()):
+        return
+    folder = Path(tempfile.gettempdir(), f"taichi-disk-{os.getuid()}")
+    try:
+        folder.mkdir(mode=0o700, exist_ok=True)
+        if folder.is_symlink() or folder.stat().st_uid != os.getuid():
+            raise PermissionError
+    except OSError:
+        folder = Path(tempfile.mkdtemp(prefix="taichi-disk-"))
+    print(f"note: no writable home; compiled kernels are kept in {folder}", file=sys.stderr)
+    os.environ["HOME"] = str(folder)
+
+
+def free_memory() -> float:
+    """Bytes that a process may still take; infinite where the system does not tell."""
+    free = float("inf")
+    with contextlib.suppress(OSError, ValueError, IndexError):
+        lines = Path("/proc/meminfo").read_text().splitlines()
+        free = 1024.0 * float(next(line for line in lines if line.startswith("MemAvailable")).split()[1])
+    with contextlib.suppress(OSError, ValueError):  # in a container the limit of its control group counts ("max": none)
+        group = Path("/sys/fs/cgroup")
+        used = float((group / "memory.current").read_text())
+        free = min(free, float((group / "memory.max").read_text()) - used)
+    return free
+
+
+def start(threads: int | None = None) -> None:
+    """Start Taichi on the CPU in double precision, unless it runs already.
+
+    Args:
+        threads: of the loops that run in parallel; by default one for each core. Taichi starts anew for another number.
+
+    fast_math stays off: it gains nothing here, and without it the bits of a result do not depend on how a kernel was
+    optimised. The offline cache halves the compile time of the next run.
+    Raises TaichiDiskError where there is not enough memory.
+    """
+    prepare_environment()
+    import taichi as ti
+
+    running = ti.lang.impl.get_runtime().prog is not None
+    if running and (threads is None or ti.lang.impl.current_cfg().cpu_max_num_threads == threads):
+        return
+    _spare_source_lines()
+    options: dict[str, Any] = {"cpu_max_num_threads": threads} if threads else {}
+    with contextlib.redirect_stdout(io.StringIO()):  # it tells the arch where only results belong
+        try:
+            ti.init(
+                arch=ti.cpu,
+                default_fp=ti.f64,
+                default_ip=ti.i32,
+                fast_math=False,
+                log_level=ti.ERROR,
+                **options,
+            )
+        except RuntimeError as error:
+            raise TaichiDiskError(
+                f"Taichi cannot start: {error}; it asks for 1 GiB of memory that it may never use: see ulimit -v"
+            ) from None
+
+
+@contextlib.contextmanager
+def whole_vectors() -> Iterator[None]:
+    """Kernels that are compiled within keep local vectors whole (see `physics.points`)."""
+    import taichi as ti
+
+    config = ti.lang.impl.current_cfg()
+    scalarize = config.real_matrix_scalarize
+    config.real_matrix_scalarize = False
+    try:
+        yield
+    finally:
+        config.real_matrix_scalarize = scalarize
+
+
+class _Whole:
+    """Stands in for a `textwrap.TextWrapper`, and wraps nothing."""
+
+    def __init__(self, width: int) -> None:
+        pass
+
+    def wrap(self, text: str) -> list[str]:
+        return [text] if text else []
+
+
+def _spare_source_lines() -> None:
+    """Take away what Taichi 1.7.4 spends half of its Python time on before a kernel is compiled, or found compiled.
+
+    For every node of every function that it inlines it breaks the source lines for an error message that is not
+    needed, and reads a function's source anew each time. Its messages now show whole lines.
+    """
+    from taichi.lang import kernel_impl
+    from taichi.lang.ast import ast_transformer_utils
+
+    ast_transformer_utils.TextWrapper = _Whole
+    if not hasattr(kernel_impl.getsourcelines, "cache_info"):
+        kernel_impl.getsourcelines = lru_cache(maxsize=None)(kernel_impl.getsourcelines)

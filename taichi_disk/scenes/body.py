@@ -1,0 +1,52 @@
+"""The disk that a scene is about: random points, or a file of the user's own."""
+
+from __future__ import annotations
+
+from pathlib import PurePath
+from typing import TYPE_CHECKING, ClassVar
+
+from taichi_disk.config.scene_base import SceneBase
+from taichi_disk.lattice import Lattice, disk_lattice, read_lattice
+
+if TYPE_CHECKING:
+    from taichi_disk.physics import Springs
+
+
+class DiskScene(SceneBase):
+    """What every kind of scene has. A kind adds sections, and `scenario`, which makes the scene ready to be stepped.
+
+    Attributes:
+        lattice_keys: the sections and keys on which `body` depends.
+        abscissa, results, laws, paper: of a sweep, the key that curves are drawn against, the numbers of each scene,
+            the laws fitted to them, the paper's values of their coefficients.
+    """
+
+    lattice_keys: ClassVar[tuple[str, ...]] = ("lattice",)
+    abscissa: ClassVar[tuple[str, str]]
+    results: ClassVar[tuple[str, ...]] = ()
+    laws: ClassVar[tuple[str, ...]] = ()
+    paper: ClassVar[dict[str, float]] = {}
+
+    def body(self) -> Lattice:
+        """The unloaded lattice. Raises InputError for a file that holds no disk, SimulationError as `disk_lattice`."""
+        spec = self.lattice
+        if spec.file != "none":
+            return read_lattice(spec.file)
+        return disk_lattice(spec.points, spec.seed, spec.rim, spec.min_spacing)
+
+    def springs(self, lattice: Lattice) -> Springs:
+        """Springs and dashpots of the scene's material, eta = eta* m c/R with m = M/N."""
+        from taichi_disk.physics import Springs
+
+        return Springs(self.material.k_a, self.material.k_b, self.material.eta_star / lattice.disk_points)
+
+    def described(self, lattice: Lattice) -> str:
+        """The lattice in a few words, for titles."""
+        spec = self.lattice
+        if spec.file != "none":
+            source = PurePath(spec.file).name
+        elif lattice.disk_points != spec.points:
+            source = "a lattice of one's own"
+        else:
+            source = f"seed {spec.seed}"
+        return f"N = {lattice.disk_points:,}    {source}"

@@ -1,0 +1,286 @@
+"""The loop over time: launches of many steps, the end of the scene, retries with a shorter step, blow-ups."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from math import ceil, inf
+from time import perf_counter
+from typing import Any, Literal
+
+import numpy as np
+
+from taichi_disk.errors import SimulationError
+from taichi_disk.lattice import Array
+from taichi_disk.simulation.energy_balance import Watch, unacceptable
+from taichi_disk.simulation.failure import BlowUp, diagnose, gone_through, worst_place
+from taichi_disk.simulation.observables import COLUMNS, INDEX, Columns, as_columns, bounds_array
+from taichi_disk.simulation.scenario import Scenario
+from taichi_disk.simulation.simulation import NEVER, KernelCache, Simulation
+from taichi_disk.simulation.stability import Spectrum
+from taichi_disk.simulation.state import Snapshot
+from taichi_disk.simulation.step_control import StepControl
+
+Moment = tuple[float, Array, Array]  # t [R/c], positions (n, 2) [R], velocities (n, 2) [c]
+Status = Literal["running", "restarted", "finished", "failed"]
+
+SLID = INDEX["sliding"]
+SPRINGS_PER_LAUNCH = 3_000_000  # spring evaluations in one kernel launch: about 15 ms on one core
+SPRINGS_PER_LOOK = 100 * SPRINGS_PER_LAUNCH  # of a large lattice, whose launches are short by themselves
+
+
+class Driver:
+    """Steps one scenario from t = 0 to its end, and begins again with a shorter step where that proves necessary.
+
+    Args:
+        scenario, time, spectrum, force: as for `StepControl`.
+        kernels: where compiled simulations come from.
+        endless: `max_time` is no failure, and time goes on after the end: for a window.
+        launch: spring evaluations between two looks at the clock.
+
+    Attributes:
+        control: what chooses the step.
+        step, attempt: the present ones.
+        interval: time between two rows [R/c], of `stride` steps.
+        simulation: the state now.
+        state: the last state that was good; while nothing is wrong, the present one.
+        row: (columns,) the observables at `state`.
+        status: what `advance` returned last.
+        failure: why there is no result, once the status is "failed".
+        end: the state at the end, once the status is "finished".
+        steps_made: in all attempts together.
+        compile_seconds: spent on waiting for kernels.
+        given: energy that the mouse has given [M c^2].
+        pulled_from: number of the step at which the mouse began to pull; from then on no retries and no end. inf: none.
+
+    Raises InputError for a step by hand that is too long.
+    """
+
+    def __init__(
+        self,
+        scenario: Scenario,
+        time: Any,
+        kernels: KernelCache,
+        spectrum: Spectrum,
+        *,
+        force: bool = False,
+        endless: bool = False,
+        launch: int = SPRINGS_PER_LAUNCH,
+    ) -> None:
+        self.scenario, self.kernels = scenario, kernels
+        self.control = StepControl(scenario, time, spectrum, force)
+        self.steps_made, self.compile_seconds = 0, 0.0
+        self._endless, self._springs_per_launch = endless, launch
+        self.failure: SimulationError | None = None
+        self.end: Snapshot | None = None
+        self.status: Status = "running"
+        self._bounds = bounds_array(scenario.end_bounds())
+        self._begin()
+
+    def _begin(self) -> None:
+        scenario, began = self.scenario, perf_counter()
+        self.step, self.attempt = self.control.step, self.control.attempt
+        self.simulation = self._simulation()
+        self.compile_seconds += perf_counter() - began
+        self._generation = self.simulation.generation
+        self.stride = max(1, round(scenario.row_interval / self.step.dt))
+        self.interval = self.stride * self.step.dt
+        self._last = ceil(scenario.max_time / self.interval) * self.stride
+        self._needed, self._held = 1 + ceil(scenario.quiet_time / self.interval - 1e-9), 0
+        springs = SPRINGS_PER_LOOK if self.simulation.subdomains > 1 else self._springs_per_launch
+        self._launch_steps = max(1, springs // (len(scenario.lattice.bonds) * self.step.integrator.forces))
+        self._rows = np.empty((256, len(COLUMNS)))
+        self._rows[0], self.count = self.simulation.first_row, 1
+        self._watch = Watch(self.simulation.first_row)
+        self.start = self.state = self.simulation.snapshot()
+        self.row, self.given, self.pulled_from = self.simulation.first_row, 0.0, inf
+
+    def _simulation(self) -> Simulation:
+        """A simulation at t = 0."""
+        scenario, step = self.scenario, self.step
+        return self.kernels.simulation(scenario.lattice, scenario.model, step.integrator, scenario.velocities, step.dt)
+
+    # ---- what is known
+
+    @property
+    def time(self) -> float:
+        """[R/c]"""
+        return self.simulation.time
+
+    @property
+    def rows(self) -> Array:
+        """(rows, columns) the observables so far, `interval` apart."""
+        return self._rows[: self.count]
+
+    @property
+    def columns(self) -> Columns:
+        """The time series so far."""
+        return as_columns(self.rows, self.interval)
+
+    @property
+    def imbalance(self) -> float:
+        """Energy that has appeared from nowhere [M c^2]."""
+        return float(self._watch.imbalance(self.row[None])[0])
+
+    # ---- time
+
+    def advance(self, seconds: float = inf, steps: int | None = None) -> Status:
+        """Go on for `steps` steps (default: to the end), but not much longer than `seconds` of the clock.
+
+        Returns "running"; "restarted" where all begins again with a shorter step; "finished" at the scene's end; or
+        "failed": see `failure`.
+        """
+        if self.status == "failed" or (self.status == "finished" and not self._endless):
+            return self.status
+        self.status = "finished" if self.status == "finished" else "running"
+        entered, until = self.status, perf_counter() + seconds
+        last = 2**31 - 1 if self._endless else self._last
+        if steps is not None:
+            last = min(last, self.simulation.step_number + steps)
+        while self.simulation.step_number < last:
+            self._launch(last)
+            if self.status != entered or perf_counter() >= until:
+                break
+        if self.status == "running" and self.simulation.step_number >= self._last and not self._endless:
+            self._fail(SimulationError(self.scenario.unfinished(self.columns)))
+        return self.status
+
+    def _launch(self, last: int) -> None:
+        """One kernel launch, and what follows from it; up to step `last`."""
+        simulation, before = self.simulation, self.simulation.step_number
+        look = self.status == "running" and self.pulled_from == inf
+        steps, needed = min(self._launch_steps, last - before), self._needed if look else NEVER
+        rows, self._held = simulation.advance(steps, self.stride, self._bounds, needed, self._held)
+        self.steps_made += simulation.step_number - before
+        lost = self._watch.first_lost(np.vstack([rows, simulation.now]))
+        self._append(rows[:lost])
+        if lost is not None:
+            self._blown_up(*self._located())
+            return
+        now = simulation.snapshot()
+        found = gone_through(self.scenario.lattice, self.scenario.model, now.vectors[0], self._watch.total)
+        if found:
+            when = f"blow-up by step {simulation.step_number:,}, t = {simulation.time:.6g} R/c"
+            self._blown_up(f"{when}: {found.cause}; {found.remedy}", found.step_independent)
+            return
+        self.state, self.row = now, simulation.now
+        if look and self._held >= self._needed:
+            # The rows of the quiet time: a scene may be asked at every row, and all rows are many.
+            last_rows = self._rows[max(0, self.count - self._needed - 1) : self.count]
+            if self.scenario.ended(as_columns(last_rows, self.interval)):
+                self._judge()
+            else:
+                self._held = self._needed - 1
+
+    def _append(self, rows: Array) -> None:
+        while self.count + len(rows) > len(self._rows):
+            self._rows = np.concatenate([self._rows, np.empty_like(self._rows)])
+        self._rows[self.count : self.count + len(rows)] = rows
+        self.count += len(rows)
+
+    def back_to(self, snapshot: Snapshot, row: Array) -> None:
+        """Go back to a `state` of this attempt, with its `row`, before the mouse pulled; all after it is forgotten."""
+        simulation = self.simulation
+        if simulation.generation != self._generation:  # another driver has used it meanwhile
+            simulation = self.simulation = self._simulation()
+            self._generation = simulation.generation
+        elif self.pulled_from < inf:
+            simulation.set_mouse_target(-1)
+        simulation.restore(snapshot)
+        self.count = 1 + snapshot.step // self.stride
+        inside = ((self.rows[1:] >= self._bounds[0]) & (self.rows[1:] <= self._bounds[1])).all(axis=1)
+        self._held = min(int(np.argmin(np.append(inside[::-1], False))), self._needed - 1)
+        self._watch = Watch(self.rows[0])
+        self._watch.first_lost(self.rows)
+        self.state, self.row, self.failure = snapshot, row, None
+        self.given, self.pulled_from = 0.0, inf
+        over = self.end is not None and snapshot.step >= self.end.step
+        self.status, self.end = ("finished", self.end) if over else ("running", None)
+
+    def pull(self, point: int, target: tuple[float, float]) -> None:
+        """Tie a point (-1: none any more) to the mouse at `target` [R] from now on; the model needs a `mouse`."""
+        self.pulled_from = min(self.pulled_from, self.simulation.step_number)
+        jump = self.simulation.set_mouse_target(point, target)
+        self.given += jump
+        self.row = self.row.copy()
+        self.row[INDEX["load"]] += jump
+        self._watch.give(jump)
+        self.state = self.simulation.snapshot()
+
+    def replay(self, times: Array) -> Iterator[Moment]:
+        """Run the last attempt again and stop at the steps nearest to `times` (ascending): bitwise as it was."""
+        simulation, snapshot = self._simulation(), self.start
+        mine, stride = simulation.generation, self._launch_steps
+        for number in np.rint(np.asarray(times) / self.step.dt).astype(int):
+            if simulation.generation != mine:  # somebody else has used it meanwhile
+                simulation = self._simulation()
+                simulation.restore(snapshot)
+                mine = simulation.generation
+            while simulation.step_number < number:
+                simulation.advance(min(int(number) - simulation.step_number, stride), stride)
+            snapshot = simulation.snapshot()
+            yield simulation.time, simulation.positions(snapshot), simulation.velocities(snapshot)
+
+    # ---- the end, and other ends
+
+    def _judge(self) -> None:
+        """At the scene's end: finish, or begin again if a shorter step does better."""
+        columns, scenario = self.columns, self.scenario
+        if self.control.shorten_after_run(self.simulation.peak_point_force(self.state), columns):
+            self._restart()
+            return
+        reason = unacceptable(scenario, columns) if self.control.time.dt == "auto" else None
+        reason = reason or self.control.out_of_tolerance(columns)
+        if reason:
+            self._fail(SimulationError(reason))
+        else:
+            self.status, self.end = "finished", self.state
+
+    def _blown_up(self, message: str, step_independent: bool) -> None:
+        """`state` is the last that was good: begin again if a shorter step may do better."""
+        good, peak = self.state, self.simulation.peak_point_force(self.state)
+        look = self.status == "running" and self.pulled_from == inf
+        if look and self.control.shorten_after_blow_up(peak, step_independent):
+            self._restart()
+            return
+        x, v = self.simulation.positions(good), self.simulation.velocities(good)
+        last_good = {"positions": x, "velocities": v, "t": np.array(good.step * self.step.dt)}
+        self._fail(BlowUp(message, last_good))
+
+    def _restart(self) -> None:
+        self.status = "restarted"
+        self._begin()
+
+    def _fail(self, failure: SimulationError) -> None:
+        self.status, self.failure = "failed", failure
+
+    def _located(self) -> tuple[str, bool]:
+        """Find the blow-up after the last row to the step: what to tell, and whether it is independent of the step."""
+        simulation, scenario, watch, known = self.simulation, self.scenario, self._watch, (self.count - 1) * self.stride
+        simulation.restore(self.state)
+        if known > simulation.step_number:
+            simulation.advance(known - simulation.step_number, self.stride)
+            self.state, self.row = simulation.snapshot(), self.rows[-1]
+        rows, _ = simulation.advance(self.stride, 1)
+        lost = watch.first_lost(rows)
+        if lost is None:
+            t = self.state.step * self.step.dt
+            return f"blow-up after t = {t:.6g} R/c; computed again, it does not happen: the machine errs", False
+        simulation.restore(self.state)
+        if lost:
+            simulation.advance(lost)
+            self.state, self.row = simulation.snapshot(), rows[lost - 1]
+        simulation.advance(1)
+        lattice, model = scenario.lattice, scenario.model
+        x, now, row = self.state.vectors[0], simulation.positions(), rows[lost]
+        gained = watch.imbalance(rows[lost : lost + 1])[0] - self.imbalance + self.row[SLID] - row[SLID]
+        found = gone_through(lattice, model, x, watch.total)
+        found = found or diagnose(lattice, model, self.step, x, now, float(gained))
+        remedy = found.remedy
+        if scenario.scene.time.dt != "auto" and "auto" not in remedy:
+            remedy = f"set time.dt: auto; if that fails too, {remedy}"
+        what = "the energy balance is lost" if np.isfinite(row).all() else "a number is no longer finite"
+        message = (
+            f"blow-up at step {simulation.step_number:,}, t = {simulation.time:.6g} R/c: {what}, "
+            f"{worst_place(model, lattice, now)}. Likely cause: {found.cause}. Remedy: {remedy}"
+        )
+        return message, found.step_independent

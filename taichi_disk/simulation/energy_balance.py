@@ -1,0 +1,89 @@
+"""The energy balance: what a run's energies add up to, and what that says of the run."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from taichi_disk.lattice import Array
+from taichi_disk.simulation.observables import ENERGIES, ENERGY_INDICES, INDEX, Columns
+from taichi_disk.simulation.scenario import Scenario
+
+CLOSING, WORST = 2e-5, 1e-4  # largest imbalance, at the end and ever, that an automatic step may leave
+LARGEST = 1e-3  # imbalance at the end that no result may have: it would show in the third digit of e
+BLOW_UP = 0.1  # imbalance, relative to the largest energy so far, that ends a run
+
+
+def relative_imbalance(scenario: Scenario, columns: Columns) -> tuple[float, float]:
+    """Imbalance at the end, with its sign, and the largest ever, over the scenario's energy scale."""
+    lost = (columns["total"] - columns["total"][0]) / scenario.energy_scale(columns)
+    return float(lost[-1]), float(np.abs(lost).max())
+
+
+def summary(scenario: Scenario, columns: Columns) -> dict[str, Any]:
+    """The energies at the end [M c^2] and their balance."""
+    closing, worst = relative_imbalance(scenario, columns)
+    energies = {name: float(columns[name][-1]) for name in ENERGIES}
+    scale = scenario.energy_scale(columns)
+    return energies | {"scale": scale, "closing_imbalance": closing, "worst_imbalance": worst}
+
+
+def unacceptable(scenario: Scenario, columns: Columns) -> str | None:
+    """What to tell of a run whose energy imbalance is so large at the end that its result is none."""
+    lost, _ = relative_imbalance(scenario, columns)
+    tolerance = scenario.scene.time.tolerance
+    allowed = LARGEST if tolerance == "none" else max(LARGEST, tolerance)
+    if abs(lost) <= allowed:
+        return None
+    return (
+        f"the energy imbalance is {lost:+.2g} at the end, where {allowed:g} is allowed: the step is too long for what "
+        "happens here; set time.dt: auto, with time.safety: 0.1 if that is not enough, or a shorter time.dt"
+    )
+
+
+def warnings(scenario: Scenario, columns: Columns) -> list[str]:
+    """What a person should know of the energy balance of a run whose result stands."""
+    found = [unacceptable(scenario, columns)]
+    slid = float(np.abs(columns["sliding"]).max()) / scenario.energy_scale(columns)
+    if slid > LARGEST:
+        found.append(
+            f"points of the disk slid from spring to spring of the dented wall, which changed the energy by {slid:.2g} "
+            "of the kinetic energy: that is the contact law's own doing, at any step, and e is as uncertain; a lower "
+            "impact.velocity or a higher material.k_a dents the wall less"
+        )
+    return [text for text in found if text]
+
+
+class Watch:
+    """Looks at the rows of a run, as they come, for one at which the energy balance, or a number, is lost.
+
+    Attributes:
+        total: the energy that there is [M c^2].
+    """
+
+    def __init__(self, start: Array) -> None:
+        """`start`: (columns,) the row at t = 0."""
+        self.total, self._load = float(start[ENERGY_INDICES].sum()), float(start[INDEX["load"]])
+        self._largest = 0.0
+
+    def first_lost(self, rows: Array) -> int | None:
+        """The first of the new `rows` (rows, columns) that is lost; None where all are good."""
+        size = np.abs(rows[:, [INDEX["kinetic"], INDEX["elastic"], INDEX["wall"]]]).sum(axis=1)
+        with np.errstate(invalid="ignore"):
+            size = np.maximum.accumulate(np.append(self._largest, size + np.abs(rows[:, INDEX["load"]] - self._load)))
+            lost = np.maximum(np.abs(self.imbalance(rows)), np.abs(rows[:, INDEX["sliding"]]))
+            bad = ~((lost <= BLOW_UP * size[1:] + 1e-300) & (lost < np.inf))  # deep in a wall energy is infinite
+        if bad.any():
+            return int(bad.argmax())
+        self._largest = float(size[-1])
+        return None
+
+    def give(self, energy: float) -> None:
+        """From now on `load` holds this energy [M c^2] that came from outside: none that was lost."""
+        self.total += energy
+        self._load += energy
+
+    def imbalance(self, rows: Array) -> Array:
+        """Deviation of the total energy from its value at t = 0, (rows,) [M c^2]."""
+        return np.asarray(rows[:, ENERGY_INDICES].sum(axis=1) - self.total)

@@ -1,0 +1,53 @@
+"""What is measured: the columns of the time series, and the sums that add up over time inside a kernel."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from taichi_disk.lattice import Array
+
+Columns = dict[str, Array]  # the time series: one array (rows,) per column
+
+COLUMNS = (
+    "com_x",  # the disk's centre of mass [R]
+    "com_y",
+    "com_vx",  # [c]
+    "com_vy",
+    "angular_momentum",  # of the disk about its centre of mass [M R c]
+    "lowest_y",  # of the disk [R]
+    "wall_force",  # upward force of the wall on the disk [M c^2/R]
+    "kinetic",  # of disk and elastic wall [M c^2]
+    "elastic",
+    "wall",  # potential of the contact
+    "dissipated",  # by dashpots since t = 0
+    "absorbed",  # by the elastic wall's boundary since t = 0
+    "load",  # potential P y_cm of the pressing force, of other forces, and of the mouse's spring
+    "sliding",  # what points lost by passing from one spring of the elastic wall to the next, since t = 0
+    "residual",  # largest |force| on a point of the disk [M c^2/R]
+)
+INDEX = {name: k for k, name in enumerate(COLUMNS)}
+ENERGIES = ("kinetic", "elastic", "wall", "dissipated", "absorbed", "sliding", "load")
+ENERGY_INDICES = [INDEX[name] for name in ENERGIES]
+
+# The sums travel through a kernel as a local vector and are stored once, at its end. Taichi 1.7.4 keeps 0-D fields in
+# registers across loops and hands later readers in the same kernel the value from before: an energy kept in such a
+# field comes out one launch late.
+SUMS = 6
+DISSIPATED, POWER, ABSORBED, BOUNDARY_POWER, PEAK, SLIDING = range(SUMS)
+
+
+def as_columns(rows: Array, interval: float) -> Columns:
+    """Name the columns of `rows` (rows, len(COLUMNS)), `interval` [R/c] apart; add time and total energy."""
+    columns: Columns = {"t": np.arange(len(rows), dtype=np.float64) * interval}
+    columns.update({name: rows[:, k].copy() for k, name in enumerate(COLUMNS)})
+    with np.errstate(invalid="ignore"):  # after a blow-up there may be infinite energies of both signs
+        columns["total"] = rows[:, ENERGY_INDICES].sum(axis=1)
+    return columns
+
+
+def bounds_array(bounds: dict[str, tuple[float, float]]) -> Array:
+    """(2, columns) least and largest value of every column, as `bounds` has them; infinite for the others."""
+    array = np.array([[-np.inf], [np.inf]]) * np.ones(len(COLUMNS))
+    for name, limits in bounds.items():
+        array[:, INDEX[name]] = limits
+    return array

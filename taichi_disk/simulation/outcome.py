@@ -1,0 +1,185 @@
+"""A scenario computed to its end: its time series, its states at any time, how it was computed, how far it is off."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from taichi_disk.errors import TaichiDiskError
+from taichi_disk.lattice import Array
+from taichi_disk.progress import Progress
+from taichi_disk.simulation import energy_balance
+from taichi_disk.simulation.driver import Driver, Moment
+from taichi_disk.simulation.error_estimate import REGULAR_CAUTION, two_run_estimate
+from taichi_disk.simulation.observables import COLUMNS, Columns
+from taichi_disk.simulation.scenario import Scenario
+from taichi_disk.simulation.simulation import KernelCache
+from taichi_disk.simulation.stability import Spectrum, spectrum, step_limit
+from taichi_disk.simulation.step_control import fitted
+
+ESTIMATE_UP_TO = 1.3e9  # spring evaluations of a run, some 5 s, up to which a second run for the error is made unasked
+COMPARED = 1.5  # by which the step of the second run is shorter
+ROUNDING = 1e-11  # of xi [R], about, and of where the solver stops
+ROWS_AT_REST = 101  # of an equilibrium's way from the unloaded disk
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """A scenario computed to its end.
+
+    Attributes:
+        columns: the time series.
+        positions, velocities: (n, 2) at the end.
+        replay: the moments at given ascending times, computed when asked for, bitwise those of the run.
+        facts: how it was computed, for summary.json: steps, dt, integrator, error estimate, energy balance, warnings.
+        compile_seconds: wall-clock time spent on compiling.
+    """
+
+    columns: Columns
+    positions: Array
+    velocities: Array
+    replay: Callable[[Array], Iterator[Moment]]
+    facts: dict[str, Any]
+    compile_seconds: float = 0.0
+
+
+def compute(
+    scenario: Scenario,
+    time: Any,
+    progress: Progress | None = None,
+    kernels: KernelCache | None = None,
+    *,
+    modes: Spectrum | None = None,
+    force: bool = False,
+    estimate: bool = True,
+) -> Outcome:
+    """Compute `scenario` to its end.
+
+    Args:
+        time: the scene's section `time`.
+        modes: the spectrum of its lattice and model, if known.
+        force: take a hand-written step even beyond the stability limit.
+        estimate: whether to run a second time, for an estimate of the error and to count triangles turned inside out,
+            unless that would take long.
+
+    Raises InputError for a step by hand that is too long, SimulationError when the scene does not end in time or its
+    energy balance is lost, BlowUp when the state becomes meaningless.
+    """
+    if scenario.static:
+        return _at_rest(scenario)
+    progress, kernels = progress or Progress(), kernels or KernelCache()
+    modes = modes or spectrum(scenario.lattice, scenario.model)
+    driver = Driver(scenario, time, kernels, modes, force=force)
+    progress.start("simulate", scenario.max_time)
+    while driver.advance(seconds=0.1) in ("running", "restarted"):
+        progress.update(driver.time)
+    if driver.failure:
+        raise driver.failure
+    return _described(driver, time, estimate)
+
+
+def _described(driver: Driver, time: Any, estimate: bool) -> Outcome:
+    scenario, columns, step, end = driver.scenario, driver.columns, driver.step, driver.end
+    assert end is not None
+    simulation = driver.simulation
+    positions, velocities = simulation.positions(end), simulation.velocities(end)
+    warnings = energy_balance.warnings(scenario, columns)
+    peak = simulation.peak_point_force(end)
+    limit = step_limit(driver.control.spectrum, scenario.model, step.integrator, peak)
+    if step.dt > limit:
+        warnings.insert(
+            0,
+            f"the step {step.dt:.6g} R/c is beyond the stability limit that the measured force of the wall leaves, "
+            f"{limit:.6g} R/c: set time.dt: auto, or a shorter one",
+        )
+    error, inverted = driver.control.error(columns), None
+    if error is not None and not scenario.step_dependent:
+        error = REGULAR_CAUTION * error + ROUNDING
+    if estimate and end.step * len(scenario.lattice.bonds) * step.integrator.forces <= ESTIMATE_UP_TO:
+        tightest = float(columns["t"][int(columns["elastic"].argmax())])
+        if scenario.step_dependent and time.tolerance == "none":
+            error, inverted = _second_opinion(driver, time, tightest)
+        else:
+            _, x, _ = next(driver.replay(np.array([tightest])))
+            inverted = inverted_triangles(scenario, x)
+    if inverted:
+        warnings.append(
+            f"{inverted} triangle{'s' * (inverted > 1)} of the lattice turned inside out: there springs are no elastic "
+            "body any more, which is the model's own limit; a lower impact.velocity or fewer points keep it whole"
+        )
+    facts = {
+        "warnings": warnings,
+        "steps": end.step,
+        "dt": step.dt,
+        "dt_limit": limit,
+        "attempts": driver.attempt,
+        "integrator": step.integrator.name,
+        "error_estimate": {} if error is None else {scenario.primary(columns)[0]: error},
+        "error_source": "time step" if scenario.step_dependent else "end of the run",
+        "energy": energy_balance.summary(scenario, columns),
+    }
+    if inverted is not None:
+        facts["inverted_triangles"] = inverted
+    return Outcome(columns, positions, velocities, driver.replay, facts, driver.compile_seconds)
+
+
+def _second_opinion(driver: Driver, time: Any, tightest: float) -> tuple[float | None, int]:
+    """A run with a shorter step: the estimated error of the first one's result, and triangles turned inside out.
+
+    They are counted at the time `tightest` [R/c].
+    """
+    scenario, step, columns = driver.scenario, driver.step, driver.columns
+    dt = fitted(step.dt / COMPARED, scenario.model.reset_interval)
+    time = replace(time, dt=dt, integrator=step.integrator.name)
+    other = Driver(scenario, time, driver.kernels, driver.control.spectrum, force=True)
+    other.advance(steps=max(1, round(tightest / dt)))
+    inverted = inverted_triangles(scenario, other.simulation.positions())
+    try:
+        if other.advance() == "failed":
+            return None, inverted
+        error = two_run_estimate(other.control.record(other.columns), driver.control.record(columns))
+    except TaichiDiskError:  # no result
+        return None, inverted
+    return error + scenario.end_truncation_error(columns), inverted
+
+
+def inverted_triangles(scenario: Scenario, x: Array) -> int:
+    """How many triangles of the lattice are turned inside out at the positions `x` (n, 2)."""
+    a, b, c = (x[corner] for corner in scenario.lattice.triangles.T)
+    area = (b[:, 0] - a[:, 0]) * (c[:, 1] - a[:, 1]) - (b[:, 1] - a[:, 1]) * (c[:, 0] - a[:, 0])
+    return int((area < 0.0).sum())
+
+
+def _at_rest(scenario: Scenario) -> Outcome:
+    """The rest under the full load, and the straight way to it: `t` runs from 0, undeformed, to 1."""
+    lattice, model, rest = scenario.lattice, scenario.model, scenario.rest
+    assert rest is not None and model.wall is not None and model.load is not None
+    way = rest.positions - lattice.positions
+    t = np.linspace(0.0, 1.0, ROWS_AT_REST)
+
+    def replay(times: Array) -> Iterator[Moment]:
+        for one in times:
+            yield float(one), lattice.positions + one * way, np.zeros_like(way)
+
+    columns: Columns = {name: np.zeros(len(t)) for name in COLUMNS}
+    columns["t"] = t
+    for k, (_, x, _) in enumerate(replay(t)):
+        columns["com_x"][k], columns["com_y"][k] = x.mean(axis=0)
+        columns["lowest_y"][k] = x[:, 1].min()
+        columns["wall_force"][k] = model.wall.forces(lattice, x)[:, 1].sum()
+        columns["residual"][k] = np.hypot(*model.forces(lattice, x).T).max()
+        for name, law in (("elastic", model.springs), ("wall", model.wall), ("load", model.load)):
+            columns[name][k] = law.energy(lattice, x)
+    columns["total"] = columns["elastic"] + columns["wall"] + columns["load"]
+    facts = {
+        "warnings": [],
+        "steps": rest.iterations,
+        "integrator": "newton",
+        "error_estimate": {},
+        "residual": rest.residual,
+        "roll": rest.roll,
+    }
+    return Outcome(columns, rest.positions, np.zeros_like(way), replay, facts)

@@ -1,0 +1,223 @@
+"""A lattice, its laws and an integrator, composed into kernels that move it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from copy import deepcopy
+from dataclasses import astuple
+from typing import Any
+
+import numpy as np
+import taichi as ti
+
+from taichi_disk import runtime
+from taichi_disk.integrators import Integrator
+from taichi_disk.integrators.trapezoidal import DashpotSolver, Factor, factorise
+from taichi_disk.lattice import Array, Lattice
+from taichi_disk.physics import MatchedBoundary, Model
+from taichi_disk.physics.law import Room
+from taichi_disk.physics.ordering import BLOCK, Arrangement, arrange
+from taichi_disk.simulation.observables import COLUMNS, PEAK, SUMS, bounds_array
+from taichi_disk.simulation.state import Snapshot, State
+from taichi_disk.simulation.stepping import Stepping
+from taichi_disk.simulation.subdomains import SubdomainStepping
+
+# Room that there is at the least: kernels of one size serve all lattices of usual size.
+POINTS = 12_000
+SPRINGS_PER_POINT = 3  # a triangulation has fewer
+ENTRIES_PER_POINT = 27  # of the dashpots' factor, enough up to some 12,000 points
+LEAST_ROOM = Room(POINTS, SPRINGS_PER_POINT * POINTS // BLOCK, ENTRIES_PER_POINT * POINTS)
+NEVER = 2**30
+
+
+class Simulation:
+    """Moves one lattice by (a copy of) a model's laws, from `velocities` (n, 2) [c] at t = 0, in steps of `dt` [R/c].
+
+    Attributes:
+        step_number: steps made since t = 0.
+        first_row, now: (columns,) the observables at t = 0, and after the last step made.
+        generation: how often this has begun at t = 0; another number means that somebody else uses it.
+        subdomains: into which the lattice is cut, 1 unless it is large.
+    """
+
+    def __init__(self, lattice: Lattice, model: Model, integrator: Integrator, velocities: Array, dt: float) -> None:
+        self.integrator, self.model, self.generation = integrator, deepcopy(model), 0
+        arrangement, factor = arrange(lattice.bonds, len(lattice.positions)), self._factor(lattice, model, dt)
+        self.subdomains = arrangement.subdomains
+        self._room = Room(*map(_doubled, _needed(lattice, arrangement, factor), astuple(LEAST_ROOM)))
+        builder = ti.FieldsBuilder()
+        for law in self.model.laws:
+            law.place(builder, self._room)
+        self.state = State(builder, self._room, self.subdomains, self.model.springs.damped)
+        both = 2 if isinstance(model.boundary, MatchedBoundary) else 1
+        solver = DashpotSolver(builder, self._room, both) if factor is not None else None
+        parts = self.state, self.model, integrator, solver
+        large = self.subdomains > 1
+        self.stepping = SubdomainStepping(*parts, builder, self.subdomains) if large else Stepping(*parts)
+        self._tree = builder.finalize()
+        self._start(lattice, model, velocities, dt, arrangement, factor)
+
+    def restart(self, lattice: Lattice, model: Model, integrator: Integrator, velocities: Array, dt: float) -> bool:
+        """Become the simulation that these arguments would make, without compiling anew.
+
+        Returns False, with nothing changed, where that cannot be: laws of other kinds, or not enough room.
+        """
+        if integrator is not self.integrator or model.signature() != self.model.signature():
+            return False
+        arrangement = self._arrangement
+        if lattice.bonds is not self.lattice.bonds:
+            arrangement = arrange(lattice.bonds, len(lattice.positions))
+        factor = self._factor(lattice, model, dt)
+        needed = _needed(lattice, arrangement, factor)
+        full = any(count > room for count, room in zip(needed, astuple(self._room), strict=True))
+        if full or arrangement.subdomains != self.subdomains:
+            return False
+        self._start(lattice, model, velocities, dt, arrangement, factor)
+        return True
+
+    def _factor(self, lattice: Lattice, model: Model, dt: float) -> Factor | None:
+        implicit = model.springs.damped and self.integrator.dashpots == "implicit"
+        return factorise(lattice, model, dt) if implicit else None
+
+    def _start(
+        self, lattice: Lattice, model: Model, velocities: Array, dt: float, arranged: Arrangement, factor: Factor | None
+    ) -> None:
+        for own, given in zip(self.model.laws, model.laws, strict=True):
+            own.adopt(given)
+        self.lattice, self.dt, self.mass = lattice, dt, float(lattice.masses[0])
+        self._arrangement, self.step_number = arranged, 0
+        self.generation += 1
+        n, g = len(lattice.positions), dt / self.mass
+        reset_steps = max(1, round(model.reset_interval / dt))
+        self.state.set_numbers(
+            (dt, self.mass, g, self.integrator.kicks[-1] * g),
+            (n, lattice.disk_points, arranged.blocks, arranged.subdomain_points, reset_steps),
+            self.model.laws,
+        )
+        self.model.springs.arrange(lattice, arranged)
+        self.stepping.fill(arranged, factor)
+        for law in self.model.laws:
+            law.fill(lattice)
+        start = np.zeros((len(self.state.vectors), n, 2))
+        start[0], start[1] = lattice.positions, velocities
+        self.state.restore(Snapshot(0, start, np.zeros(SUMS)))
+        rows = np.zeros((1, len(COLUMNS)))
+        with runtime.whole_vectors():
+            self.stepping.initialise(rows)
+        self.first_row = self.now = rows[0]
+
+    # ---- time
+
+    def advance(
+        self, steps: int, stride: int = 1, bounds: Array | None = None, needed: int = NEVER, held: int = 0
+    ) -> tuple[Array, int]:
+        """Make `steps` steps, fewer if the scene's end is met.
+
+        Args:
+            stride: a row of observables is returned for every step whose number is a multiple of it.
+            bounds: (2, columns) least and largest value of every column where the scene may have ended.
+            needed, held: how many rows running have to be within the bounds to stop, and how many are already.
+
+        Returns the rows (rows, columns), and how many rows running are within the bounds now. No steps at all compile
+        the kernel.
+        """
+        rows = np.empty(((self.step_number % stride + steps) // stride + 1, len(COLUMNS)))
+        bounds = bounds_array({}) if bounds is None else bounds
+        counts = np.array([needed, held, 0, 0], np.int32)
+        with runtime.whole_vectors():
+            self.stepping.advance(self.step_number, steps, stride, rows, bounds, counts)
+        held, made, count = (int(number) for number in counts[1:])
+        self.step_number += made
+        if steps:
+            self.now = rows[count - (self.step_number % stride == 0)]
+        return rows[:count], held
+
+    @property
+    def time(self) -> float:
+        return self.step_number * self.dt
+
+    # ---- states
+
+    def snapshot(self) -> Snapshot:
+        """A copy of the state, from which `restore` goes on bitwise."""
+        return self.state.export(len(self.lattice.positions), self.step_number)
+
+    def restore(self, snapshot: Snapshot) -> None:
+        self.state.restore(snapshot)
+        self.step_number = snapshot.step
+
+    def positions(self, snapshot: Snapshot | None = None) -> Array:
+        """(n, 2) [R], now or in a snapshot of this simulation."""
+        return (snapshot or self.snapshot()).vectors[0].copy()
+
+    def velocities(self, snapshot: Snapshot | None = None) -> Array:
+        """(n, 2) [c], now or in a snapshot of this simulation."""
+        _, v, f = (snapshot or self.snapshot()).vectors[:3]
+        return np.asarray(v + self.integrator.kicks[-1] * self.dt / self.mass * f)
+
+    def forces(self) -> Array:
+        """(n, 2) total force on every point now [M c^2/R]."""
+        return self.snapshot().vectors[2].copy()
+
+    def peak_point_force(self, snapshot: Snapshot | None = None) -> float:
+        """Largest force of the wall on one point since t = 0 [M c^2/R]."""
+        return float((snapshot or self.snapshot()).sums[PEAK])
+
+    def set_mouse_target(self, point: int, target: tuple[float, float] = (0.0, 0.0)) -> float:
+        """Tie `point` (-1: none any more) to the mouse at `target` [R] from now on; the model needs a `mouse`.
+
+        Returns by how much the observable `load` has jumped [M c^2].
+        """
+        return float(self.stepping.set_mouse_target(point, *target))
+
+    def destroy(self) -> None:
+        """Give the fields' memory back; the simulation cannot be used afterwards."""
+        self.generation = -1
+        self._tree.destroy()
+
+
+class KernelCache:
+    """Up to `size` simulations that were compiled once and are used again, because compiling takes seconds.
+
+    `before_compiling` is called before the caller has to wait.
+    """
+
+    def __init__(self, size: int = 12, before_compiling: Callable[[], None] = lambda: None) -> None:
+        self._size, self._before_compiling = size, before_compiling
+        self._known: dict[Any, Simulation] = {}
+
+    def simulation(
+        self, lattice: Lattice, model: Model, integrator: Integrator, velocities: Array, dt: float
+    ) -> Simulation:
+        """A simulation at t = 0 of these; one that was given before may become it."""
+        key = (model.signature(), integrator.name)
+        known = self._known.pop(key, None)
+        arguments = lattice, model, integrator, velocities, dt
+        if known is None or not known.restart(*arguments):
+            self._before_compiling()
+            if known is None and len(self._known) >= self._size:
+                known = self._known.pop(next(iter(self._known)))
+            if known is not None:
+                known.destroy()
+            known = Simulation(*arguments)
+            known.advance(0)
+        self._known[key] = known  # the last one used stands last
+        return known
+
+    def clear(self) -> None:
+        """Free all fields; the simulations cannot be used afterwards."""
+        for known in self._known.values():
+            known.destroy()
+        self._known.clear()
+
+
+def _needed(lattice: Lattice, arrangement: Arrangement, factor: Factor | None) -> tuple[int, int, int]:
+    """Points, blocks and entries of the factor, as in `Room`."""
+    return len(lattice.positions), arrangement.blocks, len(factor.row) if factor else 0
+
+
+def _doubled(needed: int, least: int) -> int:
+    """`least`, doubled until it holds what is `needed`."""
+    while least < needed:
+        least *= 2
+    return least

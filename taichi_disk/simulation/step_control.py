@@ -1,0 +1,193 @@
+"""Choosing integrator and step, and choosing again where wall, energy or a tolerance prove the step too long."""
+
+from __future__ import annotations
+
+from math import ceil, inf, sqrt
+from typing import Any
+
+from taichi_disk.errors import InputError
+from taichi_disk.integrators import INTEGRATORS, TRAPEZOIDAL, VEFRL, VELOCITY_VERLET, Integrator
+from taichi_disk.simulation.energy_balance import CLOSING, LARGEST, WORST, relative_imbalance, unacceptable
+from taichi_disk.simulation.error_estimate import LEAST, RATIO, RunRecord, TimeStep, better_step, error_estimate
+from taichi_disk.simulation.observables import Columns
+from taichi_disk.simulation.scenario import Scenario
+from taichi_disk.simulation.stability import Spectrum, step_limit
+
+MARGIN = 0.95  # of the limit that the measured wall stiffness leaves; an automatic step above it is redone
+HARDER = 1.5  # than measured: the force of the wall that the next step is chosen for
+ATTEMPTS = 8
+LONGEST_TO_COMPARE = 0.96  # of the stability limit, a step to compare the automatic one with
+LONGEST_FIRST = 0.95  # of its stability limit, with which another integrator begins
+
+
+class StepControl:
+    """The time step of one scenario, made shorter as its runs prove that necessary.
+
+    `integrator: auto` takes the dashpots implicitly where that reaches the end with less work. A reset boundary
+    shortens the step until a whole number of steps fits the interval. Where a tolerance is asked for, the first step is
+    longer than the automatic one, to compare that with.
+
+    Args:
+        time: the scene's section `time`.
+        spectrum: of the scenario's lattice and model.
+
+    Attributes:
+        step: to be taken in the present attempt.
+        attempt: how often a step has been chosen.
+        records: the runs so far, where there is a tolerance.
+
+    Raises InputError for a `dt` beyond the stability limit, unless `force`.
+    """
+
+    def __init__(self, scenario: Scenario, time: Any, spectrum: Spectrum, force: bool = False) -> None:
+        self.scenario, self.time, self.spectrum, self.attempt = scenario, time, spectrum, 1
+        self.records: list[RunRecord] = []
+        self._integrator, self._safety, self._point_force = time.integrator, time.safety, scenario.point_force
+        self._excess, self._step_independent = inf, False
+        if time.tolerance != "none" and scenario.step_dependent:
+            self._safety = max(time.safety, min(RATIO * time.safety, LONGEST_TO_COMPARE))
+        self.step = self._choice()
+        if time.dt != "auto" and time.dt > self.step.limit and not force:
+            limit, name = self.step.limit, self.step.integrator.name
+            raise InputError(
+                f"time.dt: {time.dt:g} R/c is beyond the stability limit of {name}, {limit:.6g} R/c for this scene; "
+                f"write a smaller one (or auto: {time.safety * limit:.6g}), or see it blow up with `run --force`"
+            )
+
+    def _limit(self, integrator: Integrator, force: float) -> float:
+        return step_limit(self.spectrum, self.scenario.model, integrator, force)
+
+    def _choice(self) -> TimeStep:
+        name, force, points = self._integrator, self._point_force, self.spectrum.points
+        if name == "auto":
+            ratio = self._limit(TRAPEZOIDAL, force) / self._limit(VELOCITY_VERLET, force)
+            name = (TRAPEZOIDAL if ratio > cost(TRAPEZOIDAL, points) else VELOCITY_VERLET).name
+        integrator = INTEGRATORS[name]
+        limit = self._limit(integrator, force)
+        dt = self._safety * limit if self.time.dt == "auto" else self.time.dt
+        return TimeStep(integrator, limit, fitted(dt, self.scenario.model.reset_interval), cost(integrator, points))
+
+    # ---- errors
+
+    def record(self, columns: Columns) -> RunRecord:
+        """What a run with the present step has told."""
+        step, result = self.step, self.scenario.primary(columns)[1]
+        _, worst = relative_imbalance(self.scenario, columns)
+        return RunRecord(step.integrator, step.dt, result, worst, step.dt / self.scenario.resolving_step)
+
+    def error(self, columns: Columns) -> float | None:
+        """The estimated error of the last primary result; None while there is too little to tell."""
+        error = error_estimate(self.records) if self.scenario.step_dependent else 0.0
+        return None if error is None else error + self.scenario.end_truncation_error(columns)
+
+    def out_of_tolerance(self, columns: Columns) -> str | None:
+        """What to tell where the last run, which gave `columns`, is not known to be within the tolerance asked for."""
+        tolerance, error = self.time.tolerance, self.error(columns)
+        if tolerance == "none" or (error is not None and error <= tolerance):
+            return None
+        found = "cannot be estimated" if error is None else f"is estimated at {error:.2g}"
+        text = f"time.tolerance is {tolerance:g}, and the error of the result after {self.attempt} runs {found}"
+        left = self.scenario.end_truncation_error(columns)
+        if left > 0.5 * tolerance:
+            text += f": {left:.2g} of it is due to where the run ends, at any step; {self.scenario.truncation_remedy}"
+        return f"{text}; or write a larger time.tolerance, or none"
+
+    # ---- the next run
+
+    def shorten_after_blow_up(self, peak: float, step_independent: bool) -> bool:
+        """Choose a shorter step after a blow-up; False where one would not help.
+
+        `peak` is the largest measured force of the wall on one point [M c^2/R]. Where a shorter step seldom mends it
+        (`step_independent`), one is tried all the same, once.
+        """
+        if self._last or (step_independent and self._step_independent):
+            return False
+        self._step_independent = step_independent
+        if self._beyond(peak):
+            return self._again(force=HARDER * peak)
+        return self._again(0.5 * self._taken)
+
+    def shorten_after_run(self, peak: float, columns: Columns) -> bool:
+        """Choose a shorter step after a run to the end, which gave `columns`; False where the step may stand.
+
+        Ordinary scenes need none. Hard walls (a from 1,000 on) often do, two or three runs: how a point rattles between
+        disk and wall is not foreseen.
+        """
+        if self.time.tolerance != "none":
+            self.records.append(self.record(columns))
+        if self._last:
+            return False
+        if self.time.tolerance != "none":
+            return self._approach(peak, columns)
+        if self._beyond(peak):
+            return self._again(force=HARDER * peak)
+        closing, worst = relative_imbalance(self.scenario, columns)
+        excess = max(abs(closing) / CLOSING, worst / WORST)
+        # Where a shorter step does not help, it is not the step that is at fault.
+        if excess <= 1.0 or excess > 0.5 * self._excess:
+            return False
+        self._excess = excess
+        return self._again(max(0.25, 0.9 / sqrt(excess)) * self._taken)  # order 2: the error falls with the square
+
+    @property
+    def _last(self) -> bool:
+        """Whether no other step is to be tried."""
+        return self.time.dt != "auto" or self.attempt >= ATTEMPTS
+
+    @property
+    def _taken(self) -> float:
+        """Part of the limit that was taken, which a reset boundary may have made less than was asked for."""
+        return self.step.dt / self.step.limit
+
+    def _beyond(self, peak: float) -> bool:
+        """Whether the step is too near to the limit that the force of the wall leaves."""
+        return self.step.dt > max(MARGIN, self._safety) * self._limit(self.step.integrator, peak)
+
+    def _again(self, safety: float | None = None, force: float | None = None) -> bool:
+        self._safety, self._point_force = safety or self._safety, force or self._point_force
+        self.step, self.attempt = self._choice(), self.attempt + 1
+        return True
+
+    def _approach(self, peak: float, columns: Columns) -> bool:
+        """Choose what brings the result within the tolerance; False where it is, or where no step can.
+
+        A first run beyond the measured stability limit still serves to compare with, the last must be within it.
+        """
+        scenario, step, tolerance = self.scenario, self.step, self.time.tolerance
+        room = tolerance - scenario.end_truncation_error(columns)
+        stands = not (self.out_of_tolerance(columns) or self._beyond(peak) or unacceptable(scenario, columns))
+        if stands or room <= 0.0:
+            return False
+        other = None
+        if self._integrator == "auto" and step.integrator is TRAPEZOIDAL and not scenario.model.reset_interval:
+            other = self._first_of(VELOCITY_VERLET, peak)
+        elif self._integrator == "auto" and not scenario.model.velocity_dependent:
+            other = self._first_of(VEFRL, peak)
+        excess = abs(relative_imbalance(scenario, columns)[0]) / max(LARGEST, tolerance)
+        least = max(LEAST, sqrt(excess), step.dt / (MARGIN * self._limit(step.integrator, peak)))
+        better = better_step(self.records, room, step, other, least)
+        if better.integrator is not step.integrator:
+            self._integrator = better.integrator.name
+        return self._again(better.dt / self._limit(better.integrator, self._point_force))
+
+    def _first_of(self, integrator: Integrator, peak: float) -> TimeStep:
+        limit = self._limit(integrator, peak)
+        dt = min(LONGEST_FIRST * limit, 2.0 * self.scenario.resolving_step)
+        return TimeStep(integrator, limit, dt, cost(integrator, self.spectrum.points))
+
+
+def cost(integrator: Integrator, points: int) -> float:
+    """Of a step, in force evaluations.
+
+    The factor of implicit dashpots has about 2.5 n^(1/4) entries for each point. Measured on one core: 2.8 at
+    n = 1,099, 4.0 at 10,000, 6.3 at 40,000, where it fits no cache.
+    """
+    if integrator.dashpots == "implicit":
+        return max(2.8, 0.9 + 1.9 * (points / 1000.0) ** 0.25)
+    return float(integrator.forces)
+
+
+def fitted(dt: float, interval: float) -> float:
+    """The longest step up to `dt` of which a whole number fits `interval` [R/c]; `dt` where that is 0."""
+    # Less a little, or a whole part of the interval that was rounded down would give the next one.
+    return interval / ceil((1.0 - 1e-9) * interval / dt) if interval else dt

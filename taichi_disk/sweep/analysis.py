@@ -1,0 +1,167 @@
+"""From the table of a sweep to curves, their scatter over lattices, and fits of the paper's laws."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from taichi_disk.config.sweep_axes import target_of
+from taichi_disk.lattice import Array
+from taichi_disk.scenes import Scene
+from taichi_disk.sweep import fits
+from taichi_disk.sweep.fits import Fit
+
+Row = dict[str, Any]
+
+MATERIAL = {("material", "k_a"), ("lattice", "points"), ("lattice", "min_spacing")}  # what the moduli depend on
+
+
+@dataclass(frozen=True)
+class Curve:
+    """One line of a figure: everything but speed (or pressure) and seed is the same along it.
+
+    Attributes:
+        label: the values of the other axes.
+        x: (points,) speed [c], or pressure [M c^2/R].
+        results: (lattices, points) of each result; lattices of which a point failed are left out.
+        young, poisson: of the material [M c^2/R^2], mean over its lattices in the sweep: each lattice's are those of a
+            sample of its own, not of its disk. NaN for lattices from a file.
+        damped: whether there are dashpots.
+    """
+
+    label: dict[str, Any]
+    x: Array
+    results: dict[str, Array]
+    young: float
+    poisson: float
+    damped: bool
+    fits: dict[str, Fit] = field(default_factory=dict)
+
+    @property
+    def y(self) -> Array:
+        """(lattices, points) the primary result."""
+        return next(iter(self.results.values()))
+
+    @property
+    def mean(self) -> Array:
+        return np.asarray(self.y.mean(0))
+
+    @property
+    def deviation(self) -> Array:
+        """Standard deviation over lattices, 0 where there is one only."""
+        return self.y.std(0, ddof=1) if len(self.y) > 1 else np.zeros(len(self.x))
+
+    def summary(self) -> dict[str, Any]:
+        """For summary.json: fits with intervals and residuals, and the moduli."""
+        return {
+            **self.label,
+            "lattices": len(self.y),
+            "young": _number(self.young),
+            "poisson": _number(self.poisson),
+            "x": self.x.tolist(),
+            "mean": self.mean.tolist(),
+            "standard_deviation": self.deviation.tolist(),
+            "fits": {
+                name: {
+                    "values": {key: _number(value) for key, value in fit.values.items()},
+                    "intervals_95": {key: [_number(edge) for edge in pair] for key, pair in fit.intervals.items()},
+                    "rms_residual": _number(fit.rms),
+                    "residuals": [_number(value) for value in fit.residuals],
+                }
+                for name, fit in self.fits.items()
+            },
+        }
+
+
+def _number(value: float) -> float | None:
+    return float(value) if np.isfinite(value) else None  # a law that does not fit at all
+
+
+class Law(NamedTuple):
+    """What is fitted to curves of so many `points`, only to those with moduli, or with dashpots, if that is needed."""
+
+    title: str
+    fit: Callable[[Curve], Fit]
+    points: int = 1
+    moduli: bool = False
+    damped: bool = False
+
+    def applies(self, curve: Curve) -> bool:
+        known = bool(np.isfinite(curve.young)) or not self.moduli
+        return known and len(curve.x) >= self.points and (curve.damped or not self.damped)
+
+
+LAWS = {
+    "eq2": Law("eq. (2)", lambda c: fits.fit_b(c.x, c.y, c.young, c.poisson), moduli=True),
+    "eq2_nominal": Law(
+        "eq. (2), xi = |R - R'|", lambda c: fits.fit_b(c.x, c.results["xi_nominal"], c.young, c.poisson), moduli=True
+    ),
+    "eq5": Law("eq. (5)", lambda c: fits.fit_restitution(c.x, c.y), points=3),
+    "eq5_d1_is_1": Law("eq. (5), d1 = 1", lambda c: fits.fit_restitution(c.x, c.y, d1_is_1=True), points=3),
+    "curvature": Law("curvature of e(v)", lambda c: fits.fit_curvature(c.x, c.y), points=8),
+    "eq4": Law("eq. (4) integrated", lambda c: fits.fit_tau0(c.x, c.y, c.young), 3, moduli=True, damped=True),
+}
+
+
+def analyse(base: Scene, axes: Sequence[str], rows: Sequence[Row]) -> list[Curve]:
+    """Curves and fits of the rows of points.csv; none where neither speed nor pressure is swept.
+
+    Args:
+        base: a scene of the sweep, for what is not swept.
+        axes: the swept keys.
+    """
+    names = {target_of(base, name): name for name in axes}
+    abscissa, seed = names.get(base.abscissa), names.get(("lattice", "seed"))
+    if abscissa is None:
+        return []
+    others = [name for name in axes if name not in (abscissa, seed)]
+    of_material = [name for name in others if target_of(base, name) in MATERIAL]
+    alike, curves = _grouped(rows, of_material), []
+    for values, members in _grouped(rows, others).items():
+        label = dict(zip(others, values, strict=True))
+        damped = bool(label.get(names.get(("material", "eta_star"), ""), base.material.eta_star))
+        material = alike[tuple(label[name] for name in of_material)]
+        if curve := _curve(label, members, material, abscissa, seed, base.results, damped):
+            curve.fits.update({name: LAWS[name].fit(curve) for name in base.laws if LAWS[name].applies(curve)})
+            curves.append(curve)
+    return curves
+
+
+def _grouped(rows: Sequence[Row], names: Sequence[str]) -> dict[tuple[Any, ...], list[Row]]:
+    """The rows by their values of `names`."""
+    groups: dict[tuple[Any, ...], list[Row]] = {}
+    for row in rows:
+        groups.setdefault(tuple(row[name] for name in names), []).append(row)
+    return groups
+
+
+def _moduli(rows: list[Row], seed: str | None) -> tuple[float, float]:
+    """E and nu, the mean over lattices, each once: they need not have the same number of rows."""
+    known = {row[seed] if seed else 0: (row["young"], row["poisson"]) for row in rows if row["status"] == "done"}
+    young, poisson = np.array(list(known.values()), float).mean(axis=0)  # None becomes NaN
+    return float(young), float(poisson)
+
+
+def _curve(
+    label: dict[str, Any],
+    rows: list[Row],
+    material: list[Row],
+    x: str,
+    seed: str | None,
+    results: Sequence[str],
+    damped: bool,
+) -> Curve | None:
+    """The curve of `rows`, which differ in `x` and `seed`; None where each lattice has a point that failed.
+
+    `material`: all rows whose lattices are of the same material.
+    """
+    done = {(row[seed] if seed else 0, row[x]): row for row in rows if row["status"] == "done"}
+    abscissae = sorted({row[x] for row in rows})
+    whole = [one for one in sorted({one for one, _ in done}) if all((one, at) in done for at in abscissae)]
+    if not whole:
+        return None
+    values = {name: np.array([[done[one, at][name] for at in abscissae] for one in whole], float) for name in results}
+    return Curve(label, np.array(abscissae, float), values, *_moduli(material, seed), damped)

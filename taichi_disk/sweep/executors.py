@@ -1,0 +1,173 @@
+"""Who computes the points of a sweep: this process, a pool of processes, or any `concurrent.futures.Executor`."""
+
+from __future__ import annotations
+
+import multiprocessing
+import os
+import pickle
+import signal
+import threading
+from collections.abc import Callable, Generator, Iterator
+from concurrent.futures import BrokenExecutor, Executor, ProcessPoolExecutor, as_completed
+from contextlib import contextmanager, suppress
+from multiprocessing.connection import Connection
+
+from taichi_disk import runtime
+from taichi_disk.errors import InputError, SimulationError, TaichiDiskError
+from taichi_disk.scenes import Scene
+from taichi_disk.signals import heard
+from taichi_disk.sweep.work import PointResult, compute_points, compute_task, lattice_key, relevant_versions
+
+Scenes = dict[str, Scene]  # by key
+Results = Generator[tuple[str, PointResult], None, None]
+Say = Callable[[str], None]
+
+SCENES_PER_TASK = 6  # figure 3: 96 tasks of a quarter of a second; to set up a lattice takes a tenth
+LARGE = 2000  # points, from which a scene takes a task of its own
+CONNECT = 10.0  # seconds within which a scheduler has to answer
+DEATHS = 3  # of worker processes, after which it is not by chance
+
+
+def ordered(scenes: Scenes) -> Scenes:
+    """Lattice by lattice, and within a lattice in the order of the keys, which is any: a part is like the whole."""
+    lattices: dict[object, list[str]] = {}
+    for key, scene in scenes.items():
+        lattices.setdefault(lattice_key(scene), []).append(key)
+    return {key: scenes[key] for keys in lattices.values() for key in sorted(keys)}
+
+
+def share_of(part: str, scenes: Scenes) -> Scenes:
+    """The share `part`, written K/N, of `ordered` scenes: neighbours, so that it sets up few lattices."""
+    k, _, n = part.partition("/")
+    if not (k.isdecimal() and n.isdecimal() and 1 <= int(k) <= int(n) <= 1_000_000):
+        raise InputError(f"--part: must be K/N with 1 <= K <= N, for example 3/16, not {part}")
+    first, last = ((len(scenes) * edge) // int(n) for edge in (int(k) - 1, int(k)))
+    return dict(list(scenes.items())[first:last])
+
+
+def tasks_of(scenes: Scenes) -> list[list[str]]:
+    """The keys of `ordered` scenes, in tasks of one lattice each."""
+    tasks: list[list[str]] = []
+    last: object = None
+    for key, scene in scenes.items():
+        lattice = lattice_key(scene)
+        if lattice != last or len(tasks[-1]) == SCENES_PER_TASK or scene.lattice.points > LARGE:
+            tasks.append([])
+        tasks[-1].append(key)
+        last = lattice
+    return tasks
+
+
+def computed(
+    scenes: Scenes, estimate: bool, jobs: int | None, executor: Executor | None, scheduler: str | None, say: Say
+) -> Results:
+    """The results of `ordered` scenes as they come, from whoever was asked for.
+
+    Raises InputError where no scheduler answers or workers have other versions, SimulationError when workers fail.
+    """
+    if not scenes:
+        return
+    jobs = jobs or len(os.sched_getaffinity(0))
+    if scheduler is not None:
+        with _dask(scheduler, say) as cluster:
+            yield from _by(cluster, scenes, estimate)
+    elif executor is not None:
+        yield from _by(executor, scenes, estimate)
+    elif jobs > 1 and len(tasks_of(scenes)) > 1:
+        yield from _in_pool(jobs, scenes, estimate, say)
+    else:
+        runtime.start()
+        yield from zip(scenes, compute_points(scenes.values(), estimate), strict=True)
+
+
+def _by(executor: Executor, scenes: Scenes, estimate: bool) -> Results:
+    """By an executor, task by task."""
+    futures = {}
+    try:
+        with _interrupts_blocked():  # a pool starts its processes now
+            for keys in tasks_of(scenes):
+                packed = pickle.dumps([scenes[key] for key in keys])
+                futures[executor.submit(compute_task, relevant_versions(), packed, estimate)] = keys
+        for future in as_completed(futures):
+            yield from zip(futures[future], future.result(), strict=True)
+    except TaichiDiskError:
+        raise
+    except Exception as error:
+        died = isinstance(error, BrokenExecutor)
+        what = "one died: out of memory? Take fewer --jobs" if died else f"{type(error).__name__}: {error}"
+        raise SimulationError(f"the workers failed ({what}); what was done is kept: start the sweep again") from error
+    finally:
+        for future in futures:
+            future.cancel()
+
+
+def _in_pool(jobs: int, scenes: Scenes, estimate: bool, say: Say) -> Results:
+    """By `jobs` processes of this machine; where one dies, what is missing is computed by others."""
+    missing, deaths = dict(scenes), 0
+    while missing:
+        try:
+            with _pool(min(jobs, len(tasks_of(missing)))) as pool:
+                for key, result in _by(pool, missing, estimate):
+                    yield key, result
+                    del missing[key]
+        except SimulationError as error:
+            deaths += 1
+            if not isinstance(error.__cause__, BrokenExecutor) or deaths == DEATHS:
+                raise
+            say("a worker process died (out of memory?); its scenes are computed again")
+
+
+@contextmanager
+def _pool(jobs: int) -> Iterator[Executor]:
+    """Processes that end with this one, and at once when the block is left by an error."""
+    context = multiprocessing.get_context("spawn")  # a forked Taichi hangs
+    until, alive = context.Pipe(duplex=False)
+    pool = ProcessPoolExecutor(jobs, context, _begin_worker, (until,))
+    try:
+        yield pool
+    except BaseException:
+        heard()
+        alive.close()
+        raise
+    finally:
+        pool.shutdown(cancel_futures=True)
+        alive.close()
+        until.close()
+
+
+@contextmanager
+def _interrupts_blocked() -> Iterator[None]:
+    """Processes that are started within never hear Ctrl-C, which is their parent's to handle."""
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
+def _begin_worker(until: Connection) -> None:
+    """End when the other end of `until` closes: processes of `concurrent.futures` outlive a parent that is killed."""
+
+    def watch() -> None:
+        with suppress(EOFError, OSError):
+            until.recv()
+        os._exit(1)
+
+    threading.Thread(target=watch, daemon=True).start()
+
+
+@contextmanager
+def _dask(address: str, say: Say) -> Iterator[Executor]:
+    """The workers of the Dask scheduler at `address`. Raises InputError where there is none."""
+    try:
+        from distributed import Client
+    except ImportError:
+        raise InputError("--scheduler needs the package distributed: pip install 'taichi-disk[cluster]'") from None
+    try:
+        client = Client(address, timeout=CONNECT, set_as_default=False)
+    except (OSError, ValueError, RuntimeError) as error:
+        raise InputError(f"no Dask scheduler answers at {address} ({error})") from None
+    with client:
+        workers = len(client.scheduler_info()["workers"])
+        say(f"{workers} Dask workers" if workers else f"{address} has no workers yet: waiting for them")
+        yield client.get_executor()

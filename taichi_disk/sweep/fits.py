@@ -1,0 +1,172 @@
+"""Fits of the paper's laws to many lattices at once, with intervals from resampling the lattices.
+
+Lattices scatter much more than one of them errs, and one lattice's values at two speeds or pressures are not
+independent. So whole lattices are drawn, with replacement (bootstrap; Efron 1979), never single points.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+from numpy.polynomial.chebyshev import chebfit, chebval
+
+from taichi_disk.lattice import Array
+from taichi_disk.sweep import theory
+
+Model = Callable[[Array], Array]  # parameters (k, p) to predictions (k, points), k data sets at a time
+RESAMPLES = 1000
+LEVEL = 0.95
+LARGEST_TAU0 = 2.0  # [R/c]
+
+
+@dataclass(frozen=True)
+class Fit:
+    """Least-squares parameters by name, their confidence intervals, and what the fit leaves.
+
+    `intervals` are (low, high) at the level 0.95, over lattices; empty where there is one lattice only.
+    `residuals` (points,): the lattices' mean minus the fit, at each speed or pressure.
+    """
+
+    values: dict[str, float]
+    intervals: dict[str, tuple[float, float]]
+    residuals: Array
+
+    @property
+    def rms(self) -> float:
+        return float(np.sqrt(np.mean(self.residuals**2)))
+
+
+def fit_b(pressure: Array, xi: Array, young: float, poisson: float) -> Fit:
+    """b of eq. (2), from xi (lattices, pressures) [R] and the material's E and nu; relative squares.
+
+    `values` also has b_min, b_median and b_max of the lattices one by one: a single lattice is one such draw.
+    """
+
+    def solve(weights: Array) -> Array:
+        data = weights @ xi
+
+        def relative(b: Array) -> Array:
+            return theory.paper_compression(pressure, young, poisson, np.maximum(b, 1e-6)) / data
+
+        return np.maximum(least_squares(relative, np.ones_like(data), np.ones((len(data), 1))), 0.0)
+
+    best, intervals = _over_lattices(("b",), solve, len(xi))
+    each = solve(np.eye(len(xi)))[:, 0]
+    left = xi.mean(0) - theory.paper_compression(pressure, young, poisson, best["b"])
+    extremes = {"b_min": float(each.min()), "b_median": float(np.median(each)), "b_max": float(each.max())}
+    return Fit(best | extremes, intervals, left)
+
+
+def fit_restitution(velocity: Array, e: Array, d1_is_1: bool = False) -> Fit:
+    """d1 and d2 of eq. (5), from e (lattices, velocities); with c = 1 in its logarithm, as on the paper's axis."""
+    s = 1.0 / np.sqrt(np.log(4.0 / velocity))
+
+    def solve(weights: Array) -> Array:
+        data = weights @ e
+        # Eq. (5) is linear in e^2 = A - B s, which gives the start; the squares are those of e itself.
+        if d1_is_1:
+            start = ((1.0 - data**2) @ s / (s @ s))[:, None]
+            d2 = least_squares(lambda p: np.sqrt(np.maximum(1.0 - p * s, 0.0)), data, start)
+            return np.concatenate([np.ones_like(d2), d2], axis=1)
+        slope, level = np.polyfit(s, (data**2).T, 1)
+        start = np.stack([level, -slope], axis=1)
+        A, B = least_squares(lambda p: np.sqrt(np.maximum(p[:, :1] - p[:, 1:] * s, 0.0)), data, start).T
+        return np.stack([np.sqrt(np.where(A > 0.0, A, np.nan)), B / A], axis=1)
+
+    best, intervals = _over_lattices(("d1", "d2"), solve, len(e))
+    if d1_is_1:
+        intervals.pop("d1", None)
+    return Fit(best, intervals, e.mean(0) - theory.paper_restitution(velocity, best["d1"], best["d2"]))
+
+
+def fit_tau0(velocity: Array, e: Array, e_star: float) -> Fit:
+    """tau0 [R/c] of eq. (4), integrated, from e (lattices, velocities) with e_star [M c^2/R^2] given."""
+    predict = quasistatic_curves(tuple(velocity.tolist()), e_star)
+    grid = np.geomspace(1e-3, LARGEST_TAU0, 48)
+
+    def solve(weights: Array) -> Array:
+        data = weights @ e
+        squares = ((predict(grid)[None] - data[:, None]) ** 2).sum(2)
+        return least_squares(lambda tau: predict(tau[:, 0]), data, grid[np.argmin(squares, axis=1)][:, None])
+
+    best, intervals = _over_lattices(("tau0",), solve, len(e))
+    return Fit(best, intervals, e.mean(0) - predict(np.array([best["tau0"]]))[0])
+
+
+@lru_cache(maxsize=4)  # the curves of a figure share it
+def quasistatic_curves(velocity: tuple[float, ...], e_star: float) -> Model:
+    """e of eq. (4) at each velocity [c] as a function of tau0 (k,) up to LARGEST_TAU0: (k, velocities).
+
+    A polynomial in ln(1 + 5 tau0) through 11 Chebyshev points, good to 5e-7: one serves every fit and resample.
+    """
+    top, at = np.log1p(5.0 * LARGEST_TAU0), -np.cos(np.linspace(0.0, np.pi, 11))
+    table = [
+        [theory.quasistatic_impact(v, tau0, e_star, rtol=1e-7).restitution for v in velocity]
+        for tau0 in np.expm1(0.5 * top * (1.0 + at)) / 5.0
+    ]
+    series = chebfit(at, np.array(table), 10)
+    return lambda tau0: chebval(2.0 * np.log1p(5.0 * np.clip(tau0, 0.0, LARGEST_TAU0)) / top - 1.0, series).T
+
+
+def fit_curvature(x: Array, y: Array) -> Fit:
+    """Second derivatives of the parabolas through the lower and the upper half of y (lattices, points) over x.
+
+    Negative is concave, the paper's "convex upwards". `residuals` are those of the two parabolas.
+    """
+    halves = slice(0, len(x) // 2), slice(len(x) // 2, None)
+    powers = [np.vander(x[half] / x.max(), 3) for half in halves]
+    inverse = [np.linalg.pinv(one) for one in powers]
+
+    def solve(weights: Array) -> Array:
+        leading = [(weights @ y[:, half]) @ one[0] for half, one in zip(halves, inverse, strict=True)]
+        return np.stack(leading, axis=1) * 2.0 / x.max() ** 2
+
+    best, intervals = _over_lattices(("slow_half", "fast_half"), solve, len(y))
+    means = [y.mean(0)[half] for half in halves]
+    left = [mean - p @ (one @ mean) for mean, p, one in zip(means, powers, inverse, strict=True)]
+    return Fit(best, intervals, np.concatenate(left))
+
+
+def least_squares(model: Model, data: Array, start: Array) -> Array:
+    """Parameters (k, p) that fit `data` (k, points): Levenberg-Marquardt on all k data sets side by side."""
+    x, damping = np.array(start, float), np.full(len(start), 1e-6)
+    left = data - model(x)
+    cost, unit = (left**2).sum(1), np.eye(x.shape[1])
+    for _ in range(60):
+        steps = 1e-6 * np.maximum(np.abs(x), 1e-3)
+        columns = [
+            (model(x + steps * one) - model(x - steps * one)) / (2.0 * steps[:, j, None]) for j, one in enumerate(unit)
+        ]
+        slope = np.stack(columns, axis=2)
+        normal = slope.transpose(0, 2, 1) @ slope
+        diagonal = np.einsum("kii->ki", normal) + 1e-300
+        normal += damping[:, None, None] * unit * diagonal[:, :, None]
+        move = np.linalg.solve(normal, (left[:, None] @ slope)[:, 0, :, None])[:, :, 0]
+        trial = data - model(x + move)
+        trial_cost = (trial**2).sum(1)
+        better, settled = trial_cost < cost, np.abs(trial_cost - cost) <= 1e-12 * cost
+        x[better] += move[better]
+        left[better], cost[better] = trial[better], trial_cost[better]
+        damping = np.where(better, 0.1 * damping, 10.0 * damping).clip(1e-12, 1e12)
+        if (settled | (np.abs(move) <= 1e-9 * np.maximum(np.abs(x), 1e-3)).all(axis=1)).all():
+            break
+    return x
+
+
+def _over_lattices(
+    names: tuple[str, ...], solve: Callable[[Array], Array], lattices: int
+) -> tuple[dict[str, float], dict[str, tuple[float, float]]]:
+    """Parameters for the mean over all lattices, and their intervals; always the same resamples.
+
+    `solve` takes weights (k, lattices) that form k means, and returns parameters (k, names).
+    """
+    best = solve(np.full((1, lattices), 1.0 / lattices))[0]
+    values = {name: float(best[j]) for j, name in enumerate(names)}
+    if lattices < 2:
+        return values, {}
+    drawn = np.random.default_rng(0).multinomial(lattices, np.full(lattices, 1.0 / lattices), RESAMPLES)
+    edges = np.nanquantile(solve(drawn / lattices), [0.5 - LEVEL / 2, 0.5 + LEVEL / 2], axis=0)
+    return values, {name: (float(edges[0, j]), float(edges[1, j])) for j, name in enumerate(names)}

@@ -1,0 +1,213 @@
+"""Computing a sweep: what is missing is computed, what is there is kept, then table, fits and figure."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Callable, Iterator
+from concurrent.futures import Executor
+from contextlib import closing, suppress
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from time import perf_counter
+from typing import Any
+
+from taichi_disk import __version__
+from taichi_disk.config.sweep_axes import Sweep, value_of
+from taichi_disk.errors import InputError
+from taichi_disk.output.files import prepare_output, reason, versions, write_csv, write_summary, write_text
+from taichi_disk.output.run_folder import look
+from taichi_disk.progress import Progress, duration
+from taichi_disk.scenes import Scene
+from taichi_disk.sweep import executors
+from taichi_disk.sweep.work import PointResult, content_of
+
+FILES = ("scene.yaml", "points.csv", "summary.json", "figure.png", "figure.svg", "figure.pdf")
+MEASURED = ("young", "poisson", "error_estimate", "energy_imbalance", "residual", "steps", "dt", "integrator")
+
+Row = dict[str, Any]
+Say = Callable[[str], None]
+
+
+@dataclass(frozen=True)
+class SweepResult:
+    """A finished sweep, or a finished part of one.
+
+    Attributes:
+        rows: what points.csv holds: axes, results, how they were computed, status, key.
+        summary: what summary.json holds; of a part, the counts alone.
+        out: the folder.
+    """
+
+    rows: list[Row]
+    summary: dict[str, Any]
+    out: Path
+
+    @property
+    def failed(self) -> list[Row]:
+        """The rows without a result; each has a `reason`."""
+        return [row for row in self.rows if row["status"] != "done"]
+
+
+def run_sweep(
+    sweep: Sweep,
+    out: Path | str,
+    *,
+    jobs: int | None = None,
+    executor: Executor | None = None,
+    scheduler: str | None = None,
+    part: str | None = None,
+    estimate: bool = False,
+    progress: Progress | None = None,
+    say: Say = lambda text: None,
+) -> SweepResult:
+    """Compute the points of `sweep` that `out` lacks, and write points.csv, summary.json and the figure.
+
+    May be killed at any time and started again. Results do not depend on who computes them: each row is what `run`
+    gives for points/KEY.yaml. With several processes, a script needs `if __name__ == "__main__":`.
+
+    Args:
+        sweep: as `load_sweep` gives it.
+        out: the folder.
+        jobs: processes, by default one per core; 1 computes in this process.
+        executor: instead, any `concurrent.futures.Executor`, whose workers have the same packages installed.
+        scheduler: instead, the address of a Dask scheduler, tcp://HOST:8786.
+        part: "K/N": compute the K-th of N shares only, and write no table. Parts may run at the same time, in one
+            folder or in several whose `points` are then copied together.
+        estimate: whether to estimate each result's error due to the time step, which doubles the work.
+        progress: told how far it has come.
+        say: told, once each, what a person should know: how many scenes, about how long.
+
+    Raises:
+        InputError: more than one of `jobs`, `executor` and `scheduler` is given; `out` cannot be written or holds
+            something else; a point's file was changed; no scheduler answers, or its workers have other versions.
+        SimulationError: Workers die again and again. What was done is kept.
+    """
+    if sum(one is not None for one in (jobs, executor, scheduler)) > 1:
+        raise InputError("jobs, executor and scheduler: give one of them, not several")
+    out, progress, began = Path(out), progress or Progress(), perf_counter()
+    keys = [point_key(scene) for scene in sweep.scenes]
+    scenes = executors.ordered(dict(zip(keys, sweep.scenes, strict=True)))
+    scenes = scenes if part is None else executors.share_of(part, scenes)
+    _claim(sweep, out, part is not None, say)
+    found = {key: kept for key in scenes if (kept := _kept(out, key)) and (kept.estimated or not estimate)}
+    missing, before = {key: scene for key, scene in scenes.items() if key not in found}, len(found)
+    share = f" (part {part} of {len(keys)})" if part else ""
+    say(f"{len(scenes)} scenes{share}, {before} of them computed before")
+    progress.start("sweep", len(scenes))
+    with closing(executors.computed(missing, estimate, jobs, executor, scheduler, say)) as results:
+        for key, result in forecast(results, len(missing), say):
+            _keep(out, key, missing[key], result)
+            found[key] = result
+            progress.update(len(found))
+    progress.stop()
+    rows = [_row(sweep, scenes[key], key, found[key]) for key in keys if key in scenes]
+    summary = {
+        "scene": sweep.scenes[0].scene,
+        "axes": sweep.axes,
+        "points": len(rows),
+        "computed_now": len(found) - before,
+        "failed": [{name: row[name] for name in [*sweep.axes, "reason"]} for row in rows if row["status"] != "done"],
+    }
+    if part:
+        return SweepResult(rows, summary | {"part": part, "wall_clock": perf_counter() - began}, out)
+    return _finish(sweep, rows, summary, out, began)
+
+
+def _claim(sweep: Sweep, out: Path, part: bool, say: Say) -> None:
+    """Make the folder. Raises InputError where something else would be overwritten."""
+    with suppress(OSError, ValueError):
+        if look(out).status:
+            raise InputError(f"{out} holds a run; choose another folder with --out")
+        if not (out / "points").is_dir() and (taken := [name for name in FILES if (out / name).exists()]):
+            raise InputError(f"{out} holds {taken[0]}, which no sweep wrote; choose another folder with --out")
+        (out / "points").mkdir(parents=True, exist_ok=True)  # parts may begin at the same time
+    prepare_output(out / "points")
+    if part:
+        return
+    scene, text = out / "scene.yaml", sweep.to_yaml()
+    with suppress(OSError, ValueError):
+        if (out / "points.csv").exists() and scene.read_text(encoding="utf-8") != text:
+            say(f"{out} holds another sweep: its points stay, its table, fits and figure are replaced")
+    write_text(scene, text)
+
+
+def forecast(results: executors.Results, total: int, say: Say) -> Iterator[tuple[str, PointResult]]:
+    """`results` as they come; once enough have come to tell, says how long the others will take."""
+    began, told, first = perf_counter(), False, 0.0
+    for done, result in enumerate(results, start=1):
+        yield result
+        first = first or perf_counter()
+        seconds = perf_counter() - first
+        # Several workers send their first results together, and their next ones a while later; kernels are compiled
+        # during the first scenes.
+        if not told and done < total and seconds >= max(3.0, first - began) and (done > 20 or seconds > 30.0):
+            say(f"about {duration((total - done) * seconds / (done - 1))} to go")
+            told = True
+
+
+def _row(sweep: Sweep, scene: Scene, key: str, result: PointResult) -> Row:
+    row: Row = {name: value_of(scene, name) for name in sweep.axes}
+    row |= {name: result.numbers.get(name) for name in (*scene.results, *MEASURED)}
+    return row | {"status": result.status, "reason": result.reason, "warnings": "; ".join(result.warnings), "key": key}
+
+
+def _finish(sweep: Sweep, rows: list[Row], summary: dict[str, Any], out: Path, began: float) -> SweepResult:
+    """Table, fits and figure of all points."""
+    yaml = {True: "true", False: "false"}
+    write_csv(out / "points.csv", [{k: yaml[v] if isinstance(v, bool) else v for k, v in row.items()} for row in rows])
+
+    from taichi_disk.sweep.analysis import analyse
+    from taichi_disk.sweep.figures import draw
+
+    curves = analyse(sweep.scenes[0], sweep.axes, rows)
+    draw(sweep.scenes[0], curves, out)
+    told = {"curves": [curve.summary() for curve in curves], "wall_clock": perf_counter() - began}
+    summary |= told | {"versions": versions()}
+    write_summary(out / "summary.json", summary)
+    return SweepResult(rows, summary, out)
+
+
+# ---- the folder `points`: KEY.yaml, a point's resolved scene, and KEY.json, its result
+
+
+def point_key(scene: Scene) -> str:
+    """Name of a point: a hash of the version and of its resolved scene, the film's settings apart.
+
+    The points of a lattice of one's own are part of it. Raises InputError if their file cannot be read.
+    """
+    sections = asdict(scene)
+    del sections["video"]
+    return _digest([__version__, sections, content_of(scene.lattice.file)])
+
+
+def _kept(out: Path, key: str) -> PointResult | None:
+    """The result of a point, if it is there. Raises InputError for a file that is not as it was written."""
+    path = out / "points" / f"{key}.json"
+    try:
+        record = json.loads(path.read_bytes())
+        if not isinstance(record, dict) or record.pop("digest", None) != _digest(record):
+            raise ValueError("cut short, or changed since it was written")
+        del record["version"]
+        return PointResult(**record)
+    except FileNotFoundError:
+        return None
+    except (ValueError, TypeError, RecursionError, OSError) as error:
+        text = f"{path}: not the result of a point ({reason(error)}); delete the file to compute it anew"
+        raise InputError(text) from None
+
+
+def _keep(out: Path, key: str, scene: Scene, result: PointResult) -> None:
+    """Write a result, if it lasts. Raises SimulationError if it cannot be written."""
+    if not result.lasting:
+        return
+    # The result last: where it is, the point is done.
+    write_text(out / "points" / f"{key}.yaml", scene.to_yaml())
+    record = asdict(result) | {"version": __version__}
+    text = json.dumps(record | {"digest": _digest(record)}, indent=1, allow_nan=False)
+    write_text(out / "points" / f"{key}.json", text + "\n")
+
+
+def _digest(record: Any) -> str:
+    """Of everything that a file holds: tells a file that was cut short, or changed by hand."""
+    return hashlib.sha256(json.dumps(record, sort_keys=True).encode()).hexdigest()[:20]

@@ -1,0 +1,176 @@
+"""What a worker does: compute a few scenes of one lattice. This module is what other processes import."""
+
+from __future__ import annotations
+
+import atexit
+import hashlib
+import pickle
+import socket
+import sys
+import threading
+from collections.abc import Hashable, Iterable, Iterator
+from dataclasses import dataclass, field
+from functools import lru_cache
+from math import isfinite
+from operator import attrgetter
+from pathlib import Path
+from typing import Any
+
+from taichi_disk import runtime
+from taichi_disk.errors import InputError, TaichiDiskError
+from taichi_disk.lattice.moduli import bulk_moduli
+from taichi_disk.output.files import reason, versions
+from taichi_disk.scenes import Scene
+from taichi_disk.scenes.feasible import check_memory
+
+ONE_AT_A_TIME = threading.Lock()  # an executor's worker may have several threads; Taichi works in one
+KEPT = 4  # lattices that a worker remembers, with what is dear to find of them
+
+
+@dataclass(frozen=True)
+class PointResult:
+    """What became of one scene of a sweep.
+
+    Attributes:
+        status: "done" or "failed".
+        reason: why it failed.
+        numbers: results, moduli, error estimate, energy imbalance, steps, dt, integrator; empty if it failed.
+        warnings: what a person should know of the run.
+        estimated: whether an error estimate was asked for.
+        lasting: whether it would come out the same again: not if a file or memory was missing.
+    """
+
+    status: str
+    reason: str | None = None
+    numbers: dict[str, Any] = field(default_factory=dict)
+    warnings: list[str] = field(default_factory=list)
+    estimated: bool = False
+    lasting: bool = True
+
+
+@lru_cache(maxsize=1)  # to look them up takes some milliseconds
+def relevant_versions() -> dict[str, str]:
+    """The packages that numbers follow from."""
+    return {name: version for name, version in versions().items() if name != "python"}
+
+
+def compute_task(expected: dict[str, str], scenes: bytes, estimate: bool) -> list[PointResult]:
+    """The task that an executor is given: the results of some scenes, in their order.
+
+    Args:
+        expected: the versions that are installed where the sweep was started.
+        scenes: pickled; they are looked at once the versions are known to agree.
+
+    Raises:
+        InputError: other versions are installed here.
+    """
+    here = relevant_versions()
+    other = [f"{name} {here.get(name)} instead of {one}" for name, one in expected.items() if here.get(name) != one]
+    if other:
+        where = f"a worker on {socket.gethostname()}"
+        raise InputError(f"{where} has {', '.join(other)}: install the same versions everywhere")
+    with ONE_AT_A_TIME:
+        _start_worker()
+        return list(compute_points(pickle.loads(scenes), estimate))
+
+
+@lru_cache(maxsize=1)
+def _start_worker() -> None:
+    """Start Taichi, on one core unless this process uses it already.
+
+    It is ended before the process: only then it keeps what it compiled for the next one.
+    """
+    runtime.start(None if "taichi" in sys.modules else 1)
+    import taichi as ti
+
+    atexit.register(ti.reset)
+
+
+def compute_points(scenes: Iterable[Scene], estimate: bool) -> Iterator[PointResult]:
+    """The results of `scenes`, one by one; Taichi runs."""
+    for scene in scenes:
+        try:
+            yield _computed(scene, estimate)
+        except (InputError, MemoryError) as error:
+            # What was asked for cannot be had here: a file or memory may be there another time.
+            yield PointResult("failed", str(error) or "not enough memory", lasting=False)
+        except TaichiDiskError as error:
+            yield PointResult("failed", str(error))
+
+
+def _computed(scene: Scene, estimate: bool) -> PointResult:
+    from taichi_disk.api import shared_kernels
+    from taichi_disk.simulation.outcome import compute
+
+    check_memory(scene)
+    setup = _setup_of(scene)
+    scenario = scene.scenario(setup.body)
+    modes = None if scenario.static else setup.modes(scenario.model)
+    outcome = compute(scenario, scene.time, kernels=shared_kernels(), modes=modes, estimate=estimate)
+    facts = outcome.facts
+    numbers: dict[str, Any] = scenario.result(outcome.columns) | setup.moduli
+    if not all(map(isfinite, numbers.values())):
+        return PointResult("failed", "a result is not a finite number")
+    numbers["error_estimate"] = next(iter(facts["error_estimate"].values()), None)
+    load = scenario.model.load
+    if scenario.static and load:  # the largest force left on a point, over the load on a point
+        numbers["residual"] = facts["residual"] * scenario.lattice.disk_points / load.force
+    else:
+        numbers |= {"energy_imbalance": facts["energy"]["closing_imbalance"], "dt": facts["dt"]}
+    numbers |= {"steps": facts["steps"], "integrator": facts["integrator"]}
+    return PointResult("done", None, numbers, facts["warnings"], estimate)
+
+
+# ---- what scenes share
+
+
+def content_of(file: str) -> str:
+    """A hash of the file that a scene takes its lattice from. Raises InputError if it cannot be read."""
+    try:
+        return "" if file == "none" else hashlib.sha256(Path(file).read_bytes()).hexdigest()
+    except OSError as error:
+        raise InputError(f"lattice.file: {file}: {reason(error)}") from None
+
+
+def lattice_key(scene: Scene) -> Hashable:
+    """Equal for scenes that share their lattice and the stiffness of its springs."""
+    of_lattice = (attrgetter(name)(scene) for name in scene.lattice_keys)
+    return (type(scene), scene.material.k_a, content_of(scene.lattice.file), *of_lattice)
+
+
+class LatticeSetup:
+    """What the scenes of one lattice share, which takes longer to find than a run on it.
+
+    Attributes:
+        body: the unloaded lattice.
+        moduli: E [M c^2/R^2] and nu of its material, under the names of the table; empty for a lattice from a file.
+    """
+
+    def __init__(self, scene: Scene) -> None:
+        self.body, self.moduli = scene.body(), {}
+        self._modes: dict[bool, Any] = {}
+        spec = scene.lattice
+        if spec.file == "none":
+            found = bulk_moduli(spec.points, spec.seed, scene.material.k_a, spec.min_spacing)
+            self.moduli = {"young": found.young, "poisson": found.poisson}
+
+    def modes(self, model: Any) -> Any:
+        """Its spectrum, with the dashpots of `model` if there are any."""
+        from taichi_disk.simulation.stability import spectrum
+
+        damped = model.springs.damped
+        if damped not in self._modes:
+            self._modes[damped] = spectrum(self.body, model)
+        return self._modes[damped]
+
+
+_SETUPS: dict[Hashable, LatticeSetup] = {}  # of this process: nothing else outlives a task
+
+
+def _setup_of(scene: Scene) -> LatticeSetup:
+    """Raises TaichiDiskError where there is no such lattice."""
+    key = lattice_key(scene)
+    _SETUPS[key] = _SETUPS.pop(key) if key in _SETUPS else LatticeSetup(scene)
+    if len(_SETUPS) > KEPT:
+        del _SETUPS[next(iter(_SETUPS))]
+    return _SETUPS[key]

@@ -1,1 +1,0 @@
-"""The sandbox: the disk lives in a window, and the hand changes it while it moves."""

@@ -1,0 +1,221 @@
+"""What is drawn beside the panel: the disk through a camera, the scales, the graphs, at any size of the window."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from textwrap import wrap
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from taichi_disk.render import scales, text
+from taichi_disk.render.camera import Camera, View
+from taichi_disk.render.legend import Legend, ink
+from taichi_disk.render.painter import Painter, draw_triangles
+from taichi_disk.render.palette import THEMES, Theme
+from taichi_disk.render.shapes import edge_height
+from taichi_disk.scenes.impact import ImpactScenario
+from taichi_disk.window.graph import Graphs
+from taichi_disk.window.history import Stretch
+from taichi_disk.window.sandbox import Sandbox
+from taichi_disk.window.sheet import Sheet
+
+SIZE = (1280, 860)  # of the window at first [px]
+PANEL = 292  # width of the controls [px]
+SMALLEST = 40  # pixels that are left for the disk in a window however small
+_GRAPHS = 176  # height of the graphs [px]
+_LEAST_HEIGHT, _LEAST_WIDTH = 520, 800  # of a window with graphs; of a stage with two of them [px]
+_LOOK = 5  # pictures between two looks at whether the scales still hold what they show
+_BELOW = 0.14  # what is seen of the rigid wall [R]
+_CONTACT = 0.55  # width of what is seen of a contact [R]
+# Where the scales of colours begin, in v/c or P R/(M c^2); of kinetic energies, in v^2/N.
+_START = {"strain": 0.2, "force": 0.05, "pressure": 0.3, "shear": 0.2, "fringes": 0.05, "rate": 0.5, "speed": 0.5}
+
+
+class Stage:
+    """Draws `sandbox` on a `ti.ui.Canvas`.
+
+    Attributes:
+        painter: of the disk that is seen.
+        camera: through which it is seen.
+        graphs: below it.
+        follows: whether the camera stays with the disk's centre of mass.
+        hint: what is written below the title, if anything.
+    """
+
+    painter: Painter
+    camera: Camera
+
+    def __init__(self, canvas: Any, sandbox: Sandbox) -> None:
+        self._canvas, self.sandbox, self.graphs = canvas, sandbox, Graphs(sandbox)
+        self.follows, self.hint = False, ""
+        self._shown: Stretch | None = None
+        self._hit = (0, 0)  # number of the start, and of the hit since then
+        self._look: tuple[tuple[int, int], str, tuple[str, ...]] = ((0, 0), "", ())  # size, theme, title
+        self._kept: dict[str, tuple[Any, NDArray[np.float32]]] = {}
+        self._count, self._at_home = 0, True
+
+    # ---- the camera
+
+    def home(self) -> None:
+        """See the whole scene."""
+        left, right, low, high = self.sandbox.moment.stretch.scenario.view
+        if not len(self.painter.lattice.wall_surface):
+            low = self.painter.edge - _BELOW
+        self._see((left, right, low, max(high, float(self.sandbox.moment.x[:, 1].max()) + 0.02)), 6.0)
+        self._at_home = True
+
+    def contact(self) -> None:
+        """See where the disk meets the wall."""
+        x, low = self.centre[0], self.painter.edge
+        self._see((x - 0.5 * _CONTACT, x + 0.5 * _CONTACT, low - 0.12, low + 0.3), 0.0)
+
+    def _see(self, view: View, margin: float) -> None:
+        left, top, right, bottom = self._stage
+        self.camera = Camera.fit(view, *self._size, margin, (left, right, top, bottom))
+        self.follows = self._at_home = False
+
+    def zoom(self, factor: float, at: tuple[float, float]) -> None:
+        """`factor` times as large, with what is at the pixel `at` staying there."""
+        self.camera, self._at_home = self.camera.zoomed(factor, at), False
+
+    def pan(self, columns: float, rows: float) -> None:
+        """Move everything by so many pixels."""
+        self.camera, self._at_home = self.camera.panned(columns, rows), False
+
+    def follow(self) -> None:
+        """Stay with the disk's centre of mass from now on, or no longer."""
+        column, row = self.camera.to_pixels(self.centre)
+        self.camera = replace(self.camera, look_at=self.centre, middle=(float(column), float(row)))
+        self.follows, self._at_home = not self.follows, False
+
+    @property
+    def centre(self) -> tuple[float, float]:
+        """The centre of mass of the disk that is seen [R]."""
+        x, y = self.sandbox.moment.x[: self.painter.lattice.disk_points].mean(axis=0)
+        return float(x), float(y)
+
+    def place(self, column: float, row: float) -> tuple[float, float] | None:
+        """What lies at a pixel [R]; None beside the disk's part of the window."""
+        left, top, right, bottom = self._stage
+        x, y = self.camera.to_scene((column, row))
+        return (float(x), float(y)) if left <= column < right and top <= row < bottom else None
+
+    # ---- drawing
+
+    def draw(self, size: tuple[int, int]) -> None:
+        """The moment that is seen, in a window of `size` (width, height) [px]."""
+        moment = self.sandbox.moment
+        self._adopt(moment.stretch, size)
+        painter = self.painter
+        if self.follows:
+            self.camera = self.camera.following(self.centre)
+        painter.paint(self._canvas, self.camera, moment.x, moment.v, max(self._legend.unit, 0.6))
+        if self._count % _LOOK == 0:
+            self._grow()
+        self._count += 1
+        look = self._look, self._hit, tuple(self.graphs.full.values())
+        scale = painter.colour, painter.limit, painter.full_force, self.camera.scale
+        self._draw_kept("still", (look, scale), self._fill_still)
+        last = self.sandbox.stretch
+        rows = last.began, last.attempt, last.count
+        self._draw_kept("curves", (look, rows), lambda sheet: self.graphs.draw_curves(sheet, self._theme))
+        self._draw_kept("moving", None, self._fill_moving)
+
+    def _adopt(self, stretch: Stretch, size: tuple[int, int]) -> None:
+        """See to it that painter, scales and camera suit what is shown."""
+        video, scenario = self.sandbox.scene.video, stretch.scenario
+        fresh = self._shown is None or self._shown.scenario.lattice.bonds is not scenario.lattice.bonds
+        if fresh:
+            self.painter = Painter(scenario.lattice, scenario.model.springs, scenario.model.wall)
+        painter, self._shown = self.painter, stretch
+        painter.springs, painter.wall = scenario.model.springs, scenario.model.wall
+        painter.edge = edge_height(scenario.model.wall, scenario.point_force)
+        painter.draw, painter.theme = video.draw, video.theme
+        hit, look = (self.sandbox.starts, stretch.hit), (size, video.theme, scenario.title())
+        if hit != self._hit:
+            self.graphs.begin()
+            painter.full_force = scales.round_near(0.5 * scenario.point_force)
+        if hit != self._hit or video.colour != painter.colour:
+            painter.colour = video.colour
+            painter.limit, self._count = _first_limit(scenario, video.colour), 0
+        if fresh or look != self._look:
+            self._lay_out(size, stretch)
+        if fresh or look[0] != self._look[0] or (hit != self._hit and self._at_home):
+            self.home()
+        self._hit, self._look = hit, look
+
+    def _lay_out(self, size: tuple[int, int], stretch: Stretch) -> None:
+        """Divide the window; what does not fit is left out, the disk last."""
+        width, height = self._size = size
+        left = min(PANEL, width - SMALLEST)
+        tall, count = height >= _LEAST_HEIGHT, 2 if width - left >= _LEAST_WIDTH else 1
+        bottom, each = height - _GRAPHS if tall else height, (width - left) / count
+        samples = (*self._caption(stretch, 1e3), "1 s shows 0.05 R/c")
+        title = stretch.scenario.title()
+        self._legend = Legend(self.painter, width - left, bottom, title, samples, len(samples))
+        self._stage = (left, self._legend.header, width, max(bottom - self._legend.footer, self._legend.header + 1))
+        self.graphs.boxes = tuple(
+            (left + k * each + 50.0, bottom + 44.0, left + (k + 1) * each - 24.0, height - 34.0)
+            for k in range(count * tall)
+        )
+
+    def _grow(self) -> None:
+        """Let the scales grow with what they have to show; they begin again with each hit."""
+        painter = self.painter
+        painter.limit = max(painter.limit, painter.scale(painter.shown))
+        _, forces = painter.wall.contact_forces(painter.lattice, self.sandbox.moment.x)
+        largest = float(np.hypot(*forces.T).max(initial=0.0))
+        if largest > painter.full_force:
+            painter.full_force = scales.round_near(1.2 * largest)
+        self.graphs.grow()
+
+    def _caption(self, stretch: Stretch, t: float) -> tuple[str, ...]:
+        return stretch.scenario.caption(self.sandbox.moment.values | {"t": t})
+
+    @property
+    def _theme(self) -> Theme:
+        return THEMES[self.painter.theme]
+
+    def _draw_kept(self, name: str, key: Any, fill: Callable[[Sheet], None]) -> None:
+        """Draw what `fill` puts on a sheet; it does so again where `key` is None or another."""
+        if key is None or self._kept.get(name, (None,))[0] != key:
+            sheet = Sheet(ink(self._theme.ground))
+            fill(sheet)
+            self._kept[name] = key, sheet.vertices(*self._size)
+        vertices = self._kept[name][1]
+        if len(vertices):
+            draw_triangles(self._canvas, vertices)
+
+    def _fill_still(self, sheet: Sheet) -> None:
+        """It covers what was drawn of the disk beside its stage."""
+        (left, top, _, bottom), (width, height), ground = self._stage, self._size, ink(self._theme.ground)
+        sheet.rectangle((left, 0, width, top - 1), ground)
+        sheet.rectangle((left, bottom, width, height), ground)
+        self.graphs.draw_frames(sheet, self._theme)
+        sheet.left = left
+        self._legend.draw(sheet, self.camera.scale)
+
+    def _fill_moving(self, sheet: Sheet) -> None:
+        """Cursors, the mouse's spring, the time and the pace, what happened last."""
+        sandbox, moment, theme, (left, top, right, _) = self.sandbox, self.sandbox.moment, self._theme, self._stage
+        self.graphs.draw_cursor(sheet, theme)
+        if sandbox.held:
+            ends = self.camera.to_pixels([moment.x[sandbox.held[0]], sandbox.held[1]])
+            sheet.curve(ends[:, 0], ends[:, 1], 3.0, (230, 115, 0))
+        for k, line in enumerate(wrap(self.hint or sandbox.message, max(int((right - left - 36.0) / 7.5), 20))):
+            row = top + 18.0 * (k + 1)
+            sheet.rectangle((left + 12, row - 13, left + 24 + text.width(line, 12.0, True), row + 5), ink(theme.ground))
+            text.draw_line(sheet, (left + 18.0, row), line, 12.0, ink(theme.ink), True)
+        pace = "" if sandbox.paused else f"1 s shows {float(f'{sandbox.pace:.2g}'):g} R/c"
+        sheet.left = left
+        self._legend.draw_lines(sheet, (*self._caption(moment.stretch, self.graphs.t), pace))
+
+
+def _first_limit(scenario: Any, colour: str) -> float:
+    """What has full colour before anything is known."""
+    push = scenario.velocity if isinstance(scenario, ImpactScenario) else scenario.pressure
+    start = 0.25 * push**2 / scenario.scene.lattice.points if colour == "kinetic" else _START[colour] * push
+    return scales.round_near(start)

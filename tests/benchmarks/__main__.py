@@ -1,0 +1,63 @@
+"""`python -m tests.benchmarks`: see `tests.benchmarks`."""
+
+from __future__ import annotations
+
+import argparse
+import os
+import platform
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+from taichi_disk import runtime
+from taichi_disk.output.files import versions
+
+from . import commands, kernel, window
+
+Part = Callable[[int, tuple[str, ...]], Iterator[str]]  # given the turns and the settings
+PARTS: dict[str, tuple[Part, str]] = {
+    "kernel": (kernel.kernel, "ns per spring and step, by what the scene models"),
+    "numba": (kernel.numba, "the same steps by Numba"),
+    "run": (kernel.run, "a run's simulation beside the bare kernel"),
+    "start-up": (commands.start_up, "commands that compute nothing"),
+    "film": (commands.film, "`run` to its film, caches empty and warm"),
+    "window": (window.window, "pictures and steps a second in the window"),
+    "size": (kernel.size, "ns per spring and step by the number of points, one core and all (long)"),
+    "sweep": (commands.sweep, "sweeps beside the bare stepping of their impacts, one process and two (long)"),
+}
+LONG = ("size", "sweep")
+
+
+def processor() -> str:
+    try:
+        lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
+    except OSError:
+        return platform.machine()
+    return next((line.partition(": ")[2] for line in lines if line.startswith("model name")), platform.machine())
+
+
+def main() -> None:
+    listed = "\n".join(f"  {name:<10}{what}" for name, (_, what) in PARTS.items())
+    parser = argparse.ArgumentParser(
+        prog="python -m tests.benchmarks",
+        description=f"What a step, a run and a command cost here.\n\n{listed}",
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument("parts", nargs="*", metavar="PART", help="default: all but the long ones")
+    parser.add_argument("--repeats", type=int, default=9, help="how often runs take turns (default: 9)")
+    parser.add_argument("--set", action="append", default=[], metavar="KEY=VALUE", help="of every scene, as in `run`")
+    given = parser.parse_args()
+    if unknown := set(given.parts) - set(PARTS):
+        parser.error(f"no part {', '.join(sorted(unknown))}: choose from {', '.join(PARTS)}")
+    facts = {"processor": processor(), "cores": os.cpu_count(), **versions()}
+    load = f", load average {os.getloadavg()[0]:.1f}" if hasattr(os, "getloadavg") else ""
+    print(", ".join(f"{name} {value}" for name, value in facts.items()) + load)
+    print(f"Runs take turns, {given.repeats} times; ratio: median over the turns, to the first row of a table.\n")
+    runtime.start(threads=1)
+    for part in given.parts or [name for name in PARTS if name not in LONG]:
+        for line in PARTS[part][0](given.repeats, tuple(given.set)):
+            print(line, flush=True)
+        print()
+
+
+if __name__ == "__main__":
+    main()

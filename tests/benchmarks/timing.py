@@ -1,0 +1,27 @@
+"""Taking times in turn, and a table of ratios."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from statistics import median
+
+Costs = dict[str, list[float]]
+
+
+def in_turn(runs: Mapping[str, Callable[[], float]], repeats: int) -> Costs:
+    """What each run returns, `repeats` times A B C A B C ...: what disturbs the machine meets all of them alike."""
+    costs: Costs = {name: [] for name in runs}
+    for _ in range(repeats):
+        for name, run in runs.items():
+            costs[name].append(run())
+    return costs
+
+
+def table(title: str, costs: Costs, unit: str = "s", remarks: Mapping[str, str] | None = None) -> Iterator[str]:
+    """Ratios to the first row (medians over the turns), the least and the median cost."""
+    base = next(iter(costs.values()))
+    yield f"{title:<62}{'ratio':>8}{'min':>9}{'median':>9}  {unit}"
+    for name, own in costs.items():
+        ratio = median(one / other for one, other in zip(own, base, strict=True))
+        remark = (remarks or {}).get(name, "")
+        yield f"  {name:<60}{ratio:8.2f}{min(own):9.3g}{median(own):9.3g}  {remark}".rstrip()

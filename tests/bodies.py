@@ -1,0 +1,95 @@
+"""Small bodies, models and runs that several test modules use.
+
+Each kind of model with each integrator is compiled once in a process: take one from here where one will do.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from taichi_disk.lattice import Lattice, disk_lattice, with_wall
+from taichi_disk.physics import ElasticWall, ExponentialWall, Load, MatchedBoundary, Model, Springs
+from taichi_disk.scenes import load_scene
+from taichi_disk.simulation.driver import Driver
+from taichi_disk.simulation.observables import as_columns
+from taichi_disk.simulation.outcome import compute
+from taichi_disk.simulation.stability import spectrum
+
+A, V0 = 300.0, 150.0
+RIGID, ELASTIC = ExponentialWall(A, V0), ElasticWall(A, V0, 0.1)
+FREE = Model(Springs())
+FALLING = Model(Springs(1.0, 1.0), RIGID)  # no dashpots
+
+# The limit of the step grows as 1/sqrt(N): at N = 150 this safety takes the step that 1099 points get automatically,
+# about 0.017 R/c, for which the bounds on errors are stated.
+SMALL = ("lattice.points=150", "time.safety=0.3")
+WALL = (*SMALL, "wall.points=180", "wall.width=3.4")
+
+
+def damped(eta, k_b=1.0):
+    return Model(Springs(1.0, k_b, eta), RIGID)
+
+
+def pressed(load, eta=0.0, k_b=1.0, wall=RIGID):
+    return Model(Springs(1.0, k_b, eta), wall, Load(load))
+
+
+def disk(points=100, seed=0, height=None):
+    """A disk, its lowest point at y = `height` where that is given."""
+    lattice = disk_lattice(points, seed)
+    lift = 0.0 if height is None else height - lattice.positions[:, 1].min()
+    return replace(lattice, positions=lattice.positions + np.array([0.0, lift]))
+
+
+def disk_and_wall(points=100, wall=120, height=0.03):
+    return with_wall(disk_lattice(points, 0), wall, 3.0, 0, True, 0.7, height)
+
+
+def chain(positions, bonds, mass):
+    """A lattice of a few points, all of them disk and surface, unloaded at `positions`."""
+    x, ends, none = np.array(positions), np.array(bonds, np.int32), np.zeros(0, np.int32)
+    n, rest = len(x), np.hypot(*(x[ends[:, 0]] - x[ends[:, 1]]).T)
+    surface, triangles = np.arange(n, dtype=np.int32), np.zeros((0, 3), np.int32)
+    return Lattice(x, ends, rest, np.full(n, mass), n, surface, none, none, triangles)
+
+
+def shaken(lattice, seed, amplitude):
+    """The lattice's points displaced at random, and velocities of some 0.1 c."""
+    rng, shape = np.random.default_rng(seed), lattice.positions.shape
+    return lattice.positions + amplitude * rng.uniform(-1, 1, shape), 0.1 * rng.standard_normal(shape)
+
+
+def moving_down(lattice, speed):
+    """(n, 2) the disk's velocities -`speed` in y; a wall is at rest."""
+    v = np.zeros_like(lattice.positions)
+    v[: lattice.disk_points, 1] = -speed
+    return v
+
+
+def matched(lattice):
+    """Some plausible, unequal dashpots on the wall's boundary."""
+    return MatchedBoundary(np.random.default_rng(5).uniform(0.02, 0.05, (len(lattice.wall_boundary), 2)))
+
+
+def advance(simulation, steps, stride=1):
+    """The time series of `steps` more steps, the state at t = 0 first if there were none before."""
+    first = simulation.first_row[None][: int(simulation.step_number == 0)]
+    start, interval = simulation.time, stride * simulation.dt
+    columns = as_columns(np.concatenate([first, simulation.advance(steps, stride)[0]]), interval)
+    return columns | {"t": start + columns["t"]}
+
+
+def computed(kernels, name, *settings, **options):
+    """A shipped scene with some `settings`, computed to its end: (scenario, outcome)."""
+    scene = load_scene(name, settings)
+    scenario = scene.scenario()
+    return scenario, compute(scenario, scene.time, kernels=kernels, **options)
+
+
+def driver_of(kernels, name, *settings, **options):
+    """A driver at the start of a shipped scene with some `settings`."""
+    scene = load_scene(name, settings)
+    scenario = scene.scenario()
+    return Driver(scenario, scene.time, kernels, spectrum(scenario.lattice, scenario.model), **options)

@@ -1,0 +1,70 @@
+"""`taichi-disk accuracy`: a sentence, tables, a picture; and the static path that it takes for compressions."""
+
+from __future__ import annotations
+
+import csv
+from pathlib import Path
+
+import pytest
+
+from taichi_disk import load_scene, run
+from taichi_disk.accuracy import steps, study
+from taichi_disk.cli import main
+
+
+def accuracy(out: Path, scene: str, *settings: str) -> int:
+    return main(["accuracy", scene, "--out", str(out), *(part for one in settings for part in ("--set", one))])
+
+
+@pytest.fixture(autouse=True)
+def few(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(steps, "FRACTIONS", (0.8, 0.4))
+    monkeypatch.setattr(steps, "REPEATS", 1)
+    monkeypatch.setattr(study, "SEEDS", 3)
+    monkeypatch.setattr(study, "FINER", (4,))
+
+
+@pytest.mark.validate
+def test_a_step_by_hand_that_a_finer_lattice_cannot_take(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert accuracy(tmp_path / "out", "exponential_wall", "lattice.points=30", "time.dt=0.04") == 0
+    told = capsys.readouterr()
+    assert " runs and a reference solution, about " in told.err
+    first, *rest = told.out.splitlines()
+    assert first.startswith("restitution: time step ") and first.endswith("not smaller steps")
+    assert "┃ integrator" in rest[1]
+    text = (tmp_path / "out" / "accuracy.md").read_text(encoding="utf-8")
+    assert first in text and "| points | N = 120 |" in text
+    assert (tmp_path / "out" / "accuracy.png").read_bytes().startswith(b"\x89PNG")
+    with (tmp_path / "out" / "accuracy.csv").open() as file:
+        rows = list(csv.DictReader(file))
+    (own,) = (row for row in rows if row["own"] == "True")
+    assert float(own["dt"]) == pytest.approx(0.04, rel=0.01)
+    assert {row["integrator"] for row in rows} == {"velocity_verlet", "trapezoidal"}
+    with (tmp_path / "out" / "error_sources.csv").open() as file:
+        found = list(csv.DictReader(file))
+    assert [row["source"] for row in found] == ["scene", *2 * ["lattice sample"], "points", *2 * ["wall hardness"]]
+    # A run with the changed key, by its automatic step, gives the very number.
+    e = run(load_scene("exponential_wall", ["lattice.points=30", "lattice.seed=2"])).restitution
+    assert float(found[2]["result"]) == pytest.approx(e, rel=1e-12)
+    assert float(found[2]["difference"]) == pytest.approx(e - float(found[0]["result"]), rel=1e-9)
+
+
+def test_a_step_by_hand_that_the_scene_cannot_take_is_refused_before_anything_is_measured(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert accuracy(tmp_path / "out", "exponential_wall", "lattice.points=30", "time.dt=0.5") == 2
+    assert "beyond the stability limit" in capsys.readouterr().err and not (tmp_path / "out").exists()
+
+
+def test_a_compression_by_newtons_method_has_no_steps_to_measure(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert accuracy(tmp_path / "out", "compression", "lattice.points=30", "compression.method=newton") == 0
+    assert capsys.readouterr().out.startswith("xi: time step none (an equilibrium), lattice scatter")
+    assert not (tmp_path / "out" / "accuracy.csv").exists() and (tmp_path / "out" / "error_sources.csv").exists()
+
+
+def test_at_rest_the_wall_bears_the_load_and_the_energy_has_fallen_to_its_least() -> None:
+    result = run(load_scene("compression", ["lattice.points=60", "compression.method=newton"]))
+    assert result.series["wall_force"][-1] == pytest.approx(result.scene.compression.pressure, rel=1e-9)
+    assert result.series["total"].argmin() == len(result.series["total"]) - 1

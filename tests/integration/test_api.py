@@ -1,0 +1,137 @@
+"""taichi_disk from Python: what the library promises, without a file."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+
+import taichi_disk
+from taichi_disk import Lattice, Result, load_scene, run
+from taichi_disk.errors import InputError
+
+SMALL = {"lattice.points": 60, "material.eta_star": 0}
+
+
+@pytest.fixture(scope="module")
+def result() -> Result:
+    return run(load_scene("exponential_wall").with_(SMALL))
+
+
+def test_everything_in_all_is_there():
+    for name in taichi_disk.__all__:
+        assert getattr(taichi_disk, name) is not None
+
+
+def test_a_scene_is_loaded_from_a_name_a_file_text_and_a_mapping(tmp_path):
+    text = "scene: exponential_wall\nmaterial: {eta_star: 30}\n"
+    (tmp_path / "s.yaml").write_text(text)
+    scenes = [
+        load_scene("exponential_wall", ["material.eta_star=30"]),
+        load_scene(tmp_path / "s.yaml"),
+        load_scene(text),
+        load_scene({"scene": "exponential_wall", "material": {"eta_star": 30}}),
+        load_scene("exponential_wall").with_(eta_star=30),
+    ]
+    assert all(scene == scenes[0] for scene in scenes)
+
+
+def test_nothing_is_written_unless_a_folder_is_named(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    run(load_scene("exponential_wall").with_(SMALL))
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_states_are_those_of_the_time_series(result):
+    series = result.series
+    times, x, v = result.trajectory(series["t"][::40])
+    assert x.shape == v.shape == (len(times), 60, 2)
+    np.testing.assert_allclose(x[:, :, 1].mean(axis=1), series["com_y"][::40], rtol=1e-12)
+    np.testing.assert_allclose(v[:, :, 1].mean(axis=1), series["com_vy"][::40], rtol=1e-11, atol=1e-15)
+    state = result.state(times[3])
+    assert state.t == times[3]
+    assert (state.positions == x[3]).all() and (state.velocities == v[3]).all()
+
+
+def test_two_trajectories_of_one_process_do_not_disturb_each_other(result):
+    other = run(load_scene("exponential_wall").with_(SMALL | {"impact.velocity": 0.05}))
+    alone = [result.state(t).positions for t in (1.0, 2.0, 3.0)]
+    both = zip(result.outcome.replay([1.0, 2.0, 3.0]), other.outcome.replay([1.0, 2.0, 3.0]), strict=True)
+    for expected, (first, second) in zip(alone, both, strict=True):
+        assert (first[1] == expected).all()
+        assert not (second[1] == expected).all()
+
+
+def test_a_field_is_that_of_its_state(result):
+    tightest = result.series["t"][result.series["elastic"].argmax()]
+    strain = result.field("strain", tightest)
+    assert strain.on == "springs" and strain.values.shape == result.lattice.rest_lengths.shape
+    x = result.state(tightest).positions
+    i, j = result.lattice.bonds.T
+    expected = np.hypot(*(x[i] - x[j]).T) / result.lattice.rest_lengths - 1
+    np.testing.assert_allclose(strain.values, expected, atol=1e-13)
+
+
+def test_a_saved_result_is_loaded_bitwise_the_same(result, tmp_path):
+    result.save(tmp_path / "r")
+    again = Result.load(tmp_path / "r")
+    assert again.restitution == result.restitution
+    for name, values in result.series.items():
+        assert (again.series[name] == values).all(), name
+    assert json.loads((tmp_path / "r" / "summary.json").read_text())["restitution"] == result.restitution
+
+
+def test_velocities_of_ones_own_are_thrown_and_saved_but_not_mistaken_for_the_scenes(tmp_path):
+    scene = load_scene("exponential_wall").with_(SMALL)
+    velocities = np.tile([0.01, -0.03], (60, 1))
+    own = run(scene, velocities=velocities, out=tmp_path / "own", video=False)
+    plain = run(scene.with_(velocity=0.03))
+    assert own.restitution == pytest.approx(plain.restitution, abs=1e-7)  # the wall is flat, and has no friction
+    assert own.series["com_vx"][-1] == pytest.approx(0.01, rel=1e-12)
+    with pytest.raises(InputError, match="Python"):
+        Result.load(tmp_path / "own")
+    with pytest.raises(InputError, match=r"another run"):
+        run(scene, out=tmp_path / "own", video=False)
+
+
+@pytest.mark.parametrize("velocities", [np.zeros((59, 2)), np.full((60, 2), np.nan), np.tile([0.0, 0.01], (60, 1))])
+def test_velocities_that_do_not_fit_are_refused(velocities):
+    with pytest.raises(InputError, match="velocities"):
+        run(load_scene("exponential_wall").with_(SMALL), velocities=velocities)
+
+
+def test_a_lattice_file_gives_what_the_lattice_gives(tmp_path):
+    disk = Lattice.disk(60, seed=3)
+    np.savetxt(tmp_path / "points.csv", disk.positions, delimiter=",", header="x,y", comments="")
+    (tmp_path / "s.yaml").write_text("scene: exponential_wall\nlattice: {file: points.csv}\nmaterial: {eta_star: 0}\n")
+    by_file = run(load_scene(tmp_path / "s.yaml"))
+    by_array = run(load_scene("exponential_wall").with_(SMALL), lattice=Lattice.from_points(disk.positions))
+    assert by_file.restitution == pytest.approx(by_array.restitution, rel=1e-12)
+    assert by_file.lattice.disk_points == 60
+    assert "points.csv" in " ".join(by_file.scenario.title())
+
+
+def test_spin_and_turn_are_those_of_the_start():
+    plain = run(load_scene("exponential_wall").with_(SMALL))
+    spun = run(load_scene("exponential_wall").with_(SMALL | {"impact.spin": 0.05, "impact.turn": 0.5}))
+    x, v = spun.state(0.0)[1:]
+    arm = x - x.mean(axis=0)
+    turning = (arm[:, 0] * v[:, 1] - arm[:, 1] * v[:, 0]).sum() / (arm**2).sum()
+    assert turning == pytest.approx(0.05, rel=1e-9)
+    before = plain.state(0.0).positions - plain.state(0.0).positions.mean(axis=0)
+    c, s = np.cos(0.5), np.sin(0.5)
+    np.testing.assert_allclose(arm, before @ np.array([[c, s], [-s, c]]), atol=1e-12)
+
+
+@pytest.mark.parametrize("times", [[], [2.0, 1.0], [-1.0], [1e9], [float("nan")]])
+def test_times_outside_the_run_are_refused(result, times):
+    with pytest.raises(InputError, match="times"):
+        result.trajectory(times)
+
+
+def test_what_a_scene_does_not_have_is_told(result):
+    with pytest.raises(AttributeError, match="it has restitution, contact_time"):
+        _ = result.xi
+    with pytest.raises(InputError, match="pressure"):
+        result.field("presure", 1.0)

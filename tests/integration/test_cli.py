@@ -1,0 +1,296 @@
+"""The command line: arguments, exit status, where messages go, what is loaded."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from taichi_disk import __version__
+from taichi_disk.cli import main
+from taichi_disk.errors import InputError, SimulationError
+
+SMALL = ("lattice.points=60", "material.eta_star=0")
+WILD = (*SMALL, "time.dt=0.13")  # half as large again as the limit
+RUN = {"scene.yaml", "lattice.npz", "summary.json", "timeseries.csv", "final.npz", "plot.png"}
+
+
+def arguments(out: Path, *settings: str, scene: str = "exponential_wall") -> list[str]:
+    return ["run", scene, "--out", str(out), "--no-video", *(f"--set={one}" for one in settings)]
+
+
+def names(folder: Path) -> set[str]:
+    return {path.name for path in folder.iterdir()}
+
+
+def test_a_run_prints_its_result_and_leaves_its_files(tmp_path, capsys):
+    assert main(arguments(tmp_path / "o", *SMALL)) == 0
+    text = capsys.readouterr().out
+    lines = {line.split("  ")[0]: line for line in text.splitlines()}
+    summary = json.loads((tmp_path / "o" / "summary.json").read_text())
+    assert names(tmp_path / "o") == RUN
+    shown, _, rest = lines["restitution e"].split(maxsplit=2)[2].partition(" ± ")
+    assert float(shown) == pytest.approx(summary["restitution"], abs=float(rest.split()[0]))
+    assert f"{summary['steps']:,}" in lines["steps"] and "velocity_verlet" in lines["steps"]
+    assert summary["status"] == "done" and summary["error_estimate"]["restitution"] > 0.0
+
+
+@pytest.mark.validate
+def test_the_wall_clock_adds_up_to_what_the_process_took(tmp_path):
+    import time
+
+    began = time.monotonic()
+    subprocess.run(
+        [sys.executable, "-m", "taichi_disk", *arguments(tmp_path / "o", *SMALL)], check=True, capture_output=True
+    )
+    took = time.monotonic() - began
+    told = sum(json.loads((tmp_path / "o" / "summary.json").read_text())["wall_clock"].values())
+    # What comes after summary.json is written, and before the process is counted, is not in it.
+    assert told <= took
+    assert told >= 0.6 * took
+
+
+def test_a_run_goes_into_out_and_the_name_of_the_scene_counts_on_and_overwrites_when_told(
+    tmp_path, monkeypatch, capsys
+):
+    monkeypatch.chdir(tmp_path)
+    first, second = ([f"--set={one}" for one in (*SMALL, f"impact.velocity={v}")] for v in (0.02, 0.03))
+    assert main(["run", "exponential_wall", "--no-video", *first]) == 0
+    assert main(["run", "exponential_wall", "--no-video", *second]) == 0
+    assert names(tmp_path / "out") == {"exponential_wall", "exponential_wall-2"}
+    told = capsys.readouterr()
+    assert (
+        "note: " in told.err and "out/exponential_wall-2" in told.err and "files in out/exponential_wall-2" in told.out
+    )
+    named = ["run", "exponential_wall", "--no-video", "--out", "out/exponential_wall", *second]
+    assert main(named) == 2
+    assert "--overwrite" in capsys.readouterr().err
+    assert main([*named, "--overwrite"]) == 0
+    assert "velocity: 0.03" in (tmp_path / "out" / "exponential_wall" / "scene.yaml").read_text()
+
+
+def test_a_run_of_its_own_scene_file_gives_the_same_bits(tmp_path):
+    assert main(arguments(tmp_path / "a", *SMALL)) == 0
+    assert main(arguments(tmp_path / "b", scene=str(tmp_path / "a" / "scene.yaml"))) == 0
+    for name in ("scene.yaml", "timeseries.csv", "lattice.npz", "final.npz", "plot.png"):
+        assert (tmp_path / "a" / name).read_bytes() == (tmp_path / "b" / name).read_bytes(), name
+
+
+def test_a_step_beyond_the_limit_is_refused_and_leaves_nothing(tmp_path, capsys):
+    assert main(arguments(tmp_path / "o", *WILD)) == 2
+    message = capsys.readouterr().err
+    assert "stability limit" in message and "--force" in message
+    assert not (tmp_path / "o").exists()
+
+
+def test_a_forced_blow_up_is_told_and_keeps_the_last_good_state(tmp_path, capsys):
+    out = tmp_path / "o"
+    assert main([*arguments(out, *WILD), "--force"]) == 1
+    message = capsys.readouterr().err
+    assert "blow-up" in message and "stability limit" in message
+    assert names(out) == {"scene.yaml", "lattice.npz", "summary.json", "failure.npz"}
+    summary = json.loads((out / "summary.json").read_text())
+    assert summary["status"] == "failed" and "blow-up" in summary["reason"] and "restitution" not in summary
+    last = np.load(out / "failure.npz")
+    assert last["positions"].shape == last["velocities"].shape == (60, 2)
+    assert np.isfinite(last["positions"]).all() and np.isfinite(last["velocities"]).all()
+
+
+@pytest.mark.parametrize(
+    ("scene", "setting", "advice"),
+    [
+        ("exponential_wall", "impact.max_time=1.0", "max_time"),
+        pytest.param("compression", "compression.max_time=5", "newton", marks=pytest.mark.validate),
+    ],
+)
+def test_a_scene_that_does_not_end_is_a_failure_with_advice(tmp_path, capsys, scene, setting, advice):
+    assert main(arguments(tmp_path / "o", "lattice.points=60", setting, scene=scene)) == 1
+    assert advice in capsys.readouterr().err
+    summary = json.loads((tmp_path / "o" / "summary.json").read_text())
+    assert summary["status"] == "failed" and advice in summary["reason"]
+
+
+@pytest.mark.parametrize(
+    ("failure", "status", "message"),
+    [
+        (InputError("no such step"), 2, "error: no such step\n"),
+        (SimulationError("blown up"), 1, "error: blown up\n"),
+        (KeyboardInterrupt(), 130, "interrupted\n"),
+        (MemoryError(), 1, "error: not enough memory; take fewer points (lattice.points), or stop other programs\n"),
+        (OSError(28, "No space left on device"), 1, "error: No space left on device\n"),
+    ],
+)
+def test_each_kind_of_failure_has_its_exit_status_and_one_message(monkeypatch, capsys, failure, status, message):
+    def fail(*_: object, **__: object) -> None:
+        raise failure
+
+    monkeypatch.setattr("taichi_disk.api.run", fail)
+    assert main(["run", "exponential_wall"]) == status
+    assert capsys.readouterr() == ("", message)
+
+
+def test_check_prints_a_scene_that_checks_as_the_same(tmp_path, capsys):
+    assert main(["check", "absorbing_wall", "--set", "wall.boundary=pinned"]) == 0
+    first = capsys.readouterr().out
+    (tmp_path / "again.yaml").write_text(first)
+    assert "boundary: pinned" in first
+    assert main(["check", str(tmp_path / "again.yaml")]) == 0
+    assert capsys.readouterr().out == first
+
+
+@pytest.mark.parametrize(
+    ("scene", "settings"),
+    [
+        ("absorbing_wall", ["wall.points=60"]),
+        ("exponential_wall", ["time.dt=0.05"]),
+        ("exponential_wall", ["lattice.file=nowhere.csv"]),
+    ],
+)
+def test_check_refuses_what_run_refuses_and_in_the_same_words(tmp_path, capsys, scene, settings):
+    assert main(["check", scene, *(f"--set={one}" for one in settings)]) == 2
+    told = capsys.readouterr().err
+    assert main(arguments(tmp_path / "o", *settings, scene=scene)) == 2
+    assert capsys.readouterr().err == told
+    assert not (tmp_path / "o").exists()
+
+
+def test_a_faulty_scene_exits_2_with_all_faults_on_stderr(tmp_path, capsys):
+    path = tmp_path / "bad.yaml"
+    path.write_text("scene: compression\nlattice: {points: -1}\nmateriel: {}\n")
+    assert main(["run", str(path), "--set", "video.fps=0"]) == 2
+    out, err = capsys.readouterr()
+    lines = err.splitlines()
+    assert (out, lines[0]) == ("", "error: 3 faults in the scene:")
+    assert [line.split(": ")[1] for line in lines[1:]] == ["lattice.points", "materiel", "video.fps"]
+
+
+@pytest.mark.parametrize(
+    ("wrong", "told"),
+    [
+        (["jump"], "usage: taichi-disk"),
+        (["run"], "usage: taichi-disk"),
+        (["run", "a", "--threads", "0"], "whole number from 1"),
+        (["run", "exponential_wall", "--eta", "30"], "--set material.eta_star=30"),
+        (["run", "exponential_wall", "--set", "material.eta_star", "=", "30"], "--set material.eta_star=30"),
+    ],
+)
+def test_wrong_usage_exits_2_with_advice(wrong, told, capsys):
+    with pytest.raises(SystemExit) as leaving:
+        main(wrong)
+    assert leaving.value.code == 2
+    assert told in capsys.readouterr().err
+
+
+def test_the_bare_command_version_and_help_exit_0(capsys):
+    assert main([]) == 0
+    assert capsys.readouterr().out.startswith("usage: taichi-disk")
+    for argument, text in (("--version", f"taichi-disk {__version__}\n"), ("--help", "usage: taichi-disk")):
+        with pytest.raises(SystemExit) as leaving:
+            main([argument])
+        assert leaving.value.code == 0
+        assert capsys.readouterr().out.startswith(text)
+
+
+def python(code: str, **options: object) -> subprocess.CompletedProcess[str]:
+    return subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, **options)  # type: ignore[call-overload]
+
+
+def test_check_and_help_load_nothing_that_is_slow():
+    # Start-up is a matter of imports; a test by the clock would fail on a busy machine.
+    for given in (["check", "exponential_wall"], ["check", "figure3"], ["check", "no-such-scene"], ["--help"]):
+        done = python(f"""
+import sys
+from taichi_disk.cli import main
+try:
+    main({given})
+except SystemExit:
+    pass
+slow = {{"taichi", "scipy", "matplotlib", "rich", "imageio", "av", "PIL", "pydantic"}} & set(sys.modules)
+sys.exit(f"loaded {{slow}}" if slow else 0)
+""")
+        assert done.returncode == 0, done.stderr
+
+
+def test_a_checkout_that_is_not_installed_knows_its_version():
+    done = python("""
+import importlib.metadata as metadata
+installed = metadata.distribution
+def distribution(name):
+    if "disk" in name:
+        raise metadata.PackageNotFoundError(name)
+    return installed(name)
+metadata.distribution = distribution
+from taichi_disk.output.files import versions
+print(versions()["taichi-disk"])
+""")
+    assert done.stdout == f"{__version__}\n", done.stderr
+
+
+@pytest.mark.parametrize(
+    ("redirection", "status"),
+    # The first is `taichi-disk check ... | head -1`, where nobody reads.
+    [("| true", 1), (">/dev/full", 1), (">&-", 0), ("2>&-", 0), (">&- 2>&-", 0), ("2>/dev/full", 0)],
+)
+def test_a_closed_or_full_output_ends_without_a_traceback(redirection, status):
+    sleep = "sleep 0.2; " * redirection.startswith("|")
+    command = f"set -o pipefail; ({sleep}exec {sys.executable} -m taichi_disk check exponential_wall) {redirection}"
+    done = subprocess.run(["bash", "-c", command], capture_output=True, text=True)
+    assert done.returncode == status
+    assert "Traceback" not in done.stderr
+
+
+def test_a_scene_may_come_through_a_pipe(tmp_path):
+    text = b"scene: exponential_wall\nlattice: {points: 60}\n"
+    done = subprocess.run([sys.executable, "-m", "taichi_disk", "check", "/dev/stdin"], input=text, capture_output=True)
+    assert done.returncode == 0, done.stderr
+    assert b"points: 60" in done.stdout
+
+
+@pytest.mark.parametrize(
+    "environment",
+    [
+        {"HOME": None},
+        *(
+            pytest.param(one, marks=pytest.mark.validate)
+            for one in ({"PYTHONWARNINGS": "error"}, {"HOME": "/proc/no/home"})
+        ),
+    ],
+)
+def test_a_strange_environment_is_none_of_the_users_business(tmp_path, environment):
+    given = {**os.environ, **{name: value for name, value in environment.items() if value}}
+    for name in [name for name, value in environment.items() if value is None]:
+        del given[name]
+    command = [sys.executable, "-m", "taichi_disk", *arguments(tmp_path / "o", *SMALL)]
+    done = subprocess.run(command, capture_output=True, text=True, env=given)
+    assert done.returncode == 0, done.stderr
+    assert "Traceback" not in done.stderr
+    assert done.stderr.count("note: no writable home") == ("HOME" in environment)
+    assert json.loads((tmp_path / "o" / "summary.json").read_text())["status"] == "done"
+
+
+def test_too_little_memory_is_told_in_a_sentence(tmp_path):
+    command = f"ulimit -v 1500000; exec {sys.executable} -m taichi_disk {' '.join(arguments(tmp_path / 'o', *SMALL))}"
+    done = subprocess.run(["sh", "-c", command], capture_output=True, text=True)
+    assert done.returncode == 1
+    assert "memory" in done.stderr and "Traceback" not in done.stderr
+    assert not (tmp_path / "o" / "timeseries.csv").exists()
+
+
+def test_more_points_than_memory_are_refused_beforehand(tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr("taichi_disk.scenes.feasible.free_memory", lambda: 1e9)
+    assert main(["check", "exponential_wall", "--set", "lattice.points=2000000"]) == 2
+    told = capsys.readouterr().err
+    assert "lattice.points" in told and "at most 350,000" in told
+
+
+def test_a_deleted_working_directory_is_told_in_a_sentence(tmp_path):
+    command = f"mkdir gone; cd gone; rmdir ../gone; {sys.executable} -m taichi_disk run exponential_wall --no-video"
+    environment = {**os.environ, "PYTHONPATH": str(Path(__file__).parents[2])}
+    done = subprocess.run(["sh", "-c", command], capture_output=True, text=True, cwd=tmp_path, env=environment)
+    assert done.returncode == 2
+    assert "working directory" in done.stderr and "Traceback" not in done.stderr

@@ -1,0 +1,137 @@
+"""The pages are true: Python blocks run, commands are accepted, links lead somewhere, tables show their data.
+
+Blocks run with --validate; a block of commands marked ```sh no-run is parsed and checked, never run.
+"""
+
+from __future__ import annotations
+
+import re
+import shlex
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
+BLOCK = re.compile(r"^```(\w+)([^\n]*)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
+INLINE = re.compile(r"(?:`|^ {4})taichi-disk ([^`\n]+)", re.MULTILINE)
+LINK = re.compile(r"\[[^]\n]*\]\(([^)\s]+)\)")
+TABLE = re.compile(r"^\|.*\n\|[-| ]+\|\n((?:\|.*\n)+)\nData:((?:.+\n)+)", re.MULTILINE)
+SHOWN = re.compile(r"(?<![\w.])[+−-]?\d[\d,]*(?:\.\d+)?(?![\w.]*\w)")
+WRITTEN = re.compile(r"(?<![\w.])-?\d+(?:\.\d+)?(?:e[-+]\d+)?")
+
+every_page = pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+
+
+def blocks(page: Path, language: str) -> Iterator[tuple[str, str]]:
+    """(remark, text) of each block of a language."""
+    return ((remark.strip(), text) for kind, remark, text in BLOCK.findall(page.read_text("utf-8")) if kind == language)
+
+
+def prose(page: Path) -> str:
+    return BLOCK.sub("", page.read_text("utf-8"))
+
+
+def commands(page: Path) -> Iterator[tuple[bool, list[str]]]:
+    """(whether it may be run, arguments) of each `taichi-disk` command of a page: in blocks of sh, or within a line."""
+    for text in INLINE.findall(prose(page)):
+        words = shlex.split(text, comments=True)
+        yield False, words if len(words) > 1 else [*words, "--help"]  # the name of a command alone
+    for remark, text in blocks(page, "sh"):
+        for line in text.replace("\\\n", " ").splitlines():
+            for part in re.split(r"&&|\|\||;", line.split(" #")[0]):
+                words = shlex.split(part.replace("$SLURM_ARRAY_TASK_ID", "3").replace("$HOME", "."), comments=True)
+                if words and words[0].rpartition("/")[2] == "taichi-disk":
+                    yield remark != "no-run", words[1:]
+
+
+@pytest.mark.validate
+@pytest.mark.parametrize("name", ["README.md", "docs/tutorial.md", "docs/api.md", "docs/extending.md"])
+def test_python_blocks_run_from_top_to_bottom(name, tmp_path):
+    code = "\n".join(text for _, text in blocks(ROOT / name, "python"))
+    if not code:
+        pytest.skip("no code")
+    script = tmp_path / "page.py"  # Taichi reads the source of kernels from a file
+    script.write_text(code, encoding="utf-8")
+    ended = subprocess.run([sys.executable, str(script)], cwd=tmp_path, capture_output=True, text=True)
+    assert ended.returncode == 0, ended.stderr[-3000:]
+
+
+@every_page
+def test_commands_are_accepted(page, monkeypatch):
+    from taichi_disk.cli import _parser
+    from taichi_disk.scenes import load_any, shipped_scenes
+    from taichi_disk.scenes.feasible import check_feasible
+
+    monkeypatch.chdir(ROOT)
+    for _, words in commands(page):
+        try:
+            arguments = _parser().parse_args(words)
+        except SystemExit as end:  # 0 after --help
+            assert end.code == 0, f"taichi-disk {shlex.join(words)}"
+            continue
+        scene = getattr(arguments, "scene", "")
+        if scene in shipped_scenes() or Path(scene).is_file():
+            check_feasible(load_any(scene, arguments.overrides))
+
+
+@pytest.mark.validate
+@every_page
+def test_commands_run(page, tmp_path):
+    for folder in ("docs", "scenes"):
+        (tmp_path / folder).symlink_to(ROOT / folder)
+    for may_run, words in commands(page):
+        if may_run and words and words[0] not in ("view", "doctor"):  # these need a display
+            scene = words[1] if len(words) > 1 else ""
+            if scene.endswith(".yaml") and not (tmp_path / scene).exists():
+                continue  # a file of the reader's own
+            call = [sys.executable, "-m", "taichi_disk", *words]
+            ended = subprocess.run(call, cwd=tmp_path, capture_output=True, text=True)
+            assert ended.returncode == 0, f"{shlex.join(words)}\n{ended.stderr[-2000:]}"
+
+
+@every_page
+def test_links_resolve(page):
+    for target in LINK.findall(prose(page)):
+        if re.match(r"[a-z]+:", target):
+            continue
+        file, _, anchor = target.partition("#")
+        path = (page.parent / file).resolve() if file else page
+        assert path.exists(), target
+        if anchor and path.suffix == ".md":
+            headings = re.findall(r"^#+ (.*)$", prose(path), re.MULTILINE)
+            assert anchor in [re.sub(r"[^\w\- ]", "", one.strip().lower()).replace(" ", "-") for one in headings]
+
+
+@pytest.mark.parametrize("name", ["results.md", "stability.md"])
+def test_every_number_of_a_table_is_in_the_data_named_below_it(name):
+    page = ROOT / "docs" / name
+    found = TABLE.findall(page.read_text("utf-8"))
+    assert len(found) > 1
+    for rows, below in found:
+        files = re.findall(r"\((data/[^)]*)\)", below)
+        written = " ".join((page.parent / file).read_text("utf-8") for file in files)
+        values = [float(number) for number in WRITTEN.findall(written)]
+        for text in SHOWN.findall(re.sub(r"\([1-6]\)|\]\([^)]*\)|`[^`]*`", " ", rows)):  # equations, links, names
+            digits = text.replace("−", "-").replace(",", "")
+            half = 0.5 * 10.0 ** -len(digits.partition(".")[2]) if "." in digits else 0.0  # a whole number is exact
+            near = any(abs(value - float(digits)) <= half * (1 + 1e-6) + 1e-12 for value in values)
+            assert near, f"{text} is not in {files}"
+
+
+@pytest.mark.validate
+def test_integrators_give_what_the_page_on_numerics_says():
+    from taichi_disk import load_scene, run
+
+    row = r"^\| (\d+) \| `(\w+)` \| ([\d,]+) \| ([\d.]+) \| ([\d.]+)·10([⁻⁰¹²³⁴⁵⁶⁷⁸⁹]+) \|$"
+    found = re.findall(row, (ROOT / "docs/numerics.md").read_text("utf-8"), re.MULTILINE)
+    assert len(found) == 6
+    for eta_star, integrator, steps, e, part, power in found:
+        estimate = float(f"{part}e{power.translate(str.maketrans('⁻⁰¹²³⁴⁵⁶⁷⁸⁹', '-0123456789'))}")
+        result = run(load_scene("exponential_wall", [f"material.eta_star={eta_star}", f"time.integrator={integrator}"]))
+        assert result.summary["steps"] == int(steps.replace(",", ""))
+        assert result.restitution == pytest.approx(float(e), abs=0.6 * 10.0 ** -len(e.partition(".")[2]))
+        assert result.error == pytest.approx(estimate, rel=0.03)

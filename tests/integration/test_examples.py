@@ -1,0 +1,83 @@
+"""Every example in docs/examples runs as it stands, and finds what it promises."""
+
+from __future__ import annotations
+
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+pytestmark = pytest.mark.validate
+EXAMPLES = Path(__file__).parents[2] / "docs" / "examples"
+
+
+def output_of(name: str, *arguments: str) -> str:
+    command = [sys.executable, str(EXAMPLES / f"{name}.py"), *arguments]
+    ended = subprocess.run(command, capture_output=True, text=True)
+    assert ended.returncode == 0, ended.stderr
+    return ended.stdout
+
+
+def numbers(pattern: str, text: str) -> tuple[float, ...]:
+    found = re.search(pattern, text)
+    assert found, text
+    return tuple(map(float, found.groups()))
+
+
+def test_one_impact_tells_where_the_energy_went():
+    e, lost = numbers(r"(?s)restitution +([\d.]+).*took ([\d.]+)%", output_of("one_impact"))
+    # e^2 + dissipated share <= 1; the rest is left as vibration.
+    assert 0.8 < e < 1 and 0.95 < e * e + lost / 100 <= 1.001
+
+
+def test_a_trajectory_is_read_at_any_time():
+    (strain,) = numbers(r"(?s)positions \(50, 300, 2\).*strained most, by ([-+\d.]+)%", output_of("trajectory"))
+    assert -20.0 < strain < -0.5  # at the greatest compression, in per cent
+
+
+def test_results_are_read_back(tmp_path):
+    from taichi_disk.cli import main
+
+    assert main(["run", "exponential_wall", "--set=lattice.points=60", "--no-video", f"--out={tmp_path / 'o'}"]) == 0
+    shown = output_of("read_results", str(tmp_path / "o"))
+    found, told = numbers(r"kinetic energy (\S+) M c\^2; the energy balance says (\S+)", shown)
+    assert found == pytest.approx(told, rel=1e-5)
+
+
+def test_a_sweep_prints_rows_and_fit(tmp_path):
+    shown = output_of("a_sweep", str(tmp_path))
+    assert shown.count("seed") == 12
+    assert re.search(r"d1 = [\d.]+, between [\d.]+ and [\d.]+", shown)
+
+
+def test_a_lattice_of_ones_own_is_thrown():
+    points, e = numbers(r"(\d+) points, flat side down: e = ([\d.]+)", output_of("own_lattice"))
+    assert points == 3 * 8 * 9 + 1  # a centred hexagonal number
+    assert 0.3 < e < 1.0
+
+
+def test_a_new_force_moves_the_disk_as_its_law_says():
+    off, imbalance = numbers(r"(?s)off an oscillator by (\S+) R.*imbalance (\S+)", output_of("new_force"))
+    assert off < 1e-4  # of 0.045; the step's error, and the contact's
+    assert abs(imbalance) < 2e-5
+
+
+def test_a_new_integrator_has_its_order():
+    (order,) = numbers(r"order ([\d.]+)", output_of("new_integrator"))
+    assert order == pytest.approx(4.0, abs=0.1)
+
+
+def test_a_new_scene_finds_the_lowest_mode_of_a_disk():
+    # The quadrupole of a free disk in plane stress: omega R/c_s = 2.35 for nu = 0.28 (A. E. H. Love, A Treatise on the
+    # Mathematical Theory of Elasticity, 1927), c_s = sqrt(E pi/(2 (1 + nu))) c with E = 1.09. Lattices scatter by 2 %.
+    (period,) = numbers(r"period ([\d.]+)", output_of("new_scene"))
+    speed = (1.09 * 3.14159 / (2 * 1.28)) ** 0.5
+    assert period == pytest.approx(2 * 3.14159 / (2.35 * speed), rel=0.03)
+
+
+@pytest.mark.parametrize("name", ["new_force", "new_integrator", "new_scene"])
+def test_examples_for_extending_stay_short(name):
+    code = (EXAMPLES / f"{name}.py").read_text().splitlines()
+    assert sum(bool(line.strip()) for line in code) <= 60

@@ -1,0 +1,188 @@
+"""Trajectories read back with other libraries hold the model's positions, strains, forces, stresses and energies."""
+
+from __future__ import annotations
+
+import xml.etree.ElementTree as ElementTree
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from bodies import computed
+
+from taichi_disk.errors import InputError, SimulationError
+from taichi_disk.lattice import disk_lattice, with_wall
+from taichi_disk.output import export
+from taichi_disk.output.export import check_export, export_run
+from taichi_disk.physics import ElasticWall, Model, Springs
+
+TIMES = np.array([0.0, 0.5, 1.0])
+SINGLE = {"rtol": 1e-6, "atol": 1e-7}
+# A small disk that sinks onto an elastic wall and is squeezed.
+LATTICE = with_wall(disk_lattice(40, seed=1), 60, 3.0, seed=1, rim=True, min_spacing=0.7, gap=0.05)
+MODEL = Model(Springs(1.3, 0.2, 0.5), ElasticWall(300.0, 150.0, 0.1))
+SCENARIO = SimpleNamespace(lattice=LATTICE, model=MODEL)
+
+
+def state(t):
+    x, n = LATTICE.positions.copy(), LATTICE.disk_points
+    x[:n, 1] += x[LATTICE.wall_surface, 1].max() + 0.05 - 0.03 * t - x[:n, 1].min()
+    x[:n] *= [1.0 + 0.01 * t, 1.0]
+    x += 1e-4 * np.random.default_rng(0).standard_normal(x.shape)
+    v = np.zeros_like(x)
+    v[:n] = [0.01, -0.03]
+    return x, v
+
+
+def truth(t):
+    """Strain, tension and energy of the springs, and the contact's forces, by plain formulae."""
+    x, _ = state(t)
+    i, j = LATTICE.bonds.T
+    stretch = np.linalg.norm(x[i] - x[j], axis=1) - LATTICE.rest_lengths
+    contact = MODEL.wall.forces(LATTICE, x)
+    contact[LATTICE.disk_points :] = 0.0
+    energy = 0.5 * 1.3 * stretch**2 + 0.25 * 0.2 * stretch**4
+    tension = 1.3 * stretch + 0.2 * stretch**3
+    return {"strain": stretch / LATTICE.rest_lengths, "tension": tension, "energy": energy, "contact_force": contact}
+
+
+def close(found, expected):
+    np.testing.assert_allclose(found, expected, rtol=1e-9, atol=1e-14)
+
+
+def exported(folder, format):
+    return export_run(SCENARIO, ((t, *state(t)) for t in TIMES), len(TIMES), folder, format)
+
+
+def test_npz_holds_every_quantity_at_every_time(tmp_path):
+    file = np.load(exported(tmp_path, "npz"))
+    np.testing.assert_array_equal(file["t"], TIMES)
+    for k, t in enumerate(TIMES):
+        (x, v), true = state(t), truth(t)
+        np.testing.assert_array_equal(file["positions"][k], x)
+        np.testing.assert_array_equal(file["velocities"][k], v)
+        for name in ("strain", "tension", "energy"):
+            close(file[f"springs_{name}"][k], true[name])
+        close(file["points_contact_force"][k], true["contact_force"])
+        assert file["elastic_energy"][k] == pytest.approx(true["energy"].sum(), rel=1e-9)
+        assert file["kinetic_energy"][k] == pytest.approx(0.5 * (0.01**2 + 0.03**2), rel=1e-12)
+        assert file["wall_energy"][k] == pytest.approx(MODEL.wall.energy(LATTICE, x))
+    assert file["points_contact_force"][-1].any()
+    for name in ("bonds", "triangles", "rest_lengths", "masses", "disk_points"):
+        np.testing.assert_array_equal(file[name], getattr(LATTICE, name))
+    assert [one.name for one in tmp_path.iterdir()] == ["trajectory.npz"]
+
+
+def test_gsd_read_by_gsd(tmp_path):
+    hoomd = pytest.importorskip("gsd.hoomd")
+    with hoomd.open(name=str(exported(tmp_path, "gsd")), mode="r") as file:
+        assert len(file) == len(TIMES)
+        for shot, t in zip(file, TIMES, strict=True):
+            (x, v), true = state(t), truth(t)
+            np.testing.assert_allclose(shot.particles.position[:, :2], x, **SINGLE)
+            np.testing.assert_allclose(shot.particles.velocity[:, :2], v, **SINGLE)
+            np.testing.assert_array_equal(shot.bonds.group, LATTICE.bonds)
+            np.testing.assert_array_equal(shot.particles.typeid, np.arange(len(x)) >= 40)
+            assert (np.abs(x) <= 0.25 * shot.configuration.box[0] * (1 + 1e-6)).all()
+            assert shot.log["time"][0] == t
+            assert shot.log["elastic_energy"][0] == pytest.approx(true["energy"].sum(), rel=1e-9)
+            for name in ("bonds/strain", "bonds/tension", "particles/contact_force"):
+                close(shot.log[name], true[name.split("/")[1]])
+
+
+def test_vtu_read_by_meshio_and_vtk(tmp_path):
+    meshio = pytest.importorskip("meshio")
+    listed = list(ElementTree.parse(exported(tmp_path, "vtu")).iter("DataSet"))
+    assert [float(one.get("timestep", "")) for one in listed] == [0.0, 0.0, 0.5, 0.5, 1.0, 1.0]
+    springs, triangles = (tmp_path / one.get("file", "") for one in listed[-2:])
+    (x, v), true, mesh = state(1.0), truth(1.0), meshio.read(springs)
+    np.testing.assert_array_equal(mesh.points[:, :2], x)
+    np.testing.assert_array_equal(mesh.point_data["velocity"][:, :2], v)
+    close(mesh.point_data["contact_force"][:, :2], true["contact_force"])
+    np.testing.assert_array_equal(mesh.cells_dict["line"], LATTICE.bonds)
+    close(mesh.cell_data["strain"][0], true["strain"])
+    np.testing.assert_array_equal(meshio.read(triangles).cells_dict["triangle"], LATTICE.triangles)
+
+    vtk = pytest.importorskip("vtkmodules.vtkIOXML")
+    from vtkmodules.util.numpy_support import vtk_to_numpy
+
+    reader = vtk.vtkXMLUnstructuredGridReader()
+    reader.SetFileName(str(triangles))
+    reader.Update()
+    cells = reader.GetOutput().GetCellData()
+    stress, pressure = (vtk_to_numpy(cells.GetArray(name)) for name in ("stress", "pressure"))
+    assert stress.shape == (len(LATTICE.triangles), 3)
+    close(pressure, -0.5 * stress[:, :2].sum(axis=1))
+
+
+@pytest.mark.parametrize("format", ["xyz", "gsd"])
+def test_xyz_and_gsd_read_by_ovito(tmp_path, format):
+    ovito = pytest.importorskip("ovito.io")
+    pipeline = ovito.import_file(str(exported(tmp_path, format)))
+    assert pipeline.source.num_frames == len(TIMES)
+    (x, v), true, data = state(1.0), truth(1.0), pipeline.compute(len(TIMES) - 1)
+    np.testing.assert_allclose(data.particles.positions[:, :2], x, **SINGLE)
+    np.testing.assert_allclose(data.particles["Velocity"][:, :2], v, **SINGLE)
+    np.testing.assert_allclose(data.particles["contact_force"][:, :2], true["contact_force"], rtol=1e-6, atol=1e-12)
+    assert data.attributes["elastic_energy"] == pytest.approx(true["energy"].sum(), rel=1e-9)
+    if format == "gsd":
+        np.testing.assert_array_equal(data.particles.bonds.topology, LATTICE.bonds)
+        close(data.particles.bonds["strain"], true["strain"])
+        assert not np.any(data.particles.bonds.pbc_vectors)  # no spring is taken across an edge of the box
+
+
+def test_xyz_is_lines_that_can_be_read_without_a_library(tmp_path):
+    lines, n = exported(tmp_path, "xyz").read_text().splitlines(), len(LATTICE.positions)
+    assert len(lines) == len(TIMES) * (n + 2) and lines[0] == str(n)
+    columns = lines[1].split()[0].removeprefix("Properties=").split(":")[0::3]
+    assert columns[:2] == ["species", "pos"] and {"velo", "strain", "tension", "energy", "stress"} <= set(columns)
+    assert [line.split()[0] for line in lines[2 : n + 2]] == ["D"] * 40 + ["W"] * (n - 40)
+    last = np.array([line.split()[1:] for line in lines[-n:]], dtype=float)
+    np.testing.assert_allclose(last[:, :2], state(1.0)[0], rtol=1e-10)
+    assert last[:, -1].sum() == pytest.approx(truth(1.0)["energy"].sum(), rel=1e-6)
+
+
+def test_what_cannot_be_exported_is_refused_before_anything_is_computed(tmp_path, monkeypatch):
+    (tmp_path / "mine").mkdir()
+    (tmp_path / "mine" / "thesis.tex").touch()
+    for name, format, told in (
+        ("a.lammps", None, r"formats are xyz \(\.xyz\), gsd"),
+        ("a.xyz", "gsd", r"ends with \.gsd"),
+        ("mine.pvd", None, "is not a folder of a film's pictures alone"),
+    ):
+        with pytest.raises(InputError, match=told):
+            check_export(tmp_path / name, format)
+    monkeypatch.setattr(export, "find_spec", lambda name: None)
+    with pytest.raises(InputError, match=r"needs the package gsd: .*taichi-disk\[export\]"):
+        check_export(tmp_path, "gsd")
+    assert check_export(tmp_path, "xyz") == (tmp_path / "trajectory.xyz", "xyz")
+
+
+@pytest.mark.parametrize("format", sorted(export.FORMATS))
+def test_an_export_replaces_an_earlier_one_and_leaves_nothing_half(tmp_path, format):
+    exported(tmp_path, format)
+    before = set(tmp_path.rglob("*"))
+    exported(tmp_path, format)
+    content = {path: path.read_bytes() for path in tmp_path.rglob("*") if path.is_file()}
+    assert set(tmp_path.rglob("*")) == before
+
+    def broken():
+        yield 0.0, *state(0.0)
+        raise SimulationError("the sun went out")
+
+    with pytest.raises(SimulationError, match="sun"):
+        export_run(SCENARIO, broken(), len(TIMES), tmp_path, format)
+    assert {path: path.read_bytes() for path in tmp_path.rglob("*") if path.is_file()} == content
+
+
+def test_the_energies_of_a_real_run_are_those_of_its_time_series(kernels, tmp_path):
+    changes = ["lattice.points=60", "wall.points=80", "wall.width=3.2", "wall.boundary=dashpot"]
+    scenario, outcome = computed(kernels, "absorbing_wall", *changes)
+    rows = np.linspace(0, len(outcome.columns["t"]) - 1, 7).astype(int)
+    series = {name: values[rows] for name, values in outcome.columns.items()}
+    file = np.load(export_run(scenario, outcome.replay(series["t"]), 7, tmp_path, "npz"))
+    np.testing.assert_allclose(file["t"], series["t"], rtol=1e-12)
+    for name in ("kinetic", "elastic", "wall"):
+        np.testing.assert_allclose(file[f"{name}_energy"], series[name], rtol=1e-6, atol=1e-12 * series["total"].max())
+    upward = file["points_contact_force"][:, :, 1].sum(axis=1)
+    assert upward.max() > 1e-3
+    np.testing.assert_allclose(upward, series["wall_force"], rtol=1e-6, atol=1e-12)

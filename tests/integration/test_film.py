@@ -1,0 +1,247 @@
+"""Films: what comes out is what went in, whole or not at all, the same bytes each time, and it explains itself."""
+
+from __future__ import annotations
+
+import os
+import resource
+import subprocess
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import imageio.v3 as iio
+import numpy as np
+import pytest
+from PIL import Image
+
+from taichi_disk import load_scene, runtime
+from taichi_disk.errors import SimulationError, TaichiDiskError
+from taichi_disk.progress import Progress
+from taichi_disk.render import film_problem
+from taichi_disk.render.film import film
+from taichi_disk.render.legend import Legend
+from taichi_disk.render.palette import THEMES
+from taichi_disk.simulation.outcome import compute
+
+needs_vulkan = pytest.mark.skipif(film_problem() is not None, reason=str(film_problem()))
+FORMATS = pytest.mark.parametrize("suffix", [".mp4", ".webm", ".gif", ""])
+COUNT, SIZE = 10, 240
+QUIET = Progress()
+
+
+@pytest.fixture(scope="module")
+def run():
+    runtime.start()
+    scene = load_scene("exponential_wall", ["lattice.points=150", "impact.velocity=0.05", "material.eta_star=5"])
+    scenario = scene.scenario()
+    outcome = compute(scenario, scene.time)
+    # Its states are kept, so that tests may start Taichi anew.
+    times = np.linspace(0.0, outcome.columns["t"][-1], 400)
+    states = list(outcome.replay(times))
+    return scenario, replace(outcome, replay=lambda wanted: (states[int(np.abs(times - t).argmin())] for t in wanted))
+
+
+def video(**keys):
+    keys = {"size": SIZE, "fps": 10, "seconds": 1} | keys
+    return load_scene("exponential_wall", [f"video.{key}={value}" for key, value in keys.items()]).video
+
+
+@pytest.fixture
+def captions(monkeypatch):
+    """The lines that change, of each picture that is made."""
+    seen, write = [], Legend.write
+
+    def record(self, picture, lines):
+        seen.append(tuple(lines))
+        write(self, picture, lines)
+
+    monkeypatch.setattr(Legend, "write", record)
+    return seen
+
+
+def pictures_in(folder):
+    return np.array([np.asarray(Image.open(path)) for path in sorted(folder.iterdir())]).astype(float)
+
+
+def time_of(lines):
+    return float(lines[0].split()[2])
+
+
+@needs_vulkan
+@FORMATS
+def test_a_film_has_the_frames_size_and_rate_asked_for_and_the_same_bytes_twice(run, tmp_path, suffix):
+    class Told(Progress):
+        done = ()
+
+        def update(self, done):
+            self.done += (done,)
+
+    path, told = tmp_path / f"film{suffix}", Told()
+    film(path, [run], video(), told)
+    assert told.done == tuple(range(1, COUNT + 1)) and list(tmp_path.iterdir()) == [path]
+    files = sorted(path.iterdir()) if path.is_dir() else [path]
+    first = [one.read_bytes() for one in files]
+    film(path, [run], video(), QUIET)  # what is there is replaced
+    assert [one.read_bytes() for one in files] == first
+    pictures = np.array([frame[..., :3] for frame in iio.imiter(path)]) if suffix else pictures_in(path)
+    if suffix == ".gif":  # pictures that repeat the one before are one that lasts longer
+        with Image.open(path) as gif:
+            assert sum(gif.seek(k) or gif.info["duration"] for k in range(gif.n_frames)) == 100 * COUNT
+    else:
+        assert len(pictures) == COUNT and (not suffix or iio.immeta(path, plugin="pyav")["fps"] == 10)
+    assert pictures.shape[1:] == (SIZE, SIZE, 3)
+    assert np.abs(pictures[:, 2, 2] - 255 * np.array(THEMES["light"].ground)).max() < 6
+
+
+@needs_vulkan
+def test_the_disk_in_the_film_moves_as_its_centre_of_mass_does(run, tmp_path, captions):
+    film(tmp_path / "film.mp4", [run], video(draw="field", colour="strain", theme="dark", size=360), QUIET)
+    times, series, theme = np.array([time_of(lines) for lines in captions]), run[1].columns, THEMES["dark"]
+    assert len(times) == COUNT and (np.diff(times) >= 0.0).all() and times[0] == 0.0
+    assert times[-1] == pytest.approx(series["t"][-1], abs=1e-3)
+    rows, areas = [], []
+    for picture in iio.imread(tmp_path / "film.mp4").astype(float)[:, 60:300]:
+        apart = [np.abs(picture - 255 * np.array(colour)).sum(axis=-1) for colour in (theme.ground, theme.wall)]
+        disk = (apart[0] > 30) & (apart[1] > 30)
+        disk[disk.sum(axis=1) > 300] = False  # the wall's soft edge
+        rows.append(np.nonzero(disk)[0].mean())
+        areas.append(disk.sum())
+    scale = np.sqrt(areas[0] / np.pi)  # pixels per R, of the disk that is still round
+    centre = np.interp(times, series["t"], series["com_y"])
+    assert np.ptp(rows + scale * centre) < 1.5 and np.ptp(rows) > 10.0
+
+
+@needs_vulkan
+def test_the_film_holds_at_the_greatest_compression_ends_with_the_result_and_tells_its_pace(run, tmp_path, captions):
+    scenario, outcome = run
+    film(tmp_path / "film.mp4", [run], video(seconds=4), QUIET)
+    result = f"*e = {scenario.result(outcome.columns)['restitution']:.5f}"
+    assert len(captions) == 40 and [lines[-1] == result for lines in captions] == [False] * 36 + [True] * 4
+    held = [lines[0] for lines in captions if lines[-1] == "greatest compression"]
+    peak = outcome.columns["t"][outcome.columns["elastic"].argmax()]
+    assert len(held) >= 2 and set(held) == {f"t = {peak:7.3f} R/c"}
+    pictures = iio.imread(tmp_path / "film.mp4").astype(int)
+    assert np.abs(pictures[-1] - pictures[-4])[60:].mean() < 1.0  # at the end all stands still
+    assert (pictures[-1, 40:60, 120:].sum(axis=-1) < 300).sum() > 20  # and the bold result is there
+    moving = [(time_of(lines), lines[-1]) for lines in captions if lines[-1].startswith("1 s shows")]
+    pace = np.array([float(text.split()[3]) for _, text in moving])
+    # What was said adds up to the time that passed; the contact, in the middle, is slowed down.
+    assert (pace[:-1] / 10).sum() == pytest.approx(moving[-1][0], rel=0.04)
+    assert 1.8 * pace[len(pace) // 2] < min(pace[1], pace[-2])
+
+
+@needs_vulkan
+@pytest.mark.parametrize("colour", ["pressure", "shear", "rate", "fringes", "strain", "force", "speed", "kinetic"])
+@pytest.mark.parametrize("theme", THEMES)
+def test_every_quantity_has_a_picture_of_the_greatest_compression(run, tmp_path, captions, colour, theme):
+    film(tmp_path / "picture.png", [run], video(colour=colour, theme=theme), QUIET)
+    series = run[1].columns
+    assert time_of(captions[0]) == pytest.approx(series["t"][series["elastic"].argmax()], abs=0.1)
+    picture = np.asarray(Image.open(tmp_path / "picture.png")).astype(float)
+    assert picture.shape == (SIZE, SIZE, 3)
+    assert np.abs(picture[1, 1] - 255 * np.array(THEMES[theme].ground)).max() < 1.5
+    assert len(np.unique(picture[70:180].reshape(-1, 3).round(-1), axis=0)) > 15
+
+
+@needs_vulkan
+def test_a_comparison_shows_both_runs_at_the_same_times_in_the_same_colours(run, tmp_path, captions):
+    film(tmp_path / "both", [run, run], video(), QUIET)
+    left, right = np.split(pictures_in(tmp_path / "both"), 2, axis=2)
+    assert left.shape == (COUNT, SIZE, SIZE, 3)
+    assert np.array_equal(left, right) and captions[0::2] == captions[1::2]
+
+
+@needs_vulkan
+def test_the_panel_s_curves_end_where_the_time_series_is(run, tmp_path, captions):
+    film(tmp_path / "frames", [run], video(size=720, seconds=0.8, panel="true"), QUIET)
+    frames = pictures_in(tmp_path / "frames")
+    assert frames.shape[1:] == (720, 1280, 3)
+    # v_cm, in the uppermost axes: the last blue pixels, and nothing beyond them.
+    ends = [np.argwhere(np.abs(frame[:190, 740:] - (0, 114, 178)).sum(axis=-1) < 60) for frame in frames[1:]]
+    columns = np.array([one[:, 1].max() for one in ends])
+    rows = np.array([one[one[:, 1] >= one[:, 1].max() - 1, 0].mean() for one in ends])
+    times, series = np.array([time_of(lines) for lines in captions[1:]]), run[1].columns
+    slope, _ = np.polyfit(times, columns, 1)
+    assert columns == pytest.approx(columns[-1] + slope * (times - times[-1]), abs=2.0) and np.ptp(columns) > 300
+    v = np.interp(times, series["t"], series["com_vy"])
+    # Rows are linear in v: the first and the last end say how.
+    assert rows == pytest.approx(np.interp(v, [v[0], v[-1]], [rows[0], rows[-1]]), abs=2.5) and np.ptp(rows) > 100
+
+
+@needs_vulkan
+def test_colours_survive_the_encoding(run, tmp_path):
+    for name in ("film.mp4", "frames"):
+        film(tmp_path / name, [run], video(size=360, seconds=0.3), QUIET)
+    off = iio.imread(tmp_path / "film.mp4") - pictures_in(tmp_path / "frames")
+    assert np.abs(off.mean(axis=(1, 2))).max() < 1.5 and np.abs(off).mean() < 4.0
+
+
+# ---- failures
+
+
+@needs_vulkan
+@pytest.mark.parametrize("last", [1.0, 4.0])
+def test_a_state_that_is_not_finite_leaves_no_film(run, tmp_path, last):
+    scenario, outcome = run
+
+    def spoilt(times):
+        for t, x, v in outcome.replay(times):
+            yield t, np.where(t > last, np.nan, x), v
+
+    with pytest.raises(SimulationError, match=r"the frame at t = .* cannot be drawn: 150 of 150 points"):
+        film(tmp_path / "film.mp4", [(scenario, replace(outcome, replay=spoilt))], video(), QUIET)
+    assert not list(tmp_path.iterdir())
+
+
+@needs_vulkan
+@FORMATS
+def test_an_interrupted_film_leaves_the_old_one_as_it_was(run, tmp_path, suffix):
+    class Impatient(Progress):
+        def update(self, done):
+            if done == 5:
+                raise KeyboardInterrupt
+
+    path = tmp_path / f"film{suffix}"
+    film(path, [run], video(seconds=0.3), QUIET)
+    before = {one: one.read_bytes() for one in tmp_path.rglob("*") if one.is_file()}
+    with pytest.raises(KeyboardInterrupt):
+        film(path, [run], video(), Impatient())
+    assert {one: one.read_bytes() for one in tmp_path.rglob("*") if one.is_file()} == before
+    film(path, [run], video(seconds=0.3), QUIET)  # a window was open when it happened: the next one must still work
+
+
+@needs_vulkan
+@FORMATS
+@pytest.mark.parametrize("room", [0, 3000])
+def test_a_full_disk_is_told_and_leaves_nothing(run, tmp_path, suffix, room):
+    # A limit of files' sizes stands for a full disk: the same error of the system, at the same calls.
+    _, most = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (room, most))
+    try:
+        with pytest.raises(SimulationError, match=rf"cannot write {tmp_path}/film{suffix}: File too large"):
+            film(tmp_path / f"film{suffix}", [run], video(), QUIET)
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (most, most))
+    assert not list(tmp_path.iterdir())
+
+
+@needs_vulkan
+def test_a_vulkan_that_does_not_work_is_reported(run, tmp_path, monkeypatch):
+    import taichi as ti
+
+    def broken(*_, **__):
+        raise RuntimeError("device lost")
+
+    monkeypatch.setattr(ti.ui, "Window", broken)
+    with pytest.raises(TaichiDiskError, match=r"no film: Vulkan cannot draw .* device lost"):
+        film(tmp_path / "film.mp4", [run], video(), QUIET)
+    assert not list(tmp_path.iterdir())
+
+
+def test_without_vulkan_the_message_names_the_remedy(tmp_path):
+    nowhere = os.environ | {"VK_ICD_FILENAMES": "/nonexistent", "VK_DRIVER_FILES": "/nonexistent"}
+    nowhere["PYTHONPATH"] = str(Path(__file__).parents[2])
+    code = "from taichi_disk.render import require_film; require_film()"
+    done = subprocess.run([sys.executable, "-c", code], cwd=tmp_path, env=nowhere, capture_output=True, text=True)
+    assert "TaichiDiskError: no film: " in done.stderr and "no Vulkan driver" in done.stderr
+    assert "apt-get update && apt-get install -y --no-install-recommends libx11-6 mesa-vulkan-drivers" in done.stderr

@@ -1,0 +1,177 @@
+"""Pictures of the painter: everything is where the camera says, in the colour that the map gives to its value."""
+
+from __future__ import annotations
+
+import os
+
+import numpy as np
+import pytest
+from bodies import RIGID, shaken
+
+from taichi_disk import runtime
+from taichi_disk.fields import QUANTITIES, Triangles, at_points, fringes
+from taichi_disk.lattice import Lattice, disk_lattice, with_wall
+from taichi_disk.physics import ElasticWall, ExponentialWall, Springs
+from taichi_disk.render import film_problem
+from taichi_disk.render.camera import Camera
+from taichi_disk.render.palette import THEMES
+
+pytestmark = pytest.mark.skipif(film_problem() is not None, reason=str(film_problem()))
+SIZE = 360
+CAMERA = Camera.fit((-1.15, 1.15, -0.1, 2.2), SIZE, SIZE)
+DISK = disk_lattice(400, 0)
+X, V = shaken(DISK, 0, 2e-3)
+X += [0.0, 1.1]
+
+
+@pytest.fixture(scope="module")
+def shoot(tmp_path_factory):
+    """Draws a state of a lattice: (SIZE, SIZE, 3), rows downwards, 0 to 1."""
+    import taichi as ti
+
+    from taichi_disk.render.painter import Painter
+
+    runtime.start()
+    window, here = ti.ui.Window("test", (SIZE, SIZE), show_window=False), os.getcwd()
+
+    def draw(lattice, x, v=None, wall=None, camera=CAMERA, **look):
+        painter = Painter(lattice, Springs(), wall)
+        vars(painter).update({"draw": "field", "limit": 0.02} | look)
+        painter.paint(window.get_canvas(), camera, x, np.zeros_like(x) if v is None else v, 0.5)
+        return window.get_image_buffer_as_numpy()[..., :3].transpose(1, 0, 2)[::-1].astype(float)
+
+    yield draw
+    os.chdir(tmp_path_factory.mktemp("window"))  # a window leaves an imgui.ini where it closes
+    window.destroy()
+    os.chdir(here)
+
+
+def ground(theme="light"):
+    return np.array(THEMES[theme].ground)
+
+
+def pixel(picture, at, camera=CAMERA):
+    column, row = camera.to_pixels(at).astype(int)
+    return picture[row, column]
+
+
+def inner_triangles(lattice):
+    """Those that do not touch the outline, which is drawn over them."""
+    return lattice.triangles[~np.isin(lattice.triangles, lattice.disk_surface).any(axis=1)]
+
+
+@pytest.mark.parametrize("colour", QUANTITIES)
+def test_colours_equal_the_field_s_values(shoot, colour):
+    from taichi_disk.render.painter import Painter
+
+    painter, corners = Painter(DISK, Springs()), inner_triangles(DISK)[::5]
+    values = at_points(colour, Triangles(DISK), Springs(), X, V)
+    painter.colour, painter.limit = colour, 1.3 * float(np.abs(values).max())
+    for painter.theme in THEMES:
+        picture = shoot(DISK, X, V, colour=colour, theme=painter.theme, limit=painter.limit)
+        seen = np.array([pixel(picture, X[three].mean(axis=0)) for three in corners])
+        # In the middle of a triangle: the mean of its corners, of colours or, where those are not linear, of values.
+        colours = painter.colours(painter.places(values))[corners].mean(axis=1)
+        if colour == "fringes":
+            light = fringes(values[corners].mean(axis=1) / 2.0, painter.limit)
+            colours = painter.map[np.rint(511 * light).astype(int)]
+        assert np.median(np.abs(seen - colours)) < 0.01
+        assert np.percentile(np.abs(seen - colours), 95) < 0.06  # half a pixel off the middle, where colours are steep
+
+
+@pytest.mark.parametrize("draw", ["field", "both", "springs", "points"])
+@pytest.mark.parametrize("points", [3, 20, 2000])
+def test_a_disk_of_any_number_of_points_is_seen_whole(shoot, points, draw):
+    disk = disk_lattice(points, 1)
+    x = disk.positions + [0.0, 1.1]
+    rows, columns = np.nonzero(np.abs(shoot(disk, x, draw=draw, theme="dark") - ground("dark")).sum(axis=-1) > 0.05)
+    seen = np.array([(columns.min(), rows.min()), (columns.max() + 1, rows.max() + 1)])
+    there = CAMERA.to_pixels(x)
+    # Lines and points are drawn around the positions, by less than 4 pixels at this size.
+    assert (seen[0] <= there.min(axis=0) + 1.0).all() and (seen[0] > there.min(axis=0) - 4).all()
+    assert (seen[1] >= there.max(axis=0) - 1.0).all() and (seen[1] < there.max(axis=0) + 4).all()
+
+
+def test_springs_are_seen_on_the_field_of_a_coarse_lattice_only(shoot):
+    x, fine = DISK.positions + [0.0, 1.1], disk_lattice(9000, 0)
+    plain, sprung = shoot(DISK, x), shoot(DISK, x, draw="both")
+    i, j = DISK.bonds[::5].T
+    darker = np.array([pixel(plain, at) - pixel(sprung, at) for at in 0.5 * (x[i] + x[j])]).mean(axis=1)
+    assert (darker > 0.02).mean() > 0.7
+    for lattice, y, look in ((fine, fine.positions + [0.0, 1.1], {}), (DISK, x, {"colour": "fringes"})):
+        assert np.array_equal(*(shoot(lattice, y, draw=draw, **look) for draw in ("field", "both")))
+
+
+def test_a_spring_has_the_colour_of_its_strain(shoot):
+    from taichi_disk.render.painter import Painter
+
+    triangle = Lattice.from_points([(-0.9, 0.5), (0.9, 0.5), (0.0, 1.9)])
+    painter = Painter(triangle, Springs())
+    painter.colour, painter.draw, painter.limit = "strain", "springs", 0.02
+    for strain in (0.013, -0.008, 0.0, 0.05, -0.05):
+        x = triangle.positions * [1.0 + strain, 1.0]
+        low = x[np.argsort(x[:, 1])[:2]]
+        seen = pixel(shoot(triangle, x, colour="strain", draw="springs"), low.mean(axis=0))
+        assert seen == pytest.approx(painter.colours(painter.places(np.array([strain])))[0], abs=2 / 255)
+
+
+@pytest.mark.parametrize("a", [10.0, 300.0])
+@pytest.mark.parametrize("theme", THEMES)
+def test_the_wall_is_solid_up_to_where_the_disk_rests(shoot, theme, a):
+    edge, body = 0.05, np.array(THEMES[theme].wall)
+    x = DISK.positions - [0.0, DISK.positions[:, 1].min() - edge]
+    picture = shoot(DISK, x, wall=ExponentialWall(a, 150.0), edge=edge, theme=theme)
+    assert pixel(picture, np.array([-0.9, edge - 0.02])) == pytest.approx(body, abs=0.01)
+    assert pixel(picture, np.array([0.9, 0.0])) == pytest.approx(body, abs=0.01)
+    haze = pixel(picture, np.array([-1.0, edge + 0.1])) - ground(theme)
+    share = np.exp(-a * 0.1) * np.linalg.norm(body - ground(theme))
+    assert np.linalg.norm(haze) == pytest.approx(share, abs=0.02)
+    # Between disk and wall there is nothing: the lowest point lies on the edge.
+    column = int(CAMERA.to_pixels(x[x[:, 1].argmin()])[0])
+    gap = np.abs(picture[:, column] - ground(theme)).sum(axis=-1) < 0.01
+    assert gap[:15].any() and not gap[40:].any()
+
+
+def test_the_elastic_wall_wears_its_potential_as_a_skin(shoot):
+    both = with_wall(disk_lattice(200, 1), 220, 2.2, 0, True, 0.7, 0.0)
+    x = both.positions + [0.0, 0.9]
+    x[:200] += [0.0, 0.3]
+    picture = shoot(both, x, wall=ElasticWall(300.0, 150.0, 0.5), edge=0.05)
+    top = x[both.wall_surface][:, 1].mean()
+    assert pixel(picture, np.array([-0.8, top + 0.025])) == pytest.approx(np.array(THEMES["light"].wall), abs=0.01)
+    assert pixel(picture, np.array([-0.8, top + 0.12])) == pytest.approx(ground(), abs=0.01)
+
+
+def test_an_arrow_stands_on_a_pushed_point_as_long_as_its_force(shoot):
+    from taichi_disk.render.shapes import ARROW
+
+    x = DISK.positions - [0.0, DISK.positions[:, 1].min() - 0.05]
+    lowest = int(x[:, 1].argmin())
+    full = float(RIGID.forces(DISK, x)[lowest, 1]) / 0.8
+    plain, pushed = (shoot(DISK, x, wall=RIGID, full_force=force) for force in (0.0, full))
+    rows, columns = np.nonzero((plain != pushed).any(axis=-1))
+    column, foot = CAMERA.to_pixels(x[lowest])
+    near = np.abs(columns - column) < 4
+    assert rows[near].min() == pytest.approx(foot - 0.8 * ARROW * CAMERA.scale, abs=2.5)
+    assert rows[near].max() == pytest.approx(foot, abs=2.0)
+
+
+def test_a_picture_does_not_depend_on_those_before_it(shoot):
+    alone = shoot(DISK, X, V, draw="both")
+    shoot(DISK, 1.1 * DISK.positions, draw="both")
+    assert np.array_equal(shoot(DISK, X, V, draw="both"), alone)
+
+
+@pytest.mark.parametrize("samples", [2, 3, 4])
+def test_smoothing_averages_over_the_area_of_each_pixel(samples):
+    from taichi_disk.render.kernels import shrink
+
+    runtime.start()
+    drawn = np.random.default_rng(0).random((12 * samples, 8 * samples, 4)).astype(np.float32)
+    picture = np.zeros((20, 40, 3), dtype=np.uint8)
+    shrink(drawn, picture, 10, 18, samples)
+    assert not picture[:, :10].any() and not picture[:, 34:].any() and not picture[:2].any() and not picture[18:].any()
+    # samples/2 a pixel: cut each into 2 x 2, average samples x samples of those; [x, y up] becomes [row, column].
+    fine = drawn.repeat(2, axis=0).repeat(2, axis=1).astype(float)
+    mean = fine.reshape(24, samples, 16, samples, 4).mean(axis=(1, 3)).transpose(1, 0, 2)[::-1]
+    assert np.abs(picture[2:18, 10:34] - 255 * mean[..., :3]).max() < 0.5 + 1e-3

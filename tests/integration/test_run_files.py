@@ -1,0 +1,152 @@
+"""What a run leaves: names, columns and units, and enough to repeat it with another program."""
+
+from __future__ import annotations
+
+import json
+import re
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+import pytest
+from reference import Model
+
+from taichi_disk import load_scene, run
+from taichi_disk.simulation import stability
+
+SMALL = ("lattice.points=100", "time.safety=0.3")
+WALL = (*SMALL, "wall.points=120", "wall.width=3.2", "wall.boundary=dashpot")
+COLUMNS = (
+    "t,com_x,com_y,com_vx,com_vy,angular_momentum,lowest_y,wall_force,kinetic,elastic,wall,dissipated,absorbed,total"
+)
+STEPPED = {"restitution", "contact_time", "dt", "energy"}
+SCENES = {
+    "exponential_wall": (SMALL, STEPPED),
+    "absorbing_wall": (WALL, STEPPED),
+    "compression": ((*SMALL, "compression.method=newton"), {"xi", "xi_nominal"}),
+}
+
+
+class Run(NamedTuple):
+    """A finished run and its folder."""
+
+    result: Any
+    out: Path
+
+    @property
+    def summary(self):
+        return json.loads((self.out / "summary.json").read_text())
+
+    @property
+    def table(self):
+        names, *lines = (self.out / "timeseries.csv").read_text().splitlines()
+        return dict(zip(names.split(","), np.loadtxt(lines, delimiter=",").T, strict=True))
+
+
+@pytest.fixture(scope="module")
+def runs(tmp_path_factory):
+    place = tmp_path_factory.mktemp("runs")
+    return {
+        kind: Run(run(load_scene(kind, settings), place / kind, video=False), place / kind)
+        for kind, (settings, _) in SCENES.items()
+    }
+
+
+@pytest.mark.parametrize("kind", SCENES)
+def test_files_summary_and_columns_are_those_of_the_contract(runs, kind):
+    one, summary, table = runs[kind], runs[kind].summary, runs[kind].table
+    names = {path.name for path in one.out.iterdir()}
+    assert names == {"scene.yaml", "summary.json", "timeseries.csv", "lattice.npz", "final.npz", "plot.png"}
+    assert (one.out / "plot.png").read_bytes().startswith(b"\x89PNG\r\n\x1a\n")
+
+    common = {"scene", "status", "reason", "seed", "versions", "wall_clock", "measured", "steps", "integrator"}
+    assert summary == one.result.summary and common | SCENES[kind][1] <= set(summary)
+    told = (Path(__file__).parents[2] / "docs/output.md").read_text(encoding="utf-8")
+    assert set(summary) <= set(re.findall(r"`(\w+)`", told.partition("### summary.json")[2].partition("###")[0]))
+    assert summary["status"] == "done" and summary["reason"] is None
+    assert {"build", "simulate"} <= set(summary["wall_clock"])
+    assert {"python", "taichi", "numpy", "taichi-disk"} <= set(summary["versions"])
+    assert all(summary[key] == value for key, value in one.result.numbers.items())
+
+    assert ",".join(table) == COLUMNS + (",load" if kind == "compression" else "")
+    assert np.isfinite(list(table.values())).all()
+    assert (np.diff(table["t"]) > 0).all() and table["t"][0] == 0.0
+    parts = ("kinetic", "elastic", "wall", "dissipated", "absorbed", "sliding", "load")
+    np.testing.assert_allclose(table["total"], sum(table.get(part, 0.0) for part in parts), rtol=1e-12)
+
+
+def test_rows_asked_for_far_apart_are_rows_of_the_full_series_and_its_end(runs, tmp_path):
+    sparse = run(load_scene("exponential_wall", (*SMALL, "time.sample_interval=1.0")), tmp_path / "o", video=False)
+    full, few = runs["exponential_wall"].table, Run(sparse, tmp_path / "o").table
+    every = round(1.0 / full["t"][1])
+    chosen = sorted({*range(0, len(full["t"]), every), len(full["t"]) - 1})
+    assert few["t"][1] == pytest.approx(1.0, abs=0.5 * full["t"][1])
+    assert all(np.array_equal(few[name], full[name][chosen]) for name in full)
+
+
+@pytest.mark.parametrize("kind", ["exponential_wall", "absorbing_wall"])
+def test_first_and_last_row_are_the_states_in_the_npz_files(runs, kind):
+    one = runs[kind]
+    table, start, final = one.table, np.load(one.out / "lattice.npz"), np.load(one.out / "final.npz")
+    n, m = int(start["disk_points"]), start["masses"][0]
+    assert n == 100
+    for row, state in ((0, start), (-1, final)):
+        x, v = state["positions"][:n], state["velocities"][:n]
+        centre, speed = x.mean(axis=0), v.mean(axis=0)
+        spin = m * np.sum((x - centre)[:, 0] * (v - speed)[:, 1] - (x - centre)[:, 1] * (v - speed)[:, 0])
+        kinetic = 0.5 * m * np.sum(state["velocities"] ** 2)
+        names = ("com_x", "com_y", "com_vx", "com_vy", "angular_momentum", "lowest_y", "kinetic")
+        values = [*centre, *speed, spin, x[:, 1].min(), kinetic]
+        assert [table[name][row] for name in names] == pytest.approx(values, rel=1e-11, abs=1e-14)
+    summary = one.summary
+    assert table["t"][-1] == final["t"] == pytest.approx(summary["steps"] * summary["dt"])
+    assert table["com_vy"][-1] == pytest.approx(0.02 * summary["restitution"], rel=1e-12)
+
+
+def test_the_wall_s_force_is_the_change_of_momentum(runs):
+    # d(com_vy)/dt = wall force (M = 1), by central differences between rows.
+    table = runs["exponential_wall"].table
+    t, v = table["t"], table["com_vy"]
+    slope = (v[2:] - v[:-2]) / (t[2:] - t[:-2])
+    peak = table["wall_force"].max()
+    assert peak > 1e-3
+    np.testing.assert_allclose(slope, table["wall_force"][1:-1], rtol=0, atol=0.02 * peak)
+
+
+def test_lattice_npz_alone_repeats_the_run(runs):
+    # An independent program with nothing but the file and the scene's numbers: matched boundary.
+    one = runs["absorbing_wall"]
+    start, final = np.load(one.out / "lattice.npz"), np.load(one.out / "final.npz")
+    d = start["positions"][start["bonds"][:, 0]] - start["positions"][start["bonds"][:, 1]]
+    np.testing.assert_allclose(np.hypot(*d.T), start["rest_lengths"], rtol=0, atol=1e-13)
+    assert (np.diff(start["positions"][start["wall_surface"], 0]) > 0).all()
+    surfaces = {name: start[name] for name in ("disk_surface", "wall_surface")}
+    matched = {"boundary": start["wall_boundary"], "impedance": start["wall_impedance"]}
+    body = start["bonds"], start["rest_lengths"], start["masses"][0], int(start["disk_points"])
+    model = Model(*body, k_b=1e-3, **surfaces, **matched)
+    _, v = model.solve(start["positions"], start["velocities"], (0.0, float(final["t"])), rtol=1e-8)[-1]
+    assert one.summary["restitution"] == pytest.approx(v[:100, 1].mean() / 0.02, abs=2e-5)
+
+
+def test_the_saved_scene_is_the_scene_with_every_default_and_repeats_the_run_bitwise(runs):
+    one = runs["compression"]
+    path = one.out / "scene.yaml"
+    assert load_scene(path) == load_scene("compression", SCENES["compression"][0])
+    for key in ("points", "seed", "k_a", "eta_star", "a", "V0", "pressure", "integrator", "safety"):
+        assert re.search(rf"^  {key}: ", path.read_text(), re.MULTILINE), key
+    before = {path.name: path.read_bytes() for path in one.out.iterdir()}
+    run(load_scene(path), one.out, video=False)
+    after = {path.name: path.read_bytes() for path in one.out.iterdir()}
+    assert {name for name in before if after[name] != before[name]} == {"summary.json"}  # its wall clock
+
+
+def test_the_spectrum_is_looked_for_once_in_a_run(monkeypatch, tmp_path):
+    asked, plain = [], stability.largest_eigenvalue
+
+    def counted(*given):
+        asked.append(given)
+        return plain(*given)
+
+    monkeypatch.setattr(stability, "largest_eigenvalue", counted)
+    run(load_scene("exponential_wall", SMALL), tmp_path / "o", video=False)
+    assert len(asked) == 2  # of the springs, and of the dashpots

@@ -1,0 +1,307 @@
+"""Sweeps: a row is what `run` gives for its scene, whatever is computed beside it, before it, or by whom."""
+
+from __future__ import annotations
+
+import csv
+import json
+import shutil
+from collections.abc import Callable
+from concurrent.futures import Executor, Future, ThreadPoolExecutor
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from taichi_disk import Lattice, load_scene, load_sweep, run, run_sweep
+from taichi_disk.cli import main
+from taichi_disk.errors import InputError, SimulationError
+from taichi_disk.sweep import executors
+from taichi_disk.sweep.report import print_sweep
+from taichi_disk.sweep.sweep import SweepResult
+
+SMALL = """
+scene: exponential_wall
+lattice: {points: 60}
+sweep: {eta_star: [0, 30], seed: [3, 4], velocity: [0.01, 0.02, 0.05]}
+"""
+WALL = """
+scene: absorbing_wall
+lattice: {points: 40}
+wall: {points: 50, width: 3.0}
+sweep: {boundary: [dashpot]}
+"""
+PRESSED = """
+scene: compression
+lattice: {points: 60}
+compression: {method: newton}
+sweep: {seed: [0, 1], pressure: [5.0e-3, 1.0e-2]}
+"""
+ONE = "scene: exponential_wall\nlattice: {points: 60}\nmaterial: {eta_star: 0.0}\n"
+
+
+@pytest.fixture(scope="module")
+def small(tmp_path_factory: pytest.TempPathFactory) -> SweepResult:
+    return run_sweep(load_sweep(SMALL), tmp_path_factory.mktemp("small") / "out", jobs=1)
+
+
+@pytest.fixture(autouse=True)
+def no_figures(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A figure takes a second; that of `small` is enough."""
+    monkeypatch.setattr("taichi_disk.sweep.figures.draw", lambda scene, curves, out: None)
+
+
+def table(folder: Path) -> bytes:
+    return (folder / "points.csv").read_bytes()
+
+
+def points(folder: Path) -> list[Path]:
+    return sorted((folder / "points").glob("*.json"))
+
+
+# ---- rows
+
+
+def test_a_sweep_leaves_one_row_per_point_and_its_fits_and_figure(small: SweepResult) -> None:
+    with (small.out / "points.csv").open() as file:
+        rows = list(csv.DictReader(file))
+    assert len(rows) == 12 and not small.failed
+    assert [(row["eta_star"], row["seed"], row["velocity"]) for row in rows[:2]] == [
+        ("0.0", "3", "0.01"),
+        ("0.0", "3", "0.02"),
+    ]
+    assert all(abs(float(row["energy_imbalance"])) < 1e-3 for row in rows)
+    summary = json.loads((small.out / "summary.json").read_text())
+    assert [curve["eta_star"] for curve in summary["curves"]] == [0, 30]
+    assert set(summary["curves"][1]["fits"]) == {"eq5", "eq5_d1_is_1", "eq4"}
+    assert all((small.out / f"figure.{kind}").stat().st_size > 5000 for kind in ("png", "svg", "pdf"))
+
+
+@pytest.mark.parametrize("text", [SMALL, WALL, PRESSED])
+def test_a_row_is_what_running_its_scene_gives_bit_for_bit(text: str, small: SweepResult, tmp_path: Path) -> None:
+    result = small if text == SMALL else run_sweep(load_sweep(text), tmp_path / "out", jobs=1)
+    for row in result.rows[:: 5 if text == SMALL else 1]:
+        summary = run(load_scene(result.out / "points" / f"{row['key']}.yaml")).summary
+        shared = (set(row) & set(summary)) - {"status", "reason", "warnings", "error_estimate"}
+        assert {"steps", "integrator"} < shared and len(shared) >= 4
+        different = {name for name in shared if summary[name] != row[name]}
+        assert different == set() or (different == {"residual"} and text == PRESSED)  # there over the load on a point
+
+
+@pytest.mark.parametrize(
+    ("axes", "statuses", "told", "again"),
+    [
+        # A small lattice in a short time: only the fast disk is back by then. It would be so another time, too.
+        ("impact: {max_time: 30.0}\nsweep: {velocity: [0.003, 0.05]}", ["failed", "done"], "has not left the wall", 0),
+        ("sweep: {dt: [0.02, 0.5]}", ["done", "failed"], "stability limit", 1),  # bad input is tried again
+    ],
+)
+def test_failed_points_are_listed_and_do_not_stop_the_others(
+    axes: str, statuses: list[str], told: str, again: int, tmp_path: Path
+) -> None:
+    sweep = load_sweep(ONE + axes + "\n")
+    result = run_sweep(sweep, tmp_path / "out", jobs=1)
+    assert [row["status"] for row in result.rows] == statuses
+    assert told in result.failed[0]["reason"] and told in result.summary["failed"][0]["reason"]
+    assert run_sweep(sweep, tmp_path / "out", jobs=1).summary["computed_now"] == again
+
+
+def test_errors_are_estimated_where_that_is_asked_for(small: SweepResult, tmp_path: Path) -> None:
+    sweep = load_sweep(SMALL, ["sweep.velocity=[0.02, 0.05]", "sweep.seed=[3]"])
+    shutil.copytree(small.out, tmp_path / "out")
+    plain = run_sweep(sweep, tmp_path / "out", jobs=1)
+    assert [row["error_estimate"] for row in plain.rows] == [None] * 4
+    told = run_sweep(sweep, tmp_path / "out", jobs=1, estimate=True)
+    assert told.summary["computed_now"] == 4 and all(0 < row["error_estimate"] < 1e-2 for row in told.rows)
+    assert [row["restitution"] for row in told.rows] == [row["restitution"] for row in plain.rows]
+    assert run_sweep(sweep, tmp_path / "out", jobs=1).summary["computed_now"] == 0
+
+
+def test_a_lattice_of_one_s_own_is_read_again_where_its_file_has_changed(tmp_path: Path) -> None:
+    disk = Lattice.disk(60, 0)
+    file = tmp_path / "points.csv"
+    np.savetxt(file, disk.positions, delimiter=",", fmt="%.17g")
+    sweep = load_sweep({"scene": "exponential_wall", "lattice": {"file": str(file)}, "sweep": {"velocity": [0.05]}})
+    first = run_sweep(sweep, tmp_path / "out", jobs=1)
+    assert first.rows[0]["status"] == "done" and first.rows[0]["young"] is None
+    turned = disk.positions @ np.array([[0.0, 1.0], [-1.0, 0.0]])
+    np.savetxt(file, turned, delimiter=",", fmt="%.17g")
+    second = run_sweep(sweep, tmp_path / "out", jobs=1)
+    assert second.summary["computed_now"] == 1
+    assert second.rows[0]["restitution"] != first.rows[0]["restitution"]
+
+
+# ---- what is there already
+
+
+def another_number(text: str) -> str:
+    record = json.loads(text)
+    record["numbers"]["restitution"] = 0.5
+    return json.dumps(record)
+
+
+TAMPERED: dict[str, Callable[[str], str]] = {
+    "half written": lambda text: text[: len(text) // 2],
+    "another number": another_number,
+    "no digest": lambda text: '{"status": "done", "numbers": {"restitution": NaN}}',
+    "a list": lambda text: "[1, 2]",
+    "brackets": lambda text: "[" * 100_000,
+    "not UTF-8": lambda text: "\udcff\udcfe",
+}
+
+
+@pytest.mark.parametrize("name", TAMPERED)
+def test_a_tampered_result_is_named_in_one_clear_error(
+    small: SweepResult, tmp_path: Path, name: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    shutil.copytree(small.out, tmp_path / "out")
+    (tmp_path / "s.yaml").write_text(SMALL)
+    path = points(tmp_path / "out")[5]
+    path.write_bytes(TAMPERED[name](path.read_text()).encode("utf-8", "surrogateescape"))
+    assert main(["sweep", str(tmp_path / "s.yaml"), "--out", str(tmp_path / "out"), "--jobs", "1"]) == 2
+    told = capsys.readouterr().err
+    assert told.count("error:") == 1 and path.name in told and "delete the file" in told and "Traceback" not in told
+    assert table(tmp_path / "out") == table(small.out)
+
+
+def test_a_folder_of_a_run_or_of_a_person_is_not_touched(tmp_path: Path) -> None:
+    sweep = load_sweep(SMALL)
+    run(load_scene("compression", ["lattice.points=30", "compression.method=newton"]), tmp_path / "run", video=False)
+    with pytest.raises(InputError, match="holds a run"):
+        run_sweep(sweep, tmp_path / "run", jobs=1)
+    (tmp_path / "mine").mkdir()
+    (tmp_path / "mine" / "scene.yaml").write_text("# mine\n" + SMALL)
+    with pytest.raises(InputError, match=r"holds scene\.yaml, which no sweep wrote"):
+        run_sweep(sweep, tmp_path / "mine", jobs=1)
+    assert [path.name for path in (tmp_path / "mine").iterdir()] == ["scene.yaml"]
+    (tmp_path / "file").touch()
+    with pytest.raises(InputError, match="is a file"):
+        run_sweep(sweep, tmp_path / "file", jobs=1)
+
+
+# ---- parts
+
+
+def test_parts_are_gathered_with_nothing_computed_anew(
+    small: SweepResult, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    sweep, said = load_sweep(SMALL), list[str]()
+    first = run_sweep(sweep, tmp_path / "a", jobs=1, part="1/2", say=said.append)
+    assert said == ["6 scenes (part 1/2 of 12), 0 of them computed before"]
+    assert first.summary["computed_now"] == len(first.rows) == 6
+    assert [path.name for path in (tmp_path / "a").iterdir()] == ["points"]
+    print_sweep(first)
+    shown = capsys.readouterr().out
+    assert "part 1/2: 6 points, 6 of them computed now, 0 failed" in shown and "without --part" in shown
+    points(tmp_path / "a")[2].unlink()
+    assert run_sweep(sweep, tmp_path / "a", jobs=1, part="1/2").summary["computed_now"] == 1
+    run_sweep(sweep, tmp_path / "b", jobs=1, part="2/2")
+    shutil.copytree(tmp_path / "b" / "points", tmp_path / "a" / "points", dirs_exist_ok=True)
+    assert run_sweep(sweep, tmp_path / "a", jobs=1).summary["computed_now"] == 0
+    assert table(tmp_path / "a") == table(small.out)
+    fewer = load_sweep(SMALL, ["sweep.seed=[3]"])
+    run_sweep(fewer, tmp_path / "a", jobs=1, say=said.append)
+    assert said[1:] == [
+        f"{tmp_path / 'a'} holds another sweep: its points stay, its table, fits and figure are replaced",
+        "6 scenes, 6 of them computed before",
+    ]
+
+
+def test_every_scene_is_in_one_part_and_in_one_task_of_one_lattice() -> None:
+    sweep = load_sweep("figure3")
+    scenes: Any = executors.ordered({str(k): scene for k, scene in enumerate(sweep.scenes)})
+    tasks = executors.tasks_of(scenes)
+    assert len(tasks) == 96 and sorted(key for task in tasks for key in task) == sorted(scenes)
+    assert all(len({scenes[key].lattice.seed for key in task}) == 1 for task in tasks)
+    shares = [executors.share_of(f"{k}/16", scenes) for k in range(1, 17)]
+    assert [key for share in shares for key in share] == list(scenes) and {len(share) for share in shares} == {36}
+    # Slow and fast, soft and stiff: a share takes about as long as another.
+    assert all(len({scene.impact.velocity for scene in share.values()}) > 8 for share in shares)
+
+
+@pytest.mark.parametrize("part", ["0/4", "5/4", "1", "a/b", "1/2/3", ""])
+def test_a_part_that_is_none_is_refused(part: str, tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="K/N"):
+        run_sweep(load_sweep(SMALL), tmp_path / "out", part=part)
+    assert not (tmp_path / "out").exists()
+
+
+# ---- executors
+
+
+def test_any_executor_gives_the_same_bytes(small: SweepResult, tmp_path: Path) -> None:
+    with ThreadPoolExecutor(3) as threads:
+        run_sweep(load_sweep(SMALL), tmp_path / "out", executor=threads)
+    assert table(tmp_path / "out") == table(small.out)
+
+
+def test_who_computes_is_said_once(tmp_path: Path) -> None:
+    with ThreadPoolExecutor(1) as threads, pytest.raises(InputError, match="give one of them"):
+        run_sweep(load_sweep(SMALL), tmp_path / "out", executor=threads, scheduler="tcp://127.0.0.1:9")
+
+
+def test_other_versions_on_a_worker_are_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    here = executors.relevant_versions() | {"taichi": "1.7.3", "taichi-disk": "0.0"}
+    monkeypatch.setattr(executors, "relevant_versions", lambda: here)
+    with (
+        ThreadPoolExecutor(1) as threads,
+        pytest.raises(InputError, match=r"has taichi-disk .* instead of 0\.0, taichi"),
+    ):
+        run_sweep(load_sweep(SMALL), tmp_path / "out", executor=threads)
+    assert not points(tmp_path / "out")
+
+
+def test_what_was_done_is_kept_when_the_workers_fail(small: SweepResult, tmp_path: Path) -> None:
+    class Failing(Executor):
+        """Computes one task, then fails as a cluster may."""
+
+        def __init__(self) -> None:
+            self.calls = 0
+
+        def submit(self, function: Any, /, *arguments: Any, **options: Any) -> Future[Any]:
+            future: Future[Any] = Future()
+            self.calls += 1
+            if self.calls == 1:
+                future.set_result(function(*arguments))
+            else:
+                future.set_exception(OSError("connection lost"))
+            return future
+
+    with pytest.raises(SimulationError, match="connection lost"):
+        run_sweep(load_sweep(SMALL), tmp_path / "out", executor=Failing())
+    kept = {path.name: path.read_bytes() for path in points(tmp_path / "out")}
+    assert kept.items() <= {path.name: path.read_bytes() for path in points(small.out)}.items()
+
+
+def test_without_a_scheduler_the_error_says_so(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    pytest.importorskip("distributed")
+    monkeypatch.setattr(executors, "CONNECT", 0.3)
+    for address in ("tcp://127.0.0.1:9", "nonsense://x"):
+        with pytest.raises(InputError, match="no Dask scheduler answers at"):
+            run_sweep(load_sweep(SMALL), tmp_path / "out", scheduler=address)
+
+
+# ---- what a person sees
+
+
+def test_the_command_says_how_many_scenes_and_prints_fits_and_where_the_files_are(
+    small: SweepResult, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "s.yaml").write_text(SMALL)
+    assert main(["sweep", str(tmp_path / "s.yaml"), "--out", str(small.out), "--jobs", "1"]) == 0
+    shown, told = capsys.readouterr()
+    assert "note: 12 scenes, 12 of them computed before" in told
+    assert "eta_star: 30, 2 lattices" in shown and "eq. (4) integrated" in shown
+    assert "12 points, 0 of them computed now, 0 failed" in shown and f"files in {small.out}" in shown
+
+
+def test_how_long_the_rest_takes_is_told_once_and_from_what_came_after_the_first(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    from taichi_disk.sweep import sweep as module
+
+    said, clock = list[str](), iter([0.0, *(10.0 + 0.5 * k for k in range(200))])
+    monkeypatch.setattr(module, "perf_counter", lambda: next(clock))
+    results: Any = (("key", None) for _ in range(60))
+    assert len(list(module.forecast(results, 60, said.append))) == 60
+    assert said == ["about 20 s to go"]

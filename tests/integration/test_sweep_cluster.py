@@ -1,0 +1,228 @@
+"""Sweeps by several processes, some of them killed: the same bytes as one process, and nothing finished is lost."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+
+from taichi_disk import load_sweep, run_sweep
+
+pytestmark = pytest.mark.validate
+
+SWEEP = """
+scene: exponential_wall
+lattice: {points: 200}
+sweep: {eta_star: [0, 30], seed: [3, 4, 5], velocity: {geom: [3.0e-3, 5.0e-2, 12]}}
+"""
+POINTS = 72
+PATIENCE = 120.0  # seconds
+
+
+@pytest.fixture(scope="module")
+def scene(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("scene") / "s.yaml"
+    path.write_text(SWEEP)
+    return path
+
+
+@pytest.fixture(scope="module")
+def expected(tmp_path_factory: pytest.TempPathFactory) -> bytes:
+    """points.csv of one process."""
+    out = run_sweep(load_sweep(SWEEP), tmp_path_factory.mktemp("one") / "out", jobs=1).out
+    return (out / "points.csv").read_bytes()
+
+
+def command(scene: Path, out: Path, *options: str) -> list[str]:
+    return [sys.executable, "-m", "taichi_disk", "sweep", str(scene), "--out", str(out), *options]
+
+
+def started(*arguments: object) -> subprocess.Popen[bytes]:
+    return subprocess.Popen([*map(str, arguments)], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+
+
+def finish(scene: Path, out: Path, *options: str) -> int:
+    """Run the command to its end; how many points it has computed."""
+    done = subprocess.run(command(scene, out, *options), capture_output=True, text=True, check=True)
+    if "--part" in options:
+        return int(done.stdout.split(" points, ")[1].split()[0])
+    computed: int = json.loads((out / "summary.json").read_text())["computed_now"]
+    return computed
+
+
+def wait_until(true: Callable[[], bool], what: str) -> None:
+    until = time.monotonic() + PATIENCE
+    while not true():
+        assert time.monotonic() < until, what
+        time.sleep(0.01)
+
+
+def count(out: Path) -> int:
+    return len(list((out / "points").glob("[!.]*.json")))
+
+
+def children(process: subprocess.Popen[bytes]) -> list[int]:
+    return [int(one) for one in Path(f"/proc/{process.pid}/task/{process.pid}/children").read_text().split()]
+
+
+def workers(process: subprocess.Popen[bytes]) -> list[int]:
+    """Of its children those that compute, not the one that tracks semaphores."""
+    return [one for one in children(process) if b"spawn_main" in Path(f"/proc/{one}/cmdline").read_bytes()]
+
+
+def kill(process: subprocess.Popen[bytes]) -> None:
+    process.kill()
+    process.wait()
+
+
+# ---- processes of this machine
+
+
+def test_a_killed_sweep_goes_on_where_it_was(scene: Path, expected: bytes, tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    first = started(*command(scene, out, "--jobs", "2"))
+    wait_until(lambda: count(out) > 0, "no point is done")
+    descendants = children(first)
+    kill(first)
+    wait_until(lambda: not any(Path(f"/proc/{one}").exists() for one in descendants), "workers outlive their parent")
+    done = count(out)
+    assert 0 < done < POINTS
+    assert finish(scene, out, "--jobs", "2") == POINTS - done
+    assert (out / "points.csv").read_bytes() == expected
+
+
+@pytest.mark.parametrize("after", [0.0, 0.5])
+def test_an_interrupted_sweep_ends_at_once_and_says_so(scene: Path, tmp_path: Path, after: float) -> None:
+    out = tmp_path / "out"
+    options = ("--jobs", "2", "--set", "lattice.points=20000")  # each scene takes minutes
+    process = subprocess.Popen(
+        command(scene, out, *options), stderr=subprocess.PIPE, stdout=subprocess.DEVNULL, start_new_session=True
+    )
+    wait_until(lambda: len(workers(process)) == 2, "no worker has begun")
+    time.sleep(after)
+    computing = workers(process)
+    began = time.monotonic()
+    os.killpg(process.pid, signal.SIGINT)  # as a terminal does
+    assert process.wait(PATIENCE) == 130
+    assert time.monotonic() - began < 10.0
+    assert not any(Path(f"/proc/{one}").exists() for one in computing)
+    assert not (out / "points.csv").exists()
+    assert process.stderr is not None
+    assert process.stderr.read().decode().splitlines()[-1:] == ["interrupted"]
+
+
+def test_a_killed_worker_is_replaced(scene: Path, expected: bytes, tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    process = started(*command(scene, out, "--jobs", "2"))
+    wait_until(lambda: count(out) > 0, "no point is done")
+    os.kill(workers(process)[0], signal.SIGKILL)
+    assert process.wait(PATIENCE) == 0
+    assert (out / "points.csv").read_bytes() == expected
+
+
+def test_workers_that_die_again_and_again_end_the_sweep(scene: Path, tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    process = subprocess.Popen(command(scene, out, "--jobs", "2"), stderr=subprocess.PIPE, text=True)
+    while process.poll() is None:
+        for one in workers(process):  # type: ignore[arg-type]
+            os.kill(one, signal.SIGKILL)
+        time.sleep(0.05)
+    assert process.stderr is not None
+    told = process.stderr.read()
+    assert process.returncode == 1 and told.count("computed again") == 2 and "Traceback" not in told
+    assert "error: the workers failed (one died: out of memory?" in told
+
+
+def test_parts_at_the_same_time_in_one_folder_one_of_them_killed(scene: Path, expected: bytes, tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    parts = [started(*command(scene, out, "--part", f"{k}/3", "--jobs", "1")) for k in (1, 2, 3)]
+    wait_until(lambda: count(out) > 3, "no point is done")
+    kill(parts[0])
+    assert [one.wait(PATIENCE) for one in parts[1:]] == [0, 0]
+    assert not (out / "points.csv").exists() and 48 <= count(out) < POINTS
+    assert finish(scene, out, "--part", "1/3") == POINTS - count(out) or count(out) == POINTS
+    assert count(out) == POINTS
+    assert finish(scene, out) == 0
+    assert (out / "points.csv").read_bytes() == expected
+
+
+def test_workers_leave_their_kernels_to_the_next_sweep(scene: Path, tmp_path: Path) -> None:
+    cache = tmp_path / "cache"
+    cache.mkdir()
+    environment = os.environ | {"TI_OFFLINE_CACHE_FILE_PATH": str(cache)}
+    options = ("--jobs", "2", "--set", "sweep.seed=[3]")
+    subprocess.run(command(scene, tmp_path / "out", *options), env=environment, capture_output=True, check=True)
+    assert sum(path.is_file() for path in cache.rglob("*")) > 3
+
+
+# ---- Dask
+
+
+class Cluster:
+    """A Dask scheduler and two workers on 127.0.0.1, each a process."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder, self.processes = folder, list[subprocess.Popen[bytes]]()
+        file = folder / "scheduler.json"
+        self.begin("distributed.cli.dask_scheduler", "--host", "127.0.0.1", "--port", "0", "--scheduler-file", file)
+        wait_until(lambda: file.exists() and file.read_text().strip().endswith("}"), "no scheduler")
+        self.address: str = json.loads(file.read_text())["address"]
+        self.workers = [self.add_worker() for _ in range(2)]
+
+    def add_worker(self) -> subprocess.Popen[bytes]:
+        options = ("--nthreads", "1", "--no-nanny", "--local-directory", self.folder)
+        return self.begin("distributed.cli.dask_worker", self.address, *options)
+
+    def begin(self, module: str, *options: object) -> subprocess.Popen[bytes]:
+        self.processes.append(started(sys.executable, "-m", module, *options, "--no-dashboard"))
+        return self.processes[-1]
+
+
+@pytest.fixture
+def cluster(tmp_path: Path) -> Iterator[Cluster]:
+    pytest.importorskip("distributed")
+    cluster = Cluster(tmp_path)
+    yield cluster
+    for process in cluster.processes:
+        kill(process)
+
+
+def test_dask_gives_the_same_bytes(cluster: Cluster, scene: Path, expected: bytes, tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    assert finish(scene, out, "--scheduler", cluster.address) == POINTS
+    assert (out / "points.csv").read_bytes() == expected
+
+
+def test_a_killed_dask_worker_and_a_killed_client(
+    cluster: Cluster, scene: Path, expected: bytes, tmp_path: Path
+) -> None:
+    out = tmp_path / "out"
+    first = started(*command(scene, out, "--scheduler", cluster.address))
+    wait_until(lambda: count(out) > 0, "no point is done")
+    kill(cluster.workers[0])
+    before = count(out)
+    wait_until(lambda: count(out) > before + 6, "the other worker does not go on")
+    kill(first)
+    done = count(out)
+    assert done < POINTS
+    cluster.add_worker()
+    assert finish(scene, out, "--scheduler", cluster.address) == POINTS - done
+    assert (out / "points.csv").read_bytes() == expected
+
+
+def test_a_dask_worker_with_other_versions_is_named(cluster: Cluster, scene: Path, tmp_path: Path) -> None:
+    # The same as an older client would see.
+    code = "import sys; from taichi_disk.sweep import executors as e; real = e.relevant_versions\n"
+    code += "e.relevant_versions = lambda: real() | {'taichi-disk': '0.1'}\n"
+    code += "from taichi_disk.cli import main; sys.exit(main(sys.argv[1:]))"
+    arguments = command(scene, tmp_path / "out", "--scheduler", cluster.address)[3:]
+    done = subprocess.run([sys.executable, "-c", code, *arguments], capture_output=True, text=True)
+    assert done.returncode == 2 and "instead of 0.1: install the same versions everywhere" in done.stderr
+    assert done.stderr.count("error:") == 1 and "Traceback" not in done.stderr

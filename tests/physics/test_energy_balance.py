@@ -1,0 +1,144 @@
+"""The energy balance: kinetic + elastic + wall + load + dissipated + absorbed + sliding stays what it was.
+
+Leapfrog keeps a modified energy, E + h^2 E_2 + ..., so that the imbalance at any instant falls as h^2; after an impact,
+where the state is smooth again, it is far smaller than amid it.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from bodies import ELASTIC, RIGID, SMALL, WALL, advance, computed, disk, disk_and_wall, matched, moving_down
+from numpy.testing import assert_allclose
+
+from taichi_disk.integrators import TRAPEZOIDAL, VELOCITY_VERLET
+from taichi_disk.physics import Load, Model, PinnedBoundary, ResetBoundary, Springs
+
+N = 60
+ENERGIES = ("kinetic", "elastic", "wall", "load", "dissipated", "absorbed", "sliding")
+VV, LONG = VELOCITY_VERLET, pytest.mark.validate
+
+
+def imbalance(columns):
+    total = np.sum([columns[one] for one in ENERGIES], axis=0)
+    return total - total[0]
+
+
+@pytest.mark.parametrize(
+    "scene",
+    [
+        ("exponential_wall", *SMALL, "material.eta_star=0"),
+        ("exponential_wall", *SMALL, "material.eta_star=100"),
+        ("absorbing_wall", *WALL),
+        ("compression", *SMALL, "compression.tolerance=1e-3"),
+        pytest.param(
+            ("exponential_wall", *SMALL, "material.eta_star=100", "time.integrator=velocity_verlet"), marks=LONG
+        ),
+        pytest.param(("exponential_wall", *SMALL, "material.eta_star=0", "time.integrator=vefrl"), marks=LONG),
+        pytest.param(("absorbing_wall", *WALL, "material.eta_star=10", "time.integrator=trapezoidal"), marks=LONG),
+        pytest.param(("absorbing_wall", *WALL, "wall.boundary=dashpot"), marks=LONG),
+    ],
+    ids=" ".join,
+)
+def test_energy_is_accounted_for_at_the_automatic_step(scene, kernels):
+    _, outcome = computed(kernels, *scene, estimate=False)
+    columns, energy = outcome.columns, outcome.facts["energy"]
+    assert_allclose(columns["total"], np.sum([columns[one] for one in ENERGIES], axis=0), rtol=1e-13)
+    work = 0.01 * np.ptp(columns["com_y"])  # of the load of a compression, where nothing moves at first
+    scale = work if scene[0] == "compression" else columns["kinetic"][0]
+    lost = imbalance(columns) / scale
+    assert energy["closing_imbalance"] == pytest.approx(lost[-1], abs=1e-12)
+    assert energy["worst_imbalance"] == pytest.approx(np.abs(lost).max(), abs=1e-12)
+    assert abs(lost[-1]) < 2e-5 and np.abs(lost).max() < 1e-4
+    # Losses only grow. (Centred sums may dip by their own error.)
+    for one in ("dissipated", "absorbed"):
+        assert np.diff(columns[one]).min() >= -1e-6 * scale
+
+
+def bounce(scene, eta_star, height=0.05):
+    """Lattice, velocities and model of a disk just above a wall, moving straight down, or pressed."""
+    springs = Springs(1.0, 1.0, eta_star / N)
+    if scene == "compression":
+        lattice = disk(N, height=0.045)
+        return lattice, moving_down(lattice, 0.0), Model(springs, RIGID, Load(0.05))
+    if scene == "rigid":
+        lattice = disk(N, height=height)
+        return lattice, moving_down(lattice, 0.05), Model(springs, RIGID)
+    lattice = disk_and_wall(N, 80, height=height)
+    boundary = {"matched": matched(lattice), "reset": ResetBoundary(0.12), "pinned": PinnedBoundary()}[scene]
+    return lattice, moving_down(lattice, 0.05), Model(springs, ELASTIC, boundary=boundary)
+
+
+@pytest.mark.parametrize(
+    ("scene", "eta_star", "integrator"),
+    [
+        ("rigid", 0.0, VV),
+        ("rigid", 20.0, VV),
+        ("rigid", 100.0, TRAPEZOIDAL),
+        ("compression", 20.0, TRAPEZOIDAL),
+        ("reset", 0.0, VV),
+        pytest.param("matched", 100.0, TRAPEZOIDAL, marks=LONG),
+        pytest.param("matched", 20.0, VV, marks=LONG),
+        pytest.param("reset", 20.0, VV, marks=LONG),
+        pytest.param("reset", 20.0, TRAPEZOIDAL, marks=LONG),
+    ],
+)
+def test_the_imbalance_falls_with_the_square_of_the_step(scene, eta_star, integrator, kernels):
+    lattice, velocities, model = bounce(scene, eta_star)
+    worst = []
+    for stride in (120, 240):
+        simulation = kernels.simulation(lattice, model, integrator, velocities, 0.12 / stride)
+        worst.append(np.abs(imbalance(advance(simulation, 16 * stride, stride))).max())
+    assert worst[0] / worst[1] == pytest.approx(4.0, abs=0.4)
+    assert worst[1] < 1e-4 * 0.5 * 0.05**2
+
+
+@pytest.mark.parametrize(
+    ("scene", "eta_star", "integrator"),
+    [("rigid", 1.0, VV), ("rigid", 20.0, TRAPEZOIDAL), pytest.param("matched", 3.0, VV, marks=LONG)],
+)
+def test_the_imbalance_once_nothing_vibrates_falls_with_the_fourth_power(scene, eta_star, integrator, kernels):
+    """E_2 is gone then, and what the dashpots took is summed to the order of what is left."""
+    lattice, velocities, model = bounce(scene, eta_star, height=0.12)
+    closing = []
+    for steps in (400, 800):
+        simulation = kernels.simulation(lattice, model, integrator, velocities, 9.0 / steps)
+        closing.append(imbalance(advance(simulation, steps, steps))[-1])
+    assert closing[0] / closing[1] == pytest.approx(16.0, rel=0.2)
+    assert abs(closing[1]) < 3e-6 * 0.5 * 0.05**2
+
+
+@pytest.mark.validate
+def test_losses_are_booked_where_they_happen(kernels):
+    # dissipated = int eta sum |v_i - v_j|^2 dt over the springs, absorbed = int sum Z v^2 dt over the boundary, by the
+    # trapezoidal rule over every step: both sums are O(h^2) from the integrals.
+    lattice, velocities, model = bounce("matched", 20.0)
+    # The boundary is already on the move, or it would take until the wave arrives.
+    velocities[lattice.disk_points :] = [0.01, -0.02]
+    h, (i, j), powers = 1e-3, lattice.bonds.T, []
+    simulation = kernels.simulation(lattice, model, TRAPEZOIDAL, velocities, h)
+    for step in range(401):
+        columns = advance(simulation, min(step, 1))
+        v = simulation.velocities()
+        springs = model.springs.eta * np.sum((v[i] - v[j]) ** 2)
+        powers.append([springs, np.sum(model.boundary.impedance * v[lattice.wall_boundary] ** 2)])
+    lost = h * (np.sum(powers, axis=0) - 0.5 * np.add(powers[0], powers[-1]))
+    assert lost.min() > 1e-6
+    assert_allclose([columns["dissipated"][-1], columns["absorbed"][-1]], lost, rtol=1e-4)
+
+
+@pytest.mark.validate
+def test_what_a_point_loses_by_sliding_over_the_bent_wall_is_booked(kernels):
+    # Where the surface is bent, l jumps as a point passes from one spring to the next: at any step the energy changes
+    # by that much, and the imbalance beyond it falls with the square of the step.
+    lattice, velocities, model = bounce("pinned", 0.0)
+    velocities[:N] = [0.2, -0.3]
+    found = []
+    for stride in (100, 200):
+        simulation = kernels.simulation(lattice, model, VV, velocities, 0.1 / stride)
+        halves = [advance(simulation, 20 * stride, stride) for _ in range(2)]
+        total = np.concatenate([half["total"] for half in halves])
+        found.append((np.abs(total - total[0]).max(), halves[1]["sliding"][-1]))
+    (coarse, slid), (fine, again) = found
+    assert coarse / fine == pytest.approx(4.0, abs=0.4)
+    assert slid == pytest.approx(again, rel=0.2) and abs(again) > 100 * fine

@@ -1,0 +1,199 @@
+"""The pressed disk's equilibrium: at rest, stable, and the same as an independent minimiser and a relaxation find."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import reference
+from bodies import SMALL, computed, disk, pressed
+from scipy.optimize import brentq, minimize, root
+
+from taichi_disk.errors import SimulationError
+from taichi_disk.lattice import Lattice, bulk_moduli, disk_lattice
+from taichi_disk.physics import ExponentialWall, Load, Model, Springs
+from taichi_disk.scenes import load_scene
+from taichi_disk.simulation.equilibrium import place_on_wall, resting_angle, rigid_balance, solve_equilibrium, turned
+from taichi_disk.simulation.outcome import compute
+
+P, LONG = 1e-2, pytest.mark.validate
+WALL = ExponentialWall(300.0, 150.0)
+MODEL = pressed(P, k_b=1e-3)
+
+
+def forces(lattice, model, x):
+    """By the independent implementation."""
+    return reference.Model.of(lattice, model).force(x, np.zeros_like(x))
+
+
+def xi(lattice, x):
+    """How much nearer the lowest point has come to the centre of mass."""
+    before, after = (p[:, 1].mean() - p[:, 1].min() for p in (lattice.positions, x))
+    return before - after
+
+
+def spread(x):
+    return x - x.mean(axis=0)
+
+
+@pytest.mark.parametrize("rim", [True, False])
+@pytest.mark.parametrize("a", [30.0, 30000.0])
+@pytest.mark.parametrize("pressure", [1e-3, 5e-2])
+def test_it_comes_to_rest_for_soft_and_hard_walls_and_all_loads(rim, a, pressure):
+    lattice = disk_lattice(150, 1, rim, 0.7 if rim else 0.0)
+    model = pressed(pressure, k_b=1e-3, wall=ExponentialWall(a, 150.0))
+    rest = solve_equilibrium(lattice, model)
+    x = rest.positions
+    # Rounding of coordinates of 2 R, times the stiffest direction.
+    stiffest = model.stiffness(lattice, x).diagonal().max()
+    assert np.abs(forces(lattice, model, x)).max() < 30 * np.finfo(float).eps * max(stiffest, 1.0)
+    bearing = reference.Model.of(lattice, model).wall_force(x)[:, 1]
+    assert bearing.sum() == pytest.approx(pressure, rel=1e-10)
+    assert abs(np.sum(bearing * spread(x)[:, 0])) < 1e-9 * pressure  # no torque
+    # The mean stays where it was, however far it has rolled; it would not move again.
+    assert x[:, 0].mean() == pytest.approx(lattice.positions[:, 0].mean(), abs=1e-12)
+    assert solve_equilibrium(lattice, model, x).iterations == 0
+
+
+def test_it_is_the_minimum_that_bfgs_finds():
+    lattice = disk_lattice(40, 0)
+    plain = reference.Model.of(lattice, MODEL)
+    found = minimize(
+        lambda x: plain.potential(x.reshape(-1, 2)),
+        (lattice.positions + np.array([0.0, rigid_balance(lattice.positions[:, 1], WALL, P)])).ravel(),
+        jac=lambda x: -forces(lattice, MODEL, x.reshape(-1, 2)).ravel(),
+        method="BFGS",
+        options={"gtol": 1e-12, "maxiter": 20000},
+    ).x.reshape(-1, 2)
+    # BFGS stalls where the energy rounds, eps U = 2e-18: displacements of the soft modes to about 1e-6.
+    assert xi(lattice, solve_equilibrium(lattice, MODEL).positions) == pytest.approx(xi(lattice, found), rel=1e-5)
+
+
+def test_a_hexagon_balanced_on_its_corner_tips_over_onto_a_side():
+    angle = np.pi / 6 + np.arange(6) * np.pi / 3
+    corners = np.round(np.stack([np.cos(angle), np.sin(angle)], axis=1), 15)  # two of them at x = 0
+    lattice = Lattice.from_points([*corners, [0.0, 0.0]])
+    lifted = lattice.positions + np.array([0.0, rigid_balance(lattice.positions[:, 1], WALL, P)])
+    upright = root(lambda x: forces(lattice, MODEL, x.reshape(-1, 2)).ravel(), lifted, method="lm", tol=1e-15)
+    start = upright.x.reshape(-1, 2)
+    assert np.abs(forces(lattice, MODEL, start)).max() < 1e-13 * P  # at rest already, but not stable
+    rest = solve_equilibrium(lattice, MODEL, start)
+    assert abs(rest.roll) == pytest.approx(np.pi / 6, abs=1e-4)  # a strained hexagon, P/k_a = 1e-2
+    height = np.sort(rest.positions[:, 1])
+    assert height[1] - height[0] < 1e-9
+
+
+def test_a_rest_that_is_not_found_is_told():
+    with pytest.raises(SimulationError, match="within 3 Newton iterations"):
+        solve_equilibrium(disk_lattice(1099, 0), MODEL, max_iterations=3)
+    with pytest.raises(SimulationError, match=r"no way downhill.*compression\.pressure"):
+        solve_equilibrium(disk_lattice(8, 0), Model(Springs(1e-6), ExponentialWall(1e6, 150.0), Load(1.0)))
+
+
+def test_a_rigid_disk_lies_with_its_centre_of_mass_as_low_as_it_can():
+    # Height at which a wall exp(-y/L) bears the weight, by bisection, at 500 angles. Points inside the disk weigh less
+    # than exp(-10) here.
+    arm, depth = spread(disk(150, 4).positions), 1 / 3000 + 2e-3 / np.pi
+
+    def height(angle):
+        y = np.sin(angle) * arm[:, 0] + np.cos(angle) * arm[:, 1]
+        return brentq(lambda h: np.exp(-(y + h) / depth).sum() - 1.0, 0.5, 2.0, xtol=1e-14)
+
+    best = height(resting_angle(disk(150, 4), 1.0, 3000.0, 1e-3))
+    assert all(best <= height(angle) + 1e-7 for angle in np.linspace(-np.pi, np.pi, 500))
+
+
+def test_it_does_not_matter_how_the_lattice_is_turned_when_it_is_put_down():
+    scene = load_scene("compression", ("compression.method=newton",))
+    lattice, found = disk_lattice(150, 0, False, 0.0), []
+    for angle in (0.0, 1.0, -2.0):
+        scenario = scene.scenario(replace(lattice, positions=turned(lattice.positions, angle)))
+        found.append(scenario.result(compute(scenario, scene.time).columns)["xi"])
+    assert found == pytest.approx([found[0]] * 3, rel=1e-9)
+
+
+def test_the_way_to_newtons_rest_is_told_by_forces_and_energies_of_plain_numpy(kernels):
+    scenario, outcome = computed(kernels, "compression", "lattice.points=100", "compression.method=newton")
+    lattice, columns = scenario.lattice, outcome.columns
+    plain = reference.Model.of(lattice, scenario.model)
+    for row, (t, x, v) in enumerate(outcome.replay(columns["t"])):
+        assert t == columns["t"][row] and not v.any()
+        expected = {
+            "com_x": x[:, 0].mean(),
+            "com_y": x[:, 1].mean(),
+            "lowest_y": x[:, 1].min(),
+            "wall_force": plain.wall_force(x)[:, 1].sum(),
+            "elastic": plain.elastic(x),
+            "wall": plain.wall(x),
+            "load": P * x[:, 1].mean(),
+            "total": plain.potential(x),
+        }
+        assert {name: columns[name][row] for name in expected} == pytest.approx(expected, rel=1e-11, abs=1e-17)
+    assert (np.diff(columns["total"]) < 0.0).all()  # downhill
+    assert columns["wall_force"][-1] == pytest.approx(P, rel=1e-9)
+    assert columns["residual"][-1] < 1e-9 * P / 100
+    y, values = outcome.positions[:, 1], scenario.result(columns)
+    assert values["xi"] == pytest.approx(xi(lattice, outcome.positions), rel=1e-12)
+    assert values["xi_nominal"] == pytest.approx(1.0 - (y.mean() - y.min()), rel=1e-12)
+
+
+def test_relaxation_that_newtons_method_has_no_part_in_comes_to_its_rest(kernels):
+    """It begins at the angle of the rigid disk, and rolls from there by itself."""
+    scene = load_scene("compression", ("lattice.points=60", "material.eta_star=20"))
+    scenario, body = scene.scenario(), scene.body()
+    angle = resting_angle(body, 1.0, WALL.a, P)
+    assert abs(scenario.rest.roll - angle) > 0.02
+    scenario.lattice = place_on_wall(body, angle, WALL, 1e-3 * P)
+    found = compute(scenario, scene.time, kernels=kernels, estimate=False).positions[:, 1]
+    rest = scenario.rest.positions[:, 1]
+    assert found.mean() - found.min() == pytest.approx(rest.mean() - rest.min(), abs=3e-7)  # xi is 0.0115
+
+
+@pytest.mark.parametrize("settings", [(), pytest.param(("lattice.points=1099", "time.safety=0.8"), marks=LONG)])
+def test_relaxation_comes_to_newtons_rest(settings, kernels):
+    # The two share the angle at which the disk is put down, which Newton's method has found (rolling there takes
+    # 10^4 R/c), and nothing else: see the test above. What is left is the end of the roll.
+    scenario, outcome = computed(kernels, "compression", *SMALL, *settings)
+    lattice, model, values = scenario.lattice, scenario.model, scenario.result(outcome.columns)
+    rest = solve_equilibrium(lattice, model, lattice.positions)
+    assert abs(rest.roll) < 1e-6
+    assert values["xi"] == pytest.approx(xi(lattice, rest.positions), rel=2e-5)
+    # It starts as the lattice itself, turned and lifted: every spring at rest, a thousandth of the load on the wall.
+    wall_force = reference.Model.of(lattice, model).wall_force
+    assert np.abs(model.springs.strain(lattice, lattice.positions)).max() < 1e-12
+    assert wall_force(lattice.positions)[:, 1].sum() == pytest.approx(1e-3 * P, rel=1e-9)
+    # At the end nothing pulls on any point any more; the load P/N is the scale.
+    x, slack = outcome.positions, values["xi_extrapolated"] + 1e-12
+    assert np.abs(forces(lattice, model, x)).max() < 1e-3 * P / lattice.disk_points
+    assert wall_force(x)[:, 1].sum() == pytest.approx(P, rel=1e-6)
+    assert values["xi"] == pytest.approx(xi(lattice, x), abs=slack)
+    assert values["xi_nominal"] == pytest.approx(1.0 - (x[:, 1].mean() - x[:, 1].min()), abs=slack)
+
+
+def test_a_compression_within_a_tolerance_ends_as_near_to_newtons_rest(kernels):
+    """By itself it is at rest, to its own tolerance, when the last of the roll still changes xi by 3e-7 R."""
+    settings = ["lattice.points=60", "lattice.seed=9162", "wall.a=44", "wall.V0=22", "compression.pressure=4e-3"]
+    settings += ["material.k_a=0.76", "material.eta_star=68"]
+    loose, early = computed(kernels, "compression", *settings)
+    off = loose.end_truncation_error(early.columns)
+    assert 1e-7 < off <= early.facts["error_estimate"]["xi"] < 1.5 * off
+    scenario, outcome = computed(kernels, "compression", *settings, "time.tolerance=1e-7")
+    assert 0.0 < outcome.facts["error_estimate"]["xi"] <= 1e-7
+    rest = solve_equilibrium(scenario.lattice, scenario.model, scenario.lattice.positions).positions
+    assert scenario.result(outcome.columns)["xi"] == pytest.approx(xi(scenario.lattice, rest), abs=1e-7)
+    assert scenario.ended(outcome.columns) and not scenario.ended(early.columns)
+    # Once at rest it is asked at every row, not at every end of another quiet time.
+    assert 0.0 < outcome.columns["t"][-1] - early.columns["t"][-1] < 0.5 * scenario.quiet_time
+    assert re.search(r"xi is still .* from that of Newton's.*time\.tolerance", scenario.unfinished(early.columns))
+
+
+def test_xi_is_near_that_of_the_continuum():
+    # Michell's series for one contact and a uniform body force: xi = P/(pi E) {ln(pi E R/P) - (1 + nu)/4}, with the
+    # moduli of a stretch test. The wall is not quite hard and the lattice not quite a continuum: 2 to 7 % lower.
+    lattice, moduli, pressure = disk_lattice(1099, 0), bulk_moduli(1099, 0, 1.0, 0.7), 1.6e-2
+    E, nu = moduli.young, moduli.poisson
+    law = pressure / (np.pi * E) * (np.log(np.pi * E / pressure) - (1 + nu) / 4)
+    found = solve_equilibrium(lattice, pressed(pressure, k_b=1e-3)).positions
+    assert xi(lattice, found) == pytest.approx(law, rel=0.1)

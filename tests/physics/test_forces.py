@@ -1,0 +1,117 @@
+"""The forces of every law: kernels, NumPy twins and an independent implementation agree, and follow from the energy.
+
+Two implementations differ by rounding. Each force is a sum of some ten terms of its own size, so that 1e-13 of the
+largest force present is allowed. The walls here are so soft that they push many points no harder than the springs do.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import reference
+from bodies import FALLING, FREE, damped, disk, disk_and_wall, matched, pressed, shaken
+from numpy.testing import assert_allclose
+
+from taichi_disk.integrators import TRAPEZOIDAL, VELOCITY_VERLET
+from taichi_disk.physics import ElasticWall, ExponentialWall, Model, PinnedBoundary, ResetBoundary, Springs
+from taichi_disk.simulation.observables import INDEX
+
+VV = VELOCITY_VERLET
+DISK, BOTH = disk(height=0.03), disk_and_wall()
+SOFT, ELASTIC = ExponentialWall(20.0, 0.02), ElasticWall(20.0, 0.02, 0.1)
+CASES = {
+    "free": (disk(), replace(FREE, springs=Springs(0.7)), VV),
+    "wall, cubic springs": (DISK, replace(FALLING, wall=SOFT), VV),
+    "wall, dashpots": (DISK, replace(damped(0.3, k_b=2.0), wall=SOFT), VV),
+    "wall, load, dashpots solved for": (DISK, pressed(0.02, 0.3, k_b=2.0, wall=SOFT), TRAPEZOIDAL),
+    "elastic wall, reset": (BOTH, Model(Springs(1.0, 2.0), ELASTIC, boundary=ResetBoundary(1.0)), VV),
+    "elastic wall, pinned": (BOTH, Model(Springs(1.0, 2.0), ELASTIC, boundary=PinnedBoundary()), VV),
+    "elastic wall, matched, dashpots solved for": (
+        BOTH,
+        Model(Springs(1.0, 2.0, 0.3), ELASTIC, boundary=matched(BOTH)),
+        TRAPEZOIDAL,
+    ),
+}
+
+
+def assert_equal_forces(force, expected):
+    assert_allclose(force, expected, rtol=0, atol=1e-13 * np.abs(expected).max())
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_kernels_and_twins_have_the_forces_and_energies_of_plain_numpy(name, kernels):
+    lattice, model, integrator = CASES[name]
+    plain, springs = reference.Model.of(lattice, model), model.springs
+    for seed in range(3):
+        x, v = shaken(lattice, seed, 0.01)
+        if plain.pinned:
+            v[lattice.wall_boundary] = 0.0
+        simulation = kernels.simulation(replace(lattice, positions=x), model, integrator, v, 1e-3)
+        force, wall = plain.force(x, v), plain.wall_force(x)[: lattice.disk_points]
+        assert_equal_forces(simulation.forces(), force)
+        assert_equal_forces(model.forces_moving(lattice, x, v), force)
+
+        row = {key: simulation.first_row[k] for key, k in INDEX.items()}
+        residual = np.hypot(*force[: lattice.disk_points].T).max()
+        expected = {
+            "elastic": plain.elastic(x),
+            "kinetic": 0.5 * plain.mass * np.sum(v**2),
+            "load": plain.load * x[:, 1].mean(),
+            "residual": residual,
+            "wall": plain.wall(x),
+            "wall_force": wall[:, 1].sum(),
+        }
+        for key, value in expected.items():
+            assert row[key] == pytest.approx(value, rel=1e-11), key
+        assert springs.energy(lattice, x) == pytest.approx(plain.elastic(x), rel=1e-12)
+        assert model.energy(lattice, x) == pytest.approx(plain.potential(x), rel=1e-12)
+        if model.wall:
+            assert np.count_nonzero(wall[:, 1] > 0.02) >= 3
+            points, pushes = model.wall.contact_forces(lattice, x)
+            shown = np.zeros_like(wall)
+            shown[points] = pushes
+            assert_equal_forces(shown, wall)
+
+
+@pytest.mark.parametrize("name", ["wall, load, dashpots solved for", "elastic wall, reset"])
+def test_the_force_is_minus_the_slope_of_every_energy_that_is_told(name, kernels):
+    # Central differences, step d: error d^2 U'''/6 with U''' ~ a^2 F at the wall, 3e-12 F, and rounding eps U/d.
+    lattice, model, integrator = CASES[name]
+    plain = reference.Model.of(lattice, model)
+    x = shaken(lattice, 7, 0.005)[0]
+    v = np.zeros_like(x)
+
+    def reported(x):
+        simulation = kernels.simulation(replace(lattice, positions=x), model, integrator, v, 1e-3)
+        return simulation.first_row[[INDEX[one] for one in ("elastic", "wall", "load")]].sum()
+
+    force, d, surface = plain.force(x, v), 2e-7, lattice.wall_surface
+    lowest = np.argsort(x[: lattice.disk_points, 1])[:4]
+    under = surface[np.argsort(np.abs(x[surface, 0] - x[lowest[0], 0]))[:3]]
+    for i in [*lowest, *under, *np.random.default_rng(3).integers(0, len(x), 8)]:
+        for c in (0, 1):
+            step = np.zeros_like(x)
+            step[i, c] = d
+            for potential in (reported, lambda x: model.energy(lattice, x), plain.potential):
+                slope = (potential(x + step) - potential(x - step)) / (2 * d)
+                assert abs(force[i, c] + slope) < 1e-7 * np.abs(force).max()
+
+
+def test_the_stiffness_is_minus_the_derivative_of_the_forces():
+    lattice, model = disk(40, height=0.05), pressed(0.02, k_b=40.0)
+    plain, x, d = reference.Model.of(lattice, model), shaken(lattice, 1, 0.02)[0], 3e-7
+    tangent = model.stiffness(lattice, x).toarray()
+    for k in range(x.size):
+        step = d * np.eye(1, x.size, k).reshape(x.shape)
+        column = (plain.force(x - step, 0 * x) - plain.force(x + step, 0 * x)).ravel() / (2 * d)
+        assert_allclose(tangent[:, k], column, rtol=0, atol=1e-7 * np.abs(column).max())
+    assert np.abs(tangent - tangent.T).max() < 1e-15 * np.abs(tangent).max()
+
+
+def test_springs_at_rest_resist_all_but_rigid_motion():
+    lattice, springs = disk(60), Springs(1.3, 40.0)
+    assert not springs.forces(lattice, lattice.positions).any()
+    modes = np.linalg.eigvalsh(springs.stiffness(lattice, lattice.positions).toarray())
+    assert np.abs(modes[:3]).max() < 1e-12 * modes[-1] < 1e-3 * modes[3]

@@ -1,0 +1,173 @@
+"""Impacts as scenes: restitution and contact time against an independent solver, how they start and how they end."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import reference
+from bodies import SMALL, WALL, advance, computed
+from numpy.testing import assert_allclose, assert_array_equal
+
+from taichi_disk.integrators import INTEGRATORS
+from taichi_disk.lattice import Lattice, bulk_moduli
+from taichi_disk.scenes import load_scene
+from taichi_disk.scenes.impact import contact_interval
+from taichi_disk.simulation.outcome import compute
+
+LONG = pytest.mark.validate
+
+
+def reference_impact(scenario, eta, end):
+    """DOP853 on the same lattice: e at `end`, and the contact time with the wall's force looked at 4000 times.
+
+    The physics is the paper's, written out here: k_a = 1, k_b = 1e-3, a = 300, V0 = 150.
+    """
+    lattice, n = scenario.lattice, len(scenario.lattice.positions)
+    numbers = {"k_a": 1.0, "k_b": 1e-3, "eta": eta, "a": 300.0, "V0": 150.0, "rigid": True}
+    model = reference.Model(lattice.bonds, lattice.rest_lengths, lattice.masses[0], n, **numbers)
+    t = np.linspace(0.0, end, 4001)
+    states = model.solve(lattice.positions, scenario.velocities, t, rtol=1e-10)
+    force = 300.0 * 150.0 * np.exp(-300.0 * states[:, 0, :, 1]).sum(axis=1)
+    inside = t[force >= 0.01 * force.max()]
+    return states[-1, 1, :, 1].mean() / scenario.velocity, inside[-1] - inside[0]
+
+
+@pytest.mark.parametrize(
+    ("eta_star", "velocity"),
+    [
+        (10.0, 0.02),
+        pytest.param(0.0, 3e-3, marks=LONG),
+        pytest.param(0.0, 0.05, marks=LONG),
+        pytest.param(100.0, 0.02, marks=LONG),
+    ],
+)
+def test_restitution_and_contact_time_equal_those_of_dop853(eta_star, velocity, kernels):
+    settings = (*SMALL, f"material.eta_star={eta_star}", f"impact.velocity={velocity}", "time.sample_interval=0.02")
+    scenario, outcome = computed(kernels, "exponential_wall", *settings)
+    values, end = scenario.result(outcome.columns), outcome.columns["t"][-1]
+    e, duration = reference_impact(scenario, eta_star / 150, end)
+    # The error that 1099 points have at the automatic step is below 2e-5, and estimated to be.
+    off = abs(values["restitution"] - e)
+    assert off < 2e-5 and off <= 1.5 * outcome.facts["error_estimate"]["restitution"] < 5e-5
+    # The reference's times stand on a grid of 1/4000 of the whole.
+    assert values["contact_time"] == pytest.approx(duration, abs=2 * end / 4000)
+    assert values["restitution"] == outcome.columns["com_vy"][-1] / velocity
+
+
+def test_a_body_of_ones_own_that_spins_bounces_as_dop853_says(kernels):
+    # A hexagonal lattice, cut as a disk; two springs of it are too long for their place, so that it starts strained.
+    i, j = np.meshgrid(np.arange(-4, 5), np.arange(-4, 5), indexing="ij")
+    points = 0.3 * np.stack([i + 0.5 * j, np.sqrt(0.75) * j], axis=-1).reshape(-1, 2)
+    plain = Lattice.from_points(points[np.hypot(*points.T) < 1.0])
+    rest = plain.rest_lengths.copy()
+    rest[[3, 20]] *= 1.02
+    settings = ["material.eta_star=0", "impact.velocity=0.05", "impact.spin=0.05", "impact.turn=0.3"]
+    # It vibrates from the start, in its highest modes too: 3 % of the limit, where a phase is off by 1e-4 in a turn.
+    scene = load_scene("exponential_wall", [*settings, "time.safety=0.03"])
+    scenario = scene.scenario(Lattice.from_points(plain.positions, plain.bonds, rest))
+    assert np.ptp(scenario.lattice.rest_lengths) > 0.005
+    columns = compute(scenario, scene.time, kernels=kernels, estimate=False).columns
+    e, _ = reference_impact(scenario, 0.0, columns["t"][-1])
+    assert scenario.result(columns)["restitution"] == pytest.approx(e, abs=1e-5)
+    assert np.ptp(columns["angular_momentum"]) > 1e-4
+
+
+@pytest.mark.parametrize(
+    ("name", "settings"),
+    [
+        ("exponential_wall", (*SMALL, "impact.velocity=3e-3", "wall.a=3000", "wall.V0=7")),
+        ("absorbing_wall", (*WALL, "impact.velocity=0.05")),
+    ],
+)
+def test_the_disk_starts_out_of_the_walls_reach(name, settings):
+    # The wall's potential at the start is below 1e-10 of the kinetic energy, and no more than needed: the way is short.
+    scenario = load_scene(name, settings).scenario()
+    x, v, wall, n = scenario.lattice.positions, scenario.velocities, scenario.model.wall, scenario.lattice.disk_points
+    kinetic = 0.5 * scenario.lattice.masses[0] * np.sum(v**2)
+    assert (v[:n] == [0.0, -scenario.velocity]).all() and not v[n:].any()
+    assert kinetic == pytest.approx(0.5 * scenario.velocity**2)
+    height = x[:n, 1] if name == "exponential_wall" else x[scenario.lattice.disk_surface, 1]
+    potential = np.sum(wall.V0 * np.exp(-wall.a * height))
+    assert 0.5e-10 * kinetic < potential < 1.0000001e-10 * kinetic
+    assert x[:n, 1].min() == pytest.approx(scenario.gap, rel=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("name", "settings"),
+    [
+        ("exponential_wall", (*SMALL, "material.eta_star=0", "impact.velocity=0.05")),
+        pytest.param("absorbing_wall", WALL, marks=LONG),
+        pytest.param("absorbing_wall", (*WALL, "wall.boundary=pinned"), marks=LONG),
+    ],
+)
+def test_when_it_ends_the_disk_has_left_for_good(name, settings, kernels):
+    # Run on for as long again: the wall never touches the disk any more, the centre of mass flies on as it did.
+    # (Without dashpots the disk vibrates on, which is the hard case.)
+    scenario, outcome = computed(kernels, name, *settings)
+    columns, steps, integrator = outcome.columns, outcome.facts["steps"], INTEGRATORS[outcome.facts["integrator"]]
+    start = scenario.lattice, scenario.model, integrator, scenario.velocities, outcome.facts["dt"]
+    simulation = kernels.simulation(*start)
+    simulation.advance(steps)
+    assert_array_equal(simulation.positions(), outcome.positions)
+    later = advance(simulation, steps, max(1, steps // 2000))
+    assert later["wall_force"].max() < 1e-7 * columns["wall_force"].max()
+    assert columns["com_vy"][-1] > 0.0
+    assert_allclose(later["com_vy"], columns["com_vy"][-1], rtol=1e-9)
+
+
+def test_it_ends_only_where_all_internal_energy_in_one_stretch_would_not_reach_back_to_the_wall():
+    # U = k_a s^2/2: s = sqrt(2 U/k_a) above the height at which it started.
+    scenario = load_scene("exponential_wall", (*SMALL, "material.k_a=2")).scenario()
+    inner, v = 4e-6, 0.01
+    for height, moving, over in ((1.001, v, True), (0.999, v, False), (1.001, -v, False)):
+        lowest = scenario.gap + height * np.sqrt(2 * inner / 2.0)
+        row = {"kinetic": 0.5 * v**2 + 0.3 * inner, "elastic": 0.7 * inner, "com_vy": moving, "lowest_y": lowest}
+        assert scenario.ended({name: np.array([0.0, value]) for name, value in row.items()}) == over
+
+
+@pytest.mark.validate
+def test_on_a_hard_wall_contact_lasts_as_long_as_hertz_says(kernels):
+    # Quasi-static contact of an elastic disk: M xi'' = -F, with F(xi) of the exact law for one contact (Michell's
+    # series), xi = F/(pi E) {ln(pi E R/F) - (1 + nu)/4}; E and nu measured on the same kind of lattice. The contact
+    # time is a turning time of an energy integral. At v = 0.02 c the wall a = 3000 is harder than the disk; waves
+    # and the lattice's scatter are worth several per cent.
+    hard = ("wall.a=3000", "wall.V0=1500", "material.eta_star=0")
+    scenario, outcome = computed(kernels, "exponential_wall", *hard, estimate=False)
+    moduli = bulk_moduli(1099, 0, 1.0, 0.7)
+    E, nu, F = moduli.young, moduli.poisson, np.geomspace(1e-9, 0.5, 20_000)
+    xi = F / (np.pi * E) * (np.log(np.pi * E / F) - (1 + nu) / 4)
+    work = np.concatenate([[0.0], np.cumsum(0.5 * (F[1:] + F[:-1]) * np.diff(xi))])
+    inside = scenario.velocity**2 > 2 * work
+    # dt = dxi/v, with the turning point's square root integrated exactly over each interval: d(v)/(-F).
+    v = np.append(np.sqrt(scenario.velocity**2 - 2 * work[inside]), 0.0)
+    force = np.append(F[inside], F[inside][-1])
+    duration = 2 * np.sum(-np.diff(v) / (0.5 * (force[1:] + force[:-1]))) + 2 * xi[0] / scenario.velocity
+    assert scenario.result(outcome.columns)["contact_time"] == pytest.approx(duration, rel=0.08)
+
+
+def test_the_contact_time_does_not_hang_on_the_rows_where_a_hard_wall_rattles(kernels):
+    # Against a row for every step; rows 0.05 R/c apart miss the first and the last of the pushes.
+    hard = ("lattice.points=300", "wall.a=12000", "wall.V0=6000", "material.eta_star=0", "impact.velocity=0.05")
+    found = {}
+    for rows in ("auto", "1e-6"):
+        settings = (*hard, f"time.sample_interval={rows}")
+        scenario, outcome = computed(kernels, "exponential_wall", *settings, estimate=False)
+        found[rows] = scenario.result(outcome.columns)["contact_time"]
+    assert found["auto"] == pytest.approx(found["1e-6"], rel=1e-3)
+    every = round(0.05 / outcome.columns["t"][1])
+    start, end = contact_interval(*(outcome.columns[name][::every] for name in ("t", "wall_force", "com_vy")))
+    assert end - start != pytest.approx(found["1e-6"], rel=3e-3)
+
+
+def test_a_contact_lasts_while_the_force_exceeds_a_hundredth_of_its_peak():
+    # F = exp(-|t - t_0|/tau) is 0.01 of its peak at t_0 -+ tau ln 100, and log-linear interpolation is exact on it.
+    t = np.linspace(0.0, 30.0, 1001)
+    tau, t0 = 1.7, t[500]
+    found = contact_interval(t, 3.0 * np.exp(-np.abs(t - t0) / tau), t - t0)
+    assert found == pytest.approx((t0 - tau * np.log(100.0), t0 + tau * np.log(100.0)), abs=1e-9)
+    # Two touches: from the first to the last.
+    found = contact_interval(t, np.exp(-((t - 8.0) ** 2)) + 0.5 * np.exp(-((t - 20.0) ** 2)), t - t0)
+    assert found == pytest.approx((8.0 - np.sqrt(np.log(100.0)), 20.0 + np.sqrt(np.log(50.0))), abs=1e-3)
+    # A hit that no row has seen lies between the rows before and after it.
+    t, v = np.arange(5.0), np.array([-1.0, -1.0, -1.0, 0.9, 0.9])
+    assert contact_interval(t, np.zeros(5), v) == (2.0, 3.0)

@@ -1,0 +1,79 @@
+"""The mouse's pull on a point: against DOP853, at every strength of the dashpots, and in the energy balance."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pytest
+import reference
+from bodies import FALLING, disk, moving_down
+from numpy.testing import assert_array_equal
+
+from taichi_disk.integrators import TRAPEZOIDAL, VELOCITY_VERLET
+from taichi_disk.physics import Model, MouseSpring, Springs
+from taichi_disk.simulation.observables import INDEX
+
+MOUSE, POINT, LONG = MouseSpring(0.2, 0.02), 7, pytest.mark.validate
+# Beyond strongest/k = 0.1 R from its target the pull stays what it is: (point pulled, target beside it), 24 steps each.
+LED = ((POINT, (0.05, 0.02)), (POINT, (0.3, 0.1)), (-1, (0.0, 0.0)))
+
+
+@dataclass
+class Pulled(reference.Model):
+    point: int = -1
+    target: np.ndarray | None = None
+
+    def force(self, x, v):
+        f = super().force(x, v)
+        if self.point >= 0:
+            d = self.target - x[self.point]
+            f[self.point] += d * min(MOUSE.k, MOUSE.strongest / np.hypot(*d))
+        return f
+
+
+@pytest.mark.parametrize(
+    ("eta", "integrator", "dt"),
+    # Overdamped: eta times the largest eigenvalue of the Laplacian over m is 14 times the inverse step.
+    [(0.0, VELOCITY_VERLET, 0.02), pytest.param(1.0, TRAPEZOIDAL, 0.02, marks=LONG)],
+)
+def test_a_pulled_point_moves_as_the_exact_solution_and_its_energy_is_accounted_for(eta, integrator, dt, kernels):
+    lattice = disk(60, height=0.5)
+    model = Model(Springs(1.0, 1.0, eta), FALLING.wall, mouse=MOUSE)
+    x, v = lattice.positions, np.zeros_like(lattice.positions)
+    plain, y = Pulled(**vars(reference.Model.of(lattice, model))), (x, v)
+    for plain.point, beside in LED:
+        plain.target = x[POINT] + beside
+        y = plain.solve(*y, (0.0, 24 * dt))[-1]
+    errors = []
+    for steps in (1, 2, 4):
+        simulation, given = kernels.simulation(lattice, model, integrator, v, dt / steps), 0.0
+        for point, beside in LED:
+            given += simulation.set_mouse_target(point, tuple(x[POINT] + beside))
+            simulation.advance(24 * steps)
+        errors.append(np.abs(simulation.positions() - y[0]).max())
+        row = simulation.now
+        energy = sum(row[INDEX[name]] for name in ("kinetic", "elastic", "wall", "load", "dissipated"))
+    least = 0.8 * 2**integrator.order
+    assert errors[0] > least * errors[1] > least**2 * errors[2]
+    assert errors[-1] < 2e-3 * np.abs(y[0] - x).max()
+    assert energy == pytest.approx(given, rel=2e-3)
+
+
+def test_a_mouse_that_pulls_at_nothing_changes_no_bit(kernels):
+    lattice = disk(60, height=0.05)
+    models = FALLING, replace(FALLING, mouse=MOUSE)
+    down = moving_down(lattice, 0.05)
+    rows = [kernels.simulation(lattice, one, VELOCITY_VERLET, down, 5e-3).advance(400, 20)[0] for one in models]
+    assert_array_equal(*rows)
+
+
+def test_tying_leading_and_untying_give_what_the_potential_jumps_by(kernels):
+    # U = k r^2/2, and F r - F^2/(2 k) beyond r = F/k: both and their slopes agree there.
+    lattice, model = disk(60, height=0.5), replace(FALLING, mouse=MOUSE)
+    simulation = kernels.simulation(lattice, model, VELOCITY_VERLET, 0 * lattice.positions, 1e-3)
+    x, y = lattice.positions[POINT]
+    near, far = 0.5 * 0.2 * 0.06**2, 0.02 * 0.3 - 0.02**2 / (2 * 0.2)
+    jumps = [simulation.set_mouse_target(POINT, place) for place in ((x + 0.06, y), (x, y - 0.3), (x, y))]
+    assert jumps == pytest.approx([near, far - near, -far], rel=1e-12)
+    assert simulation.set_mouse_target(-1) == 0.0

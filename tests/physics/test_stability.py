@@ -1,0 +1,106 @@
+"""The stability limit of the step, against matrices and oscillators; with the kernels in tests/validation."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import reference
+from bodies import ELASTIC, FREE, RIGID, computed, disk, disk_and_wall
+
+from taichi_disk.integrators import INTEGRATORS, VELOCITY_VERLET
+from taichi_disk.physics import Model, Springs
+from taichi_disk.simulation.stability import explicit_limit, spectrum, step_limit
+from taichi_disk.simulation.step_control import MARGIN
+
+
+def oscillator(integrator, angle):
+    """Half the trace of one step of x'' = -x by h = `angle`: cos of the phase it turns by, at most 1 while stable."""
+    step = np.eye(2)
+    for kick, move in zip(integrator.kicks, (*integrator.moves, 0.0), strict=True):
+        step = np.array([[1.0, move * angle], [0.0, 1.0]]) @ np.array([[1.0, 0.0], [-kick * angle, 1.0]]) @ step
+    return 0.5 * np.trace(step)
+
+
+@pytest.mark.parametrize("integrator", INTEGRATORS.values(), ids=INTEGRATORS)
+def test_an_oscillator_is_stable_up_to_the_stated_limit_and_its_phase_has_the_stated_order(integrator):
+    angles = np.linspace(0.01, integrator.stable - 1e-4, 2000)
+    assert max(abs(oscillator(integrator, angle)) for angle in angles) <= 1.0 + 1e-12
+    assert abs(oscillator(integrator, integrator.stable + 1e-3)) > 1.0
+    errors = [abs(np.arccos(oscillator(integrator, angle)) / angle - 1.0) for angle in (0.4, 0.2)]
+    assert np.log2(errors[0] / errors[1]) == pytest.approx(integrator.order, abs=0.1)
+    assert sum(integrator.kicks) == pytest.approx(1.0, abs=1e-14)
+    assert sum(integrator.moves) == pytest.approx(1.0, abs=1e-14)
+
+
+def jacobian(model, x):
+    """-df/dx (2n, 2n) by central differences of the reference's forces."""
+    d, still, columns = 1e-7, np.zeros_like(x), []
+    for k in range(x.size):
+        step = d * np.eye(1, x.size, k).reshape(x.shape)
+        columns.append((model.force(x - step, still) - model.force(x + step, still)).ravel() / (2 * d))
+    return np.array(columns).T
+
+
+def test_highest_frequency_and_damping_rate_are_those_of_the_matrices():
+    lattice, model = disk(40), Model(Springs(1.0, 1.0, 0.3))
+    modes, plain, m = spectrum(lattice, model), reference.Model.of(lattice, model), lattice.masses[0]
+    omega2 = np.linalg.eigvals(jacobian(plain, lattice.positions)).real.max() / m
+    assert modes.omega**2 == pytest.approx(omega2, rel=1e-6)
+    # The dashpots' matrix, column by column: force of a unit velocity.
+    unit = np.eye(40)[:, :, None] * [1.0, 0.0]
+    matrix = np.array([-plain.force(lattice.positions, v)[:, 0] for v in unit])
+    assert modes.damping * 0.3 == pytest.approx(np.linalg.eigvalsh(matrix).max() / m, rel=1e-9)
+
+
+@pytest.mark.parametrize("wall", [RIGID, ELASTIC], ids=["rigid", "elastic"])
+def test_the_walls_stiffness_is_bounded_by_the_force_on_a_point(wall):
+    # omega^2 <= omega_lattice^2 + a F/m beside a rigid wall (twice that against an elastic one), F the largest force
+    # on one point: exact for the undeformed lattice, whose springs carry nothing.
+    for height in (0.02, 0.03, 0.05):
+        lattice = disk(30, height=height) if wall is RIGID else disk_and_wall(30, 45, height=height)
+        model = replace(FREE, wall=wall)
+        plain, x = reference.Model.of(lattice, model), lattice.positions
+        force = np.abs(plain.wall_force(x)[: lattice.disk_points]).max()
+        omega = np.sqrt(np.linalg.eigvals(jacobian(plain, x)).real.max() / lattice.masses[0])
+        limit = step_limit(spectrum(lattice, model), model, VELOCITY_VERLET, force)
+        assert 0.6 * 2.0 / omega < limit < 2.0 / omega * (1 + 1e-6)
+
+
+def swings(omega, rate, h):
+    """Largest |x| in 4000 steps of x'' = -omega^2 x - rate x' with the dashpot's velocity predicted."""
+    x, v, a, most = 1.0, 0.5 * h * omega**2, -(omega**2), 0.0
+    for _ in range(4000):
+        u = v + 1.5 * h * a  # predicted for the end of the step
+        v += h * a
+        x += h * v
+        a = -(omega**2) * x - rate * u
+        most = max(most, abs(x))
+        if most > 1e6:
+            break
+    return most
+
+
+def test_the_explicit_limit_holds_for_every_mode_and_is_sharp_at_its_ends():
+    assert explicit_limit(30.0, 0.0) == pytest.approx(2 / 30, rel=1e-3)
+    assert explicit_limit(1e-3, 500.0) == pytest.approx(1 / 500, rel=1e-3)
+    rng = np.random.default_rng(4)
+    for damping in (0.0, 5.0, 30.0, 200.0):
+        limit = explicit_limit(30.0, damping)
+        for omega, rate in zip(30.0 * rng.random(12), damping * rng.random(12), strict=True):
+            assert swings(omega, rate, 0.98 * limit) < 1e4
+        assert max(swings(30.0, r, 1.05 * limit) for r in (0.0, 0.5 * damping, damping)) > 1e6
+
+
+@pytest.mark.parametrize(("a", "speed"), [(100.0, 0.02), (3000.0, 0.1)])
+def test_the_force_on_a_point_is_foreseen_as_well_as_the_margin_of_the_step_asks(a, speed, kernels):
+    settings = ("lattice.points=300", "time.safety=0.5", f"wall.a={a}", f"impact.velocity={speed}")
+    scenario, outcome = computed(kernels, "exponential_wall", *settings, estimate=False)
+    integrator, dt = INTEGRATORS[outcome.facts["integrator"]], outcome.facts["dt"]
+    simulation = kernels.simulation(scenario.lattice, scenario.model, integrator, scenario.velocities, dt)
+    simulation.advance(outcome.facts["steps"])
+    # The wall's stiffness a F makes up at most all of omega^2, and the step goes as its root.
+    peak, modes = simulation.peak_point_force(), spectrum(scenario.lattice, scenario.model)
+    assert 0.4 < peak / scenario.point_force < (MARGIN / 0.8) ** 2
+    assert outcome.facts["dt_limit"] == step_limit(modes, scenario.model, integrator, peak)

@@ -1,0 +1,117 @@
+"""Large lattices, stepped subdomain by subdomain on several cores: the same forces, motion, energies and bits."""
+
+from __future__ import annotations
+
+import hashlib
+import subprocess
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+import reference
+from bodies import ELASTIC, FALLING, disk, disk_and_wall, matched, moving_down, pressed
+from numpy.testing import assert_allclose, assert_array_equal
+
+from taichi_disk import runtime
+from taichi_disk.integrators import TRAPEZOIDAL, VEFRL, VELOCITY_VERLET
+from taichi_disk.physics import Model, ResetBoundary, Springs, ordering
+from taichi_disk.simulation.simulation import Simulation
+
+
+def test_subdomains_share_no_point_and_hold_every_spring_once(monkeypatch):
+    bonds = disk(900).bonds
+    assert ordering.arrange(bonds, 900).subdomains == 1
+    assert ordering.arrange(bonds, ordering.PARALLEL_FROM).subdomains > 1
+    monkeypatch.setattr(ordering, "PARALLEL_FROM", 1)
+    one = ordering.arrange(bonds, 900)
+    assert one.subdomains >= 4
+    used = one.source[one.source >= 0]
+    assert_array_equal(np.sort(used), np.arange(len(bonds)))
+    assert_array_equal(one.ends[one.source >= 0], bonds[used])
+    owned, begin = [], 0
+    for c, end in enumerate(one.subdomain_ends):
+        inside = one.ends[begin * ordering.BLOCK : end * ordering.BLOCK]
+        points = inside[inside < 900]
+        assert c * one.subdomain_points <= points.min() and points.max() < (c + 1) * one.subdomain_points
+        owned.append(set(inside.ravel().tolist()))
+        begin = int(end)
+    assert sum(map(len, owned)) == len(set().union(*owned))
+
+
+def body(name):
+    """Lattice, model, integrator and velocities of a disk in contact that is stretched by some per cent."""
+    integrator = TRAPEZOIDAL if "trapezoidal" in name else VEFRL if "order 4" in name else VELOCITY_VERLET
+    if name.startswith("rigid"):
+        lattice, model = disk(900, height=0.02), pressed(0.02, 0.02) if "dashpots" in name else FALLING
+    else:
+        lattice = disk_and_wall(500, 500)
+        boundary = ResetBoundary(1e-2) if "reset" in name else matched(lattice)
+        model = Model(Springs(1.0, 2.0, 0.02), ELASTIC, boundary=boundary)
+    rng, shape = np.random.default_rng(0), lattice.positions.shape
+    v = moving_down(lattice, 0.05) + 0.01 * rng.standard_normal(shape)
+    return replace(lattice, positions=lattice.positions + 2e-3 * rng.uniform(-1, 1, shape)), model, integrator, v, 2e-3
+
+
+def steps(simulation):
+    """Rows of the first 105 steps, and a hash of all that is known after them."""
+    rows, state = simulation.advance(105, 21)[0], simulation.snapshot()
+    return rows, hashlib.sha256(state.vectors.tobytes() + state.sums.tobytes() + rows.tobytes()).hexdigest()
+
+
+def both(name):
+    """In one piece, and in subdomains."""
+    serial = Simulation(*body(name))
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(ordering, "PARALLEL_FROM", 1)
+        cut = Simulation(*body(name))
+    assert (serial.subdomains, cut.subdomains > 3) == (1, True)
+    return serial, cut
+
+
+def elsewhere(name, threads):
+    """The hashes of both in a process with so many threads."""
+    code = (
+        "import sys; sys.path[:0] = ['tests', 'tests/physics']; from taichi_disk import runtime; "
+        f"runtime.start(threads={threads}); "
+        f"from test_subdomains import *; print(*(steps(one)[1] for one in both('{name}')))"
+    )
+    folder, command = Path(__file__).parents[2], [sys.executable, "-c", code]
+    return subprocess.run(command, check=True, cwd=folder, capture_output=True, text=True, timeout=200).stdout.split()
+
+
+@pytest.mark.validate
+@pytest.mark.parametrize(
+    "name",
+    [
+        "rigid wall",
+        "rigid wall, order 4",
+        "rigid wall, dashpots, trapezoidal",
+        "elastic wall, reset",
+        "elastic wall, matched, trapezoidal",
+    ],
+)
+def test_subdomains_on_any_number_of_cores_move_as_one_core_without_them_does(name):
+    runtime.start()
+    lattice, model, _, v, _ = body(name)
+    serial, cut = both(name)
+    force = reference.Model.of(lattice, model).force(lattice.positions, v)
+    assert_allclose(cut.forces(), force, rtol=0, atol=1e-13 * np.abs(force).max())
+    (rows, _), (own, bits) = found = steps(serial), steps(cut)
+    # Only the order of additions differs; what rounding leaves grows with the steps.
+    assert_allclose(cut.positions(), serial.positions(), rtol=0, atol=1e-11)
+    assert_allclose(cut.velocities(), serial.velocities(), rtol=0, atol=1e-11)
+    assert (np.abs(own - rows) <= 1e-10 * np.maximum(np.abs(rows).max(axis=0), 1e-3)).all()
+    assert cut.peak_point_force() == pytest.approx(serial.peak_point_force(), rel=1e-9, abs=1e-12)
+    # A saved state goes on with the same bits, in however many launches; one thread gives those of all cores.
+    before = cut.snapshot()
+    expected = cut.advance(20, 10)[0]
+    cut.restore(before)
+    pieces = np.concatenate([cut.advance(few, 10)[0] for few in (7, 3, 6, 4)])
+    assert_array_equal(pieces, expected)
+    assert [hashed for _, hashed in found] == elsewhere(name, 1)
+    # So does one that begins anew.
+    assert cut.restart(cut.lattice, *body(name)[1:]) and steps(cut)[1] == bits
+    for simulation in (serial, cut):
+        simulation.destroy()

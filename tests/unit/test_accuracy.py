@@ -1,0 +1,100 @@
+"""`taichi_disk.accuracy`: what is changed, what is measured, what is concluded."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from taichi_disk.accuracy import steps
+from taichi_disk.accuracy.steps import StepError, StepStudy
+from taichi_disk.accuracy.study import POINTS, SAMPLE, WALL, Change, Findings, changes, measured
+from taichi_disk.progress import duration
+from taichi_disk.scenes import load_scene
+from taichi_disk.simulation.outcome import compute
+from taichi_disk.simulation.simulation import KernelCache
+from taichi_disk.simulation.stability import spectrum
+
+STEP = StepError("velocity_verlet", True, 0.8, 0.01, 100, 0.1, 3.0, 1e-6, 1e-6, 0.0, 0.0)
+
+
+@pytest.mark.parametrize("kind", ["exponential_wall", "absorbing_wall"])
+def test_finer_lattices_are_of_the_same_material(kind: str) -> None:
+    scene = load_scene(kind, ["lattice.points=60", "material.eta_star=5"])
+    finer = [one for one in changes(scene) if one.source == POINTS]
+    assert [one.finer for one in finer] == [4, 16, 64]
+    changed = scene.with_(finer[0].keys)
+    assert changed.lattice.points == 240
+    # eta of a spring and mass of the whole stay, so does the shape of a wall.
+    before, after = scene.scenario(), changed.scenario()
+    assert after.model.springs.eta == pytest.approx(before.model.springs.eta) and before.model.springs.eta > 0.0
+    disk = slice(0, 60), slice(0, 240)
+    assert after.lattice.masses[disk[1]].sum() == pytest.approx(before.lattice.masses[disk[0]].sum())
+    assert np.ptp(after.lattice.positions[:, 0]) == pytest.approx(np.ptp(before.lattice.positions[:, 0]), rel=0.02)
+
+
+def test_no_lattice_is_tried_that_takes_hours_and_none_of_points_of_ones_own(tmp_path) -> None:
+    finer = [one.change for one in changes(load_scene("exponential_wall", ["lattice.points=40000"]))]
+    assert "N = 160,000" in finer and "N = 640,000" not in finer
+    (tmp_path / "points.csv").write_text("x,y\n0,0\n1,0\n0,1\n")
+    own = load_scene({"scene": "exponential_wall", "lattice": {"file": str(tmp_path / "points.csv")}})
+    assert {one.source for one in changes(own)} == {WALL}
+
+
+def test_a_change_without_a_result_says_why(kernels: KernelCache) -> None:
+    scene = load_scene("exponential_wall", ["lattice.points=60", "impact.max_time=9.0"])
+    one = measured(scene, 0.9, Change(WALL, "a", {"impact.max_time": 0.1}), kernels)
+    assert math.isnan(one.difference) and "has not left the wall" in one.remark
+    one = measured(scene, 0.9, Change(WALL, "a", {"wall.a": -1.0}), kernels)
+    assert math.isnan(one.result) and "wall.a" in one.remark
+
+
+def study_of(kernels: KernelCache, scene: str, *settings: str) -> StepStudy:
+    loaded = load_scene(scene, settings)
+    scenario = loaded.scenario()
+    modes = spectrum(scenario.lattice, scenario.model)
+    return StepStudy(scenario, modes, compute(scenario, loaded.time, kernels=kernels, modes=modes, estimate=False))
+
+
+@pytest.mark.parametrize("scene", ["exponential_wall", pytest.param("compression", marks=pytest.mark.validate)])
+def test_errors_fall_with_the_square_of_the_step(
+    scene: str, kernels: KernelCache, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(steps, "FRACTIONS", (0.4, 0.2, 0.1))
+    monkeypatch.setattr(steps, "REPEATS", 1)
+    study = study_of(kernels, scene, "lattice.points=30", "material.eta_star=20")
+    found = study.measure(kernels, lambda number: None)
+    assert sum(one.own for one in found) == 1
+    for integrator in ("velocity_verlet", "trapezoidal"):
+        curve = [one for one in found if one.integrator == integrator and not one.own]
+        dt, error, off = np.array([(one.dt, one.error, one.trajectory_error) for one in curve]).T
+        assert np.polyfit(np.log(dt), np.log(off), 1)[0] == pytest.approx(2.0, abs=0.1)
+        assert np.polyfit(np.log(dt), np.log(error), 1)[0] == pytest.approx(2.0, abs=0.2)
+        assert off[-1] < 1e-3 and [one.steps * one.dt for one in curve] == pytest.approx(len(curve) * [study.end])
+
+
+def test_steps_fit_the_resets_of_a_boundary(kernels: KernelCache) -> None:
+    study = study_of(kernels, "absorbing_wall", "lattice.points=30", "wall.points=36", "wall.width=3.0")
+    resets = study.end / study.scenario.model.reset_interval
+    assert resets == pytest.approx(round(resets), rel=1e-12)
+    assert all(number % round(resets) == 0 for _, number in study.runs)
+
+
+def test_the_sentence_says_what_matters() -> None:
+    samples = [Change("scene", "", result=0.96), *(Change(SAMPLE, "", result=e) for e in (0.961, 0.959, 0.9605))]
+    wall, finer = Change(WALL, "", difference=-0.04), Change(POINTS, "", difference=5e-4)
+    found = Findings("restitution", [STEP], [*samples, finer, wall], True)
+    assert found.sentence == (
+        "restitution: time step 1e-06, lattice scatter 0.0009, finest lattice 0.0005, hardest wall -0.04: "
+        "use more seeds, not smaller steps"
+    )
+    assert "more seeds and points," in replace(found, sources=[*samples, replace(finer, difference=0.01)]).sentence
+    assert "use smaller steps" in replace(found, steps=[replace(STEP, error=0.1)]).sentence
+    assert "time step none (an equilibrium)" in replace(found, steps=[], step_dependent=False).sentence
+
+
+def test_an_expected_time_has_no_more_digits_than_it_is_worth() -> None:
+    told = [duration(one) for one in (3.0, 44.0, 100.0, 1000.0, 9000.0)]
+    assert told == ["10 s", "40 s", "2 min", "17 min", "2.5 h"]

@@ -1,0 +1,22 @@
+"""The house: imports go one way, rooms stay small."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+ROOT = Path(__file__).parents[2]
+
+
+def test_imports_go_one_way():
+    done = subprocess.run(
+        [str(Path(sys.executable).with_name("lint-imports")), "--no-cache"], capture_output=True, text=True, cwd=ROOT
+    )
+    assert done.returncode == 0, done.stdout[-3000:]
+
+
+def test_files_are_rooms_not_halls():
+    lengths = {path: len(path.read_text().splitlines()) for path in (ROOT / "taichi_disk").rglob("*.py")}
+    assert {str(path): lines for path, lines in lengths.items() if lines > 460} == {}
+    assert len(list((ROOT / "taichi_disk").glob("*.py"))) <= 9

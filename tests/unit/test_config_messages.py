@@ -1,0 +1,265 @@
+# ruff: noqa: E501 (messages stand as they are read)
+"""What a user reads when a scene cannot be used: place, key, range, nearest name; every fault at once."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from typing import Any
+
+import pytest
+from hypothesis import example, given, settings
+from hypothesis import strategies as st
+
+from taichi_disk.config.loader import MAX_BYTES
+from taichi_disk.errors import InputError
+from taichi_disk.scenes import SCENES, load_any, load_scene
+
+IMPACT = "scene: exponential_wall\n"
+KINDS = "compression, exponential_wall or absorbing_wall"
+POINTS = "lattice.points: must be a whole number from 3 to 2000000, not {} (number of mass points N of the disk)"
+K_A = "material.k_a: must be a number from 1e-9 to 1e6 [M c^2/R^2], not {} (linear spring constant)"
+SECTION = "must be a section, that is indented lines of key: value, not"
+
+
+@pytest.fixture(scope="module")
+def path(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return tmp_path_factory.mktemp("scenes") / "scene.yaml"
+
+
+def faults(path: Path, text: str | bytes, *overrides: str) -> list[str]:
+    """The faults of a scene file, one string each, without the file's name."""
+    path.write_bytes(text if isinstance(text, bytes) else text.encode())
+    with pytest.raises(InputError) as refusal:
+        load_scene(path, overrides)
+    first, *rest = str(refusal.value).split("\n")
+    if rest:
+        assert first == f"{len(rest)} faults in the scene:"
+    return [line.strip().removeprefix(f"{path}:").strip() for line in rest or [first]]
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        # The nearest name is sought in the section, and elsewhere only where exactly this key exists.
+        ("lattice:\n  pionts: 9\n", "3:3: lattice.pionts: unknown key; did you mean points?"),
+        ("wall:\n  v0: 3\n", "3:3: wall.v0: unknown key; did you mean V0?"),
+        ("velocity: 0.1\n", "2:1: velocity: unknown key; did you mean impact.velocity?"),
+        ("impact: {eta_star: 3}\n", "2:10: impact.eta_star: unknown key; did you mean material.eta_star?"),
+        ("impact: {angle: 3}\n", "2:10: impact.angle: unknown key; impact has velocity, spin, turn, gap, max_time"),
+        ("wall: {points: 4}\n", "2:8: wall.points: belongs to scene: absorbing_wall, not to scene: exponential_wall"),
+        ("lattice: {points: -5}\n", "2:19: " + POINTS.format("-5")),
+        ("lattice: {rim: yes}\n", "2:16: lattice.rim: must be true or false, not yes (evenly spaced points on the circle; false: the literal random disk)"),
+        ("lattice: {file: 3}\n", "2:17: lattice.file: must be none or the name of a file, not 3 (points of your own, CSV or .npz, instead of random ones; relative to the scene file)"),
+        ("material:\n  k_a: .nan\n", "3:8: " + K_A.format(".nan")),
+        ("material:\n  k_a:\n", "3:7: " + K_A.format("nothing")),
+        # A bound that is shown is one that is kept: 1e-308 is above 0, and no gap.
+        ("time: {safety: 1e-308}\n", "2:16: time.safety: must be a number from 1e-6 to 1, not 1e-308 (fraction of the largest stable step)"),
+        ("time: {dt: 0}\n", "2:12: time.dt: must be auto or a number from 1e-9 to 1000 [R/c], not 0 (time step; auto: safety times the largest stable one)"),
+        ("impact:\n", "2:8: impact: an empty section: give it a key, or leave it out"),
+        ("impact: [velocity]\n", f"2:9: impact: {SECTION} a list"),
+        ("video: {fps: 30, size: 100, fps: 40}\n", "2:29: video.fps: given twice, first in line 2"),
+        ("video: {? [a] : 3}\n", "2:11: video: a key must be a name, not a list"),
+        ('"\\ud800": 3\n', '2:1: a key must be a name, not the text "\\ud800"'),
+        ("video: {fps: !!python/object/apply:os.abort []}\n", "2:14: video.fps: the YAML tag !!python/object/apply:os.abort is not allowed"),
+        (f"video: {{fps: {'9' * 5000}}}\n", f"2:14: video.fps: {'9' * 37}... cannot be read as int"),
+        ("impact: {gap: 0.06}\n", "2:15: impact.gap: at 0.06 R the wall's potential exceeds 1e-3 of the kinetic energy: start at 0.06819 R or farther, or write auto"),
+    ],
+)  # fmt: skip
+def test_a_single_fault_is_one_line_with_its_place(path: Path, text: str, expected: str) -> None:
+    assert faults(path, IMPACT + text) == [expected]
+
+
+def test_all_faults_come_at_once_in_the_order_of_the_file(path: Path) -> None:
+    text = """\
+scene: absorbing_wall
+lattice:
+  points: ten
+  seeed: 3
+wall:
+  boundary: rest
+  a: 300
+  a: 301
+impact: {velocity: 0, pressure: 1}
+"""
+    assert faults(path, text, "video.fps=0", "time.dt") == [
+        "3:11: " + POINTS.format("ten"),
+        "4:3: lattice.seeed: unknown key; did you mean seed?",
+        "6:13: wall.boundary: must be reset, pinned or dashpot, not rest; did you mean reset? "
+        "(sides and bottom: velocities zeroed at intervals, held fast, or matched (absorbing) dashpots)",
+        "8:3: wall.a: given twice, first in line 7",
+        "9:20: impact.velocity: must be a number from 1e-6 to 10 [c], not 0 (speed towards the wall at the start)",
+        "9:23: impact.pressure: unknown key; impact has velocity, spin, turn, gap, max_time",
+        "--set video.fps=0: video.fps: must be a whole number from 1 to 120 [1/s], not 0 (frames per second)",
+        "--set time.dt: must be KEY=VALUE without spaces around =, for example material.eta_star=30",
+    ]
+
+
+MISSING = f"scene: missing: write scene: {KINDS}"
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("scene: exponental_wall\n", [f"1:8: scene: must be {KINDS}, not exponental_wall; did you mean exponential_wall?"]),
+        # The rest is judged as the scene that was meant, or as the one that it fits best.
+        ("scene: absorbing\nwall: {pints: 1}\n", [f"1:8: scene: must be {KINDS}, not absorbing; did you mean absorbing_wall?", "2:8: wall.pints: unknown key; did you mean points?"]),
+        ("wall: {points: 1}\n", [MISSING, "1:16: wall.points: must be a whole number from 4 to 2000000, not 1 (number of mass points of the wall)"]),
+    ],
+)  # fmt: skip
+def test_without_a_valid_kind_of_scene_the_rest_is_checked_too(path: Path, text: str, expected: list[str]) -> None:
+    assert faults(path, text) == expected
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        (b"", "holds no keys: a scene needs at least the line `scene: exponential_wall`"),
+        (b"- a\n- b\n", "1:1: a scene is a list of lines `key: value` (mind the space after the colon), not a list"),
+        (b"\x89PNG\r\n\x1a\n\0\0", "a binary file, or text that is not UTF-8; a scene is YAML text in UTF-8"),
+        (b"scene: compression\n# \xfcber\n", "2: not UTF-8 text (byte 0xfc); save it as UTF-8"),
+        (b"lattice:\n\tpoints: 3\n", "2:1: not readable as YAML: found character '\\t' that cannot start any token (YAML allows no tabs for indentation: use spaces)"),
+        (b"wall: &x {a: *x}\n", "1:14: not readable as YAML: aliases (*) are not supported: write the value out"),
+        (b"scene: compression\n---\nscene: compression\n", "2:1: not readable as YAML: but found another"),
+        (b'scene: "\\UFFFFFFFF"\n', "not readable as YAML: a number or an escape is out of range"),
+        (b"a: " + b"[" * 5000, "nested too deeply"),
+        (b"#" * (MAX_BYTES + 1), f"larger than {MAX_BYTES} bytes, which no scene is"),
+    ],
+)  # fmt: skip
+def test_what_is_no_scene_at_all_is_one_clear_line(path: Path, text: bytes, expected: str) -> None:
+    (fault,) = faults(path, text)
+    assert fault.startswith(expected)
+
+
+# YAML 1.2's core schema; PyYAML by itself reads 1e-3 as a string and 010 as eight.
+@pytest.mark.parametrize(
+    ("text", "value"),
+    [("1e-3", 1e-3), ("1E3", 1e3), ("2.e1", 20.0), (".5", 0.5), ("+1.5", 1.5), ("010", 10.0), ("0x10", 16.0)],
+)
+def test_numbers_are_read_as_yaml_1_2_has_them(path: Path, text: str, value: float) -> None:
+    path.write_bytes(b"\xef\xbb\xbfscene: compression\r\nmaterial:\r\n  k_a: " + text.encode())  # as Windows writes it
+    assert load_scene(path).material.k_a == value
+    assert load_scene("compression", [f"material.k_a={text}"]).material.k_a == value
+
+
+def test_the_last_override_of_a_key_wins() -> None:
+    text = "scene: exponential_wall\nlattice: {points: -1, seed: 5}\n"
+    scene = load_scene(text, ["lattice.points=20", "lattice.points=30", "impact.velocity = 1e-2", "time.dt=auto"])
+    assert (scene.lattice.points, scene.lattice.seed) == (30, 5)
+    other = load_scene(text, ["scene=compression", "lattice.points=3"])
+    assert other == load_scene("scene: compression\nlattice: {points: 3, seed: 5}\n")
+
+
+@pytest.mark.parametrize(
+    ("override", "expected"),
+    [
+        ("abc", "must be KEY=VALUE"),
+        ("lattice.\ud800=3", "must be KEY=VALUE"),
+        ("lattice.points=", "lattice.points: must be a whole number from 3 to 2000000, not nothing"),
+        ("lattice.points=\udcff", "lattice.points: the character 0xdcff may not stand in a YAML file"),
+        ("velocity=3", "velocity: unknown key; did you mean impact.velocity?"),
+        ("lattice={points: 3}", "a section cannot be set as a whole: set its keys one by one"),
+        ("lattice.points.x=3", "lattice.points is not a section"),
+        ("time.dt=[1,", "time.dt: not readable as YAML: expected the node content, but found '<stream end>'"),
+    ],
+)
+def test_a_faulty_override_is_quoted(path: Path, override: str, expected: str) -> None:
+    (fault,) = faults(path, IMPACT + "lattice: {points: 9}\n", override)
+    assert fault.startswith(f"--set {override.encode('ascii', 'backslashreplace').decode()}: {expected}")
+
+
+def test_a_missing_file_is_met_with_the_nearest_names(tmp_path: Path) -> None:
+    (tmp_path / "soft_disk.yaml").touch()
+    shipped = "The shipped scenes are absorbing_wall, compression, exponential_wall, figure2, figure3, figure6"
+    for source, told in (
+        (tmp_path / "soft_dsk.yaml", r"soft_dsk.yaml: no such file; did you mean .*/soft_disk.yaml\?"),
+        (tmp_path / "scenes" / "exponential_wall.yaml", rf"no such file; did you mean exponential_wall\? {shipped}$"),
+        ("nonsense", rf"^nonsense: no such file\. {shipped}$"),
+    ):
+        with pytest.raises(InputError, match=told):
+            load_scene(source)
+
+
+def test_a_path_that_cannot_be_read_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "a.yaml").touch()
+    with pytest.raises(InputError, match=r": a folder, not a scene file; it holds .*a.yaml$"):
+        load_scene(tmp_path)
+    for source in ("a\0b", "a" * 300, "a" * 5000, str(tmp_path / "a.yaml" / "b.yaml"), "", "\udc80", "\ud800: 3"):
+        with pytest.raises(InputError) as refusal:
+            load_scene(source)
+        str(refusal.value).encode()
+
+
+def test_a_file_in_the_way_has_precedence_over_a_shipped_scene(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "compression").mkdir()  # as left by a run
+    assert load_scene("compression") == SCENES["compression"]()
+    (tmp_path / "exponential_wall").write_text("scene: exponential_wall\nlattice: {points: 7}\n")
+    assert load_scene("exponential_wall").lattice.points == 7
+
+
+@pytest.mark.parametrize("text", [IMPACT, IMPACT + "sweep: {seed: [0]}\n"])
+def test_a_pipe_is_read_once(text: str) -> None:
+    reader, writer = os.pipe()
+    os.write(writer, text.encode())
+    os.close(writer)
+    try:
+        load_any(f"/dev/fd/{reader}")
+    finally:
+        os.close(reader)
+
+
+# Whatever is given, a scene is returned or InputError raised, whose text can be printed.
+
+WORDS = """\
+scene lattice material wall impact compression time video sweep points seed rim file k_a dt velocity gap pressure auto
+precision f64 reset exponential_wall absorbing_wall lin geom range : - , { } [ ] & * &a *a ! !!int !!float
+!!python/none | > ' " # --- ... % %YAML ? << ~ null true 0 -1 1e-3 1e999 .nan .inf 0x 0o7 1_0 \\ "\\ud800" é"""
+SPACES = [": ", "\n", "\n  ", "\n\t", "\x85", "\u2028", "\ufeff"]
+SOUP = st.lists(st.sampled_from([*WORDS.split(), *SPACES]), max_size=40)
+KEYS = sorted({f"{name}.{key}" for one in SCENES.values() for name, s in one.sections().items() for key in s.schema()})
+ODD = st.sampled_from(
+    [None, True, -1, 0, 3, 10**30, 1e-308, float("nan"), "", "auto", "1", "\ud800", [], [0], {}, {"lin": [0, 1, 2]}]
+)
+
+
+def try_to_load(source: Any, *overrides: str) -> None:
+    try:
+        load_any(source, overrides)
+    except InputError as error:
+        assert str(error).encode()
+
+
+@settings(max_examples=150, deadline=None)
+@given(text=SOUP.map(" ".join) | SOUP.map("".join) | st.text(), data=st.binary(max_size=200))
+@example(text="scene: \ud800", data=b"")
+@example(text="%YAML 1.1\n---\nscene: compression", data=b"")
+@example(text=f"%YAML {'1' * 5000}.1\n---\nscene: compression", data=b"")
+def test_any_text_and_any_bytes_give_a_scene_or_an_input_error(path: Path, text: str, data: bytes) -> None:
+    path.write_bytes(text.encode("utf-8", "surrogatepass"))
+    try_to_load(path, *([text[:20], f"time.dt={text}"] if text else []))
+    try_to_load("\n" + text)
+    path.write_bytes(IMPACT.encode() + data)
+    try_to_load(path)
+
+
+@settings(max_examples=300, deadline=None)
+@given(
+    kind=st.sampled_from([*SCENES, "x", 3]),
+    changes=st.dictionaries(
+        st.sampled_from([*KEYS, "sweep.seed", "sweep.a", "a.b"]) | st.text(max_size=9), ODD, max_size=4
+    ),
+)
+def test_any_mapping_gives_a_scene_or_an_input_error(kind: Any, changes: dict[str, Any]) -> None:
+    data: dict[str, Any] = {}
+    for name, value in changes.items():
+        section, dot, key = name.partition(".")
+        there = data.setdefault(section, {} if dot else value)
+        if dot and isinstance(there, dict):
+            there[key] = value
+    data["scene"] = kind
+    try_to_load(data)
+    try:
+        SCENES["absorbing_wall"]().with_(changes)
+    except InputError as error:
+        assert str(error).encode()

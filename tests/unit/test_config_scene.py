@@ -1,0 +1,186 @@
+"""Scenes as values: defaults, bounds, changes, and that what is written reads back as the same scene."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from dataclasses import FrozenInstanceError, asdict
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import yaml
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from taichi_disk.config.scene_base import SceneBase
+from taichi_disk.config.sections import Key
+from taichi_disk.errors import InputError
+from taichi_disk.scenes import SCENES, load_scene, load_sweep, shipped_scenes
+
+ROOT = Path(__file__).parents[2]
+# Values that are within their bounds may still contradict each other; these contradict nothing.
+HARMLESS = {"impact.gap": "auto", "wall.threshold": 1e3, "time.dt": "auto", "time.sample_interval": "auto"}
+HARMLESS |= {"time.integrator": "auto", "time.tolerance": "none"}
+KEYS = [
+    pytest.param(key, id=f"{kind}-{name}.{one}")
+    for kind, scene in SCENES.items()
+    for name, section in scene.sections().items()
+    for one, key in section.schema().items()
+]
+
+
+def values(key: Key) -> st.SearchStrategy[Any]:
+    if key.kind is bool:
+        return st.booleans()
+    if key.kind is str:
+        return st.sampled_from(key.words or ("none", "/tmp/my points.csv", "/true", "/ö #'\"\\: x"))
+    steps = int((key.high - key.low) / key.step) if key.step else 0
+    if steps:
+        return st.integers(0, steps).map(lambda k: key.kind(key.low + k * key.step))
+    if key.kind is int:
+        return st.integers(int(key.low), int(key.high))
+    # Taichi makes its thread take subnormal numbers for zero, reading them from text included.
+    numbers = st.floats(key.low, key.high, allow_subnormal=False)
+    return st.sampled_from(key.words) | numbers if key.words else numbers
+
+
+@st.composite
+def scenes(draw: st.DrawFn) -> SceneBase:
+    kind = draw(st.sampled_from(sorted(SCENES)))
+    data: dict[str, Any] = {"scene": kind}
+    for name, section in SCENES[kind].sections().items():
+        if draw(st.booleans()):
+            chosen = {one: values(key) for one, key in section.schema().items()}
+            data[name] = draw(st.fixed_dictionaries({}, optional=chosen))
+    for key, harmless in HARMLESS.items():
+        try:
+            return load_scene(data)
+        except InputError as error:
+            if f"{key}: " in str(error):
+                section, name = key.split(".")
+                data.setdefault(section, {})[name] = harmless
+    return load_scene(data)
+
+
+@pytest.fixture(scope="module")
+def path(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return tmp_path_factory.mktemp("scenes") / "scene.yaml"
+
+
+@settings(max_examples=100, deadline=None)
+@given(scene=scenes())
+def test_a_written_scene_reads_back_equal(path: Path, scene: SceneBase) -> None:
+    text = scene.to_yaml()
+    path.write_text(text, encoding="utf-8")
+    assert load_scene(path) == load_scene(text) == load_scene(asdict(scene)) == scene
+    assert load_scene(path).to_yaml() == text
+    # Plain PyYAML follows YAML 1.1, in which 1e-05 is a string: it has to see the same values too.
+    assert load_scene(yaml.safe_load(text)) == scene
+
+
+@pytest.mark.parametrize("key", KEYS)
+def test_a_key_takes_what_is_within_its_bounds_and_nothing_else(key: Key) -> None:
+    refused: list[Any] = [None, [], {}, "", "nonsense", "a\nb", float("nan"), float("inf")]
+    if key.kind in (int, float):
+        assert key.low < key.high and all(map(key.accepts, (*key.words, key.low, key.high)))
+        refused += [True, key.low - 1, key.low - 1e-9, key.high + 1, key.high * 1.01 + 1e-9, 10**400]
+        refused += [key.low + 0.5] * (key.kind is int) + [key.low + key.step / 2] * bool(key.step)
+    else:
+        assert all(map(key.accepts, key.words or ((True, False) if key.kind is bool else ("none", "/a b.csv"))))
+        refused = [one for one in refused if key.words or key.kind is bool or one != "nonsense"] + [0, 1.0]
+    assert [one for one in refused if key.accepts(one)] == []
+    assert len(key.meaning) > 10
+
+
+def test_a_scene_cannot_be_changed_and_an_int_becomes_a_float() -> None:
+    scene = load_scene({"scene": "exponential_wall", "material": {"eta_star": 3}})
+    assert isinstance(scene.material.eta_star, float)
+    with pytest.raises(FrozenInstanceError):
+        scene.lattice = scene.lattice
+    assert hash(SCENES["compression"]()) == hash(SCENES["compression"]())
+
+
+# Potential V0 exp(-a y) against v^2/2 with the default a = 300, V0 = 150, v = 0.02:
+# 1e-3 of it at y = ln(150/(1e-3 * 2e-4))/300 = 0.06812;
+# 1e-5 of it with v = 1e-3 at ln(150/5e-12)/300 = 0.10344.
+@pytest.mark.parametrize(
+    ("kind", "refused", "told", "accepted"),
+    [
+        ("exponential_wall", {"gap": 0.068}, "impact.gap: .* start at 0.06819 R or farther", {"gap": 0.0682}),
+        ("absorbing_wall", {"gap": 0.06}, "impact.gap", {"gap": 0.0682}),
+        ("absorbing_wall", {"velocity": 1e-3}, "wall.threshold: .* write 0.1035 R or more", {"velocity": 3e-3}),
+        ("absorbing_wall", {"threshold": 0.08}, "wall.threshold", {"velocity": 1e-3, "threshold": 0.1035}),
+        ("absorbing_wall", {"dt": 0.01}, "0.01 is longer than wall.reset_int", {"dt": 0.01, "boundary": "pinned"}),
+        ("compression", {"dt": 0.01, "sample_interval": 0.005}, "is shorter than", {"sample_interval": 0.005}),
+        ("compression", {"dt": 0.01, "time.tolerance": 1e-6}, "write time.dt: auto", {"time.tolerance": 1e-6}),
+        ("compression", {"method": "newton", "time.tolerance": 1e-6}, "takes no time step", {"method": "newton"}),
+        ("exponential_wall", {"integrator": "vefrl"}, "eta_star = 10", {"integrator": "vefrl", "eta_star": 0}),
+        ("absorbing_wall", {"integrator": "vefrl", "boundary": "dashpot"}, "= dashpot", {"integrator": "vefrl"}),
+    ],
+)
+def test_keys_that_contradict_each_other_are_refused(
+    kind: str, refused: dict[str, Any], told: str, accepted: dict[str, Any]
+) -> None:
+    with pytest.raises(InputError, match=told):
+        load_scene(kind).with_(refused)
+    load_scene(kind).with_(accepted)
+
+
+def test_with_changes_keys_and_nothing_else(tmp_path: Path) -> None:
+    scene = load_scene("exponential_wall", ["lattice.seed=4"])
+    numbers = {"wall.a": 3000, "gap": np.float64(0.5), "points": np.int64(50), "file": tmp_path / "1e3"}
+    changed = scene.with_(numbers, eta_star=30, velocity=0.03)
+    expected = ["wall.a=3000", "impact.gap=0.5", "material.eta_star=30", "impact.velocity=0.03", "lattice.seed=4"]
+    assert changed == load_scene("exponential_wall", [*expected, "lattice.points=50", f"lattice.file={tmp_path}/1e3"])
+    assert type(changed.impact.gap) is float
+    assert scene.material.eta_star == 10 and scene.with_() == scene
+    with pytest.raises(InputError) as refusal:
+        load_scene("compression").with_({"wall.b": 3, "lattice": {"points": 3}, "pints": 4}, tolerance=1, eta_star=-1)
+    assert str(refusal.value).split("\n  ")[1:] == [
+        "lattice: a section cannot be set as a whole: set its keys one by one",
+        "material.eta_star: must be a number from 0 to 1e6, not -1 (viscosity eta R/(m c) of the dashpots; 0: none)",
+        "pints: unknown key; scene: compression has scene, lattice, material, wall, compression, time, video",
+        "tolerance: write compression.tolerance or time.tolerance",
+        "wall.b: unknown key; wall has a, V0",
+    ]
+
+
+def test_the_name_of_a_lattice_file_starts_from_the_scene_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "there").mkdir()
+    (tmp_path / "there" / "s.yaml").write_text("scene: compression\nlattice: {file: ../a.csv}\n")
+    (tmp_path / "there" / "sweep.yaml").write_text("scene: compression\nsweep: {file: [a.npz, none, /b.npz]}\n")
+    monkeypatch.chdir(tmp_path)
+    assert load_scene("there/s.yaml").lattice.file == str(tmp_path / "a.csv")
+    assert load_scene("there/s.yaml", ["lattice.file=b.csv"]).lattice.file == str(tmp_path / "b.csv")
+    assert load_scene("scene: compression\nlattice: {file: a.csv}\n").lattice.file == str(tmp_path / "a.csv")
+    files = load_sweep("there/sweep.yaml").blocks[0]["file"]
+    assert files == (str(tmp_path / "there" / "a.npz"), "none", "/b.npz")
+
+
+def test_the_key_precision_has_ended() -> None:
+    notes: list[str] = []
+    text = "scene: compression\ntime:\n  precision: f64\n"
+    assert load_scene(text, notes=notes) == SCENES["compression"]()
+    assert [note.partition(" all")[0] for note in notes] == ["scene:3:3: time.precision: this key has ended,"]
+    with pytest.raises(InputError, match=r"--set time\.precision=f32: time\.precision: single precision gained no"):
+        load_scene(text, ["time.precision=f32"])
+
+
+def test_the_shipped_scenes_are_the_defaults_written_out() -> None:
+    shipped = shipped_scenes()
+    assert set(shipped) == {*SCENES, "figure2", "figure3", "figure6"}
+    for kind, scene in SCENES.items():
+        assert shipped[kind].read_bytes() == (ROOT / "scenes" / f"{kind}.yaml").read_bytes()
+        assert load_scene(kind) == load_scene(shipped[kind]) == scene()
+        written = yaml.safe_load(shipped[kind].read_text(encoding="utf-8"))
+        assert {name: set(keys) for name, keys in written.items() if name != "scene"} == {
+            name: set(section.schema()) for name, section in scene.sections().items()
+        }
+    assert [len(load_sweep(name).scenes) for name in ("figure2", "figure3", "figure6")] == [225, 576, 288]
+
+
+def test_reading_a_scene_imports_no_numpy() -> None:
+    code = "import taichi_disk.config.loader, sys; sys.exit('numpy' in sys.modules)"
+    assert subprocess.run([sys.executable, "-c", code]).returncode == 0

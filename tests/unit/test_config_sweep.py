@@ -1,0 +1,109 @@
+# ruff: noqa: E501 (messages stand as they are read)
+"""Sweep sections: what they stand for, and what a user reads when they cannot be used."""
+
+from __future__ import annotations
+
+import itertools
+from pathlib import Path
+
+import pytest
+
+from taichi_disk.config.sweep_axes import Sweep
+from taichi_disk.errors import InputError
+from taichi_disk.scenes import load_any, load_scene, load_sweep
+
+IMPACT = "scene: exponential_wall\n"
+
+
+def faults(text: str, *overrides: str) -> list[str]:
+    with pytest.raises(InputError) as refusal:
+        load_sweep(IMPACT + text + "\n", overrides)
+    lines = str(refusal.value).split("\n")
+    return [line.strip().removeprefix("scene:") for line in lines[1:] or lines]
+
+
+def test_axes_multiply_and_the_last_varies_fastest() -> None:
+    sweep = load_sweep(IMPACT + "sweep: {eta_star: [0, 10], velocity: {lin: [0.01, 0.03, 3]}, seed: {range: 2}}\n")
+    found = [(one.material.eta_star, one.impact.velocity, one.lattice.seed) for one in sweep.scenes]
+    assert found == list(itertools.product((0.0, 10.0), (0.01, 0.02, 0.03), (0, 1)))
+
+
+def test_each_point_is_the_scene_that_overrides_would_make() -> None:
+    swept = "sweep: {boundary: [pinned, dashpot], points: [900], wall.V0: [7.0]}"
+    alone = load_scene("absorbing_wall", ["wall.a=400.0", "wall.boundary=dashpot", "lattice.points=900", "wall.V0=7.0"])
+    assert load_sweep(f"scene: absorbing_wall\nwall: {{a: 400.0}}\n{swept}\n").scenes[1] == alone
+
+
+def test_geometric_axes_have_equal_ratios_and_their_ends() -> None:
+    v = load_sweep(IMPACT + "sweep: {velocity: {geom: [3e-3, 5e-2, 12]}}\n").blocks[0]["velocity"]
+    assert v[0] == 3e-3 and v[-1] == 5e-2
+    ratios = [float(b) / float(a) for a, b in itertools.pairwise(v)]
+    assert max(ratios) - min(ratios) < 1e-10
+    whole = load_sweep(IMPACT + "sweep: {points: {geom: [1000, 4000, 3]}}\n")
+    assert [one.lattice.points for one in whole.scenes] == [1000, 2000, 4000]
+
+
+def test_a_list_of_sections_is_swept_one_after_the_other_without_repeats() -> None:
+    text = IMPACT + "sweep:\n  - {seed: [0, 1, 1]}\n  - {seed: [1, 2], eta_star: [10.0, 3.0]}\n"
+    found = [(one.lattice.seed, one.material.eta_star) for one in load_sweep(text).scenes]
+    assert found == [(0, 10.0), (1, 10.0), (1, 3.0), (2, 10.0), (2, 3.0)]  # 10 is the default
+
+
+@pytest.mark.parametrize(
+    "text", ["{seed: {range: 3}, eta_star: [0, 0.0, 1e2]}", "[{a: [300.0]}, {a: [1e-1, 3000]}]", "{file: [a b, none]}"]
+)
+def test_the_resolved_sweep_is_the_same_sweep(text: str) -> None:
+    sweep = load_sweep(IMPACT + f"sweep: {text}\n")
+    assert load_any(sweep.to_yaml()) == sweep and isinstance(sweep, Sweep)
+
+
+def test_axes_can_be_set_from_the_command_line() -> None:
+    text = IMPACT + "sweep: {velocity: {geom: [3e-3, 5e-2, 12]}, seed: {range: 8}}\n"
+    new = ("sweep.velocity={lin: [0.01, 0.02, 2]}", "sweep.seed=[4]", "sweep.lattice.points=[500]")
+    sweep = load_sweep(text, new)
+    assert sweep.axes == ["velocity", "seed", "lattice.points"]
+    assert [one.lattice.points for one in sweep.scenes] == [500, 500]
+
+
+def test_an_override_sets_the_axis_in_every_section_that_has_it() -> None:
+    text = IMPACT + "sweep:\n  - {seed: [1, 2], eta_star: [3]}\n  - {seed: {range: 9}}\n  - {velocity: [0.01]}\n"
+    changed = ({"seed": (7,), "eta_star": (3.0,)}, {"seed": (7,)}, {"velocity": (0.01,)})
+    assert load_sweep(text, ["sweep.seed=[7]"]).blocks == changed
+    assert [block["a"] for block in load_sweep(text, ["sweep.a=[400]"]).blocks] == [(400.0,)] * 3
+    assert len(load_sweep("figure2", ["sweep.seed=[0]"]).scenes) == 8
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("sweep: {eta_sta: [1]}", "2:9: sweep.eta_sta: no key of scene: exponential_wall that can be swept; did you mean eta_star?"),
+        ("sweep: {colour: [strain]}", "2:9: sweep.colour: no key of scene: exponential_wall that can be swept"),
+        ("sweep: {seed: 3}", "2:15: sweep.seed: must be a list of values, {lin: [from, to, count]}, {geom: [from, to, count]} or {range: count}, not 3"),
+        ("sweep: {seed: []}", "2:15: sweep.seed: an empty list: give it values, or leave the axis out"),
+        ("sweep: {seed: {range: 0}}", "2:23: sweep.seed.range: must be a whole number from 1 to 100000: {range: 3} is 0, 1, 2"),
+        ("sweep: {velocity: {geom: [0, 1, 3]}}", "2:26: sweep.velocity.geom: a geometric axis needs bounds above 0"),
+        ("sweep: {velocity: {lin: [1, 3]}}", "2:25: sweep.velocity.lin: must be three numbers: {lin: [from, to, count]}"),
+        ("sweep: {velocity: {lin: [1, 3, 1.5]}}", "2:25: sweep.velocity.lin: the count must be a whole number from 2 to 100000, not 1.5"),
+        ("sweep: {velocity: {lin: [1, .inf, 3]}}", "2:25: sweep.velocity.lin: a bound is too large"),
+        ("sweep: {}", "2:8: sweep: must be lines of key: values, not a mapping"),
+        ("sweep: {seed: [0, [1]]}", "2:19: lattice.seed: must be a whole number from 0 to 4294967295, not a list (seed of the random points; the same seed gives the same lattice)"),
+        ("lattice: {seed: 1}\nsweep: {seed: [0]}", "3:9: sweep.seed: lattice.seed is also given by the scene: leave one of the two out"),
+        ("sweep: {seed: [0], lattice.seed: [1]}", "2:20: sweep.lattice.seed: lattice.seed is also given by seed: leave one of the two out"),
+        ("sweep: {seed: {range: 400}, eta_star: {lin: [1, 2, 400]}}", "2:1: sweep: 160000 combinations: at most 100000"),
+    ],
+)  # fmt: skip
+def test_each_fault_is_told_with_its_place(text: str, expected: str) -> None:
+    assert faults(text) == [expected]
+
+
+def test_values_that_disagree_only_together_are_told_with_the_combination() -> None:
+    # At 0.065 R the fast disk may start, the slow one not.
+    assert faults("sweep: {gap: [0.2, 0.065], velocity: [0.05, 0.01]}")[-1].endswith("(at gap: 0.065, velocity: 0.01)")
+
+
+def test_run_and_sweep_refuse_each_other_s_files_with_advice(tmp_path: Path) -> None:
+    (tmp_path / "s.yaml").write_text(IMPACT + "sweep: {seed: [0]}\n")
+    with pytest.raises(InputError, match="taichi-disk sweep"):
+        load_scene(tmp_path / "s.yaml")
+    with pytest.raises(InputError, match="taichi-disk run"):
+        load_sweep("exponential_wall")

@@ -1,0 +1,181 @@
+"""Fields of a state, against what is known of them otherwise: elasticity of a perfect lattice, virial, rigid motion."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import bodies
+import numpy as np
+import pytest
+
+from taichi_disk.fields import QUANTITIES, Triangles, at_points, field, fringes, point_stress, stress
+from taichi_disk.fields.stress import shear, smooth_stress
+from taichi_disk.lattice import Lattice, disk_lattice, with_wall
+from taichi_disk.physics import ElasticWall, ExponentialWall, Springs
+
+SPRINGS = Springs(1.3, 0.4)
+DISK = disk_lattice(300, 1)
+TILES = Triangles(DISK)
+# Of the perfect triangular lattice, k_a = 1.
+YOUNG, POISSON = 2.0 / np.sqrt(3.0), 1.0 / 3.0
+
+
+def shaken(lattice, seed=0):
+    """Positions and velocities far from any equilibrium, with no triangle turned."""
+    x, v = bodies.shaken(lattice, seed, 0.08 * float(np.median(lattice.rest_lengths)))
+    return x + [0.3, 1.02], v
+
+
+X, V = shaken(DISK)
+# A hexagonal patch of the perfect triangular lattice with springs of equal length.
+RINGS = 6
+PATCH = Lattice.from_points(
+    [
+        ((i + 0.5 * j) / RINGS, np.sqrt(0.75) * j / RINGS)
+        for i in range(-RINGS, RINGS + 1)
+        for j in range(-RINGS, RINGS + 1)
+        if abs(i + j) <= RINGS
+    ]
+)
+MESH = Triangles(PATCH)
+# The triangles without a corner on the outline, whose springs are all shared by two.
+INSIDE = ~np.isin(PATCH.triangles, np.unique(MESH.outline)).any(axis=1)
+
+
+def strained(xx, yy, xy):
+    return PATCH.positions @ np.array([[1.0 + xx, xy], [xy, 1.0 + yy]])
+
+
+# ---- stress
+
+
+def test_a_perfect_lattice_has_young_s_modulus_2_over_root_3_and_poisson_s_ratio_1_3():
+    size, k_a = 1e-7, 1.7
+    both = [stress(MESH, Springs(k_a), strained(*strain))[INSIDE] / size for strain in ((size, 0, 0), (0, 0, size))]
+    assert max(np.ptp(one, axis=0).max() for one in both) < 1e-6  # uniform, as the strain is
+    (along, across, turned), (_, _, sideways) = (one.mean(axis=0) for one in both)
+    assert turned == pytest.approx(0.0, abs=1e-6)
+    assert across / along == pytest.approx(POISSON, rel=1e-6)  # plane stress: C12/C11
+    assert along * (1.0 - POISSON**2) == pytest.approx(YOUNG * k_a, rel=1e-6)
+    assert sideways == pytest.approx(YOUNG * k_a / (1.0 + POISSON), rel=1e-6)  # 2 G e_xy
+
+
+@pytest.mark.parametrize("body", ["disk", "disk and wall", "literal disk"])
+def test_the_area_integral_of_the_stress_is_the_virial_of_all_other_forces_and_of_inertia(body):
+    lattice, wall = DISK, ExponentialWall(40.0, 0.02)
+    if body == "literal disk":
+        lattice = disk_lattice(300, 2, rim=False, min_spacing=0.0)
+    if body == "disk and wall":
+        lattice, wall = with_wall(DISK, 260, 3.0, 0, True, 0.7, 0.0), ElasticWall(40.0, 0.02, 0.5)
+    x, _ = shaken(lattice)
+    tiles = Triangles(lattice)
+    total = (tiles.areas(x)[:, None] * stress(tiles, SPRINGS, x)).sum(axis=0)
+    # m a = f_springs + f_wall, so that minus the springs' virial is that of the wall minus that of m a.
+    outer = wall.forces(lattice, x)
+    inertia = SPRINGS.forces(lattice, x) + outer
+    virial = x.T @ (outer - inertia)
+    rounding = 1e-13 * np.abs(x.T).dot(np.abs(outer) + np.abs(inertia)).max()
+    assert np.abs(total - [virial[0, 0], virial[1, 1], virial[1, 0]]).max() < rounding
+
+
+def test_stress_turns_with_the_body_and_does_not_feel_where_it_is():
+    c, s = np.cos(0.7), np.sin(0.7)
+    turn = np.array([[c, -s], [s, c]])
+    sigma, turned = (stress(TILES, SPRINGS, y) for y in (X, X @ turn.T + [3.0, -2.0]))
+    expected = turn @ np.stack([sigma[:, [0, 2]], sigma[:, [2, 1]]], axis=1) @ turn.T
+    assert np.abs(turned - np.stack([expected[:, 0, 0], expected[:, 1, 1], expected[:, 0, 1]], axis=1)).max() < 1e-12
+
+
+def test_pressure_and_shear_are_the_invariants_of_the_stress():
+    xx, yy, xy = stress(TILES, SPRINGS, X).T
+    low, high = np.linalg.eigvalsh(np.array([[xx, xy], [xy, yy]]).transpose(2, 0, 1)).T
+    assert field("pressure", DISK, SPRINGS, X, V).values == pytest.approx(-0.5 * (low + high), abs=1e-14)
+    assert field("shear", DISK, SPRINGS, X, V).values == pytest.approx(0.5 * (high - low), abs=1e-14)
+
+
+def test_a_squeezed_disk_is_under_pressure_and_a_resting_one_has_no_field():
+    v = np.zeros_like(DISK.positions)
+    assert field("pressure", DISK, SPRINGS, 0.99 * DISK.positions, v).values.min() > 0.0
+    for name in QUANTITIES:
+        assert np.abs(at_points(name, TILES, SPRINGS, DISK.positions, v)).max() < 1e-14
+
+
+def test_a_triangle_folded_flat_has_a_finite_stress():
+    x = X.copy()
+    a, b, c = DISK.triangles[7]
+    x[a] = 0.5 * (x[b] + x[c])
+    assert all(np.isfinite(field(name, DISK, SPRINGS, x, V).values).all() for name in QUANTITIES)
+
+
+def test_point_values_are_means_weighted_with_the_areas():
+    sigma, areas, i = stress(TILES, SPRINGS, X), TILES.areas(X), 17
+    around = (DISK.triangles == i).any(axis=1)
+    mean = np.average(sigma[around], axis=0, weights=areas[around])
+    assert point_stress(TILES, SPRINGS, X)[i] == pytest.approx(mean, rel=1e-12)
+    assert at_points("pressure", TILES, SPRINGS, X, V)[i] == pytest.approx(-0.5 * (mean[0] + mean[1]), rel=1e-12)
+    strain = SPRINGS.strain(DISK, X)[(DISK.bonds == i).any(axis=1)]
+    assert at_points("strain", TILES, SPRINGS, X, V)[i] == pytest.approx(strain.mean(), rel=1e-12)
+
+
+# ---- motion
+
+
+def test_the_rate_of_compression_is_minus_the_divergence_of_the_velocity():
+    gradient = np.array([[0.3, 0.9], [-0.2, -0.5]])  # v_i = sum of x_k gradient[k, i]
+    rate = field("rate", DISK, SPRINGS, X, X @ gradient + [1.0, 2.0])
+    assert rate.values == pytest.approx(np.full(len(DISK.triangles), 0.2), rel=1e-10)
+
+
+def test_speed_and_kinetic_energy_are_those_in_the_frame_of_the_disk_s_centre_of_mass():
+    lattice = with_wall(replace(DISK, masses=DISK.masses * np.linspace(0.5, 1.5, 300)), 260, 3.0, 0, True, 0.7, 0.0)
+    x, v = shaken(lattice)
+    flight = np.where(np.arange(len(x)) < 300, 1.0, 0.0)[:, None] * [0.4, -5.0]
+    for name in ("speed", "kinetic"):
+        still, flying = (field(name, lattice, SPRINGS, x, u).values for u in (v, v + flight))
+        assert flying == pytest.approx(still, abs=1e-13)
+    # König: the kinetic energy is that of the motion against the centre of mass and that of the whole.
+    m, mv = lattice.masses[:300, None], (lattice.masses[:300, None] * v[:300]).sum(axis=0)
+    whole = 0.5 * float((m * v[:300] ** 2).sum())
+    inner = field("kinetic", lattice, SPRINGS, x, v).values[:300].sum()
+    assert inner == pytest.approx(whole - 0.5 * float(mv @ mv) / m.sum(), rel=1e-12)
+    assert field("speed", lattice, SPRINGS, x, v).values[300:] == pytest.approx(np.hypot(*v[300:].T), rel=1e-14)
+
+
+# ---- fringes
+
+
+def test_fringes_follow_the_difference_of_the_principal_stresses():
+    middle = np.hypot(*(PATCH.positions - PATCH.positions.mean(axis=0)).T) < 0.3
+    for order, bright in ((0.0, 0.0), (0.5, 1.0), (1.0, 0.0), (1.25, 0.5), (2.5, 1.0)):
+        fringe = 1e-4
+        x = strained(0.0, 0.0, 0.5 * order * fringe * (1.0 + POISSON) / YOUNG)
+        light = fringes(shear(smooth_stress(MESH, Springs(1.0), x)), fringe)
+        assert light[middle] == pytest.approx(bright, abs=2e-3)
+    assert fringes(np.array([0.3])) == pytest.approx(np.sin(5 * np.pi) ** 2, abs=1e-12)
+
+
+def test_smoothing_keeps_what_is_uniform_and_averages_neighbours():
+    assert TILES.smoothed(np.full((300, 2), 0.7), 5) == pytest.approx(np.full((300, 2), 0.7), rel=1e-14)
+    values, i = np.random.default_rng(0).random((300, 1)), 40
+    mean = values[np.unique(DISK.bonds[(DISK.bonds == i).any(axis=1)])].mean()
+    assert TILES.smoothed(values, 1)[i, 0] == pytest.approx(mean, rel=1e-14)
+
+
+# ---- the mesh
+
+
+def test_every_spring_of_a_lattice_is_carried_by_one_or_two_triangles():
+    assert set(TILES.share) == {0.5, 1.0}
+    assert (TILES.share == 1.0).sum() == len(TILES.outline) == len(DISK.disk_surface)
+    # The outline has the body on its left: its polygon's area is that of all triangles.
+    a, b = DISK.positions[TILES.outline].transpose(1, 0, 2)
+    area = 0.5 * (a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]).sum()
+    assert area == pytest.approx(TILES.areas(DISK.positions).sum(), rel=1e-12)
+
+
+def test_a_field_says_where_it_lives_and_in_which_unit():
+    count = {"triangles": len(DISK.triangles), "springs": len(DISK.bonds), "points": 300}
+    for name, quantity in QUANTITIES.items():
+        one = field(name, DISK, SPRINGS, X, V)
+        assert one.values.shape == (count[one.on],) and one.unit == quantity.unit
+        assert quantity.signed or one.values.min() >= 0.0

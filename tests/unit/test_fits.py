@@ -1,0 +1,150 @@
+"""Fits recover what was planted, and their intervals hold it as often as they say."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from taichi_disk.scenes import load_scene
+from taichi_disk.sweep import fits, theory
+from taichi_disk.sweep.analysis import analyse
+from taichi_disk.sweep.figures import draw
+
+V = np.geomspace(3e-3, 5e-2, 12)
+P = np.linspace(4e-3, 1e-2, 7)
+
+
+def test_planted_parameters_of_eq_5_come_back() -> None:
+    for d1, d2 in ((0.973, 0.119), (1.0, 0.6), (1.6, 1.4)):
+        fit = fits.fit_restitution(V, theory.paper_restitution(V, d1, d2)[None])
+        assert fit.values == pytest.approx({"d1": d1, "d2": d2}, rel=1e-6)
+        assert fit.rms < 1e-7 and not fit.intervals
+    fixed = fits.fit_restitution(V, theory.paper_restitution(V, 1.0, 0.6)[None], d1_is_1=True)
+    assert fixed.values == pytest.approx({"d1": 1.0, "d2": 0.6}, rel=1e-6)
+
+
+def test_a_planted_b_comes_back_and_each_lattice_has_its_own() -> None:
+    b = np.array([0.9, 1.5, 2.4])
+    fit = fits.fit_b(P, theory.paper_compression(P, 1.1, 0.29, b[:, None]), 1.1, 0.29)
+    assert [fit.values[f"b_{name}"] for name in ("min", "median", "max")] == pytest.approx(list(b), rel=1e-6)
+    low, high = fit.intervals["b"]
+    assert 0.9 <= low < fit.values["b"] < high <= 2.4
+
+
+def test_a_planted_tau0_comes_back() -> None:
+    e = np.array([[theory.quasistatic_impact(v, 0.0731, 1.1).restitution for v in V]])
+    fit = fits.fit_tau0(V, e, 1.1)
+    assert fit.values["tau0"] == pytest.approx(0.0731, rel=1e-4)
+    assert fit.rms < 1e-6
+
+
+def test_the_residuals_are_data_minus_fit() -> None:
+    e = theory.paper_restitution(V, 1.0, 0.6)
+    bump = np.where(np.arange(12) == 5, 1e-3, 0.0)
+    fit = fits.fit_restitution(V, np.stack([e + bump, e + bump]))
+    # Two parameters on twelve points take up about a sixth of a lone bump.
+    assert 0.7e-3 < fit.residuals[5] < 1e-3
+
+
+def test_curvature_is_the_second_derivative_of_either_half() -> None:
+    y = np.where(V[6] > V, -3.0 * V**2 + V, 2.0 * V**2)
+    fit = fits.fit_curvature(V, np.stack([y, y]))
+    assert fit.values == pytest.approx({"slow_half": -6.0, "fast_half": 4.0}, rel=1e-8)
+    assert fit.rms < 1e-12
+
+
+def test_intervals_hold_the_truth_about_as_often_as_their_level(monkeypatch: pytest.MonkeyPatch) -> None:
+    # Lattices that scatter by a common factor each: what a bootstrap over single points would miss.
+    monkeypatch.setattr(fits, "RESAMPLES", 200)
+    rng = np.random.default_rng(1)
+    true = theory.paper_restitution(V, 1.0, 0.6)
+    held = 0
+    for _ in range(30):
+        e = true * (1.0 + 0.01 * rng.standard_normal((16, 1)))
+        low, high = fits.fit_restitution(V, e).intervals["d1"]
+        held += low <= 1.0 <= high
+    # Binomial(30, 0.95), and 16 lattices make the percentile interval a little narrow.
+    assert held >= 23
+
+
+def test_the_table_of_eq_4_is_as_good_as_its_integral() -> None:
+    predict = fits.quasistatic_curves((3e-3, 5e-2), 1.1)
+    for tau0 in (0.0, 3e-3, 0.0412, 0.33, 1.7):
+        exact = [theory.quasistatic_impact(v, tau0, 1.1).restitution for v in (3e-3, 5e-2)]
+        np.testing.assert_allclose(predict(np.array([tau0]))[0], exact, rtol=0, atol=1e-6)
+    again = fits.quasistatic_curves.__wrapped__((3e-3, 5e-2), 1.1)
+    assert (again(np.array([0.33])) == predict(np.array([0.33]))).all()
+
+
+def pressed(lattices: list[tuple[int, float, float]]) -> list[dict[str, Any]]:
+    """Rows of (seed, pressure, E)."""
+    numbers = {"xi": 0.01, "xi_nominal": 0.02, "xi_extrapolated": 0.0, "status": "done"}
+    return [
+        {"seed": seed, "pressure": pressure, "young": young, "poisson": 0.3 * young} | numbers
+        for seed, pressure, young in lattices
+    ]
+
+
+def test_the_moduli_are_the_mean_over_lattices_however_many_rows_each_has() -> None:
+    rows = pressed([(0, 1e-3, 1.0), (0, 2e-3, 1.0), (1, 1e-3, 1.2), (1, 2e-3, 1.2), (0, 3e-3, 1.0)])
+    rows.append(rows[2] | {"pressure": 3e-3, "status": "failed", "xi": None})
+    (curve,) = analyse(load_scene("compression"), ["seed", "pressure"], rows)
+    assert (curve.young, curve.poisson) == (pytest.approx(1.1), pytest.approx(0.33))
+    assert curve.y.shape == (1, 3)  # the lattice of which a point failed is left out
+
+
+def test_the_moduli_are_those_of_all_lattices_of_the_material() -> None:
+    one = [row | {"method": "relaxation"} for row in pressed([(0, 1e-3, 1.0)])]
+    many = [row | {"method": "newton"} for row in pressed([(0, 1e-3, 1.0), (1, 1e-3, 1.2)])]
+    other = [row | {"method": "newton", "points": 60} for row in pressed([(0, 1e-3, 1.5)])]
+    axes, rows = ["points", "method", "seed", "pressure"], [row | {"points": 300} for row in one + many] + other
+    curves = analyse(load_scene("compression"), axes, rows)
+    assert [curve.young for curve in curves] == pytest.approx([1.1, 1.1, 1.5])
+
+
+def thrown(eta_star: float, name: str = "eta_star") -> list[dict[str, Any]]:
+    same = {"status": "done", "young": 1.1, "poisson": 0.3, "contact_time": 6.0, name: eta_star}
+    return [
+        {"velocity": v, "seed": seed, "restitution": e * (1.0 + 1e-3 * seed)} | same
+        for seed in (0, 1)
+        for v, e in zip(V, theory.paper_restitution(V, 1.0, 0.01 * eta_star), strict=True)
+    ]
+
+
+def test_eq_4_is_fitted_where_there_are_dashpots_swept_or_not() -> None:
+    axes = ["eta_star", "seed", "velocity"]
+    soft, stiff = analyse(load_scene("exponential_wall"), axes, thrown(0.0) + thrown(30.0))
+    assert "eq4" not in soft.fits and "eq4" in stiff.fits
+    assert "eq4" in analyse(load_scene("exponential_wall"), axes[1:], thrown(30.0, "other"))[0].fits
+    undamped = load_scene("exponential_wall", ["material.eta_star=0"])
+    assert "eq4" not in analyse(undamped, axes[1:], thrown(0.0, "other"))[0].fits
+    assert "eq4" not in analyse(load_scene("absorbing_wall"), axes, thrown(30.0))[0].fits
+
+
+def test_lattices_from_a_file_have_no_moduli_and_no_fit_that_needs_them() -> None:
+    rows = [row | {"young": None, "poisson": None} for row in pressed([(0, 1e-3, 1.0), (0, 2e-3, 1.0)])]
+    (curve,) = analyse(load_scene("compression"), ["seed", "pressure"], rows)
+    assert not curve.fits and curve.summary()["young"] is None
+
+
+@pytest.mark.parametrize("kind", ["compression", "exponential_wall", "absorbing_wall"])
+def test_the_legend_names_all_that_is_drawn_and_the_same_values_draw_the_same_bytes(kind: str, tmp_path: Path) -> None:
+    if kind == "compression":
+        rows, axes = pressed([(seed, p, 1.1) for seed in (0, 1) for p in P]), ["seed", "pressure"]
+        legend = ["bars: 2 lattices", "exact law, rigid wall", "eq. (2), b = 1.55 (paper)"]
+    else:
+        rows, axes = thrown(10.0) + thrown(3.0) + thrown(0.0), ["eta_star", "seed", "velocity"]
+        legend = ["η* = 10", "η* = 3", "η* = 0", "bars: 2 lattices", "eq. (5), d₁ and d₂ fitted"]
+        paper = "eq. (5), paper: d₁ = 0.973, d₂ = 0.119"
+        legend.append("eq. (4), τ₀ fitted" if kind == "exponential_wall" else paper)
+    scene = load_scene(kind)
+    curves, drawn = analyse(scene, axes, rows), []
+    for _ in range(2 if kind == "compression" else 1):
+        draw(scene, curves, tmp_path)
+        drawn.append([(tmp_path / f"figure.{suffix}").read_bytes() for suffix in ("svg", "png", "pdf")])
+    # Text is drawn as outlines; matplotlib leaves what it says in a comment.
+    assert [one for one in legend if f"<!-- {one} -->" not in drawn[0][0].decode()] == []
+    assert drawn[0] == drawn[-1]

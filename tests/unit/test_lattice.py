@@ -1,0 +1,136 @@
+"""The disk's lattice: exact counts, distances, a sound triangulation, reproducible to the last bit."""
+
+from __future__ import annotations
+
+import hashlib
+
+import numpy as np
+import pytest
+from hypothesis import example, given, settings
+from hypothesis import strategies as st
+from scipy.spatial.distance import pdist
+
+from taichi_disk.config.sections import LatticeSection
+from taichi_disk.errors import InputError, SimulationError
+from taichi_disk.lattice import MAX_POINTS, MIN_POINTS, disk_lattice, hexagonal_spacing, rim_points
+from taichi_disk.lattice.disk import scatter
+from taichi_disk.lattice.lattice import double_area, polygon_area, triangulate
+from taichi_disk.lattice.network import largest_eigenvalue, network_stiffness
+
+
+@settings(max_examples=30, deadline=None)
+@given(st.integers(3, 300), st.integers(0, 2**32), st.booleans(), st.floats(0, 0.75, allow_subnormal=False))
+@example(3, 5, True, 0.75)
+@example(4, 5, True, 0.75)
+@example(1099, 5, True, 0.7)
+@example(1099, 5, False, 0.75)
+@example(1099, 5, False, 0.0)
+def test_points_keep_their_distance_in_the_circle_and_triangles_tile_their_outline(points, seed, rim, min_spacing):
+    disk = disk_lattice(points, seed, rim, min_spacing)
+    assert disk.positions.shape == (points, 2) and disk.disk_points == points
+    assert disk.masses == pytest.approx(np.full(points, 1 / points))
+    assert np.hypot(*disk.positions.T).max() <= 1 + 1e-15
+    # Every pair of points, not just neighbours, keeps the distance.
+    assert pdist(disk.positions).min() >= min_spacing * hexagonal_spacing(points) * (1 - 1e-12)
+    area = 0.5 * double_area(disk.positions[disk.triangles])
+    assert area.min() > 0
+    assert area.sum() == pytest.approx(polygon_area(disk.positions[disk.disk_surface]), rel=1e-9)
+    sides = np.stack([disk.triangles, np.roll(disk.triangles, -1, axis=1)], axis=2).reshape(-1, 2)
+    assert (np.unique(np.sort(sides, axis=1), axis=0) == disk.bonds).all()  # both sorted lexicographically
+    # Euler: a triangulation of V points with h of them on its outline has 3 V - 3 - h bonds.
+    assert len(disk.bonds) == 3 * points - 3 - len(disk.disk_surface)
+    i, j = disk.bonds.T
+    assert disk.rest_lengths == pytest.approx(np.linalg.norm(disk.positions[i] - disk.positions[j], axis=1))
+    assert {disk.bonds.dtype, disk.triangles.dtype, disk.disk_surface.dtype} == {np.dtype(np.int32)}
+
+
+@pytest.mark.parametrize("points", [7, 50, 1099])
+def test_rim_points_are_evenly_spaced_on_the_unit_circle_and_are_the_surface(points):
+    disk = disk_lattice(points, 3)
+    rim = disk.positions[disk.disk_surface]
+    assert len(rim) == rim_points(points)
+    assert np.hypot(*rim.T) == pytest.approx(np.ones(len(rim)), abs=4e-16)
+    turn = np.diff(np.unwrap(np.arctan2(rim[:, 1], rim[:, 0])))
+    assert turn == pytest.approx(np.full(len(rim) - 1, 2 * np.pi / len(rim)), abs=1e-13)
+
+
+def test_the_rim_is_as_dense_as_the_inside_and_makes_no_slivers():
+    # A triangular lattice has sqrt(3)/2 d^2 for each point; a rim point owns half of it.
+    for points in (50, 1099, 100_000):
+        rim = rim_points(points)
+        area = np.sqrt(3) / 2 * (2 * np.pi / rim) ** 2 * (points - rim / 2)
+        assert area == pytest.approx(np.pi, rel=2 / rim)
+    disk = disk_lattice(1099, 0)
+    corner = disk.positions[disk.triangles]
+    side = np.roll(corner, -1, axis=1) - corner
+    length = np.linalg.norm(side, axis=2)
+    cosine = -np.sum(side * np.roll(side, 1, axis=1), axis=2) / (length * np.roll(length, 1, axis=1))
+    # With a least distance l and a greatest circumradius R, the smallest angle has sin >= l/(2 R).
+    assert np.degrees(np.arccos(cosine.max())) > 20
+
+
+def test_the_lattice_of_a_seed_is_the_same_everywhere():
+    disk = disk_lattice(300, 0)
+    data = disk.positions.tobytes() + disk.bonds.tobytes() + disk.rest_lengths.tobytes()
+    assert hashlib.sha256(data).hexdigest()[:16] == "c5ae7cb2cdba8362"
+    assert disk.positions.tobytes() != disk_lattice(300, 1).positions.tobytes()
+
+
+def test_points_without_a_minimum_distance_are_uniform_in_the_circle():
+    x, y = disk_lattice(20_000, 0, rim=False, min_spacing=0.0).positions.T
+    # r^2 and the angle are uniform: means 1/2 and pi, with standard errors range/sqrt(12 n); 4 of them.
+    for value, width in ((x**2 + y**2, 1.0), (np.arctan2(y, x) + np.pi, 2 * np.pi)):
+        assert value.mean() == pytest.approx(width / 2, abs=4 * width / np.sqrt(12 * len(x)))
+        assert value.std() == pytest.approx(width / np.sqrt(12), rel=0.02)
+
+
+def test_scattered_points_are_as_dense_everywhere():
+    # 0.75 is close to jamming, where the search goes over to the uncovered cells.
+    points, box, rng = 20_000, np.full(2, np.sqrt(np.pi)), np.random.default_rng(0)
+
+    def depth(p):
+        return np.minimum(p, box - p).min(axis=1)
+
+    p = scatter(rng, points, np.zeros(2), box, depth, 0.75 * hexagonal_spacing(points), np.empty((0, 2)))
+    # Points that keep apart fluctuate less than Poisson's sqrt(n) = 35 for n = 1250 in a bin.
+    assert np.abs(np.histogram2d(*p.T, bins=4)[0] - points / 16).max() < 60
+
+
+def test_numbering_keeps_neighbours_close_in_memory():
+    # A level of a breadth-first search through a disk has about 2/d = 1.05 sqrt(N) points; a bond spans two.
+    assert np.abs(np.diff(disk_lattice(5000, 0).bonds, axis=1)).max() < 2.5 * np.sqrt(5000)
+
+
+@pytest.mark.parametrize("angle", np.arange(4) * 1.65)
+def test_points_in_a_row_make_no_flat_triangles(angle):
+    # A square grid whose inner points are jittered, turned so that its sides are straight to rounding only.
+    grid = np.stack(np.meshgrid(np.arange(30.0), np.arange(9.0)), axis=-1)
+    grid[1:-1, 1:-1] += 0.4 * np.random.default_rng(0).random((7, 28, 2)) - 0.2
+    c, s = np.cos(angle), np.sin(angle)
+    mesh = triangulate(grid.reshape(-1, 2) @ np.array([[c, s], [-s, c]]))
+    assert len(mesh.disk_surface) == 2 * (29 + 8)
+    area = 0.5 * double_area(mesh.positions[mesh.triangles])
+    assert area.min() > 0.1
+    assert area.sum() == pytest.approx(29 * 8, rel=1e-12)
+
+
+def test_points_that_cannot_be_meshed_are_refused():
+    with pytest.raises(SimulationError, match="degenerate"):
+        triangulate(np.array([[0.0, 0.0], [1.0, 0.0], [0.5, 1.0], [0.5, 1.0]]))
+
+
+def test_arguments_out_of_range_are_named_and_are_those_of_a_scene():
+    for points, min_spacing in ((2, 0.7), (2_000_001, 0.7), (50, 0.76), (50, -0.1), (50, np.nan)):
+        with pytest.raises(InputError, match=f"lattice.{'min_spacing' if points == 50 else 'points'} must be between"):
+            disk_lattice(points, 0, True, min_spacing)
+    points = LatticeSection.schema()["points"]
+    assert (points.low, points.high) == (MIN_POINTS, MAX_POINTS)
+
+
+@pytest.mark.parametrize("points", [20, 60])
+def test_largest_eigenvalue_is_that_of_the_dense_matrix(points):
+    disk, masses = disk_lattice(points, 0), 1.0 + np.arange(points) / points
+    stiffness = network_stiffness(disk.positions, disk.bonds, 1.0)
+    scale = 1.0 / np.sqrt(np.repeat(masses, 2))
+    dense = np.linalg.eigvalsh(scale[:, None] * stiffness.toarray() * scale)[-1]
+    assert largest_eigenvalue(stiffness, masses) == pytest.approx(dense, rel=2e-10)

@@ -1,0 +1,148 @@
+"""Lattices of one's own: from arrays, from files, and what is refused."""
+
+from __future__ import annotations
+
+import re
+
+import numpy as np
+import pytest
+from scipy.spatial import cKDTree
+
+from taichi_disk.errors import InputError
+from taichi_disk.lattice import Lattice, disk_lattice, read_lattice, with_wall
+from taichi_disk.lattice.lattice import double_area, polygon_area
+
+COLUMN, ROW = (one.ravel() for one in np.meshgrid(np.arange(-12, 13), np.arange(-12, 13)))
+HEXAGONAL = np.stack([COLUMN + 0.5 * ROW, np.sqrt(0.75) * ROW], axis=1) / 8
+ROUND = HEXAGONAL[np.hypot(*HEXAGONAL.T) < 1 + 1e-9]
+GRID = np.stack(np.meshgrid(np.arange(-4, 5), np.arange(-4, 5)), axis=-1).reshape(-1, 2) / 4
+NEAREST = cKDTree(GRID).query_pairs(0.26, output_type="ndarray")
+CROSSED = cKDTree(GRID).query_pairs(0.36, output_type="ndarray")
+RISE = np.prod(GRID[CROSSED[:, 1]] - GRID[CROSSED[:, 0]], axis=1)
+
+
+def assert_sound(lattice):
+    area = 0.5 * double_area(lattice.positions[lattice.triangles])
+    assert area.min() > 0
+    assert area.sum() == pytest.approx(polygon_area(lattice.positions[lattice.disk_surface]))
+
+
+def order_of(lattice, points):
+    """(n,) positions = points[order]."""
+    return cKDTree(points).query(lattice.positions)[1]
+
+
+def test_points_of_a_disk_make_the_same_disk():
+    disk = disk_lattice(1099, 0)
+    again = Lattice.from_points(np.random.default_rng(0).permutation(disk.positions))
+    back = order_of(again, disk.positions)
+    bonds = np.sort(back[again.bonds], axis=1)
+    assert (again.positions == disk.positions[back]).all()
+    assert (bonds[np.lexsort(bonds.T[::-1])] == disk.bonds).all()
+    assert set(back[again.disk_surface]) == set(disk.disk_surface)
+    assert again.masses == pytest.approx(disk.masses)
+
+
+@pytest.mark.parametrize("digits", [16, 3])
+def test_round_hexagonal_lattice_has_no_spring_beyond_second_neighbours(digits):
+    lattice = Lattice.from_points(ROUND.round(digits))
+    assert_sound(lattice)
+    assert lattice.rest_lengths.max() < 1.75 / 8
+    # All first neighbours are joined: sliver removal takes no part of the lattice itself.
+    assert (lattice.rest_lengths < 1.01 / 8).sum() == len(cKDTree(ROUND).query_pairs(1.01 / 8))
+
+
+def test_slivers_of_points_at_random_are_dropped_and_nothing_else():
+    literal = disk_lattice(1099, 0, rim=False, min_spacing=0.0)
+    lattice = Lattice.from_points(literal.positions)
+    assert_sound(lattice)
+    assert literal.rest_lengths.max() > 8 * np.median(literal.rest_lengths)
+    assert lattice.rest_lengths.max() < 4 * np.median(lattice.rest_lengths)
+    assert len(literal.triangles) - len(lattice.triangles) < 0.05 * len(literal.triangles)
+
+
+@pytest.mark.parametrize("springs", [CROSSED, CROSSED[RISE < 1e-9], CROSSED[RISE > -1e-9]], ids=["both", "/", "\\"])
+def test_springs_of_ones_own_are_kept_with_their_rest_lengths(springs):
+    rest = 1.0 + np.arange(len(springs))
+    lattice = Lattice.from_points(GRID, springs[:, ::-1], rest)
+    order = order_of(lattice, GRID)
+    assert_sound(lattice)
+    assert polygon_area(lattice.positions[lattice.disk_surface]) == pytest.approx(4.0)
+    given = {(*sorted(pair),): length for pair, length in zip(springs.tolist(), rest, strict=True)}
+    found = {(*sorted(pair),): x for pair, x in zip(order[lattice.bonds].tolist(), lattice.rest_lengths, strict=True)}
+    assert found == given
+
+
+RING = ROUND[np.hypot(*ROUND.T) > 0.6]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ((ROUND[:, 0],), "shape (n, 2)"),
+        ((["a"],), "array of numbers"),
+        ((ROUND[:2],), "3 to 2000000 points, not 2"),
+        ((np.where(ROUND == 0, np.nan, ROUND),), "is not finite"),
+        ((ROUND * 10,), "extend over 20 x"),
+        ((ROUND + [1.0, 5.0],), "x = 1 R"),
+        ((np.append(ROUND, ROUND[7:8], axis=0),), "points 7 and 241 are the same"),
+        ((ROUND * [1, 0],), "same"),
+        ((np.linspace(-1, 1, 9)[:, None] * [1, 0.5],), "one line"),
+        ((RING,), "would cross a gap of"),
+        ((GRID, CROSSED + 0.5), "whole numbers"),
+        ((GRID, CROSSED + 1), "of 0 to 80"),
+        ((GRID, CROSSED * 0), "joins [0, 0]"),
+        ((GRID, np.append(CROSSED, CROSSED[:1, ::-1], axis=0)), "joined already"),
+        ((GRID, NEAREST), "point 0 at (-1, -1) is no corner"),
+        ((GRID, CROSSED[(CROSSED != 0).all(axis=1)]), "point 0 at (-1, -1) is no corner"),
+        ((GRID, CROSSED[np.abs(GRID[CROSSED].mean(axis=1) - [0.125, 0.125]).max(axis=1) > 0.01]), "without holes"),
+        ((GRID, CROSSED, np.ones(3)), "shape"),
+        ((GRID, CROSSED, np.zeros(len(CROSSED))), "rest length 0 is 0"),
+        ((GRID, None, np.ones(3)), "need the springs"),
+    ],
+)
+def test_what_is_no_disk_is_refused_with_the_place(arguments, message):
+    with pytest.raises(InputError, match=re.escape(message)):
+        Lattice.from_points(*arguments)
+
+
+@pytest.mark.parametrize("header", ["", "x,y\n", '"X", "Y"\r\n', "# mine\nx,y\n\n"])
+def test_points_are_read_from_csv(tmp_path, header):
+    path = tmp_path / "points.csv"
+    path.write_text(header + "".join(f"{x!r}, {y!r}\n" for x, y in ROUND.tolist()))
+    assert (read_lattice(path).positions == Lattice.from_points(ROUND).positions).all()
+
+
+def test_the_disk_of_a_runs_lattice_is_read_from_npz(tmp_path):
+    both = with_wall(disk_lattice(200, 0), 300, 3.0, 0, True, 0.7, 0.1)
+    names = ("positions", "bonds", "rest_lengths", "masses", "disk_points")
+    np.savez(tmp_path / "lattice.npz", **{name: getattr(both, name) for name in names})
+    disk = read_lattice(str(tmp_path / "lattice.npz"))
+    assert sorted(disk.positions.tolist()) == sorted(both.positions[:200].tolist())
+    assert sorted(disk.rest_lengths) == sorted(both.rest_lengths[(both.bonds < 200).all(axis=1)])
+    np.savez(tmp_path / "points.npz", positions=ROUND)
+    assert (read_lattice(tmp_path / "points.npz").positions == Lattice.from_points(ROUND).positions).all()
+    np.savez(tmp_path / "a.npz", x=ROUND)
+    with pytest.raises(InputError, match="no array positions, only x"):
+        read_lattice(tmp_path / "a.npz")
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "message"),
+    [
+        ("none.csv", None, "No such file"),
+        ("a.txt", b"0,0", ".csv or .npz"),
+        ("a.csv", b"x,y\n", "has no points"),
+        ("a.csv", b"x,y\n0,0\n1,2,3\n", "columns changed from 2 to 3 at row 2"),
+        ("a.csv", b"x,y\n0,0\n1,b\n", "could not convert string 'b' to float64 at row 1, column 2"),
+        ("a.csv", b"\xff\xfe", "utf-8"),
+        ("a.csv", b"0,0\n9,0\n0,9\n", "extend over 9 x 9 R"),
+        ("a.npz", b"PK", "no npz file"),
+    ],
+)
+def test_files_that_hold_no_disk_are_named(tmp_path, name, content, message):
+    if content is not None:
+        (tmp_path / name).write_bytes(content)
+    with pytest.raises(InputError, match=re.escape(message)) as refusal:
+        read_lattice(tmp_path / name)
+    assert str(tmp_path / name) in str(refusal.value)

@@ -1,0 +1,115 @@
+"""A scene gets the laws that it needs and nothing else; a compiled simulation serves every lattice and all numbers."""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from dataclasses import astuple, replace
+
+import numpy as np
+import pytest
+from bodies import FALLING, damped, disk, moving_down, pressed
+from numpy.testing import assert_array_equal
+
+from taichi_disk import runtime
+from taichi_disk.integrators import TRAPEZOIDAL, VELOCITY_VERLET
+from taichi_disk.physics import ElasticWall, ExponentialWall, Law, Load, ResetBoundary, Springs
+from taichi_disk.scenes import load_scene
+from taichi_disk.simulation.simulation import KernelCache, Simulation
+
+SMALL, VV = ("lattice.points=60", "wall.points=80", "wall.width=3.0"), VELOCITY_VERLET
+LINEAR = ("material.eta_star=0", "material.k_b=0")
+
+
+@pytest.mark.parametrize(
+    ("scene", "integrator", "laws"),
+    [
+        (("exponential_wall", SMALL[0], *LINEAR), VV, (Springs, ExponentialWall)),
+        (("compression", SMALL[0]), TRAPEZOIDAL, (Springs, ExponentialWall, Load)),
+        (("absorbing_wall", *SMALL), VV, (Springs, ElasticWall, ResetBoundary)),
+    ],
+    ids=["linear springs", "compression", "elastic wall"],
+)
+def test_a_law_that_a_scene_has_no_use_for_has_no_field_and_is_not_computed(scene, integrator, laws, monkeypatch):
+    runtime.start()
+    scenario, placed, place = load_scene(scene[0], scene[1:]).scenario(), Counter(), Law.place
+
+    def noted(law, *arguments):
+        placed[type(law)] += 1
+        place(law, *arguments)
+
+    monkeypatch.setattr(Law, "place", noted)  # makes the fields of any law
+    low = replace(scenario.lattice, positions=scenario.lattice.positions - np.array([0.0, 0.05]))
+    springs, rest = scenario.model.springs, (integrator, scenario.velocities, 1e-3)
+    simulation = Simulation(low, scenario.model, *rest)
+    assert placed == Counter(laws)
+    expected = simulation.advance(30, 3)[0]
+    assert np.isfinite(expected).all()
+    # A number of a part that is absent reaches no result.
+    for name in [name for name, there in (("k_b", springs.cubic), ("eta", springs.damped)) if not there]:
+        poisoned = Springs(springs.k_a, springs.k_b, springs.eta)
+        setattr(poisoned, name, math.nan)
+        assert simulation.restart(low, replace(scenario.model, springs=poisoned), *rest)
+        assert_array_equal(simulation.advance(30, 3)[0], expected)
+    simulation.destroy()
+
+
+@pytest.mark.parametrize(
+    ("scene", "own"),
+    [
+        ("exponential_wall", ()),
+        ("compression", ("compression.pressure=0.03",)),
+        ("absorbing_wall", (*SMALL[1:], "wall.threshold=0.2", "wall.reset_interval=0.004")),
+    ],
+)
+def test_the_numbers_of_a_scene_reach_its_laws(scene, own):
+    numbers = ("material.k_a=2", "material.k_b=3", "material.eta_star=12", "wall.a=200", "wall.V0=70", SMALL[0])
+    model = load_scene(scene, (*numbers, *own)).scenario().model
+    assert astuple(model.springs) == (2.0, 3.0, 12.0 / 60)
+    assert astuple(model.wall) == ((200.0, 70.0, 0.2) if model.elastic else (200.0, 70.0))
+    assert (model.load.force if model.load else None) == (0.03 if scene == "compression" else None)
+    assert model.reset_interval == (0.004 if scene == "absorbing_wall" else 0.0)
+
+
+@pytest.mark.validate
+def test_a_simulation_used_before_gives_the_bits_of_a_fresh_one(kernels):
+    lattice, larger, compiled, made = disk(60, height=0.03), disk(301, seed=5, height=0.01), [], []
+    new = KernelCache(size=1, before_compiling=lambda: compiled.append(1))
+    for model, integrator in ((FALLING, VV), (pressed(0.01, 0.3), TRAPEZOIDAL)):
+        other = replace(model, wall=ExponentialWall(50.0, 3.0), springs=replace(model.springs, k_a=3.0, k_b=9.0))
+        used = kernels.simulation(larger, other, integrator, moving_down(larger, 0.3), 1e-3)
+        used.advance(100)
+        arguments = lattice, model, integrator, moving_down(lattice, 0.05), 2e-3
+        assert kernels.simulation(*arguments) is used
+        fresh = new.simulation(*arguments)
+        assert_array_equal(used.first_row, fresh.first_row)
+        assert_array_equal(used.advance(300, 10)[0], fresh.advance(300, 10)[0])
+        assert_array_equal(used.snapshot().vectors, fresh.snapshot().vectors)
+        assert_array_equal(used.snapshot().sums, fresh.snapshot().sums)
+        # Another of the same kind needs no compiling; one of another kind takes the oldest's place and memory.
+        assert new.simulation(lattice, other, *arguments[2:]) is fresh
+        made.append(fresh)
+    assert len(compiled) == 2 and made[0].generation == -1
+    new.clear()
+    assert made[1].generation == -1
+
+
+def test_a_lattice_with_other_rest_lengths_alone_is_another_lattice(kernels):
+    lattice = disk(30, height=1.0)
+    strained = replace(lattice, rest_lengths=1.01 * lattice.rest_lengths)
+    for one in (lattice, strained):
+        simulation = kernels.simulation(one, FALLING, VV, 0 * lattice.positions, 1e-3)
+        np.testing.assert_allclose(simulation.forces(), FALLING.forces(one, one.positions), rtol=0, atol=1e-15)
+    assert np.abs(simulation.forces()).max() > 0.01
+
+
+def test_a_simulation_does_not_become_one_of_other_laws_or_of_no_room(kernels):
+    lattice, big = disk(60, height=0.03), disk(13_000)
+    v = moving_down(lattice, 0.05)
+    simulation = kernels.simulation(lattice, FALLING, VV, v, 1e-3)
+    row, generation = simulation.advance(10)[0][-1], simulation.generation
+    assert not simulation.restart(lattice, damped(0.1), VV, v, 1e-3)
+    assert not simulation.restart(lattice, FALLING, TRAPEZOIDAL, v, 1e-3)
+    assert not simulation.restart(big, FALLING, VV, 0 * big.positions, 1e-3)
+    assert (simulation.generation, simulation.step_number) == (generation, 10)
+    assert_array_equal(simulation.now, row)

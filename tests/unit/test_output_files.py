@@ -1,0 +1,97 @@
+"""Result files appear whole or not at all, and a folder that cannot be written is refused without a trace."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from taichi_disk.errors import InputError, SimulationError
+from taichi_disk.output import files
+from taichi_disk.output.files import atomic_write, check_pictures, prepare_output
+
+
+def everything(folder):
+    return set(folder.rglob("*"))
+
+
+def test_a_new_folder_is_made_with_its_parents_and_one_that_is_there_is_left_alone(tmp_path):
+    out = tmp_path / "a" / "b"
+    assert prepare_output(out) == [tmp_path / "a", out]
+    assert prepare_output(out) == [] and everything(tmp_path) == {tmp_path / "a", out}
+
+
+@pytest.mark.parametrize("below", ["", "b/c"])
+def test_a_file_in_the_way_is_named_and_nothing_is_left(tmp_path, below):
+    blocker = tmp_path / "file"
+    blocker.write_text("")
+    with pytest.raises(InputError, match=rf"folder .*: {blocker} is a file; choose another with --out"):
+        prepare_output(blocker / below)
+    assert everything(tmp_path) == {blocker}
+
+
+@pytest.mark.parametrize("failure", [None, KeyboardInterrupt, ValueError])
+def test_a_file_is_replaced_by_a_whole_one_or_stays(tmp_path, failure):
+    path = tmp_path / "lattice.npz"
+    path.write_text("old")
+
+    def write(new):
+        new.write_text("new")
+        # NumPy appends .npz to other names.
+        assert path.read_text() == "old" and new.suffix == ".npz" and new.parent == tmp_path
+        if failure:
+            raise failure
+
+    if failure:
+        with pytest.raises(failure):
+            atomic_write(path, write)
+    else:
+        atomic_write(path, write)
+    assert path.read_text() == ("old" if failure else "new") and everything(tmp_path) == {path}
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs /dev/full")
+def test_a_full_disk_is_a_failed_computation_that_names_the_file(tmp_path):
+    with pytest.raises(SimulationError, match=r"cannot write .*final\.npz: No space left on device"):
+        atomic_write(tmp_path / "final.npz", lambda new: Path("/dev/full").write_text("x" * 100_000))
+    assert everything(tmp_path) == set()
+
+
+def test_only_a_folder_of_numbered_files_is_replaced(tmp_path):
+    folder = tmp_path / "frames"
+
+    def write(new):
+        new.mkdir()
+        (new / "0.png").touch()
+
+    atomic_write(folder, write)
+    (folder / "1.png").touch()
+    atomic_write(folder, write)
+    assert {path.name for path in folder.iterdir()} == {"0.png"}
+    (folder / "me.png").touch()
+    for attempt in (lambda: check_pictures(folder), lambda: atomic_write(folder, write)):
+        with pytest.raises(InputError, match="not a folder of a film's pictures alone"):
+            attempt()
+    assert everything(tmp_path) == {folder, folder / "0.png", folder / "me.png"}
+
+
+def test_the_time_series_reads_back_bitwise_without_columns_of_zeros_and_is_thinned_on_request(tmp_path):
+    names = (*files.TIMESERIES, *files.MORE, "residual")
+    columns = {name: np.random.default_rng(k).random(20) for k, name in enumerate(names)}
+    columns |= {"t": 0.1 * np.arange(20), "sliding": np.zeros(20)}
+    files.write_timeseries(tmp_path / "a.csv", columns)
+    table = np.genfromtxt(tmp_path / "a.csv", delimiter=",", names=True)
+    assert table.dtype.names == (*files.TIMESERIES, "load")
+    assert all(np.array_equal(table[name], columns[name]) for name in table.dtype.names)
+    files.write_timeseries(tmp_path / "b.csv", columns, 0.6)
+    table = np.genfromtxt(tmp_path / "b.csv", delimiter=",", names=True)
+    assert np.array_equal(table["t"], columns["t"][[0, 6, 12, 18, 19]])
+
+
+def test_a_summary_is_json_that_every_reader_takes(tmp_path):
+    files.write_summary(tmp_path / "summary.json", {"status": "done", "restitution": 0.1})
+    assert json.loads((tmp_path / "summary.json").read_bytes()) == {"status": "done", "restitution": 0.1}
+    with pytest.raises(ValueError):
+        files.write_summary(tmp_path / "summary.json", {"restitution": float("nan")})

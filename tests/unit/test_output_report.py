@@ -1,0 +1,74 @@
+"""The result on the screen: no more digits than are meant, the error beside it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from taichi_disk.output.report import print_result, shown
+
+LABELS = {"restitution": ("restitution e", ""), "contact_time": ("contact time", "R/c")}
+SUMMARY = {
+    "restitution": 0.967234123,
+    "contact_time": 4.12345678,
+    "dt": 0.0123456789,
+    "steps": 1234,
+    "integrator": "trapezoidal",
+    "energy": {"closing_imbalance": 1.234e-6},
+    "error_estimate": {"restitution": 1.6e-5},
+    "wall_clock": {"import": 1.04, "simulate": 0.34, "plot": 0.12},
+}
+
+
+@pytest.mark.parametrize(
+    ("value", "error", "text", "plus_minus"),
+    [
+        (0.967234123, 3.2e-5, "0.96723", "4e-5"),
+        (0.967234123, 1.34e-5, "0.967234", "1.4e-5"),
+        (0.967234123, 1.96e-5, "0.96723", "2e-5"),
+        (0.967234123, 9.5e-5, "0.96723", "1.0e-4"),
+        (0.967234123, 0.0, "0.967234123000", "1.0e-11"),
+        (4.123, 0.5, "4.1", "0.5"),
+        (4.123, 30.0, "4", "30"),
+        (-0.3, 1e-3, "-0.3000", "0.0010"),
+        (1.23456789e-9, 1.5e-15, "1.2345679e-9", "1.5e-15"),
+        (0.0, 1e-5, "0.000000", "1.0e-5"),
+    ],
+)
+def test_a_value_ends_where_its_error_does(value, error, text, plus_minus):
+    assert shown(value, error) == (text, f"± {plus_minus} (time step)")
+
+
+def test_the_error_is_never_understated():
+    for k in range(1, 2000):
+        error = k * 7.7e-9
+        assert error <= float(shown(0.9, error)[1].split()[1]) <= 1.5 * error
+
+
+def test_without_an_estimate_few_digits_are_shown_unless_there_are_no_steps():
+    for error in (None, float("nan"), float("inf")):
+        assert shown(0.967234123, error) == ("0.9672", "")
+        assert shown(0.967234123, error, exact=True) == ("0.96723412", "")
+
+
+def test_the_screen_says_the_result_how_it_was_computed_and_how_long_that_took(capsys):
+    print_result(SUMMARY | {"warnings": ["too hot"]}, LABELS, Path("out/run-2"))
+    told = capsys.readouterr()
+    assert told.err == "warning: too hot\n"
+    assert [" ".join(line.split()) for line in told.out.splitlines()] == [
+        "restitution e 0.967234 ± 1.6e-5 (time step)",
+        "contact time 4.123 R/c",
+        "time step 0.0123457 R/c",
+        "steps 1,234 (trapezoidal)",
+        "energy imbalance at the end 1.23e-06",
+        "wall clock 1.5 s (import 1.0, simulate 0.3, plot 0.1)",
+        "files in out/run-2",
+    ]
+    print_result(SUMMARY | {"error_estimate": {}}, LABELS, Path("o"))
+    assert "0.9672 (error of the time step not estimated)" in capsys.readouterr().out
+    # An equilibrium has no step.
+    newton = {"xi": 0.0150123456789, "steps": 7, "integrator": "newton", "wall_clock": {"simulate": 0.1}}
+    print_result(newton, {"xi": ("compression ξ", "R")}, Path("o"))
+    lines = [" ".join(line.split()) for line in capsys.readouterr().out.splitlines()]
+    assert lines[:2] == ["compression ξ 0.015012346 R", "iterations 7 (newton)"]

@@ -1,0 +1,203 @@
+"""What pictures are made of, without a graphics device: camera, colours, scales, wall, arrows, text."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from bodies import RIGID
+
+from taichi_disk.lattice import disk_lattice
+from taichi_disk.physics import ExponentialWall, Springs
+from taichi_disk.render import scales, shapes, text
+from taichi_disk.render.camera import Camera
+from taichi_disk.render.legend import LEAST, Legend
+from taichi_disk.render.painter import Painter
+from taichi_disk.render.palette import LEVELS, THEMES, colour_map
+
+VIEW = (-1.1, 1.1, -0.1, 2.1)
+DISK = disk_lattice(60, 0)
+# Viénot, Brettel and Mollon 1999: linear RGB as a dichromat without long or medium cones sees it.
+DICHROMATS = {
+    "protan": np.array([[0.11238, 0.88762, 0.0], [0.11238, 0.88762, 0.0], [0.00401, -0.00401, 1.0]]),
+    "deutan": np.array([[0.29275, 0.70725, 0.0], [0.29275, 0.70725, 0.0], [-0.02234, 0.02234, 1.0]]),
+}
+
+
+def linear(rgb):
+    return np.where(rgb <= 0.04045, rgb / 12.92, ((rgb + 0.055) / 1.055) ** 2.4)
+
+
+def lightness(rgb):
+    """CIE L* of sRGB colours, from the standard's own luminance weights."""
+    return 116 * np.cbrt(linear(np.asarray(rgb, dtype=float)) @ [0.2126, 0.7152, 0.0722]) - 16
+
+
+def painter(**attributes):
+    made = Painter(replace(DISK, positions=DISK.positions + [0.0, 1.05]), Springs(), RIGID)
+    vars(made).update({"colour": "pressure", "limit": 0.02, "full_force": 0.01, "edge": 0.03} | attributes)
+    return made
+
+
+# ---- camera
+
+
+def test_the_camera_keeps_the_view_on_the_stage_with_equal_scales():
+    camera = Camera.fit((-1.9, 1.9, -0.95, 2.1), 720, 700, 14.0, (0.0, 720.0, 60.0, 640.0))
+    (left, bottom), (right, top) = camera.to_pixels([(-1.9, -0.95), (1.9, 2.1)])
+    assert left >= 14 and right <= 706 and top >= 60 + 14 and bottom <= 640 - 14
+    assert camera.to_pixels((1.0, 0.0)) - camera.to_pixels((0.0, 1.0)) == pytest.approx([camera.scale] * 2)
+
+
+def test_pixels_and_points_are_each_other_s_inverse_on_every_camera():
+    camera = Camera.fit(VIEW, 640, 480).zoomed(2.5, (100.0, 50.0)).panned(7.0, -30.0).following((0.2, 0.4))
+    points = np.random.default_rng(0).random((20, 2))
+    assert camera.to_scene(camera.to_pixels(points)) == pytest.approx(points, abs=1e-12)
+    factor, shift = camera.canvas_map()
+    canvas = np.stack([camera.to_pixels(points)[:, 0] / 640, 1.0 - camera.to_pixels(points)[:, 1] / 480], axis=1)
+    assert factor * points + shift == pytest.approx(canvas, abs=1e-12)
+
+
+def test_zooming_keeps_the_point_under_the_cursor():
+    camera = Camera.fit(VIEW, 640, 480)
+    closer = camera.zoomed(3.0, (123.0, 300.0))
+    assert closer.to_pixels(camera.to_scene((123.0, 300.0))) == pytest.approx([123.0, 300.0])
+    left, right, low, high = closer.seen
+    assert (right - left, high - low) == pytest.approx((640 / (3.0 * camera.scale), 480 / (3.0 * camera.scale)))
+
+
+# ---- colours
+
+
+@pytest.mark.parametrize("theme", THEMES)
+@pytest.mark.parametrize("kind", ["pressure", "stretch", "amount", "fringes"])
+@pytest.mark.parametrize("bare", [False, True])
+def test_maps_are_even_in_lightness(theme, kind, bare):
+    light = lightness(colour_map(theme, kind, bare))
+    for half in np.split(light, 2) if kind in ("pressure", "stretch") else [light]:
+        assert np.abs(half - np.linspace(half[0], half[-1], len(half))).max() < 2.5
+        assert abs(half[-1] - half[0]) > 40
+
+
+@pytest.mark.parametrize("theme", THEMES)
+@pytest.mark.parametrize("eyes", DICHROMATS)
+def test_the_colour_blind_tell_compression_from_stretching(theme, eyes):
+    seen = linear(colour_map(theme, "pressure")) @ DICHROMATS[eyes].T
+    low, high = seen[: LEVELS // 8].mean(axis=0), seen[-LEVELS // 8 :].mean(axis=0)
+    # Yellow against blue is what they have: the share of blue in what they see is quite another.
+    assert high[2] / high.sum() - low[2] / low.sum() > 0.25
+
+
+@pytest.mark.parametrize("theme", THEMES)
+def test_compression_is_blue_and_what_rests_stands_out_from_the_ground(theme):
+    for kind, place in (("pressure", -1), ("stretch", 0)):
+        red, _, blue = colour_map(theme, kind)[place]
+        assert blue > red + 0.2
+    for kind, place in (("pressure", LEVELS // 2), ("amount", 0)):
+        resting = lightness(colour_map(theme, kind, bare=True)[place])
+        assert abs(resting - lightness(np.array(THEMES[theme].ground))) > 14
+
+
+# ---- scales
+
+
+@pytest.mark.parametrize("value", [0.0123, 0.0577, 9.2, 2.3e-5, 0.14, 1e-12, 0.3])
+def test_scales_end_at_round_numbers_with_even_ticks(value):
+    limit = scales.round_near(value)
+    assert 1 / 1.25 < limit / value < 1.25
+    assert f"{limit:.6e}".split("e")[0].rstrip("0").rstrip(".") in ("1", "1.5", "2", "3", "4", "5", "6", "8")
+    for signed in (True, False):
+        ticks = scales.ticks(limit, signed)
+        assert ticks[-1] == pytest.approx(limit) and ticks[0] == pytest.approx(-limit if signed else 0.0)
+        assert np.allclose(np.diff(ticks), ticks[-1] - ticks[-2]) and 0.0 in ticks
+        assert all(len(scales.label(tick)) <= 8 for tick in ticks)
+
+
+def test_numbers_are_written_as_in_print():
+    assert scales.label(-0.05, percent=True, signed=True) == "−5 %"
+    assert scales.label(2e-7) == "2·10⁻⁷" and scales.label(0.0) == "0" and scales.label(0.5, signed=True) == "+0.5"
+
+
+def test_few_outliers_do_not_set_the_scale():
+    values = np.concatenate([np.linspace(-0.1, 0.1, 990), [7.0] * 5])
+    assert scales.full_scale(values, "pressure") == 0.1
+    assert scales.full_scale(np.linspace(0.0, 0.1, 1000), "fringes") == pytest.approx(0.02)
+
+
+# ---- wall and arrows
+
+
+def test_the_wall_s_edge_is_where_it_pushes_with_the_largest_force():
+    for a in (10.0, 300.0):
+        wall = ExponentialWall(a, 150.0)
+        assert a * wall.potential(np.array([shapes.edge_height(wall, 2e-3)])) == pytest.approx([2e-3])
+    assert shapes.edge_height(None, 1.0) == shapes.edge_height(wall, 0.0) == 0.0
+
+
+def test_arrows_that_would_touch_become_one_with_the_mean_force_and_weak_ones_are_left_out():
+    one = painter()
+    lowest, forces = np.argsort(one.lattice.positions[:, 1])[:4], np.array([0.002, 0.004, 0.006, 1e-6])
+    pushes = lowest, np.stack([np.zeros(4), forces], axis=1)
+    one.wall = SimpleNamespace(a=300.0, contact_forces=lambda lattice, x: pushes)
+    x = one.lattice.positions + [5.0, 0.0]
+    feet, mean = one.pushes(x, 10.0)
+    assert feet == pytest.approx(x[lowest[:3]].mean(axis=0)[None]) and mean == pytest.approx(np.array([[0.0, 0.4]]))
+    assert len(one.pushes(x, 1e-3)[0]) == 3
+
+
+# ---- text
+
+
+def test_an_underscore_makes_a_narrower_subscript_that_can_still_be_read():
+    assert text.width("v", 20) < text.width("v_cm", 20) < text.width("vcm", 20)
+    assert text.width("τ_{reset}", 20) == text.width("τ_reset", 20)
+    assert text.width("v_cm", 11) - text.width("v", 11) == pytest.approx(text.width("cm", 10), abs=1.0)
+
+
+@pytest.mark.parametrize("size", [64, 200, 240, 360, 720, 1080])
+def test_letters_have_11_pixels_or_are_left_out_and_nothing_overlaps(size, monkeypatch):
+    drawn, original = [], text.draw_line
+
+    def record(draw, at, line, letters, ink, bold=False):
+        drawn.append((line, letters, at[0], at[0] + text.width(line, letters, bold), at[1]))
+        original(draw, at, line, letters, ink, bold)
+
+    monkeypatch.setattr(text, "draw_line", record)
+    lines = "t =   2.826 R/c", "greatest compression"
+    title = (
+        "Impact on an elastic wall",
+        "v = 0.1 c    η* = 0    a = 300/R",
+        "N = 1,099    seed 0    reset every 0.003 R/c",
+    )
+    legend = Legend(painter(), size, size, title, lines, 2)
+    scale = Camera.fit(VIEW, size, size - legend.header - legend.footer).scale
+    picture = legend.still(scale)
+    still = [(start, end, row) for _, _, start, end, row in drawn]
+    assert all(a[2] != b[2] or a[1] <= b[0] or b[1] <= a[0] for a in still for b in still if a is not b)
+    legend.write(picture, lines)
+    assert all(letters >= LEAST and end <= size for _, letters, _, end, _ in drawn)
+    assert scale * 2.2 > 0.4 * size  # the disk is still seen
+    shown = " ".join(line for line, *_ in drawn)
+    if size >= 360:
+        wanted = ("Impact on an elastic wall", lines[0], "η* = 0", "0.003 R/c", "−0.02", "pressure  [Mc²/R²]", "0.5 R")
+        assert all(part in shown for part in wanted)
+
+
+def test_changing_text_is_set_in_the_upper_right_and_leaves_the_rest_alone():
+    legend = Legend(painter(), 720, 720, ("A test", "k_a = 1"), ("t = 1.5 R/c", "v_cm = 0.1"), 2)
+    still = legend.still(250.0)
+    picture = still.copy()
+    legend.write(picture, ("t = 1.5 R/c", "*v_cm = 0.1"))
+    rows, columns = np.nonzero((picture != still).any(axis=-1))
+    assert len(rows) > 300 and rows.max() < legend.header and columns.min() > 540
+    legend.write(picture, ())
+    assert np.array_equal(picture, still)
+
+
+@pytest.mark.parametrize("colour", ["pressure", "shear"])
+def test_the_colour_bar_shows_the_map(colour):
+    one = painter(colour=colour, theme="dark")
+    bar = np.rint(255 * one.colours(np.linspace(0.0, 1.0, 300))).astype(np.uint8)
+    assert any(np.array_equal(row[210:510], bar) for row in Legend(one, 720, 720, ("A",), ("t",), 1).still(250.0))

@@ -1,0 +1,326 @@
+"""The sandbox without its window: what is seen is what `run` computes, also after going back; hands' work is told."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from taichi_disk.errors import InputError
+from taichi_disk.scenes import load_scene
+from taichi_disk.simulation.observables import INDEX
+from taichi_disk.simulation.outcome import Outcome, compute
+from taichi_disk.simulation.simulation import KernelCache
+from taichi_disk.window.app import folder, presets
+from taichi_disk.window.changes import with_key
+from taichi_disk.window.history import EXACT, MOST
+from taichi_disk.window.sandbox import SLOW, Sandbox
+
+SMALL = ["lattice.points=120", "impact.velocity=0.05", "material.eta_star=1"]
+UNDAMPED = [*SMALL, "material.eta_star=0"]
+HARD = [*SMALL, "wall.a=30000"]  # needs a second attempt with a shorter step
+WALL = ["lattice.points=120", "impact.velocity=0.05", "wall.points=160", "wall.threshold=0.11"]
+
+
+def opened(kernels: KernelCache, settings: list[str] = SMALL, scene: str = "exponential_wall") -> Sandbox:
+    return Sandbox(load_scene(scene, settings), kernels=kernels)
+
+
+def computed(kernels: KernelCache, scene: Any) -> tuple[Outcome, float]:
+    """What `run` computes, and its primary result."""
+    scenario = scene.scenario()
+    outcome = compute(scenario, scene.time, kernels=kernels)
+    return outcome, scenario.primary(outcome.columns)[1]
+
+
+def to_the_end(sandbox: Sandbox) -> None:
+    sandbox.paused = False
+    for _ in range(3000):
+        sandbox.advance(0.237)  # no whole number of steps or rows
+        if sandbox.paused:
+            return
+    raise AssertionError("the scene does not end")
+
+
+def into_contact(sandbox: Sandbox) -> None:
+    sandbox.paused = False
+    while sandbox.moment.row[INDEX["elastic"]] < 1e-4:
+        sandbox.advance(0.05)
+
+
+# ---- what is seen is what run computes
+
+
+@pytest.mark.parametrize(
+    ("scene", "settings"),
+    [
+        ("exponential_wall", SMALL),
+        pytest.param("exponential_wall", HARD, marks=pytest.mark.validate),
+        pytest.param("absorbing_wall", WALL, marks=pytest.mark.validate),
+        pytest.param("compression", SMALL[:1], marks=pytest.mark.validate),
+    ],
+)
+def test_the_result_is_that_of_a_run_bit_for_bit_also_after_going_back(
+    kernels: KernelCache, scene: str, settings: list[str]
+) -> None:
+    sandbox, seen = opened(kernels, settings, scene), 0.0
+    sandbox.speed, sandbox.paused = 3.0, False
+    while not sandbox.paused:
+        sandbox.advance(0.237)
+        assert sandbox.moment.t >= seen  # no picture goes back, not even where a shorter step is tried
+        seen = sandbox.moment.t
+    assert sandbox.stretch.attempt > 1 or settings is not HARD
+    columns = sandbox.stretch.columns
+    outcome, expected = computed(kernels, load_scene(scene, settings))
+    assert sandbox.results[-1].value == expected and not sandbox.moment.by_hand
+    assert all(np.array_equal(columns[name], outcome.columns[name]) for name in columns)
+
+    for part in (0.8, 0.37, 0.0):
+        sandbox.scrub(part * seen)
+        past = sandbox.moment
+        assert abs(past.t - part * seen) <= sandbox.stretch.spacing * sandbox.stretch.step.dt
+        t, x, v = next(outcome.replay(np.array([past.t])))
+        assert t == pytest.approx(past.t, abs=1e-12)
+        assert np.abs(past.x - x).max() < 2e-7 and np.abs(past.v - v).max() < 1e-8
+        sandbox.pause()  # go on from there
+        assert sandbox.moment.t == past.t and np.array_equal(sandbox.moment.row, past.row) and not sandbox.results
+        to_the_end(sandbox)
+        assert [one.value for one in sandbox.results] == [expected]
+        assert np.array_equal(sandbox.stretch.columns["com_vy"], outcome.columns["com_vy"])
+
+
+def test_a_scene_ends_at_its_row_however_fast_the_machine(kernels: KernelCache) -> None:
+    sandbox = opened(kernels)
+    sandbox.speed, sandbox.paused = 1e6, False
+    sandbox.advance(1.0, patience=60.0)
+    outcome, expected = computed(kernels, sandbox.scene)
+    assert sandbox.paused and sandbox.moment.t == outcome.columns["t"][-1]
+    assert sandbox.results[-1].value == expected
+
+
+def test_a_run_of_a_saved_scene_gives_what_was_seen_of_a_disk_turned_by_hand(
+    kernels: KernelCache, tmp_path: Path
+) -> None:
+    sandbox = opened(kernels)
+    before = sandbox.moment.x
+    sandbox.turn(1.0, for_good=False)
+    sandbox.turn(0.7, for_good=False)  # the angle is from where the disk was, not from the last call
+    shown = sandbox.moment.x
+    sandbox.turn(0.7)
+    spoke = [complex(*(x[0] - x.mean(axis=0))) for x in (before, shown)]
+    assert np.angle(spoke[1] / spoke[0]) == pytest.approx(0.7, abs=1e-12)
+    assert sandbox.at_start and not sandbox.moment.by_hand and np.array_equal(sandbox.moment.x, shown)
+    sandbox.turn(3.0)
+    sandbox.set("material.eta_star", 3.0)
+    to_the_end(sandbox)
+    sandbox.save(tmp_path / "scene.yaml")
+    scene: Any = load_scene(tmp_path / "scene.yaml")
+    assert scene.impact.turn == pytest.approx(3.7 - 2 * np.pi, abs=1e-4) and scene.material.eta_star == 3.0
+    assert sandbox.results[-1].value == computed(kernels, scene)[1]
+
+
+# ---- time
+
+
+def test_time_passes_at_the_speed_asked_for_in_whole_steps_and_slowly_in_contact(kernels: KernelCache) -> None:
+    sandbox = opened(kernels)
+    assert sandbox.paused and sandbox.at_start and sandbox.advance(1.0) == 0
+    sandbox.pause()
+    sandbox.speed, sandbox.slow, dt = 0.5, True, sandbox.stretch.step.dt
+    steps = sum(sandbox.advance(1 / 60) for _ in range(30))
+    assert sandbox.moment.t == pytest.approx(steps * dt) and abs(steps * dt - 0.25) <= dt
+    sandbox.speed = 1e6
+    assert 0 < sandbox.advance(1.0, patience=0.0) < 1e6 / dt
+    sandbox.speed = 0.5
+    assert sandbox.advance(0.0) <= 1  # what could not be made is not owed
+    into_contact(sandbox)
+    assert sandbox.pace == SLOW * sandbox.speed
+
+
+def test_many_states_are_remembered_evenly_and_some_exactly(kernels: KernelCache) -> None:
+    sandbox = opened(kernels, [*SMALL, "time.dt=2e-3"])
+    stretch = sandbox.stretch
+    while stretch.simulation.step_number < 3 * MOST:
+        stretch.go(500, np.inf)
+    steps = np.array([one.step for one in stretch.moments])
+    assert MOST >= len(steps) >= 600 and steps[0] == 0
+    assert stretch.simulation.step_number - steps[-1] < stretch.spacing
+    assert np.count_nonzero(np.diff(steps) != stretch.spacing) <= 2  # about the scene's end
+    assert [one.exact is not None for one in stretch.moments] == [k % EXACT == 0 for k in range(len(steps))]
+
+
+def test_single_states_back_and_forth(kernels: KernelCache) -> None:
+    sandbox = opened(kernels)
+    into_contact(sandbox)
+    last = sandbox.moment.t
+    sandbox.step(-2)
+    assert sandbox.moment.t < last and sandbox.paused and sandbox.time.past
+    sandbox.step(3)
+    assert sandbox.moment.t > last and not sandbox.time.past  # beyond the last state time goes on
+    for _ in range(2 * MOST):
+        sandbox.step(-100)
+        if sandbox.moment.t == 0.0:
+            return
+    raise AssertionError("the beginning is not reached")
+
+
+# ---- changes by hand
+
+
+def test_a_changed_viscosity_reaches_the_kernel_at_once_and_keeps_the_energy_balance(kernels: KernelCache) -> None:
+    sandbox = opened(kernels)
+    into_contact(sandbox)
+    x, simulation = sandbox.moment.x, sandbox.stretch.simulation
+    sandbox.set("material.eta_star", 1.5)
+    assert np.array_equal(sandbox.moment.x, x) and sandbox.moment.by_hand
+    assert sandbox.stretch.simulation is simulation  # nothing was compiled
+    assert simulation.model.springs.eta == 1.5 / 120  # eta = eta* m c/R, m = M/N
+    to_the_end(sandbox)
+    assert abs(sandbox.imbalance) < 2e-4 and sandbox.results[-1].label == "by hand"
+
+
+def test_energy_that_hands_give_is_no_imbalance(kernels: KernelCache) -> None:
+    sandbox = opened(kernels, UNDAMPED)
+    into_contact(sandbox)
+    force = sandbox.moment.row[INDEX["wall_force"]]
+    sandbox.set("wall.a", 200.0)  # left where it is, the disk would get 8 times its kinetic energy
+    assert sandbox.moment.row[INDEX["wall_force"]] == pytest.approx(force, rel=1e-9)
+    assert sandbox.given == pytest.approx(force * (1 / 200 - 1 / 300), rel=1e-6)  # the potential is the force over a
+    to_the_end(sandbox)
+    assert abs(sandbox.imbalance) < 2e-4
+
+
+def test_another_wall_takes_its_own_rows(kernels: KernelCache) -> None:
+    sandbox = opened(kernels, SMALL)
+    into_contact(sandbox)
+    before = sandbox.stretch.interval
+    sandbox.set("wall.a", 3000.0)
+    scenario, stretch = sandbox.scene.scenario(), sandbox.stretch
+    assert stretch.stride == max(1, round(scenario.row_interval / stretch.step.dt)) and stretch.interval < 0.5 * before
+
+
+def test_the_velocity_counts_at_once_before_the_start_and_from_the_next_hit_on_afterwards(kernels: KernelCache) -> None:
+    sandbox = opened(kernels)
+    sandbox.set("impact.velocity", 0.08)
+    assert sandbox.moment.row[INDEX["com_vy"]] == pytest.approx(-0.08, rel=1e-12) and sandbox.at_start
+    into_contact(sandbox)
+    before = sandbox.moment.v
+    sandbox.set("impact.velocity", 0.03)
+    assert np.array_equal(sandbox.moment.v, before) and "next hit" in sandbox.message
+    sandbox.hit_again()
+    assert sandbox.moment.row[INDEX["com_vy"]] == pytest.approx(-0.03, rel=1e-12)
+    to_the_end(sandbox)
+    assert [one.label for one in sandbox.results] == ["hit again"] and 0.3 < sandbox.results[0].value < 1.5
+
+
+def test_going_back_before_a_change_undoes_it(kernels: KernelCache) -> None:
+    sandbox = opened(kernels)
+    to_the_end(sandbox)
+    expected = sandbox.results[-1].value
+    sandbox.begin()
+    into_contact(sandbox)
+    there = sandbox.moment.t
+    sandbox.set("material.eta_star", 50.0)
+    to_the_end(sandbox)
+    assert sandbox.results[-1].value != expected and sandbox.moment.by_hand
+    sandbox.scrub(0.9 * there)
+    sandbox.pause()
+    assert not sandbox.moment.by_hand and sandbox.scene.material.eta_star == 1.0
+    to_the_end(sandbox)
+    # The first run's result stays in the table, that of the changed one does not.
+    assert [(one.value, one.label) for one in sandbox.results] == [(expected, "")] * 2
+
+
+def test_a_value_that_the_scene_refuses_changes_nothing(kernels: KernelCache) -> None:
+    sandbox = opened(kernels)
+    scene, stretch = sandbox.scene, sandbox.stretch
+    sandbox.set("impact.gap", 1e-6)
+    assert sandbox.scene == scene and sandbox.stretch is stretch and "impact.gap" in sandbox.message
+
+
+def test_the_reach_of_the_contact_follows_a_softer_wall_and_a_slower_disk() -> None:
+    scene = load_scene("absorbing_wall", [])
+    for key, value in (("wall.a", 150.0), ("impact.velocity", 1e-3)):
+        wider: Any = with_key(scene, key, value)
+        # V0 exp(-a l) is 1e-5 of v^2/2 there, or less.
+        reach = wider.wall.V0 * np.exp(-wider.wall.a * wider.wall.threshold)
+        assert 0.8e-5 < reach / (0.5 * wider.impact.velocity**2) <= 1e-5
+    deeper: Any = with_key(scene, "lattice.points", 2198)
+    assert deeper.wall.points == 2 * 1269
+
+
+def test_what_the_mouse_pulled_cannot_be_made_again_and_its_energy_is_no_imbalance(kernels: KernelCache) -> None:
+    sandbox = opened(kernels, UNDAMPED)
+    into_contact(sandbox)
+    untouched = sandbox.moment.t
+    sandbox.pull(0.0, 2.2)
+    assert sandbox.held and sandbox.held[0] == int(sandbox.moment.x[:, 1].argmax())
+    for k in range(60):
+        sandbox.pull(0.005 * k, 2.4)
+        sandbox.advance(0.05)
+    sandbox.let_go()
+    given = sandbox.given
+    assert not sandbox.held and given > 1e-5 and sandbox.moment.by_hand
+    to_the_end(sandbox)  # a disk that was let go ends as any other
+    assert abs(sandbox.imbalance) < 0.05 * given / sandbox.stretch.scenario.kinetic  # type: ignore[attr-defined]
+    assert sandbox.given == given and sandbox.results[-1].label == "by hand"
+    sandbox.scrub(untouched + 1.0)  # while the mouse pulled: it cannot pull again
+    moment = sandbox.moment
+    sandbox.pause()
+    assert sandbox.moment.by_hand and np.array_equal(sandbox.moment.x, moment.x)
+    sandbox.scrub(0.9 * untouched)
+    sandbox.pause()
+    assert not sandbox.moment.by_hand
+
+
+@pytest.mark.parametrize("change", ["hit", "wall", "rewind", "half"])
+def test_a_blow_up_is_told_and_any_change_gives_time_back(kernels: KernelCache, change: str) -> None:
+    # A step by hand that is good until the wall pushes harder than was reckoned with.
+    sandbox = opened(kernels, ["lattice.points=60", "material.eta_star=0", "impact.velocity=0.1", "wall.a=3000"])
+    sandbox.begin(sandbox.scene.with_({"time.dt": 0.999 * sandbox.stretch.step.limit}))
+    to_the_end(sandbox)
+    assert "blow-up" in sandbox.message and np.isfinite(sandbox.moment.x).all()
+    sandbox.pause()
+    assert sandbox.advance(1.0) == 0  # a meaningless state stays as it is
+    if change == "hit":
+        sandbox.hit_again()
+        assert sandbox.stretch.hit == 2
+    elif change == "wall":
+        sandbox.set("wall.a", 100.0)
+    elif change == "rewind":
+        sandbox.scrub(0.5 * sandbox.moment.t)
+        sandbox.pause()
+    else:
+        sandbox.half_the_step()
+        sandbox.half_the_step()
+        to_the_end(sandbox)
+        assert sandbox.results
+    assert sandbox.paused == (change == "half") and (sandbox.advance(0.1) > 0 or sandbox.results)
+
+
+# ---- scenes to step through
+
+
+def test_presets_are_the_shipped_scenes_and_what_they_suggest() -> None:
+    first = load_scene("compression", [])
+    entries = presets(first)
+    scenes = [load() for _, load in entries]
+    assert scenes[0] is first and {one.scene for one in scenes} == {"compression", "exponential_wall", "absorbing_wall"}
+    assert len(entries) > 10 and any("e is nearly 1" in name for name, _ in entries)
+
+
+def test_a_folders_scenes_are_stepped_through_in_order(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="no scene in this folder"):
+        folder(tmp_path)
+    (tmp_path / "b.yaml").write_text("scene: compression\n")
+    (tmp_path / "a.yaml").write_text("scene: exponential_wall\nsweep: {velocity: [0.01, 0.02]}\n")
+    entries = folder(tmp_path)
+    assert [name for name, _ in entries] == ["a 1", "a 2", "b"]
+    assert entries[1][1]().impact.velocity == 0.02  # type: ignore[union-attr]
+    (tmp_path / "points").mkdir()
+    for key in ("f00", "a11"):
+        (tmp_path / "points" / f"{key}.yaml").write_text("scene: compression\n")
+    (tmp_path / "points.csv").write_text("seed,xi,key\n0,0.1,f00\n1,0.1,a11\n2,0.1,lost\n")
+    assert [name for name, _ in folder(tmp_path)] == ["f00", "a11"]

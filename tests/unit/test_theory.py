@@ -1,0 +1,100 @@
+"""The continuum laws against closed forms, limits and each other."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from scipy.integrate import quad
+
+from taichi_disk.sweep import fits, theory
+
+E, NU = 1.1, 0.29
+
+
+def test_eq_2_lies_a_known_amount_above_the_exact_law_and_depends_on_b_over_e() -> None:
+    # (2) with b = 1 - exact = P/(pi E) {ln 4 - 3 (1 + nu)/4}, whatever P is.
+    P = np.array([4e-3, 1e-2])
+    apart = theory.paper_compression(P, E, NU) - theory.exact_compression(P, E, NU)
+    np.testing.assert_allclose(apart, P / (math.pi * E) * (math.log(4) - 0.75 * (1 + NU)), rtol=1e-12)
+    # So a fitted b is proportional to the E that it is fitted with.
+    np.testing.assert_allclose(theory.paper_compression(P, 2 * E, NU, 2.0), theory.paper_compression(P, E, NU))
+
+
+def test_the_exact_law_is_the_integral_of_its_compliance() -> None:
+    # d xi/dP = {ln(pi E/P) - (1 + nu)/4 - 1}/(pi E)
+    compliance = quad(lambda P: (math.log(math.pi * E / P) - (1 + NU) / 4 - 1) / (math.pi * E), 0, 0.01)[0]
+    assert theory.exact_compression(0.01, E, NU) == pytest.approx(compliance, rel=1e-9)
+
+
+def twice_potential(x: float, start: float = 0.0) -> float:
+    """2 U from `start` to x, U' = pi E xi/ln(4/xi)."""
+    return float(quad(lambda y: 2 * math.pi * E * y / math.log(4 / y), start, x)[0])
+
+
+@pytest.mark.parametrize("v", [3e-3, 5e-2])
+def test_without_viscosity_the_impact_conserves_energy(v: float) -> None:
+    e, contact_time, top = theory.quasistatic_impact(v, 0.0, E)
+    assert e == pytest.approx(1.0, abs=1e-8)
+    assert twice_potential(top) == pytest.approx(v**2, rel=1e-7)  # at the turn all energy is elastic
+
+    def time(s: float) -> float:  # dt/ds for xi = xi_max sin(s)
+        x = top * math.sin(s)
+        return top * math.cos(s) / math.sqrt(twice_potential(top, x))
+
+    assert contact_time == pytest.approx(2 * quad(time, 0, math.pi / 2, epsrel=1e-6)[0], rel=1e-5)
+
+
+@pytest.mark.parametrize("v", [3e-3, 5e-2])
+def test_a_small_viscosity_takes_the_power_of_its_dashpot_over_the_elastic_impact(v: float) -> None:
+    # 1 - e = (2 tau0/v^2) int_0^xi_max pi E/ln(4/xi) sqrt(v^2 - 2 U) dxi + O(tau0^2), taken with xi = xi_max (1 - s^2).
+    top = theory.quasistatic_impact(v, 0.0, E).compression
+
+    def power(s: float) -> float:
+        x = top * (1 - s * s)
+        speed = math.sqrt(max(v**2 - twice_potential(x), 0.0))
+        return 2 * math.pi * E / v**2 * speed / math.log(4 / x) * 2 * top * s
+
+    slopes = [(1 - theory.quasistatic_impact(v, tau, E).restitution) / tau for tau in (2e-3, 1e-3)]
+    # The slope's own error is O(tau): extrapolate it away.
+    assert 2 * slopes[1] - slopes[0] == pytest.approx(quad(power, 0, 1 - 1e-9)[0], rel=1e-5)
+
+
+def test_a_constant_logarithm_would_make_the_impact_a_damped_oscillator() -> None:
+    # As v -> 0, ln(4/xi) hardly changes in an impact: z'' = -w^2 (z + tau z'), w^2 = pi E/L, until the force vanishes.
+    v, tau = 1e-280, 0.2
+    L = math.log(4 / v)
+    w = math.sqrt(math.pi * E / L)
+    g = tau * w / 2
+    W = math.sqrt(1 - g * g)
+    # With g = tau w/2, s = w t: z = exp(-g s) sin(W s)/W; the force z + tau w z' = 0 at tan(W s) = -2 g W/(1 - 2 g^2).
+    s = (math.pi - math.atan2(2 * g * W, 1 - 2 * g * g)) / W
+    e = -math.exp(-g * s) * (math.cos(W * s) - g / W * math.sin(W * s))
+    assert theory.quasistatic_impact(v, tau, E).restitution == pytest.approx(e, abs=3 * (1 - e) / L)
+
+
+def test_contact_times_tend_to_hertz_s() -> None:
+    # pi/c sqrt(ln(4 c/v)), c = sqrt(pi E), is the half period at constant logarithm: right as v -> 0 only.
+    c = math.sqrt(math.pi * E)
+    times = [(v, theory.quasistatic_impact(v, 0.0, E).contact_time) for v in (5e-2, 1e-4, 1e-200)]
+    shares = [time * c / math.pi / math.sqrt(math.log(4 * c / v)) for v, time in times]
+    assert shares[0] < shares[1] < shares[2]
+    assert shares[2] == pytest.approx(1.0, abs=2 / math.log(4e200))  # the logarithm varies by O(1/L)
+
+
+# d1 with c = 1 in the logarithm, twelve speeds from 0.003 to 0.05 c, E = 1.107.
+@pytest.mark.parametrize(("tau0", "d1", "d2"), [(0.0039, 0.999, 0.016), (0.39, 0.839, 0.859)])
+def test_eq_5_fitted_to_eq_4_has_a_d1_below_1(tau0: float, d1: float, d2: float) -> None:
+    v = np.geomspace(3e-3, 5e-2, 12)
+    e = np.array([[theory.quasistatic_impact(one, tau0, 1.107).restitution for one in v]])
+    assert fits.fit_restitution(v, e).values == pytest.approx({"d1": d1, "d2": d2}, abs=6e-4)
+
+
+def test_eq_5_has_no_value_beyond_its_root_and_eq_4_no_impact_that_crushes_the_disk() -> None:
+    assert theory.paper_restitution(5e-2, 1.0, 3.0) == 0.0
+    assert theory.paper_restitution(1e-2, 0.9, 0.3) == pytest.approx(
+        0.9 * math.sqrt(1 - 0.3 / math.sqrt(math.log(400)))
+    )
+    with pytest.raises(ValueError, match="no impact"):
+        theory.quasistatic_impact(3.0, 0.0, E)

@@ -1,0 +1,9 @@
+"""Long checks of the physics: tests (`pytest --validate`), and two programs (`python -m tests.validation.NAME`).
+
+estimate_trial: does the error estimate that every run reports hold, and is `time.tolerance` kept?
+stability_tables: hard cases, the limit of the step, random scenes; the tables of docs/stability.md.
+"""
+
+from taichi_disk import runtime
+
+runtime.prepare_environment()  # before Taichi is imported

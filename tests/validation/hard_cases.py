@@ -1,0 +1,203 @@
+"""Hard cases: scenes at and beyond the edge of what the model can hold, and what the program should do with each.
+
+Each ends in one of three ways: done, with an energy balance that closes; stopped, with the reason and a remedy named;
+refused before anything is computed. The tests hold every case to that; `stability_tables` makes a table of them.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from typing import Any, Literal
+
+import numpy as np
+
+from taichi_disk.errors import InputError, SimulationError
+from taichi_disk.lattice import Lattice
+from taichi_disk.lattice.lattice import triangulate
+from taichi_disk.scenes import Scene, load_scene
+from taichi_disk.simulation.energy_balance import LARGEST
+from taichi_disk.simulation.outcome import compute
+from taichi_disk.simulation.scenario import Scenario
+from taichi_disk.simulation.simulation import KernelCache
+
+End = Literal["done", "stopped", "refused", "long"]
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """How a scene ended: `text` is the error's message or the warnings, `facts` the outcome's with the result."""
+
+    end: End
+    text: str
+    facts: dict[str, Any] = field(default_factory=dict)
+
+
+def judge(prepare: Callable[[], tuple[Scene, Scenario]], kernels: KernelCache, **options: bool) -> Verdict:
+    """Compute a scene as `run` does."""
+    try:
+        scene, scenario = prepare()
+        outcome = compute(scenario, scene.time, kernels=kernels, **options)
+    except InputError as error:
+        return Verdict("refused", str(error))
+    except SimulationError as error:
+        return Verdict("stopped", str(error))
+    facts = outcome.facts | scenario.result(outcome.columns)
+    return Verdict("done", "; ".join(facts["warnings"]), facts)
+
+
+@dataclass(frozen=True)
+class Case:
+    """A scene with `settings`, perhaps another body or a changed start, and how it should end.
+
+    `tells`: a regular expression that the message, or the warnings, must contain; none where there must be none. (Where
+    it says that energy is missing, energy may be.) `quick`: whether the default tests run it.
+    """
+
+    name: str
+    scene: str
+    settings: str
+    end: End = "done"
+    tells: str = ""
+    force: bool = False
+    body: Callable[[Scene], Lattice] | None = None
+    start: Callable[[Scenario], None] | None = None
+    quick: bool = False
+
+    def judge(self, kernels: KernelCache) -> Verdict:
+        def prepare() -> tuple[Scene, Scenario]:
+            scene = load_scene(self.scene, self.settings.split())
+            scenario = scene.scenario(self.body(scene) if self.body else None)
+            if self.start:
+                self.start(scenario)
+            return scene, scenario
+
+        return judge(prepare, kernels, force=self.force)
+
+    def failings(self, verdict: Verdict) -> list[str]:
+        """What is not as it should be; empty where all is."""
+        found = []
+        if verdict.end != self.end:
+            found.append(f"{verdict.end}, not {self.end}: {verdict.text}")
+        if bool(self.tells) != bool(verdict.text) or not re.search(self.tells, verdict.text, re.DOTALL):
+            found.append(f"told {verdict.text!r}, not {self.tells!r}")
+        energy = verdict.facts.get("energy")
+        if energy and "imbalance" not in self.tells and not energy["worst_imbalance"] <= LARGEST:
+            found.append(f"the energy imbalance is {energy['worst_imbalance']:.1e}")
+        return found
+
+
+def _twins(scene: Scene) -> Lattice:
+    """The scene's disk with one point moved to 1e-6 R from another."""
+    disk = scene.body()
+    x = disk.positions.copy()
+    inside = np.setdiff1d(np.arange(len(x)), disk.disk_surface)
+    x[inside[1]] = x[inside[0]] + [6e-7, 8e-7]
+    return triangulate(x)
+
+
+def _shifted(x: float) -> Callable[[Scenario], None]:
+    def shift(scenario: Scenario) -> None:
+        positions = scenario.lattice.positions.copy()
+        positions[: scenario.lattice.disk_points, 0] += x
+        scenario.lattice = replace(scenario.lattice, positions=positions)
+
+    return shift
+
+
+def _above_a_wall_point(scenario: Scenario) -> None:
+    lattice = scenario.lattice
+    lowest = lattice.disk_surface[lattice.positions[lattice.disk_surface, 1].argmin()]
+    middle = lattice.wall_surface[len(lattice.wall_surface) // 2]
+    _shifted(float(lattice.positions[middle, 0] - lattice.positions[lowest, 0]))(scenario)
+    assert scenario.lattice.positions[lowest, 0] == lattice.positions[middle, 0]
+
+
+RIGID, ELASTIC, PRESSED = "exponential_wall", "absorbing_wall", "compression"
+SMALL = "lattice.points=150 "
+UNDAMPED = "material.eta_star=0 "
+FREE = SMALL + UNDAMPED
+EIGHTY = "lattice.points=80 " + UNDAMPED
+LITERAL = "lattice.rim=false lattice.min_spacing=0 "
+BED = SMALL + "wall.points=180 wall.width=3.4 "
+LITERAL_BED = BED + LITERAL + "wall.boundary=pinned impact.velocity=0.1 "
+SOFT = "material.k_a=9.1e-4 impact.velocity=0.05 "
+FLAT = "lattice.points=7 " + UNDAMPED + "material.k_a=2e-3 wall.a=8e4 impact.velocity=1.0"
+STRONG = "material.eta_star=1e4"
+EXPLICIT = "time.integrator=velocity_verlet "
+SLIDING = (
+    "lattice.points=50 lattice.seed=19 lattice.min_spacing=0.4 material.k_a=0.01593 wall.points=60 wall.width=2.14 "
+    "wall.boundary=pinned impact.velocity=0.043 wall.a=71.18 wall.V0=7.479e5 wall.threshold=0.562"
+)
+CRUSHED = EIGHTY + "time.dt=0.018 impact.velocity=5 wall.a=30 material.k_a=0.01"
+
+INSIDE_OUT = "turned inside out"
+THROUGH = "gone through|slid from"
+BESIDE = "from beside it.*wall.width|slipped off"
+OFF_THE_END = "slipped off the end.*wall.width"
+STEEP = "step [0-9,]+, .*slid from.*lower impact.velocity"
+SLIDES = "slid from spring to spring.*lower impact.velocity"
+HARDLY_ROLLS = "not at rest.*newton.*hardly roll"
+BEYOND = "step [0-9,]+, .*beyond the stability limit.*time.dt: auto"
+HARDER = "0.38 R/c is beyond the stability limit that the measured.*energy imbalance is .*time.dt: auto"
+
+CASES = (
+    Case("η* = 1000", RIGID, SMALL + "material.eta_star=1e3"),
+    Case("η* = 10⁴", RIGID, SMALL + STRONG),
+    Case("η* = 10⁴, explicit dashpots", RIGID, f"lattice.points=60 {STRONG} {EXPLICIT}"),
+    Case("η* = 10⁴, pressed", PRESSED, SMALL + STRONG),
+    Case("the same, N = 60: hardly rolls", PRESSED, f"lattice.points=60 {STRONG}", "stopped", HARDLY_ROLLS),
+    Case("k_a = 1/1099 at v = 0.05", RIGID, SOFT + UNDAMPED, tells=INSIDE_OUT),
+    Case("the same, η* = 10", RIGID, SOFT, tells=INSIDE_OUT),
+    Case("v = 0.5", RIGID, FREE + "impact.velocity=0.5", tells=INSIDE_OUT),
+    Case("v = 5", RIGID, FREE + "impact.velocity=5", tells=INSIDE_OUT),
+    Case("a = 30/R", RIGID, FREE + "wall.a=30"),
+    Case("a = 3000/R", RIGID, FREE + "wall.a=3000"),
+    Case("a = 30000/R", RIGID, FREE + "wall.a=3e4"),
+    Case("a = 10⁶/R", RIGID, FREE + "wall.a=1e6"),
+    Case("a = 80000/R at v = 1", RIGID, FLAT, tells=INSIDE_OUT),
+    Case("N = 3, all on one point", RIGID, "lattice.points=3 " + UNDAMPED, quick=True),
+    Case("N = 7", RIGID, "lattice.points=7"),
+    Case("N = 50", RIGID, "lattice.points=50"),
+    Case("N = 3, pressed", PRESSED, "lattice.points=3 compression.method=newton"),
+    Case("P = 10: pressed flat", PRESSED, "lattice.points=60 compression.pressure=10"),
+    Case("a spring of 10⁻⁶ R", RIGID, FREE, tells=INSIDE_OUT, body=_twins),
+    Case("a spring of 10⁻⁶ R, η* = 100", RIGID, SMALL + "material.eta_star=100", tells=INSIDE_OUT, body=_twins),
+    Case("literal lattice 0, hull of slivers", RIGID, FREE + LITERAL + "lattice.seed=0"),
+    Case("literal lattice 1, hull of slivers", RIGID, FREE + LITERAL + "lattice.seed=1", tells=INSIDE_OUT),
+    Case("literal lattice 2, hull of slivers", RIGID, FREE + LITERAL + "lattice.seed=2"),
+    Case("literal lattice 3, hull of slivers", RIGID, FREE + LITERAL + "lattice.seed=3"),
+    Case("literal disk and wall 0, v = 0.1", ELASTIC, LITERAL_BED + "lattice.seed=0", tells=INSIDE_OUT),
+    Case("literal disk and wall 1, v = 0.1", ELASTIC, LITERAL_BED + "lattice.seed=1", tells=INSIDE_OUT),
+    Case("literal disk and wall 2, v = 0.1", ELASTIC, LITERAL_BED + "lattice.seed=2", tells=INSIDE_OUT),
+    Case("literal disk and wall 3, v = 0.1", ELASTIC, LITERAL_BED + "lattice.seed=3", tells=INSIDE_OUT),
+    Case("exactly above a point of the wall", ELASTIC, BED, start=_above_a_wall_point),
+    Case("half over the wall's end", ELASTIC, BED, "stopped", BESIDE, start=_shifted(1.7)),
+    Case("past the wall's end", ELASTIC, BED, "stopped", OFF_THE_END, start=_shifted(3.0)),
+    Case("elastic wall at v = 0.3: dented steeply", ELASTIC, BED + "impact.velocity=0.3", "stopped", STEEP, quick=True),
+    Case("elastic wall, dented: points slide", ELASTIC, SLIDING, tells=SLIDES),
+    Case("elastic wall at v = 2: gone through", ELASTIC, BED + "impact.velocity=2", "stopped", THROUGH),
+    Case("elastic wall at v = 10: gone through", ELASTIC, BED + "impact.velocity=10", "stopped", THROUGH),
+    Case(
+        "elastic wall, k_a = 10⁻³", ELASTIC, BED + "material.k_a=1e-3 impact.velocity=0.05", "stopped", "gone through"
+    ),
+    Case("dt by hand, beyond the limit", RIGID, EIGHTY + "time.dt=0.1", "refused", "stability limit", quick=True),
+    Case("dt by hand, beyond the limit, forced", RIGID, EIGHTY + "time.dt=0.1", "stopped", BEYOND, force=True),
+    Case(
+        "dt by hand, stable by the estimated force of the wall only",
+        RIGID,
+        "lattice.points=3 material.eta_star=0 time.dt=0.38",
+        tells=HARDER,
+        quick=True,
+    ),
+    Case(
+        "explicit dashpots, forced to ten times the limit",
+        RIGID,
+        "lattice.points=80 material.eta_star=100 time.integrator=velocity_verlet time.dt=0.01",
+        "stopped",
+        BEYOND,
+        force=True,
+    ),
+    Case("dt by hand, crushed", RIGID, CRUSHED, "stopped", "(crushed|limit has fallen).*time.dt: auto", quick=True),
+)

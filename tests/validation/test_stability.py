@@ -1,0 +1,30 @@
+"""Whatever a scene says, it ends: done with a closed energy balance, or stopped with the reason and what mends it."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Sequence
+
+import pytest
+
+from taichi_disk.simulation.simulation import KernelCache
+
+from .hard_cases import CASES, Case
+from .random_scenes import ShortOnly, fate
+
+LONG = pytest.mark.validate
+
+
+@pytest.mark.parametrize("case", [pytest.param(one, id=one.name, marks=() if one.quick else LONG) for one in CASES])
+def test_a_hard_case_ends_as_it_should(case: Case, kernels: KernelCache) -> None:
+    assert case.failings(case.judge(kernels)) == []
+
+
+@pytest.mark.parametrize("numbers", [(13, 23, 34, 36, 38, 42, 52, 54), pytest.param(range(100), marks=LONG)], ids=len)
+def test_random_scenes_end_well_or_say_why(numbers: Sequence[int], kernels: KernelCache) -> None:
+    short = ShortOnly(kernels, 1e7)
+    found = {number: fate(number, short) for number in numbers}
+    assert {number: fault for number, (_, fault) in found.items() if fault} == {}
+    # Not by refusing them.
+    ends = Counter(verdict.end for verdict, _ in found.values())
+    assert ends["done"] > 0.7 * (len(found) - ends["long"]) > 0.3 * len(found)
