@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import os
 import resource
 import subprocess
@@ -63,6 +64,10 @@ def pictures_in(folder):
     return np.array([np.asarray(Image.open(path)) for path in sorted(folder.iterdir())]).astype(float)
 
 
+def digests(files):
+    return {path: hashlib.sha256(path.read_bytes()).hexdigest() for path in files}
+
+
 def time_of(lines):
     return float(lines[0].split()[2])
 
@@ -80,9 +85,9 @@ def test_a_film_has_the_frames_size_and_rate_asked_for_and_the_same_bytes_twice(
     film(path, [run], video(), told)
     assert told.done == tuple(range(1, COUNT + 1)) and list(tmp_path.iterdir()) == [path]
     files = sorted(path.iterdir()) if path.is_dir() else [path]
-    first = [one.read_bytes() for one in files]
+    first = digests(files)
     film(path, [run], video(), QUIET)  # what is there is replaced
-    assert [one.read_bytes() for one in files] == first
+    assert digests(files) == first
     pictures = np.array([frame[..., :3] for frame in iio.imiter(path)]) if suffix else pictures_in(path)
     if suffix == ".gif":  # pictures that repeat the one before are one that lasts longer
         with Image.open(path) as gif:
@@ -91,6 +96,27 @@ def test_a_film_has_the_frames_size_and_rate_asked_for_and_the_same_bytes_twice(
         assert len(pictures) == COUNT and (not suffix or iio.immeta(path, plugin="pyav")["fps"] == 10)
     assert pictures.shape[1:] == (SIZE, SIZE, 3)
     assert np.abs(pictures[:, 2, 2] - 255 * np.array(THEMES["light"].ground)).max() < 6
+
+
+ENCODE = """
+import sys, numpy as np
+from pathlib import Path
+from taichi_disk.render.video import Video
+rows, columns = np.mgrid[:240, :240] - 120
+with Video(Path(sys.argv[1]), Path(sys.argv[1]).suffix, 240, 240, 10) as out:
+    for k in range(10):
+        grey = 128 + 100 * np.sin(0.002 * (rows - 4 * k) ** 2 + 0.01 * columns * np.cos(k))
+        out.write(lambda grey=grey: np.repeat(grey.astype(np.uint8)[..., None], 3, axis=2))
+"""
+
+
+@pytest.mark.parametrize("suffix", [".mp4", ".webm", ".gif"])
+def test_the_bytes_of_a_film_do_not_depend_on_what_lay_in_memory(tmp_path, suffix):
+    files = [tmp_path / f"{fill}{suffix}" for fill in (0, 1, 170)]
+    for path in files:  # glibc fills new memory with the complement of this number, and freed memory with it
+        environment = os.environ | {"MALLOC_PERTURB_": path.stem}
+        subprocess.run([sys.executable, "-c", ENCODE, path], env=environment, check=True)
+    assert len(set(digests(files).values())) == 1
 
 
 @needs_vulkan
@@ -203,10 +229,10 @@ def test_an_interrupted_film_leaves_the_old_one_as_it_was(run, tmp_path, suffix)
 
     path = tmp_path / f"film{suffix}"
     film(path, [run], video(seconds=0.3), QUIET)
-    before = {one: one.read_bytes() for one in tmp_path.rglob("*") if one.is_file()}
+    before = digests(one for one in tmp_path.rglob("*") if one.is_file())
     with pytest.raises(KeyboardInterrupt):
         film(path, [run], video(), Impatient())
-    assert {one: one.read_bytes() for one in tmp_path.rglob("*") if one.is_file()} == before
+    assert digests(one for one in tmp_path.rglob("*") if one.is_file()) == before
     film(path, [run], video(seconds=0.3), QUIET)  # a window was open when it happened: the next one must still work
 
 
