@@ -108,7 +108,7 @@ def _described(driver: Driver, time: Any, estimate: bool) -> Outcome:
     if inverted:
         warnings.append(
             f"{inverted} triangle{'s' * (inverted > 1)} of the lattice turned inside out: there springs are no elastic "
-            "body any more, which is the model's own limit; a lower impact.velocity or fewer points keep it whole"
+            "body any more, which is the model's own limit; a lower speed or pressure, or fewer points, keep it whole"
         )
     facts = {
         "warnings": warnings,

@@ -161,7 +161,7 @@ CASES = (
     Case("N = 7", RIGID, "lattice.points=7"),
     Case("N = 50", RIGID, "lattice.points=50"),
     Case("N = 3, pressed", PRESSED, "lattice.points=3 compression.method=newton"),
-    Case("P = 10: pressed flat", PRESSED, "lattice.points=60 compression.pressure=10"),
+    Case("P = 10: pressed flat", PRESSED, "lattice.points=60 compression.pressure=10", tells=INSIDE_OUT),
     Case("a spring of 10⁻⁶ R", RIGID, FREE, tells=INSIDE_OUT, body=_twins),
     Case("a spring of 10⁻⁶ R, η* = 100", RIGID, SMALL + "material.eta_star=100", tells=INSIDE_OUT, body=_twins),
     Case("literal lattice 0, hull of slivers", RIGID, FREE + LITERAL + "lattice.seed=0"),
