@@ -93,7 +93,8 @@ def at_points(name: str, tiles: Triangles, springs: Springs, x: Array, v: Array)
         return tensor.shear(tensor.point_stress(tiles, springs, x))
     values, on = _values(name, tiles, springs, x, v), QUANTITIES[name].on
     if on == "triangles":
-        return tiles.point_means(values, tiles.areas(x))
+        areas = tiles.areas(x)
+        return tiles.point_means(areas * values, areas)
     if on == "springs":
         ends, n = tiles.lattice.bonds.ravel(), len(x)
         return np.bincount(ends, np.repeat(values, 2), n) / np.maximum(np.bincount(ends, minlength=n), 1)

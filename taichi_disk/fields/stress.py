@@ -82,9 +82,9 @@ class Triangles:
         """(t, k) sums of `values` (m, k) over the sides of each triangle."""
         return np.asarray(self._over_sides @ values)
 
-    def point_means(self, values: Array, areas: Array) -> Array:
-        """(n, ...) means over the triangles around each point of `values` (t, ...), weighted with `areas` (t,)."""
-        sums: Any = self._around @ (areas * values.T).T
+    def point_means(self, integrals: Array, areas: Array) -> Array:
+        """(n, ...) means over the triangles around each point, from `integrals` (t, ...) over each and `areas` (t,)."""
+        sums: Any = self._around @ integrals
         return np.asarray((sums.T / np.maximum(self._around @ areas, 1e-300)).T)
 
     def smoothed(self, values: Array, passes: int) -> Array:
@@ -95,18 +95,23 @@ class Triangles:
         return values
 
 
+def _virial(tiles: Triangles, springs: Springs, x: Array) -> Array:
+    """(t, 3) stress times area."""
+    apart = springs.ends_apart(tiles.lattice, x)
+    length = np.sqrt(apart[0] * apart[0] + apart[1] * apart[1])
+    rx, ry = apart
+    pull = tiles.share * springs.pull(length - tiles.lattice.rest_lengths) / length
+    return tiles.side_sums(np.stack([pull * rx * rx, pull * ry * ry, pull * rx * ry], axis=1))
+
+
 def stress(tiles: Triangles, springs: Springs, x: Array) -> Array:
     """(t, 3) xx, yy and xy of each triangle [M c^2/R^2], positive under tension, with the points at `x` (n, 2) [R]."""
-    i, j = tiles.lattice.bonds.T
-    rx, ry = (y[j] - y[i] for y in x.T)
-    pull = tiles.share * springs.tension(tiles.lattice, x) / np.hypot(rx, ry)
-    virial = tiles.side_sums(np.stack([pull * rx * rx, pull * ry * ry, pull * rx * ry], axis=1))
-    return virial / tiles.areas(x)[:, None]
+    return _virial(tiles, springs, x) / tiles.areas(x)[:, None]
 
 
 def point_stress(tiles: Triangles, springs: Springs, x: Array) -> Array:
     """(n, 3) like `stress`, at the points: the mean over the triangles around each, weighted with their areas."""
-    return tiles.point_means(stress(tiles, springs, x), tiles.areas(x))
+    return tiles.point_means(_virial(tiles, springs, x), tiles.areas(x))
 
 
 def smooth_stress(tiles: Triangles, springs: Springs, x: Array) -> Array:

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from taichi_disk.errors import InputError
-from taichi_disk.fields import Triangles, stress
+from taichi_disk.fields import Triangles, point_stress, stress
 from taichi_disk.fields.stress import pressure
 from taichi_disk.lattice import Array, Lattice
 from taichi_disk.output.files import atomic_write, check_pictures, prepare_output, write_text
@@ -44,8 +44,7 @@ def _frames(lattice: Lattice, model: Model, moments: Iterable[Moment]) -> Iterat
         if model.wall is not None:
             touching, forces = model.wall.contact_forces(lattice, x)
             contact[touching] = forces
-        sigma = stress(tiles, model.springs, x)
-        at_points = tiles.point_means(sigma, tiles.areas(x))
+        sigma, at_points = stress(tiles, model.springs, x), point_stress(tiles, model.springs, x)
         springs = {
             "strain": model.springs.strain(lattice, x),
             "tension": model.springs.tension(lattice, x),

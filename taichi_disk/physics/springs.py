@@ -137,9 +137,10 @@ class Springs(Law):
 
     def tension(self, lattice: Lattice, x: Array) -> Array:
         """(m,) pull k_a s + k_b s^3 of each spring, positive where it is stretched [M c^2/R]."""
-        return self._pull(self.stretch(lattice, x))
+        return self.pull(self.stretch(lattice, x))
 
-    def _pull(self, s: Array) -> Array:
+    def pull(self, s: Array) -> Array:
+        """k_a s + k_b s^3 of stretches `s` [M c^2/R]."""
         return np.asarray(s * (self.k_a + self.k_b * s * s))
 
     def energies(self, lattice: Lattice, x: Array) -> Array:
@@ -153,7 +154,7 @@ class Springs(Law):
     def forces(self, lattice: Lattice, x: Array) -> Array:
         apart = self.ends_apart(lattice, x)
         length = np.sqrt(apart[0] * apart[0] + apart[1] * apart[1])
-        return self._gathered(lattice, len(x), self._pull(length - lattice.rest_lengths) / length * apart)
+        return self._gathered(lattice, len(x), self.pull(length - lattice.rest_lengths) / length * apart)
 
     def damping_forces(self, lattice: Lattice, v: Array) -> Array:
         return self._gathered(lattice, len(v), self.eta * self.ends_apart(lattice, v))

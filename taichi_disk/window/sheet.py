@@ -73,12 +73,11 @@ class Sheet:
 
     def text(self, at: Place, line: str, fill: Ink, font: ImageFont.FreeTypeFont, anchor: str = "ls") -> None:
         """Set a line with the left end of its baseline at `at`."""
-        (x, baseline), ground = at, np.array(self._ground)
+        x, baseline = at
         for piece in _PIECES.findall(line):
-            boxes, shares = _letters(piece, font)
-            corners = (boxes[:, place] + np.round((x, baseline)) for place in ([0, 1], [2, 1], [2, 3], [0, 3]))
-            self._add(quads(*corners, *[ground + shares[:, None] * (np.array(fill) - ground)] * 4))
-            x += font.getlength(piece)
+            corners, colours, length = _letters(piece, font, fill, self._ground)
+            self._shapes.append((corners + (self.left + round(x), round(baseline)), colours))
+            x += length
 
     def vertices(self, width: int, height: int) -> NDArray[np.float32]:
         """(3 k, VERTEX) of triangles, for a window of so many pixels."""
@@ -89,8 +88,16 @@ class Sheet:
         return vertices
 
 
-@lru_cache(maxsize=1024)
-def _letters(line: str, font: ImageFont.FreeTypeFont) -> tuple[Array, Array]:
+@lru_cache(maxsize=2048)
+def _letters(line: str, font: ImageFont.FreeTypeFont, fill: Ink, ground: Ink) -> tuple[Array, Array, float]:
+    """Corners and colours of triangles from the left end of the baseline, and how far the next letter is [px]."""
+    boxes, shares = _boxes(line, font)
+    corners = (boxes[:, place] for place in ([0, 1], [2, 1], [2, 3], [0, 3]))
+    places, colours = quads(*corners, *[ground + shares[:, None] * (np.array(fill) - ground)] * 4)
+    return places, colours / 255.0, font.getlength(line)
+
+
+def _boxes(line: str, font: ImageFont.FreeTypeFont) -> tuple[Array, Array]:
     """Boxes (k, 4) (left, top, right, bottom) from the left end of the baseline, and their coverage (k,)."""
     left, top, right, bottom = (round(edge) for edge in font.getbbox(line, anchor="ls"))
     picture = Image.new("L", (max(right - left, 0) + 2, max(bottom - top, 0) + 2))
