@@ -118,11 +118,12 @@ class Stage:
         self._count += 1
         look = self._look, self._hit, tuple(self.graphs.full.values())
         scale = painter.colour, painter.limit, painter.full_force, self.camera.scale
-        self._draw_kept("still", (look, scale), self._fill_still)
+        self._keep("still", (look, scale), self._fill_still)
         last = self.sandbox.stretch
         rows = last.began, last.attempt, last.count
-        self._draw_kept("curves", (look, rows), lambda sheet: self.graphs.draw_curves(sheet, self._theme))
-        self._draw_kept("moving", None, self._fill_moving)
+        self._keep("curves", (look, rows), lambda sheet: self.graphs.draw_curves(sheet, self._theme))
+        self._keep("moving", None, self._fill_moving)
+        draw_triangles(self._canvas, np.concatenate([vertices for _, vertices in self._kept.values()]))
 
     def _adopt(self, stretch: Stretch, size: tuple[int, int]) -> None:
         """See to it that painter, scales and camera suit what is shown."""
@@ -179,15 +180,12 @@ class Stage:
     def _theme(self) -> Theme:
         return THEMES[self.painter.theme]
 
-    def _draw_kept(self, name: str, key: Any, fill: Callable[[Sheet], None]) -> None:
-        """Draw what `fill` puts on a sheet; it does so again where `key` is None or another."""
+    def _keep(self, name: str, key: Any, fill: Callable[[Sheet], None]) -> None:
+        """Keep what `fill` puts on a sheet; it does so again where `key` is None or another."""
         if key is None or self._kept.get(name, (None,))[0] != key:
             sheet = Sheet(ink(self._theme.ground))
             fill(sheet)
             self._kept[name] = key, sheet.vertices(*self._size)
-        vertices = self._kept[name][1]
-        if len(vertices):
-            draw_triangles(self._canvas, vertices)
 
     def _fill_still(self, sheet: Sheet) -> None:
         """It covers what was drawn of the disk beside its stage."""
