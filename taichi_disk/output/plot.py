@@ -50,6 +50,8 @@ ENERGIES = {
     "sliding": ("lost from one wall spring to the next", "#999999"),
 }
 HEIGHTS = (1.2, 1.0, 1.5)  # of the axes of motion, force and energies
+LEGEND_HEIGHT = 0.12
+PLACES = {"left": 0.145, "right": 0.98, "bottom": 0.055, "top": 0.945, "hspace": 0.17}  # parts of a figure
 
 _settings = threading.RLock()
 
@@ -90,13 +92,16 @@ def plot_run(path: Path, scenario: Scenario, columns: Columns) -> None:
     from matplotlib.figure import Figure
 
     t, quality = columns["t"], scenario.quality(columns)
-    ratios = (*HEIGHTS, 0.8) if quality else HEIGHTS
+    motion_height, force_height, energies_height = HEIGHTS
+    ratios = (motion_height, force_height, LEGEND_HEIGHT, energies_height, *((0.8,) if quality else ()))
     result, note = scenario.marks(columns)
     with styled(STYLE):
-        figure = Figure(figsize=(7.6, 9.2), dpi=120, layout="constrained")
+        figure = Figure(figsize=(7.6, 9.2), dpi=120)
         FigureCanvasAgg(figure)
-        axes = list(figure.subplots(len(ratios), 1, sharex=True, height_ratios=ratios))
-        figure.suptitle(fill("    ".join(scenario.title()[1:]), 95), fontsize=9.5, fontweight="bold")
+        # A layout that is found by drawing twice would take half the time.
+        axes = list(figure.subplots(len(ratios), 1, sharex=True, height_ratios=ratios, gridspec_kw=PLACES))
+        axes.pop(2).set_axis_off()  # room for the legend of energies
+        figure.suptitle(fill("    ".join(scenario.title()[1:]), 95), y=0.99, fontsize=9.5, fontweight="bold")
         axes[-1].set_xlim(t[0], scenario.last_motion(columns))
         motion = draw_curves(axes, scenario, columns)[0]
         _mark(axes[0], t, motion.get_ydata(), result)
@@ -108,7 +113,8 @@ def plot_run(path: Path, scenario: Scenario, columns: Columns) -> None:
             values, label, scale = quality
             axes[3].plot(t, values, color=LINE)
             axes[3].set(ylabel=label, yscale=scale)
-        figure.align_ylabels(axes)
+        for ax in axes:
+            ax.yaxis.set_label_coords(-0.11, 0.5)
         atomic_write(path, lambda new: figure.savefig(new, metadata={"Software": None}))
 
 
