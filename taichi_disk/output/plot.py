@@ -100,7 +100,7 @@ def plot_run(path: Path, scenario: Scenario, columns: Columns) -> None:
         FigureCanvasAgg(figure)
         # A layout that is found by drawing twice would take half the time.
         axes = list(figure.subplots(len(ratios), 1, sharex=True, height_ratios=ratios, gridspec_kw=PLACES))
-        axes.pop(2).set_axis_off()  # room for the legend of energies
+        axes.pop(2).remove()  # room for the legend of energies
         figure.suptitle(fill("    ".join(scenario.title()[1:]), 95), y=0.99, fontsize=9.5, fontweight="bold")
         axes[-1].set_xlim(t[0], scenario.last_motion(columns))
         motion = draw_curves(axes, scenario, columns)[0]
