@@ -13,7 +13,7 @@ from taichi_disk.accuracy.reference import Reference
 from taichi_disk.integrators import INTEGRATORS, Integrator
 from taichi_disk.lattice import Array
 from taichi_disk.simulation.energy_balance import relative_imbalance
-from taichi_disk.simulation.observables import COLUMNS, as_columns
+from taichi_disk.simulation.observables import COLUMNS, Columns, as_columns
 from taichi_disk.simulation.outcome import Outcome
 from taichi_disk.simulation.scenario import Scenario
 from taichi_disk.simulation.simulation import KernelCache
@@ -129,7 +129,7 @@ class StepStudy:
 
 def result_of_state(scenario: Scenario, x: Array, v: Array) -> float:
     """The primary result of a time series of one row, with positions x and velocities v (n, 2)."""
-    columns = {name: np.zeros(1) for name in ("t", *COLUMNS, "total")}
+    columns: Columns = {name: np.zeros(1) for name in ("t", *COLUMNS, "total")}
     disk = scenario.lattice.disk_points
     for name, values in (("com_x", x[:, 0]), ("com_y", x[:, 1]), ("com_vx", v[:, 0]), ("com_vy", v[:, 1])):
         columns[name][0] = values[:disk].mean()

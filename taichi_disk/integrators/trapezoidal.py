@@ -45,7 +45,8 @@ def factorise(lattice: Lattice, model: Model, dt: float) -> Factor:
     import scipy.sparse as sp
 
     n = len(lattice.positions)
-    free, extra = np.arange(n), np.zeros((n, 1))
+    free: NDArray[np.intp] = np.arange(n)
+    extra: Array = np.zeros((n, 1))
     half = 0.5 * dt / float(lattice.masses[0])
     if isinstance(model.boundary, PinnedBoundary):
         free = np.setdiff1d(free, lattice.wall_boundary)

@@ -43,7 +43,8 @@ def disk_lattice(points: int, seed: int, rim: bool = True, min_spacing: float = 
         raise InputError(f"lattice.points must be between {MIN_POINTS} and {MAX_POINTS}, not {points}")
     spacing = least_distance(points, min_spacing)
     rng = np.random.default_rng(seed)
-    circle, radius = np.empty((0, 2)), 1.0
+    circle: Array = np.empty((0, 2))
+    radius = 1.0
     if rim:
         count = rim_points(points)
         circle = _unit_circle((np.arange(count) + rng.random()) / count)
@@ -106,7 +107,7 @@ def scatter(
     Raises SimulationError if the region has no room for so many points.
     """
     if spacing == 0.0 or count == 0:
-        points = np.empty((0, 2))
+        points: Array = np.empty((0, 2))
         while len(points) < count:
             darts = low + (high - low) * rng.random((count + 16, 2))
             points = np.concatenate([points, darts[depth(darts) >= 0.0]])

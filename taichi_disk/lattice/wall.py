@@ -67,7 +67,8 @@ def rectangle_points(
     They include evenly spaced rows, about `row` apart, along the four sides; none if `row` is infinite.
     Raises InputError if the rows alone take all the points.
     """
-    frame, clear = np.empty((0, 2)), 0.0
+    frame: Array = np.empty((0, 2))
+    clear = 0.0
     if math.isfinite(row):
         frame, clear = _frame(low, high, row), spacing * math.sqrt(0.75)
     if points <= len(frame):

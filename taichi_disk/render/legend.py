@@ -137,7 +137,7 @@ class Legend:
         fringes, percent = painter.colour == "fringes", painter.colour == "strain"
         limit = float(FRINGES) if fringes else painter.limit
         least = -limit if painter.signed else 0.0
-        places = np.linspace(0.0, limit if fringes else 1.0, width)
+        places = np.linspace(0.0, limit if fringes else 1.0, width, dtype=np.float64)
         colours = [ink(colour) for colour in painter.colours(places)]
         bottom, ends = top + height - 1, left + width - 1
         if not painter.signed:  # a pale end needs a border

@@ -88,7 +88,7 @@ class Driver:
         self._needed, self._held = 1 + ceil(scenario.quiet_time / self.interval - 1e-9), 0
         springs = SPRINGS_PER_LOOK if self.simulation.subdomains > 1 else self._springs_per_launch
         self._launch_steps = max(1, springs // (len(scenario.lattice.bonds) * self.step.integrator.forces))
-        self._rows = np.empty((256, len(COLUMNS)))
+        self._rows: Array = np.empty((256, len(COLUMNS)))
         self._rows[0], self.count = self.simulation.first_row, 1
         self._watch = Watch(self.simulation.first_row)
         self.start = self.state = self.simulation.snapshot()

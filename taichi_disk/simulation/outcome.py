@@ -158,7 +158,7 @@ def _at_rest(scenario: Scenario) -> Outcome:
     lattice, model, rest = scenario.lattice, scenario.model, scenario.rest
     assert rest is not None and model.wall is not None and model.load is not None
     way = rest.positions - lattice.positions
-    t = np.linspace(0.0, 1.0, ROWS_AT_REST)
+    t = np.linspace(0.0, 1.0, ROWS_AT_REST, dtype=np.float64)
 
     def replay(times: Array) -> Iterator[Moment]:
         for one in times:

@@ -85,7 +85,7 @@ def fit_restitution(velocity: Array, e: Array, d1_is_1: bool = False) -> Fit:
 def fit_tau0(velocity: Array, e: Array, e_star: float) -> Fit:
     """tau0 [R/c] of eq. (4), integrated, from e (lattices, velocities) with e_star [M c^2/R^2] given."""
     predict = quasistatic_curves(tuple(velocity.tolist()), e_star)
-    grid = np.geomspace(1e-3, LARGEST_TAU0, 48)
+    grid = np.geomspace(1e-3, LARGEST_TAU0, 48, dtype=np.float64)
 
     def solve(weights: Array) -> Array:
         data = weights @ e
@@ -132,7 +132,8 @@ def fit_curvature(x: Array, y: Array) -> Fit:
 
 def least_squares(model: Model, data: Array, start: Array) -> Array:
     """Parameters (k, p) that fit `data` (k, points): Levenberg-Marquardt on all k data sets side by side."""
-    x, damping = np.array(start, float), np.full(len(start), 1e-6)
+    x: Array = np.array(start, float)
+    damping: Array = np.full(len(start), 1e-6)
     left = data - model(x)
     cost, unit = (left**2).sum(1), np.eye(x.shape[1])
     for _ in range(60):

@@ -83,7 +83,8 @@ class Graphs:
     def _rows(self) -> tuple[Array, Array]:
         """Times since the hit began, and the rows; what was lost adds up over all changes by hand."""
         lost = [INDEX[name] for name in _LOST]
-        times, rows, before = [], [], np.zeros(len(lost))
+        times, rows = [], []
+        before: Array = np.zeros(len(lost))
         for one in self._stretches:
             part = np.vstack([one.rows, one.row])
             part[:, lost] += before
