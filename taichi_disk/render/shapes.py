@@ -21,7 +21,7 @@ from taichi_disk.render.palette import Colour, Theme
 Shape = tuple[Array, Array]  # corners of triangles (3 k, 2) [R] and their colours (3 k, 3)
 
 ARROW = 0.35  # length of the arrow of the full force [R]
-_FADES = np.array([0.0, 0.25, 0.5, 0.8, 1.2, 1.7, 2.4, 3.4, 5.0])  # decay lengths between which colours are mixed
+_FADES = np.array([0.0, 0.4, 1.0, 1.8, 3.0, 5.0])  # decay lengths between which colours are mixed, 2 % off at most
 NOTHING: Shape = np.zeros((0, 2)), np.zeros((0, 3))
 
 
