@@ -122,9 +122,10 @@ class Viewer:
 
     def _listen(self) -> None:
         window, mouse = self._window, self._mouse
-        x, y = window.get_cursor_pos()
+        pressed = list(window.get_events(ti.ui.PRESS))
+        x, y = window.get_cursor_pos()  # after the events, which are fetched only then: it is where they happened
         at = self._controls.cursor = x * self._size[0], (1.0 - y) * self._size[1]
-        for event in window.get_events(ti.ui.PRESS):
+        for event in pressed:
             if event.key in (ti.ui.LMB, ti.ui.RMB):
                 self._pressed = True
                 if at[0] > PANEL:
