@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import filecmp
 import subprocess
 import sys
 
@@ -33,7 +34,7 @@ def test_an_impact_shows_velocity_force_energies_and_imbalance_with_the_same_byt
     columns = outcome.columns
     for name in ("a.png", "b.png"):
         plot_run(tmp_path / name, scenario, columns)
-    assert (tmp_path / "a.png").read_bytes() == (tmp_path / "b.png").read_bytes() and len(list(tmp_path.iterdir())) == 2
+    assert filecmp.cmp(tmp_path / "a.png", tmp_path / "b.png", shallow=False) and len(list(tmp_path.iterdir())) == 2
     image = np.asarray(Image.open(tmp_path / "a.png").convert("L"))
     # Nothing is cut off: the outermost pixels are white.
     assert min(edge.min() for edge in (image[0], image[-1], image[:, 0], image[:, -1])) == 255
