@@ -28,7 +28,8 @@ class Reference:
         stops, interval = [end], self.model.reset_interval
         if interval:
             stops = [*(np.arange(1, int(end / interval * (1 + 1e-12)) + 1) * interval), end]
-        t, y = 0.0, np.asarray(np.concatenate([self.lattice.positions, velocities]).ravel())
+        t = 0.0
+        y: Array = np.concatenate([self.lattice.positions, velocities]).ravel()
         self._step = np.inf
         with np.errstate(all="ignore"):  # it tries steps that crush the disk, and takes them back
             for stop in stops:

@@ -97,9 +97,8 @@ class Triangles:
 
 def _virial(tiles: Triangles, springs: Springs, x: Array) -> Array:
     """(t, 3) stress times area."""
-    apart = springs.ends_apart(tiles.lattice, x)
-    length = np.sqrt(apart[0] * apart[0] + apart[1] * apart[1])
-    rx, ry = apart
+    rx, ry = apart = springs.ends_apart(tiles.lattice, x)
+    length = springs.lengths(apart)
     pull = tiles.share * springs.pull(length - tiles.lattice.rest_lengths) / length
     return tiles.side_sums(np.stack([pull * rx * rx, pull * ry * ry, pull * rx * ry], axis=1))
 

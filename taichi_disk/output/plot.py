@@ -50,7 +50,7 @@ ENERGIES = {
     "sliding": ("lost from one wall spring to the next", "#999999"),
 }
 HEIGHTS = (1.2, 1.0, 1.5)  # of the axes of motion, force and energies
-LEGEND_HEIGHT = 0.12
+LEGEND_HEIGHT = 0.12  # of the legend of energies, above them
 PLACES = {"left": 0.145, "right": 0.98, "bottom": 0.055, "top": 0.945, "hspace": 0.17}  # parts of a figure
 
 _settings = threading.RLock()
@@ -92,15 +92,14 @@ def plot_run(path: Path, scenario: Scenario, columns: Columns) -> None:
     from matplotlib.figure import Figure
 
     t, quality = columns["t"], scenario.quality(columns)
-    motion_height, force_height, energies_height = HEIGHTS
-    ratios = (motion_height, force_height, LEGEND_HEIGHT, energies_height, *((0.8,) if quality else ()))
+    ratios = (*HEIGHTS[:2], LEGEND_HEIGHT, *HEIGHTS[2:], *([0.8] if quality else []))
     result, note = scenario.marks(columns)
     with styled(STYLE):
         figure = Figure(figsize=(7.6, 9.2), dpi=120)
         FigureCanvasAgg(figure)
-        # A layout that is found by drawing twice would take half the time.
+        # Fixed places: with layout="constrained" everything is drawn twice, half of a plot's time.
         axes = list(figure.subplots(len(ratios), 1, sharex=True, height_ratios=ratios, gridspec_kw=PLACES))
-        axes.pop(2).remove()  # room for the legend of energies
+        axes.pop(2).remove()  # the legend stands there
         figure.suptitle(fill("    ".join(scenario.title()[1:]), 95), y=0.99, fontsize=9.5, fontweight="bold")
         axes[-1].set_xlim(t[0], scenario.last_motion(columns))
         motion = draw_curves(axes, scenario, columns)[0]

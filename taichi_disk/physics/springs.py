@@ -126,10 +126,14 @@ class Springs(Law):
         i, j = lattice.bonds.T
         return np.stack([one[i] - one[j] for one in x.T])  # columns are gathered nine times faster than pairs
 
+    @staticmethod
+    def lengths(apart: Array) -> Array:
+        """(m,) of vectors `apart` (2, m)."""
+        return np.asarray(np.sqrt(apart[0] * apart[0] + apart[1] * apart[1]))
+
     def stretch(self, lattice: Lattice, x: Array) -> Array:
         """(m,) length of each spring beyond its rest length [R]."""
-        dx, dy = self.ends_apart(lattice, x)
-        return np.asarray(np.sqrt(dx * dx + dy * dy) - lattice.rest_lengths)
+        return self.lengths(self.ends_apart(lattice, x)) - lattice.rest_lengths
 
     def strain(self, lattice: Lattice, x: Array) -> Array:
         """(m,) stretch over rest length."""
@@ -153,7 +157,7 @@ class Springs(Law):
 
     def forces(self, lattice: Lattice, x: Array) -> Array:
         apart = self.ends_apart(lattice, x)
-        length = np.sqrt(apart[0] * apart[0] + apart[1] * apart[1])
+        length = self.lengths(apart)
         return self._gathered(lattice, len(x), self.pull(length - lattice.rest_lengths) / length * apart)
 
     def damping_forces(self, lattice: Lattice, v: Array) -> Array:

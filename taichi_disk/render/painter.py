@@ -151,19 +151,16 @@ class Painter:
         return np.array([(left - 1.0, 0.0), (right + 1.0, 0.0)])
 
     def _fill(self, canvas: Any, camera: Camera, x: Array, places: Array, unit: float) -> None:
-        fringes = self.colour == "fringes"
+        fringes, corners = self.colour == "fringes", self._triangles.triangles
         apart = self._spacing * camera.scale / max(unit, 0.7)
         ink = _SEEN * min(max((apart - _FINE) / (_COARSE - _FINE), 0.0), 1.0) if self.draw == "both" else 0.0
-        layered = ink > 0.0 and not fringes
-        if not layered and not fringes:
-            vertices = self._put("points", camera, x, self.colours(places))
-            draw_triangles(canvas, vertices, np.ravel(self._triangles.triangles))
+        if not (fringes or ink):  # a colour for each point will do
+            draw_triangles(canvas, self._put("points", camera, x, self.colours(places)), corners)
             return
-        pattern = _pattern(0 if layered else self._parts())
-        out = self._buffer("fill", len(self._triangles.triangles) * len(pattern))
-        inset = max(_SPRING * unit, 0.55) / camera.scale if layered else 0.0
         # Springs are seen where triangles that are drawn smaller leave a darker field between them.
-        corners = self._triangles.triangles
+        pattern = _pattern(self._parts() if fringes else 0)
+        inset = 0.0 if fringes else max(_SPRING * unit, 0.55) / camera.scale
+        out = self._buffer("fill", len(corners) * len(pattern))
         kernels.fill(x, places, corners, pattern, inset, ink, self.map, fringes, *camera.canvas_map(), out)
         draw_triangles(canvas, out)
 
@@ -221,9 +218,10 @@ def draw_triangles(canvas: Any, vertices: Vertices, corners: NDArray[np.int32] |
     Without the fields nothing is compiled for each lattice (0.3 s), and a picture takes a tenth less.
 
     Args:
-        corners: (3 k,) the vertices of each triangle; by default three in turn.
+        corners: (k, 3) the vertices of each triangle; by default three in turn.
     """
-    canvas.canvas.triangles(get_field_info(vertices), get_field_info(corners), True, (0.0, 0.0, 0.0))
+    indices = get_field_info(None if corners is None else corners.ravel())
+    canvas.canvas.triangles(get_field_info(vertices), indices, True, (0.0, 0.0, 0.0))
 
 
 def _pattern(parts: int) -> Array:

@@ -181,7 +181,7 @@ class Stage:
         return THEMES[self.painter.theme]
 
     def _keep(self, name: str, key: Any, fill: Callable[[Sheet], None]) -> None:
-        """Keep what `fill` puts on a sheet; it does so again where `key` is None or another."""
+        """Keep what `fill` puts on a sheet; it is filled again where `key` is another, or None."""
         if key is None or self._kept.get(name, (None,))[0] != key:
             sheet = Sheet(ink(self._theme.ground))
             fill(sheet)

@@ -123,7 +123,8 @@ class Viewer:
     def _listen(self) -> None:
         window, mouse = self._window, self._mouse
         pressed = list(window.get_events(ti.ui.PRESS))
-        x, y = window.get_cursor_pos()  # after the events, which are fetched only then: it is where they happened
+        # GGUI updates the mouse when it is asked for events, so its place is read after them.
+        x, y = window.get_cursor_pos()
         at = self._controls.cursor = x * self._size[0], (1.0 - y) * self._size[1]
         for event in pressed:
             if event.key in (ti.ui.LMB, ti.ui.RMB):
