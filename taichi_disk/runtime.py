@@ -11,6 +11,7 @@ import io
 import os
 import sys
 import tempfile
+import time
 from collections.abc import Iterator
 from functools import lru_cache
 from pathlib import Path
@@ -19,12 +20,13 @@ from typing import Any
 from taichi_disk.errors import TaichiDiskError
 
 CACHE = "TI_OFFLINE_CACHE_FILE_PATH"
+_HELD = 60.0  # seconds: Taichi holds the lock of its cache for less than one
 
 
 def cache_folder() -> Path:
     """Where Taichi keeps compiled kernels."""
     home = os.environ.get("HOME") or "/nonexistent"
-    return Path(os.environ.get(CACHE) or Path(home, ".cache", "taichi"))
+    return Path(os.environ.get(CACHE) or Path(home, ".cache", "taichi", "ticache"))
 
 
 def writable(folder: Path) -> bool:
@@ -87,6 +89,7 @@ def start(threads: int | None = None) -> None:
     if running and (threads is None or ti.lang.impl.current_cfg().cpu_max_num_threads == threads):
         return
     _spare_source_lines()
+    _drop_stale_lock()
     options: dict[str, Any] = {"cpu_max_num_threads": threads} if threads else {}
     with contextlib.redirect_stdout(io.StringIO()):  # it tells the arch where only results belong
         try:
@@ -102,6 +105,14 @@ def start(threads: int | None = None) -> None:
             raise TaichiDiskError(
                 f"Taichi cannot start: {error}; it asks for 1 GiB of memory that it may never use: see ulimit -v"
             ) from None
+
+
+def _drop_stale_lock() -> None:
+    """Remove the lock that a killed process left: Taichi 1.7.4 would compile every kernel anew, for ever."""
+    lock = cache_folder() / "ticache.lock"
+    with contextlib.suppress(OSError):  # there is none, or another process has removed it
+        if time.time() - lock.stat().st_mtime > _HELD:
+            lock.unlink()
 
 
 @contextlib.contextmanager

@@ -274,6 +274,17 @@ def test_a_strange_environment_is_none_of_the_users_business(tmp_path, environme
     assert json.loads((tmp_path / "o" / "summary.json").read_text())["status"] == "done"
 
 
+def test_a_lock_that_a_killed_process_left_does_not_end_the_cache_of_kernels(tmp_path):
+    lock = tmp_path / "ticache.lock"
+    lock.touch()
+    os.utime(lock, (0.0, 0.0))
+    environment = os.environ | {"TI_OFFLINE_CACHE_FILE_PATH": str(tmp_path)}
+    command = [sys.executable, "-m", "taichi_disk", *arguments(tmp_path / "o", *SMALL)]
+    subprocess.run(command, check=True, capture_output=True, env=environment)
+    assert not lock.exists()
+    assert list(tmp_path.glob("*.tic"))
+
+
 def test_too_little_memory_is_told_in_a_sentence(tmp_path):
     command = f"ulimit -v 1500000; exec {sys.executable} -m taichi_disk {' '.join(arguments(tmp_path / 'o', *SMALL))}"
     done = subprocess.run(["sh", "-c", command], capture_output=True, text=True)
