@@ -12,7 +12,7 @@ import numpy as np
 from taichi_disk.errors import SimulationError
 from taichi_disk.lattice import Array
 from taichi_disk.simulation.energy_balance import Watch, unacceptable
-from taichi_disk.simulation.failure import BlowUp, diagnose, gone_through, worst_place
+from taichi_disk.simulation.failure import BlowUp, explained, gone_through
 from taichi_disk.simulation.observables import COLUMNS, INDEX, Columns, as_columns, bounds_array
 from taichi_disk.simulation.scenario import Scenario
 from taichi_disk.simulation.simulation import NEVER, KernelCache, Simulation
@@ -23,7 +23,6 @@ from taichi_disk.simulation.step_control import StepControl
 Moment = tuple[float, Array, Array]  # t [R/c], positions (n, 2) [R], velocities (n, 2) [c]
 Status = Literal["running", "restarted", "finished", "failed"]
 
-SLID = INDEX["sliding"]
 SPRINGS_PER_LAUNCH = 3_000_000  # spring evaluations in one kernel launch: about 15 ms on one core
 SPRINGS_PER_LOOK = 100 * SPRINGS_PER_LAUNCH  # of a large lattice, whose launches are short by themselves
 
@@ -35,21 +34,14 @@ class Driver:
         scenario, time, spectrum, force: as for `StepControl`.
         kernels: where compiled simulations come from.
         endless: `max_time` is no failure, and time goes on after the end: for a window.
-        launch: spring evaluations between two looks at the clock.
 
     Attributes:
-        control: what chooses the step.
-        step, attempt: the present ones.
         interval: time between two rows [R/c], of `stride` steps.
-        simulation: the state now.
-        state: the last state that was good; while nothing is wrong, the present one.
-        row: (columns,) the observables at `state`.
+        state, row: the last state that was good, and the observables (columns,) there.
         status: what `advance` returned last.
         failure: why there is no result, once the status is "failed".
         end: the state at the end, once the status is "finished".
         steps_made: in all attempts together.
-        compile_seconds: spent on waiting for kernels.
-        given: energy that the mouse has given [M c^2].
         pulled_from: number of the step at which the mouse began to pull; from then on no retries and no end. inf: none.
 
     Raises InputError for a step by hand that is too long.
@@ -64,12 +56,11 @@ class Driver:
         *,
         force: bool = False,
         endless: bool = False,
-        launch: int = SPRINGS_PER_LAUNCH,
     ) -> None:
         self.scenario, self.kernels = scenario, kernels
         self.control = StepControl(scenario, time, spectrum, force)
         self.steps_made, self.compile_seconds = 0, 0.0
-        self._endless, self._springs_per_launch = endless, launch
+        self._endless = endless
         self.failure: SimulationError | None = None
         self.end: Snapshot | None = None
         self.status: Status = "running"
@@ -86,13 +77,13 @@ class Driver:
         self.interval = self.stride * self.step.dt
         self._last = ceil(scenario.max_time / self.interval) * self.stride
         self._needed, self._held = 1 + ceil(scenario.quiet_time / self.interval - 1e-9), 0
-        springs = SPRINGS_PER_LOOK if self.simulation.subdomains > 1 else self._springs_per_launch
+        springs = SPRINGS_PER_LOOK if self.simulation.subdomains > 1 else SPRINGS_PER_LAUNCH
         self._launch_steps = max(1, springs // (len(scenario.lattice.bonds) * self.step.integrator.forces))
         self._rows: Array = np.empty((256, len(COLUMNS)))
         self._rows[0], self.count = self.simulation.first_row, 1
         self._watch = Watch(self.simulation.first_row)
         self.start = self.state = self.simulation.snapshot()
-        self.row, self.given, self.pulled_from = self.simulation.first_row, 0.0, inf
+        self.row, self.pulled_from = self.simulation.first_row, inf
 
     def _simulation(self) -> Simulation:
         """A simulation at t = 0."""
@@ -151,16 +142,14 @@ class Driver:
         steps, needed = min(self._launch_steps, last - before), self._needed if look else NEVER
         rows, self._held = simulation.advance(steps, self.stride, self._bounds, needed, self._held)
         self.steps_made += simulation.step_number - before
-        lost = self._watch.first_lost(np.vstack([rows, simulation.now]))
+        now, seen, what = simulation.snapshot(), np.vstack([rows, simulation.now]), ""
+        if (lost := self._watch.first_lost(seen)) is not None:
+            what = self._watch.told(seen[lost])
+        elif gone_through(self.scenario.lattice, self.scenario.model, now.vectors[0], self._watch.total):
+            what = "the disk has gone through the surface of the wall"
         self._append(rows[:lost])
-        if lost is not None:
-            self._blown_up(*self._located())
-            return
-        now = simulation.snapshot()
-        found = gone_through(self.scenario.lattice, self.scenario.model, now.vectors[0], self._watch.total)
-        if found:
-            when = f"blow-up by step {simulation.step_number:,}, t = {simulation.time:.6g} R/c"
-            self._blown_up(f"{when}: {found.cause}; {found.remedy}", found.step_independent)
+        if what:
+            self._blown_up(what)
             return
         self.state, self.row = now, simulation.now
         if look and self._held >= self._needed:
@@ -191,8 +180,7 @@ class Driver:
         self._held = min(int(np.argmin(np.append(inside[::-1], False))), self._needed - 1)
         self._watch = Watch(self.rows[0])
         self._watch.first_lost(self.rows)
-        self.state, self.row, self.failure = snapshot, row, None
-        self.given, self.pulled_from = 0.0, inf
+        self.state, self.row, self.failure, self.pulled_from = snapshot, row, None, inf
         over = self.end is not None and snapshot.step >= self.end.step
         self.status, self.end = ("finished", self.end) if over else ("running", None)
 
@@ -200,7 +188,6 @@ class Driver:
         """Tie a point (-1: none any more) to the mouse at `target` [R] from now on; the model needs a `mouse`."""
         self.pulled_from = min(self.pulled_from, self.simulation.step_number)
         jump = self.simulation.set_mouse_target(point, target)
-        self.given += jump
         self.row = self.row.copy()
         self.row[INDEX["load"]] += jump
         self._watch.give(jump)
@@ -235,16 +222,19 @@ class Driver:
         else:
             self.status, self.end = "finished", self.state
 
-    def _blown_up(self, message: str, step_independent: bool) -> None:
-        """`state` is the last that was good: begin again if a shorter step may do better."""
-        good, peak = self.state, self.simulation.peak_point_force(self.state)
-        look = self.status == "running" and self.pulled_from == inf
-        if look and self.control.shorten_after_blow_up(peak, step_independent):
+    def _blown_up(self, lost: str) -> None:
+        """After the last row something was `lost`: begin again if a shorter step may do better."""
+        simulation, look = self.simulation, self.status == "running" and self.pulled_from == inf
+        simulation.restore(self.state)
+        if (steps := (self.count - 1) * self.stride - simulation.step_number) > 0:
+            simulation.advance(steps, self.stride)
+            self.state, self.row = simulation.snapshot(), simulation.now
+        if look and self.control.shorten_after_blow_up(simulation.peak_point_force()):
             self._restart()
             return
-        x, v = self.simulation.positions(good), self.simulation.velocities(good)
-        last_good = {"positions": x, "velocities": v, "t": np.array(good.step * self.step.dt)}
-        self._fail(BlowUp(message, last_good))
+        x, v, t = simulation.positions(), simulation.velocities(), simulation.time
+        text = f"blow-up after t = {t:.6g} R/c: {explained(self.scenario, self.step, x, lost)}"
+        self._fail(BlowUp(text, {"positions": x, "velocities": v, "t": np.array(t)}))
 
     def _restart(self) -> None:
         self.status = "restarted"
@@ -252,35 +242,3 @@ class Driver:
 
     def _fail(self, failure: SimulationError) -> None:
         self.status, self.failure = "failed", failure
-
-    def _located(self) -> tuple[str, bool]:
-        """Find the blow-up after the last row to the step: what to tell, and whether it is independent of the step."""
-        simulation, scenario, watch, known = self.simulation, self.scenario, self._watch, (self.count - 1) * self.stride
-        simulation.restore(self.state)
-        if known > simulation.step_number:
-            simulation.advance(known - simulation.step_number, self.stride)
-            self.state, self.row = simulation.snapshot(), self.rows[-1]
-        rows, _ = simulation.advance(self.stride, 1)
-        lost = watch.first_lost(rows)
-        if lost is None:
-            t = self.state.step * self.step.dt
-            return f"blow-up after t = {t:.6g} R/c; computed again, it does not happen: the machine errs", False
-        simulation.restore(self.state)
-        if lost:
-            simulation.advance(lost)
-            self.state, self.row = simulation.snapshot(), rows[lost - 1]
-        simulation.advance(1)
-        lattice, model = scenario.lattice, scenario.model
-        x, now, row = self.state.vectors[0], simulation.positions(), rows[lost]
-        gained = watch.imbalance(rows[lost : lost + 1])[0] - self.imbalance + self.row[SLID] - row[SLID]
-        found = gone_through(lattice, model, x, watch.total)
-        found = found or diagnose(lattice, model, self.step, x, now, float(gained))
-        remedy = found.remedy
-        if scenario.scene.time.dt != "auto" and "auto" not in remedy:
-            remedy = f"set time.dt: auto; if that fails too, {remedy}"
-        what = "the energy balance is lost" if np.isfinite(row).all() else "a number is no longer finite"
-        message = (
-            f"blow-up at step {simulation.step_number:,}, t = {simulation.time:.6g} R/c: {what}, "
-            f"{worst_place(model, lattice, now)}. Likely cause: {found.cause}. Remedy: {remedy}"
-        )
-        return message, found.step_independent

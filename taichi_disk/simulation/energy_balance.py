@@ -87,3 +87,10 @@ class Watch:
     def imbalance(self, rows: Array) -> Array:
         """Deviation of the total energy from its value at t = 0, (rows,) [M c^2]."""
         return np.asarray(rows[:, ENERGY_INDICES].sum(axis=1) - self.total)
+
+    def told(self, bad: Array) -> str:
+        """What is lost at the row `bad` (columns,)."""
+        if not np.isfinite(bad).all():
+            return "a number is no longer finite"
+        off = max(self.imbalance(bad[None])[0], bad[INDEX["sliding"]], key=abs)
+        return f"the energy balance is off by {off:+.2g} of {self.total:.2g} M c^2"

@@ -37,22 +37,16 @@ class Equilibrium:
     roll: float
 
 
-def solve_equilibrium(
-    lattice: Lattice, model: Model, start: Array | None = None, max_iterations: int = 400
-) -> Equilibrium:
+def solve_equilibrium(lattice: Lattice, model: Model, start: Array, max_iterations: int = 400) -> Equilibrium:
     """The stable rest of a disk under its load, on the exponential wall.
 
-    Newton's method, kept on the way downhill in energy from `start` (n, 2), by default the unloaded disk at the height
-    where the wall bears it as a rigid body. The mean x stays: nothing else fixes it. A disk whose centre of mass is not
-    above its contact rolls, as it would in reality, until it is; `roll` tells how far.
+    Newton's method, kept on the way downhill in energy from `start` (n, 2). The mean x stays: nothing else fixes it. A
+    disk whose centre of mass is not above its contact rolls, as it would in reality, until it is.
 
     Raises SimulationError where the forces do not vanish within `max_iterations`.
     """
-    wall, load = model.wall, model.load
-    assert isinstance(wall, ExponentialWall) and load is not None
-    x = start
-    if x is None:
-        x = lattice.positions + np.array([0.0, rigid_balance(lattice.positions[:, 1], wall, load.force)])
+    x, load = start, model.load
+    assert load is not None
     stiffest = float(model.springs.stiffness(lattice, x).diagonal().max())
     shift = _FIRST_SHIFT * stiffest
     for iteration in range(max_iterations + 1):
@@ -158,9 +152,8 @@ def rigid_balance(heights: Array, wall: ExponentialWall, load: float) -> float:
 def resting_angle(disk: Lattice, k_a: float, a: float, pressure: float) -> float:
     """The angle [rad], counter-clockwise, by which the unloaded disk has to be turned to lie lowest.
 
-    On a wall V0 exp(-y/L) a rigid body rests where h = L ln sum_i exp(-y_i/L), y_i against the centre of mass, is
-    smallest; V0 does not matter. L = 1/a + 2 P/(pi k_a) makes its contact about as wide as Hertz's. The smallest
-    over all angles is taken, so that the answer does not depend on how the lattice happens to be turned.
+    On a wall V0 exp(-y/L) a rigid body rests where L ln sum_i exp(-y_i/L), y_i against the centre of mass, is smallest.
+    L = 1/a + 2 P/(pi k_a) makes its contact about as wide as Hertz's.
     """
     from scipy.optimize import minimize_scalar
 
@@ -180,9 +173,7 @@ def resting_angle(disk: Lattice, k_a: float, a: float, pressure: float) -> float
 def place_on_wall(disk: Lattice, angle: float, wall: ExponentialWall, load: float) -> Lattice:
     """`disk` turned by the `angle` at which it rests, and so high that the wall bears the `load`.
 
-    A random lattice's centre of mass lies some 0.005 R beside its middle, so that a disk put down at random rolls.
-    Damped by dashpots that resist rotation too, that takes 10^4 R/c, and the turned disk's lowest point is another: the
-    compression would be measured against the wrong radius.
+    Put down at another angle it would roll for 10^4 R/c, and the compression be measured against the wrong radius.
     """
     positions = turned(disk.positions, angle)
     return replace(disk, positions=positions + np.array([0.0, rigid_balance(positions[:, 1], wall, load)]))

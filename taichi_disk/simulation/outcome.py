@@ -13,7 +13,7 @@ from taichi_disk.lattice import Array
 from taichi_disk.progress import Progress
 from taichi_disk.simulation import energy_balance
 from taichi_disk.simulation.driver import Driver, Moment
-from taichi_disk.simulation.error_estimate import REGULAR_CAUTION, two_run_estimate
+from taichi_disk.simulation.error_estimate import COMPARED, error_estimate
 from taichi_disk.simulation.observables import COLUMNS, Columns
 from taichi_disk.simulation.scenario import Scenario
 from taichi_disk.simulation.simulation import KernelCache
@@ -21,7 +21,7 @@ from taichi_disk.simulation.stability import Spectrum, spectrum, step_limit
 from taichi_disk.simulation.step_control import fitted
 
 ESTIMATE_UP_TO = 1.3e9  # spring evaluations of a run, some 5 s, up to which a second run for the error is made unasked
-COMPARED = 1.5  # by which the step of the second run is shorter
+REST_CAUTION = 1.1  # by which the distance from Newton's rest is enlarged
 ROUNDING = 1e-11  # of xi [R], about, and of where the solver stops
 ROWS_AT_REST = 101  # of an equilibrium's way from the unloaded disk
 
@@ -62,8 +62,8 @@ def compute(
         time: the scene's section `time`.
         modes: the spectrum of its lattice and model, if known.
         force: take a hand-written step even beyond the stability limit.
-        estimate: whether to run a second time, for an estimate of the error and to count triangles turned inside out,
-            unless that would take long.
+        estimate: whether to estimate the error and to count triangles turned inside out, by running again, unless that
+            would take long.
 
     Raises InputError for a step by hand that is too long, SimulationError when the scene does not end in time or its
     energy balance is lost, BlowUp when the state becomes meaningless.
@@ -97,14 +97,12 @@ def _described(driver: Driver, time: Any, estimate: bool) -> Outcome:
         )
     error, inverted = driver.control.error(columns), None
     if error is not None and not scenario.step_dependent:
-        error = REGULAR_CAUTION * error + ROUNDING
+        error = REST_CAUTION * error + ROUNDING
     if estimate and end.step * len(scenario.lattice.bonds) * step.integrator.forces <= ESTIMATE_UP_TO:
-        tightest = float(columns["t"][int(columns["elastic"].argmax())])
+        _, x, _ = next(driver.replay(np.array([greatest_compression(columns)])))
+        inverted = inverted_triangles(scenario, x)
         if scenario.step_dependent and time.tolerance == "none":
-            error, inverted = _second_opinion(driver, time, tightest)
-        else:
-            _, x, _ = next(driver.replay(np.array([tightest])))
-            inverted = inverted_triangles(scenario, x)
+            error = _second_opinion(driver, time)
     if inverted:
         warnings.append(
             f"{inverted} triangle{'s' * (inverted > 1)} of the lattice turned inside out: there springs are no elastic "
@@ -126,24 +124,24 @@ def _described(driver: Driver, time: Any, estimate: bool) -> Outcome:
     return Outcome(columns, positions, velocities, driver.replay, facts, driver.compile_seconds)
 
 
-def _second_opinion(driver: Driver, time: Any, tightest: float) -> tuple[float | None, int]:
-    """A run with a shorter step: the estimated error of the first one's result, and triangles turned inside out.
+def greatest_compression(columns: Columns) -> float:
+    """When the elastic energy is largest [R/c]."""
+    return float(columns["t"][int(columns["elastic"].argmax())])
 
-    They are counted at the time `tightest` [R/c].
-    """
+
+def _second_opinion(driver: Driver, time: Any) -> float | None:
+    """The estimated error of the result, by another run with a shorter step; None where that has no result."""
     scenario, step, columns = driver.scenario, driver.step, driver.columns
     dt = fitted(step.dt / COMPARED, scenario.model.reset_interval)
     time = replace(time, dt=dt, integrator=step.integrator.name)
     other = Driver(scenario, time, driver.kernels, driver.control.spectrum, force=True)
-    other.advance(steps=max(1, round(tightest / dt)))
-    inverted = inverted_triangles(scenario, other.simulation.positions())
     try:
         if other.advance() == "failed":
-            return None, inverted
-        error = two_run_estimate(other.control.record(other.columns), driver.control.record(columns))
+            return None
+        error = error_estimate(other.control.record(other.columns), driver.control.record(columns))
     except TaichiDiskError:  # no result
-        return None, inverted
-    return error + scenario.end_truncation_error(columns), inverted
+        return None
+    return error + scenario.end_truncation_error(columns)
 
 
 def inverted_triangles(scenario: Scenario, x: Array) -> int:

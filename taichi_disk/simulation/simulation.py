@@ -10,7 +10,6 @@ from typing import Any
 import numpy as np
 import taichi as ti
 
-from taichi_disk import runtime
 from taichi_disk.integrators import Integrator
 from taichi_disk.integrators.trapezoidal import DashpotSolver, Factor, factorise
 from taichi_disk.lattice import Array, Lattice
@@ -102,8 +101,7 @@ class Simulation:
         start[0], start[1] = lattice.positions, velocities
         self.state.restore(Snapshot(0, start, np.zeros(SUMS)))
         rows = np.zeros((1, len(COLUMNS)))
-        with runtime.whole_vectors():
-            self.stepping.initialise(rows)
+        self.stepping.initialise(rows)
         self.first_row = self.now = rows[0]
 
     # ---- time
@@ -111,21 +109,19 @@ class Simulation:
     def advance(
         self, steps: int, stride: int = 1, bounds: Array | None = None, needed: int = NEVER, held: int = 0
     ) -> tuple[Array, int]:
-        """Make `steps` steps, fewer if the scene's end is met.
+        """Make `steps` steps, fewer if the scene's end is met; none at all compile the kernel.
 
         Args:
             stride: a row of observables is returned for every step whose number is a multiple of it.
-            bounds: (2, columns) least and largest value of every column where the scene may have ended.
+            bounds: (2, columns) least and largest value of every column at the end.
             needed, held: how many rows running have to be within the bounds to stop, and how many are already.
 
-        Returns the rows (rows, columns), and how many rows running are within the bounds now. No steps at all compile
-        the kernel.
+        Returns the rows (rows, columns), and how many rows running are within the bounds now.
         """
         rows = np.empty(((self.step_number % stride + steps) // stride + 1, len(COLUMNS)))
         bounds = bounds_array({}) if bounds is None else bounds
         counts = np.array([needed, held, 0, 0], np.int32)
-        with runtime.whole_vectors():
-            self.stepping.advance(self.step_number, steps, stride, rows, bounds, counts)
+        self.stepping.advance(self.step_number, steps, stride, rows, bounds, counts)
         held, made, count = (int(number) for number in counts[1:])
         self.step_number += made
         if steps:
@@ -155,10 +151,6 @@ class Simulation:
         _, v, f = (snapshot or self.snapshot()).vectors[:3]
         return np.asarray(v + self.integrator.kicks[-1] * self.dt / self.mass * f)
 
-    def forces(self) -> Array:
-        """(n, 2) total force on every point now [M c^2/R]."""
-        return self.snapshot().vectors[2].copy()
-
     def peak_point_force(self, snapshot: Snapshot | None = None) -> float:
         """Largest force of the wall on one point since t = 0 [M c^2/R]."""
         return float((snapshot or self.snapshot()).sums[PEAK])
@@ -177,13 +169,13 @@ class Simulation:
 
 
 class KernelCache:
-    """Up to `size` simulations that were compiled once and are used again, because compiling takes seconds.
+    """Simulations that were compiled once and are used again, because compiling takes seconds.
 
     `before_compiling` is called before the caller has to wait.
     """
 
-    def __init__(self, size: int = 12, before_compiling: Callable[[], None] = lambda: None) -> None:
-        self._size, self._before_compiling = size, before_compiling
+    def __init__(self, before_compiling: Callable[[], None] = lambda: None) -> None:
+        self._before_compiling = before_compiling
         self._known: dict[Any, Simulation] = {}
 
     def simulation(
@@ -191,24 +183,15 @@ class KernelCache:
     ) -> Simulation:
         """A simulation at t = 0 of these; one that was given before may become it."""
         key = (model.signature(), integrator.name)
-        known = self._known.pop(key, None)
+        known = self._known.get(key)
         arguments = lattice, model, integrator, velocities, dt
         if known is None or not known.restart(*arguments):
             self._before_compiling()
-            if known is None and len(self._known) >= self._size:
-                known = self._known.pop(next(iter(self._known)))
             if known is not None:
                 known.destroy()
-            known = Simulation(*arguments)
+            known = self._known[key] = Simulation(*arguments)
             known.advance(0)
-        self._known[key] = known  # the last one used stands last
         return known
-
-    def clear(self) -> None:
-        """Free all fields; the simulations cannot be used afterwards."""
-        for known in self._known.values():
-            known.destroy()
-        self._known.clear()
 
 
 def _needed(lattice: Lattice, arrangement: Arrangement, factor: Factor | None) -> tuple[int, int, int]:

@@ -66,11 +66,10 @@ def explicit_limit(omega: float, damping: float) -> float:
 
 
 def impact_point_force(lattice: Lattice, model: Model, velocity: float) -> float:
-    """Estimate of the largest force of the wall on one point in an impact [M c^2/R].
+    """Estimate of the largest force of the wall on one point in an impact [M c^2/R]; a run checks it.
 
-    Quasi-static energy balance v^2/2 = pi E* xi^2/(2 ln(4/xi)) gives the peak compression and its force; Hertz's line
-    contact, half-width sqrt(4 F/(pi E*)), spreads it over the points. A single point is stopped by the force a m v^2/2
-    at the least: into a hard wall, at high speed, that is more. A run checks the estimate.
+    Quasi-static energy balance v^2/2 = pi E* xi^2/(2 ln(4/xi)) gives the peak compression and its force. A single point
+    is stopped by a m v^2/2 at the least: into a hard wall, at high speed, that is more.
     """
     assert model.wall is not None
     e_star = MODULUS * model.springs.k_a
@@ -84,9 +83,8 @@ def impact_point_force(lattice: Lattice, model: Model, velocity: float) -> float
 def contact_point_force(lattice: Lattice, model: Model, force: float) -> float:
     """Estimate of the share of a total contact force that one point carries [M c^2/R], at most all.
 
-    The force is spread by the flattening, Hertz's semi-ellipse of half-width b = sqrt(4 F R/(pi E*)) and variance
-    b^2/4, and by the wall's softness: along a circle exp(-a y) is a Gaussian of variance R/a. A point carries the peak
-    of a Gaussian with both variances over its chord, and somewhat more where it sticks out.
+    It carries over its chord the peak of a Gaussian, which has the variance of Hertz's contact, F R/(pi E*), and that
+    of a soft wall along a circle, R/a; somewhat more where it sticks out.
     """
     assert model.wall is not None
     variance = force / (np.pi * MODULUS * model.springs.k_a) + 1.0 / model.wall.a

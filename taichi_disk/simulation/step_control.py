@@ -6,9 +6,9 @@ from math import ceil, inf, sqrt
 from typing import Any
 
 from taichi_disk.errors import InputError
-from taichi_disk.integrators import INTEGRATORS, TRAPEZOIDAL, VEFRL, VELOCITY_VERLET, Integrator
+from taichi_disk.integrators import INTEGRATORS, TRAPEZOIDAL, VELOCITY_VERLET, Integrator
 from taichi_disk.simulation.energy_balance import CLOSING, LARGEST, WORST, relative_imbalance, unacceptable
-from taichi_disk.simulation.error_estimate import LEAST, RATIO, RunRecord, TimeStep, better_step, error_estimate
+from taichi_disk.simulation.error_estimate import COMPARED, RunRecord, TimeStep, error_estimate
 from taichi_disk.simulation.observables import Columns
 from taichi_disk.simulation.scenario import Scenario
 from taichi_disk.simulation.stability import Spectrum, step_limit
@@ -16,16 +16,16 @@ from taichi_disk.simulation.stability import Spectrum, step_limit
 MARGIN = 0.95  # of the limit that the measured wall stiffness leaves; an automatic step above it is redone
 HARDER = 1.5  # than measured: the force of the wall that the next step is chosen for
 ATTEMPTS = 8
-LONGEST_TO_COMPARE = 0.96  # of the stability limit, a step to compare the automatic one with
-LONGEST_FIRST = 0.95  # of its stability limit, with which another integrator begins
+BLOW_UPS = 5  # after which no shorter step is tried: where a wall is dented none helps
+AIM = 0.75  # of the tolerance, at which a step is aimed
+LEAST, MOST = 1.15, 3.0  # by which a step is shortened for it: a longer leap would trust the power too far
 
 
 class StepControl:
     """The time step of one scenario, made shorter as its runs prove that necessary.
 
     `integrator: auto` takes the dashpots implicitly where that reaches the end with less work. A reset boundary
-    shortens the step until a whole number of steps fits the interval. Where a tolerance is asked for, the first step is
-    longer than the automatic one, to compare that with.
+    shortens the step until a whole number of steps fits the interval.
 
     Args:
         time: the scene's section `time`.
@@ -43,9 +43,7 @@ class StepControl:
         self.scenario, self.time, self.spectrum, self.attempt = scenario, time, spectrum, 1
         self.records: list[RunRecord] = []
         self._integrator, self._safety, self._point_force = time.integrator, time.safety, scenario.point_force
-        self._excess, self._step_independent = inf, False
-        if time.tolerance != "none" and scenario.step_dependent:
-            self._safety = max(time.safety, min(RATIO * time.safety, LONGEST_TO_COMPARE))
+        self._excess, self._blow_ups = inf, 0
         self.step = self._choice()
         if time.dt != "auto" and time.dt > self.step.limit and not force:
             limit, name = self.step.limit, self.step.integrator.name
@@ -58,14 +56,14 @@ class StepControl:
         return step_limit(self.spectrum, self.scenario.model, integrator, force)
 
     def _choice(self) -> TimeStep:
-        name, force, points = self._integrator, self._point_force, self.spectrum.points
+        name, force = self._integrator, self._point_force
         if name == "auto":
             ratio = self._limit(TRAPEZOIDAL, force) / self._limit(VELOCITY_VERLET, force)
-            name = (TRAPEZOIDAL if ratio > cost(TRAPEZOIDAL, points) else VELOCITY_VERLET).name
+            name = (TRAPEZOIDAL if ratio > implicit_cost(self.spectrum.points) else VELOCITY_VERLET).name
         integrator = INTEGRATORS[name]
         limit = self._limit(integrator, force)
         dt = self._safety * limit if self.time.dt == "auto" else self.time.dt
-        return TimeStep(integrator, limit, fitted(dt, self.scenario.model.reset_interval), cost(integrator, points))
+        return TimeStep(integrator, limit, fitted(dt, self.scenario.model.reset_interval))
 
     # ---- errors
 
@@ -77,8 +75,10 @@ class StepControl:
 
     def error(self, columns: Columns) -> float | None:
         """The estimated error of the last primary result; None while there is too little to tell."""
-        error = error_estimate(self.records) if self.scenario.step_dependent else 0.0
-        return None if error is None else error + self.scenario.end_truncation_error(columns)
+        left = self.scenario.end_truncation_error(columns)
+        if not self.scenario.step_dependent:
+            return left
+        return error_estimate(*self.records[-2:]) + left if len(self.records) > 1 else None
 
     def out_of_tolerance(self, columns: Columns) -> str | None:
         """What to tell where the last run, which gave `columns`, is not known to be within the tolerance asked for."""
@@ -94,15 +94,15 @@ class StepControl:
 
     # ---- the next run
 
-    def shorten_after_blow_up(self, peak: float, step_independent: bool) -> bool:
-        """Choose a shorter step after a blow-up; False where one would not help.
+    def shorten_after_blow_up(self, peak: float) -> bool:
+        """Choose a shorter step after a blow-up; False where that would not help.
 
-        `peak` is the largest measured force of the wall on one point [M c^2/R]. Where a shorter step seldom mends it
-        (`step_independent`), one is tried all the same, once.
+        `peak` is the largest measured force of the wall on one point [M c^2/R].
         """
-        if self._last or (step_independent and self._step_independent):
+        self._blow_ups += 1
+        self.records.clear()  # the next step may be of another integrator
+        if self._last or self._blow_ups > BLOW_UPS:
             return False
-        self._step_independent = step_independent
         if self._beyond(peak):
             return self._again(force=HARDER * peak)
         return self._again(0.5 * self._taken)
@@ -154,37 +154,26 @@ class StepControl:
         A first run beyond the measured stability limit still serves to compare with, the last must be within it.
         """
         scenario, step, tolerance = self.scenario, self.step, self.time.tolerance
-        room = tolerance - scenario.end_truncation_error(columns)
+        error, left = self.error(columns), scenario.end_truncation_error(columns)
+        room = tolerance - left
         stands = not (self.out_of_tolerance(columns) or self._beyond(peak) or unacceptable(scenario, columns))
         if stands or room <= 0.0:
             return False
-        other = None
-        if self._integrator == "auto" and step.integrator is TRAPEZOIDAL and not scenario.model.reset_interval:
-            other = self._first_of(VELOCITY_VERLET, peak)
-        elif self._integrator == "auto" and not scenario.model.velocity_dependent:
-            other = self._first_of(VEFRL, peak)
+        shorter = COMPARED
+        if error is not None:
+            shorter = min(((error - left) / (AIM * room)) ** (1.0 / step.integrator.order), MOST)
         excess = abs(relative_imbalance(scenario, columns)[0]) / max(LARGEST, tolerance)
         least = max(LEAST, sqrt(excess), step.dt / (MARGIN * self._limit(step.integrator, peak)))
-        better = better_step(self.records, room, step, other, least)
-        if better.integrator is not step.integrator:
-            self._integrator = better.integrator.name
-        return self._again(better.dt / self._limit(better.integrator, self._point_force))
-
-    def _first_of(self, integrator: Integrator, peak: float) -> TimeStep:
-        limit = self._limit(integrator, peak)
-        dt = min(LONGEST_FIRST * limit, 2.0 * self.scenario.resolving_step)
-        return TimeStep(integrator, limit, dt, cost(integrator, self.spectrum.points))
+        return self._again(step.dt / max(shorter, least) / self._limit(step.integrator, self._point_force))
 
 
-def cost(integrator: Integrator, points: int) -> float:
-    """Of a step, in force evaluations.
+def implicit_cost(points: int) -> float:
+    """Of a step with implicit dashpots, in force evaluations.
 
-    The factor of implicit dashpots has about 2.5 n^(1/4) entries for each point. Measured on one core: 2.8 at
-    n = 1,099, 4.0 at 10,000, 6.3 at 40,000, where it fits no cache.
+    Their factor has about 2.5 n^(1/4) entries for each point. Measured on one core: 2.8 at n = 1,099, 4.0 at 10,000,
+    6.3 at 40,000, where it fits no cache.
     """
-    if integrator.dashpots == "implicit":
-        return max(2.8, 0.9 + 1.9 * (points / 1000.0) ** 0.25)
-    return float(integrator.forces)
+    return max(2.8, 0.9 + 1.9 * (points / 1000.0) ** 0.25)
 
 
 def fitted(dt: float, interval: float) -> float:

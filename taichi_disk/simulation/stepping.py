@@ -39,7 +39,7 @@ class Stepping:
         self.springs, self.body_forces = model.springs, model.body_forces
         laws: Any = model  # where a law is absent, no kernel asks for it
         self.elastic_wall, self.mouse, self.boundary = laws.elastic, laws.mouse, laws.boundary
-        self.contact, self.pulled = model.elastic is not None, model.mouse is not None
+        self.contact = model.elastic is not None
         self.damped, self.implicit = model.springs.damped, solver is not None
         self.explicit = self.damped and not self.implicit
         self.pinned = isinstance(model.boundary, PinnedBoundary)
@@ -91,7 +91,7 @@ class Stepping:
 
     @ti.func
     def touch(self, move, sums, top):
-        """After the springs' forces those of elastic wall and mouse, and what holds points.
+        """After the springs' forces those of the elastic wall, and what holds points.
 
         The points have just moved by `move` times the velocity; `top` is the rigid wall's largest force on one point.
         Returns `sums`, force and potential of the contact with the elastic wall.
@@ -102,8 +102,6 @@ class Stepping:
             slid = 0.0
             upward, potential, highest, slid = self.elastic_wall.add(self.state, move)
             result[SLIDING] += slid
-        if ti.static(self.pulled):
-            self.mouse.add(self.state)
         if ti.static(self.pinned):
             self.boundary.hold(self.state)
         result[PEAK] = ti.max(result[PEAK], highest)
@@ -145,16 +143,12 @@ class Stepping:
             boundary_power = self.boundary.damp(self.state, 0.5 * self.state.g[None])
         result = sums
         p0, p1, b0, b1 = sums[POWER], power, sums[BOUNDARY_POWER], boundary_power
-        # What leapfrog keeps, E + h^2 E_2 + O(h^4), loses not g int(x1^2) in a dashpot g but, with xn the n-th
-        # derivative, g int(x1^2 + c h^2 x2^2): c = 2/3 where the velocity is predicted, u = x1 - h^2/2 x3, and 1/6
-        # where it is centred. Of the sums at hand u.u gives c = 1 and u.v, v half a step ago, 1/2, a quarter of
-        # a step late; v.v 1/4, half a step late. Two thirds of the latter, moved to the step, and a third of
-        # the first are the loss to O(h^4).
+        # What leapfrog keeps, E + h^2 E_2 + O(h^4), loses in a dashpot g not g int(x1^2) but g int(x1^2 + c h^2 x2^2),
+        # xn the n-th derivative: c = 2/3 where the velocity is predicted, 1/6 where it is centred, -1/6 where it is
+        # solved for. These sums are that to O(h^4), though some velocities at hand are half a step late.
         loss = h * (p0 + 2.0 * p1) / 3.0
         boundary_loss = h * (b0 + 5.0 * b1) / 6.0
         if ti.static(self.implicit):
-            # Trapezoidal leapfrog obeys x2 + h^2/12 x4 = -w^2 x - g (x1 + h^2/6 x3) to O(h^4) and loses
-            # g int(x1^2 - h^2/6 x2^2): this sum is that to O(h^4).
             boundary_loss = 0.5 * h * (b0 + b1)
             loss = h * (2.0 / 3.0 * (p0 + p1) - 1.0 / 3.0 * cross) - boundary_loss
         result[DISSIPATED] += loss
@@ -279,9 +273,6 @@ class Stepping:
                     else:
                         load += law.potential_at(self.state, i)
             v2 += vx * vx + vy * vy
-        if ti.static(self.pulled):
-            _i, _force, pull = self.mouse.pull(self.state)
-            load += pull
         count, m = ti.cast(self.state.n_disk[None], ti.f64), self.state.m[None]
         rows[s, INDEX["com_x"]] = sx / count
         rows[s, INDEX["com_y"]] = sy / count

@@ -1,4 +1,4 @@
-"""The same scene gives the same bits: again, after other scenes, from a saved state, in however many launches."""
+"""The same scene gives the same bits: again, after other scenes, from a saved state."""
 
 from __future__ import annotations
 
@@ -54,9 +54,6 @@ def test_a_simulation_goes_on_from_a_saved_state_with_the_same_bits(kernels):
     simulation.restore(state)
     assert simulation.step_number == 300
     assert_array_equal(simulation.advance(200, 50)[0], expected)
-    # In how many launches does not matter either.
-    simulation.restore(state)
-    assert_array_equal(np.concatenate([simulation.advance(few, 50)[0] for few in (50, 1, 49, 100)]), expected)
     # What is observed after the last step does not depend on which rows were asked for.
     simulation.restore(state)
     simulation.advance(57, 50)
