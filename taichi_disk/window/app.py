@@ -3,17 +3,16 @@
 from __future__ import annotations
 
 import csv
-import ctypes
 import os
 import re
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 
 from taichi_disk.errors import InputError, TaichiDiskError
 from taichi_disk.render import film_problem
-from taichi_disk.scenes import Scene, Sweep, load_any, load_scene, shipped_scenes
+from taichi_disk.scenes import Scene, load_scene, shipped_scenes
 
 Entry = tuple[str, Callable[[], Scene]]  # a scene by name, read when it is wanted
 
@@ -42,45 +41,35 @@ def presets(first: Scene) -> list[Entry]:
     """`first`, the shipped scenes, and the changes that their heads suggest to try."""
     entries: list[Entry] = [(first.title, lambda: first)]
     for name, path in shipped_scenes().items():
-        text = path.read_text(encoding="utf-8")
-        if re.search(r"^sweep:", text, re.MULTILINE):
+        if _is_sweep(path):
             continue
         if name != first.scene:
             entries.append((name, partial(load_scene, name)))
-        for scene, settings, what in _SUGGESTED.findall(text):
+        for scene, settings, what in _SUGGESTED.findall(path.read_text(encoding="utf-8")):
             changes = settings.replace("--set", "").split()
             entries.append((f"{' '.join(changes)}: {what}", partial(load_scene, scene, changes)))
     return entries
 
 
 def folder(path: Path) -> list[Entry]:
-    """The scenes in a folder: a sweep's points in their order, a run's scene, or its YAML files, sweeps point by point.
+    """The scenes in a folder: a sweep's points in their order, a run's scene, or its YAML files but for sweeps.
 
-    Raises InputError if there is none, or one that is wrong.
+    Raises InputError if there is none.
     """
     table = path / "points.csv"
     if table.is_file():
         rows = csv.DictReader(table.read_text(encoding="utf-8").splitlines())
         files = [path / "points" / f"{row.get('key')}.yaml" for row in rows]
-        entries: list[Entry] = [(file.stem, partial(load_scene, file)) for file in files if file.is_file()]
     else:
-        entries = [entry for file in sorted(path.glob("*.yaml")) for entry in _entries(file)]
+        files = [file for file in sorted(path.glob("*.yaml")) if not _is_sweep(file)]
+    entries: list[Entry] = [(file.stem, partial(load_scene, file)) for file in files if file.is_file()]
     if not entries:
         raise InputError(f"{path}: there is no scene in this folder (*.yaml, or points.csv with points/*.yaml)")
     return entries
 
 
-def _entries(path: Path) -> Iterator[Entry]:
-    found = load_any(path)
-    if not isinstance(found, Sweep):
-        yield path.stem, partial(_same, found)
-        return
-    for k, scene in enumerate(found.scenes):
-        yield f"{path.stem} {k + 1}", partial(_same, scene)
-
-
-def _same(scene: Scene) -> Scene:
-    return scene
+def _is_sweep(path: Path) -> bool:
+    return re.search(rb"^sweep:", path.read_bytes(), re.MULTILINE) is not None
 
 
 def window_problem() -> str | None:
@@ -88,24 +77,9 @@ def window_problem() -> str | None:
 
     It is asked without opening one: GLFW ends the process where it cannot.
     """
-    name = os.environ.get("DISPLAY", "")
-    if sys.platform.startswith("linux") and not (name and _x_answers()):
-        found = f"the display DISPLAY={name} does not answer" if name else "there is no display (DISPLAY is not set)"
+    if sys.platform.startswith("linux") and not os.environ.get("DISPLAY"):
         return (
-            f"{found}: run it on a desktop, log in with `ssh -X`, or give it a virtual one: "
-            "`xvfb-run -s '-screen 0 1280x1024x24' taichi-disk view`; `taichi-disk run` films without a display"
+            "there is no display (DISPLAY is not set): run it on a desktop, log in with `ssh -X`, or give it a virtual "
+            "one: `xvfb-run -s '-screen 0 1280x1024x24' taichi-disk view`; `taichi-disk run` films without a display"
         )
     return film_problem()
-
-
-def _x_answers() -> bool:
-    try:
-        x11 = ctypes.CDLL("libX11.so.6")
-    except OSError:
-        return True  # Taichi cannot be loaded either, and says so better
-    x11.XOpenDisplay.restype = ctypes.c_void_p
-    x11.XCloseDisplay.argtypes = [ctypes.c_void_p]
-    display = x11.XOpenDisplay(None)
-    if display:
-        x11.XCloseDisplay(display)
-    return bool(display)

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from operator import attrgetter
 from typing import Any
 
 import numpy as np
-from scipy.special import logsumexp
 
 from taichi_disk.config.scene_base import least_threshold
 from taichi_disk.lattice import Array, Lattice
@@ -15,13 +15,17 @@ from taichi_disk.physics.mouse_spring import MouseSpring
 from taichi_disk.scenes import Scene
 from taichi_disk.scenes.absorbing_wall import AbsorbingWallScene
 from taichi_disk.scenes.compression import CompressionScene
-from taichi_disk.scenes.impact import ImpactScenario
 from taichi_disk.simulation.scenario import Scenario
 from taichi_disk.simulation.stability import Spectrum, spectrum
 
-AT_ONCE = ("material.eta_star", "wall.a", "wall.boundary", "compression.pressure")  # keys that need no new start
+AT_ONCE = ("material.eta_star", "wall.boundary", "compression.pressure")  # keys that need no new start
 STIFFNESS = 0.2  # of the mouse's spring, in k_a
 STRONGEST = 0.02  # its largest pull, in k_a R: more would turn triangles of a fine lattice inside out
+
+
+def push_of(scene: Scene) -> float:
+    """The velocity of an impact [c], the force of a compression [M c^2/R]."""
+    return float(attrgetter(".".join(scene.abscissa))(scene))
 
 
 def with_key(scene: Scene, key: str, value: Any) -> Scene:
@@ -70,7 +74,7 @@ def start_of(scene: Scene, before: Start | None = None) -> Start:
 
 def _of_the_body(scene: Scene) -> tuple[Any, ...]:
     """All that the unloaded lattice and its spectrum depend on."""
-    return (scene.lattice, scene.material.k_a, getattr(scene.wall, "points", 0), getattr(scene.wall, "width", 0.0))
+    return scene.material.k_a, attrgetter(*scene.lattice_keys)(scene)
 
 
 def with_mouse(scene: Scene, body: Lattice) -> Scenario:
@@ -81,39 +85,12 @@ def with_mouse(scene: Scene, body: Lattice) -> Scenario:
     return scenario
 
 
-def continued(scene: Scene, body: Lattice, before: Scenario, x: Array, v: Array, force: float) -> Scenario:
+def continued(scene: Scene, body: Lattice, x: Array, v: Array, force: float) -> Scenario:
     """The laws of `scene`, beginning with the positions `x` (n, 2) [R] and velocities `v` (n, 2) [c] of now.
 
-    Args:
-        before: what it was until now.
-        force: largest force of the wall on a point that was measured [M c^2/R].
+    `force`: largest force of the wall on a point that was measured [M c^2/R].
     """
     scenario = with_mouse(scene, body)
-    x = _lifted(before, scenario, x)
-    left, right, bottom, top = scenario.view
-    scenario.view = left, right, bottom, max(top, float(x[:, 1].max()) + 0.05)
     scenario.lattice, scenario.velocities = replace(scenario.lattice, positions=x), v
     scenario.point_force = max(scenario.point_force, force)
     return scenario
-
-
-def _lifted(before: Scenario, scenario: Scenario, x: Array) -> Array:
-    """The positions from which a wall of another hardness pushes as strongly as the one before.
-
-    Where V0 stays, a softer wall reaches farther: left where it is, a disk in contact would be shot away. With a flat
-    wall a height has no meaning of its own; with the elastic one, distances to it are taken upright.
-    """
-    first, second = before.model.wall, scenario.model.wall
-    assert first is not None and second is not None
-    lattice, n = scenario.lattice, scenario.lattice.disk_points
-    distances = x[:n, 1]
-    if len(lattice.wall_surface):
-        surface = x[lattice.disk_surface]
-        distances = surface[:, 1] - np.interp(surface[:, 0], *x[lattice.wall_surface].T)
-    if isinstance(scenario, ImpactScenario) and isinstance(before, ImpactScenario):
-        if first.a == second.a or distances.min() >= max(scenario.gap, before.gap):  # out of reach of either
-            return x
-    force = [logsumexp(-one.a * distances) + np.log(one.a * one.V0) for one in (first, second)]
-    x = x.copy()
-    x[:n, 1] += (force[1] - force[0]) / second.a
-    return x

@@ -17,12 +17,14 @@ from taichi_disk.window.stage import Stage
 
 MORE, MANY = 1.12, 1.5  # times as much, with each press of a key; times as many points
 REPEATED = ("Left", "Right", "Up", "Down", "e", "d", "a", "z", "s", "f", "i", "u")  # while they are held
-_RANGES = {
-    "material.eta_star": (0.1, 1000.0),
-    "wall.a": (10.0, 30_000.0),
-    "impact.velocity": (1e-3, 0.3),
-    "compression.pressure": (1e-4, 0.1),
-    "lattice.points": (100, 20_000),
+LEAST_ETA = 0.1  # viscosity that keys reach before 0
+# What keys and sliders change: what is written beside the slider, how many of its units are 1, from where to where.
+RANGES: dict[str, tuple[str, int, float, float]] = {
+    "material.eta_star": ("eta* [e d]", 1, 0.0, 100.0),
+    "impact.velocity": ("v/c", 1, 1e-3, 0.1),
+    "compression.pressure": ("1000 P", 1000, 1e-4, 0.05),
+    "wall.a": ("wall a [a z]", 1, 10.0, 3000.0),
+    "lattice.points": ("points [j k]", 1, 100, 5000),
 }
 Action = Callable[[], None]
 
@@ -58,7 +60,6 @@ class Controls:
             ("l", "another lattice", (lambda: sandbox.set("lattice.seed", sandbox.scene.lattice.seed + 1),)),
             ("b n", "scene before, after this one", (partial(self.play, -1), partial(self.play, 1))),
             ("x", "boundary of the elastic wall", (partial(self._next, "wall.boundary", Boundary),)),
-            ("m", "start with half the step", (sandbox.half_the_step,)),
             ("c", "what colours show", (partial(self._next, "video.colour", Colour),)),
             ("o", "field, springs, both, points", (partial(self._next, "video.draw", Draw),)),
             ("t", "light or dark", (partial(self._next, "video.theme", Theme),)),
@@ -88,7 +89,7 @@ class Controls:
     @property
     def push_key(self) -> str:
         """The velocity of an impact [c], the force of a compression [M c^2/R]."""
-        return "impact.velocity" if self.sandbox.is_impact else "compression.pressure"
+        return ".".join(self.sandbox.scene.abscissa)
 
     def value(self, key: str) -> Any:
         """Of a dotted key of the scene; None where there is none."""
@@ -110,14 +111,12 @@ class Controls:
         self.stage.zoom(factor, self.cursor)
 
     def _more(self, key: str, factor: float) -> None:
-        """A number ("": the push) times a factor, in its range or no farther out; viscosities below theirs are 0."""
+        """A number ("": the push) times a factor, in its range or no farther out."""
         key = key or self.push_key
-        value, (low, high) = self.value(key), _RANGES[key]
-        new = value * factor
-        if factor > 1.0:
-            new = min(max(new, low), max(high, value))
-        elif new < low:
-            new = 0.0 if key == "material.eta_star" else min(value, low)
+        value, (_, _, low, high) = self.value(key), RANGES[key]
+        new = min(max(value * factor, low), max(high, value))
+        if key == "material.eta_star" and new < LEAST_ETA:
+            new = LEAST_ETA if factor > 1.0 else 0.0
         self.set(key, new)
 
     def _next(self, key: str, choice: Any) -> None:

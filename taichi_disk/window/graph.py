@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -11,6 +11,7 @@ from taichi_disk.render import scales, text
 from taichi_disk.render.legend import ink
 from taichi_disk.render.palette import PALETTE, Theme
 from taichi_disk.simulation.observables import INDEX
+from taichi_disk.window.changes import push_of
 from taichi_disk.window.history import Stretch
 from taichi_disk.window.sandbox import Sandbox
 from taichi_disk.window.sheet import Sheet
@@ -31,10 +32,9 @@ class Curve(NamedTuple):
     colour: str
     values: Array
 
-    def ink(self, theme: Theme) -> text.Ink:
-        """On a dark ground somewhat brighter."""
-        parts = [int(PALETTE[self.colour][k : k + 2], 16) for k in (1, 3, 5)]
-        red, green, blue = (64 + 3 * part // 4 for part in parts) if theme.name == "dark" else parts
+    @property
+    def ink(self) -> text.Ink:
+        red, green, blue = bytes.fromhex(PALETTE[self.colour][1:])
         return red, green, blue
 
 
@@ -42,7 +42,7 @@ class Graphs:
     """Both graphs of the hit that is seen. Their scales grow, and begin again with each hit.
 
     Attributes:
-        boxes: where the curves lie; there are as many graphs as boxes, two at the most.
+        boxes: where the curves of either graph lie.
         full: what is full scale: "t" [R/c], "energy" [M c^2], "force" [M c^2/R], "motion" [c or R].
     """
 
@@ -53,15 +53,11 @@ class Graphs:
 
     def begin(self) -> None:
         """Scales for the hit that is seen."""
-        scenario: Any = self._sandbox.moment.stretch.scenario
-        unit = scenario.scene.material.k_a**-0.5
-        if self._sandbox.is_impact:
-            v = scenario.velocity
-            t, energy, force, motion = 2.0 * scenario.gap / v + 5.0 * unit, scenario.kinetic, 0.3 * v / unit, v
-        else:
-            P = scenario.pressure
-            t, energy, force, motion = 20.0 * unit, (P * unit) ** 2, 1.5 * P, P * unit**2
-        self.full = {"t": scales.round_near(t), "energy": energy, "force": scales.round_near(force), "motion": motion}
+        scene = self._sandbox.moment.stretch.driver.scenario.scene
+        push, k_a = push_of(scene), scene.material.k_a
+        t, force = scales.round_near(8.0 * k_a**-0.5), scales.round_near(0.3 * push)
+        soft = 1.0 / max(k_a, 1.0)
+        self.full = {"t": t, "force": force, "energy": 0.5 * soft * push**2, "motion": soft * push}
 
     def grow(self) -> None:
         """Let the scales hold what has come to be."""
@@ -86,10 +82,11 @@ class Graphs:
         times, rows = [], []
         before: Array = np.zeros(len(lost))
         for one in self._stretches:
-            part = np.vstack([one.rows, one.row])
+            driver = one.driver
+            part = np.vstack([driver.rows, driver.row])
             part[:, lost] += before
             before = part[-1, lost]
-            times.append(one.began + np.append(np.arange(one.count) * one.interval, one.time))
+            times.append(np.append(one.began + np.arange(driver.count) * driver.interval, one.now))
             rows.append(part)
         return np.concatenate(times) - self._stretches[0].began, np.concatenate(rows)
 
@@ -99,11 +96,11 @@ class Graphs:
 
         height = of("com_y") - of("lowest_y")
         motion, force = (scales.label(self.full[scale]) for scale in ("motion", "force"))
-        moved = (f"v_cm / {motion} c", of("com_vy")) if self._low else (f"ξ / {motion} R", height[0] - height)
+        moved = (f"v / {motion} c", of("com_vy")) if self._low else (f"ξ / {motion} R", height[0] - height)
         return [
             Curve(0, "energy", "kinetic", "kinetic", of("kinetic")),
             Curve(0, "energy", "elastic, wall", "elastic", of("elastic", "wall")),
-            Curve(0, "energy", "lost to dashpots, boundary", "dissipated", of(*_LOST)),
+            Curve(0, "energy", "lost", "dissipated", of(*_LOST)),
             Curve(1, "force", f"wall's force / {force} Mc²/R", "absorbed", of("wall_force")),
             Curve(1, "motion", moved[0], "line", moved[1]),
         ]
@@ -130,7 +127,7 @@ class Graphs:
             x, low = left, k * self._low
             for curve in curves:
                 if curve.graph == k:
-                    sheet.rectangle((x, top - 15.0, x + 13.0, top - 13.0), curve.ink(theme))
+                    sheet.rectangle((x, top - 15.0, x + 13.0, top - 13.0), curve.ink)
                     x += 32.0 + write(x + 18.0, top - 9.0, curve.name)
             for value in (low, 0.5 + 0.5 * low, 1.0):
                 row = bottom - (bottom - top) * (value - low) / (1.0 - low)
@@ -143,15 +140,14 @@ class Graphs:
                 line, align = (f"t = {scales.label(tick)} R/c", 1.0) if tick == last else (scales.label(tick), 0.5)
                 write(x, bottom + 16.0, line, align)
 
-    def draw_curves(self, sheet: Sheet, theme: Theme) -> None:
+    def draw_curves(self, sheet: Sheet) -> None:
         t, rows = self._rows()
         at = np.unique(np.linspace(0, len(t) - 1, _POINTS).astype(int))
         for curve in self._curves(rows[at]):
-            if curve.graph < len(self.boxes):
-                (left, top, right, bottom), low = self.boxes[curve.graph], curve.graph * self._low
-                heights = (np.clip(curve.values / self.full[curve.scale], low, 1.05) - low) / (1.0 - low)
-                columns = left + (right - left) * t[at] / self.full["t"]
-                sheet.curve(columns, bottom - (bottom - top) * heights, 1.4, curve.ink(theme))
+            (left, top, right, bottom), low = self.boxes[curve.graph], curve.graph * self._low
+            heights = (np.clip(curve.values / self.full[curve.scale], low, 1.05) - low) / (1.0 - low)
+            columns = left + (right - left) * t[at] / self.full["t"]
+            sheet.curve(columns, bottom - (bottom - top) * heights, 1.4, curve.ink)
 
     def draw_cursor(self, sheet: Sheet, theme: Theme) -> None:
         for left, top, right, bottom in self.boxes:

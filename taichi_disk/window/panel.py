@@ -14,14 +14,13 @@ import numpy as np
 
 from taichi_disk.scenes.impact import ImpactScenario
 from taichi_disk.simulation.observables import INDEX
-from taichi_disk.window.controls import Controls
+from taichi_disk.window.changes import push_of
+from taichi_disk.window.controls import RANGES, Controls
 from taichi_disk.window.stage import PANEL, SIZE
 
-HEIGHTS = (("Experiment", 306), ("Time", 120), ("Look", 216), ("Numbers", 0))  # pixels; the last takes what is left
+HEIGHTS = (("Experiment", 306), ("Time", 98), ("Look", 216), ("Numbers", 0))  # pixels; the last takes what is left
 LARGE = 5000  # points, from which on a new start takes longer than a picture may
 _GREEN, _ORANGE, _GREY = (0.45, 0.85, 0.55), (1.0, 0.65, 0.25), (0.62, 0.66, 0.72)
-_PUSHES = {"impact.velocity": ("v/c", 1.0, 0.001, 0.1), "compression.pressure": ("1000 P", 1e3, 0.1, 50.0)}
-_POINTS = "points [j k]"
 Wish = Callable[[], None]
 
 
@@ -58,7 +57,7 @@ class Panel:
         """Do what was wished for. What takes long to build waits until no button of the mouse is `held`."""
         sandbox = self._sandbox
         slow = sandbox.at_start and (sandbox.scene.lattice.points > LARGE or not sandbox.is_impact)
-        if not (held and (slow or _POINTS in self._wishes)):
+        if not (held and (slow or RANGES["lattice.points"][0] in self._wishes)):
             wishes, self._wishes = self._wishes, {}
             for _, wish in wishes.values():
                 wish()
@@ -70,17 +69,14 @@ class Panel:
         scene = sandbox.scene
         self._gui.text(f"{controls.number + 1} of {len(controls.playlist)}  {scene.scene}")
         self._button("next scene", "n")
-        self._slider("eta* [e d]", "material.eta_star", 1.0, 0.0, 100.0)
-        name, *scale = _PUSHES[controls.push_key]
-        self._slider(name, controls.push_key, *scale)
-        self._slider("wall a [a z]", "wall.a", 1.0, 10.0, 3000.0)
-        self._slider(_POINTS, "lattice.points", 1.0, 100, 5000)
+        for key in ("material.eta_star", controls.push_key, "wall.a", "lattice.points"):
+            label, unit, low, high = RANGES[key]
+            change = partial(self._change, key, unit)
+            self._slide(label, unit * controls.value(key), unit * low, unit * high, change)
         self._button("drop" if sandbox.at_start else "go on" if sandbox.paused else "pause", "space")
         self._button("back to the start", "r")
         if sandbox.is_impact:
             self._button("hit again", "h")
-        if sandbox.stretch.status == "failed":
-            self._button("start with half the step", "m")
         self._button(f"another lattice than {scene.lattice.seed}", "l")
         if boundary := controls.value("wall.boundary"):
             self._button(f"boundary: {boundary}", "x")
@@ -88,9 +84,7 @@ class Panel:
 
     def _time(self) -> None:
         sandbox = self._sandbox
-        first, last = sandbox.time.stretches[0].began, sandbox.stretch.now
-        self._slide("t, to rewind", sandbox.moment.t, first, max(last, first + 1e-3), sandbox.scrub)
-        self._gui.text(f"[Left Right]  {len(sandbox.time.known)} states", _GREY)
+        self._gui.text(f"[Left Right] to rewind, {len(sandbox.time.moments)} states", _GREY)
         self._slide("R/c per s", sandbox.speed, 0.05, 5.0, self._controls.set_speed)
         if sandbox.is_impact:
             self._tick("slow in contact", sandbox.slow, "y")
@@ -108,13 +102,11 @@ class Panel:
 
     def _numbers(self) -> None:
         write, sandbox = self._gui.text, self._sandbox
-        row, step = sandbox.moment.row, sandbox.stretch.step
-        write(f"v_cm {row[INDEX['com_vy']]:+.5f} c, force {row[INDEX['wall_force']]:.3g} Mc²/R")
+        row, step = sandbox.moment.row, sandbox.driver.step
+        write(f"velocity {row[INDEX['com_vy']]:+.5f} c, force {row[INDEX['wall_force']]:.3g} Mc²/R")
         write(f"energy imbalance {sandbox.imbalance:+.1e}")
-        if sandbox.given:
-            write(f"energy given by hand {sandbox.given:+.1e} Mc²")
         write(f"{step.integrator.name}, step {step.dt:.3g} R/c", _GREY)
-        if sandbox.stretch.behind > 0.0:
+        if sandbox.time.behind:
             write("computing again...", _ORANGE)
         elif sandbox.moment.by_hand:
             write("changed by hand: r to start again", _ORANGE)
@@ -123,10 +115,8 @@ class Panel:
         if sandbox.results:
             write("result      v, P eta*      a", _GREY)
         for one in reversed(sandbox.results):
-            scenario, scene = one.scenario, one.scenario.scene
-            impact = isinstance(scenario, ImpactScenario)
-            name, push = ("e =", scenario.velocity) if impact else ("xi=", scenario.pressure)
-            numbers = f"{one.value:8.5f}{push:6.3g}{scene.material.eta_star:5.3g}{scene.wall.a:7.5g}"
+            scene, name = one.scenario.scene, "e =" if isinstance(one.scenario, ImpactScenario) else "xi="
+            numbers = f"{one.value:8.5f}{push_of(scene):6.3g}{scene.material.eta_star:5.3g}{scene.wall.a:7.5g}"
             write(f"{name}{numbers} {one.label}")
 
     # ---- widgets
@@ -139,17 +129,13 @@ class Panel:
         if self._gui.checkbox(f"{what} [{key}]", value) != value:
             self._wishes[key] = 0.0, partial(self._controls.press, key)
 
-    def _slider(self, label: str, key: str, unit: float, low: float, high: float) -> None:
-        """Of a key of the scene, shown in `unit`s."""
-        value = self._controls.value(key)
-        slide, value = (self._gui.slider_int, value) if isinstance(value, int) else (None, unit * value)
-        self._slide(label, value, low, high, lambda new: self._controls.set(key, new / unit), slide)
+    def _change(self, key: str, unit: float, value: float) -> None:
+        self._controls.set(key, value / unit)
 
-    def _slide(
-        self, label: str, value: float, low: float, high: float, change: Callable[[float], None], slide: Any = None
-    ) -> None:
+    def _slide(self, label: str, value: float, low: float, high: float, change: Callable[[float], None]) -> None:
         # The label names the slider for ImGui: it may not change while it is dragged. It works in single precision.
         shown, _ = self._wishes.get(label, (value, None))
-        new = (slide or self._gui.slider_float)(label, shown, low, max(high, value))
+        slide = self._gui.slider_int if isinstance(value, int) else self._gui.slider_float
+        new = slide(label, shown, low, max(high, value))
         if np.float32(new) != np.float32(shown):
             self._wishes[label] = new, partial(change, new)

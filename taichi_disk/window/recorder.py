@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable
+from contextlib import ExitStack
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,12 +14,11 @@ from PIL.PngImagePlugin import PngInfo
 from taichi_disk.errors import TaichiDiskError
 from taichi_disk.output.files import atomic_write, beside, reason, remove
 from taichi_disk.render import kernels
-from taichi_disk.render.video import Video
+from taichi_disk.render.video import Picture, video
 from taichi_disk.window.controls import Controls
 from taichi_disk.window.stage import PANEL
 
 FPS = 30
-Picture = NDArray[np.uint8]
 
 
 class Recorder:
@@ -26,7 +26,8 @@ class Recorder:
 
     def __init__(self, controls: Controls, read: Callable[[], NDArray[np.float32]]) -> None:
         self._controls, self._read = controls, read
-        self._video: Video | None = None
+        self._open = ExitStack()
+        self._write: Callable[[Callable[[], Picture]], None] | None = None
         self._seconds, self._frames = 0.0, 0
 
     def take(self, seconds: float) -> None:
@@ -34,8 +35,8 @@ class Recorder:
         controls = self._controls
         if not controls.recording:
             self.stop()
-        self._seconds = self._seconds + seconds if self._video else 0.0
-        due = int(self._seconds * FPS) + 1 - (self._frames if self._video else 0)
+        self._seconds = self._seconds + seconds if self._write else 0.0
+        due = int(self._seconds * FPS) + 1 - (self._frames if self._write else 0)
         if not (controls.picture_wanted or (controls.recording and due > 0)):
             return
         picture = picture_of(self._read())
@@ -59,22 +60,23 @@ class Recorder:
 
     def _film(self, picture: Picture, count: int) -> None:
         """Let `count` frames of the film show a picture; it ends where the window gets another size."""
-        if self._video is None:
+        if self._write is None:
             self._new, self._shape, self._frames = beside(self._controls.next_file(".mp4")), picture.shape, 0
-            self._video = Video(self._new, ".mp4", picture.shape[1], picture.shape[0], FPS)
+            film = video(self._new, ".mp4", picture.shape[1], picture.shape[0], FPS)
+            self._write = self._open.enter_context(film)
         elif picture.shape != self._shape:
             self._controls.recording = False
             return
         for _ in range(count):
-            self._video.write(lambda: picture)
+            self._write(lambda: picture)
         self._frames += count
 
     def stop(self) -> None:
         """Complete the film, if there is one."""
-        if self._video:
-            video, self._video = self._video, None
+        if self._write:
+            self._write = None
             try:
-                video.__exit__(None, None, None)
+                self._open.close()
                 path = self._controls.next_file(".mp4")
                 os.replace(self._new, path)
                 self._controls.sandbox.message = f"wrote {path}"
@@ -84,17 +86,9 @@ class Recorder:
                 remove(self._new)
 
     def _facts(self) -> dict[str, str]:
-        sandbox, camera = self._controls.sandbox, self._controls.stage.camera
-        moment = sandbox.moment
-        values = moment.values
-        column, row = camera.to_pixels((values["com_x"], values["com_y"]))
-        facts = {
-            "scene": sandbox.scene.to_yaml(),
-            "changed by hand": str(moment.by_hand),
-            "t": repr(moment.t),
-            "pixels": f"centre of mass at {column - PANEL:.2f} {row:.2f}, {camera.scale:.4f} per R",
-        }
-        return facts | {name: repr(value) for name, value in values.items()}
+        sandbox, moment = self._controls.sandbox, self._controls.sandbox.moment
+        facts = {"scene": sandbox.scene.to_yaml(), "changed by hand": str(moment.by_hand), "t": repr(moment.t)}
+        return facts | {name: repr(value) for name, value in moment.values.items()}
 
 
 def picture_of(drawn: NDArray[np.float32]) -> Picture:

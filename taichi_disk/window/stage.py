@@ -16,7 +16,8 @@ from taichi_disk.render.legend import Legend, ink
 from taichi_disk.render.painter import Painter, draw_triangles
 from taichi_disk.render.palette import THEMES, Theme
 from taichi_disk.render.shapes import edge_height
-from taichi_disk.scenes.impact import ImpactScenario
+from taichi_disk.scenes import Scene
+from taichi_disk.window.changes import push_of
 from taichi_disk.window.graph import Graphs
 from taichi_disk.window.history import Stretch
 from taichi_disk.window.sandbox import Sandbox
@@ -24,14 +25,10 @@ from taichi_disk.window.sheet import Sheet
 
 SIZE = (1280, 860)  # of the window at first [px]
 PANEL = 292  # width of the controls [px]
-SMALLEST = 40  # pixels that are left for the disk in a window however small
 _GRAPHS = 176  # height of the graphs [px]
-_LEAST_HEIGHT, _LEAST_WIDTH = 520, 800  # of a window with graphs; of a stage with two of them [px]
 _LOOK = 5  # pictures between two looks at whether the scales still hold what they show
 _BELOW = 0.14  # what is seen of the rigid wall [R]
 _CONTACT = 0.55  # width of what is seen of a contact [R]
-# Where the scales of colours begin, in v/c or P R/(M c^2); of kinetic energies, in v^2/N.
-_START = {"strain": 0.2, "force": 0.05, "pressure": 0.3, "shear": 0.2, "fringes": 0.05, "rate": 0.5, "speed": 0.5}
 
 
 class Stage:
@@ -51,7 +48,7 @@ class Stage:
     def __init__(self, canvas: Any, sandbox: Sandbox) -> None:
         self._canvas, self.sandbox, self.graphs = canvas, sandbox, Graphs(sandbox)
         self.follows, self.hint = False, ""
-        self._shown: Stretch | None = None
+        self._bonds: Any = None  # of the lattice that `painter` is for
         self._hit = (0, 0)  # number of the start, and of the hit since then
         self._look: tuple[tuple[int, int], str, tuple[str, ...]] = ((0, 0), "", ())  # size, theme, title
         self._kept: dict[str, tuple[Any, NDArray[np.float32]]] = {}
@@ -61,7 +58,7 @@ class Stage:
 
     def home(self) -> None:
         """See the whole scene."""
-        left, right, low, high = self.sandbox.moment.stretch.scenario.view
+        left, right, low, high = self.sandbox.moment.stretch.driver.scenario.view
         if not len(self.painter.lattice.wall_surface):
             low = self.painter.edge - _BELOW
         self._see((left, right, low, max(high, float(self.sandbox.moment.x[:, 1].max()) + 0.02)), 6.0)
@@ -119,19 +116,19 @@ class Stage:
         look = self._look, self._hit, tuple(self.graphs.full.values())
         scale = painter.colour, painter.limit, painter.full_force, self.camera.scale
         self._keep("still", (look, scale), self._fill_still)
-        last = self.sandbox.stretch
-        rows = last.began, last.attempt, last.count
-        self._keep("curves", (look, rows), lambda sheet: self.graphs.draw_curves(sheet, self._theme))
+        driver = self.sandbox.driver
+        rows = self.sandbox.stretch.began, driver.attempt, driver.count
+        self._keep("curves", (look, rows), self.graphs.draw_curves)
         self._keep("moving", None, self._fill_moving)
         draw_triangles(self._canvas, np.concatenate([vertices for _, vertices in self._kept.values()]))
 
     def _adopt(self, stretch: Stretch, size: tuple[int, int]) -> None:
         """See to it that painter, scales and camera suit what is shown."""
-        video, scenario = self.sandbox.scene.video, stretch.scenario
-        fresh = self._shown is None or self._shown.scenario.lattice.bonds is not scenario.lattice.bonds
+        video, scenario = self.sandbox.scene.video, stretch.driver.scenario
+        fresh = self._bonds is not scenario.lattice.bonds
         if fresh:
             self.painter = Painter(scenario.lattice, scenario.model.springs, scenario.model.wall)
-        painter, self._shown = self.painter, stretch
+        painter, self._bonds = self.painter, scenario.lattice.bonds
         painter.springs, painter.wall = scenario.model.springs, scenario.model.wall
         painter.edge = edge_height(scenario.model.wall, scenario.point_force)
         painter.draw, painter.theme = video.draw, video.theme
@@ -141,7 +138,7 @@ class Stage:
             painter.full_force = scales.round_near(0.5 * scenario.point_force)
         if hit != self._hit or video.colour != painter.colour:
             painter.colour = video.colour
-            painter.limit, self._count = _first_limit(scenario, video.colour), 0
+            painter.limit, self._count = _first_limit(scenario.scene, video.colour), 0
         if fresh or look != self._look:
             self._lay_out(size, stretch)
         if fresh or look[0] != self._look[0] or (hit != self._hit and self._at_home):
@@ -149,18 +146,15 @@ class Stage:
         self._hit, self._look = hit, look
 
     def _lay_out(self, size: tuple[int, int], stretch: Stretch) -> None:
-        """Divide the window; what does not fit is left out, the disk last."""
+        """Divide the window."""
         width, height = self._size = size
-        left = min(PANEL, width - SMALLEST)
-        tall, count = height >= _LEAST_HEIGHT, 2 if width - left >= _LEAST_WIDTH else 1
-        bottom, each = height - _GRAPHS if tall else height, (width - left) / count
+        left, bottom, each = PANEL, height - _GRAPHS, (width - PANEL) / 2
         samples = (*self._caption(stretch, 1e3), "1 s shows 0.05 R/c")
-        title = stretch.scenario.title()
+        title = stretch.driver.scenario.title()
         self._legend = Legend(self.painter, width - left, bottom, title, samples, len(samples))
-        self._stage = (left, self._legend.header, width, max(bottom - self._legend.footer, self._legend.header + 1))
+        self._stage = (left, self._legend.header, width, bottom - self._legend.footer)
         self.graphs.boxes = tuple(
-            (left + k * each + 50.0, bottom + 44.0, left + (k + 1) * each - 24.0, height - 34.0)
-            for k in range(count * tall)
+            (left + k * each + 50.0, bottom + 44.0, left + (k + 1) * each - 24.0, height - 34.0) for k in range(2)
         )
 
     def _grow(self) -> None:
@@ -174,7 +168,7 @@ class Stage:
         self.graphs.grow()
 
     def _caption(self, stretch: Stretch, t: float) -> tuple[str, ...]:
-        return stretch.scenario.caption(self.sandbox.moment.values | {"t": t})
+        return stretch.driver.scenario.caption(self.sandbox.moment.values | {"t": t})
 
     @property
     def _theme(self) -> Theme:
@@ -212,8 +206,7 @@ class Stage:
         self._legend.draw_lines(sheet, (*self._caption(moment.stretch, self.graphs.t), pace))
 
 
-def _first_limit(scenario: Any, colour: str) -> float:
+def _first_limit(scene: Scene, colour: str) -> float:
     """What has full colour before anything is known."""
-    push = scenario.velocity if isinstance(scenario, ImpactScenario) else scenario.pressure
-    start = 0.25 * push**2 / scenario.scene.lattice.points if colour == "kinetic" else _START[colour] * push
-    return scales.round_near(start)
+    push = push_of(scene)
+    return scales.round_near(0.25 * push**2 / scene.lattice.points if colour == "kinetic" else 0.05 * push)

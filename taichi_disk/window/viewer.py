@@ -18,11 +18,12 @@ from taichi_disk.window.controls import REPEATED, Controls
 from taichi_disk.window.panel import Panel
 from taichi_disk.window.recorder import Recorder
 from taichi_disk.window.sandbox import PATIENCE, Sandbox
-from taichi_disk.window.stage import PANEL, SIZE, SMALLEST, Stage
+from taichi_disk.window.stage import PANEL, SIZE, Stage
 
 FASTEST = 75  # pictures per second that are shown at most: more are not seen, and cost
 _LONGEST = 0.1  # a picture that took longer does not make the next step longer [s]
 _PICTURE = 1.0 / 32.0  # what computing and drawing may take together [s]
+LEAST = (900, 520)  # pixels that the picture is laid out for, at the least
 _FIRST, _AGAIN = 0.35, 0.07  # when a held key repeats [s]
 Pixel = tuple[float, float]  # column and row from the window's upper left corner
 
@@ -114,8 +115,8 @@ class Viewer:
 
     @property
     def _size(self) -> tuple[int, int]:
-        # A window put away as an icon has no size.
-        width, height = (max(pixels, 2 * SMALLEST) for pixels in self._window.get_window_shape())
+        # A smaller window shows the same, squeezed; one put away as an icon has no size.
+        width, height = map(max, self._window.get_window_shape(), LEAST)
         return width, height
 
     # ---- keys and mouse

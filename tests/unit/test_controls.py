@@ -11,10 +11,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from taichi_disk.render.camera import Camera
 from taichi_disk.scenes import load_scene
 from taichi_disk.simulation.simulation import KernelCache
-from taichi_disk.window.controls import REPEATED, Controls
+from taichi_disk.window.controls import LEAST_ETA, REPEATED, Controls
 from taichi_disk.window.recorder import Recorder, picture_of
 from taichi_disk.window.sandbox import Sandbox
 from taichi_disk.window.stage import PANEL
@@ -28,8 +27,7 @@ def controls(kernels: KernelCache, tmp_path: Path) -> Controls:
         for v in speeds
     ]
     nothing = lambda *_: None  # noqa: E731
-    camera = Camera.fit((-1.0, 1.0, 0.0, 2.0), 400, 300)
-    stage: Any = SimpleNamespace(contact=nothing, follow=nothing, home=nothing, zoom=nothing, camera=camera)
+    stage: Any = SimpleNamespace(contact=nothing, follow=nothing, home=nothing, zoom=nothing)
     out = tmp_path / "out"
     out.mkdir()
     return Controls(Sandbox(playlist[0][1](), kernels=kernels), stage, playlist, out)
@@ -48,9 +46,11 @@ def test_every_key_is_explained_and_reaches_what_it_names(controls: Controls) ->
     for _ in range(60):
         controls.press("d")
     assert sandbox.scene.material.eta_star == 0.0
+    controls.press("e")
+    assert sandbox.scene.material.eta_star == LEAST_ETA
     for _ in range(60):
         controls.press("a")
-    assert sandbox.scene.wall.a == 30_000.0
+    assert sandbox.scene.wall.a == 3000.0
     controls.press("k")
     assert sandbox.scene.lattice.points == 180
     controls.press("F1")  # a key that means nothing
