@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
+from taichi_disk.doctor import REMEDY
 from taichi_disk.errors import TaichiDiskError
-
-_REMEDY = "apt-get update && apt-get install -y --no-install-recommends libx11-6 mesa-vulkan-drivers"
 
 
 def film_problem() -> str | None:
@@ -12,9 +11,9 @@ def film_problem() -> str | None:
     try:
         import taichi as ti
     except ImportError as error:
-        return f"Taichi cannot be loaded ({error}); as root: {_REMEDY}"
+        return f"Taichi cannot be loaded ({error}); as root: {REMEDY}"
     if not ti._lib.core.with_vulkan():
-        return f"pictures are drawn with Vulkan, and there is no Vulkan driver here; as root: {_REMEDY}"
+        return f"pictures are drawn with Vulkan, and there is no Vulkan driver here; as root: {REMEDY}"
     try:
         import av  # noqa: F401
     except ImportError as error:

@@ -3,23 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from contextlib import closing
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from taichi_disk import runtime
 from taichi_disk.config.sections import VideoSection
 from taichi_disk.errors import InputError
-from taichi_disk.output.files import atomic_write, check_pictures, prepare_output
+from taichi_disk.output.files import atomic_write, check_pictures
 from taichi_disk.progress import Progress
 from taichi_disk.render import require_film
 from taichi_disk.render.palette import THEMES
-from taichi_disk.scenes import Scene, load_scene
-from taichi_disk.simulation.outcome import Outcome, compute
+from taichi_disk.simulation.outcome import Outcome, greatest_compression
 from taichi_disk.simulation.scenario import Scenario
-from taichi_disk.simulation.simulation import KernelCache
 
 if TYPE_CHECKING:
     from taichi_disk.render.painter import Painter
@@ -56,23 +55,26 @@ def film(path: Path, runs: Sequence[Run], video: VideoSection, progress: Progres
         path: .mp4, .webm or .gif; .png for one picture, of the greatest compression; without a suffix a folder of
             pictures, 00001.png and so on. It appears once it is complete, and replaces what is there.
 
-    Raises InputError for a suffix or a folder that cannot be, SimulationError if a value is not finite or the file
-    cannot be written, TaichiDiskError if no film can be made on this machine.
+    Raises InputError for a suffix or a folder that cannot be, or runs that cannot be compared; SimulationError if the
+    file cannot be written; TaichiDiskError if no film can be made on this machine.
     """
-    require_film()
     check_target(path)
-    if path.suffix == ".png":
-        _still(path, runs, video)
-        return
-    from taichi_disk.render.video import Video
+    if len({(scenario.static, *scenario.labels) for scenario, _ in runs}) > 1:
+        raise InputError("these runs cannot be compared: they have no time, or no result, in common")
+    require_film()
+    from taichi_disk.render.video import video as encoded
 
-    frames = _frames(runs, video)
+    if path.suffix == ".png":
+        frames: list[Frame] = [(greatest_compression(runs[0][1].columns), _GREATEST)]
+        video = replace(video, supersample=2.0)
+    else:
+        frames = _frames(runs, video)
     progress.start("render", len(frames))
 
     def write(new: Path) -> None:
         with (
-            _pictures(runs, video, frames, video.supersample) as pictures,
-            Video(new, path.suffix, pictures.width, video.size, video.fps) as out,
+            closing(_pictures(runs, video, frames)) as pictures,
+            encoded(new, path.suffix, pictures.width, video.size, video.fps) as append,
         ):
             times = np.array(list(dict.fromkeys(t for t, _ in frames)))
             moments = zip(*(outcome.replay(times) for _, outcome in runs), strict=True)
@@ -80,21 +82,10 @@ def film(path: Path, runs: Sequence[Run], video: VideoSection, progress: Progres
             for k, frame in enumerate(frames):
                 if frame[0] != shown:
                     picture, shown = pictures.draw(next(moments)), frame[0]
-                out.write(partial(pictures.finish, picture, [_lines(*run, frame) for run in runs], frame[0]))
+                append(partial(pictures.finish, picture, [_lines(*run, frame) for run in runs], frame[0]))
                 progress.update(k + 1)
 
     atomic_write(path, write)
-
-
-def _still(path: Path, runs: Sequence[Run], video: VideoSection) -> None:
-    import imageio.v3 as iio
-
-    frames = [(_peak(outcome), _GREATEST) for _, outcome in runs]
-    states = [next(outcome.replay(np.array([t]))) for (_, outcome), (t, _) in zip(runs, frames, strict=True)]
-    with _pictures(runs, video, frames, supersample=2.0, looks=0) as pictures:
-        lines = [_lines(*run, frame) for run, frame in zip(runs, frames, strict=True)]
-        picture = pictures.finish(pictures.draw(states), lines, frames[0][0])
-    atomic_write(path, lambda new: iio.imwrite(new, picture, optimize=True))
 
 
 # ---- when to look, and what to write
@@ -105,7 +96,8 @@ def _frames(runs: Sequence[Run], video: VideoSection) -> list[Frame]:
     count = max(3, round(video.fps * video.seconds))
     held, last = round(_HELD * count), max(round(_LAST * count), 1)
     scenario, outcome = max(runs, key=lambda run: float(run[1].columns["t"][-1]))
-    times, peak = scenario.frame_times(outcome.columns, count - held - last), _peak(outcome)
+    columns = outcome.columns
+    times, peak = scenario.frame_times(columns, count - held - last), greatest_compression(columns)
     greatest = int(np.abs(times - peak).argmin())
     if scenario.static or greatest == len(times) - 1:
         held, last, greatest = 0, held + last, len(times) - 1
@@ -118,11 +110,6 @@ def _frames(runs: Sequence[Run], video: VideoSection) -> list[Frame]:
     return frames[: greatest + 1] + held * [still] + frames[greatest + 1 :] + last * [end]
 
 
-def _peak(outcome: Outcome) -> float:
-    """When the elastic energy is largest [R/c]."""
-    return float(outcome.columns["t"][int(outcome.columns["elastic"].argmax())])
-
-
 def _lines(scenario: Scenario, outcome: Outcome, frame: Frame) -> tuple[str, ...]:
     """The lines for a moment; after the end the observables are those of the end."""
     (t, note), columns = frame, outcome.columns
@@ -133,13 +120,11 @@ def _lines(scenario: Scenario, outcome: Outcome, frame: Frame) -> tuple[str, ...
 # ---- how to draw
 
 
-def _pictures(
-    runs: Sequence[Run], video: VideoSection, frames: Sequence[Frame], supersample: float, looks: int = _LOOKS
-) -> Pictures:
+def _pictures(runs: Sequence[Run], video: VideoSection, frames: Sequence[Frame]) -> Pictures:
     from taichi_disk.render.legend import Legend
     from taichi_disk.render.pictures import Pictures
 
-    painters = [_painter(*run, video, looks) for run in runs]
+    painters = [_painter(*run, video, _LOOKS if len(frames) > 1 else 0) for run in runs]
     limit, full_force = max(one.limit for one in painters), max(one.full_force for one in painters)
     ends = [_lines(*run, frame) for run in runs for frame in (frames[0], (frames[-1][0], None))]
     samples = [*(line for lines in ends for line in lines), *dict.fromkeys(note or "" for _, note in frames)]
@@ -157,21 +142,20 @@ def _pictures(
         from taichi_disk.render.panel import side_panel
 
         panel = side_panel(runs, video.size, THEMES[video.theme])
-    return Pictures(legends, video.size, (xmin, xmax, ymin, ymax), supersample, panel)
+    return Pictures(legends, video.size, (xmin, xmax, ymin, ymax), video.supersample, panel)
 
 
 def _painter(scenario: Scenario, outcome: Outcome, video: VideoSection, looks: int) -> Painter:
     """Colours, arrows and the wall's edge fit the greatest compression, and so many moments before it."""
     from taichi_disk.render.painter import Painter
-    from taichi_disk.render.pictures import require_finite
     from taichi_disk.render.scales import round_near
     from taichi_disk.render.shapes import edge_height
 
     painter = Painter(scenario.lattice, scenario.model.springs, scenario.model.wall)
     painter.colour, painter.draw, painter.theme, painter.limit = video.colour, video.draw, video.theme, 0.0
-    times, peak = scenario.frame_times(outcome.columns, 2 * looks), _peak(outcome)
-    for t, x, v in outcome.replay(np.append(times[times < peak][-looks:], peak)):
-        require_finite(t, x, v)
+    columns = outcome.columns
+    times, peak = scenario.frame_times(columns, 2 * looks), greatest_compression(columns)
+    for _, x, v in outcome.replay(np.append(times[times < peak][-looks:], peak)):
         painter.limit = max(painter.limit, painter.scale(painter.values(x, v)))
     if painter.wall is not None:
         _, forces = painter.wall.contact_forces(painter.lattice, x)
@@ -179,50 +163,3 @@ def _painter(scenario: Scenario, outcome: Outcome, video: VideoSection, looks: i
         painter.full_force = round_near(largest) if largest else 0.0
         painter.edge = edge_height(painter.wall, largest)
     return painter
-
-
-# ---- runs that were made before
-
-
-def film_again(folders: list[Path], out: Path | None, options: dict[str, Any], progress: Progress) -> Path:
-    """Film the run in each folder, side by side, computed anew from its scene.yaml; returns where the film is.
-
-    Args:
-        out: see `film`. By default in the first folder.
-        options: keys of a scene's `video` section, in place of what the scene says.
-
-    Raises InputError for what is not a run or not a format, and what `film` does.
-    """
-    if out is not None and "format" in options:
-        raise InputError("--out and --format: the name after --out says the format already")
-    scenes = [_scene_of(folder, options) for folder in folders]
-    kinds = [_kind(scene) for scene in scenes]
-    if len(set(kinds)) > 1:
-        raise InputError(f"cannot compare {' with '.join(kinds)}: they have no time in common")
-    video = scenes[0].video
-    if out is None:
-        name = "comparison" if len(folders) > 1 else "render"
-        out = folders[0] / (name if video.format == "png" else f"{name}.{video.format}")
-    check_target(out)
-    require_film()
-    prepare_output(out.parent)
-    runtime.start()
-    kernels, runs = KernelCache(), []
-    for scene in scenes:
-        scenario = scene.scenario()
-        # The run was made: what it took, also a step by force, is taken again.
-        runs.append((scenario, compute(scenario, scene.time, progress, kernels, force=True, estimate=False)))
-    film(out, runs, video, progress)
-    return out
-
-
-def _kind(scene: Scene) -> str:
-    compression = getattr(scene, "compression", None)
-    return f"a {compression.method} compression" if compression else "an impact"
-
-
-def _scene_of(folder: Path, options: dict[str, Any]) -> Scene:
-    path = folder / "scene.yaml"
-    if not path.is_file():
-        raise InputError(f"{folder}: no run is here (no scene.yaml); make one with `taichi-disk run --out {folder}`")
-    return load_scene(path, [f"video.{name}={value}" for name, value in options.items()])

@@ -117,8 +117,14 @@ class Legend:
         top = round(self._height - self.footer + 12.0 * self.unit)
         height = max(round(_BAR_HEIGHT * self.unit), 6)
         numbers = top + height + 0.95 * self._leading
-        left = self._draw_arrow(draw, scale, top + height / 2, numbers)
-        right = self._draw_length(draw, scale, top + height / 2, numbers)
+        left, right, row = self._margin, self._width - self._margin, top + height / 2
+        if full := self.painter.full_force:
+            share = _part(ARROW * scale, _ARROW * self._width)
+            ends, line = (left, left + share * ARROW * scale), f"{scales.label(share * full)} Mc²/R"
+            _, left = self._draw_length(draw, ends, row, line, numbers, arrow=True)
+        length = _part(scale, _LENGTH * self._width)
+        line = f"{length:g} R".removeprefix("1 ")
+        right, _ = self._draw_length(draw, (right - length * scale, right), row, line, numbers)
         room = 2.0 * (self._width / 2 - max(left, self._width - right) - 3.0 * self._small)
         self._draw_bar(draw, round(min(_BAR_WIDTH * self.unit, room)), top, height, numbers)
         quantity, line = QUANTITIES[self.painter.colour], scales.caption(self.painter.colour, self.painter.limit)
@@ -160,31 +166,21 @@ class Legend:
                 place = x - text.width(line.removesuffix(" %"), self._small) / 2
                 text.draw_line(draw, (place, numbers), line, self._small, self._faint)
 
-    def _draw_arrow(self, draw: Any, scale: float, row: float, numbers: float) -> float:
-        """How long an arrow of the wall's force on a point is; returns where the column ends."""
-        x0, full = self._margin, self.painter.full_force
-        if not full:
-            return x0
-        share = _part(ARROW * scale, _ARROW * self._width)
-        x1, head = x0 + share * ARROW * scale, max(4.0 * self.unit, 3.0)
-        draw.line([(x0, row), (x1 - head, row)], fill=self._ink, width=max(round(1.8 * self.unit), 1))
-        draw.polygon([(x1 - 2 * head, row - head), (x1 - 2 * head, row + head), (x1, row)], fill=self._ink)
-        line = f"{scales.label(share * full)} Mc²/R"
-        text.draw_line(draw, (x0, numbers), line, self._small, self._faint)
-        return max(x1, x0 + text.width(line, self._small))
-
-    def _draw_length(self, draw: Any, scale: float, row: float, numbers: float) -> float:
-        """How long a part of R is; returns where the column begins."""
-        length = _part(scale, _LENGTH * self._width)
-        x1, tall = self._width - self._margin, max(3.0 * self.unit, 2.0)
-        x0 = x1 - length * scale
-        draw.line([(x0, row), (x1, row)], fill=self._ink, width=max(round(1.8 * self.unit), 1))
-        for x in (x0, x1):
-            draw.line([(x, row - tall), (x, row + tall)], fill=self._ink, width=max(round(1.2 * self.unit), 1))
-        line = f"{length:g} R".removeprefix("1 ")
-        start = min((x0 + x1 - text.width(line, self._small)) / 2, x1 - text.width(line, self._small))
+    def _draw_length(
+        self, draw: Any, ends: tuple[float, float], row: float, line: str, numbers: float, arrow: bool = False
+    ) -> tuple[float, float]:
+        """An arrow, or a length between two marks, and what it stands for; returns the columns where both end."""
+        (x0, x1), head = ends, max(4.0 * self.unit, 3.0)
+        draw.line([(x0, row), (x1 - head * arrow, row)], fill=self._ink, width=max(round(1.8 * self.unit), 1))
+        if arrow:
+            draw.polygon([(x1 - 2 * head, row - head), (x1 - 2 * head, row + head), (x1, row)], fill=self._ink)
+        else:
+            for x in ends:
+                draw.line([(x, row - head), (x, row + head)], fill=self._ink, width=max(round(1.2 * self.unit), 1))
+        width = text.width(line, self._small)
+        start = min(max((x0 + x1 - width) / 2, self._margin), self._width - self._margin - width)
         text.draw_line(draw, (start, numbers), line, self._small, self._faint)
-        return min(x0, start)
+        return min(x0, start), max(x1, start + width)
 
 
 def _part(pixels: float, room: float) -> float:

@@ -12,9 +12,8 @@ from taichi_disk.fields import QUANTITIES, Triangles, at_points
 from taichi_disk.lattice import Array, Lattice
 from taichi_disk.render import kernels, shapes
 from taichi_disk.render.camera import Camera
-from taichi_disk.render.palette import THEMES, Theme, colour_map
+from taichi_disk.render.palette import THEMES, colour_map
 from taichi_disk.render.scales import full_scale
-from taichi_disk.render.shapes import WallBody
 
 if TYPE_CHECKING:
     from taichi_disk.physics.springs import Springs
@@ -57,7 +56,6 @@ class Painter:
         self.colour, self.draw, self.theme = "shear", "both", "light"
         self.limit, self.full_force, self.edge = 1.0, 0.0, 0.0
         self._triangles, self._spacing = Triangles(lattice), float(np.median(lattice.rest_lengths))
-        self._buffers: dict[str, Vertices] = {}
 
     # ---- values
 
@@ -103,23 +101,26 @@ class Painter:
         theme, pixel, filled = THEMES[self.theme], 1.0 / camera.scale, self.draw in ("field", "both")
         self.shown = self.values(x, v)
         places = self.places(self.shown)
-        above, half, body = [shapes.NOTHING], max(_OUTLINE * unit, 1.0) * pixel, None
+        above, half = [shapes.NOTHING], max(_OUTLINE * unit, 1.0) * pixel
         canvas.set_background_color(theme.ground)
         if self.wall is not None:
-            body, chain = WallBody(self.edge, max(1.0 / self.wall.a, 0.4 * pixel), theme), self._chain(camera, x)
-            self._draw_shape(canvas, "haze", body.haze(chain), camera)
+            depth = 1.0 - camera.seen[2] if self._rigid else half  # over the elastic wall's own outline
+            decay = max(1.0 / self.wall.a, 0.4 * pixel)
+            haze, solid = shapes.wall_body(self._chain(camera, x), depth, self.edge, decay, theme)
+            self._draw_shape(canvas, haze, camera)
         if filled:
             self._fill(canvas, camera, x, places, unit)
-            above.append(self._outline(x, places, half, theme, body))
+            start, end = self._triangles.outline.T
+            inside = self.colours(places)[self._triangles.outline]
+            above.append(shapes.outline(x[start], x[end], half, inside, theme.ink, theme.ground))
         elif self.draw == "springs":
             self._springs(canvas, camera, x, places, unit)
-        if body is not None:
-            depth = 1.0 - camera.seen[2] if self._rigid else half  # over the elastic wall's own outline
-            above.append(body.solid(chain, depth))
+        if self.wall is not None:
+            above.append(solid)
         if self.full_force and self.wall is not None:
             sizes = (_HEAD * unit * pixel, max(_ARROW * unit, 1.0) * pixel, _RIM * unit * pixel)
             above.append(shapes.arrows(*self.pushes(x, max(_APART * unit, 9.0) * pixel), *sizes, theme))
-        self._draw_shape(canvas, "above", shapes.joined(*above), camera)
+        self._draw_shape(canvas, shapes.joined(*above), camera)
         if self.draw == "points":
             self._points(canvas, camera, x, places, unit)
 
@@ -155,26 +156,18 @@ class Painter:
         apart = self._spacing * camera.scale / max(unit, 0.7)
         ink = _SEEN * min(max((apart - _FINE) / (_COARSE - _FINE), 0.0), 1.0) if self.draw == "both" else 0.0
         if not (fringes or ink):  # a colour for each point will do
-            draw_triangles(canvas, self._put("points", camera, x, self.colours(places)), corners)
+            draw_triangles(canvas, _put(camera, x, self.colours(places)), corners)
             return
         # Springs are seen where triangles that are drawn smaller leave a darker field between them.
         pattern = _pattern(self._parts() if fringes else 0)
         inset = 0.0 if fringes else max(_SPRING * unit, 0.55) / camera.scale
-        out = self._buffer("fill", len(corners) * len(pattern))
+        out = _vertices(len(corners) * len(pattern))
         kernels.fill(x, places, corners, pattern, inset, ink, self.map, fringes, *camera.canvas_map(), out)
         draw_triangles(canvas, out)
 
     def _parts(self) -> int:
         """How finely triangles are cut for fringes, whose colour is not linear between the points."""
         return min(max(round(np.sqrt(_FRINGE_PARTS / max(len(self._triangles.triangles), 1))), 1), 6)
-
-    def _outline(self, x: Array, places: Array, half: float, theme: Theme, body: WallBody | None) -> shapes.Shape:
-        start, end = self._triangles.outline.T
-        inside = self.colours(places)[self._triangles.outline]
-        outside = np.asarray(theme.ground)
-        if body is not None and self._rigid:
-            outside = body.seen(0.5 * (x[start, 1] + x[end, 1]))
-        return shapes.outline(x[start], x[end], half, inside, theme.ink, outside)
 
     def _springs(self, canvas: Any, camera: Camera, x: Array, places: Array, unit: float) -> None:
         if self.colour in ("strain", "force"):
@@ -184,32 +177,32 @@ class Painter:
             each = places[self.lattice.bonds].mean(axis=1)
         # Few springs need not be thick to be seen; a line below about a pixel vanishes.
         width = max(min(0.15 * self._spacing * camera.scale, 2.5 * unit), 1.1)
-        out = self._put("springs", camera, x[self.lattice.bonds.ravel()], np.repeat(self.colours(each), 2, axis=0))
+        out = _put(camera, x[self.lattice.bonds.ravel()], np.repeat(self.colours(each), 2, axis=0))
         canvas.canvas.lines(get_field_info(out), get_field_info(None), True, (0.0, 0.0, 0.0), width / camera.height)
 
     def _points(self, canvas: Any, camera: Camera, x: Array, places: Array, unit: float) -> None:
         radius = max(min(0.3 * self._spacing * camera.scale, 6.0 * unit), 1.0) / camera.height
-        out = self._put("points", camera, x, self.colours(places))
+        out = _put(camera, x, self.colours(places))
         canvas.canvas.circles(get_field_info(out), True, False, (0.0, 0.0, 0.0), radius)
 
-    def _draw_shape(self, canvas: Any, name: str, shape: shapes.Shape, camera: Camera) -> None:
+    def _draw_shape(self, canvas: Any, shape: shapes.Shape, camera: Camera) -> None:
         if len(shape[0]):
-            draw_triangles(canvas, self._put(name, camera, *shape))
+            draw_triangles(canvas, _put(camera, *shape))
 
-    def _put(self, name: str, camera: Camera, places: Array, colours: NDArray[Any]) -> Vertices:
-        """Vertices at `places` (k, 2) [R] with `colours` (k, 3)."""
-        out = self._buffer(name, len(places))
-        factor, shift = camera.canvas_map()
-        out[:, :2], out[:, 8:11] = factor * places + shift, colours
-        return out
 
-    def _buffer(self, name: str, vertices: int) -> Vertices:
-        """Room for so many vertices, opaque; it grows by halves, so that counts that tremble make few of them."""
-        have = self._buffers.get(name)
-        if have is None or len(have) < vertices:
-            have = self._buffers[name] = np.zeros((vertices + vertices // 2, kernels.VERTEX), dtype=np.float32)
-            have[:, -1] = 1.0
-        return have[:vertices]
+def _put(camera: Camera, places: Array, colours: NDArray[Any]) -> Vertices:
+    """Vertices at `places` (k, 2) [R] with `colours` (k, 3)."""
+    out = _vertices(len(places))
+    factor, shift = camera.canvas_map()
+    out[:, :2], out[:, 8:11] = factor * places + shift, colours
+    return out
+
+
+def _vertices(count: int) -> Vertices:
+    """Opaque, without places and colours yet."""
+    out = np.zeros((count, kernels.VERTEX), dtype=np.float32)
+    out[:, -1] = 1.0
+    return out
 
 
 def draw_triangles(canvas: Any, vertices: Vertices, corners: NDArray[np.int32] | None = None) -> None:

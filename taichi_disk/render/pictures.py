@@ -6,20 +6,17 @@ import contextlib
 import os
 import tempfile
 from collections.abc import Iterator, Sequence
-from types import TracebackType
 
 import numpy as np
 import taichi as ti
-from numpy.typing import NDArray
 
-from taichi_disk.errors import SimulationError, TaichiDiskError
+from taichi_disk.errors import TaichiDiskError
 from taichi_disk.lattice import Array
 from taichi_disk.render import kernels
 from taichi_disk.render.camera import Camera, View
 from taichi_disk.render.legend import Legend
 from taichi_disk.render.panel import Panel
-
-Picture = NDArray[np.uint8]
+from taichi_disk.render.video import Picture
 
 _MARGIN = 8.0  # around the view: pixels in a picture of 720
 
@@ -27,8 +24,8 @@ _MARGIN = 8.0  # around the view: pixels in a picture of 720
 class Pictures:
     """Makes pictures of one disk, or of several side by side, with a panel of curves at the right if wanted.
 
-    A context manager: it holds a window, of which only one may be alive. `draw` needs the thread that made it; `finish`
-    may run in another while the next picture is drawn.
+    It holds a window until it is closed, and only one may be alive. `draw` needs the thread that made it; `finish` may
+    run in another while the next picture is drawn.
 
     Attributes:
         width: of a picture [px].
@@ -45,7 +42,7 @@ class Pictures:
         drawn = round(size * supersample), round((self._bottom - header) * supersample)
         self._camera = Camera.fit(view, *drawn, _MARGIN * self._unit)
         parts = [legend.still(self._camera.scale / supersample) for legend in legends]
-        self._blank = np.concatenate([*parts, panel.empty] if panel else parts, axis=1)
+        self._blank = np.concatenate([*parts, panel.full] if panel else parts, axis=1)
         self.width = self._blank.shape[1]
         try:
             self._window = ti.ui.Window("taichi-disk", drawn, show_window=False)
@@ -53,13 +50,9 @@ class Pictures:
             raise TaichiDiskError(f"no film: Vulkan cannot draw {drawn[0]} x {drawn[1]} pixels: {error}") from error
 
     def draw(self, states: Sequence[tuple[float, Array, Array]]) -> Picture:
-        """A picture (size, width, 3), rows downwards, with (t, x, v) of each disk and without its changing text.
-
-        Raises SimulationError if a value is not finite.
-        """
+        """A picture (size, width, 3), rows downwards, with (t, x, v) of each disk and without its changing text."""
         picture = self._blank.copy()
-        for k, (legend, (t, x, v)) in enumerate(zip(self._legends, states, strict=True)):
-            require_finite(t, x, v)
+        for k, (legend, (_, x, v)) in enumerate(zip(self._legends, states, strict=True)):
             legend.painter.paint(self._window.get_canvas(), self._camera, x, v, self._unit)
             drawn = self._window.get_image_buffer_as_numpy()
             kernels.shrink(drawn, picture, k * self._size, self._bottom, self._samples)
@@ -74,12 +67,7 @@ class Pictures:
             self._panel.draw(picture[:, len(self._legends) * self._size :], t)
         return picture
 
-    def __enter__(self) -> Pictures:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def close(self) -> None:
         with elsewhere():
             self._window.destroy()
 
@@ -94,13 +82,3 @@ def elsewhere() -> Iterator[None]:
             yield
         finally:
             os.chdir(here)
-
-
-def require_finite(t: float, x: Array, v: Array) -> None:
-    """Raise SimulationError if a point has no finite position or velocity: such a state must not be drawn."""
-    bad = np.flatnonzero(~(np.isfinite(x) & np.isfinite(v)).all(axis=1))
-    if bad.size:
-        raise SimulationError(
-            f"the frame at t = {t:g} R/c cannot be drawn: {bad.size} of {len(x)} points have no finite position or "
-            f"velocity (the first is point {bad[0]}); the state has blown up, try a smaller time step"
-        )

@@ -9,11 +9,10 @@ GGUI smooths nothing, so lines fade to what is beside them over a pixel.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from taichi_disk.lattice import Array
 from taichi_disk.render.palette import Colour, Theme
@@ -35,34 +34,19 @@ def edge_height(wall: Any, force: float) -> float:
     return max(float(np.log(wall.a * wall.V0 / force)) / wall.a, 0.0) if wall is not None and force > 0.0 else 0.0
 
 
-@dataclass(frozen=True)
-class WallBody:
-    """How a wall is drawn.
+def wall_body(chain: Array, depth: float, edge: float, decay: float, theme: Theme) -> tuple[Shape, Shape]:
+    """How a wall is drawn: its haze, which belongs below the disk, and its solid body, over the disk's outline.
 
-    Attributes:
-        edge: height up to which it is solid [R].
+    Args:
+        chain: (k, 2) [R], the surface, ordered by x.
+        depth, edge: the body reaches from so far below the surface to so far above it [R].
         decay: over which it fades above that, 1/a or what half a pixel covers [R].
     """
-
-    edge: float
-    decay: float
-    theme: Theme
-
-    def seen(self, height: ArrayLike) -> Array:
-        """The colours (..., 3) of the ground behind a point at a height (...) [R]."""
-        share = np.exp(-np.maximum(np.asarray(height) - self.edge, 0.0) / self.decay)[..., None]
-        return np.asarray(self.theme.ground) * (1.0 - share) + np.asarray(self.theme.wall) * share
-
-    def haze(self, chain: Array) -> Shape:
-        """What fades above the surface `chain` (k, 2) [R], ordered by x. It belongs below the disk."""
-        heights = self.edge + self.decay * _FADES
-        colours = self.seen(heights)
-        colours[-1] = self.theme.ground
-        return _strips(chain, heights, colours)
-
-    def solid(self, chain: Array, depth: float) -> Shape:
-        """From `depth` below the surface up to the edge. It belongs over the disk's outline."""
-        return _strips(chain, np.array([-depth, self.edge]), np.array([self.theme.wall, self.theme.wall]))
+    share = np.exp(-_FADES)[:, None]
+    share[-1] = 0.0
+    ground, wall = np.asarray(theme.ground), np.asarray(theme.wall)
+    haze = _strips(chain, edge + decay * _FADES, ground + share * (wall - ground))
+    return haze, _strips(chain, np.array([-depth, edge]), np.array([wall, wall]))
 
 
 def _strips(chain: Array, heights: Array, colours: Array) -> Shape:
@@ -83,18 +67,18 @@ def quads(a: Array, b: Array, c: Array, d: Array, *colours: Array) -> Shape:
     return corners.reshape(-1, 2), np.stack([each[k] for k in order], axis=1).reshape(-1, 3)
 
 
-def outline(start: Array, end: Array, half: float, inside: NDArray[Any], ink: Colour, outside: Array) -> Shape:
+def outline(start: Array, end: Array, half: float, inside: NDArray[Any], ink: Colour, outside: Colour | Array) -> Shape:
     """Lines from `start` to `end` (k, 2), twice `half` [R] wide, that fade to either side.
 
     Args:
         inside: colours (k, 2, 3) at both ends of what lies to the left.
-        outside: colours (k, 3) of what lies to the right.
+        outside: the colour of what lies to the right.
     """
     along = end - start
     along *= half / np.maximum(np.hypot(*along.T), 1e-300)[:, None]
     left = np.stack([-along[:, 1], along[:, 0]], axis=1)
     start, end, middle = start - 0.3 * along, end + 0.3 * along, np.asarray(ink)
-    outer = quads(start - left, end - left, end, start, outside, outside, middle, middle)
+    outer = quads(start - left, end - left, end, start, *[np.asarray(outside)] * 2, middle, middle)
     inner = quads(start, end, end + left, start + left, middle, middle, inside[:, 1], inside[:, 0])
     return joined(outer, inner)
 

@@ -5,11 +5,11 @@ from __future__ import annotations
 import sys
 import zlib
 from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager, suppress
 from fractions import Fraction
 from pathlib import Path
-from queue import Queue
-from threading import Thread
-from types import TracebackType
+from queue import Full, Queue
 from typing import Any
 
 import numpy as np
@@ -31,56 +31,44 @@ _BT709 = 1  # of primaries, transfer and matrix in H.273; players guess at colou
 _GIF_SAMPLES = 12  # pictures, about, from which the palette is chosen
 
 
-class Video:
-    """A film in a format: ".mp4", ".webm", ".gif", or "" for a folder of PNGs.
+@contextmanager
+def video(
+    path: Path, form: str, width: int, height: int, fps: int
+) -> Iterator[Callable[[Callable[[], Picture] | None], None]]:
+    """Make a film in a format: ".mp4", ".webm", ".gif", ".png" for one picture, or "" for a folder of them.
 
-    A context manager: left in order, the film is complete. Raises OSError if it cannot be written. The same pictures
-    give the same bytes.
+    The same pictures give the same bytes. Raises OSError, at the next picture or at the end, if it cannot be written.
+
+    Args:
+        width, height: in pixels, even.
+
+    Yields `write(picture)`: it appends what `picture()` returns (height, width, 3), called in the encoder's thread.
     """
+    encode = {"": _encode_pngs, ".gif": _encode_gif, ".png": _encode_png}.get(form, _encode_stream)
+    pictures: Queue[Callable[[], Picture] | None] = Queue(maxsize=2)
+    # Drawing keeps Python's lock for milliseconds at a time; the encoder should not wait 5 ms more for its turn.
+    switch_interval = sys.getswitchinterval()
+    sys.setswitchinterval(5e-4)
+    with ThreadPoolExecutor(1) as thread:
+        incoming = (picture() for picture in iter(pictures.get, None))
+        encoded = thread.submit(encode, path, form, width, height, fps, incoming)
 
-    def __init__(self, path: Path, form: str, width: int, height: int, fps: int) -> None:
-        """`width`, `height`: in pixels, even."""
-        self._given = path, form, width, height, fps
-        self._encode = {"": _encode_pngs, ".gif": _encode_gif}.get(form, _encode_stream)
-        self._error: Exception | None = None
-        self._pictures: Queue[Callable[[], Picture] | None] = Queue(maxsize=2)
-        self._thread = Thread(target=self._work, daemon=True)
-        # Drawing keeps Python's lock for milliseconds at a time; the encoder should not wait 5 ms more for its turn.
-        self._switch_interval = sys.getswitchinterval()
-        sys.setswitchinterval(5e-4)
-        self._thread.start()
+        def write(picture: Callable[[], Picture] | None) -> None:
+            while not encoded.done():  # an encoder that has failed makes no room
+                with suppress(Full):
+                    return pictures.put(picture, timeout=0.1)
+            encoded.result()
 
-    def write(self, picture: Callable[[], Picture]) -> None:
-        """Append what `picture` returns (height, width, 3); it is called in the encoder's thread."""
-        self._check()
-        self._pictures.put(picture)
-
-    def _work(self) -> None:
-        incoming = iter(self._pictures.get, None)
         try:
-            self._encode(*self._given, (picture() for picture in incoming))
-        except Exception as error:  # told by the next call of the other thread
-            self._error = error
-            for _ in incoming:
-                pass
-
-    def _check(self) -> None:
-        if self._error is not None:
-            raise self._error
-
-    def __enter__(self) -> Video:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        if kind is not None:
-            self._pictures.put(_give_up)
-        self._pictures.put(None)
-        self._thread.join()
-        sys.setswitchinterval(self._switch_interval)
-        if kind is None:
-            self._check()
+            yield write
+            write(None)
+        except BaseException:
+            with suppress(Exception):
+                write(_give_up)
+            raise
+        finally:
+            sys.setswitchinterval(switch_interval)
+        encoded.result()
 
 
 def _give_up() -> Picture:
@@ -141,3 +129,10 @@ def _encode_pngs(path: Path, form: str, width: int, height: int, fps: int, pictu
     path.mkdir()
     for number, picture in enumerate(pictures, 1):
         iio.imwrite(path / f"{number:05d}.png", picture, compress_level=6)
+
+
+def _encode_png(path: Path, form: str, width: int, height: int, fps: int, pictures: Iterator[Picture]) -> None:
+    """The only picture there is."""
+    import imageio.v3 as iio
+
+    iio.imwrite(path, next(pictures), optimize=True)

@@ -100,13 +100,14 @@ def test_a_film_has_the_frames_size_and_rate_asked_for_and_the_same_bytes_twice(
 
 ENCODE = """
 import sys, numpy as np
+from functools import partial
 from pathlib import Path
-from taichi_disk.render.video import Video
-rows, columns = np.mgrid[:240, :240] - 120
-with Video(Path(sys.argv[1]), Path(sys.argv[1]).suffix, 240, 240, 10) as out:
+from taichi_disk.render.video import video
+path, (rows, columns) = Path(sys.argv[1]), np.mgrid[:240, :240]
+with video(path, path.suffix, 240, 240, 10) as write:
     for k in range(10):
         grey = 128 + 100 * np.sin(0.002 * (rows - 4 * k) ** 2 + 0.01 * columns * np.cos(k))
-        out.write(lambda grey=grey: np.repeat(grey.astype(np.uint8)[..., None], 3, axis=2))
+        write(partial(np.stack, [grey.astype(np.uint8)] * 3, axis=2))
 """
 
 
@@ -157,9 +158,8 @@ def test_the_film_holds_at_the_greatest_compression_ends_with_the_result_and_tel
 
 
 @needs_vulkan
-@pytest.mark.parametrize("colour", ["pressure", "shear", "rate", "fringes", "strain", "force", "speed", "kinetic"])
-@pytest.mark.parametrize("theme", THEMES)
-def test_every_quantity_has_a_picture_of_the_greatest_compression(run, tmp_path, captions, colour, theme):
+@pytest.mark.parametrize(("colour", "theme"), [("pressure", "light"), ("fringes", "dark"), ("force", "dark")])
+def test_a_single_picture_is_of_the_greatest_compression(run, tmp_path, captions, colour, theme):
     film(tmp_path / "picture.png", [run], video(colour=colour, theme=theme), QUIET)
     series = run[1].columns
     assert time_of(captions[0]) == pytest.approx(series["t"][series["elastic"].argmax()], abs=0.1)
@@ -183,7 +183,7 @@ def test_the_panel_s_curves_end_where_the_time_series_is(run, tmp_path, captions
     frames = pictures_in(tmp_path / "frames")
     assert frames.shape[1:] == (720, 1280, 3)
     # v_cm, in the uppermost axes: the last blue pixels, and nothing beyond them.
-    ends = [np.argwhere(np.abs(frame[:190, 740:] - (0, 114, 178)).sum(axis=-1) < 60) for frame in frames[1:]]
+    ends = [np.argwhere(np.abs(frame[:205, 740:] - (0, 114, 178)).sum(axis=-1) < 60) for frame in frames[1:]]
     columns = np.array([one[:, 1].max() for one in ends])
     rows = np.array([one[one[:, 1] >= one[:, 1].max() - 1, 0].mean() for one in ends])
     times, series = np.array([time_of(lines) for lines in captions[1:]]), run[1].columns
@@ -203,20 +203,6 @@ def test_colours_survive_the_encoding(run, tmp_path):
 
 
 # ---- failures
-
-
-@needs_vulkan
-@pytest.mark.parametrize("last", [1.0, 4.0])
-def test_a_state_that_is_not_finite_leaves_no_film(run, tmp_path, last):
-    scenario, outcome = run
-
-    def spoilt(times):
-        for t, x, v in outcome.replay(times):
-            yield t, np.where(t > last, np.nan, x), v
-
-    with pytest.raises(SimulationError, match=r"the frame at t = .* cannot be drawn: 150 of 150 points"):
-        film(tmp_path / "film.mp4", [(scenario, replace(outcome, replay=spoilt))], video(), QUIET)
-    assert not list(tmp_path.iterdir())
 
 
 @needs_vulkan

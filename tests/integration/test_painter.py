@@ -6,6 +6,7 @@ import os
 
 import numpy as np
 import pytest
+import taichi as ti
 from bodies import RIGID, shaken
 
 from taichi_disk import runtime
@@ -14,7 +15,10 @@ from taichi_disk.lattice import Lattice, disk_lattice, with_wall
 from taichi_disk.physics import ElasticWall, ExponentialWall, Springs
 from taichi_disk.render import film_problem
 from taichi_disk.render.camera import Camera
+from taichi_disk.render.kernels import shrink
+from taichi_disk.render.painter import Painter
 from taichi_disk.render.palette import THEMES
+from taichi_disk.render.shapes import ARROW
 
 pytestmark = pytest.mark.skipif(film_problem() is not None, reason=str(film_problem()))
 SIZE = 360
@@ -27,10 +31,6 @@ X += [0.0, 1.1]
 @pytest.fixture(scope="module")
 def shoot(tmp_path_factory):
     """Draws a state of a lattice: (SIZE, SIZE, 3), rows downwards, 0 to 1."""
-    import taichi as ti
-
-    from taichi_disk.render.painter import Painter
-
     runtime.start()
     window, here = ti.ui.Window("test", (SIZE, SIZE), show_window=False), os.getcwd()
 
@@ -62,8 +62,6 @@ def inner_triangles(lattice):
 
 @pytest.mark.parametrize("colour", QUANTITIES)
 def test_colours_equal_the_field_s_values(shoot, colour):
-    from taichi_disk.render.painter import Painter
-
     painter, corners = Painter(DISK, Springs()), inner_triangles(DISK)[::5]
     values = at_points(colour, Triangles(DISK), Springs(), X, V)
     painter.colour, painter.limit = colour, 1.3 * float(np.abs(values).max())
@@ -103,8 +101,6 @@ def test_springs_are_seen_on_the_field_of_a_coarse_lattice_only(shoot):
 
 
 def test_a_spring_has_the_colour_of_its_strain(shoot):
-    from taichi_disk.render.painter import Painter
-
     triangle = Lattice.from_points([(-0.9, 0.5), (0.9, 0.5), (0.0, 1.9)])
     painter = Painter(triangle, Springs())
     painter.colour, painter.draw, painter.limit = "strain", "springs", 0.02
@@ -133,7 +129,7 @@ def test_the_wall_is_solid_up_to_where_the_disk_rests(shoot, theme, a):
 
 
 def test_the_elastic_wall_wears_its_potential_as_a_skin(shoot):
-    both = with_wall(disk_lattice(200, 1), 220, 2.2, 0, True, 0.7, 0.0)
+    both = with_wall(disk_lattice(200, 1), 220, 2.2, 0)
     x = both.positions + [0.0, 0.9]
     x[:200] += [0.0, 0.3]
     picture = shoot(both, x, wall=ElasticWall(300.0, 150.0, 0.5), edge=0.05)
@@ -143,8 +139,6 @@ def test_the_elastic_wall_wears_its_potential_as_a_skin(shoot):
 
 
 def test_an_arrow_stands_on_a_pushed_point_as_long_as_its_force(shoot):
-    from taichi_disk.render.shapes import ARROW
-
     x = DISK.positions - [0.0, DISK.positions[:, 1].min() - 0.05]
     lowest = int(x[:, 1].argmin())
     full = float(RIGID.forces(DISK, x)[lowest, 1]) / 0.8
@@ -164,8 +158,6 @@ def test_a_picture_does_not_depend_on_those_before_it(shoot):
 
 @pytest.mark.parametrize("samples", [2, 3, 4])
 def test_smoothing_averages_over_the_area_of_each_pixel(samples):
-    from taichi_disk.render.kernels import shrink
-
     runtime.start()
     drawn = np.random.default_rng(0).random((12 * samples, 8 * samples, 4)).astype(np.float32)
     picture = np.zeros((20, 40, 3), dtype=np.uint8)

@@ -66,7 +66,7 @@ def test_the_area_integral_of_the_stress_is_the_virial_of_all_other_forces_and_o
     if body == "literal disk":
         lattice = disk_lattice(300, 2, rim=False, min_spacing=0.0)
     if body == "disk and wall":
-        lattice, wall = with_wall(DISK, 260, 3.0, 0, True, 0.7, 0.0), ElasticWall(40.0, 0.02, 0.5)
+        lattice, wall = with_wall(DISK, 260, 3.0, 0), ElasticWall(40.0, 0.02, 0.5)
     x, _ = shaken(lattice)
     tiles = Triangles(lattice)
     total = (tiles.areas(x)[:, None] * stress(tiles, SPRINGS, x)).sum(axis=0)
@@ -127,12 +127,8 @@ def test_the_rate_of_compression_is_minus_the_divergence_of_the_velocity():
 
 
 def test_speed_and_kinetic_energy_are_those_in_the_frame_of_the_disk_s_centre_of_mass():
-    lattice = with_wall(replace(DISK, masses=DISK.masses * np.linspace(0.5, 1.5, 300)), 260, 3.0, 0, True, 0.7, 0.0)
+    lattice = with_wall(replace(DISK, masses=DISK.masses * np.linspace(0.5, 1.5, 300)), 260, 3.0, 0)
     x, v = shaken(lattice)
-    flight = np.where(np.arange(len(x)) < 300, 1.0, 0.0)[:, None] * [0.4, -5.0]
-    for name in ("speed", "kinetic"):
-        still, flying = (field(name, lattice, SPRINGS, x, u).values for u in (v, v + flight))
-        assert flying == pytest.approx(still, abs=1e-13)
     # König: the kinetic energy is that of the motion against the centre of mass and that of the whole.
     m, mv = lattice.masses[:300, None], (lattice.masses[:300, None] * v[:300]).sum(axis=0)
     whole = 0.5 * float((m * v[:300] ** 2).sum())
