@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import ceil
 from time import perf_counter
 
@@ -13,14 +13,14 @@ from taichi_disk.accuracy.reference import Reference
 from taichi_disk.integrators import INTEGRATORS, Integrator
 from taichi_disk.lattice import Array
 from taichi_disk.simulation.energy_balance import relative_imbalance
-from taichi_disk.simulation.observables import COLUMNS, Columns, as_columns
+from taichi_disk.simulation.observables import as_columns
 from taichi_disk.simulation.outcome import Outcome
 from taichi_disk.simulation.scenario import Scenario
 from taichi_disk.simulation.simulation import KernelCache
 from taichi_disk.simulation.stability import Spectrum, step_limit
 
 FRACTIONS = (0.95, 0.8, 0.6, 0.4, 0.2, 0.1, 0.05)  # of the stability limit
-REPEATS = 5
+REPEATS = 3
 ROWS = 200  # at which the energy is looked at
 
 
@@ -51,16 +51,11 @@ class StepError:
 
 
 class StepStudy:
-    """The runs to be made for one scenario.
-
-    Args:
-        outcome: of the run that `run` makes. The others end when it does; where the result does not depend on the step,
-            and may take very long to be reached, sooner.
-    """
+    """The runs to be made for one scenario. They end when `outcome`, that of `run`, does."""
 
     def __init__(self, scenario: Scenario, modes: Spectrum, outcome: Outcome) -> None:
         self.scenario, self.modes, model = scenario, modes, scenario.model
-        self.end = float(outcome.columns["t"][-1]) if scenario.step_dependent else scenario.quiet_time
+        self.end = float(outcome.columns["t"][-1])
         if model.reset_interval:
             self.end = max(1, round(self.end / model.reset_interval)) * model.reset_interval
         self.own = INTEGRATORS[outcome.facts["integrator"]], self._steps(outcome.facts["dt"] * (1.0 + 1e-9))
@@ -78,34 +73,41 @@ class StepStudy:
         interval = self.scenario.model.reset_interval or self.end
         return round(self.end / interval) * ceil(interval / longest)
 
-    def seconds(self, per_step: float) -> float:
-        """About how long all will take if a step of the run's own integrator takes `per_step` [s]."""
-        work = sum(steps * one.forces for one, steps in self.runs) / self.own[0].forces
+    def seconds(self, run: float) -> float:
+        """About how long all will take if the run with the own step takes `run` [s]."""
+        integrator, own_steps = self.own
+        work = sum(steps * one.forces for one, steps in self.runs) / (own_steps * integrator.forces)
         state = np.concatenate([self.scenario.lattice.positions, self.scenario.velocities]).ravel()
         began = perf_counter()
         self.reference.rate(0.0, state)
         evaluation = perf_counter() - began
         # Force evaluations of DOP853: some 10 for each radian of the fastest vibration, fewer where dashpots bind it.
         springs, interval = self.scenario.model.springs, self.scenario.model.reset_interval
-        rate = 9.0 * self.modes.omega + 3.0 * springs.eta * self.modes.damping + (25.0 / interval if interval else 0.0)
-        return (1 + REPEATS) * work * per_step + self.end * rate * evaluation
+        rate = 9.0 * self.modes.omega + 3.0 * springs.eta * self.modes.damping + (12.0 / interval if interval else 0.0)
+        return (1 + REPEATS) * work * run + self.end * rate * evaluation
 
     def measure(self, kernels: KernelCache, done: Callable[[int], None]) -> list[StepError]:
         """Compute the reference and all runs; `done` is told how many of them are."""
-        truth, found = self.reference.solve(self.scenario.velocities, self.end), []
+        scenario, (integrator, steps), found = self.scenario, self.own, []
+        x, v = self.reference.solve(scenario.velocities, self.end)
+        end = replace(scenario.lattice, positions=x)
+        # Where a simulation begins it measures what it is given, as it does for the runs.
+        first = kernels.simulation(end, scenario.model, integrator, v, self.end / steps).first_row
+        truth = scenario.primary(as_columns(first[None], 0.0))[1]
         for number, (integrator, steps) in enumerate(self.runs):
             done(1 + number)
-            found.append(self._measured(kernels, integrator, steps, truth))
+            found.append(self._measured(kernels, integrator, steps, x, truth))
         return found
 
-    def _measured(self, kernels: KernelCache, integrator: Integrator, steps: int, truth: Array) -> StepError:
+    def _measured(self, kernels: KernelCache, integrator: Integrator, steps: int, x: Array, truth: float) -> StepError:
+        """`x` (n, 2) [R] and `truth`: positions and primary result at the end of the reference."""
         scenario, dt, stride = self.scenario, self.end / steps, max(1, steps // ROWS)
         simulation = kernels.simulation(scenario.lattice, scenario.model, integrator, scenario.velocities, dt)
         start = simulation.snapshot()
         rows, _ = simulation.advance(steps, stride)
         columns = as_columns(np.vstack([simulation.first_row, rows, simulation.now]), stride * dt)
         closing, worst = relative_imbalance(scenario, columns)
-        state = simulation.positions(), simulation.velocities()
+        off = np.abs(simulation.positions() - x).max()
         times = []
         for _ in range(REPEATS):
             simulation.restore(start)
@@ -120,18 +122,8 @@ class StepStudy:
             steps=steps,
             seconds=min(times),
             ns_per_spring_and_step=1e9 * min(times) / steps / len(scenario.lattice.bonds),
-            error=abs(result_of_state(scenario, *state) - result_of_state(scenario, *truth)),
-            trajectory_error=float(np.abs(state[0] - truth[0]).max()),
+            error=abs(scenario.primary(columns)[1] - truth),
+            trajectory_error=float(off),
             closing_imbalance=closing,
             worst_imbalance=worst,
         )
-
-
-def result_of_state(scenario: Scenario, x: Array, v: Array) -> float:
-    """The primary result of a time series of one row, with positions x and velocities v (n, 2)."""
-    columns: Columns = {name: np.zeros(1) for name in ("t", *COLUMNS, "total")}
-    disk = scenario.lattice.disk_points
-    for name, values in (("com_x", x[:, 0]), ("com_y", x[:, 1]), ("com_vx", v[:, 0]), ("com_vy", v[:, 1])):
-        columns[name][0] = values[:disk].mean()
-    columns["lowest_y"][0] = x[:disk, 1].min()
-    return scenario.primary(columns)[1]

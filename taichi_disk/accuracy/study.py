@@ -53,17 +53,16 @@ class Change:
 
 @dataclass(frozen=True)
 class Findings:
-    """`name`: of the primary result; `steps`: empty where there is no time; `sources`: the scene itself first."""
+    """`name`: of the primary result; `steps`: empty for an equilibrium; `sources`: the scene itself first."""
 
     name: str
     steps: list[StepError]
     sources: list[Change]
-    step_dependent: bool
 
     @property
     def step(self) -> float:
         """The error of the primary result at the step that `run` takes; 0 for an equilibrium."""
-        return next(one.error for one in self.steps if one.own) if self.step_dependent else 0.0
+        return next((one.error for one in self.steps if one.own), 0.0)
 
     @property
     def samples(self) -> list[float]:
@@ -85,11 +84,11 @@ class Findings:
     def sentence(self) -> str:
         """What matters, and so what to do."""
         finest, scatter = self.last_difference(POINTS), self.scatter
-        parts = [f"time step {self.step:.1g}" if self.step_dependent else "time step none (an equilibrium)"]
+        parts = [f"time step {self.step:.1g}" if self.steps else "time step none (an equilibrium)"]
         known = (("lattice scatter", scatter), ("finest lattice", finest), ("hardest wall", self.last_difference(WALL)))
         parts += [f"{name} {value:.1g}" for name, value in known if math.isfinite(value)]
         more = ["seeds"] * (scatter > self.step) + ["points"] * (abs(finest) > max(CLEAR * scatter, self.step))
-        advice = "use smaller steps (time.tolerance)" if self.step_dependent else "nothing to gain"
+        advice = "use smaller steps (time.tolerance)" if self.steps else "nothing to gain"
         if more:
             advice = f"use more {' and '.join(more)}, not smaller steps"
         return f"{self.name}: {', '.join(parts)}: {advice}"
@@ -104,37 +103,38 @@ def study(scene: Scene, out: Path, title: str, progress: Progress, say: Callable
     Raises InputError for a folder that cannot be written or a step by hand beyond the stability limit, SimulationError
     where the scene has no result.
     """
-    from taichi_disk.accuracy.report import print_findings, write_findings
+    from taichi_disk.accuracy.report import report
 
     made = prepare_output(out)
     try:
         runtime.start()
         findings = assess(scene, progress, say)
-        write_findings(findings, out, title)
+        progress.stop()
+        report(findings, out, title)
     except BaseException:
         remove_empty(made)
         raise
-    progress.stop()
-    print_findings(findings)
     print(f"files in {out}")
 
 
 def assess(scene: Scene, progress: Progress, say: Callable[[str], None]) -> Findings:
     """The measurements of `study`. Taichi has to be started."""
-    kernels, scenario = KernelCache(), scene.scenario()
+    kernels, scenario, study = KernelCache(), scene.scenario(), None
     progress.start("simulate", None)
-    modes = spectrum(scenario.lattice, scenario.model)
-    outcome = compute(scenario, scene.time, kernels=kernels, modes=modes, estimate=False)
-    study = None if scenario.static else StepStudy(scenario, modes, outcome)
+    if scenario.step_dependent:
+        modes = spectrum(scenario.lattice, scenario.model)
+        outcome = compute(scenario, scene.time, kernels=kernels, modes=modes, estimate=False)
+        study = StepStudy(scenario, modes, outcome)
     others, began = list(changes(scene)), perf_counter()
     base = result_of(scene, kernels)
     each = perf_counter() - began
-    growth = 1.4 if scenario.step_dependent else 1.1  # of time with the number of points: steps are shorter, too
+    growth = 1.4 if study else 1.1  # of time with the number of points: steps are shorter, too
     expected = COMPILING + each * sum(one.finer**growth for one in others)
+    runs, more = len(others), ""
     if study:
-        expected += study.seconds(each / outcome.facts["steps"]) if scenario.step_dependent else 60.0
-    runs = len(others) + (len(study.runs) if study else 0)
-    say(f"{runs} runs{' and a reference solution' if study else ''}, about {duration(expected)}")
+        runs, more = runs + len(study.runs), " and a reference solution"
+        expected += study.seconds(each)
+    say(f"{runs} runs{more}, about {duration(expected)}")
     steps = []
     if study:
         progress.start("reference and steps", 1 + len(study.runs))
@@ -144,7 +144,7 @@ def assess(scene: Scene, progress: Progress, say: Callable[[str], None]) -> Find
     for number, change in enumerate(others):
         progress.update(number)
         sources.append(measured(scene, base, change, kernels))
-    return Findings(scenario.primary(outcome.columns)[0], steps, sources, scenario.step_dependent)
+    return Findings(scene.results[0], steps, sources)
 
 
 def changes(scene: Scene) -> Iterator[Change]:

@@ -14,7 +14,7 @@ from typing import Any, TypeAlias
 
 from taichi_disk.config.checks import Kinds, check, did_you_mean
 from taichi_disk.config.scene_base import SceneBase, Value, yaml_scalar
-from taichi_disk.config.yaml_tree import Entry, Path, Tree
+from taichi_disk.config.yaml_tree import Entry, Path, Tree, printable
 
 MAX_SCENES = 100_000
 FORMS = "a list of values, {lin: [from, to, count]}, {geom: [from, to, count]} or {range: count}"
@@ -101,40 +101,24 @@ def _axes(kind: type[SceneBase], block: dict[str, Any], prefix: Path, tree: Tree
 def _values(spec: Any, path: Path, whole: bool, tree: Tree) -> list[tuple[Value, Entry]]:
     """The values that `spec` stands for."""
     entry = tree.entries[path]
-    if isinstance(spec, list):
-        if not spec:
-            tree.fault(entry.value, path, "an empty list: give it values, or leave the axis out")
+    if isinstance(spec, list) and spec:
         return [(value, tree.entries[path + (str(k),)]) for k, value in enumerate(spec)]
-    form = next(iter(spec)) if isinstance(spec, dict) and len(spec) == 1 else ""
-    if form not in ("lin", "geom", "range"):
-        tree.fault(entry.value, path, f"must be {FORMS}, not {entry.shown}")
-        return []
-    place = tree.entries[path + (form,)].value
+
+    import numpy as np  # slow to load, and of no use to a single scene
+
     try:
-        return [(number, Entry(place, place, f"{number:g}")) for number in _numbers(form, spec[form], whole)]
-    except ValueError as error:
-        tree.fault(place, (*path, form), str(error))
+        ((form, given),) = spec.items()
+        low, high, count = (0, given - 1, given) if form == "range" else given
+        if not 0 < count <= MAX_SCENES:
+            raise ValueError
+        spread: Any = {"range": np.linspace, "lin": np.linspace, "geom": np.geomspace}[form]
+        # Twelve digits: the last bits of a power are not the same on every machine, and a table should be.
+        numbers = [round(one) if whole else float(f"{one:.12g}") for one in spread(low, high, count).tolist()]
+    except (AttributeError, KeyError, TypeError, ValueError, OverflowError):
+        shown = printable(str(spec)) if spec else entry.shown
+        tree.fault(entry.value, path, f"must be {FORMS}, not {shown}")
         return []
-
-
-def _numbers(form: str, given: Any, whole: bool) -> list[int] | list[float]:
-    if form == "range":
-        if type(given) is not int or not 1 <= given <= MAX_SCENES:
-            raise ValueError(f"must be a whole number from 1 to {MAX_SCENES}: {{range: 3}} is 0, 1, 2")
-        return list(range(given))
-    if not (isinstance(given, list) and len(given) == 3 and all(type(one) in (int, float) for one in given)):
-        raise ValueError(f"must be three numbers: {{{form}: [from, to, count]}}")
-    low, high, count = given
-    if not (abs(low) < 1e300 and abs(high) < 1e300):
-        raise ValueError("a bound is too large")
-    if not isinstance(count, int) or not 2 <= count <= MAX_SCENES:
-        raise ValueError(f"the count must be a whole number from 2 to {MAX_SCENES}, not {count}")
-    if form == "geom" and not (low > 0 and high > 0):
-        raise ValueError("a geometric axis needs bounds above 0")
-    parts = [k / (count - 1) for k in range(count)]
-    values = [low * (high / low) ** part if form == "geom" else low + (high - low) * part for part in parts]
-    # Twelve digits: the last bits of a power are not the same on every machine, and a table should be.
-    return [round(value) for value in values] if whole else [float(f"{value:.12g}") for value in values]
+    return [(one, entry._replace(key=entry.value, shown=f"{one:g}")) for one in numbers]
 
 
 def _combine(kind: type[SceneBase], blocks: list[Axes], tree: Tree, kinds: Kinds) -> Sweep | None:

@@ -9,7 +9,8 @@ import signal
 import threading
 from collections.abc import Callable, Generator, Iterator
 from concurrent.futures import BrokenExecutor, Executor, ProcessPoolExecutor, as_completed
-from contextlib import contextmanager, suppress
+from contextlib import AbstractContextManager, contextmanager, nullcontext, suppress
+from itertools import groupby
 from multiprocessing.connection import Connection
 
 from taichi_disk import runtime
@@ -25,7 +26,6 @@ Say = Callable[[str], None]
 SCENES_PER_TASK = 6  # figure 3: 96 tasks of a quarter of a second; to set up a lattice takes a tenth
 LARGE = 2000  # points, from which a scene takes a task of its own
 CONNECT = 10.0  # seconds within which a scheduler has to answer
-DEATHS = 3  # of worker processes, after which it is not by chance
 
 
 def ordered(scenes: Scenes) -> Scenes:
@@ -48,73 +48,54 @@ def share_of(part: str, scenes: Scenes) -> Scenes:
 def tasks_of(scenes: Scenes) -> list[list[str]]:
     """The keys of `ordered` scenes, in tasks of one lattice each."""
     tasks: list[list[str]] = []
-    last: object = None
-    for key, scene in scenes.items():
-        lattice = lattice_key(scene)
-        if lattice != last or len(tasks[-1]) == SCENES_PER_TASK or scene.lattice.points > LARGE:
-            tasks.append([])
-        tasks[-1].append(key)
-        last = lattice
+    for _, group in groupby(scenes, lambda key: lattice_key(scenes[key])):
+        keys = list(group)
+        size = 1 if scenes[keys[0]].lattice.points > LARGE else SCENES_PER_TASK
+        tasks += [keys[first : first + size] for first in range(0, len(keys), size)]
     return tasks
 
 
 def computed(
     scenes: Scenes, estimate: bool, jobs: int | None, executor: Executor | None, scheduler: str | None, say: Say
 ) -> Results:
-    """The results of `ordered` scenes as they come, from whoever was asked for.
+    """The results of `ordered` scenes as they come: from a scheduler, else an executor, else so many processes.
 
     Raises InputError where no scheduler answers or workers have other versions, SimulationError when workers fail.
     """
-    if not scenes:
+    tasks, futures = tasks_of(scenes), {}
+    processes = min(jobs or len(os.sched_getaffinity(0)), len(tasks))
+    workers: AbstractContextManager[Executor]
+    if not tasks:
         return
-    jobs = jobs or len(os.sched_getaffinity(0))
     if scheduler is not None:
-        with _dask(scheduler, say) as cluster:
-            yield from _by(cluster, scenes, estimate)
+        workers = _dask(scheduler, say)
     elif executor is not None:
-        yield from _by(executor, scenes, estimate)
-    elif jobs > 1 and len(tasks_of(scenes)) > 1:
-        yield from _in_pool(jobs, scenes, estimate, say)
+        workers = nullcontext(executor)
+    elif processes > 1:
+        workers = _pool(processes)
     else:
         runtime.start()
         yield from zip(scenes, compute_points(scenes.values(), estimate), strict=True)
-
-
-def _by(executor: Executor, scenes: Scenes, estimate: bool) -> Results:
-    """By an executor, task by task."""
-    futures = {}
-    try:
-        with _interrupts_blocked():  # a pool starts its processes now
-            for keys in tasks_of(scenes):
-                packed = pickle.dumps([scenes[key] for key in keys])
-                futures[executor.submit(compute_task, relevant_versions(), packed, estimate)] = keys
-        for future in as_completed(futures):
-            yield from zip(futures[future], future.result(), strict=True)
-    except TaichiDiskError:
-        raise
-    except Exception as error:
-        died = isinstance(error, BrokenExecutor)
-        what = "one died: out of memory? Take fewer --jobs" if died else f"{type(error).__name__}: {error}"
-        raise SimulationError(f"the workers failed ({what}); what was done is kept: start the sweep again") from error
-    finally:
-        for future in futures:
-            future.cancel()
-
-
-def _in_pool(jobs: int, scenes: Scenes, estimate: bool, say: Say) -> Results:
-    """By `jobs` processes of this machine; where one dies, what is missing is computed by others."""
-    missing, deaths = dict(scenes), 0
-    while missing:
+        return
+    with workers as pool:
         try:
-            with _pool(min(jobs, len(tasks_of(missing)))) as pool:
-                for key, result in _by(pool, missing, estimate):
-                    yield key, result
-                    del missing[key]
-        except SimulationError as error:
-            deaths += 1
-            if not isinstance(error.__cause__, BrokenExecutor) or deaths == DEATHS:
-                raise
-            say("a worker process died (out of memory?); its scenes are computed again")
+            with _interrupts_blocked():  # a pool starts its processes now
+                for keys in tasks:
+                    packed = pickle.dumps([scenes[key] for key in keys])
+                    futures[pool.submit(compute_task, relevant_versions(), packed, estimate)] = keys
+            for future in as_completed(futures):
+                yield from zip(futures[future], future.result(), strict=True)
+        except TaichiDiskError:
+            raise
+        except Exception as error:
+            died = isinstance(error, BrokenExecutor)
+            what = "one died: out of memory? Take fewer --jobs" if died else f"{type(error).__name__}: {error}"
+            raise SimulationError(
+                f"the workers failed ({what}); the same command goes on where this stopped"
+            ) from error
+        finally:
+            for future in futures:
+                future.cancel()
 
 
 @contextmanager

@@ -14,16 +14,14 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
-from taichi_disk.lattice import Array
 from taichi_disk.output.files import atomic_write
-from taichi_disk.output.plot import BLUE, GREEN, ORANGE, PINK, RED, SKY, STYLE, SUM, styled
+from taichi_disk.output.plot import STYLE, SUM
 from taichi_disk.scenes import Scene
 from taichi_disk.sweep import theory
 from taichi_disk.sweep.analysis import Curve
 from taichi_disk.sweep.fits import quasistatic_curves
 
 WIDTH = 3.4  # inches: a column
-COLOURS = (BLUE, RED, GREEN, PINK, ORANGE, SKY, SUM)  # for curves that differ in kind
 MARKS = "osD^vPX"
 NAMES = {"eta_star": "η*", "points": "N", "boundary": "", "method": ""}
 FONT: dict[Any, Any] = {
@@ -44,14 +42,14 @@ def draw(scene: Scene, curves: list[Curve], out: Path) -> None:
     `scene` is one of the sweep: its first law says on which axes.
     """
     # The salt makes the ids in the SVG the same every time.
-    with styled({**STYLE, **FONT, "svg.hashsalt": "taichi-disk"}):
+    with matplotlib.rc_context({**STYLE, **FONT, "svg.hashsalt": "taichi-disk"}):
         figure = Figure(figsize=(WIDTH, 2.9 + 0.09 * len(curves)), layout="constrained")
         FigureCanvasAgg(figure)
         ax = figure.subplots()
         (_compression if scene.laws[0] == "eq2" else _impact)(ax, scene, curves)
         # Points before lines: their curves in order, then the laws.
         named = sorted(zip(*ax.get_legend_handles_labels(), strict=True), key=lambda one: isinstance(one[0], Line2D))
-        if named:
+        if named:  # no force over E without an E, as of a lattice from a file
             figure.legend(*zip(*named, strict=True), loc="outside upper center", ncols=2)
         figure.draw_without_rendering()
         figure.set_layout_engine("none")  # laid out once for all formats
@@ -60,13 +58,8 @@ def draw(scene: Scene, curves: list[Curve], out: Path) -> None:
 
 
 def _colours(curves: list[Curve]) -> list[Any]:
-    """One for each curve: along a scale, in order of the value, where they differ in a number; else distinct ones."""
-    varied = [name for name in (curves[0].label if curves else ()) if len({curve.label[name] for curve in curves}) > 1]
-    values = [curve.label[varied[0]] for curve in curves] if len(varied) == 1 else []
-    if len(values) < 3 or not all(type(value) in (int, float) for value in values):
-        return [COLOURS[k % len(COLOURS)] for k in range(len(curves))]
-    rank = np.argsort(np.argsort(values))
-    return list(matplotlib.colormaps["viridis"](0.88 * rank / rank.max()))
+    """Along a scale, in the order of the curves."""
+    return list(matplotlib.colormaps["viridis"](np.linspace(0.0, 0.88, len(curves))))
 
 
 def _named(curve: Curve) -> str:
@@ -124,21 +117,15 @@ def _impact(ax: Axes, scene: Scene, curves: list[Curve]) -> None:
     for name, style, text in (("eq5", "-", "eq. (5), d₁ and d₂ fitted"), ("eq4", ":", "eq. (4), τ₀ fitted")):
         if any(name in curve.fits for curve in curves):
             ax.plot([], [], style, color="0.45", label=text)
-    if curves:
-        x = np.concatenate([curve.x for curve in curves])
-        _spread_speeds(ax, x)
-        if paper := scene.paper:
-            v = np.geomspace(x.min(), x.max(), 80)
-            text = f"eq. (5), paper: d₁ = {paper['d1']}, d₂ = {paper['d2']}"
-            ax.plot(v, theory.paper_restitution(v, paper["d1"], paper["d2"]), "--", color=SUM, label=text)
-    ax.set_xlabel("impact speed  v/c")
-    ax.set_ylabel("coefficient of restitution  e")
-
-
-def _spread_speeds(ax: Axes, x: Array) -> None:
-    """A logarithmic axis where the slow points would crowd."""
-    if x.max() >= 4.0 * x.min():
+    x = np.concatenate([curve.x for curve in curves])
+    if paper := scene.paper:
+        v = np.geomspace(x.min(), x.max(), 80)
+        text = f"eq. (5), paper: d₁ = {paper['d1']}, d₂ = {paper['d2']}"
+        ax.plot(v, theory.paper_restitution(v, paper["d1"], paper["d2"]), "--", color=SUM, label=text)
+    if x.max() >= 4.0 * x.min():  # slow points would crowd; on a shorter axis labels would
         ax.set_xscale("log")
         ax.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
         ax.xaxis.set_major_formatter(FuncFormatter(lambda v, _: f"{v:g}"))
         ax.xaxis.set_minor_formatter(NullFormatter())
+    ax.set_xlabel("impact speed  v/c")
+    ax.set_ylabel("coefficient of restitution  e")

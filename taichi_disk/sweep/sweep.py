@@ -70,8 +70,8 @@ def run_sweep(
         sweep: as `load_sweep` gives it.
         out: the folder.
         jobs: processes, by default one per core; 1 computes in this process.
-        executor: instead, any `concurrent.futures.Executor`, whose workers have the same packages installed.
-        scheduler: instead, the address of a Dask scheduler, tcp://HOST:8786.
+        executor: instead of them, any `concurrent.futures.Executor`, whose workers have the same packages installed.
+        scheduler: instead of both, the address of a Dask scheduler, tcp://HOST:8786.
         part: "K/N": compute the K-th of N shares only, and write no table. Parts may run at the same time, in one
             folder or in several whose `points` are then copied together.
         estimate: whether to estimate each result's error due to the time step, which doubles the work.
@@ -79,17 +79,17 @@ def run_sweep(
         say: told, once each, what a person should know: how many scenes, about how long.
 
     Raises:
-        InputError: more than one of `jobs`, `executor` and `scheduler` is given; `out` cannot be written or holds
-            something else; a point's file was changed; no scheduler answers, or its workers have other versions.
-        SimulationError: Workers die again and again. What was done is kept.
+        InputError: `out` cannot be written or holds something else; a point's file was changed; no scheduler answers,
+            or its workers have other versions.
+        SimulationError: the workers failed. What was done is kept.
     """
-    if sum(one is not None for one in (jobs, executor, scheduler)) > 1:
-        raise InputError("jobs, executor and scheduler: give one of them, not several")
     out, progress, began = Path(out), progress or Progress(), perf_counter()
     keys = [point_key(scene) for scene in sweep.scenes]
     scenes = executors.ordered(dict(zip(keys, sweep.scenes, strict=True)))
     scenes = scenes if part is None else executors.share_of(part, scenes)
-    _claim(sweep, out, part is not None, say)
+    _claim(out)
+    if part is None:
+        write_text(out / "scene.yaml", sweep.to_yaml())
     found = {key: kept for key in scenes if (kept := _kept(out, key)) and (kept.estimated or not estimate)}
     missing, before = {key: scene for key, scene in scenes.items() if key not in found}, len(found)
     share = f" (part {part} of {len(keys)})" if part else ""
@@ -114,7 +114,7 @@ def run_sweep(
     return _finish(sweep, rows, summary, out, began)
 
 
-def _claim(sweep: Sweep, out: Path, part: bool, say: Say) -> None:
+def _claim(out: Path) -> None:
     """Make the folder. Raises InputError where something else would be overwritten."""
     with suppress(OSError, ValueError):
         if look(out).status:
@@ -123,27 +123,18 @@ def _claim(sweep: Sweep, out: Path, part: bool, say: Say) -> None:
             raise InputError(f"{out} holds {taken[0]}, which no sweep wrote; choose another folder with --out")
         (out / "points").mkdir(parents=True, exist_ok=True)  # parts may begin at the same time
     prepare_output(out / "points")
-    if part:
-        return
-    scene, text = out / "scene.yaml", sweep.to_yaml()
-    with suppress(OSError, ValueError):
-        if (out / "points.csv").exists() and scene.read_text(encoding="utf-8") != text:
-            say(f"{out} holds another sweep: its points stay, its table, fits and figure are replaced")
-    write_text(scene, text)
 
 
 def forecast(results: executors.Results, total: int, say: Say) -> Iterator[tuple[str, PointResult]]:
-    """`results` as they come; once enough have come to tell, says how long the others will take."""
-    began, told, first = perf_counter(), False, 0.0
-    for done, result in enumerate(results, start=1):
+    """`results` as they come; says once, a while after the first, how long the others will take."""
+    first = told = 0.0
+    for done, result in enumerate(results):
         yield result
-        first = first or perf_counter()
-        seconds = perf_counter() - first
-        # Several workers send their first results together, and their next ones a while later; kernels are compiled
-        # during the first scenes.
-        if not told and done < total and seconds >= max(3.0, first - began) and (done > 20 or seconds > 30.0):
-            say(f"about {duration((total - done) * seconds / (done - 1))} to go")
-            told = True
+        now = perf_counter()
+        first = first or now
+        if not told and now >= first + 10.0 and done + 1 < total:
+            told = now
+            say(f"about {duration((total - 1 - done) * (now - first) / done)} to go")
 
 
 def _row(sweep: Sweep, scene: Scene, key: str, result: PointResult) -> Row:
@@ -161,7 +152,8 @@ def _finish(sweep: Sweep, rows: list[Row], summary: dict[str, Any], out: Path, b
     from taichi_disk.sweep.figures import draw
 
     curves = analyse(sweep.scenes[0], sweep.axes, rows)
-    draw(sweep.scenes[0], curves, out)
+    if curves:
+        draw(sweep.scenes[0], curves, out)
     told = {"curves": [curve.summary() for curve in curves], "wall_clock": perf_counter() - began}
     summary |= told | {"versions": versions()}
     write_summary(out / "summary.json", summary)
@@ -185,8 +177,8 @@ def _kept(out: Path, key: str) -> PointResult | None:
     """The result of a point, if it is there. Raises InputError for a file that is not as it was written."""
     path = out / "points" / f"{key}.json"
     try:
-        record = json.loads(path.read_bytes())
-        if not isinstance(record, dict) or record.pop("digest", None) != _digest(record):
+        record = dict(json.loads(path.read_bytes()))
+        if record.pop("digest", None) != _digest(record):
             raise ValueError("cut short, or changed since it was written")
         del record["version"]
         return PointResult(**record)
@@ -198,14 +190,12 @@ def _kept(out: Path, key: str) -> PointResult | None:
 
 
 def _keep(out: Path, key: str, scene: Scene, result: PointResult) -> None:
-    """Write a result, if it lasts. Raises SimulationError if it cannot be written."""
-    if not result.lasting:
-        return
-    # The result last: where it is, the point is done.
+    """Write a point, and its result if there is one. Raises SimulationError if it cannot be written."""
     write_text(out / "points" / f"{key}.yaml", scene.to_yaml())
-    record = asdict(result) | {"version": __version__}
-    text = json.dumps(record | {"digest": _digest(record)}, indent=1, allow_nan=False)
-    write_text(out / "points" / f"{key}.json", text + "\n")
+    if result.status == "done":  # what failed is tried again
+        record = asdict(result) | {"version": __version__}
+        text = json.dumps(record | {"digest": _digest(record)}, indent=1, allow_nan=False)
+        write_text(out / "points" / f"{key}.json", text + "\n")
 
 
 def _digest(record: Any) -> str:

@@ -37,7 +37,6 @@ class PointResult:
         numbers: results, moduli, error estimate, energy imbalance, steps, dt, integrator; empty if it failed.
         warnings: what a person should know of the run.
         estimated: whether an error estimate was asked for.
-        lasting: whether it would come out the same again: not if a file or memory was missing.
     """
 
     status: str
@@ -45,7 +44,6 @@ class PointResult:
     numbers: dict[str, Any] = field(default_factory=dict)
     warnings: list[str] = field(default_factory=list)
     estimated: bool = False
-    lasting: bool = True
 
 
 @lru_cache(maxsize=1)  # to look them up takes some milliseconds
@@ -91,11 +89,8 @@ def compute_points(scenes: Iterable[Scene], estimate: bool) -> Iterator[PointRes
     for scene in scenes:
         try:
             yield _computed(scene, estimate)
-        except (InputError, MemoryError) as error:
-            # What was asked for cannot be had here: a file or memory may be there another time.
-            yield PointResult("failed", str(error) or "not enough memory", lasting=False)
-        except TaichiDiskError as error:
-            yield PointResult("failed", str(error))
+        except (TaichiDiskError, MemoryError) as error:
+            yield PointResult("failed", str(error) or "not enough memory")
 
 
 def _computed(scene: Scene, estimate: bool) -> PointResult:
@@ -112,9 +107,8 @@ def _computed(scene: Scene, estimate: bool) -> PointResult:
     if not all(map(isfinite, numbers.values())):
         return PointResult("failed", "a result is not a finite number")
     numbers["error_estimate"] = next(iter(facts["error_estimate"].values()), None)
-    load = scenario.model.load
-    if scenario.static and load:  # the largest force left on a point, over the load on a point
-        numbers["residual"] = facts["residual"] * scenario.lattice.disk_points / load.force
+    if scenario.static:
+        numbers["residual"] = facts["residual"]
     else:
         numbers |= {"energy_imbalance": facts["energy"]["closing_imbalance"], "dt": facts["dt"]}
     numbers |= {"steps": facts["steps"], "integrator": facts["integrator"]}

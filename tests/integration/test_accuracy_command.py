@@ -1,4 +1,4 @@
-"""`taichi-disk accuracy`: a sentence, tables, a picture; and the static path that it takes for compressions."""
+"""`taichi-disk accuracy`: a sentence, tables, a picture."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def test_a_step_by_hand_that_a_finer_lattice_cannot_take(tmp_path: Path, capsys:
     assert " runs and a reference solution, about " in told.err
     first, *rest = told.out.splitlines()
     assert first.startswith("restitution: time step ") and first.endswith("not smaller steps")
-    assert "┃ integrator" in rest[1]
+    assert any(line.startswith(" integrator ") for line in rest)
     text = (tmp_path / "out" / "accuracy.md").read_text(encoding="utf-8")
     assert first in text and "| points | N = 120 |" in text
     assert (tmp_path / "out" / "accuracy.png").read_bytes().startswith(b"\x89PNG")
@@ -56,15 +56,7 @@ def test_a_step_by_hand_that_the_scene_cannot_take_is_refused_before_anything_is
     assert "beyond the stability limit" in capsys.readouterr().err and not (tmp_path / "out").exists()
 
 
-def test_a_compression_by_newtons_method_has_no_steps_to_measure(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    assert accuracy(tmp_path / "out", "compression", "lattice.points=30", "compression.method=newton") == 0
+def test_a_compression_has_no_steps_to_measure(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert accuracy(tmp_path / "out", "compression", "lattice.points=30") == 0
     assert capsys.readouterr().out.startswith("xi: time step none (an equilibrium), lattice scatter")
     assert not (tmp_path / "out" / "accuracy.csv").exists() and (tmp_path / "out" / "error_sources.csv").exists()
-
-
-def test_at_rest_the_wall_bears_the_load_and_the_energy_has_fallen_to_its_least() -> None:
-    result = run(load_scene("compression", ["lattice.points=60", "compression.method=newton"]))
-    assert result.series["wall_force"][-1] == pytest.approx(result.scene.compression.pressure, rel=1e-9)
-    assert result.series["total"].argmin() == len(result.series["total"]) - 1

@@ -17,8 +17,7 @@ from taichi_disk import Lattice, load_scene, load_sweep, run, run_sweep
 from taichi_disk.cli import main
 from taichi_disk.errors import InputError, SimulationError
 from taichi_disk.sweep import executors
-from taichi_disk.sweep.report import print_sweep
-from taichi_disk.sweep.sweep import SweepResult
+from taichi_disk.sweep.sweep import SweepResult, forecast
 
 SMALL = """
 scene: exponential_wall
@@ -40,15 +39,26 @@ sweep: {seed: [0, 1], pressure: [5.0e-3, 1.0e-2]}
 ONE = "scene: exponential_wall\nlattice: {points: 60}\nmaterial: {eta_star: 0.0}\n"
 
 
+def swept(text: Any, out: Path, *settings: str, **options: Any) -> SweepResult:
+    """The sweep `text`, in this process."""
+    return run_sweep(load_sweep(text, settings), out, jobs=1, **options)
+
+
 @pytest.fixture(scope="module")
 def small(tmp_path_factory: pytest.TempPathFactory) -> SweepResult:
-    return run_sweep(load_sweep(SMALL), tmp_path_factory.mktemp("small") / "out", jobs=1)
+    return swept(SMALL, tmp_path_factory.mktemp("small") / "out")
 
 
 @pytest.fixture(autouse=True)
 def no_figures(monkeypatch: pytest.MonkeyPatch) -> None:
     """A figure takes a second; that of `small` is enough."""
     monkeypatch.setattr("taichi_disk.sweep.figures.draw", lambda scene, curves, out: None)
+
+
+@pytest.fixture
+def scene(tmp_path: Path) -> str:
+    (tmp_path / "s.yaml").write_text(SMALL)
+    return str(tmp_path / "s.yaml")
 
 
 def table(folder: Path) -> bytes:
@@ -79,56 +89,54 @@ def test_a_sweep_leaves_one_row_per_point_and_its_fits_and_figure(small: SweepRe
 
 @pytest.mark.parametrize("text", [SMALL, WALL, PRESSED])
 def test_a_row_is_what_running_its_scene_gives_bit_for_bit(text: str, small: SweepResult, tmp_path: Path) -> None:
-    result = small if text == SMALL else run_sweep(load_sweep(text), tmp_path / "out", jobs=1)
+    result = small if text == SMALL else swept(text, tmp_path / "out")
     for row in result.rows[:: 5 if text == SMALL else 1]:
         summary = run(load_scene(result.out / "points" / f"{row['key']}.yaml")).summary
         shared = (set(row) & set(summary)) - {"status", "reason", "warnings", "error_estimate"}
         assert {"steps", "integrator"} < shared and len(shared) >= 4
-        different = {name for name in shared if summary[name] != row[name]}
-        assert different == set() or (different == {"residual"} and text == PRESSED)  # there over the load on a point
+        assert {name: row[name] for name in shared} == {name: summary[name] for name in shared}
 
 
 @pytest.mark.parametrize(
-    ("axes", "statuses", "told", "again"),
+    ("axes", "statuses", "told"),
     [
-        # A small lattice in a short time: only the fast disk is back by then. It would be so another time, too.
-        ("impact: {max_time: 30.0}\nsweep: {velocity: [0.003, 0.05]}", ["failed", "done"], "has not left the wall", 0),
-        ("sweep: {dt: [0.02, 0.5]}", ["done", "failed"], "stability limit", 1),  # bad input is tried again
+        # A small lattice in a short time: only the fast disk is back by then.
+        ("impact: {max_time: 30.0}\nsweep: {velocity: [0.003, 0.05]}", ["failed", "done"], "has not left the wall"),
+        ("sweep: {dt: [0.02, 0.5]}", ["done", "failed"], "stability limit"),
     ],
 )
-def test_failed_points_are_listed_and_do_not_stop_the_others(
-    axes: str, statuses: list[str], told: str, again: int, tmp_path: Path
+def test_failed_points_are_listed_and_tried_again_and_do_not_stop_the_others(
+    axes: str, statuses: list[str], told: str, tmp_path: Path
 ) -> None:
-    sweep = load_sweep(ONE + axes + "\n")
-    result = run_sweep(sweep, tmp_path / "out", jobs=1)
+    result = swept(ONE + axes + "\n", tmp_path / "out")
     assert [row["status"] for row in result.rows] == statuses
     assert told in result.failed[0]["reason"] and told in result.summary["failed"][0]["reason"]
-    assert run_sweep(sweep, tmp_path / "out", jobs=1).summary["computed_now"] == again
+    assert swept(ONE + axes + "\n", tmp_path / "out").summary["computed_now"] == 1
 
 
 def test_errors_are_estimated_where_that_is_asked_for(small: SweepResult, tmp_path: Path) -> None:
-    sweep = load_sweep(SMALL, ["sweep.velocity=[0.02, 0.05]", "sweep.seed=[3]"])
+    sweep = SMALL, tmp_path / "out", "sweep.velocity=[0.02, 0.05]", "sweep.seed=[3]"
     shutil.copytree(small.out, tmp_path / "out")
-    plain = run_sweep(sweep, tmp_path / "out", jobs=1)
+    plain = swept(*sweep)
     assert [row["error_estimate"] for row in plain.rows] == [None] * 4
-    told = run_sweep(sweep, tmp_path / "out", jobs=1, estimate=True)
+    told = swept(*sweep, estimate=True)
     assert told.summary["computed_now"] == 4 and all(0 < row["error_estimate"] < 1e-2 for row in told.rows)
     assert [row["restitution"] for row in told.rows] == [row["restitution"] for row in plain.rows]
-    assert run_sweep(sweep, tmp_path / "out", jobs=1).summary["computed_now"] == 0
+    assert swept(*sweep).summary["computed_now"] == 0
 
 
 def test_a_lattice_of_one_s_own_is_read_again_where_its_file_has_changed(tmp_path: Path) -> None:
     disk = Lattice.disk(60, 0)
     file = tmp_path / "points.csv"
     np.savetxt(file, disk.positions, delimiter=",", fmt="%.17g")
-    sweep = load_sweep({"scene": "exponential_wall", "lattice": {"file": str(file)}, "sweep": {"velocity": [0.05]}})
-    first = run_sweep(sweep, tmp_path / "out", jobs=1)
-    assert first.rows[0]["status"] == "done" and first.rows[0]["young"] is None
+    scene = {"scene": "exponential_wall", "lattice": {"file": str(file)}, "sweep": {"velocity": [0.05]}}
+    (first,) = swept(scene, tmp_path / "out").rows
+    assert first["status"] == "done" and first["young"] is None
     turned = disk.positions @ np.array([[0.0, 1.0], [-1.0, 0.0]])
     np.savetxt(file, turned, delimiter=",", fmt="%.17g")
-    second = run_sweep(sweep, tmp_path / "out", jobs=1)
+    second = swept(scene, tmp_path / "out")
     assert second.summary["computed_now"] == 1
-    assert second.rows[0]["restitution"] != first.rows[0]["restitution"]
+    assert second.rows[0]["restitution"] != first["restitution"]
 
 
 # ---- what is there already
@@ -143,8 +151,6 @@ def another_number(text: str) -> str:
 TAMPERED: dict[str, Callable[[str], str]] = {
     "half written": lambda text: text[: len(text) // 2],
     "another number": another_number,
-    "no digest": lambda text: '{"status": "done", "numbers": {"restitution": NaN}}',
-    "a list": lambda text: "[1, 2]",
     "brackets": lambda text: "[" * 100_000,
     "not UTF-8": lambda text: "\udcff\udcfe",
 }
@@ -152,59 +158,46 @@ TAMPERED: dict[str, Callable[[str], str]] = {
 
 @pytest.mark.parametrize("name", TAMPERED)
 def test_a_tampered_result_is_named_in_one_clear_error(
-    small: SweepResult, tmp_path: Path, name: str, capsys: pytest.CaptureFixture[str]
+    small: SweepResult, scene: str, tmp_path: Path, name: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     shutil.copytree(small.out, tmp_path / "out")
-    (tmp_path / "s.yaml").write_text(SMALL)
     path = points(tmp_path / "out")[5]
     path.write_bytes(TAMPERED[name](path.read_text()).encode("utf-8", "surrogateescape"))
-    assert main(["sweep", str(tmp_path / "s.yaml"), "--out", str(tmp_path / "out"), "--jobs", "1"]) == 2
+    assert main(["sweep", scene, "--out", str(tmp_path / "out"), "--jobs", "1"]) == 2
     told = capsys.readouterr().err
     assert told.count("error:") == 1 and path.name in told and "delete the file" in told and "Traceback" not in told
     assert table(tmp_path / "out") == table(small.out)
 
 
 def test_a_folder_of_a_run_or_of_a_person_is_not_touched(tmp_path: Path) -> None:
-    sweep = load_sweep(SMALL)
     run(load_scene("compression", ["lattice.points=30", "compression.method=newton"]), tmp_path / "run", video=False)
     with pytest.raises(InputError, match="holds a run"):
-        run_sweep(sweep, tmp_path / "run", jobs=1)
+        swept(SMALL, tmp_path / "run")
     (tmp_path / "mine").mkdir()
     (tmp_path / "mine" / "scene.yaml").write_text("# mine\n" + SMALL)
     with pytest.raises(InputError, match=r"holds scene\.yaml, which no sweep wrote"):
-        run_sweep(sweep, tmp_path / "mine", jobs=1)
+        swept(SMALL, tmp_path / "mine")
     assert [path.name for path in (tmp_path / "mine").iterdir()] == ["scene.yaml"]
     (tmp_path / "file").touch()
     with pytest.raises(InputError, match="is a file"):
-        run_sweep(sweep, tmp_path / "file", jobs=1)
+        swept(SMALL, tmp_path / "file")
 
 
 # ---- parts
 
 
-def test_parts_are_gathered_with_nothing_computed_anew(
-    small: SweepResult, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    sweep, said = load_sweep(SMALL), list[str]()
-    first = run_sweep(sweep, tmp_path / "a", jobs=1, part="1/2", say=said.append)
+def test_parts_are_gathered_with_nothing_computed_anew(small: SweepResult, tmp_path: Path) -> None:
+    said: list[str] = []
+    first = swept(SMALL, tmp_path / "a", part="1/2", say=said.append)
     assert said == ["6 scenes (part 1/2 of 12), 0 of them computed before"]
     assert first.summary["computed_now"] == len(first.rows) == 6
     assert [path.name for path in (tmp_path / "a").iterdir()] == ["points"]
-    print_sweep(first)
-    shown = capsys.readouterr().out
-    assert "part 1/2: 6 points, 6 of them computed now, 0 failed" in shown and "without --part" in shown
     points(tmp_path / "a")[2].unlink()
-    assert run_sweep(sweep, tmp_path / "a", jobs=1, part="1/2").summary["computed_now"] == 1
-    run_sweep(sweep, tmp_path / "b", jobs=1, part="2/2")
+    assert swept(SMALL, tmp_path / "a", part="1/2").summary["computed_now"] == 1
+    swept(SMALL, tmp_path / "b", part="2/2")
     shutil.copytree(tmp_path / "b" / "points", tmp_path / "a" / "points", dirs_exist_ok=True)
-    assert run_sweep(sweep, tmp_path / "a", jobs=1).summary["computed_now"] == 0
+    assert swept(SMALL, tmp_path / "a").summary["computed_now"] == 0
     assert table(tmp_path / "a") == table(small.out)
-    fewer = load_sweep(SMALL, ["sweep.seed=[3]"])
-    run_sweep(fewer, tmp_path / "a", jobs=1, say=said.append)
-    assert said[1:] == [
-        f"{tmp_path / 'a'} holds another sweep: its points stay, its table, fits and figure are replaced",
-        "6 scenes, 6 of them computed before",
-    ]
 
 
 def test_every_scene_is_in_one_part_and_in_one_task_of_one_lattice() -> None:
@@ -233,11 +226,6 @@ def test_any_executor_gives_the_same_bytes(small: SweepResult, tmp_path: Path) -
     with ThreadPoolExecutor(3) as threads:
         run_sweep(load_sweep(SMALL), tmp_path / "out", executor=threads)
     assert table(tmp_path / "out") == table(small.out)
-
-
-def test_who_computes_is_said_once(tmp_path: Path) -> None:
-    with ThreadPoolExecutor(1) as threads, pytest.raises(InputError, match="give one of them"):
-        run_sweep(load_sweep(SMALL), tmp_path / "out", executor=threads, scheduler="tcp://127.0.0.1:9")
 
 
 def test_other_versions_on_a_worker_are_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -285,10 +273,9 @@ def test_without_a_scheduler_the_error_says_so(tmp_path: Path, monkeypatch: pyte
 
 
 def test_the_command_says_how_many_scenes_and_prints_fits_and_where_the_files_are(
-    small: SweepResult, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    small: SweepResult, scene: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    (tmp_path / "s.yaml").write_text(SMALL)
-    assert main(["sweep", str(tmp_path / "s.yaml"), "--out", str(small.out), "--jobs", "1"]) == 0
+    assert main(["sweep", scene, "--out", str(small.out), "--jobs", "1"]) == 0
     shown, told = capsys.readouterr()
     assert "note: 12 scenes, 12 of them computed before" in told
     assert "eta_star: 30, 2 lattices" in shown and "eq. (4) integrated" in shown
@@ -298,10 +285,8 @@ def test_the_command_says_how_many_scenes_and_prints_fits_and_where_the_files_ar
 def test_how_long_the_rest_takes_is_told_once_and_from_what_came_after_the_first(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    from taichi_disk.sweep import sweep as module
-
-    said, clock = list[str](), iter([0.0, *(10.0 + 0.5 * k for k in range(200))])
-    monkeypatch.setattr(module, "perf_counter", lambda: next(clock))
+    said, clock = list[str](), iter(0.5 * k for k in range(1, 61))
+    monkeypatch.setattr("taichi_disk.sweep.sweep.perf_counter", lambda: next(clock))
     results: Any = (("key", None) for _ in range(60))
-    assert len(list(module.forecast(results, 60, said.append))) == 60
+    assert len(list(forecast(results, 60, said.append))) == 60
     assert said == ["about 20 s to go"]
