@@ -9,18 +9,18 @@ import argparse
 import os
 import sys
 import warnings
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager, suppress
+from collections.abc import Callable, Sequence
+from contextlib import suppress
+from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NoReturn
+from time import perf_counter
+from typing import Any, NoReturn
 
-from taichi_disk import __version__
+from taichi_disk import BEGAN, __version__
 from taichi_disk.config.sections import VideoSection
 from taichi_disk.errors import InputError, TaichiDiskError
+from taichi_disk.progress import Progress
 from taichi_disk.signals import heard, ignore, interrupts
-
-if TYPE_CHECKING:
-    from taichi_disk.progress import Progress
 
 _SCENES = "compression, exponential_wall, absorbing_wall"
 
@@ -60,11 +60,9 @@ def main(argv: Sequence[str] | None = None) -> int:
             raise
         _say("error: not enough memory; take fewer points (lattice.points), or stop other programs")
         return 1
-    except BrokenPipeError:  # the reader has gone (| head)
-        _close_quietly()
-        return 1
     except OSError as error:
-        _say(f"error: {error.strerror or error}")
+        if not isinstance(error, BrokenPipeError):  # the reader has gone (| head)
+            _say(f"error: {error.strerror or error}")
         _close_quietly()
         return 1
 
@@ -85,33 +83,17 @@ def _close_quietly() -> None:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
-@contextmanager
-def _progress() -> Iterator[Progress]:
-    from taichi_disk.progress import progress_for
-
-    progress = progress_for(sys.stderr)
-    try:
-        yield progress
-    finally:
-        progress.stop()
-
-
 def _load(arguments: argparse.Namespace, what: str = "scene") -> Any:
-    """The scene or sweep that was asked for; remarks on its file are told."""
+    """The scene or sweep that was asked for."""
     from taichi_disk import scenes
 
     load = {"scene": scenes.load_scene, "sweep": scenes.load_sweep, "any": scenes.load_any}[what]
-    notes: list[str] = []
-    loaded = load(arguments.scene, arguments.overrides, notes)
-    for note in notes:
-        _note(note)
-    return loaded
+    return load(arguments.scene, arguments.overrides)
 
 
 def _out(arguments: argparse.Namespace, suffix: str = "") -> Path:
     """The folder that was asked for, else out/NAME, after the scene file's name."""
-    stem = Path(arguments.scene).stem
-    return arguments.out or Path("out", (stem if stem not in ("", "stdin", "-") else "scene") + suffix)
+    return arguments.out or Path("out", Path(arguments.scene).stem + suffix)
 
 
 # ---- commands: each imports what it needs, once its scene is known to be right
@@ -123,7 +105,7 @@ def _run(arguments: argparse.Namespace) -> int:
     from taichi_disk.api import run
     from taichi_disk.output.report import print_result
 
-    with _progress() as progress:
+    with Progress(sys.stderr) as progress:
         result = run(
             scene,
             _out(arguments),
@@ -135,7 +117,7 @@ def _run(arguments: argparse.Namespace) -> int:
             threads=arguments.threads,
             progress=progress,
             say=_note,
-            started=_seconds_so_far(),
+            started=perf_counter() - BEGAN,
         )
     assert result.out is not None
     print_result(result.summary, result.scenario.labels, result.out)
@@ -145,16 +127,6 @@ def _run(arguments: argparse.Namespace) -> int:
     return 0
 
 
-def _seconds_so_far() -> float:
-    """Since the process began; 0 where the system does not tell."""
-    import time
-
-    with suppress(OSError, ValueError, IndexError, AttributeError):
-        ticks = float(Path("/proc/self/stat").read_text().rpartition(")")[2].split()[19])
-        return max(0.0, time.clock_gettime(time.CLOCK_BOOTTIME) - ticks / os.sysconf("SC_CLK_TCK"))
-    return 0.0
-
-
 def _sweep(arguments: argparse.Namespace) -> int:
     sweep = _load(arguments, "sweep")
 
@@ -162,7 +134,7 @@ def _sweep(arguments: argparse.Namespace) -> int:
     from taichi_disk.sweep.sweep import run_sweep
 
     names = ("jobs", "scheduler", "part", "estimate")
-    with _progress() as progress:
+    with Progress(sys.stderr) as progress:
         options = {name: getattr(arguments, name) for name in names}
         result = run_sweep(sweep, _out(arguments), progress=progress, say=_note, **options)
     print_sweep(result)
@@ -180,14 +152,20 @@ def _view(arguments: argparse.Namespace) -> int:
 
 
 def _render(arguments: argparse.Namespace) -> int:
-    from taichi_disk.render.film import film_again
+    from taichi_disk.api import Result
+    from taichi_disk.render.film import check_target
 
-    folders = [arguments.folder, *([arguments.compare] if arguments.compare else [])]
+    if arguments.out:
+        check_target(arguments.out)
     given = {name: getattr(arguments, name) for name in VideoSection.schema()}
-    text = {True: "true", False: "false"}  # of `panel`; the others are text
-    options = {name: text.get(value, value) for name, value in given.items() if value is not None}
-    with _progress() as progress:
-        out = film_again(folders, arguments.out, options, progress)
+    overrides = [f"video.{name}={str(value).lower()}" for name, value in given.items() if value is not None]
+    with Progress(sys.stderr) as progress:
+        load = partial(Result.load, progress=progress, estimate=False)
+        result = load(arguments.folder, overrides)
+        other = load(arguments.compare) if arguments.compare else None
+        name, form = "comparison" if other else "render", result.scene.video.format
+        out = arguments.out or arguments.folder / (name if form == "png" else f"{name}.{form}")
+        result.film(out, progress, other)
     print(f"{'picture' if out.suffix == '.png' else 'film'} in {out}")
     return 0
 
@@ -217,15 +195,15 @@ def _accuracy(arguments: argparse.Namespace) -> int:
     from taichi_disk.accuracy.study import study
 
     name = " ".join([Path(arguments.scene).stem, *arguments.overrides])
-    with _progress() as progress:
+    with Progress(sys.stderr) as progress:
         study(scene, _out(arguments, "_accuracy"), name, progress, _note)
     return 0
 
 
 def _doctor(arguments: argparse.Namespace) -> int:
-    from taichi_disk.doctor import examine, print_findings
+    from taichi_disk.doctor import examine
 
-    return 0 if print_findings(examine()) else 1
+    return 0 if examine() else 1
 
 
 # ---- arguments

@@ -2,27 +2,23 @@
 
 from __future__ import annotations
 
-import sys
-from typing import TextIO
+from typing import TYPE_CHECKING, TextIO
+
+if TYPE_CHECKING:
+    from rich.progress import Progress as Bars
+    from typing_extensions import Self
 
 
 class Progress:
-    """What a long computation reports to; this one says nothing. `stop` may be called at any time, also twice."""
+    """What a long computation reports to: one line for each stage, if `stream` is a terminal.
 
-    def start(self, stage: str, total: float | None) -> None:
-        """A new stage begins; `total` is the amount at its end, None if that is not known."""
+    It is stopped at the end of a `with` block; `stop` may be called at any time, also twice.
+    """
 
-    def update(self, done: float) -> None:
-        """The present stage has come to `done`, in the units of its total."""
-
-    def stop(self) -> None:
-        """Nothing more will come."""
-
-
-class BarProgress(Progress):
-    """One line of a terminal for each stage."""
-
-    def __init__(self, stream: TextIO) -> None:
+    def __init__(self, stream: TextIO | None = None) -> None:
+        self._bars: Bars | None = None
+        if stream is None or not stream.isatty():
+            return
         from rich import progress
         from rich.console import Console
 
@@ -37,23 +33,29 @@ class BarProgress(Progress):
         )
 
     def start(self, stage: str, total: float | None) -> None:
-        # A stage may end before its total, an impact before its time limit: what is done is then all of it.
-        for task in self._bars.tasks:
-            self._bars.update(task.id, completed=1.0, total=1.0)
-        self._bars.start()
-        self._bars.add_task(stage, total=total)
+        """A new stage begins; `total` is the amount at its end, None if that is not known."""
+        if self._bars:
+            # A stage may end before its total, an impact before its time limit: what is done is then all of it.
+            for task in self._bars.tasks:
+                self._bars.update(task.id, completed=1.0, total=1.0)
+            self._bars.start()
+            self._bars.add_task(stage, total=total)
 
     def update(self, done: float) -> None:
-        self._bars.update(self._bars.task_ids[-1], completed=done)
+        """The present stage has come to `done`, in the units of its total."""
+        if self._bars:
+            self._bars.update(self._bars.task_ids[-1], completed=done)
 
     def stop(self) -> None:
-        self._bars.stop()
+        """Nothing more will come."""
+        if self._bars:
+            self._bars.stop()
 
+    def __enter__(self) -> Self:
+        return self
 
-def progress_for(stream: TextIO | None = None) -> Progress:
-    """A bar if `stream` (default stderr) is a terminal, else silence."""
-    stream = stream or sys.stderr
-    return BarProgress(stream) if stream.isatty() else Progress()
+    def __exit__(self, *_: object) -> None:
+        self.stop()
 
 
 def duration(seconds: float) -> str:

@@ -12,9 +12,9 @@ import os
 import sys
 import tempfile
 import time
-from collections.abc import Iterator
 from functools import lru_cache
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 from taichi_disk.errors import TaichiDiskError
@@ -98,6 +98,7 @@ def start(threads: int | None = None) -> None:
                 default_fp=ti.f64,
                 default_ip=ti.i32,
                 fast_math=False,
+                real_matrix_scalarize=False,  # see physics.points
                 log_level=ti.ERROR,
                 **options,
             )
@@ -115,30 +116,6 @@ def _drop_stale_lock() -> None:
             lock.unlink()
 
 
-@contextlib.contextmanager
-def whole_vectors() -> Iterator[None]:
-    """Kernels that are compiled within keep local vectors whole (see `physics.points`)."""
-    import taichi as ti
-
-    config = ti.lang.impl.current_cfg()
-    scalarize = config.real_matrix_scalarize
-    config.real_matrix_scalarize = False
-    try:
-        yield
-    finally:
-        config.real_matrix_scalarize = scalarize
-
-
-class _Whole:
-    """Stands in for a `textwrap.TextWrapper`, and wraps nothing."""
-
-    def __init__(self, width: int) -> None:
-        pass
-
-    def wrap(self, text: str) -> list[str]:
-        return [text] if text else []
-
-
 def _spare_source_lines() -> None:
     """Take away what Taichi 1.7.4 spends half of its Python time on before a kernel is compiled, or found compiled.
 
@@ -148,6 +125,7 @@ def _spare_source_lines() -> None:
     from taichi.lang import kernel_impl
     from taichi.lang.ast import ast_transformer_utils
 
-    ast_transformer_utils.TextWrapper = _Whole
+    unbroken = SimpleNamespace(wrap=lambda text: [text] if text else [])
+    ast_transformer_utils.TextWrapper = lambda width: unbroken
     if not hasattr(kernel_impl.getsourcelines, "cache_info"):
         kernel_impl.getsourcelines = lru_cache(maxsize=None)(kernel_impl.getsourcelines)

@@ -15,7 +15,6 @@ if TYPE_CHECKING:
     from taichi_disk.config.scene_base import SceneBase
 
 Kinds: TypeAlias = "Mapping[str, type[SceneBase]]"  # of scenes, by the name that `scene:` takes
-SECTION_AS_A_WHOLE = "a section cannot be set as a whole: set its keys one by one"
 
 
 def check(tree: Tree, kinds: Kinds) -> SceneBase | None:
@@ -71,7 +70,9 @@ def _value(kind: str, path: Path, value: Any, tree: Tree, kinds: Kinds) -> Any:
         what = f"must be {_allowed(key)}, not {entry.shown}{did_you_mean(value, key.words)} ({key.meaning})"
         tree.fault(entry.value, path, what)
     elif path == ("lattice", "file") and value != "none":
-        return os.path.abspath(os.path.join(tree.folder, os.path.expanduser(value)))
+        # On the command line a name counts from the working directory, in a scene file from the file's folder.
+        folder = "" if entry.value.rank else tree.folder
+        return os.path.abspath(os.path.join(folder, os.path.expanduser(value)))
     elif key.kind is float and not isinstance(value, str):
         return float(value)
     return value

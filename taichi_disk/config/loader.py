@@ -5,25 +5,22 @@ The kinds of scenes are handed in; `taichi_disk.scenes` binds them.
 
 from __future__ import annotations
 
-import difflib
 import os
+import sys
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, TypeAlias
 
-from taichi_disk.config.checks import SECTION_AS_A_WHOLE, Kinds, check
+from taichi_disk.config.checks import Kinds, check, did_you_mean
 from taichi_disk.config.scene_base import SceneBase
 from taichi_disk.config.sweep_axes import Sweep, check_sweep
 from taichi_disk.config.yaml_tree import Entry, Fault, Place, Tree, parse, printable, tree_of
 from taichi_disk.errors import InputError
 
 Source: TypeAlias = "str | os.PathLike[str] | Mapping[str, Any]"
-MAX_BYTES = 100_000  # a scene is a few kB; PyYAML would chew on a megabyte for seconds
 
 
-def load(
-    source: Source, overrides: Sequence[str], kinds: Kinds, notes: list[str] | None = None, want: str = "any"
-) -> SceneBase | Sweep:
+def load(source: Source, overrides: Sequence[str], kinds: Kinds, want: str = "any") -> SceneBase | Sweep:
     """Read a scene, or a sweep where the source has a section `sweep:`, and check it.
 
     See `taichi_disk.scenes.load_scene` and `load_sweep`. YAML text is a str with a line end or ": ". The source is read
@@ -37,8 +34,7 @@ def load(
     if not has_sweep and want == "sweep":
         what = "there is no sweep: section: compute a single scene with `taichi-disk run`, or add one, for example "
         tree.fault(tree.entries[()].value, (), what + "`sweep: {seed: {range: 8}}`")
-    if note := _end_precision(tree):
-        (notes if notes is not None else []).append(note)
+    _end_precision(tree)
     found = check_sweep(tree, kinds) if has_sweep else check(tree, kinds)
     tree.refuse()
     assert found is not None
@@ -76,55 +72,39 @@ def _read_tree(source: Source, overrides: Sequence[str]) -> Tree:
     return tree
 
 
-def _end_precision(tree: Tree) -> str:
-    """Take `time.precision`, a key of older versions, out of the tree; what a person should know of that."""
+def _end_precision(tree: Tree) -> None:
+    """Take `time.precision`, a key of older versions, out of the tree, and say so."""
     time, path = tree.value.get("time"), ("time", "precision")
     if not isinstance(time, dict) or "precision" not in time:
-        return ""
+        return
     if time.pop("precision") == "f64":
         what = "this key has ended, all computations are in double precision: leave it out"
-        return str(Fault(tree.entry(path).key, "time.precision", what))
-    what = "single precision gained nothing in whole commands and was removed: leave this key out"
-    tree.fault(tree.entry(path).value, path, what)
-    return ""
+        print(f"note: {Fault(tree.entry(path).key, 'time.precision', what)}", file=sys.stderr)
+    else:
+        what = "single precision gained nothing in whole commands and was removed: leave this key out"
+        tree.fault(tree.entry(path).value, path, what)
 
 
 def _read(source: str | os.PathLike[str]) -> tuple[str, str, str]:
     """(name for messages, folder that file names start from, text) of a scene."""
     if isinstance(source, str) and ("\n" in source or (": " in source and not os.path.exists(source))):
-        path, label, data = Path(), "scene", source.encode("utf-8", "surrogatepass")
-    else:
-        path = Path(source)
-        if not os.path.exists(path) or os.path.isdir(path):  # a run leaves a folder of that name
-            path = shipped_scenes().get(str(path), path)
-        label = printable(str(path), width=1000)
-        try:
-            with path.open("rb") as file:
-                data = file.read(MAX_BYTES + 1)
-        except (OSError, ValueError) as error:
-            raise InputError(f"{label}: {_unreadable(path, error)}") from None
-    if len(data) > MAX_BYTES:
-        raise InputError(f"{label}: larger than {MAX_BYTES} bytes, which no scene is")
-    if b"\0" in data:
-        raise InputError(f"{label}: a binary file, or text that is not UTF-8; a scene is YAML text in UTF-8")
+        return "scene", "", source
+    path = Path(source)
+    if not os.path.exists(path) or os.path.isdir(path):  # a run leaves a folder of that name
+        path = shipped_scenes().get(str(path), path)
+    label = printable(str(path), width=1000)
     try:
+        data = path.read_bytes()
         return label, str(path.parent), data.decode("utf-8-sig")
     except UnicodeDecodeError as error:
         line = data.count(b"\n", 0, error.start) + 1
         raise InputError(f"{label}:{line}: not UTF-8 text (byte {data[error.start]:#x}); save it as UTF-8") from None
-
-
-def _unreadable(path: Path, error: OSError | ValueError) -> str:
-    if isinstance(error, (FileNotFoundError, NotADirectoryError)):
-        beside = {one.stem: str(one) for one in path.parent.glob("*.yaml")}
-        known = {name: name for name in shipped_scenes()}
-        near = [names[one] for names in (beside, known) for one in difflib.get_close_matches(path.stem, names, n=1)]
-        hint = f"; did you mean {' or '.join(near)}?" if near else "."
-        return f"no such file{hint} The shipped scenes are {', '.join(known)}"
-    if isinstance(error, IsADirectoryError):
-        found = ", ".join(sorted(str(one) for one in path.glob("*.yaml")))
-        return "a folder, not a scene file" + (f"; it holds {found}" if found else "")
-    return f"cannot be read: {getattr(error, 'strerror', None) or error}"
+    except (FileNotFoundError, NotADirectoryError):
+        known = shipped_scenes()
+        hint = did_you_mean(path.stem, known) or "."
+        raise InputError(f"{label}: no such file{hint} The shipped scenes are {', '.join(known)}") from None
+    except (OSError, ValueError) as error:
+        raise InputError(f"{label}: cannot be read: {getattr(error, 'strerror', None) or error}") from None
 
 
 def _override(tree: Tree, override: str, rank: int) -> None:
@@ -138,9 +118,9 @@ def _override(tree: Tree, override: str, rank: int) -> None:
         return
     blocks = tree.value.get("sweep")
     if path[0] == "sweep" and len(path) == 2 and isinstance(blocks, list):
-        sections = {str(k): block for k, block in enumerate(blocks) if isinstance(block, dict)}
-        for k, block in ({k: block for k, block in sections.items() if path[1] in block} or sections).items():
-            _put(tree, block, ("sweep", k, path[1]), text, place)
+        for k, block in enumerate(blocks):
+            if isinstance(block, dict):
+                _put(tree, block, ("sweep", str(k), path[1]), text, place)
         return
     parent = tree.value
     for depth, part in enumerate(path[:-1], start=1):
@@ -153,13 +133,8 @@ def _override(tree: Tree, override: str, rank: int) -> None:
 
 
 def _put(tree: Tree, parent: dict[str, Any], path: tuple[str, ...], text: str, place: Place) -> None:
-    new = parse(text, place, path)
+    new, there = parse(text, place, path), parent.get(path[-1])
     tree.faults += new.faults
-    if path[0] != "sweep" and (isinstance(parent.get(path[-1]), dict) or isinstance(new.value, dict)):
-        tree.fault(place, (), SECTION_AS_A_WHOLE)
-        return
-    if path == ("lattice", "file") and isinstance(new.value, str) and new.value not in ("", "none"):
-        # On the command line a name counts from the working directory, in a scene file from the file's folder.
-        new.value = os.path.abspath(os.path.expanduser(new.value))
-    parent[path[-1]] = new.value
+    section = len(path) == 1 and isinstance(there, dict) and isinstance(new.value, dict)  # some of its keys are given
+    parent[path[-1]] = there | new.value if section else new.value
     tree.entries |= {path: Entry(place, place)} | new.entries

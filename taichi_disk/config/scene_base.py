@@ -9,7 +9,7 @@ from dataclasses import asdict, fields
 from math import log
 from typing import TYPE_CHECKING, Any, ClassVar, TypeAlias, cast
 
-from taichi_disk.config.checks import SECTION_AS_A_WHOLE, check, either
+from taichi_disk.config.checks import check, either
 from taichi_disk.config.sections import (
     ElasticWallSection,
     Frozen,
@@ -21,7 +21,8 @@ from taichi_disk.config.sections import (
     VideoSection,
     WallSection,
 )
-from taichi_disk.config.yaml_tree import Fault, Place, tree_of
+from taichi_disk.config.yaml_tree import tree_of
+from taichi_disk.errors import InputError
 
 if TYPE_CHECKING:
     from typing_extensions import Self
@@ -60,23 +61,21 @@ class SceneBase(Frozen):
     def with_(self, changes: Mapping[str, Any] | None = None, /, **keys: Any) -> Self:
         """The scene with some keys changed: `scene.with_(eta_star=30)`, `scene.with_({"wall.a": 3000})`.
 
-        A key's own name is enough where only one section has it. Raises InputError with every fault at once.
+        A key's own name is enough where only one section has it; a section's name takes a mapping of some of its keys.
+        Raises InputError with every fault at once.
         """
-        data, wrong = asdict(self), dict[str, str]()
+        data, others = asdict(self), dict[str, Any]()
         for name, value in {**(changes or {}), **keys}.items():
-            homes = self.homes(name) or [name.partition(".")[::2]]
-            section, key = homes[0]
+            homes = self.homes(name)
             if len(homes) > 1:
-                wrong[name] = f"write {either('.'.join(home) for home in homes)}"
-            elif not key and section in self.sections():
-                wrong[name] = SECTION_AS_A_WHOLE
-            elif section in self.sections():
-                data[section][key] = value
+                raise InputError(f"{name}: write {either('.'.join(home) for home in homes)}")
+            section, key = homes[0] if homes else name.partition(".")[::2]
+            if section in self.sections() and (key or isinstance(value, Mapping)):
+                data[section] |= {key: value} if key else value
             else:
-                data[name] = value
-        tree = tree_of(data)
-        tree.faults += [Fault(Place(), name, what) for name, what in wrong.items()]
-        found = check(tree, {self.scene: type(self)}) if tree.value else None
+                others[name] = value
+        tree = tree_of(data | others)
+        found = check(tree, {self.scene: type(self)})
         tree.refuse()
         return cast("Self", found)
 
@@ -94,23 +93,16 @@ class SceneBase(Frozen):
 
 def yaml_scalar(value: Value) -> str:
     """YAML text that reads back as the same value, in YAML 1.1 as in 1.2."""
-    if isinstance(value, bool):
-        return "true" if value else "false"
-    if isinstance(value, float):
-        text = repr(value)  # the shortest text that reads back bit-equal
-        # Without a point, YAML 1.1 readers (PyYAML too) take 1e-05 for a string.
-        return text if "." in text else text.replace("e", ".0e")
-    if isinstance(value, int) or re.fullmatch(r"[a-z][a-z0-9]+(_[a-z]+)*", value):
-        return str(value)
-    return json.dumps(value, ensure_ascii=False)  # a path: quoted
+    if isinstance(value, str) and re.fullmatch(r"[a-z][a-z0-9]+(_[a-z]+)*", value):
+        return value
+    text = json.dumps(value, ensure_ascii=False)  # a path: quoted; a float: the shortest text that reads back bit-equal
+    # Without a point, YAML 1.1 readers (PyYAML too) take 1e-05 for a string.
+    return text.replace("e", ".0e") if isinstance(value, float) and "." not in text else text
 
 
 def time_conflicts(time: TimeSection, damping: list[str]) -> Conflicts:
     """Those of the section `time`; `damping` are the keys, with values, that make forces depend on velocity."""
     conflicts = []
-    if time.dt != "auto" and time.sample_interval != "auto" and time.sample_interval < time.dt:
-        text = f"{time.sample_interval:g} is shorter than the time step time.dt = {time.dt:g} [R/c]"
-        conflicts.append(("time.sample_interval", text))
     if time.tolerance != "none" and time.dt != "auto":
         conflicts.append(("time.tolerance", f"finds the step itself: write time.dt: auto, not {time.dt:g}"))
     if time.integrator == "vefrl" and damping:

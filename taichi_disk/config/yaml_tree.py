@@ -9,6 +9,7 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple, TypeAlias
 
@@ -126,10 +127,8 @@ def parse(text: str, source: Place, path: Path = ()) -> Tree:
         what = f"not readable as YAML: {error.problem or error.context}"
         if "'\\t'" in what:
             what += " (YAML allows no tabs for indentation: use spaces)"
-    except RecursionError:
-        what = "nested too deeply"
-    except (ValueError, OverflowError):  # escapes beyond Unicode; version numbers of more digits than int() takes
-        what = "not readable as YAML: a number or an escape is out of range"
+    except (RecursionError, ValueError, OverflowError):  # the last two of version numbers, and escapes beyond Unicode
+        what = "not readable as YAML: nested too deeply, or a number or an escape is out of range"
     return Tree(faults=[Fault(where, ".".join(path), what)])
 
 
@@ -152,14 +151,11 @@ def _value(node: yaml.Node, path: Path, key: Place | None, tree: Tree, source: P
         return values
     if isinstance(node, yaml.SequenceNode) and node.tag == _TAG + "seq":
         return [_value(one, (*path, str(k)), None, tree, source) for k, one in enumerate(node.value)]
-    tag = printable(node.tag.replace(_TAG, "!!"))
-    if not isinstance(node, yaml.ScalarNode) or node.tag not in _SCALARS:
-        tree.fault(here, path, f"the YAML tag {tag} is not allowed")
-        return None
-    try:
-        return _SCALARS[node.tag](node.value)
-    except (ValueError, KeyError):
-        tree.fault(here, path, f"{shown} cannot be read as {tag.removeprefix('!!')}")
+    if isinstance(node, yaml.ScalarNode):
+        with suppress(KeyError, ValueError):  # another tag, or a text that does not fit it
+            return _SCALARS[node.tag](node.value)
+    tree.fault(here, path, f"{shown} cannot be read as {printable(node.tag.removeprefix(_TAG))}")
+    return None
 
 
 def _shown(node: yaml.Node) -> str:
@@ -170,15 +166,13 @@ def _shown(node: yaml.Node) -> str:
 
 def tree_of(data: Mapping[str, Any]) -> Tree:
     """A tree of Python values, which have no places. NumPy's numbers become Python's; paths become text."""
-
-    def plain(one: Any) -> Any:
-        return one.item() if hasattr(one, "item") else str(one)
-
     try:  # JSON is YAML too
-        text = json.dumps(dict(data), ensure_ascii=False, default=plain)
+        text = json.dumps(dict(data), ensure_ascii=False, default=lambda one: getattr(one, "item", one.__str__)())
     except (RecursionError, ValueError, TypeError):  # a loop; an integer of thousands of digits; a key that is a tuple
-        return Tree(faults=[Fault(Place(), "", "not the keys and values of a scene")])
-    return parse(text, Place())
+        raise InputError("not the keys and values of a scene") from None
+    tree = parse(text, Place())
+    tree.refuse()
+    return tree
 
 
 def printable(text: str, width: int = 40) -> str:

@@ -11,7 +11,6 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from taichi_disk.config.loader import MAX_BYTES
 from taichi_disk.errors import InputError
 from taichi_disk.scenes import SCENES, load_any, load_scene
 
@@ -61,7 +60,7 @@ def faults(path: Path, text: str | bytes, *overrides: str) -> list[str]:
         ("video: {fps: 30, size: 100, fps: 40}\n", "2:29: video.fps: given twice, first in line 2"),
         ("video: {? [a] : 3}\n", "2:11: video: a key must be a name, not a list"),
         ('"\\ud800": 3\n', '2:1: a key must be a name, not the text "\\ud800"'),
-        ("video: {fps: !!python/object/apply:os.abort []}\n", "2:14: video.fps: the YAML tag !!python/object/apply:os.abort is not allowed"),
+        ("video: {fps: !!python/object/apply:os.abort []}\n", "2:14: video.fps: a list cannot be read as python/object/apply:os.abort"),
         (f"video: {{fps: {'9' * 5000}}}\n", f"2:14: video.fps: {'9' * 37}... cannot be read as int"),
         ("impact: {gap: 0.06}\n", "2:15: impact.gap: at 0.06 R the wall's potential exceeds 1e-3 of the kinetic energy: start at 0.06819 R or farther, or write auto"),
     ],
@@ -95,6 +94,7 @@ impact: {velocity: 0, pressure: 1}
     ]
 
 
+OUT_OF_RANGE = "not readable as YAML: nested too deeply, or a number or an escape is out of range"
 MISSING = f"scene: missing: write scene: {KINDS}"
 
 
@@ -116,14 +116,14 @@ def test_without_a_valid_kind_of_scene_the_rest_is_checked_too(path: Path, text:
     [
         (b"", "holds no keys: a scene needs at least the line `scene: exponential_wall`"),
         (b"- a\n- b\n", "1:1: a scene is a list of lines `key: value` (mind the space after the colon), not a list"),
-        (b"\x89PNG\r\n\x1a\n\0\0", "a binary file, or text that is not UTF-8; a scene is YAML text in UTF-8"),
+        (b"\x89PNG\r\n\x1a\n\0\0", "1: not UTF-8 text (byte 0x89); save it as UTF-8"),
+        (b"scene: compression\n# \0", "2:3: the character 0x0 may not stand in a YAML file"),
         (b"scene: compression\n# \xfcber\n", "2: not UTF-8 text (byte 0xfc); save it as UTF-8"),
         (b"lattice:\n\tpoints: 3\n", "2:1: not readable as YAML: found character '\\t' that cannot start any token (YAML allows no tabs for indentation: use spaces)"),
         (b"wall: &x {a: *x}\n", "1:14: not readable as YAML: aliases (*) are not supported: write the value out"),
         (b"scene: compression\n---\nscene: compression\n", "2:1: not readable as YAML: but found another"),
-        (b'scene: "\\UFFFFFFFF"\n', "not readable as YAML: a number or an escape is out of range"),
-        (b"a: " + b"[" * 5000, "nested too deeply"),
-        (b"#" * (MAX_BYTES + 1), f"larger than {MAX_BYTES} bytes, which no scene is"),
+        (b'scene: "\\UFFFFFFFF"\n', OUT_OF_RANGE),
+        (b"a: " + b"[" * 5000, OUT_OF_RANGE),
     ],
 )  # fmt: skip
 def test_what_is_no_scene_at_all_is_one_clear_line(path: Path, text: bytes, expected: str) -> None:
@@ -148,6 +148,7 @@ def test_the_last_override_of_a_key_wins() -> None:
     assert (scene.lattice.points, scene.lattice.seed) == (30, 5)
     other = load_scene(text, ["scene=compression", "lattice.points=3"])
     assert other == load_scene("scene: compression\nlattice: {points: 3, seed: 5}\n")
+    assert other == load_scene(text, ["scene=compression", "lattice={points: 3}"])
 
 
 @pytest.mark.parametrize(
@@ -158,7 +159,6 @@ def test_the_last_override_of_a_key_wins() -> None:
         ("lattice.points=", "lattice.points: must be a whole number from 3 to 2000000, not nothing"),
         ("lattice.points=\udcff", "lattice.points: the character 0xdcff may not stand in a YAML file"),
         ("velocity=3", "velocity: unknown key; did you mean impact.velocity?"),
-        ("lattice={points: 3}", "a section cannot be set as a whole: set its keys one by one"),
         ("lattice.points.x=3", "lattice.points is not a section"),
         ("time.dt=[1,", "time.dt: not readable as YAML: expected the node content, but found '<stream end>'"),
     ],
@@ -168,12 +168,10 @@ def test_a_faulty_override_is_quoted(path: Path, override: str, expected: str) -
     assert fault.startswith(f"--set {override.encode('ascii', 'backslashreplace').decode()}: {expected}")
 
 
-def test_a_missing_file_is_met_with_the_nearest_names(tmp_path: Path) -> None:
-    (tmp_path / "soft_disk.yaml").touch()
+def test_a_missing_file_is_met_with_the_nearest_name(tmp_path: Path) -> None:
     shipped = "The shipped scenes are absorbing_wall, compression, exponential_wall, figure2, figure3, figure6"
     for source, told in (
-        (tmp_path / "soft_dsk.yaml", r"soft_dsk.yaml: no such file; did you mean .*/soft_disk.yaml\?"),
-        (tmp_path / "scenes" / "exponential_wall.yaml", rf"no such file; did you mean exponential_wall\? {shipped}$"),
+        (tmp_path / "scenes" / "exponental_wall.yaml", rf"no such file; did you mean exponential_wall\? {shipped}$"),
         ("nonsense", rf"^nonsense: no such file\. {shipped}$"),
     ):
         with pytest.raises(InputError, match=told):
@@ -182,7 +180,7 @@ def test_a_missing_file_is_met_with_the_nearest_names(tmp_path: Path) -> None:
 
 def test_a_path_that_cannot_be_read_is_refused(tmp_path: Path) -> None:
     (tmp_path / "a.yaml").touch()
-    with pytest.raises(InputError, match=r": a folder, not a scene file; it holds .*a.yaml$"):
+    with pytest.raises(InputError, match=r": cannot be read: Is a directory$"):
         load_scene(tmp_path)
     for source in ("a\0b", "a" * 300, "a" * 5000, str(tmp_path / "a.yaml" / "b.yaml"), "", "\udc80", "\ud800: 3"):
         with pytest.raises(InputError) as refusal:
@@ -217,10 +215,6 @@ precision f64 reset exponential_wall absorbing_wall lin geom range : - , { } [ ]
 !!python/none | > ' " # --- ... % %YAML ? << ~ null true 0 -1 1e-3 1e999 .nan .inf 0x 0o7 1_0 \\ "\\ud800" é"""
 SPACES = [": ", "\n", "\n  ", "\n\t", "\x85", "\u2028", "\ufeff"]
 SOUP = st.lists(st.sampled_from([*WORDS.split(), *SPACES]), max_size=40)
-KEYS = sorted({f"{name}.{key}" for one in SCENES.values() for name, s in one.sections().items() for key in s.schema()})
-ODD = st.sampled_from(
-    [None, True, -1, 0, 3, 10**30, 1e-308, float("nan"), "", "auto", "1", "\ud800", [], [0], {}, {"lin": [0, 1, 2]}]
-)
 
 
 def try_to_load(source: Any, *overrides: str) -> None:
@@ -241,25 +235,3 @@ def test_any_text_and_any_bytes_give_a_scene_or_an_input_error(path: Path, text:
     try_to_load("\n" + text)
     path.write_bytes(IMPACT.encode() + data)
     try_to_load(path)
-
-
-@settings(max_examples=300, deadline=None)
-@given(
-    kind=st.sampled_from([*SCENES, "x", 3]),
-    changes=st.dictionaries(
-        st.sampled_from([*KEYS, "sweep.seed", "sweep.a", "a.b"]) | st.text(max_size=9), ODD, max_size=4
-    ),
-)
-def test_any_mapping_gives_a_scene_or_an_input_error(kind: Any, changes: dict[str, Any]) -> None:
-    data: dict[str, Any] = {}
-    for name, value in changes.items():
-        section, dot, key = name.partition(".")
-        there = data.setdefault(section, {} if dot else value)
-        if dot and isinstance(there, dict):
-            there[key] = value
-    data["scene"] = kind
-    try_to_load(data)
-    try:
-        SCENES["absorbing_wall"]().with_(changes)
-    except InputError as error:
-        assert str(error).encode()
