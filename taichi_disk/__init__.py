@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from importlib import import_module
+from time import perf_counter
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
@@ -11,6 +12,7 @@ if TYPE_CHECKING:
     from taichi_disk.scenes import Scene, load_scene, load_sweep
     from taichi_disk.sweep.sweep import run_sweep
 
+BEGAN = perf_counter()  # the wall clock of a command counts from here
 __version__ = "0.2.0"
 __all__ = ["Lattice", "Result", "Scene", "__version__", "load_scene", "load_sweep", "run", "run_sweep"]
 

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import ThreadPoolExecutor
-from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from pathlib import Path
@@ -17,6 +15,7 @@ from taichi_disk import runtime
 from taichi_disk.errors import InputError, SimulationError, TaichiDiskError
 from taichi_disk.lattice import Array, Lattice
 from taichi_disk.output import files
+from taichi_disk.output.plot import plot_run
 from taichi_disk.output.run_folder import RunFolder
 from taichi_disk.progress import Progress
 from taichi_disk.scenes import Scene, load_scene
@@ -26,8 +25,6 @@ from taichi_disk.simulation.failure import BlowUp
 from taichi_disk.simulation.outcome import Outcome, compute
 from taichi_disk.simulation.scenario import Scenario
 from taichi_disk.simulation.simulation import KernelCache
-from taichi_disk.simulation.stability import Spectrum, spectrum
-from taichi_disk.simulation.step_control import StepControl
 
 
 class State(NamedTuple):
@@ -138,16 +135,16 @@ class Result:
         """Write a trajectory for another program; returns the file that was written.
 
         Args:
-            path: a file, or a folder that gets trajectory.SUFFIX.
-            format: "xyz", "gsd", "vtu" or "npz", see docs/output.md; by default as the suffix of `path` says.
+            path: a file, whose suffix says the format, see docs/output.md; or a folder that gets trajectory.SUFFIX.
+            format: of a folder's: "xyz", "gsd", "vtu" or "npz".
             frames: how many, evenly spaced in time; or `times`: ascending, within the run [R/c].
 
         Raises InputError for times outside the run, an unknown format, or one whose package is not installed.
         """
         from taichi_disk.output.export import export_run
 
-        times = np.atleast_1d(np.linspace(0.0, self.series["t"][-1], frames) if times is None else times)
-        return export_run(self.scenario, self._moments(times), len(times), Path(path), format)
+        times = np.linspace(0.0, self.series["t"][-1], frames) if times is None else times
+        return export_run(self.scenario, self._moments(times), Path(path), format)
 
     def _moments(self, times: Any) -> Iterator[tuple[float, Array, Array]]:
         times = np.atleast_1d(np.asarray(times, dtype=float))
@@ -160,10 +157,13 @@ class Result:
 
     # ---- files
 
-    def film(self, path: Path | str, progress: Progress | None = None, **video: Any) -> Path:
+    def film(
+        self, path: Path | str, progress: Progress | None = None, beside: Result | None = None, **video: Any
+    ) -> Path:
         """Film the run into `path`: .mp4, .webm, .gif, one picture .png, or a folder for numbered pictures.
 
         Args:
+            beside: another run, to be shown at the right.
             video: keys of a scene's `video` section in place of the scene's own, as `colour="shear"`.
 
         Returns the path. Raises InputError for a wrong key, TaichiDiskError where no film can be drawn or written.
@@ -174,7 +174,8 @@ class Result:
         section = self.scene.with_({f"video.{key}": value for key, value in video.items()}).video
         check_target(path)
         files.prepare_output(path.parent)
-        film(path, [(self.scenario, self.outcome)], section, progress or Progress())
+        runs = [(one.scenario, one.outcome) for one in (self, beside) if one]
+        film(path, runs, section, progress or Progress())
         return path
 
     def save(self, out: Path | str, video: bool = False, overwrite: bool = False) -> Path:
@@ -188,17 +189,33 @@ class Result:
         return folder.out
 
     @classmethod
-    def load(cls, folder: Path | str) -> Result:
+    def load(
+        cls,
+        folder: Path | str,
+        overrides: Sequence[str] = (),
+        progress: Progress | None = None,
+        estimate: bool = True,
+    ) -> Result:
         """The result of a finished run, computed again from its scene.yaml: bitwise the same.
+
+        Args:
+            overrides: changes of the scene, as `["video.size=360"]`.
+            progress: told how far it has come.
+            estimate: whether to estimate the time-step error again, which doubles the work.
 
         Raises InputError where there is no run, or one that Python gave its lattice or velocities.
         """
-        path = Path(folder, "scene.yaml")
-        if not path.is_file():
-            raise InputError(f"{folder}: no run is here (no scene.yaml)")
-        if "own_start" in Path(folder, "summary.json").read_text(encoding="utf-8", errors="replace"):
+        path, summary = Path(folder, "scene.yaml"), Path(folder, "summary.json")
+        for one in (path, summary):
+            if not one.is_file():
+                what = f"no run is here (no {one.name}); make one with `taichi-disk run --out {folder}`"
+                raise InputError(f"{folder}: {what}")
+        if "own_start" in summary.read_text(encoding="utf-8", errors="replace"):
             raise InputError(f"{folder}: this run began with arrays given in Python; see lattice.npz for them")
-        return run(load_scene(path), force=True)
+        # What the run took, also a step by force, is taken again.
+        scene, progress = load_scene(path, overrides), progress or Progress()
+        job = _Job(scene, None, None, True, None, progress, _Clock(), estimate)
+        return job.compute(job.scenario())
 
 
 def run(
@@ -249,22 +266,18 @@ def run(
 
 
 class _Clock:
-    """Wall-clock seconds by stage; they add up to what the process took."""
+    """Wall-clock seconds by stage: one begins where the other ended."""
 
     def __init__(self, started: float = 0.0) -> None:
         self.seconds: dict[str, float] = {"start": started} if started else {}
+        self._since = perf_counter()
 
-    @contextmanager
-    def __call__(self, stage: str) -> Iterator[None]:
-        began = perf_counter()
-        try:
-            yield
-        finally:
-            self.seconds[stage] = self.seconds.get(stage, 0.0) + perf_counter() - began
-
-    def move(self, source: str, target: str, seconds: float) -> None:
-        self.seconds[source] -= seconds
-        self.seconds[target] = self.seconds.get(target, 0.0) + seconds
+    def lap(self, stage: str, **within: float) -> None:
+        """Book the seconds since the last lap on `stage`, but for those that went `within` it into others."""
+        now = perf_counter()
+        for name, seconds in (within | {stage: now - self._since - sum(within.values())}).items():
+            self.seconds[name] = self.seconds.get(name, 0.0) + seconds
+        self._since = now
 
 
 @dataclass
@@ -278,26 +291,21 @@ class _Job:
     threads: int | None
     progress: Progress
     clock: _Clock
-    modes: Spectrum | None = None
+    estimate: bool = True
 
     def scenario(self) -> Scenario:
-        with self.clock("build"):
-            check_memory(self.scene)
-            runtime.start(self.threads)
-            scenario = self.scene.scenario(self.lattice)
-            if self.velocities is not None:
-                scenario.start_with(np.asarray(self.velocities, dtype=float))
-            if not scenario.static:
-                self.modes = spectrum(scenario.lattice, scenario.model)
-                # Refused, if it is, before anything is written.
-                StepControl(scenario, self.scene.time, self.modes, self.force)
+        check_memory(self.scene)
+        runtime.start(self.threads)
+        scenario = self.scene.scenario(self.lattice)
+        if self.velocities is not None:
+            scenario.start_with(np.asarray(self.velocities, dtype=float))
+        self.clock.lap("build")
         return scenario
 
     def compute(self, scenario: Scenario) -> Result:
         time, kernels = self.scene.time, shared_kernels()
-        with self.clock("simulate"):
-            outcome = compute(scenario, time, self.progress, kernels, modes=self.modes, force=self.force)
-        self.clock.move("simulate", "compile", outcome.compile_seconds)
+        outcome = compute(scenario, time, self.progress, kernels, force=self.force, estimate=self.estimate)
+        self.clock.lap("simulate", compile=outcome.compile_seconds)
         numbers = {**scenario.result(outcome.columns), "measured": scenario.notes, **outcome.facts, "video": None}
         return Result(self.scene, scenario, self.summary("done") | numbers, outcome)
 
@@ -322,15 +330,17 @@ class _Job:
             result = self.compute(scenario)
             result.summary["video"] = film
             if export:
-                with self.clock("export"):
-                    result.export(path, export)
+                result.export(path, export)
+                self.clock.lap("export")
             _write(path, result, video, self.progress, self.clock)
             return result
         except (SimulationError, KeyboardInterrupt) as failure:
-            interrupted = isinstance(failure, KeyboardInterrupt)
-            if interrupted:
+            status = "failed"
+            if isinstance(failure, KeyboardInterrupt):
                 heard()
-            told = self.summary("interrupted" if interrupted else "failed", str(failure) or None)
+                status = "interrupted"
+            self.clock.lap(status)
+            told = self.summary(status, str(failure) or None)
             if scenario is not None:
                 _write_start(path, scenario)
             if isinstance(failure, BlowUp):
@@ -340,7 +350,7 @@ class _Job:
 
 
 @lru_cache(maxsize=1)
-def _kernels_of(program: int) -> KernelCache:
+def _kernels_of(program: Any) -> KernelCache:
     return KernelCache()
 
 
@@ -348,32 +358,32 @@ def shared_kernels() -> KernelCache:
     """The compiled simulations of this process: Taichi, too, exists once in a process."""
     import taichi as ti
 
-    return _kernels_of(id(ti.lang.impl.get_runtime().prog))
+    return _kernels_of(ti.lang.impl.get_runtime().prog)
 
 
 def _write(path: Path, result: Result, video: bool, progress: Progress, clock: _Clock) -> None:
     """All files of a run; summary.json last."""
     scene, scenario, outcome, columns = result.scene, result.scenario, result.outcome, result.series
-    with clock("write"):
-        asked = scene.time.sample_interval
-        # Rows of an equilibrium are on the way to rest, not in time.
-        interval = 0.0 if asked == "auto" or scenario.static else asked
-        _write_start(path, scenario)
-        files.write_timeseries(path / "timeseries.csv", columns, interval)
-        end = {"positions": outcome.positions, "velocities": outcome.velocities, "t": columns["t"][-1]}
-        files.write_arrays(path / "final.npz", **end)
-    with clock("film" if video else "plot"), ThreadPoolExecutor(1) as beside:
-        plot = beside.submit(_plot, path / "plot.png", scenario, columns)
-        if video:
-            name = "frames" if scene.video.format == "png" else f"video.{scene.video.format}"
-            try:
-                from taichi_disk.render.film import film
+    asked = scene.time.sample_interval
+    # Rows of an equilibrium are on the way to rest, not in time.
+    interval = 0.0 if asked == "auto" or scenario.static else asked
+    _write_start(path, scenario)
+    files.write_timeseries(path / "timeseries.csv", columns, interval)
+    end = {"positions": outcome.positions, "velocities": outcome.velocities, "t": columns["t"][-1]}
+    files.write_arrays(path / "final.npz", **end)
+    clock.lap("write")
+    plot_run(path / "plot.png", scenario, columns)
+    clock.lap("plot")
+    if video:
+        name = "frames" if scene.video.format == "png" else f"video.{scene.video.format}"
+        try:
+            from taichi_disk.render.film import film
 
-                film(path / name, [(scenario, outcome)], scene.video, progress)
-                result.summary["video"] = name
-            except TaichiDiskError as error:
-                result.summary["video_error"] = str(error)
-        plot.result()
+            film(path / name, [(scenario, outcome)], scene.video, progress)
+            result.summary["video"] = name
+        except TaichiDiskError as error:
+            result.summary["video_error"] = str(error)
+        clock.lap("film")
     files.write_summary(path / "summary.json", result.summary)
     progress.stop()
 
@@ -381,9 +391,3 @@ def _write(path: Path, result: Result, video: bool, progress: Progress, clock: _
 def _write_start(path: Path, scenario: Scenario) -> None:
     impedance = getattr(scenario.model.boundary, "impedance", None)
     files.write_lattice(path / "lattice.npz", scenario.lattice, scenario.velocities, impedance)
-
-
-def _plot(path: Path, scenario: Scenario, columns: dict[str, Array]) -> None:
-    from taichi_disk.output.plot import plot_run  # matplotlib is imported while the film is drawn
-
-    plot_run(path, scenario, columns)

@@ -8,9 +8,20 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+import pytest
 
 from taichi_disk.lattice import Lattice, disk_lattice, with_wall
-from taichi_disk.physics import ElasticWall, ExponentialWall, Load, MatchedBoundary, Model, Springs
+from taichi_disk.lattice.lattice import double_area, polygon_area
+from taichi_disk.physics import (
+    ElasticWall,
+    ExponentialWall,
+    Load,
+    MatchedBoundary,
+    Model,
+    PinnedBoundary,
+    ResetBoundary,
+    Springs,
+)
 from taichi_disk.scenes import load_scene
 from taichi_disk.simulation.driver import Driver
 from taichi_disk.simulation.observables import as_columns
@@ -19,6 +30,7 @@ from taichi_disk.simulation.stability import spectrum
 
 A, V0 = 300.0, 150.0
 RIGID, ELASTIC = ExponentialWall(A, V0), ElasticWall(A, V0, 0.1)
+RESET = 0.12  # between two resets of a boundary [R/c]
 FREE = Model(Springs())
 FALLING = Model(Springs(1.0, 1.0), RIGID)  # no dashpots
 
@@ -44,7 +56,9 @@ def disk(points=100, seed=0, height=None):
 
 
 def disk_and_wall(points=100, wall=120, height=0.03):
-    return with_wall(disk_lattice(points, 0), wall, 3.0, 0, True, 0.7, height)
+    lattice = with_wall(disk_lattice(points, 0), wall, 3.0, 0)
+    lattice.positions[:points, 1] += height
+    return lattice
 
 
 def chain(positions, bonds, mass):
@@ -53,6 +67,14 @@ def chain(positions, bonds, mass):
     n, rest = len(x), np.hypot(*(x[ends[:, 0]] - x[ends[:, 1]]).T)
     surface, triangles = np.arange(n, dtype=np.int32), np.zeros((0, 3), np.int32)
     return Lattice(x, ends, rest, np.full(n, mass), n, surface, none, none, triangles)
+
+
+def assert_tiles(positions, triangles, outline):
+    """The triangles, all counter-clockwise, fill the outline without gap or overlap."""
+    area = 0.5 * double_area(positions[triangles])
+    assert area.min() > 0
+    assert area.sum() == pytest.approx(polygon_area(positions[outline]), rel=1e-9)
+    assert len(triangles) == 2 * len(np.unique(triangles)) - 2 - len(outline)  # Euler
 
 
 def shaken(lattice, seed, amplitude):
@@ -66,6 +88,20 @@ def moving_down(lattice, speed):
     v = np.zeros_like(lattice.positions)
     v[: lattice.disk_points, 1] = -speed
     return v
+
+
+def bouncing(scene, points, eta, height=0.05):
+    """Lattice, velocities and model of a disk just above a wall, moving straight down, or pressed."""
+    speed = 0.05
+    if scene == "compression":
+        lattice, speed, model = disk(points, height=0.045), 0.0, pressed(0.05, eta)
+    elif scene == "rigid":
+        lattice, model = disk(points, height=height), damped(eta)
+    else:
+        lattice = disk_and_wall(points, points + 20, height)
+        boundary = {"matched": matched(lattice), "reset": ResetBoundary(RESET), "pinned": PinnedBoundary()}[scene]
+        model = Model(Springs(1.0, 1.0, eta), ELASTIC, boundary=boundary)
+    return lattice, moving_down(lattice, speed), model
 
 
 def matched(lattice):

@@ -5,15 +5,10 @@ Shares no code with the program; takes what lattice.npz holds and the numbers of
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
 from scipy.integrate import solve_ivp
-
-
-def _none():
-    return np.zeros(0, int)
 
 
 class Contacts(NamedTuple):
@@ -27,47 +22,20 @@ class Contacts(NamedTuple):
     lever: np.ndarray
 
 
-@dataclass
 class Model:
-    """The model of one lattice. `rigid`: there is an exponential wall at y = 0."""
+    """The model of one lattice: its arrays, and the numbers of the program's own `model`."""
 
-    bonds: np.ndarray
-    rest: np.ndarray
-    mass: float
-    disk_points: int
-    k_a: float = 1.0
-    k_b: float = 0.0
-    eta: float = 0.0
-    a: float = 300.0
-    V0: float = 150.0
-    rigid: bool = False
-    load: float = 0.0
-    threshold: float = 0.1
-    disk_surface: np.ndarray = field(default_factory=_none)
-    wall_surface: np.ndarray = field(default_factory=_none)
-    boundary: np.ndarray = field(default_factory=_none)
-    impedance: np.ndarray | None = None
-    pinned: bool = False
-
-    @classmethod
-    def of(cls, lattice, model):
-        """With a lattice's arrays and the numbers of the program's own model."""
+    def __init__(self, lattice, model):
         kind, springs = type(model.wall).__name__, model.springs
-        numbers = {"k_a": springs.k_a, "k_b": springs.k_b, "eta": springs.eta, "rigid": kind == "ExponentialWall"}
-        numbers |= {name: getattr(model.wall, name) for name in ("a", "V0", "threshold") if hasattr(model.wall, name)}
-        return cls(
-            bonds=lattice.bonds,
-            rest=lattice.rest_lengths,
-            mass=lattice.masses[0],
-            disk_points=lattice.disk_points,
-            load=model.load.force if model.load else 0.0,
-            disk_surface=lattice.disk_surface,
-            wall_surface=lattice.wall_surface if kind == "ElasticWall" else _none(),
-            boundary=lattice.wall_boundary,
-            impedance=getattr(model.boundary, "impedance", None),
-            pinned=type(model.boundary).__name__ == "PinnedBoundary",
-            **numbers,
-        )
+        self.bonds, self.rest, self.mass = lattice.bonds, lattice.rest_lengths, lattice.masses[0]
+        self.disk_points, self.disk_surface = lattice.disk_points, lattice.disk_surface
+        self.k_a, self.k_b, self.eta = springs.k_a, springs.k_b, springs.eta
+        self.rigid = kind == "ExponentialWall"  # at y = 0
+        self.wall_surface = lattice.wall_surface if kind == "ElasticWall" else np.zeros(0, int)
+        self.a, self.V0, self.threshold = (getattr(model.wall, name, 0.0) for name in ("a", "V0", "threshold"))
+        self.load = model.load.force if model.load else 0.0
+        self.boundary, self.impedance = lattice.wall_boundary, getattr(model.boundary, "impedance", None)
+        self.pinned = type(model.boundary).__name__ == "PinnedBoundary"
 
     def contacts(self, x):
         """The disk's surface points within reach over a wall spring: every point is held against every spring."""

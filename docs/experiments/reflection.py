@@ -41,9 +41,8 @@ def reflect(wave: str, sigma: float, seed: int, points: int = 1099, impedance: f
     The energy counts all that is left in the slab over all that was sent, also what the random lattice has scattered.
     """
     moduli, depth = bulk_moduli(points, seed, 1.0, 0.7), 10.0 * sigma
-    # The disk hangs far above, at rest.
-    disk, slab = disk_lattice(points, seed), round(points * WIDTH * depth / np.pi)
-    lattice = with_wall(disk, slab, WIDTH, seed, True, 0.7, gap=10.0)
+    lattice = with_wall(disk_lattice(points, seed), round(points * WIDTH * depth / np.pi), WIDTH, seed)
+    lattice.positions[:points, 1] += 10.0  # the disk hangs far above, at rest
     along = 1 if wave == "p" else 0  # the component that the wave moves
     boundary = MatchedBoundary(dashpots(lattice, moduli, along, impedance))
     model = Model(Springs(), ElasticWall(300.0, 150.0, 0.1), boundary=boundary)

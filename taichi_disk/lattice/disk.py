@@ -26,14 +26,8 @@ _CROWDED = 0.04  # below this share of hits, darts are aimed at the uncovered pa
 def disk_lattice(points: int, seed: int, rim: bool = True, min_spacing: float = 0.7) -> Lattice:
     """A disk of exactly `points` points of mass 1/points [M] in the unit circle (R = 1).
 
-    The paper says no more than "at random": literally, that is rim=False, min_spacing=0. The same arguments
-    give the same lattice on every machine, bit for bit.
-
-    Args:
-        points: 3 to 2,000,000.
-        seed: of NumPy's default generator.
-        rim: Space a share of the points evenly on the circle itself; the others lie inside, clear of the rim.
-        min_spacing: Least distance between any two points, 0 to 0.75, in `hexagonal_spacing`s.
+    The arguments are the keys of a scene's section `lattice`. The paper says no more than "at random": literally, that
+    is rim=False, min_spacing=0. The same arguments give the same lattice on every machine, bit for bit.
 
     Raises:
         InputError: An argument is out of range.

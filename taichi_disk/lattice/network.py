@@ -30,23 +30,17 @@ def laplacian(bonds: Indices, n: int) -> Sparse:
 
 
 def assemble(block: Array, bonds: Indices, n: int) -> Sparse:
-    """Sum over bonds of the matrix [[B, -B], [-B, B]] on the points i, j: (n w, n w), B being `block` (m, w, w)."""
-    from scipy.sparse import bsr_matrix, coo_matrix
+    """Sum over bonds of the matrix [[B, -B], [-B, B]] on the points i, j: (n w, n w), B being `block` (m, w, w).
 
-    width = block.shape[1]
-    i, j = bonds.T.astype(np.int64)
-    diagonal = np.empty((n, width, width))
-    for a in range(width):
-        for b in range(width):
-            diagonal[:, a, b] = np.bincount(i, block[:, a, b], n) + np.bincount(j, block[:, a, b], n)
-    row = np.concatenate([i, j, np.arange(n)])
-    column = np.concatenate([j, i, np.arange(n)])
-    entries = np.concatenate([-block, -block, diagonal])
-    # Sort the blocks by rows through SciPy's own conversion of their numbers: entry k + 1 is block k.
-    order = coo_matrix((np.arange(1, len(row) + 1), (row, column)), shape=(n, n)).tocsr()
-    order.sort_indices()
-    matrix = bsr_matrix((entries[order.data - 1], order.indices, order.indptr), shape=(n * width, n * width))
-    return matrix.tocsr()
+    The `bonds` (m, 2) are sorted by their first points, and each B is symmetric.
+    """
+    from scipy.sparse import bsr_matrix
+
+    points, width = np.arange(n + 1), block.shape[1]
+    shape, ones = (n * width, n * width), np.tile(np.eye(width), (n, 1))
+    upper = bsr_matrix((block, bonds[:, 1], np.searchsorted(bonds[:, 0], points)), shape=shape)
+    sums = (upper @ ones + upper.T @ ones).reshape(n, width, width)
+    return (bsr_matrix((sums, points[:-1], points), shape=shape) - upper - upper.T).tocsr()
 
 
 def symmetric_factors(matrix: Any) -> Any:

@@ -15,17 +15,12 @@ _MIN_ROWS = 3  # rows of springs across the wall, below which it is a truss rath
 
 
 def with_wall(
-    disk: Lattice, points: int, width: float, seed: int, rim: bool, min_spacing: float, gap: float
+    disk: Lattice, points: int, width: float, seed: int, rim: bool = True, min_spacing: float = 0.7
 ) -> Lattice:
-    """`disk`, which has no wall yet, over an elastic wall of the same material, centred at x = 0 below y = 0.
+    """`disk`, which has no wall yet, just touching an elastic wall of the same material, centred at x = 0 below y = 0.
 
-    The wall has the disk's mass per point and disk_points/pi points per R^2. No bond joins disk and wall.
-
-    Args:
-        points, width: of the wall [R].
-        seed, min_spacing: as for `disk_lattice`; disk and wall of one seed draw from separate streams.
-        rim: Lay a row of points along each side, spaced as on the disk's rim.
-        gap: Height of the disk's lowest point [R].
+    The wall has the disk's mass per point and disk_points/pi points per R^2. No bond joins disk and wall. `rim` lays
+    rows of points along its sides, spaced as on the disk's rim.
 
     Raises:
         InputError: The wall is too thin; the message gives the range allowed.
@@ -41,7 +36,7 @@ def with_wall(
     surface, boundary = _split(mesh)
 
     n = disk.disk_points
-    lift = np.array([0.0, gap - disk.positions[:, 1].min()])
+    lift = np.array([0.0, -disk.positions[:, 1].min()])
     return replace(
         disk,
         positions=np.concatenate([disk.positions + lift, mesh.positions]),

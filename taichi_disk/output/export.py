@@ -6,7 +6,6 @@ from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from importlib.util import find_spec
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -59,10 +58,10 @@ def _frames(lattice: Lattice, model: Model, moments: Iterable[Moment]) -> Iterat
         yield Frame(time, x, v, points, springs, {"stress": sigma, "pressure": pressure(sigma)}, energies)
 
 
-# ---- the formats: each writer takes a path, the lattice, the frames one after the other, and how many they are
+# ---- the formats: each writer takes a path, the lattice, and the frames one after the other
 
 
-def _write_xyz(path: Path, lattice: Lattice, frames: Iterator[Frame], count: int) -> None:
+def _write_xyz(path: Path, lattice: Lattice, frames: Iterator[Frame]) -> None:
     """Extended XYZ: text, a line for each point, with 12 digits. It knows no springs.
 
     Strain and tension are means over the springs of a point, energy is half of theirs, so that it adds up. The species
@@ -87,7 +86,7 @@ def _write_xyz(path: Path, lattice: Lattice, frames: Iterator[Frame], count: int
             file.writelines(line % (kind, *row) for kind, row in zip(species, table.tolist(), strict=True))
 
 
-def _write_gsd(path: Path, lattice: Lattice, frames: Iterator[Frame], count: int) -> None:
+def _write_gsd(path: Path, lattice: Lattice, frames: Iterator[Frame]) -> None:
     """GSD in HOOMD's schema: positions in single precision, our quantities as logged arrays in double."""
     import gsd.hoomd
 
@@ -112,7 +111,7 @@ def _write_gsd(path: Path, lattice: Lattice, frames: Iterator[Frame], count: int
             file.append(shot)
 
 
-def _write_vtu(path: Path, lattice: Lattice, frames: Iterator[Frame], count: int) -> None:
+def _write_vtu(path: Path, lattice: Lattice, frames: Iterator[Frame]) -> None:
     """VTK's unstructured grids: a .pvd that lists the .vtu files, which are in a folder of its name.
 
     Each frame is two files, one of springs (lines), one of triangles: each has its own quantities, and can be hidden.
@@ -121,7 +120,6 @@ def _write_vtu(path: Path, lattice: Lattice, frames: Iterator[Frame], count: int
     import meshio
 
     folder, listed = path.with_suffix(""), []
-    digits = len(str(count - 1))
 
     def fill(new: Path) -> None:
         new.mkdir()
@@ -131,7 +129,7 @@ def _write_vtu(path: Path, lattice: Lattice, frames: Iterator[Frame], count: int
             cells = {"springs": ("line", lattice.bonds), "triangles": ("triangle", lattice.triangles)}
             for part, kind in enumerate(cells):
                 cell_data = {name: [values] for name, values in getattr(frame, kind).items()}
-                name = f"{number:0{digits}}_{kind}.vtu"
+                name = f"{number:04}_{kind}.vtu"
                 mesh = meshio.Mesh(_padded(frame.positions), [cells[kind]], points, cell_data)
                 mesh.write(new / name, file_format="vtu")
                 listed.append(f'<DataSet timestep="{frame.time:.17g}" part="{part}" file="{folder.name}/{name}"/>')
@@ -141,24 +139,18 @@ def _write_vtu(path: Path, lattice: Lattice, frames: Iterator[Frame], count: int
     write_text(path, "\n".join([*lines, "</Collection>", "</VTKFile>", ""]))
 
 
-def _write_npz(path: Path, lattice: Lattice, frames: Iterator[Frame], count: int) -> None:
-    """t (T,), positions and velocities (T, n, 2), points_…, springs_…, triangles_… as in `Frame`, energies, lattice.
-
-    Arrays are filled frame by frame in files beside `path`, so that no trajectory is too large for the memory.
-    """
-    with TemporaryDirectory(dir=path.parent, prefix=f"{path.name}.") as place:
-        arrays: dict[str, Any] = {}
-        for number, frame in enumerate(frames):
-            named: dict[str, Any] = {"t": frame.time, "positions": frame.positions, "velocities": frame.velocities}
-            for kind in ("points", "springs", "triangles"):
-                named |= {f"{kind}_{name}": values for name, values in getattr(frame, kind).items()}
-            for name, values in (named | {f"{name}_energy": one for name, one in frame.energies.items()}).items():
-                if name not in arrays:
-                    shape = (count, *np.shape(values))
-                    arrays[name] = np.lib.format.open_memmap(Path(place, name), "w+", np.float64, shape)
-                arrays[name][number] = values
-        constant = ("bonds", "triangles", "rest_lengths", "masses", "disk_points")
-        np.savez(path, **arrays, **{name: getattr(lattice, name) for name in constant})
+def _write_npz(path: Path, lattice: Lattice, frames: Iterator[Frame]) -> None:
+    """t (T,), positions and velocities (T, n, 2), points_…, springs_…, triangles_… as in `Frame`, energies, lattice."""
+    rows = []
+    for frame in frames:
+        row: dict[str, Any] = {"t": frame.time, "positions": frame.positions, "velocities": frame.velocities}
+        for kind in ("points", "springs", "triangles"):
+            row |= {f"{kind}_{name}": values for name, values in getattr(frame, kind).items()}
+        rows.append(row | {f"{name}_energy": value for name, value in frame.energies.items()})
+    arrays: dict[str, Any] = {name: np.array([row[name] for row in rows]) for name in rows[0]}
+    for name in ("bonds", "triangles", "rest_lengths", "masses", "disk_points"):
+        arrays[name] = getattr(lattice, name)
+    np.savez(path, **arrays)
 
 
 def _radius(lattice: Lattice) -> float:
@@ -173,7 +165,7 @@ def _padded(values: Array) -> Array:
 
 class Format(NamedTuple):
     suffix: str
-    write: Callable[[Path, Lattice, Iterator[Frame], int], None]
+    write: Callable[[Path, Lattice, Iterator[Frame]], None]
     package: str = ""  # that it needs
 
 
@@ -185,45 +177,40 @@ FORMATS = {
 }
 
 
-def check_export(path: Path, format: str | None = None) -> tuple[Path, str]:
+def check_export(path: Path, format: str | None = None) -> tuple[Path, Format]:
     """Where a trajectory goes, and its format; to be called before anything is computed.
 
     Args:
-        path: a file, or a folder, in which the file will be called trajectory.
-        format: one of FORMATS; None: as the suffix says.
+        path: a file, whose suffix says the format; or a folder, in which it will be called trajectory.
+        format: one of FORMATS, for a folder.
 
     Raises InputError if there is no such format, its package is missing, or the place cannot be written.
     """
-    if format is None:
-        format = next((name for name, one in FORMATS.items() if one.suffix == path.suffix), None)
-    if format not in FORMATS:
+    if path.is_dir() and format in FORMATS:
+        path = path / f"trajectory{FORMATS[format].suffix}"
+    found = next((name for name, one in FORMATS.items() if one.suffix == path.suffix), "")
+    if not found or format not in (None, found):
         endings = ", ".join(f"{name} ({one.suffix})" for name, one in FORMATS.items())
-        raise InputError(f"cannot export to {path}: the formats are {endings}")
-    kind = FORMATS[format]
-    if path.is_dir():
-        path = path / f"trajectory{kind.suffix}"
-    if path.suffix != kind.suffix:
-        raise InputError(f"cannot export to {path}: a file of format {format} ends with {kind.suffix}")
+        raise InputError(f"cannot export to {path}{f' as {format}' if format else ''}: the formats are {endings}")
+    kind = FORMATS[found]
     if kind.package and find_spec(kind.package) is None:
-        needed = f"the format {format} needs the package {kind.package}"
+        needed = f"the format {found} needs the package {kind.package}"
         raise InputError(f"{needed}: install it with pip install 'taichi-disk[export]'")
     prepare_output(path.parent)
-    if format == "vtu":
+    if kind.write is _write_vtu:
         check_pictures(path.with_suffix(""))
-    return path, format
+    return path, kind
 
 
-def export_run(
-    scenario: Scenario, moments: Iterable[Moment], count: int, path: Path, format: str | None = None
-) -> Path:
-    """Write `count` moments of a run; returns the file that was written. `path`, `format`: as for `check_export`.
+def export_run(scenario: Scenario, moments: Iterable[Moment], path: Path, format: str | None = None) -> Path:
+    """Write moments of a run; returns the file that was written. `path`, `format`: as for `check_export`.
 
     Raises what that does, and SimulationError if the file cannot be written.
     """
-    path, format = check_export(path, format)
+    path, kind = check_export(path, format)
     frames = _frames(scenario.lattice, scenario.model, moments)
-    if format == "vtu":  # more than one file: it sees itself that they come all at once
-        _write_vtu(path, scenario.lattice, frames, count)
+    if kind.write is _write_vtu:  # more than one file: it sees itself that they come all at once
+        _write_vtu(path, scenario.lattice, frames)
     else:
-        atomic_write(path, lambda new: FORMATS[format].write(new, scenario.lattice, frames, count))
+        atomic_write(path, lambda new: kind.write(new, scenario.lattice, frames))
     return path

@@ -11,6 +11,7 @@ import re
 import shutil
 from collections.abc import Callable, Mapping, Sequence
 from importlib.metadata import version
+from io import StringIO
 from pathlib import Path
 from typing import Any
 
@@ -67,7 +68,7 @@ def cannot_write(out: Path, error: BaseException) -> InputError:
     return InputError(f"cannot write into the output folder {out}: {why}; choose another with --out")
 
 
-def atomic_write(path: Path, writer: Callable[[Path], None]) -> None:
+def atomic_write(path: Path, writer: Callable[[Path], object]) -> None:
     """Let `writer` fill a file (or a folder of numbered files) beside `path`, same suffix, then rename it to `path`.
 
     If the writer fails or is interrupted, what is beside is removed and `path` stays as it was. Raises SimulationError
@@ -113,11 +114,7 @@ def only_numbered(folder: Path) -> bool:
 
 def write_text(path: Path, text: str) -> None:
     """`text` in UTF-8 with Unix line ends."""
-
-    def write(new: Path) -> None:
-        new.write_text(text, encoding="utf-8", newline="\n")
-
-    atomic_write(path, write)
+    atomic_write(path, lambda new: new.write_bytes(text.encode("utf-8")))
 
 
 def write_summary(path: Path, summary: dict[str, Any]) -> None:
@@ -135,23 +132,17 @@ def write_timeseries(path: Path, columns: dict[str, Array], interval: float = 0.
     table = np.stack([columns[name] for name in names], axis=1)
     every = max(1, round(interval / float(columns["t"][1])))
     kept = [*range(0, len(table) - 1, every), -1]
-
-    def write(new: Path) -> None:
-        np.savetxt(new, table[kept], fmt="%.17g", delimiter=",", header=",".join(names), comments="")
-
-    atomic_write(path, write)
+    how = {"fmt": "%.17g", "delimiter": ",", "header": ",".join(names), "comments": ""}
+    atomic_write(path, lambda new: np.savetxt(new, table[kept], **how))
 
 
 def write_csv(path: Path, rows: Sequence[Mapping[str, Any]]) -> None:
     """A column for each key of `rows`, which have the same; numbers with all their digits, nothing for None."""
-
-    def write(new: Path) -> None:
-        with new.open("w", encoding="utf-8", newline="") as file:
-            table = csv.DictWriter(file, list(rows[0]), lineterminator="\n")
-            table.writeheader()
-            table.writerows(rows)
-
-    atomic_write(path, write)
+    text = StringIO()
+    table = csv.DictWriter(text, list(rows[0]), lineterminator="\n")
+    table.writeheader()
+    table.writerows(rows)
+    write_text(path, text.getvalue())
 
 
 def write_arrays(path: Path, **arrays: Any) -> None:

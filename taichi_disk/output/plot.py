@@ -5,9 +5,6 @@ matplotlib takes 0.3 s to import: it is when something is drawn.
 
 from __future__ import annotations
 
-import threading
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from textwrap import fill
 from typing import TYPE_CHECKING, Any
@@ -53,17 +50,6 @@ HEIGHTS = (1.2, 1.0, 1.5)  # of the axes of motion, force and energies
 LEGEND_HEIGHT = 0.12  # of the legend of energies, above them
 PLACES = {"left": 0.145, "right": 0.98, "bottom": 0.055, "top": 0.945, "hspace": 0.17}  # parts of a figure
 
-_settings = threading.RLock()
-
-
-@contextmanager
-def styled(settings: dict[Any, Any]) -> Iterator[None]:
-    """Draw with these settings of matplotlib. They are global: threads that draw wait for each other."""
-    import matplotlib
-
-    with _settings, matplotlib.rc_context(settings):
-        yield
-
 
 def draw_curves(axes: list[Any], scenario: Scenario, columns: Columns, **look: Any) -> list[Any]:
     """Motion, wall's force and energies over time in three axes, named; returns the lines.
@@ -88,13 +74,14 @@ def plot_run(path: Path, scenario: Scenario, columns: Columns) -> None:
 
     Raises SimulationError if the file cannot be written.
     """
+    from matplotlib import rc_context
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
     t, quality = columns["t"], scenario.quality(columns)
     ratios = (*HEIGHTS[:2], LEGEND_HEIGHT, *HEIGHTS[2:], *([0.8] if quality else []))
     result, note = scenario.marks(columns)
-    with styled(STYLE):
+    with rc_context(STYLE):
         figure = Figure(figsize=(7.6, 9.2), dpi=120)
         FigureCanvasAgg(figure)
         # Fixed places: with layout="constrained" everything is drawn twice, half of a plot's time.

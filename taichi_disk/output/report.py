@@ -39,29 +39,22 @@ def rows(summary: Mapping[str, Any], labels: Mapping[str, tuple[str, str]]) -> I
         yield "energy imbalance at the end", f"{summary['energy']['closing_imbalance']:.2e}", ""
     else:
         yield "iterations", str(summary["steps"]), f"({summary['integrator']})"
-    yield "wall clock", *wall_clock(summary["wall_clock"])
+    seconds = summary["wall_clock"]
+    parts = ", ".join(f"{name} {one:.1f}" for name, one in seconds.items())
+    yield "wall clock", f"{sum(seconds.values()):.1f}", f"s ({parts})"
 
 
 def shown(value: float, error: float | None, exact: bool = False, source: str = "time step") -> tuple[str, str]:
     """A result with no more digits than are meant, and "± its error"; empty if that is not known.
 
-    The error, None if not estimated, is rounded up to one digit, or two if the first is 1, and the value ends where the
-    error does: 0.96723 ± 2e-5, 0.967234 ± 1.4e-5. No value has more than 12 digits. A result without estimate that is
-    `exact`, as that of Newton's method, is good to rounding.
+    The error, None if not estimated, is rounded up to two digits, and the value ends where it does: 0.967234 ± 1.4e-5.
+    No value has more than 12 digits. A result without estimate that is `exact`, as that of Newton's method, is good to
+    rounding.
     """
     if error is None or not error < 1e9:  # NaN, too
         return f"{value:.{DIGITS if exact else UNSURE_DIGITS}g}", ""
-    bound = Decimal(repr(max(error, 1e-11 * abs(value), 1e-300)))
-    first = bound.adjusted()
-    rounded = bound.quantize(Decimal(1).scaleb(min(0, first - 1)), ROUND_CEILING)
-    if rounded >= Decimal(2).scaleb(first):
-        rounded = bound.quantize(Decimal(1).scaleb(min(0, first)), ROUND_CEILING)
+    bound = Decimal(repr(max(error, 1e-10 * abs(value), 1e-300)))
+    rounded = bound.quantize(Decimal(1).scaleb(min(0, bound.adjusted() - 1)), ROUND_CEILING)
     number = Decimal(repr(value)).quantize(rounded)
     text = f"{number:f}" if abs(value) >= 1e-4 or not value else f"{number:e}"
-    return text, f"± {rounded:{'f' if first >= -3 else 'e'}} ({source})"
-
-
-def wall_clock(seconds: Mapping[str, float]) -> tuple[str, str]:
-    """The sum of all parts [s], and the parts."""
-    parts = ", ".join(f"{name} {one:.1f}" for name, one in seconds.items())
-    return f"{sum(seconds.values()):.1f}", f"s ({parts})"
+    return text, f"± {rounded:{'f' if error >= 1e-3 else 'e'}} ({source})"

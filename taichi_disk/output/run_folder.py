@@ -1,19 +1,18 @@
 """The folder of one run: chosen before anything is computed, filled at once when the run has ended.
 
 A run is built in a hidden folder within its own. From there its files are moved out, scene.yaml first and summary.json
-last, so that the next run can see a move that was cut short, and finish it.
-
-What may be replaced: a run of the same resolved scene; another run, and what was made from it, only with `overwrite`.
-A folder with files that no run wrote is never touched, and a run that failed or was interrupted never replaces a
-finished one.
+last, so that the next run can see a move that was cut short, and finish it. docs/output.md says what may be replaced.
 """
 
 from __future__ import annotations
 
+import fcntl
 import json
 import os
 import re
 from collections.abc import Callable, Iterable, Iterator
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import ExitStack
 from dataclasses import dataclass
 from itertools import count
 from pathlib import Path
@@ -30,7 +29,6 @@ from taichi_disk.output.files import (
     remove_empty,
     write_text,
 )
-from taichi_disk.output.lock import FolderLock, signals_wait
 
 FILMS = ("video.mp4", "video.webm", "video.gif", "frames")
 RESULTS = ("timeseries.csv", "lattice.npz", "final.npz", "failure.npz", "plot.png")
@@ -113,50 +111,46 @@ class RunFolder:
         say: Callable[[str], None] = lambda text: None,
         repeatable: bool = True,
     ) -> None:
-        self.out, self._given, self._scene_yaml, self._explicit = Path(out), Path(out), scene_yaml, explicit
+        self.out, self._scene_yaml, self._explicit = Path(out), scene_yaml, explicit
         self._overwrite, self._say, self._repeatable = overwrite, say, repeatable
-        self._locks: list[FolderLock] = []
-        self._made: list[Path] = []
+        self._held = ExitStack()  # locks, and folders that go again if nothing is in them
 
     def __enter__(self) -> RunFolder:
         try:
-            target = Path(os.path.realpath(self._given))
-            self._target = self._choose([target] if self._explicit else _counted(target))
-            there = look(self._target)
-            self.film = next((name for name in FILMS if name in there.names and self._same(there)), None)
-            self.path = self._target / f".{os.getpid()}.partial"
-            self.path.mkdir()
-            write_text(self.path / "scene.yaml", self._scene_yaml)
-        except BaseException as error:
-            if hasattr(self, "path"):
-                remove(self.path)
-            self._leave()
-            if isinstance(error, (OSError, ValueError)):
-                raise cannot_write(self._given, error) from None
-            raise
+            with ExitStack() as undo:
+                undo.callback(self._held.close)
+                if self.out.name in ("", ".."):  # such a name cannot be counted on
+                    self.out = self.out.resolve()
+                self.out = self._choose([self.out] if self._explicit else _counted(self.out))
+                there = look(self.out)
+                self.film = next((name for name in FILMS if name in there.names and self._same(there)), None)
+                self.path = self.out / f".{os.getpid()}.partial"
+                undo.callback(remove, self.path)
+                self.path.mkdir()
+                write_text(self.path / "scene.yaml", self._scene_yaml)
+                undo.pop_all()
+        except (OSError, ValueError) as error:
+            raise cannot_write(self.out, error) from None
         return self
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        with signals_wait():
-            try:
-                if (status := _summary(self.path).get("status")) is not None:
-                    self._keep(str(status))
-                else:
-                    remove(self.path)
-            except OSError as problem:
-                text = f"cannot move the run into {self.out}: {reason(problem)}; it stays in {self.path}"
-                if error is None:
-                    raise SimulationError(text) from problem
-                self._say(text)
-            finally:
-                self._leave()
+        with self._held, ThreadPoolExecutor(1) as beside:  # no signal interrupts another thread
+            beside.submit(self._settle, failed=error is not None).result()
 
-    def _leave(self) -> None:
-        for lock in self._locks:
-            lock.release()
-        remove_empty(self._made)
+    def _settle(self, failed: bool) -> None:
+        """Move the run to its folder, or remove it if it has come to nothing."""
+        try:
+            if (status := _summary(self.path).get("status")) is not None:
+                self._keep(str(status))
+            else:
+                remove(self.path)
+        except OSError as problem:
+            text = f"cannot move the run into {self.out}: {reason(problem)}; it stays in {self.path}"
+            if not failed:
+                raise SimulationError(text) from problem
+            self._say(text)
 
     def _choose(self, folders: Iterable[Path], status: str = "done", why: str = "") -> Path:
         """The first of `folders` that a run of this status may be written into, locked; InputError if there is none.
@@ -164,20 +158,20 @@ class RunFolder:
         `why` says what was wrong with the folder that the run should have gone to; empty if it has not been tried.
         """
         for folder in folders:
-            refusal = "is being written by another run"
-            self._made += prepare_output(folder)
-            if lock := FolderLock.acquire(folder):
-                self._locks.append(lock)
-                if lock.sure:
-                    _clear(folder)
-                refusal = self._refusal(folder, status)
+            with ExitStack() as held:
+                held.callback(remove_empty, prepare_output(folder))
+                try:
+                    if _lock(folder, held):
+                        _clear(folder)
+                    refusal = self._refusal(folder, status)
+                except BlockingIOError:
+                    refusal = "is being written by another run"
                 if not refusal:
+                    self._held.push(held.pop_all())
                     if why:
-                        self.out = self._shown(folder)
-                        self._say(f"{why}; this run goes into {self.out}")
+                        self._say(f"{why}; this run goes into {folder}")
                     return folder
-                self._locks.pop().release()
-            why = why or f"{self._shown(folder)} {refusal}"
+            why = why or f"{folder} {refusal}"
         raise InputError(f"{why}; choose another folder with --out")
 
     def _refusal(self, folder: Path, status: str) -> str:
@@ -197,25 +191,38 @@ class RunFolder:
 
     def _keep(self, status: str) -> None:
         """Move the run to its folder, or to another one if that may not be, or may no longer be, replaced."""
-        if refusal := self._refusal(self._target, status):
-            name = self._target.name if status == "done" else f"{self._target.name}-{status}"
-            why = f"{self._shown(self._target)} {refusal}"
-            self._target = self._choose(_counted(self._target.with_name(name)), status, why)
-        moving = self._target / f".{os.getpid()}.moving"
+        if refusal := self._refusal(self.out, status):
+            name = self.out.name if status == "done" else f"{self.out.name}-{status}"
+            self.out = self._choose(_counted(self.out.with_name(name)), status, f"{self.out} {refusal}")
+        moving = self.out / f".{os.getpid()}.moving"
         os.rename(self.path, moving)
-        _move_files(moving, self._target)
-
-    def _shown(self, folder: Path) -> Path:
-        """`folder` as a person would write it who wrote `out`."""
-        if folder == Path(os.path.realpath(self._given)):
-            return self._given
-        return folder if self._given.is_absolute() else Path(os.path.relpath(folder))
+        _move_files(moving, self.out)
 
 
 def _counted(folder: Path) -> Iterator[Path]:
     yield folder
     for number in count(2):
         yield folder.with_name(f"{folder.name}-{number}")
+
+
+def _lock(folder: Path, held: ExitStack) -> bool:
+    """Lock a folder until `held` is closed, or the process ends, however it ends; False where no locks are known.
+
+    Raises BlockingIOError while another run holds it.
+    """
+    place, known = folder / ".lock", True
+    handle = os.open(place, os.O_RDWR | os.O_CREAT, 0o666)
+    held.callback(os.close, handle)
+    try:
+        fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        raise
+    except OSError:
+        known = False
+    if not os.fstat(handle).st_nlink:  # the run that held it has ended since the file was opened, and removed it
+        raise BlockingIOError
+    held.callback(remove, place)
+    return known
 
 
 def _clear(folder: Path) -> None:

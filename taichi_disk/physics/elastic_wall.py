@@ -153,27 +153,19 @@ class ElasticWall(Law):
 
     def contacts(self, lattice: Lattice, x: Array) -> Contacts:
         """All contacts with the points at `x` (n, 2) [R]."""
-        rows, springs = self.rows_over(lattice, x)
-        near = self.against(lattice, x, rows, springs).distance < self.threshold
-        return self.against(lattice, x, rows[near], springs[near])
-
-    def rows_over(self, lattice: Lattice, x: Array) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-        """Which points of `disk_surface` are over the wall, and over which of its springs, however far away."""
-        px, edges = x[lattice.disk_surface, 0][:, None], x[lattice.wall_surface, 0]
-        over = (edges[:-1] <= px) & (px < edges[1:])
+        px, chain = x[lattice.disk_surface, 0][:, None], x[lattice.wall_surface]
+        over = (chain[:-1, 0] <= px) & (px < chain[1:, 0])
         rows = np.flatnonzero(over.any(axis=1))
-        return rows, over[rows].argmax(axis=1)
-
-    def against(self, lattice: Lattice, x: Array, rows: NDArray[np.intp], springs: NDArray[np.intp]) -> Contacts:
-        """Points number `rows` of `disk_surface` against the wall's surface springs number `springs`."""
-        points, chain = lattice.disk_surface[rows].astype(np.intp), x[lattice.wall_surface]
+        points, springs = lattice.disk_surface[rows].astype(np.intp), over[rows].argmax(axis=1)
         away, t = x[points] - chain[springs], chain[springs + 1] - chain[springs]
         length2 = (t * t).sum(axis=1)
         normal = np.stack([-t[:, 1], t[:, 0]], axis=1) / np.sqrt(length2)[:, None]
         distance, lever = (away * normal).sum(axis=1), (away * t).sum(axis=1) / length2
         with np.errstate(over="ignore", invalid="ignore"):  # after a blow-up
             energy = self.V0 * np.exp(-self.a * distance)
-            return Contacts(points, springs, distance, lever, energy, (self.a * energy)[:, None] * normal)
+            push = (self.a * energy)[:, None] * normal
+        near = distance < self.threshold
+        return Contacts(*(one[near] for one in (points, springs, distance, lever, energy, push)))
 
     def energy(self, lattice: Lattice, x: Array) -> float:
         return float((self.contacts(lattice, x).energy - self.V0_at_threshold).sum())

@@ -1,7 +1,7 @@
 """A spring from one point to the mouse, whose pull does not grow beyond a limit.
 
-It derives from a potential, U = k r^2/2, and F r - F^2/(2 k) beyond r = F/k, so that the energy that a person gives
-the disk is what U jumps by when the spring is tied, led elsewhere or untied.
+It derives from a potential, f r - f^2/(2 k) with the pull f = min(k r, F), so that the energy that a person gives the
+disk is what the potential jumps by when the spring is tied, led elsewhere or untied.
 """
 
 from dataclasses import dataclass
@@ -10,13 +10,13 @@ from typing import Any
 import taichi as ti
 
 from taichi_disk.lattice import Lattice
-from taichi_disk.physics.law import Law, Room
+from taichi_disk.physics.law import BodyForce, Room
 from taichi_disk.physics.points import get, pair_of, put
 
 
 @ti.data_oriented
 @dataclass(eq=False)
-class MouseSpring(Law):
+class MouseSpring(BodyForce):
     """Pulls at most one point; see `Simulation.set_mouse_target`."""
 
     k: float  # spring constant [M c^2/R^2]
@@ -35,27 +35,21 @@ class MouseSpring(Law):
         self.point[0] = -1
 
     @ti.func
-    def pull(self, state: ti.template()):
-        """The point pulled (-1: none), the force on it [M c^2/R] and the potential [M c^2]."""
-        i = self.point[0]
+    def at(self, state: ti.template(), i):
         force = ti.Vector([0.0, 0.0])
-        energy = 0.0
-        if i >= 0:
-            d = get(self.target, 0) - get(state.x, i)
-            r, k, most = d.norm(), self.now.k[None], self.now.strongest[None]
-            force = k * d
-            energy = 0.5 * k * r * r
-            if k * r > most:
-                force = (most / r) * d
-                energy = most * (r - 0.5 * most / k)
-        return i, force, energy
+        if i == self.point[0]:
+            k, most, d = self.now.k[None], self.now.strongest[None], get(self.target, 0) - get(state.x, i)
+            force = (k * most / ti.max(most, k * d.norm())) * d
+        return force
 
     @ti.func
-    def add(self, state: ti.template()):
-        """Add the pull to the forces."""
-        i, force, _energy = self.pull(state)
-        if i >= 0:
-            put(state.f, i, get(state.f, i) + force)
+    def potential_at(self, state: ti.template(), i):
+        energy = 0.0
+        if i == self.point[0]:
+            k, r = self.now.k[None], (get(self.target, 0) - get(state.x, i)).norm()
+            pull = ti.min(k * r, self.now.strongest[None])
+            energy = pull * (r - 0.5 * pull / k)
+        return energy
 
     @ti.func
     def change(self, state: ti.template(), factor):
@@ -64,8 +58,11 @@ class MouseSpring(Law):
         Half a step's kick lies before this moment and half behind it: only the second changes. Returns `factor` times
         the potential.
         """
-        i, force, energy = self.pull(state)
+        i = self.point[0]
+        energy = 0.0
         if i >= 0:
-            put(state.f, i, get(state.f, i) + factor * force)
-            put(state.v, i, get(state.v, i) - factor * state.closing[None] * force)
-        return factor * energy
+            force = factor * self.at(state, i)
+            energy = factor * self.potential_at(state, i)
+            put(state.f, i, get(state.f, i) + force)
+            put(state.v, i, get(state.v, i) - state.closing[None] * force)
+        return energy

@@ -1,10 +1,10 @@
 """A point's x and y, gathered from two scalar fields into one vector and put back.
 
-Taichi 1.7.4 takes local vectors apart into scalars and leaves it to LLVM 15 to find vectors again; on a processor that
-LLVM 15 does not know (Zen 4, Zen 5, ...) it makes pairs of numbers at best. Kernels compiled under
-`runtime.whole_vectors` keep vectors whole, in registers as wide as the processor has. Two things go wrong there: the
-address of an element of a vector field, so the fields here are pairs of scalar fields, side by side in memory; and
-`a -= b` of whole local vectors (LLVM aborts), so write a = a - b.
+Taichi 1.7.4 by default takes local vectors apart into scalars and leaves it to LLVM 15 to find vectors again; on a
+processor that LLVM 15 does not know (Zen 4, Zen 5, ...) it makes pairs of numbers at best. `runtime.start` has them
+kept whole, in registers as wide as the processor has. Two things go wrong then: the address of an element of a vector
+field, so the fields here are pairs of scalar fields, side by side in memory; and `a -= b` of whole local vectors (LLVM
+aborts), so write a = a - b.
 """
 
 import taichi as ti

@@ -174,10 +174,7 @@ class Springs(Law):
         s = self.stretch(lattice, x)
         length = s + lattice.rest_lengths
         ex, ey = self.ends_apart(lattice, x) / length
-        along = self.k_a + 3.0 * self.k_b * s * s
-        across = (self.k_a + self.k_b * s * s) * s / length
-        block = np.empty((len(s), 2, 2))
-        block[:, 0, 0] = along * ex * ex + across * ey * ey
-        block[:, 1, 1] = along * ey * ey + across * ex * ex
-        block[:, 0, 1] = block[:, 1, 0] = (along - across) * ex * ey
-        return assemble(block, lattice.bonds, len(x))
+        along, across = self.k_a + 3.0 * self.k_b * s * s, self.pull(s) / length
+        xx, yy = along * ex * ex + across * ey * ey, along * ey * ey + across * ex * ex
+        xy = (along - across) * ex * ey
+        return assemble(np.stack([xx, xy, xy, yy], axis=1).reshape(-1, 2, 2), lattice.bonds, len(x))

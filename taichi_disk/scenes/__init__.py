@@ -23,29 +23,27 @@ SCENES: dict[str, type[SceneBase]] = {
 }
 
 
-def load_scene(source: Source, overrides: Sequence[str] = (), notes: list[str] | None = None) -> Scene:
+def load_scene(source: Source, overrides: Sequence[str] = ()) -> Scene:
     """Read a scene and check it.
 
     Args:
         source: path of a YAML file, bare name of a shipped scene ("exponential_wall"), YAML text, or a mapping.
         overrides: "section.key=value" each, the value written as in YAML; the last of several wins.
-        notes: a list to which remarks on the source are added, for a person to read.
 
     Raises:
         InputError: with every fault at once, each as file:line:column: key: what is wrong.
     """
-    return cast(Scene, loader.load(source, overrides, SCENES, notes, want="scene"))
+    return cast(Scene, loader.load(source, overrides, SCENES, want="scene"))
 
 
-def load_sweep(source: Source, overrides: Sequence[str] = (), notes: list[str] | None = None) -> Sweep:
+def load_sweep(source: Source, overrides: Sequence[str] = ()) -> Sweep:
     """Read a scene with a section `sweep:` and check every scene of it; else as `load_scene`.
 
-    "sweep.key=[...]" in `overrides` sets an axis: where `sweep:` is a list of sections, in every section that has
-    the axis, or else in all of them.
+    "sweep.key=[...]" in `overrides` sets an axis: where `sweep:` is a list of sections, in every one.
     """
-    return cast(Sweep, loader.load(source, overrides, SCENES, notes, want="sweep"))
+    return cast(Sweep, loader.load(source, overrides, SCENES, want="sweep"))
 
 
-def load_any(source: Source, overrides: Sequence[str] = (), notes: list[str] | None = None) -> Scene | Sweep:
+def load_any(source: Source, overrides: Sequence[str] = ()) -> Scene | Sweep:
     """A sweep where the source has a section `sweep:`, else a scene. The source is read once."""
-    return cast("Scene | Sweep", loader.load(source, overrides, SCENES, notes))
+    return cast("Scene | Sweep", loader.load(source, overrides, SCENES))

@@ -16,6 +16,7 @@ from taichi_disk.config.sections import ElasticWallSection, ImpactSection, Mater
 from taichi_disk.lattice import Lattice, bulk_moduli, with_wall
 from taichi_disk.scenes.body import DiskScene
 from taichi_disk.scenes.impact import ImpactScenario
+from taichi_disk.simulation.observables import Columns
 
 if TYPE_CHECKING:
     from taichi_disk.physics import Boundary, Model
@@ -57,7 +58,7 @@ class AbsorbingWallScene(DiskScene):
 
     def _over_wall(self, disk: Lattice) -> Lattice:
         spec, wall = self.lattice, self.wall
-        return with_wall(disk, wall.points, wall.width, spec.seed, spec.rim, spec.min_spacing, gap=0.0)
+        return with_wall(disk, wall.points, wall.width, spec.seed, spec.rim, spec.min_spacing)
 
     def scenario(self, lattice: Lattice | None = None) -> AbsorbingWallImpact:
         """The scene ready to be stepped.
@@ -99,6 +100,9 @@ class AbsorbingWallImpact(ImpactScenario):
         moduli = bulk_moduli(self.lattice.disk_points, spec.seed, self.scene.material.k_a, spec.min_spacing)
         p, s = moduli.density * moduli.wave_speed_p, moduli.density * moduli.wave_speed_s
         return MatchedBoundary(matched_impedance(self.lattice, p, s))
+
+    def unfinished(self, columns: Columns) -> str:
+        return f"{super().unfinished(columns)}; if it has slipped off the end of the wall, write a larger wall.width"
 
     def title(self) -> tuple[str, ...]:
         kind, first, second = super().title()

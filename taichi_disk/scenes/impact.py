@@ -163,7 +163,7 @@ class ImpactScenario(Scenario):
         )
 
     def caption(self, row: dict[str, float]) -> tuple[str, ...]:
-        return (f"t = {row['t']:7.3f} R/c", f"v_cm/v = {row['com_vy'] / self.velocity:+.4f}")
+        return (f"t = {row['t']:7.3f} R/c", f"velocity {row['com_vy'] / self.velocity:+.3f} v")
 
 
 def contact_interval(t: Array, force: Array, velocity: Array) -> tuple[float, float]:

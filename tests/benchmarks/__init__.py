@@ -1,6 +1,6 @@
 """What a step, a run and a command cost on this machine.
 
-    python -m tests.benchmarks                                      everything but the long parts
+    python -m tests.benchmarks                                      everything but the long part
     python -m tests.benchmarks kernel numba --set lattice.seed=1    some parts; --help lists them
 
 Runs take turns, so that what disturbs the machine meets all of them alike; read ratios, not times.

@@ -21,10 +21,8 @@ PARTS: dict[str, tuple[Part, str]] = {
     "start-up": (commands.start_up, "commands that compute nothing"),
     "film": (commands.film, "`run` to its film, caches empty and warm"),
     "window": (window.window, "pictures and steps a second in the window"),
-    "size": (kernel.size, "ns per spring and step by the number of points, one core and all (long)"),
     "sweep": (commands.sweep, "sweeps beside the bare stepping of their impacts, one process and two (long)"),
 }
-LONG = ("size", "sweep")
 
 
 def processor() -> str:
@@ -42,7 +40,7 @@ def main() -> None:
         description=f"What a step, a run and a command cost here.\n\n{listed}",
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
-    parser.add_argument("parts", nargs="*", metavar="PART", help="default: all but the long ones")
+    parser.add_argument("parts", nargs="*", metavar="PART", help="default: all but the long one")
     parser.add_argument("--repeats", type=int, default=9, help="how often runs take turns (default: 9)")
     parser.add_argument("--set", action="append", default=[], metavar="KEY=VALUE", help="of every scene, as in `run`")
     given = parser.parse_args()
@@ -53,7 +51,7 @@ def main() -> None:
     print(", ".join(f"{name} {value}" for name, value in facts.items()) + load)
     print(f"Runs take turns, {given.repeats} times; ratio: median over the turns, to the first row of a table.\n")
     runtime.start(threads=1)
-    for part in given.parts or [name for name in PARTS if name not in LONG]:
+    for part in given.parts or [name for name in PARTS if name != "sweep"]:
         for line in PARTS[part][0](given.repeats, tuple(given.set)):
             print(line, flush=True)
         print()

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import os
 import subprocess
 import sys
@@ -12,11 +11,9 @@ from functools import partial
 from pathlib import Path
 from time import perf_counter
 
-from taichi_disk.integrators import INTEGRATORS
-from taichi_disk.scenes import load_scene
 from taichi_disk.simulation.simulation import KernelCache
 
-from .kernel import Task
+from .kernel import Impact
 from .timing import in_turn, table
 
 
@@ -69,11 +66,7 @@ def sweep(_repeats: int, settings: tuple[str, ...]) -> Iterator[str]:
 
 
 def bare_steps(folder: Path) -> float:
-    """Seconds that the steps of a sweep's rows take by themselves, each row in one launch."""
-    kernels, spent = KernelCache(), 0.0
-    with (folder / "points.csv").open(encoding="utf-8") as file:
-        for row in csv.DictReader(file):
-            scenario = load_scene(folder / "points" / f"{row['key']}.yaml").scenario()
-            task = Task(scenario, INTEGRATORS[row["integrator"]], float(row["dt"]), int(row["steps"]))
-            spent += task.run(kernels)[0]
-    return spent
+    """Seconds that the steps of a sweep's scenes take by themselves, each in one launch."""
+    kernels = KernelCache()
+    impacts = (Impact(kernels, scene) for scene in sorted(folder.glob("points/*.yaml")))
+    return sum(impact.bare() * impact.work for impact in impacts)

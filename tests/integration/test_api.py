@@ -54,15 +54,6 @@ def test_states_are_those_of_the_time_series(result):
     assert (state.positions == x[3]).all() and (state.velocities == v[3]).all()
 
 
-def test_two_trajectories_of_one_process_do_not_disturb_each_other(result):
-    other = run(load_scene("exponential_wall").with_(SMALL | {"impact.velocity": 0.05}))
-    alone = [result.state(t).positions for t in (1.0, 2.0, 3.0)]
-    both = zip(result.outcome.replay([1.0, 2.0, 3.0]), other.outcome.replay([1.0, 2.0, 3.0]), strict=True)
-    for expected, (first, second) in zip(alone, both, strict=True):
-        assert (first[1] == expected).all()
-        assert not (second[1] == expected).all()
-
-
 def test_a_field_is_that_of_its_state(result):
     tightest = result.series["t"][result.series["elastic"].argmax()]
     strain = result.field("strain", tightest)

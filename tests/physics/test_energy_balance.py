@@ -8,11 +8,10 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from bodies import ELASTIC, RIGID, SMALL, WALL, advance, computed, disk, disk_and_wall, matched, moving_down
+from bodies import SMALL, WALL, advance, bouncing, computed
 from numpy.testing import assert_allclose
 
 from taichi_disk.integrators import TRAPEZOIDAL, VELOCITY_VERLET
-from taichi_disk.physics import Load, Model, PinnedBoundary, ResetBoundary, Springs
 
 N = 60
 ENERGIES = ("kinetic", "elastic", "wall", "load", "dissipated", "absorbed", "sliding")
@@ -55,20 +54,6 @@ def test_energy_is_accounted_for_at_the_automatic_step(scene, kernels):
         assert np.diff(columns[one]).min() >= -1e-6 * scale
 
 
-def bounce(scene, eta_star, height=0.05):
-    """Lattice, velocities and model of a disk just above a wall, moving straight down, or pressed."""
-    springs = Springs(1.0, 1.0, eta_star / N)
-    if scene == "compression":
-        lattice = disk(N, height=0.045)
-        return lattice, moving_down(lattice, 0.0), Model(springs, RIGID, Load(0.05))
-    if scene == "rigid":
-        lattice = disk(N, height=height)
-        return lattice, moving_down(lattice, 0.05), Model(springs, RIGID)
-    lattice = disk_and_wall(N, 80, height=height)
-    boundary = {"matched": matched(lattice), "reset": ResetBoundary(0.12), "pinned": PinnedBoundary()}[scene]
-    return lattice, moving_down(lattice, 0.05), Model(springs, ELASTIC, boundary=boundary)
-
-
 @pytest.mark.parametrize(
     ("scene", "eta_star", "integrator"),
     [
@@ -84,7 +69,7 @@ def bounce(scene, eta_star, height=0.05):
     ],
 )
 def test_the_imbalance_falls_with_the_square_of_the_step(scene, eta_star, integrator, kernels):
-    lattice, velocities, model = bounce(scene, eta_star)
+    lattice, velocities, model = bouncing(scene, N, eta_star / N)
     worst = []
     for stride in (120, 240):
         simulation = kernels.simulation(lattice, model, integrator, velocities, 0.12 / stride)
@@ -99,7 +84,7 @@ def test_the_imbalance_falls_with_the_square_of_the_step(scene, eta_star, integr
 )
 def test_the_imbalance_once_nothing_vibrates_falls_with_the_fourth_power(scene, eta_star, integrator, kernels):
     """E_2 is gone then, and what the dashpots took is summed to the order of what is left."""
-    lattice, velocities, model = bounce(scene, eta_star, height=0.12)
+    lattice, velocities, model = bouncing(scene, N, eta_star / N, height=0.12)
     closing = []
     for steps in (400, 800):
         simulation = kernels.simulation(lattice, model, integrator, velocities, 9.0 / steps)
@@ -112,7 +97,7 @@ def test_the_imbalance_once_nothing_vibrates_falls_with_the_fourth_power(scene, 
 def test_losses_are_booked_where_they_happen(kernels):
     # dissipated = int eta sum |v_i - v_j|^2 dt over the springs, absorbed = int sum Z v^2 dt over the boundary, by the
     # trapezoidal rule over every step: both sums are O(h^2) from the integrals.
-    lattice, velocities, model = bounce("matched", 20.0)
+    lattice, velocities, model = bouncing("matched", N, 20.0 / N)
     # The boundary is already on the move, or it would take until the wave arrives.
     velocities[lattice.disk_points :] = [0.01, -0.02]
     h, (i, j), powers = 1e-3, lattice.bonds.T, []
@@ -131,7 +116,7 @@ def test_losses_are_booked_where_they_happen(kernels):
 def test_what_a_point_loses_by_sliding_over_the_bent_wall_is_booked(kernels):
     # Where the surface is bent, l jumps as a point passes from one spring to the next: at any step the energy changes
     # by that much, and the imbalance beyond it falls with the square of the step.
-    lattice, velocities, model = bounce("pinned", 0.0)
+    lattice, velocities, model = bouncing("pinned", N, 0.0)
     velocities[:N] = [0.2, -0.3]
     found = []
     for stride in (100, 200):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -19,10 +19,8 @@ MOUSE, POINT, LONG = MouseSpring(0.2, 0.02), 7, pytest.mark.validate
 LED = ((POINT, (0.05, 0.02)), (POINT, (0.3, 0.1)), (-1, (0.0, 0.0)))
 
 
-@dataclass
 class Pulled(reference.Model):
-    point: int = -1
-    target: np.ndarray | None = None
+    point, target = -1, None
 
     def force(self, x, v):
         f = super().force(x, v)
@@ -41,7 +39,7 @@ def test_a_pulled_point_moves_as_the_exact_solution_and_its_energy_is_accounted_
     lattice = disk(60, height=0.5)
     model = Model(Springs(1.0, 1.0, eta), FALLING.wall, mouse=MOUSE)
     x, v = lattice.positions, np.zeros_like(lattice.positions)
-    plain, y = Pulled(**vars(reference.Model.of(lattice, model))), (x, v)
+    plain, y = Pulled(lattice, model), (x, v)
     for plain.point, beside in LED:
         plain.target = x[POINT] + beside
         y = plain.solve(*y, (0.0, 24 * dt))[-1]
@@ -66,14 +64,3 @@ def test_a_mouse_that_pulls_at_nothing_changes_no_bit(kernels):
     down = moving_down(lattice, 0.05)
     rows = [kernels.simulation(lattice, one, VELOCITY_VERLET, down, 5e-3).advance(400, 20)[0] for one in models]
     assert_array_equal(*rows)
-
-
-def test_tying_leading_and_untying_give_what_the_potential_jumps_by(kernels):
-    # U = k r^2/2, and F r - F^2/(2 k) beyond r = F/k: both and their slopes agree there.
-    lattice, model = disk(60, height=0.5), replace(FALLING, mouse=MOUSE)
-    simulation = kernels.simulation(lattice, model, VELOCITY_VERLET, 0 * lattice.positions, 1e-3)
-    x, y = lattice.positions[POINT]
-    near, far = 0.5 * 0.2 * 0.06**2, 0.02 * 0.3 - 0.02**2 / (2 * 0.2)
-    jumps = [simulation.set_mouse_target(POINT, place) for place in ((x + 0.06, y), (x, y - 0.3), (x, y))]
-    assert jumps == pytest.approx([near, far - near, -far], rel=1e-12)
-    assert simulation.set_mouse_target(-1) == 0.0

@@ -45,7 +45,7 @@ def jacobian(model, x):
 
 def test_highest_frequency_and_damping_rate_are_those_of_the_matrices():
     lattice, model = disk(40), Model(Springs(1.0, 1.0, 0.3))
-    modes, plain, m = spectrum(lattice, model), reference.Model.of(lattice, model), lattice.masses[0]
+    modes, plain, m = spectrum(lattice, model), reference.Model(lattice, model), lattice.masses[0]
     omega2 = np.linalg.eigvals(jacobian(plain, lattice.positions)).real.max() / m
     assert modes.omega**2 == pytest.approx(omega2, rel=1e-6)
     # The dashpots' matrix, column by column: force of a unit velocity.
@@ -61,7 +61,7 @@ def test_the_walls_stiffness_is_bounded_by_the_force_on_a_point(wall):
     for height in (0.02, 0.03, 0.05):
         lattice = disk(30, height=height) if wall is RIGID else disk_and_wall(30, 45, height=height)
         model = replace(FREE, wall=wall)
-        plain, x = reference.Model.of(lattice, model), lattice.positions
+        plain, x = reference.Model(lattice, model), lattice.positions
         force = np.abs(plain.wall_force(x)[: lattice.disk_points]).max()
         omega = np.sqrt(np.linalg.eigvals(jacobian(plain, x)).real.max() / lattice.masses[0])
         limit = step_limit(spectrum(lattice, model), model, VELOCITY_VERLET, force)

@@ -55,7 +55,7 @@ def test_resets_brake_a_point_as_a_drag_of_2m_over_the_interval(kernels):
     x[edge] *= 1.1
     stretched = replace(lattice, positions=x)
     simulation = kernels.simulation(stretched, model, VELOCITY_VERLET, still, tau / 20)
-    force = reference.Model.of(lattice, model).force(x, still)[edge]
+    force = reference.Model(lattice, model).force(x, still)[edge]
     absorbed = advance(simulation, 20 * 20)["absorbed"][-1]
     speed = (simulation.positions()[edge] - x[edge]) / (20 * tau)
     assert_allclose(speed, force * tau / (2 * m), rtol=0, atol=0.02 * np.abs(speed).max())

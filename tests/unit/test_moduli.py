@@ -9,7 +9,7 @@ import pytest
 
 from taichi_disk.errors import InputError
 from taichi_disk.lattice.lattice import triangulate
-from taichi_disk.lattice.moduli import Moduli, bulk_moduli, inner_moduli, pulled, rectangle
+from taichi_disk.lattice.moduli import bulk_moduli, inner_moduli, pulled, rectangle
 
 
 def test_perfect_triangular_lattice_has_the_textbook_moduli():
@@ -35,14 +35,6 @@ def test_moduli_scale_with_the_springs_and_not_with_the_number_of_points():
     few, many = (np.mean([bulk_moduli(n, s, 1.0, 0.7).young for s in range(4)]) for n in (300, 1000))
     assert few == pytest.approx(many, rel=0.05)
     assert bulk_moduli(3, 0, 1.0, 0.7).young == pytest.approx(1.1, abs=0.15)  # small disks have moduli, too
-
-
-def test_wave_speeds_are_those_of_plane_stress():
-    # c_p^2 = E/((1 - nu^2) rho), c_s^2 = E/(2 (1 + nu) rho), rho = M/(pi R^2).
-    m = Moduli(young=1.1, poisson=0.25)
-    assert m.density == pytest.approx(1 / math.pi)
-    assert m.wave_speed_p**2 == pytest.approx(1.1 * math.pi / (1 - 0.0625))
-    assert m.wave_speed_s**2 == pytest.approx(1.1 * math.pi / 2.5)
 
 
 def test_strip_without_an_inside_is_refused():

@@ -6,22 +6,25 @@ import math
 
 import numpy as np
 import pytest
+from bodies import assert_tiles
 from scipy.spatial.distance import pdist
 
 from taichi_disk.errors import InputError
-from taichi_disk.lattice import disk_lattice, hexagonal_spacing, rim_points, wall_height, with_wall
-from taichi_disk.lattice.lattice import double_area, polygon_area
+from taichi_disk.lattice import disk_lattice, with_wall
+from taichi_disk.lattice.disk import hexagonal_spacing, rim_points
+from taichi_disk.lattice.lattice import polygon_area
+from taichi_disk.lattice.wall import wall_height
 
 DISK = disk_lattice(1099, 0)
-PAPER = with_wall(DISK, 1269, 3.8, 0, True, 0.7, 0.06)
-LITERAL = with_wall(DISK, 1269, 3.8, 0, False, 0.0, 0.06)
+PAPER = with_wall(DISK, 1269, 3.8, 0)
+LITERAL = with_wall(DISK, 1269, 3.8, 0, False, 0.0)
 HEIGHT = math.pi * 1269 / (1099 * 3.8)  # equal points per area
 
 
 @pytest.mark.parametrize("both", [PAPER, LITERAL], ids=["rows", "literal"])
 def test_the_disk_comes_first_unchanged_but_lifted_and_triangles_tile_the_wall_below(both):
     assert both.positions.shape == (1099 + 1269, 2) and both.disk_points == 1099
-    assert both.positions[:1099, 1].min() == pytest.approx(0.06, abs=1e-15)
+    assert both.positions[:1099, 1].min() == 0.0
     assert np.ptp(both.positions[:1099] - DISK.positions, axis=0).max() < 1e-15
     for name in ("bonds", "rest_lengths", "triangles", "disk_surface"):
         own = getattr(DISK, name)
@@ -35,13 +38,11 @@ def test_the_disk_comes_first_unchanged_but_lifted_and_triangles_tile_the_wall_b
     assert (surface[[0, -1]] == boundary[[0, -1]]).all()
     outline = np.concatenate([boundary, surface[-2:0:-1]])
     assert len(np.unique(outline)) == len(outline)
-    # Euler: a triangulation of V points with h of them on its outline has 3 V - 3 - h bonds.
-    assert len(bonds) == 3 * 1269 - 3 - len(outline)
+    assert len(np.unique(triangles)) == 1269
+    assert len(bonds) == 3 * 1269 - 3 - len(outline)  # Euler
     # Counter-clockwise, from the left top corner down; all points inside.
-    double = double_area(both.positions[triangles])
+    assert_tiles(both.positions, triangles, outline)
     area = polygon_area(both.positions[outline])
-    assert double.min() > 0
-    assert 0.5 * double.sum() == pytest.approx(area)
     assert 0.98 * 3.8 * HEIGHT < area <= 3.8 * HEIGHT * (1 + 1e-12)
     x, y = both.positions[1099:].T
     left, right = both.positions[surface[[0, -1]]]
@@ -67,8 +68,7 @@ def test_rows_along_the_sides_are_straight_and_evenly_spaced():
 def test_wall_points_keep_the_disks_distance_and_depend_on_the_seed_alone():
     assert pdist(PAPER.positions[1099:]).min() >= 0.7 * hexagonal_spacing(1099) * (1 - 1e-12)
     assert PAPER.rest_lengths.max() < 2.5 * hexagonal_spacing(1099)
-    again = with_wall(DISK, 1269, 3.8, 0, True, 0.7, 0.5)
-    other = with_wall(DISK, 1269, 3.8, 1, True, 0.7, 0.06)
+    again, other = with_wall(DISK, 1269, 3.8, 0), with_wall(DISK, 1269, 3.8, 1)
     assert (again.positions[1099:] == PAPER.positions[1099:]).all()
     assert (other.positions[1099:] != PAPER.positions[1099:]).any()
 
@@ -77,20 +77,20 @@ def test_wall_points_keep_the_disks_distance_and_depend_on_the_seed_alone():
 @pytest.mark.parametrize("points", [27, 60, 1269])
 def test_every_width_in_the_range_that_the_message_allows_makes_a_wall(points, rim):
     with pytest.raises(InputError, match=r"wall\.width must be between") as refusal:
-        with_wall(DISK, points, 1e3, 0, rim, 0.7, 0.1)
+        with_wall(DISK, points, 1e3, 0, rim)
     least, most = (float(w) for w in str(refusal.value).split("between ")[1].split(" for")[0].split(" and "))
     for width in (least * 1.001, math.sqrt(least * most), most * 0.999):
-        wall = with_wall(DISK, points, width, 0, rim, 0.75, 0.1).positions[1099:]
+        wall = with_wall(DISK, points, width, 0, rim, 0.75).positions[1099:]
         assert len(wall) == points
         assert np.ptp(wall[:, 0]) <= width * (1 + 1e-12)
     for width in (least * 0.99, most * 1.01, -1.0, float("nan")):
         with pytest.raises(InputError):
-            with_wall(DISK, points, width, 0, rim, 0.7, 0.1)
+            with_wall(DISK, points, width, 0, rim)
 
 
 def test_a_wall_of_too_few_points_is_told_how_many_it_takes():
     with pytest.raises(InputError, match=r"wall\.points must be at least") as refusal:
-        with_wall(DISK, 5, 1.0, 0, True, 0.7, 0.1)
+        with_wall(DISK, 5, 1.0, 0)
     fewest = int(str(refusal.value).split("at least ")[1].split()[0])
     side = math.sqrt(math.pi * fewest / 1099)
-    assert len(with_wall(DISK, fewest, side, 0, True, 0.7, 0.1).positions) == 1099 + fewest
+    assert len(with_wall(DISK, fewest, side, 0).positions) == 1099 + fewest

@@ -1,7 +1,7 @@
 """Long checks of the physics: tests (`pytest --validate`), and two programs (`python -m tests.validation.NAME`).
 
 estimate_trial: does the error estimate that every run reports hold, and is `time.tolerance` kept?
-stability_tables: hard cases, the limit of the step, random scenes; the tables of docs/stability.md.
+hard_cases: what the program does at the edge of what it can; the table of docs/stability.md.
 """
 
 from taichi_disk import runtime

@@ -1,21 +1,27 @@
 """Hard cases: scenes at and beyond the edge of what the model can hold, and what the program should do with each.
 
 Each ends in one of three ways: done, with an energy balance that closes; stopped, with the reason and a remedy named;
-refused before anything is computed. The tests hold every case to that; `stability_tables` makes a table of them.
+refused before anything is computed. The tests hold every case to that.
+
+    python -m tests.validation.hard_cases [--out docs/data]     makes the table of docs/stability.md, hard_cases.csv
 """
 
 from __future__ import annotations
 
+import argparse
 import re
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
+from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
 
+from taichi_disk import runtime
 from taichi_disk.errors import InputError, SimulationError
 from taichi_disk.lattice import Lattice
 from taichi_disk.lattice.lattice import triangulate
+from taichi_disk.output.files import write_csv
 from taichi_disk.scenes import Scene, load_scene
 from taichi_disk.simulation.energy_balance import LARGEST
 from taichi_disk.simulation.outcome import compute
@@ -133,17 +139,14 @@ SLIDING = (
 CRUSHED = EIGHTY + "time.dt=0.018 impact.velocity=5 wall.a=30 material.k_a=0.01"
 
 INSIDE_OUT = "turned inside out"
-THROUGH = "gone through|slid from"
-BESIDE = "from beside it.*wall.width|slipped off"
+DENTED = "dented the wall, gone through it or slipped off its end.*lower impact.velocity.*wall.width"
 OFF_THE_END = "slipped off the end.*wall.width"
-STEEP = "step [0-9,]+, .*slid from.*lower impact.velocity"
 SLIDES = "slid from spring to spring.*lower impact.velocity"
 HARDLY_ROLLS = "not at rest.*newton.*hardly roll"
-BEYOND = "step [0-9,]+, .*beyond the stability limit.*time.dt: auto"
+BEYOND = "energy balance.*beyond the stability limit.*time.dt: auto"
 HARDER = "0.38 R/c is beyond the stability limit that the measured.*energy imbalance is .*time.dt: auto"
 
 CASES = (
-    Case("η* = 1000", RIGID, SMALL + "material.eta_star=1e3"),
     Case("η* = 10⁴", RIGID, SMALL + STRONG),
     Case("η* = 10⁴, explicit dashpots", RIGID, f"lattice.points=60 {STRONG} {EXPLICIT}"),
     Case("η* = 10⁴, pressed", PRESSED, SMALL + STRONG),
@@ -152,36 +155,29 @@ CASES = (
     Case("the same, η* = 10", RIGID, SOFT, tells=INSIDE_OUT),
     Case("v = 0.5", RIGID, FREE + "impact.velocity=0.5", tells=INSIDE_OUT),
     Case("v = 5", RIGID, FREE + "impact.velocity=5", tells=INSIDE_OUT),
-    Case("a = 30/R", RIGID, FREE + "wall.a=30"),
     Case("a = 3000/R", RIGID, FREE + "wall.a=3000"),
     Case("a = 30000/R", RIGID, FREE + "wall.a=3e4"),
     Case("a = 10⁶/R", RIGID, FREE + "wall.a=1e6"),
     Case("a = 80000/R at v = 1", RIGID, FLAT, tells=INSIDE_OUT),
     Case("N = 3, all on one point", RIGID, "lattice.points=3 " + UNDAMPED, quick=True),
     Case("N = 7", RIGID, "lattice.points=7"),
-    Case("N = 50", RIGID, "lattice.points=50"),
     Case("N = 3, pressed", PRESSED, "lattice.points=3 compression.method=newton"),
     Case("P = 10: pressed flat", PRESSED, "lattice.points=60 compression.pressure=10", tells=INSIDE_OUT),
     Case("a spring of 10⁻⁶ R", RIGID, FREE, tells=INSIDE_OUT, body=_twins),
     Case("a spring of 10⁻⁶ R, η* = 100", RIGID, SMALL + "material.eta_star=100", tells=INSIDE_OUT, body=_twins),
     Case("literal lattice 0, hull of slivers", RIGID, FREE + LITERAL + "lattice.seed=0"),
     Case("literal lattice 1, hull of slivers", RIGID, FREE + LITERAL + "lattice.seed=1", tells=INSIDE_OUT),
-    Case("literal lattice 2, hull of slivers", RIGID, FREE + LITERAL + "lattice.seed=2"),
-    Case("literal lattice 3, hull of slivers", RIGID, FREE + LITERAL + "lattice.seed=3"),
     Case("literal disk and wall 0, v = 0.1", ELASTIC, LITERAL_BED + "lattice.seed=0", tells=INSIDE_OUT),
     Case("literal disk and wall 1, v = 0.1", ELASTIC, LITERAL_BED + "lattice.seed=1", tells=INSIDE_OUT),
     Case("literal disk and wall 2, v = 0.1", ELASTIC, LITERAL_BED + "lattice.seed=2", tells=INSIDE_OUT),
     Case("literal disk and wall 3, v = 0.1", ELASTIC, LITERAL_BED + "lattice.seed=3", tells=INSIDE_OUT),
     Case("exactly above a point of the wall", ELASTIC, BED, start=_above_a_wall_point),
-    Case("half over the wall's end", ELASTIC, BED, "stopped", BESIDE, start=_shifted(1.7)),
+    Case("half over the wall's end", ELASTIC, BED, "stopped", DENTED, start=_shifted(1.7)),
     Case("past the wall's end", ELASTIC, BED, "stopped", OFF_THE_END, start=_shifted(3.0)),
-    Case("elastic wall at v = 0.3: dented steeply", ELASTIC, BED + "impact.velocity=0.3", "stopped", STEEP, quick=True),
+    Case("elastic wall at v = 0.3: dented", ELASTIC, BED + "impact.velocity=0.3", "stopped", DENTED, quick=True),
     Case("elastic wall, dented: points slide", ELASTIC, SLIDING, tells=SLIDES),
-    Case("elastic wall at v = 2: gone through", ELASTIC, BED + "impact.velocity=2", "stopped", THROUGH),
-    Case("elastic wall at v = 10: gone through", ELASTIC, BED + "impact.velocity=10", "stopped", THROUGH),
-    Case(
-        "elastic wall, k_a = 10⁻³", ELASTIC, BED + "material.k_a=1e-3 impact.velocity=0.05", "stopped", "gone through"
-    ),
+    Case("elastic wall at v = 2: gone through", ELASTIC, BED + "impact.velocity=2", "stopped", DENTED),
+    Case("elastic wall, k_a = 10⁻³", ELASTIC, BED + "material.k_a=1e-3 impact.velocity=0.05", "stopped", DENTED),
     Case("dt by hand, beyond the limit", RIGID, EIGHTY + "time.dt=0.1", "refused", "stability limit", quick=True),
     Case("dt by hand, beyond the limit, forced", RIGID, EIGHTY + "time.dt=0.1", "stopped", BEYOND, force=True),
     Case(
@@ -199,5 +195,41 @@ CASES = (
         BEYOND,
         force=True,
     ),
-    Case("dt by hand, crushed", RIGID, CRUSHED, "stopped", "(crushed|limit has fallen).*time.dt: auto", quick=True),
+    Case("dt by hand, crushed", RIGID, CRUSHED, "stopped", "crushed.*time.dt: auto", quick=True),
 )
+
+
+def row(case: Case, kernels: KernelCache) -> dict[str, Any]:
+    """Of the table: the case, and what the program does."""
+    verdict = case.judge(kernels)
+    facts, energy = verdict.facts, verdict.facts.get("energy", {})
+    name = "restitution" if "restitution" in facts else "xi"
+    told = {
+        "case": case.name,
+        "scene": case.scene,
+        "settings": " ".join(case.settings.split()) + (" --force" if case.force else ""),
+        "end": verdict.end,
+        "result": facts.get(name),
+        "error_estimate": facts.get("error_estimate", {}).get(name),
+        "closing_imbalance": energy.get("closing_imbalance"),
+        "worst_imbalance": energy.get("worst_imbalance"),
+        "sliding": energy["sliding"] / energy["scale"] if energy.get("sliding") else None,
+        "steps": facts.get("steps"),
+        "attempts": facts.get("attempts"),
+        "message": re.sub(r"\s+", " ", verdict.text),
+        "not_as_it_should_be": "; ".join(case.failings(verdict)),
+    }
+    return {key: f"{value:.6g}" if isinstance(value, float) else value for key, value in told.items()}
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description="Run every hard case and write the table about them.")
+    parser.add_argument("--out", type=Path, default=Path("docs/data"))
+    given = parser.parse_args()
+    runtime.start(threads=1)
+    kernels = KernelCache()
+    write_csv(given.out / "hard_cases.csv", [row(case, kernels) for case in CASES])
+
+
+if __name__ == "__main__":
+    main()
