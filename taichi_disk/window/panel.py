@@ -103,7 +103,7 @@ class Panel:
     def _numbers(self) -> None:
         write, sandbox = self._gui.text, self._sandbox
         row, step = sandbox.moment.row, sandbox.driver.step
-        write(f"velocity {row[INDEX['com_vy']]:+.5f} c, force {row[INDEX['wall_force']]:.3g} Mc²/R")
+        write(f"v {row[INDEX['com_vy']]:+.5f} c, force {row[INDEX['wall_force']]:.3g} Mc²/R")
         write(f"energy imbalance {sandbox.imbalance:+.1e}")
         write(f"{step.integrator.name}, step {step.dt:.3g} R/c", _GREY)
         if sandbox.time.behind:
