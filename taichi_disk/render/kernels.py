@@ -40,7 +40,6 @@ def fill(
     triangles: ti.types.ndarray(ti.i32, ndim=2),
     pattern: ti.types.ndarray(ti.f64, ndim=2),
     inset: ti.f64,
-    ink: ti.f64,
     colours: ti.types.ndarray(ti.f32, ndim=2),
     fringes: ti.i32,
     factor: _Pair,
@@ -51,8 +50,8 @@ def fill(
 
     Args:
         places: (n,) in the map of colours, 0 to 1, or arguments of the fringes.
-        pattern: (q, 4) weights of a triangle's three corners, and which part of `inset` [R] the sides lie inside.
-        ink: by how much the colours are darker where the sides do not lie inside.
+        pattern: (q, 3) weights of a triangle's three corners.
+        inset: by how much the sides lie inside [R].
     """
     ti.loop_config(serialize=True)
     for t in range(triangles.shape[0]):
@@ -62,12 +61,12 @@ def fill(
         la, lb, lc = (q - r).norm(), (r - p).norm(), (p - q).norm()
         around = la + lb + lc + 1e-300
         centre, radius = (la * p + lb * q + lc * r) / around, ti.abs((q - p).cross(r - p)) / around + 1e-300
+        size = ti.max(1.0 - inset / radius, 0.0)
         for k in range(pattern.shape[0]):
-            u, v, w, part = pattern[k, 0], pattern[k, 1], pattern[k, 2], pattern[k, 3]
-            place = centre + ti.max(1.0 - part * inset / radius, 0.0) * (u * p + v * q + w * r - centre)
+            u, v, w = pattern[k, 0], pattern[k, 1], pattern[k, 2]
+            place = centre + size * (u * p + v * q + w * r - centre)
             colour = _colour(colours, u * places[a] + v * places[b] + w * places[c], fringes)
-            shade = ti.cast(1.0 - ink * (1.0 - part), ti.f32)
-            _put(out, t * pattern.shape[0] + k, factor * place + shift, shade * colour)
+            _put(out, t * pattern.shape[0] + k, factor * place + shift, colour)
 
 
 def weights(samples: int) -> NDArray[np.float64]:

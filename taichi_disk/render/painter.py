@@ -155,15 +155,15 @@ class Painter:
         fringes, corners = self.colour == "fringes", self._triangles.triangles
         apart = self._spacing * camera.scale / max(unit, 0.7)
         ink = _SEEN * min(max((apart - _FINE) / (_COARSE - _FINE), 0.0), 1.0) if self.draw == "both" else 0.0
-        if not (fringes or ink):  # a colour for each point will do
-            draw_triangles(canvas, _put(camera, x, self.colours(places)), corners)
-            return
-        # Springs are seen where triangles that are drawn smaller leave a darker field between them.
-        pattern = _pattern(self._parts() if fringes else 0)
-        inset = 0.0 if fringes else max(_SPRING * unit, 0.55) / camera.scale
-        out = _vertices(len(corners) * len(pattern))
-        kernels.fill(x, places, corners, pattern, inset, ink, self.map, fringes, *camera.canvas_map(), out)
-        draw_triangles(canvas, out)
+        if not fringes:  # a colour for each point will do
+            draw_triangles(canvas, _put(camera, x, (1.0 - ink) * self.colours(places)), corners)
+        if fringes or ink:
+            # Springs are seen where triangles that are drawn smaller leave a darker field between them.
+            inset = 0.0 if fringes else max(_SPRING * unit, 0.55) / camera.scale
+            pattern = _pattern(self._parts() if fringes else 1)
+            out = _vertices(len(corners) * len(pattern))
+            kernels.fill(x, places, corners, pattern, inset, self.map, fringes, *camera.canvas_map(), out)
+            draw_triangles(canvas, out)
 
     def _parts(self) -> int:
         """How finely triangles are cut for fringes, whose colour is not linear between the points."""
@@ -218,10 +218,7 @@ def draw_triangles(canvas: Any, vertices: Vertices, corners: NDArray[np.int32] |
 
 
 def _pattern(parts: int) -> Array:
-    """The corners that one triangle is drawn with, see `kernels.fill`: cut into parts x parts; 0: with its springs."""
-    corners = np.eye(3)
-    if parts == 0:  # the triangle whole, then smaller
-        return np.concatenate([np.column_stack([corners, np.full(3, part)]) for part in (0.0, 1.0)])
+    """(q, 3) weights of a triangle's corners at those of the parts x parts triangles that it is cut into."""
     grid = [
         [(m + a, n + b) for a, b in steps]
         for m in range(parts)
@@ -230,4 +227,4 @@ def _pattern(parts: int) -> Array:
         if m + n < parts - 1 or steps[0] == (0, 0)
     ]
     u, w = np.array(grid, dtype=float).reshape(-1, 2).T / parts
-    return np.column_stack([1.0 - u - w, u, w, np.ones(len(u))])
+    return np.column_stack([1.0 - u - w, u, w])
