@@ -16,7 +16,7 @@ from taichi_disk.errors import InputError, SimulationError, TaichiDiskError
 from taichi_disk.lattice import Array, Lattice
 from taichi_disk.output import files
 from taichi_disk.output.plot import plot_run
-from taichi_disk.output.run_folder import RunFolder
+from taichi_disk.output.run_folder import RunFolder, read_summary
 from taichi_disk.progress import Progress
 from taichi_disk.scenes import Scene, load_scene
 from taichi_disk.scenes.feasible import check_memory
@@ -205,12 +205,12 @@ class Result:
 
         Raises InputError where there is no run, or one that Python gave its lattice or velocities.
         """
-        path, summary = Path(folder, "scene.yaml"), Path(folder, "summary.json")
-        for one in (path, summary):
-            if not one.is_file():
-                what = f"no run is here (no {one.name}); make one with `taichi-disk run --out {folder}`"
+        path, summary = Path(folder, "scene.yaml"), read_summary(Path(folder))
+        for name, there in (("scene.yaml", path.is_file()), ("summary.json that can be read", "status" in summary)):
+            if not there:
+                what = f"no run is here (no {name}); make one with `taichi-disk run --out {folder}`"
                 raise InputError(f"{folder}: {what}")
-        if "own_start" in summary.read_text(encoding="utf-8", errors="replace"):
+        if "own_start" in summary:
             raise InputError(f"{folder}: this run began with arrays given in Python; see lattice.npz for them")
         # What the run took, also a step by force, is taken again.
         scene, progress = load_scene(path, overrides), progress or Progress()

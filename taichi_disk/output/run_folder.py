@@ -57,7 +57,7 @@ def look(folder: Path) -> Held:
     plain = [name for name in names if (folder / name).is_file() or only_numbered(folder / name)]
     known = {"scene.yaml", "summary.json", *RESULTS, *FILMS}
     foreign = [name for name in names if name not in plain or not (name in known or _MADE.fullmatch(name))]
-    text, summary = _read(folder / "scene.yaml"), _summary(folder)
+    text, summary = _read(folder / "scene.yaml"), read_summary(folder)
     scene = text if all(map(_RESOLVED.fullmatch, text.splitlines())) else ""
     if names and not foreign and not (scene and summary.get("status")):
         foreign = [name for name in names if name == "scene.yaml"] or [names[0]]
@@ -73,7 +73,8 @@ def _read(path: Path) -> str:
         return ""
 
 
-def _summary(folder: Path) -> dict[str, Any]:
+def read_summary(folder: Path) -> dict[str, Any]:
+    """The summary.json of a run; empty where there is none that can be read."""
     try:
         summary = json.loads(_read(folder / "summary.json"))
     except (ValueError, RecursionError):
@@ -142,7 +143,7 @@ class RunFolder:
     def _settle(self, failed: bool) -> None:
         """Move the run to its folder, or remove it if it has come to nothing."""
         try:
-            if (status := _summary(self.path).get("status")) is not None:
+            if (status := read_summary(self.path).get("status")) is not None:
                 self._keep(str(status))
             else:
                 remove(self.path)

@@ -229,11 +229,13 @@ class Driver:
         if (steps := (self.count - 1) * self.stride - simulation.step_number) > 0:
             simulation.advance(steps, self.stride)
             self.state, self.row = simulation.snapshot(), simulation.now
-        if look and self.control.shorten_after_blow_up(simulation.peak_point_force()):
+        peak = simulation.peak_point_force()
+        if look and self.control.shorten_after_blow_up(peak):
             self._restart()
             return
         x, v, t = simulation.positions(), simulation.velocities(), simulation.time
-        text = f"blow-up after t = {t:.6g} R/c: {explained(self.scenario, self.step, x, lost)}"
+        part = self.step.dt / self.control.limit(self.step.integrator, peak)
+        text = f"blow-up after t = {t:.6g} R/c: {explained(self.scenario, self.step.dt, part, x, lost)}"
         self._fail(BlowUp(text, {"positions": x, "velocities": v, "t": np.array(t)}))
 
     def _restart(self) -> None:

@@ -7,7 +7,6 @@ import numpy as np
 from taichi_disk.errors import SimulationError
 from taichi_disk.lattice import Array, Lattice
 from taichi_disk.physics import Model
-from taichi_disk.simulation.error_estimate import TimeStep
 from taichi_disk.simulation.scenario import Scenario
 
 
@@ -42,14 +41,19 @@ def gone_through(lattice: Lattice, model: Model, x: Array, energy: float) -> boo
     return bool((crossed.sum(axis=1) % 2).any())  # from within an odd number of times
 
 
-def explained(scenario: Scenario, step: TimeStep, x: Array, lost: str) -> str:
-    """What was `lost` after the last good row, with the points at `x` (n, 2) then, and what mends it."""
+def explained(scenario: Scenario, dt: float, part: float, x: Array, lost: str) -> str:
+    """What was `lost` after the last good row, and what mends it.
+
+    Args:
+        dt: the step [R/c], and `part`, what it is of the stability limit.
+        x: (n, 2) the points at that row.
+    """
     lattice, model = scenario.lattice, scenario.model
     strain = model.springs.strain(lattice, x)
     worst = int(np.abs(strain).argmax())
     i, j = lattice.bonds[worst]
     auto = "" if scenario.scene.time.dt == "auto" else "set time.dt: auto; if that fails too, "
-    if step.dt > step.limit:
+    if auto and part > 1.0:
         cause = "the step is beyond the stability limit: set time.dt: auto"
     elif model.elastic:
         cause = (
@@ -63,5 +67,5 @@ def explained(scenario: Scenario, step: TimeStep, x: Array, lost: str) -> str:
         )
     return (
         f"{lost}; before that spring {worst} between points {i} and {j} was strained most, by {strain[worst]:+.2g}; "
-        f"the step {step.dt:.4g} R/c is {step.dt / step.limit:.3g} of the stability limit; {cause}"
+        f"the step {dt:.4g} R/c is {part:.3g} of the stability limit that the wall's force leaves; {cause}"
     )

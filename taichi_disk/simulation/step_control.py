@@ -15,7 +15,7 @@ from taichi_disk.simulation.stability import Spectrum, step_limit
 
 MARGIN = 0.95  # of the limit that the measured wall stiffness leaves; an automatic step above it is redone
 HARDER = 1.5  # than measured: the force of the wall that the next step is chosen for
-ATTEMPTS = 8
+ATTEMPTS, SEARCH = 8, 12  # runs in all; in search of a tolerance, which may be far from a first coarse step
 BLOW_UPS = 5  # after which no shorter step is tried: where a wall is dented none helps
 AIM = 0.75  # of the tolerance, at which a step is aimed
 LEAST, MOST = 1.15, 3.0  # by which a step is shortened for it: a longer leap would trust the power too far
@@ -52,16 +52,17 @@ class StepControl:
                 f"write a smaller one (or auto: {time.safety * limit:.6g}), or see it blow up with `run --force`"
             )
 
-    def _limit(self, integrator: Integrator, force: float) -> float:
+    def limit(self, integrator: Integrator, force: float) -> float:
+        """Of stable steps [R/c], with `force`, the wall's largest on a point [M c^2/R]."""
         return step_limit(self.spectrum, self.scenario.model, integrator, force)
 
     def _choice(self) -> TimeStep:
         name, force = self._integrator, self._point_force
         if name == "auto":
-            ratio = self._limit(TRAPEZOIDAL, force) / self._limit(VELOCITY_VERLET, force)
+            ratio = self.limit(TRAPEZOIDAL, force) / self.limit(VELOCITY_VERLET, force)
             name = (TRAPEZOIDAL if ratio > implicit_cost(self.spectrum.points) else VELOCITY_VERLET).name
         integrator = INTEGRATORS[name]
-        limit = self._limit(integrator, force)
+        limit = self.limit(integrator, force)
         dt = self._safety * limit if self.time.dt == "auto" else self.time.dt
         return TimeStep(integrator, limit, fitted(dt, self.scenario.model.reset_interval))
 
@@ -85,11 +86,13 @@ class StepControl:
         tolerance, error = self.time.tolerance, self.error(columns)
         if tolerance == "none" or (error is not None and error <= tolerance):
             return None
-        found = "cannot be estimated" if error is None else f"is estimated at {error:.2g}"
+        found = "cannot be estimated" if error is None else f"is estimated at {error:.3g}"
         text = f"time.tolerance is {tolerance:g}, and the error of the result after {self.attempt} runs {found}"
         left = self.scenario.end_truncation_error(columns)
         if left > 0.5 * tolerance:
             text += f": {left:.2g} of it is due to where the run ends, at any step; {self.scenario.truncation_remedy}"
+        else:
+            text += "; write a smaller time.safety, or another time.integrator"
         return f"{text}; or write a larger time.tolerance, or none"
 
     # ---- the next run
@@ -132,7 +135,7 @@ class StepControl:
     @property
     def _last(self) -> bool:
         """Whether no other step is to be tried."""
-        return self.time.dt != "auto" or self.attempt >= ATTEMPTS
+        return self.time.dt != "auto" or self.attempt >= (ATTEMPTS if self.time.tolerance == "none" else SEARCH)
 
     @property
     def _taken(self) -> float:
@@ -141,7 +144,7 @@ class StepControl:
 
     def _beyond(self, peak: float) -> bool:
         """Whether the step is too near to the limit that the force of the wall leaves."""
-        return self.step.dt > max(MARGIN, self._safety) * self._limit(self.step.integrator, peak)
+        return self.step.dt > max(MARGIN, self._safety) * self.limit(self.step.integrator, peak)
 
     def _again(self, safety: float | None = None, force: float | None = None) -> bool:
         self._safety, self._point_force = safety or self._safety, force or self._point_force
@@ -163,8 +166,8 @@ class StepControl:
         if error is not None:
             shorter = min(((error - left) / (AIM * room)) ** (1.0 / step.integrator.order), MOST)
         excess = abs(relative_imbalance(scenario, columns)[0]) / max(LARGEST, tolerance)
-        least = max(LEAST, sqrt(excess), step.dt / (MARGIN * self._limit(step.integrator, peak)))
-        return self._again(step.dt / max(shorter, least) / self._limit(step.integrator, self._point_force))
+        least = max(LEAST, sqrt(excess), step.dt / (MARGIN * self.limit(step.integrator, peak)))
+        return self._again(step.dt / max(shorter, least) / self.limit(step.integrator, self._point_force))
 
 
 def implicit_cost(points: int) -> float:

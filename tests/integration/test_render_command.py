@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 import subprocess
 import sys
 
@@ -65,3 +66,10 @@ def test_what_cannot_be_filmed_is_said(runs, tmp_path, capsys):
         assert main(["render", *words]) == 2
         assert says in capsys.readouterr().err
     assert not list(tmp_path.iterdir())
+
+
+def test_a_run_whose_summary_is_damaged_is_not_taken_for_another(runs, tmp_path, capsys):
+    damaged = shutil.copytree(runs[2], tmp_path / "damaged")
+    (damaged / "summary.json").write_text("{}")  # that Python gave the lattice stood there
+    assert main(["render", str(damaged)]) == 2
+    assert "no summary.json that can be read" in capsys.readouterr().err

@@ -47,6 +47,7 @@ def test_a_forced_step_is_told_and_the_state_before_it_is_kept(kernels):
     told = r"blow-up after t = ([0-9.]+) R/c: the energy balance is off by .*; before that spring (\d+) between points"
     found = re.match(told, message)
     assert float(found[1]) == pytest.approx(float(good["t"]))
+    assert float(re.search(r"is ([0-9.]+) of the stability limit", message)[1]) > 1.0
     assert message.endswith("the step is beyond the stability limit: set time.dt: auto")
     lattice, springs = driver.scenario.lattice, driver.scenario.model.springs
     assert int(found[2]) == np.abs(springs.strain(lattice, good["positions"])).argmax()

@@ -155,6 +155,12 @@ def test_a_whole_number_of_steps_fits_the_reset_interval(interval):
 SMALL = ("exponential_wall", "lattice.points=60", "material.eta_star=0", "impact.velocity=0.05")
 
 
+def test_a_small_tolerance_is_reached_from_a_first_step_that_is_far_too_long(kernels):
+    strong = ("exponential_wall", "lattice.points=30", "material.eta_star=100", "time.tolerance=1e-9")
+    _, outcome = computed(kernels, *strong)
+    assert outcome.facts["error_estimate"]["restitution"] <= 1e-9
+
+
 @pytest.mark.parametrize("tolerance", [1e-3, 1e-7])
 def test_a_run_within_a_tolerance_is_as_near_as_it_says(tolerance, kernels):
     # Against one with steps so short that its error of order 4 is below 1e-9.
@@ -177,6 +183,6 @@ def test_what_the_wall_still_holds_when_the_run_ends_is_part_of_the_error(kernel
 
 
 def test_a_tolerance_that_cannot_be_shown_is_a_failure_with_advice(monkeypatch, kernels):
-    monkeypatch.setattr(step_control, "ATTEMPTS", 2)
+    monkeypatch.setattr(step_control, "SEARCH", 2)
     with pytest.raises(SimulationError, match=r"the error of the result after 2 runs is .*write a larger"):
         computed(kernels, *SMALL[:2], "time.tolerance=1e-9", "impact.velocity=0.1")
