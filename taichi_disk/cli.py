@@ -23,6 +23,7 @@ from taichi_disk.progress import Progress
 from taichi_disk.signals import heard, ignore, interrupts
 
 _SCENES = "compression, exponential_wall, absorbing_wall"
+_TRAJECTORIES = ("xyz", "gsd", "vtu", "npz")
 
 
 def process() -> int:
@@ -238,7 +239,7 @@ def _parser() -> argparse.ArgumentParser:
     add("--out", type=Path, metavar="DIR", help="where the results go (default: out/SCENE)")
     add("--overwrite", action="store_true", help="replace another run in DIR")
     add("--no-video", dest="video", action="store_false", help="make no film")
-    add("--export", metavar="FORMAT", help="also write a trajectory: xyz, gsd, vtu or npz")
+    add("--export", choices=_TRAJECTORIES, help="also write a trajectory")
     add("--threads", type=_count, metavar="N", help="CPU threads (default: all cores)")
     add("--force", action="store_true", help="take a time step even beyond the stable limit")
 
@@ -269,7 +270,7 @@ def _parser() -> argparse.ArgumentParser:
     export = command("export", _export, "write the trajectory of a finished run for another program")
     add, when = export.add_argument, export.add_mutually_exclusive_group().add_argument
     add("folder", type=Path, metavar="DIR", help="what `run` wrote")
-    add("--format", metavar="FORMAT", help="xyz, gsd, vtu or npz (default: as FILE's suffix says; xyz)")
+    add("--format", choices=_TRAJECTORIES, help="default: as FILE's suffix says; xyz")
     when("--frames", type=_count, default=200, metavar="N", help="evenly spaced in time (default: 200)")
     when("--times", type=float, nargs="+", metavar="T", help="ascending, in R/c")
     add("--out", type=Path, metavar="FILE", help="default: trajectory.FORMAT in DIR")
