@@ -11,8 +11,9 @@ import signal
 import sys
 import threading
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from types import FrameType
+from typing import Any
 
 AGAIN = 1.0  # [s]
 ENDING = (signal.SIGINT, signal.SIGTERM)
@@ -57,6 +58,23 @@ def interrupts() -> Iterator[None]:
         for number, handler in before.items():
             signal.signal(number, handler)
         sys.unraisablehook = told
+
+
+@contextmanager
+def signals_wait() -> Iterator[None]:
+    """Let Ctrl-C, SIGTERM and timers wait until the block is done. (Only the main thread gets them at all.)"""
+    came: dict[int, Any] = {}
+    before = {}
+    with suppress(ValueError):  # not the main thread
+        for number in (*ENDING, signal.SIGALRM):
+            before[number] = signal.signal(number, came.setdefault)
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+        for again in came:
+            signal.raise_signal(again)
 
 
 def ignore() -> None:

@@ -11,7 +11,6 @@ import json
 import os
 import re
 from collections.abc import Callable, Iterable, Iterator
-from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack
 from dataclasses import dataclass
 from itertools import count
@@ -29,6 +28,7 @@ from taichi_disk.output.files import (
     remove_empty,
     write_text,
 )
+from taichi_disk.signals import signals_wait
 
 FILMS = ("video.mp4", "video.webm", "video.gif", "frames")
 RESULTS = ("timeseries.csv", "lattice.npz", "final.npz", "failure.npz", "plot.png")
@@ -137,8 +137,8 @@ class RunFolder:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        with self._held, ThreadPoolExecutor(1) as beside:  # no signal interrupts another thread
-            beside.submit(self._settle, failed=error is not None).result()
+        with signals_wait(), self._held:
+            self._settle(failed=error is not None)
 
     def _settle(self, failed: bool) -> None:
         """Move the run to its folder, or remove it if it has come to nothing."""
