@@ -1,3 +1,3 @@
 from taichi_disk.cli import process
 
-raise SystemExit(process())
+process()

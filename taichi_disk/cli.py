@@ -6,6 +6,7 @@ Exit status: 0 done; 1 the computation or the film failed; 2 bad input or usage;
 from __future__ import annotations
 
 import argparse
+import gc
 import os
 import sys
 import warnings
@@ -20,17 +21,19 @@ from taichi_disk import BEGAN, __version__
 from taichi_disk.config.sections import VideoSection
 from taichi_disk.errors import InputError, TaichiDiskError
 from taichi_disk.progress import Progress
+from taichi_disk.runtime import leave
 from taichi_disk.signals import heard, ignore, interrupts
 
 _SCENES = "compression, exponential_wall, absorbing_wall"
 _TRAJECTORIES = ("xyz", "gsd", "vtu", "npz")
 
 
-def process() -> int:
+def process() -> NoReturn:
     """`main` as the whole of a process: its exit status stands whatever signals come while Python ends."""
+    gc.set_threshold(100_000)  # by default a twentieth of the time of a run goes into searches among what stays
     status = main()
     ignore()
-    return status
+    leave(status)
 
 
 def main(argv: Sequence[str] | None = None) -> int:
