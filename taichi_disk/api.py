@@ -15,7 +15,7 @@ from taichi_disk import runtime
 from taichi_disk.errors import InputError, SimulationError, TaichiDiskError
 from taichi_disk.lattice import Array, Lattice
 from taichi_disk.output import files
-from taichi_disk.output.plot import plot_run
+from taichi_disk.output.plot import plot_beside, plot_run
 from taichi_disk.output.run_folder import RunFolder, read_summary
 from taichi_disk.progress import Progress
 from taichi_disk.scenes import Scene, load_scene
@@ -372,18 +372,20 @@ def _write(path: Path, result: Result, video: bool, progress: Progress, clock: _
     end = {"positions": outcome.positions, "velocities": outcome.velocities, "t": columns["t"][-1]}
     files.write_arrays(path / "final.npz", **end)
     clock.lap("write")
-    plot_run(path / "plot.png", scenario, columns)
-    clock.lap("plot")
     if video:
         name = "frames" if scene.video.format == "png" else f"video.{scene.video.format}"
-        try:
-            from taichi_disk.render.film import film
+        with plot_beside(path / "plot.png", scenario, columns):
+            try:
+                from taichi_disk.render.film import film
 
-            film(path / name, [(scenario, outcome)], scene.video, progress)
-            result.summary["video"] = name
-        except TaichiDiskError as error:
-            result.summary["video_error"] = str(error)
-        clock.lap("film")
+                film(path / name, [(scenario, outcome)], scene.video, progress)
+                result.summary["video"] = name
+            except TaichiDiskError as error:
+                result.summary["video_error"] = str(error)
+            clock.lap("film")
+    else:
+        plot_run(path / "plot.png", scenario, columns)
+    clock.lap("plot")
     files.write_summary(path / "summary.json", result.summary)
     progress.stop()
 

@@ -5,13 +5,19 @@ matplotlib takes 0.3 s to import: it is when something is drawn.
 
 from __future__ import annotations
 
+import os
+import signal
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from textwrap import fill
 from typing import TYPE_CHECKING, Any
+from warnings import catch_warnings, simplefilter
 
 import numpy as np
 
 from taichi_disk.output.files import Array, atomic_write
+from taichi_disk.signals import ENDING
 
 if TYPE_CHECKING:
     from taichi_disk.simulation.scenario import Scenario
@@ -102,6 +108,29 @@ def plot_run(path: Path, scenario: Scenario, columns: Columns) -> None:
         for ax in axes:
             ax.yaxis.set_label_coords(-0.11, 0.5)
         atomic_write(path, lambda new: figure.savefig(new, metadata={"Software": None}))
+
+
+@contextmanager
+def plot_beside(path: Path, scenario: Scenario, columns: Columns) -> Iterator[None]:
+    """`plot_run` in a copy of this process while the block runs; after it, and here, where that has failed."""
+    copy = -1
+    with suppress(OSError), catch_warnings():
+        simplefilter("ignore")  # Python warns of other threads: the copy needs none of them
+        copy = os.fork()
+    if copy == 0:
+        with suppress(BaseException):
+            for number in ENDING:  # it is done within a second, and leaves nothing half-written
+                signal.signal(number, signal.SIG_IGN)
+            plot_run(path, scenario, columns)
+        os._exit(0)
+    try:
+        yield
+    finally:
+        with suppress(ChildProcessError):  # nobody waits where SIGCHLD is ignored
+            if copy > 0:
+                os.waitpid(copy, 0)
+    if not path.exists():
+        plot_run(path, scenario, columns)
 
 
 def _mark(ax: Any, t: Array, values: Array, text: str) -> None:

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import filecmp
+import os
+import signal
 import subprocess
 import sys
 
@@ -12,7 +14,7 @@ from bodies import computed
 from matplotlib import figure
 from PIL import Image
 
-from taichi_disk.output.plot import plot_run
+from taichi_disk.output.plot import plot_beside, plot_run
 
 
 @pytest.fixture
@@ -67,6 +69,25 @@ def test_an_equilibrium_without_time_is_not_drawn_over_time_and_its_load_counts_
     assert depth.texts[0].xy[0] == 0.02  # where the curve is not
     load = next(line.get_ydata() for line in energy.lines if line.get_label() == "potential of the load")
     assert load[0] == 0.0 and load[-1] < 0.0
+
+
+@pytest.mark.parametrize("copy", ["works", "is refused", "is killed"])
+def test_a_plot_drawn_beside_a_film_is_the_same_whatever_becomes_of_its_process(kernels, tmp_path, monkeypatch, copy):
+    scenario, outcome = computed(kernels, "exponential_wall", "lattice.points=100")
+    fork, copies = os.fork, []
+
+    def forked() -> int:
+        if copy == "is refused":
+            raise BlockingIOError
+        copies.append(fork())
+        return copies[-1]
+
+    monkeypatch.setattr(os, "fork", forked)
+    plot_run(tmp_path / "a.png", scenario, outcome.columns)
+    with plot_beside(tmp_path / "b.png", scenario, outcome.columns):
+        if copy == "is killed":
+            os.kill(copies[0], signal.SIGKILL)
+    assert filecmp.cmp(tmp_path / "a.png", tmp_path / "b.png", shallow=False)
 
 
 def test_matplotlib_is_not_imported_for_names_and_colours_of_the_curves():
