@@ -21,6 +21,7 @@ class Camera:
         scale: pixels per R.
         look_at: a point of the scene [R] ...
         middle: ... and where it is seen (column, row) [px].
+        stage: (left, right, top, bottom) [px], the part of the canvas that is for the scene.
     """
 
     width: int
@@ -28,6 +29,7 @@ class Camera:
     scale: float
     look_at: tuple[float, float]
     middle: tuple[float, float]
+    stage: View
 
     @classmethod
     def fit(cls, view: View, width: int, height: int, margin: float = 0.0, stage: View | None = None) -> Camera:
@@ -35,14 +37,14 @@ class Camera:
 
         Args:
             margin: around the view [px].
-            stage: (left, right, top, bottom) [px], the part of the canvas to fill; by default all of it.
+            stage: the part of the canvas to fill; by default all of it.
         """
         xmin, xmax, ymin, ymax = view
-        left, right, top, bottom = stage or (0.0, float(width), 0.0, float(height))
+        left, right, top, bottom = stage = stage or (0.0, float(width), 0.0, float(height))
         room = right - left - 2.0 * margin, bottom - top - 2.0 * margin
         scale = max(min(room[0] / (xmax - xmin), room[1] / (ymax - ymin)), 1e-3)
         middle = (left + right) / 2.0, (top + bottom) / 2.0
-        return cls(width, height, scale, ((xmin + xmax) / 2.0, (ymin + ymax) / 2.0), middle)
+        return cls(width, height, scale, ((xmin + xmax) / 2.0, (ymin + ymax) / 2.0), middle, stage)
 
     def to_pixels(self, xy: ArrayLike) -> Array:
         """Points (..., 2) [R] to (column, row) [px]; pixel k covers k to k + 1."""
@@ -70,8 +72,9 @@ class Camera:
 
     @property
     def seen(self) -> View:
-        """(xmin, xmax, ymin, ymax) [R] of the whole canvas."""
-        (xmin, ymin), (xmax, ymax) = self.to_scene([(0.0, self.height), (self.width, 0.0)])
+        """(xmin, xmax, ymin, ymax) [R] of the stage."""
+        left, right, top, bottom = self.stage
+        (xmin, ymin), (xmax, ymax) = self.to_scene([(left, bottom), (right, top)])
         return float(xmin), float(xmax), float(ymin), float(ymax)
 
     def canvas_map(self) -> tuple[Array, Array]:

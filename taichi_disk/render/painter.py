@@ -104,9 +104,9 @@ class Painter:
         above, half = [shapes.NOTHING], max(_OUTLINE * unit, 1.0) * pixel
         canvas.set_background_color(theme.ground)
         if self.wall is not None:
-            depth = 1.0 - camera.seen[2] if self._rigid else half  # over the elastic wall's own outline
+            depth = max(pixel - camera.seen[2], -self.edge) if self._rigid else half  # over its own outline
             decay = max(1.0 / self.wall.a, 0.4 * pixel)
-            haze, solid = shapes.wall_body(self._chain(camera, x), depth, self.edge, decay, theme)
+            haze, solid = shapes.wall_body(self._chain(camera, pixel, x), depth, self.edge, decay, theme)
             self._draw_shape(canvas, haze, camera)
         if filled:
             self._fill(canvas, camera, x, places, unit)
@@ -144,12 +144,12 @@ class Painter:
         mean = [np.bincount(group, part) / count for part in (*feet.T, *forces.T)]
         return np.stack(mean[:2], axis=1), np.stack(mean[2:], axis=1)
 
-    def _chain(self, camera: Camera, x: Array) -> Array:
+    def _chain(self, camera: Camera, pixel: float, x: Array) -> Array:
         """The wall's surface, ordered by x: of the rigid wall as far as can be seen."""
         if not self._rigid:
             return x[self.lattice.wall_surface]
         left, right, _, _ = camera.seen
-        return np.array([(left - 1.0, 0.0), (right + 1.0, 0.0)])
+        return np.array([(left - pixel, 0.0), (right + pixel, 0.0)])
 
     def _fill(self, canvas: Any, camera: Camera, x: Array, places: Array, unit: float) -> None:
         fringes, corners = self.colour == "fringes", self._triangles.triangles

@@ -115,7 +115,7 @@ class Stage:
         self._count += 1
         look = self._look, self._hit, tuple(self.graphs.full.values())
         scale = painter.colour, painter.limit, painter.full_force, self.camera.scale
-        self._keep("still", (look, scale), self._fill_still)
+        self._keep("still", (look, scale, self._overhangs()), self._fill_still)
         driver = self.sandbox.driver
         rows = self.sandbox.stretch.began, driver.attempt, driver.count
         self._keep("curves", (look, rows), self.graphs.draw_curves)
@@ -181,11 +181,18 @@ class Stage:
             fill(sheet)
             self._kept[name] = key, sheet.vertices(*self._size)
 
+    def _overhangs(self) -> bool:
+        """Whether something is drawn above or below the stage."""
+        y, (_, top, _, bottom) = self.sandbox.moment.x[:, 1], self._stage
+        lowest, highest = self.camera.to_pixels([(0.0, y.min()), (0.0, y.max())])[:, 1]
+        return not self._at_home or highest < top or lowest > bottom
+
     def _fill_still(self, sheet: Sheet) -> None:
-        """It covers what was drawn of the disk beside its stage."""
+        """It covers what was drawn above and below the stage, where that is so: to fill costs 2 ns a pixel."""
         (left, top, _, bottom), (width, height), ground = self._stage, self._size, ink(self._theme.ground)
-        sheet.rectangle((left, 0, width, top - 1), ground)
-        sheet.rectangle((left, bottom, width, height), ground)
+        if self._overhangs():
+            sheet.rectangle((left, 0, width, top - 1), ground)
+            sheet.rectangle((left, bottom, width, height), ground)
         self.graphs.draw_frames(sheet, self._theme)
         sheet.left = left
         self._legend.draw(sheet, self.camera.scale)

@@ -167,3 +167,14 @@ def test_smoothing_averages_over_the_area_of_each_pixel(samples):
     fine = drawn.repeat(2, axis=0).repeat(2, axis=1).astype(float)
     mean = fine.reshape(24, samples, 16, samples, 4).mean(axis=(1, 3)).transpose(1, 0, 2)[::-1]
     assert np.abs(picture[2:18, 10:34] - 255 * mean[..., :3]).max() < 0.5 + 1e-3
+
+
+@pytest.mark.parametrize("a, edge", [(300.0, 0.0), (10.0, 0.7)])
+def test_the_rigid_wall_fills_its_stage_below_the_edge_and_nothing_else(shoot, a, edge):
+    stage = (40.0, 320.0, 30.0, 250.0)
+    camera = Camera.fit((-1.1, 1.1, edge - 0.1, edge + 1.6), SIZE, SIZE, stage=stage)
+    picture = shoot(DISK, X + [0.0, edge], wall=ExponentialWall(a, a), camera=camera, edge=edge)
+    below = int(camera.to_pixels((0.0, edge))[1]) + 1
+    solid = (np.abs(picture - THEMES["light"].wall) < 0.01).all(axis=2)
+    assert solid[below:250, 40:320].all() and not solid[251:].any()
+    assert not solid[:, :39].any() and not solid[:, 321:].any()
