@@ -6,6 +6,7 @@ from pathlib import PurePath
 from typing import TYPE_CHECKING, ClassVar
 
 from taichi_disk.config.scene_base import SceneBase
+from taichi_disk.errors import InputError
 from taichi_disk.lattice import Lattice, disk_lattice, read_lattice
 
 if TYPE_CHECKING:
@@ -31,7 +32,10 @@ class DiskScene(SceneBase):
         """The unloaded lattice. Raises InputError for a file that holds no disk, SimulationError as `disk_lattice`."""
         spec = self.lattice
         if spec.file != "none":
-            return read_lattice(spec.file)
+            try:
+                return read_lattice(spec.file)
+            except InputError as error:
+                raise InputError(f"lattice.file: {error}") from error
         return disk_lattice(spec.points, spec.seed, spec.rim, spec.min_spacing)
 
     def springs(self, lattice: Lattice) -> Springs:

@@ -15,6 +15,8 @@ if TYPE_CHECKING:  # scene files are checked without Taichi
     from taichi_disk.physics import Model
     from taichi_disk.simulation.equilibrium import Equilibrium
 
+FASTEST = 100.0  # of the velocities that a run may begin with [c]
+
 
 class Scenario(ABC):
     """One scene, ready to be stepped.
@@ -70,8 +72,9 @@ class Scenario(ABC):
         Raises InputError where they do not fit.
         """
         n = self.lattice.disk_points
-        if np.shape(velocities) != (n, 2) or not np.isfinite(velocities).all():
-            raise InputError(f"velocities: must be {n} finite pairs, shape ({n}, 2), not {np.shape(velocities)}")
+        if np.shape(velocities) != (n, 2) or not (np.abs(velocities) <= FASTEST).all():
+            text = f"velocities: must be {n} pairs of numbers from {-FASTEST:g} to {FASTEST:g} c, shape ({n}, 2)"
+            raise InputError(f"{text}, not {np.shape(velocities)}")
         self.velocities = self.velocities.copy()
         self.velocities[:n] = velocities
 

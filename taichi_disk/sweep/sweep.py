@@ -89,7 +89,10 @@ def run_sweep(
     scenes = scenes if part is None else executors.share_of(part, scenes)
     _claim(out)
     if part is None:
-        write_text(out / "scene.yaml", sweep.to_yaml())
+        file, text = out / "scene.yaml", sweep.to_yaml()
+        if file.exists() and file.read_text(encoding="utf-8", errors="replace") != text:
+            say(f"{out} held another sweep: its points stay, its table is replaced")
+        write_text(file, text)
     found = {key: kept for key in scenes if (kept := _kept(out, key)) and (kept.estimated or not estimate)}
     missing, before = {key: scene for key, scene in scenes.items() if key not in found}, len(found)
     share = f" (part {part} of {len(keys)})" if part else ""

@@ -86,7 +86,9 @@ def test_velocities_of_ones_own_are_thrown_and_saved_but_not_mistaken_for_the_sc
         run(scene, out=tmp_path / "own", video=False)
 
 
-@pytest.mark.parametrize("velocities", [np.zeros((59, 2)), np.full((60, 2), np.nan), np.tile([0.0, 0.01], (60, 1))])
+@pytest.mark.parametrize(
+    "velocities", [np.zeros((59, 2)), *(np.tile(pair, (60, 1)) for pair in ([np.nan, 0.0], [0.0, 0.01], [0.0, -1e200]))]
+)
 def test_velocities_that_do_not_fit_are_refused(velocities):
     with pytest.raises(InputError, match="velocities"):
         run(load_scene("exponential_wall").with_(SMALL), velocities=velocities)

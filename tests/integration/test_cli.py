@@ -146,6 +146,7 @@ def test_check_refuses_what_run_refuses_and_in_the_same_words(tmp_path, capsys, 
     told = capsys.readouterr().err
     assert main(arguments(tmp_path / "o", *settings, scene=scene)) == 2
     assert capsys.readouterr().err == told
+    assert settings[0].partition(".")[0] in told
     assert not (tmp_path / "o").exists()
 
 

@@ -183,6 +183,16 @@ def test_a_folder_of_a_run_or_of_a_person_is_not_touched(tmp_path: Path) -> None
         swept(SMALL, tmp_path / "file")
 
 
+def test_another_sweep_in_a_folder_keeps_its_points_and_says_that_its_table_is_replaced(tmp_path: Path) -> None:
+    said: list[str] = []
+    for velocities in ("[0.01]", "[0.01]", "[0.01, 0.03]"):
+        result = swept(ONE + f"sweep: {{velocity: {velocities}}}", tmp_path, say=said.append)
+    assert [text for text in said if "table" in text] == [
+        f"{tmp_path} held another sweep: its points stay, its table is replaced"
+    ]
+    assert result.summary["computed_now"] == 1
+
+
 # ---- parts
 
 
