@@ -148,8 +148,7 @@ class Simulation:
 
     def velocities(self, snapshot: Snapshot | None = None) -> Array:
         """(n, 2) [c], now or in a snapshot of this simulation."""
-        _, v, f = (snapshot or self.snapshot()).vectors[:3]
-        return np.asarray(v + self.integrator.kicks[-1] * self.dt / self.mass * f)
+        return (snapshot or self.snapshot()).velocities(self.integrator, self.dt, self.mass)
 
     def peak_point_force(self, snapshot: Snapshot | None = None) -> float:
         """Largest force of the wall on one point since t = 0 [M c^2/R]."""

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import taichi as ti
 
+from taichi_disk.integrators import Integrator
 from taichi_disk.lattice import Array
 from taichi_disk.physics.law import Law, Room
 from taichi_disk.physics.points import Integers1, Reals1, Reals3, pair_of
@@ -26,6 +27,11 @@ class Snapshot:
     step: int
     vectors: Array
     sums: Array
+
+    def velocities(self, integrator: Integrator, dt: float, mass: float) -> Array:
+        """(n, 2) at the step, after its last kick [c]."""
+        _, v, f = self.vectors[:3]
+        return np.asarray(v + integrator.kicks[-1] * dt / mass * f)
 
 
 @ti.data_oriented

@@ -13,8 +13,8 @@ from taichi_disk.simulation.driver import Driver
 from taichi_disk.simulation.observables import COLUMNS
 from taichi_disk.simulation.state import Snapshot
 
-SPACING = 8e-3  # time between two remembered states at first, of the disk's own time
-MOST, BYTES = 1280, 1e9  # states remembered, and what they may take; then every second is let go
+SPACING = 1.5e-2  # time between two remembered states at first, of the disk's own time
+MOST, BYTES = 1280, 1.7e9  # states remembered, and what they may take; then every second is let go
 
 
 @dataclass(eq=False)
@@ -42,8 +42,7 @@ class Stretch:
     def present(self) -> Moment:
         """The last moment that is good."""
         driver, state = self.driver, self.driver.state
-        v, pulled = driver.simulation.velocities(state), state.step > driver.pulled_from
-        return Moment(self, self.now, state.vectors[0], v, driver.row, state, pulled)
+        return Moment(self, self.now, driver.row, state, state.step > driver.pulled_from)
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,7 +52,6 @@ class Moment:
     Attributes:
         stretch: that it belongs to.
         t: time since the start [R/c].
-        x, v: (n, 2) positions [R] and velocities [c].
         row: (columns,) the observables.
         exact: from which the stretch goes on bitwise.
         pulled: whether the mouse has pulled in this stretch.
@@ -61,11 +59,20 @@ class Moment:
 
     stretch: Stretch
     t: float
-    x: Array
-    v: Array
     row: Array
     exact: Snapshot
     pulled: bool
+
+    @property
+    def x(self) -> Array:
+        """(n, 2) positions [R]."""
+        return self.exact.vectors[0]
+
+    @property
+    def v(self) -> Array:
+        """(n, 2) velocities [c]."""
+        driver = self.stretch.driver
+        return self.exact.velocities(driver.step.integrator, driver.step.dt, driver.scenario.lattice.masses[0])
 
     @property
     def by_hand(self) -> bool:
@@ -146,7 +153,7 @@ class Timeline:
             return
         now = self.last.present
         self.moments.append(now)
-        if len(self.moments) >= min(MOST, BYTES / (now.exact.vectors.nbytes + now.v.nbytes)):
+        if len(self.moments) >= min(MOST, BYTES / now.exact.vectors.nbytes):
             self.moments = self.moments[::2]
             self._spacing = (self.moments[-1].t - self.moments[0].t) / (len(self.moments) - 1)
 

@@ -262,7 +262,9 @@ class Sandbox:
         if for_good:
             self.begin(scene)
         else:
-            self.time.moment = replace(self.moment, x=with_mouse(scene, self.start.body).lattice.positions)
+            exact, x = self.moment.exact, with_mouse(scene, self.start.body).lattice.positions
+            exact = replace(exact, vectors=np.stack([x, *exact.vectors[1:]]))
+            self.time.moment = replace(self.moment, exact=exact)
 
     def pull(self, x: float, y: float) -> None:
         """Tie the disk's point nearest to (x, y) [R] to the mouse there, or lead the one that is tied.
