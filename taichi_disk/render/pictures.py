@@ -59,8 +59,7 @@ class Pictures:
         return picture
 
     def finish(self, picture: Picture, lines: Sequence[Sequence[str]], t: float) -> Picture:
-        """A copy of a picture with the changing `lines` of each disk, and the panel's curves up to `t` [R/c]."""
-        picture = picture.copy()
+        """The picture with the changing `lines` of each disk, and the panel's curves up to `t` [R/c], drawn into it."""
         for k, legend in enumerate(self._legends):
             legend.write(picture[:, k * self._size : (k + 1) * self._size], lines[k])
         if self._panel:
