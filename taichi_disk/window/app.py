@@ -7,6 +7,7 @@ import os
 import re
 import sys
 from collections.abc import Callable
+from ctypes import CDLL, c_void_p
 from functools import partial
 from pathlib import Path
 
@@ -15,6 +16,8 @@ from taichi_disk.render import film_problem
 from taichi_disk.scenes import Scene, load_scene, shipped_scenes
 
 Entry = tuple[str, Callable[[], Scene]]  # a scene by name, read when it is wanted
+
+_X11 = sys.platform.startswith("linux")
 
 # "#  taichi-disk run exponential_wall --set wall.a=3000      (a harder wall)" in a shipped scene's head.
 _SUGGESTED = re.compile(r"taichi-disk run (\w+)((?: --set \S+)+)\s+\((.*)\)")
@@ -77,9 +80,26 @@ def window_problem() -> str | None:
 
     It is asked without opening one: GLFW ends the process where it cannot.
     """
-    if sys.platform.startswith("linux") and not os.environ.get("DISPLAY"):
-        return (
-            "there is no display (DISPLAY is not set): run it on a desktop, log in with `ssh -X`, or give it a virtual "
-            "one: `xvfb-run -s '-screen 0 1280x1024x24' taichi-disk view`; `taichi-disk run` films without a display"
-        )
-    return film_problem()
+    name = os.environ.get("DISPLAY")
+    if name or not _X11:
+        problem = film_problem()
+        if problem or screen() or not _X11:
+            return problem
+    what = f"the display {name} does not answer" if name else "there is no display (DISPLAY is not set)"
+    return (
+        f"{what}: run it on a desktop, log in with `ssh -X`, or give it a virtual one: `xvfb-run -s '-screen 0 "
+        "1280x1024x24' taichi-disk view`; `taichi-disk run` films without a display"
+    )
+
+
+def screen() -> tuple[int, int] | None:
+    """Width and height of the display [px], None where there is none or it does not tell."""
+    if not (_X11 and os.environ.get("DISPLAY")):
+        return None
+    x11 = CDLL("libX11.so.6")
+    x11.XOpenDisplay.restype = c_void_p
+    if not (display := c_void_p(x11.XOpenDisplay(None))):
+        return None
+    size = x11.XDisplayWidth(display, 0), x11.XDisplayHeight(display, 0)
+    x11.XCloseDisplay(display)
+    return size

@@ -16,7 +16,7 @@ from taichi_disk.scenes.impact import ImpactScenario
 from taichi_disk.simulation.observables import INDEX
 from taichi_disk.window.changes import push_of
 from taichi_disk.window.controls import RANGES, Controls
-from taichi_disk.window.stage import PANEL, SIZE
+from taichi_disk.window.stage import PANEL
 
 HEIGHTS = (("Experiment", 306), ("Time", 98), ("Look", 216), ("Numbers", 0))  # pixels; the last takes what is left
 LARGE = 5000  # points, from which on a new start takes longer than a picture may
@@ -27,8 +27,10 @@ Wish = Callable[[], None]
 class Panel:
     """Four sections at the window's left. What a hand moves is done by `carry_out`, between two pictures."""
 
-    def __init__(self, gui: Any, controls: Controls) -> None:
+    def __init__(self, gui: Any, controls: Controls, size: tuple[int, int]) -> None:
+        """`size`: that the window had at first, which GGUI counts in parts of."""
         self._gui, self._controls, self._sandbox = gui, controls, controls.sandbox
+        self._size = size
         self._wishes: dict[str, tuple[float, Wish]] = {}  # by key or slider: the value that is wished for, and how
         self._home, self._height = 0, 0
 
@@ -37,11 +39,11 @@ class Panel:
         self._home += 1
 
     def show(self, height: int) -> None:
-        """In a window of so many pixels. GGUI counts in parts of the size that the window had at first."""
+        """In a window of so many pixels."""
         if height != self._height:
             self._height = height
             self.go_home()
-        top, (wide, high) = 0, SIZE
+        top, (wide, high) = 0, self._size
         contents = self._experiment, self._time, self._look, self._numbers
         for (name, rows), content in zip(HEIGHTS, contents, strict=True):
             rows = rows or max(height - top, 60)

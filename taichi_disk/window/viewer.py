@@ -13,7 +13,7 @@ from taichi_disk.errors import TaichiDiskError
 from taichi_disk.output.files import prepare_output
 from taichi_disk.render.palette import THEMES
 from taichi_disk.render.pictures import elsewhere
-from taichi_disk.window.app import Entry
+from taichi_disk.window.app import Entry, screen
 from taichi_disk.window.controls import REPEATED, Controls
 from taichi_disk.window.panel import Panel
 from taichi_disk.window.recorder import Recorder
@@ -41,8 +41,11 @@ class Viewer:
         """Files go into `out`. Raises InputError if it cannot be written, TaichiDiskError if there is no window."""
         prepare_output(out)
         self._playlist, self._out = playlist, out.resolve()
+        # A title bar, and what a desktop keeps for itself, have to fit on the screen as well.
+        width, height = screen() or (10_000, 10_000)
+        self._first = min(SIZE[0], width - 60), min(SIZE[1], height - 90)
         try:
-            self._window = ti.ui.Window("taichi-disk view", SIZE, show_window=True, fps_limit=fastest, pos=(40, 40))
+            self._window = ti.ui.Window("taichi-disk view", self._first, fps_limit=fastest, pos=(30, 30))
         except RuntimeError as error:
             raise TaichiDiskError(f"no window: {error}") from error
         self._ready = self._pressed = False
@@ -71,7 +74,7 @@ class Viewer:
         self._stage = Stage(self._window.get_canvas(), self.sandbox)
         self._controls = Controls(self.sandbox, self._stage, self._playlist, self._out)
         self._mouse = Mouse(self.sandbox, self._stage)
-        self._panel = Panel(self._window.get_gui(), self._controls)
+        self._panel = Panel(self._window.get_gui(), self._controls, self._first)
         self._recorder = Recorder(self._controls, self._window.get_image_buffer_as_numpy)
         self._ready = True
 

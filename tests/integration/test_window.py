@@ -31,12 +31,14 @@ SETTINGS = ["lattice.points=300", "impact.velocity=0.05", "material.eta_star=1"]
 GROUND = 255 * np.array(THEMES["light"].ground)
 
 
+@pytest.mark.parametrize(("name", "told"), [("", "DISPLAY is not set"), (":4711", ":4711 does not answer")])
 def test_without_a_display_one_message_names_the_remedy(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], name: str, told: str
 ) -> None:
-    monkeypatch.setenv("DISPLAY", "")
+    monkeypatch.setenv("DISPLAY", name)
     assert main(["view"]) == 1
-    assert "xvfb-run" in capsys.readouterr().err
+    said = capsys.readouterr().err
+    assert told in said and "xvfb-run" in said
 
 
 def test_letters_are_boxes_that_cover_what_pillow_sets() -> None:
