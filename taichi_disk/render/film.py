@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import closing
 from dataclasses import replace
 from functools import partial
@@ -78,11 +78,12 @@ def film(path: Path, runs: Sequence[Run], video: VideoSection, progress: Progres
         ):
             times = np.array(list(dict.fromkeys(t for t, _ in frames)))
             moments = zip(*(outcome.replay(times) for _, outcome in runs), strict=True)
+            words = zip(*(_lines(*run, frames) for run in runs), strict=True)
             shown = None
-            for k, frame in enumerate(frames):
-                if frame[0] != shown:
-                    picture, shown = pictures.draw(next(moments)), frame[0]
-                append(partial(pictures.finish, picture, [_lines(*run, frame) for run in runs], frame[0]))
+            for k, ((t, _), lines) in enumerate(zip(frames, words, strict=True)):
+                if t != shown:
+                    picture, shown = pictures.draw(next(moments)), t
+                append(partial(pictures.finish, picture, lines, t))
                 progress.update(k + 1)
 
     atomic_write(path, write)
@@ -110,11 +111,13 @@ def _frames(runs: Sequence[Run], video: VideoSection) -> list[Frame]:
     return frames[: greatest + 1] + held * [still] + frames[greatest + 1 :] + last * [end]
 
 
-def _lines(scenario: Scenario, outcome: Outcome, frame: Frame) -> tuple[str, ...]:
-    """The lines for a moment; after the end the observables are those of the end."""
-    (t, note), columns = frame, outcome.columns
-    row = {name: float(np.interp(t, columns["t"], values)) for name, values in columns.items()}
-    return (*scenario.caption(row | {"t": t}), f"*{scenario.marks(columns)[0]}" if note is None else note)
+def _lines(scenario: Scenario, outcome: Outcome, frames: Sequence[Frame]) -> Iterator[tuple[str, ...]]:
+    """The lines for each moment; after the end the observables are those of the end."""
+    columns, times = outcome.columns, [t for t, _ in frames]
+    rows = {name: np.interp(times, columns["t"], values) for name, values in columns.items()} | {"t": times}
+    for k, (_, note) in enumerate(frames):
+        result = f"*{scenario.marks(columns)[0]}" if note is None else note
+        yield *scenario.caption({name: float(values[k]) for name, values in rows.items()}), result
 
 
 # ---- how to draw
@@ -126,7 +129,7 @@ def _pictures(runs: Sequence[Run], video: VideoSection, frames: Sequence[Frame])
 
     painters = [_painter(*run, video, _LOOKS if len(frames) > 1 else 0) for run in runs]
     limit, full_force = max(one.limit for one in painters), max(one.full_force for one in painters)
-    ends = [_lines(*run, frame) for run in runs for frame in (frames[0], (frames[-1][0], None))]
+    ends = [line for run in runs for line in _lines(*run, (frames[0], (frames[-1][0], None)))]
     samples = [*(line for lines in ends for line in lines), *dict.fromkeys(note or "" for _, note in frames)]
     legends, views = [], []
     for painter, (scenario, _) in zip(painters, runs, strict=True):

@@ -51,7 +51,8 @@ def wall_body(chain: Array, depth: float, edge: float, decay: float, theme: Them
 
 def _strips(chain: Array, heights: Array, colours: Array) -> Shape:
     """Between `heights` (k,) above a chain, which have the `colours` (k, 3)."""
-    along = np.gradient(chain, axis=0)
+    ends = np.concatenate([chain[:1], chain, chain[-1:]])
+    along = ends[2:] - ends[:-2]
     normal = np.stack([-along[:, 1], along[:, 0]], axis=1) / np.hypot(*along.T)[:, None]
     grid = chain + heights[:, None, None] * normal
     parts = (grid[:-1, :-1], grid[:-1, 1:], grid[1:, 1:], grid[1:, :-1])
