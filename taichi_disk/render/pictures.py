@@ -6,9 +6,11 @@ import contextlib
 import os
 import tempfile
 from collections.abc import Iterator, Sequence
+from typing import Any
 
 import numpy as np
 import taichi as ti
+from numpy.typing import NDArray
 
 from taichi_disk.errors import TaichiDiskError
 from taichi_disk.lattice import Array
@@ -17,6 +19,7 @@ from taichi_disk.render.camera import Camera, View
 from taichi_disk.render.legend import Legend
 from taichi_disk.render.panel import Panel
 from taichi_disk.render.video import Picture
+from taichi_disk.signals import signals_wait
 
 _MARGIN = 8.0  # around the view: pixels in a picture of 720
 
@@ -54,8 +57,7 @@ class Pictures:
         picture = self._blank.copy()
         for k, (legend, (_, x, v)) in enumerate(zip(self._legends, states, strict=True)):
             legend.painter.paint(self._window.get_canvas(), self._camera, x, v, self._unit)
-            drawn = self._window.get_image_buffer_as_numpy()
-            kernels.shrink(drawn, picture, k * self._size, self._bottom, self._samples)
+            kernels.shrink(seen(self._window), picture, k * self._size, self._bottom, self._samples)
         return picture
 
     def finish(self, picture: Picture, lines: Sequence[Sequence[str]], t: float) -> Picture:
@@ -69,6 +71,14 @@ class Pictures:
     def close(self) -> None:
         with elsewhere():
             self._window.destroy()
+
+
+def seen(window: Any) -> NDArray[np.float32]:
+    """(columns, rows upwards, 4) what has been drawn on a `ti.ui.Window`, 0 to 1."""
+    # The first call imports a part of NumPy: an interrupt that fell into that would abort the process.
+    with signals_wait():
+        image: NDArray[np.float32] = window.get_image_buffer_as_numpy()
+    return image
 
 
 @contextlib.contextmanager

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Generator
+from functools import partial
 from pathlib import Path
 from time import perf_counter
 
@@ -12,7 +13,7 @@ import taichi as ti
 from taichi_disk.errors import TaichiDiskError
 from taichi_disk.output.files import prepare_output
 from taichi_disk.render.palette import THEMES
-from taichi_disk.render.pictures import elsewhere
+from taichi_disk.render.pictures import elsewhere, seen
 from taichi_disk.window.app import Entry, screen
 from taichi_disk.window.controls import REPEATED, Controls
 from taichi_disk.window.panel import Panel
@@ -75,7 +76,7 @@ class Viewer:
         self._controls = Controls(self.sandbox, self._stage, self._playlist, self._out)
         self._mouse = Mouse(self.sandbox, self._stage)
         self._panel = Panel(self._window.get_gui(), self._controls, self._first)
-        self._recorder = Recorder(self._controls, self._window.get_image_buffer_as_numpy)
+        self._recorder = Recorder(self._controls, partial(seen, self._window))
         self._ready = True
 
     def _loop(self) -> Generator[tuple[float, int], None, None]:

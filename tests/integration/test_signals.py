@@ -25,6 +25,30 @@ try:
 except KeyboardInterrupt:
     raise SystemExit(130)
 """
+IN_THE_FIRST_PICTURE = """
+import builtins, signal
+import taichi as ti
+from taichi_disk import load_scene, run
+from taichi_disk.signals import interrupts
+
+def drawn(window, first=ti.ui.Window.get_image_buffer_as_numpy, imported=builtins.__import__):
+    def interrupted(*what):
+        signal.raise_signal(signal.SIGINT)
+        return imported(*what)
+    builtins.__import__ = interrupted
+    try:
+        return first(window)
+    finally:
+        builtins.__import__ = imported
+
+ti.ui.Window.get_image_buffer_as_numpy = drawn
+result = run(load_scene("exponential_wall", ["lattice.points=20", "video.seconds=0.1", "video.size=64"]))
+try:
+    with interrupts():
+        result.film("film.mp4")
+except KeyboardInterrupt:
+    raise SystemExit(130)
+"""
 
 
 def seconds_of_a_run(tmp_path):
@@ -86,8 +110,9 @@ def test_an_interrupt_where_nothing_can_be_raised_comes_again_without_a_word(mon
         time.sleep(5.0)
 
 
-def test_an_interrupt_within_source_text_leaves_the_exit_status_to_the_program(tmp_path):
-    (tmp_path / "interrupted.py").write_text(IN_SOURCE_TEXT)
+@pytest.mark.parametrize("text", [IN_SOURCE_TEXT, IN_THE_FIRST_PICTURE], ids=["source text", "first picture"])
+def test_an_interrupt_within_a_library_leaves_the_exit_status_to_the_program(tmp_path, text):
+    (tmp_path / "interrupted.py").write_text(text)
     assert subprocess.run([sys.executable, "-m", "interrupted"], cwd=tmp_path).returncode == 130
 
 
