@@ -7,10 +7,12 @@ from __future__ import annotations
 
 import os
 import signal
+import threading
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from textwrap import fill
+from time import monotonic, sleep
 from typing import TYPE_CHECKING, Any
 from warnings import catch_warnings, simplefilter
 
@@ -54,6 +56,7 @@ ENERGIES = {
 }
 HEIGHTS = (1.2, 1.0, 1.5)  # of the axes of motion, force and energies
 LEGEND_HEIGHT = 0.12  # of the legend of energies, above them
+PATIENCE = 10.0  # [s] after the film: a copy waits for ever for what another thread held when it was made
 PLACES = {"left": 0.145, "right": 0.98, "bottom": 0.055, "top": 0.945, "hspace": 0.17}  # parts of a figure
 
 
@@ -114,9 +117,10 @@ def plot_run(path: Path, scenario: Scenario, columns: Columns) -> None:
 def plot_beside(path: Path, scenario: Scenario, columns: Columns) -> Iterator[None]:
     """`plot_run` in a copy of this process while the block runs; after it, and here, where that has failed."""
     copy = -1
-    with suppress(OSError), catch_warnings():
-        simplefilter("ignore")  # Python warns of other threads: the copy needs none of them
-        copy = os.fork()
+    if threading.current_thread() is threading.main_thread():
+        with suppress(OSError), catch_warnings():
+            simplefilter("ignore")  # Python warns of other threads: see PATIENCE
+            copy = os.fork()
     if copy == 0:
         with suppress(BaseException):
             for number in ENDING:  # it is done within a second, and leaves nothing half-written
@@ -126,9 +130,12 @@ def plot_beside(path: Path, scenario: Scenario, columns: Columns) -> Iterator[No
     try:
         yield
     finally:
-        with suppress(ChildProcessError):  # nobody waits where SIGCHLD is ignored
-            if copy > 0:
-                os.waitpid(copy, 0)
+        until = monotonic() + PATIENCE
+        with suppress(ChildProcessError):  # nobody need wait where SIGCHLD is ignored
+            while copy > 0 and not os.waitpid(copy, os.WNOHANG)[0]:
+                if monotonic() > until:
+                    os.kill(copy, signal.SIGKILL)
+                sleep(0.01)
     if not path.exists():
         plot_run(path, scenario, columns)
 

@@ -7,6 +7,7 @@ import os
 import signal
 import subprocess
 import sys
+import time
 
 import numpy as np
 import pytest
@@ -71,7 +72,7 @@ def test_an_equilibrium_without_time_is_not_drawn_over_time_and_its_load_counts_
     assert load[0] == 0.0 and load[-1] < 0.0
 
 
-@pytest.mark.parametrize("copy", ["works", "is refused", "is killed"])
+@pytest.mark.parametrize("copy", ["works", "is refused", "is killed", "hangs"])
 def test_a_plot_drawn_beside_a_film_is_the_same_whatever_becomes_of_its_process(kernels, tmp_path, monkeypatch, copy):
     scenario, outcome = computed(kernels, "exponential_wall", "lattice.points=100")
     fork, copies = os.fork, []
@@ -80,9 +81,12 @@ def test_a_plot_drawn_beside_a_film_is_the_same_whatever_becomes_of_its_process(
         if copy == "is refused":
             raise BlockingIOError
         copies.append(fork())
+        if copies[-1] == 0 and copy == "hangs":
+            time.sleep(60.0)
         return copies[-1]
 
     monkeypatch.setattr(os, "fork", forked)
+    monkeypatch.setattr("taichi_disk.output.plot.PATIENCE", 0.5 if copy == "hangs" else 30.0)
     plot_run(tmp_path / "a.png", scenario, outcome.columns)
     with plot_beside(tmp_path / "b.png", scenario, outcome.columns):
         if copy == "is killed":
