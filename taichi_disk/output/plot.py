@@ -125,6 +125,8 @@ def plot_beside(path: Path, scenario: Scenario, columns: Columns) -> Iterator[No
         with suppress(BaseException):
             for number in ENDING:  # it is done within a second, and leaves nothing half-written
                 signal.signal(number, signal.SIG_IGN)
+            signal.signal(signal.SIGALRM, signal.SIG_DFL)
+            signal.alarm(30)  # nor stays behind if nobody is left to end it
             plot_run(path, scenario, columns)
         os._exit(0)
     try:

@@ -32,6 +32,7 @@ _HELD, _LAST = 0.06, 0.10  # shares of a film that stand still at the greatest c
 _LOOKS = 12  # times before the greatest compression from which the scale of colours is taken
 _BELOW = 0.16  # what is seen of the rigid wall below its edge [R]
 _GREATEST = "greatest compression"
+_PANEL = 160  # pixels of a picture from which there is room for curves beside it
 
 
 def check_target(path: Path) -> None:
@@ -141,7 +142,7 @@ def _pictures(runs: Sequence[Run], video: VideoSection, frames: Sequence[Frame])
         views.append((xmin, xmax, painter.edge - _BELOW if rigid else ymin, ymax))
     (xmin, _, ymin, _), (_, xmax, _, ymax) = np.min(views, axis=0), np.max(views, axis=0)
     panel = None
-    if video.panel:
+    if video.panel and video.size >= _PANEL:
         from taichi_disk.render.panel import side_panel
 
         panel = side_panel(runs, video.size, THEMES[video.theme])

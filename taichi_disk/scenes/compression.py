@@ -88,7 +88,7 @@ class Compression(Scenario):
         self.quiet_time = float(20.0 * unit)
         limit = scene.compression.max_time
         self.max_time = float(5000.0 * unit) if limit == "auto" else limit
-        self.view = (-1.15, 1.15, -0.1, 2.05)
+        self.view = (-1.15, 1.15, -0.1, max(2.05, float(self.lattice.positions[:, 1].max())))
 
     def end_bounds(self) -> dict[str, tuple[float, float]]:
         """The disk moves no more, but for the slow roll. A vibration shows in the wall's force, the roll does not."""

@@ -125,8 +125,9 @@ def _described(driver: Driver, time: Any, estimate: bool) -> Outcome:
 
 
 def greatest_compression(columns: Columns) -> float:
-    """When the elastic energy is largest [R/c]."""
-    return float(columns["t"][int(columns["elastic"].argmax())])
+    """When the elastic energy is largest while the wall pushes [R/c]: a spin stretches the disk before that."""
+    force = columns["wall_force"]
+    return float(columns["t"][int((columns["elastic"] * (force >= 0.01 * force.max())).argmax())])
 
 
 def _second_opinion(driver: Driver, time: Any) -> float | None:

@@ -15,14 +15,14 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from taichi_disk import load_scene, runtime
+from taichi_disk import api, load_scene, runtime
 from taichi_disk.errors import SimulationError, TaichiDiskError
 from taichi_disk.progress import Progress
 from taichi_disk.render import film_problem
 from taichi_disk.render.film import film
 from taichi_disk.render.legend import Legend
 from taichi_disk.render.palette import THEMES
-from taichi_disk.simulation.outcome import compute
+from taichi_disk.simulation.outcome import compute, greatest_compression
 
 needs_vulkan = pytest.mark.skipif(film_problem() is not None, reason=str(film_problem()))
 FORMATS = pytest.mark.parametrize("suffix", [".mp4", ".webm", ".gif", ""])
@@ -257,3 +257,22 @@ def test_without_vulkan_the_message_names_the_remedy(tmp_path):
     done = subprocess.run([sys.executable, "-c", code], cwd=tmp_path, env=nowhere, capture_output=True, text=True)
     assert "TaichiDiskError: no film: " in done.stderr and "no Vulkan driver" in done.stderr
     assert "apt-get update && apt-get install -y --no-install-recommends libx11-6 mesa-vulkan-drivers" in done.stderr
+
+
+@pytest.mark.parametrize(
+    "settings",
+    [
+        ("exponential_wall", "impact.spin=0.3", "impact.velocity=0.01"),
+        ("compression", "wall.a=10", "compression.method=newton"),
+        ("exponential_wall", "video.panel=true", "video.size=64"),
+    ],
+    ids=["spinning", "on a soft wall", "small with curves"],
+)
+def test_what_a_film_shows_is_in_the_picture_and_the_greatest_compression_in_contact(tmp_path, settings):
+    scene, *own = settings
+    result = api.run(load_scene(scene, [*own, "lattice.points=60", "video.seconds=0.2"]))
+    columns, peak = result.series, greatest_compression(result.series)
+    assert np.interp(peak, columns["t"], columns["wall_force"]) > 0.1 * columns["wall_force"].max()
+    xmin, xmax, _, ymax = result.scenario.view
+    assert (result.lattice.positions[:60, 1] <= ymax).all() and xmax - xmin > 2.0
+    assert result.film(tmp_path / "film.mp4").is_file()
