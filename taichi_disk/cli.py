@@ -30,7 +30,7 @@ _TRAJECTORIES = ("xyz", "gsd", "vtu", "npz")
 
 def process() -> NoReturn:
     """`main` as the whole of a process: its exit status stands whatever signals come while Python ends."""
-    gc.set_threshold(100_000)  # by default a twentieth of the time of a run goes into searches among what stays
+    gc.set_threshold(100_000)  # by default 3 % of a run's time goes into searches for garbage that is not there
     status = main()
     ignore()
     leave(status)

@@ -177,6 +177,8 @@ class VideoSection(Section):
     colour: Colour = key("shear", "what the colours show")
     draw: Draw = key("both", "the field between the points, the springs, both, or the points alone")
     theme: Theme = key("light", "light or dark background")
-    panel: bool = key(False, "curves of v_cm, wall's force and energies at the right; the film is then 16 : 9")
+    panel: bool = key(
+        False, "curves of v_cm, wall's force and energies at the right, from a size of 160 on; the film is then 16 : 9"
+    )
     supersample: float = key(1.0, "samples across a pixel: 2 is smoothest and slowest", low=1, high=2, step=0.5)
     format: Literal["mp4", "webm", "gif", "png"] = key("mp4", "of the film; png: a folder of numbered pictures")

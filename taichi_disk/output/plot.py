@@ -56,8 +56,8 @@ ENERGIES = {
 }
 HEIGHTS = (1.2, 1.0, 1.5)  # of the axes of motion, force and energies
 LEGEND_HEIGHT = 0.12  # of the legend of energies, above them
-PATIENCE = 10.0  # [s] after the film: a copy waits for ever for what another thread held when it was made
 PLACES = {"left": 0.145, "right": 0.98, "bottom": 0.055, "top": 0.945, "hspace": 0.17}  # parts of a figure
+PATIENCE = 10.0  # [s] after the film: a copy waits for ever for a lock that another thread held when it was made
 
 
 def draw_curves(axes: list[Any], scenario: Scenario, columns: Columns, **look: Any) -> list[Any]:
@@ -115,7 +115,7 @@ def plot_run(path: Path, scenario: Scenario, columns: Columns) -> None:
 
 @contextmanager
 def plot_beside(path: Path, scenario: Scenario, columns: Columns) -> Iterator[None]:
-    """`plot_run` in a copy of this process while the block runs; after it, and here, where that has failed."""
+    """`plot_run` in a copy of this process while the block runs. Where that fails, it is called after the block."""
     copy = -1
     if threading.current_thread() is threading.main_thread():
         with suppress(OSError), catch_warnings():
@@ -123,17 +123,17 @@ def plot_beside(path: Path, scenario: Scenario, columns: Columns) -> Iterator[No
             copy = os.fork()
     if copy == 0:
         with suppress(BaseException):
-            for number in ENDING:  # it is done within a second, and leaves nothing half-written
+            for number in ENDING:  # it takes a second, and its parent waits for it
                 signal.signal(number, signal.SIG_IGN)
             signal.signal(signal.SIGALRM, signal.SIG_DFL)
-            signal.alarm(30)  # nor stays behind if nobody is left to end it
+            signal.alarm(30)  # ends it if its parent has been killed
             plot_run(path, scenario, columns)
         os._exit(0)
     try:
         yield
     finally:
         until = monotonic() + PATIENCE
-        with suppress(ChildProcessError):  # nobody need wait where SIGCHLD is ignored
+        with suppress(ChildProcessError):  # there is none to wait for where SIGCHLD is ignored
             while copy > 0 and not os.waitpid(copy, os.WNOHANG)[0]:
                 if monotonic() > until:
                     os.kill(copy, signal.SIGKILL)

@@ -57,11 +57,11 @@ class Pictures:
         picture = self._blank.copy()
         for k, (legend, (_, x, v)) in enumerate(zip(self._legends, states, strict=True)):
             legend.painter.paint(self._window.get_canvas(), self._camera, x, v, self._unit)
-            kernels.shrink(seen(self._window), picture, k * self._size, self._bottom, self._samples)
+            kernels.shrink(read_back(self._window), picture, k * self._size, self._bottom, self._samples)
         return picture
 
     def finish(self, picture: Picture, lines: Sequence[Sequence[str]], t: float) -> Picture:
-        """The picture with the changing `lines` of each disk, and the panel's curves up to `t` [R/c], drawn into it."""
+        """Draw the changing `lines` of each disk, and the panel's curves up to `t` [R/c], into `picture`."""
         for k, legend in enumerate(self._legends):
             legend.write(picture[:, k * self._size : (k + 1) * self._size], lines[k])
         if self._panel:
@@ -73,7 +73,7 @@ class Pictures:
             self._window.destroy()
 
 
-def seen(window: Any) -> NDArray[np.float32]:
+def read_back(window: Any) -> NDArray[np.float32]:
     """(columns, rows upwards, 4) what has been drawn on a `ti.ui.Window`, 0 to 1."""
     # The first call imports a part of NumPy: an interrupt that fell into that would abort the process.
     with signals_wait():

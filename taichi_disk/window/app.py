@@ -81,10 +81,10 @@ def window_problem() -> str | None:
     It is asked without opening one: GLFW ends the process where it cannot.
     """
     name = os.environ.get("DISPLAY")
-    if name or not _X11:
-        problem = film_problem()
-        if problem or screen() or not _X11:
-            return problem
+    if not _X11:
+        return film_problem()
+    if name and ((problem := film_problem()) or screen()):
+        return problem
     what = f"the display {name} does not answer" if name else "there is no display (DISPLAY is not set)"
     return (
         f"{what}: run it on a desktop, log in with `ssh -X`, or give it a virtual one: `xvfb-run -s '-screen 0 "
@@ -93,8 +93,8 @@ def window_problem() -> str | None:
 
 
 def screen() -> tuple[int, int] | None:
-    """Width and height of the display [px], None where there is none or it does not tell."""
-    if not (_X11 and os.environ.get("DISPLAY")):
+    """Width and height of the X display [px], None where there is none."""
+    if not _X11:
         return None
     x11 = CDLL("libX11.so.6")
     x11.XOpenDisplay.restype = c_void_p

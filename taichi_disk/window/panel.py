@@ -28,7 +28,7 @@ class Panel:
     """Four sections at the window's left. What a hand moves is done by `carry_out`, between two pictures."""
 
     def __init__(self, gui: Any, controls: Controls, size: tuple[int, int]) -> None:
-        """`size`: that the window had at first, which GGUI counts in parts of."""
+        """`size`: of the window when it was opened [px]. GGUI gives places and sizes in parts of that."""
         self._gui, self._controls, self._sandbox = gui, controls, controls.sandbox
         self._size = size
         self._wishes: dict[str, tuple[float, Wish]] = {}  # by key or slider: the value that is wished for, and how

@@ -70,8 +70,7 @@ class Stage:
         self._see((x - 0.5 * _CONTACT, x + 0.5 * _CONTACT, low - 0.12, low + 0.3), 0.0)
 
     def _see(self, view: View, margin: float) -> None:
-        left, top, right, bottom = self._stage
-        self.camera = Camera.fit(view, *self._size, margin, (left, right, top, bottom))
+        self.camera = Camera.fit(view, *self._size, margin, self._stage)
         self.follows = self._at_home = False
 
     def zoom(self, factor: float, at: tuple[float, float]) -> None:
@@ -96,7 +95,7 @@ class Stage:
 
     def place(self, column: float, row: float) -> tuple[float, float] | None:
         """What lies at a pixel [R]; None beside the disk's part of the window."""
-        left, top, right, bottom = self._stage
+        left, right, top, bottom = self._stage
         x, y = self.camera.to_scene((column, row))
         return (float(x), float(y)) if left <= column < right and top <= row < bottom else None
 
@@ -143,6 +142,7 @@ class Stage:
             self._lay_out(size, stretch)
         if fresh or look[0] != self._look[0] or (hit != self._hit and self._at_home):
             self.home()
+        self.camera = replace(self.camera, stage=self._stage)  # another title may have another height
         self._hit, self._look = hit, look
 
     def _lay_out(self, size: tuple[int, int], stretch: Stretch) -> None:
@@ -152,7 +152,7 @@ class Stage:
         samples = (*self._caption(stretch, 1e3), "1 s shows 0.05 R/c")
         title = stretch.driver.scenario.title()
         self._legend = Legend(self.painter, width - left, bottom, title, samples, len(samples))
-        self._stage = (left, self._legend.header, width, bottom - self._legend.footer)
+        self._stage = (left, width, self._legend.header, bottom - self._legend.footer)
         self.graphs.boxes = tuple(
             (left + k * each + 50.0, bottom + 44.0, left + (k + 1) * each - 24.0, height - 34.0) for k in range(2)
         )
@@ -183,13 +183,13 @@ class Stage:
 
     def _overhangs(self) -> bool:
         """Whether something is drawn above or below the stage."""
-        y, (_, top, _, bottom) = self.sandbox.moment.x[:, 1], self._stage
+        y, (_, _, top, bottom) = self.sandbox.moment.x[:, 1], self._stage
         lowest, highest = self.camera.to_pixels([(0.0, y.min()), (0.0, y.max())])[:, 1]
         return not self._at_home or highest < top or lowest > bottom
 
     def _fill_still(self, sheet: Sheet) -> None:
         """It covers what was drawn above and below the stage, where that is so: to fill costs 2 ns a pixel."""
-        (left, top, _, bottom), (width, height), ground = self._stage, self._size, ink(self._theme.ground)
+        (left, _, top, bottom), (width, height), ground = self._stage, self._size, ink(self._theme.ground)
         if self._overhangs():
             sheet.rectangle((left, 0, width, top - 1), ground)
             sheet.rectangle((left, bottom, width, height), ground)
@@ -199,7 +199,7 @@ class Stage:
 
     def _fill_moving(self, sheet: Sheet) -> None:
         """Cursors, the mouse's spring, the time and the pace, what happened last."""
-        sandbox, moment, theme, (left, top, right, _) = self.sandbox, self.sandbox.moment, self._theme, self._stage
+        sandbox, moment, theme, (left, right, top, _) = self.sandbox, self.sandbox.moment, self._theme, self._stage
         self.graphs.draw_cursor(sheet, theme)
         if sandbox.held:
             ends = self.camera.to_pixels([moment.x[sandbox.held[0]], sandbox.held[1]])

@@ -13,7 +13,7 @@ import taichi as ti
 from taichi_disk.errors import TaichiDiskError
 from taichi_disk.output.files import prepare_output
 from taichi_disk.render.palette import THEMES
-from taichi_disk.render.pictures import elsewhere, seen
+from taichi_disk.render.pictures import elsewhere, read_back
 from taichi_disk.window.app import Entry, screen
 from taichi_disk.window.controls import REPEATED, Controls
 from taichi_disk.window.panel import Panel
@@ -44,9 +44,9 @@ class Viewer:
         self._playlist, self._out = playlist, out.resolve()
         # A title bar, and what a desktop keeps for itself, have to fit on the screen as well.
         width, height = screen() or (10_000, 10_000)
-        self._first = min(SIZE[0], width - 60), min(SIZE[1], height - 90)
+        self._initial_size = min(SIZE[0], width - 60), min(SIZE[1], height - 90)
         try:
-            self._window = ti.ui.Window("taichi-disk view", self._first, fps_limit=fastest, pos=(30, 30))
+            self._window = ti.ui.Window("taichi-disk view", self._initial_size, fps_limit=fastest, pos=(30, 30))
         except RuntimeError as error:
             raise TaichiDiskError(f"no window: {error}") from error
         self._ready = self._pressed = False
@@ -75,8 +75,8 @@ class Viewer:
         self._stage = Stage(self._window.get_canvas(), self.sandbox)
         self._controls = Controls(self.sandbox, self._stage, self._playlist, self._out)
         self._mouse = Mouse(self.sandbox, self._stage)
-        self._panel = Panel(self._window.get_gui(), self._controls, self._first)
-        self._recorder = Recorder(self._controls, partial(seen, self._window))
+        self._panel = Panel(self._window.get_gui(), self._controls, self._initial_size)
+        self._recorder = Recorder(self._controls, partial(read_back, self._window))
         self._ready = True
 
     def _loop(self) -> Generator[tuple[float, int], None, None]:
