@@ -178,7 +178,7 @@ class VideoSection(Section):
     draw: Draw = key("both", "the field between the points, the springs, both, or the points alone")
     theme: Theme = key("light", "light or dark background")
     panel: bool = key(
-        False, "curves of v_cm, wall's force and energies at the right, from a size of 160 on; the film is then 16 : 9"
+        False, "curves of v_cm, wall's force and energies at the right, from a size of 360 on; the film is then 16 : 9"
     )
     supersample: float = key(1.0, "samples across a pixel: 2 is smoothest and slowest", low=1, high=2, step=0.5)
     format: Literal["mp4", "webm", "gif", "png"] = key("mp4", "of the film; png: a folder of numbered pictures")

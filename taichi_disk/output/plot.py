@@ -49,10 +49,10 @@ ENERGIES = {
     "kinetic": ("kinetic", BLUE),
     "elastic": ("elastic", RED),
     "wall": ("wall potential", ORANGE),
-    "load": ("potential of the load", SKY),
-    "dissipated": ("dissipated by dashpots", GREEN),
-    "absorbed": ("absorbed at the boundary", PINK),
-    "sliding": ("lost from one wall spring to the next", "#999999"),
+    "load": ("load potential", SKY),
+    "dissipated": ("lost in dashpots", GREEN),
+    "absorbed": ("lost at the boundary", PINK),
+    "sliding": ("lost in sliding", "#999999"),
 }
 HEIGHTS = (1.2, 1.0, 1.5)  # of the axes of motion, force and energies
 LEGEND_HEIGHT = 0.12  # of the legend of energies, above them
@@ -73,8 +73,7 @@ def draw_curves(axes: list[Any], scenario: Scenario, columns: Columns, **look: A
             curves.append((axes[2], values - values[0] if column == "load" else values, colour, name))
     for ax, name in zip(axes, (label, "wall's force on\nthe disk  [Mc²/R]", "energy  [Mc²]"), strict=False):
         ax.set_ylabel(name)
-    static = "from the unloaded disk (0) to the equilibrium (1)"
-    axes[-1].set_xlabel(static if scenario.static else "time  [R/c]")
+    axes[-1].set_xlabel("part of the way to the equilibrium" if scenario.static else "time  [R/c]")
     return [ax.plot(columns["t"], curve, color=colour, label=name, **look)[0] for ax, curve, colour, name in curves]
 
 

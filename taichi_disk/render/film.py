@@ -32,7 +32,7 @@ _HELD, _LAST = 0.06, 0.10  # shares of a film that stand still at the greatest c
 _LOOKS = 12  # times before the greatest compression from which the scale of colours is taken
 _BELOW = 0.16  # what is seen of the rigid wall below its edge [R]
 _GREATEST = "greatest compression"
-_PANEL = 160  # pixels of a picture from which there is room for curves beside it
+_PANEL = 360  # pixels of a picture from which curves beside it have room for their words
 
 
 def check_target(path: Path) -> None:
@@ -114,11 +114,13 @@ def _frames(runs: Sequence[Run], video: VideoSection) -> list[Frame]:
 
 def _lines(scenario: Scenario, outcome: Outcome, frames: Sequence[Frame]) -> Iterator[tuple[str, ...]]:
     """The lines for each moment; after the end the observables are those of the end."""
-    columns, times = outcome.columns, [t for t, _ in frames]
+    columns, times, peak = outcome.columns, [t for t, _ in frames], greatest_compression(outcome.columns)
     rows = {name: np.interp(times, columns["t"], values) for name, values in columns.items()} | {"t": times}
-    for k, (_, note) in enumerate(frames):
-        result = f"*{scenario.marks(columns)[0]}" if note is None else note
-        yield *scenario.caption({name: float(values[k]) for name, values in rows.items()}), result
+    for k, (t, note) in enumerate(frames):
+        last = f"*{scenario.marks(columns)[0]}" if note is None else note
+        if note == _GREATEST and abs(t - peak) > 0.01 * peak:
+            last = ""  # it is that of the run beside
+        yield *scenario.caption({name: float(values[k]) for name, values in rows.items()}), last
 
 
 # ---- how to draw

@@ -81,7 +81,7 @@ def side_panel(runs: Sequence[tuple[Scenario, Outcome]], size: int, theme: Theme
         figure.subplots_adjust(
             5.0 * across, (4.2 + 1.7 * rows) * down, 1.0 - across, 1.0 - 2.0 * down, hspace=9.0 * down
         )
-        figure.legend(handles=handles, loc="lower center", ncols=2)
+        figure.legend(handles=handles, loc="lower center", ncols=2, handlelength=1.4, columnspacing=1.2)
         canvas.draw()
         full = np.asarray(canvas.buffer_rgba())[..., :3].copy()
     extents = [ax.get_window_extent() for ax in axes]

@@ -178,6 +178,13 @@ def test_a_comparison_shows_both_runs_at_the_same_times_in_the_same_colours(run,
 
 
 @needs_vulkan
+def test_a_comparison_tells_the_greatest_compression_of_that_run_only_whose_it_is(run, tmp_path, captions):
+    other = api.run(load_scene("exponential_wall", ["lattice.points=20", "impact.velocity=0.2"]))
+    film(tmp_path / "both.png", [run, (other.scenario, other.outcome)], video(), QUIET)
+    assert [lines[-1] for lines in captions] == ["greatest compression", ""]
+
+
+@needs_vulkan
 def test_the_panel_s_curves_end_where_the_time_series_is(run, tmp_path, captions):
     film(tmp_path / "frames", [run], video(size=720, seconds=0.8, panel="true"), QUIET)
     frames = pictures_in(tmp_path / "frames")
@@ -275,5 +282,24 @@ def test_the_film_of_a_compression_on_a_soft_wall_shows_the_disk_from_its_start(
 @needs_vulkan
 def test_curves_without_room_beside_a_small_film_are_left_out(tmp_path):
     result = api.run(load_scene("exponential_wall", ["lattice.points=20"]))
-    for size, width in ((64, 64), (160, 284)):
+    for size, width in ((64, 64), (358, 358), (360, 640)):
         assert iio.imread(result.film(tmp_path / f"{size}.png", size=size, panel=True)).shape[:2] == (size, width)
+
+
+@needs_vulkan
+@pytest.mark.parametrize(
+    "scene",
+    [
+        ["absorbing_wall", "material.eta_star=10"],
+        ["compression", "compression.method=newton"],
+        ["exponential_wall", "wall.a=20", "impact.velocity=0.002"],
+    ],
+    ids=["all energies", "load", "powers of ten"],
+)
+def test_no_word_beside_the_curves_of_a_small_film_is_cut(tmp_path, scene):
+    result = api.run(load_scene(scene[0], [*scene[1:], "lattice.points=60"]))
+    one = iio.imread(result.film(tmp_path / "one.png", size=360, panel=True))[:, 360:]
+    two = iio.imread(result.film(tmp_path / "two.png", size=360, panel=True, beside=result))[:, 720:]
+    for panel in (one, two):
+        for edge in (panel[0], panel[-1], panel[:, 0], panel[:, -1]):
+            assert (edge == panel[0, 0]).all()

@@ -51,7 +51,7 @@ def test_an_impact_shows_velocity_force_energies_and_imbalance_with_the_same_byt
     assert np.array_equal(force.lines[0].get_ydata(), columns["wall_force"])
     shown = {line.get_label(): line.get_ydata() for line in energy.lines}
     # What this run has not (nothing absorbed, no load) is not shown; the parts add up to the sum shown.
-    assert list(shown) == ["kinetic", "elastic", "wall potential", "dissipated by dashpots", "sum of all"]
+    assert list(shown) == ["kinetic", "elastic", "wall potential", "lost in dashpots", "sum of all"]
     assert sum(list(shown.values())[:-1]) == pytest.approx(shown["sum of all"], rel=1e-9)
     for ax, unit in ((force, "[Mc²"), (energy, "[Mc²")):
         assert unit in ax.get_ylabel()
@@ -68,7 +68,7 @@ def test_an_equilibrium_without_time_is_not_drawn_over_time_and_its_load_counts_
     assert "[R/c]" not in figures[0].axes[-1].get_xlabel()
     assert depth.lines[0].get_ydata()[[0, -1]] == pytest.approx([0.0, scenario.result(outcome.columns)["xi"]], abs=1e-9)
     assert depth.texts[0].xy[0] == 0.02  # where the curve is not
-    load = next(line.get_ydata() for line in energy.lines if line.get_label() == "potential of the load")
+    load = next(line.get_ydata() for line in energy.lines if line.get_label() == "load potential")
     assert load[0] == 0.0 and load[-1] < 0.0
 
 
