@@ -119,10 +119,11 @@ class Legend:
         numbers = top + height + 0.95 * self._leading
         left, right, row = self._margin, self._width - self._margin, top + height / 2
         if full := self.painter.full_force:
-            share = _part(ARROW * scale, _ARROW * self._width)
-            ends, line = (left, left + share * ARROW * scale), f"{scales.label(share * full)} Mc²/R"
+            pixels = ARROW * scale / full  # of a force of 1 Mc²/R
+            force = scales.round_below(_ARROW * self._width / pixels)
+            ends, line = (left, left + force * pixels), f"{scales.label(force)} Mc²/R"
             _, left = self._draw_length(draw, ends, row, line, numbers, arrow=True)
-        length = _part(scale, _LENGTH * self._width)
+        length = scales.round_below(_LENGTH * self._width / scale)
         line = f"{length:g} R".removeprefix("1 ")
         right, _ = self._draw_length(draw, (right - length * scale, right), row, line, numbers)
         room = 2.0 * (self._width / 2 - max(left, self._width - right) - 3.0 * self._small)
@@ -181,11 +182,6 @@ class Legend:
         start = min(max((x0 + x1 - width) / 2, self._margin), self._width - self._margin - width)
         text.draw_line(draw, (start, numbers), line, self._small, self._faint)
         return min(x0, start), max(x1, start + width)
-
-
-def _part(pixels: float, room: float) -> float:
-    """The largest of 1, 0.5, 0.2, 0.1 and so on that leaves fewer `pixels` than there is `room`."""
-    return next(one for k in range(12) for one in (10.0**-k, 0.5 * 10.0**-k, 0.2 * 10.0**-k) if one * pixels < room)
 
 
 def _even(pixels: float) -> int:

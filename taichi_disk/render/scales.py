@@ -28,6 +28,12 @@ def round_near(value: float) -> float:
     return float(decade * min(_STEPS, key=lambda step: abs(math.log(step * decade / value))))
 
 
+def round_below(value: float) -> float:
+    """The largest of 1, 2 and 5 times a power of ten up to a value > 0."""
+    decade = 10.0 ** math.floor(math.log10(value))
+    return float(decade * max(step for step in (1.0, 2.0, 5.0) if step * decade <= value))
+
+
 def ticks(limit: float, signed: bool) -> list[float]:
     """Two or three round values from 0 to `limit`, and where signed the same below."""
     count = 3 if f"{limit:e}"[:3] in ("1.5", "3.0", "6.0") else 2

@@ -82,8 +82,11 @@ class Stage:
         self.camera, self._at_home = self.camera.panned(columns, rows), False
 
     def follow(self) -> None:
-        """Stay with the disk's centre of mass from now on, or no longer."""
+        """Stay with the disk's centre of mass from now on, or no longer; one out of view comes to the middle."""
         column, row = self.camera.to_pixels(self.centre)
+        if not self.place(column, row):
+            left, right, top, bottom = self._stage
+            column, row = (left + right) / 2, (top + bottom) / 2
         self.camera = replace(self.camera, look_at=self.centre, middle=(float(column), float(row)))
         self.follows, self._at_home = not self.follows, False
 

@@ -104,6 +104,8 @@ def test_compression_is_blue_and_what_rests_stands_out_from_the_ground(theme):
 def test_scales_end_at_round_numbers_with_even_ticks(value):
     limit = scales.round_near(value)
     assert 1 / 1.25 < limit / value < 1.25
+    below = scales.round_below(value)
+    assert value / 2.5 < below <= value and f"{below:.6e}"[:8] in ("1.000000", "2.000000", "5.000000")
     assert f"{limit:.6e}".split("e")[0].rstrip("0").rstrip(".") in ("1", "1.5", "2", "3", "4", "5", "6", "8")
     for signed in (True, False):
         ticks = scales.ticks(limit, signed)
