@@ -11,13 +11,14 @@ from taichi_disk.simulation.energy_balance import CLOSING, LARGEST, WORST, relat
 from taichi_disk.simulation.error_estimate import COMPARED, RunRecord, TimeStep, error_estimate
 from taichi_disk.simulation.observables import Columns
 from taichi_disk.simulation.scenario import Scenario
-from taichi_disk.simulation.stability import Spectrum, step_limit
+from taichi_disk.simulation.stability import Spectrum, resolving_step, step_limit
 
 MARGIN = 0.95  # of the limit that the measured wall stiffness leaves; an automatic step above it is redone
 HARDER = 1.5  # than measured: the force of the wall that the next step is chosen for
 ATTEMPTS, SEARCH = 8, 12  # runs in all; in search of a tolerance, which may be far from a first coarse step
 BLOW_UPS = 5  # after which no shorter step is tried: where a wall is dented none helps
 AIM = 0.75  # of the tolerance, at which a step is aimed
+RESET_ERROR = 2e-5  # of e, that resets may cause at an automatic step beside dashpots
 LEAST, MOST = 1.15, 3.0  # by which a step is shortened for it: a longer leap would trust the power too far
 
 
@@ -57,14 +58,21 @@ class StepControl:
         return step_limit(self.spectrum, self.scenario.model, integrator, force)
 
     def _choice(self) -> TimeStep:
-        name, force = self._integrator, self._point_force
+        name, model = self._integrator, self.scenario.model
         if name == "auto":
-            ratio = self.limit(TRAPEZOIDAL, force) / self.limit(VELOCITY_VERLET, force)
+            ratio = self._longest(TRAPEZOIDAL) / self._longest(VELOCITY_VERLET)
             name = (TRAPEZOIDAL if ratio > implicit_cost(self.spectrum.points) else VELOCITY_VERLET).name
         integrator = INTEGRATORS[name]
-        limit = self.limit(integrator, force)
-        dt = self._safety * limit if self.time.dt == "auto" else self.time.dt
-        return TimeStep(integrator, limit, fitted(dt, self.scenario.model.reset_interval))
+        dt = self._longest(integrator) if self.time.dt == "auto" else self.time.dt
+        return TimeStep(integrator, self.limit(integrator, self._point_force), fitted(dt, model.reset_interval))
+
+    def _longest(self, integrator: Integrator) -> float:
+        """Step that is safely stable [R/c] and, unless the scene has its own, resolves what resets stir up."""
+        stable = self._safety * self.limit(integrator, self._point_force)
+        if self.time.dt != "auto":
+            return stable
+        error = RESET_ERROR if self.time.tolerance == "none" else self.time.tolerance
+        return min(stable, resolving_step(self.spectrum, self.scenario.model, integrator, error))
 
     # ---- errors
 

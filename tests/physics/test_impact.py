@@ -8,7 +8,7 @@ import reference
 from bodies import SMALL, WALL, advance, computed
 from numpy.testing import assert_allclose, assert_array_equal
 
-from taichi_disk.integrators import INTEGRATORS
+from taichi_disk.integrators import INTEGRATORS, TRAPEZOIDAL, VELOCITY_VERLET
 from taichi_disk.lattice import Lattice, bulk_moduli
 from taichi_disk.scenes import load_scene
 from taichi_disk.scenes.impact import contact_interval
@@ -46,6 +46,25 @@ def test_restitution_and_contact_time_equal_those_of_dop853(eta_star, velocity, 
     # The reference's times stand on a grid of 1/4000 of the whole.
     assert values["contact_time"] == pytest.approx(duration, abs=2 * end / 4000)
     assert values["restitution"] == outcome.columns["com_vy"][-1] / velocity
+
+
+@pytest.mark.parametrize(
+    ("eta_star", "integrator"), [(10.0, VELOCITY_VERLET), pytest.param(100.0, TRAPEZOIDAL, marks=LONG)]
+)
+def test_an_automatic_step_resolves_what_resets_stir_up_beside_dashpots(eta_star, integrator, kernels):
+    small = (
+        "lattice.points=60",
+        "wall.points=80",
+        "wall.width=3.4",
+        "wall.reset_interval=0.02",
+        "impact.velocity=0.05",
+    )
+    settings = (*small, f"material.eta_star={eta_star}", f"time.integrator={integrator.name}")
+    scenario, outcome = computed(kernels, "absorbing_wall", *settings)
+    model, start = reference.Model(scenario.lattice, scenario.model), scenario.lattice.positions
+    _, v = model.solve_with_resets(start, scenario.velocities, outcome.columns["t"][-1], 0.02, rtol=1e-8)
+    off = abs(scenario.result(outcome.columns)["restitution"] - v[:60, 1].mean() / scenario.velocity)
+    assert off < 3e-5 and off <= 1.5 * outcome.facts["error_estimate"]["restitution"] < 6e-5
 
 
 def test_a_body_of_ones_own_that_spins_bounces_as_dop853_says(kernels):
