@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import argparse
 import gc
-import os
 import sys
 import warnings
 from collections.abc import Callable, Sequence
@@ -67,7 +66,6 @@ def main(argv: Sequence[str] | None = None) -> int:
     except OSError as error:
         if not isinstance(error, BrokenPipeError):  # the reader has gone (| head)
             _say(f"error: {error.strerror or error}")
-        _close_quietly()
         return 1
 
 
@@ -79,12 +77,6 @@ def _say(text: str) -> None:
 
 def _note(text: str) -> None:
     _say(f"note: {text}")
-
-
-def _close_quietly() -> None:
-    """Let Python not complain once more when it flushes stdout at exit."""
-    with suppress(OSError, ValueError, AttributeError):
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
 def _load(arguments: argparse.Namespace, what: str = "scene") -> Any:

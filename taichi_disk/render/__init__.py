@@ -14,10 +14,6 @@ def film_problem() -> str | None:
         return f"Taichi cannot be loaded ({error}); as root: {REMEDY}"
     if not ti._lib.core.with_vulkan():
         return f"pictures are drawn with Vulkan, and there is no Vulkan driver here; as root: {REMEDY}"
-    try:
-        import av  # noqa: F401
-    except ImportError as error:
-        return f"no encoder to write the film with ({error}); pip install --force-reinstall av"
     return None
 
 
