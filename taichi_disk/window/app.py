@@ -59,6 +59,7 @@ def folder(path: Path) -> list[Entry]:
 
     Raises InputError if there is none.
     """
+    path = path.resolve()  # an open window works in another folder
     table = path / "points.csv"
     if table.is_file():
         rows = csv.DictReader(table.read_text(encoding="utf-8").splitlines())
