@@ -13,7 +13,7 @@ import numpy as np
 
 from taichi_disk import runtime
 from taichi_disk.errors import InputError, SimulationError, TaichiDiskError
-from taichi_disk.lattice import Array, Lattice
+from taichi_disk.lattice import Array, Lattice, file_digest
 from taichi_disk.output import files
 from taichi_disk.output.plot import plot_beside, plot_run
 from taichi_disk.output.run_folder import RunFolder, read_summary
@@ -183,9 +183,10 @@ class Result:
 
         Raises InputError where `out` holds another run (unless `overwrite`) or files that no run wrote.
         """
-        repeatable = "own_start" not in self.summary
-        with RunFolder(out, self.scene.to_yaml(), True, overwrite, repeatable=repeatable) as folder:
-            _write(folder.path, self, video, Progress(), _Clock())
+        repeatable, digest = "own_start" not in self.summary, str(self.summary.get("lattice_digest", ""))
+        with RunFolder(out, self.scene.to_yaml(), True, overwrite, repeatable=repeatable, lattice=digest) as folder:
+            saved = replace(self, summary=self.summary | {"video": folder.film})
+            _write(folder.path, saved, video, Progress(), _Clock())
         return folder.out
 
     @classmethod
@@ -214,6 +215,8 @@ class Result:
             raise InputError(f"{folder}: this run began with arrays given in Python; see lattice.npz for them")
         # What the run took, also a step by force, is taken again.
         scene, progress = load_scene(path, overrides), progress or Progress()
+        if file_digest(scene.lattice.file) != summary.get("lattice_digest", ""):
+            raise InputError(f"{folder}: {scene.lattice.file} has changed since this run: see lattice.npz")
         job = _Job(scene, None, None, True, None, progress, _Clock(), estimate)
         return job.compute(job.scenario())
 
@@ -260,7 +263,8 @@ def run(
     if out is None:
         return job.compute(job.scenario())
     repeatable = lattice is None and velocities is None
-    with RunFolder(out, scene.to_yaml(), not count_on, overwrite, say, repeatable) as folder:
+    digest = file_digest(scene.lattice.file)
+    with RunFolder(out, scene.to_yaml(), not count_on, overwrite, say, repeatable, digest) as folder:
         result = job.into(folder.path, video, folder.film, export)
     return replace(result, out=folder.out)
 
@@ -313,6 +317,8 @@ class _Job:
         """What summary.json says of any run."""
         told: dict[str, Any] = {"scene": self.scene.scene, "status": status, "reason": reason}
         told |= {"seed": self.scene.lattice.seed, "versions": files.versions(), "wall_clock": self.clock.seconds}
+        if digest := file_digest(self.scene.lattice.file):
+            told["lattice_digest"] = digest
         if self.lattice is not None or self.velocities is not None:
             told["own_start"] = "lattice or velocities were given in Python: lattice.npz holds them"
         return told

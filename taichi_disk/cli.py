@@ -89,7 +89,7 @@ def _load(arguments: argparse.Namespace, what: str = "scene") -> Any:
 
 def _out(arguments: argparse.Namespace, suffix: str = "") -> Path:
     """The folder that was asked for, else out/NAME, after the scene file's name."""
-    return arguments.out or Path("out", Path(arguments.scene).stem + suffix)
+    return arguments.out or Path("out", Path(arguments.scene).name.removesuffix(".yaml") + suffix)
 
 
 # ---- commands: each imports what it needs, once its scene is known to be right
@@ -138,9 +138,10 @@ def _sweep(arguments: argparse.Namespace) -> int:
 
 
 def _view(arguments: argparse.Namespace) -> int:
+    from taichi_disk.scenes import shipped_scenes
     from taichi_disk.window.app import view
 
-    folder = Path(arguments.scene).is_dir()
+    folder = Path(arguments.scene).is_dir() and arguments.scene not in shipped_scenes()
     if folder and arguments.overrides:
         raise InputError("--set: a folder's scenes are viewed as they are; name one of them")
     view(Path(arguments.scene) if folder else _load(arguments), arguments.out or Path("out/view"))
@@ -231,7 +232,7 @@ def _parser() -> argparse.ArgumentParser:
 
     add = command("run", _run, "simulate a scene, write results and film, print the result").add_argument
     _add_scene(add)
-    add("--out", type=Path, metavar="DIR", help="where the results go (default: out/SCENE)")
+    add("--out", type=_path, metavar="DIR", help="where the results go (default: out/SCENE)")
     add("--overwrite", action="store_true", help="replace another run in DIR")
     add("--no-video", dest="video", action="store_false", help="make no film")
     add("--export", choices=_TRAJECTORIES, help="also write a trajectory")
@@ -240,7 +241,7 @@ def _parser() -> argparse.ArgumentParser:
 
     add = command("sweep", _sweep, "compute every scene of a sweep: table, fits and figure; resumable").add_argument
     _add_scene(add, "figure2, figure3, figure6")
-    add("--out", type=Path, metavar="DIR", help="where the results go (default: out/SCENE)")
+    add("--out", type=_path, metavar="DIR", help="where the results go (default: out/SCENE)")
     add("--jobs", type=_count, metavar="N", help="processes (default: one for each core)")
     add("--scheduler", metavar="ADDRESS", help="of a Dask cluster that computes instead, tcp://HOST:8786")
     add("--part", metavar="K/N", help="compute the K-th of N shares only, and no table")
@@ -248,13 +249,13 @@ def _parser() -> argparse.ArgumentParser:
 
     add = command("view", _view, "play with a scene in a window").add_argument
     _add_scene(add, f"{_SCENES}; or a folder of scenes", nargs="?", default="exponential_wall")
-    add("--out", type=Path, metavar="DIR", help="for saved scenes, films, pictures (default: out/view)")
+    add("--out", type=_path, metavar="DIR", help="for saved scenes, films, pictures (default: out/view)")
 
     add = command("render", _render, "film a finished run again, or two of them side by side").add_argument
-    add("folder", type=Path, metavar="DIR", help="what `run` wrote")
-    add("--compare", type=Path, metavar="DIR", help="another run, to be shown at the right")
+    add("folder", type=_path, metavar="DIR", help="what `run` wrote")
+    add("--compare", type=_path, metavar="DIR", help="another run, to be shown at the right")
     files = ".mp4, .webm, .gif, .png for one picture, or a folder for many (default: render or comparison in DIR)"
-    add("--out", type=Path, metavar="FILE", help=files)
+    add("--out", type=_path, metavar="FILE", help=files)
     for name, key in VideoSection.schema().items():  # which also checks what is given
         if key.kind is bool:
             add(f"--{name}", action=argparse.BooleanOptionalAction, help=key.meaning)
@@ -264,18 +265,18 @@ def _parser() -> argparse.ArgumentParser:
 
     export = command("export", _export, "write the trajectory of a finished run for another program")
     add, when = export.add_argument, export.add_mutually_exclusive_group().add_argument
-    add("folder", type=Path, metavar="DIR", help="what `run` wrote")
+    add("folder", type=_path, metavar="DIR", help="what `run` wrote")
     add("--format", choices=_TRAJECTORIES, help="default: as FILE's suffix says; xyz")
     when("--frames", type=_count, default=200, metavar="N", help="evenly spaced in time (default: 200)")
     when("--times", type=float, nargs="+", metavar="T", help="ascending, in R/c")
-    add("--out", type=Path, metavar="FILE", help="default: trajectory.FORMAT in DIR")
+    add("--out", type=_path, metavar="FILE", help="default: trajectory.FORMAT in DIR")
 
     _add_scene(command("check", _check, "say what is wrong with a scene, or print it resolved").add_argument)
 
     what = "speed against error: integrators and steps, beside lattices, N and walls"
     add = command("accuracy", _accuracy, what).add_argument
     _add_scene(add)
-    add("--out", type=Path, metavar="DIR", help="where the files go (default: out/SCENE_accuracy)")
+    add("--out", type=_path, metavar="DIR", help="where the files go (default: out/SCENE_accuracy)")
 
     command("doctor", _doctor, "what this machine can do, and how to mend what is missing")
     return parser
@@ -285,6 +286,10 @@ def _add_scene(add: Callable[..., Any], shipped: str = _SCENES, **options: Any) 
     add("scene", metavar="SCENE", help=f"a YAML file, or a shipped one: {shipped}", **options)
     what = "change one key of the scene, e.g. material.eta_star=100 (repeatable)"
     add("--set", dest="overrides", action="append", default=[], metavar="SECTION.KEY=VALUE", help=what)
+
+
+def _path(text: str) -> Path:
+    return Path(text).expanduser()
 
 
 def _count(text: str) -> int:

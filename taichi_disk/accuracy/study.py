@@ -13,8 +13,9 @@ import numpy as np
 
 from taichi_disk import runtime
 from taichi_disk.accuracy.steps import StepError, StepStudy
-from taichi_disk.errors import TaichiDiskError
+from taichi_disk.errors import InputError, TaichiDiskError
 from taichi_disk.output.files import prepare_output, remove_empty
+from taichi_disk.output.run_folder import look
 from taichi_disk.progress import Progress, duration
 from taichi_disk.scenes import Scene
 from taichi_disk.simulation.outcome import compute
@@ -100,11 +101,13 @@ def study(scene: Scene, out: Path, title: str, progress: Progress, say: Callable
     Args:
         say: told once, after the first runs, how many there are and about how long they will take.
 
-    Raises InputError for a folder that cannot be written or a step by hand beyond the stability limit, SimulationError
-    where the scene has no result.
+    Raises InputError for a folder that holds a run or cannot be written, or a step by hand beyond the stability limit;
+    SimulationError where the scene has no result.
     """
     from taichi_disk.accuracy.report import report
 
+    if look(out).status:
+        raise InputError(f"{out} holds a run; choose another folder with --out")
     made = prepare_output(out)
     try:
         runtime.start()

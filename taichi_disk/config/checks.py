@@ -72,7 +72,7 @@ def _value(kind: str, path: Path, value: Any, tree: Tree, kinds: Kinds) -> Any:
     elif path == ("lattice", "file") and value != "none":
         # On the command line a name counts from the working directory, in a scene file from the file's folder.
         folder = "" if entry.value.rank else tree.folder
-        return os.path.abspath(os.path.join(folder, os.path.expanduser(value)))
+        return os.path.realpath(os.path.join(folder, os.path.expanduser(value)))
     elif key.kind is float and not isinstance(value, str):
         return float(value)
     return value

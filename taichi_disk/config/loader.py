@@ -46,7 +46,7 @@ def shipped_scenes() -> dict[str, Path]:
     package = Path(__file__).parent.parent
     # In an installed package the files lie in it; in a source checkout, at the top of the tree.
     folders = (package / "scene_library", package.parent / "scenes")
-    return {path.stem: path for folder in reversed(folders) for path in sorted(folder.glob("*.yaml"))}
+    return {path.stem: path for folder in reversed(folders) for path in sorted(folder.glob("[!.]*.yaml"))}
 
 
 def _read_tree(source: Source, overrides: Sequence[str]) -> Tree:
@@ -95,7 +95,8 @@ def _read(source: str | os.PathLike[str]) -> tuple[str, str, str]:
     label = printable(str(path), width=1000)
     try:
         data = path.read_bytes()
-        return label, str(path.parent), data.decode("utf-8-sig")
+        # What is piped has no folder of its own.
+        return label, str(path.parent) if path.is_file() else "", data.decode("utf-8-sig")
     except UnicodeDecodeError as error:
         line = data.count(b"\n", 0, error.start) + 1
         raise InputError(f"{label}:{line}: not UTF-8 text (byte {data[error.start]:#x}); save it as UTF-8") from None

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import zipfile
 import zlib
 from dataclasses import replace
@@ -86,6 +87,14 @@ def read_lattice(path: str | Path) -> Lattice:
         raise InputError(f"{path}: {error.strerror or error}") from error
     except (InputError, ValueError, TypeError, zipfile.BadZipFile, zlib.error) as error:
         raise InputError(f"{path}: {error}") from error
+
+
+def file_digest(file: str) -> str:
+    """A hash of the file that a scene takes its lattice from, "" for `none`. Raises InputError if it cannot be read."""
+    try:
+        return "" if file == "none" else hashlib.sha256(Path(file).read_bytes()).hexdigest()
+    except OSError as error:
+        raise InputError(f"lattice.file: {file}: {error.strerror or error}") from None
 
 
 def _read_csv(path: Path) -> tuple[Array]:

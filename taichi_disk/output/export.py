@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
+from xml.sax.saxutils import quoteattr
 
 import numpy as np
 
@@ -132,7 +133,8 @@ def _write_vtu(path: Path, lattice: Lattice, frames: Iterator[Frame]) -> None:
                 name = f"{number:04}_{kind}.vtu"
                 mesh = meshio.Mesh(_padded(frame.positions), [cells[kind]], points, cell_data)
                 mesh.write(new / name, file_format="vtu")
-                listed.append(f'<DataSet timestep="{frame.time:.17g}" part="{part}" file="{folder.name}/{name}"/>')
+                file = quoteattr(f"{folder.name}/{name}")
+                listed.append(f'<DataSet timestep="{frame.time:.17g}" part="{part}" file={file}/>')
 
     atomic_write(folder, fill)
     lines = ['<?xml version="1.0"?>', '<VTKFile type="Collection" version="0.1">', "<Collection>", *listed]

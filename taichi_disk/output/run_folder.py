@@ -45,6 +45,7 @@ class Held:
     names: tuple[str, ...] = ()  # of files and folders
     foreign: str = ""  # the first name that no run wrote
     scene: str = ""  # scene.yaml of the run, if that alone repeats it
+    lattice: str = ""  # digest of the file that its lattice came from
     status: str = ""  # of the run
 
 
@@ -63,7 +64,8 @@ def look(folder: Path) -> Held:
         foreign = [name for name in names if name == "scene.yaml"] or [names[0]]
     if foreign:
         return Held(names, foreign[0])
-    return Held(names, "", "" if "own_start" in summary else scene, str(summary.get("status", "")))
+    digest, status = (str(summary.get(key, "")) for key in ("lattice_digest", "status"))
+    return Held(names, "", "" if "own_start" in summary else scene, digest, status)
 
 
 def _read(path: Path) -> str:
@@ -95,6 +97,7 @@ class RunFolder:
         overwrite: whether another run may be replaced.
         say: told that the run goes elsewhere, and why.
         repeatable: whether scene.yaml alone repeats the run. (Else its summary has a key own_start.)
+        lattice: digest of the file that the lattice is taken from. (The summary has it as lattice_digest.)
 
     Raises InputError on entry, with nothing left behind, if the folder holds something else, is in use or cannot be
     written; SimulationError on leaving if the files cannot be moved: they stay in `path`.
@@ -111,9 +114,10 @@ class RunFolder:
         overwrite: bool = False,
         say: Callable[[str], None] = lambda text: None,
         repeatable: bool = True,
+        lattice: str = "",
     ) -> None:
-        self.out, self._scene_yaml, self._explicit = Path(out), scene_yaml, explicit
-        self._overwrite, self._say, self._repeatable = overwrite, say, repeatable
+        self.out, self._scene_yaml, self._explicit = Path(out).expanduser(), scene_yaml, explicit
+        self._overwrite, self._say, self._repeatable, self._lattice = overwrite, say, repeatable, lattice
         self._held = ExitStack()  # locks, and folders that go again if nothing is in them
 
     def __enter__(self) -> RunFolder:
@@ -188,7 +192,7 @@ class RunFolder:
 
     def _same(self, held: Held) -> bool:
         """Whether a folder holds a run of this scene."""
-        return self._repeatable and held.scene == self._scene_yaml
+        return self._repeatable and (held.scene, held.lattice) == (self._scene_yaml, self._lattice)
 
     def _keep(self, status: str) -> None:
         """Move the run to its folder, or to another one if that may not be, or may no longer be, replaced."""
@@ -240,7 +244,7 @@ def _move_files(stage: Path, folder: Path) -> None:
     names = set(os.listdir(stage))
     if "scene.yaml" in names:  # nothing has been moved yet
         new, old = look(stage), look(folder)
-        another = not new.scene or new.scene != old.scene
+        another = not new.scene or (new.scene, new.lattice) != (old.scene, old.lattice)
         outdated = ["summary.json", "scene.yaml", *RESULTS, *names]
         if another or names.intersection(FILMS):
             outdated += FILMS

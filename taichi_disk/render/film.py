@@ -43,6 +43,8 @@ def check_target(path: Path) -> None:
             "or with nothing for a folder of numbered pictures"
         )
     if not path.suffix:
+        if Path.cwd().is_relative_to(path.resolve()):
+            raise InputError(f"cannot film into {path}: pictures would replace the folder you are in; name another")
         check_pictures(path)
 
 

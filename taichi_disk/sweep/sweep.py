@@ -15,12 +15,13 @@ from typing import Any
 from taichi_disk import __version__
 from taichi_disk.config.sweep_axes import Sweep, value_of
 from taichi_disk.errors import InputError
-from taichi_disk.output.files import prepare_output, reason, versions, write_csv, write_summary, write_text
+from taichi_disk.lattice import file_digest
+from taichi_disk.output.files import prepare_output, reason, remove, versions, write_csv, write_summary, write_text
 from taichi_disk.output.run_folder import look
 from taichi_disk.progress import Progress, duration
 from taichi_disk.scenes import Scene
 from taichi_disk.sweep import executors
-from taichi_disk.sweep.work import PointResult, content_of
+from taichi_disk.sweep.work import PointResult
 
 FILES = ("scene.yaml", "points.csv", "summary.json", "figure.png", "figure.svg", "figure.pdf")
 MEASURED = ("young", "poisson", "error_estimate", "energy_imbalance", "residual", "steps", "dt", "integrator")
@@ -92,6 +93,8 @@ def run_sweep(
         file, text = out / "scene.yaml", sweep.to_yaml()
         if file.exists() and file.read_text(encoding="utf-8", errors="replace") != text:
             say(f"{out} held another sweep: its points stay, its table is replaced")
+            for name in FILES:
+                remove(out / name)
         write_text(file, text)
     found = {key: kept for key in scenes if (kept := _kept(out, key)) and (kept.estimated or not estimate)}
     missing, before = {key: scene for key, scene in scenes.items() if key not in found}, len(found)
@@ -142,7 +145,8 @@ def forecast(results: executors.Results, total: int, say: Say) -> Iterator[tuple
 
 def _row(sweep: Sweep, scene: Scene, key: str, result: PointResult) -> Row:
     row: Row = {name: value_of(scene, name) for name in sweep.axes}
-    row |= {name: result.numbers.get(name) for name in (*scene.results, *MEASURED)}
+    numbers = {name: result.numbers.get(name) for name in (*scene.results, *MEASURED)}
+    row |= {f"{name}_taken" if name in row else name: value for name, value in numbers.items()}
     return row | {"status": result.status, "reason": result.reason, "warnings": "; ".join(result.warnings), "key": key}
 
 
@@ -173,7 +177,7 @@ def point_key(scene: Scene) -> str:
     """
     sections = asdict(scene)
     del sections["video"]
-    return _digest([__version__, sections, content_of(scene.lattice.file)])
+    return _digest([__version__, sections, file_digest(scene.lattice.file)])
 
 
 def _kept(out: Path, key: str) -> PointResult | None:

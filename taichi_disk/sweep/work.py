@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import atexit
-import hashlib
 import pickle
 import socket
 import sys
@@ -13,13 +12,13 @@ from dataclasses import dataclass, field
 from functools import lru_cache
 from math import isfinite
 from operator import attrgetter
-from pathlib import Path
 from typing import Any
 
 from taichi_disk import runtime
 from taichi_disk.errors import InputError, TaichiDiskError
+from taichi_disk.lattice import file_digest
 from taichi_disk.lattice.moduli import bulk_moduli
-from taichi_disk.output.files import reason, versions
+from taichi_disk.output.files import versions
 from taichi_disk.scenes import Scene
 from taichi_disk.scenes.feasible import check_memory
 
@@ -118,18 +117,10 @@ def _computed(scene: Scene, estimate: bool) -> PointResult:
 # ---- what scenes share
 
 
-def content_of(file: str) -> str:
-    """A hash of the file that a scene takes its lattice from. Raises InputError if it cannot be read."""
-    try:
-        return "" if file == "none" else hashlib.sha256(Path(file).read_bytes()).hexdigest()
-    except OSError as error:
-        raise InputError(f"lattice.file: {file}: {reason(error)}") from None
-
-
 def lattice_key(scene: Scene) -> Hashable:
     """Equal for scenes that share their lattice and the stiffness of its springs."""
     of_lattice = (attrgetter(name)(scene) for name in scene.lattice_keys)
-    return (type(scene), scene.material.k_a, content_of(scene.lattice.file), *of_lattice)
+    return (type(scene), scene.material.k_a, file_digest(scene.lattice.file), *of_lattice)
 
 
 class LatticeSetup:

@@ -65,7 +65,7 @@ def folder(path: Path) -> list[Entry]:
         rows = csv.DictReader(table.read_text(encoding="utf-8").splitlines())
         files = [path / "points" / f"{row.get('key')}.yaml" for row in rows]
     else:
-        files = [file for file in sorted(path.glob("*.yaml")) if not _is_sweep(file)]
+        files = [file for file in sorted(path.glob("[!.]*.yaml")) if file.is_file() and not _is_sweep(file)]
     entries: list[Entry] = [(file.stem, partial(load_scene, file)) for file in files if file.is_file()]
     if not entries:
         raise InputError(f"{path}: there is no scene in this folder (*.yaml, or points.csv with points/*.yaml)")

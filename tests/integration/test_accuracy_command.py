@@ -24,6 +24,12 @@ def few(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(study, "FINER", (4,))
 
 
+def test_a_folder_of_a_run_stays_that(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    run(load_scene("exponential_wall", ["lattice.points=30"]), tmp_path, video=False)
+    assert accuracy(tmp_path, "exponential_wall", "lattice.points=30") == 2
+    assert "holds a run" in capsys.readouterr().err
+
+
 @pytest.mark.validate
 def test_a_step_by_hand_that_a_finer_lattice_cannot_take(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert accuracy(tmp_path / "out", "exponential_wall", "lattice.points=30", "time.dt=0.04") == 0

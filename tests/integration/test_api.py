@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -71,6 +72,10 @@ def test_a_saved_result_is_loaded_bitwise_the_same(result, tmp_path):
     for name, values in result.series.items():
         assert (again.series[name] == values).all(), name
     assert json.loads((tmp_path / "r" / "summary.json").read_text())["restitution"] == result.restitution
+    (tmp_path / "r" / "video.gif").touch()
+    for folder, film in (("s", None), ("r", "video.gif")):  # the summary names the film that is there, of this scene
+        replace(result, summary=result.summary | {"video": "video.mp4"}).save(tmp_path / folder)
+        assert json.loads((tmp_path / folder / "summary.json").read_text())["video"] == film
 
 
 def test_velocities_of_ones_own_are_thrown_and_saved_but_not_mistaken_for_the_scenes(tmp_path):
@@ -103,6 +108,14 @@ def test_a_lattice_file_gives_what_the_lattice_gives(tmp_path):
     assert by_file.restitution == pytest.approx(by_array.restitution, rel=1e-12)
     assert by_file.lattice.disk_points == 60
     assert "points.csv" in " ".join(by_file.scenario.title())
+    by_file.save(tmp_path / "r")
+    assert Result.load(tmp_path / "r").restitution == by_file.restitution
+    other = Lattice.disk(60, seed=4)
+    np.savetxt(tmp_path / "points.csv", other.positions, delimiter=",")
+    with pytest.raises(InputError, match=r"points\.csv has changed since this run"):
+        Result.load(tmp_path / "r")
+    with pytest.raises(InputError, match="holds another run"):
+        run(load_scene(tmp_path / "s.yaml"), tmp_path / "r", video=False)
 
 
 def test_spin_and_turn_are_those_of_the_start():

@@ -66,9 +66,10 @@ def test_a_run_goes_into_out_and_the_name_of_the_scene_unless_a_folder_is_named(
         raise InputError("enough")
 
     monkeypatch.setattr("taichi_disk.api.run", run)
-    for words in ((), ("--out", "o", "--overwrite")):
+    monkeypatch.setenv("HOME", "/home/me")
+    for words in ((), ("--out", "o", "--overwrite"), ("--out=~/o",)):
         assert main(["run", "exponential_wall", *words]) == 2
-    assert given == [("out/exponential_wall", True, False), ("o", False, True)]
+    assert given == [("out/exponential_wall", True, False), ("o", False, True), ("/home/me/o", False, False)]
 
 
 def test_a_step_beyond_the_limit_is_refused_and_leaves_nothing(tmp_path, capsys):
@@ -208,9 +209,20 @@ def test_a_closed_or_full_output_ends_without_a_traceback(redirection, status):
 
 
 def test_a_scene_may_come_through_a_pipe(tmp_path):
-    done = command("check", "/dev/stdin", input="scene: exponential_wall\nlattice: {points: 60}\n")
+    scene = "scene: exponential_wall\nlattice: {points: 60, file: a.csv}\n"
+    np.savetxt(tmp_path / "a.csv", [(x, y) for x in (-1.0, 0.0, 1.0) for y in (-1.0, 0.1, 1.0)], delimiter=",")
+    done = command("check", "/dev/stdin", input=scene, cwd=tmp_path)
     assert done.returncode == 0, done.stderr
-    assert "points: 60" in done.stdout
+    assert f"{tmp_path}/a.csv" in done.stdout
+
+
+def test_a_folder_of_that_name_hides_no_shipped_scene(tmp_path, monkeypatch, capsys):
+    (tmp_path / "exponential_wall").mkdir()
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.delenv("DISPLAY", raising=False)
+    assert main(["check", "exponential_wall"]) == 0
+    main(["view"])
+    assert "no window: " in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(

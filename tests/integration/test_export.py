@@ -91,7 +91,7 @@ def test_gsd_read_by_gsd(tmp_path):
 
 def test_vtu_read_by_meshio_and_vtk(tmp_path):
     meshio = pytest.importorskip("meshio")
-    listed = list(ElementTree.parse(exported(tmp_path, "vtu")).iter("DataSet"))
+    listed = list(ElementTree.parse(exported(tmp_path / "R&D.pvd", "vtu")).iter("DataSet"))
     assert [float(one.get("timestep", "")) for one in listed] == [0.0, 0.0, 0.5, 0.5, 1.0, 1.0]
     springs, triangles = (tmp_path / one.get("file", "") for one in listed[-2:])
     (x, v), true, mesh = state(1.0), truth(1.0), meshio.read(springs)

@@ -48,14 +48,16 @@ def test_two_runs_are_shown_side_by_side(runs, tmp_path):
     assert np.abs(left[80:190] - right[80:190]).mean() > 2.0
 
 
-def test_what_cannot_be_filmed_is_said(runs, tmp_path, capsys):
+def test_what_cannot_be_filmed_is_said(runs, tmp_path, capsys, monkeypatch):
     one, _, own, pressed = map(str, runs)
+    monkeypatch.chdir(tmp_path)
     for words, says in (
         ([str(tmp_path)], "no run is here"),
         (
             [one, "--out", str(tmp_path / "film.avi")],
             "film.avi: end the name with .mp4, .webm or .gif for a film, with",
         ),
+        ([one, "--out", "."], "the folder you are in"),
         ([own], "began with arrays given in Python"),
         ([one, "--compare", own], "began with arrays given in Python"),
         ([one, "--compare", pressed], "cannot be compared"),

@@ -36,6 +36,12 @@ lattice: {points: 60}
 compression: {method: newton}
 sweep: {seed: [0, 1], pressure: [5.0e-3, 1.0e-2]}
 """
+WALL_STEPS = """
+scene: absorbing_wall
+lattice: {points: 40}
+wall: {points: 50, width: 3.0, threshold: 0.2}
+sweep: {dt: [auto, 0.002]}
+"""
 ONE = "scene: exponential_wall\nlattice: {points: 60}\nmaterial: {eta_star: 0.0}\n"
 
 
@@ -185,12 +191,20 @@ def test_a_folder_of_a_run_or_of_a_person_is_not_touched(tmp_path: Path) -> None
 
 def test_another_sweep_in_a_folder_keeps_its_points_and_says_that_its_table_is_replaced(tmp_path: Path) -> None:
     said: list[str] = []
-    for velocities in ("[0.01]", "[0.01]", "[0.01, 0.03]"):
+    for velocities, before in (("[0.01]", False), ("[0.01]", True), ("[0.01, 0.03]", False)):
         result = swept(ONE + f"sweep: {{velocity: {velocities}}}", tmp_path, say=said.append)
+        assert (tmp_path / "figure.svg").exists() == before  # the picture of another table goes with it
+        (tmp_path / "figure.svg").touch()
     assert [text for text in said if "table" in text] == [
         f"{tmp_path} held another sweep: its points stay, its table is replaced"
     ]
     assert result.summary["computed_now"] == 1
+
+
+def test_steps_that_are_swept_keep_their_column_beside_those_that_were_taken(tmp_path: Path) -> None:
+    rows = swept(WALL_STEPS, tmp_path).rows
+    assert [row["dt"] for row in rows] == ["auto", 0.002]
+    assert rows[0]["dt_taken"] != rows[1]["dt_taken"] == 0.0015  # two of them fit between two resets
 
 
 # ---- parts

@@ -164,6 +164,9 @@ def test_the_name_of_a_lattice_file_starts_from_the_scene_file(tmp_path: Path, m
     assert load_scene("there/s.yaml").lattice.file == str(tmp_path / "a.csv")
     assert load_scene("there/s.yaml", ["lattice.file=b.csv"]).lattice.file == str(tmp_path / "b.csv")
     assert load_scene("scene: compression\nlattice: {file: a.csv}\n").lattice.file == str(tmp_path / "a.csv")
+    (tmp_path / "deep").mkdir()  # .. behind a link goes up from where that leads to, as everywhere else
+    (tmp_path / "deep" / "link").symlink_to("../there", target_is_directory=True)
+    assert load_scene("there/s.yaml", ["lattice.file=deep/link/../b.csv"]).lattice.file == str(tmp_path / "b.csv")
     files = load_sweep("there/sweep.yaml").blocks[0]["file"]
     assert files == (str(tmp_path / "there" / "a.npz"), "none", "/b.npz")
     assert load_sweep("there/sweep.yaml", ["sweep.file=[b.csv]"]).blocks[0]["file"] == (str(tmp_path / "b.csv"),)

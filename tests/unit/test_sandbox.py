@@ -297,6 +297,8 @@ def test_a_folders_scenes_are_stepped_through_in_order(tmp_path: Path, monkeypat
     (tmp_path / "b.yaml").write_text("scene: compression\n")
     (tmp_path / "a.yaml").write_text("scene: exponential_wall\nimpact: {velocity: 0.02}\n")
     (tmp_path / "figure.yaml").write_text("scene: compression\nsweep: {axes: {seed: [0, 1]}}\n")  # no single scene
+    (tmp_path / ".#a.yaml").symlink_to("nowhere")  # an editor's lock
+    (tmp_path / "c.yaml").mkdir()
     monkeypatch.chdir(tmp_path.parent)
     entries = folder(Path(tmp_path.name))
     assert [name for name, _ in entries] == ["a", "b"]
