@@ -158,12 +158,13 @@ class Result:
     # ---- files
 
     def film(
-        self, path: Path | str, progress: Progress | None = None, beside: Result | None = None, **video: Any
+        self, path: Path | str, beside: Result | None = None, progress: Progress | None = None, **video: Any
     ) -> Path:
         """Film the run into `path`: .mp4, .webm, .gif, one picture .png, or a folder for numbered pictures.
 
         Args:
             beside: another run, to be shown at the right.
+            progress: told how far it has come.
             video: keys of a scene's `video` section in place of the scene's own, as `colour="shear"`.
 
         Returns the path. Raises InputError for a wrong key, TaichiDiskError where no film can be drawn or written.

@@ -162,7 +162,7 @@ def _render(arguments: argparse.Namespace) -> int:
         other = load(arguments.compare) if arguments.compare else None
         name, form = "comparison" if other else "render", result.scene.video.format
         out = arguments.out or arguments.folder / (name if form == "png" else f"{name}.{form}")
-        result.film(out, progress, other)
+        result.film(out, other, progress)
     print(f"{'picture' if out.suffix == '.png' else 'film'} in {out}")
     return 0
 
@@ -236,7 +236,7 @@ def _parser() -> argparse.ArgumentParser:
     add("--overwrite", action="store_true", help="replace another run in DIR")
     add("--no-video", dest="video", action="store_false", help="make no film")
     add("--export", choices=_TRAJECTORIES, help="also write a trajectory")
-    add("--threads", type=_count, metavar="N", help="CPU threads (default: all cores)")
+    add("--threads", type=_count, metavar="N", help="CPU threads, of 50,000 points and more (default: all cores)")
     add("--force", action="store_true", help="take a time step even beyond the stable limit")
 
     add = command("sweep", _sweep, "compute every scene of a sweep: table, fits and figure; resumable").add_argument
