@@ -216,7 +216,8 @@ class Result:
             raise InputError(f"{folder}: this run began with arrays given in Python; see lattice.npz for them")
         # What the run took, also a step by force, is taken again.
         scene, progress = load_scene(path, overrides), progress or Progress()
-        if file_digest(scene.lattice.file) != summary.get("lattice_digest", ""):
+        digest = file_digest(scene.lattice.file)
+        if summary.get("lattice_digest", digest) != digest:
             raise InputError(f"{folder}: {scene.lattice.file} has changed since this run: see lattice.npz")
         job = _Job(scene, None, None, True, None, progress, _Clock(), estimate)
         return job.compute(job.scenario())
