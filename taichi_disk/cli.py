@@ -89,7 +89,8 @@ def _load(arguments: argparse.Namespace, what: str = "scene") -> Any:
 
 def _out(arguments: argparse.Namespace, suffix: str = "") -> Path:
     """The folder that was asked for, else out/NAME, after the scene file's name."""
-    return arguments.out or Path("out", Path(arguments.scene).name.removesuffix(".yaml") + suffix)
+    scene = Path(arguments.scene)
+    return arguments.out or Path("out", (scene.stem if scene.suffix in (".yaml", ".yml") else scene.name) + suffix)
 
 
 # ---- commands: each imports what it needs, once its scene is known to be right

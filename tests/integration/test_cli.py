@@ -58,7 +58,7 @@ def test_the_wall_clock_adds_up_to_what_the_process_took(tmp_path):
     assert told >= 0.6 * took
 
 
-def test_a_run_goes_into_out_and_the_name_of_the_scene_unless_a_folder_is_named(monkeypatch):
+def test_a_run_goes_into_out_and_the_name_of_the_scene_unless_a_folder_is_named(tmp_path, monkeypatch):
     given = []
 
     def run(scene, out, *, count_on, overwrite, **_):
@@ -70,6 +70,11 @@ def test_a_run_goes_into_out_and_the_name_of_the_scene_unless_a_folder_is_named(
     for words in ((), ("--out", "o", "--overwrite"), ("--out=~/o",)):
         assert main(["run", "exponential_wall", *words]) == 2
     assert given == [("out/exponential_wall", True, False), ("o", False, True), ("/home/me/o", False, False)]
+    monkeypatch.chdir(tmp_path)
+    for name in ("a.yaml", "b.yml", "v0.05"):
+        (tmp_path / name).write_text("scene: exponential_wall\n")
+        main(["run", name])
+    assert [out for out, *_ in given[3:]] == ["out/a", "out/b", "out/v0.05"]
 
 
 def test_a_step_beyond_the_limit_is_refused_and_leaves_nothing(tmp_path, capsys):
