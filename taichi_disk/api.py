@@ -216,10 +216,9 @@ class Result:
             raise InputError(f"{folder}: this run began with arrays given in Python; see lattice.npz for them")
         # What the run took, also a step by force, is taken again.
         scene, progress = load_scene(path, overrides), progress or Progress()
-        digest = file_digest(scene.lattice.file)
-        if summary.get("lattice_digest", digest) != digest:
-            raise InputError(f"{folder}: {scene.lattice.file} has changed since this run: see lattice.npz")
         job = _Job(scene, None, None, True, None, progress, _Clock(), estimate)
+        if summary.get("lattice_digest", job.digest) != job.digest:
+            raise InputError(f"{folder}: {scene.lattice.file} has changed since this run: see lattice.npz")
         return job.compute(job.scenario())
 
 
@@ -265,8 +264,7 @@ def run(
     if out is None:
         return job.compute(job.scenario())
     repeatable = lattice is None and velocities is None
-    digest = file_digest(scene.lattice.file)
-    with RunFolder(out, scene.to_yaml(), not count_on, overwrite, say, repeatable, digest) as folder:
+    with RunFolder(out, scene.to_yaml(), not count_on, overwrite, say, repeatable, job.digest) as folder:
         result = job.into(folder.path, video, folder.film, export)
     return replace(result, out=folder.out)
 
@@ -298,6 +296,10 @@ class _Job:
     progress: Progress
     clock: _Clock
     estimate: bool = True
+    digest: str = field(init=False)  # of the file that the lattice is taken from, before that is read
+
+    def __post_init__(self) -> None:
+        self.digest = file_digest(self.scene.lattice.file) if self.lattice is None else ""
 
     def scenario(self) -> Scenario:
         check_memory(self.scene)
@@ -319,8 +321,8 @@ class _Job:
         """What summary.json says of any run."""
         told: dict[str, Any] = {"scene": self.scene.scene, "status": status, "reason": reason}
         told |= {"seed": self.scene.lattice.seed, "versions": files.versions(), "wall_clock": self.clock.seconds}
-        if digest := file_digest(self.scene.lattice.file):
-            told["lattice_digest"] = digest
+        if self.digest:
+            told["lattice_digest"] = self.digest
         if self.lattice is not None or self.velocities is not None:
             told["own_start"] = "lattice or velocities were given in Python: lattice.npz holds them"
         return told

@@ -13,9 +13,9 @@ import numpy as np
 
 from taichi_disk import runtime
 from taichi_disk.accuracy.steps import StepError, StepStudy
-from taichi_disk.errors import InputError, TaichiDiskError
+from taichi_disk.errors import TaichiDiskError
 from taichi_disk.output.files import prepare_output, remove_empty
-from taichi_disk.output.run_folder import look
+from taichi_disk.output.run_folder import refuse_run
 from taichi_disk.progress import Progress, duration
 from taichi_disk.scenes import Scene
 from taichi_disk.simulation.outcome import compute
@@ -106,8 +106,7 @@ def study(scene: Scene, out: Path, title: str, progress: Progress, say: Callable
     """
     from taichi_disk.accuracy.report import report
 
-    if look(out).status:
-        raise InputError(f"{out} holds a run; choose another folder with --out")
+    refuse_run(out)
     made = prepare_output(out)
     try:
         runtime.start()

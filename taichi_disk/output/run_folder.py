@@ -11,7 +11,7 @@ import json
 import os
 import re
 from collections.abc import Callable, Iterable, Iterator
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from dataclasses import dataclass
 from itertools import count
 from pathlib import Path
@@ -66,6 +66,13 @@ def look(folder: Path) -> Held:
         return Held(names, foreign[0])
     digest, status = (str(summary.get(key, "")) for key in ("lattice_digest", "status"))
     return Held(names, "", "" if "own_start" in summary else scene, digest, status)
+
+
+def refuse_run(out: Path) -> None:
+    """Raise InputError if `out` holds a run: other files would spoil it."""
+    with suppress(OSError):  # what cannot be looked at cannot be written either
+        if look(out).status:
+            raise InputError(f"{out} holds a run; choose another folder with --out")
 
 
 def _read(path: Path) -> str:

@@ -31,7 +31,7 @@ def round_near(value: float) -> float:
 def round_below(value: float) -> float:
     """The largest of 1, 2 and 5 times a power of ten up to a value > 0."""
     decade = 10.0 ** math.floor(math.log10(value))
-    return float(decade * max(step for step in (1.0, 2.0, 5.0) if step * decade <= value))
+    return float(decade * max(step for step in (0.5, 1.0, 2.0, 5.0) if step * decade <= value))
 
 
 def ticks(limit: float, signed: bool) -> list[float]:

@@ -17,7 +17,7 @@ from taichi_disk.config.sweep_axes import Sweep, value_of
 from taichi_disk.errors import InputError
 from taichi_disk.lattice import file_digest
 from taichi_disk.output.files import prepare_output, reason, remove, versions, write_csv, write_summary, write_text
-from taichi_disk.output.run_folder import look
+from taichi_disk.output.run_folder import refuse_run
 from taichi_disk.progress import Progress, duration
 from taichi_disk.scenes import Scene
 from taichi_disk.sweep import executors
@@ -122,9 +122,8 @@ def run_sweep(
 
 def _claim(out: Path) -> None:
     """Make the folder. Raises InputError where something else would be overwritten."""
+    refuse_run(out)
     with suppress(OSError, ValueError):
-        if look(out).status:
-            raise InputError(f"{out} holds a run; choose another folder with --out")
         if not (out / "points").is_dir() and (taken := [name for name in FILES if (out / name).exists()]):
             raise InputError(f"{out} holds {taken[0]}, which no sweep wrote; choose another folder with --out")
         (out / "points").mkdir(parents=True, exist_ok=True)  # parts may begin at the same time

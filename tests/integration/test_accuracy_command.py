@@ -28,6 +28,8 @@ def test_a_folder_of_a_run_stays_that(tmp_path: Path, capsys: pytest.CaptureFixt
     run(load_scene("exponential_wall", ["lattice.points=30"]), tmp_path, video=False)
     assert accuracy(tmp_path, "exponential_wall", "lattice.points=30") == 2
     assert "holds a run" in capsys.readouterr().err
+    assert accuracy(tmp_path / "summary.json", "exponential_wall", "lattice.points=30") == 2
+    assert "is a file" in capsys.readouterr().err
 
 
 @pytest.mark.validate

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shutil
 from dataclasses import replace
 
 import numpy as np
@@ -11,6 +12,7 @@ import pytest
 import taichi_disk
 from taichi_disk import Lattice, Result, load_scene, run
 from taichi_disk.errors import InputError
+from taichi_disk.progress import Progress
 
 SMALL = {"lattice.points": 60, "material.eta_star": 0}
 
@@ -108,6 +110,14 @@ def test_a_lattice_file_gives_what_the_lattice_gives(tmp_path):
     assert by_file.restitution == pytest.approx(by_array.restitution, rel=1e-12)
     assert by_file.lattice.disk_points == 60
     assert "points.csv" in " ".join(by_file.scenario.title())
+
+    class Removes(Progress):
+        def start(self, stage, total):
+            (tmp_path / "copy.csv").unlink(missing_ok=True)
+
+    shutil.copy(tmp_path / "points.csv", tmp_path / "copy.csv")
+    removed = run(by_file.scene.with_(file=str(tmp_path / "copy.csv")), progress=Removes())
+    assert removed.summary["lattice_digest"] == by_file.summary["lattice_digest"]
     by_file.save(tmp_path / "r")
     assert Result.load(tmp_path / "r").restitution == by_file.restitution
     other = Lattice.disk(60, seed=4)

@@ -100,7 +100,7 @@ def test_compression_is_blue_and_what_rests_stands_out_from_the_ground(theme):
 # ---- scales
 
 
-@pytest.mark.parametrize("value", [0.0123, 0.0577, 9.2, 2.3e-5, 0.14, 1e-12, 0.3])
+@pytest.mark.parametrize("value", [0.0123, 0.0577, 9.2, 2.3e-5, 0.14, 1e-12, 0.3, 999.9999999999999])
 def test_scales_end_at_round_numbers_with_even_ticks(value):
     limit = scales.round_near(value)
     assert 1 / 1.25 < limit / value < 1.25
