@@ -21,6 +21,7 @@ from taichi_disk.simulation.outcome import Outcome, greatest_compression
 from taichi_disk.simulation.scenario import Scenario
 
 if TYPE_CHECKING:
+    from taichi_disk.render.camera import View
     from taichi_disk.render.painter import Painter
     from taichi_disk.render.pictures import Pictures
 
@@ -30,6 +31,7 @@ Frame = tuple[float, str | None]  # t [R/c] and the last line, None for the resu
 FORMATS = (".mp4", ".webm", ".gif", ".png", "")
 _HELD, _LAST = 0.06, 0.10  # shares of a film that stand still at the greatest compression, and at the end
 _LOOKS = 12  # times before the greatest compression from which the scale of colours is taken
+_BESIDE = 0.05  # what is seen at the least on either side of the disk, whose flight may take it out of the view [R]
 _BELOW = 0.16  # what is seen of the rigid wall below its edge [R]
 _GREATEST = "greatest compression"
 _PANEL = 360  # pixels of a picture from which curves beside it have room for their words
@@ -132,18 +134,14 @@ def _pictures(runs: Sequence[Run], video: VideoSection, frames: Sequence[Frame])
     from taichi_disk.render.legend import Legend
     from taichi_disk.render.pictures import Pictures
 
-    painters = [_painter(*run, video, _LOOKS if len(frames) > 1 else 0) for run in runs]
+    painters, views = zip(*(_painter(*run, video, _LOOKS if len(frames) > 1 else 0) for run in runs), strict=True)
     limit, full_force = max(one.limit for one in painters), max(one.full_force for one in painters)
     ends = [line for run in runs for line in _lines(*run, (frames[0], (frames[-1][0], None)))]
     samples = [*(line for lines in ends for line in lines), *dict.fromkeys(note or "" for _, note in frames)]
-    legends, views = [], []
+    legends = []
     for painter, (scenario, _) in zip(painters, runs, strict=True):
         painter.limit, painter.full_force = limit, full_force
         legends.append(Legend(painter, video.size, video.size, scenario.title(), samples, len(ends[0])))
-        xmin, xmax, ymin, ymax = scenario.view
-        rigid = painter.wall is not None and not len(painter.lattice.wall_surface)
-        # Of a rigid wall no more is seen than its uppermost part.
-        views.append((xmin, xmax, painter.edge - _BELOW if rigid else ymin, ymax))
     (xmin, _, ymin, _), (_, xmax, _, ymax) = np.min(views, axis=0), np.max(views, axis=0)
     panel = None
     if video.panel and video.size >= _PANEL:
@@ -153,21 +151,30 @@ def _pictures(runs: Sequence[Run], video: VideoSection, frames: Sequence[Frame])
     return Pictures(legends, video.size, (xmin, xmax, ymin, ymax), video.supersample, panel)
 
 
-def _painter(scenario: Scenario, outcome: Outcome, video: VideoSection, looks: int) -> Painter:
-    """Colours, arrows and the wall's edge fit the greatest compression, and so many moments before it."""
+def _painter(scenario: Scenario, outcome: Outcome, video: VideoSection, looks: int) -> tuple[Painter, View]:
+    """Colours, arrows, the wall's edge and the view fit the greatest compression, and so many moments before it.
+
+    The view holds the end of a film, too.
+    """
     from taichi_disk.render.painter import Painter
     from taichi_disk.render.scales import round_near
     from taichi_disk.render.shapes import edge_height
 
     painter = Painter(scenario.lattice, scenario.model.springs, scenario.model.wall)
     painter.colour, painter.draw, painter.theme, painter.limit = video.colour, video.draw, video.theme, 0.0
-    columns = outcome.columns
+    columns, (xmin, xmax, ymin, ymax) = outcome.columns, scenario.view
     times, peak = scenario.frame_times(columns, 2 * looks), greatest_compression(columns)
+    places = [outcome.positions] * (looks > 0)
     for _, x, v in outcome.replay(np.append(times[times < peak][-looks:], peak)):
         painter.limit = max(painter.limit, painter.scale(painter.values(x, v)))
+        places.append(x)
     if painter.wall is not None:
         _, forces = painter.wall.contact_forces(painter.lattice, x)
         largest = float(np.hypot(*forces.T).max(initial=0.0))
         painter.full_force = round_near(largest) if largest else 0.0
         painter.edge = edge_height(painter.wall, largest)
-    return painter
+        if not len(scenario.lattice.wall_surface):  # of a rigid wall no more is seen than its uppermost part
+            ymin = painter.edge - _BELOW
+    disk = np.concatenate([x[: scenario.lattice.disk_points] for x in places])
+    (left, _), (right, top) = disk.min(axis=0), disk.max(axis=0)
+    return painter, (min(xmin, left - _BESIDE), max(xmax, right + _BESIDE), ymin, max(ymax, top))

@@ -139,6 +139,20 @@ def test_the_disk_in_the_film_moves_as_its_centre_of_mass_does(run, tmp_path, ca
 
 
 @needs_vulkan
+def test_a_disk_that_flies_aside_stays_whole_in_the_film_and_the_wall_spans_it(tmp_path):
+    aside = np.tile([0.2, -0.05], (60, 1))
+    result = api.run(load_scene("exponential_wall", ["lattice.points=60", "material.eta_star=0"]), velocities=aside)
+    result.film(tmp_path / "film", size=SIZE, seconds=0.5, draw="points")
+    last = pictures_in(tmp_path / "film")[-1]
+    ground = 255 * np.array(THEMES["light"].ground)
+    wall = np.flatnonzero((np.abs(last - ground).max(axis=2) > 20).all(axis=1))
+    assert len(wall) > 5 and np.ptp(last[wall], axis=1).max() <= 1
+    stage = last[68 : wall[0] - 4]  # below the title
+    rows, columns = np.nonzero(np.abs(stage - ground).max(axis=2) > 20)
+    assert np.ptp(columns) == pytest.approx(np.ptp(rows), abs=4) and columns.max() > 0.8 * SIZE
+
+
+@needs_vulkan
 def test_the_film_holds_at_the_greatest_compression_ends_with_the_result_and_tells_its_pace(run, tmp_path, captions):
     scenario, outcome = run
     film(tmp_path / "film.mp4", [run], video(seconds=4), QUIET)
