@@ -96,6 +96,7 @@ class Result:
         """Points and springs at t = 0, in scene coordinates."""
         return self.scenario.lattice
 
+    @runtime.alone()
     def state(self, t: float) -> State:
         """The state at the step nearest to `t` [R/c] (of a compression by Newton's method: the part of the way).
 
@@ -103,6 +104,7 @@ class Result:
         """
         return State(*next(self._moments([t])))
 
+    @runtime.alone()
     def trajectory(self, times: Sequence[float] | Array) -> tuple[Array, Array, Array]:
         """(times (T,) [R/c], positions (T, n, 2) [R], velocities (T, n, 2) [c]) at the steps nearest to `times`.
 
@@ -125,6 +127,7 @@ class Result:
         _, x, v = self.state(t)
         return quantity(name, self.lattice, self.scenario.model.springs, x, v)
 
+    @runtime.alone()
     def export(
         self,
         path: Path | str,
@@ -157,6 +160,7 @@ class Result:
 
     # ---- files
 
+    @runtime.alone()
     def film(
         self, path: Path | str, beside: Result | None = None, progress: Progress | None = None, **video: Any
     ) -> Path:
@@ -179,6 +183,7 @@ class Result:
         film(path, runs, section, progress or Progress())
         return path
 
+    @runtime.alone()
     def save(self, out: Path | str, video: bool = False, overwrite: bool = False) -> Path:
         """Write the files of a run into the folder `out`; see docs/output.md.
 
@@ -191,6 +196,7 @@ class Result:
         return folder.out
 
     @classmethod
+    @runtime.alone()
     def load(
         cls,
         folder: Path | str,
@@ -222,6 +228,7 @@ class Result:
         return job.compute(job.scenario())
 
 
+@runtime.alone()
 def run(
     scene: Scene | Path | str,
     out: Path | str | None = None,

@@ -155,6 +155,10 @@ def _render(arguments: argparse.Namespace) -> int:
 
     if arguments.out:
         check_target(arguments.out)
+        if arguments.format not in (None, arguments.out.suffix[1:] or "png"):
+            raise InputError(
+                f"--format {arguments.format}: {arguments.out} is another format; leave one of the two out"
+            )
     given = {name: getattr(arguments, name) for name in VideoSection.schema()}
     overrides = [f"video.{name}={str(value).lower()}" for name, value in given.items() if value is not None]
     with Progress(sys.stderr) as progress:

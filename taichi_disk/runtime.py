@@ -12,7 +12,9 @@ import io
 import os
 import sys
 import tempfile
+import threading
 import time
+from collections.abc import Iterator
 from functools import lru_cache
 from pathlib import Path
 from types import SimpleNamespace
@@ -21,6 +23,7 @@ from typing import Any, NoReturn
 from taichi_disk.errors import TaichiDiskError
 
 CACHE = "TI_OFFLINE_CACHE_FILE_PATH"
+_TURN = threading.RLock()
 _HELD = 60.0  # seconds: Taichi holds the lock of its cache for less than one
 
 
@@ -61,6 +64,13 @@ def prepare_environment() -> None:
     os.environ["HOME"] = str(folder)
 
 
+@contextlib.contextmanager
+def alone() -> Iterator[None]:
+    """Within, this thread has Taichi for itself: others wait, because two at once would crash the process."""
+    with _TURN:
+        yield
+
+
 def free_memory() -> float:
     """Bytes that a process may still take; infinite where the system does not tell."""
     free = float("inf")
@@ -74,6 +84,7 @@ def free_memory() -> float:
     return free
 
 
+@alone()
 def start(threads: int | None = None) -> None:
     """Start Taichi on the CPU in double precision, unless it runs already.
 

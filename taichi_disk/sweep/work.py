@@ -6,7 +6,6 @@ import atexit
 import pickle
 import socket
 import sys
-import threading
 from collections.abc import Hashable, Iterable, Iterator
 from dataclasses import dataclass, field
 from functools import lru_cache
@@ -22,7 +21,6 @@ from taichi_disk.output.files import versions
 from taichi_disk.scenes import Scene
 from taichi_disk.scenes.feasible import check_memory
 
-ONE_AT_A_TIME = threading.Lock()  # an executor's worker may have several threads; Taichi works in one
 KEPT = 4  # lattices that a worker remembers, with what is dear to find of them
 
 
@@ -66,7 +64,7 @@ def compute_task(expected: dict[str, str], scenes: bytes, estimate: bool) -> lis
     if other:
         where = f"a worker on {socket.gethostname()}"
         raise InputError(f"{where} has {', '.join(other)}: install the same versions everywhere")
-    with ONE_AT_A_TIME:
+    with runtime.alone():  # an executor's worker may have several threads
         _start_worker()
         return list(compute_points(pickle.loads(scenes), estimate))
 
@@ -92,6 +90,7 @@ def compute_points(scenes: Iterable[Scene], estimate: bool) -> Iterator[PointRes
             yield PointResult("failed", str(error) or "not enough memory")
 
 
+@runtime.alone()
 def _computed(scene: Scene, estimate: bool) -> PointResult:
     from taichi_disk.api import shared_kernels
     from taichi_disk.simulation.outcome import compute

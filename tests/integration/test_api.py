@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import json
 import shutil
+import subprocess
+import sys
 from dataclasses import replace
 
 import numpy as np
@@ -99,6 +101,26 @@ def test_velocities_of_ones_own_are_thrown_and_saved_but_not_mistaken_for_the_sc
 def test_velocities_that_do_not_fit_are_refused(velocities):
     with pytest.raises(InputError, match="velocities"):
         run(load_scene("exponential_wall").with_(SMALL), velocities=velocities)
+
+
+THREADS = """
+from concurrent.futures import ThreadPoolExecutor
+from taichi_disk import load_scene, run
+scene = load_scene("exponential_wall").with_(points=60)
+alone = run(scene)
+
+def again(k):
+    result = run(scene) if k % 2 else alone
+    state = result.state(5.0)
+    return result.restitution, state.positions.tobytes(), result.trajectory([1.0, 4.0])[1].tobytes()
+
+with ThreadPoolExecutor(4) as threads:
+    assert set(threads.map(again, range(24))) == {again(0)}
+"""
+
+
+def test_threads_take_turns_with_the_results_of_one():
+    assert subprocess.run([sys.executable, "-c", THREADS]).returncode == 0
 
 
 def test_a_lattice_file_gives_what_the_lattice_gives(tmp_path):

@@ -58,6 +58,8 @@ def test_what_cannot_be_filmed_is_said(runs, tmp_path, capsys, monkeypatch):
             "film.avi: end the name with .mp4, .webm or .gif for a film, with",
         ),
         ([one, "--out", "."], "the folder you are in"),
+        ([one, "--out", "film.mp4", "--format", "png"], "--format png: film.mp4 is another format"),
+        ([one, "--out", "pictures", "--format", "gif"], "--format gif: pictures is another format"),
         ([own], "began with arrays given in Python"),
         ([one, "--compare", own], "began with arrays given in Python"),
         ([one, "--compare", pressed], "cannot be compared"),
