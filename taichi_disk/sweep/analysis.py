@@ -16,7 +16,8 @@ from taichi_disk.sweep.fits import Fit
 
 Row = dict[str, Any]
 
-MATERIAL = {("material", "k_a"), ("lattice", "points"), ("lattice", "min_spacing")}  # what the moduli depend on
+# What the moduli depend on.
+MATERIAL = {("material", "k_a"), ("lattice", "points"), ("lattice", "min_spacing"), ("lattice", "file")}
 
 
 @dataclass(frozen=True)
@@ -81,16 +82,21 @@ def _number(value: float) -> float | None:
 
 
 class Law(NamedTuple):
-    """What is fitted to curves of so many `points`, only to those with moduli, or with dashpots, if that is needed."""
+    """What is fitted to curves of so many `points`, only to those with moduli, or with dashpots, if that is needed.
+
+    `fastest`: speed up to which the law has a meaning [c], with moduli [sqrt(E/M) R].
+    """
 
     title: str
     fit: Callable[[Curve], Fit]
     points: int = 1
     moduli: bool = False
     damped: bool = False
+    fastest: float = np.inf
 
     def applies(self, curve: Curve) -> bool:
-        known = bool(np.isfinite(curve.young)) or not self.moduli
+        unit = curve.young**0.5 if self.moduli else 1.0
+        known = bool(np.isfinite(unit)) and bool(curve.x.max() <= self.fastest * unit)
         return known and len(curve.x) >= self.points and (curve.damped or not self.damped)
 
 
@@ -99,10 +105,12 @@ LAWS = {
     "eq2_nominal": Law(
         "eq. (2), xi = |R - R'|", lambda c: fits.fit_b(c.x, c.results["xi_nominal"], c.young, c.poisson), moduli=True
     ),
-    "eq5": Law("eq. (5)", lambda c: fits.fit_restitution(c.x, c.y), points=3),
-    "eq5_d1_is_1": Law("eq. (5), d1 = 1", lambda c: fits.fit_restitution(c.x, c.y, d1_is_1=True), points=3),
+    "eq5": Law("eq. (5)", lambda c: fits.fit_restitution(c.x, c.y), points=3, fastest=3.9),
+    "eq5_d1_is_1": Law(
+        "eq. (5), d1 = 1", lambda c: fits.fit_restitution(c.x, c.y, d1_is_1=True), points=3, fastest=3.9
+    ),
     "curvature": Law("curvature of e(v)", lambda c: fits.fit_curvature(c.x, c.y), points=8),
-    "eq4": Law("eq. (4) integrated", lambda c: fits.fit_tau0(c.x, c.y, c.young), 3, moduli=True, damped=True),
+    "eq4": Law("eq. (4) integrated", lambda c: fits.fit_tau0(c.x, c.y, c.young), 3, True, True, fastest=2.2),
 }
 
 

@@ -19,7 +19,7 @@ from taichi_disk.sweep import theory
 Model = Callable[[Array], Array]  # parameters (k, p) to predictions (k, points), k data sets at a time
 RESAMPLES = 1000
 LEVEL = 0.95
-LARGEST_TAU0 = 2.0  # [R/c]
+LARGEST_TAU0 = 2.0  # [R/c], at e_star = 1
 
 
 @dataclass(frozen=True)
@@ -84,13 +84,14 @@ def fit_restitution(velocity: Array, e: Array, d1_is_1: bool = False) -> Fit:
 
 def fit_tau0(velocity: Array, e: Array, e_star: float) -> Fit:
     """tau0 [R/c] of eq. (4), integrated, from e (lattices, velocities) with e_star [M c^2/R^2] given."""
-    predict = quasistatic_curves(tuple(velocity.tolist()), e_star)
+    predict, unit = quasistatic_curves(tuple(velocity.tolist()), e_star), e_star**-0.5
     grid = np.geomspace(1e-3, LARGEST_TAU0, 48, dtype=np.float64)
 
     def solve(weights: Array) -> Array:
         data = weights @ e
-        squares = ((predict(grid)[None] - data[:, None]) ** 2).sum(2)
-        return least_squares(lambda tau: predict(tau[:, 0]), data, grid[np.argmin(squares, axis=1)][:, None])
+        squares = ((predict(unit * grid)[None] - data[:, None]) ** 2).sum(2)
+        start = grid[np.argmin(squares, axis=1)][:, None]
+        return unit * least_squares(lambda tau: predict(unit * tau[:, 0]), data, start)
 
     best, intervals = _over_lattices(("tau0",), solve, len(e))
     return Fit(best, intervals, e.mean(0) - predict(np.array([best["tau0"]]))[0])
@@ -98,17 +99,18 @@ def fit_tau0(velocity: Array, e: Array, e_star: float) -> Fit:
 
 @lru_cache(maxsize=4)  # the curves of a figure share it
 def quasistatic_curves(velocity: tuple[float, ...], e_star: float) -> Model:
-    """e of eq. (4) at each velocity [c] as a function of tau0 (k,) up to LARGEST_TAU0: (k, velocities).
+    """e of eq. (4) at each velocity [c] as a function of tau0 (k,): (k, velocities).
 
-    A polynomial in ln(1 + 5 tau0) through 11 Chebyshev points, good to 5e-7: one serves every fit and resample.
+    A polynomial in ln(1 + 5 tau0) through 11 Chebyshev points, good to 5e-7: one serves every fit and resample. It is
+    one at e_star = 1, where all speeds and times are those in units of sqrt(e_star) and its inverse.
     """
-    top, at = np.log1p(5.0 * LARGEST_TAU0), -np.cos(np.linspace(0.0, np.pi, 11))
+    top, at, unit = np.log1p(5.0 * LARGEST_TAU0), -np.cos(np.linspace(0.0, np.pi, 11)), e_star**-0.5
     table = [
-        [theory.quasistatic_impact(v, tau0, e_star, rtol=1e-7).restitution for v in velocity]
+        [theory.quasistatic_impact(unit * v, tau0, 1.0, rtol=1e-7).restitution for v in velocity]
         for tau0 in np.expm1(0.5 * top * (1.0 + at)) / 5.0
     ]
     series = chebfit(at, np.array(table), 10)
-    return lambda tau0: chebval(2.0 * np.log1p(5.0 * np.clip(tau0, 0.0, LARGEST_TAU0)) / top - 1.0, series).T
+    return lambda tau0: chebval(2.0 * np.log1p(5.0 * np.clip(tau0 / unit, 0.0, LARGEST_TAU0)) / top - 1.0, series).T
 
 
 def fit_curvature(x: Array, y: Array) -> Fit:

@@ -132,7 +132,7 @@ class LatticeSetup:
 
     def __init__(self, scene: Scene) -> None:
         self.body, self.moduli = scene.body(), {}
-        self._modes: dict[bool, Any] = {}
+        self._modes: dict[tuple[bool, float], Any] = {}
         spec = scene.lattice
         if spec.file == "none":
             found = bulk_moduli(spec.points, spec.seed, scene.material.k_a, spec.min_spacing)
@@ -142,10 +142,10 @@ class LatticeSetup:
         """Its spectrum, with the dashpots of `model` if there are any."""
         from taichi_disk.simulation.stability import spectrum
 
-        damped = model.springs.damped
-        if damped not in self._modes:
-            self._modes[damped] = spectrum(self.body, model)
-        return self._modes[damped]
+        key = model.springs.damped, model.springs.k_b  # which stiffens springs that are strained at rest
+        if key not in self._modes:
+            self._modes[key] = spectrum(self.body, model)
+        return self._modes[key]
 
 
 _SETUPS: dict[Hashable, LatticeSetup] = {}  # of this process: nothing else outlives a task

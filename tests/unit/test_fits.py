@@ -70,13 +70,17 @@ def test_intervals_hold_the_truth_about_as_often_as_their_level(monkeypatch: pyt
     assert held >= 23
 
 
-def test_the_table_of_eq_4_is_as_good_as_its_integral() -> None:
-    predict = fits.quasistatic_curves((3e-3, 5e-2), 1.1)
-    for tau0 in (0.0, 3e-3, 0.0412, 0.33, 1.7):
-        exact = [theory.quasistatic_impact(v, tau0, 1.1).restitution for v in (3e-3, 5e-2)]
+@pytest.mark.parametrize("e_star", [1.1, 1.1e4])
+def test_the_table_of_eq_4_is_as_good_as_its_integral_at_any_stiffness(e_star: float) -> None:
+    predict, unit = fits.quasistatic_curves((3e-3, 5e-2), e_star), e_star**-0.5
+    for tau0 in (0.0, 3e-3 * unit, 0.0412 * unit, 0.33 * unit, 1.7 * unit):
+        exact = [theory.quasistatic_impact(v, tau0, e_star).restitution for v in (3e-3, 5e-2)]
         np.testing.assert_allclose(predict(np.array([tau0]))[0], exact, rtol=0, atol=1e-6)
-    again = fits.quasistatic_curves.__wrapped__((3e-3, 5e-2), 1.1)
-    assert (again(np.array([0.33])) == predict(np.array([0.33]))).all()
+    again = fits.quasistatic_curves.__wrapped__((3e-3, 5e-2), e_star)
+    assert (again(np.array([0.33 * unit])) == predict(np.array([0.33 * unit]))).all()
+    # And so is a fit to data that it has made.
+    e = np.array([[theory.quasistatic_impact(v, 0.3 * unit, e_star).restitution for v in V]])
+    assert fits.fit_tau0(V, e, e_star).values["tau0"] == pytest.approx(0.3 * unit, rel=1e-4)
 
 
 def pressed(lattices: list[tuple[int, float, float]]) -> list[dict[str, Any]]:
@@ -122,6 +126,25 @@ def test_eq_4_is_fitted_where_there_are_dashpots_swept_or_not() -> None:
     undamped = load_scene("exponential_wall", ["material.eta_star=0"])
     assert "eq4" not in analyse(undamped, axes[1:], thrown(0.0, "other"))[0].fits
     assert "eq4" not in analyse(load_scene("absorbing_wall"), axes, thrown(30.0))[0].fits
+
+
+@pytest.mark.parametrize(
+    ("fastest", "left"), [(2.0, {"eq5", "eq5_d1_is_1", "eq4"}), (3.0, {"eq5", "eq5_d1_is_1"}), (10.0, set())]
+)
+def test_a_law_is_fitted_up_to_the_speed_that_it_has_a_meaning_for(fastest: float, left: set[str]) -> None:
+    rows = [row | {"velocity": row["velocity"] * fastest / V.max()} for row in thrown(30.0)]
+    (curve,) = analyse(load_scene("exponential_wall"), ["eta_star", "seed", "velocity"], rows)
+    assert curve.fits.keys() - {"curvature"} == left
+
+
+@pytest.mark.parametrize("own_first", [False, True])
+def test_a_lattice_from_a_file_beside_a_random_one_leaves_that_its_moduli(own_first: bool) -> None:
+    random = [row | {"lattice.file": "none"} for row in pressed([(0, 1e-3, 1.1), (0, 2e-3, 1.1)])]
+    own = [row | {"lattice.file": "own.npz", "young": None, "poisson": None} for row in random]
+    rows = own + random if own_first else random + own
+    curves = analyse(load_scene("compression"), ["lattice.file", "seed", "pressure"], rows)
+    known = {curve.label["lattice.file"]: curve.summary()["young"] for curve in curves}
+    assert known == {"none": pytest.approx(1.1), "own.npz": None}
 
 
 def test_lattices_from_a_file_have_no_moduli_and_no_fit_that_needs_them() -> None:
