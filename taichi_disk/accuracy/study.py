@@ -13,6 +13,7 @@ import numpy as np
 
 from taichi_disk import runtime
 from taichi_disk.accuracy.steps import StepError, StepStudy
+from taichi_disk.config.sections import ElasticWallSection
 from taichi_disk.errors import TaichiDiskError
 from taichi_disk.output.files import prepare_output, remove_empty
 from taichi_disk.output.run_folder import refuse_run
@@ -161,6 +162,10 @@ def changes(scene: Scene) -> Iterator[Change]:
             keys = {f"{home}.points": factor * getattr(scene, home).points for home, _ in scene.homes("points")}
             # eta = eta* m c/R of a spring is a material constant, m = M/N is not.
             more = {"material.eta_star": factor * scene.material.eta_star}
+            if (
+                isinstance(wall, ElasticWallSection) and wall.boundary == "reset"
+            ):  # a drag of 2 m/interval on each point of it
+                more["wall.reset_interval"] = wall.reset_interval / math.sqrt(factor)
             yield Change(POINTS, f"N = {factor * lattice.points:,}", keys | more, factor)
     for multiple in HARDER:
         yield Change(WALL, f"a = {multiple * wall.a:g}/R", {"wall.a": multiple * wall.a})

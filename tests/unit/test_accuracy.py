@@ -26,8 +26,14 @@ def test_finer_lattices_are_of_the_same_material(kind: str) -> None:
     assert [one.finer for one in finer] == [4, 16, 64]
     changed = scene.with_(finer[0].keys)
     assert changed.lattice.points == 240
-    # eta of a spring and mass of the whole stay, so does the shape of a wall.
+    # eta of a spring and mass of the whole stay, so does the shape of a wall, and the drag of its boundary.
     before, after = scene.scenario(), changed.scenario()
+    if kind == "absorbing_wall":
+        drags = [
+            2.0 * one.lattice.masses[0] * len(one.lattice.wall_boundary) / one.model.reset_interval
+            for one in (before, after)
+        ]
+        assert drags[1] == pytest.approx(drags[0], rel=0.1)
     assert after.model.springs.eta == pytest.approx(before.model.springs.eta) and before.model.springs.eta > 0.0
     disk = slice(0, 60), slice(0, 240)
     assert after.lattice.masses[disk[1]].sum() == pytest.approx(before.lattice.masses[disk[0]].sum())
