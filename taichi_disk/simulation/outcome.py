@@ -103,11 +103,7 @@ def _described(driver: Driver, time: Any, estimate: bool) -> Outcome:
         inverted = inverted_triangles(scenario, x)
         if scenario.step_dependent and time.tolerance == "none":
             error = _second_opinion(driver, time)
-    if inverted:
-        warnings.append(
-            f"{inverted} triangle{'s' * (inverted > 1)} of the lattice turned inside out: there springs are no elastic "
-            "body any more, which is the model's own limit; a lower speed or pressure, or fewer points, keep it whole"
-        )
+    warnings += _told_of(inverted or 0)
     facts = {
         "warnings": warnings,
         "steps": end.step,
@@ -152,6 +148,15 @@ def inverted_triangles(scenario: Scenario, x: Array) -> int:
     return int((area < 0.0).sum())
 
 
+def _told_of(inverted: int) -> list[str]:
+    if not inverted:
+        return []
+    return [
+        f"{inverted} triangle{'s' * (inverted > 1)} of the lattice turned inside out: there springs are no elastic "
+        "body any more, which is the model's own limit; a lower speed or pressure, or fewer points, keep it whole"
+    ]
+
+
 def _at_rest(scenario: Scenario) -> Outcome:
     """The rest under the full load, and the straight way to it: `t` runs from 0, undeformed, to 1."""
     lattice, model, rest = scenario.lattice, scenario.model, scenario.rest
@@ -173,12 +178,14 @@ def _at_rest(scenario: Scenario) -> Outcome:
         for name, law in (("elastic", model.springs), ("wall", model.wall), ("load", model.load)):
             columns[name][k] = law.energy(lattice, x)
     columns["total"] = columns["elastic"] + columns["wall"] + columns["load"]
+    inverted = inverted_triangles(scenario, rest.positions)
     facts = {
-        "warnings": [],
+        "warnings": _told_of(inverted),
         "steps": rest.iterations,
         "integrator": "newton",
         "error_estimate": {},
         "residual": rest.residual,
         "roll": rest.roll,
+        "inverted_triangles": inverted,
     }
     return Outcome(columns, rest.positions, np.zeros_like(way), replay, facts)

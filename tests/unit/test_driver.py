@@ -109,3 +109,7 @@ def test_triangles_turned_inside_out_are_counted_and_told(kernels):
     _, within = computed(kernels, *IMPACT, "time.tolerance=1e-2", "impact.velocity=0.7")
     assert within.facts["inverted_triangles"] > 0
     assert "inverted_triangles" not in computed(kernels, *IMPACT, estimate=False)[1].facts
+    _, pressed = computed(
+        kernels, "compression", "lattice.points=60", "compression.method=newton", "compression.pressure=3"
+    )
+    assert pressed.facts["inverted_triangles"] > 0 and "turned inside out" in pressed.facts["warnings"][0]
