@@ -77,10 +77,9 @@ class AbsorbingWallImpact(ImpactScenario):
     scene: AbsorbingWallScene
     kind = "Impact on an elastic wall"
 
-    def __init__(self, scene: AbsorbingWallScene, body: Lattice) -> None:
-        super().__init__(scene, body)
-        half, bottom = max(0.5 * scene.wall.width, 1.1), float(self.lattice.positions[:, 1].min())
-        self.view = (-half - 0.05, half + 0.05, bottom - 0.05, 2.0 + self.gap)
+    def _view(self) -> tuple[float, float, float, float]:
+        half, bottom = max(0.5 * self.scene.wall.width, 1.1), float(self.lattice.positions[:, 1].min())
+        return -half - 0.05, half + 0.05, bottom - 0.05, 2.0 + self.gap
 
     def _model(self) -> Model:
         from taichi_disk.physics import ElasticWall, Model

@@ -30,9 +30,9 @@ class ImpactScenario(Scenario):
     """A disk that flies at the wall with velocity v: restitution e = -v_cm(after)/v_cm(before).
 
     Attributes:
-        velocity: v [c].
+        velocity: v, of the centre of mass towards the wall at the start [c].
         gap: distance of the lowest point from the wall at the start [R].
-        kinetic: M v^2/2 [M c^2].
+        kinetic: of the flight at the start, M v^2/2 [M c^2].
     """
 
     truncation_remedy = "a larger impact.gap ends it farther from the wall"
@@ -45,30 +45,41 @@ class ImpactScenario(Scenario):
 
     def __init__(self, scene: Any, body: Lattice) -> None:
         """`body`: the unloaded lattice, the elastic wall's surface at y = 0 if there is one."""
+        self.scene, self._body = scene, body
+        disk = body.positions[: body.disk_points]
+        distance = np.hypot(*(disk - disk.mean(axis=0)).T)
+        self._radius, self._inertia = float(distance.max()), float((distance**2).mean())
+        self._dip = self._radius - float(distance[body.disk_surface].min())
+        self._set_out(scene.impact.velocity)
+
+    def _set_out(self, velocity: float) -> None:
+        """Everything that follows from the speed at which the disk meets the wall [c]."""
         from taichi_disk.simulation.stability import impact_point_force
 
-        self.scene = scene
-        self.velocity, self.kinetic = scene.impact.velocity, 0.5 * scene.impact.velocity**2
+        scene, self.velocity, self.kinetic = self.scene, velocity, 0.5 * velocity**2
         unit = 1.0 / np.sqrt(scene.material.k_a)  # the disk's own time scale [R/c]
-        halvings = np.ceil(np.log2(LONGEST * unit * scene.wall.a * self.velocity / DECAY_TIMES_PER_ROW) - 1e-9)
+        halvings = np.ceil(np.log2(LONGEST * unit * scene.wall.a * velocity / DECAY_TIMES_PER_ROW) - 1e-9)
         self.sample_interval = float(LONGEST * unit * 0.5 ** np.clip(halvings, 0, HALVINGS))
-        self.resolving_step = RESOLVED / (scene.wall.a * self.velocity)
-        self._put_at_start(body)
+        self.resolving_step = RESOLVED / (scene.wall.a * velocity)
+        self._put_at_start()
         self.model = self._model()
-        self.point_force = impact_point_force(self.lattice, self.model, self.velocity)
+        self.point_force = impact_point_force(self.lattice, self.model, velocity)
         limit = scene.impact.max_time
         self.max_time = self._default_max_time() if limit == "auto" else limit
-        self.view = (-1.1, 1.1, -0.1, 2.0 + self.gap)
+        self.view = self._view()
 
     @abstractmethod
     def _model(self) -> Model:
         """From `scene` and `lattice`."""
 
-    def _put_at_start(self, body: Lattice) -> None:
+    def _view(self) -> tuple[float, float, float, float]:
+        return -1.1, 1.1, -0.1, 2.0 + self.gap
+
+    def _put_at_start(self) -> None:
         """Turn the disk, lift it by the gap, give it velocity and spin."""
         from taichi_disk.simulation.equilibrium import turned
 
-        impact, n = self.scene.impact, body.disk_points
+        impact, body, n = self.scene.impact, self._body, self._body.disk_points
         positions = body.positions.copy()
         if impact.turn:
             positions[:n] = turned(positions[:n], impact.turn)
@@ -89,10 +100,13 @@ class ImpactScenario(Scenario):
         return float(max(total - np.log(START_POTENTIAL * self.kinetic), 1.0) / wall.a)
 
     def _default_max_time(self) -> float:
-        """Time to come, ten contacts after Hertz, pi sqrt(ln(4 c/v)) R/c, and to leave with e = 0.05 [R/c]."""
+        """Time to come, ten contacts after Hertz, pi sqrt(ln(4 c/v)) R/c, and to leave with e = 0.05 [R/c].
+
+        A body that is not round has left once no corner of it can reach down any more.
+        """
         unit = 1.0 / np.sqrt(self.scene.material.k_a)
         contact = np.pi * unit * np.sqrt(np.log(4.0 / min(self.velocity * unit, 1.0)))
-        return float(22.0 * self.gap / self.velocity + 10.0 * contact)
+        return float(22.0 * (self.gap + self._dip) / self.velocity + 10.0 * contact)
 
     def end_bounds(self) -> dict[str, tuple[float, float]]:
         return {"com_vy": (0.0, np.inf), "lowest_y": (self.gap, np.inf)}
@@ -100,10 +114,13 @@ class ImpactScenario(Scenario):
     def ended(self, columns: Columns) -> bool:
         # A disk on its way out may still vibrate so much that it touches again. Its lowest point has to be higher than
         # at the start by sqrt(2 U/k_a), U all energy but that of the flight: 1.4 to 2.3 times what the remaining
-        # vibrations were seen to move the rim.
-        internal = columns["kinetic"][-1] + columns["elastic"][-1] - 0.5 * columns["com_vy"][-1] ** 2
-        stretch = np.sqrt(2.0 * max(internal, 0.0) / self.scene.material.k_a)
-        return bool(columns["com_vy"][-1] > 0.0 and columns["lowest_y"][-1] >= self.gap + stretch)
+        # vibrations were seen to move the rim. If it turns faster than it rises, so must each point, when it is lowest.
+        last = {name: float(values[-1]) for name, values in columns.items()}
+        internal = last["kinetic"] + last["elastic"] - 0.5 * last["com_vy"] ** 2
+        clear = self.gap + np.sqrt(2.0 * max(internal, 0.0) / self.scene.material.k_a)
+        falls = abs(last["angular_momentum"]) / self._inertia * self._radius > last["com_vy"]
+        lowest = min(last["lowest_y"], last["com_y"] - self._radius) if falls else last["lowest_y"]
+        return bool(last["com_vy"] > 0.0 and lowest >= clear)
 
     def unfinished(self, columns: Columns) -> str:
         v, y = columns["com_vy"][-1], columns["lowest_y"][-1]
@@ -118,8 +135,20 @@ class ImpactScenario(Scenario):
         v, potential = columns["com_vy"][-1], max(float(columns["wall"][-1]), 0.0)
         return float(np.sqrt(v**2 + 2.0 * potential) - v) / self.velocity
 
+    @property
+    def energy(self) -> float:
+        """All kinetic energy of the disk at the start, that of a spin included [M c^2]."""
+        disk = self.velocities[: self.lattice.disk_points]
+        return self.kinetic + 0.5 * float(((disk + (0.0, self.velocity)) ** 2).sum()) / len(disk)
+
     def energy_scale(self, columns: Columns) -> float:
-        return self.kinetic
+        return self.energy
+
+    @property
+    def leverage(self) -> float:
+        # What is off in a spin reaches the flight by the work of one on the other, which is of the order of the
+        # geometric mean of their energies.
+        return float(np.sqrt(self.energy / self.kinetic))
 
     def result(self, columns: Columns) -> dict[str, float]:
         start, end = contact_interval(columns["t"], columns["wall_force"], columns["com_vy"])
@@ -127,17 +156,18 @@ class ImpactScenario(Scenario):
 
     def start_with(self, velocities: Array) -> None:
         super().start_with(velocities)
-        self.velocity = -float(velocities[:, 1].mean())
-        self.kinetic = 0.5 * self.velocity**2
-        if not self.velocity > 0.0:
-            raise InputError(f"velocities: their mean has to point down, at the wall, not {-self.velocity:+g} c")
+        velocity = -float(velocities[:, 1].mean())
+        if not velocity > 0.0:
+            raise InputError(f"velocities: their mean has to point down, at the wall, not {-velocity:+g} c")
+        self._set_out(velocity)
+        super().start_with(velocities)
 
     def marks(self, columns: Columns) -> tuple[str, str]:
         e, contact_time = self.result(columns).values()
         return f"e = {e:.5f}", f"contact time {contact_time:.4g} R/c"
 
     def quality(self, columns: Columns) -> tuple[Array, str, str]:
-        lost = (columns["total"] - columns["total"][0]) / self.kinetic
+        lost = (columns["total"] - columns["total"][0]) / self.energy
         return lost, "energy imbalance\n/ initial kinetic", "linear"
 
     def motion(self, columns: Columns) -> tuple[Array, str]:

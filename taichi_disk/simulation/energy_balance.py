@@ -65,19 +65,23 @@ class Watch:
     def __init__(self, start: Array) -> None:
         """`start`: (columns,) the row at t = 0."""
         self.total, self._load = float(start[ENERGY_INDICES].sum()), float(start[INDEX["load"]])
-        self._largest = 0.0
+        self._largest = float(self._size(start[None])[0])
 
     def first_lost(self, rows: Array) -> int | None:
         """The first of the new `rows` (rows, columns) that is lost; None where all are good."""
-        size = np.abs(rows[:, [INDEX["kinetic"], INDEX["elastic"], INDEX["wall"]]]).sum(axis=1)
         with np.errstate(invalid="ignore"):
-            size = np.maximum.accumulate(np.append(self._largest, size + np.abs(rows[:, INDEX["load"]] - self._load)))
+            size = np.maximum.accumulate(np.append(self._largest, self._size(rows)))
             lost = np.maximum(np.abs(self.imbalance(rows)), np.abs(rows[:, INDEX["sliding"]]))
             bad = ~((lost <= BLOW_UP * size[1:] + 1e-300) & (lost < np.inf))  # deep in a wall energy is infinite
         if bad.any():
             return int(bad.argmax())
         self._largest = float(size[-1])
         return None
+
+    def _size(self, rows: Array) -> Array:
+        """What there is to lose at each of the rows, (rows,) [M c^2]."""
+        size = np.abs(rows[:, [INDEX["kinetic"], INDEX["elastic"], INDEX["wall"]]]).sum(axis=1)
+        return np.asarray(size + np.abs(rows[:, INDEX["load"]] - self._load))
 
     def give(self, energy: float) -> None:
         """From now on `load` holds this energy [M c^2] that came from outside: none that was lost."""

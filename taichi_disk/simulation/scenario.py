@@ -110,6 +110,11 @@ class Scenario(ABC):
     def energy_scale(self, columns: Columns) -> float:
         """What the energy imbalance is divided by [M c^2]."""
 
+    @property
+    def leverage(self) -> float:
+        """How many times as much a relative imbalance may mean for the result, which is a part of the motion only."""
+        return 1.0
+
     # ---- pictures
 
     def frame_times(self, columns: Columns, frames: int) -> Array:

@@ -80,6 +80,7 @@ class StepControl:
         """What a run with the present step has told."""
         step, result = self.step, self.scenario.primary(columns)[1]
         _, worst = relative_imbalance(self.scenario, columns)
+        worst *= self.scenario.leverage
         return RunRecord(step.integrator, step.dt, result, worst, step.dt / self.scenario.resolving_step)
 
     def error(self, columns: Columns) -> float | None:
@@ -133,7 +134,7 @@ class StepControl:
         if self._beyond(peak):
             return self._again(force=HARDER * peak)
         closing, worst = relative_imbalance(self.scenario, columns)
-        excess = max(abs(closing) / CLOSING, worst / WORST)
+        excess = self.scenario.leverage * max(abs(closing) / CLOSING, worst / WORST)
         # Where a shorter step does not help, it is not the step that is at fault.
         if excess <= 1.0 or excess > 0.5 * self._excess:
             return False

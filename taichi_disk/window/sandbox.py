@@ -106,7 +106,7 @@ class Sandbox:
     def imbalance(self) -> float:
         """Energy from nowhere since the last change by hand, over the kinetic energy or about the load's work."""
         scenario: Any = self.driver.scenario
-        scale = scenario.kinetic if self.is_impact else scenario.pressure**2 / scenario.scene.material.k_a
+        scale = scenario.energy if self.is_impact else scenario.pressure**2 / scenario.scene.material.k_a
         return float(self.driver.imbalance / scale)
 
     @property

@@ -15,6 +15,7 @@ from taichi_disk.scenes.impact import contact_interval
 from taichi_disk.simulation.outcome import compute
 
 LONG = pytest.mark.validate
+TURNING = ("lattice.points=5", "lattice.seed=2", "impact.turn=0.51")  # a corner of it hits again
 
 
 def reference_impact(scenario, end):
@@ -67,6 +68,23 @@ def test_an_automatic_step_resolves_what_resets_stir_up_beside_dashpots(eta_star
     assert off < 3e-5 and off <= 1.5 * outcome.facts["error_estimate"]["restitution"] < 6e-5
 
 
+def test_a_spin_that_strong_dashpots_damp_is_no_blow_up_and_e_is_that_of_dop853(kernels):
+    settings = ("lattice.points=30", "material.eta_star=100", "impact.spin=0.5", "impact.velocity=0.01")
+    scenario, outcome = computed(kernels, "exponential_wall", *settings)
+    e, _ = reference_impact(scenario, outcome.columns["t"][-1])
+    assert scenario.result(outcome.columns)["restitution"] == pytest.approx(e, abs=2e-5)
+    assert outcome.facts["energy"]["scale"] == pytest.approx(0.5 * (scenario.velocities**2).sum() / 30, rel=1e-12)
+
+
+def test_velocities_of_ones_own_are_those_of_a_scene_with_their_speed(kernels):
+    fast = load_scene("exponential_wall", ["lattice.points=40", "impact.velocity=0.5"])
+    own, scene = fast.with_(velocity=0.01).scenario(), fast.scenario()
+    own.start_with(scene.velocities.copy())
+    columns = [compute(one, fast.time, kernels=kernels, estimate=False).columns for one in (own, scene)]
+    assert own.result(columns[0]) == scene.result(columns[1])
+    assert_array_equal(columns[0]["wall_force"], columns[1]["wall_force"])
+
+
 def test_a_body_of_ones_own_that_spins_bounces_as_dop853_says(kernels):
     # A hexagonal lattice, cut as a disk; two springs of it are too long for their place, so that it starts strained.
     i, j = np.meshgrid(np.arange(-4, 5), np.arange(-4, 5), indexing="ij")
@@ -109,6 +127,7 @@ def test_the_disk_starts_out_of_the_walls_reach(name, settings):
     ("name", "settings"),
     [
         ("exponential_wall", (*SMALL, "material.eta_star=0", "impact.velocity=0.05")),
+        ("exponential_wall", (*TURNING, "material.eta_star=0", "impact.velocity=0.05", "wall.a=1000")),
         pytest.param("absorbing_wall", WALL, marks=LONG),
         pytest.param("absorbing_wall", (*WALL, "wall.boundary=pinned"), marks=LONG),
     ],

@@ -27,11 +27,12 @@ LIMIT, DT = 0.02, 0.016  # of what follows where nothing is damped
 FIRST = CAUTION * (DT / COMPARED) ** 2  # error estimated first where the true one is the step's square
 
 
-def control_of(model=FREE, modes=None, **time):
+def control_of(model=FREE, modes=None, leverage=1.0, **time):
     """The control of a scene whose energy scale is 2 M c^2, its primary result 0.9."""
     scenario = SimpleNamespace(
         model=model,
         energy_scale=lambda columns: 2.0,
+        leverage=leverage,
         primary=lambda columns: ("e", 0.9),
         scene=SimpleNamespace(time=TimeSection(**time)),
         step_dependent=True,
@@ -55,6 +56,7 @@ def test_an_imbalance_shortens_the_step_as_order_2_asks():
     # dt -> dt 0.9/sqrt(4): the error, of order 2, falls to 0.81 of what is allowed.
     assert run_to_the_end(control, 4.0) and control.attempt == 2
     assert control.step.dt == pytest.approx(0.45 * DT)
+    assert run_to_the_end(far := control_of(leverage=10.0), 0.4) and far.step.dt == control.step.dt
     # Not where shorter steps leave the imbalance as it is, and not where a person has chosen the step.
     assert not run_to_the_end(control, 3.9)
     assert run_to_the_end(control, 0.9, closing=-1.5)
