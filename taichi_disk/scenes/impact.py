@@ -137,9 +137,9 @@ class ImpactScenario(Scenario):
 
     @property
     def energy(self) -> float:
-        """All kinetic energy of the disk at the start, that of a spin included [M c^2]."""
+        """Of the flight towards the wall, and of a spin and all else that moves in the disk, at the start [M c^2]."""
         disk = self.velocities[: self.lattice.disk_points]
-        return self.kinetic + 0.5 * float(((disk + (0.0, self.velocity)) ** 2).sum()) / len(disk)
+        return self.kinetic + 0.5 * float(((disk - disk.mean(axis=0)) ** 2).sum()) / len(disk)
 
     def energy_scale(self, columns: Columns) -> float:
         return self.energy
