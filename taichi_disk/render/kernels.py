@@ -81,12 +81,13 @@ def shrink(
     picture: ti.types.ndarray(ti.u8, ndim=3),
     left: ti.i32,
     bottom: ti.i32,
+    beside: ti.i32,
     samples: ti.template(),
 ):
     """Average `samples` x `samples` samples [x, y upwards] over the 2 x 2 pixels that they cover.
 
     `picture` [row downwards, column, colour]: what was drawn gets its lower left corner at row `bottom` (not included)
-    and column `left`.
+    and column `left`. Its first and last column are repeated over `beside` more.
     """
     ti.loop_config(serialize=True)
     for x in range(drawn.shape[0] // samples):
@@ -103,3 +104,11 @@ def shrink(
                                 mean += ti.cast(weight, ti.f32) * drawn[i + k, j + m]
                     for c in ti.static(range(3)):
                         picture[row - b, column + a, c] = ti.cast(mean[c], ti.u8)
+    right = left + 2 * (drawn.shape[0] // samples)
+    ti.loop_config(serialize=True)
+    for up in range(2 * (drawn.shape[1] // samples)):
+        row = bottom - 1 - up
+        for column in range(beside):
+            for c in ti.static(range(3)):
+                picture[row, left - 1 - column, c] = picture[row, left, c]
+                picture[row, right + column, c] = picture[row, right - 1, c]

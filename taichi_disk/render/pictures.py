@@ -40,9 +40,9 @@ class Pictures:
         """`size`: of the picture of one disk [px], even; `supersample`: samples across a pixel, 1, 1.5 or 2."""
         self._legends, self._size, self._samples, self._panel = legends, size, round(2 * supersample), panel
         # Side by side all disks lie at the same height: below the longest title.
-        self._top, self._bottom = max(legend.header for legend in legends), size - legends[0].footer
+        header, self._bottom = max(legend.header for legend in legends), size - legends[0].footer
         self._unit = legends[0].unit * supersample
-        width, height = round(size * supersample), round((self._bottom - self._top) * supersample)
+        width, height = round(size * supersample), round((self._bottom - header) * supersample)
         margin = _MARGIN * self._unit
         # Beside the view there is nothing but ground and rigid wall: columns there repeat the last one that is drawn.
         seen = 2.0 * margin + Camera.fit(view, width, height, margin).scale * (view[1] - view[0])
@@ -59,12 +59,11 @@ class Pictures:
 
     def draw(self, states: Sequence[tuple[float, Array, Array]]) -> Picture:
         """A picture (size, width, 3), rows downwards, with (t, x, v) of each disk and without its changing text."""
-        picture, first, last = self._blank.copy(), self._beside, self._size - self._beside
+        picture = self._blank.copy()
         for k, (legend, (_, x, v)) in enumerate(zip(self._legends, states, strict=True)):
             legend.painter.paint(self._window.get_canvas(), self._camera, x, v, self._unit)
-            kernels.shrink(read_back(self._window), picture, k * self._size + first, self._bottom, self._samples)
-            stage = picture[self._top : self._bottom, k * self._size : (k + 1) * self._size]
-            stage[:, :first], stage[:, last:] = stage[:, first : first + 1], stage[:, last - 1 : last]
+            left, drawn = k * self._size + self._beside, read_back(self._window)
+            kernels.shrink(drawn, picture, left, self._bottom, self._beside, self._samples)
         return picture
 
     def finish(self, picture: Picture, lines: Sequence[Sequence[str]], t: float) -> Picture:

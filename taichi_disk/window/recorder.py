@@ -96,5 +96,5 @@ def picture_of(drawn: NDArray[np.float32]) -> Picture:
     stage = drawn[min(PANEL, len(drawn) - 2) :]
     width, height = (pixels // 2 * 2 for pixels in stage.shape[:2])
     picture = np.empty((height, width, 3), np.uint8)
-    kernels.shrink(np.ascontiguousarray(stage), picture, 0, height, 2)
+    kernels.shrink(np.ascontiguousarray(stage), picture, 0, height, 0, 2)
     return picture
