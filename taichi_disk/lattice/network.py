@@ -1,4 +1,4 @@
-"""Matrices of a network of springs: assembly, stiffness at rest, graph Laplacian, factors, highest frequency."""
+"""Matrices of a network of springs: assembly, stiffness at rest, Laplacian, factors, highest frequency, bending."""
 
 from __future__ import annotations
 
@@ -78,3 +78,21 @@ def largest_eigenvalue(matrix: Sparse, masses: Array) -> float:
             raise SimulationError("the highest frequency was not found: give time.dt by hand") from error
     # The last digits are the machine's BLAS's; the time step that follows from this must not depend on them.
     return float(f"{value:.10g}")
+
+
+def bending_compliance(stiffness: Sparse) -> float:
+    """Largest (displacement of a point)^2/(2 energy) in the two softest vibrations of a free body [R^2/(M c^2)].
+
+    Its `stiffness` (2n, 2n) has three rigid modes. The result is infinite where a part can swing without any energy.
+    """
+    from scipy.sparse.linalg import eigsh
+
+    if stiffness.shape[0] <= _DENSE:
+        values, modes = np.linalg.eigh(stiffness.toarray())
+    else:
+        start, stiffest = np.random.default_rng(0).standard_normal(stiffness.shape[0]), stiffness.diagonal().max()
+        values, modes = eigsh(stiffness, k=5, sigma=-1e-9 * stiffest, v0=start)
+    soft = values.argsort()[3:5]
+    with np.errstate(divide="ignore"):
+        squares = (modes[:, soft] ** 2 / np.maximum(values[soft], 0.0)).sum(axis=1)
+    return float(squares.reshape(-1, 2).sum(axis=1).max())

@@ -10,6 +10,7 @@ import numpy as np
 
 from taichi_disk.errors import InputError
 from taichi_disk.lattice import Lattice
+from taichi_disk.lattice.network import bending_compliance, network_stiffness
 from taichi_disk.simulation.observables import Columns
 from taichi_disk.simulation.scenario import Array, Scenario, spread
 
@@ -23,6 +24,7 @@ DECAY_TIMES_PER_ROW = 0.3
 LONGEST = 0.05  # between two rows, of the disk's own time: some 100 rows of contact
 HALVINGS = 8  # of that at the most: some 30,000 rows
 CONTACT_LEVEL = 0.01  # contact lasts while the wall's force exceeds this fraction of its peak
+NOT_ROUND = 0.2  # of the radius: a body whose outline dips deeper bends more easily than a disk
 RESOLVED = 0.7  # of the wall's decay length that a step may cross, for its error to be told by another step
 
 
@@ -50,6 +52,10 @@ class ImpactScenario(Scenario):
         distance = np.hypot(*(disk - disk.mean(axis=0)).T)
         self._radius, self._inertia = float(distance.max()), float((distance**2).mean())
         self._dip = self._radius - float(distance[body.disk_surface].min())
+        self._compliance = 1.0 / scene.material.k_a
+        if self._dip > NOT_ROUND * self._radius:
+            stiffness = network_stiffness(disk, body.bonds[(body.bonds < len(disk)).all(axis=1)], scene.material.k_a)
+            self._compliance = max(self._compliance, bending_compliance(stiffness))
         self._set_out(scene.impact.velocity)
 
     def _set_out(self, velocity: float) -> None:
@@ -113,12 +119,15 @@ class ImpactScenario(Scenario):
 
     def ended(self, columns: Columns) -> bool:
         # A disk on its way out may still vibrate so much that it touches again. Its lowest point has to be higher than
-        # at the start by sqrt(2 U/k_a), U all energy but that of the flight: 1.4 to 2.3 times what the remaining
-        # vibrations were seen to move the rim. If it turns faster than it rises, so must each point, when it is lowest.
+        # at the start by sqrt(2 U/k_a), U all energy but that of flight and spin: 1.4 to 2.3 times what the remaining
+        # vibrations were seen to move the rim. A rod bends more. If it turns faster than it rises, so must each point,
+        # when it is lowest.
         last = {name: float(values[-1]) for name, values in columns.items()}
-        internal = last["kinetic"] + last["elastic"] - 0.5 * last["com_vy"] ** 2
-        clear = self.gap + np.sqrt(2.0 * max(internal, 0.0) / self.scene.material.k_a)
-        falls = abs(last["angular_momentum"]) / self._inertia * self._radius > last["com_vy"]
+        spin = last["angular_momentum"] / self._inertia
+        rigid = 0.5 * (last["com_vx"] ** 2 + last["com_vy"] ** 2 + self._inertia * spin**2)
+        vibration = max(last["kinetic"] + last["elastic"] - rigid, 0.0)
+        clear = self.gap + min(np.sqrt(2.0 * vibration * self._compliance), 2.0 * self._radius)
+        falls = abs(spin) * self._radius > last["com_vy"]
         lowest = min(last["lowest_y"], last["com_y"] - self._radius) if falls else last["lowest_y"]
         return bool(last["com_vy"] > 0.0 and lowest >= clear)
 

@@ -16,7 +16,7 @@ from taichi_disk.errors import InputError, SimulationError
 from taichi_disk.lattice import disk_lattice
 from taichi_disk.lattice.disk import MAX_POINTS, MIN_POINTS, hexagonal_spacing, rim_points, scatter
 from taichi_disk.lattice.lattice import double_area, triangulate
-from taichi_disk.lattice.network import largest_eigenvalue, network_stiffness
+from taichi_disk.lattice.network import bending_compliance, largest_eigenvalue, network_stiffness
 
 
 @settings(max_examples=30, deadline=None)
@@ -127,3 +127,12 @@ def test_largest_eigenvalue_is_that_of_the_dense_matrix(points):
     scale = 1.0 / np.sqrt(np.repeat(masses, 2))
     dense = np.linalg.eigvalsh(scale[:, None] * stiffness.toarray() * scale)[-1]
     assert largest_eigenvalue(stiffness, masses) == pytest.approx(dense, rel=2e-10)
+
+
+@pytest.mark.parametrize("points", [20, 60])
+def test_bending_compliance_is_that_of_the_two_softest_modes_of_the_dense_matrix(points):
+    disk = disk_lattice(points, 0)
+    stiffness = network_stiffness(disk.positions, disk.bonds, 2.0)
+    values, modes = np.linalg.eigh(stiffness.toarray())
+    softest = (modes[:, 3:5] ** 2 / values[3:5]).sum(axis=1).reshape(-1, 2).sum(axis=1)
+    assert bending_compliance(stiffness) == pytest.approx(softest.max(), rel=1e-8)
