@@ -31,6 +31,7 @@ Frame = tuple[float, str | None]  # t [R/c] and the last line, None for the resu
 FORMATS = (".mp4", ".webm", ".gif", ".png", "")
 _HELD, _LAST = 0.06, 0.10  # shares of a film that stand still at the greatest compression, and at the end
 _LOOKS = 12  # times before the greatest compression from which the scale of colours is taken
+_LONGEST = 4.0  # times its length at the greatest compression, the most that an arrow has: it stays in the picture
 _BESIDE = 0.05  # what is seen at the least on either side of the disk, whose flight may take it out of the view [R]
 _BELOW = 0.16  # what is seen of the rigid wall below its edge [R]
 _GREATEST = "greatest compression"
@@ -171,7 +172,8 @@ def _painter(scenario: Scenario, outcome: Outcome, video: VideoSection, looks: i
     if painter.wall is not None:
         _, forces = painter.wall.contact_forces(painter.lattice, x)
         largest = float(np.hypot(*forces.T).max(initial=0.0))
-        painter.full_force = round_near(largest) if largest else 0.0
+        full = max(largest, outcome.largest_push / _LONGEST)
+        painter.full_force = round_near(full) if full else 0.0
         painter.edge = edge_height(painter.wall, largest)
         if not len(scenario.lattice.wall_surface):  # of a rigid wall no more is seen than its uppermost part
             ymin = painter.edge - _BELOW

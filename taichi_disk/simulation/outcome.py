@@ -33,6 +33,7 @@ class Outcome:
     Attributes:
         columns: the time series.
         positions, velocities: (n, 2) at the end.
+        largest_push: of the wall on one point, ever [M c^2/R].
         replay: the moments at given ascending times, computed when asked for, bitwise those of the run.
         facts: how it was computed, for summary.json: steps, dt, integrator, error estimate, energy balance, warnings.
         compile_seconds: wall-clock time spent on compiling.
@@ -41,6 +42,7 @@ class Outcome:
     columns: Columns
     positions: Array
     velocities: Array
+    largest_push: float
     replay: Callable[[Array], Iterator[Moment]]
     facts: dict[str, Any]
     compile_seconds: float = 0.0
@@ -117,7 +119,7 @@ def _described(driver: Driver, time: Any, estimate: bool) -> Outcome:
     }
     if inverted is not None:
         facts["inverted_triangles"] = inverted
-    return Outcome(columns, positions, velocities, driver.replay, facts, driver.compile_seconds)
+    return Outcome(columns, positions, velocities, peak, driver.replay, facts, driver.compile_seconds)
 
 
 def greatest_compression(columns: Columns) -> float:
@@ -188,4 +190,5 @@ def _at_rest(scenario: Scenario) -> Outcome:
         "roll": rest.roll,
         "inverted_triangles": inverted,
     }
-    return Outcome(columns, rest.positions, np.zeros_like(way), replay, facts)
+    largest = float(np.hypot(*model.wall.contact_forces(lattice, rest.positions)[1].T).max(initial=0.0))
+    return Outcome(columns, rest.positions, np.zeros_like(way), largest, replay, facts)

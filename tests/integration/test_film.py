@@ -153,6 +153,23 @@ def test_a_disk_that_flies_aside_stays_whole_in_the_film_and_the_wall_spans_it(t
 
 
 @needs_vulkan
+def test_an_arrow_of_any_push_ends_in_the_picture(tmp_path, monkeypatch):
+    # A disk that spins is compressed most while its points hit the wall one by one, and weakly yet.
+    scales, write = [], Legend.write
+
+    def record(self, picture, lines):
+        scales.append(self.painter.full_force)
+        write(self, picture, lines)
+
+    monkeypatch.setattr(Legend, "write", record)
+    result = api.run(load_scene("exponential_wall", ["lattice.points=200", "impact.spin=0.8"]))
+    result.film(tmp_path / "film.gif", size=SIZE, seconds=0.5)
+    _, states, _ = result.trajectory(np.linspace(0.0, result.series["t"][-1], 300))
+    pushes = [np.hypot(*result.scenario.model.wall.contact_forces(result.lattice, x)[1].T).max() for x in states]
+    assert 1.0 < max(pushes) / scales[0] < 5.0  # 0.35 R each
+
+
+@needs_vulkan
 def test_the_film_holds_at_the_greatest_compression_ends_with_the_result_and_tells_its_pace(run, tmp_path, captions):
     scenario, outcome = run
     film(tmp_path / "film.mp4", [run], video(seconds=4), QUIET)
