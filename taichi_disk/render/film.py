@@ -135,7 +135,8 @@ def _pictures(runs: Sequence[Run], video: VideoSection, frames: Sequence[Frame])
     from taichi_disk.render.legend import Legend
     from taichi_disk.render.pictures import Pictures
 
-    painters, views = zip(*(_painter(*run, video, _LOOKS if len(frames) > 1 else 0) for run in runs), strict=True)
+    still = frames[0][0] if len(frames) == 1 else None
+    painters, views = zip(*(_painter(*run, video, still) for run in runs), strict=True)
     limit, full_force = max(one.limit for one in painters), max(one.full_force for one in painters)
     ends = [line for run in runs for line in _lines(*run, (frames[0], (frames[-1][0], None)))]
     samples = [*(line for lines in ends for line in lines), *dict.fromkeys(note or "" for _, note in frames)]
@@ -152,10 +153,10 @@ def _pictures(runs: Sequence[Run], video: VideoSection, frames: Sequence[Frame])
     return Pictures(legends, video.size, (xmin, xmax, ymin, ymax), video.supersample, panel)
 
 
-def _painter(scenario: Scenario, outcome: Outcome, video: VideoSection, looks: int) -> tuple[Painter, View]:
-    """Colours, arrows, the wall's edge and the view fit the greatest compression, and so many moments before it.
+def _painter(scenario: Scenario, outcome: Outcome, video: VideoSection, still: float | None) -> tuple[Painter, View]:
+    """Colours, arrows, the wall's edge and the view fit the greatest compression and, of a film, moments before it.
 
-    The view holds the end of a film, too.
+    The view holds the end of a film, too, or the moment of a `still` picture [R/c].
     """
     from taichi_disk.render.painter import Painter
     from taichi_disk.render.scales import round_near
@@ -164,13 +165,18 @@ def _painter(scenario: Scenario, outcome: Outcome, video: VideoSection, looks: i
     painter = Painter(scenario.lattice, scenario.model.springs, scenario.model.wall)
     painter.colour, painter.draw, painter.theme, painter.limit = video.colour, video.draw, video.theme, 0.0
     columns, (xmin, xmax, ymin, ymax) = outcome.columns, scenario.view
-    times, peak = scenario.frame_times(columns, 2 * looks), greatest_compression(columns)
-    places = [outcome.positions] * (looks > 0)
-    for _, x, v in outcome.replay(np.append(times[times < peak][-looks:], peak)):
-        painter.limit = max(painter.limit, painter.scale(painter.values(x, v)))
+    peak = greatest_compression(columns)
+    if still is None:
+        early, places = scenario.frame_times(columns, 2 * _LOOKS), [outcome.positions]
+        times = [*early[early < peak][-_LOOKS:].tolist(), peak]
+    else:
+        times, places = sorted({still, peak}), []
+    for t, (_, x, v) in zip(times, outcome.replay(np.array(times)), strict=True):
         places.append(x)
+        if t <= peak:
+            painter.limit, greatest = max(painter.limit, painter.scale(painter.values(x, v))), x
     if painter.wall is not None:
-        _, forces = painter.wall.contact_forces(painter.lattice, x)
+        _, forces = painter.wall.contact_forces(painter.lattice, greatest)
         largest = float(np.hypot(*forces.T).max(initial=0.0))
         full = max(largest, outcome.largest_push / _LONGEST)
         painter.full_force = round_near(full) if full else 0.0

@@ -209,6 +209,15 @@ def test_a_comparison_shows_both_runs_at_the_same_times_in_the_same_colours(run,
 
 
 @needs_vulkan
+def test_a_single_picture_of_a_comparison_shows_the_whole_of_a_disk_that_has_left_already(tmp_path):
+    slow, fast = (api.run(load_scene("exponential_wall").with_(points=60, velocity=v, eta_star=0)) for v in (0.02, 0.3))
+    slow.film(tmp_path / "both.png", beside=fast, size=360, draw="field")
+    picture = np.asarray(Image.open(tmp_path / "both.png")).astype(float)[76:280, 360:]  # between the words
+    inked = (np.abs(picture - 255 * np.array(THEMES["light"].ground)).max(axis=2) > 20).sum(axis=1)
+    assert 0 < inked[np.flatnonzero(inked)[0]] < 120  # its top, no cut through its middle
+
+
+@needs_vulkan
 def test_a_comparison_tells_the_greatest_compression_of_that_run_only_whose_it_is(run, tmp_path, captions):
     other = api.run(load_scene("exponential_wall", ["lattice.points=20", "impact.velocity=0.2"]))
     film(tmp_path / "both.png", [run, (other.scenario, other.outcome)], video(), QUIET)
