@@ -3,28 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, field, replace
-from functools import lru_cache
+from dataclasses import dataclass, replace
 from pathlib import Path
-from time import perf_counter
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from taichi_disk import runtime
-from taichi_disk.errors import InputError, SimulationError, TaichiDiskError
-from taichi_disk.lattice import Array, Lattice, file_digest
+from taichi_disk.api.job import FRAMES, Clock, Computed, Job, write_run
+from taichi_disk.errors import InputError
+from taichi_disk.lattice import Array, Lattice
 from taichi_disk.output import files
-from taichi_disk.output.plot import plot_beside, plot_run
 from taichi_disk.output.run_folder import RunFolder, read_summary
 from taichi_disk.progress import Progress
 from taichi_disk.scenes import Scene, load_scene
-from taichi_disk.scenes.feasible import check_memory
-from taichi_disk.signals import heard
-from taichi_disk.simulation.failure import BlowUp
-from taichi_disk.simulation.outcome import Outcome, compute
-from taichi_disk.simulation.scenario import Scenario
-from taichi_disk.simulation.simulation import KernelCache
 
 
 class State(NamedTuple):
@@ -36,20 +28,14 @@ class State(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Result:
-    """A scene computed to its end.
+class Result(Computed):
+    """A scene computed to its end, as Python sees it.
 
     Attributes:
-        scene: what was computed.
-        scenario: the same with its lattice, laws and start.
-        summary: what summary.json holds.
+        scene, scenario, summary: as of `Computed`.
         out: the folder that the run went into, if there is one.
     """
 
-    scene: Scene
-    scenario: Scenario
-    summary: dict[str, Any]
-    outcome: Outcome = field(repr=False)
     out: Path | None = None
 
     # ---- numbers
@@ -132,7 +118,7 @@ class Result:
         self,
         path: Path | str,
         format: str | None = None,
-        frames: int = 200,
+        frames: int = FRAMES,
         times: Sequence[float] | Array | None = None,
     ) -> Path:
         """Write a trajectory for another program; returns the file that was written.
@@ -192,7 +178,7 @@ class Result:
         repeatable, digest = "own_start" not in self.summary, str(self.summary.get("lattice_digest", ""))
         with RunFolder(out, self.scene.to_yaml(), True, overwrite, repeatable=repeatable, lattice=digest) as folder:
             saved = replace(self, summary=self.summary | {"video": folder.film})
-            _write(folder.path, saved, video, Progress(), _Clock())
+            write_run(folder.path, saved, video, Progress(), Clock())
         return folder.out
 
     @classmethod
@@ -222,10 +208,10 @@ class Result:
             raise InputError(f"{folder}: this run began with arrays given in Python; see lattice.npz for them")
         # What the run took, also a step by force, is taken again.
         scene, progress = load_scene(path, overrides), progress or Progress()
-        job = _Job(scene, None, None, True, None, progress, _Clock(), estimate)
+        job = Job(scene, None, None, True, None, progress, Clock(), estimate)
         if summary.get("lattice_digest", job.digest) != job.digest:
             raise InputError(f"{folder}: {scene.lattice.file} has changed since this run: see lattice.npz")
-        return job.compute(job.scenario())
+        return cls(**vars(job.compute(job.scenario())))
 
 
 @runtime.alone()
@@ -267,146 +253,10 @@ def run(
     fails: `out` then holds summary.json (status `failed` and why) and, after a blow-up, failure.npz.
     """
     scene = load_scene(scene) if isinstance(scene, (str, Path)) else scene
-    job = _Job(scene, lattice, velocities, force, threads, progress or Progress(), _Clock(started))
+    job = Job(scene, lattice, velocities, force, threads, progress or Progress(), Clock(started))
     if out is None:
-        return job.compute(job.scenario())
+        return Result(**vars(job.compute(job.scenario())))
     repeatable = lattice is None and velocities is None
     with RunFolder(out, scene.to_yaml(), not count_on, overwrite, say, repeatable, job.digest) as folder:
-        result = job.into(folder.path, video, folder.film, export)
-    return replace(result, out=folder.out)
-
-
-class _Clock:
-    """Wall-clock seconds by stage: one begins where the other ended."""
-
-    def __init__(self, started: float = 0.0) -> None:
-        self.seconds: dict[str, float] = {"start": started} if started else {}
-        self._since = perf_counter()
-
-    def lap(self, stage: str, **within: float) -> None:
-        """Book the seconds since the last lap on `stage`, but for those that went `within` it into others."""
-        now = perf_counter()
-        for name, seconds in (within | {stage: now - self._since - sum(within.values())}).items():
-            self.seconds[name] = self.seconds.get(name, 0.0) + seconds
-        self._since = now
-
-
-@dataclass
-class _Job:
-    """One computation, with a clock."""
-
-    scene: Scene
-    lattice: Lattice | None
-    velocities: Array | None
-    force: bool
-    threads: int | None
-    progress: Progress
-    clock: _Clock
-    estimate: bool = True
-    digest: str = field(init=False)  # of the file that the lattice is taken from, before that is read
-
-    def __post_init__(self) -> None:
-        self.digest = file_digest(self.scene.lattice.file) if self.lattice is None else ""
-
-    def scenario(self) -> Scenario:
-        check_memory(self.scene)
-        runtime.start(self.threads)
-        scenario = self.scene.scenario(self.lattice)
-        if self.velocities is not None:
-            scenario.start_with(np.asarray(self.velocities, dtype=float))
-        self.clock.lap("build")
-        return scenario
-
-    def compute(self, scenario: Scenario) -> Result:
-        time, kernels = self.scene.time, shared_kernels()
-        outcome = compute(scenario, time, self.progress, kernels, force=self.force, estimate=self.estimate)
-        self.clock.lap("simulate", compile=outcome.compile_seconds)
-        numbers = {**scenario.result(outcome.columns), "measured": scenario.notes, **outcome.facts, "video": None}
-        return Result(self.scene, scenario, self.summary("done") | numbers, outcome)
-
-    def summary(self, status: str, reason: str | None = None) -> dict[str, Any]:
-        """What summary.json says of any run."""
-        told: dict[str, Any] = {"scene": self.scene.scene, "status": status, "reason": reason}
-        told |= {"seed": self.scene.lattice.seed, "versions": files.versions(), "wall_clock": self.clock.seconds}
-        if self.digest:
-            told["lattice_digest"] = self.digest
-        if self.lattice is not None or self.velocities is not None:
-            told["own_start"] = "lattice or velocities were given in Python: lattice.npz holds them"
-        return told
-
-    def into(self, path: Path, video: bool, film: str | None, export: str | None) -> Result:
-        """Compute, and write everything into the folder `path`; `film` is one that is there already."""
-        if export:
-            from taichi_disk.output.export import check_export
-
-            check_export(path, export)
-        result: Result | None = None
-        scenario: Scenario | None = None
-        try:
-            scenario = self.scenario()
-            result = self.compute(scenario)
-            result.summary["video"] = film
-            if export:
-                result.export(path, export)
-                self.clock.lap("export")
-            _write(path, result, video, self.progress, self.clock)
-            return result
-        except (SimulationError, KeyboardInterrupt) as failure:
-            status = "failed"
-            if isinstance(failure, KeyboardInterrupt):
-                heard()
-                status = "interrupted"
-            self.clock.lap(status)
-            told = self.summary(status, str(failure) or None)
-            if scenario is not None:
-                _write_start(path, scenario)
-            if isinstance(failure, BlowUp):
-                files.write_arrays(path / "failure.npz", **failure.last_good)
-            files.write_summary(path / "summary.json", (result.summary if result else {}) | told)
-            raise
-
-
-@lru_cache(maxsize=1)
-def _kernels_of(program: Any) -> KernelCache:
-    return KernelCache()
-
-
-def shared_kernels() -> KernelCache:
-    """The compiled simulations of this process: Taichi, too, exists once in a process."""
-    import taichi as ti
-
-    return _kernels_of(ti.lang.impl.get_runtime().prog)
-
-
-def _write(path: Path, result: Result, video: bool, progress: Progress, clock: _Clock) -> None:
-    """All files of a run; summary.json last."""
-    scene, scenario, outcome, columns = result.scene, result.scenario, result.outcome, result.series
-    asked = scene.time.sample_interval
-    # Rows of an equilibrium are on the way to rest, not in time.
-    interval = 0.0 if asked == "auto" or scenario.static else asked
-    _write_start(path, scenario)
-    files.write_timeseries(path / "timeseries.csv", columns, interval)
-    end = {"positions": outcome.positions, "velocities": outcome.velocities, "t": columns["t"][-1]}
-    files.write_arrays(path / "final.npz", **end)
-    clock.lap("write")
-    if video:
-        name = "frames" if scene.video.format == "png" else f"video.{scene.video.format}"
-        with plot_beside(path / "plot.png", scenario, columns):
-            try:
-                from taichi_disk.render.film import film
-
-                film(path / name, [(scenario, outcome)], scene.video, progress)
-                result.summary["video"] = name
-            except TaichiDiskError as error:
-                result.summary["video_error"] = str(error)
-            clock.lap("film")
-    else:
-        plot_run(path / "plot.png", scenario, columns)
-    clock.lap("plot")
-    files.write_summary(path / "summary.json", result.summary)
-    progress.stop()
-
-
-def _write_start(path: Path, scenario: Scenario) -> None:
-    impedance = getattr(scenario.model.boundary, "impedance", None)
-    files.write_lattice(path / "lattice.npz", scenario.lattice, scenario.velocities, impedance)
+        computed = job.into(folder.path, video, folder.film, export)
+    return Result(**vars(computed), out=folder.out)
