@@ -23,6 +23,7 @@ from taichi_disk.simulation.step_control import fitted
 ESTIMATE_UP_TO = 1.3e9  # spring evaluations of a run, some 5 s, up to which a second run for the error is made unasked
 REST_CAUTION = 1.1  # by which the distance from Newton's rest is enlarged
 ROUNDING = 1e-11  # of xi [R], about, and of where the solver stops
+STRETCHED = 0.1  # of the elastic energy of the contact: what there is before counts from here
 ROWS_AT_REST = 101  # of an equilibrium's way from the unloaded disk
 
 
@@ -123,9 +124,15 @@ def _described(driver: Driver, time: Any, estimate: bool) -> Outcome:
 
 
 def greatest_compression(columns: Columns) -> float:
-    """When the elastic energy is largest while the wall pushes [R/c]: a spin stretches the disk before that."""
-    force = columns["wall_force"]
-    return float(columns["t"][int((columns["elastic"] * (force >= 0.01 * force.max())).argmax())])
+    """When the elastic energy is largest while the wall pushes [R/c].
+
+    Where a spin stretches the disk before it touches the wall: when the centre of mass is nearest to the wall.
+    """
+    force, elastic = columns["wall_force"], columns["elastic"]
+    touches = force >= 0.01 * force.max()
+    stored = elastic * touches
+    stretched = elastic[: int(touches.argmax())].max(initial=0.0) > STRETCHED * stored.max()
+    return float(columns["t"][int(columns["com_y"].argmin() if stretched else stored.argmax())])
 
 
 def _second_opinion(driver: Driver, time: Any) -> float | None:
