@@ -11,12 +11,14 @@ import numpy as np
 
 from taichi_disk import runtime
 from taichi_disk.api.job import FRAMES, Clock, Computed, Job, write_run
+from taichi_disk.config.loader import Source
 from taichi_disk.errors import InputError
 from taichi_disk.lattice import Array, Lattice
 from taichi_disk.output import files
 from taichi_disk.output.run_folder import RunFolder, read_summary
 from taichi_disk.progress import Progress
 from taichi_disk.scenes import Scene, load_scene
+from taichi_disk.scenes.body import DiskScene
 
 
 class State(NamedTuple):
@@ -216,7 +218,7 @@ class Result(Computed):
 
 @runtime.alone()
 def run(
-    scene: Scene | Path | str,
+    scene: Scene | Source,
     out: Path | str | None = None,
     *,
     lattice: Lattice | None = None,
@@ -252,7 +254,7 @@ def run(
     Raises InputError, with nothing written, for what cannot be computed as asked; SimulationError when the computation
     fails: `out` then holds summary.json (status `failed` and why) and, after a blow-up, failure.npz.
     """
-    scene = load_scene(scene) if isinstance(scene, (str, Path)) else scene
+    scene = scene if isinstance(scene, DiskScene) else load_scene(scene)
     job = Job(scene, lattice, velocities, force, threads, progress or Progress(), Clock(started))
     if out is None:
         return Result(**vars(job.compute(job.scenario())))

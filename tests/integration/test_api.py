@@ -42,6 +42,12 @@ def test_a_scene_is_loaded_from_a_name_a_file_text_and_a_mapping(tmp_path):
     assert all(scene == scenes[0] for scene in scenes)
 
 
+def test_a_run_takes_what_load_scene_takes():
+    scene = {"scene": "exponential_wall", "lattice": {"points": 20}}
+    text = "scene: exponential_wall\nlattice: {points: 20}\n"
+    assert run(scene).restitution == run(text).restitution == run(load_scene(scene)).restitution
+
+
 def test_nothing_is_written_unless_a_folder_is_named(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     run(load_scene("exponential_wall").with_(SMALL))
