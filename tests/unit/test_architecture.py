@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -20,3 +21,11 @@ def test_files_are_rooms_not_halls():
     lengths = {path: len(path.read_text().splitlines()) for path in (ROOT / "taichi_disk").rglob("*.py")}
     assert {str(path): lines for path, lines in lengths.items() if lines > 460} == {}
     assert len(list((ROOT / "taichi_disk").glob("*.py"))) <= 9
+
+
+def test_every_package_is_in_an_installation():
+    # An editable one has them all, whatever the list says. (The scenes' files are a package without a folder.)
+    folders = {path.parent.relative_to(ROOT) for path in (ROOT / "taichi_disk").rglob("__init__.py")}
+    listed = (ROOT / "pyproject.toml").read_text().split("\npackages = [")[1].split("]")[0]
+    names = set(re.findall(r"[\w.]+", listed))
+    assert names == {".".join(folder.parts) for folder in folders} | {"taichi_disk.scene_library"}
