@@ -6,7 +6,8 @@ symmetric stress
 
     sigma = 1/A * sum over its sides of share * T/|r| * r r^T        [M c^2/R^2: force per length in two dimensions]
 
-with share 1/2 for an inner spring and 1 for one on the outline. A and r are those of the deformed state (Cauchy
+with share 1/2 for an inner spring and 1 for one on the outline. A spring of one's own that is no triangle's side counts
+half for the triangles around either of its ends, in equal parts. A and r are those of the deformed state (Cauchy
 stress). The integral of sigma over the area is then exactly the virial of the springs, sum of T/|r| r r^T, which
 equals -sum of x_i f_i^T for the springs' forces f_i on the points at x_i. Dashpots are left out: their force is not
 along r, and what light sees in a loaded plate is its strain.
@@ -38,7 +39,7 @@ class Triangles:
         triangles: (t, 3) int32, points, counter-clockwise in the unloaded lattice.
         sides: (t, 3) springs; side k joins corners k and k + 1.
         share: (m,) of each spring's force that one triangle beside it carries: 1/2 between two triangles, 1 on an
-            outline; 0 where there is no triangle at all.
+            outline; 0 where there is none.
         outline: (k, 2) int32, the sides that belong to one triangle, with that triangle on their left.
     """
 
@@ -52,10 +53,15 @@ class Triangles:
         self.share = np.where(count > 0, 1.0 / np.maximum(count, 1), 0.0)
         self.outline = ends[count[self.sides.ravel()] == 1]
         self._least_area = LEAST_AREA * np.abs(self._signed_areas(lattice.positions))
-        # Sums over the sides of each triangle, over the triangles around each point, over a point and its neighbours.
+        # Sums over what each triangle carries, over the triangles around each point, over a point and its neighbours.
         owner, ones = np.repeat(np.arange(t), 3), np.ones(3 * t)
-        self._over_sides = csr_array((ones, (owner, self.sides.ravel())), (t, m))
+        self._carried = csr_array((self.share[self.sides.ravel()], (owner, self.sides.ravel())), (t, m))
         self._around = csr_array((ones, (self.triangles.ravel(), owner)), (n, t))
+        if len(across := np.flatnonzero(count == 0)):
+            point = lattice.bonds[across].ravel()
+            part = 0.5 / self._around.sum(axis=1)[point]
+            ends = csr_array((part, (point, np.repeat(across, 2))), (n, m))
+            self._carried = csr_array(self._carried + self._around.T @ ends)
         own, (i, j) = np.arange(n), lattice.bonds.T
         pairs = np.concatenate([own, i, j]), np.concatenate([own, j, i])
         self._neighbours = csr_array((np.ones(n + 2 * m), pairs), (n, n))
@@ -78,9 +84,9 @@ class Triangles:
         (u, w), (du, dw) = self._edges(x), self._edges(v)
         return np.asarray(0.5 * (du[0] * w[1] - du[1] * w[0] + u[0] * dw[1] - u[1] * dw[0]))
 
-    def side_sums(self, values: Array) -> Array:
-        """(t, k) sums of `values` (m, k) over the sides of each triangle."""
-        return np.asarray(self._over_sides @ values)
+    def carried(self, values: Array) -> Array:
+        """(t, k) what each triangle carries of `values` (m, k) of the springs."""
+        return np.asarray(self._carried @ values)
 
     def point_means(self, integrals: Array, areas: Array) -> Array:
         """(n, ...) means over the triangles around each point, from `integrals` (t, ...) over each and `areas` (t,)."""
@@ -99,8 +105,8 @@ def _virial(tiles: Triangles, springs: Springs, x: Array) -> Array:
     """(t, 3) stress times area."""
     rx, ry = apart = springs.ends_apart(tiles.lattice, x)
     length = springs.lengths(apart)
-    pull = tiles.share * springs.pull(length - tiles.lattice.rest_lengths) / length
-    return tiles.side_sums(np.stack([pull * rx * rx, pull * ry * ry, pull * rx * ry], axis=1))
+    pull = springs.pull(length - tiles.lattice.rest_lengths) / length
+    return tiles.carried(np.stack([pull * rx * rx, pull * ry * ry, pull * rx * ry], axis=1))
 
 
 def stress(tiles: Triangles, springs: Springs, x: Array) -> Array:

@@ -38,15 +38,14 @@ class Equilibrium:
 
 
 def solve_equilibrium(lattice: Lattice, model: Model, start: Array, max_iterations: int = 400) -> Equilibrium:
-    """The stable rest of a disk under its load, on the exponential wall.
+    """The stable rest of a disk under its load, on the exponential wall; or of a free disk.
 
     Newton's method, kept on the way downhill in energy from `start` (n, 2). The mean x stays: nothing else fixes it. A
     disk whose centre of mass is not above its contact rolls, as it would in reality, until it is.
 
     Raises SimulationError where the forces do not vanish within `max_iterations`.
     """
-    x, load = start, model.load
-    assert load is not None
+    x, load = start, model.load.force if model.load else 0.0
     stiffest = float(model.springs.stiffness(lattice, x).diagonal().max())
     shift = _FIRST_SHIFT * stiffest
     for iteration in range(max_iterations + 1):
@@ -54,7 +53,7 @@ def solve_equilibrium(lattice: Lattice, model: Model, start: Array, max_iteratio
         residual = float(np.abs(force).max())
         # Some ten forces meet in a point, each as sharp as the last bit of a coordinate lets it be.
         rounding = 10.0 * _EPS * float(tangent.diagonal().max()) * max(1.0, float(np.abs(x).max()))
-        goal = max(_TOLERANCE * load.force / len(x), rounding)
+        goal = max(_TOLERANCE * load / len(x), rounding)
         if residual > goal:
             x, shift = _downhill(lattice, model, x, force, tangent, shift, stiffest)
         elif _factors(tangent, _LEAST_SHIFT * stiffest) is None:

@@ -205,3 +205,28 @@ def test_xi_is_near_that_of_the_continuum():
     law = pressure / (np.pi * E) * (np.log(np.pi * E / pressure) - (1 + nu) / 4)
     found = rest_of(lattice, pressed(pressure, k_b=1e-3)).positions
     assert xi(lattice, found) == pytest.approx(law, rel=0.1)
+
+
+@pytest.mark.parametrize("method", ["newton", "relaxation"])
+def test_springs_that_are_strained_without_a_load_rest_before_xi_counts(method, kernels):
+    # Springs 1 % longer than their distances make the body 1 % larger, and nothing else.
+    scene = load_scene("compression", [f"compression.method={method}"])
+    disk = disk_lattice(100, 0)
+    strained = Lattice.from_points(disk.positions, disk.bonds, 1.01 * disk.rest_lengths)
+    found = []
+    for lattice in (strained, Lattice.from_points(1.01 * disk.positions)):
+        scenario = scene.scenario(lattice)
+        outcome = compute(scenario, scene.time, kernels=kernels, estimate=False)
+        found.append(scenario.result(outcome.columns)["xi"])
+    assert found[0] == pytest.approx(found[1], rel=1e-6)
+
+
+def test_xi_keeps_its_sign():
+    # The lowest points of this flat bar go down more than its centre of mass.
+    x, y = np.meshgrid(np.linspace(-0.9, 0.9, 14), [0.0, 0.12])
+    bar = Lattice.from_points(np.stack([x.ravel(), y.ravel()], axis=1))
+    scenario = load_scene("compression", ["compression.method=newton", "compression.pressure=1e-3"]).scenario(bar)
+    rest, unloaded = (one.positions[:, 1] for one in (scenario.rest, scenario.lattice))
+    columns = compute(scenario, scenario.scene.time).columns
+    difference = (unloaded.mean() - unloaded.min()) - (rest.mean() - rest.min())
+    assert scenario.result(columns)["xi"] == pytest.approx(difference, rel=1e-9) and difference < 0.0

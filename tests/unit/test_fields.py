@@ -37,6 +37,7 @@ PATCH = Lattice.from_points(
         if abs(i + j) <= RINGS
     ]
 )
+PATCH_DISTANCES = np.hypot(*(PATCH.positions[:, None] - PATCH.positions).transpose(2, 0, 1))
 MESH = Triangles(PATCH)
 # The triangles without a corner on the outline, whose springs are all shared by two.
 INSIDE = ~np.isin(PATCH.triangles, np.unique(MESH.outline)).any(axis=1)
@@ -76,6 +77,17 @@ def test_the_area_integral_of_the_stress_is_the_virial_of_all_other_forces_and_o
     virial = x.T @ (outer - inertia)
     rounding = 1e-13 * np.abs(x.T).dot(np.abs(outer) + np.abs(inertia)).max()
     assert np.abs(total - [virial[0, 0], virial[1, 1], virial[1, 0]]).max() < rounding
+
+
+def test_the_stress_of_springs_that_cross_others_is_in_the_integral_too():
+    pairs = np.argwhere(np.triu(PATCH_DISTANCES < 1.8 / RINGS, 1))
+    lattice = Lattice.from_points(PATCH.positions, pairs)
+    x, _ = shaken(lattice)
+    tiles = Triangles(lattice)
+    total = (stress(tiles, SPRINGS, x) * tiles.areas(x)[:, None]).sum(axis=0)
+    virial = -x.T @ SPRINGS.forces(lattice, x)
+    assert len(lattice.bonds) > 1.5 * len(PATCH.bonds)
+    np.testing.assert_allclose(total, [virial[0, 0], virial[1, 1], virial[1, 0]], rtol=1e-11)
 
 
 def test_stress_turns_with_the_body_and_does_not_feel_where_it_is():
