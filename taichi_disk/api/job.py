@@ -12,7 +12,7 @@ import numpy as np
 
 from taichi_disk import runtime
 from taichi_disk.errors import SimulationError, TaichiDiskError
-from taichi_disk.lattice import Array, Lattice, file_digest
+from taichi_disk.lattice import Array, Lattice, disk_of, file_digest, numbers
 from taichi_disk.output import files
 from taichi_disk.output.plot import plot_beside, plot_run
 from taichi_disk.progress import Progress
@@ -79,9 +79,9 @@ class Job:
         """Lattice, laws and start; Taichi runs afterwards. Raises InputError for what cannot be computed."""
         check_memory(self.scene)
         runtime.start(self.threads)
-        scenario = self.scene.scenario(self.lattice)
+        scenario = self.scene.scenario(None if self.lattice is None else disk_of(self.lattice))
         if self.velocities is not None:
-            scenario.start_with(np.asarray(self.velocities, dtype=float))
+            scenario.start_with(numbers(self.velocities, "velocities"))
         self.clock.lap("build")
         return scenario
 

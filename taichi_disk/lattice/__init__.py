@@ -1,6 +1,6 @@
 """Points and springs: the disk, the elastic wall, their moduli. NumPy and SciPy only; SciPy is imported when used."""
 
-from taichi_disk.lattice.custom import file_digest, read_lattice
+from taichi_disk.lattice.custom import disk_of, file_digest, numbers, read_lattice
 from taichi_disk.lattice.disk import disk_lattice
 from taichi_disk.lattice.lattice import Array, Lattice
 from taichi_disk.lattice.moduli import Moduli, bulk_moduli
@@ -13,7 +13,9 @@ __all__ = [
     "bulk_moduli",
     "check_thickness",
     "disk_lattice",
+    "disk_of",
     "file_digest",
+    "numbers",
     "read_lattice",
     "with_wall",
 ]

@@ -89,6 +89,31 @@ def read_lattice(path: str | Path) -> Lattice:
         raise InputError(f"{path}: {error}") from error
 
 
+def disk_of(lattice: Lattice) -> Lattice:
+    """The disk of `lattice`, without its elastic wall if there is one.
+
+    Raises InputError where it is no `Lattice`, or its masses are not equal, 1 M in all.
+    """
+    if not isinstance(lattice, Lattice):
+        raise InputError(f"lattice: must be a Lattice, see Lattice.from_points, not {type(lattice).__name__}")
+    n = lattice.disk_points
+    if not np.allclose(lattice.masses, 1.0 / n, rtol=1e-9, atol=0.0):
+        raise InputError(f"lattice: every point must have the mass 1/{n} M")
+    if not len(lattice.wall_surface):
+        return lattice
+    springs, corners, none = lattice.bonds[:, 1] < n, lattice.triangles.max(axis=1) < n, lattice.wall_surface[:0]
+    return replace(
+        lattice,
+        positions=lattice.positions[:n],
+        bonds=lattice.bonds[springs],
+        rest_lengths=lattice.rest_lengths[springs],
+        masses=lattice.masses[:n],
+        wall_surface=none,
+        wall_boundary=none,
+        triangles=lattice.triangles[corners],
+    )
+
+
 def file_digest(file: str) -> str:
     """A hash of the file that a scene takes its lattice from, "" for `none`. Raises InputError if it cannot be read."""
     try:
@@ -132,7 +157,7 @@ def _body(x: Array, bonds: Long | None, *candidates: Long) -> tuple[Lattice, Lon
 def _checked_points(points: ArrayLike) -> Array:
     from scipy.spatial import cKDTree
 
-    x = _numbers(points, "points")
+    x = numbers(points, "points")
     if x.ndim != 2 or x.shape[1] != 2:
         raise InputError(f"points must be an array of shape (n, 2), not {x.shape}")
     n = len(x)
@@ -166,7 +191,7 @@ def _checked_springs(springs: ArrayLike, n: int) -> Long:
 
 
 def _checked_lengths(rest_lengths: ArrayLike, springs: int) -> Array:
-    rest = _numbers(rest_lengths, "rest_lengths")
+    rest = numbers(rest_lengths, "rest_lengths")
     if rest.shape != (springs,):
         raise InputError(f"rest_lengths must have the shape ({springs},) of the springs, not {rest.shape}")
     for k in np.flatnonzero(~(np.isfinite(rest) & (rest > 0.0))):
@@ -174,7 +199,8 @@ def _checked_lengths(rest_lengths: ArrayLike, springs: int) -> Array:
     return rest
 
 
-def _numbers(values: ArrayLike, name: str) -> Array:
+def numbers(values: ArrayLike, name: str) -> Array:
+    """`values` as float64. Raises InputError, which tells the `name`, where they are no numbers."""
     try:
         return np.array(values, dtype=np.float64, order="C")
     except (TypeError, ValueError) as error:

@@ -168,6 +168,7 @@ class ImpactScenario(Scenario):
         velocity = -float(velocities[:, 1].mean())
         if not velocity > 0.0:
             raise InputError(f"velocities: their mean has to point down, at the wall, not {-velocity:+g} c")
+        self.scene.with_({"impact.velocity": velocity})  # refuses what it would refuse of a scene with that speed
         self._set_out(velocity)
         super().start_with(velocities)
 

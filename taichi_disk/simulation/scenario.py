@@ -72,9 +72,10 @@ class Scenario(ABC):
         Raises InputError where they do not fit.
         """
         n = self.lattice.disk_points
-        if np.shape(velocities) != (n, 2) or not (np.abs(velocities) <= FASTEST).all():
-            text = f"velocities: must be {n} pairs of numbers from {-FASTEST:g} to {FASTEST:g} c, shape ({n}, 2)"
-            raise InputError(f"{text}, not {np.shape(velocities)}")
+        if velocities.shape != (n, 2):
+            raise InputError(f"velocities: must have the shape ({n}, 2), not {velocities.shape}")
+        if not (np.abs(velocities) <= FASTEST).all():
+            raise InputError(f"velocities: must be numbers from {-FASTEST:g} to {FASTEST:g} c")
         self.velocities = self.velocities.copy()
         self.velocities[:n] = velocities
 

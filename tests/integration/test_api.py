@@ -102,11 +102,28 @@ def test_velocities_of_ones_own_are_thrown_and_saved_but_not_mistaken_for_the_sc
 
 
 @pytest.mark.parametrize(
-    "velocities", [np.zeros((59, 2)), *(np.tile(pair, (60, 1)) for pair in ([np.nan, 0.0], [0.0, 0.01], [0.0, -1e200]))]
+    "velocities",
+    ["fast", np.zeros((59, 2)), *(np.tile(pair, (60, 1)) for pair in ([np.nan, 0.0], [0.0, 0.01], [0.0, -1e200]))],
 )
 def test_velocities_that_do_not_fit_are_refused(velocities):
     with pytest.raises(InputError, match="velocities"):
         run(load_scene("exponential_wall").with_(SMALL), velocities=velocities)
+
+
+def test_a_scene_takes_the_disk_of_a_lattice_that_has_a_wall():
+    over_wall = load_scene("absorbing_wall").with_(SMALL | {"wall.points": 100}).scenario().lattice
+    pressed = load_scene("compression").with_({"lattice.points": 60, "compression.method": "newton"})
+    assert run(pressed, lattice=over_wall).xi == pytest.approx(run(pressed).xi, rel=1e-9)
+
+
+def test_what_cannot_be_computed_as_given_is_refused(result):
+    uneven = replace(result.lattice, masses=np.linspace(0.5, 1.5, 60) / 60)
+    for lattice, told in ((uneven, "the mass 1/60 M"), (result.lattice.positions, "from_points")):
+        with pytest.raises(InputError, match=told):
+            run(result.scene, lattice=lattice)
+    near = result.scene.with_({"impact.gap": 0.08})
+    with pytest.raises(InputError, match=r"impact\.gap.* exceeds 1e-3"):
+        run(near, velocities=np.tile([0.0, -1e-4], (60, 1)))
 
 
 THREADS = """
