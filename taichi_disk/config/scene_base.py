@@ -58,6 +58,10 @@ class SceneBase(Frozen):
         """Disagreements between keys that are valid by themselves; a kind adds its own."""
         return []
 
+    def unused(self) -> Collection[tuple[str, str]]:
+        """(section, key) that change nothing beside `lattice.file`, and so cannot be swept."""
+        return ()
+
     def with_(self, changes: Mapping[str, Any] | None = None, /, **keys: Any) -> Self:
         """The scene with some keys changed: `scene.with_(eta_star=30)`, `scene.with_({"wall.a": 3000})`.
 

@@ -131,8 +131,10 @@ def _combine(kind: type[SceneBase], blocks: list[Axes], tree: Tree, kinds: Kinds
         start = {name: values[0] for name, values in block.items()}
         for name, value in ((name, value) for name, values in block.items() for value in values):
             one = _with(kind, tree, start | {name: value})
-            check(one, kinds)
+            found = check(one, kinds)
             tree.faults += one.faults
+            if found and value is start[name] and target_of(found, name) in found.unused():
+                tree.fault(value[1].key, ("sweep", name), "changes nothing beside lattice.file: leave it out")
     if tree.faults:
         return None
     scenes: dict[SceneBase, None] = {}

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from typing import TYPE_CHECKING, ClassVar, Literal
 
 from taichi_disk.config.scene_base import (
@@ -51,6 +52,9 @@ class AbsorbingWallScene(DiskScene):
         if self.wall.boundary == "reset" and dt != "auto" and dt > interval:
             conflicts.append(("time.dt", f"{dt:g} is longer than wall.reset_interval = {interval:g} [R/c]"))
         return conflicts
+
+    def unused(self) -> Collection[tuple[str, str]]:
+        return [key for key in super().unused() if key[1] == "points"]  # the wall is random, too
 
     def body(self) -> Lattice:
         """The unloaded disk over its wall, just touching."""

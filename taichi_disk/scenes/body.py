@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from pathlib import PurePath
 from typing import TYPE_CHECKING, ClassVar
 
@@ -37,6 +38,10 @@ class DiskScene(SceneBase):
             except InputError as error:
                 raise InputError(f"lattice.file: {error}") from error
         return disk_lattice(spec.points, spec.seed, spec.rim, spec.min_spacing)
+
+    def unused(self) -> Collection[tuple[str, str]]:
+        keys = () if self.lattice.file == "none" else ("points", "seed", "rim", "min_spacing")
+        return [("lattice", key) for key in keys]
 
     def springs(self, lattice: Lattice) -> Springs:
         """Springs and dashpots of the scene's material, eta = eta* m c/R with m = M/N."""
