@@ -82,10 +82,10 @@ def read_lattice(path: str | Path) -> Lattice:
     if path.suffix.lower() not in readers:
         raise InputError(f"{path}: a lattice is read from a .csv or .npz file")
     try:
-        return custom_lattice(*readers[path.suffix.lower()](path))
+        return replace(custom_lattice(*readers[path.suffix.lower()](path)), origin=path.name)
     except OSError as error:
         raise InputError(f"{path}: {error.strerror or error}") from error
-    except (InputError, ValueError, TypeError, zipfile.BadZipFile, zlib.error) as error:
+    except (InputError, ValueError, TypeError, IndexError, OverflowError, zipfile.BadZipFile, zlib.error) as error:
         raise InputError(f"{path}: {error}") from error
 
 

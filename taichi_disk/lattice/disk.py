@@ -6,6 +6,7 @@ Points with a minimum distance come by random sequential adsorption, exactly, in
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 
@@ -51,7 +52,7 @@ def disk_lattice(points: int, seed: int, rim: bool = True, min_spacing: float = 
         return radius - np.sqrt(p[:, 0] ** 2 + p[:, 1] ** 2)
 
     inside = scatter(rng, points - len(circle), -corner, corner, depth, spacing, circle)
-    return triangulate(np.concatenate([circle, inside]))
+    return replace(triangulate(np.concatenate([circle, inside])), origin=f"seed {seed}")
 
 
 def rim_points(points: int) -> int:

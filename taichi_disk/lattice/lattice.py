@@ -33,6 +33,7 @@ class Lattice:
     wall_surface: Indices  # elastic wall: top side, corners included, ordered by x (empty if none)
     wall_boundary: Indices  # elastic wall: left top corner -> bottom -> right top corner (empty if none)
     triangles: Indices  # (t, 3), counter-clockwise, the disk's before the wall's
+    origin: str = "a lattice of one's own"  # what titles say of it
 
     @classmethod
     def disk(cls, points: int, seed: int, rim: bool = True, min_spacing: float = 0.7) -> Lattice:

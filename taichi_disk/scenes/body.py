@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Collection
-from pathlib import PurePath
 from typing import TYPE_CHECKING, ClassVar
 
 from taichi_disk.config.scene_base import SceneBase
@@ -51,11 +50,4 @@ class DiskScene(SceneBase):
 
     def described(self, lattice: Lattice) -> str:
         """The lattice in a few words, for titles."""
-        spec = self.lattice
-        if spec.file != "none":
-            source = PurePath(spec.file).name
-        elif lattice.disk_points != spec.points:
-            source = "a lattice of one's own"
-        else:
-            source = f"seed {spec.seed}"
-        return f"N = {lattice.disk_points:,}    {source}"
+        return f"N = {lattice.disk_points:,}    {lattice.origin}"

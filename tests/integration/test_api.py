@@ -116,6 +116,16 @@ def test_a_scene_takes_the_disk_of_a_lattice_that_has_a_wall():
     assert run(pressed, lattice=over_wall).xi == pytest.approx(run(pressed).xi, rel=1e-9)
 
 
+def test_titles_say_where_a_lattice_comes_from(tmp_path):
+    scene, other = load_scene("exponential_wall").with_(SMALL), Lattice.disk(60, seed=5)
+    np.savetxt(tmp_path / "points.csv", other.positions, delimiter=",")
+    from_file = scene.with_(file=str(tmp_path / "points.csv"))
+    own = Lattice.from_points(other.positions)
+    scenarios = scene.scenario(), scene.scenario(other), scene.scenario(own), from_file.scenario()
+    origins = [scenario.title()[-1].removeprefix("N = 60    ") for scenario in scenarios]
+    assert origins == ["seed 0", "seed 5", "a lattice of one's own", "points.csv"]
+
+
 def test_what_cannot_be_computed_as_given_is_refused(result):
     uneven = replace(result.lattice, masses=np.linspace(0.5, 1.5, 60) / 60)
     for lattice, told in ((uneven, "the mass 1/60 M"), (result.lattice.positions, "from_points")):

@@ -117,6 +117,11 @@ def test_the_disk_of_a_runs_lattice_is_read_from_npz(tmp_path):
     assert sorted(disk.rest_lengths) == sorted(both.rest_lengths[(both.bonds < 200).all(axis=1)])
     np.savez(tmp_path / "points.npz", positions=ROUND)
     assert (read_lattice(tmp_path / "points.npz").positions == Lattice.from_points(ROUND).positions).all()
+    short = {"positions": both.positions, "bonds": both.bonds, "rest_lengths": both.rest_lengths[:3]}
+    for number in (disk.disk_points, np.inf):
+        np.savez(tmp_path / "short.npz", **short, disk_points=number)
+        with pytest.raises(InputError, match=r"short\.npz"):
+            read_lattice(tmp_path / "short.npz")
     np.savez(tmp_path / "a.npz", x=ROUND)
     with pytest.raises(InputError, match="no array positions, only x"):
         read_lattice(tmp_path / "a.npz")
