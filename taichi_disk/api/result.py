@@ -13,7 +13,7 @@ from taichi_disk import runtime
 from taichi_disk.api.job import FRAMES, Clock, Computed, Job, write_run
 from taichi_disk.config.loader import Source
 from taichi_disk.errors import InputError
-from taichi_disk.lattice import Array, Lattice
+from taichi_disk.lattice import Array, Lattice, numbers
 from taichi_disk.output import files
 from taichi_disk.output.run_folder import RunFolder, read_summary
 from taichi_disk.progress import Progress
@@ -134,11 +134,14 @@ class Result(Computed):
         """
         from taichi_disk.output.export import export_run
 
-        times = np.linspace(0.0, self.series["t"][-1], frames) if times is None else times
+        if times is None:
+            if not isinstance(frames, int) or frames < 1:
+                raise InputError(f"frames: must be a whole number above 0, not {frames}")
+            times = np.linspace(0.0, self.series["t"][-1], frames)
         return export_run(self.scenario, self._moments(times), Path(path), format)
 
     def _moments(self, times: Any) -> Iterator[tuple[float, Array, Array]]:
-        times = np.atleast_1d(np.asarray(times, dtype=float))
+        times = np.atleast_1d(numbers(times, "times"))
         last = float(self.series["t"][-1])
         if times.ndim != 1 or not len(times) or not np.isfinite(times).all() or (np.diff(times) < 0.0).any():
             raise InputError("times: must be ascending finite numbers")
@@ -257,6 +260,8 @@ def run(
     scene = scene if isinstance(scene, DiskScene) else load_scene(scene)
     job = Job(scene, lattice, velocities, force, threads, progress or Progress(), Clock(started))
     if out is None:
+        if export:
+            raise InputError("export: needs a folder, `out`")
         return Result(**vars(job.compute(job.scenario())))
     repeatable = lattice is None and velocities is None
     with RunFolder(out, scene.to_yaml(), not count_on, overwrite, say, repeatable, job.digest) as folder:

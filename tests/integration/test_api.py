@@ -131,6 +131,11 @@ def test_what_cannot_be_computed_as_given_is_refused(result):
     for lattice, told in ((uneven, "the mass 1/60 M"), (result.lattice.positions, "from_points")):
         with pytest.raises(InputError, match=told):
             run(result.scene, lattice=lattice)
+    for frames in (0, -1, 2.5):
+        with pytest.raises(InputError, match="frames: must be a whole number"):
+            result.export("never.xyz", frames=frames)
+    with pytest.raises(InputError, match="export: needs a folder"):
+        run(result.scene, export="xyz")
     near = result.scene.with_({"impact.gap": 0.08})
     with pytest.raises(InputError, match=r"impact\.gap.* exceeds 1e-3"):
         run(near, velocities=np.tile([0.0, -1e-4], (60, 1)))
@@ -195,7 +200,7 @@ def test_spin_and_turn_are_those_of_the_start():
     np.testing.assert_allclose(arm, before @ np.array([[c, s], [-s, c]]), atol=1e-12)
 
 
-@pytest.mark.parametrize("times", [[], [2.0, 1.0], [-1.0], [1e9], [float("nan")]])
+@pytest.mark.parametrize("times", ["soon", [[1.0], [1.0, 2.0]], [], [2.0, 1.0], [-1.0], [1e9], [float("nan")]])
 def test_times_outside_the_run_are_refused(result, times):
     with pytest.raises(InputError, match="times"):
         result.trajectory(times)
