@@ -135,7 +135,7 @@ class Result(Computed):
         from taichi_disk.output.export import export_run
 
         if times is None:
-            if not isinstance(frames, int) or frames < 1:
+            if not isinstance(frames, (int, np.integer)) or frames < 1:
                 raise InputError(f"frames: must be a whole number above 0, not {frames}")
             times = np.linspace(0.0, self.series["t"][-1], frames)
         return export_run(self.scenario, self._moments(times), Path(path), format)
