@@ -16,6 +16,7 @@ if TYPE_CHECKING:
 
 Place = Literal["triangles", "springs", "points"]
 
+ROUNDING = 1e-13  # of stresses [M c^2/R^2], which makes no fringes
 FRINGES = 5  # in a picture whose fringe constant nobody gave
 
 
@@ -106,7 +107,8 @@ def fringes(shear: Array, fringe: float = 0.0) -> Array:
 
     `fringe`: stress difference from one fringe to the next; 0: the largest difference makes FRINGES.
     """
-    fringe = fringe or 2.0 * float(shear.max(initial=0.0)) / FRINGES or 1.0
+    largest = float(shear.max(initial=0.0))
+    fringe = fringe or (2.0 * largest / FRINGES if largest > ROUNDING else 1.0)
     return np.asarray(np.sin(2.0 * np.pi * shear / fringe) ** 2)
 
 

@@ -162,6 +162,12 @@ def test_fringes_follow_the_difference_of_the_principal_stresses():
     assert fringes(np.array([0.3])) == pytest.approx(np.sin(5 * np.pi) ** 2, abs=1e-12)
 
 
+def test_a_disk_without_stress_is_dark():
+    assert (
+        field("fringes", DISK, SPRINGS, DISK.positions + [0.1, 0.7], np.zeros_like(DISK.positions)).values.max() < 1e-9
+    )
+
+
 def test_smoothing_keeps_what_is_uniform_and_averages_neighbours():
     assert TILES.smoothed(np.full((300, 2), 0.7), 5) == pytest.approx(np.full((300, 2), 0.7), rel=1e-14)
     values, i = np.random.default_rng(0).random((300, 1)), 40
