@@ -162,9 +162,8 @@ def changes(scene: Scene) -> Iterator[Change]:
             keys = {f"{home}.points": factor * getattr(scene, home).points for home, _ in scene.homes("points")}
             # eta = eta* m c/R of a spring is a material constant, m = M/N is not.
             more = {"material.eta_star": factor * scene.material.eta_star}
-            if (
-                isinstance(wall, ElasticWallSection) and wall.boundary == "reset"
-            ):  # a drag of 2 m/interval on each point of it
+            # A reset is a drag of 2 m/interval on each point of the boundary.
+            if isinstance(wall, ElasticWallSection) and wall.boundary == "reset":
                 more["wall.reset_interval"] = wall.reset_interval / math.sqrt(factor)
             yield Change(POINTS, f"N = {factor * lattice.points:,}", keys | more, factor)
     for multiple in HARDER:

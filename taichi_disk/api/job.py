@@ -35,6 +35,7 @@ class Computed:
         scene: what was computed.
         scenario: the same with its lattice, laws and start.
         summary: what summary.json holds.
+        outcome: the time series, the states, how they were computed.
     """
 
     scene: Scene
@@ -90,8 +91,8 @@ class Job:
         time, kernels = self.scene.time, shared_kernels()
         outcome = compute(scenario, time, self.progress, kernels, force=self.force, estimate=self.estimate)
         self.clock.lap("simulate", compile=outcome.compile_seconds)
-        numbers = {**scenario.result(outcome.columns), "measured": scenario.notes, **outcome.facts, "video": None}
-        return Computed(self.scene, scenario, self.summary("done") | numbers, outcome)
+        results = {**scenario.result(outcome.columns), "measured": scenario.notes, **outcome.facts, "video": None}
+        return Computed(self.scene, scenario, self.summary("done") | results, outcome)
 
     def summary(self, status: str, reason: str | None = None) -> dict[str, Any]:
         """What summary.json says of any run."""

@@ -83,8 +83,8 @@ def largest_eigenvalue(matrix: Sparse, masses: Array) -> float:
 def bending_compliance(stiffness: Sparse) -> float:
     """Largest (displacement of a point)^2/(2 energy) in the five softest vibrations of a free body [R^2/(M c^2)].
 
-    Its `stiffness` (2n, 2n) has three rigid modes. From each compliance that of the sixth vibration is subtracted, so
-    that the result is the same where that is as soft as the fifth.
+    Its `stiffness` (2n, 2n) has three rigid modes. The sixth vibration's compliance is subtracted from each, so that
+    the result does not depend on which of two equally soft vibrations comes fifth.
     """
     from scipy.sparse.linalg import eigsh
 

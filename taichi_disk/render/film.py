@@ -31,7 +31,7 @@ Frame = tuple[float, str | None]  # t [R/c] and the last line, None for the resu
 FORMATS = (".mp4", ".webm", ".gif", ".png", "")
 _HELD, _LAST = 0.06, 0.10  # shares of a film that stand still at the greatest compression, and at the end
 _LOOKS = 12  # times before the greatest compression from which the scale of colours is taken
-_LONGEST = 4.0  # times its length at the greatest compression, the most that an arrow has: it stays in the picture
+_LONGEST = 4.0  # arrows of the full force that an arrow may be as long as: it ends in the picture
 _BESIDE = 0.05  # what is seen at the least on either side of the disk, whose flight may take it out of the view [R]
 _BELOW = 0.16  # what is seen of the rigid wall below its edge [R]
 _GREATEST = "greatest compression"
@@ -167,10 +167,11 @@ def _painter(scenario: Scenario, outcome: Outcome, video: VideoSection, still: f
     columns, (xmin, xmax, ymin, ymax) = outcome.columns, scenario.view
     peak = greatest_compression(columns)
     if still is None:
-        early, places = scenario.frame_times(columns, 2 * _LOOKS), [outcome.positions]
-        times = [*early[early < peak][-_LOOKS:].tolist(), peak]
+        looks = [t for t in scenario.frame_times(columns, 2 * _LOOKS).tolist() if t < peak][-_LOOKS:]
+        places = [outcome.positions]
     else:
-        times, places = sorted({still, peak}), []
+        looks, places = [still], []
+    times = sorted({*looks, peak})
     for t, (_, x, v) in zip(times, outcome.replay(np.array(times)), strict=True):
         places.append(x)
         if t <= peak:

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from taichi_disk.simulation.equilibrium import Equilibrium
 
 TOUCH = 1e-3  # of the load is borne by the wall at the start: a softer start than contact, a shorter fall than none
-AS_MADE = 1e-9  # strain of a spring up to which a lattice is at rest
+STRAINED = 1e-9  # a lattice with a spring of a larger strain is not at rest
 AT_REST = 1e-8  # of the largest kinetic energy, where curves end: its square root is the vibration's amplitude
 
 
@@ -77,7 +77,7 @@ class Compression(Scenario):
         self.pressure = scene.compression.pressure
         self.static = scene.compression.method == "newton"
         wall, springs = ExponentialWall(scene.wall.a, scene.wall.V0), scene.springs(disk)
-        if np.abs(springs.strain(disk, disk.positions)).max() > AS_MADE:
+        if np.abs(springs.strain(disk, disk.positions)).max() > STRAINED:
             disk = replace(disk, positions=solve_equilibrium(disk, Model(springs), disk.positions).positions)
         self.model = Model(springs, wall, Load(self.pressure))
         angle = resting_angle(disk, material.k_a, wall.a, self.pressure)

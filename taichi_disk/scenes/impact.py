@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 
 from taichi_disk.errors import InputError
-from taichi_disk.lattice import Lattice
+from taichi_disk.lattice import Lattice, disk_of
 from taichi_disk.lattice.network import bending_compliance, network_stiffness
 from taichi_disk.simulation.observables import Columns
 from taichi_disk.simulation.scenario import Array, Scenario, spread
@@ -48,21 +48,22 @@ class ImpactScenario(Scenario):
     def __init__(self, scene: Any, body: Lattice) -> None:
         """`body`: the unloaded lattice, the elastic wall's surface at y = 0 if there is one."""
         self.scene, self._body = scene, body
-        disk = body.positions[: body.disk_points]
-        distance = np.hypot(*(disk - disk.mean(axis=0)).T)
+        disk = disk_of(body)
+        distance = np.hypot(*(disk.positions - disk.positions.mean(axis=0)).T)
         self._radius, self._inertia = float(distance.max()), float((distance**2).mean())
-        self._dip = self._radius - float(distance[body.disk_surface].min())
+        self._dip = self._radius - float(distance[disk.disk_surface].min())
         self._compliance = 1.0 / scene.material.k_a
         if self._dip > NOT_ROUND * self._radius:
-            stiffness = network_stiffness(disk, body.bonds[(body.bonds < len(disk)).all(axis=1)], scene.material.k_a)
+            stiffness = network_stiffness(disk.positions, disk.bonds, scene.material.k_a)
             self._compliance = max(self._compliance, bending_compliance(stiffness))
-        self._set_out(scene.impact.velocity)
+        self._set_out()
 
-    def _set_out(self, velocity: float) -> None:
-        """Everything that follows from the speed at which the disk meets the wall [c]."""
+    def _set_out(self) -> None:
+        """Everything that follows from the scene's velocity."""
         from taichi_disk.simulation.stability import impact_point_force
 
-        scene, self.velocity, self.kinetic = self.scene, velocity, 0.5 * velocity**2
+        scene, velocity = self.scene, self.scene.impact.velocity
+        self.velocity, self.kinetic = velocity, 0.5 * velocity**2
         unit = 1.0 / np.sqrt(scene.material.k_a)  # the disk's own time scale [R/c]
         halvings = np.ceil(np.log2(LONGEST * unit * scene.wall.a * velocity / DECAY_TIMES_PER_ROW) - 1e-9)
         self.sample_interval = float(LONGEST * unit * 0.5 ** np.clip(halvings, 0, HALVINGS))
@@ -168,9 +169,9 @@ class ImpactScenario(Scenario):
         velocity = -float(velocities[:, 1].mean())
         if not velocity > 0.0:
             raise InputError(f"velocities: their mean has to point down, at the wall, not {-velocity:+g} c")
-        self.scene.with_({"impact.velocity": velocity})  # refuses what it would refuse of a scene with that speed
-        self._set_out(velocity)
-        super().start_with(velocities)
+        self.scene = self.scene.with_({"impact.velocity": velocity})
+        self._set_out()
+        super().start_with(velocities)  # the start at that speed has others
 
     def marks(self, columns: Columns) -> tuple[str, str]:
         e, contact_time = self.result(columns).values()

@@ -10,6 +10,7 @@ import numpy as np
 
 from taichi_disk.errors import TaichiDiskError
 from taichi_disk.lattice import Array
+from taichi_disk.lattice.lattice import double_area
 from taichi_disk.progress import Progress
 from taichi_disk.simulation import energy_balance
 from taichi_disk.simulation.driver import Driver, Moment
@@ -23,7 +24,7 @@ from taichi_disk.simulation.step_control import fitted
 ESTIMATE_UP_TO = 1.3e9  # spring evaluations of a run, some 5 s, up to which a second run for the error is made unasked
 REST_CAUTION = 1.1  # by which the distance from Newton's rest is enlarged
 ROUNDING = 1e-11  # of xi [R], about, and of where the solver stops
-STRETCHED = 0.1  # of the elastic energy of the contact: what there is before counts from here
+STRETCHED = 0.1  # of the contact's elastic energy: a disk that stores more before it touches the wall is stretched
 ROWS_AT_REST = 101  # of an equilibrium's way from the unloaded disk
 
 
@@ -106,7 +107,7 @@ def _described(driver: Driver, time: Any, estimate: bool) -> Outcome:
         inverted = inverted_triangles(scenario, x)
         if scenario.step_dependent and time.tolerance == "none":
             error = _second_opinion(driver, time)
-    warnings += _told_of(inverted or 0)
+    warnings += _inversion_warnings(inverted or 0)
     facts = {
         "warnings": warnings,
         "steps": end.step,
@@ -152,12 +153,10 @@ def _second_opinion(driver: Driver, time: Any) -> float | None:
 
 def inverted_triangles(scenario: Scenario, x: Array) -> int:
     """How many triangles of the lattice are turned inside out at the positions `x` (n, 2)."""
-    a, b, c = (x[corner] for corner in scenario.lattice.triangles.T)
-    area = (b[:, 0] - a[:, 0]) * (c[:, 1] - a[:, 1]) - (b[:, 1] - a[:, 1]) * (c[:, 0] - a[:, 0])
-    return int((area < 0.0).sum())
+    return int((double_area(x[scenario.lattice.triangles]) < 0.0).sum())
 
 
-def _told_of(inverted: int) -> list[str]:
+def _inversion_warnings(inverted: int) -> list[str]:
     if not inverted:
         return []
     return [
@@ -189,7 +188,7 @@ def _at_rest(scenario: Scenario) -> Outcome:
     columns["total"] = columns["elastic"] + columns["wall"] + columns["load"]
     inverted = inverted_triangles(scenario, rest.positions)
     facts = {
-        "warnings": _told_of(inverted),
+        "warnings": _inversion_warnings(inverted),
         "steps": rest.iterations,
         "integrator": "newton",
         "error_estimate": {},

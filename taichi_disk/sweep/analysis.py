@@ -110,7 +110,9 @@ LAWS = {
         "eq. (5), d1 = 1", lambda c: fits.fit_restitution(c.x, c.y, d1_is_1=True), points=3, fastest=3.9
     ),
     "curvature": Law("curvature of e(v)", lambda c: fits.fit_curvature(c.x, c.y), points=8),
-    "eq4": Law("eq. (4) integrated", lambda c: fits.fit_tau0(c.x, c.y, c.young), 3, True, True, fastest=2.2),
+    "eq4": Law(
+        "eq. (4) integrated", lambda c: fits.fit_tau0(c.x, c.y, c.young), 3, moduli=True, damped=True, fastest=2.2
+    ),
 }
 
 
