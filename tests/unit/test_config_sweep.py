@@ -97,6 +97,13 @@ def test_each_fault_is_told_with_its_place(text: str, expected: str) -> None:
     assert faults(text) == [expected]
 
 
+def test_a_wall_is_random_where_the_disk_comes_from_a_file() -> None:
+    scene = "scene: absorbing_wall\nlattice: {file: own.csv}\n"
+    assert len(load_sweep(scene + "sweep: {seed: [0, 1]}\n").scenes) == 2
+    with pytest.raises(InputError, match=r"sweep\.points: changes nothing"):
+        load_sweep(scene + "sweep: {points: [10, 20]}\n")
+
+
 def test_values_that_disagree_only_together_are_told_with_the_combination() -> None:
     # At 0.065 R the fast disk may start, the slow one not.
     assert faults("sweep: {gap: [0.2, 0.065], velocity: [0.05, 0.01]}")[-1].endswith("(at gap: 0.065, velocity: 0.01)")
