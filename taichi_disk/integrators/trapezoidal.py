@@ -129,18 +129,20 @@ class DashpotSolver:
 
     @ti.func
     def solve_velocities(self, state: ti.template()):
-        """The velocities at this step into `state.u`; returns u.D u and u.D u_before, D all dashpots together."""
+        """The velocities u at this step into `state.u`; returns u.D u, u.D u_before and u.D v, D all dashpots together."""
         self.solve(state, state.v)
         half = state.closing[None]
-        power, cross = 0.0, 0.0
+        power, cross, late = 0.0, 0.0, 0.0
         for k in range(self.free[0]):
             i, u = self.order[k], get(self.z, k)
             before = get(state.u, i)
-            loss = (get(state.v, i) + half * get(state.f, i) - u) / half
+            v = get(state.v, i)
+            loss = (v + half * get(state.f, i) - u) / half
             power += u[0] * loss[0] + u[1] * loss[1]
             cross += before[0] * loss[0] + before[1] * loss[1]
+            late += v[0] * loss[0] + v[1] * loss[1]
             put(state.u, i, u)
-        return power, cross
+        return power, cross, late
 
     @ti.func
     def take_damped_force(self, state: ti.template()):
@@ -148,6 +150,28 @@ class DashpotSolver:
         for k in range(self.free[0]):
             i = self.order[k]
             put(state.f, i, (get(state.u, i) - get(state.v, i)) / state.closing[None])
+
+    @ti.func
+    def begin(self, state: ti.template()):
+        """From v_0 in `u` and the force F_0 without dashpots in `f`: a first half step that takes them implicitly.
+
+        (1 + h/2 D/m) w = v_0 + h/2 F_0/m, or stiff dashpots would overshoot. Returns w.D w, w.D v_0 and what the
+        energy balance begins with, h^2/(8 m) F_0.(F_0 - D w).
+        """
+        self.solve(state, state.u)
+        m, half = state.m[None], state.closing[None]
+        power, late, stored = 0.0, 0.0, 0.0
+        for k in range(self.free[0]):
+            i, w = self.order[k], get(self.z, k)
+            force, v = get(state.f, i), get(state.u, i)
+            left = (w - v) / half
+            loss = force - left
+            power += w[0] * loss[0] + w[1] * loss[1]
+            late += v[0] * loss[0] + v[1] * loss[1]
+            stored += 0.5 * m * half * half * (force[0] * left[0] + force[1] * left[1])
+            put(state.f, i, left)
+            put(state.u, i, w)
+        return power, late, stored
 
     @ti.func
     def restart(self, state: ti.template()):

@@ -27,6 +27,7 @@ SPRINGS_PER_POINT = 3  # a triangulation has fewer
 ENTRIES_PER_POINT = 27  # of the dashpots' factor, enough up to some 12,000 points
 LEAST_ROOM = Room(POINTS, SPRINGS_PER_POINT * POINTS // BLOCK, ENTRIES_PER_POINT * POINTS)
 NEVER = 2**30
+CONTACT = 1e-3  # of the kinetic energy of the flight, in the wall's potential
 
 
 class Simulation:
@@ -88,8 +89,10 @@ class Simulation:
         self.generation += 1
         n, g = len(lattice.positions), dt / self.mass
         reset_steps = max(1, round(model.reset_interval / dt))
+        flight = 0.5 * float((velocities[: lattice.disk_points].mean(axis=0) ** 2).sum())
+        contact = CONTACT * flight * model.wall.added_stiffness(1.0) if model.wall else float("inf")
         self.state.set_numbers(
-            (dt, self.mass, g, self.integrator.kicks[-1] * g),
+            (dt, self.mass, g, self.integrator.kicks[-1] * g, contact),
             (n, lattice.disk_points, arranged.blocks, arranged.subdomain_points, reset_steps),
             self.model.laws,
         )

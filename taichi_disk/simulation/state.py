@@ -50,7 +50,7 @@ class State:
         if damped:
             self.u = pair_of(builder, filled)
             self.vectors.append(self.u)
-        self.reals = self.h, self.m, self.g, self.closing = [ti.field(ti.f64) for _ in range(4)]
+        self.reals = self.h, self.m, self.g, self.closing, self.contact = [ti.field(ti.f64) for _ in range(5)]
         self.counts = [ti.field(ti.i32) for _ in range(5)]
         self.n, self.n_disk, self.blocks, self.subdomain_points, self.reset_steps = self.counts
         builder.place(*self.reals)
