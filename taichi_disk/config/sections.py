@@ -20,6 +20,7 @@ else:
 
 Auto: TypeAlias = Literal["auto"]
 Boundary: TypeAlias = Literal["reset", "pinned", "dashpot"]
+Contact: TypeAlias = Literal["springs", "smooth"]
 Colour: TypeAlias = Literal["strain", "force", "pressure", "shear", "rate", "fringes", "speed", "kinetic"]
 Draw: TypeAlias = Literal["field", "springs", "both", "points"]
 Theme: TypeAlias = Literal["light", "dark"]
@@ -115,6 +116,9 @@ class ElasticWallSection(Section):
     width: float = key(3.8, "width of the wall; its depth follows from equal point density", "R", low=0.1, high=100)
     a: float = key(300.0, "steepness of the contact potential V0 exp(-a l)", "1/R", low=0.1, high=1e6)
     V0: float = key(150.0, "the contact potential at distance 0", "M c^2", low=1e-12, high=1e12)
+    contact: Contact = key(
+        "springs", "distance from the surface spring below a point, as the paper has it, or from a smooth curve"
+    )
     threshold: float = key(0.1, "distance l beyond which there is no contact force", "R", low=1e-3, high=1e3)
     boundary: Boundary = key(
         "reset", "sides and bottom: velocities zeroed at intervals, held fast, or matched (absorbing) dashpots"

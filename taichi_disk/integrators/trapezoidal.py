@@ -129,7 +129,7 @@ class DashpotSolver:
 
     @ti.func
     def solve_velocities(self, state: ti.template()):
-        """The velocities u at this step into `state.u`; returns u.D u, u.D u_before and u.D v, D all dashpots together."""
+        """The velocities u at this step into `state.u`; returns u.D u, u.D u_before, u.D v; D is all dashpots."""
         self.solve(state, state.v)
         half = state.closing[None]
         power, cross, late = 0.0, 0.0, 0.0

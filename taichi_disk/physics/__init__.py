@@ -11,6 +11,7 @@ from taichi_disk.physics.law import BodyForce, Law  # noqa: E402
 from taichi_disk.physics.load import Load  # noqa: E402
 from taichi_disk.physics.model import Model  # noqa: E402
 from taichi_disk.physics.mouse_spring import MouseSpring  # noqa: E402
+from taichi_disk.physics.smooth_contact import SmoothElasticWall  # noqa: E402
 from taichi_disk.physics.springs import Springs  # noqa: E402
 
 __all__ = [
@@ -25,6 +26,7 @@ __all__ = [
     "MouseSpring",
     "PinnedBoundary",
     "ResetBoundary",
+    "SmoothElasticWall",
     "Springs",
     "matched_impedance",
 ]

@@ -19,12 +19,12 @@ from taichi_disk.physics.points import get, put
 
 @dataclass(frozen=True)
 class Contacts:
-    """Surface points of the disk over the wall, in NumPy."""
+    """Surface points of the disk within the threshold of the wall, in NumPy."""
 
     points: NDArray[np.intp]  # (k,) their numbers in the lattice
-    springs: NDArray[np.intp]  # (k,) the wall's surface spring below each; its ends are wall_surface[s] and [s + 1]
+    carriers: NDArray[np.intp]  # (k, w) which of `wall_surface` take the reaction of each
+    shares: Array  # (k, w) in which parts
     distance: Array  # (k,) l [R]
-    lever: Array  # (k,) where along the spring each stands, 0 to 1
     energy: Array  # (k,) V0 exp(-a l), not shifted [M c^2]
     push: Array  # (k, 2) force on each [M c^2/R]
 
@@ -77,10 +77,7 @@ class ElasticWall(Law):
         x, y = ti.static(state.x[0], state.x[1])
         upward, potential, highest, slid = 0.0, 0.0, 0.0, 0.0
         last = self.count[1] - 1
-        top = y[self.wall_surface[0]]
-        for k in range(1, last + 1):
-            top = ti.max(top, y[self.wall_surface[k]])
-        left = x[self.wall_surface[0]]
+        top, left = self.highest_and_left(state)
         pitch = (x[self.wall_surface[last]] - left) / last
         for n in range(self.count[0]):
             i = self.disk_surface[n]
@@ -102,6 +99,14 @@ class ElasticWall(Law):
                         highest = ti.max(highest, a * energy)
                         slid += self.slid(state, i, k, move)
         return upward, potential, highest, slid
+
+    @ti.func
+    def highest_and_left(self, state: ti.template()):
+        """y of the wall's highest surface point, x of its first."""
+        top = state.x[1][self.wall_surface[0]]
+        for k in range(1, self.count[1]):
+            top = ti.max(top, state.x[1][self.wall_surface[k]])
+        return top, state.x[0][self.wall_surface[0]]
 
     @ti.func
     def slid(self, state: ti.template(), i, k, move):
@@ -161,11 +166,18 @@ class ElasticWall(Law):
         length2 = (t * t).sum(axis=1)
         normal = np.stack([-t[:, 1], t[:, 0]], axis=1) / np.sqrt(length2)[:, None]
         distance, lever = (away * normal).sum(axis=1), (away * t).sum(axis=1) / length2
+        shares = np.stack([1.0 - lever, lever], axis=1)
+        return self._contacts(points, springs[:, None] + np.arange(2), shares, distance, normal)
+
+    def _contacts(
+        self, points: NDArray[np.intp], carriers: NDArray[np.intp], shares: Array, distance: Array, direction: Array
+    ) -> Contacts:
+        """Those within the threshold, each pushed along its `direction` (k, 2)."""
         with np.errstate(over="ignore", invalid="ignore"):  # after a blow-up
             energy = self.V0 * np.exp(-self.a * distance)
-            push = (self.a * energy)[:, None] * normal
+            push = (self.a * energy)[:, None] * direction
         near = distance < self.threshold
-        return Contacts(*(one[near] for one in (points, springs, distance, lever, energy, push)))
+        return Contacts(*(one[near] for one in (points, carriers, shares, distance, energy, push)))
 
     def energy(self, lattice: Lattice, x: Array) -> float:
         return float((self.contacts(lattice, x).energy - self.V0_at_threshold).sum())
@@ -173,8 +185,8 @@ class ElasticWall(Law):
     def forces(self, lattice: Lattice, x: Array) -> Array:
         found, force = self.contacts(lattice, x), np.zeros_like(x)
         np.add.at(force, found.points, found.push)
-        np.add.at(force, lattice.wall_surface[found.springs], (found.lever - 1.0)[:, None] * found.push)
-        np.add.at(force, lattice.wall_surface[found.springs + 1], -found.lever[:, None] * found.push)
+        for carrier, share in zip(found.carriers.T, found.shares.T, strict=True):
+            np.add.at(force, lattice.wall_surface[carrier], -share[:, None] * found.push)
         return force
 
     def contact_forces(self, lattice: Lattice, x: Array) -> tuple[NDArray[np.intp], Array]:

@@ -86,10 +86,11 @@ class AbsorbingWallImpact(ImpactScenario):
         return -half - 0.05, half + 0.05, bottom - 0.05, 2.0 + self.gap
 
     def _model(self) -> Model:
-        from taichi_disk.physics import ElasticWall, Model
+        from taichi_disk.physics import ElasticWall, Model, SmoothElasticWall
 
         wall = self.scene.wall
-        contact = ElasticWall(wall.a, wall.V0, wall.threshold)
+        law = {"springs": ElasticWall, "smooth": SmoothElasticWall}[wall.contact]
+        contact = law(wall.a, wall.V0, wall.threshold)
         return Model(self.scene.springs(self.lattice), contact, boundary=self._boundary())
 
     def _boundary(self) -> Boundary:

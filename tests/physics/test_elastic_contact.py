@@ -7,11 +7,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import reference
-from bodies import ELASTIC, disk_and_wall
+from bodies import ELASTIC, V0, WALL, A, computed, disk_and_wall
 from numpy.testing import assert_allclose
+from scipy.interpolate import BSpline
+from scipy.optimize import brentq
 
 from taichi_disk.integrators import VELOCITY_VERLET
-from taichi_disk.physics import Model, ResetBoundary, Springs
+from taichi_disk.physics import Model, ResetBoundary, SmoothElasticWall, Springs
 
 # Next to no springs: what is left is the contact.
 BARE = Model(Springs(1e-12, 1e-12), ELASTIC, boundary=ResetBoundary(1.0))
@@ -19,10 +21,10 @@ LATTICE = disk_and_wall()
 N = LATTICE.disk_points
 
 
-def forces(kernels, x):
+def forces(kernels, x, model=BARE):
     """Of the kernels, at rest with the points at `x`."""
     still = np.zeros_like(x)
-    return kernels.simulation(replace(LATTICE, positions=x), BARE, VELOCITY_VERLET, still, 1e-3).snapshot().vectors[2]
+    return kernels.simulation(replace(LATTICE, positions=x), model, VELOCITY_VERLET, still, 1e-3).snapshot().vectors[2]
 
 
 @pytest.mark.parametrize("roughness", [0.0, 0.03, 0.06])
@@ -42,7 +44,7 @@ def test_every_point_finds_the_spring_below_it_and_the_lever_rule_balances_force
         assert_allclose(ELASTIC.forces(LATTICE, x), expected, rtol=0, atol=1e-12 * scale)
         found = ELASTIC.contacts(LATTICE, x)
         assert found.points.tolist() == rows.point.tolist()
-        assert LATTICE.wall_surface[found.springs].tolist() == rows.left.tolist()
+        assert LATTICE.wall_surface[found.carriers[:, 0]].tolist() == rows.left.tolist()
         touching += len(rows.point)
         scale = np.abs(f).sum()
         assert np.abs(f.sum(axis=0)).max() <= 1e-13 * scale + 1e-12
@@ -50,3 +52,60 @@ def test_every_point_finds_the_spring_below_it_and_the_lever_rule_balances_force
         moved = np.flatnonzero(np.abs(f).sum(axis=1) > 1e-9)
         assert set(moved) <= {*LATTICE.wall_surface, *LATTICE.disk_surface}
     assert touching > 12
+
+
+SMOOTH = SmoothElasticWall(A, V0, 0.1)
+
+
+def smooth_potential(x):
+    """V0 exp(-a l) - V0 exp(-a 0.1) over SciPy's B-spline through the wall's surface, point by point."""
+    chain = x[LATTICE.wall_surface]
+    curve = BSpline(np.arange(len(chain) + 3) - 1.5, chain, 2)  # over its control point k at the parameter k
+    energy = 0.0
+    for px, py in x[LATTICE.disk_surface]:
+        if curve(0.5)[0] <= px < curve(len(chain) - 1.5)[0]:
+            at = brentq(lambda u, px=px: curve(u)[0] - px, 0.5, len(chain) - 1.5, xtol=1e-15)
+            height = py - curve(at)[1]
+            energy += V0 * (np.exp(-A * height) - np.exp(-A * 0.1)) if height < 0.1 else 0.0
+    return energy
+
+
+@pytest.mark.parametrize("roughness", [0.0, 0.03])
+def test_the_smooth_contact_pushes_along_the_gradient_of_its_potential_and_keeps_momentum(roughness, kernels):
+    model = Model(Springs(1e-12, 1e-12), SMOOTH, boundary=ResetBoundary(1.0))
+    for seed in range(6):
+        rng = np.random.default_rng(seed)
+        x = LATTICE.positions + roughness * rng.uniform(-1, 1, LATTICE.positions.shape)
+        x[:N, 0] += rng.uniform(-1.0, 1.0)
+        x[LATTICE.wall_surface, 0] = np.sort(x[LATTICE.wall_surface, 0])
+        f = forces(kernels, x, model)
+        scale = np.abs(f).max()
+        assert scale > 1e-3
+        assert_allclose(f, SMOOTH.forces(LATTICE, x), rtol=0, atol=1e-12 * max(scale, 1.0))
+        assert np.abs(f.sum(axis=0)).max() <= 1e-13 * np.abs(f).sum()
+        assert SMOOTH.energy(LATTICE, x) == pytest.approx(smooth_potential(x), rel=1e-10)
+        for i in np.argsort(-np.abs(f).sum(axis=1))[:4]:
+            for c in (0, 1):
+                moved = [x.copy(), x.copy()]
+                moved[0][i, c] -= 1e-7
+                moved[1][i, c] += 1e-7
+                slope = np.diff([smooth_potential(one) for one in moved])[0] / 2e-7
+                assert f[i, c] == pytest.approx(-slope, abs=1e-6 * scale)
+
+
+def test_an_impact_that_slides_over_the_smooth_surface_converges_with_order_2(kernels):
+    # A spin leads points from spring to spring: over springs the energy jumps there, and e follows no order.
+    settings = *WALL, "wall.boundary=pinned", "impact.velocity=0.05", "impact.spin=0.1", "impact.gap=0.08"
+    e = {}
+    for contact in ("smooth", "springs"):
+        steps = [f"time.dt={dt}" for dt in (8e-3, 4e-3, 2e-3)]
+        runs = [
+            computed(kernels, "absorbing_wall", *settings, step, f"wall.contact={contact}", estimate=False)
+            for step in steps
+        ]
+        slid = [np.abs(outcome.columns["sliding"]).max() for _, outcome in runs]
+        assert min(slid) > 1e-8 if contact == "springs" else max(slid) == 0.0
+        e[contact] = [scenario.result(outcome.columns)["restitution"] for scenario, outcome in runs]
+    first, second, third = e["smooth"]
+    assert (first - second) / (second - third) == pytest.approx(4.0, abs=0.1)
+    assert abs(e["springs"][1] - e["springs"][2]) > abs(second - third)
