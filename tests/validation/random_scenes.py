@@ -120,6 +120,32 @@ def trial_scene(number: int) -> tuple[str, tuple[str, ...], float]:
     return name, tuple(settings), tolerance
 
 
+def hard_scene(number: int) -> tuple[str, tuple[str, ...], float]:
+    """Name and settings of an impact that is hard on a step, and by how much its springs are strained at the start.
+
+    N 25 to 100, v 0.01 to 0.2, a spin in two of three, eta* 0 or 1 to 2000; rest lengths that differ by up to 3 % in
+    one of three; the elastic wall with both of its contacts.
+    """
+    draw = Draw(34, number)
+    rng, between = draw.rng, draw.between
+    name = draw.one_of(("exponential_wall", "absorbing_wall"))
+    points, a, v = draw.one_of((25, 40, 60, 100)), between(30.0, 1000.0), between(0.01, 0.2)
+    eta_star = 0.0 if rng.random() < 0.25 else between(1.0, 2000.0)
+    spin = 0.0 if rng.random() < 0.33 else between(0.01, 0.3) * draw.one_of((-1.0, 1.0))
+    settings = [
+        *(f"lattice.points={points}", f"lattice.seed={rng.integers(10000)}", f"material.eta_star={eta_star}"),
+        *(f"wall.a={a}", f"wall.V0={0.5 * a}", f"impact.velocity={v}", f"impact.spin={spin}"),
+    ]
+    if name == "absorbing_wall":
+        reach = (math.log(0.5 * a) - math.log(5e-6) - 2.0 * math.log(v)) / a
+        settings += [
+            *(f"wall.points={points + 20}", "wall.width=3.0", f"wall.boundary={draw.one_of(BOUNDARIES)}"),
+            *(f"wall.threshold={max(1.5 * reach, 1e-3):.4g}", f"wall.reset_interval={between(0.03, 0.3)}"),
+            f"wall.contact={draw.one_of(('springs', 'smooth'))}",
+        ]
+    return name, tuple(settings), between(1e-3, 3e-2) if rng.random() < 0.33 else 0.0
+
+
 class ShortOnly:
     """Gives up scenes that might take more than `most_work`, springs times steps up to the scene's `max_time`."""
 
