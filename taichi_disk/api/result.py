@@ -11,7 +11,7 @@ import numpy as np
 
 from taichi_disk import runtime
 from taichi_disk.api.job import FRAMES, Clock, Computed, Job, write_run
-from taichi_disk.config.loader import Source
+from taichi_disk.config.tree import Source
 from taichi_disk.errors import InputError
 from taichi_disk.lattice import Array, Lattice, numbers
 from taichi_disk.output import files

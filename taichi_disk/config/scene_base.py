@@ -1,15 +1,15 @@
-"""A scene as a value: sections that agree with each other, written out or changed. Each kind is a subclass."""
+"""A scene as a value: sections that agree with each other, checked, written out or changed. Each kind is a subclass."""
 
 from __future__ import annotations
 
 import json
+import os
 import re
 from collections.abc import Collection, Mapping
-from dataclasses import asdict, fields
+from dataclasses import asdict, fields, replace
 from math import log
 from typing import TYPE_CHECKING, Any, ClassVar, TypeAlias, cast
 
-from taichi_disk.config.checks import check, either
 from taichi_disk.config.sections import (
     ElasticWallSection,
     Frozen,
@@ -21,8 +21,8 @@ from taichi_disk.config.sections import (
     VideoSection,
     WallSection,
 )
-from taichi_disk.config.yaml_tree import tree_of
-from taichi_disk.errors import InputError
+from taichi_disk.config.tree import Keys, Tree, tree_of
+from taichi_disk.errors import InputError, did_you_mean, either, nearest
 
 if TYPE_CHECKING:
     from typing_extensions import Self
@@ -142,3 +142,85 @@ def _distance(wall: WallSection | ElasticWallSection, velocity: float, fraction:
 def rounded_up(value: float) -> str:
     """Four digits, above the value."""
     return f"{value * 1.001:.4g}"
+
+
+# ---- from a tree of values to a scene, or every fault in words, with the nearest name
+
+Kinds: TypeAlias = Mapping[str, type[SceneBase]]  # of scenes, by the name that `scene:` takes
+
+
+def check(tree: Tree, kinds: Kinds) -> SceneBase | None:
+    """The scene that the tree describes; None where it has faults, which are added to the tree's."""
+    kind = tree.value.get("scene")
+    if isinstance(kind, str) and kind in kinds:
+        return _read(kind, tree, kinds)
+    entry = tree.entry(("scene",))
+    what = f"missing: write scene: {either(kinds)}"
+    if "scene" in tree.value:
+        what = f"must be {either(kinds)}, not {entry.shown}{did_you_mean(kind, kinds)}"
+    tree.fault(entry.value, ("scene",), what)
+    # The other keys are judged as the kind that was probably meant, else as the one that has most of them.
+    judged = nearest(kind, kinds) or sorted(kinds, key=lambda name: -_known(kinds[name].sections(), tree.value))
+    _read(judged[0], tree, kinds)
+    return None
+
+
+def _known(sections: Mapping[str, Section], given: dict[str, Any]) -> int:
+    """How many of the given sections, and of their keys, are among `sections`."""
+    keys = {name: value if isinstance(value, dict) else () for name, value in given.items() if name in sections}
+    return len(keys) + sum(len(sections[name].schema().keys() & each) for name, each in keys.items())
+
+
+def _read(kind: str, tree: Tree, kinds: Kinds) -> SceneBase | None:
+    sections, read = kinds[kind].sections(), dict[str, Any]()
+    for name, given in tree.value.items():
+        entry = tree.entry((name,))
+        if name == "scene":
+            continue
+        if name not in sections:
+            tree.fault(entry.key, (name,), _unknown(kind, (name,), kinds))
+        elif given is None:
+            tree.fault(entry.value, (name,), "an empty section: give it a key, or leave it out")
+        elif not isinstance(given, dict):
+            what = f"must be a section, that is indented lines of key: value, not {entry.shown}"
+            tree.fault(entry.value, (name,), what)
+        else:
+            values = {one: _value(kind, (name, one), value, tree, kinds) for one, value in given.items()}
+            read[name] = (sections[name], values)
+    if tree.faults:
+        return None
+    scene: SceneBase = kinds[kind](**{name: replace(section, **values) for name, (section, values) in read.items()})
+    for key, what in scene.conflicts():
+        path = tuple(key.split("."))
+        tree.fault(tree.entry(path).value, path, what)
+    return None if tree.faults else scene
+
+
+def _value(kind: str, path: Keys, value: Any, tree: Tree, kinds: Kinds) -> Any:
+    """`value` as the scene keeps it, or a fault."""
+    key, entry = kinds[kind].sections()[path[0]].schema().get(path[1]), tree.entry(path)
+    if key is None:
+        tree.fault(entry.key, path, _unknown(kind, path, kinds))
+    elif not key.accepts(value):
+        what = f"must be {key.allowed()}, not {entry.shown}{did_you_mean(value, key.words)} ({key.meaning})"
+        tree.fault(entry.value, path, what)
+    elif path == ("lattice", "file") and value != "none":
+        # On the command line a name counts from the working directory, in a scene file from the file's folder.
+        folder = "" if entry.value.rank else tree.folder
+        return os.path.realpath(os.path.join(folder, os.path.expanduser(value)))
+    elif key.kind is float and not isinstance(value, str):
+        return float(value)
+    return value
+
+
+def _unknown(kind: str, path: Keys, kinds: Kinds) -> str:
+    """Why the key at `path` is not one of this kind of scene, and what was probably meant."""
+    section, *keys = path
+    having = {name: one.sections()[section].schema() for name, one in kinds.items() if section in one.sections()}
+    if others := [name for name, known in having.items() if known.keys() >= set(keys)]:
+        return f"belongs to scene: {either(others)}, not to scene: {kind}"
+    if homes := kinds[kind].homes(path[-1]):  # another section's key only where it bears exactly this name
+        return f"unknown key; did you mean {either('.'.join(home) for home in homes)}?"
+    siblings = list(having[kind]) if keys else ["scene", *kinds[kind].sections()]
+    listed = f"; {section if keys else f'scene: {kind}'} has {', '.join(siblings)}"
+    return f"unknown key{did_you_mean(path[-1], siblings) or listed}"

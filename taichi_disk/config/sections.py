@@ -10,6 +10,8 @@ from dataclasses import dataclass, field, fields
 from functools import cache
 from typing import TYPE_CHECKING, Any, ClassVar, Literal, TypeAlias, get_args, get_type_hints
 
+from taichi_disk.errors import either
+
 if TYPE_CHECKING:  # tells mypy what `Frozen` does; typing has it from Python 3.11 on
     from typing_extensions import dataclass_transform as _dataclasses
 else:
@@ -49,6 +51,21 @@ class Key:
         if type(value) is not self.kind and (type(value), self.kind) != (int, float):
             return False
         return self.kind is bool or (self.low <= value <= self.high and not (self.step and value % self.step))
+
+    def allowed(self) -> str:
+        """The values that the key may have, in words."""
+        if self.kind is bool:
+            return "true or false"
+        if self.kind is str:
+            return either(self.words or ("none", "the name of a file"))
+        number = "a whole number" if self.kind is int else "a number"
+        if self.step:
+            number = "an even whole number" if self.step == 2 else f"a multiple of {self.step:g}"
+        low, high = (
+            str(bound) if isinstance(bound, int) else f"{bound:.5g}".replace("e-0", "e-").replace("e+0", "e")
+            for bound in (self.low, self.high)
+        )
+        return either([*self.words, f"{number} from {low} to {high}"]) + (f" [{self.unit}]" if self.unit else "")
 
 
 def key(default: Any, meaning: str, unit: str = "", **bounds: float) -> Any:

@@ -12,9 +12,9 @@ from dataclasses import dataclass
 from math import prod
 from typing import Any, TypeAlias
 
-from taichi_disk.config.checks import Kinds, check, did_you_mean
-from taichi_disk.config.scene_base import SceneBase, Value, yaml_scalar
-from taichi_disk.config.yaml_tree import Entry, Path, Tree, printable
+from taichi_disk.config.scene_base import Kinds, SceneBase, Value, check, yaml_scalar
+from taichi_disk.config.tree import Entry, Keys, Tree, printable
+from taichi_disk.errors import did_you_mean
 
 MAX_SCENES = 100_000
 FORMS = "a list of values, {lin: [from, to, count]}, {geom: [from, to, count]} or {range: count}"
@@ -66,7 +66,7 @@ def check_sweep(tree: Tree, kinds: Kinds) -> Sweep | None:
     listed = isinstance(section, list) and len(section) > 0
     blocks: list[Axes] = []
     for number, block in enumerate(section if listed else [section]):
-        path: Path = ("sweep", str(number)) if listed else ("sweep",)
+        path: Keys = ("sweep", str(number)) if listed else ("sweep",)
         if not (isinstance(block, dict) and block):
             entry = tree.entries[path]
             tree.fault(entry.value, ("sweep",), f"must be lines of key: values, not {entry.shown}")
@@ -78,9 +78,9 @@ def check_sweep(tree: Tree, kinds: Kinds) -> Sweep | None:
     return None
 
 
-def _axes(kind: type[SceneBase], block: dict[str, Any], prefix: Path, tree: Tree) -> Axes:
+def _axes(kind: type[SceneBase], block: dict[str, Any], prefix: Keys, tree: Tree) -> Axes:
     axes: Axes = {}
-    taken: dict[Path, str] = {}
+    taken: dict[Keys, str] = {}
     for name, spec in block.items():
         path = (*prefix, name)
         place, target = tree.entries[path].key, target_of(kind, name)
@@ -98,7 +98,7 @@ def _axes(kind: type[SceneBase], block: dict[str, Any], prefix: Path, tree: Tree
     return axes
 
 
-def _values(spec: Any, path: Path, whole: bool, tree: Tree) -> list[tuple[Value, Entry]]:
+def _values(spec: Any, path: Keys, whole: bool, tree: Tree) -> list[tuple[Value, Entry]]:
     """The values that `spec` stands for."""
     entry = tree.entries[path]
     if isinstance(spec, list) and spec:
