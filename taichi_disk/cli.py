@@ -127,8 +127,7 @@ def _run(arguments: argparse.Namespace) -> int:
 def _sweep(arguments: argparse.Namespace) -> int:
     sweep = _load(arguments, "sweep")
 
-    from taichi_disk.sweep.report import print_sweep
-    from taichi_disk.sweep.sweep import run_sweep
+    from taichi_disk.sweep.sweep import print_sweep, run_sweep
 
     names = ("jobs", "scheduler", "part", "estimate")
     with Progress(sys.stderr) as progress:

@@ -17,9 +17,9 @@ from typing import Any
 
 import numpy as np
 
-from taichi_disk import __version__
 from taichi_disk.errors import InputError, SimulationError
 from taichi_disk.lattice import Array, Lattice
+from taichi_disk.version import __version__
 
 _MOTION = ("t", "com_x", "com_y", "com_vx", "com_vy", "angular_momentum", "lowest_y", "wall_force")
 TIMESERIES = (*_MOTION, "kinetic", "elastic", "wall", "dissipated", "absorbed", "total")

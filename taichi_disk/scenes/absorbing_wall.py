@@ -30,8 +30,6 @@ class AbsorbingWallScene(DiskScene):
     lattice_keys: ClassVar[tuple[str, ...]] = ("lattice", "wall.points", "wall.width")
     abscissa: ClassVar[tuple[str, str]] = ("impact", "velocity")
     results: ClassVar[tuple[str, ...]] = ("restitution", "contact_time")
-    laws: ClassVar[tuple[str, ...]] = ("eq5", "eq5_d1_is_1", "curvature")
-    paper: ClassVar[dict[str, float]] = {"d1": 0.973, "d2": 0.119}
 
     scene: Literal["absorbing_wall"] = "absorbing_wall"
     material: MaterialSection = MaterialSection(eta_star=0.0)  # the boundary absorbs the energy

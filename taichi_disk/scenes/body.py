@@ -18,15 +18,12 @@ class DiskScene(SceneBase):
 
     Attributes:
         lattice_keys: the sections and keys on which `body` depends.
-        abscissa, results, laws, paper: of a sweep, the key that curves are drawn against, the numbers of each scene,
-            the laws fitted to them, the paper's values of their coefficients.
+        abscissa, results: of a sweep, the key that curves are drawn against, the numbers of each scene.
     """
 
     lattice_keys: ClassVar[tuple[str, ...]] = ("lattice",)
     abscissa: ClassVar[tuple[str, str]]
     results: ClassVar[tuple[str, ...]] = ()
-    laws: ClassVar[tuple[str, ...]] = ()
-    paper: ClassVar[dict[str, float]] = {}
 
     def body(self) -> Lattice:
         """The unloaded lattice. Raises InputError for a file that holds no disk, SimulationError as `disk_lattice`."""

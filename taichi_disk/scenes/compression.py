@@ -28,8 +28,6 @@ class CompressionScene(DiskScene):
     title: ClassVar[str] = "compression on a rigid wall"
     abscissa: ClassVar[tuple[str, str]] = ("compression", "pressure")
     results: ClassVar[tuple[str, ...]] = ("xi", "xi_nominal", "xi_extrapolated")
-    laws: ClassVar[tuple[str, ...]] = ("eq2", "eq2_nominal")
-    paper: ClassVar[dict[str, float]] = {"b": 1.55}
 
     scene: Literal["compression"] = "compression"
     material: MaterialSection = MaterialSection(eta_star=100.0)  # so that the vibration dies out

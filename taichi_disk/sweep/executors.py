@@ -36,8 +36,8 @@ def ordered(scenes: Scenes) -> Scenes:
     return {key: scenes[key] for keys in lattices.values() for key in sorted(keys)}
 
 
-def share_of(part: str, scenes: Scenes) -> Scenes:
-    """The share `part`, written K/N, of `ordered` scenes: neighbours, so that it sets up few lattices."""
+def part_of(part: str, scenes: Scenes) -> Scenes:
+    """The scenes of `part`, written K/N, out of `ordered` ones: neighbours, so that it sets up few lattices."""
     k, _, n = part.partition("/")
     if not (k.isdecimal() and n.isdecimal() and 1 <= int(k) <= int(n) <= 1_000_000):
         raise InputError(f"--part: must be K/N with 1 <= K <= N, for example 3/16, not {part}")
