@@ -16,7 +16,7 @@ from typing import Any
 from taichi_disk import runtime
 from taichi_disk.errors import InputError, TaichiDiskError
 from taichi_disk.lattice import file_digest
-from taichi_disk.lattice.moduli import bulk_moduli
+from taichi_disk.lattice.network import bulk_moduli
 from taichi_disk.output.files import versions
 from taichi_disk.scenes import Scene
 from taichi_disk.scenes.feasible import check_memory
