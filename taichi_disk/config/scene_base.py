@@ -159,16 +159,15 @@ def check(tree: Tree, kinds: Kinds) -> SceneBase | None:
     if "scene" in tree.value:
         what = f"must be {either(kinds)}, not {entry.shown}{did_you_mean(kind, kinds)}"
     tree.fault(entry.value, ("scene",), what)
-    # The other keys are judged as the kind that was probably meant, else as the one that has most of them.
-    judged = nearest(kind, kinds) or sorted(kinds, key=lambda name: -_known(kinds[name].sections(), tree.value))
-    _read(judged[0], tree, kinds)
+
+    def known(name: str) -> int:
+        sections = kinds[name].sections()
+        paths = [path for path in tree.entries if path and path[0] in sections]
+        return sum(set(path[1:2]) <= sections[path[0]].schema().keys() for path in paths)
+
+    # The other keys are checked as those of the kind that was probably meant, else of the one that has most of them.
+    _read((nearest(kind, kinds) or [max(kinds, key=known)])[0], tree, kinds)
     return None
-
-
-def _known(sections: Mapping[str, Section], given: dict[str, Any]) -> int:
-    """How many of the given sections, and of their keys, are among `sections`."""
-    keys = {name: value if isinstance(value, dict) else () for name, value in given.items() if name in sections}
-    return len(keys) + sum(len(sections[name].schema().keys() & each) for name, each in keys.items())
 
 
 def _read(kind: str, tree: Tree, kinds: Kinds) -> SceneBase | None:

@@ -83,15 +83,15 @@ def _axes(kind: type[SceneBase], block: dict[str, Any], prefix: Keys, tree: Tree
     taken: dict[Keys, str] = {}
     for name, spec in block.items():
         path = (*prefix, name)
-        place, target = tree.entries[path].key, target_of(kind, name)
+        mark, target = tree.entries[path].key, target_of(kind, name)
         if target is None:
             names = [key for section, one in kind.sections().items() if section != "video" for key in one.schema()]
             hint = did_you_mean(name.split(".")[-1], names)
-            tree.fault(place, path, f"no key of scene: {tree.value['scene']} that can be swept{hint}")
+            tree.fault(mark, path, f"no key of scene: {tree.value['scene']} that can be swept{hint}")
             continue
         if target in tree.entries or target in taken:
             other = taken.get(target, "the scene")
-            tree.fault(place, path, f"{'.'.join(target)} is also given by {other}: leave one of the two out")
+            tree.fault(mark, path, f"{'.'.join(target)} is also given by {other}: leave one of the two out")
         taken[target] = name
         whole = kind.sections()[target[0]].schema()[target[1]].kind is int
         axes[name] = _values(spec, path, whole, tree)
@@ -126,7 +126,7 @@ def _combine(kind: type[SceneBase], blocks: list[Axes], tree: Tree, kinds: Kinds
     if total > MAX_SCENES:
         tree.fault(tree.entries[("sweep",)].key, ("sweep",), f"{total} combinations: at most {MAX_SCENES}")
         return None
-    # Every value by itself first, so that all faulty ones are told at once, and without a combination.
+    # Every value by itself first, so that all faults come at once, and without a combination.
     for block in blocks:
         start = {name: values[0] for name, values in block.items()}
         for name, value in ((name, value) for name, values in block.items() for value in values):

@@ -23,7 +23,7 @@ Keys: TypeAlias = tuple[str, ...]  # from the top of the scene down to a value
 _TAG = "tag:yaml.org,2002:"
 
 
-class Place(NamedTuple):
+class Mark(NamedTuple):
     """Where something was written: a file with line and column (both from 1), or the rank-th option."""
 
     rank: int = 0
@@ -34,25 +34,25 @@ class Place(NamedTuple):
     def __str__(self) -> str:
         return f"{self.label}:{self.line}:{self.column}" if self.line else self.label
 
-    def moved(self, line: int, column: int) -> Place:
-        """The place of a line and column (both from 0) in a file; an option and a Python value have none."""
+    def moved(self, line: int, column: int) -> Mark:
+        """The mark of a line and column (both from 0) in a file; an option and a Python value have none."""
         return self if self.rank or not self.label else self._replace(line=line + 1, column=column + 1)
 
 
 class Fault(NamedTuple):
-    place: Place
+    mark: Mark
     key: str  # dotted
     what: str
 
     def __str__(self) -> str:
-        return ": ".join(part for part in (str(self.place), self.key, self.what) if part)
+        return ": ".join(part for part in (str(self.mark), self.key, self.what) if part)
 
 
 class Entry(NamedTuple):
     """Where a key and its value were written, and the value as its author would recognise it."""
 
-    key: Place
-    value: Place
+    key: Mark
+    value: Mark
     shown: str = "nothing"
 
 
@@ -65,12 +65,12 @@ class Tree:
     faults: list[Fault] = field(default_factory=list)
     folder: str = ""
 
-    def fault(self, place: Place, path: Keys, what: str) -> None:
-        self.faults.append(Fault(place, ".".join(path), what))
+    def fault(self, mark: Mark, path: Keys, what: str) -> None:
+        self.faults.append(Fault(mark, ".".join(path), what))
 
     def refuse(self) -> None:
         """Raise InputError with every fault, in the order of the file, where there is one."""
-        # The first of several at one place: a value that could not even be read is not also told to be unfit.
+        # The first of several at one mark: a value that could not even be read is not also told to be unfit.
         if faults := sorted({fault[:2]: fault for fault in reversed(self.faults)}.values()):
             head = [] if len(faults) == 1 else [f"{len(faults)} faults in the scene:"]
             raise InputError("\n  ".join(head + [str(fault) for fault in faults]))
@@ -96,7 +96,7 @@ class _Loader(yaml.BaseLoader):  # which leaves every scalar a text
         return super().compose_node(parent, index)
 
 
-def parse(text: str, source: Place, path: Keys = ()) -> Tree:
+def parse(text: str, source: Mark, path: Keys = ()) -> Tree:
     """The values in `text`, as found at `path`.
 
     Never raises: what cannot be read is in the tree's faults, and its value is then None.
@@ -121,7 +121,7 @@ def parse(text: str, source: Place, path: Keys = ()) -> Tree:
     return Tree(faults=[Fault(where, ".".join(path), what)])
 
 
-def _value(node: yaml.Node, path: Keys, key: Place | None, tree: Tree, source: Place) -> Any:
+def _value(node: yaml.Node, path: Keys, key: Mark | None, tree: Tree, source: Mark) -> Any:
     here = source.moved(node.start_mark.line, node.start_mark.column)
     shown = _shown(node)
     tree.entries[path] = Entry(key or here, here, shown)
@@ -182,7 +182,7 @@ def tree_of(data: Mapping[str, Any]) -> Tree:
         else:
             value = str(value)
             shown = f'the text "{printable(value)}"'
-        tree.entries[path] = Entry(Place(), Place(), shown)
+        tree.entries[path] = Entry(Mark(), Mark(), shown)
         return value
 
     try:
@@ -204,12 +204,12 @@ def read_tree(source: Source, overrides: Sequence[str]) -> Tree:
     YAML text is a str with a line end or ": ". The source is read once, so that it may be a pipe. Raises InputError
     where there is no such source or it is no mapping; other faults are in the tree.
     """
-    start = Place()
+    start = Mark()
     if isinstance(source, Mapping):
         tree = tree_of(source)
     else:
         label, folder, text = _read(source)
-        start = Place(label=label)
+        start = Mark(label=label)
         tree = parse(text, start)
         tree.folder = folder
     if not isinstance(tree.value, dict):
@@ -251,35 +251,35 @@ def _read(source: str | os.PathLike[str]) -> tuple[str, str, str]:
 
 def _override(tree: Tree, override: str, rank: int) -> None:
     """Write the value of "section.key=value" into the tree, or add a fault to it."""
-    place = Place(rank, label=f"--set {printable(override, width=1000)}")
+    mark = Mark(rank, label=f"--set {printable(override, width=1000)}")
     name, equals, text = override.partition("=")
     # The name of an axis may itself be dotted.
     path = tuple(part.strip() for part in name.split(".", 1 if name.strip().startswith("sweep.") else -1))
     if not equals or not all(part and part.isprintable() for part in path):
-        tree.fault(place, (), "must be KEY=VALUE without spaces around =, for example material.eta_star=30")
+        tree.fault(mark, (), "must be KEY=VALUE without spaces around =, for example material.eta_star=30")
         return
     blocks = tree.value.get("sweep")
     if path[0] == "sweep" and len(path) == 2 and isinstance(blocks, list):
         for k, block in enumerate(blocks):
             if isinstance(block, dict):
-                _put(tree, block, ("sweep", str(k), path[1]), text, place)
+                _put(tree, block, ("sweep", str(k), path[1]), text, mark)
         return
     parent = tree.value
     for depth, part in enumerate(path[:-1], start=1):
         parent = parent.setdefault(part, {})
-        tree.entries.setdefault(path[:depth], Entry(place, place, "a mapping"))
+        tree.entries.setdefault(path[:depth], Entry(mark, mark, "a mapping"))
         if not isinstance(parent, dict):
-            tree.fault(place, (), f"{'.'.join(path[:depth])} is not a section")
+            tree.fault(mark, (), f"{'.'.join(path[:depth])} is not a section")
             return
-    _put(tree, parent, path, text, place)
+    _put(tree, parent, path, text, mark)
 
 
-def _put(tree: Tree, parent: dict[str, Any], path: tuple[str, ...], text: str, place: Place) -> None:
-    new, there = parse(text, place, path), parent.get(path[-1])
+def _put(tree: Tree, parent: dict[str, Any], path: tuple[str, ...], text: str, mark: Mark) -> None:
+    new, there = parse(text, mark, path), parent.get(path[-1])
     tree.faults += new.faults
     section = len(path) == 1 and isinstance(there, dict) and isinstance(new.value, dict)  # some of its keys are given
     parent[path[-1]] = there | new.value if section else new.value
-    tree.entries |= {path: Entry(place, place)} | new.entries
+    tree.entries |= {path: Entry(mark, mark)} | new.entries
 
 
 def shipped_scenes() -> dict[str, Path]:

@@ -162,12 +162,12 @@ def pulled(
     """
     stiffness = network_stiffness(mesh.positions, mesh.bonds, k_a)
     gripped = left | right
-    held = np.stack([gripped, gripped & clamped], axis=1)
-    held[np.argmax(gripped), 1] = True  # or the whole would be free to shift sideways
-    held = held.ravel()
+    fixed = np.stack([gripped, gripped & clamped], axis=1)
+    fixed[np.argmax(gripped), 1] = True  # or the whole would be free to shift sideways
+    fixed = fixed.ravel()
     u = (mesh.positions * [1.0, 0.0]).ravel()
-    rows = stiffness[~held]
-    u[~held] = symmetric_factors(rows[:, ~held]).solve(-(rows[:, held] @ u[held]))
+    rows = stiffness[~fixed]
+    u[~fixed] = symmetric_factors(rows[:, ~fixed]).solve(-(rows[:, fixed] @ u[fixed]))
     return u.reshape(-1, 2)
 
 
@@ -186,9 +186,9 @@ def inner_moduli(mesh: Lattice, k_a: float, u: Array) -> Moduli:
     corner, u = corner[inside], u[mesh.triangles[inside]]
 
     # A bond belongs half to each of its two triangles: area times stress = sum force length e e^T / 2.
-    bond, stretch = (np.roll(a, -1, axis=1) - a for a in (corner, u))
+    bond, elongation = (np.roll(a, -1, axis=1) - a for a in (corner, u))
     square = np.sum(bond * bond, axis=2)
-    tension = 0.5 * k_a * np.sum(bond * stretch, axis=2) / square
+    tension = 0.5 * k_a * np.sum(bond * elongation, axis=2) / square
     stress_x, stress_y = (float(np.sum(tension * bond[:, :, a] ** 2)) for a in (0, 1))
     # Area times strain, by Gauss's theorem over the triangles' sides.
     twice = u + np.roll(u, -1, axis=1)

@@ -74,11 +74,11 @@ def run_sweep(
         jobs: processes, by default one per core; 1 computes in this process.
         executor: instead of them, any `concurrent.futures.Executor`, whose workers have the same packages installed.
         scheduler: instead of both, the address of a Dask scheduler, tcp://HOST:8786.
-        part: "K/N": compute the K-th of N shares only, and write no table. Parts may run at the same time, in one
+        part: "K/N": compute the K-th of N parts only, and write no table. Parts may run at the same time, in one
             folder or in several whose `points` are then copied together.
         estimate: whether to estimate each result's error due to the time step, which doubles the work.
-        progress: told how far it has come.
-        say: told, once each, what a person should know: how many scenes, about how long.
+        progress: shows how far it has come.
+        say: called with what a person should know: how many scenes, which of them are there.
 
     Raises:
         InputError: `out` cannot be written or holds something else; a point's file was changed; no scheduler answers,

@@ -21,7 +21,7 @@ from taichi_disk.output.files import versions
 from taichi_disk.scenes import Scene
 from taichi_disk.scenes.feasible import check_memory
 
-KEPT = 4  # lattices that a worker remembers, with what is dear to find of them
+KEPT = 4  # lattices that a worker remembers, with what takes long to compute of them
 
 
 @dataclass(frozen=True)
