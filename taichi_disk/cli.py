@@ -182,7 +182,7 @@ def _export(arguments: argparse.Namespace) -> int:
 
 
 def _check(arguments: argparse.Namespace) -> int:
-    from taichi_disk.scenes.feasible import check_feasible
+    from taichi_disk.scenes import check_feasible
 
     scene = _load(arguments, "any")
     check_feasible(scene)

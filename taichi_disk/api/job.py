@@ -16,8 +16,7 @@ from taichi_disk.lattice import Array, Lattice, disk_of, file_digest, numbers
 from taichi_disk.output import files
 from taichi_disk.output.plot import plot_beside, plot_run
 from taichi_disk.progress import Progress
-from taichi_disk.scenes import Scene
-from taichi_disk.scenes.feasible import check_memory
+from taichi_disk.scenes import Scene, check_memory
 from taichi_disk.signals import heard
 from taichi_disk.simulation.failure import BlowUp
 from taichi_disk.simulation.outcome import Outcome, compute

@@ -126,33 +126,33 @@ def _combine(kind: type[SceneBase], blocks: list[Axes], tree: Tree, kinds: Kinds
     if total > MAX_SCENES:
         tree.fault(tree.entries[("sweep",)].key, ("sweep",), f"{total} combinations: at most {MAX_SCENES}")
         return None
-    # Every value by itself first, so that all faults come at once, and without a combination.
+    # Every value by itself first, so that all faulty ones come at once, and without a combination.
+    swept: list[dict[str, tuple[Any, ...]]] = []
     for block in blocks:
         start = {name: values[0] for name, values in block.items()}
+        taken: dict[str, dict[Any, None]] = {name: {} for name in block}
         for name, value in ((name, value) for name, values in block.items() for value in values):
             one = _with(kind, tree, start | {name: value})
             found = check(one, kinds)
             tree.faults += one.faults
-            if found and value is start[name] and target_of(found, name) in found.unused():
-                tree.fault(value[1].key, ("sweep", name), "changes nothing beside lattice.file: leave it out")
+            if found:
+                taken[name][value_of(found, name)] = None
+                if value is start[name] and target_of(found, name) in found.unused():
+                    tree.fault(value[1].key, ("sweep", name), "changes nothing beside lattice.file: leave it out")
+        swept.append({name: tuple(values) for name, values in taken.items()})
     if tree.faults:
         return None
     scenes: dict[SceneBase, None] = {}
-    swept: list[dict[str, tuple[Any, ...]]] = []
-    for block in blocks:
-        values: dict[str, dict[Any, None]] = {name: {} for name in block}
-        for combination in itertools.product(*block.values()):
-            chosen = dict(zip(block, combination, strict=True))
-            one = _with(kind, tree, chosen)
-            found = check(one, kinds)
-            if found is None:
-                given = ", ".join(f"{name}: {value}" for name, (value, _) in chosen.items())
-                tree.faults = [fault._replace(what=f"{fault.what} (at {given})") for fault in one.faults]
-                return None
-            scenes[found] = None
-            for name in block:
-                values[name][value_of(found, name)] = None
-        swept.append({name: tuple(each) for name, each in values.items()})
+    for chosen in (
+        dict(zip(block, each, strict=True)) for block in blocks for each in itertools.product(*block.values())
+    ):
+        one = _with(kind, tree, chosen)
+        found = check(one, kinds)
+        if found is None:
+            given = ", ".join(f"{name}: {value}" for name, (value, _) in chosen.items())
+            tree.faults = [fault._replace(what=f"{fault.what} (at {given})") for fault in one.faults]
+            return None
+        scenes[found] = None
     return Sweep(tuple(swept), tuple(scenes))
 
 

@@ -70,7 +70,7 @@ class Tree:
 
     def refuse(self) -> None:
         """Raise InputError with every fault, in the order of the file, where there is one."""
-        # The first of several at one mark: a value that could not even be read is not also told to be unfit.
+        # The first of several at one mark: a value that could not even be read is not also called unfit.
         if faults := sorted({fault[:2]: fault for fault in reversed(self.faults)}.values()):
             head = [] if len(faults) == 1 else [f"{len(faults)} faults in the scene:"]
             raise InputError("\n  ".join(head + [str(fault) for fault in faults]))
@@ -259,27 +259,25 @@ def _override(tree: Tree, override: str, rank: int) -> None:
         tree.fault(mark, (), "must be KEY=VALUE without spaces around =, for example material.eta_star=30")
         return
     blocks = tree.value.get("sweep")
+    targets: list[tuple[dict[str, Any], Keys]]
     if path[0] == "sweep" and len(path) == 2 and isinstance(blocks, list):
-        for k, block in enumerate(blocks):
-            if isinstance(block, dict):
-                _put(tree, block, ("sweep", str(k), path[1]), text, mark)
-        return
-    parent = tree.value
-    for depth, part in enumerate(path[:-1], start=1):
-        parent = parent.setdefault(part, {})
-        tree.entries.setdefault(path[:depth], Entry(mark, mark, "a mapping"))
-        if not isinstance(parent, dict):
-            tree.fault(mark, (), f"{'.'.join(path[:depth])} is not a section")
-            return
-    _put(tree, parent, path, text, mark)
-
-
-def _put(tree: Tree, parent: dict[str, Any], path: tuple[str, ...], text: str, mark: Mark) -> None:
-    new, there = parse(text, mark, path), parent.get(path[-1])
-    tree.faults += new.faults
-    section = len(path) == 1 and isinstance(there, dict) and isinstance(new.value, dict)  # some of its keys are given
-    parent[path[-1]] = there | new.value if section else new.value
-    tree.entries |= {path: Entry(mark, mark)} | new.entries
+        targets = [(block, ("sweep", str(k), path[1])) for k, block in enumerate(blocks) if isinstance(block, dict)]
+    else:
+        parent = tree.value
+        for depth, part in enumerate(path[:-1], start=1):
+            parent = parent.setdefault(part, {})
+            tree.entries.setdefault(path[:depth], Entry(mark, mark, "a mapping"))
+            if not isinstance(parent, dict):
+                tree.fault(mark, (), f"{'.'.join(path[:depth])} is not a section")
+                return
+        targets = [(parent, path)]
+    for parent, where in targets:
+        new, there = parse(text, mark, where), parent.get(where[-1])
+        tree.faults += new.faults
+        if len(where) == 1 and isinstance(there, dict) and isinstance(new.value, dict):  # some keys of a section
+            new.value = there | new.value
+        parent[where[-1]] = new.value
+        tree.entries |= {where: Entry(mark, mark)} | new.entries
 
 
 def shipped_scenes() -> dict[str, Path]:

@@ -176,15 +176,14 @@ def _grouped(rows: Sequence[Row], names: Sequence[str]) -> dict[tuple[Any, ...],
 def print_curves(curves: Sequence[dict[str, Any]]) -> None:
     """Print the fits of curves, given as their `summary`, with 95 % intervals."""
     for curve in curves:
-        given = [f"{name}: {_short(value)}" for name, value in curve.items() if name not in OF_CURVE]
+        label = {name: value for name, value in curve.items() if name not in OF_CURVE}
+        given = [
+            f"{name}: {value:g}" if isinstance(value, float) else f"{name}: {value}" for name, value in label.items()
+        ]
         print(", ".join([*given, f"{curve['lattices']} lattice{'s' if curve['lattices'] > 1 else ''}"]))
         for name, fit in curve["fits"].items():
             shown = "   ".join(f"{key} = {_parameter(fit, key)}" for key in fit["values"])
             print(f"  {FITS[name].title:<24}{shown}")
-
-
-def _short(value: Any) -> str:
-    return f"{value:g}" if isinstance(value, float) else str(value)
 
 
 def _parameter(fit: dict[str, Any], name: str) -> str:

@@ -82,22 +82,14 @@ def file_digest(file: str) -> str:
 def read_points(path: Path) -> tuple[Any, ...]:
     """The arguments of `Lattice.from_points` that a file holds. What it raises has not the file's name."""
     if path.suffix.lower() == ".csv":
-        return _read_csv(path)
-    if path.suffix.lower() == ".npz":
-        return _read_npz(path)
-    raise InputError("a lattice is read from a .csv or .npz file")
-
-
-def _read_csv(path: Path) -> tuple[Array]:
-    lines = [line.replace('"', "").strip() for line in path.read_text(encoding="utf-8-sig").splitlines()]
-    lines = [line for line in lines if line and not line.startswith("#")]
-    header = bool(lines) and lines[0].lower().replace(" ", "") == "x,y"
-    if len(lines) == header:
-        raise InputError("has no points")
-    return (np.loadtxt(lines[header:], delimiter=",", ndmin=2),)
-
-
-def _read_npz(path: Path) -> tuple[Any, ...]:
+        lines = [line.replace('"', "").strip() for line in path.read_text(encoding="utf-8-sig").splitlines()]
+        lines = [line for line in lines if line and not line.startswith("#")]
+        header = bool(lines) and lines[0].lower().replace(" ", "") == "x,y"
+        if len(lines) == header:
+            raise InputError("has no points")
+        return (np.loadtxt(lines[header:], delimiter=",", ndmin=2),)
+    if path.suffix.lower() != ".npz":
+        raise InputError("a lattice is read from a .csv or .npz file")
     with path.open("rb") as file:
         data = dict(np.lib.npyio.NpzFile(file))  # np.load takes what is no zip file for a pickle, and says so
     if "positions" not in data:

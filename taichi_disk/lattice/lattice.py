@@ -222,7 +222,12 @@ def with_wall(
     row = 2.0 * math.pi / rim_points(disk.disk_points) if rim else math.inf
     low = np.array([-width / 2, -wall_height(disk.disk_points, points, width)])
     mesh = triangulate(rectangle_points(rng, points, low, np.array([width / 2, 0.0]), row, spacing))
-    surface, boundary = _split(mesh)
+    # Surface and boundary: the outline cut at its top left and top right corner, which belong to both.
+    x, y = mesh.positions[mesh.disk_surface].T
+    outline = np.roll(mesh.disk_surface, -int(np.argmax(y - x)))
+    x, y = mesh.positions[outline].T
+    right = int(np.argmax(y + x))
+    surface, boundary = np.append(outline[right:], outline[0])[::-1], outline[: right + 1]
 
     n = disk.disk_points
     lift = np.array([0.0, -disk.positions[:, 1].min()])
@@ -257,12 +262,3 @@ def check_thickness(disk_points: int, points: int, width: float) -> None:
             f"wall.width must be between {least:.4g} and {most:.4g} for {points} points, not {width}:"
             f" {_MIN_ROWS} rows of springs need that thickness"
         )
-
-
-def _split(mesh: Lattice) -> tuple[Indices, Indices]:
-    """Surface and boundary: the outline cut at its top left and top right corner, which belong to both."""
-    x, y = mesh.positions[mesh.disk_surface].T
-    from_left = np.roll(mesh.disk_surface, -int(np.argmax(y - x)))
-    x, y = mesh.positions[from_left].T
-    right = int(np.argmax(y + x))
-    return np.append(from_left[right:], from_left[0])[::-1], from_left[: right + 1]

@@ -166,8 +166,12 @@ def rectangle_points(
     """
     frame: Array = np.empty((0, 2))
     clear = 0.0
-    if np.isfinite(row):
-        frame, clear = _frame(low, high, row), spacing * math.sqrt(0.75)
+    if math.isfinite(row):
+        nx, ny = (max(round(float(s) / row), 1) for s in high - low)
+        x, y = np.linspace(low[0], high[0], nx + 1), np.linspace(low[1], high[1], ny + 1)[1:-1]
+        rows = [np.stack([x, np.full_like(x, level)], axis=1) for level in (low[1], high[1])]  # bottom, top
+        frame = np.concatenate(rows + [np.stack([np.full_like(y, at), y], axis=1) for at in (low[0], high[0])])
+        clear = spacing * math.sqrt(0.75)
     if points <= len(frame):
         raise InputError(f"{points} points are too few for the rows along the sides of a rectangle: widen it")
     low, high = low + clear, high - clear
@@ -176,11 +180,3 @@ def rectangle_points(
         return np.minimum(p - low, high - p).min(axis=1)
 
     return np.concatenate([frame, scatter(rng, points - len(frame), low, high, depth, spacing, frame)])
-
-
-def _frame(low: Array, high: Array, row: float) -> Array:
-    """Bottom, top, left and right."""
-    nx, ny = (max(round(float(s) / row), 1) for s in high - low)
-    x, y = np.linspace(low[0], high[0], nx + 1), np.linspace(low[1], high[1], ny + 1)[1:-1]
-    rows = [np.stack([x, np.full_like(x, level)], axis=1) for level in (low[1], high[1])]
-    return np.concatenate(rows + [np.stack([np.full_like(y, at), y], axis=1) for at in (low[0], high[0])])

@@ -18,8 +18,7 @@ from taichi_disk.errors import InputError, TaichiDiskError
 from taichi_disk.lattice import file_digest
 from taichi_disk.lattice.network import bulk_moduli
 from taichi_disk.output.files import versions
-from taichi_disk.scenes import Scene
-from taichi_disk.scenes.feasible import check_memory
+from taichi_disk.scenes import Scene, check_memory
 
 KEPT = 4  # lattices that a worker remembers, with what takes long to compute of them
 
