@@ -93,6 +93,15 @@ def test_a_sweep_leaves_one_row_per_point_and_its_fits_and_figure(small: SweepRe
     assert all((small.out / f"figure.{kind}").stat().st_size > 5000 for kind in ("png", "svg", "pdf"))
 
 
+def test_a_kind_of_scene_that_has_no_figure_is_swept_all_the_same(
+    small: SweepResult, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("taichi_disk.figures.curves.FIGURES", {})
+    shutil.copytree(small.out / "points", tmp_path / "out" / "points")
+    result = swept(SMALL, tmp_path / "out")
+    assert result.summary["curves"] == [] and table(tmp_path / "out") == table(small.out)
+
+
 @pytest.mark.parametrize("text", [SMALL, WALL, PRESSED])
 def test_a_row_is_what_running_its_scene_gives_bit_for_bit(text: str, small: SweepResult, tmp_path: Path) -> None:
     result = small if text == SMALL else swept(text, tmp_path / "out")
