@@ -138,9 +138,9 @@ def analyse(base: Scene, axes: Sequence[str], rows: Sequence[Row]) -> list[Curve
         base: a scene of the sweep, for what is not swept.
         axes: the swept keys.
     """
-    names = {target_of(base, name): name for name in axes}
-    abscissa, seed = names.get(base.abscissa), names.get(("lattice", "seed"))
-    if abscissa is None or base.scene not in FIGURES:
+    figure, names = FIGURES.get(base.scene), {target_of(base, name): name for name in axes}
+    abscissa, seed = names.get(base.abscissa) if figure else None, names.get(("lattice", "seed"))
+    if figure is None or abscissa is None:
         return []
     others = [name for name in axes if name not in (abscissa, seed)]
     of_material = [name for name in others if target_of(base, name) in MATERIAL]
@@ -159,7 +159,7 @@ def analyse(base: Scene, axes: Sequence[str], rows: Sequence[Row]) -> list[Curve
         young, poisson = np.array(list(moduli.values()), float).mean(axis=0)
         damped = bool(label.get(names.get(("material", "eta_star"), ""), base.material.eta_star))
         curve = Curve(label, np.array(x, float), y, float(young), float(poisson), damped)
-        wanted = {name: FITS[name] for name in FIGURES[base.scene].fits}
+        wanted = {name: FITS[name] for name in figure.fits}
         curve.fits.update({name: rule.fit(curve) for name, rule in wanted.items() if rule.applies(curve)})
         curves.append(curve)
     return curves
