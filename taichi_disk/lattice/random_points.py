@@ -25,7 +25,7 @@ _CROWDED = 0.04  # below this share of hits, darts are aimed at the uncovered pa
 
 
 def circle_points(points: int, seed: int, rim: bool, min_spacing: float) -> Array:
-    """The points (points, 2) of `Lattice.disk`, which says the rest."""
+    """The points (points, 2) [R] of `Lattice.disk`, with its arguments. Raises what it raises, but for meshing."""
     if not MIN_POINTS <= points <= MAX_POINTS:
         raise InputError(f"lattice.points must be between {MIN_POINTS} and {MAX_POINTS}, not {points}")
     spacing = least_distance(points, min_spacing)

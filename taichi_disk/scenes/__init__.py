@@ -11,25 +11,14 @@ from typing import TypeAlias, cast
 from taichi_disk.config.scene_base import SceneBase, check
 from taichi_disk.config.sections import ElasticWallSection
 from taichi_disk.config.sweep_axes import Sweep, check_sweep
-from taichi_disk.config.tree import Source, read_tree, shipped_scenes
+from taichi_disk.config.tree import Source, read_tree
+from taichi_disk.config.tree import shipped_scenes as shipped_scenes
 from taichi_disk.errors import InputError
 from taichi_disk.lattice import check_thickness
 from taichi_disk.runtime import free_memory
 from taichi_disk.scenes.absorbing_wall import AbsorbingWallScene
 from taichi_disk.scenes.compression import CompressionScene
 from taichi_disk.scenes.exponential_wall import ExponentialWallScene
-
-__all__ = [
-    "SCENES",
-    "Scene",
-    "Sweep",
-    "check_feasible",
-    "check_memory",
-    "load_any",
-    "load_scene",
-    "load_sweep",
-    "shipped_scenes",
-]
 
 Scene: TypeAlias = CompressionScene | ExponentialWallScene | AbsorbingWallScene
 BYTES = 3e8, 2e3  # of a process, and of each point; measured with 1,099 to 2,000,000 points
