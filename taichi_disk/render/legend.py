@@ -10,8 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image, ImageDraw
 
-from taichi_disk.fields import QUANTITIES
-from taichi_disk.fields.quantities import FRINGES
+from taichi_disk.fields import FRINGES, QUANTITIES
 from taichi_disk.render import scales, text
 from taichi_disk.render.painter import Painter
 from taichi_disk.render.palette import THEMES, Colour

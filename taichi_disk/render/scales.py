@@ -7,8 +7,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from taichi_disk.fields import QUANTITIES
-from taichi_disk.fields.quantities import FRINGES
+from taichi_disk.fields import FRINGES, QUANTITIES
 
 FULL_COLOUR = 98.0  # percentile of the values that has the full colour
 _STEPS = (1.0, 1.5, 2.0, 3.0, 4.0, 5.0, 6.0, 8.0, 10.0)
