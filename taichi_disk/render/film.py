@@ -16,12 +16,12 @@ from taichi_disk.errors import InputError
 from taichi_disk.output.files import atomic_write, check_pictures
 from taichi_disk.progress import Progress
 from taichi_disk.render import require_film
-from taichi_disk.render.palette import THEMES
+from taichi_disk.render.palette import THEMES, round_near
 from taichi_disk.simulation.outcome import Outcome, greatest_compression
 from taichi_disk.simulation.scenario import Scenario
 
 if TYPE_CHECKING:
-    from taichi_disk.render.camera import View
+    from taichi_disk.render.geometry import View
     from taichi_disk.render.painter import Painter
     from taichi_disk.render.pictures import Pictures
 
@@ -158,9 +158,8 @@ def _painter(scenario: Scenario, outcome: Outcome, video: VideoSection, still: f
 
     The view holds the end of a film, too, or the moment of a `still` picture [R/c].
     """
+    from taichi_disk.render.geometry import edge_height
     from taichi_disk.render.painter import Painter
-    from taichi_disk.render.scales import round_near
-    from taichi_disk.render.shapes import edge_height
 
     painter = Painter(scenario.lattice, scenario.model.springs, scenario.model.wall)
     painter.colour, painter.draw, painter.theme, painter.limit = video.colour, video.draw, video.theme, 0.0

@@ -1,13 +1,15 @@
-"""Colours: of curves, of the two themes, and the maps from values to colours. NumPy only."""
+"""Colours: of curves, of the two themes, the maps from values to colours, and where they end. NumPy only."""
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
 
+from taichi_disk.fields import FRINGES
 from taichi_disk.output.plot import ENERGIES, LINE
 
 Colour = tuple[float, float, float]  # sRGB, 0 to 1
@@ -94,9 +96,9 @@ def colour_map(theme: str, kind: str, bare: bool = False) -> NDArray[np.float32]
 
 def _curve(nodes: tuple[tuple[float, float, float], ...], count: int) -> NDArray[np.float64]:
     """(count, 3) points on the polynomial through `nodes`: smooth, so that no edge is seen where there is none."""
-    places, at = np.linspace(0.0, 1.0, len(nodes)), np.linspace(0.0, 1.0, count)
+    known, at = np.linspace(0.0, 1.0, len(nodes)), np.linspace(0.0, 1.0, count)
     powers = np.arange(len(nodes))
-    return np.asarray(at[:, None] ** powers @ np.linalg.solve(places[:, None] ** powers, np.array(nodes, dtype=float)))
+    return np.asarray(at[:, None] ** powers @ np.linalg.solve(known[:, None] ** powers, np.array(nodes, dtype=float)))
 
 
 _WHITE = np.array([0.95047, 1.0, 1.08883])  # D65
@@ -117,3 +119,22 @@ def lab_to_srgb(lab: NDArray[np.float64]) -> NDArray[np.float64]:
     linear = np.clip(xyz @ _XYZ_TO_RGB.T, 0.0, 1.0)
     encoded = np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * linear ** (1.0 / 2.4) - 0.055)
     return np.clip(encoded, 0.0, 1.0)
+
+
+# ---- scales
+
+FULL_COLOUR = 98.0  # percentile of the values that has the full colour
+_STEPS = (1.0, 1.5, 2.0, 3.0, 4.0, 5.0, 6.0, 8.0, 10.0)
+
+
+def full_scale(values: NDArray[np.float64], colour: str) -> float:
+    """A round number near the largest |value| but for a few; of fringes: the difference that makes FRINGES of them."""
+    largest = float(np.percentile(np.abs(values), FULL_COLOUR)) if len(values) else 0.0
+    return round_near(largest / FRINGES if colour == "fringes" else largest)
+
+
+def round_near(value: float) -> float:
+    """The round number (of _STEPS, times a power of ten) next to a value; 1e-12 for less than that."""
+    value = max(value, 1e-12)
+    decade = 10.0 ** math.floor(math.log10(value))
+    return float(decade * min(_STEPS, key=lambda step: abs(math.log(step * decade / value))))

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from taichi_disk.errors import TaichiDiskError
 from taichi_disk.lattice import Array
 from taichi_disk.render import kernels
-from taichi_disk.render.camera import Camera, View
+from taichi_disk.render.geometry import Camera, View
 from taichi_disk.render.legend import Legend
 from taichi_disk.render.panel import Panel
 from taichi_disk.render.video import Picture

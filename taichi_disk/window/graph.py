@@ -7,9 +7,8 @@ from typing import NamedTuple
 import numpy as np
 
 from taichi_disk.lattice import Array
-from taichi_disk.render import scales, text
-from taichi_disk.render.legend import ink
-from taichi_disk.render.palette import PALETTE, Theme
+from taichi_disk.render.legend import Ink, draw_line, ink, label, text_width, ticks_to
+from taichi_disk.render.palette import PALETTE, Theme, round_near
 from taichi_disk.simulation.observables import INDEX
 from taichi_disk.window.changes import push_of
 from taichi_disk.window.history import Stretch
@@ -33,7 +32,7 @@ class Curve(NamedTuple):
     values: Array
 
     @property
-    def ink(self) -> text.Ink:
+    def ink(self) -> Ink:
         red, green, blue = bytes.fromhex(PALETTE[self.colour][1:])
         return red, green, blue
 
@@ -55,7 +54,7 @@ class Graphs:
         """Scales for the hit that is seen."""
         scene = self._sandbox.moment.stretch.driver.scenario.scene
         push, k_a = push_of(scene), scene.material.k_a
-        t, force = scales.round_near(8.0 * k_a**-0.5), scales.round_near(0.3 * push)
+        t, force = round_near(8.0 * k_a**-0.5), round_near(0.3 * push)
         soft = 1.0 / max(k_a, 1.0)
         self.full = {"t": t, "force": force, "energy": 0.5 * soft * push**2, "motion": soft * push}
 
@@ -65,7 +64,7 @@ class Graphs:
         reached = [("t", t[-1]), *((one.scale, np.abs(one.values).max()) for one in self._curves(rows))]
         for scale, value in reached:
             if value > 1.01 * self.full[scale]:
-                self.full[scale] = scales.round_near(1.25 * value)
+                self.full[scale] = round_near(1.25 * value)
 
     @property
     def t(self) -> float:
@@ -95,7 +94,7 @@ class Graphs:
             return np.asarray(rows[:, [INDEX[name] for name in names]].sum(axis=1))
 
         height = of("com_y") - of("lowest_y")
-        motion, force = (scales.label(self.full[scale]) for scale in ("motion", "force"))
+        motion, force = (label(self.full[scale]) for scale in ("motion", "force"))
         moved = (f"v / {motion} c", of("com_vy")) if self._low else (f"ξ / {motion} R", height[0] - height)
         return [
             Curve(0, "energy", "kinetic", "kinetic", of("kinetic")),
@@ -115,15 +114,15 @@ class Graphs:
     def draw_frames(self, sheet: Sheet, theme: Theme) -> None:
         """Titles, legends, rules and numbers."""
         faint, curves = ink(theme.faint), self._curves(self._rows()[1])
-        titles = f"energy / {scales.label(self.full['energy'])} Mc²", "wall and centre of mass"
+        titles = f"energy / {label(self.full['energy'])} Mc²", "wall and centre of mass"
 
         def write(x: float, row: float, line: str, align: float = 0.0) -> float:
-            width = text.width(line, _SMALL)
-            text.draw_line(sheet, (x - align * width, row), line, _SMALL, faint)
+            width = text_width(line, _SMALL)
+            draw_line(sheet, (x - align * width, row), line, _SMALL, faint)
             return width
 
         for k, (left, top, right, bottom) in enumerate(self.boxes):
-            text.draw_line(sheet, (left, top - 28.0), titles[k], _HEADING, ink(theme.ink), True)
+            draw_line(sheet, (left, top - 28.0), titles[k], _HEADING, ink(theme.ink), True)
             x, low = left, k * self._low
             for curve in curves:
                 if curve.graph == k:
@@ -132,12 +131,12 @@ class Graphs:
             for value in (low, 0.5 + 0.5 * low, 1.0):
                 row = bottom - (bottom - top) * (value - low) / (1.0 - low)
                 sheet.line([(left, row), (right, row)], ink(theme.rule))
-                write(left - 6.0, row + 4.0, scales.label(value), 1.0)
-            *ticks, last = scales.ticks(self.full["t"], False)
+                write(left - 6.0, row + 4.0, label(value), 1.0)
+            *ticks, last = ticks_to(self.full["t"], False)
             for tick in (*ticks, last):
                 x = left + (right - left) * tick / last
                 sheet.line([(x, bottom), (x, bottom + 3.0)], faint)
-                line, align = (f"t = {scales.label(tick)} R/c", 1.0) if tick == last else (scales.label(tick), 0.5)
+                line, align = (f"t = {label(tick)} R/c", 1.0) if tick == last else (label(tick), 0.5)
                 write(x, bottom + 16.0, line, align)
 
     def draw_curves(self, sheet: Sheet) -> None:

@@ -15,9 +15,9 @@ from numpy.typing import ArrayLike, NDArray
 from PIL import Image, ImageDraw, ImageFont
 
 from taichi_disk.lattice import Array
+from taichi_disk.render.geometry import NOTHING, Shape, joined, outline, quads
 from taichi_disk.render.kernels import VERTEX
-from taichi_disk.render.shapes import NOTHING, Shape, joined, outline, quads
-from taichi_disk.render.text import Ink
+from taichi_disk.render.legend import Ink
 
 Place = tuple[float, float]
 

@@ -10,12 +10,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from taichi_disk.render import scales, text
-from taichi_disk.render.camera import Camera, View
-from taichi_disk.render.legend import Legend, ink
+from taichi_disk.render.geometry import Camera, View, edge_height
+from taichi_disk.render.legend import Legend, draw_line, ink, text_width
 from taichi_disk.render.painter import Painter, draw_triangles
-from taichi_disk.render.palette import THEMES, Theme
-from taichi_disk.render.shapes import edge_height
+from taichi_disk.render.palette import THEMES, Theme, round_near
 from taichi_disk.scenes import Scene
 from taichi_disk.window.changes import push_of
 from taichi_disk.window.graph import Graphs
@@ -110,7 +108,7 @@ class Stage:
         self._adopt(moment.stretch, size)
         painter = self.painter
         if self.follows:
-            self.camera = self.camera.following(self.centre)
+            self.camera = replace(self.camera, look_at=self.centre)
         painter.paint(self._canvas, self.camera, moment.x, moment.v, max(self._legend.unit, 0.6))
         if self._count % _LOOK == 0:
             self._grow()
@@ -137,7 +135,7 @@ class Stage:
         hit, look = (self.sandbox.starts, stretch.hit), (size, video.theme, scenario.title())
         if hit != self._hit:
             self.graphs.begin()
-            painter.full_force = scales.round_near(0.5 * scenario.point_force)
+            painter.full_force = round_near(0.5 * scenario.point_force)
         if hit != self._hit or video.colour != painter.colour:
             painter.colour = video.colour
             painter.limit, self._count = _first_limit(scenario.scene, video.colour), 0
@@ -145,7 +143,7 @@ class Stage:
             self._lay_out(size, stretch)
         if fresh or look[0] != self._look[0] or (hit != self._hit and self._at_home):
             self.home()
-        self.camera = replace(self.camera, stage=self._stage)  # another title may have another height
+        self.camera = replace(self.camera, viewport=self._stage)  # another title may have another height
         self._hit, self._look = hit, look
 
     def _lay_out(self, size: tuple[int, int], stretch: Stretch) -> None:
@@ -167,7 +165,7 @@ class Stage:
         _, forces = painter.wall.contact_forces(painter.lattice, self.sandbox.moment.x)
         largest = float(np.hypot(*forces.T).max(initial=0.0))
         if largest > painter.full_force:
-            painter.full_force = scales.round_near(1.2 * largest)
+            painter.full_force = round_near(1.2 * largest)
         self.graphs.grow()
 
     def _caption(self, stretch: Stretch, t: float) -> tuple[str, ...]:
@@ -209,8 +207,8 @@ class Stage:
             sheet.curve(ends[:, 0], ends[:, 1], 3.0, (230, 115, 0))
         for k, line in enumerate(wrap(self.hint or sandbox.message, max(int((right - left - 36.0) / 7.5), 20))):
             row = top + 18.0 * (k + 1)
-            sheet.rectangle((left + 12, row - 13, left + 24 + text.width(line, 12.0, True), row + 5), ink(theme.ground))
-            text.draw_line(sheet, (left + 18.0, row), line, 12.0, ink(theme.ink), True)
+            sheet.rectangle((left + 12, row - 13, left + 24 + text_width(line, 12.0, True), row + 5), ink(theme.ground))
+            draw_line(sheet, (left + 18.0, row), line, 12.0, ink(theme.ink), True)
         pace = "" if sandbox.paused else f"1 s shows {float(f'{sandbox.pace:.2g}'):g} R/c"
         sheet.left = left
         self._legend.draw_lines(sheet, (*self._caption(moment.stretch, self.graphs.t), pace))
@@ -219,4 +217,4 @@ class Stage:
 def _first_limit(scene: Scene, colour: str) -> float:
     """What has full colour before anything is known."""
     push = push_of(scene)
-    return scales.round_near(0.25 * push**2 / scene.lattice.points if colour == "kinetic" else 0.05 * push)
+    return round_near(0.25 * push**2 / scene.lattice.points if colour == "kinetic" else 0.05 * push)

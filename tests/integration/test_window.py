@@ -16,7 +16,7 @@ import pytest
 from PIL import Image, ImageDraw
 
 from taichi_disk.cli import main
-from taichi_disk.render import film_problem, text
+from taichi_disk.render import film_problem, legend
 from taichi_disk.render.palette import THEMES
 from taichi_disk.scenes import load_scene
 from taichi_disk.simulation.outcome import compute
@@ -45,7 +45,7 @@ def test_letters_are_boxes_that_cover_what_pillow_sets() -> None:
     sheet, (width, height) = Sheet((255, 255, 255)), (200, 40)
     expected = Image.new("RGB", (width, height), (255, 255, 255))
     for draw in (sheet, ImageDraw.Draw(expected)):
-        text.draw_line(draw, (10, 30), "v_cm / v  ξ elastic", 13.0, (0, 0, 0))
+        legend.draw_line(draw, (10, 30), "v_cm / v  ξ elastic", 13.0, (0, 0, 0))
     picture = np.ones((height, width))
     for corners in sheet.vertices(width, height).reshape(-1, 6, 12):
         columns, rows = np.rint(corners[:, 0] * width).astype(int), np.rint((1.0 - corners[:, 1]) * height).astype(int)
