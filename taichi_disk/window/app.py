@@ -37,7 +37,8 @@ def view(scene_or_folder: Scene | Path, out: Path) -> None:
     runtime.start()
     from taichi_disk.window.viewer import Viewer
 
-    Viewer(playlist, out, screen()).run()
+    for _ in Viewer(playlist, out, screen()).pictures():
+        pass
 
 
 def presets(first: Scene) -> list[Entry]:

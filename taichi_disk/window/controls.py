@@ -60,7 +60,7 @@ class Controls:
             ("r", "back to the start", (sandbox.begin,)),
             ("h", "hit again", (sandbox.hit_again,)),
             ("Left Right", "back and forth in time", (partial(sandbox.step, -1), partial(sandbox.step, 1))),
-            ("s f", "time slower, faster", _both(self._faster)[::-1]),
+            ("s f", "time slower, faster", _both(lambda factor: self.set_speed(factor * sandbox.speed))[::-1]),
             ("y", "slow motion in contact", (partial(_toggle, sandbox, "slow"),)),
             ("e d", "viscosity eta* up, down", _both(partial(self._more, "material.eta_star"))),
             ("Up Down", "velocity, or load P", _both(partial(self._more, ""))),
@@ -72,7 +72,7 @@ class Controls:
             ("c", "what colours show", (partial(self._next, "video.colour", Colour),)),
             ("o", "field, springs, both, points", (partial(self._next, "video.draw", Draw),)),
             ("t", "light or dark", (partial(self._next, "video.theme", Theme),)),
-            ("i u", "closer, farther", _both(self._zoom)),
+            ("i u", "closer, farther", _both(lambda factor: view.zoom(factor, self.cursor))),
             ("g", "go to the contact", (view.contact,)),
             ("Return", "follow the disk", (view.follow,)),
             ("BackSpace", "see everything", (view.home,)),
@@ -112,12 +112,6 @@ class Controls:
     def set_speed(self, speed: float) -> None:
         """Simulated time per second of the clock [R/c per s]."""
         self.sandbox.speed = float(f"{min(max(speed, 0.01), 100.0):.3g}")
-
-    def _faster(self, factor: float) -> None:
-        self.set_speed(factor * self.sandbox.speed)
-
-    def _zoom(self, factor: float) -> None:
-        self.view.zoom(factor, self.cursor)
 
     def _more(self, key: str, factor: float) -> None:
         """A number ("": the push) times a factor, in its range or no farther out."""

@@ -14,7 +14,6 @@ from taichi_disk.render.geometry import Camera, View, edge_height
 from taichi_disk.render.legend import Legend, draw_line, ink, text_width
 from taichi_disk.render.painter import Painter, draw_triangles
 from taichi_disk.render.palette import THEMES, Theme, round_near
-from taichi_disk.scenes import Scene
 from taichi_disk.window.changes import push_of
 from taichi_disk.window.history import Segment
 from taichi_disk.window.overlay import Graphs, Overlay
@@ -137,7 +136,9 @@ class SceneView:
             painter.full_force = round_near(0.5 * scenario.point_force)
         if hit != self._hit or video.colour != painter.colour:
             painter.colour = video.colour
-            painter.limit, self._count = _first_limit(scenario.scene, video.colour), 0
+            push = push_of(scenario.scene)  # before anything is known
+            full = 0.25 * push**2 / scenario.scene.lattice.points if video.colour == "kinetic" else 0.05 * push
+            painter.limit, self._count = round_near(full), 0
         if fresh or look != self._look:
             self._lay_out(size, segment)
         if fresh or look[0] != self._look[0] or (hit != self._hit and self._at_home):
@@ -212,9 +213,3 @@ class SceneView:
         pace = "" if sandbox.paused else f"1 s shows {float(f'{sandbox.pace:.2g}'):g} R/c"
         overlay.left = left
         self._legend.draw_lines(overlay, (*self._caption(seen.segment, self.graphs.t), pace))
-
-
-def _first_limit(scene: Scene, colour: str) -> float:
-    """What has full colour before anything is known."""
-    push = push_of(scene)
-    return round_near(0.25 * push**2 / scene.lattice.points if colour == "kinetic" else 0.05 * push)

@@ -35,7 +35,7 @@ FPS = 30  # of a film
 
 
 class Viewer:
-    """Holds the one window that may be alive; `run` returns when it has been closed.
+    """Holds the one window that may be alive; `pictures` ends when it has been closed.
 
     Attributes:
         sandbox: what is in it, from the first picture on.
@@ -62,47 +62,36 @@ class Viewer:
         self._ready = self._pressed = False
         self._repeats: dict[str, float] = {}
 
-    def run(self) -> None:
-        """Until the window is closed. Raises TaichiDiskError for a scene that cannot be built."""
-        for _ in self.pictures():
-            pass
-
     def pictures(self) -> Generator[tuple[float, int], None, None]:
-        """`run`, picture by picture: seconds of the clock since the one before, steps made for it."""
-        with elsewhere():
-            try:
-                self._set_up()
-                yield from self._loop()
-            finally:
-                if self._ready:
-                    self._recorder.stop()
-                self._window.destroy()
+        """Until the window is closed, after each picture: seconds of the clock since the one before, steps made for it.
 
-    def _set_up(self) -> None:
-        scene = self._playlist[0][1]()
-        self._ground = THEMES[scene.video.theme].ground
-        self.sandbox = Sandbox(scene, self._announce)
-        self._view = SceneView(self._window.get_canvas(), self.sandbox)
-        self._controls = Controls(self.sandbox, self._view, self._playlist, self._out)
-        self._mouse = Mouse(self.sandbox, self._view)
-        self._panel = Panel(self._window.get_gui(), self._controls, self._initial_size)
-        self._recorder = Recorder(self._controls, partial(read_back, self._window))
-        self._ready = True
-
-    def _loop(self) -> Generator[tuple[float, int], None, None]:
-        last, drawing = perf_counter(), 0.0
-        while self._window.running and not self._controls.closing:
-            now = perf_counter()
-            elapsed, last = now - last, now
-            # Time goes on even where drawing takes longer than it should.
-            made = self.sandbox.advance(min(elapsed, _LONGEST), max(min(_PICTURE - drawing, PATIENCE), 0.5 * drawing))
-            began = perf_counter()
-            self._draw(self._hint())
-            self._recorder.take(elapsed)
-            self._window.show()
-            drawing = 0.9 * drawing + 0.1 * (perf_counter() - began)
-            self._listen()
-            yield elapsed, made
+        Raises TaichiDiskError for a scene that cannot be built.
+        """
+        with elsewhere(), ExitStack() as at_end:
+            at_end.callback(self._window.destroy)
+            scene = self._playlist[0][1]()
+            self._ground = THEMES[scene.video.theme].ground
+            self.sandbox = sandbox = Sandbox(scene, self._announce)
+            self._view = SceneView(self._window.get_canvas(), sandbox)
+            self._controls = Controls(sandbox, self._view, self._playlist, self._out)
+            self._mouse = Mouse(sandbox, self._view)
+            self._panel = Panel(self._window.get_gui(), self._controls, self._initial_size)
+            recorder, self._ready = Recorder(self._controls, partial(read_back, self._window)), True
+            at_end.callback(recorder.stop)
+            last, drawing = perf_counter(), 0.0
+            while self._window.running and not self._controls.closing:
+                now = perf_counter()
+                elapsed, last = now - last, now
+                # Time goes on even where drawing takes longer than it should.
+                patience = max(min(_PICTURE - drawing, PATIENCE), 0.5 * drawing)
+                made = sandbox.advance(min(elapsed, _LONGEST), patience)
+                began = perf_counter()
+                self._draw(self._hint())
+                recorder.take(elapsed)
+                self._window.show()
+                drawing = 0.9 * drawing + 0.1 * (perf_counter() - began)
+                self._listen()
+                yield elapsed, made
 
     def _draw(self, hint: str) -> None:
         self._view.hint = hint
@@ -150,7 +139,13 @@ class Viewer:
                 if event.key in REPEATED:
                     self._repeats[event.key] = perf_counter() + _FIRST
                 self._controls.press("space" if event.key == ti.ui.SPACE else event.key)
-        self._repeat()
+        now = perf_counter()
+        for key, due in list(self._repeats.items()):
+            if not window.is_pressed(key):
+                del self._repeats[key]
+            elif now >= due:
+                self._repeats[key] = max(due + _AGAIN, now)
+                self._controls.press(key)
         pressed = window.is_pressed(ti.ui.LMB) or window.is_pressed(ti.ui.RMB)
         self._panel.carry_out(pressed)
         if pressed:
@@ -160,15 +155,6 @@ class Viewer:
             if self._pressed:
                 self._panel.go_home()
         self._pressed = pressed
-
-    def _repeat(self) -> None:
-        now = perf_counter()
-        for key, due in list(self._repeats.items()):
-            if not self._window.is_pressed(key):
-                del self._repeats[key]
-            elif now >= due:
-                self._repeats[key] = max(due + _AGAIN, now)
-                self._controls.press(key)
 
 
 class Mouse:
@@ -256,11 +242,13 @@ class Recorder:
 
     def _keep(self, picture: Picture) -> None:
         """A PNG that carries its numbers as text."""
-        path, info = self._controls.next_file(".png"), PngInfo()
-        for name, value in self._facts().items():
-            info.add_text(name, value)
+        path, info, sandbox = self._controls.next_file(".png"), PngInfo(), self._controls.sandbox
+        seen = sandbox.seen
+        facts = {"scene": sandbox.scene.to_yaml(), "changed by hand": str(seen.by_hand), "t": repr(seen.t)}
+        for name, text in (facts | {name: repr(value) for name, value in seen.values.items()}).items():
+            info.add_text(name, text)
         atomic_write(path, lambda new: Image.fromarray(picture).save(new, pnginfo=info))
-        self._controls.picture_wanted, self._controls.sandbox.message = False, f"wrote {path}"
+        self._controls.picture_wanted, sandbox.message = False, f"wrote {path}"
 
     def _film(self, picture: Picture, count: int) -> None:
         """Let `count` frames of the film show a picture; it ends where the window gets another size."""
@@ -288,11 +276,6 @@ class Recorder:
                 self._controls.sandbox.message = f"cannot write the film: {reason(error)}"
             finally:
                 remove(self._new)
-
-    def _facts(self) -> dict[str, str]:
-        sandbox, seen = self._controls.sandbox, self._controls.sandbox.seen
-        facts = {"scene": sandbox.scene.to_yaml(), "changed by hand": str(seen.by_hand), "t": repr(seen.t)}
-        return facts | {name: repr(value) for name, value in seen.values.items()}
 
 
 def picture_of(drawn: NDArray[np.float32]) -> Picture:
