@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from taichi_disk.render.pictures import Pictures
 
 Run = tuple[Scenario, Outcome]
-Cue = tuple[float, str | None]  # of a picture: t [R/c] and the last line, None for the result
+Frame = tuple[float, str | None]  # t [R/c] and the last line, None for the result
 
 FORMATS = (".mp4", ".webm", ".gif", ".png", "")
 _HELD, _LAST = 0.06, 0.10  # shares of a film that stand still at the greatest compression, and at the end
@@ -71,7 +71,7 @@ def film(path: Path, runs: Sequence[Run], video: VideoSection, progress: Progres
     from taichi_disk.render.video import video as encoded
 
     if path.suffix == ".png":
-        frames: list[Cue] = [(greatest_compression(runs[0][1].columns), _GREATEST)]
+        frames: list[Frame] = [(greatest_compression(runs[0][1].columns), _GREATEST)]
         video = replace(video, supersample=2.0)
     else:
         frames = _frames(runs, video)
@@ -98,7 +98,7 @@ def film(path: Path, runs: Sequence[Run], video: VideoSection, progress: Progres
 # ---- when to look, and what to write
 
 
-def _frames(runs: Sequence[Run], video: VideoSection) -> list[Cue]:
+def _frames(runs: Sequence[Run], video: VideoSection) -> list[Frame]:
     """The pictures of a film, those of the run that lasts longest. Equal times in succession are one picture."""
     count = max(3, round(video.fps * video.seconds))
     held, last = round(_HELD * count), max(round(_LAST * count), 1)
@@ -112,12 +112,12 @@ def _frames(runs: Sequence[Run], video: VideoSection) -> list[Cue]:
         times[greatest] = peak
     paces = [f"1 s shows {float(f'{pace:.2g}'):g} R/c" for pace in video.fps * np.diff(times)]
     paces = [""] * len(times) if scenario.static else [*paces, *paces[-1:]]
-    frames: list[Cue] = [(float(t), pace) for t, pace in zip(times, paces, strict=True)]
+    frames: list[Frame] = [(float(t), pace) for t, pace in zip(times, paces, strict=True)]
     still, end = (frames[greatest][0], _GREATEST), (frames[-1][0], None)
     return frames[: greatest + 1] + held * [still] + frames[greatest + 1 :] + last * [end]
 
 
-def _lines(scenario: Scenario, outcome: Outcome, frames: Sequence[Cue]) -> Iterator[tuple[str, ...]]:
+def _lines(scenario: Scenario, outcome: Outcome, frames: Sequence[Frame]) -> Iterator[tuple[str, ...]]:
     """The lines for each moment; after the end the observables are those of the end."""
     columns, times, peak = outcome.columns, [t for t, _ in frames], greatest_compression(outcome.columns)
     rows = {name: np.interp(times, columns["t"], values) for name, values in columns.items()} | {"t": times}
@@ -131,7 +131,7 @@ def _lines(scenario: Scenario, outcome: Outcome, frames: Sequence[Cue]) -> Itera
 # ---- how to draw
 
 
-def _pictures(runs: Sequence[Run], video: VideoSection, frames: Sequence[Cue]) -> Pictures:
+def _pictures(runs: Sequence[Run], video: VideoSection, frames: Sequence[Frame]) -> Pictures:
     from taichi_disk.render.legend import Legend
     from taichi_disk.render.pictures import Pictures, side_panel
 
@@ -164,12 +164,12 @@ def _painter(scenario: Scenario, outcome: Outcome, video: VideoSection, still: f
     peak = greatest_compression(columns)
     if still is None:
         looks = [t for t in scenario.frame_times(columns, 2 * _LOOKS).tolist() if t < peak][-_LOOKS:]
-        seen = [outcome.positions]
+        places = [outcome.positions]
     else:
-        looks, seen = [still], []
+        looks, places = [still], []
     times = sorted({*looks, peak})
     for t, (_, x, v) in zip(times, outcome.replay(np.array(times)), strict=True):
-        seen.append(x)
+        places.append(x)
         if t <= peak:
             painter.limit, greatest = max(painter.limit, painter.scale(painter.values(x, v))), x
     if painter.wall is not None:
@@ -180,6 +180,6 @@ def _painter(scenario: Scenario, outcome: Outcome, video: VideoSection, still: f
         painter.edge = edge_height(painter.wall, largest)
         if not len(scenario.lattice.wall_surface):  # of a rigid wall no more is seen than its uppermost part
             ymin = painter.edge - _BELOW
-    disk = np.concatenate([x[: scenario.lattice.disk_points] for x in seen])
+    disk = np.concatenate([x[: scenario.lattice.disk_points] for x in places])
     (left, _), (right, top) = disk.min(axis=0), disk.max(axis=0)
     return painter, (min(xmin, left - _BESIDE), max(xmax, right + _BESIDE), ymin, max(ymax, top))

@@ -41,12 +41,12 @@ class Driver:
         failure: why there is no result, once the status is "failed".
         end: the state at the end, once the status is "finished".
         steps_made: in all attempts together.
-        judged: whether the scene may end, and begin again with a shorter step.
+        can_end: whether the scene may end, and begin again with a shorter step.
 
     Raises InputError for a step by hand that is too long.
     """
 
-    judged = True
+    can_end = True
 
     def __init__(
         self, scenario: Scenario, time: Any, kernels: KernelCache, spectrum: Spectrum, *, force: bool = False
@@ -122,7 +122,7 @@ class Driver:
     def _launch(self, last: int) -> None:
         """One kernel launch, and what follows from it; up to step `last`."""
         simulation, before = self.simulation, self.simulation.step_number
-        steps, needed = min(self._launch_steps, last - before), self._needed if self.judged else NEVER
+        steps, needed = min(self._launch_steps, last - before), self._needed if self.can_end else NEVER
         rows, self._quiet = simulation.advance(steps, self.stride, self._bounds, needed, self._quiet)
         self.steps_made += simulation.step_number - before
         now, seen, what = simulation.snapshot(), np.vstack([rows, simulation.now]), ""
@@ -135,7 +135,7 @@ class Driver:
             self._blown_up(what)
             return
         self.state, self.row = now, simulation.now
-        if self.judged and self._quiet >= self._needed:
+        if self.can_end and self._quiet >= self._needed:
             # The rows of the quiet time: a scene may be asked at every row, and all rows are many.
             last_rows = self._rows[max(0, self.count - self._needed - 1) : self.count]
             if self.scenario.ended(as_columns(last_rows, self.interval)):
@@ -186,7 +186,7 @@ class Driver:
             simulation.advance(steps, self.stride)
             self.state, self.row = simulation.snapshot(), simulation.now
         peak = simulation.peak_point_force()
-        if self.judged and self.control.shorten_after_blow_up(peak):
+        if self.can_end and self.control.shorten_after_blow_up(peak):
             self._restart()
             return
         x, v, t = simulation.positions(), simulation.velocities(), simulation.time

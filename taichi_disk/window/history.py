@@ -45,7 +45,7 @@ class Segment(Driver):
     def advance(self, seconds: float = inf, steps: int | None = None) -> Status:
         """As a `Driver`, but `max_time` is no failure, and after the end time goes on: the status stays "finished"."""
         over = self.status == "finished"
-        self.judged = not over and self.pulled_from == inf
+        self.can_end = not over and self.pulled_from == inf
         if over:
             self.status = "running"
         super().advance(seconds, steps)

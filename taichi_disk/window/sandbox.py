@@ -159,7 +159,7 @@ class Sandbox:
             self.time.look_at(t)
 
     def step(self, count: int) -> None:
-        """Show the state `count` places later, or earlier if negative, and pause; beyond the last, time goes on."""
+        """Show what is `count` checkpoints later, or earlier if negative, and pause; beyond the last, time goes on."""
         if self._hold_still() and not self.time.look_beside(count):
             self._go(self.time.due, inf)
 
