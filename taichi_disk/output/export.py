@@ -12,8 +12,7 @@ from xml.sax.saxutils import quoteattr
 import numpy as np
 
 from taichi_disk.errors import InputError
-from taichi_disk.fields import Triangles, point_stress, stress
-from taichi_disk.fields.stress import pressure
+from taichi_disk.fields import Triangles, point_stress, pressure, stress
 from taichi_disk.lattice import Array, Lattice
 from taichi_disk.output.files import atomic_write, check_pictures, prepare_output, write_text
 

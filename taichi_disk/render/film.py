@@ -16,12 +16,12 @@ from taichi_disk.errors import InputError
 from taichi_disk.output.files import atomic_write, check_pictures
 from taichi_disk.progress import Progress
 from taichi_disk.render import require_film
-from taichi_disk.render.palette import THEMES
+from taichi_disk.render.geometry import View, edge_height
+from taichi_disk.render.palette import THEMES, round_near
 from taichi_disk.simulation.outcome import Outcome, greatest_compression
 from taichi_disk.simulation.scenario import Scenario
 
 if TYPE_CHECKING:
-    from taichi_disk.render.camera import View
     from taichi_disk.render.painter import Painter
     from taichi_disk.render.pictures import Pictures
 
@@ -133,7 +133,7 @@ def _lines(scenario: Scenario, outcome: Outcome, frames: Sequence[Frame]) -> Ite
 
 def _pictures(runs: Sequence[Run], video: VideoSection, frames: Sequence[Frame]) -> Pictures:
     from taichi_disk.render.legend import Legend
-    from taichi_disk.render.pictures import Pictures
+    from taichi_disk.render.pictures import Pictures, side_panel
 
     still = frames[0][0] if len(frames) == 1 else None
     painters, views = zip(*(_painter(*run, video, still) for run in runs), strict=True)
@@ -147,8 +147,6 @@ def _pictures(runs: Sequence[Run], video: VideoSection, frames: Sequence[Frame])
     (xmin, _, ymin, _), (_, xmax, _, ymax) = np.min(views, axis=0), np.max(views, axis=0)
     panel = None
     if video.panel and video.size >= _PANEL:
-        from taichi_disk.render.panel import side_panel
-
         panel = side_panel(runs, video.size, THEMES[video.theme])
     return Pictures(legends, video.size, (xmin, xmax, ymin, ymax), video.supersample, panel)
 
@@ -159,8 +157,6 @@ def _painter(scenario: Scenario, outcome: Outcome, video: VideoSection, still: f
     The view holds the end of a film, too, or the moment of a `still` picture [R/c].
     """
     from taichi_disk.render.painter import Painter
-    from taichi_disk.render.scales import round_near
-    from taichi_disk.render.shapes import edge_height
 
     painter = Painter(scenario.lattice, scenario.model.springs, scenario.model.wall)
     painter.colour, painter.draw, painter.theme, painter.limit = video.colour, video.draw, video.theme, 0.0
