@@ -12,7 +12,7 @@ import numpy as np
 from taichi_disk.accuracy.reference import Reference
 from taichi_disk.integrators import INTEGRATORS, Integrator
 from taichi_disk.lattice import Array
-from taichi_disk.simulation.energy_balance import relative_imbalance
+from taichi_disk.simulation.diagnostics import relative_imbalance
 from taichi_disk.simulation.observables import as_columns
 from taichi_disk.simulation.outcome import Outcome
 from taichi_disk.simulation.scenario import Scenario

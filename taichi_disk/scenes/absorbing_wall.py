@@ -14,7 +14,7 @@ from taichi_disk.config.scene_base import (
     time_conflicts,
 )
 from taichi_disk.config.sections import ElasticWallSection, ImpactSection, MaterialSection
-from taichi_disk.lattice import Lattice, bulk_moduli, with_wall
+from taichi_disk.lattice import Lattice, with_wall
 from taichi_disk.scenes.body import DiskScene
 from taichi_disk.scenes.impact import ImpactScenario
 from taichi_disk.simulation.observables import Columns
@@ -90,17 +90,17 @@ class AbsorbingWallImpact(ImpactScenario):
 
         wall = self.scene.wall
         contact = ElasticWall(wall.a, wall.V0, wall.threshold)
-        return Model(self.scene.springs(self.lattice), contact, boundary=self._boundary())
+        return Model(self.springs, contact, boundary=self._boundary())
 
     def _boundary(self) -> Boundary:
         from taichi_disk.physics import MatchedBoundary, PinnedBoundary, ResetBoundary, matched_impedance
 
-        spec, wall = self.scene.lattice, self.scene.wall
+        wall = self.scene.wall
         if wall.boundary == "reset":
             return ResetBoundary(wall.reset_interval)
         if wall.boundary == "pinned":
             return PinnedBoundary()
-        moduli = bulk_moduli(self.lattice.disk_points, spec.seed, self.scene.material.k_a, spec.min_spacing)
+        moduli = self.scene.moduli(self.lattice.disk_points)
         p, s = moduli.density * moduli.wave_speed_p, moduli.density * moduli.wave_speed_s
         return MatchedBoundary(matched_impedance(self.lattice, p, s))
 

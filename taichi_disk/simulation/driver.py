@@ -11,14 +11,13 @@ import numpy as np
 
 from taichi_disk.errors import SimulationError
 from taichi_disk.lattice import Array
-from taichi_disk.simulation.energy_balance import Watch, unacceptable
-from taichi_disk.simulation.failure import BlowUp, explained, gone_through
+from taichi_disk.simulation.diagnostics import BlowUp, Watch, explained, gone_through, unacceptable
 from taichi_disk.simulation.observables import COLUMNS, INDEX, Columns, as_columns, bounds_array
 from taichi_disk.simulation.scenario import Scenario
 from taichi_disk.simulation.simulation import NEVER, KernelCache, Simulation
 from taichi_disk.simulation.stability import Spectrum
-from taichi_disk.simulation.state import Snapshot
 from taichi_disk.simulation.step_control import StepControl
+from taichi_disk.simulation.stepping import Snapshot
 
 Moment = tuple[float, Array, Array]  # t [R/c], positions (n, 2) [R], velocities (n, 2) [c]
 Status = Literal["running", "restarted", "finished", "failed"]

@@ -144,8 +144,7 @@ def turned(positions: Array, angle: float) -> Array:
 def rigid_balance(heights: Array, wall: ExponentialWall, load: float) -> float:
     """How far to lift points at `heights` (n,) [R] for the wall to bear the `load`: sum_i a V0 exp(-a y_i) = P."""
     lowest = float(heights.min())
-    crowd = float(np.exp(-wall.a * (heights - lowest)).sum())
-    return float(np.log(wall.a * wall.V0 * crowd / load)) / wall.a - lowest
+    return wall.height_of_force(load, heights - lowest) - lowest
 
 
 def resting_angle(disk: Lattice, k_a: float, a: float, pressure: float) -> float:

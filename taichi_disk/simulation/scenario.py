@@ -112,7 +112,7 @@ class Scenario(ABC):
         """What the energy imbalance is divided by [M c^2]."""
 
     @property
-    def leverage(self) -> float:
+    def sensitivity(self) -> float:
         """How many times as much a relative imbalance may mean for the result, which is a part of the motion only."""
         return 1.0
 

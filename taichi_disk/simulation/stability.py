@@ -102,7 +102,7 @@ def contact_point_force(lattice: Lattice, model: Model, force: float) -> float:
     of a soft wall along a circle, R/a; somewhat more where it sticks out.
     """
     assert model.wall is not None
-    variance = force / (np.pi * MODULUS * model.springs.k_a) + 1.0 / model.wall.a
+    variance = force / (np.pi * MODULUS * model.springs.k_a) + model.wall.decay_length
     surface = lattice.positions[lattice.disk_surface]
     chords = np.hypot(*(surface - np.roll(surface, 1, axis=0)).T)
     return float(min(force, ROUGHNESS * force / np.sqrt(2.0 * np.pi * variance) * chords.max()))

@@ -11,7 +11,7 @@ import numpy as np
 from taichi_disk.lattice import Array
 from taichi_disk.simulation.driver import Driver
 from taichi_disk.simulation.observables import COLUMNS
-from taichi_disk.simulation.state import Snapshot
+from taichi_disk.simulation.stepping import Snapshot
 
 SPACING = 1.5e-2  # time between two remembered states at first, of the disk's own time
 MOST, BYTES = 1280, 1.7e9  # states remembered, and what they may take; then every second is let go

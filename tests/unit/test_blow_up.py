@@ -9,8 +9,7 @@ import pytest
 from bodies import ELASTIC, RIGID, WALL, computed, disk_and_wall, driver_of
 
 from taichi_disk.physics import ElasticWall, Model, Springs
-from taichi_disk.simulation.energy_balance import Watch
-from taichi_disk.simulation.failure import BlowUp, gone_through
+from taichi_disk.simulation.diagnostics import BlowUp, Watch, gone_through
 from taichi_disk.simulation.observables import INDEX
 
 SMALL = ("exponential_wall", "lattice.points=80", "material.eta_star=0")
