@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
+import taichi_disk.physics  # noqa: F401 (prepares what Taichi reads when it is imported)
+
 
 @dataclass(frozen=True)
 class Integrator:

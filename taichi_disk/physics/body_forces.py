@@ -9,7 +9,7 @@ import taichi as ti
 from numpy.typing import NDArray
 
 from taichi_disk.lattice import Array, Lattice
-from taichi_disk.physics.law import BodyForce, Capacity, get, pair_of, put, scalar
+from taichi_disk.physics.law import BodyForce, Capacity, array, get, pair_of, put, scalar
 from taichi_disk.potential import ExponentialPotential
 
 NEGLIGIBLE = exp(-45.0)  # force of the rigid wall on a point [M c^2/R]
@@ -128,8 +128,7 @@ class MouseSpring(BodyForce):
         self.k_now, self.strongest_now = scalar(builder), scalar(builder)
         # Written and read in one kernel: Taichi 1.7.4 would hand a later reader of a 0-D field the value from before.
         self.target = pair_of(builder, 1)
-        self.point = ti.field(ti.i32)  # -1: none
-        builder.dense(ti.i, 1).place(self.point)
+        self.point = array(builder, 1)  # -1: none
 
     def numbers(self) -> list[tuple[Any, float]]:
         return [(self.k_now, self.k), (self.strongest_now, self.strongest)]

@@ -13,7 +13,7 @@ import numpy as np
 import taichi as ti
 
 from taichi_disk.lattice import Array, Lattice
-from taichi_disk.physics.law import Capacity, Integers1, Law, Reals2, get, pair_of, put
+from taichi_disk.physics.law import Capacity, Integers1, Law, Reals2, array, get, pair_of, put
 
 
 @ti.data_oriented
@@ -21,9 +21,7 @@ class Boundary(Law):
     """The points of `Lattice.wall_boundary`, and what happens to them."""
 
     def make_fields(self, builder: Any, capacity: Capacity) -> None:
-        self.point, self.count = ti.field(ti.i32), ti.field(ti.i32)
-        builder.dense(ti.i, capacity.points).place(self.point)
-        builder.dense(ti.i, 1).place(self.count)
+        self.point, self.count = array(builder, capacity.points), array(builder, 1)
 
     def fill(self, lattice: Lattice) -> None:
         self._fill_points(lattice.wall_boundary)

@@ -13,7 +13,7 @@ import taichi as ti
 from numpy.typing import NDArray
 
 from taichi_disk.lattice import Array, Lattice
-from taichi_disk.physics.law import Capacity, Integers1, Law, get, put, scalar
+from taichi_disk.physics.law import Capacity, Integers1, Law, array, get, put, scalar
 from taichi_disk.potential import ExponentialPotential
 
 
@@ -49,10 +49,8 @@ class ElasticWall(ExponentialPotential, Law):
 
     def make_fields(self, builder: Any, capacity: Capacity) -> None:
         self.a_now, self.V0_now, self.threshold_now, self.shift_now = (scalar(builder) for _ in range(4))
-        self.disk_surface, self.wall_surface, self.count = (ti.field(ti.i32) for _ in range(3))
-        builder.dense(ti.i, capacity.points).place(self.disk_surface)
-        builder.dense(ti.i, capacity.points).place(self.wall_surface)
-        builder.dense(ti.i, 2).place(self.count)
+        self.disk_surface, self.wall_surface = (array(builder, capacity.points) for _ in range(2))
+        self.count = array(builder, 2)
 
     def numbers(self) -> list[tuple[Any, float]]:
         return [

@@ -36,11 +36,21 @@ def put(pair: ti.template(), i, value):
     pair[1][i] = value[1]
 
 
-def pair_of(builder: Any, count: int) -> tuple[Any, Any]:
-    """Two scalar fields of `count` numbers in f64, x and y of a point side by side: loaded with one instruction."""
-    pair = (ti.field(ti.f64), ti.field(ti.f64))
-    builder.dense(ti.i, count).place(*pair)
-    return pair
+def side_by_side(builder: Any, count: int, fields: int, kind: Any = ti.f64) -> tuple[Any, ...]:
+    """`fields` fields of `count` numbers each. Those of one index lie together: loaded with one instruction."""
+    made = tuple(ti.field(kind) for _ in range(fields))
+    builder.dense(ti.i, count).place(*made)
+    return made
+
+
+def pair_of(builder: Any, count: int) -> tuple[Any, ...]:
+    """`count` vectors, as `get` and `put` take them."""
+    return side_by_side(builder, count, 2)
+
+
+def array(builder: Any, count: int, kind: Any = ti.i32) -> Any:
+    """A field of `count` numbers."""
+    return side_by_side(builder, count, 1, kind)[0]
 
 
 def scalar(builder: Any, kind: Any = ti.f64) -> Any:

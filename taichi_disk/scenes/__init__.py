@@ -1,9 +1,9 @@
-"""The kinds of scenes, and how one is loaded. A new kind is a file here and an entry of SCENES."""
+"""The kinds of scenes, and how one is loaded. A new kind is a file here, a member of `Scene`, and a YAML file."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TypeAlias, cast
+from typing import TypeAlias, cast, get_args
 
 from taichi_disk.config import loader
 from taichi_disk.config.loader import Source, shipped_scenes
@@ -16,11 +16,7 @@ from taichi_disk.scenes.exponential_wall import ExponentialWallScene
 __all__ = ["SCENES", "Scene", "Sweep", "load_any", "load_scene", "load_sweep", "shipped_scenes"]
 
 Scene: TypeAlias = CompressionScene | ExponentialWallScene | AbsorbingWallScene
-SCENES: dict[str, type[SceneBase]] = {
-    "compression": CompressionScene,
-    "exponential_wall": ExponentialWallScene,
-    "absorbing_wall": AbsorbingWallScene,
-}
+SCENES: dict[str, type[SceneBase]] = {kind.scene: kind for kind in get_args(Scene)}
 
 
 def load_scene(source: Source, overrides: Sequence[str] = ()) -> Scene:

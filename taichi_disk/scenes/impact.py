@@ -25,7 +25,7 @@ LONGEST = 0.05  # between two rows, of the disk's own time: some 100 rows of con
 HALVINGS = 8  # of that at the most: some 30,000 rows
 CONTACT_LEVEL = 0.01  # contact lasts while the wall's force exceeds this fraction of its peak
 NOT_ROUND = 0.2  # of the radius: a body whose outline dips deeper bends more easily than a disk
-RESOLVED = 0.7  # of the wall's decay length that a step may cross, for its error to be told by another step
+RESOLVED = 0.7  # of the wall's decay length that a step may cross, for another step to show its error
 
 
 class ImpactScenario(Scenario):
@@ -53,7 +53,7 @@ class ImpactScenario(Scenario):
         self._radius, self._inertia = float(distance.max()), float((distance**2).mean())
         self._dip = self._radius - float(distance[disk.disk_surface].min())
         self.springs = scene.springs(body)
-        self._compliance = self.springs.compliance
+        self._compliance = 1.0 / self.springs.modulus
         if self._dip > NOT_ROUND * self._radius:
             self._compliance = max(self._compliance, bending_compliance(self.springs.stiffness_at_rest(disk)))
         self._set_out()
@@ -116,7 +116,7 @@ class ImpactScenario(Scenario):
 
     def ended(self, columns: Columns) -> bool:
         # A disk on its way out may still vibrate so much that it touches again. Its lowest point has to be higher than
-        # at the start by sqrt(2 U/k_a), U all energy but that of flight and spin: 1.4 to 2.3 times what the remaining
+        # at the start by sqrt(2 U/E), U all energy but that of flight and spin: 1.4 to 2.3 times what the remaining
         # vibrations were seen to move the rim. A rod bends more. If it turns faster than it rises, so must each point,
         # when it is lowest.
         last = {name: float(values[-1]) for name, values in columns.items()}

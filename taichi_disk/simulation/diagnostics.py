@@ -32,7 +32,7 @@ def summary(scenario: Scenario, columns: Columns) -> dict[str, Any]:
 
 
 def unacceptable(scenario: Scenario, columns: Columns) -> str | None:
-    """What to tell of a run whose energy imbalance is so large at the end that its result is none."""
+    """Why a run has no result: its energy imbalance at the end is too large; None where it is not."""
     lost, _ = relative_imbalance(scenario, columns)
     tolerance = scenario.scene.time.tolerance
     allowed = LARGEST if tolerance == "none" else max(LARGEST, tolerance)
@@ -45,7 +45,7 @@ def unacceptable(scenario: Scenario, columns: Columns) -> str | None:
 
 
 def warnings(scenario: Scenario, columns: Columns) -> list[str]:
-    """What a person should know of the energy balance of a run whose result stands."""
+    """What makes the result of a run doubtful, as sentences."""
     found = [unacceptable(scenario, columns)]
     slid = float(np.abs(columns["sliding"]).max()) / scenario.energy_scale(columns)
     if slid > LARGEST:
@@ -127,7 +127,7 @@ def gone_through(lattice: Lattice, model: Model, x: Array, energy: float) -> boo
         return False
     disk, surface = x[: lattice.disk_points], x[lattice.wall_surface]
     px, py = disk[disk[:, 1] < surface[:, 1].max()].T[:, :, None]
-    deep = -2.0 * wall.height_of(max(energy, wall.V0))  # twice as far as the potential lets it
+    deep = 2.0 * max(-wall.height_of(energy), 0.0)  # twice as far as the potential lets it
     a = np.concatenate([x[lattice.wall_boundary], surface[-2:0:-1] - [0.0, deep]])  # the wall's outline
     b = np.roll(a, -1, axis=0)
     with np.errstate(divide="ignore", invalid="ignore"):

@@ -16,7 +16,7 @@ from taichi_disk.integrators import Integrator
 from taichi_disk.integrators.trapezoidal import DashpotSolver, Factor
 from taichi_disk.lattice import Array
 from taichi_disk.physics import Model
-from taichi_disk.physics.law import Integers1, Reals2, get, put
+from taichi_disk.physics.law import Integers1, Reals2, array, get, put, side_by_side
 from taichi_disk.physics.ordering import Arrangement
 from taichi_disk.simulation.observables import (
     ABSORBED,
@@ -56,8 +56,8 @@ class Kernels(Stepping):
         ti.loop_config(serialize=True)
         for _ in range(1):
             sums = ti.Vector([self.state.sums[k] for k in range(SUMS)])
-            made, row, needed, within = 0, 0, counts[0], counts[1]
-            while made < steps and within < needed:
+            made, row, needed, quiet = 0, 0, counts[0], counts[1]
+            while made < steps and quiet < needed:
                 made += 1
                 elastic, upward, potential = 0.0, 0.0, 0.0
                 sums, elastic, upward, potential = self.step(first + made, sums)
@@ -69,9 +69,9 @@ class Kernels(Stepping):
                     for k in ti.static(range(len(COLUMNS))):
                         if rows[row, k] < bounds[0, k] or rows[row, k] > bounds[1, k]:
                             inside = 0
-                    within = (within + 1) * inside
+                    quiet = (quiet + 1) * inside
                     row += 1
-            counts[1], counts[2], counts[3] = within, made, row
+            counts[1], counts[2], counts[3] = quiet, made, row
             for k in ti.static(range(SUMS)):
                 self.state.sums[k] = sums[k]
 
@@ -164,12 +164,9 @@ class SubdomainKernels(Kernels):
         super().__init__(state, model, integrator, solver)
         self.count = count
         self.steps_per_launch = max(1, STAGES // integrator.forces)
-        self.ends = ti.field(ti.i32)
-        self.parts = [ti.field(ti.f64) for _ in range(3)]  # largest force, elastic energy, products
-        self.latest = ti.field(ti.f64)  # elastic energy, contact force, contact potential
-        builder.dense(ti.i, count).place(self.ends)
-        builder.dense(ti.i, count).place(*self.parts)
-        builder.dense(ti.i, 3).place(self.latest)
+        self.ends = array(builder, count)
+        self.parts = side_by_side(builder, count, 3)  # largest force, elastic energy, products
+        self.latest = array(builder, 3, ti.f64)  # elastic energy, contact force, contact potential
 
     def fill(self, arrangement: Arrangement, factor: Factor | None) -> None:
         super().fill(arrangement, factor)
@@ -182,10 +179,10 @@ class SubdomainKernels(Kernels):
 
     def advance(self, first: int, steps: int, stride: int, rows: Array, bounds: Array, counts: Counts) -> None:
         """As that of one core, in many short launches."""
-        needed, within, made, count = (int(number) for number in counts)
+        needed, quiet, made, count = (int(number) for number in counts)
         if steps == 0:
             self.advance_few(first, 0)  # compiles the kernel
-        while made < steps and within < needed:
+        while made < steps and quiet < needed:
             few = min(steps - made, stride - (first + made) % stride, self.steps_per_launch)
             self.advance_few(first + made, few)
             made += few
@@ -194,9 +191,9 @@ class SubdomainKernels(Kernels):
                 self.look(rows, count)
             if due:
                 inside = bool(((rows[count] >= bounds[0]) & (rows[count] <= bounds[1])).all())
-                within = (within + 1) * inside
+                quiet = (quiet + 1) * inside
                 count += 1
-        counts[1:] = within, made, count
+        counts[1:] = quiet, made, count
 
     @ti.func
     def move_subdomain(self, stage: ti.template(), c):

@@ -85,8 +85,7 @@ class Simulation:
         self.lattice, self.dt, self.mass = lattice, dt, float(lattice.masses[0])
         self._arrangement, self.step_number = arranged, 0
         self.generation += 1
-        n, g = len(lattice.positions), dt / self.mass
-        state = self.state
+        n, g, state = len(lattice.positions), dt / self.mass, self.state
         numbers: list[tuple[Any, float]] = [
             (state.h, dt),
             (state.m, self.mass),
@@ -115,26 +114,26 @@ class Simulation:
     # ---- time
 
     def advance(
-        self, steps: int, stride: int = 1, bounds: Array | None = None, needed: int = NEVER, within: int = 0
+        self, steps: int, stride: int = 1, bounds: Array | None = None, needed: int = NEVER, quiet: int = 0
     ) -> tuple[Array, int]:
         """Make `steps` steps, fewer if the scene's end is met; none at all compile the kernel.
 
         Args:
             stride: a row of observables is returned for every step whose number is a multiple of it.
             bounds: (2, columns) least and largest value of every column at the end.
-            needed, within: how many rows running have to be within the bounds to stop, and how many are already.
+            needed, quiet: how many rows running have to be within the bounds to stop, and how many are already.
 
         Returns the rows (rows, columns), and how many rows running are within the bounds now.
         """
         rows = np.empty(((self.step_number % stride + steps) // stride + 1, len(COLUMNS)))
         bounds = bounds_array({}) if bounds is None else bounds
-        counts = np.array([needed, within, 0, 0], np.int32)
+        counts = np.array([needed, quiet, 0, 0], np.int32)
         self.kernels.advance(self.step_number, steps, stride, rows, bounds, counts)
-        within, made, count = (int(number) for number in counts[1:])
+        quiet, made, count = (int(number) for number in counts[1:])
         self.step_number += made
         if steps:
             self.now = rows[count - (self.step_number % stride == 0)]
-        return rows[:count], within
+        return rows[:count], quiet
 
     @property
     def time(self) -> float:

@@ -119,21 +119,21 @@ class StepControl:
     # ---- errors
 
     def record(self, columns: Columns) -> RunRecord:
-        """What a run with the present step has told."""
+        """What the next steps are chosen from: a run with the present step."""
         step, result = self.step, self.scenario.primary(columns)[1]
         _, worst = relative_imbalance(self.scenario, columns)
         worst *= self.scenario.sensitivity
         return RunRecord(step.integrator, step.dt, result, worst, step.dt / self.scenario.resolving_step)
 
     def error(self, columns: Columns) -> float | None:
-        """The estimated error of the last primary result; None while there is too little to tell."""
+        """The estimated error of the last primary result; None after a single run."""
         left = self.scenario.end_truncation_error(columns)
         if not self.scenario.step_dependent:
             return left
         return error_estimate(*self.records[-2:]) + left if len(self.records) > 1 else None
 
     def out_of_tolerance(self, columns: Columns) -> str | None:
-        """What to tell where the last run, which gave `columns`, is not known to be within the tolerance asked for."""
+        """Why the last run, which gave `columns`, is not known to be within the tolerance; None where it is."""
         tolerance, error = self.time.tolerance, self.error(columns)
         if tolerance == "none" or (error is not None and error <= tolerance):
             return None
@@ -209,13 +209,13 @@ class StepControl:
         """
         scenario, step, tolerance = self.scenario, self.step, self.time.tolerance
         error, left = self.error(columns), scenario.end_truncation_error(columns)
-        room = tolerance - left
+        allowed = tolerance - left
         stands = not (self.out_of_tolerance(columns) or self._beyond(peak) or unacceptable(scenario, columns))
-        if stands or room <= 0.0:
+        if stands or allowed <= 0.0:
             return False
         shorter = COMPARED
         if error is not None:
-            shorter = min(((error - left) / (AIM * room)) ** (1.0 / step.integrator.order), MOST)
+            shorter = min(((error - left) / (AIM * allowed)) ** (1.0 / step.integrator.order), MOST)
         excess = abs(relative_imbalance(scenario, columns)[0]) / max(LARGEST, tolerance)
         least = max(LEAST, sqrt(excess), step.dt / (MARGIN * self.limit(step.integrator, peak)))
         return self._again(step.dt / max(shorter, least) / self.limit(step.integrator, self._point_force))

@@ -15,7 +15,7 @@ from taichi_disk.integrators import Integrator
 from taichi_disk.integrators.trapezoidal import DashpotSolver
 from taichi_disk.lattice import Array
 from taichi_disk.physics import MatchedBoundary, Model, PinnedBoundary, ResetBoundary
-from taichi_disk.physics.law import Capacity, Reals1, Reals3, get, pair_of, put, scalar
+from taichi_disk.physics.law import Capacity, Reals1, Reals3, array, get, pair_of, put, scalar
 from taichi_disk.simulation.observables import ABSORBED, BOUNDARY_POWER, DISSIPATED, PEAK, POWER, SLIDING, SUMS
 
 
@@ -59,8 +59,7 @@ class State:
         self.n, self.n_disk, self.blocks, self.subdomain_points, self.reset_steps = (
             scalar(builder, ti.i32) for _ in range(5)
         )
-        self.sums = ti.field(ti.f64)
-        builder.dense(ti.i, SUMS).place(self.sums)
+        self.sums = array(builder, SUMS, ti.f64)
 
     def write(self, numbers: Sequence[tuple[Any, float]], n: int) -> None:
         """Write each number into its 0-D field, the same fields in every call; `n`: points."""
