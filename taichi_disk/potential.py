@@ -1,13 +1,14 @@
-"""A wall's potential V0 exp(-a y), and what follows from its two numbers."""
+"""A wall's potential V0 exp(-a y), and what follows from its two numbers.
+
+NumPy is imported when it is used: scene files, whose sections have these numbers, are read without it.
+"""
 
 from __future__ import annotations
 
-import numpy as np
-from numpy.typing import NDArray
+from typing import TYPE_CHECKING
 
-Array = NDArray[np.float64]
-
-ALONE = np.zeros(1)  # the height of a single point above itself
+if TYPE_CHECKING:
+    from taichi_disk.lattice import Array
 
 
 class ExponentialPotential:
@@ -23,6 +24,8 @@ class ExponentialPotential:
 
     def potential(self, y: Array | float) -> Array:
         """V0 exp(-a y) [M c^2]; infinite far inside the wall."""
+        import numpy as np
+
         with np.errstate(over="ignore"):
             return np.asarray(self.V0 * np.exp(-self.a * y))
 
@@ -30,16 +33,20 @@ class ExponentialPotential:
         """a V0 exp(-a y) [M c^2/R]."""
         return self.a * self.potential(y)
 
-    def height_of(self, energy: float, heights: Array = ALONE) -> float:
+    def height_of(self, energy: float, heights: Array | float = 0.0) -> float:
         """Distance at which a point has the potential `energy` [M c^2]; of the lowest of several, all together.
 
         `heights` (k,) are those of the points above the lowest [R].
         """
+        import numpy as np
+
         total = np.log(np.exp(-self.a * heights).sum()) + np.log(self.V0)
         return float((total - np.log(energy)) / self.a)
 
-    def height_of_force(self, force: float, heights: Array = ALONE) -> float:
+    def height_of_force(self, force: float, heights: Array | float = 0.0) -> float:
         """Distance at which the wall pushes with `force` [M c^2/R], else as `height_of`."""
+        import numpy as np
+
         return float(np.log(self.a * self.V0 * np.exp(-self.a * heights).sum() / force) / self.a)
 
     def added_stiffness(self, force: float) -> float:

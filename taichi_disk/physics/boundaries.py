@@ -109,7 +109,7 @@ class ResetBoundary(Boundary):
 
     @ti.func
     def stop(self, state: ti.template(), springs: ti.template(), solver: ti.template(), implicit: ti.template()):
-        """Set the velocities at this step to zero; returns the kinetic energy that they held [M c^2].
+        """Set the velocities at this step to zero; returns the kinetic energy that they had [M c^2].
 
         What leapfrog keeps is m/2 v_{k-1/2} v_{k+1/2} = m/2 v_k^2 - m/2 (h/2 f_k/m)^2, and where there are dashpots f_k
         jumps too. `implicit`: whether `solver` (see `trapezoidal`) has solved for the velocities in `state.u`.

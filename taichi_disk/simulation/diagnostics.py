@@ -57,8 +57,8 @@ def warnings(scenario: Scenario, columns: Columns) -> list[str]:
     return [text for text in found if text]
 
 
-class Watch:
-    """Looks at the rows of a run, as they come, for one at which the energy balance, or a number, is lost.
+class EnergyBalance:
+    """That of a run: finds, in the rows as they come, the one at which it, or a number, is lost.
 
     Attributes:
         total: the energy that there is [M c^2].
@@ -94,8 +94,8 @@ class Watch:
         """Deviation of the total energy from its value at t = 0, (rows,) [M c^2]."""
         return np.asarray(rows[:, ENERGY_INDICES].sum(axis=1) - self.total)
 
-    def told(self, bad: Array) -> str:
-        """What is lost at the row `bad` (columns,)."""
+    def loss(self, bad: Array) -> str:
+        """What is lost at the row `bad` (columns,), in words."""
         if not np.isfinite(bad).all():
             return "a number is no longer finite"
         off = max(self.imbalance(bad[None])[0], bad[INDEX["sliding"]], key=abs)
@@ -127,7 +127,7 @@ def gone_through(lattice: Lattice, model: Model, x: Array, energy: float) -> boo
         return False
     disk, surface = x[: lattice.disk_points], x[lattice.wall_surface]
     px, py = disk[disk[:, 1] < surface[:, 1].max()].T[:, :, None]
-    deep = 2.0 * max(-wall.height_of(energy), 0.0)  # twice as far as the potential lets it
+    deep = -2.0 * wall.height_of(max(energy, wall.V0))  # twice as far as the potential lets it
     a = np.concatenate([x[lattice.wall_boundary], surface[-2:0:-1] - [0.0, deep]])  # the wall's outline
     b = np.roll(a, -1, axis=0)
     with np.errstate(divide="ignore", invalid="ignore"):

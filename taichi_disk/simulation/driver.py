@@ -11,7 +11,7 @@ import numpy as np
 
 from taichi_disk.errors import SimulationError
 from taichi_disk.lattice import Array
-from taichi_disk.simulation.diagnostics import BlowUp, Watch, explained, gone_through, unacceptable
+from taichi_disk.simulation.diagnostics import BlowUp, EnergyBalance, explained, gone_through, unacceptable
 from taichi_disk.simulation.observables import COLUMNS, INDEX, Columns, as_columns, bounds_array
 from taichi_disk.simulation.scenario import Scenario
 from taichi_disk.simulation.simulation import NEVER, KernelCache, Simulation
@@ -80,7 +80,7 @@ class Driver:
         self._launch_steps = max(1, springs // (len(scenario.lattice.bonds) * self.step.integrator.forces))
         self._rows: Array = np.empty((256, len(COLUMNS)))
         self._rows[0], self.count = self.simulation.first_row, 1
-        self._watch = Watch(self.simulation.first_row)
+        self._watch = EnergyBalance(self.simulation.first_row)
         self.start = self.state = self.simulation.snapshot()
         self.row, self.pulled_from = self.simulation.first_row, inf
 
@@ -143,7 +143,7 @@ class Driver:
         self.steps_made += simulation.step_number - before
         now, seen, what = simulation.snapshot(), np.vstack([rows, simulation.now]), ""
         if (lost := self._watch.first_lost(seen)) is not None:
-            what = self._watch.told(seen[lost])
+            what = self._watch.loss(seen[lost])
         elif gone_through(self.scenario.lattice, self.scenario.model, now.vectors[0], self._watch.total):
             what = "the disk has gone through the surface of the wall"
         self._append(rows[:lost])
@@ -177,7 +177,7 @@ class Driver:
         self.count = 1 + snapshot.step // self.stride
         inside = ((self.rows[1:] >= self._bounds[0]) & (self.rows[1:] <= self._bounds[1])).all(axis=1)
         self._held = min(int(np.argmin(np.append(inside[::-1], False))), self._needed - 1)
-        self._watch = Watch(self.rows[0])
+        self._watch = EnergyBalance(self.rows[0])
         self._watch.first_lost(self.rows)
         self.state, self.row, self.failure, self.pulled_from = snapshot, row, None, inf
         over = self.end is not None and snapshot.step >= self.end.step
