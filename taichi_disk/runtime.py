@@ -111,7 +111,7 @@ def start(threads: int | None = None) -> None:
                 default_fp=ti.f64,
                 default_ip=ti.i32,
                 fast_math=False,
-                real_matrix_scalarize=False,  # see physics.points
+                real_matrix_scalarize=False,  # see physics.law
                 log_level=ti.ERROR,
                 **options,
             )

@@ -14,7 +14,7 @@ from taichi_disk.errors import SimulationError
 from taichi_disk.integrators import INTEGRATORS, Integrator
 from taichi_disk.lattice import Array, Lattice
 from taichi_disk.physics import Model
-from taichi_disk.simulation.energy_balance import relative_imbalance
+from taichi_disk.simulation.diagnostics import relative_imbalance
 from taichi_disk.simulation.observables import as_columns
 from taichi_disk.simulation.outcome import Outcome
 from taichi_disk.simulation.scenario import Scenario

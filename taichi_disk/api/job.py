@@ -18,7 +18,7 @@ from taichi_disk.output.plot import plot_beside, plot_run
 from taichi_disk.progress import Progress
 from taichi_disk.scenes import Scene, check_memory
 from taichi_disk.signals import heard
-from taichi_disk.simulation.failure import BlowUp
+from taichi_disk.simulation.diagnostics import BlowUp
 from taichi_disk.simulation.outcome import Outcome, compute
 from taichi_disk.simulation.scenario import Scenario
 from taichi_disk.simulation.simulation import KernelCache

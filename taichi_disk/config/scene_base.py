@@ -7,7 +7,6 @@ import os
 import re
 from collections.abc import Collection, Mapping
 from dataclasses import asdict, fields, replace
-from math import log
 from typing import TYPE_CHECKING, Any, ClassVar, TypeAlias, cast
 
 from taichi_disk.config.sections import (
@@ -122,7 +121,7 @@ def dashpots(material: MaterialSection) -> list[str]:
 
 def gap_conflicts(wall: WallSection | ElasticWallSection, impact: ImpactSection) -> Conflicts:
     """A start within the wall's reach: the disk would be shot away by potential energy to spare, e > 1."""
-    least = _distance(wall, impact.velocity, 1e-3)
+    least = wall.height_of(1e-3 * 0.5 * impact.velocity**2)  # M = 1
     if impact.gap == "auto" or impact.gap >= least:
         return []
     what = f"at {impact.gap:g} R the wall's potential exceeds 1e-3 of the kinetic energy"
@@ -131,12 +130,7 @@ def gap_conflicts(wall: WallSection | ElasticWallSection, impact: ImpactSection)
 
 def least_threshold(wall: ElasticWallSection, velocity: float) -> float:
     """Distance at which the contact may be cut off: farther away its potential is 1e-5 of v^2/2 or less [R]."""
-    return _distance(wall, velocity, 1e-5)
-
-
-def _distance(wall: WallSection | ElasticWallSection, velocity: float, fraction: float) -> float:
-    """Distance from the wall at which its potential V0 exp(-a y) is `fraction` of v^2/2 (M = 1) [R]."""
-    return (log(wall.V0) - log(fraction / 2) - 2 * log(velocity)) / wall.a
+    return wall.height_of(1e-5 * 0.5 * velocity**2)
 
 
 def rounded_up(value: float) -> str:

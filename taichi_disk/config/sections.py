@@ -11,6 +11,7 @@ from functools import cache
 from typing import TYPE_CHECKING, Any, ClassVar, Literal, TypeAlias, get_args, get_type_hints
 
 from taichi_disk.errors import either
+from taichi_disk.potential import ExponentialPotential
 
 if TYPE_CHECKING:  # tells mypy what `Frozen` does; typing has it from Python 3.11 on
     from typing_extensions import dataclass_transform as _dataclasses
@@ -118,14 +119,14 @@ class MaterialSection(Section):
     eta_star: float = key(10.0, "viscosity eta R/(m c) of the dashpots; 0: none", low=0, high=1e6)
 
 
-class WallSection(Section):
+class WallSection(ExponentialPotential, Section):
     """Rigid wall: potential V0 exp(-a y) for every point of the disk, eqs. (3) and (6)."""
 
     a: float = key(300.0, "steepness of the wall's potential V0 exp(-a y)", "1/R", low=0.1, high=1e6)
     V0: float = key(150.0, "the wall's potential at distance 0", "M c^2", low=1e-12, high=1e12)
 
 
-class ElasticWallSection(Section):
+class ElasticWallSection(ExponentialPotential, Section):
     """A lattice of points below the disk; potential V0 exp(-a l) at distance l from its surface springs."""
 
     points: int = key(1269, "number of mass points of the wall", low=4, high=2_000_000)

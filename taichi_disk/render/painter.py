@@ -104,7 +104,7 @@ class Painter:
         canvas.set_background_color(theme.ground)
         if self.wall is not None:
             depth = max(pixel - camera.seen[2], -self.edge) if self._rigid else half  # over its own outline
-            decay = max(1.0 / self.wall.a, 0.4 * pixel)
+            decay = max(self.wall.decay_length, 0.4 * pixel)
             haze, solid = geometry.wall_body(self._chain(camera, pixel, x), depth, self.edge, decay, theme)
             self._draw_shape(canvas, haze, camera)
         if filled:
@@ -136,7 +136,7 @@ class Painter:
         forces = forces / self.full_force
         strong = np.hypot(*forces.T) > _WEAK
         feet, forces = x[points[strong]], forces[strong]
-        if self._spacing > 0.8 * distance and self.wall.a * self._spacing > 1.0:
+        if self._spacing > 0.8 * distance and self._spacing > self.wall.decay_length:
             return feet, forces
         _, group = np.unique(np.floor(feet[:, 0] / distance), return_inverse=True)
         count = np.bincount(group)

@@ -1,12 +1,12 @@
 """The kinds of scenes, how one is loaded, and whether it can be computed.
 
-A new kind is a file here, an entry of SCENES, and a file of the defaults in the folder `scenes` beside the package.
+A new kind is a file here, a member of `Scene`, and a file of the defaults in the folder `scenes` beside the package.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TypeAlias, cast
+from typing import TypeAlias, cast, get_args
 
 from taichi_disk.config.scene_base import SceneBase, check
 from taichi_disk.config.sections import ElasticWallSection
@@ -22,11 +22,7 @@ from taichi_disk.scenes.exponential_wall import ExponentialWallScene
 
 Scene: TypeAlias = CompressionScene | ExponentialWallScene | AbsorbingWallScene
 BYTES = 3e8, 2e3  # of a process, and of each point; measured with 1,099 to 2,000,000 points
-SCENES: dict[str, type[SceneBase]] = {
-    "compression": CompressionScene,
-    "exponential_wall": ExponentialWallScene,
-    "absorbing_wall": AbsorbingWallScene,
-}
+SCENES: dict[str, type[SceneBase]] = {kind.scene: kind for kind in get_args(Scene)}
 
 
 def load_scene(source: Source, overrides: Sequence[str] = ()) -> Scene:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, ClassVar
 
 from taichi_disk.config.scene_base import SceneBase
 from taichi_disk.errors import InputError
-from taichi_disk.lattice import Lattice, disk_lattice, read_lattice
+from taichi_disk.lattice import Lattice, Moduli, bulk_moduli, disk_lattice, read_lattice
 
 if TYPE_CHECKING:
     from taichi_disk.physics import Springs
@@ -34,6 +34,11 @@ class DiskScene(SceneBase):
             except InputError as error:
                 raise InputError(f"lattice.file: {error}") from error
         return disk_lattice(spec.points, spec.seed, spec.rim, spec.min_spacing)
+
+    def moduli(self, points: int) -> Moduli:
+        """Of the material of a disk of `points` random points."""
+        spec = self.lattice
+        return bulk_moduli(points, spec.seed, self.material.k_a, spec.min_spacing)
 
     def unused(self) -> Collection[tuple[str, str]]:
         keys = () if self.lattice.file == "none" else ("points", "seed", "rim", "min_spacing")

@@ -71,14 +71,14 @@ class Compression(Scenario):
         from taichi_disk.simulation.equilibrium import place_on_wall, resting_angle, solve_equilibrium
         from taichi_disk.simulation.stability import contact_point_force
 
-        self.scene, material = scene, scene.material
+        self.scene = scene
         self.pressure = scene.compression.pressure
         self.static = scene.compression.method == "newton"
         wall, springs = ExponentialWall(scene.wall.a, scene.wall.V0), scene.springs(disk)
         if np.abs(springs.strain(disk, disk.positions)).max() > STRAINED:
             disk = replace(disk, positions=solve_equilibrium(disk, Model(springs), disk.positions).positions)
         self.model = Model(springs, wall, Load(self.pressure))
-        angle = resting_angle(disk, material.k_a, wall.a, self.pressure)
+        angle = resting_angle(disk, springs.modulus, wall.a, self.pressure)
         start = place_on_wall(disk, angle, wall, self.pressure).positions
         self.rest = solve_equilibrium(disk, self.model, start)
         self.lattice = place_on_wall(disk, self.rest.roll, wall, TOUCH * self.pressure)
@@ -87,7 +87,7 @@ class Compression(Scenario):
         self.velocities = np.zeros_like(self.lattice.positions)
         # Released without damping, the contact force would swing to twice the load.
         self.point_force = contact_point_force(self.lattice, self.model, 2.0 * self.pressure)
-        unit = 1.0 / np.sqrt(material.k_a)
+        unit = springs.time_unit
         self.sample_interval = float(0.1 * unit)
         self.quiet_time = float(20.0 * unit)
         limit = scene.compression.max_time
@@ -98,7 +98,7 @@ class Compression(Scenario):
         """The disk moves no more, but for the slow roll. A vibration shows in the wall's force, the roll does not."""
         tolerance = self.scene.compression.tolerance
         return {
-            "kinetic": (0.0, tolerance * self.pressure**2 / self.scene.material.k_a),
+            "kinetic": (0.0, tolerance * self.pressure**2 / self.model.springs.modulus),
             "residual": (0.0, tolerance * self.pressure / self.lattice.disk_points),
             "wall_force": (self.pressure * (1.0 - 1e-3 * tolerance), self.pressure * (1.0 + 1e-3 * tolerance)),
         }
@@ -135,7 +135,7 @@ class Compression(Scenario):
         """xi once the roll, too, has come to its end.
 
         The dashpots make the last roll onto the lowest place slow, theta ~ exp(-t/T), T up to 10^4 R/c. What remains of
-        it follows from the last stretch of time: xi - xi_end falls as the angular momentum does.
+        it follows from what the disk did last: xi - xi_end falls as the angular momentum does.
         """
         t, spin = columns["t"], columns["angular_momentum"]
         distance = columns["com_y"] - columns["lowest_y"]

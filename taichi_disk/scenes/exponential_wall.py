@@ -42,4 +42,4 @@ class ExponentialWallImpact(ImpactScenario):
     def _model(self) -> Model:
         from taichi_disk.physics import ExponentialWall, Model
 
-        return Model(self.scene.springs(self.lattice), ExponentialWall(self.scene.wall.a, self.scene.wall.V0))
+        return Model(self.springs, ExponentialWall(self.scene.wall.a, self.scene.wall.V0))

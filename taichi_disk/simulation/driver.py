@@ -11,14 +11,13 @@ import numpy as np
 
 from taichi_disk.errors import SimulationError
 from taichi_disk.lattice import Array
-from taichi_disk.simulation.energy_balance import Watch, unacceptable
-from taichi_disk.simulation.failure import BlowUp, explained, gone_through
+from taichi_disk.simulation.diagnostics import BlowUp, EnergyBalance, explained, gone_through, unacceptable
 from taichi_disk.simulation.observables import COLUMNS, Columns, as_columns, bounds_array
 from taichi_disk.simulation.scenario import Scenario
 from taichi_disk.simulation.simulation import NEVER, KernelCache, Simulation
 from taichi_disk.simulation.stability import Spectrum
-from taichi_disk.simulation.state import Snapshot
 from taichi_disk.simulation.step_control import StepControl
+from taichi_disk.simulation.stepping import Snapshot
 
 Moment = tuple[float, Array, Array]  # t [R/c], positions (n, 2) [R], velocities (n, 2) [c]
 Status = Literal["running", "restarted", "finished", "failed"]
@@ -73,7 +72,7 @@ class Driver:
         self._launch_steps = max(1, springs // (len(scenario.lattice.bonds) * self.step.integrator.forces))
         self._rows: Array = np.empty((256, len(COLUMNS)))
         self._rows[0], self.count = self.simulation.first_row, 1
-        self._watch = Watch(self.simulation.first_row)
+        self._watch = EnergyBalance(self.simulation.first_row)
         self.start = self.state = self.simulation.snapshot()
         self.row = self.simulation.first_row
 
@@ -127,7 +126,7 @@ class Driver:
         self.steps_made += simulation.step_number - before
         now, seen, what = simulation.snapshot(), np.vstack([rows, simulation.now]), ""
         if (lost := self._watch.first_lost(seen)) is not None:
-            what = self._watch.told(seen[lost])
+            what = self._watch.loss(seen[lost])
         elif gone_through(self.scenario.lattice, self.scenario.model, now.vectors[0], self._watch.total):
             what = "the disk has gone through the surface of the wall"
         self._append(rows[:lost])

@@ -144,19 +144,18 @@ def turned(positions: Array, angle: float) -> Array:
 def rigid_balance(heights: Array, wall: ExponentialWall, load: float) -> float:
     """How far to lift points at `heights` (n,) [R] for the wall to bear the `load`: sum_i a V0 exp(-a y_i) = P."""
     lowest = float(heights.min())
-    crowd = float(np.exp(-wall.a * (heights - lowest)).sum())
-    return float(np.log(wall.a * wall.V0 * crowd / load)) / wall.a - lowest
+    return wall.height_of_force(load, heights - lowest) - lowest
 
 
-def resting_angle(disk: Lattice, k_a: float, a: float, pressure: float) -> float:
+def resting_angle(disk: Lattice, modulus: float, a: float, pressure: float) -> float:
     """The angle [rad], counter-clockwise, by which the unloaded disk has to be turned to lie lowest.
 
     On a wall V0 exp(-y/L) a rigid body rests where L ln sum_i exp(-y_i/L), y_i against the centre of mass, is smallest.
-    L = 1/a + 2 P/(pi k_a) makes its contact about as wide as Hertz's.
+    L = 1/a + 2 P/(pi E) makes its contact about as wide as Hertz's.
     """
     from scipy.optimize import minimize_scalar
 
-    depth = 1.0 / a + 2.0 * pressure / (np.pi * k_a)
+    depth = 1.0 / a + 2.0 * pressure / (np.pi * modulus)
     x, y = (disk.positions[disk.disk_surface] - disk.positions.mean(axis=0)).T
 
     def height(angle: float) -> float:

@@ -12,14 +12,13 @@ from taichi_disk.errors import TaichiDiskError
 from taichi_disk.lattice import Array
 from taichi_disk.lattice.lattice import double_area
 from taichi_disk.progress import Progress
-from taichi_disk.simulation import energy_balance
+from taichi_disk.simulation import diagnostics
 from taichi_disk.simulation.driver import Driver, Moment
-from taichi_disk.simulation.error_estimate import COMPARED, error_estimate
 from taichi_disk.simulation.observables import COLUMNS, Columns
 from taichi_disk.simulation.scenario import Scenario
 from taichi_disk.simulation.simulation import KernelCache
 from taichi_disk.simulation.stability import Spectrum, spectrum, step_limit
-from taichi_disk.simulation.step_control import fitted
+from taichi_disk.simulation.step_control import COMPARED, error_estimate, fitted
 
 ESTIMATE_UP_TO = 1.3e9  # spring evaluations of a run, some 5 s, up to which a second run for the error is made unasked
 REST_CAUTION = 1.1  # by which the distance from Newton's rest is enlarged
@@ -90,7 +89,7 @@ def _described(driver: Driver, time: Any, estimate: bool) -> Outcome:
     assert end is not None
     simulation = driver.simulation
     positions, velocities = simulation.positions(end), simulation.velocities(end)
-    warnings = energy_balance.warnings(scenario, columns)
+    warnings = diagnostics.warnings(scenario, columns)
     peak = simulation.peak_point_force(end)
     limit = step_limit(driver.control.spectrum, scenario.model, step.integrator, peak)
     if step.dt > limit:
@@ -117,7 +116,7 @@ def _described(driver: Driver, time: Any, estimate: bool) -> Outcome:
         "integrator": step.integrator.name,
         "error_estimate": {} if error is None else {scenario.primary(columns)[0]: error},
         "error_source": "time step" if scenario.step_dependent else "end of the run",
-        "energy": energy_balance.summary(scenario, columns),
+        "energy": diagnostics.summary(scenario, columns),
     }
     if inverted is not None:
         facts["inverted_triangles"] = inverted

@@ -16,7 +16,6 @@ from typing import Any
 from taichi_disk import runtime
 from taichi_disk.errors import InputError, TaichiDiskError
 from taichi_disk.lattice import file_digest
-from taichi_disk.lattice.network import bulk_moduli
 from taichi_disk.output.files import versions
 from taichi_disk.scenes import Scene, check_memory
 
@@ -132,9 +131,8 @@ class LatticeSetup:
     def __init__(self, scene: Scene) -> None:
         self.body, self.moduli = scene.body(), {}
         self._modes: dict[tuple[bool, float], Any] = {}
-        spec = scene.lattice
-        if spec.file == "none":
-            found = bulk_moduli(spec.points, spec.seed, scene.material.k_a, spec.min_spacing)
+        if scene.lattice.file == "none":
+            found = scene.moduli(scene.lattice.points)
             self.moduli = {"young": found.young, "poisson": found.poisson}
 
     def modes(self, model: Any) -> Any:

@@ -10,13 +10,13 @@ from time import perf_counter
 import numpy as np
 
 from taichi_disk.lattice import Array
+from taichi_disk.simulation.diagnostics import EnergyBalance
 from taichi_disk.simulation.driver import Driver, Status
-from taichi_disk.simulation.energy_balance import Watch
 from taichi_disk.simulation.observables import COLUMNS, INDEX
 from taichi_disk.simulation.scenario import Scenario
 from taichi_disk.simulation.simulation import KernelCache
 from taichi_disk.simulation.stability import Spectrum
-from taichi_disk.simulation.state import Snapshot
+from taichi_disk.simulation.stepping import Snapshot
 
 SPACING = 1.5e-2  # time between two remembered states at first, of the disk's own time
 MOST, BYTES = 1280, 1.7e9  # states remembered, and what they may take; then every second is let go
@@ -80,7 +80,7 @@ class Segment(Driver):
         self.count = 1 + snapshot.step // self.stride
         inside = ((self.rows[1:] >= self._bounds[0]) & (self.rows[1:] <= self._bounds[1])).all(axis=1)
         self._quiet = min(int(np.argmin(np.append(inside[::-1], False))), self._needed - 1)
-        self._watch = Watch(self.rows[0])
+        self._watch = EnergyBalance(self.rows[0])
         self._watch.first_lost(self.rows)
         self.state, self.row, self.failure, self.pulled_from = snapshot, row, None, inf
         over = self.end is not None and snapshot.step >= self.end.step
