@@ -8,6 +8,7 @@ import numpy as np
 
 from taichi_disk.errors import SimulationError
 from taichi_disk.lattice import Array, Lattice
+from taichi_disk.signals import raise_if_interrupted
 
 if TYPE_CHECKING:
     from taichi_disk.physics import Model
@@ -49,6 +50,7 @@ class Reference:
 
     def rate(self, _t: float, y: Array) -> Array:
         """Velocities and accelerations of the state `y`: x0, y0, x1 ... and the velocities likewise."""
+        raise_if_interrupted()
         x, v = y.reshape(2, -1, 2)
         force = self.model.forces_moving(self.lattice, x, v)
         return np.concatenate([v, force / self.lattice.masses[:, None]]).ravel()

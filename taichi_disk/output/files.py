@@ -10,6 +10,7 @@ import platform
 import re
 import shutil
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from importlib.metadata import version
 from io import StringIO
 from pathlib import Path
@@ -24,11 +25,15 @@ from taichi_disk.lattice import Array, Lattice
 _MOTION = ("t", "com_x", "com_y", "com_vx", "com_vy", "angular_momentum", "lowest_y", "wall_force")
 TIMESERIES = (*_MOTION, "kinetic", "elastic", "wall", "dissipated", "absorbed", "total")
 MORE = ("load", "sliding")  # potential of the pressing force; energy lost from one spring of the wall to the next
+FILMS = ("video.mp4", "video.webm", "video.gif", "frames")
+RESULTS = ("timeseries.csv", "lattice.npz", "final.npz", "failure.npz", "plot.png")
+# What `render` and `export` put beside a run if nobody says where.
+_MADE = re.compile(r"(render|comparison)(\.(mp4|webm|gif|png))?|trajectory(\.(xyz|gsd|pvd|npz))?")
 NUMBERED = re.compile(r"\d+(_[a-z]+)?\.(png|vtu)")  # files of a folder that holds a film's pictures, or a trajectory
 
 
 def prepare_output(out: Path) -> list[Path]:
-    """Make the folder `out`, or prove that the one that exists can be written.
+    """Make the folder `out`, or prove that the one that exists can be written, and `clear` it.
 
     Returns the folders that were made, outermost first. Raises InputError, and leaves nothing behind, if a file is in
     the way or the place is not writable.
@@ -42,6 +47,7 @@ def prepare_output(out: Path) -> list[Path]:
         probe = beside(out / "probe")
         probe.touch(exist_ok=False)
         probe.unlink()
+        clear(out)
     except (OSError, ValueError) as error:
         remove_empty(created)
         raise cannot_write(out, error) from None
@@ -79,8 +85,7 @@ def atomic_write(path: Path, writer: Callable[[Path], object]) -> None:
         writer(new)
         if new.is_dir():
             check_pictures(path)
-            remove(path)
-        os.replace(new, path)
+        replace(new, path)
     except OSError as error:
         # The hidden folder in which a run is built says nothing to a person.
         shown = path.name if path.parent.name.startswith(".") else path
@@ -89,9 +94,118 @@ def atomic_write(path: Path, writer: Callable[[Path], object]) -> None:
         remove(new)
 
 
-def beside(path: Path) -> Path:
-    """A hidden name next to `path`. NumPy and encoders go by the suffix, so that it stays at the end."""
-    return path.with_name(f".{path.stem}.{os.getpid()}{path.suffix}")
+def beside(path: Path, role: str = "new") -> Path:
+    """A hidden name of this process's next to `path`, with its suffix, which NumPy and encoders go by."""
+    return path.with_name(f".{platform.node()}-{os.getpid()}.{role}.{path.name}")
+
+
+def replace(new: Path, path: Path) -> None:
+    """Rename `new` to `path`. A folder that is there makes room by a rename, and goes last: see `kept`."""
+    old = beside(path, "old")
+    if new.is_dir() and path.is_dir():
+        os.rename(path, old)
+    try:
+        os.replace(new, path)
+    finally:
+        _settle(old, path)
+
+
+def clear(folder: Path) -> None:
+    """Remove what killed processes left in `folder` under hidden names, and end the replacements that they had begun.
+
+    What belongs to a process that may still live, or to another machine, stays.
+    """
+    hidden = re.compile(rf"\.{re.escape(platform.node())}-(\d+)\.(new|old)\.(.+)", re.DOTALL)
+    for left in [*folder.glob(".*")]:
+        if (found := hidden.fullmatch(left.name)) and _ended(int(found[1])):
+            if found[2] == "old":
+                _settle(left, folder / found[3])
+            else:
+                remove(left)
+
+
+def _settle(old: Path, path: Path) -> None:
+    """End a replacement, wherever it has stopped: where nothing has come to `path`, `old` is there again."""
+    if not old.exists():
+        return
+    if not os.path.lexists(path):
+        os.rename(old, path)
+        return
+    for name in kept(old, path):
+        if not os.path.lexists(path / name):
+            os.rename(old / name, path / name)
+    remove(old)
+
+
+def _ended(pid: int) -> bool:
+    """Whether a process of this machine is known to have ended; this one's number was another's, in a container."""
+    if os.name != "posix":  # where to ask a process would be to send it Ctrl-C
+        return False
+    try:
+        os.kill(pid, 0)
+    except ProcessLookupError:
+        return True
+    except (OSError, OverflowError):
+        return False
+    return pid == os.getpid()
+
+
+# ---- what a folder holds
+
+
+@dataclass(frozen=True)
+class Contents:
+    """What a folder holds, hidden files apart."""
+
+    names: tuple[str, ...] = ()  # of files and folders
+    foreign: str = ""  # the first name that no run wrote
+    run: tuple[str, str] | None = None  # scene.yaml and the digest of its lattice's file, if they repeat the run
+    status: str = ""  # of the run
+
+
+def look(folder: Path) -> Contents:
+    """What `folder` holds; nothing if it does not exist. Raises OSError if it cannot be read or is no folder."""
+    if not os.path.lexists(folder):
+        return Contents()
+    names = tuple(sorted(name for name in os.listdir(folder) if not name.startswith(".")))
+    known = {"scene.yaml", "summary.json", *RESULTS, *FILMS}
+    # A run's folders hold nothing but pictures or frames of a trajectory.
+    plain = [name for name in names if (folder / name).is_file() or only_numbered(folder / name)]
+    foreign = [name for name in names if name not in plain or not (name in known or _MADE.fullmatch(name))]
+    scene, summary = _read(folder / "scene.yaml"), read_summary(folder)
+    if not (scene and summary.get("status")):
+        foreign += names
+    if foreign:
+        return Contents(names, foreign[0])
+    run = None if "own_start" in summary else (scene, str(summary.get("lattice_digest", "")))
+    return Contents(names, "", run, str(summary.get("status", "")))
+
+
+def kept(old: Path, new: Path) -> list[str]:
+    """What stays of a run that another replaces: hidden files; of the same scene its film, and what was made of it."""
+    before, after = look(old), look(new)
+    names = [name for name in os.listdir(old) if name.startswith(".")]
+    if before.run and before.run == after.run:
+        names += filter(_MADE.fullmatch, before.names)
+        if not set(FILMS).intersection(after.names):
+            names += set(FILMS).intersection(before.names)
+    return names
+
+
+def _read(path: Path) -> str:
+    try:
+        return path.read_text(encoding="utf-8")
+    except (OSError, ValueError):
+        return ""
+
+
+def read_summary(folder: Path) -> dict[str, Any]:
+    """The summary.json of a run; empty where there is none that can be read."""
+    try:
+        summary = json.loads(_read(folder / "summary.json"))
+    except (ValueError, RecursionError):
+        return {}
+    return summary if isinstance(summary, dict) else {}
 
 
 def remove(path: Path) -> None:

@@ -19,7 +19,6 @@ from taichi_disk.render.camera import Camera, View
 from taichi_disk.render.legend import Legend
 from taichi_disk.render.panel import Panel
 from taichi_disk.render.video import Picture
-from taichi_disk.signals import signals_wait
 
 _MARGIN = 8.0  # around the view: pixels in a picture of 720
 
@@ -81,9 +80,7 @@ class Pictures:
 
 def read_back(window: Any) -> NDArray[np.float32]:
     """(columns, rows upwards, 4) what has been drawn on a `ti.ui.Window`, 0 to 1."""
-    # The first call imports a part of NumPy: an interrupt that fell into that would abort the process.
-    with signals_wait():
-        image: NDArray[np.float32] = window.get_image_buffer_as_numpy()
+    image: NDArray[np.float32] = window.get_image_buffer_as_numpy()
     return image
 
 

@@ -14,6 +14,7 @@ from taichi_disk.errors import TaichiDiskError
 from taichi_disk.output.files import prepare_output
 from taichi_disk.render.palette import THEMES
 from taichi_disk.render.pictures import elsewhere, read_back
+from taichi_disk.signals import raise_if_interrupted
 from taichi_disk.window.app import Entry, screen
 from taichi_disk.window.controls import REPEATED, Controls
 from taichi_disk.window.panel import Panel
@@ -82,6 +83,7 @@ class Viewer:
     def _loop(self) -> Generator[tuple[float, int], None, None]:
         last, drawing = perf_counter(), 0.0
         while self._window.running and not self._controls.closing:
+            raise_if_interrupted()
             now = perf_counter()
             elapsed, last = now - last, now
             # Time goes on even where drawing takes longer than it should.
