@@ -18,7 +18,7 @@ from typing import Any, NoReturn
 from taichi_disk import BEGAN, __version__
 from taichi_disk.config.sections import VideoSection
 from taichi_disk.errors import InputError, TaichiDiskError
-from taichi_disk.progress import Progress
+from taichi_disk.progress import Progress, print_result
 from taichi_disk.signals import INTERRUPTED, raise_if_interrupted
 
 _SCENES = "compression, exponential_wall, absorbing_wall"
@@ -89,7 +89,6 @@ def _run(arguments: argparse.Namespace) -> int:
     scene = _load(arguments)
 
     from taichi_disk.api import run
-    from taichi_disk.output.report import print_result
 
     with Progress(sys.stderr) as progress:
         result = run(

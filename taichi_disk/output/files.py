@@ -10,11 +10,10 @@ import platform
 import re
 import shutil
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
 from importlib.metadata import version
 from io import StringIO
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -81,6 +80,7 @@ def atomic_write(path: Path, writer: Callable[[Path], object]) -> None:
     if the disk is full or the folder has become read-only; the writer's other errors pass.
     """
     new = beside(path)
+    remove(new)  # of an earlier process of this number
     try:
         writer(new)
         if new.is_dir():
@@ -100,8 +100,13 @@ def beside(path: Path, role: str = "new") -> Path:
 
 
 def replace(new: Path, path: Path) -> None:
-    """Rename `new` to `path`. A folder that is there makes room by a rename, and goes last: see `kept`."""
+    """Rename `new` to `path`. A folder that is there makes room by a rename, and goes last.
+
+    Hidden files in it move along; from one run to another of the same scene also what `render` and `export` made of it,
+    and its film, unless the new one has its own.
+    """
     old = beside(path, "old")
+    _settle(old, path)  # of an earlier process of this number: in a container all have the same
     if new.is_dir() and path.is_dir():
         os.rename(path, old)
     try:
@@ -131,33 +136,32 @@ def _settle(old: Path, path: Path) -> None:
     if not os.path.lexists(path):
         os.rename(old, path)
         return
-    for name in kept(old, path):
-        if not os.path.lexists(path / name):
+    same = (run := look(old).run) is not None and run == look(path).run
+    for name in os.listdir(old):
+        stays = name.startswith(".") or (same and name not in RESULTS)
+        if stays and not os.path.lexists(path / name):
             os.rename(old / name, path / name)
     remove(old)
 
 
 def _ended(pid: int) -> bool:
-    """Whether a process of this machine is known to have ended; this one's number was another's, in a container."""
+    """Whether a process of this machine is known to have ended."""
     if os.name != "posix":  # where to ask a process would be to send it Ctrl-C
         return False
     try:
         os.kill(pid, 0)
-    except ProcessLookupError:
-        return True
-    except (OSError, OverflowError):
-        return False
-    return pid == os.getpid()
+    except (OSError, OverflowError) as error:
+        return isinstance(error, ProcessLookupError)
+    return False
 
 
 # ---- what a folder holds
 
 
-@dataclass(frozen=True)
-class Contents:
+class Contents(NamedTuple):
     """What a folder holds, hidden files apart."""
 
-    names: tuple[str, ...] = ()  # of files and folders
+    names: Sequence[str] = ()  # of files and folders
     foreign: str = ""  # the first name that no run wrote
     run: tuple[str, str] | None = None  # scene.yaml and the digest of its lattice's file, if they repeat the run
     status: str = ""  # of the run
@@ -165,45 +169,29 @@ class Contents:
 
 def look(folder: Path) -> Contents:
     """What `folder` holds; nothing if it does not exist. Raises OSError if it cannot be read or is no folder."""
-    if not os.path.lexists(folder):
+    names = os.listdir(folder) if os.path.lexists(folder) else []
+    names = sorted(name for name in names if not name.startswith("."))
+    if not names:
         return Contents()
-    names = tuple(sorted(name for name in os.listdir(folder) if not name.startswith(".")))
     known = {"scene.yaml", "summary.json", *RESULTS, *FILMS}
     # A run's folders hold nothing but pictures or frames of a trajectory.
     plain = [name for name in names if (folder / name).is_file() or only_numbered(folder / name)]
     foreign = [name for name in names if name not in plain or not (name in known or _MADE.fullmatch(name))]
-    scene, summary = _read(folder / "scene.yaml"), read_summary(folder)
-    if not (scene and summary.get("status")):
+    summary = read_summary(folder)
+    if "scene.yaml" not in names or "status" not in summary:
         foreign += names
     if foreign:
         return Contents(names, foreign[0])
+    scene = (folder / "scene.yaml").read_text(encoding="utf-8", errors="replace")
     run = None if "own_start" in summary else (scene, str(summary.get("lattice_digest", "")))
-    return Contents(names, "", run, str(summary.get("status", "")))
-
-
-def kept(old: Path, new: Path) -> list[str]:
-    """What stays of a run that another replaces: hidden files; of the same scene its film, and what was made of it."""
-    before, after = look(old), look(new)
-    names = [name for name in os.listdir(old) if name.startswith(".")]
-    if before.run and before.run == after.run:
-        names += filter(_MADE.fullmatch, before.names)
-        if not set(FILMS).intersection(after.names):
-            names += set(FILMS).intersection(before.names)
-    return names
-
-
-def _read(path: Path) -> str:
-    try:
-        return path.read_text(encoding="utf-8")
-    except (OSError, ValueError):
-        return ""
+    return Contents(names, "", run, str(summary["status"]))
 
 
 def read_summary(folder: Path) -> dict[str, Any]:
     """The summary.json of a run; empty where there is none that can be read."""
     try:
-        summary = json.loads(_read(folder / "summary.json"))
-    except (ValueError, RecursionError):
+        summary = json.loads((folder / "summary.json").read_text(encoding="utf-8"))
+    except (OSError, ValueError, RecursionError):
         return {}
     return summary if isinstance(summary, dict) else {}
 

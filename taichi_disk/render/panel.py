@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from taichi_disk.output.plot import HEIGHTS, LINE, STYLE, draw_curves
+from taichi_disk.output.plot import HEIGHTS, LINE, STYLE, draw_curves, matplotlib_style
 from taichi_disk.render.palette import Theme
 from taichi_disk.render.video import Picture
 
@@ -49,13 +49,12 @@ class Panel:
 
 def side_panel(runs: Sequence[tuple[Scenario, Outcome]], size: int, theme: Theme) -> Panel:
     """The panel of one run, or of two in the same axes, `size` pixels high; with one disk the film is 16 : 9."""
-    from matplotlib import rc_context
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
     from matplotlib.lines import Line2D
 
     width, dpi, letter = 2 * round(size * 7 / 18), size / 7.2, max(_LETTER * size / 720, _LEAST)
-    with rc_context(_style(theme, 72.0 * letter / dpi)):
+    with matplotlib_style(_style(theme, 72.0 * letter / dpi)):
         # A hair larger, as matplotlib rounds down.
         figure = Figure(figsize=((width + 0.1) / dpi, (size + 0.1) / dpi), dpi=dpi)
         canvas = FigureCanvasAgg(figure)
