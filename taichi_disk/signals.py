@@ -9,15 +9,17 @@ from __future__ import annotations
 import os
 import signal
 import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from math import inf
 from time import monotonic
 from types import FrameType
 
+Handler = Callable[[int, FrameType | None], object]
+
 INTERRUPTED = 130  # exit status
 AT_ONCE = 0.5  # [s] within which two signals are one: `timeout` sends its to the process, and again to its group
-_SHOW_CURSOR = b"\x1b[?25h"  # a bar hides it
+SHOW_CURSOR = b"\x1b[?25h"  # a bar hides it
 
 _unread: list[int] = []  # signals that have come; a process has one place for them, as it has one handler
 
@@ -31,19 +33,9 @@ def raise_if_interrupted() -> None:
 
 def listen() -> None:
     """From now on SIGINT and SIGTERM set the flag, and a second one ends the process at once."""
-    first = inf
-
-    def note(number: int, _: FrameType | None) -> None:
-        nonlocal first
-        if monotonic() > first + AT_ONCE:
-            if os.isatty(2):
-                os.write(2, _SHOW_CURSOR)
-            os._exit(INTERRUPTED)
-        first = min(first, monotonic())
-        _unread.append(number)
-
+    handler = _flagging(_end)
     for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, note)
+        signal.signal(number, handler)
 
 
 @contextmanager
@@ -53,17 +45,33 @@ def deferred_interrupts() -> Iterator[None]:
     if threading.current_thread() is not threading.main_thread() or signal.getsignal(signal.SIGINT) is not usual:
         yield
         return
-
-    def note(number: int, _: FrameType | None) -> None:
-        signal.signal(signal.SIGINT, usual)
-        _unread.append(number)
-
-    signal.signal(signal.SIGINT, note)
+    signal.signal(signal.SIGINT, _flagging(usual))
     try:
         yield
     finally:
         signal.signal(signal.SIGINT, usual)
         raise_if_interrupted()
+
+
+def _flagging(second: Handler) -> Handler:
+    """A handler that sets the flag, and leaves a second signal to another one."""
+    first = inf
+
+    def handler(number: int, frame: FrameType | None) -> None:
+        nonlocal first
+        if first == inf:
+            first = monotonic()
+            _unread.append(number)
+        elif monotonic() > first + AT_ONCE:
+            second(number, frame)
+
+    return handler
+
+
+def _end(number: int, frame: FrameType | None) -> None:
+    if os.isatty(2):
+        os.write(2, SHOW_CURSOR)
+    os._exit(INTERRUPTED)
 
 
 @contextmanager

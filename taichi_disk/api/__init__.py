@@ -19,6 +19,7 @@ from taichi_disk.output.run_folder import run_folder
 from taichi_disk.progress import Progress
 from taichi_disk.scenes import Scene, load_scene
 from taichi_disk.scenes.body import DiskScene
+from taichi_disk.signals import raise_if_interrupted
 from taichi_disk.simulation.outcome import Outcome
 from taichi_disk.simulation.scenario import Scenario
 
@@ -268,6 +269,7 @@ def run(
     Raises InputError, with nothing written, for what cannot be computed as asked; SimulationError when the computation
     fails: `out` then holds summary.json (status `failed` and why) and, after a blow-up, failure.npz.
     """
+    raise_if_interrupted()  # while all was imported
     scene = scene if isinstance(scene, DiskScene) else load_scene(scene)
     clock = Clock({"start": started} if started else {})
     job = Job(scene, progress or Progress(), lattice, velocities, force, threads, clock=clock)
