@@ -187,6 +187,7 @@ class KernelCache:
         known = self._known.get(key)
         arguments = lattice, model, integrator, velocities, dt
         if known is None or not known.restart(*arguments):
+            raise_if_interrupted()
             self._before_compiling()
             if known is not None:
                 known.destroy()
