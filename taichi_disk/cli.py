@@ -42,30 +42,30 @@ def main(argv: Sequence[str] | None = None) -> int:
             sys.stdout.flush()
         return status
     except TaichiDiskError as error:
-        _say(f"error: {error}")
+        _print_error(f"error: {error}")
         return error.exit_status
     except KeyboardInterrupt:
-        _say("interrupted")
+        _print_error("interrupted")
         return INTERRUPTED
     except (MemoryError, RuntimeError) as error:
         if not isinstance(error, MemoryError) and "memory" not in str(error):
             raise
-        _say("error: not enough memory; take fewer points (lattice.points), or stop other programs")
+        _print_error("error: not enough memory; take fewer points (lattice.points), or stop other programs")
         return 1
     except OSError as error:
         if not isinstance(error, BrokenPipeError):  # the reader has gone (| head)
-            _say(f"error: {error.strerror or error}")
+            _print_error(f"error: {error.strerror or error}")
         return 1
 
 
-def _say(text: str) -> None:
+def _print_error(text: str) -> None:
     """On stderr, if there is one."""
     with suppress(OSError, ValueError, AttributeError):
         print(text, file=sys.stderr, flush=True)
 
 
 def _note(text: str) -> None:
-    _say(f"note: {text}")
+    _print_error(f"note: {text}")
 
 
 def _load(arguments: argparse.Namespace, what: str = "scene") -> Any:
@@ -107,7 +107,7 @@ def _run(arguments: argparse.Namespace) -> int:
     assert result.out is not None
     print_result(result.summary, result.scenario.labels, result.out)
     if "video_error" in result.summary:
-        _say(f"error: {result.summary['video_error']}")
+        _print_error(f"error: {result.summary['video_error']}")
         return 1
     return 0
 
