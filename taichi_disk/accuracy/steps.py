@@ -14,6 +14,7 @@ from taichi_disk.errors import SimulationError
 from taichi_disk.integrators import INTEGRATORS, Integrator
 from taichi_disk.lattice import Array, Lattice
 from taichi_disk.physics import Model
+from taichi_disk.signals import raise_if_interrupted
 from taichi_disk.simulation.diagnostics import relative_imbalance
 from taichi_disk.simulation.observables import as_columns
 from taichi_disk.simulation.outcome import Outcome
@@ -165,6 +166,7 @@ class Reference:
 
     def rate(self, _t: float, y: Array) -> Array:
         """Velocities and accelerations of the state `y`: x0, y0, x1 ... and the velocities likewise."""
+        raise_if_interrupted()
         x, v = y.reshape(2, -1, 2)
         force = self.model.forces_moving(self.lattice, x, v)
         return np.concatenate([v, force / self.lattice.masses[:, None]]).ravel()

@@ -19,7 +19,7 @@ from taichi_disk.config.sweep_axes import Sweep
 from taichi_disk.figures import theory
 from taichi_disk.figures.curves import FIGURES, Curve, Row, analyse
 from taichi_disk.output.files import atomic_write
-from taichi_disk.output.plot import STYLE, SUM
+from taichi_disk.output.plot import STYLE, SUM, matplotlib_style
 from taichi_disk.scenes import Scene
 
 WIDTH = 3.4  # inches: a column
@@ -51,7 +51,7 @@ def draw(scene: Scene, curves: list[Curve], out: Path) -> None:
     `scene` is one of the sweep: the first fit of its kind says on which axes.
     """
     # The salt makes the ids in the SVG the same every time.
-    with matplotlib.rc_context({**STYLE, **FONT, "svg.hashsalt": "taichi-disk"}):
+    with matplotlib_style({**STYLE, **FONT, "svg.hashsalt": "taichi-disk"}):
         figure = Figure(figsize=(WIDTH, 2.9 + 0.09 * len(curves)), layout="constrained")
         FigureCanvasAgg(figure)
         ax = figure.subplots()

@@ -5,21 +5,16 @@ matplotlib takes 0.3 s to import: it is when something is drawn.
 
 from __future__ import annotations
 
-import os
-import signal
 import threading
 from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from pathlib import Path
 from textwrap import fill
-from time import monotonic, sleep
 from typing import TYPE_CHECKING, Any
-from warnings import catch_warnings, simplefilter
 
 import numpy as np
 
 from taichi_disk.output.files import Array, atomic_write
-from taichi_disk.signals import ENDING
 
 if TYPE_CHECKING:
     from taichi_disk.simulation.scenario import Scenario
@@ -57,7 +52,16 @@ ENERGIES = {
 HEIGHTS = (1.2, 1.0, 1.5)  # of the axes of motion, force and energies
 LEGEND_HEIGHT = 0.12  # of the legend of energies, above them
 PLACES = {"left": 0.145, "right": 0.98, "bottom": 0.055, "top": 0.945, "hspace": 0.17}  # parts of a figure
-PATIENCE = 10.0  # [s] after the film: a copy waits for ever for a lock that another thread held when it was made
+_LOCK = threading.Lock()
+
+
+@contextmanager
+def matplotlib_style(style: dict[Any, Any]) -> Iterator[None]:
+    """Within, Matplotlib draws so. Its settings are global, so that threads take turns."""
+    from matplotlib import rc_context
+
+    with _LOCK, rc_context(style):
+        yield
 
 
 def draw_curves(axes: list[Any], scenario: Scenario, columns: Columns, **look: Any) -> list[Any]:
@@ -82,14 +86,13 @@ def plot_run(path: Path, scenario: Scenario, columns: Columns) -> None:
 
     Raises SimulationError if the file cannot be written.
     """
-    from matplotlib import rc_context
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
     t, quality = columns["t"], scenario.quality(columns)
     ratios = (*HEIGHTS[:2], LEGEND_HEIGHT, *HEIGHTS[2:], *([0.8] if quality else []))
     result, note = scenario.marks(columns)
-    with rc_context(STYLE):
+    with matplotlib_style(STYLE):
         figure = Figure(figsize=(7.6, 9.2), dpi=120)
         FigureCanvasAgg(figure)
         # Fixed places: with layout="constrained" everything is drawn twice, half of a plot's time.
@@ -110,35 +113,6 @@ def plot_run(path: Path, scenario: Scenario, columns: Columns) -> None:
         for ax in axes:
             ax.yaxis.set_label_coords(-0.11, 0.5)
         atomic_write(path, lambda new: figure.savefig(new, metadata={"Software": None}))
-
-
-@contextmanager
-def plot_beside(path: Path, scenario: Scenario, columns: Columns) -> Iterator[None]:
-    """`plot_run` in a copy of this process while the block runs. Where that fails, it is called after the block."""
-    copy = -1
-    if threading.current_thread() is threading.main_thread():
-        with suppress(OSError), catch_warnings():
-            simplefilter("ignore")  # Python warns of other threads: see PATIENCE
-            copy = os.fork()
-    if copy == 0:
-        with suppress(BaseException):
-            for number in ENDING:  # it takes a second, and its parent waits for it
-                signal.signal(number, signal.SIG_IGN)
-            signal.signal(signal.SIGALRM, signal.SIG_DFL)
-            signal.alarm(30)  # ends it if its parent has been killed
-            plot_run(path, scenario, columns)
-        os._exit(0)
-    try:
-        yield
-    finally:
-        until = monotonic() + PATIENCE
-        with suppress(ChildProcessError):  # there is none to wait for where SIGCHLD is ignored
-            while copy > 0 and not os.waitpid(copy, os.WNOHANG)[0]:
-                if monotonic() > until:
-                    os.kill(copy, signal.SIGKILL)
-                sleep(0.01)
-    if not path.exists():
-        plot_run(path, scenario, columns)
 
 
 def _mark(ax: Any, t: Array, values: Array, text: str) -> None:

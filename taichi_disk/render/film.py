@@ -18,6 +18,7 @@ from taichi_disk.progress import Progress
 from taichi_disk.render import require_film
 from taichi_disk.render.geometry import View, edge_height
 from taichi_disk.render.palette import THEMES, round_near
+from taichi_disk.signals import raise_if_interrupted
 from taichi_disk.simulation.outcome import Outcome, greatest_compression
 from taichi_disk.simulation.scenario import Scenario
 
@@ -87,6 +88,7 @@ def film(path: Path, runs: Sequence[Run], video: VideoSection, progress: Progres
             words = zip(*(_lines(*run, frames) for run in runs), strict=True)
             shown = None
             for k, ((t, _), lines) in enumerate(zip(frames, words, strict=True)):
+                raise_if_interrupted()
                 if t != shown:
                     picture, shown = pictures.draw(next(moments)), t
                 append(partial(pictures.finish, picture, lines, t))

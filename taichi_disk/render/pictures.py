@@ -15,13 +15,12 @@ from numpy.typing import NDArray
 
 from taichi_disk.errors import TaichiDiskError
 from taichi_disk.lattice import Array
-from taichi_disk.output.plot import HEIGHTS, LINE, STYLE, draw_curves
+from taichi_disk.output.plot import HEIGHTS, LINE, STYLE, draw_curves, matplotlib_style
 from taichi_disk.render import kernels
 from taichi_disk.render.geometry import Camera, View
 from taichi_disk.render.legend import Legend
 from taichi_disk.render.palette import Theme
 from taichi_disk.render.video import Picture
-from taichi_disk.signals import signals_wait
 
 if TYPE_CHECKING:
     from taichi_disk.simulation.outcome import Outcome
@@ -90,9 +89,7 @@ class Pictures:
 
 def read_back(window: Any) -> NDArray[np.float32]:
     """(columns, rows upwards, 4) what has been drawn on a `ti.ui.Window`, 0 to 1."""
-    # The first call imports a part of NumPy: an interrupt that fell into that would abort the process.
-    with signals_wait():
-        image: NDArray[np.float32] = window.get_image_buffer_as_numpy()
+    image: NDArray[np.float32] = window.get_image_buffer_as_numpy()
     return image
 
 
@@ -139,13 +136,12 @@ class Panel:
 
 def side_panel(runs: Sequence[tuple[Scenario, Outcome]], size: int, theme: Theme) -> Panel:
     """The panel of one run, or of two in the same axes, `size` pixels high; with one disk the film is 16 : 9."""
-    from matplotlib import rc_context
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
     from matplotlib.lines import Line2D
 
     width, dpi, letter = 2 * round(size * 7 / 18), size / 7.2, max(_LETTER * size / 720, _LEAST)
-    with rc_context(_style(theme, 72.0 * letter / dpi)):
+    with matplotlib_style(_style(theme, 72.0 * letter / dpi)):
         # A hair larger, as matplotlib rounds down.
         figure = Figure(figsize=((width + 0.1) / dpi, (size + 0.1) / dpi), dpi=dpi)
         canvas = FigureCanvasAgg(figure)

@@ -12,6 +12,7 @@ from taichi_disk.errors import SimulationError
 from taichi_disk.lattice import Array, Lattice
 from taichi_disk.lattice.network import symmetric_factors
 from taichi_disk.physics import ExponentialWall, Model
+from taichi_disk.signals import raise_if_interrupted
 
 _EPS = float(np.finfo(np.float64).eps)
 _TOLERANCE = 1e-12  # of the load on a point
@@ -49,6 +50,7 @@ def solve_equilibrium(lattice: Lattice, model: Model, start: Array, max_iteratio
     stiffest = float(model.springs.stiffness(lattice, x).diagonal().max())
     shift = _FIRST_SHIFT * stiffest
     for iteration in range(max_iterations + 1):
+        raise_if_interrupted()
         force, tangent = model.forces(lattice, x), model.stiffness(lattice, x)
         residual = float(np.abs(force).max())
         # Some ten forces meet in a point, each as sharp as the last bit of a coordinate lets it be.

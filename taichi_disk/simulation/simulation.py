@@ -16,6 +16,7 @@ from taichi_disk.lattice import Array, Lattice
 from taichi_disk.physics import MatchedBoundary, Model
 from taichi_disk.physics.law import Capacity
 from taichi_disk.physics.ordering import BLOCK, Arrangement, arrange
+from taichi_disk.signals import raise_if_interrupted
 from taichi_disk.simulation.kernels import Kernels, SubdomainKernels
 from taichi_disk.simulation.observables import COLUMNS, PEAK, SUMS, bounds_array
 from taichi_disk.simulation.stepping import Snapshot, State
@@ -125,6 +126,7 @@ class Simulation:
 
         Returns the rows (rows, columns), and how many rows running are within the bounds now.
         """
+        raise_if_interrupted()
         rows = np.empty(((self.step_number % stride + steps) // stride + 1, len(COLUMNS)))
         bounds = bounds_array({}) if bounds is None else bounds
         counts = np.array([needed, quiet, 0, 0], np.int32)
@@ -192,6 +194,7 @@ class KernelCache:
         known = self._known.get(key)
         arguments = lattice, model, integrator, velocities, dt
         if known is None or not known.restart(*arguments):
+            raise_if_interrupted()
             self._before_compiling()
             if known is not None:
                 known.destroy()

@@ -21,6 +21,7 @@ from taichi_disk.render import kernels
 from taichi_disk.render.palette import THEMES
 from taichi_disk.render.pictures import elsewhere, read_back
 from taichi_disk.render.video import Picture, video
+from taichi_disk.signals import raise_if_interrupted
 from taichi_disk.window.controls import REPEATED, Controls, Entry, Panel
 from taichi_disk.window.overlay import Pixel
 from taichi_disk.window.sandbox import PATIENCE, Sandbox
@@ -80,6 +81,7 @@ class Viewer:
             at_end.callback(recorder.stop)
             last, drawing = perf_counter(), 0.0
             while self._window.running and not self._controls.closing:
+                raise_if_interrupted()
                 now = perf_counter()
                 elapsed, last = now - last, now
                 # Time goes on even where drawing takes longer than it should.

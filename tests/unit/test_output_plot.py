@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import filecmp
-import os
-import signal
 import subprocess
 import sys
 import time
+from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import pytest
@@ -15,7 +14,7 @@ from bodies import computed
 from matplotlib import figure
 from PIL import Image
 
-from taichi_disk.output.plot import plot_beside, plot_run
+from taichi_disk.output.plot import matplotlib_style, plot_run
 
 
 @pytest.fixture
@@ -72,26 +71,18 @@ def test_an_equilibrium_without_time_is_not_drawn_over_time_and_its_load_counts_
     assert load[0] == 0.0 and load[-1] < 0.0
 
 
-@pytest.mark.parametrize("copy", ["works", "is refused", "is killed", "hangs"])
-def test_a_plot_drawn_beside_a_film_is_the_same_whatever_becomes_of_its_process(kernels, tmp_path, monkeypatch, copy):
+def test_plots_drawn_by_threads_beside_other_styles_have_the_same_bytes(kernels, tmp_path):
     scenario, outcome = computed(kernels, "exponential_wall", "lattice.points=100")
-    fork, copies = os.fork, []
 
-    def forked() -> int:
-        if copy == "is refused":
-            raise BlockingIOError
-        copies.append(fork())
-        if copies[-1] == 0 and copy == "hangs":
-            time.sleep(60.0)
-        return copies[-1]
+    def draw(name: str) -> bytes:
+        with matplotlib_style({"font.size": 5.0, "lines.linewidth": 9.0}):
+            time.sleep(0.01)
+        plot_run(tmp_path / name, scenario, outcome.columns)
+        return (tmp_path / name).read_bytes()
 
-    monkeypatch.setattr(os, "fork", forked)
-    monkeypatch.setattr("taichi_disk.output.plot.PATIENCE", 0.5 if copy == "hangs" else 30.0)
-    plot_run(tmp_path / "a.png", scenario, outcome.columns)
-    with plot_beside(tmp_path / "b.png", scenario, outcome.columns):
-        if copy == "is killed":
-            os.kill(copies[0], signal.SIGKILL)
-    assert filecmp.cmp(tmp_path / "a.png", tmp_path / "b.png", shallow=False)
+    alone = draw("a.png")
+    with ThreadPoolExecutor(3) as threads:
+        assert set(threads.map(draw, ("b.png", "c.png", "d.png"))) == {alone}
 
 
 def test_matplotlib_is_not_imported_for_names_and_colours_of_the_curves():
