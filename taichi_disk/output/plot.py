@@ -63,13 +63,13 @@ PATIENCE = 10.0  # [s] after the film: a copy waits for ever for a lock that ano
 def draw_curves(axes: list[Any], scenario: Scenario, columns: Columns, **look: Any) -> list[Any]:
     """Motion, wall's force and energies over time in three axes, named; returns the lines.
 
-    Of the energies those are drawn that a run has; the load's is counted from its start.
+    Of the energies those are drawn that a run has; a load's is counted from its start, and one that grows keeps none.
     """
     motion, label = scenario.motion(columns)
     curves = [(axes[0], motion, LINE, ""), (axes[1], columns["wall_force"], LINE, "")]
     for column, (name, colour) in ENERGIES.items():
         values = columns.get(column)
-        if values is not None and values.any():
+        if values is not None and values.any() and not (scenario.static and column == "load"):
             curves.append((axes[2], values - values[0] if column == "load" else values, colour, name))
     for ax, name in zip(axes, (label, "wall's force on\nthe disk  [Mc²/R]", "energy  [Mc²]"), strict=False):
         ax.set_ylabel(name)
@@ -123,10 +123,10 @@ def _draw_loading(figure: Any, scenario: Scenario, columns: Columns) -> None:
     for (name, law), style in zip(scenario.continuum(columns).items(), ("--", ":"), strict=False):
         force.plot(law, load, style, color=SUM, label=name)
     _mark(force, xi, load, scenario.marks(columns)[0])
-    for column in ("elastic", "wall"):
-        name, colour = ENERGIES[column]
-        energy.plot(xi, columns[column], color=colour, label=name)
-    energy.plot(xi, columns["total"], color=SUM, linestyle=(0, (4, 2)), label="sum: work of the load")
+    stored = {name: columns[name] for name in ("elastic", "wall")}
+    for name, values in stored.items():
+        energy.plot(xi, values, label=ENERGIES[name][0], color=ENERGIES[name][1])
+    energy.plot(xi, sum(stored.values()), color=SUM, linestyle=(0, (4, 2)), label="sum: work of the load")
     force.set_ylabel("load P  [Mc²/R]")
     energy.set(xlabel=label, ylabel="energy  [Mc²]")
     force.legend(loc="lower right")
