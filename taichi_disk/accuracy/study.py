@@ -21,7 +21,7 @@ from taichi_disk.output.plot import BLUE, GREEN, RED
 from taichi_disk.output.run_folder import refuse_run
 from taichi_disk.progress import Progress, duration
 from taichi_disk.scenes import Scene
-from taichi_disk.simulation.outcome import compute
+from taichi_disk.simulation.outcome import compute, quasistatic
 from taichi_disk.simulation.simulation import KernelCache
 from taichi_disk.simulation.stability import spectrum
 
@@ -186,9 +186,10 @@ def result_of(scene: Scene, kernels: KernelCache) -> float:
     At once by Newton's method where the result does not depend on the step. Raises TaichiDiskError.
     """
     scenario = scene.scenario()
-    scenario.static = scenario.static or not scenario.step_dependent
-    time = replace(scene.time, dt="auto")
-    return scenario.primary(compute(scenario, time, kernels=kernels, estimate=False).columns)[1]
+    if not scenario.step_dependent:
+        return scenario.primary(quasistatic(scenario, loads=1).columns)[1]
+    outcome = compute(scenario, replace(scene.time, dt="auto"), kernels=kernels, estimate=False)
+    return scenario.primary(outcome.columns)[1]
 
 
 # ---- the report

@@ -98,7 +98,7 @@ class Result:
 
     @runtime.alone()
     def state(self, t: float) -> State:
-        """The state at the step nearest to `t` [R/c] (of a compression by Newton's method: the part of the way).
+        """The state at the step nearest to `t` [R/c]; of a loading, the equilibrium under the part `t` of the load.
 
         Raises InputError for a time outside the run.
         """

@@ -22,27 +22,13 @@ from numpy.polynomial.chebyshev import chebfit, chebval
 from numpy.typing import ArrayLike
 
 from taichi_disk.lattice import Array
+from taichi_disk.scenes.compression import exact_compression as exact_compression
+from taichi_disk.scenes.compression import paper_compression as paper_compression
 
 Prediction = Callable[[Array], Array]  # parameters (k, p) to values (k, points), k data sets at a time
 RESAMPLES = 1000
 LEVEL = 0.95
 LARGEST_TAU0 = 2.0  # [R/c], at e_star = 1
-
-
-def paper_compression(pressure: ArrayLike, young: ArrayLike, poisson: ArrayLike, b: ArrayLike = 1.0) -> Array:
-    """Eq. (2): xi = b P/(pi E) {ln(4 pi E R/(b P)) - 1 - nu} [R]."""
-    p = np.asarray(b, float) * pressure / (np.pi * np.asarray(young, float))
-    return np.asarray(p * (np.log(4.0 / p) - 1.0 - np.asarray(poisson)))
-
-
-def exact_compression(pressure: ArrayLike, young: ArrayLike, poisson: ArrayLike) -> Array:
-    """xi = P/(pi E) {ln(pi E R/P) - (1 + nu)/4} [R]: a disk under a uniform body force P, on one hard contact.
-
-    xi is measured from the centre of mass. The law follows from Michell's series for the disk and Hertz's pressure
-    in the contact (Johnson, Contact Mechanics, 1985, section 5.6, treats two contacts). Its relative error is O(P/E).
-    """
-    p = np.asarray(pressure, float) / (np.pi * np.asarray(young, float))
-    return np.asarray(p * (np.log(1.0 / p) - 0.25 * (1.0 + np.asarray(poisson))))
 
 
 def paper_restitution(velocity: ArrayLike, d1: float, d2: float) -> Array:

@@ -67,17 +67,17 @@ def matplotlib_style(style: dict[Any, Any]) -> Iterator[None]:
 def draw_curves(axes: list[Any], scenario: Scenario, columns: Columns, **look: Any) -> list[Any]:
     """Motion, wall's force and energies over time in three axes, named; returns the lines.
 
-    Of the energies those are drawn that a run has; the load's is counted from its start.
+    Of the energies those are drawn that a run has; a load's is counted from its start, and one that grows keeps none.
     """
     motion, label = scenario.motion(columns)
     curves = [(axes[0], motion, LINE, ""), (axes[1], columns["wall_force"], LINE, "")]
     for column, (name, colour) in ENERGIES.items():
         values = columns.get(column)
-        if values is not None and values.any():
+        if values is not None and values.any() and not (scenario.static and column == "load"):
             curves.append((axes[2], values - values[0] if column == "load" else values, colour, name))
     for ax, name in zip(axes, (label, "wall's force on\nthe disk  [Mc²/R]", "energy  [Mc²]"), strict=False):
         ax.set_ylabel(name)
-    axes[-1].set_xlabel("part of the way to the equilibrium" if scenario.static else "time  [R/c]")
+    axes[-1].set_xlabel(scenario.time_label)
     return [ax.plot(columns["t"], curve, color=colour, label=name, **look)[0] for ax, curve, colour, name in curves]
 
 
@@ -89,30 +89,51 @@ def plot_run(path: Path, scenario: Scenario, columns: Columns) -> None:
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
-    t, quality = columns["t"], scenario.quality(columns)
-    ratios = (*HEIGHTS[:2], LEGEND_HEIGHT, *HEIGHTS[2:], *([0.8] if quality else []))
-    result, note = scenario.marks(columns)
     with matplotlib_style(STYLE):
         figure = Figure(figsize=(7.6, 9.2), dpi=120)
         FigureCanvasAgg(figure)
-        # Fixed places: with layout="constrained" everything is drawn twice, half of a plot's time.
-        axes = list(figure.subplots(len(ratios), 1, sharex=True, height_ratios=ratios, gridspec_kw=PLACES))
-        axes.pop(2).remove()  # the legend stands there
         figure.suptitle(fill("    ".join(scenario.title()[1:]), 95), y=0.99, fontsize=9.5, fontweight="bold")
-        axes[-1].set_xlim(t[0], scenario.last_motion(columns))
-        motion = draw_curves(axes, scenario, columns)[0]
-        _mark(axes[0], t, motion.get_ydata(), result)
-        axes[1].annotate(note, (0.988, 0.92), xycoords="axes fraction", ha="right", va="top", color="0.2")
-        total = columns["total"] - (columns["load"][0] if "load" in columns else 0.0)
-        axes[2].plot(t, total, color=SUM, linestyle=(0, (4, 2)), label="sum of all")
-        axes[2].legend(loc="lower center", bbox_to_anchor=(0.54, 1.0), ncols=4, borderaxespad=0.2, columnspacing=1.4)
-        if quality:
-            values, label, scale = quality
-            axes[3].plot(t, values, color=LINE)
-            axes[3].set(ylabel=label, yscale=scale)
-        for ax in axes:
+        (_draw_loading if scenario.static else _draw_run)(figure, scenario, columns)
+        for ax in figure.axes:
             ax.yaxis.set_label_coords(-0.11, 0.5)
         atomic_write(path, lambda new: figure.savefig(new, metadata={"Software": None}))
+
+
+def _draw_run(figure: Any, scenario: Scenario, columns: Columns) -> None:
+    """The curves over time, and what tells how good they are."""
+    t, quality, (result, note) = columns["t"], scenario.quality(columns), scenario.marks(columns)
+    ratios = (*HEIGHTS[:2], LEGEND_HEIGHT, *HEIGHTS[2:], *([0.8] if quality else []))
+    # Fixed places: with layout="constrained" everything is drawn twice, half of a plot's time.
+    axes = list(figure.subplots(len(ratios), 1, sharex=True, height_ratios=ratios, gridspec_kw=PLACES))
+    axes.pop(2).remove()  # the legend stands there
+    axes[-1].set_xlim(t[0], scenario.last_motion(columns))
+    motion = draw_curves(axes, scenario, columns)[0]
+    _mark(axes[0], t, motion.get_ydata(), result)
+    axes[1].annotate(note, (0.988, 0.92), xycoords="axes fraction", ha="right", va="top", color="0.2")
+    axes[2].plot(t, columns["total"] - columns["load"][0], color=SUM, linestyle=(0, (4, 2)), label="sum of all")
+    axes[2].legend(loc="lower center", bbox_to_anchor=(0.54, 1.0), ncols=4, borderaxespad=0.2, columnspacing=1.4)
+    if quality:
+        values, label, scale = quality
+        axes[3].plot(t, values, color=LINE)
+        axes[3].set(ylabel=label, yscale=scale)
+
+
+def _draw_loading(figure: Any, scenario: Scenario, columns: Columns) -> None:
+    """The load of each equilibrium against its compression, with laws of the continuum, and the energy stored."""
+    (xi, label), load = scenario.motion(columns), columns["wall_force"]
+    force, energy = figure.subplots(2, 1, sharex=True, height_ratios=(2.0, 1.0), gridspec_kw=PLACES)
+    force.plot(xi, load, "o-", color=LINE, markersize=4, label="equilibria")
+    for (name, law), style in zip(scenario.continuum(columns).items(), ("--", ":"), strict=False):
+        force.plot(law, load, style, color=SUM, label=name)
+    _mark(force, xi, load, scenario.marks(columns)[0])
+    stored = {name: columns[name] for name in ("elastic", "wall")}
+    for name, values in stored.items():
+        energy.plot(xi, values, label=ENERGIES[name][0], color=ENERGIES[name][1])
+    energy.plot(xi, sum(stored.values()), color=SUM, linestyle=(0, (4, 2)), label="sum: work of the load")
+    force.set_ylabel("load P  [Mc²/R]")
+    energy.set(xlabel=label, ylabel="energy  [Mc²]")
+    force.legend(loc="lower right")
+    energy.legend(loc="upper left")
 
 
 def _mark(ax: Any, t: Array, values: Array, text: str) -> None:

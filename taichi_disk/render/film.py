@@ -66,7 +66,7 @@ def film(path: Path, runs: Sequence[Run], video: VideoSection, progress: Progres
     file cannot be written; TaichiDiskError if no film can be made on this machine.
     """
     check_target(path)
-    if len({(scenario.static, *scenario.labels) for scenario, _ in runs}) > 1:
+    if len({(scenario.time_label, *scenario.labels) for scenario, _ in runs}) > 1:
         raise InputError("these runs cannot be compared: they have no time, or no result, in common")
     require_film()
     from taichi_disk.render.video import video as encoded
@@ -84,7 +84,7 @@ def film(path: Path, runs: Sequence[Run], video: VideoSection, progress: Progres
             encoded(new, path.suffix, pictures.width, video.size, video.fps) as append,
         ):
             times = np.array(list(dict.fromkeys(t for t, _ in frames)))
-            moments = zip(*(outcome.replay(times) for _, outcome in runs), strict=True)
+            moments = zip(*(outcome.frames(times) for _, outcome in runs), strict=True)
             words = zip(*(_lines(*run, frames) for run in runs), strict=True)
             shown = None
             for k, ((t, _), lines) in enumerate(zip(frames, words, strict=True)):
@@ -108,13 +108,12 @@ def _frames(runs: Sequence[Run], video: VideoSection) -> list[Frame]:
     columns = outcome.columns
     times, peak = scenario.frame_times(columns, count - held - last), greatest_compression(columns)
     greatest = int(np.abs(times - peak).argmin())
-    if scenario.static or greatest == len(times) - 1:
+    if greatest == len(times) - 1:
         held, last, greatest = 0, held + last, len(times) - 1
     elif greatest > 0:
         times[greatest] = peak
-    paces = [f"1 s shows {float(f'{pace:.2g}'):g} R/c" for pace in video.fps * np.diff(times)]
-    paces = [""] * len(times) if scenario.static else [*paces, *paces[-1:]]
-    frames: list[Frame] = [(float(t), pace) for t, pace in zip(times, paces, strict=True)]
+    paces = [scenario.pace.format(float(f"{pace:.2g}")) for pace in video.fps * np.diff(times)]
+    frames: list[Frame] = list(zip(times.tolist(), [*paces, *paces[-1:]], strict=True))
     still, end = (frames[greatest][0], _GREATEST), (frames[-1][0], None)
     return frames[: greatest + 1] + held * [still] + frames[greatest + 1 :] + last * [end]
 
@@ -170,7 +169,7 @@ def _painter(scenario: Scenario, outcome: Outcome, video: VideoSection, still: f
     else:
         looks, places = [still], []
     times = sorted({*looks, peak})
-    for t, (_, x, v) in zip(times, outcome.replay(np.array(times)), strict=True):
+    for t, (_, x, v) in zip(times, outcome.frames(np.array(times)), strict=True):
         places.append(x)
         if t <= peak:
             painter.limit, greatest = max(painter.limit, painter.scale(painter.values(x, v))), x

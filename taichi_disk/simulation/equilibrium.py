@@ -38,17 +38,21 @@ class Equilibrium:
     roll: float
 
 
-def solve_equilibrium(lattice: Lattice, model: Model, start: Array, max_iterations: int = 400) -> Equilibrium:
+def solve_equilibrium(
+    lattice: Lattice, model: Model, start: Array, max_iterations: int = 400, near: bool = False
+) -> Equilibrium:
     """The stable rest of a disk under its load, on the exponential wall; or of a free disk.
 
     Newton's method, kept on the way downhill in energy from `start` (n, 2). The mean x stays: nothing else fixes it. A
     disk whose centre of mass is not above its contact rolls, as it would in reality, until it is.
 
+    `near`: `start` is the rest under a load that is not much larger, so that the first steps may be whole ones.
+
     Raises SimulationError where the forces do not vanish within `max_iterations`.
     """
     x, load = start, model.load.force if model.load else 0.0
     stiffest = float(model.springs.stiffness(lattice, x).diagonal().max())
-    shift = _FIRST_SHIFT * stiffest
+    shift = (_LEAST_SHIFT if near else _FIRST_SHIFT) * stiffest
     for iteration in range(max_iterations + 1):
         raise_if_interrupted()
         force, tangent = model.forces(lattice, x), model.stiffness(lattice, x)
@@ -131,6 +135,12 @@ def roll_angle(unloaded: Array, positions: Array) -> float:
     before, after = (p - p.mean(axis=0) for p in (unloaded, positions))
     across = float(np.sum(before[:, 0] * after[:, 1] - before[:, 1] * after[:, 0]))
     return math.atan2(across, float(np.sum(before * after)))
+
+
+def depth(positions: Array) -> float:
+    """How far the lowest of the points (n, 2) lies below the centre of mass [R]."""
+    y = positions[:, 1]
+    return float(y.mean() - y.min())
 
 
 def turned(positions: Array, angle: float) -> Array:

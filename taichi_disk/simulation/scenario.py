@@ -33,9 +33,10 @@ class Scenario(ABC):
         step_dependent: whether the primary result depends on the time step, beyond where the run happens to end.
         resolving_step: the longest step that resolves the wall, where the result depends on the step [R/c].
         truncation_remedy: which keys make `end_truncation_error` smaller.
-        static: whether there is no time: the result is `rest`.
+        static: whether nothing moves: equilibria under growing loads take the place of time, and the last is `rest`.
         rest: the equilibrium under the load, by Newton's method, if there is a load.
         quiet_time: how long rows have to stay within `end_bounds` [R/c]; 0: one row is enough.
+        time_label, pace: what `t` is, for the axes of curves; how much of it a film shows, to be filled in.
         labels: name and unit of each number of `result` that is shown.
         notes: how each number of `result` was measured.
     """
@@ -51,9 +52,11 @@ class Scenario(ABC):
     step_dependent: bool = True
     resolving_step: float = float("inf")
     truncation_remedy: str = ""
-    static: bool = False
     rest: Equilibrium | None = None
     quiet_time: float = 0.0
+    static: ClassVar[bool] = False
+    time_label: ClassVar[str] = "time  [R/c]"
+    pace: ClassVar[str] = "1 s shows {:g} R/c"
     labels: ClassVar[dict[str, tuple[str, str]]]
     notes: ClassVar[dict[str, str]] = {}
 
@@ -125,6 +128,10 @@ class Scenario(ABC):
     @abstractmethod
     def motion(self, columns: Columns) -> tuple[Array, str]:
         """The curve that the scene is about, (rows,), and the label of its axis."""
+
+    def continuum(self, columns: Columns) -> dict[str, Array]:
+        """What laws of the continuum say of `motion`, by their names."""
+        return {}
 
     def last_motion(self, columns: Columns) -> float:
         """Where the curves' time axis ends [R/c]."""

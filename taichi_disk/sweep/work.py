@@ -97,17 +97,15 @@ def _computed(scene: Scene, estimate: bool) -> PointResult:
     setup = _setup_of(scene)
     scenario = scene.scenario(setup.body)
     modes = None if scenario.static else setup.modes(scenario.model)
-    outcome = compute(scenario, scene.time, kernels=shared_kernels(), modes=modes, estimate=estimate)
+    outcome = compute(scenario, scene.time, kernels=shared_kernels(), modes=modes, estimate=estimate, loads=1)
     facts = outcome.facts
     numbers: dict[str, Any] = scenario.result(outcome.columns) | setup.moduli
     if not all(map(isfinite, numbers.values())):
         return PointResult("failed", "a result is not a finite number")
     numbers["error_estimate"] = next(iter(facts["error_estimate"].values()), None)
-    if scenario.static:
-        numbers["residual"] = facts["residual"]
-    else:
-        numbers |= {"energy_imbalance": facts["energy"]["closing_imbalance"], "dt": facts["dt"]}
-    numbers |= {"steps": facts["steps"], "integrator": facts["integrator"]}
+    if "energy" in facts:
+        numbers["energy_imbalance"] = facts["energy"]["closing_imbalance"]
+    numbers |= {name: facts[name] for name in ("residual", "dt", "steps", "integrator") if name in facts}
     return PointResult("done", None, numbers, facts["warnings"], estimate)
 
 
