@@ -6,6 +6,8 @@ from importlib import import_module
 from time import perf_counter
 from typing import TYPE_CHECKING, Any
 
+from taichi_disk.version import __version__
+
 if TYPE_CHECKING:
     from taichi_disk.api import Result, run
     from taichi_disk.lattice import Lattice
@@ -13,7 +15,6 @@ if TYPE_CHECKING:
     from taichi_disk.sweep.sweep import run_sweep
 
 BEGAN = perf_counter()  # the wall clock of a command counts from here
-__version__ = "0.2.0"
 __all__ = ["Lattice", "Result", "Scene", "__version__", "load_scene", "load_sweep", "run", "run_sweep"]
 
 _HOME = {

@@ -1,3 +1,23 @@
-from taichi_disk.cli import process
+"""The process of a command. It listens to signals before anything is imported, which takes a while."""
 
-process()
+from __future__ import annotations
+
+from typing import NoReturn
+
+from taichi_disk.signals import listen
+
+
+def process() -> NoReturn:
+    """Carry out the command that was given, and end with its exit status."""
+    listen()
+    import gc
+
+    from taichi_disk.cli import main
+    from taichi_disk.runtime import leave
+
+    gc.set_threshold(100_000)  # by default 3 % of a run's time goes into searches for garbage that is not there
+    leave(main())
+
+
+if __name__ == "__main__":
+    process()

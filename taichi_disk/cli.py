@@ -6,7 +6,6 @@ Exit status: 0 done; 1 the computation or the film failed; 2 bad input or usage;
 from __future__ import annotations
 
 import argparse
-import gc
 import sys
 import warnings
 from collections.abc import Callable, Sequence
@@ -19,20 +18,11 @@ from typing import Any, NoReturn
 from taichi_disk import BEGAN, __version__
 from taichi_disk.config.sections import VideoSection
 from taichi_disk.errors import InputError, TaichiDiskError
-from taichi_disk.progress import Progress
-from taichi_disk.runtime import leave
-from taichi_disk.signals import heard, ignore, interrupts
+from taichi_disk.progress import Progress, print_result
+from taichi_disk.signals import INTERRUPTED, raise_if_interrupted
 
 _SCENES = "compression, exponential_wall, absorbing_wall"
 _TRAJECTORIES = ("xyz", "gsd", "vtu", "npz")
-
-
-def process() -> NoReturn:
-    """`main` as the whole of a process: its exit status stands whatever signals come while Python ends."""
-    gc.set_threshold(100_000)  # by default 3 % of a run's time goes into searches for garbage that is not there
-    status = main()
-    ignore()
-    leave(status)
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -40,43 +30,42 @@ def main(argv: Sequence[str] | None = None) -> int:
     # Libraries' warnings are for their developers; as errors (PYTHONWARNINGS=error) they would end a run.
     warnings.simplefilter("ignore")
     try:
-        with interrupts():
-            parser = _parser()
-            given = list(sys.argv[1:] if argv is None else argv)
-            if not given:
-                parser.print_help()
-                return 0
-            arguments = parser.parse_args(given)
-            status: int = arguments.command(arguments)
-            if sys.stdout is not None:  # it may be closed
-                sys.stdout.flush()
-            return status
+        parser = _parser()
+        given = list(sys.argv[1:] if argv is None else argv)
+        if not given:
+            parser.print_help()
+            return 0
+        arguments = parser.parse_args(given)
+        raise_if_interrupted()
+        status: int = arguments.command(arguments)
+        if sys.stdout is not None:  # it may be closed
+            sys.stdout.flush()
+        return status
     except TaichiDiskError as error:
-        _say(f"error: {error}")
+        _print_error(f"error: {error}")
         return error.exit_status
     except KeyboardInterrupt:
-        heard()
-        _say("interrupted")
-        return 130
+        _print_error("interrupted")
+        return INTERRUPTED
     except (MemoryError, RuntimeError) as error:
         if not isinstance(error, MemoryError) and "memory" not in str(error):
             raise
-        _say("error: not enough memory; take fewer points (lattice.points), or stop other programs")
+        _print_error("error: not enough memory; take fewer points (lattice.points), or stop other programs")
         return 1
     except OSError as error:
         if not isinstance(error, BrokenPipeError):  # the reader has gone (| head)
-            _say(f"error: {error.strerror or error}")
+            _print_error(f"error: {error.strerror or error}")
         return 1
 
 
-def _say(text: str) -> None:
+def _print_error(text: str) -> None:
     """On stderr, if there is one."""
     with suppress(OSError, ValueError, AttributeError):
         print(text, file=sys.stderr, flush=True)
 
 
 def _note(text: str) -> None:
-    _say(f"note: {text}")
+    _print_error(f"note: {text}")
 
 
 def _load(arguments: argparse.Namespace, what: str = "scene") -> Any:
@@ -100,7 +89,6 @@ def _run(arguments: argparse.Namespace) -> int:
     scene = _load(arguments)
 
     from taichi_disk.api import run
-    from taichi_disk.output.report import print_result
 
     with Progress(sys.stderr) as progress:
         result = run(
@@ -119,7 +107,7 @@ def _run(arguments: argparse.Namespace) -> int:
     assert result.out is not None
     print_result(result.summary, result.scenario.labels, result.out)
     if "video_error" in result.summary:
-        _say(f"error: {result.summary['video_error']}")
+        _print_error(f"error: {result.summary['video_error']}")
         return 1
     return 0
 
@@ -127,8 +115,7 @@ def _run(arguments: argparse.Namespace) -> int:
 def _sweep(arguments: argparse.Namespace) -> int:
     sweep = _load(arguments, "sweep")
 
-    from taichi_disk.sweep.report import print_sweep
-    from taichi_disk.sweep.sweep import run_sweep
+    from taichi_disk.sweep.sweep import print_sweep, run_sweep
 
     names = ("jobs", "scheduler", "part", "estimate")
     with Progress(sys.stderr) as progress:
@@ -183,7 +170,7 @@ def _export(arguments: argparse.Namespace) -> int:
 
 
 def _check(arguments: argparse.Namespace) -> int:
-    from taichi_disk.scenes.feasible import check_feasible
+    from taichi_disk.scenes import check_feasible
 
     scene = _load(arguments, "any")
     check_feasible(scene)

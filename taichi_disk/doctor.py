@@ -9,8 +9,10 @@ import subprocess
 import sys
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from time import monotonic, sleep
 
 from taichi_disk.runtime import CACHE, cache_folder, free_memory, writable
+from taichi_disk.signals import raise_if_interrupted
 
 RUN = ("lattice.points=20", "material.eta_star=0", "video.size=64", "video.seconds=0.1")
 SECONDS = 120
@@ -40,10 +42,17 @@ def try_run() -> str:
     with TemporaryDirectory() as folder:
         command = [sys.executable, "-m", "taichi_disk", "run", "exponential_wall", "--out", str(Path(folder, "run"))]
         command += [f"--set={one}" for one in RUN]
-        try:
-            done = subprocess.run(command, capture_output=True, text=True, errors="replace", timeout=SECONDS)
-        except subprocess.TimeoutExpired:
+        log, until = Path(folder, "log"), monotonic() + SECONDS
+        with log.open("wb") as file, subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=file) as process:
+            try:
+                while process.poll() is None and monotonic() < until:
+                    raise_if_interrupted()
+                    sleep(0.05)
+            finally:
+                process.kill()
+        if monotonic() >= until:
             return f"no answer within {SECONDS} s"
-    if done.returncode < 0:
-        return f"crashed ({signal.Signals(-done.returncode).name})"
-    return done.stderr.strip().splitlines()[-1].removeprefix("error: ") if done.returncode else ""
+        lines = log.read_text(errors="replace").strip().splitlines()
+    if process.returncode < 0:
+        return f"crashed ({signal.Signals(-process.returncode).name})"
+    return lines[-1].removeprefix("error: ") if process.returncode else ""

@@ -1,12 +1,20 @@
-"""Telling how far a stage has come: a bar on a terminal, nothing elsewhere."""
+"""What a terminal shows: how far a stage has come, as a bar, and the result of a run."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, TextIO
+import sys
+from collections.abc import Iterator, Mapping
+from decimal import ROUND_CEILING, Decimal
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, TextIO
 
 if TYPE_CHECKING:
     from rich.progress import Progress as Bars
     from typing_extensions import Self
+
+DIGITS = 8  # of a result that does not depend on a time step
+UNSURE_DIGITS = 4  # of one that does, by an amount that nobody has estimated
+UNSURE = "(error of the time step not estimated)"
 
 
 class Progress:
@@ -63,3 +71,55 @@ def duration(seconds: float) -> str:
     if seconds < 90.0:
         return f"{max(10, 10 * round(seconds / 10)):g} s"
     return f"{round(seconds / 60)} min" if seconds < 6000.0 else f"{seconds / 3600:.1f} h"
+
+
+# ---- a result
+
+
+def print_result(summary: Mapping[str, Any], labels: Mapping[str, tuple[str, str]], out: Path) -> None:
+    """Print the result, how it was computed, how long that took, where the files are; warnings on stderr.
+
+    It is plain text: a path must not be wrapped.
+
+    `labels` are name and unit of each number of the result, by its key in the summary.
+    """
+    for name, value, unit in rows(summary, labels):
+        print(f"{name:<36}{value:>16} {unit}".rstrip())
+    print(f"files in {out}")
+    for text in summary.get("warnings", ()):
+        print(f"warning: {text}", file=sys.stderr)
+
+
+def rows(summary: Mapping[str, Any], labels: Mapping[str, tuple[str, str]]) -> Iterator[tuple[str, str, str]]:
+    """(name, value, unit and remarks) of each line."""
+    errors, source = summary.get("error_estimate") or {}, summary.get("error_source", "time step")
+    for key, (name, unit) in labels.items():
+        if key in summary:
+            value, error = shown(summary[key], errors.get(key), exact="dt" not in summary, source=source)
+            unsure = "dt" in summary and not errors
+            yield name, value, f"{unit} {error or UNSURE * unsure}".strip()
+    if "dt" in summary:
+        yield "time step", f"{summary['dt']:.6g}", "R/c"
+        yield "steps", f"{summary['steps']:,}", f"({summary['integrator']})"
+        yield "energy imbalance at the end", f"{summary['energy']['closing_imbalance']:.2e}", ""
+    else:
+        yield "iterations", str(summary["steps"]), f"({summary['integrator']})"
+    seconds = summary["wall_clock"]
+    parts = ", ".join(f"{name} {one:.1f}" for name, one in seconds.items())
+    yield "wall clock", f"{sum(seconds.values()):.1f}", f"s ({parts})"
+
+
+def shown(value: float, error: float | None, exact: bool = False, source: str = "time step") -> tuple[str, str]:
+    """A result with no more digits than are meant, and "± its error"; empty if that is not known.
+
+    The error, None if not estimated, is rounded up to two digits, and the value ends where it does: 0.967234 ± 1.4e-5.
+    No value has more than 12 digits. A result without estimate that is `exact`, as that of Newton's method, is good to
+    rounding.
+    """
+    if error is None or not error < 1e9:  # NaN, too
+        return f"{value:.{DIGITS if exact else UNSURE_DIGITS}g}", ""
+    bound = Decimal(repr(max(error, 1e-10 * abs(value), 1e-300)))
+    rounded = bound.quantize(Decimal(1).scaleb(min(0, bound.adjusted() - 1)), ROUND_CEILING)
+    number = Decimal(repr(value)).quantize(rounded)
+    text = f"{number:f}" if abs(value) >= 1e-4 or not value else f"{number:e}"
+    return text, f"± {rounded:{'f' if error >= 1e-3 else 'e'}} ({source})"

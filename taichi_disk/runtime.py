@@ -1,7 +1,7 @@
-"""Starting Taichi: the environment that it needs, and the settings that make its results reproducible.
+"""Starting Taichi: the environment that it needs, the settings that make its results reproducible, its workarounds.
 
 Nothing here imports Taichi before `prepare_environment` has been called: Taichi 1.7.4 reads the environment when it is
-imported, and ends the process where it finds no home.
+imported. What it does without each workaround stands where that is; `physics.points` and `signals` have one more each.
 """
 
 from __future__ import annotations
@@ -21,10 +21,11 @@ from types import SimpleNamespace
 from typing import Any, NoReturn
 
 from taichi_disk.errors import TaichiDiskError
+from taichi_disk.signals import deferred_interrupts
 
 CACHE = "TI_OFFLINE_CACHE_FILE_PATH"
-_TURN = threading.RLock()
-_HELD = 60.0  # seconds: Taichi holds the lock of its cache for less than one
+_LOCK = threading.RLock()
+_STALE = 60.0  # [s] Taichi holds the lock of its cache for less than one
 
 
 def cache_folder() -> Path:
@@ -46,19 +47,20 @@ def writable(folder: Path) -> bool:
 def prepare_environment() -> None:
     """Give Taichi a home and a cache that it can write; without them it aborts, or crashes at the end.
 
-    Where there are none (cron, systemd, a container's user), kernels go into a folder of this user's in the temporary
-    directory, which is said once on stderr.
+    Where there are none (cron, systemd, a container's user), kernels go into a folder in the temporary directory, which
+    is said once on stderr. On POSIX it is this user's own, and stays for the next run.
     """
     os.environ.setdefault("ENABLE_TAICHI_HEADER_PRINT", "0")
     _spare_searches()
     if "HOME" in os.environ and writable(cache_folder()):
         return
-    folder = Path(tempfile.gettempdir(), f"taichi-disk-{os.getuid()}")
     try:
+        user = os.getuid()
+        folder = Path(tempfile.gettempdir(), f"taichi-disk-{user}")
         folder.mkdir(mode=0o700, exist_ok=True)
-        if folder.is_symlink() or folder.stat().st_uid != os.getuid():
+        if folder.is_symlink() or folder.stat().st_uid != user:
             raise PermissionError
-    except OSError:
+    except (AttributeError, OSError):  # Windows has no getuid
         folder = Path(tempfile.mkdtemp(prefix="taichi-disk-"))
     print(f"note: no writable home; compiled kernels are kept in {folder}", file=sys.stderr)
     os.environ["HOME"] = str(folder)
@@ -66,8 +68,11 @@ def prepare_environment() -> None:
 
 @contextlib.contextmanager
 def alone() -> Iterator[None]:
-    """Within, this thread has Taichi for itself: others wait, because two at once would crash the process."""
-    with _TURN:
+    """Within, this thread has Taichi for itself: others wait, because two at once would crash the process.
+
+    Ctrl-C comes out between kernel launches.
+    """
+    with _LOCK, deferred_interrupts():
         yield
 
 
@@ -111,7 +116,7 @@ def start(threads: int | None = None) -> None:
                 default_fp=ti.f64,
                 default_ip=ti.i32,
                 fast_math=False,
-                real_matrix_scalarize=False,  # see physics.points
+                real_matrix_scalarize=False,  # see physics.law
                 log_level=ti.ERROR,
                 **options,
             )
@@ -135,7 +140,7 @@ def _drop_stale_lock() -> None:
     """Remove the lock that a killed process left: Taichi 1.7.4 would compile every kernel anew, for ever."""
     lock = cache_folder() / "ticache.lock"
     with contextlib.suppress(OSError):  # there is none, or another process has removed it
-        if time.time() - lock.stat().st_mtime > _HELD:
+        if time.time() - lock.stat().st_mtime > _STALE:
             lock.unlink()
 
 

@@ -1,88 +1,87 @@
-"""Ctrl-C and SIGTERM as KeyboardInterrupt, also where a library swallows the first.
+"""Ctrl-C and SIGTERM set a flag, which is read where a program can stop: between kernel launches, frames, rows.
 
-Taichi 1.7.4 inspects the stack inside a bare `except`: a KeyboardInterrupt that falls there is lost, or comes out as
-an error of Taichi's. So it is raised again every second until somebody has said that it was heard, and an error that
-comes before is taken for the interrupt that it is.
+A handler that raises would do so between any two bytecodes: Taichi 1.7.4 swallows that in a bare `except` while it
+compiles, and an extension module that is just importing another one aborts the process.
 """
 
 from __future__ import annotations
 
+import os
 import signal
-import sys
 import threading
-from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from math import inf
+from time import monotonic
 from types import FrameType
-from typing import Any
 
-AGAIN = 1.0  # [s]
-ENDING = (signal.SIGINT, signal.SIGTERM)
+Handler = Callable[[int, FrameType | None], object]
 
+INTERRUPTED = 130  # exit status
+AT_ONCE = 0.5  # [s] within which two signals are one: `timeout` sends its to the process, and again to its group
+SHOW_CURSOR = b"\x1b[?25h"  # a bar hides it
 
-class Interrupted(KeyboardInterrupt):
-    """A KeyboardInterrupt after which the program chooses its exit status.
-
-    Python's own, where it falls into text given to `exec` (so dataclasses and named tuples are made), is remembered by
-    CPython even if it is caught: `python -m` then ends by SIGINT (`run_eval_code_obj`, which asks for this very class).
-    """
+_unread: list[int] = []  # signals that have come; a process has one place for them, as it has one handler
 
 
-def heard() -> None:
-    """An interrupt has been taken up: do not raise it again. To be called first thing where one is handled."""
-    signal.setitimer(signal.ITIMER_REAL, 0.0)
+def raise_if_interrupted() -> None:
+    """Raise KeyboardInterrupt, once, in the main thread, if a signal has come."""
+    if _unread and threading.current_thread() is threading.main_thread():
+        _unread.clear()
+        raise KeyboardInterrupt
+
+
+def listen() -> None:
+    """From now on SIGINT and SIGTERM set the flag, and a second one ends the process at once."""
+    handler = _flagging(_end)
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, handler)
 
 
 @contextmanager
-def interrupts() -> Iterator[None]:
-    """Within, SIGINT and SIGTERM raise Interrupted in the main thread."""
+def deferred_interrupts() -> Iterator[None]:
+    """Within, Ctrl-C sets the flag where Python would raise KeyboardInterrupt; a second one is raised at once."""
+    usual = signal.default_int_handler
+    if threading.current_thread() is not threading.main_thread() or signal.getsignal(signal.SIGINT) is not usual:
+        yield
+        return
+    signal.signal(signal.SIGINT, _flagging(usual))
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, usual)
+        raise_if_interrupted()
+
+
+def _flagging(second: Handler) -> Handler:
+    """A handler that sets the flag, and leaves a second signal to another one."""
+    first = inf
+
+    def handler(number: int, frame: FrameType | None) -> None:
+        nonlocal first
+        if first == inf:
+            first = monotonic()
+            _unread.append(number)
+        elif monotonic() > first + AT_ONCE:
+            second(number, frame)
+
+    return handler
+
+
+def _end(number: int, frame: FrameType | None) -> None:
+    if os.isatty(2):
+        os.write(2, SHOW_CURSOR)
+    os._exit(INTERRUPTED)
+
+
+@contextmanager
+def ignored_by_children() -> Iterator[None]:
+    """Processes that are started within ignore Ctrl-C, which is their parent's to handle: they inherit that."""
     if threading.current_thread() is not threading.main_thread():
         yield
         return
-    before = {number: signal.signal(number, _interrupt) for number in (*ENDING, signal.SIGALRM)}
-    told = sys.unraisablehook
-
-    def unraisable(what: sys.UnraisableHookArgs) -> None:
-        # An interrupt that falls into a callback which cannot raise comes again: it is not worth a traceback.
-        if not isinstance(what.exc_value, Interrupted):
-            told(what)
-
-    sys.unraisablehook = unraisable
-    try:
-        yield
-    except Exception as error:
-        if signal.getitimer(signal.ITIMER_REAL)[0] > 0.0:  # not heard yet
-            raise Interrupted from error
-        raise
-    finally:
-        heard()
-        for number, handler in before.items():
-            signal.signal(number, handler)
-        sys.unraisablehook = told
-
-
-@contextmanager
-def signals_wait() -> Iterator[None]:
-    """Let Ctrl-C, SIGTERM and timers wait until the block is done. (Only the main thread gets them at all.)"""
-    came: dict[int, Any] = {}
-    before = {}
-    with suppress(ValueError):  # not the main thread
-        for number in (*ENDING, signal.SIGALRM):
-            before[number] = signal.signal(number, came.setdefault)
+    before = signal.signal(signal.SIGINT, signal.SIG_IGN)
     try:
         yield
     finally:
-        for number, handler in before.items():
-            signal.signal(number, handler)
-        for again in came:
-            signal.raise_signal(again)
-
-
-def ignore() -> None:
-    """The exit status is decided: signals change nothing while Python ends."""
-    for number in ENDING:
-        signal.signal(number, signal.SIG_IGN)
-
-
-def _interrupt(number: int, frame: FrameType | None) -> None:
-    signal.setitimer(signal.ITIMER_REAL, AGAIN)
-    raise Interrupted
+        signal.signal(signal.SIGINT, before)

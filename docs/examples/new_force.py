@@ -4,14 +4,15 @@ python docs/examples/new_force.py
 """
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import taichi as ti
 
 from taichi_disk import load_scene, runtime
-from taichi_disk.lattice import Lattice
+from taichi_disk.lattice import Array, Lattice
 from taichi_disk.physics import BodyForce
-from taichi_disk.physics.law import Array
+from taichi_disk.physics.law import Capacity, scalar
 from taichi_disk.simulation.outcome import compute
 
 
@@ -19,18 +20,22 @@ from taichi_disk.simulation.outcome import compute
 class Trap(BodyForce):
     """A force -(k/n) x on each of n points [M c^2/R]; its potential is k x^2/(2 n)."""
 
-    scalars = ("k",)  # what kernels read, as self.now.k[None]: another k needs no new compilation
-
     def __init__(self, k: float) -> None:
         self.k = k
 
+    def make_fields(self, builder: Any, capacity: Capacity) -> None:
+        self.k_now = scalar(builder)  # what kernels read: another k needs no new compilation
+
+    def numbers(self) -> list[tuple[Any, float]]:
+        return [(self.k_now, self.k)]
+
     @ti.func
     def at(self, state: ti.template(), i):  # type: ignore
-        return ti.Vector([-self.now.k[None] * state.x[0][i] / state.n[None], 0.0])
+        return ti.Vector([-self.k_now[None] * state.x[0][i] / state.n[None], 0.0])
 
     @ti.func
     def potential_at(self, state: ti.template(), i):  # type: ignore
-        return 0.5 * self.now.k[None] * state.x[0][i] ** 2 / state.n[None]
+        return 0.5 * self.k_now[None] * state.x[0][i] ** 2 / state.n[None]
 
     # The same in NumPy, for tests, pictures and Newton's method.
 

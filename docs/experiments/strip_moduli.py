@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from taichi_disk.lattice.moduli import bulk_moduli, pulled, rectangle
+from taichi_disk.lattice.network import bulk_moduli, pulled, rectangle
 
 SEEDS, LENGTH, WIDTH = 8, 0.9, 3.6
 

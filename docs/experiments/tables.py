@@ -17,7 +17,7 @@ import numpy as np
 from disk_modes import YOUNG as YOUNG_OF_FINE_LATTICES
 from disk_modes import Disk
 
-from taichi_disk.sweep import fits, theory
+from taichi_disk.figures import theory
 
 YOUNG = 1.107  # mean of 32 lattices of 1099 points [M c^2/R^2]
 # tau0 of a pressed contact, per unit of eta*, by the number of points [R/c]: contact_viscosity.py with 1099 4,
@@ -95,7 +95,7 @@ def impacts() -> None:
         if tau0 := TAU0[row["points"]] * curve["eta_star"]:
             row["tau0"] = tau0
             e = np.array([[theory.quasistatic_impact(v, tau0, YOUNG).restitution for v in SPEEDS]])
-            row["eq4_d1"], row["eq4_d2"] = fits.fit_restitution(SPEEDS, e).values.values()
+            row["eq4_d1"], row["eq4_d2"] = theory.fit_restitution(SPEEDS, e).values.values()
             c = (np.pi * YOUNG) ** 0.5
             row["first_order_d2"], row["paper_d2"] = np.pi * tau0 * c, 2.0 * np.pi * tau0 * c
             row |= fitted(curve, "eq4", "fitted_")

@@ -1,4 +1,4 @@
-"""Work against error: every integrator at several time steps, held against the reference."""
+"""Work against error: every integrator at several time steps, compared with a reference solution."""
 
 from __future__ import annotations
 
@@ -6,13 +6,16 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from math import ceil
 from time import perf_counter
+from typing import Any
 
 import numpy as np
 
-from taichi_disk.accuracy.reference import Reference
+from taichi_disk.errors import SimulationError
 from taichi_disk.integrators import INTEGRATORS, Integrator
-from taichi_disk.lattice import Array
-from taichi_disk.simulation.energy_balance import relative_imbalance
+from taichi_disk.lattice import Array, Lattice
+from taichi_disk.physics import Model
+from taichi_disk.signals import raise_if_interrupted
+from taichi_disk.simulation.diagnostics import relative_imbalance
 from taichi_disk.simulation.observables import as_columns
 from taichi_disk.simulation.outcome import Outcome
 from taichi_disk.simulation.scenario import Scenario
@@ -22,6 +25,7 @@ from taichi_disk.simulation.stability import Spectrum, step_limit
 FRACTIONS = (0.95, 0.8, 0.6, 0.4, 0.2, 0.1, 0.05)  # of the stability limit
 REPEATS = 3
 ROWS = 200  # at which the energy is looked at
+RTOL = 1e-11  # of the reference
 
 
 @dataclass(frozen=True)
@@ -87,7 +91,7 @@ class StepStudy:
         return (1 + REPEATS) * work * run + self.end * rate * evaluation
 
     def measure(self, kernels: KernelCache, done: Callable[[int], None]) -> list[StepError]:
-        """Compute the reference and all runs; `done` is told how many of them are."""
+        """Compute the reference and all runs; `done` gets the number of those that are."""
         scenario, (integrator, steps), found = self.scenario, self.own, []
         x, v = self.reference.solve(scenario.velocities, self.end)
         end = replace(scenario.lattice, positions=x)
@@ -127,3 +131,42 @@ class StepStudy:
             closing_imbalance=closing,
             worst_imbalance=worst,
         )
+
+
+class Reference:
+    """The motion of a `model` on a `lattice` by SciPy's DOP853 on the laws in NumPy: nothing that the kernels use."""
+
+    def __init__(self, lattice: Lattice, model: Model) -> None:
+        self.lattice, self.model = lattice, model
+
+    def solve(self, velocities: Array, end: float, rtol: float = RTOL) -> Array:
+        """(2, n, 2): positions and velocities at time `end` [R/c], from the lattice's positions at t = 0.
+
+        Raises SimulationError where SciPy gives up.
+        """
+        from scipy.integrate import solve_ivp
+
+        stops, interval = [end], self.model.reset_interval
+        if interval:
+            stops = [*(np.arange(1, int(end / interval * (1 + 1e-12)) + 1) * interval), end]
+        t = 0.0
+        y: Array = np.concatenate([self.lattice.positions, velocities]).ravel()
+        for stop in stops:
+            if stop > t:
+                # Between resets a step or two do; of a whole motion the end alone is kept.
+                how: dict[str, Any] = {"first_step": stop - t} if interval else {"t_eval": [stop]}
+                with np.errstate(all="ignore"):  # it tries steps that crush the disk, and takes them back
+                    found = solve_ivp(self.rate, (t, stop), y, "DOP853", rtol=rtol, atol=1e-3 * rtol, **how)
+                if not found.success:
+                    raise SimulationError(f"the reference solution ends before t = {stop:.6g} R/c: {found.message}")
+                y, t = np.array(found.y[:, -1]), stop
+            if interval and stop is not stops[-1]:
+                y.reshape(2, -1, 2)[1, self.lattice.wall_boundary] = 0.0
+        return y.reshape(2, -1, 2)
+
+    def rate(self, _t: float, y: Array) -> Array:
+        """Velocities and accelerations of the state `y`: x0, y0, x1 ... and the velocities likewise."""
+        raise_if_interrupted()
+        x, v = y.reshape(2, -1, 2)
+        force = self.model.forces_moving(self.lattice, x, v)
+        return np.concatenate([v, force / self.lattice.masses[:, None]]).ravel()

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
+import sys
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field, replace
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from time import perf_counter
 from typing import Any
@@ -15,11 +16,12 @@ from taichi_disk import runtime
 from taichi_disk.accuracy.steps import StepError, StepStudy
 from taichi_disk.config.sections import ElasticWallSection
 from taichi_disk.errors import TaichiDiskError
-from taichi_disk.output.files import prepare_output, remove_empty
+from taichi_disk.output.files import atomic_write, prepare_output, remove_empty, write_csv, write_text
+from taichi_disk.output.plot import BLUE, GREEN, RED
 from taichi_disk.output.run_folder import refuse_run
 from taichi_disk.progress import Progress, duration
 from taichi_disk.scenes import Scene
-from taichi_disk.simulation.outcome import compute
+from taichi_disk.simulation.outcome import compute, quasistatic
 from taichi_disk.simulation.simulation import KernelCache
 from taichi_disk.simulation.stability import spectrum
 
@@ -30,6 +32,8 @@ HARDER = (3.0, 10.0)  # times the wall's a
 SAMPLE, POINTS, WALL = "lattice sample", "points", "wall hardness"
 CLEAR = 2.0  # times the lattice scatter, from which a finer lattice is more than another sample
 COMPILING = 5.0  # [s] of kernels, about
+COLOURS = {"velocity_verlet": BLUE, "trapezoidal": RED, "vefrl": GREEN}
+WIDTH = 120  # of tables where there is no terminal
 
 
 @dataclass(frozen=True)
@@ -96,22 +100,20 @@ class Findings:
         return f"{self.name}: {', '.join(parts)}: {advice}"
 
 
-def study(scene: Scene, out: Path, title: str, progress: Progress, say: Callable[[str], None]) -> None:
+def study(scene: Scene, out: Path, title: str, progress: Progress, note: Callable[[str], None]) -> None:
     """Measure the errors of a scene's primary result, print them, and leave tables and a picture in `out`.
 
     Args:
-        say: told once, after the first runs, how many there are and about how long they will take.
+        note: gets one line after the first runs: how many there are, and about how long they will take.
 
     Raises InputError for a folder that holds a run or cannot be written, or a step by hand beyond the stability limit;
     SimulationError where the scene has no result.
     """
-    from taichi_disk.accuracy.report import report
-
     refuse_run(out)
     made = prepare_output(out)
     try:
         runtime.start()
-        findings = assess(scene, progress, say)
+        findings = assess(scene, progress, note)
         progress.stop()
         report(findings, out, title)
     except BaseException:
@@ -120,7 +122,7 @@ def study(scene: Scene, out: Path, title: str, progress: Progress, say: Callable
     print(f"files in {out}")
 
 
-def assess(scene: Scene, progress: Progress, say: Callable[[str], None]) -> Findings:
+def assess(scene: Scene, progress: Progress, note: Callable[[str], None]) -> Findings:
     """The measurements of `study`. Taichi has to be started."""
     kernels, scenario, study = KernelCache(), scene.scenario(), None
     progress.start("simulate", None)
@@ -133,12 +135,11 @@ def assess(scene: Scene, progress: Progress, say: Callable[[str], None]) -> Find
     each = perf_counter() - began
     growth = 1.4 if study else 1.1  # of time with the number of points: steps are shorter, too
     expected = COMPILING + each * sum(one.finer**growth for one in others)
-    runs, more = len(others), ""
+    runs, steps = f"{len(others)} runs", []
     if study:
-        runs, more = runs + len(study.runs), " and a reference solution"
+        runs = f"{len(others) + len(study.runs)} runs and a reference solution"
         expected += study.seconds(each)
-    say(f"{runs} runs{more}, about {duration(expected)}")
-    steps = []
+    note(f"{runs}, about {duration(expected)}")
     if study:
         progress.start("reference and steps", 1 + len(study.runs))
         steps = study.measure(kernels, progress.update)
@@ -185,6 +186,71 @@ def result_of(scene: Scene, kernels: KernelCache) -> float:
     At once by Newton's method where the result does not depend on the step. Raises TaichiDiskError.
     """
     scenario = scene.scenario()
-    scenario.static = scenario.static or not scenario.step_dependent
-    time = replace(scene.time, dt="auto")
-    return scenario.primary(compute(scenario, time, kernels=kernels, estimate=False).columns)[1]
+    if not scenario.step_dependent:
+        return scenario.primary(quasistatic(scenario, loads=1).columns)[1]
+    outcome = compute(scenario, replace(scene.time, dt="auto"), kernels=kernels, estimate=False)
+    return scenario.primary(outcome.columns)[1]
+
+
+# ---- the report
+
+
+def report(findings: Findings, out: Path, title: str) -> None:
+    """Write accuracy.md and error_sources.csv into `out`; where there are time steps, accuracy.csv and accuracy.png.
+
+    The sentence and the tables are shown on stdout, too. Raises SimulationError for a full disk.
+    """
+    from rich.console import Console
+    from rich.markdown import Markdown
+
+    text = tables(findings)
+    write_text(out / "accuracy.md", f"# {title}\n\n{findings.sentence}.\n\n{text}\n")
+    columns = ("source", "change", "result", "difference", "remark")
+    write_csv(out / "error_sources.csv", [{name: getattr(one, name) for name in columns} for one in findings.sources])
+    if findings.steps:
+        write_csv(out / "accuracy.csv", [asdict(one) for one in findings.steps])
+        draw(findings, out / "accuracy.png", title)
+    print(findings.sentence)
+    Console(width=None if sys.stdout.isatty() else WIDTH).print(Markdown(text))
+
+
+def tables(findings: Findings) -> str:
+    """In Markdown: of the time steps, where there are any, and of the other sources of error."""
+    lines = []
+    if findings.steps:
+        lines += ["| integrator | step/limit | steps | ms | ns/spring | error | position | energy |", "|---" * 8 + "|"]
+    for p in findings.steps:
+        name, cost = p.integrator + " (run)" * p.own, f"{1e3 * p.seconds:.1f} | {p.ns_per_spring_and_step:.1f}"
+        errors = f"{p.error:.1e} | {p.trajectory_error:.1e} | {p.closing_imbalance:+.1e}"
+        lines.append(f"| {name} | {p.fraction:.2g} | {p.steps:,} | {cost} | {errors} |")
+    lines += ["", f"| source of error | change | {findings.name} | difference |", "|---" * 4 + "|"]
+    for one in findings.sources:
+        difference = one.remark.replace("|", "/") or f"{one.difference:+.1e}"
+        lines.append(f"| {one.source} | {one.change} | {one.result:.7g} | {difference} |")
+    if math.isfinite(findings.scatter):
+        name = f"mean and standard deviation of {len(findings.samples)}"
+        lines.append(f"| lattice sample | {name} | {np.nanmean(findings.samples):.7g} | ± {findings.scatter:.1e} |")
+    return "\n".join(lines)
+
+
+def draw(findings: Findings, path: Path, title: str) -> None:
+    """Error (y) against cost (x): lower and farther left is better. A ring: the step that `run` takes."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(6.4, 4.4), dpi=120, layout="constrained")
+    FigureCanvasAgg(figure)
+    axes = figure.subplots()
+    for name, colour in COLOURS.items():
+        curve = [p for p in findings.steps if p.integrator == name and math.isfinite(p.error)]
+        if curve:
+            axes.loglog([p.seconds for p in curve], [p.error for p in curve], "o-", color=colour, ms=4, label=name)
+        for p in curve:
+            if p.own:
+                axes.loglog(p.seconds, p.error, "o", ms=12, mfc="none", color=colour)
+    axes.set_xlabel("time to solution  [s]")
+    axes.set_ylabel(f"error of {findings.name}")
+    axes.set_title(title, fontsize=10)
+    axes.grid(True, which="both", color="0.92")
+    axes.legend(frameon=False, title="ring: the step that run takes", fontsize=8, title_fontsize=8)
+    atomic_write(path, lambda new: figure.savefig(new, metadata={"Software": None}))

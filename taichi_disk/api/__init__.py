@@ -1,6 +1,283 @@
-"""Running scenes from Python: what `taichi_disk` exports, the commands and the sweeps build on."""
+"""taichi_disk from Python: run a scene, look at its result, keep it. The commands and the sweeps build on it, too."""
 
-from taichi_disk.api.job import shared_kernels
-from taichi_disk.api.result import Result, State, run
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from taichi_disk import runtime
+from taichi_disk.api.job import FRAMES, Clock, Job, shared_kernels, write_run
+from taichi_disk.config.tree import Source
+from taichi_disk.errors import InputError
+from taichi_disk.lattice import Array, Lattice, numbers
+from taichi_disk.output import files
+from taichi_disk.output.run_folder import run_folder
+from taichi_disk.progress import Progress
+from taichi_disk.scenes import Scene, load_scene
+from taichi_disk.scenes.body import DiskScene
+from taichi_disk.signals import raise_if_interrupted
+from taichi_disk.simulation.outcome import Outcome
+from taichi_disk.simulation.scenario import Scenario
 
 __all__ = ["Result", "State", "run", "shared_kernels"]
+
+
+class State(NamedTuple):
+    """One moment of a run: t [R/c], positions (n, 2) [R] with the disk's points first, velocities (n, 2) [c]."""
+
+    t: float
+    positions: Array
+    velocities: Array
+
+
+@dataclass(frozen=True)
+class Result:
+    """A scene computed to its end.
+
+    Attributes:
+        scene: what was computed.
+        scenario: the same with its lattice, laws and start.
+        summary: what summary.json holds.
+        outcome: the time series, the states, how they were computed.
+        out: the folder that the run went into, if there is one.
+    """
+
+    scene: Scene
+    scenario: Scenario
+    summary: dict[str, Any]
+    outcome: Outcome = field(repr=False)
+    out: Path | None = None
+
+    # ---- numbers
+
+    @property
+    def numbers(self) -> dict[str, float]:
+        """The results by name, the primary one first: restitution and contact_time [R/c], or xi [R] and xi_nominal."""
+        return self.scenario.result(self.outcome.columns)
+
+    @property
+    def restitution(self) -> float:
+        """e = -v_cm(after)/v_cm(before). Raises AttributeError for a compression."""
+        return self._number("restitution")
+
+    @property
+    def contact_time(self) -> float:
+        """[R/c]. Raises AttributeError for a compression."""
+        return self._number("contact_time")
+
+    @property
+    def xi(self) -> float:
+        """Compression [R]. Raises AttributeError for an impact."""
+        return self._number("xi")
+
+    def _number(self, name: str) -> float:
+        if name not in self.numbers:
+            raise AttributeError(f"scene {self.scene.scene} has no {name}; it has {', '.join(self.numbers)}")
+        return self.numbers[name]
+
+    @property
+    def error(self) -> float | None:
+        """Estimated error of the primary result due to the time step and to where the run ends; None if unknown."""
+        return next(iter(self.outcome.facts["error_estimate"].values()), None)
+
+    @property
+    def series(self) -> dict[str, Array]:
+        """The time series: one array (rows,) for each column of timeseries.csv."""
+        return self.outcome.columns
+
+    # ---- states
+
+    @property
+    def lattice(self) -> Lattice:
+        """Points and springs at t = 0, in scene coordinates."""
+        return self.scenario.lattice
+
+    @runtime.alone()
+    def state(self, t: float) -> State:
+        """The state at the step nearest to `t` [R/c]; of a loading, the equilibrium under the part `t` of the load.
+
+        Raises InputError for a time outside the run.
+        """
+        return State(*next(self._moments([t])))
+
+    @runtime.alone()
+    def trajectory(self, times: Sequence[float] | Array) -> tuple[Array, Array, Array]:
+        """(times (T,) [R/c], positions (T, n, 2) [R], velocities (T, n, 2) [c]) at the steps nearest to `times`.
+
+        Raises InputError unless the times ascend and lie within the run.
+        """
+        moments = list(self._moments(times))
+        t, x, v = zip(*moments, strict=True)
+        return np.array(t), np.array(x), np.array(v)
+
+    def field(self, name: str, t: float) -> Any:
+        """A quantity at time `t` [R/c]: see `taichi_disk.fields.field` for the names and what is returned.
+
+        Raises InputError for an unknown name or a time outside the run.
+        """
+        from taichi_disk.fields import QUANTITIES
+        from taichi_disk.fields import field as quantity
+
+        if name not in QUANTITIES:
+            raise InputError(f"no quantity {name!r}; there are {', '.join(QUANTITIES)}")
+        _, x, v = self.state(t)
+        return quantity(name, self.lattice, self.scenario.model.springs, x, v)
+
+    @runtime.alone()
+    def export(
+        self,
+        path: Path | str,
+        format: str | None = None,
+        frames: int = FRAMES,
+        times: Sequence[float] | Array | None = None,
+    ) -> Path:
+        """Write a trajectory for another program; returns the file that was written.
+
+        Args:
+            path: a file, whose suffix says the format, see docs/output.md; or a folder that gets trajectory.SUFFIX.
+            format: of a folder's: "xyz", "gsd", "vtu" or "npz".
+            frames: how many, evenly spaced in time; or `times`: ascending, within the run [R/c].
+
+        Raises InputError for times outside the run, an unknown format, or one whose package is not installed.
+        """
+        from taichi_disk.output.export import export_run
+
+        if times is None:
+            if not isinstance(frames, (int, np.integer)) or frames < 1:
+                raise InputError(f"frames: must be a whole number above 0, not {frames}")
+            times = np.linspace(0.0, self.series["t"][-1], frames)
+        return export_run(self.scenario, self._moments(times), Path(path), format)
+
+    def _moments(self, times: Any) -> Iterator[tuple[float, Array, Array]]:
+        times = np.atleast_1d(numbers(times, "times"))
+        last = float(self.series["t"][-1])
+        if times.ndim != 1 or not len(times) or not np.isfinite(times).all() or (np.diff(times) < 0.0).any():
+            raise InputError("times: must be ascending finite numbers")
+        if times[0] < 0.0 or times[-1] > last * (1.0 + 1e-12):
+            raise InputError(f"times: must lie within 0 and {last:.6g}, the end of the run")
+        return self.outcome.replay(times)
+
+    # ---- files
+
+    @runtime.alone()
+    def film(
+        self, path: Path | str, beside: Result | None = None, progress: Progress | None = None, **video: Any
+    ) -> Path:
+        """Film the run into `path`: .mp4, .webm, .gif, one picture .png, or a folder for numbered pictures.
+
+        Args:
+            beside: another run, to be shown at the right.
+            progress: told how far it has come.
+            video: keys of a scene's `video` section in place of the scene's own, as `colour="shear"`.
+
+        Returns the path. Raises InputError for a wrong key, TaichiDiskError where no film can be drawn or written.
+        """
+        from taichi_disk.render.film import check_target, film
+
+        path = Path(path)
+        section = self.scene.with_({f"video.{key}": value for key, value in video.items()}).video
+        check_target(path)
+        files.prepare_output(path.parent)
+        runs = [(one.scenario, one.outcome) for one in (self, beside) if one]
+        film(path, runs, section, progress or Progress())
+        return path
+
+    @runtime.alone()
+    def save(self, out: Path | str, video: bool = False, overwrite: bool = False) -> Path:
+        """Write the files of a run into the folder `out`; see docs/output.md.
+
+        Raises InputError where `out` holds another run (unless `overwrite`) or files that no run wrote.
+        """
+        repeatable, digest = "own_start" not in self.summary, str(self.summary.get("lattice_digest", ""))
+        with run_folder(out, self.scene.to_yaml(), True, overwrite, repeatable=repeatable, lattice=digest) as folder:
+            computed = self.scenario, self.summary | {"video": folder.film}, self.outcome
+            write_run(folder.path, self.scene, computed, video, Progress(), Clock())
+        return folder.out
+
+    @classmethod
+    @runtime.alone()
+    def load(
+        cls,
+        folder: Path | str,
+        overrides: Sequence[str] = (),
+        progress: Progress | None = None,
+        estimate: bool = True,
+    ) -> Result:
+        """The result of a finished run, computed again from its scene.yaml: bitwise the same.
+
+        Args:
+            overrides: changes of the scene, as `["video.size=360"]`.
+            progress: told how far it has come.
+            estimate: whether to estimate the time-step error again, which doubles the work.
+
+        Raises InputError where there is no run, or one that Python gave its lattice or velocities.
+        """
+        path, summary = Path(folder, "scene.yaml"), files.read_summary(Path(folder))
+        for name, there in (("scene.yaml", path.is_file()), ("summary.json that can be read", "status" in summary)):
+            if not there:
+                what = f"no run is here (no {name}); make one with `taichi-disk run --out {folder}`"
+                raise InputError(f"{folder}: {what}")
+        if "own_start" in summary:
+            raise InputError(f"{folder}: this run began with arrays given in Python; see lattice.npz for them")
+        # What the run took, also a step by force, is taken again.
+        scene = load_scene(path, overrides)
+        job = Job(scene, progress or Progress(), force=True, estimate=estimate)
+        if summary.get("lattice_digest", job.digest) != job.digest:
+            raise InputError(f"{folder}: {scene.lattice.file} has changed since this run: see lattice.npz")
+        return cls(scene, *job.compute())
+
+
+@runtime.alone()
+def run(
+    scene: Scene | Source,
+    out: Path | str | None = None,
+    *,
+    lattice: Lattice | None = None,
+    velocities: Array | None = None,
+    video: bool = True,
+    export: str | None = None,
+    overwrite: bool = False,
+    count_on: bool = False,
+    force: bool = False,
+    threads: int | None = None,
+    progress: Progress | None = None,
+    say: Callable[[str], None] = lambda text: None,
+    started: float = 0.0,
+) -> Result:
+    """Compute a scene.
+
+    Args:
+        scene: as `load_scene` gives it, or what that takes.
+        out: a folder for the files of the run; none are written without it.
+        lattice: an unloaded disk of one's own, see `Lattice.from_points`.
+        velocities: (N, 2) [c] of the disk's points at t = 0, in the order of the lattice.
+        video: whether to make the film, if there is a folder. Without Vulkan there is no film, and
+            `summary["video_error"]` says why.
+        export: the format of a trajectory to write into the folder, too: "xyz", "gsd", "vtu" or "npz".
+        overwrite: whether another run in `out` may be replaced.
+        count_on: whether to go into out-2, out-3 … where `out` holds another run.
+        force: take a time step even beyond the stability limit.
+        threads: of parallel loops; results do not depend on it.
+        progress: told how far it has come.
+        say: told what a person should know: that the run goes elsewhere, and why.
+        started: seconds that the process has taken before this, for the wall clock of the summary.
+
+    Raises InputError, with nothing written, for what cannot be computed as asked; SimulationError when the computation
+    fails: `out` then holds summary.json (status `failed` and why) and, after a blow-up, failure.npz.
+    """
+    raise_if_interrupted()  # while all was imported
+    scene = scene if isinstance(scene, DiskScene) else load_scene(scene)
+    clock = Clock({"start": started} if started else {})
+    job = Job(scene, progress or Progress(), lattice, velocities, force, threads, clock=clock)
+    if out is None:
+        if export:
+            raise InputError("export: needs a folder, `out`")
+        return Result(scene, *job.compute())
+    repeatable = lattice is None and velocities is None
+    with run_folder(out, scene.to_yaml(), not count_on, overwrite, say, repeatable, job.digest) as folder:
+        computed = job.into(folder.path, video, folder.film, export)
+    return Result(scene, *computed, folder.out)

@@ -1,15 +1,14 @@
-"""A scene as a value: sections that agree with each other, written out or changed. Each kind is a subclass."""
+"""A scene as a value: sections that agree with each other, checked, written out or changed. Each kind is a subclass."""
 
 from __future__ import annotations
 
 import json
+import os
 import re
 from collections.abc import Collection, Mapping
-from dataclasses import asdict, fields
-from math import log
+from dataclasses import asdict, fields, replace
 from typing import TYPE_CHECKING, Any, ClassVar, TypeAlias, cast
 
-from taichi_disk.config.checks import check, either
 from taichi_disk.config.sections import (
     ElasticWallSection,
     Frozen,
@@ -21,8 +20,8 @@ from taichi_disk.config.sections import (
     VideoSection,
     WallSection,
 )
-from taichi_disk.config.yaml_tree import tree_of
-from taichi_disk.errors import InputError
+from taichi_disk.config.tree import Keys, Tree, tree_of
+from taichi_disk.errors import InputError, did_you_mean, either, nearest
 
 if TYPE_CHECKING:
     from typing_extensions import Self
@@ -122,7 +121,7 @@ def dashpots(material: MaterialSection) -> list[str]:
 
 def gap_conflicts(wall: WallSection | ElasticWallSection, impact: ImpactSection) -> Conflicts:
     """A start within the wall's reach: the disk would be shot away by potential energy to spare, e > 1."""
-    least = _distance(wall, impact.velocity, 1e-3)
+    least = wall.height_of(1e-3 * 0.5 * impact.velocity**2)  # M = 1
     if impact.gap == "auto" or impact.gap >= least:
         return []
     what = f"at {impact.gap:g} R the wall's potential exceeds 1e-3 of the kinetic energy"
@@ -131,14 +130,90 @@ def gap_conflicts(wall: WallSection | ElasticWallSection, impact: ImpactSection)
 
 def least_threshold(wall: ElasticWallSection, velocity: float) -> float:
     """Distance at which the contact may be cut off: farther away its potential is 1e-5 of v^2/2 or less [R]."""
-    return _distance(wall, velocity, 1e-5)
-
-
-def _distance(wall: WallSection | ElasticWallSection, velocity: float, fraction: float) -> float:
-    """Distance from the wall at which its potential V0 exp(-a y) is `fraction` of v^2/2 (M = 1) [R]."""
-    return (log(wall.V0) - log(fraction / 2) - 2 * log(velocity)) / wall.a
+    return wall.height_of(1e-5 * 0.5 * velocity**2)
 
 
 def rounded_up(value: float) -> str:
     """Four digits, above the value."""
     return f"{value * 1.001:.4g}"
+
+
+# ---- from a tree of values to a scene, or every fault in words, with the nearest name
+
+Kinds: TypeAlias = Mapping[str, type[SceneBase]]  # of scenes, by the name that `scene:` takes
+
+
+def check(tree: Tree, kinds: Kinds) -> SceneBase | None:
+    """The scene that the tree describes; None where it has faults, which are added to the tree's."""
+    kind = tree.value.get("scene")
+    if isinstance(kind, str) and kind in kinds:
+        return _read(kind, tree, kinds)
+    entry = tree.entry(("scene",))
+    what = f"missing: write scene: {either(kinds)}"
+    if "scene" in tree.value:
+        what = f"must be {either(kinds)}, not {entry.shown}{did_you_mean(kind, kinds)}"
+    tree.fault(entry.value, ("scene",), what)
+
+    def known(name: str) -> int:
+        sections = kinds[name].sections()
+        paths = [path for path in tree.entries if path and path[0] in sections]
+        return sum(set(path[1:2]) <= sections[path[0]].schema().keys() for path in paths)
+
+    # The other keys are checked as those of the kind that was probably meant, else of the one that has most of them.
+    _read((nearest(kind, kinds) or [max(kinds, key=known)])[0], tree, kinds)
+    return None
+
+
+def _read(kind: str, tree: Tree, kinds: Kinds) -> SceneBase | None:
+    sections, read = kinds[kind].sections(), dict[str, Any]()
+    for name, given in tree.value.items():
+        entry = tree.entry((name,))
+        if name == "scene":
+            continue
+        if name not in sections:
+            tree.fault(entry.key, (name,), _unknown(kind, (name,), kinds))
+        elif given is None:
+            tree.fault(entry.value, (name,), "an empty section: give it a key, or leave it out")
+        elif not isinstance(given, dict):
+            what = f"must be a section, that is indented lines of key: value, not {entry.shown}"
+            tree.fault(entry.value, (name,), what)
+        else:
+            values = {one: _value(kind, (name, one), value, tree, kinds) for one, value in given.items()}
+            read[name] = (sections[name], values)
+    if tree.faults:
+        return None
+    scene: SceneBase = kinds[kind](**{name: replace(section, **values) for name, (section, values) in read.items()})
+    for key, what in scene.conflicts():
+        path = tuple(key.split("."))
+        tree.fault(tree.entry(path).value, path, what)
+    return None if tree.faults else scene
+
+
+def _value(kind: str, path: Keys, value: Any, tree: Tree, kinds: Kinds) -> Any:
+    """`value` as the scene keeps it, or a fault."""
+    key, entry = kinds[kind].sections()[path[0]].schema().get(path[1]), tree.entry(path)
+    if key is None:
+        tree.fault(entry.key, path, _unknown(kind, path, kinds))
+    elif not key.accepts(value):
+        what = f"must be {key.allowed()}, not {entry.shown}{did_you_mean(value, key.words)} ({key.meaning})"
+        tree.fault(entry.value, path, what)
+    elif path == ("lattice", "file") and value != "none":
+        # On the command line a name counts from the working directory, in a scene file from the file's folder.
+        folder = "" if entry.value.rank else tree.folder
+        return os.path.realpath(os.path.join(folder, os.path.expanduser(value)))
+    elif key.kind is float and not isinstance(value, str):
+        return float(value)
+    return value
+
+
+def _unknown(kind: str, path: Keys, kinds: Kinds) -> str:
+    """Why the key at `path` is not one of this kind of scene, and what was probably meant."""
+    section, *keys = path
+    having = {name: one.sections()[section].schema() for name, one in kinds.items() if section in one.sections()}
+    if others := [name for name, known in having.items() if known.keys() >= set(keys)]:
+        return f"belongs to scene: {either(others)}, not to scene: {kind}"
+    if homes := kinds[kind].homes(path[-1]):  # another section's key only where it bears exactly this name
+        return f"unknown key; did you mean {either('.'.join(home) for home in homes)}?"
+    siblings = list(having[kind]) if keys else ["scene", *kinds[kind].sections()]
+    listed = f"; {section if keys else f'scene: {kind}'} has {', '.join(siblings)}"
+    return f"unknown key{did_you_mean(path[-1], siblings) or listed}"

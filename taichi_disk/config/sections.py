@@ -10,6 +10,9 @@ from dataclasses import dataclass, field, fields
 from functools import cache
 from typing import TYPE_CHECKING, Any, ClassVar, Literal, TypeAlias, get_args, get_type_hints
 
+from taichi_disk.errors import either
+from taichi_disk.potential import ExponentialPotential
+
 if TYPE_CHECKING:  # tells mypy what `Frozen` does; typing has it from Python 3.11 on
     from typing_extensions import dataclass_transform as _dataclasses
 else:
@@ -50,6 +53,21 @@ class Key:
         if type(value) is not self.kind and (type(value), self.kind) != (int, float):
             return False
         return self.kind is bool or (self.low <= value <= self.high and not (self.step and value % self.step))
+
+    def allowed(self) -> str:
+        """The values that the key may have, in words."""
+        if self.kind is bool:
+            return "true or false"
+        if self.kind is str:
+            return either(self.words or ("none", "the name of a file"))
+        number = "a whole number" if self.kind is int else "a number"
+        if self.step:
+            number = "an even whole number" if self.step == 2 else f"a multiple of {self.step:g}"
+        low, high = (
+            str(bound) if isinstance(bound, int) else f"{bound:.5g}".replace("e-0", "e-").replace("e+0", "e")
+            for bound in (self.low, self.high)
+        )
+        return either([*self.words, f"{number} from {low} to {high}"]) + (f" [{self.unit}]" if self.unit else "")
 
 
 def key(default: Any, meaning: str, unit: str = "", **bounds: float) -> Any:
@@ -102,14 +120,14 @@ class MaterialSection(Section):
     eta_star: float = key(10.0, "viscosity eta R/(m c) of the dashpots; 0: none", low=0, high=1e6)
 
 
-class WallSection(Section):
+class WallSection(ExponentialPotential, Section):
     """Rigid wall: potential V0 exp(-a y) for every point of the disk, eqs. (3) and (6)."""
 
     a: float = key(300.0, "steepness of the wall's potential V0 exp(-a y)", "1/R", low=0.1, high=1e6)
     V0: float = key(150.0, "the wall's potential at distance 0", "M c^2", low=1e-12, high=1e12)
 
 
-class ElasticWallSection(Section):
+class ElasticWallSection(ExponentialPotential, Section):
     """A lattice of points below the disk; potential V0 exp(-a l) at distance l from its surface springs."""
 
     points: int = key(1269, "number of mass points of the wall", low=4, high=2_000_000)

@@ -12,9 +12,9 @@ from dataclasses import dataclass
 from math import prod
 from typing import Any, TypeAlias
 
-from taichi_disk.config.checks import Kinds, check, did_you_mean
-from taichi_disk.config.scene_base import SceneBase, Value, yaml_scalar
-from taichi_disk.config.yaml_tree import Entry, Path, Tree, printable
+from taichi_disk.config.scene_base import Kinds, SceneBase, Value, check, yaml_scalar
+from taichi_disk.config.tree import Entry, Keys, Tree, printable
+from taichi_disk.errors import did_you_mean
 
 MAX_SCENES = 100_000
 FORMS = "a list of values, {lin: [from, to, count]}, {geom: [from, to, count]} or {range: count}"
@@ -66,7 +66,7 @@ def check_sweep(tree: Tree, kinds: Kinds) -> Sweep | None:
     listed = isinstance(section, list) and len(section) > 0
     blocks: list[Axes] = []
     for number, block in enumerate(section if listed else [section]):
-        path: Path = ("sweep", str(number)) if listed else ("sweep",)
+        path: Keys = ("sweep", str(number)) if listed else ("sweep",)
         if not (isinstance(block, dict) and block):
             entry = tree.entries[path]
             tree.fault(entry.value, ("sweep",), f"must be lines of key: values, not {entry.shown}")
@@ -78,27 +78,27 @@ def check_sweep(tree: Tree, kinds: Kinds) -> Sweep | None:
     return None
 
 
-def _axes(kind: type[SceneBase], block: dict[str, Any], prefix: Path, tree: Tree) -> Axes:
+def _axes(kind: type[SceneBase], block: dict[str, Any], prefix: Keys, tree: Tree) -> Axes:
     axes: Axes = {}
-    taken: dict[Path, str] = {}
+    taken: dict[Keys, str] = {}
     for name, spec in block.items():
         path = (*prefix, name)
-        place, target = tree.entries[path].key, target_of(kind, name)
+        mark, target = tree.entries[path].key, target_of(kind, name)
         if target is None:
             names = [key for section, one in kind.sections().items() if section != "video" for key in one.schema()]
             hint = did_you_mean(name.split(".")[-1], names)
-            tree.fault(place, path, f"no key of scene: {tree.value['scene']} that can be swept{hint}")
+            tree.fault(mark, path, f"no key of scene: {tree.value['scene']} that can be swept{hint}")
             continue
         if target in tree.entries or target in taken:
             other = taken.get(target, "the scene")
-            tree.fault(place, path, f"{'.'.join(target)} is also given by {other}: leave one of the two out")
+            tree.fault(mark, path, f"{'.'.join(target)} is also given by {other}: leave one of the two out")
         taken[target] = name
         whole = kind.sections()[target[0]].schema()[target[1]].kind is int
         axes[name] = _values(spec, path, whole, tree)
     return axes
 
 
-def _values(spec: Any, path: Path, whole: bool, tree: Tree) -> list[tuple[Value, Entry]]:
+def _values(spec: Any, path: Keys, whole: bool, tree: Tree) -> list[tuple[Value, Entry]]:
     """The values that `spec` stands for."""
     entry = tree.entries[path]
     if isinstance(spec, list) and spec:
@@ -126,33 +126,33 @@ def _combine(kind: type[SceneBase], blocks: list[Axes], tree: Tree, kinds: Kinds
     if total > MAX_SCENES:
         tree.fault(tree.entries[("sweep",)].key, ("sweep",), f"{total} combinations: at most {MAX_SCENES}")
         return None
-    # Every value by itself first, so that all faulty ones are told at once, and without a combination.
+    # Every value by itself first, so that all faulty ones come at once, and without a combination.
+    swept: list[dict[str, tuple[Any, ...]]] = []
     for block in blocks:
         start = {name: values[0] for name, values in block.items()}
+        taken: dict[str, dict[Any, None]] = {name: {} for name in block}
         for name, value in ((name, value) for name, values in block.items() for value in values):
             one = _with(kind, tree, start | {name: value})
             found = check(one, kinds)
             tree.faults += one.faults
-            if found and value is start[name] and target_of(found, name) in found.unused():
-                tree.fault(value[1].key, ("sweep", name), "changes nothing beside lattice.file: leave it out")
+            if found:
+                taken[name][value_of(found, name)] = None
+                if value is start[name] and target_of(found, name) in found.unused():
+                    tree.fault(value[1].key, ("sweep", name), "changes nothing beside lattice.file: leave it out")
+        swept.append({name: tuple(values) for name, values in taken.items()})
     if tree.faults:
         return None
     scenes: dict[SceneBase, None] = {}
-    swept: list[dict[str, tuple[Any, ...]]] = []
-    for block in blocks:
-        values: dict[str, dict[Any, None]] = {name: {} for name in block}
-        for combination in itertools.product(*block.values()):
-            chosen = dict(zip(block, combination, strict=True))
-            one = _with(kind, tree, chosen)
-            found = check(one, kinds)
-            if found is None:
-                given = ", ".join(f"{name}: {value}" for name, (value, _) in chosen.items())
-                tree.faults = [fault._replace(what=f"{fault.what} (at {given})") for fault in one.faults]
-                return None
-            scenes[found] = None
-            for name in block:
-                values[name][value_of(found, name)] = None
-        swept.append({name: tuple(each) for name, each in values.items()})
+    for chosen in (
+        dict(zip(block, each, strict=True)) for block in blocks for each in itertools.product(*block.values())
+    ):
+        one = _with(kind, tree, chosen)
+        found = check(one, kinds)
+        if found is None:
+            given = ", ".join(f"{name}: {value}" for name, (value, _) in chosen.items())
+            tree.faults = [fault._replace(what=f"{fault.what} (at {given})") for fault in one.faults]
+            return None
+        scenes[found] = None
     return Sweep(tuple(swept), tuple(scenes))
 
 

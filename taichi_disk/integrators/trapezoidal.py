@@ -16,14 +16,10 @@ import numpy as np
 import taichi as ti
 from numpy.typing import NDArray
 
-from taichi_disk.integrators.schemes import Integrator
 from taichi_disk.lattice import Array, Lattice
 from taichi_disk.lattice.network import laplacian, symmetric_factors
 from taichi_disk.physics import MatchedBoundary, Model, PinnedBoundary
-from taichi_disk.physics.law import Room
-from taichi_disk.physics.points import Integers1, Reals2, get, pair_of, put
-
-TRAPEZOIDAL = Integrator("trapezoidal", 2, kicks=(0.5, 0.5), moves=(1.0,), stable=2.0, dashpots="implicit")
+from taichi_disk.physics.law import Capacity, Integers1, Reals2, array, get, pair_of, put, side_by_side
 
 
 @dataclass(frozen=True)
@@ -71,18 +67,13 @@ def factorise(lattice: Lattice, model: Model, dt: float) -> Factor:
 class DashpotSolver:
     """Solves for the velocities at a step; `components`: 2 where x and y have factors of their own, else 1."""
 
-    def __init__(self, builder: Any, room: Room, components: int) -> None:
+    def __init__(self, builder: Any, capacity: Capacity, components: int) -> None:
         self.components = components
-        self.z = pair_of(builder, room.points)
-        self.order, self.column, self.row, self.free = (ti.field(ti.i32) for _ in range(4))
-        builder.dense(ti.i, room.points).place(self.order)
-        builder.dense(ti.i, room.points + 1).place(self.column)
-        builder.dense(ti.i, room.entries).place(self.row)
-        builder.dense(ti.i, 1).place(self.free)
-        self.values = [ti.field(ti.f64) for _ in range(components)]
-        self.inverse_diagonal = [ti.field(ti.f64) for _ in range(components)]
-        builder.dense(ti.i, room.entries).place(*self.values)
-        builder.dense(ti.i, room.points).place(*self.inverse_diagonal)
+        self.z = pair_of(builder, capacity.points)
+        self.order, self.column = array(builder, capacity.points), array(builder, capacity.points + 1)
+        self.row, self.free = array(builder, capacity.entries), array(builder, 1)
+        self.values = side_by_side(builder, capacity.entries, components)
+        self.inverse_diagonal = side_by_side(builder, capacity.points, components)
 
     def fill(self, factor: Factor) -> None:
         self._fill(factor.order, factor.column, factor.row, factor.values, factor.inverse_diagonal)

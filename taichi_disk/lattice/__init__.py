@@ -1,10 +1,11 @@
 """Points and springs: the disk, the elastic wall, their moduli. NumPy and SciPy only; SciPy is imported when used."""
 
-from taichi_disk.lattice.custom import disk_of, file_digest, numbers, read_lattice
-from taichi_disk.lattice.disk import disk_lattice
-from taichi_disk.lattice.lattice import Array, Lattice
-from taichi_disk.lattice.moduli import Moduli, bulk_moduli
-from taichi_disk.lattice.wall import check_thickness, with_wall
+from taichi_disk.lattice.custom import file_digest, numbers
+from taichi_disk.lattice.lattice import Lattice, check_thickness, disk_of, read_lattice, with_wall
+from taichi_disk.lattice.network import Moduli, bulk_moduli
+from taichi_disk.lattice.triangles import Array
+
+disk_lattice = Lattice.disk
 
 __all__ = [
     "Array",

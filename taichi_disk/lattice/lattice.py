@@ -1,20 +1,37 @@
-"""The body: mass points joined by springs, the sides of triangles that tile it."""
+"""The body: mass points joined by springs, the sides of triangles that tile it; the disk, and the elastic wall."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import math
+import zipfile
+import zlib
+from dataclasses import dataclass, replace
+from pathlib import Path
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from taichi_disk.errors import SimulationError
+from taichi_disk.errors import InputError, SimulationError
+from taichi_disk.lattice import custom
+from taichi_disk.lattice.random_points import circle_points, least_distance, rectangle_points, rim_points
+from taichi_disk.lattice.triangles import (
+    Array,
+    Indices,
+    Long,
+    bond_lengths,
+    chain,
+    delaunay,
+    distinct_sides,
+    double_area,
+    pair_keys,
+    polygon_area,
+    reverse_cuthill_mckee,
+    triangles_of,
+    without_slivers,
+)
 
-Array = NDArray[np.float64]
-Indices = NDArray[np.int32]
-Long = NDArray[np.int64]
-
-# Height over longest side. Three points of a straight row span a triangle of zero area, up to rounding.
-_FLAT = 1e-9
+_GAP = 5.0  # longest spring over the median; points at random have some of 4.4
+_MIN_ROWS = 3  # rows of springs across the wall, below which it is a truss rather than a lattice
 
 
 @dataclass(frozen=True)
@@ -37,25 +54,50 @@ class Lattice:
 
     @classmethod
     def disk(cls, points: int, seed: int, rim: bool = True, min_spacing: float = 0.7) -> Lattice:
-        """A disk of points at random in the unit circle: see `taichi_disk.lattice.disk_lattice`."""
-        from taichi_disk.lattice.disk import disk_lattice
+        """A disk of exactly `points` points of mass 1/points [M] in the unit circle (R = 1).
 
-        return disk_lattice(points, seed, rim, min_spacing)
+        The arguments are the keys of a scene's section `lattice`. The paper says no more than "at random": literally,
+        that is rim=False, min_spacing=0. The same arguments give the same lattice on every machine, bit for bit.
+
+        Raises:
+            InputError: An argument is out of range.
+            SimulationError: The points cannot be placed or meshed.
+        """
+        return replace(triangulate(circle_points(points, seed, rim, min_spacing)), origin=f"seed {seed}")
 
     @classmethod
     def from_points(
         cls, points: ArrayLike, springs: ArrayLike | None = None, rest_lengths: ArrayLike | None = None
     ) -> Lattice:
-        """A disk of points of your own, renumbered: see `taichi_disk.lattice.custom_lattice`."""
-        from taichi_disk.lattice.custom import custom_lattice
+        """A disk-like body of your own: one piece, without holes, made of triangles; every point has the mass 1/n [M].
 
-        return custom_lattice(points, springs, rest_lengths)
+        Springs that are not given join Delaunay neighbours. Slivers along the hull are left out: a triangle whose outer
+        side is longer than 3 times the median spring or 4 times the triangle's height, if its third point lies inside
+        (after Duckham et al., Pattern Recognition 41, 3224, 2008). Springs that are given must make triangles; they may
+        cross one another if the Delaunay triangles are among these.
 
+        Args:
+            points: (n, 2) [R], the radius about 1, the centre of mass near x = 0. The scene chooses the height.
+            springs: (m, 2) pairs of indices into `points`.
+            rest_lengths: (m,) [R]; without, the springs are at rest at `points`.
 
-def bond_lengths(positions: Array, bonds: NDArray[np.signedinteger]) -> Array:
-    """Distance (m,) [R] between the two ends of each bond (m, 2) at `positions` (n, 2)."""
-    d = positions[bonds[:, 0]] - positions[bonds[:, 1]]
-    return np.sqrt(d[:, 0] * d[:, 0] + d[:, 1] * d[:, 1])
+        Raises:
+            InputError: The points or springs are no such body; the message says where.
+        """
+        x = custom.checked_points(points)
+        if springs is None:
+            if rest_lengths is not None:
+                raise InputError("rest_lengths need the springs that they belong to")
+            triangles = delaunay(x)
+            lattice, _ = _first_whole(x, None, without_slivers(x, triangles), triangles)
+            _check_gaps(lattice)
+            return lattice
+        bonds = custom.checked_springs(springs, len(x))
+        lattice, order = _first_whole(x, bonds, *triangles_of(x, bonds))
+        if rest_lengths is None:
+            return lattice
+        rest, rank = custom.checked_lengths(rest_lengths, len(bonds)), np.argsort(order)
+        return replace(lattice, rest_lengths=rest[np.argsort(pair_keys(rank[bonds], len(x)))])
 
 
 def triangulate(points: Array) -> Lattice:
@@ -64,16 +106,6 @@ def triangulate(points: Array) -> Lattice:
     Raises SimulationError if the triangles do not tile the outline's interior and use every point.
     """
     return tiled(points, delaunay(points))[0]
-
-
-def delaunay(points: Array) -> Long:
-    """Delaunay triangles (t, 3) of `points` (n, 2), counter-clockwise, without those of zero area."""
-    from scipy.spatial import Delaunay
-
-    triangles = Delaunay(points).simplices.astype(np.int64)  # counter-clockwise
-    corner = points[triangles]
-    longest = np.max(np.sum((corner - np.roll(corner, 1, axis=1)) ** 2, axis=2), axis=1)
-    return triangles[double_area(corner) > _FLAT * longest]
 
 
 def tiled(points: Array, triangles: Long, bonds: Long | None = None) -> tuple[Lattice, Long]:
@@ -85,7 +117,7 @@ def tiled(points: Array, triangles: Long, bonds: Long | None = None) -> tuple[La
     """
     n = len(points)
     side, first, count = distinct_sides(triangles, n)
-    outline = _chain(side[first[count == 1]])
+    outline = chain(side[first[count == 1]])
     area = 0.5 * float(double_area(points[triangles]).sum())
     whole = abs(area - polygon_area(points[outline])) <= 1e-9 * area
     euler = n - len(first) + len(triangles) == 1
@@ -93,7 +125,7 @@ def tiled(points: Array, triangles: Long, bonds: Long | None = None) -> tuple[La
         raise SimulationError("the triangulation is degenerate: choose another lattice seed")
 
     bonds = side[first] if bonds is None else bonds
-    order = _reverse_cuthill_mckee(bonds, n, int(np.argmin(points[:, 0])))
+    order = reverse_cuthill_mckee(bonds, n, int(np.argmin(points[:, 0])))
     rank = np.argsort(order)
     bonds = np.sort(rank[bonds], axis=1)
     bonds = bonds[np.argsort(bonds[:, 0] * n + bonds[:, 1])]
@@ -103,55 +135,130 @@ def tiled(points: Array, triangles: Long, bonds: Long | None = None) -> tuple[La
     return Lattice(x, ends, bond_lengths(x, bonds), np.full(n, 1.0 / n), n, surface, none, none, corners), order
 
 
-def distinct_sides(triangles: Long, n: int) -> tuple[Long, Long, Long]:
-    """Sides (3t, 2) of `triangles` (t, 3) of n points, side k in the sense of triangle k % t.
+def _first_whole(x: Array, bonds: Long | None, *candidates: Long) -> tuple[Lattice, Long]:
+    """`tiled` by the first of the `candidates`, each (t, 3), that makes one piece."""
+    for triangles in candidates:
+        try:
+            return tiled(x, triangles, bonds)
+        except SimulationError:
+            continue
+    raise InputError("the springs' triangles do not make one piece without holes")
 
-    Also, of each distinct side in either sense: where it comes first (m,), and how many triangles it has (m,).
+
+def _check_gaps(lattice: Lattice) -> None:
+    length = lattice.rest_lengths
+    k, typical = int(length.argmax()), float(np.median(length))
+    if length[k] > _GAP * typical:
+        (x, y), (u, v) = lattice.positions[lattice.bonds[k]]
+        gap = f"a gap of {length[k]:.3g} R, where springs measure {typical:.3g} R"
+        raise InputError(
+            f"the spring from ({x:.4g}, {y:.4g}) to ({u:.4g}, {v:.4g}) would cross {gap}: fill the gap, or give the "
+            "springs"
+        )
+
+
+def read_lattice(path: str | Path) -> Lattice:
+    """The disk of the points in a file, made by `Lattice.from_points`.
+
+    Either a csv file of two columns x, y [R], with or without the header "x,y"; or an npz file with `positions` (n, 2)
+    and perhaps `bonds` (m, 2) and `rest_lengths` (m,), such as lattice.npz of a run. An elastic wall, which is the
+    positions beyond `disk_points`, is not read, nor are masses.
+
+    Raises InputError, with the file's name, if it cannot be read or its points are no disk.
     """
-    side = np.concatenate([triangles[:, [0, 1]], triangles[:, [1, 2]], triangles[:, [2, 0]]])
-    _, first, count = np.unique(pair_keys(side, n), return_index=True, return_counts=True)
-    return side, first, count
+    path = Path(path)
+    try:
+        return replace(Lattice.from_points(*custom.read_points(path)), origin=path.name)
+    except OSError as error:
+        raise InputError(f"{path}: {error.strerror or error}") from error
+    except (InputError, ValueError, TypeError, IndexError, OverflowError, zipfile.BadZipFile, zlib.error) as error:
+        raise InputError(f"{path}: {error}") from error
 
 
-def pair_keys(pairs: NDArray[np.signedinteger], n: int) -> Long:
-    """A number for each pair (..., 2) of n points, the same in either order."""
-    return pairs.min(axis=-1).astype(np.int64) * n + pairs.max(axis=-1)
+def disk_of(lattice: Lattice) -> Lattice:
+    """The disk of `lattice`, without its elastic wall if there is one.
 
-
-def polygon_area(corners: Array) -> float:
-    """Area [R^2] inside the closed polygon through `corners` (n, 2), positive if counter-clockwise."""
-    return 0.5 * float(np.sum(_cross(corners, np.roll(corners, -1, axis=0))))
-
-
-def double_area(corner: Array) -> Array:
-    """Twice the area (t,) [R^2] of triangles with the corners (t, 3, 2), positive if counter-clockwise."""
-    return _cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0])
-
-
-def _cross(a: Array, b: Array) -> Array:
-    return a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]
-
-
-def _chain(sides: Long) -> Long:
-    """The points of `sides` (h, 2), each joined to the next. Raises SimulationError if that is not one closed chain."""
-    following = dict(sides.tolist())
-    chain = sides[:1, 0].tolist()
-    while chain and (after := following.pop(chain[-1], chain[0])) != chain[0]:
-        chain.append(after)
-    if not chain or len(chain) != len(sides):
-        raise SimulationError("the triangulation has a hole: choose another lattice seed")
-    return np.array(chain)
-
-
-def _reverse_cuthill_mckee(bonds: Long, n: int, start: int) -> Long:
-    """SciPy's order of n points, begun at `start`.
-
-    SciPy begins at a point of least degree and breaks ties by an unstable sort, so we hang one more point on
-    `start`: the only one with a single bond. From there on the order is unique.
+    Raises InputError where it is no `Lattice`, or its masses are not equal, 1 M in all.
     """
-    from scipy.sparse import coo_matrix
-    from scipy.sparse.csgraph import reverse_cuthill_mckee
+    if not isinstance(lattice, Lattice):
+        raise InputError(f"lattice: must be a Lattice, see Lattice.from_points, not {type(lattice).__name__}")
+    n = lattice.disk_points
+    if not np.allclose(lattice.masses, 1.0 / n, rtol=1e-9, atol=0.0):
+        raise InputError(f"lattice: every point must have the mass 1/{n} M")
+    if not len(lattice.wall_surface):
+        return lattice
+    springs, corners, none = lattice.bonds[:, 1] < n, lattice.triangles.max(axis=1) < n, lattice.wall_surface[:0]
+    return replace(
+        lattice,
+        positions=lattice.positions[:n],
+        bonds=lattice.bonds[springs],
+        rest_lengths=lattice.rest_lengths[springs],
+        masses=lattice.masses[:n],
+        wall_surface=none,
+        wall_boundary=none,
+        triangles=lattice.triangles[corners],
+    )
 
-    i, j = np.append(bonds, [[start, n]], axis=0).T
-    graph = coo_matrix((np.ones(len(i)), (i, j)), shape=(n + 1, n + 1))
-    return reverse_cuthill_mckee(graph.tocsr())[:-1].astype(np.int64)
+
+# ---- the elastic wall: a rectangle of the disk's material, its top at y = 0, under the disk
+
+
+def with_wall(
+    disk: Lattice, points: int, width: float, seed: int, rim: bool = True, min_spacing: float = 0.7
+) -> Lattice:
+    """`disk`, which has no wall yet, just touching an elastic wall of the same material, centred at x = 0 below y = 0.
+
+    The wall has the disk's mass per point and disk_points/pi points per R^2. No bond joins disk and wall. `rim` lays
+    rows of points along its sides, spaced as on the disk's rim.
+
+    Raises:
+        InputError: The wall is too thin; the message gives the range allowed.
+        SimulationError: The points cannot be placed or meshed.
+    """
+    spacing = least_distance(disk.disk_points, min_spacing)
+    check_thickness(disk.disk_points, points, width)
+    # The disk has drawn from the stream of the seed itself.
+    rng = np.random.default_rng([seed, 1])
+    row = 2.0 * math.pi / rim_points(disk.disk_points) if rim else math.inf
+    low = np.array([-width / 2, -wall_height(disk.disk_points, points, width)])
+    mesh = triangulate(rectangle_points(rng, points, low, np.array([width / 2, 0.0]), row, spacing))
+    # Surface and boundary: the outline cut at its top left and top right corner, which belong to both.
+    x, y = mesh.positions[mesh.disk_surface].T
+    outline = np.roll(mesh.disk_surface, -int(np.argmax(y - x)))
+    x, y = mesh.positions[outline].T
+    right = int(np.argmax(y + x))
+    surface, boundary = np.append(outline[right:], outline[0])[::-1], outline[: right + 1]
+
+    n = disk.disk_points
+    lift = np.array([0.0, -disk.positions[:, 1].min()])
+    return replace(
+        disk,
+        positions=np.concatenate([disk.positions + lift, mesh.positions]),
+        bonds=np.concatenate([disk.bonds, mesh.bonds + np.int32(n)]),
+        rest_lengths=np.concatenate([disk.rest_lengths, mesh.rest_lengths]),
+        masses=np.full(n + points, 1.0 / n),
+        wall_surface=surface + np.int32(n),
+        wall_boundary=boundary + np.int32(n),
+        triangles=np.concatenate([disk.triangles, mesh.triangles + np.int32(n)]),
+    )
+
+
+def wall_height(disk_points: int, points: int, width: float) -> float:
+    """Height [R] of a wall of `points` points at the number density disk_points/pi of the disk."""
+    return math.pi * points / (disk_points * width)
+
+
+def check_thickness(disk_points: int, points: int, width: float) -> None:
+    """Raises InputError, with the range allowed, for a wall too thin to be a lattice."""
+    row = 2.0 * math.pi / rim_points(disk_points)
+    # So many that rows along all sides leave some points for the inside, whatever the width allowed.
+    fewest = math.ceil(20.0 * row**2 * disk_points / math.pi)
+    if points < fewest:
+        raise InputError(f"wall.points must be at least {fewest} beside a disk of {disk_points}, not {points}")
+    least = _MIN_ROWS * row
+    most = wall_height(disk_points, points, least)
+    if not least <= width <= most:
+        raise InputError(
+            f"wall.width must be between {least:.4g} and {most:.4g} for {points} points, not {width}:"
+            f" {_MIN_ROWS} rows of springs need that thickness"
+        )

@@ -12,16 +12,14 @@ from xml.sax.saxutils import quoteattr
 import numpy as np
 
 from taichi_disk.errors import InputError
-from taichi_disk.fields import Triangles, point_stress, stress
-from taichi_disk.fields.stress import pressure
+from taichi_disk.fields import Triangles, point_stress, pressure, stress
 from taichi_disk.lattice import Array, Lattice
 from taichi_disk.output.files import atomic_write, check_pictures, prepare_output, write_text
 
 if TYPE_CHECKING:
     from taichi_disk.physics.model import Model
+    from taichi_disk.simulation.driver import Moment
     from taichi_disk.simulation.scenario import Scenario
-
-Moment = tuple[float, Array, Array]  # t [R/c], positions (n, 2) [R], velocities (n, 2) [c]
 
 
 @dataclass(frozen=True)
@@ -38,13 +36,13 @@ class Frame:
 
 
 def _frames(lattice: Lattice, model: Model, moments: Iterable[Moment]) -> Iterator[Frame]:
-    tiles = Triangles(lattice)
+    triangles = Triangles(lattice)
     for time, x, v in moments:
         contact = np.zeros_like(x)
         if model.wall is not None:
             touching, forces = model.wall.contact_forces(lattice, x)
             contact[touching] = forces
-        sigma, at_points = stress(tiles, model.springs, x), point_stress(tiles, model.springs, x)
+        sigma, at_points = stress(triangles, model.springs, x), point_stress(triangles, model.springs, x)
         springs = {
             "strain": model.springs.strain(lattice, x),
             "tension": model.springs.tension(lattice, x),

@@ -13,22 +13,27 @@ from collections.abc import Callable, Mapping, Sequence
 from importlib.metadata import version
 from io import StringIO
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from taichi_disk import __version__
 from taichi_disk.errors import InputError, SimulationError
 from taichi_disk.lattice import Array, Lattice
+from taichi_disk.version import __version__
 
 _MOTION = ("t", "com_x", "com_y", "com_vx", "com_vy", "angular_momentum", "lowest_y", "wall_force")
 TIMESERIES = (*_MOTION, "kinetic", "elastic", "wall", "dissipated", "absorbed", "total")
-MORE = ("load", "sliding")  # potential of the pressing force; energy lost from one spring of the wall to the next
+# Potential of the pressing force; energy lost from one spring of the wall to the next; of a quasi-static loading.
+MORE = ("load", "sliding", "xi")
+FILMS = ("video.mp4", "video.webm", "video.gif", "frames")
+RESULTS = ("timeseries.csv", "lattice.npz", "final.npz", "failure.npz", "plot.png")
+# What `render` and `export` put beside a run if nobody says where.
+_MADE = re.compile(r"(render|comparison)(\.(mp4|webm|gif|png))?|trajectory(\.(xyz|gsd|pvd|npz))?")
 NUMBERED = re.compile(r"\d+(_[a-z]+)?\.(png|vtu)")  # files of a folder that holds a film's pictures, or a trajectory
 
 
 def prepare_output(out: Path) -> list[Path]:
-    """Make the folder `out`, or prove that the one that exists can be written.
+    """Make the folder `out`, or prove that the one that exists can be written, and `clear` it.
 
     Returns the folders that were made, outermost first. Raises InputError, and leaves nothing behind, if a file is in
     the way or the place is not writable.
@@ -42,6 +47,7 @@ def prepare_output(out: Path) -> list[Path]:
         probe = beside(out / "probe")
         probe.touch(exist_ok=False)
         probe.unlink()
+        clear(out)
     except (OSError, ValueError) as error:
         remove_empty(created)
         raise cannot_write(out, error) from None
@@ -75,12 +81,12 @@ def atomic_write(path: Path, writer: Callable[[Path], object]) -> None:
     if the disk is full or the folder has become read-only; the writer's other errors pass.
     """
     new = beside(path)
+    remove(new)  # of an earlier process of this number
     try:
         writer(new)
         if new.is_dir():
             check_pictures(path)
-            remove(path)
-        os.replace(new, path)
+        replace(new, path)
     except OSError as error:
         # The hidden folder in which a run is built says nothing to a person.
         shown = path.name if path.parent.name.startswith(".") else path
@@ -89,9 +95,106 @@ def atomic_write(path: Path, writer: Callable[[Path], object]) -> None:
         remove(new)
 
 
-def beside(path: Path) -> Path:
-    """A hidden name next to `path`. NumPy and encoders go by the suffix, so that it stays at the end."""
-    return path.with_name(f".{path.stem}.{os.getpid()}{path.suffix}")
+def beside(path: Path, role: str = "new") -> Path:
+    """A hidden name of this process's next to `path`, with its suffix, which NumPy and encoders go by."""
+    return path.with_name(f".{platform.node()}-{os.getpid()}.{role}.{path.name}")
+
+
+def replace(new: Path, path: Path) -> None:
+    """Rename `new` to `path`. A folder that is there makes room by a rename, and goes last.
+
+    Hidden files in it move along; from one run to another of the same scene also what `render` and `export` made of it,
+    and its film, unless the new one has its own.
+    """
+    old = beside(path, "old")
+    _settle(old, path)  # of an earlier process of this number: in a container all have the same
+    if new.is_dir() and path.is_dir():
+        os.rename(path, old)
+    try:
+        os.replace(new, path)
+    finally:
+        _settle(old, path)
+
+
+def clear(folder: Path) -> None:
+    """Remove what killed processes left in `folder` under hidden names, and end the replacements that they had begun.
+
+    What belongs to a process that may still live, or to another machine, stays.
+    """
+    hidden = re.compile(rf"\.{re.escape(platform.node())}-(\d+)\.(new|old)\.(.+)", re.DOTALL)
+    for left in [*folder.glob(".*")]:
+        if (found := hidden.fullmatch(left.name)) and _ended(int(found[1])):
+            if found[2] == "old":
+                _settle(left, folder / found[3])
+            else:
+                remove(left)
+
+
+def _settle(old: Path, path: Path) -> None:
+    """End a replacement, wherever it has stopped: where nothing has come to `path`, `old` is there again."""
+    if not old.exists():
+        return
+    if not os.path.lexists(path):
+        os.rename(old, path)
+        return
+    same = (run := look(old).run) is not None and run == look(path).run
+    for name in os.listdir(old):
+        stays = name.startswith(".") or (same and name not in RESULTS)
+        if stays and not os.path.lexists(path / name):
+            os.rename(old / name, path / name)
+    remove(old)
+
+
+def _ended(pid: int) -> bool:
+    """Whether a process of this machine is known to have ended."""
+    if os.name != "posix":  # where to ask a process would be to send it Ctrl-C
+        return False
+    try:
+        os.kill(pid, 0)
+    except (OSError, OverflowError) as error:
+        return isinstance(error, ProcessLookupError)
+    return False
+
+
+# ---- what a folder holds
+
+
+class Contents(NamedTuple):
+    """What a folder holds, hidden files apart."""
+
+    names: Sequence[str] = ()  # of files and folders
+    foreign: str = ""  # the first name that no run wrote
+    run: tuple[str, str] | None = None  # scene.yaml and the digest of its lattice's file, if they repeat the run
+    status: str = ""  # of the run
+
+
+def look(folder: Path) -> Contents:
+    """What `folder` holds; nothing if it does not exist. Raises OSError if it cannot be read or is no folder."""
+    names = os.listdir(folder) if os.path.lexists(folder) else []
+    names = sorted(name for name in names if not name.startswith("."))
+    if not names:
+        return Contents()
+    known = {"scene.yaml", "summary.json", *RESULTS, *FILMS}
+    # A run's folders hold nothing but pictures or frames of a trajectory.
+    plain = [name for name in names if (folder / name).is_file() or only_numbered(folder / name)]
+    foreign = [name for name in names if name not in plain or not (name in known or _MADE.fullmatch(name))]
+    summary = read_summary(folder)
+    if "scene.yaml" not in names or "status" not in summary:
+        foreign += names
+    if foreign:
+        return Contents(names, foreign[0])
+    scene = (folder / "scene.yaml").read_text(encoding="utf-8", errors="replace")
+    run = None if "own_start" in summary else (scene, str(summary.get("lattice_digest", "")))
+    return Contents(names, "", run, str(summary["status"]))
+
+
+def read_summary(folder: Path) -> dict[str, Any]:
+    """The summary.json of a run; empty where there is none that can be read."""
+    try:
+        summary = json.loads((folder / "summary.json").read_text(encoding="utf-8"))
+    except (OSError, ValueError, RecursionError):
+        return {}
+    return summary if isinstance(summary, dict) else {}
 
 
 def remove(path: Path) -> None:
@@ -128,7 +231,7 @@ def write_timeseries(path: Path, columns: dict[str, Array], interval: float = 0.
     Of the columns (rows,), two rows at least, one is written every `interval` [R/c], about, and the last one. Numbers
     have 17 digits, so that those read back are those computed.
     """
-    names = [*TIMESERIES, *(name for name in MORE if columns[name].any())]
+    names = [*TIMESERIES, *(name for name in MORE if name in columns and columns[name].any())]
     table = np.stack([columns[name] for name in names], axis=1)
     every = max(1, round(interval / float(columns["t"][1])))
     kept = [*range(0, len(table) - 1, every), -1]

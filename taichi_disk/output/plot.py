@@ -5,21 +5,16 @@ matplotlib takes 0.3 s to import: it is when something is drawn.
 
 from __future__ import annotations
 
-import os
-import signal
 import threading
 from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from pathlib import Path
 from textwrap import fill
-from time import monotonic, sleep
 from typing import TYPE_CHECKING, Any
-from warnings import catch_warnings, simplefilter
 
 import numpy as np
 
 from taichi_disk.output.files import Array, atomic_write
-from taichi_disk.signals import ENDING
 
 if TYPE_CHECKING:
     from taichi_disk.simulation.scenario import Scenario
@@ -57,23 +52,32 @@ ENERGIES = {
 HEIGHTS = (1.2, 1.0, 1.5)  # of the axes of motion, force and energies
 LEGEND_HEIGHT = 0.12  # of the legend of energies, above them
 PLACES = {"left": 0.145, "right": 0.98, "bottom": 0.055, "top": 0.945, "hspace": 0.17}  # parts of a figure
-PATIENCE = 10.0  # [s] after the film: a copy waits for ever for a lock that another thread held when it was made
+_LOCK = threading.Lock()
+
+
+@contextmanager
+def matplotlib_style(style: dict[Any, Any]) -> Iterator[None]:
+    """Within, Matplotlib draws so. Its settings are global, so that threads take turns."""
+    from matplotlib import rc_context
+
+    with _LOCK, rc_context(style):
+        yield
 
 
 def draw_curves(axes: list[Any], scenario: Scenario, columns: Columns, **look: Any) -> list[Any]:
     """Motion, wall's force and energies over time in three axes, named; returns the lines.
 
-    Of the energies those are drawn that a run has; the load's is counted from its start.
+    Of the energies those are drawn that a run has; a load's is counted from its start, and one that grows keeps none.
     """
     motion, label = scenario.motion(columns)
     curves = [(axes[0], motion, LINE, ""), (axes[1], columns["wall_force"], LINE, "")]
     for column, (name, colour) in ENERGIES.items():
         values = columns.get(column)
-        if values is not None and values.any():
+        if values is not None and values.any() and not (scenario.static and column == "load"):
             curves.append((axes[2], values - values[0] if column == "load" else values, colour, name))
     for ax, name in zip(axes, (label, "wall's force on\nthe disk  [Mc²/R]", "energy  [Mc²]"), strict=False):
         ax.set_ylabel(name)
-    axes[-1].set_xlabel("part of the way to the equilibrium" if scenario.static else "time  [R/c]")
+    axes[-1].set_xlabel(scenario.time_label)
     return [ax.plot(columns["t"], curve, color=colour, label=name, **look)[0] for ax, curve, colour, name in curves]
 
 
@@ -82,63 +86,54 @@ def plot_run(path: Path, scenario: Scenario, columns: Columns) -> None:
 
     Raises SimulationError if the file cannot be written.
     """
-    from matplotlib import rc_context
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
-    t, quality = columns["t"], scenario.quality(columns)
-    ratios = (*HEIGHTS[:2], LEGEND_HEIGHT, *HEIGHTS[2:], *([0.8] if quality else []))
-    result, note = scenario.marks(columns)
-    with rc_context(STYLE):
+    with matplotlib_style(STYLE):
         figure = Figure(figsize=(7.6, 9.2), dpi=120)
         FigureCanvasAgg(figure)
-        # Fixed places: with layout="constrained" everything is drawn twice, half of a plot's time.
-        axes = list(figure.subplots(len(ratios), 1, sharex=True, height_ratios=ratios, gridspec_kw=PLACES))
-        axes.pop(2).remove()  # the legend stands there
         figure.suptitle(fill("    ".join(scenario.title()[1:]), 95), y=0.99, fontsize=9.5, fontweight="bold")
-        axes[-1].set_xlim(t[0], scenario.last_motion(columns))
-        motion = draw_curves(axes, scenario, columns)[0]
-        _mark(axes[0], t, motion.get_ydata(), result)
-        axes[1].annotate(note, (0.988, 0.92), xycoords="axes fraction", ha="right", va="top", color="0.2")
-        total = columns["total"] - (columns["load"][0] if "load" in columns else 0.0)
-        axes[2].plot(t, total, color=SUM, linestyle=(0, (4, 2)), label="sum of all")
-        axes[2].legend(loc="lower center", bbox_to_anchor=(0.54, 1.0), ncols=4, borderaxespad=0.2, columnspacing=1.4)
-        if quality:
-            values, label, scale = quality
-            axes[3].plot(t, values, color=LINE)
-            axes[3].set(ylabel=label, yscale=scale)
-        for ax in axes:
+        (_draw_loading if scenario.static else _draw_run)(figure, scenario, columns)
+        for ax in figure.axes:
             ax.yaxis.set_label_coords(-0.11, 0.5)
         atomic_write(path, lambda new: figure.savefig(new, metadata={"Software": None}))
 
 
-@contextmanager
-def plot_beside(path: Path, scenario: Scenario, columns: Columns) -> Iterator[None]:
-    """`plot_run` in a copy of this process while the block runs. Where that fails, it is called after the block."""
-    copy = -1
-    if threading.current_thread() is threading.main_thread():
-        with suppress(OSError), catch_warnings():
-            simplefilter("ignore")  # Python warns of other threads: see PATIENCE
-            copy = os.fork()
-    if copy == 0:
-        with suppress(BaseException):
-            for number in ENDING:  # it takes a second, and its parent waits for it
-                signal.signal(number, signal.SIG_IGN)
-            signal.signal(signal.SIGALRM, signal.SIG_DFL)
-            signal.alarm(30)  # ends it if its parent has been killed
-            plot_run(path, scenario, columns)
-        os._exit(0)
-    try:
-        yield
-    finally:
-        until = monotonic() + PATIENCE
-        with suppress(ChildProcessError):  # there is none to wait for where SIGCHLD is ignored
-            while copy > 0 and not os.waitpid(copy, os.WNOHANG)[0]:
-                if monotonic() > until:
-                    os.kill(copy, signal.SIGKILL)
-                sleep(0.01)
-    if not path.exists():
-        plot_run(path, scenario, columns)
+def _draw_run(figure: Any, scenario: Scenario, columns: Columns) -> None:
+    """The curves over time, and what tells how good they are."""
+    t, quality, (result, note) = columns["t"], scenario.quality(columns), scenario.marks(columns)
+    ratios = (*HEIGHTS[:2], LEGEND_HEIGHT, *HEIGHTS[2:], *([0.8] if quality else []))
+    # Fixed places: with layout="constrained" everything is drawn twice, half of a plot's time.
+    axes = list(figure.subplots(len(ratios), 1, sharex=True, height_ratios=ratios, gridspec_kw=PLACES))
+    axes.pop(2).remove()  # the legend stands there
+    axes[-1].set_xlim(t[0], scenario.last_motion(columns))
+    motion = draw_curves(axes, scenario, columns)[0]
+    _mark(axes[0], t, motion.get_ydata(), result)
+    axes[1].annotate(note, (0.988, 0.92), xycoords="axes fraction", ha="right", va="top", color="0.2")
+    axes[2].plot(t, columns["total"] - columns["load"][0], color=SUM, linestyle=(0, (4, 2)), label="sum of all")
+    axes[2].legend(loc="lower center", bbox_to_anchor=(0.54, 1.0), ncols=4, borderaxespad=0.2, columnspacing=1.4)
+    if quality:
+        values, label, scale = quality
+        axes[3].plot(t, values, color=LINE)
+        axes[3].set(ylabel=label, yscale=scale)
+
+
+def _draw_loading(figure: Any, scenario: Scenario, columns: Columns) -> None:
+    """The load of each equilibrium against its compression, with laws of the continuum, and the energy stored."""
+    (xi, label), load = scenario.motion(columns), columns["wall_force"]
+    force, energy = figure.subplots(2, 1, sharex=True, height_ratios=(2.0, 1.0), gridspec_kw=PLACES)
+    force.plot(xi, load, "o-", color=LINE, markersize=4, label="equilibria")
+    for (name, law), style in zip(scenario.continuum(columns).items(), ("--", ":"), strict=False):
+        force.plot(law, load, style, color=SUM, label=name)
+    _mark(force, xi, load, scenario.marks(columns)[0])
+    stored = {name: columns[name] for name in ("elastic", "wall")}
+    for name, values in stored.items():
+        energy.plot(xi, values, label=ENERGIES[name][0], color=ENERGIES[name][1])
+    energy.plot(xi, sum(stored.values()), color=SUM, linestyle=(0, (4, 2)), label="sum: work of the load")
+    force.set_ylabel("load P  [Mc²/R]")
+    energy.set(xlabel=label, ylabel="energy  [Mc²]")
+    force.legend(loc="lower right")
+    energy.legend(loc="upper left")
 
 
 def _mark(ax: Any, t: Array, values: Array, text: str) -> None:

@@ -12,26 +12,22 @@ from typing import Any
 import numpy as np
 import taichi as ti
 
-from taichi_disk.lattice import Lattice
-from taichi_disk.physics.law import Array, Law, Room
-from taichi_disk.physics.points import get, pair_of, put
+from taichi_disk.lattice import Array, Lattice
+from taichi_disk.physics.law import Capacity, Integers1, Law, Reals2, array, get, pair_of, put
 
 
 @ti.data_oriented
 class Boundary(Law):
     """The points of `Lattice.wall_boundary`, and what happens to them."""
 
-    def place(self, builder: Any, room: Room) -> None:
-        super().place(builder, room)
-        self.point, self.count = ti.field(ti.i32), ti.field(ti.i32)
-        builder.dense(ti.i, room.points).place(self.point)
-        builder.dense(ti.i, 1).place(self.count)
+    def make_fields(self, builder: Any, capacity: Capacity) -> None:
+        self.point, self.count = array(builder, capacity.points), array(builder, 1)
 
     def fill(self, lattice: Lattice) -> None:
         self._fill_points(lattice.wall_boundary)
 
     @ti.kernel
-    def _fill_points(self, points: ti.types.ndarray(ti.i32, ndim=1)):
+    def _fill_points(self, points: Integers1):
         self.count[0] = points.shape[0]
         for k in range(points.shape[0]):
             self.point[k] = points[k]
@@ -55,16 +51,16 @@ class MatchedBoundary(Boundary):
 
     impedance: Array  # (k, 2) Z for x and y: rho c times the length of boundary that a point stands for [M c/R]
 
-    def place(self, builder: Any, room: Room) -> None:
-        super().place(builder, room)
-        self.Z = pair_of(builder, room.points)
+    def make_fields(self, builder: Any, capacity: Capacity) -> None:
+        super().make_fields(builder, capacity)
+        self.Z = pair_of(builder, capacity.points)
 
     def fill(self, lattice: Lattice) -> None:
         super().fill(lattice)
         self._fill_impedance(self.impedance)
 
     @ti.kernel
-    def _fill_impedance(self, impedance: ti.types.ndarray(ti.f64, ndim=2)):
+    def _fill_impedance(self, impedance: Reals2):
         for k in range(impedance.shape[0]):
             for c in ti.static(range(2)):
                 self.Z[c][k] = impedance[k, c]
@@ -113,7 +109,7 @@ class ResetBoundary(Boundary):
 
     @ti.func
     def stop(self, state: ti.template(), springs: ti.template(), solver: ti.template(), implicit: ti.template()):
-        """Set the velocities at this step to zero; returns the kinetic energy that they held [M c^2].
+        """Set the velocities at this step to zero; returns the kinetic energy that they had [M c^2].
 
         What leapfrog keeps is m/2 v_{k-1/2} v_{k+1/2} = m/2 v_k^2 - m/2 (h/2 f_k/m)^2, and where there are dashpots f_k
         jumps too. `implicit`: whether `solver` (see `trapezoidal`) has solved for the velocities in `state.u`.
@@ -147,7 +143,7 @@ class ResetBoundary(Boundary):
     @ti.func
     def restart_explicit(self, state: ti.template(), springs: ti.template()):
         """From `u`, what each velocity has lost, and `f` before that: `f` after it, and `u` that goes with it."""
-        half, eta = state.closing[None], springs.now.eta[None]
+        half, eta = state.closing[None], springs.eta_now[None]
         for i in range(state.n[None]):
             put(state.v, i, get(state.v, i) + (half * get(state.f, i) - get(state.u, i)))
         for b in range(state.blocks[None]):
@@ -178,7 +174,7 @@ class ResetBoundary(Boundary):
                 i, j = springs.first[k][b], springs.second[k][b]
                 u = get(state.u, i) - get(state.u, j)
                 w = get(state.v, i) - get(state.v, j) + g * (get(state.f, i) - get(state.f, j))
-                power += springs.now.eta[None] * (u[0] * w[0] + u[1] * w[1])
+                power += springs.eta_now[None] * (u[0] * w[0] + u[1] * w[1])
         return power
 
 

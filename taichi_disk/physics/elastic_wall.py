@@ -12,9 +12,9 @@ import numpy as np
 import taichi as ti
 from numpy.typing import NDArray
 
-from taichi_disk.lattice import Lattice
-from taichi_disk.physics.law import Array, Law, Room
-from taichi_disk.physics.points import get, put
+from taichi_disk.lattice import Array, Lattice
+from taichi_disk.physics.law import Capacity, Integers1, Law, array, get, put, scalar
+from taichi_disk.potential import ExponentialPotential
 
 
 @dataclass(frozen=True)
@@ -31,35 +31,40 @@ class Contacts:
 
 @ti.data_oriented
 @dataclass(eq=False)
-class ElasticWall(Law):
+class ElasticWall(ExponentialPotential, Law):
     """The contact law between the disk's surface points and the wall's surface springs."""
 
     a: float  # hardness [1/R]
     V0: float  # potential at distance 0 [M c^2]
     threshold: float  # distance beyond which there is no contact [R]
 
-    scalars = ("a", "V0", "threshold", "V0_at_threshold")
-
     @property
-    def V0_at_threshold(self) -> float:
-        return self.V0 * float(np.exp(-self.a * self.threshold))
+    def shift(self) -> float:
+        """Of the potential, which is 0 at the threshold [M c^2]."""
+        return float(self.potential(self.threshold))
 
-    def added_stiffness(self, point_force: float) -> float:
+    def added_stiffness(self, force: float) -> float:
         """As for the rigid wall, but two points of equal mass approach each other: 2 a F [M c^2/R^2]."""
-        return 2.0 * self.a * point_force
+        return 2.0 * super().added_stiffness(force)
 
-    def place(self, builder: Any, room: Room) -> None:
-        super().place(builder, room)
-        self.disk_surface, self.wall_surface, self.count = (ti.field(ti.i32) for _ in range(3))
-        builder.dense(ti.i, room.points).place(self.disk_surface)
-        builder.dense(ti.i, room.points).place(self.wall_surface)
-        builder.dense(ti.i, 2).place(self.count)
+    def make_fields(self, builder: Any, capacity: Capacity) -> None:
+        self.a_now, self.V0_now, self.threshold_now, self.shift_now = (scalar(builder) for _ in range(4))
+        self.disk_surface, self.wall_surface = (array(builder, capacity.points) for _ in range(2))
+        self.count = array(builder, 2)
+
+    def numbers(self) -> list[tuple[Any, float]]:
+        return [
+            (self.a_now, self.a),
+            (self.V0_now, self.V0),
+            (self.threshold_now, self.threshold),
+            (self.shift_now, self.shift),
+        ]
 
     def fill(self, lattice: Lattice) -> None:
         self._fill(lattice.disk_surface, lattice.wall_surface)
 
     @ti.kernel
-    def _fill(self, disk: ti.types.ndarray(ti.i32, ndim=1), wall: ti.types.ndarray(ti.i32, ndim=1)):
+    def _fill(self, disk: Integers1, wall: Integers1):
         self.count[0], self.count[1] = disk.shape[0], wall.shape[0]
         for k in range(disk.shape[0]):
             self.disk_surface[k] = disk[k]
@@ -73,7 +78,7 @@ class ElasticWall(Law):
         Returns the upward force on the disk [M c^2/R], the potential [M c^2], the largest force on one point, and what
         points lost by sliding in the last move, which was `move` times the velocity (see `slid`).
         """
-        a, V0, threshold = self.now.a[None], self.now.V0[None], self.now.threshold[None]
+        a, V0, threshold = self.a_now[None], self.V0_now[None], self.threshold_now[None]
         x, y = ti.static(state.x[0], state.x[1])
         upward, potential, highest, slid = 0.0, 0.0, 0.0, 0.0
         last = self.count[1] - 1
@@ -95,7 +100,7 @@ class ElasticWall(Law):
                         put(state.f, p, get(state.f, p) - (1.0 - lever) * push)
                         put(state.f, q, get(state.f, q) - lever * push)
                         upward += push[1]
-                        potential += energy - self.now.V0_at_threshold[None]
+                        potential += energy - self.shift_now[None]
                         highest = ti.max(highest, a * energy)
                         slid += self.slid(state, i, k, move)
         return upward, potential, highest, slid
@@ -123,38 +128,38 @@ class ElasticWall(Law):
                 if case < 2:
                     spring, half = before, 0.5
                 distance, _lever, _normal = self.over(state, i, spring, (case % 2) * move)
-                if distance < self.now.threshold[None]:
-                    energy = self.now.V0[None] * ti.exp(-self.now.a[None] * distance)
-                    lost += half * (energy - self.now.V0_at_threshold[None])
+                if distance < self.threshold_now[None]:
+                    energy = self.V0_now[None] * ti.exp(-self.a_now[None] * distance)
+                    lost += half * (energy - self.shift_now[None])
         return lost
 
     @ti.func
     def spring_below(self, state: ti.template(), i, guess, move):
         """Number of the wall spring below or nearest to point i, `move` times the velocity ago."""
         k = guess
-        x = self.place_before(state, i, move)[0]
-        while k > 0 and x < self.place_before(state, self.wall_surface[k], move)[0]:
+        x = self.position_before(state, i, move)[0]
+        while k > 0 and x < self.position_before(state, self.wall_surface[k], move)[0]:
             k -= 1
-        while k < self.count[1] - 2 and x >= self.place_before(state, self.wall_surface[k + 1], move)[0]:
+        while k < self.count[1] - 2 and x >= self.position_before(state, self.wall_surface[k + 1], move)[0]:
             k += 1
         return k
 
     @ti.func
     def over(self, state: ti.template(), i, k, move):
         """Distance and lever of point i over wall spring k, and the spring's normal, `move` times the velocity ago."""
-        start = self.place_before(state, self.wall_surface[k], move)
-        along = self.place_before(state, self.wall_surface[k + 1], move) - start
-        away = self.place_before(state, i, move) - start
+        start = self.position_before(state, self.wall_surface[k], move)
+        along = self.position_before(state, self.wall_surface[k + 1], move) - start
+        away = self.position_before(state, i, move) - start
         length2 = along.dot(along)
         normal = ti.Vector([-along[1], along[0]]) / ti.sqrt(length2)
         return away.dot(normal), away.dot(along) / length2, normal
 
     @ti.func
-    def place_before(self, state: ti.template(), i, move):
+    def position_before(self, state: ti.template(), i, move):
         """Where point i was `move` times the velocity ago."""
         return get(state.x, i) - move * get(state.v, i)
 
-    # ---- the NumPy twin
+    # ---- in NumPy
 
     def contacts(self, lattice: Lattice, x: Array) -> Contacts:
         """All contacts with the points at `x` (n, 2) [R]."""
@@ -174,13 +179,12 @@ class ElasticWall(Law):
     ) -> Contacts:
         """Those within the threshold, each pushed along its `direction` (k, 2)."""
         with np.errstate(over="ignore", invalid="ignore"):  # after a blow-up
-            energy = self.V0 * np.exp(-self.a * distance)
-            push = (self.a * energy)[:, None] * direction
+            energy, push = self.potential(distance), self.force_at(distance)[:, None] * direction
         near = distance < self.threshold
-        return Contacts(*(one[near] for one in (points, carriers, shares, distance, energy, push)))
+        return Contacts(points[near], carriers[near], shares[near], distance[near], energy[near], push[near])
 
     def energy(self, lattice: Lattice, x: Array) -> float:
-        return float((self.contacts(lattice, x).energy - self.V0_at_threshold).sum())
+        return float((self.contacts(lattice, x).energy - self.shift).sum())
 
     def forces(self, lattice: Lattice, x: Array) -> Array:
         found, force = self.contacts(lattice, x), np.zeros_like(x)

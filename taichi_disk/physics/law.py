@@ -1,10 +1,14 @@
-"""What all laws of motion have in common: their numbers, their fields, and the same law in NumPy."""
+"""What all laws of motion have in common: their numbers, their fields, and the same law in NumPy.
 
-from __future__ import annotations
+Taichi 1.7.4 by default takes local vectors apart into scalars and leaves it to LLVM 15 to find vectors again; on a
+processor that LLVM 15 does not know (Zen 4, Zen 5, ...) it makes pairs of numbers at best. `runtime.start` has them
+kept whole, in registers as wide as the processor has. Two things go wrong then: the address of an element of a vector
+field, so fields of vectors are pairs of scalar fields, side by side in memory; and `a -= b` of whole local vectors
+(LLVM aborts), so write a = a - b.
+"""
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from types import SimpleNamespace
 from typing import Any, ClassVar
 
 import numpy as np
@@ -12,10 +16,53 @@ import taichi as ti
 
 from taichi_disk.lattice import Array, Lattice
 
+# NumPy arrays that kernels take.
+Integers1 = ti.types.ndarray(ti.i32, ndim=1)
+Reals1 = ti.types.ndarray(ti.f64, ndim=1)
+Reals2 = ti.types.ndarray(ti.f64, ndim=2)
+Reals3 = ti.types.ndarray(ti.f64, ndim=3)
+
+
+@ti.func
+def get(pair: ti.template(), i):
+    """(x, y) at i of a pair of scalar fields."""
+    return ti.Vector([pair[0][i], pair[1][i]])
+
+
+@ti.func
+def put(pair: ti.template(), i, value):
+    """Set what `get` returns."""
+    pair[0][i] = value[0]
+    pair[1][i] = value[1]
+
+
+def side_by_side(builder: Any, count: int, fields: int, kind: Any = ti.f64) -> tuple[Any, ...]:
+    """`fields` fields of `count` numbers each. Those of one index lie together: loaded with one instruction."""
+    made = tuple(ti.field(kind) for _ in range(fields))
+    builder.dense(ti.i, count).place(*made)
+    return made
+
+
+def pair_of(builder: Any, count: int) -> tuple[Any, ...]:
+    """`count` vectors, as `get` and `put` take them."""
+    return side_by_side(builder, count, 2)
+
+
+def array(builder: Any, count: int, kind: Any = ti.i32) -> Any:
+    """A field of `count` numbers."""
+    return side_by_side(builder, count, 1, kind)[0]
+
+
+def scalar(builder: Any, kind: Any = ti.f64) -> Any:
+    """A 0-D field: a number that kernels read from a register, and that changes without compiling anew."""
+    field = ti.field(kind)
+    builder.place(field)
+    return field
+
 
 @dataclass(frozen=True)
-class Room:
-    """How many points, blocks of springs and entries of a factor a simulation's fields have room for."""
+class Capacity:
+    """How many points, blocks of springs and entries of a factor a simulation's fields can hold."""
 
     points: int
     blocks: int
@@ -23,39 +70,30 @@ class Room:
 
 
 class Law:
-    """A force or a constraint: numbers, Taichi functions, and the same law in NumPy (its twin).
+    """A force or a constraint: numbers, Taichi functions, and energy and forces in NumPy.
 
-    An object of its own is a value: numbers and the NumPy twin. A `Simulation` takes a copy, gives it fields with
-    `place`, and fills them with `fill`. Kernels read a number `a` as `self.now.a[None]`: changing it compiles nothing.
-
-    Class attributes:
-        scalars: names of the attributes that kernels read.
+    An object of its own is a value: numbers and NumPy. A `Simulation` takes a copy, has it make fields, and fills them.
     """
-
-    scalars: ClassVar[tuple[str, ...]] = ()
-    now: Any
 
     @property
     def signature(self) -> tuple[Any, ...]:
         """What kernels are compiled for, beside the class: which parts of the law are absent."""
         return ()
 
-    def place(self, builder: Any, room: Room) -> None:
-        """Make the law's fields."""
-        self.now = SimpleNamespace(**{name: ti.field(ti.f64) for name in self.scalars})
-        builder.place(*vars(self.now).values())
+    def make_fields(self, builder: Any, capacity: Capacity) -> None:
+        """Make the law's fields; those of numbers by `scalar`."""
+
+    def numbers(self) -> list[tuple[Any, float]]:
+        """The 0-D fields, each with the number that it holds. (A simulation writes all of them with one kernel.)"""
+        return []
 
     def fill(self, lattice: Lattice) -> None:
-        """Write what the fields hold of `lattice`. (A simulation writes the scalars, all with one kernel.)"""
+        """Write what the other fields hold of `lattice`."""
 
-    def adopt(self, other: Law) -> None:
-        """Take the numbers of another law of the same class and signature, which is a value; keep the fields."""
-        vars(self).update(vars(other))
-
-    # ---- the NumPy twin
+    # ---- in NumPy
 
     def energy(self, lattice: Lattice, x: Array) -> float:
-        """Potential energy [M c^2] with the points at `x` (n, 2) [R]."""
+        """Potential energy [M c^2] with the points at `x` (n, 2) [R]; 0 where a law has none, or only in kernels."""
         return 0.0
 
     def forces(self, lattice: Lattice, x: Array) -> Array:
@@ -67,7 +105,10 @@ class Law:
         return np.zeros_like(v)
 
     def stiffness(self, lattice: Lattice, x: Array) -> Any:
-        """Second derivative of `energy`, sparse (2n, 2n) [M c^2/R^2]; degrees of freedom x0, y0, x1, y1, ..."""
+        """Second derivative of `energy`, sparse (2n, 2n) [M c^2/R^2]; degrees of freedom x0, y0, x1, y1, ...
+
+        Newton's method needs it of springs, rigid wall and load; the others, the elastic wall too, give zero.
+        """
         from scipy.sparse import csr_matrix
 
         return csr_matrix((x.size, x.size))

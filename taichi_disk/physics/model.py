@@ -7,13 +7,11 @@ from typing import Any
 
 import numpy as np
 
-from taichi_disk.lattice import Lattice
+from taichi_disk.lattice import Array, Lattice
+from taichi_disk.physics.body_forces import ExponentialWall, Load, MouseSpring
 from taichi_disk.physics.boundaries import Boundary, MatchedBoundary, PinnedBoundary, ResetBoundary
 from taichi_disk.physics.elastic_wall import ElasticWall
-from taichi_disk.physics.exponential_wall import ExponentialWall
-from taichi_disk.physics.law import Array, BodyForce, Law
-from taichi_disk.physics.load import Load
-from taichi_disk.physics.mouse_spring import MouseSpring
+from taichi_disk.physics.law import BodyForce, Law
 from taichi_disk.physics.springs import Springs
 
 
@@ -56,14 +54,14 @@ class Model:
         """All of the model that kernels are compiled for."""
         return tuple((type(law), *law.signature) for law in self.laws)
 
-    # ---- the NumPy twin
+    # ---- in NumPy
 
     def energy(self, lattice: Lattice, x: Array) -> float:
         """Potential energy [M c^2] with the points at `x` (n, 2) [R]."""
         return sum(law.energy(lattice, x) for law in self.laws)
 
     def forces(self, lattice: Lattice, x: Array) -> Array:
-        """Force (n, 2) on each point, that of the dashpots apart [M c^2/R]."""
+        """Force (n, 2) on each point, without that of the dashpots [M c^2/R]."""
         return np.asarray(sum(law.forces(lattice, x) for law in self.laws))
 
     def forces_moving(self, lattice: Lattice, x: Array, v: Array) -> Array:
@@ -74,5 +72,5 @@ class Model:
         return np.asarray(force)
 
     def stiffness(self, lattice: Lattice, x: Array) -> Any:
-        """Second derivative of `energy`, sparse (2n, 2n) [M c^2/R^2]."""
+        """Second derivative of `energy`, but for an elastic wall, sparse (2n, 2n) [M c^2/R^2]."""
         return sum(law.stiffness(lattice, x) for law in self.laws)

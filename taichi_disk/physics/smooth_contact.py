@@ -14,10 +14,9 @@ torque that is left is l times the horizontal force. Beyond the middles of the o
 import numpy as np
 import taichi as ti
 
-from taichi_disk.lattice import Lattice
+from taichi_disk.lattice import Array, Lattice
 from taichi_disk.physics.elastic_wall import Contacts, ElasticWall
-from taichi_disk.physics.law import Array
-from taichi_disk.physics.points import get, put
+from taichi_disk.physics.law import get, put
 
 
 @ti.data_oriented
@@ -31,7 +30,7 @@ class SmoothElasticWall(ElasticWall):
         Returns the upward force on the disk [M c^2/R], the potential [M c^2], the largest force on one point, and 0:
         nothing is lost by sliding.
         """
-        a, V0, threshold = self.now.a[None], self.now.V0[None], self.now.threshold[None]
+        a, V0, threshold = self.a_now[None], self.V0_now[None], self.threshold_now[None]
         upward, potential, highest = 0.0, 0.0, 0.0
         last = self.count[1] - 1
         top, left = self.highest_and_left(state)
@@ -62,7 +61,7 @@ class SmoothElasticWall(ElasticWall):
                         put(state.f, middle, get(state.f, middle) - (0.5 + t - t * t) * push)
                         put(state.f, after, get(state.f, after) - (0.5 * t * t) * push)
                         upward += push[1]
-                        potential += energy - self.now.V0_at_threshold[None]
+                        potential += energy - self.shift_now[None]
                         highest = ti.max(highest, push.norm())
         return upward, potential, highest, 0.0
 

@@ -10,11 +10,10 @@ from typing import Any
 import numpy as np
 import taichi as ti
 
-from taichi_disk.lattice import Lattice
-from taichi_disk.lattice.network import assemble
-from taichi_disk.physics.law import Array, Law, Room
+from taichi_disk.lattice import Array, Lattice
+from taichi_disk.lattice.network import assemble, network_stiffness
+from taichi_disk.physics.law import Capacity, Law, Reals1, get, put, scalar, side_by_side
 from taichi_disk.physics.ordering import BLOCK, Arrangement
-from taichi_disk.physics.points import get, put
 
 
 @ti.data_oriented
@@ -29,25 +28,31 @@ class Springs(Law):
     k_b: float = 0.0  # cubic spring constant [M c^2/R^4]; 0: no cubic term is computed
     eta: float = 0.0  # dashpot constant eta_dis = eta* m c/R of every spring [M c/R]; 0: no dashpots
 
-    scalars = ("k_a", "k_b", "eta")
-
     def __post_init__(self) -> None:
         self.cubic, self.damped = self.k_b != 0.0, self.eta != 0.0
+
+    @property
+    def modulus(self) -> float:
+        """Young's modulus of a lattice of them, about: 1.04 to 1.11 times this was measured [M c^2/R^2]."""
+        return self.k_a
+
+    @property
+    def time_unit(self) -> float:
+        """In which a wave crosses R, about [R/c]; its inverse is the speed of sound [c]."""
+        return float(1.0 / np.sqrt(self.modulus))
 
     @property
     def signature(self) -> tuple[Any, ...]:
         return (self.cubic, self.damped)
 
-    def place(self, builder: Any, room: Room) -> None:
-        super().place(builder, room)
+    def make_fields(self, builder: Any, capacity: Capacity) -> None:
+        self.k_a_now, self.k_b_now, self.eta_now = (scalar(builder) for _ in range(3))
+        self.first, self.second, self.rest = (
+            side_by_side(builder, capacity.blocks, BLOCK, kind) for kind in (ti.i32, ti.i32, ti.f64)
+        )
 
-        def block(kind: Any) -> list[Any]:
-            # A block's numbers side by side in memory, or the compiler does not load them together.
-            fields = [ti.field(kind) for _ in range(BLOCK)]
-            builder.dense(ti.i, room.blocks).place(*fields)
-            return fields
-
-        self.first, self.second, self.rest = block(ti.i32), block(ti.i32), block(ti.f64)
+    def numbers(self) -> list[tuple[Any, float]]:
+        return [(self.k_a_now, self.k_a), (self.k_b_now, self.k_b), (self.eta_now, self.eta)]
 
     def arrange(self, lattice: Lattice, arrangement: Arrangement) -> None:
         """Write the springs in the order in which kernels take them; `lattice` gives their rest lengths."""
@@ -56,7 +61,7 @@ class Springs(Law):
         self._fill_springs(arrangement.ends, rest)
 
     @ti.kernel
-    def _fill_springs(self, ends: ti.types.ndarray(ti.i32, ndim=2), rest: ti.types.ndarray(ti.f64, ndim=1)):
+    def _fill_springs(self, ends: ti.types.ndarray(ti.i32, ndim=2), rest: Reals1):
         ti.loop_config(serialize=True)
         for b in range(rest.shape[0] // BLOCK):
             for k in ti.static(range(BLOCK)):
@@ -71,7 +76,7 @@ class Springs(Law):
         Returns the elastic energy sum(k_a s^2/2 + k_b s^4/4) [M c^2] and sum((u_i - u_j).(w_i - w_j)) over these
         springs [c^2] with w = (u + 2 v)/3, from which the energy balance has the power lost in the dashpots.
         """
-        k_a, k_b, eta = self.now.k_a[None], self.now.k_b[None], self.now.eta[None]
+        k_a, k_b, eta = self.k_a_now[None], self.k_b_now[None], self.eta_now[None]
         energy = ti.Vector.zero(ti.f64, BLOCK)
         products = ti.Vector.zero(ti.f64, BLOCK)
         for block in range(begin, end):
@@ -118,7 +123,7 @@ class Springs(Law):
         put(pair, i, get(pair, i) - force)
         put(pair, j, get(pair, j) + force)
 
-    # ---- the NumPy twin
+    # ---- in NumPy
 
     @staticmethod
     def ends_apart(lattice: Lattice, x: Array) -> Array:
@@ -127,9 +132,9 @@ class Springs(Law):
         return np.stack([one[i] - one[j] for one in x.T])  # columns are gathered nine times faster than pairs
 
     @staticmethod
-    def lengths(apart: Array) -> Array:
-        """(m,) of vectors `apart` (2, m)."""
-        return np.asarray(np.sqrt(apart[0] * apart[0] + apart[1] * apart[1]))
+    def lengths(vectors: Array) -> Array:
+        """(m,) of `vectors` (2, m)."""
+        return np.asarray(np.sqrt(vectors[0] * vectors[0] + vectors[1] * vectors[1]))
 
     def stretch(self, lattice: Lattice, x: Array) -> Array:
         """(m,) length of each spring beyond its rest length [R]."""
@@ -156,9 +161,9 @@ class Springs(Law):
         return float(self.energies(lattice, x).sum())
 
     def forces(self, lattice: Lattice, x: Array) -> Array:
-        apart = self.ends_apart(lattice, x)
-        length = self.lengths(apart)
-        return self._gathered(lattice, len(x), self.pull(length - lattice.rest_lengths) / length * apart)
+        vectors = self.ends_apart(lattice, x)
+        length = self.lengths(vectors)
+        return self._gathered(lattice, len(x), self.pull(length - lattice.rest_lengths) / length * vectors)
 
     def damping_forces(self, lattice: Lattice, v: Array) -> Array:
         return self._gathered(lattice, len(v), self.eta * self.ends_apart(lattice, v))
@@ -168,6 +173,10 @@ class Springs(Law):
         """(n, 2) force on each point where the springs pull their first ends back by `pulls` (2, m)."""
         i, j = lattice.bonds.T
         return np.stack([np.bincount(j, pull, n) - np.bincount(i, pull, n) for pull in pulls], axis=1)
+
+    def stiffness_at_rest(self, lattice: Lattice) -> Any:
+        """As `stiffness`, where no spring is stretched."""
+        return network_stiffness(lattice.positions, lattice.bonds, self.k_a)
 
     def stiffness(self, lattice: Lattice, x: Array) -> Any:
         """A spring of length r and tension T adds T' e e^T (material) + T/r (1 - e e^T) (geometric)."""

@@ -16,12 +16,13 @@ from taichi_disk.errors import InputError
 from taichi_disk.output.files import atomic_write, check_pictures
 from taichi_disk.progress import Progress
 from taichi_disk.render import require_film
-from taichi_disk.render.palette import THEMES
+from taichi_disk.render.geometry import View, edge_height
+from taichi_disk.render.palette import THEMES, round_near
+from taichi_disk.signals import raise_if_interrupted
 from taichi_disk.simulation.outcome import Outcome, greatest_compression
 from taichi_disk.simulation.scenario import Scenario
 
 if TYPE_CHECKING:
-    from taichi_disk.render.camera import View
     from taichi_disk.render.painter import Painter
     from taichi_disk.render.pictures import Pictures
 
@@ -65,7 +66,7 @@ def film(path: Path, runs: Sequence[Run], video: VideoSection, progress: Progres
     file cannot be written; TaichiDiskError if no film can be made on this machine.
     """
     check_target(path)
-    if len({(scenario.static, *scenario.labels) for scenario, _ in runs}) > 1:
+    if len({(scenario.time_label, *scenario.labels) for scenario, _ in runs}) > 1:
         raise InputError("these runs cannot be compared: they have no time, or no result, in common")
     require_film()
     from taichi_disk.render.video import video as encoded
@@ -83,10 +84,11 @@ def film(path: Path, runs: Sequence[Run], video: VideoSection, progress: Progres
             encoded(new, path.suffix, pictures.width, video.size, video.fps) as append,
         ):
             times = np.array(list(dict.fromkeys(t for t, _ in frames)))
-            moments = zip(*(outcome.replay(times) for _, outcome in runs), strict=True)
+            moments = zip(*(outcome.frames(times) for _, outcome in runs), strict=True)
             words = zip(*(_lines(*run, frames) for run in runs), strict=True)
             shown = None
             for k, ((t, _), lines) in enumerate(zip(frames, words, strict=True)):
+                raise_if_interrupted()
                 if t != shown:
                     picture, shown = pictures.draw(next(moments)), t
                 append(partial(pictures.finish, picture, lines, t))
@@ -106,13 +108,12 @@ def _frames(runs: Sequence[Run], video: VideoSection) -> list[Frame]:
     columns = outcome.columns
     times, peak = scenario.frame_times(columns, count - held - last), greatest_compression(columns)
     greatest = int(np.abs(times - peak).argmin())
-    if scenario.static or greatest == len(times) - 1:
+    if greatest == len(times) - 1:
         held, last, greatest = 0, held + last, len(times) - 1
     elif greatest > 0:
         times[greatest] = peak
-    paces = [f"1 s shows {float(f'{pace:.2g}'):g} R/c" for pace in video.fps * np.diff(times)]
-    paces = [""] * len(times) if scenario.static else [*paces, *paces[-1:]]
-    frames: list[Frame] = [(float(t), pace) for t, pace in zip(times, paces, strict=True)]
+    paces = [scenario.pace.format(float(f"{pace:.2g}")) for pace in video.fps * np.diff(times)]
+    frames: list[Frame] = list(zip(times.tolist(), [*paces, *paces[-1:]], strict=True))
     still, end = (frames[greatest][0], _GREATEST), (frames[-1][0], None)
     return frames[: greatest + 1] + held * [still] + frames[greatest + 1 :] + last * [end]
 
@@ -133,7 +134,7 @@ def _lines(scenario: Scenario, outcome: Outcome, frames: Sequence[Frame]) -> Ite
 
 def _pictures(runs: Sequence[Run], video: VideoSection, frames: Sequence[Frame]) -> Pictures:
     from taichi_disk.render.legend import Legend
-    from taichi_disk.render.pictures import Pictures
+    from taichi_disk.render.pictures import Pictures, side_panel
 
     still = frames[0][0] if len(frames) == 1 else None
     painters, views = zip(*(_painter(*run, video, still) for run in runs), strict=True)
@@ -147,8 +148,6 @@ def _pictures(runs: Sequence[Run], video: VideoSection, frames: Sequence[Frame])
     (xmin, _, ymin, _), (_, xmax, _, ymax) = np.min(views, axis=0), np.max(views, axis=0)
     panel = None
     if video.panel and video.size >= _PANEL:
-        from taichi_disk.render.panel import side_panel
-
         panel = side_panel(runs, video.size, THEMES[video.theme])
     return Pictures(legends, video.size, (xmin, xmax, ymin, ymax), video.supersample, panel)
 
@@ -159,8 +158,6 @@ def _painter(scenario: Scenario, outcome: Outcome, video: VideoSection, still: f
     The view holds the end of a film, too, or the moment of a `still` picture [R/c].
     """
     from taichi_disk.render.painter import Painter
-    from taichi_disk.render.scales import round_near
-    from taichi_disk.render.shapes import edge_height
 
     painter = Painter(scenario.lattice, scenario.model.springs, scenario.model.wall)
     painter.colour, painter.draw, painter.theme, painter.limit = video.colour, video.draw, video.theme, 0.0
@@ -172,7 +169,7 @@ def _painter(scenario: Scenario, outcome: Outcome, video: VideoSection, still: f
     else:
         looks, places = [still], []
     times = sorted({*looks, peak})
-    for t, (_, x, v) in zip(times, outcome.replay(np.array(times)), strict=True):
+    for t, (_, x, v) in zip(times, outcome.frames(np.array(times)), strict=True):
         places.append(x)
         if t <= peak:
             painter.limit, greatest = max(painter.limit, painter.scale(painter.values(x, v))), x

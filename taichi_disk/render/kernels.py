@@ -8,7 +8,7 @@ import numpy as np
 import taichi as ti
 from numpy.typing import NDArray
 
-VERTEX = 12  # numbers of a vertex as GGUI takes it: place (3), normal (3), texture (2), colour (4)
+VERTEX = 12  # numbers of a vertex as GGUI takes it: position (3), normal (3), texture (2), colour (4)
 
 _Pair = ti.types.vector(2, ti.f64)
 _Sample = ti.types.vector(4, ti.f32)
@@ -26,9 +26,9 @@ def _colour(colours: ti.template(), value, fringes):
 
 
 @ti.func
-def _put(out: ti.template(), i, place, colour):
-    out[i, 0] = ti.cast(place[0], ti.f32)
-    out[i, 1] = ti.cast(place[1], ti.f32)
+def _put(out: ti.template(), i, position, colour):
+    out[i, 0] = ti.cast(position[0], ti.f32)
+    out[i, 1] = ti.cast(position[1], ti.f32)
     for c in ti.static(range(3)):
         out[i, 8 + c] = colour[c]
 
@@ -36,7 +36,7 @@ def _put(out: ti.template(), i, place, colour):
 @ti.kernel
 def fill(
     x: ti.types.ndarray(ti.f64, ndim=2),
-    places: ti.types.ndarray(ti.f64, ndim=1),
+    values: ti.types.ndarray(ti.f64, ndim=1),
     triangles: ti.types.ndarray(ti.i32, ndim=2),
     pattern: ti.types.ndarray(ti.f64, ndim=2),
     inset: ti.f64,
@@ -49,7 +49,7 @@ def fill(
     """Vertices (triangles * q, VERTEX) of triangles that are drawn with a pattern of q corners each.
 
     Args:
-        places: (n,) in the map of colours, 0 to 1, or arguments of the fringes.
+        values: (n,) in the map of colours, 0 to 1, or arguments of the fringes.
         pattern: (q, 3) weights of a triangle's three corners.
         inset: by how much the sides lie inside [R].
     """
@@ -64,9 +64,9 @@ def fill(
         size = ti.max(1.0 - inset / radius, 0.0)
         for k in range(pattern.shape[0]):
             u, v, w = pattern[k, 0], pattern[k, 1], pattern[k, 2]
-            place = centre + size * (u * p + v * q + w * r - centre)
-            colour = _colour(colours, u * places[a] + v * places[b] + w * places[c], fringes)
-            _put(out, t * pattern.shape[0] + k, factor * place + shift, colour)
+            position = centre + size * (u * p + v * q + w * r - centre)
+            colour = _colour(colours, u * values[a] + v * values[b] + w * values[c], fringes)
+            _put(out, t * pattern.shape[0] + k, factor * position + shift, colour)
 
 
 def weights(samples: int) -> NDArray[np.float64]:

@@ -1,21 +1,24 @@
-"""What surrounds the stage: title above on the left, what changes above on the right, the scales below."""
+"""What surrounds the disk: title above on the left, what changes above on the right, the scales below."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from functools import lru_cache
+from importlib.util import find_spec
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from PIL import Image, ImageDraw
+from PIL import Image, ImageDraw, ImageFont
 
-from taichi_disk.fields import QUANTITIES
-from taichi_disk.fields.quantities import FRINGES
-from taichi_disk.render import scales, text
+from taichi_disk.fields import FRINGES, QUANTITIES
+from taichi_disk.render.geometry import ARROW
 from taichi_disk.render.painter import Painter
 from taichi_disk.render.palette import THEMES, Colour
-from taichi_disk.render.shapes import ARROW
+
+Ink = tuple[int, int, int]
 
 LEAST = 11.0  # pixels of the smallest letters
 # Sizes in pixels of a picture of 720; other pictures scale them, as far as letters stay readable.
@@ -23,14 +26,57 @@ _MARGIN, _HEADING, _SMALL = 20.0, 17.0, 13.0
 _BAR_WIDTH, _BAR_HEIGHT = 300.0, 10.0
 _LABELLED = 240  # pixels of a picture from which there is room for text
 _MOST = 0.34  # of the height for the header: lines that do not fit are left out
+_RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 _ARROWS = "wall pushes a point"
 _ARROW, _LENGTH = 0.1, 0.2  # of the width that the arrow of the scale, and a length, may take
 
 
-def ink(colour: Colour | NDArray[np.float32]) -> text.Ink:
+def ink(colour: Colour | NDArray[np.float32]) -> Ink:
     """A colour in bytes."""
     red, green, blue = (round(255 * c) for c in colour)
     return red, green, blue
+
+
+@lru_cache(maxsize=32)
+def font(size: float, bold: bool = False) -> ImageFont.FreeTypeFont:
+    """DejaVu Sans in a size in pixels."""
+    spec = find_spec("matplotlib")  # to import it takes 0.3 s
+    assert spec and spec.origin
+    path = Path(spec.origin).parent / "mpl-data/fonts/ttf" / ("DejaVuSans-Bold.ttf" if bold else "DejaVuSans.ttf")
+    return ImageFont.truetype(path, size, layout_engine=ImageFont.Layout.BASIC)
+
+
+def text_width(line: str, size: float, bold: bool = False) -> float:
+    """Width in pixels of a line set in `size`."""
+    return font(size, bold).getlength(line)
+
+
+def draw_line(draw: Any, at: tuple[float, float], line: str, size: float, ink: Ink, bold: bool = False) -> None:
+    """Set a line with the left end of its baseline at `at` (column, row); `draw`: Pillow's ImageDraw or the like."""
+    draw.text(at, line, fill=ink, font=font(size, bold), anchor="ls")
+
+
+def round_below(value: float) -> float:
+    """The largest of 1, 2 and 5 times a power of ten up to a value > 0."""
+    decade = 10.0 ** math.floor(math.log10(value))
+    return float(decade * max(step for step in (0.5, 1.0, 2.0, 5.0) if step * decade <= value))
+
+
+def ticks_to(limit: float, signed: bool) -> list[float]:
+    """Two or three round values from 0 to `limit`, and where signed the same below."""
+    count = 3 if f"{limit:e}"[:3] in ("1.5", "3.0", "6.0") else 2
+    return [limit * k / count for k in range(-count if signed else 0, count + 1)]
+
+
+def label(value: float, percent: bool = False, signed: bool = False) -> str:
+    """A value as `+5 %`, `0.02` or `2·10⁻⁷`."""
+    if not value:
+        return "0"
+    text = f"{100 * value if percent else value:{'+' if signed else ''}.4g}"
+    if "e" in text:
+        mantissa, exponent = text.split("e")
+        text = f"{mantissa}·10{str(int(exponent)).translate(_RAISED)}"
+    return text.replace("-", "−") + (" %" if percent else "")
 
 
 class Legend:
@@ -39,7 +85,7 @@ class Legend:
     It is drawn with Pillow's ImageDraw, or with what has its methods.
 
     Attributes:
-        header, footer: heights above and below the stage [px].
+        header, footer: heights above and below the disk's part of the picture [px].
         unit: pixels that are one in a picture of 720.
     """
 
@@ -53,7 +99,7 @@ class Legend:
         self._ground, self._ink, self._faint, self._rule = map(ink, (theme.ground, theme.ink, theme.faint, theme.rule))
         self._small, self._heading = max(_SMALL * self.unit, LEAST), max(_HEADING * self.unit, LEAST + 1)
         self._margin, self._leading = max(_MARGIN * self.unit, 7.0), round(1.5 * self._small)
-        self._column = math.ceil(max(text.width(*self._set(line)) for line in samples) + self._margin)
+        self._column = math.ceil(max(text_width(*self._set(line)) for line in samples) + self._margin)
         fits = int((_MOST * size - self._margin) / self._leading) if size >= _LABELLED else 0
         self._title, self._rows = self._wrapped(title)[:fits], min(rows, fits)
         count = max(len(self._title), self._rows)
@@ -66,10 +112,10 @@ class Legend:
         for k, line in enumerate(title):
             size, bold, now = (self._small, False, "") if k else (self._heading, True, "")
             for part in line.split("    "):
-                words = [part] if text.width(part, size, bold) <= room else part.split(" ")
+                words = [part] if text_width(part, size, bold) <= room else part.split(" ")
                 for n, word in enumerate(words):
                     longer = f"{now}{' ' if n else '    '}{word}" if now else word
-                    if now and text.width(longer, size, bold) > room:
+                    if now and text_width(longer, size, bold) > room:
                         lines.append((now, size, bold))
                         longer = word
                     now = longer
@@ -92,8 +138,8 @@ class Legend:
     def draw(self, draw: Any, scale: float) -> None:
         """What does not change: title, scales of colours, lengths, arrows; `scale`: pixels per R."""
         for k, (line, size, bold) in enumerate(self._title):
-            place, colour = (self._margin, self._baseline(k)), self._ink if bold else self._faint
-            text.draw_line(draw, place, line, size, colour, bold)
+            colour = self._ink if bold else self._faint
+            draw_line(draw, (self._margin, self._baseline(k)), line, size, colour, bold)
         if self.footer:
             self._draw_scales(draw, scale)
 
@@ -109,9 +155,9 @@ class Legend:
         left = self._width - self._column if left is None else left
         for k, line in enumerate(lines[: self._rows]):
             line, size, bold = self._set(line)
-            text.draw_line(draw, (left, self._baseline(k)), line, size, self._ink, bold)
+            draw_line(draw, (left, self._baseline(k)), line, size, self._ink, bold)
 
-    # ---- below the stage: bar, arrow and length in one row, their numbers in the next, words in the last
+    # ---- below the disk: bar, arrow and length in one row, their numbers in the next, words in the last
 
     def _draw_scales(self, draw: Any, scale: float) -> None:
         top = round(self._height - self.footer + 12.0 * self.unit)
@@ -120,23 +166,26 @@ class Legend:
         left, right, row = self._margin, self._width - self._margin, top + height / 2
         if full := self.painter.full_force:
             pixels = ARROW * scale / full  # of a force of 1 Mc²/R
-            force = scales.round_below(_ARROW * self._width / pixels)
-            ends, line = (left, left + force * pixels), f"{scales.label(force)} Mc²/R"
+            force = round_below(_ARROW * self._width / pixels)
+            ends, line = (left, left + force * pixels), f"{label(force)} Mc²/R"
             _, left = self._draw_length(draw, ends, row, line, numbers, arrow=True)
-        length = scales.round_below(_LENGTH * self._width / scale)
+        length = round_below(_LENGTH * self._width / scale)
         line = f"{length:g} R".removeprefix("1 ")
         right, _ = self._draw_length(draw, (right - length * scale, right), row, line, numbers)
         room = 2.0 * (self._width / 2 - max(left, self._width - right) - 3.0 * self._small)
         self._draw_bar(draw, round(min(_BAR_WIDTH * self.unit, room)), top, height, numbers)
-        quantity, line = QUANTITIES[self.painter.colour], scales.caption(self.painter.colour, self.painter.limit)
+        quantity = QUANTITIES[self.painter.colour]
+        line = f"{quantity.label}  [{quantity.unit}]" if quantity.unit else quantity.label
+        if self.painter.colour == "fringes":
+            line = f"difference of the principal stresses, one fringe {label(self.painter.limit)} Mc²/R²"
         whole = f"◂ {quantity.low}    {line}    {quantity.high} ▸"
-        if quantity.low and text.width(whole, self._small) < self._width - 10:
+        if quantity.low and text_width(whole, self._small) < self._width - 10:
             line = whole
-        start, words = (self._width - text.width(line, self._small)) / 2, numbers + self._leading
+        start, words = (self._width - text_width(line, self._small)) / 2, numbers + self._leading
         if start > 0:
-            text.draw_line(draw, (start, words), line, self._small, self._faint)
-        if self.painter.full_force and self._margin + text.width(_ARROWS, self._small) < start - self._small:
-            text.draw_line(draw, (self._margin, words), _ARROWS, self._small, self._faint)
+            draw_line(draw, (start, words), line, self._small, self._faint)
+        if self.painter.full_force and self._margin + text_width(_ARROWS, self._small) < start - self._small:
+            draw_line(draw, (self._margin, words), _ARROWS, self._small, self._faint)
 
     def _draw_bar(self, draw: Any, width: int, top: int, height: int, numbers: float) -> None:
         """The scale of colours; an end beyond which values keep their colour is a tip."""
@@ -144,8 +193,8 @@ class Legend:
         fringes, percent = painter.colour == "fringes", painter.colour == "strain"
         limit = float(FRINGES) if fringes else painter.limit
         least = -limit if painter.signed else 0.0
-        places = np.linspace(0.0, limit if fringes else 1.0, width, dtype=np.float64)
-        colours = [ink(colour) for colour in painter.colours(places)]
+        across = np.linspace(0.0, limit if fringes else 1.0, width, dtype=np.float64)
+        colours = [ink(colour) for colour in painter.colours(across)]
         bottom, ends = top + height - 1, left + width - 1
         if not painter.signed:  # a pale end needs a border
             draw.rectangle([left - 1, top - 1, ends + 1, bottom + 1], outline=self._rule)
@@ -155,17 +204,17 @@ class Legend:
             if not fringes and (painter.signed or way > 0):
                 tip = (edge + 0.8 * way * height, (top + bottom) / 2)
                 draw.polygon([(edge, top), (edge, bottom), tip], fill=colour)
-        ticks = [float(k) for k in range(FRINGES + 1)] if fringes else scales.ticks(limit, painter.signed)
-        labels = {tick: scales.label(tick, percent, painter.signed) for tick in ticks}
-        widest = max(text.width(line, self._small) for line in labels.values()) + self._small
+        ticks = [float(k) for k in range(FRINGES + 1)] if fringes else ticks_to(limit, painter.signed)
+        labels = {tick: label(tick, percent, painter.signed) for tick in ticks}
+        widest = max(text_width(line, self._small) for line in labels.values()) + self._small
         choices = (ticks, [ticks[0], 0.0, ticks[-1]], [ticks[0], ticks[-1]])
         numbered = next((some for some in choices if widest * (len(some) - 1) < width), ticks[-1:])
         for tick, line in labels.items():
             x = left + (width - 1) * (tick - least) / (limit - least)
             draw.line([(x, top + height), (x, top + height + 3 * self.unit)], fill=self._faint)
             if tick in numbered:
-                place = x - text.width(line.removesuffix(" %"), self._small) / 2
-                text.draw_line(draw, (place, numbers), line, self._small, self._faint)
+                start = x - text_width(line.removesuffix(" %"), self._small) / 2
+                draw_line(draw, (start, numbers), line, self._small, self._faint)
 
     def _draw_length(
         self, draw: Any, ends: tuple[float, float], row: float, line: str, numbers: float, arrow: bool = False
@@ -178,9 +227,9 @@ class Legend:
         else:
             for x in ends:
                 draw.line([(x, row - head), (x, row + head)], fill=self._ink, width=max(round(1.2 * self.unit), 1))
-        width = text.width(line, self._small)
+        width = text_width(line, self._small)
         start = min(max((x0 + x1 - width) / 2, self._margin), self._width - self._margin - width)
-        text.draw_line(draw, (start, numbers), line, self._small, self._faint)
+        draw_line(draw, (start, numbers), line, self._small, self._faint)
         return min(x0, start), max(x1, start + width)
 
 

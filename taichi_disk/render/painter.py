@@ -10,10 +10,9 @@ from taichi.ui.utils import get_field_info
 
 from taichi_disk.fields import QUANTITIES, Triangles, at_points
 from taichi_disk.lattice import Array, Lattice
-from taichi_disk.render import kernels, shapes
-from taichi_disk.render.camera import Camera
-from taichi_disk.render.palette import THEMES, colour_map
-from taichi_disk.render.scales import full_scale
+from taichi_disk.render import geometry, kernels
+from taichi_disk.render.geometry import Camera
+from taichi_disk.render.palette import THEMES, colour_map, full_scale
 
 if TYPE_CHECKING:
     from taichi_disk.physics.springs import Springs
@@ -21,7 +20,7 @@ if TYPE_CHECKING:
 Vertices = NDArray[np.float32]
 
 _SPRING, _OUTLINE = 0.65, 1.3  # half the width of a spring on the field, and of an outline: pixels in a picture of 720
-_ARROW, _HEAD, _RIM, _APART = 1.8, 4.5, 1.0, 10.0  # an arrow's shaft, half its head, its rim, its distance to the next
+_ARROW, _HEAD, _RIM, _NEXT = 1.8, 4.5, 1.0, 10.0  # an arrow's shaft, half its head, its rim, its distance to the next
 _FINE, _COARSE = 5.0, 14.0  # pixels between two points, from which on springs are seen on the field, and seen in full
 _WEAK = 0.02  # of the full force: less has no arrow
 _SEEN = 0.25  # how much of the springs' ink is mixed into the field
@@ -44,8 +43,8 @@ class Painter:
         theme: "light" or "dark".
         limit: value of full colour, from -limit where values have a sign, else from 0; of fringes: the stress
             difference from one to the next. In units of the quantity.
-        full_force: force that an arrow of `shapes.ARROW` stands for [M c^2/R]; 0: no arrows.
-        edge: height of the wall's edge over its surface [R], see `shapes.edge_height`.
+        full_force: force that an arrow of `geometry.ARROW` stands for [M c^2/R]; 0: no arrows.
+        edge: height of the wall's edge over its surface [R], see `geometry.edge_height`.
         shown: (n,) the values in the last picture.
     """
 
@@ -78,16 +77,16 @@ class Painter:
         kind = "stretch" if kind == "amount" and self.signed else kind
         return colour_map(self.theme, kind, self.draw in ("springs", "points"))
 
-    def places(self, values: Array) -> Array:
-        """Where `values` lie in the map, 0 to 1; of fringes: their order."""
+    def normalised(self, values: Array) -> Array:
+        """`values` as places in the map, 0 to 1; of fringes: as their order."""
         return np.asarray(0.5 + 0.5 * values / self.limit if self.signed else values / self.limit)
 
-    def colours(self, places: Array) -> NDArray[np.float32]:
-        """(..., 3) of `places` (...)."""
+    def colours(self, normalised: Array) -> NDArray[np.float32]:
+        """(..., 3) of `normalised` values (...)."""
         if self.colour == "fringes":
-            places = np.sin(np.pi * places) ** 2
+            normalised = np.sin(np.pi * normalised) ** 2
         table = self.map
-        return table[(np.clip(places, 0.0, 1.0) * (len(table) - 1) + 0.5).astype(np.intp)]
+        return table[(np.clip(normalised, 0.0, 1.0) * (len(table) - 1) + 0.5).astype(np.intp)]
 
     # ---- drawing
 
@@ -100,46 +99,46 @@ class Painter:
         x = np.ascontiguousarray(x)
         theme, pixel, filled = THEMES[self.theme], 1.0 / camera.scale, self.draw in ("field", "both")
         self.shown = self.values(x, v)
-        places = self.places(self.shown)
-        above, half = [shapes.NOTHING], max(_OUTLINE * unit, 1.0) * pixel
+        values = self.normalised(self.shown)
+        above, half = [geometry.NOTHING], max(_OUTLINE * unit, 1.0) * pixel
         canvas.set_background_color(theme.ground)
         if self.wall is not None:
             depth = max(pixel - camera.seen[2], -self.edge) if self._rigid else half  # over its own outline
-            decay = max(1.0 / self.wall.a, 0.4 * pixel)
-            haze, solid = shapes.wall_body(self._chain(camera, pixel, x), depth, self.edge, decay, theme)
+            decay = max(self.wall.decay_length, 0.4 * pixel)
+            haze, solid = geometry.wall_body(self._chain(camera, pixel, x), depth, self.edge, decay, theme)
             self._draw_shape(canvas, haze, camera)
         if filled:
-            self._fill(canvas, camera, x, places, unit)
+            self._fill(canvas, camera, x, values, unit)
             start, end = self._triangles.outline.T
-            inside = self.colours(places)[self._triangles.outline]
-            above.append(shapes.outline(x[start], x[end], half, inside, theme.ink, theme.ground))
+            inside = self.colours(values)[self._triangles.outline]
+            above.append(geometry.outline(x[start], x[end], half, inside, theme.ink, theme.ground))
         elif self.draw == "springs":
-            self._springs(canvas, camera, x, places, unit)
+            self._springs(canvas, camera, x, values, unit)
         if self.wall is not None:
             above.append(solid)
         if self.full_force and self.wall is not None:
             sizes = (_HEAD * unit * pixel, max(_ARROW * unit, 1.0) * pixel, _RIM * unit * pixel)
-            above.append(shapes.arrows(*self.pushes(x, max(_APART * unit, 9.0) * pixel), *sizes, theme))
-        self._draw_shape(canvas, shapes.joined(*above), camera)
+            above.append(geometry.arrows(*self.pushes(x, max(_NEXT * unit, 9.0) * pixel), *sizes, theme))
+        self._draw_shape(canvas, geometry.joined(*above), camera)
         if self.draw == "points":
-            self._points(canvas, camera, x, places, unit)
+            self._points(canvas, camera, x, values, unit)
 
     @property
     def _rigid(self) -> bool:
         return not len(self.lattice.wall_surface)
 
-    def pushes(self, x: Array, apart: float) -> tuple[Array, Array]:
+    def pushes(self, x: Array, distance: float) -> tuple[Array, Array]:
         """Feet (k, 2) [R] and forces (k, 2) of arrows, in parts of the full force.
 
-        Where points stand closer than `apart` [R], one arrow for all that are pushed within that shows their mean.
+        Where points stand closer than `distance` [R], one arrow for all that are pushed within that shows their mean.
         """
         points, forces = self.wall.contact_forces(self.lattice, x)
         forces = forces / self.full_force
         strong = np.hypot(*forces.T) > _WEAK
         feet, forces = x[points[strong]], forces[strong]
-        if self._spacing > 0.8 * apart and self.wall.a * self._spacing > 1.0:
+        if self._spacing > 0.8 * distance and self._spacing > self.wall.decay_length:
             return feet, forces
-        _, group = np.unique(np.floor(feet[:, 0] / apart), return_inverse=True)
+        _, group = np.unique(np.floor(feet[:, 0] / distance), return_inverse=True)
         count = np.bincount(group)
         mean = [np.bincount(group, part) / count for part in (*feet.T, *forces.T)]
         return np.stack(mean[:2], axis=1), np.stack(mean[2:], axis=1)
@@ -151,55 +150,53 @@ class Painter:
         left, right, _, _ = camera.seen
         return np.array([(left - pixel, 0.0), (right + pixel, 0.0)])
 
-    def _fill(self, canvas: Any, camera: Camera, x: Array, places: Array, unit: float) -> None:
+    def _fill(self, canvas: Any, camera: Camera, x: Array, values: Array, unit: float) -> None:
         fringes, corners = self.colour == "fringes", self._triangles.triangles
-        apart = self._spacing * camera.scale / max(unit, 0.7)
-        ink = _SEEN * min(max((apart - _FINE) / (_COARSE - _FINE), 0.0), 1.0) if self.draw == "both" else 0.0
+        spacing = self._spacing * camera.scale / max(unit, 0.7)
+        ink = _SEEN * min(max((spacing - _FINE) / (_COARSE - _FINE), 0.0), 1.0) if self.draw == "both" else 0.0
         if not fringes:  # a colour for each point will do
-            draw_triangles(canvas, _put(camera, x, (1.0 - ink) * self.colours(places)), corners)
+            draw_triangles(canvas, _put(camera, x, (1.0 - ink) * self.colours(values)), corners)
         if fringes or ink:
             # Springs are seen where triangles that are drawn smaller leave a darker field between them.
-            inset = 0.0 if fringes else max(_SPRING * unit, 0.55) / camera.scale
-            pattern = _pattern(self._parts() if fringes else 1)
+            inset, parts = max(_SPRING * unit, 0.55) / camera.scale, 1
+            if fringes:  # their colour is not linear between the points
+                inset, parts = 0.0, min(max(round(np.sqrt(_FRINGE_PARTS / max(len(corners), 1))), 1), 6)
+            pattern = _pattern(parts)
             out = _vertices(len(corners) * len(pattern))
-            kernels.fill(x, places, corners, pattern, inset, self.map, fringes, *camera.canvas_map(), out)
+            kernels.fill(x, values, corners, pattern, inset, self.map, fringes, *camera.canvas_map(), out)
             draw_triangles(canvas, out)
 
-    def _parts(self) -> int:
-        """How finely triangles are cut for fringes, whose colour is not linear between the points."""
-        return min(max(round(np.sqrt(_FRINGE_PARTS / max(len(self._triangles.triangles), 1))), 1), 6)
-
-    def _springs(self, canvas: Any, camera: Camera, x: Array, places: Array, unit: float) -> None:
+    def _springs(self, canvas: Any, camera: Camera, x: Array, values: Array, unit: float) -> None:
         if self.colour in ("strain", "force"):
             law = self.springs.strain if self.colour == "strain" else self.springs.tension
-            each = self.places(law(self.lattice, x))
+            each = self.normalised(law(self.lattice, x))
         else:
-            each = places[self.lattice.bonds].mean(axis=1)
+            each = values[self.lattice.bonds].mean(axis=1)
         # Few springs need not be thick to be seen; a line below about a pixel vanishes.
         width = max(min(0.15 * self._spacing * camera.scale, 2.5 * unit), 1.1)
         out = _put(camera, x[self.lattice.bonds.ravel()], np.repeat(self.colours(each), 2, axis=0))
         canvas.canvas.lines(get_field_info(out), get_field_info(None), True, (0.0, 0.0, 0.0), width / camera.height)
 
-    def _points(self, canvas: Any, camera: Camera, x: Array, places: Array, unit: float) -> None:
+    def _points(self, canvas: Any, camera: Camera, x: Array, values: Array, unit: float) -> None:
         radius = max(min(0.3 * self._spacing * camera.scale, 6.0 * unit), 1.0) / camera.height
-        out = _put(camera, x, self.colours(places))
+        out = _put(camera, x, self.colours(values))
         canvas.canvas.circles(get_field_info(out), True, False, (0.0, 0.0, 0.0), radius)
 
-    def _draw_shape(self, canvas: Any, shape: shapes.Shape, camera: Camera) -> None:
+    def _draw_shape(self, canvas: Any, shape: geometry.Shape, camera: Camera) -> None:
         if len(shape[0]):
             draw_triangles(canvas, _put(camera, *shape))
 
 
-def _put(camera: Camera, places: Array, colours: NDArray[Any]) -> Vertices:
-    """Vertices at `places` (k, 2) [R] with `colours` (k, 3)."""
-    out = _vertices(len(places))
+def _put(camera: Camera, points: Array, colours: NDArray[Any]) -> Vertices:
+    """Vertices at `points` (k, 2) [R] with `colours` (k, 3)."""
+    out = _vertices(len(points))
     factor, shift = camera.canvas_map()
-    out[:, :2], out[:, 8:11] = factor * places + shift, colours
+    out[:, :2], out[:, 8:11] = factor * points + shift, colours
     return out
 
 
 def _vertices(count: int) -> Vertices:
-    """Opaque, without places and colours yet."""
+    """Opaque, without positions and colours yet."""
     out = np.zeros((count, kernels.VERTEX), dtype=np.float32)
     out[:, -1] = 1.0
     return out

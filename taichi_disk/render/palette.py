@@ -1,13 +1,15 @@
-"""Colours: of curves, of the two themes, and the maps from values to colours. NumPy only."""
+"""Colours: of curves, of the two themes, the maps from values to colours, and where they end. NumPy only."""
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
 
+from taichi_disk.fields import FRINGES
 from taichi_disk.output.plot import ENERGIES, LINE
 
 Colour = tuple[float, float, float]  # sRGB, 0 to 1
@@ -23,7 +25,6 @@ _BARE = 0.7  # of the lightness that a map spans is left to one that stands out 
 class Theme:
     """The colours of a picture. `zero`, `low`, `high`: of the maps, CIELAB; `low` and `high` run outwards from zero."""
 
-    name: str
     ground: Colour
     ink: Colour  # text that matters, outlines
     faint: Colour  # other text
@@ -37,35 +38,34 @@ class Theme:
     fringe: tuple[tuple[float, float, float], ...]
 
 
-LIGHT = Theme(
-    name="light",
-    ground=(0.980, 0.980, 0.972),
-    ink=(0.13, 0.14, 0.16),
-    faint=(0.37, 0.38, 0.41),
-    wall=(0.77, 0.76, 0.73),
-    arrow=(0.10, 0.10, 0.12),
-    rule=(0.87, 0.87, 0.86),
-    low=((76, 24, 30), (54, 56, 46), (32, 52, 36)),
-    zero=(96, 0, 1),
-    high=((76, -10, -24), (54, -2, -48), (32, 16, -56)),
-    amount=((96, -1, 8), (77, 18, 46), (58, 48, 36), (39, 50, 0), (20, 34, -30)),
-    fringe=((96, 0, 1), (20, 2, -8)),
-)
-DARK = Theme(
-    name="dark",
-    ground=(0.051, 0.055, 0.067),
-    ink=(0.93, 0.93, 0.91),
-    faint=(0.64, 0.65, 0.67),
-    wall=(0.30, 0.33, 0.38),
-    arrow=(0.97, 0.97, 0.95),
-    rule=(0.20, 0.21, 0.23),
-    low=((38, 40, 40), (62, 48, 52), (86, 12, 46)),
-    zero=(14, 0, -2),
-    high=((38, -4, -34), (62, -14, -38), (86, -18, -18)),
-    amount=((9, 12, -18), (31, 44, -14), (53, 56, 36), (75, 26, 66), (97, -8, 44)),
-    fringe=((6, 0, 0), (94, -9, 3)),
-)
-THEMES = {theme.name: theme for theme in (LIGHT, DARK)}
+THEMES: dict[str, Theme] = {
+    "light": Theme(
+        ground=(0.980, 0.980, 0.972),
+        ink=(0.13, 0.14, 0.16),
+        faint=(0.37, 0.38, 0.41),
+        wall=(0.77, 0.76, 0.73),
+        arrow=(0.10, 0.10, 0.12),
+        rule=(0.87, 0.87, 0.86),
+        low=((76, 24, 30), (54, 56, 46), (32, 52, 36)),
+        zero=(96, 0, 1),
+        high=((76, -10, -24), (54, -2, -48), (32, 16, -56)),
+        amount=((96, -1, 8), (77, 18, 46), (58, 48, 36), (39, 50, 0), (20, 34, -30)),
+        fringe=((96, 0, 1), (20, 2, -8)),
+    ),
+    "dark": Theme(
+        ground=(0.051, 0.055, 0.067),
+        ink=(0.93, 0.93, 0.91),
+        faint=(0.64, 0.65, 0.67),
+        wall=(0.30, 0.33, 0.38),
+        arrow=(0.97, 0.97, 0.95),
+        rule=(0.20, 0.21, 0.23),
+        low=((38, 40, 40), (62, 48, 52), (86, 12, 46)),
+        zero=(14, 0, -2),
+        high=((38, -4, -34), (62, -14, -38), (86, -18, -18)),
+        amount=((9, 12, -18), (31, 44, -14), (53, 56, 36), (75, 26, 66), (97, -8, 44)),
+        fringe=((6, 0, 0), (94, -9, 3)),
+    ),
+}
 
 
 @lru_cache
@@ -94,9 +94,9 @@ def colour_map(theme: str, kind: str, bare: bool = False) -> NDArray[np.float32]
 
 def _curve(nodes: tuple[tuple[float, float, float], ...], count: int) -> NDArray[np.float64]:
     """(count, 3) points on the polynomial through `nodes`: smooth, so that no edge is seen where there is none."""
-    places, at = np.linspace(0.0, 1.0, len(nodes)), np.linspace(0.0, 1.0, count)
+    known, at = np.linspace(0.0, 1.0, len(nodes)), np.linspace(0.0, 1.0, count)
     powers = np.arange(len(nodes))
-    return np.asarray(at[:, None] ** powers @ np.linalg.solve(places[:, None] ** powers, np.array(nodes, dtype=float)))
+    return np.asarray(at[:, None] ** powers @ np.linalg.solve(known[:, None] ** powers, np.array(nodes, dtype=float)))
 
 
 _WHITE = np.array([0.95047, 1.0, 1.08883])  # D65
@@ -117,3 +117,22 @@ def lab_to_srgb(lab: NDArray[np.float64]) -> NDArray[np.float64]:
     linear = np.clip(xyz @ _XYZ_TO_RGB.T, 0.0, 1.0)
     encoded = np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * linear ** (1.0 / 2.4) - 0.055)
     return np.clip(encoded, 0.0, 1.0)
+
+
+# ---- scales
+
+FULL_COLOUR = 98.0  # percentile of the values that has the full colour
+_STEPS = (1.0, 1.5, 2.0, 3.0, 4.0, 5.0, 6.0, 8.0, 10.0)
+
+
+def full_scale(values: NDArray[np.float64], colour: str) -> float:
+    """A round number near the largest |value| but for a few; of fringes: the difference that makes FRINGES of them."""
+    largest = float(np.percentile(np.abs(values), FULL_COLOUR))
+    return round_near(largest / FRINGES if colour == "fringes" else largest)
+
+
+def round_near(value: float) -> float:
+    """The round number (of _STEPS, times a power of ten) next to a value; 1e-12 for less than that."""
+    value = max(value, 1e-12)
+    decade = 10.0 ** math.floor(math.log10(value))
+    return float(decade * min(_STEPS, key=lambda step: abs(math.log(step * decade / value))))

@@ -1,4 +1,4 @@
-"""From states to the pixels of finished pictures, without a screen."""
+"""From states to the pixels of finished pictures, without a screen; the curves at their right."""
 
 from __future__ import annotations
 
@@ -6,7 +6,8 @@ import contextlib
 import os
 import tempfile
 from collections.abc import Iterator, Sequence
-from typing import Any
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import taichi as ti
@@ -14,14 +15,21 @@ from numpy.typing import NDArray
 
 from taichi_disk.errors import TaichiDiskError
 from taichi_disk.lattice import Array
+from taichi_disk.output.plot import HEIGHTS, LINE, STYLE, draw_curves, matplotlib_style
 from taichi_disk.render import kernels
-from taichi_disk.render.camera import Camera, View
+from taichi_disk.render.geometry import Camera, View
 from taichi_disk.render.legend import Legend
-from taichi_disk.render.panel import Panel
+from taichi_disk.render.palette import Theme
 from taichi_disk.render.video import Picture
-from taichi_disk.signals import signals_wait
+
+if TYPE_CHECKING:
+    from taichi_disk.simulation.outcome import Outcome
+    from taichi_disk.simulation.scenario import Scenario
 
 _MARGIN = 8.0  # around the view: pixels in a picture of 720
+_LETTER, _LEAST = 13.2, 11.0  # pixels of letters in a picture of 720, and the smallest in any
+_FAINT = 0.2  # of its contrast is left to what is still to come
+_LINES: dict[str, Any] = {"left": "solid", "right": (0, (3, 1.5))}  # a single run has the first
 
 
 class Pictures:
@@ -81,9 +89,7 @@ class Pictures:
 
 def read_back(window: Any) -> NDArray[np.float32]:
     """(columns, rows upwards, 4) what has been drawn on a `ti.ui.Window`, 0 to 1."""
-    # The first call imports a part of NumPy: an interrupt that fell into that would abort the process.
-    with signals_wait():
-        image: NDArray[np.float32] = window.get_image_buffer_as_numpy()
+    image: NDArray[np.float32] = window.get_image_buffer_as_numpy()
     return image
 
 
@@ -97,3 +103,83 @@ def elsewhere() -> Iterator[None]:
             yield
         finally:
             os.chdir(here)
+
+
+# ---- the curves
+
+
+@dataclass(frozen=True)
+class Panel:
+    """The curves, drawn beforehand; what is still to come is seen faintly.
+
+    Attributes:
+        full: (rows, columns, 3) the curves whole.
+        faint: the same, faded.
+        end: the last time on the axis, whose first is 0 [R/c].
+        boxes: first and last column, first and last row of each pair of axes.
+        ink: of the line that marks the time.
+    """
+
+    full: Picture
+    faint: Picture
+    end: float
+    boxes: tuple[tuple[int, int, int, int], ...]
+    ink: tuple[int, ...]
+
+    def draw(self, picture: Picture, t: float) -> None:
+        """Show the curves at time `t` [R/c] in `picture` (rows, columns, 3), which holds them whole."""
+        for left, right, top, bottom in self.boxes:
+            now = round(float(np.interp(t, (0.0, self.end), (left, right))))
+            picture[top:bottom, now:] = self.faint[top:bottom, now:]
+            picture[top:bottom, now] = self.ink
+
+
+def side_panel(runs: Sequence[tuple[Scenario, Outcome]], size: int, theme: Theme) -> Panel:
+    """The panel of one run, or of two in the same axes, `size` pixels high; with one disk the film is 16 : 9."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+    from matplotlib.lines import Line2D
+
+    width, dpi, letter = 2 * round(size * 7 / 18), size / 7.2, max(_LETTER * size / 720, _LEAST)
+    with matplotlib_style(_style(theme, 72.0 * letter / dpi)):
+        # A hair larger, as matplotlib rounds down.
+        figure = Figure(figsize=((width + 0.1) / dpi, (size + 0.1) / dpi), dpi=dpi)
+        canvas = FigureCanvasAgg(figure)
+        axes = list(figure.subplots(3, 1, sharex=True, height_ratios=HEIGHTS))
+        lines = []
+        for (scenario, outcome), style in zip(runs, _LINES.values(), strict=False):
+            lines += draw_curves(axes, scenario, outcome.columns, linestyle=style)
+        end = max(scenario.last_motion(outcome.columns) for scenario, outcome in runs)
+        axes[-1].set_xlim(0.0, end)
+        for ax in axes:
+            ax.margins(y=0.06)
+            # The power of ten of an axis stands in its title: above it there is no other room.
+            numbers = ax.yaxis.get_major_formatter()
+            numbers.format_ticks(ax.get_yticks())
+            ax.yaxis.get_offset_text().set_visible(False)
+            ax.set_title(f"{ax.get_ylabel()} {numbers.get_offset()}".replace("\n", " "), loc="left")
+            ax.set_ylabel("")
+        energies = {line.get_label(): line for line in lines[::-1] if line.axes is axes[2]}  # the first run's
+        handles = list(energies.values())[::-1]
+        if len(runs) > 1:
+            handles += [Line2D([], [], color=LINE, linestyle=style, label=side) for side, style in _LINES.items()]
+        across, down, rows = letter / width, letter / size, (len(handles) + 1) // 2
+        figure.subplots_adjust(
+            5.0 * across, (4.2 + 1.7 * rows) * down, 1.0 - across, 1.0 - 2.0 * down, hspace=9.0 * down
+        )
+        figure.legend(handles=handles, loc="lower center", ncols=2, handlelength=1.4, columnspacing=1.2)
+        canvas.draw()
+        full = np.asarray(canvas.buffer_rgba())[..., :3].copy()
+    extents = [ax.get_window_extent() for ax in axes]
+    boxes = [(box.x0, box.x1, size - box.y1, size - box.y0) for box in extents]
+    ground, ink = 255.0 * np.asarray(theme.ground), tuple(round(255 * part) for part in theme.faint)
+    faint = np.rint(ground + _FAINT * (full - ground)).astype(np.uint8)
+    return Panel(full, faint, end, tuple(tuple(map(round, box)) for box in boxes), ink)
+
+
+def _style(theme: Theme, points: float) -> dict[Any, Any]:
+    """matplotlib's settings."""
+    sizes = {"font.size": points, "axes.titlesize": "medium", "legend.fontsize": "medium"}
+    inks = dict.fromkeys(("text.color", "axes.labelcolor", "xtick.color", "ytick.color"), theme.ink)
+    grounds = {"figure.facecolor": theme.ground, "axes.facecolor": theme.ground}
+    return STYLE | sizes | inks | grounds | {"axes.edgecolor": theme.faint, "grid.color": theme.rule}

@@ -1,26 +1,28 @@
-"""The kinds of scenes, and how one is loaded. A new kind is a file here and an entry of SCENES."""
+"""The kinds of scenes, how one is loaded, and whether it can be computed.
+
+A new kind is a file here, a member of `Scene`, and a file of the defaults in the folder `scenes` beside the package.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TypeAlias, cast
+from typing import TypeAlias, cast, get_args
 
-from taichi_disk.config import loader
-from taichi_disk.config.loader import Source, shipped_scenes
-from taichi_disk.config.scene_base import SceneBase
-from taichi_disk.config.sweep_axes import Sweep
+from taichi_disk.config.scene_base import SceneBase, check
+from taichi_disk.config.sections import ElasticWallSection
+from taichi_disk.config.sweep_axes import Sweep, check_sweep
+from taichi_disk.config.tree import Source, read_tree
+from taichi_disk.config.tree import shipped_scenes as shipped_scenes
+from taichi_disk.errors import InputError
+from taichi_disk.lattice import check_thickness
+from taichi_disk.runtime import free_memory
 from taichi_disk.scenes.absorbing_wall import AbsorbingWallScene
 from taichi_disk.scenes.compression import CompressionScene
 from taichi_disk.scenes.exponential_wall import ExponentialWallScene
 
-__all__ = ["SCENES", "Scene", "Sweep", "load_any", "load_scene", "load_sweep", "shipped_scenes"]
-
 Scene: TypeAlias = CompressionScene | ExponentialWallScene | AbsorbingWallScene
-SCENES: dict[str, type[SceneBase]] = {
-    "compression": CompressionScene,
-    "exponential_wall": ExponentialWallScene,
-    "absorbing_wall": AbsorbingWallScene,
-}
+BYTES = 3e8, 2e3  # of a process, and of each point; measured with 1,099 to 2,000,000 points
+SCENES: dict[str, type[SceneBase]] = {kind.scene: kind for kind in get_args(Scene)}
 
 
 def load_scene(source: Source, overrides: Sequence[str] = ()) -> Scene:
@@ -33,7 +35,7 @@ def load_scene(source: Source, overrides: Sequence[str] = ()) -> Scene:
     Raises:
         InputError: with every fault at once, each as file:line:column: key: what is wrong.
     """
-    return cast(Scene, loader.load(source, overrides, SCENES, want="scene"))
+    return cast(Scene, _load(source, overrides, "scene"))
 
 
 def load_sweep(source: Source, overrides: Sequence[str] = ()) -> Sweep:
@@ -41,9 +43,59 @@ def load_sweep(source: Source, overrides: Sequence[str] = ()) -> Sweep:
 
     "sweep.key=[...]" in `overrides` sets an axis: where `sweep:` is a list of sections, in every one.
     """
-    return cast(Sweep, loader.load(source, overrides, SCENES, want="sweep"))
+    return cast(Sweep, _load(source, overrides, "sweep"))
 
 
 def load_any(source: Source, overrides: Sequence[str] = ()) -> Scene | Sweep:
     """A sweep where the source has a section `sweep:`, else a scene. The source is read once."""
-    return cast("Scene | Sweep", loader.load(source, overrides, SCENES))
+    return cast("Scene | Sweep", _load(source, overrides))
+
+
+def _load(source: Source, overrides: Sequence[str], want: str = "any") -> SceneBase | Sweep:
+    tree = read_tree(source, overrides)
+    has_sweep = "sweep" in tree.value
+    if has_sweep and want == "scene":
+        what = "this scene has a sweep: compute it with `taichi-disk sweep`, or leave this section out"
+        tree.fault(tree.entries[("sweep",)].key, ("sweep",), what)
+    if not has_sweep and want == "sweep":
+        what = "there is no sweep: section: compute a single scene with `taichi-disk run`, or add one, for example "
+        tree.fault(tree.entries[()].value, (), what + "`sweep: {seed: {range: 8}}`")
+    found = check_sweep(tree, SCENES) if has_sweep else check(tree, SCENES)
+    tree.refuse()
+    assert found is not None
+    return found
+
+
+def check_feasible(scene: Scene | Sweep) -> None:
+    """Raises InputError where `run` would: a lattice that cannot be, a step beyond the stability limit.
+
+    Of a sweep the first scene is looked at. The lattice is built only where a step by hand depends on it.
+    """
+    if isinstance(scene, Sweep):
+        return check_feasible(scene.scenes[0])
+    check_memory(scene)
+    points = scene.lattice.points if scene.lattice.file == "none" else scene.body().disk_points
+    if isinstance(scene.wall, ElasticWallSection):
+        check_thickness(points, scene.wall.points, scene.wall.width)
+    if scene.time.dt == "auto":
+        return
+    from taichi_disk.simulation.stability import spectrum
+    from taichi_disk.simulation.step_control import StepControl
+
+    scenario = scene.scenario()
+    if scenario.static:
+        return
+    StepControl(scenario, scene.time, spectrum(scenario.lattice, scenario.model))
+
+
+def check_memory(scene: SceneBase) -> None:
+    """Raises InputError for more points than there is free memory for."""
+    wall = getattr(scene, "wall", None)
+    points = scene.lattice.points + (wall.points if isinstance(wall, ElasticWallSection) else 0)
+    needed, free = BYTES[0] + BYTES[1] * points, free_memory()
+    if points > 20_000 and needed > free:
+        raise InputError(
+            f"lattice.points: {points:,} points need about {needed / 1e9:.1f} GB of memory, "
+            f"{free / 1e9:.1f} GB are free: take at most {max(3, int((free - BYTES[0]) / BYTES[1])):,}, or stop other "
+            "programs"
+        )

@@ -14,13 +14,13 @@ from taichi_disk.config.scene_base import (
     time_conflicts,
 )
 from taichi_disk.config.sections import ElasticWallSection, ImpactSection, MaterialSection
-from taichi_disk.lattice import Lattice, bulk_moduli, with_wall
+from taichi_disk.lattice import Lattice, with_wall
 from taichi_disk.scenes.body import DiskScene
 from taichi_disk.scenes.impact import ImpactScenario
 from taichi_disk.simulation.observables import Columns
 
 if TYPE_CHECKING:
-    from taichi_disk.physics import Boundary, Model
+    from taichi_disk.physics import Model
 
 
 class AbsorbingWallScene(DiskScene):
@@ -30,8 +30,6 @@ class AbsorbingWallScene(DiskScene):
     lattice_keys: ClassVar[tuple[str, ...]] = ("lattice", "wall.points", "wall.width")
     abscissa: ClassVar[tuple[str, str]] = ("impact", "velocity")
     results: ClassVar[tuple[str, ...]] = ("restitution", "contact_time")
-    laws: ClassVar[tuple[str, ...]] = ("eq5", "eq5_d1_is_1", "curvature")
-    paper: ClassVar[dict[str, float]] = {"d1": 0.973, "d2": 0.119}
 
     scene: Literal["absorbing_wall"] = "absorbing_wall"
     material: MaterialSection = MaterialSection(eta_star=0.0)  # the boundary absorbs the energy
@@ -86,24 +84,18 @@ class AbsorbingWallImpact(ImpactScenario):
         return -half - 0.05, half + 0.05, bottom - 0.05, 2.0 + self.gap
 
     def _model(self) -> Model:
-        from taichi_disk.physics import ElasticWall, Model, SmoothElasticWall
+        from taichi_disk import physics
 
         wall = self.scene.wall
-        law = {"springs": ElasticWall, "smooth": SmoothElasticWall}[wall.contact]
-        contact = law(wall.a, wall.V0, wall.threshold)
-        return Model(self.scene.springs(self.lattice), contact, boundary=self._boundary())
-
-    def _boundary(self) -> Boundary:
-        from taichi_disk.physics import MatchedBoundary, PinnedBoundary, ResetBoundary, matched_impedance
-
-        spec, wall = self.scene.lattice, self.scene.wall
+        contact = {"springs": physics.ElasticWall, "smooth": physics.SmoothElasticWall}[wall.contact]
+        boundary: physics.Boundary = physics.PinnedBoundary()
         if wall.boundary == "reset":
-            return ResetBoundary(wall.reset_interval)
-        if wall.boundary == "pinned":
-            return PinnedBoundary()
-        moduli = bulk_moduli(self.lattice.disk_points, spec.seed, self.scene.material.k_a, spec.min_spacing)
-        p, s = moduli.density * moduli.wave_speed_p, moduli.density * moduli.wave_speed_s
-        return MatchedBoundary(matched_impedance(self.lattice, p, s))
+            boundary = physics.ResetBoundary(wall.reset_interval)
+        elif wall.boundary == "dashpot":
+            moduli = self.scene.moduli(self.lattice.disk_points)
+            p, s = moduli.density * moduli.wave_speed_p, moduli.density * moduli.wave_speed_s
+            boundary = physics.MatchedBoundary(physics.matched_impedance(self.lattice, p, s))
+        return physics.Model(self.springs, contact(wall.a, wall.V0, wall.threshold), boundary=boundary)
 
     def unfinished(self, columns: Columns) -> str:
         return f"{super().unfinished(columns)}; if it has slipped off the end of the wall, write a larger wall.width"

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, ClassVar
 
 from taichi_disk.config.scene_base import SceneBase
 from taichi_disk.errors import InputError
-from taichi_disk.lattice import Lattice, disk_lattice, read_lattice
+from taichi_disk.lattice import Lattice, Moduli, bulk_moduli, disk_lattice, read_lattice
 
 if TYPE_CHECKING:
     from taichi_disk.physics import Springs
@@ -18,15 +18,12 @@ class DiskScene(SceneBase):
 
     Attributes:
         lattice_keys: the sections and keys on which `body` depends.
-        abscissa, results, laws, paper: of a sweep, the key that curves are drawn against, the numbers of each scene,
-            the laws fitted to them, the paper's values of their coefficients.
+        abscissa, results: of a sweep, the key that curves are drawn against, the numbers of each scene.
     """
 
     lattice_keys: ClassVar[tuple[str, ...]] = ("lattice",)
     abscissa: ClassVar[tuple[str, str]]
     results: ClassVar[tuple[str, ...]] = ()
-    laws: ClassVar[tuple[str, ...]] = ()
-    paper: ClassVar[dict[str, float]] = {}
 
     def body(self) -> Lattice:
         """The unloaded lattice. Raises InputError for a file that holds no disk, SimulationError as `disk_lattice`."""
@@ -37,6 +34,11 @@ class DiskScene(SceneBase):
             except InputError as error:
                 raise InputError(f"lattice.file: {error}") from error
         return disk_lattice(spec.points, spec.seed, spec.rim, spec.min_spacing)
+
+    def moduli(self, points: int) -> Moduli:
+        """Of the material of a disk of `points` random points."""
+        spec = self.lattice
+        return bulk_moduli(points, spec.seed, self.material.k_a, spec.min_spacing)
 
     def unused(self) -> Collection[tuple[str, str]]:
         keys = () if self.lattice.file == "none" else ("points", "seed", "rim", "min_spacing")

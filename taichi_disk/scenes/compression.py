@@ -6,6 +6,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, ClassVar, Literal
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from taichi_disk.config.scene_base import Conflicts, dashpots, time_conflicts
 from taichi_disk.config.sections import CompressionSection, MaterialSection, WallSection
@@ -28,8 +29,6 @@ class CompressionScene(DiskScene):
     title: ClassVar[str] = "compression on a rigid wall"
     abscissa: ClassVar[tuple[str, str]] = ("compression", "pressure")
     results: ClassVar[tuple[str, ...]] = ("xi", "xi_nominal", "xi_extrapolated")
-    laws: ClassVar[tuple[str, ...]] = ("eq2", "eq2_nominal")
-    paper: ClassVar[dict[str, float]] = {"b": 1.55}
 
     scene: Literal["compression"] = "compression"
     material: MaterialSection = MaterialSection(eta_star=100.0)  # so that the vibration dies out
@@ -45,7 +44,8 @@ class CompressionScene(DiskScene):
 
     def scenario(self, lattice: Lattice | None = None) -> Compression:
         """The scene ready to be stepped; `lattice`: an unloaded disk to take instead of the scene's own."""
-        return Compression(self, lattice or self.body())
+        kind = Loading if self.compression.method == "newton" else Compression
+        return kind(self, lattice or self.body())
 
 
 class Compression(Scenario):
@@ -70,26 +70,24 @@ class Compression(Scenario):
 
     def __init__(self, scene: CompressionScene, disk: Lattice) -> None:
         from taichi_disk.physics import ExponentialWall, Load, Model
-        from taichi_disk.simulation.equilibrium import place_on_wall, resting_angle, solve_equilibrium
+        from taichi_disk.simulation.equilibrium import depth, place_on_wall, resting_angle, solve_equilibrium
         from taichi_disk.simulation.stability import contact_point_force
 
-        self.scene, material = scene, scene.material
+        self.scene = scene
         self.pressure = scene.compression.pressure
-        self.static = scene.compression.method == "newton"
         wall, springs = ExponentialWall(scene.wall.a, scene.wall.V0), scene.springs(disk)
         if np.abs(springs.strain(disk, disk.positions)).max() > STRAINED:
             disk = replace(disk, positions=solve_equilibrium(disk, Model(springs), disk.positions).positions)
         self.model = Model(springs, wall, Load(self.pressure))
-        angle = resting_angle(disk, material.k_a, wall.a, self.pressure)
+        angle = resting_angle(disk, springs.modulus, wall.a, self.pressure)
         start = place_on_wall(disk, angle, wall, self.pressure).positions
         self.rest = solve_equilibrium(disk, self.model, start)
         self.lattice = place_on_wall(disk, self.rest.roll, wall, TOUCH * self.pressure)
-        y = self.lattice.positions[:, 1]
-        self.unloaded = float(y.mean() - y.min())
+        self.unloaded = depth(self.lattice.positions)
         self.velocities = np.zeros_like(self.lattice.positions)
         # Released without damping, the contact force would swing to twice the load.
         self.point_force = contact_point_force(self.lattice, self.model, 2.0 * self.pressure)
-        unit = 1.0 / np.sqrt(material.k_a)
+        unit = springs.time_unit
         self.sample_interval = float(0.1 * unit)
         self.quiet_time = float(20.0 * unit)
         limit = scene.compression.max_time
@@ -100,7 +98,7 @@ class Compression(Scenario):
         """The disk moves no more, but for the slow roll. A vibration shows in the wall's force, the roll does not."""
         tolerance = self.scene.compression.tolerance
         return {
-            "kinetic": (0.0, tolerance * self.pressure**2 / self.scene.material.k_a),
+            "kinetic": (0.0, tolerance * self.pressure**2 / self.model.springs.modulus),
             "residual": (0.0, tolerance * self.pressure / self.lattice.disk_points),
             "wall_force": (self.pressure * (1.0 - 1e-3 * tolerance), self.pressure * (1.0 + 1e-3 * tolerance)),
         }
@@ -110,8 +108,9 @@ class Compression(Scenario):
         return wanted == "none" or self.end_truncation_error(columns) <= 0.5 * wanted
 
     def end_truncation_error(self, columns: Columns) -> float:
-        y = self.rest.positions[:, 1]
-        return abs(self.result(columns)["xi"] - (self.unloaded - float(y.mean() - y.min())))
+        from taichi_disk.simulation.equilibrium import depth
+
+        return abs(self.result(columns)["xi"] - (self.unloaded - depth(self.rest.positions)))
 
     def unfinished(self, columns: Columns) -> str:
         end, wanted = {name: values[-1] for name, values in columns.items()}, self.scene.time.tolerance
@@ -137,7 +136,7 @@ class Compression(Scenario):
         """xi once the roll, too, has come to its end.
 
         The dashpots make the last roll onto the lowest place slow, theta ~ exp(-t/T), T up to 10^4 R/c. What remains of
-        it follows from the last stretch of time: xi - xi_end falls as the angular momentum does.
+        it follows from what the disk did last: xi - xi_end falls as the angular momentum does.
         """
         t, spin = columns["t"], columns["angular_momentum"]
         distance = columns["com_y"] - columns["lowest_y"]
@@ -152,7 +151,7 @@ class Compression(Scenario):
         return f"ξ = {self.result(columns)['xi']:.6g} R", ""
 
     def quality(self, columns: Columns) -> tuple[Array, str, str] | None:
-        return None if self.static else (columns["residual"], "largest force on\na point  [Mc²/R]", "log")
+        return columns["residual"], "largest force on\na point  [Mc²/R]", "log"
 
     def motion(self, columns: Columns) -> tuple[Array, str]:
         height = columns["com_y"] - columns["lowest_y"]
@@ -165,8 +164,6 @@ class Compression(Scenario):
 
     def frame_times(self, columns: Columns, frames: int) -> Array:
         t, kinetic = columns["t"], columns["kinetic"]
-        if self.static:
-            return spread([0.0, 1.0, 1.0], [0.8, 0.2], frames)
         visible = t[np.flatnonzero(kinetic >= 1e-4 * kinetic.max())[-1]]
         return spread([0.0, min(visible, 0.5 * t[-1]), t[-1]], [0.85, 0.15], frames)
 
@@ -180,5 +177,43 @@ class Compression(Scenario):
 
     def caption(self, row: dict[str, float]) -> tuple[str, ...]:
         xi = self.unloaded - (row["com_y"] - row["lowest_y"])
-        when = f"{row['t']:.0%} of the way" if self.static else f"t = {row['t']:7.3f} R/c"
-        return (when, f"ξ = {xi:.6f} R")
+        return *super().caption(row), f"ξ = {xi:.6f} R"
+
+
+class Loading(Compression):
+    """The load grows so slowly that the disk is always at rest: `t` is the part of it, 1 the end."""
+
+    static = True
+    time_label, pace = "part of the load P", ""
+
+    def motion(self, columns: Columns) -> tuple[Array, str]:
+        return columns["xi"], "compression ξ  [R]"
+
+    def continuum(self, columns: Columns) -> dict[str, Array]:
+        if self.lattice.origin != f"seed {self.scene.lattice.seed}":  # the material of other points is not known
+            return {}
+        found = self.scene.moduli(self.lattice.disk_points)
+        loads = self.pressure * columns["t"], found.young, found.poisson
+        return {"eq. (2), b = 1": paper_compression(*loads), "exact law, rigid wall": exact_compression(*loads)}
+
+    def frame_times(self, columns: Columns, frames: int) -> Array:
+        return np.linspace(columns["t"][0], 1.0, frames)
+
+    def caption(self, row: dict[str, float]) -> tuple[str, ...]:
+        return f"P = {100.0 * row['t']:.0f} % of {self.pressure:g} Mc²/R", f"ξ = {row['xi']:.6f} R"
+
+
+def paper_compression(pressure: ArrayLike, young: ArrayLike, poisson: ArrayLike, b: ArrayLike = 1.0) -> Array:
+    """Eq. (2): xi = b P/(pi E) {ln(4 pi E R/(b P)) - 1 - nu} [R]."""
+    p = np.asarray(b, float) * pressure / (np.pi * np.asarray(young, float))
+    return np.asarray(p * (np.log(4.0 / p) - 1.0 - np.asarray(poisson)))
+
+
+def exact_compression(pressure: ArrayLike, young: ArrayLike, poisson: ArrayLike) -> Array:
+    """xi = P/(pi E) {ln(pi E R/P) - (1 + nu)/4} [R]: a disk under a uniform body force P, on one hard contact.
+
+    xi is measured from the centre of mass. The law follows from Michell's series for the disk and Hertz's pressure
+    in the contact (Johnson, Contact Mechanics, 1985, section 5.6, treats two contacts). Its relative error is O(P/E).
+    """
+    p = np.asarray(pressure, float) / (np.pi * np.asarray(young, float))
+    return np.asarray(p * (np.log(1.0 / p) - 0.25 * (1.0 + np.asarray(poisson))))

@@ -20,7 +20,6 @@ class ExponentialWallScene(DiskScene):
     title: ClassVar[str] = "impact on a rigid wall"
     abscissa: ClassVar[tuple[str, str]] = ("impact", "velocity")
     results: ClassVar[tuple[str, ...]] = ("restitution", "contact_time")
-    laws: ClassVar[tuple[str, ...]] = ("eq5", "eq5_d1_is_1", "curvature", "eq4")
 
     scene: Literal["exponential_wall"] = "exponential_wall"
     wall: WallSection = WallSection()
@@ -43,4 +42,4 @@ class ExponentialWallImpact(ImpactScenario):
     def _model(self) -> Model:
         from taichi_disk.physics import ExponentialWall, Model
 
-        return Model(self.scene.springs(self.lattice), ExponentialWall(self.scene.wall.a, self.scene.wall.V0))
+        return Model(self.springs, ExponentialWall(self.scene.wall.a, self.scene.wall.V0))

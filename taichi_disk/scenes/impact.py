@@ -10,7 +10,7 @@ import numpy as np
 
 from taichi_disk.errors import InputError
 from taichi_disk.lattice import Lattice, disk_of
-from taichi_disk.lattice.network import bending_compliance, network_stiffness
+from taichi_disk.lattice.network import bending_compliance
 from taichi_disk.simulation.observables import Columns
 from taichi_disk.simulation.scenario import Array, Scenario, spread
 
@@ -25,7 +25,7 @@ LONGEST = 0.05  # between two rows, of the disk's own time: some 100 rows of con
 HALVINGS = 8  # of that at the most: some 30,000 rows
 CONTACT_LEVEL = 0.01  # contact lasts while the wall's force exceeds this fraction of its peak
 NOT_ROUND = 0.2  # of the radius: a body whose outline dips deeper bends more easily than a disk
-RESOLVED = 0.7  # of the wall's decay length that a step may cross, for its error to be told by another step
+RESOLVED = 0.7  # of the wall's decay length that a step may cross, for another step to show its error
 
 
 class ImpactScenario(Scenario):
@@ -52,10 +52,10 @@ class ImpactScenario(Scenario):
         distance = np.hypot(*(disk.positions - disk.positions.mean(axis=0)).T)
         self._radius, self._inertia = float(distance.max()), float((distance**2).mean())
         self._dip = self._radius - float(distance[disk.disk_surface].min())
-        self._compliance = 1.0 / scene.material.k_a
+        self.springs = scene.springs(body)
+        self._compliance = 1.0 / self.springs.modulus
         if self._dip > NOT_ROUND * self._radius:
-            stiffness = network_stiffness(disk.positions, disk.bonds, scene.material.k_a)
-            self._compliance = max(self._compliance, bending_compliance(stiffness))
+            self._compliance = max(self._compliance, bending_compliance(self.springs.stiffness_at_rest(disk)))
         self._set_out()
 
     def _set_out(self) -> None:
@@ -64,10 +64,10 @@ class ImpactScenario(Scenario):
 
         scene, velocity = self.scene, self.scene.impact.velocity
         self.velocity, self.kinetic = velocity, 0.5 * velocity**2
-        unit = 1.0 / np.sqrt(scene.material.k_a)  # the disk's own time scale [R/c]
-        halvings = np.ceil(np.log2(LONGEST * unit * scene.wall.a * velocity / DECAY_TIMES_PER_ROW) - 1e-9)
-        self.sample_interval = float(LONGEST * unit * 0.5 ** np.clip(halvings, 0, HALVINGS))
-        self.resolving_step = RESOLVED / (scene.wall.a * velocity)
+        longest, decay_time = LONGEST * self.springs.time_unit, scene.wall.decay_length / velocity
+        halvings = np.ceil(np.log2(longest / (DECAY_TIMES_PER_ROW * decay_time)) - 1e-9)
+        self.sample_interval = float(longest * 0.5 ** np.clip(halvings, 0, HALVINGS))
+        self.resolving_step = RESOLVED * decay_time
         self._put_at_start()
         self.model = self._model()
         self.point_force = impact_point_force(self.lattice, self.model, velocity)
@@ -91,7 +91,9 @@ class ImpactScenario(Scenario):
         if impact.turn:
             positions[:n] = turned(positions[:n], impact.turn)
         surface = positions[body.disk_surface, 1]
-        self.gap = self._default_gap(surface - surface.min()) if impact.gap == "auto" else impact.gap
+        self.gap, wall = impact.gap, self.scene.wall
+        if self.gap == "auto":
+            self.gap = max(wall.height_of(START_POTENTIAL * self.kinetic, surface - surface.min()), wall.decay_length)
         positions[:n, 1] += self.gap - surface.min()
         self.lattice = replace(body, positions=positions)
         self.velocities = np.zeros_like(positions)
@@ -100,18 +102,12 @@ class ImpactScenario(Scenario):
             arm = positions[:n] - positions[:n].mean(axis=0)
             self.velocities[:n] += impact.spin * np.stack([-arm[:, 1], arm[:, 0]], axis=1)
 
-    def _default_gap(self, heights: Array) -> float:
-        """Gap [R] at which the wall's potential, summed over points `heights` above the lowest, is negligible."""
-        wall = self.scene.wall
-        total = np.log(np.exp(-wall.a * heights).sum()) + np.log(wall.V0)
-        return float(max(total - np.log(START_POTENTIAL * self.kinetic), 1.0) / wall.a)
-
     def _default_max_time(self) -> float:
         """Time to come, ten contacts after Hertz, pi sqrt(ln(4 c/v)) R/c, and to leave with e = 0.05 [R/c].
 
         A body that is not round has left once no corner of it can reach down any more.
         """
-        unit = 1.0 / np.sqrt(self.scene.material.k_a)
+        unit = self.springs.time_unit
         contact = np.pi * unit * np.sqrt(np.log(4.0 / min(self.velocity * unit, 1.0)))
         return float(22.0 * (self.gap + self._dip) / self.velocity + 10.0 * contact)
 
@@ -120,7 +116,7 @@ class ImpactScenario(Scenario):
 
     def ended(self, columns: Columns) -> bool:
         # A disk on its way out may still vibrate so much that it touches again. Its lowest point has to be higher than
-        # at the start by sqrt(2 U/k_a), U all energy but that of flight and spin: 1.4 to 2.3 times what the remaining
+        # at the start by sqrt(2 U/E), U all energy but that of flight and spin: 1.4 to 2.3 times what the remaining
         # vibrations were seen to move the rim. A rod bends more. If it turns faster than it rises, so must each point,
         # when it is lowest.
         last = {name: float(values[-1]) for name, values in columns.items()}
@@ -155,7 +151,7 @@ class ImpactScenario(Scenario):
         return self.energy
 
     @property
-    def leverage(self) -> float:
+    def sensitivity(self) -> float:
         # What is off in a spin reaches the flight by the work of one on the other, which is of the order of the
         # geometric mean of their energies.
         return float(np.sqrt(self.energy / self.kinetic))

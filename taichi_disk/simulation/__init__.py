@@ -1,1 +1,1 @@
-"""The engine: state, stepping, the loop over time, the choice of the step, equilibria."""
+"""The engine: kernels, the choice of the step, the loop over time, whether a run is sound, equilibria."""

@@ -11,14 +11,13 @@ import numpy as np
 
 from taichi_disk.errors import SimulationError
 from taichi_disk.lattice import Array
-from taichi_disk.simulation.energy_balance import Watch, unacceptable
-from taichi_disk.simulation.failure import BlowUp, explained, gone_through
-from taichi_disk.simulation.observables import COLUMNS, INDEX, Columns, as_columns, bounds_array
+from taichi_disk.simulation.diagnostics import BlowUp, EnergyBalance, explained, gone_through, unacceptable
+from taichi_disk.simulation.observables import COLUMNS, Columns, as_columns, bounds_array
 from taichi_disk.simulation.scenario import Scenario
 from taichi_disk.simulation.simulation import NEVER, KernelCache, Simulation
 from taichi_disk.simulation.stability import Spectrum
-from taichi_disk.simulation.state import Snapshot
 from taichi_disk.simulation.step_control import StepControl
+from taichi_disk.simulation.stepping import Snapshot
 
 Moment = tuple[float, Array, Array]  # t [R/c], positions (n, 2) [R], velocities (n, 2) [c]
 Status = Literal["running", "restarted", "finished", "failed"]
@@ -33,7 +32,6 @@ class Driver:
     Args:
         scenario, time, spectrum, force: as for `StepControl`.
         kernels: where compiled simulations come from.
-        endless: `max_time` is no failure, and time goes on after the end: for a window.
 
     Attributes:
         interval: time between two rows [R/c], of `stride` steps.
@@ -42,25 +40,19 @@ class Driver:
         failure: why there is no result, once the status is "failed".
         end: the state at the end, once the status is "finished".
         steps_made: in all attempts together.
-        pulled_from: number of the step at which the mouse began to pull; from then on no retries and no end. inf: none.
+        can_end: whether the scene may end, and begin again with a shorter step.
 
     Raises InputError for a step by hand that is too long.
     """
 
+    can_end = True
+
     def __init__(
-        self,
-        scenario: Scenario,
-        time: Any,
-        kernels: KernelCache,
-        spectrum: Spectrum,
-        *,
-        force: bool = False,
-        endless: bool = False,
+        self, scenario: Scenario, time: Any, kernels: KernelCache, spectrum: Spectrum, *, force: bool = False
     ) -> None:
         self.scenario, self.kernels = scenario, kernels
         self.control = StepControl(scenario, time, spectrum, force)
         self.steps_made, self.compile_seconds = 0, 0.0
-        self._endless = endless
         self.failure: SimulationError | None = None
         self.end: Snapshot | None = None
         self.status: Status = "running"
@@ -72,18 +64,17 @@ class Driver:
         self.step, self.attempt = self.control.step, self.control.attempt
         self.simulation = self._simulation()
         self.compile_seconds += perf_counter() - began
-        self._generation = self.simulation.generation
         self.stride = max(1, round(scenario.row_interval / self.step.dt))
         self.interval = self.stride * self.step.dt
         self._last = ceil(scenario.max_time / self.interval) * self.stride
-        self._needed, self._held = 1 + ceil(scenario.quiet_time / self.interval - 1e-9), 0
+        self._needed, self._quiet = 1 + ceil(scenario.quiet_time / self.interval - 1e-9), 0
         springs = SPRINGS_PER_LOOK if self.simulation.subdomains > 1 else SPRINGS_PER_LAUNCH
         self._launch_steps = max(1, springs // (len(scenario.lattice.bonds) * self.step.integrator.forces))
         self._rows: Array = np.empty((256, len(COLUMNS)))
         self._rows[0], self.count = self.simulation.first_row, 1
-        self._watch = Watch(self.simulation.first_row)
+        self._watch = EnergyBalance(self.simulation.first_row)
         self.start = self.state = self.simulation.snapshot()
-        self.row, self.pulled_from = self.simulation.first_row, inf
+        self.row = self.simulation.first_row
 
     def _simulation(self) -> Simulation:
         """A simulation at t = 0."""
@@ -107,11 +98,6 @@ class Driver:
         """The time series so far."""
         return as_columns(self.rows, self.interval)
 
-    @property
-    def imbalance(self) -> float:
-        """Energy that has appeared from nowhere [M c^2]."""
-        return float(self._watch.imbalance(self.row[None])[0])
-
     # ---- time
 
     def advance(self, seconds: float = inf, steps: int | None = None) -> Status:
@@ -120,31 +106,27 @@ class Driver:
         Returns "running"; "restarted" where all begins again with a shorter step; "finished" at the scene's end; or
         "failed": see `failure`.
         """
-        if self.status == "failed" or (self.status == "finished" and not self._endless):
+        if self.status in ("finished", "failed"):
             return self.status
-        self.status = "finished" if self.status == "finished" else "running"
-        entered, until = self.status, perf_counter() + seconds
-        last = 2**31 - 1 if self._endless else self._last
-        if steps is not None:
-            last = min(last, self.simulation.step_number + steps)
+        self.status, until = "running", perf_counter() + seconds
+        last = self._last if steps is None else min(self._last, self.simulation.step_number + steps)
         while self.simulation.step_number < last:
             self._launch(last)
-            if self.status != entered or perf_counter() >= until:
+            if self.status != "running" or perf_counter() >= until:
                 break
-        if self.status == "running" and self.simulation.step_number >= self._last and not self._endless:
+        if self.status == "running" and self.simulation.step_number >= self._last:
             self._fail(SimulationError(self.scenario.unfinished(self.columns)))
         return self.status
 
     def _launch(self, last: int) -> None:
         """One kernel launch, and what follows from it; up to step `last`."""
         simulation, before = self.simulation, self.simulation.step_number
-        look = self.status == "running" and self.pulled_from == inf
-        steps, needed = min(self._launch_steps, last - before), self._needed if look else NEVER
-        rows, self._held = simulation.advance(steps, self.stride, self._bounds, needed, self._held)
+        steps, needed = min(self._launch_steps, last - before), self._needed if self.can_end else NEVER
+        rows, self._quiet = simulation.advance(steps, self.stride, self._bounds, needed, self._quiet)
         self.steps_made += simulation.step_number - before
         now, seen, what = simulation.snapshot(), np.vstack([rows, simulation.now]), ""
         if (lost := self._watch.first_lost(seen)) is not None:
-            what = self._watch.told(seen[lost])
+            what = self._watch.loss(seen[lost])
         elif gone_through(self.scenario.lattice, self.scenario.model, now.vectors[0], self._watch.total):
             what = "the disk has gone through the surface of the wall"
         self._append(rows[:lost])
@@ -152,46 +134,19 @@ class Driver:
             self._blown_up(what)
             return
         self.state, self.row = now, simulation.now
-        if look and self._held >= self._needed:
+        if self.can_end and self._quiet >= self._needed:
             # The rows of the quiet time: a scene may be asked at every row, and all rows are many.
             last_rows = self._rows[max(0, self.count - self._needed - 1) : self.count]
             if self.scenario.ended(as_columns(last_rows, self.interval)):
                 self._judge()
             else:
-                self._held = self._needed - 1
+                self._quiet = self._needed - 1
 
     def _append(self, rows: Array) -> None:
         while self.count + len(rows) > len(self._rows):
             self._rows = np.concatenate([self._rows, np.empty_like(self._rows)])
         self._rows[self.count : self.count + len(rows)] = rows
         self.count += len(rows)
-
-    def back_to(self, snapshot: Snapshot, row: Array) -> None:
-        """Go back to a `state` of this attempt, with its `row`, before the mouse pulled; all after it is forgotten."""
-        simulation = self.simulation
-        if simulation.generation != self._generation:  # another driver has used it meanwhile
-            simulation = self.simulation = self._simulation()
-            self._generation = simulation.generation
-        elif self.pulled_from < inf:
-            simulation.set_mouse_target(-1)
-        simulation.restore(snapshot)
-        self.count = 1 + snapshot.step // self.stride
-        inside = ((self.rows[1:] >= self._bounds[0]) & (self.rows[1:] <= self._bounds[1])).all(axis=1)
-        self._held = min(int(np.argmin(np.append(inside[::-1], False))), self._needed - 1)
-        self._watch = Watch(self.rows[0])
-        self._watch.first_lost(self.rows)
-        self.state, self.row, self.failure, self.pulled_from = snapshot, row, None, inf
-        over = self.end is not None and snapshot.step >= self.end.step
-        self.status, self.end = ("finished", self.end) if over else ("running", None)
-
-    def pull(self, point: int, target: tuple[float, float]) -> None:
-        """Tie a point (-1: none any more) to the mouse at `target` [R] from now on; the model needs a `mouse`."""
-        self.pulled_from = min(self.pulled_from, self.simulation.step_number)
-        jump = self.simulation.set_mouse_target(point, target)
-        self.row = self.row.copy()
-        self.row[INDEX["load"]] += jump
-        self._watch.give(jump)
-        self.state = self.simulation.snapshot()
 
     def replay(self, times: Array) -> Iterator[Moment]:
         """Run the last attempt again and stop at the steps nearest to `times` (ascending): bitwise as it was."""
@@ -224,13 +179,13 @@ class Driver:
 
     def _blown_up(self, lost: str) -> None:
         """After the last row something was `lost`: begin again if a shorter step may do better."""
-        simulation, look = self.simulation, self.status == "running" and self.pulled_from == inf
+        simulation = self.simulation
         simulation.restore(self.state)
         if (steps := (self.count - 1) * self.stride - simulation.step_number) > 0:
             simulation.advance(steps, self.stride)
             self.state, self.row = simulation.snapshot(), simulation.now
         peak = simulation.peak_point_force()
-        if look and self.control.shorten_after_blow_up(peak):
+        if self.can_end and self.control.shorten_after_blow_up(peak):
             self._restart()
             return
         x, v, t = simulation.positions(), simulation.velocities(), simulation.time

@@ -12,6 +12,7 @@ from taichi_disk.errors import SimulationError
 from taichi_disk.lattice import Array, Lattice
 from taichi_disk.lattice.network import symmetric_factors
 from taichi_disk.physics import ExponentialWall, Model
+from taichi_disk.signals import raise_if_interrupted
 
 _EPS = float(np.finfo(np.float64).eps)
 _TOLERANCE = 1e-12  # of the load on a point
@@ -37,18 +38,23 @@ class Equilibrium:
     roll: float
 
 
-def solve_equilibrium(lattice: Lattice, model: Model, start: Array, max_iterations: int = 400) -> Equilibrium:
+def solve_equilibrium(
+    lattice: Lattice, model: Model, start: Array, max_iterations: int = 400, near: bool = False
+) -> Equilibrium:
     """The stable rest of a disk under its load, on the exponential wall; or of a free disk.
 
     Newton's method, kept on the way downhill in energy from `start` (n, 2). The mean x stays: nothing else fixes it. A
     disk whose centre of mass is not above its contact rolls, as it would in reality, until it is.
 
+    `near`: `start` is the rest under a load that is not much larger, so that the first steps may be whole ones.
+
     Raises SimulationError where the forces do not vanish within `max_iterations`.
     """
     x, load = start, model.load.force if model.load else 0.0
     stiffest = float(model.springs.stiffness(lattice, x).diagonal().max())
-    shift = _FIRST_SHIFT * stiffest
+    shift = (_LEAST_SHIFT if near else _FIRST_SHIFT) * stiffest
     for iteration in range(max_iterations + 1):
+        raise_if_interrupted()
         force, tangent = model.forces(lattice, x), model.stiffness(lattice, x)
         residual = float(np.abs(force).max())
         # Some ten forces meet in a point, each as sharp as the last bit of a coordinate lets it be.
@@ -131,6 +137,12 @@ def roll_angle(unloaded: Array, positions: Array) -> float:
     return math.atan2(across, float(np.sum(before * after)))
 
 
+def depth(positions: Array) -> float:
+    """How far the lowest of the points (n, 2) lies below the centre of mass [R]."""
+    y = positions[:, 1]
+    return float(y.mean() - y.min())
+
+
 def turned(positions: Array, angle: float) -> Array:
     """`positions` (n, 2) turned about their mean, counter-clockwise [rad]."""
     c, s = np.cos(angle), np.sin(angle)
@@ -144,19 +156,18 @@ def turned(positions: Array, angle: float) -> Array:
 def rigid_balance(heights: Array, wall: ExponentialWall, load: float) -> float:
     """How far to lift points at `heights` (n,) [R] for the wall to bear the `load`: sum_i a V0 exp(-a y_i) = P."""
     lowest = float(heights.min())
-    crowd = float(np.exp(-wall.a * (heights - lowest)).sum())
-    return float(np.log(wall.a * wall.V0 * crowd / load)) / wall.a - lowest
+    return wall.height_of_force(load, heights - lowest) - lowest
 
 
-def resting_angle(disk: Lattice, k_a: float, a: float, pressure: float) -> float:
+def resting_angle(disk: Lattice, modulus: float, a: float, pressure: float) -> float:
     """The angle [rad], counter-clockwise, by which the unloaded disk has to be turned to lie lowest.
 
     On a wall V0 exp(-y/L) a rigid body rests where L ln sum_i exp(-y_i/L), y_i against the centre of mass, is smallest.
-    L = 1/a + 2 P/(pi k_a) makes its contact about as wide as Hertz's.
+    L = 1/a + 2 P/(pi E) makes its contact about as wide as Hertz's.
     """
     from scipy.optimize import minimize_scalar
 
-    depth = 1.0 / a + 2.0 * pressure / (np.pi * k_a)
+    depth = 1.0 / a + 2.0 * pressure / (np.pi * modulus)
     x, y = (disk.positions[disk.disk_surface] - disk.positions.mean(axis=0)).T
 
     def height(angle: float) -> float:

@@ -11,21 +11,22 @@ import numpy as np
 from taichi_disk.errors import TaichiDiskError
 from taichi_disk.lattice import Array
 from taichi_disk.lattice.lattice import double_area
+from taichi_disk.physics import Load, Model
 from taichi_disk.progress import Progress
-from taichi_disk.simulation import energy_balance
+from taichi_disk.simulation import diagnostics
 from taichi_disk.simulation.driver import Driver, Moment
-from taichi_disk.simulation.error_estimate import COMPARED, error_estimate
+from taichi_disk.simulation.equilibrium import depth, roll_angle, solve_equilibrium, turned
 from taichi_disk.simulation.observables import COLUMNS, Columns
 from taichi_disk.simulation.scenario import Scenario
 from taichi_disk.simulation.simulation import KernelCache
 from taichi_disk.simulation.stability import Spectrum, spectrum, step_limit
-from taichi_disk.simulation.step_control import fitted
+from taichi_disk.simulation.step_control import COMPARED, error_estimate, fitted
 
 ESTIMATE_UP_TO = 1.3e9  # spring evaluations of a run, some 5 s, up to which a second run for the error is made unasked
 REST_CAUTION = 1.1  # by which the distance from Newton's rest is enlarged
 ROUNDING = 1e-11  # of xi [R], about, and of where the solver stops
 STRETCHED = 0.1  # of the contact's elastic energy: a disk that stores more before it touches the wall is stretched
-ROWS_AT_REST = 101  # of an equilibrium's way from the unloaded disk
+LOADS = 24  # of a quasi-static loading: from one to the next a film hardly changes
 
 
 @dataclass(frozen=True)
@@ -37,6 +38,7 @@ class Outcome:
         positions, velocities: (n, 2) at the end.
         largest_push: of the wall on one point, ever [M c^2/R].
         replay: the moments at given ascending times, computed when asked for, bitwise those of the run.
+        frames: the same for pictures: of a quasi-static loading, interpolated between its equilibria.
         facts: how it was computed, for summary.json: steps, dt, integrator, error estimate, energy balance, warnings.
         compile_seconds: wall-clock time spent on compiling.
     """
@@ -46,6 +48,7 @@ class Outcome:
     velocities: Array
     largest_push: float
     replay: Callable[[Array], Iterator[Moment]]
+    frames: Callable[[Array], Iterator[Moment]]
     facts: dict[str, Any]
     compile_seconds: float = 0.0
 
@@ -59,6 +62,7 @@ def compute(
     modes: Spectrum | None = None,
     force: bool = False,
     estimate: bool = True,
+    loads: int = LOADS,
 ) -> Outcome:
     """Compute `scenario` to its end.
 
@@ -68,12 +72,13 @@ def compute(
         force: take a hand-written step even beyond the stability limit.
         estimate: whether to estimate the error and to count triangles turned inside out, by running again, unless that
             would take long.
+        loads: how many equilibria a quasi-static loading goes through; 1: the last alone, bitwise the same.
 
     Raises InputError for a step by hand that is too long, SimulationError when the scene does not end in time or its
     energy balance is lost, BlowUp when the state becomes meaningless.
     """
     if scenario.static:
-        return _at_rest(scenario)
+        return quasistatic(scenario, loads, progress)
     progress, kernels = progress or Progress(), kernels or KernelCache()
     modes = modes or spectrum(scenario.lattice, scenario.model)
     driver = Driver(scenario, time, kernels, modes, force=force)
@@ -90,7 +95,7 @@ def _described(driver: Driver, time: Any, estimate: bool) -> Outcome:
     assert end is not None
     simulation = driver.simulation
     positions, velocities = simulation.positions(end), simulation.velocities(end)
-    warnings = energy_balance.warnings(scenario, columns)
+    warnings = diagnostics.warnings(scenario, columns)
     peak = simulation.peak_point_force(end)
     limit = step_limit(driver.control.spectrum, scenario.model, step.integrator, peak)
     if step.dt > limit:
@@ -117,11 +122,11 @@ def _described(driver: Driver, time: Any, estimate: bool) -> Outcome:
         "integrator": step.integrator.name,
         "error_estimate": {} if error is None else {scenario.primary(columns)[0]: error},
         "error_source": "time step" if scenario.step_dependent else "end of the run",
-        "energy": energy_balance.summary(scenario, columns),
+        "energy": diagnostics.summary(scenario, columns),
     }
     if inverted is not None:
         facts["inverted_triangles"] = inverted
-    return Outcome(columns, positions, velocities, peak, driver.replay, facts, driver.compile_seconds)
+    return Outcome(columns, positions, velocities, peak, driver.replay, driver.replay, facts, driver.compile_seconds)
 
 
 def greatest_compression(columns: Columns) -> float:
@@ -165,36 +170,51 @@ def _inversion_warnings(inverted: int) -> list[str]:
     ]
 
 
-def _at_rest(scenario: Scenario) -> Outcome:
-    """The rest under the full load, and the straight way to it: `t` runs from 0, undeformed, to 1."""
+def quasistatic(scenario: Scenario, loads: int, progress: Progress | None = None) -> Outcome:
+    """Equilibria under growing loads: `t` is the part of the full load, `xi` the compression under it [R].
+
+    They are solved for from the full load down, each from the one above: the last does not depend on their number.
+    """
     lattice, model, rest = scenario.lattice, scenario.model, scenario.rest
     assert rest is not None and model.wall is not None and model.load is not None
-    way = rest.positions - lattice.positions
-    t = np.linspace(0.0, 1.0, ROWS_AT_REST, dtype=np.float64)
+    full, still = model.load.force, np.zeros_like(rest.positions)
+    parts = (np.arange(1, loads + 1) / loads) ** 1.5  # closer where the disk settles down
+
+    def pressed(part: float) -> Model:
+        return replace(model, load=Load(part * full))
+
+    def under(part: float, start: Array) -> Array:
+        return solve_equilibrium(lattice, pressed(part), start, near=True).positions
+
+    states, progress = [rest.positions], progress or Progress()
+    progress.start("simulate", loads)
+    for part in parts[-2::-1]:
+        states.insert(0, under(part, states[0]))
+        progress.update(len(states))
+
+    def frames(times: Array) -> Iterator[Moment]:
+        for part in np.clip(times, parts[0], 1.0).tolist():
+            k = max(int(np.searchsorted(parts, part)), 1)
+            share = (part - parts[k - 1]) / (parts[k] - parts[k - 1])
+            yield part, (1.0 - share) * states[k - 1] + share * states[k], still
 
     def replay(times: Array) -> Iterator[Moment]:
-        for one in times:
-            yield float(one), lattice.positions + one * way, np.zeros_like(way)
+        for part, x, v in frames(times):
+            yield part, x if part in parts else under(part, x), v
 
-    columns: Columns = {name: np.zeros(len(t)) for name in COLUMNS}
-    columns["t"] = t
-    for k, (_, x, _) in enumerate(replay(t)):
+    columns: Columns = {name: np.zeros(loads) for name in (*COLUMNS, "xi")} | {"t": parts}
+    for k, x in enumerate(states):
         columns["com_x"][k], columns["com_y"][k] = x.mean(axis=0)
         columns["lowest_y"][k] = x[:, 1].min()
+        # Against the unloaded disk as it lies under this load: it rolls a little as the load grows.
+        columns["xi"][k] = depth(turned(lattice.positions, roll_angle(lattice.positions, x))) - depth(x)
         columns["wall_force"][k] = model.wall.forces(lattice, x)[:, 1].sum()
-        columns["residual"][k] = np.hypot(*model.forces(lattice, x).T).max()
-        for name, law in (("elastic", model.springs), ("wall", model.wall), ("load", model.load)):
-            columns[name][k] = law.energy(lattice, x)
+        columns["residual"][k] = np.hypot(*pressed(parts[k]).forces(lattice, x).T).max()
+        columns["elastic"][k], columns["wall"][k] = model.springs.energy(lattice, x), model.wall.energy(lattice, x)
+    columns["load"] = parts * full * columns["com_y"]
     columns["total"] = columns["elastic"] + columns["wall"] + columns["load"]
     inverted = inverted_triangles(scenario, rest.positions)
-    facts = {
-        "warnings": _inversion_warnings(inverted),
-        "steps": rest.iterations,
-        "integrator": "newton",
-        "error_estimate": {},
-        "residual": rest.residual,
-        "roll": rest.roll,
-        "inverted_triangles": inverted,
-    }
+    facts = {"warnings": _inversion_warnings(inverted), "steps": rest.iterations, "integrator": "newton"}
+    facts |= {"error_estimate": {}, "residual": rest.residual, "roll": rest.roll, "inverted_triangles": inverted}
     largest = float(np.hypot(*model.wall.contact_forces(lattice, rest.positions)[1].T).max(initial=0.0))
-    return Outcome(columns, rest.positions, np.zeros_like(way), largest, replay, facts)
+    return Outcome(columns, rest.positions, still, largest, replay, frames, facts)

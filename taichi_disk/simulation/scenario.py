@@ -1,4 +1,4 @@
-"""What the engine needs to know of a scene, and what it hands back to be judged. Each kind of scene is a subclass."""
+"""What a scene gives the engine: start, laws, end, and results from the time series. Each kind is a subclass."""
 
 from __future__ import annotations
 
@@ -28,15 +28,16 @@ class Scenario(ABC):
         model: what acts.
         point_force: estimate of the largest force of the wall on one point [M c^2/R].
         max_time: when to give up [R/c].
-        sample_interval: longest time between two rows from which the scene can be judged [R/c].
+        sample_interval: longest time between two rows from which `result` can be found [R/c].
         view: (xmin, xmax, ymin, ymax) that the film keeps in sight [R].
         step_dependent: whether the primary result depends on the time step, beyond where the run happens to end.
         resolving_step: the longest step that resolves the wall, where the result depends on the step [R/c].
         truncation_remedy: which keys make `end_truncation_error` smaller.
-        static: whether there is no time: the result is `rest`.
+        static: whether nothing moves: equilibria under growing loads take the place of time, and the last is `rest`.
         rest: the equilibrium under the load, by Newton's method, if there is a load.
         quiet_time: how long rows have to stay within `end_bounds` [R/c]; 0: one row is enough.
-        labels: name and unit of each number of `result` that is told a person.
+        time_label, pace: what `t` is, for the axes of curves; how much of it a film shows, to be filled in.
+        labels: name and unit of each number of `result` that is shown.
         notes: how each number of `result` was measured.
     """
 
@@ -51,9 +52,11 @@ class Scenario(ABC):
     step_dependent: bool = True
     resolving_step: float = float("inf")
     truncation_remedy: str = ""
-    static: bool = False
     rest: Equilibrium | None = None
     quiet_time: float = 0.0
+    static: ClassVar[bool] = False
+    time_label: ClassVar[str] = "time  [R/c]"
+    pace: ClassVar[str] = "1 s shows {:g} R/c"
     labels: ClassVar[dict[str, tuple[str, str]]]
     notes: ClassVar[dict[str, str]] = {}
 
@@ -90,7 +93,7 @@ class Scenario(ABC):
         return True
 
     def unfinished(self, columns: Columns) -> str:
-        """What to tell when `max_time` has come first."""
+        """The message where `max_time` has come first."""
         return f"the scene has not ended by t = {columns['t'][-1]:.6g} R/c"
 
     # ---- the result
@@ -112,7 +115,7 @@ class Scenario(ABC):
         """What the energy imbalance is divided by [M c^2]."""
 
     @property
-    def leverage(self) -> float:
+    def sensitivity(self) -> float:
         """How many times as much a relative imbalance may mean for the result, which is a part of the motion only."""
         return 1.0
 
@@ -126,6 +129,10 @@ class Scenario(ABC):
     def motion(self, columns: Columns) -> tuple[Array, str]:
         """The curve that the scene is about, (rows,), and the label of its axis."""
 
+    def continuum(self, columns: Columns) -> dict[str, Array]:
+        """What laws of the continuum say of `motion`, by their names."""
+        return {}
+
     def last_motion(self, columns: Columns) -> float:
         """Where the curves' time axis ends [R/c]."""
         return float(columns["t"][-1])
@@ -135,7 +142,7 @@ class Scenario(ABC):
         return "", ""
 
     def quality(self, columns: Columns) -> tuple[Array, str, str] | None:
-        """What tells how good the run is (rows,), its label, and the scale of its axis: "linear" or "log"."""
+        """A curve of how good the run is (rows,), its label, and the scale of its axis: "linear" or "log"."""
         return None
 
     @abstractmethod
@@ -143,7 +150,7 @@ class Scenario(ABC):
         """Lines for the film and the plot: the scene and its numbers."""
 
     def caption(self, row: dict[str, float]) -> tuple[str, ...]:
-        """Lines for one moment of the film, from the observables then."""
+        """Lines for one frame of the film, from the observables then."""
         return (f"t = {row['t']:7.3f} R/c",)
 
 

@@ -14,18 +14,18 @@ from taichi_disk.integrators import Integrator
 from taichi_disk.integrators.trapezoidal import DashpotSolver, Factor, factorise
 from taichi_disk.lattice import Array, Lattice
 from taichi_disk.physics import MatchedBoundary, Model
-from taichi_disk.physics.law import Room
+from taichi_disk.physics.law import Capacity
 from taichi_disk.physics.ordering import BLOCK, Arrangement, arrange
+from taichi_disk.signals import raise_if_interrupted
+from taichi_disk.simulation.kernels import Kernels, SubdomainKernels
 from taichi_disk.simulation.observables import COLUMNS, PEAK, SUMS, bounds_array
-from taichi_disk.simulation.state import Snapshot, State
-from taichi_disk.simulation.stepping import Stepping
-from taichi_disk.simulation.subdomains import SubdomainStepping
+from taichi_disk.simulation.stepping import Snapshot, State
 
-# Room that there is at the least: kernels of one size serve all lattices of usual size.
+# Of any simulation: kernels of one size serve all lattices of usual size.
 POINTS = 12_000
 SPRINGS_PER_POINT = 3  # a triangulation has fewer
 ENTRIES_PER_POINT = 27  # of the dashpots' factor, enough up to some 12,000 points
-LEAST_ROOM = Room(POINTS, SPRINGS_PER_POINT * POINTS // BLOCK, ENTRIES_PER_POINT * POINTS)
+LEAST = Capacity(POINTS, SPRINGS_PER_POINT * POINTS // BLOCK, ENTRIES_PER_POINT * POINTS)
 NEVER = 2**30
 CONTACT = 1e-3  # of the kinetic energy of the flight, in the wall's potential
 
@@ -44,23 +44,23 @@ class Simulation:
         self.integrator, self.model, self.generation = integrator, deepcopy(model), 0
         arrangement, factor = arrange(lattice.bonds, len(lattice.positions)), self._factor(lattice, model, dt)
         self.subdomains = arrangement.subdomains
-        self._room = Room(*map(_doubled, _needed(lattice, arrangement, factor), astuple(LEAST_ROOM)))
+        self._capacity = Capacity(*map(_doubled, _needed(lattice, arrangement, factor), astuple(LEAST)))
         builder = ti.FieldsBuilder()
         for law in self.model.laws:
-            law.place(builder, self._room)
-        self.state = State(builder, self._room, self.subdomains, self.model.springs.damped)
+            law.make_fields(builder, self._capacity)
+        self.state = State(builder, self._capacity, self.subdomains, self.model.springs.damped)
         both = 2 if isinstance(model.boundary, MatchedBoundary) else 1
-        solver = DashpotSolver(builder, self._room, both) if factor is not None else None
+        solver = DashpotSolver(builder, self._capacity, both) if factor is not None else None
         parts = self.state, self.model, integrator, solver
         large = self.subdomains > 1
-        self.stepping = SubdomainStepping(*parts, builder, self.subdomains) if large else Stepping(*parts)
+        self.kernels = SubdomainKernels(*parts, builder, self.subdomains) if large else Kernels(*parts)
         self._tree = builder.finalize()
         self._start(lattice, model, velocities, dt, arrangement, factor)
 
     def restart(self, lattice: Lattice, model: Model, integrator: Integrator, velocities: Array, dt: float) -> bool:
         """Become the simulation that these arguments would make, without compiling anew.
 
-        Returns False, with nothing changed, where that cannot be: laws of other kinds, or not enough room.
+        Returns False, with nothing changed, where that cannot be: laws of other kinds, or a lattice too large.
         """
         if integrator is not self.integrator or model.signature() != self.model.signature():
             return False
@@ -69,7 +69,7 @@ class Simulation:
             arrangement = arrange(lattice.bonds, len(lattice.positions))
         factor = self._factor(lattice, model, dt)
         needed = _needed(lattice, arrangement, factor)
-        full = any(count > room for count, room in zip(needed, astuple(self._room), strict=True))
+        full = any(count > most for count, most in zip(needed, astuple(self._capacity), strict=True))
         if full or arrangement.subdomains != self.subdomains:
             return False
         self._start(lattice, model, velocities, dt, arrangement, factor)
@@ -83,53 +83,63 @@ class Simulation:
         self, lattice: Lattice, model: Model, velocities: Array, dt: float, arranged: Arrangement, factor: Factor | None
     ) -> None:
         for own, given in zip(self.model.laws, model.laws, strict=True):
-            own.adopt(given)
+            vars(own).update(vars(given))  # which is a value: its own fields stay
         self.lattice, self.dt, self.mass = lattice, dt, float(lattice.masses[0])
         self._arrangement, self.step_number = arranged, 0
         self.generation += 1
-        n, g = len(lattice.positions), dt / self.mass
-        reset_steps = max(1, round(model.reset_interval / dt))
+        n, g, state = len(lattice.positions), dt / self.mass, self.state
         flight = 0.5 * float((velocities[: lattice.disk_points].mean(axis=0) ** 2).sum())
         contact = CONTACT * flight * model.wall.added_stiffness(1.0) if model.wall else float("inf")
-        self.state.set_numbers(
-            (dt, self.mass, g, self.integrator.kicks[-1] * g, contact),
-            (n, lattice.disk_points, arranged.blocks, arranged.subdomain_points, reset_steps),
-            self.model.laws,
-        )
+        numbers: list[tuple[Any, float]] = [
+            (state.h, dt),
+            (state.m, self.mass),
+            (state.g, g),
+            (state.closing, self.integrator.kicks[-1] * g),
+            (state.contact, contact),
+            (state.n, n),
+            (state.n_disk, lattice.disk_points),
+            (state.blocks, arranged.blocks),
+            (state.subdomain_points, arranged.subdomain_points),
+            (state.reset_steps, max(1, round(model.reset_interval / dt))),
+        ]
+        for law in self.model.laws:
+            numbers += law.numbers()
+        state.write(numbers, n)
         self.model.springs.arrange(lattice, arranged)
-        self.stepping.fill(arranged, factor)
+        self.kernels.fill(arranged, factor)
         for law in self.model.laws:
             law.fill(lattice)
         start = np.zeros((len(self.state.vectors), n, 2))
         start[0], start[1] = lattice.positions, velocities
         self.state.restore(Snapshot(0, start, np.zeros(SUMS)))
         rows = np.zeros((1, len(COLUMNS)))
-        self.stepping.initialise(rows)
+        self.kernels.initialise(rows)
         self.first_row = self.now = rows[0]
 
     # ---- time
 
     def advance(
-        self, steps: int, stride: int = 1, bounds: Array | None = None, needed: int = NEVER, held: int = 0
+        self, steps: int, stride: int = 1, bounds: Array | None = None, needed: int = NEVER, quiet: int = 0
     ) -> tuple[Array, int]:
         """Make `steps` steps, fewer if the scene's end is met; none at all compile the kernel.
 
         Args:
             stride: a row of observables is returned for every step whose number is a multiple of it.
             bounds: (2, columns) least and largest value of every column at the end.
-            needed, held: how many rows running have to be within the bounds to stop, and how many are already.
+            needed, quiet: how many rows running have to be within the bounds to stop, and how many are already.
 
         Returns the rows (rows, columns), and how many rows running are within the bounds now.
         """
+        raise_if_interrupted()
         rows = np.empty(((self.step_number % stride + steps) // stride + 1, len(COLUMNS)))
         bounds = bounds_array({}) if bounds is None else bounds
-        counts = np.array([needed, held, 0, 0], np.int32)
-        self.stepping.advance(self.step_number, steps, stride, rows, bounds, counts)
-        held, made, count = (int(number) for number in counts[1:])
+        counts = np.array([needed, quiet, 0, 0], np.int32)
+        self.kernels.advance(self.step_number, steps, stride, rows, bounds, counts)
+        quiet, made, count = (int(number) for number in counts[1:])
         self.step_number += made
         if steps:
             self.now = rows[count - (self.step_number % stride == 0)]
-        return rows[:count], held
+        return rows[:count], quiet
 
     @property
     def time(self) -> float:
@@ -162,7 +172,7 @@ class Simulation:
 
         Returns by how much the observable `load` has jumped [M c^2].
         """
-        return float(self.stepping.set_mouse_target(point, *target))
+        return float(self.kernels.set_mouse_target(point, *target))
 
     def destroy(self) -> None:
         """Give the fields' memory back; the simulation cannot be used afterwards."""
@@ -188,6 +198,7 @@ class KernelCache:
         known = self._known.get(key)
         arguments = lattice, model, integrator, velocities, dt
         if known is None or not known.restart(*arguments):
+            raise_if_interrupted()
             self._before_compiling()
             if known is not None:
                 known.destroy()
@@ -197,7 +208,7 @@ class KernelCache:
 
 
 def _needed(lattice: Lattice, arrangement: Arrangement, factor: Factor | None) -> tuple[int, int, int]:
-    """Points, blocks and entries of the factor, as in `Room`."""
+    """Points, blocks and entries of the factor, as in `Capacity`."""
     return len(lattice.positions), arrangement.blocks, len(factor.row) if factor else 0
 
 

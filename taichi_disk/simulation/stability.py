@@ -20,7 +20,7 @@ from taichi_disk.physics import Model
 # Of the largest force on one point over that of a smooth rim. Measured with 0.005 <= v <= 0.1, 30 <= a <= 30,000 and
 # N = 300, 1099, 4000 it is 0.06 to 1.5; the margin between an automatic step and the limit is good for another 1.4.
 ROUGHNESS = 1.2
-MODULUS = 1.2  # Young's modulus over k_a, about, for estimates of contact forces
+MODULUS = 1.2  # Young's modulus over `Springs.modulus`, for estimates of contact forces
 
 
 @dataclass(frozen=True)
@@ -87,7 +87,7 @@ def impact_point_force(lattice: Lattice, model: Model, velocity: float) -> float
     is stopped by a m v^2/2 at the least: into a hard wall, at high speed, that is more.
     """
     assert model.wall is not None
-    e_star = MODULUS * model.springs.k_a
+    e_star = MODULUS * model.springs.modulus
     xi = velocity
     for _ in range(50):
         xi = min(velocity * np.sqrt(np.log(4.0 / min(xi, 1.0)) / (np.pi * e_star)), 1.0)
@@ -102,7 +102,7 @@ def contact_point_force(lattice: Lattice, model: Model, force: float) -> float:
     of a soft wall along a circle, R/a; somewhat more where it sticks out.
     """
     assert model.wall is not None
-    variance = force / (np.pi * MODULUS * model.springs.k_a) + 1.0 / model.wall.a
+    variance = force / (np.pi * MODULUS * model.springs.modulus) + model.wall.decay_length
     surface = lattice.positions[lattice.disk_surface]
     chords = np.hypot(*(surface - np.roll(surface, 1, axis=0)).T)
     return float(min(force, ROUGHNESS * force / np.sqrt(2.0 * np.pi * variance) * chords.max()))

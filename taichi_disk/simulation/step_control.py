@@ -1,14 +1,14 @@
-"""Choosing integrator and step, and choosing again where wall, energy or a tolerance prove the step too long."""
+"""Choosing integrator and step, choosing again where wall, energy or a tolerance prove the step too long; the error."""
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from math import ceil, inf, sqrt
 from typing import Any
 
 from taichi_disk.errors import InputError
 from taichi_disk.integrators import INTEGRATORS, TRAPEZOIDAL, VELOCITY_VERLET, Integrator
-from taichi_disk.simulation.energy_balance import CLOSING, LARGEST, WORST, relative_imbalance, unacceptable
-from taichi_disk.simulation.error_estimate import COMPARED, RunRecord, TimeStep, error_estimate
+from taichi_disk.simulation.diagnostics import CLOSING, LARGEST, WORST, relative_imbalance, unacceptable
 from taichi_disk.simulation.observables import Columns
 from taichi_disk.simulation.scenario import Scenario
 from taichi_disk.simulation.stability import Spectrum, resolving_step, step_limit
@@ -20,6 +20,48 @@ BLOW_UPS = 5  # after which no shorter step is tried: where a wall is dented non
 AIM = 0.75  # of the tolerance, at which a step is aimed
 RESET_ERROR = 2e-5  # of e, that resets may cause at an automatic step beside dashpots
 LEAST, MOST = 1.15, 3.0  # by which a step is shortened for it: a longer leap would trust the power too far
+
+# Of estimated errors; measured on scenes whose truth is known: `python -m tests.validation.estimate_trial`.
+COMPARED = 1.5  # by which the step of a second run is shorter
+CAUTION = 1.5  # by which the difference is enlarged
+UNRESOLVED_PART = 0.5  # of the worst imbalance, which the error may be where a step does not resolve the wall
+
+
+@dataclass(frozen=True)
+class TimeStep:
+    """How time advances: `limit` is the stability limit of `integrator` [R/c], `dt` the step taken [R/c]."""
+
+    integrator: Integrator
+    limit: float
+    dt: float
+
+
+@dataclass(frozen=True)
+class RunRecord:
+    """One run: integrator and step [R/c], primary result, worst energy imbalance over the energy scale.
+
+    `coarseness`: the step over the longest one that resolves the wall.
+    """
+
+    integrator: Integrator
+    dt: float
+    result: float
+    imbalance: float = 0.0
+    coarseness: float = 0.0
+
+
+def error_estimate(other: RunRecord, run: RunRecord) -> float:
+    """Estimated error of `run`, from another run of the same integrator with a longer or shorter step.
+
+    With e(h) = e + C h^p two runs give e by Richardson's extrapolation, and with it the error of each. Two results
+    cannot tell whether e(h) is that power, so more is taken for the error. While a step crosses much of the wall's
+    decay length 1/a at the speed of the impact, the error stands at a plateau that differences do not show. There it is
+    not taken for less than a part of the worst energy imbalance.
+    """
+    growth = (other.dt / run.dt) ** run.integrator.order
+    extrapolated = run.result + (run.result - other.result) / (growth - 1.0)
+    unresolved = UNRESOLVED_PART * run.imbalance if run.coarseness > 1.0 else 0.0
+    return max(CAUTION * abs(run.result - extrapolated), unresolved)
 
 
 class StepControl:
@@ -77,21 +119,21 @@ class StepControl:
     # ---- errors
 
     def record(self, columns: Columns) -> RunRecord:
-        """What a run with the present step has told."""
+        """What the next steps are chosen from: a run with the present step."""
         step, result = self.step, self.scenario.primary(columns)[1]
         _, worst = relative_imbalance(self.scenario, columns)
-        worst *= self.scenario.leverage
+        worst *= self.scenario.sensitivity
         return RunRecord(step.integrator, step.dt, result, worst, step.dt / self.scenario.resolving_step)
 
     def error(self, columns: Columns) -> float | None:
-        """The estimated error of the last primary result; None while there is too little to tell."""
+        """The estimated error of the last primary result; None after a single run."""
         left = self.scenario.end_truncation_error(columns)
         if not self.scenario.step_dependent:
             return left
         return error_estimate(*self.records[-2:]) + left if len(self.records) > 1 else None
 
     def out_of_tolerance(self, columns: Columns) -> str | None:
-        """What to tell where the last run, which gave `columns`, is not known to be within the tolerance asked for."""
+        """Why the last run, which gave `columns`, is not known to be within the tolerance; None where it is."""
         tolerance, error = self.time.tolerance, self.error(columns)
         if tolerance == "none" or (error is not None and error <= tolerance):
             return None
@@ -134,7 +176,7 @@ class StepControl:
         if self._beyond(peak):
             return self._again(force=HARDER * peak)
         closing, worst = relative_imbalance(self.scenario, columns)
-        excess = self.scenario.leverage * max(abs(closing) / CLOSING, worst / WORST)
+        excess = self.scenario.sensitivity * max(abs(closing) / CLOSING, worst / WORST)
         # Where a shorter step does not help, it is not the step that is at fault.
         if excess <= 1.0 or excess > 0.5 * self._excess:
             return False
@@ -167,13 +209,13 @@ class StepControl:
         """
         scenario, step, tolerance = self.scenario, self.step, self.time.tolerance
         error, left = self.error(columns), scenario.end_truncation_error(columns)
-        room = tolerance - left
+        allowed = tolerance - left
         stands = not (self.out_of_tolerance(columns) or self._beyond(peak) or unacceptable(scenario, columns))
-        if stands or room <= 0.0:
+        if stands or allowed <= 0.0:
             return False
         shorter = COMPARED
         if error is not None:
-            shorter = min(((error - left) / (AIM * room)) ** (1.0 / step.integrator.order), MOST)
+            shorter = min(((error - left) / (AIM * allowed)) ** (1.0 / step.integrator.order), MOST)
         excess = abs(relative_imbalance(scenario, columns)[0]) / max(LARGEST, tolerance)
         least = max(LEAST, sqrt(excess), step.dt / (MARGIN * self.limit(step.integrator, peak)))
         return self._again(step.dt / max(shorter, least) / self.limit(step.integrator, self._point_force))

@@ -1,31 +1,108 @@
-"""The step: drift, forces, boundary, dashpots; and the kernel that makes many of them at once.
+"""The state of the points in Taichi fields, and the step that changes it: drift, forces, boundary, dashpots.
 
 Between steps the state holds x_k, f_k and the velocity before the last kick, v_k - closing f_k (in leapfrog:
-v_{k-1/2}). All steps between two looks run inside one kernel: launching one costs as much as a step.
+v_{k-1/2}).
 """
 
+from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
 import taichi as ti
 
 from taichi_disk.integrators import Integrator
-from taichi_disk.integrators.trapezoidal import DashpotSolver, Factor
+from taichi_disk.integrators.trapezoidal import DashpotSolver
+from taichi_disk.lattice import Array
 from taichi_disk.physics import MatchedBoundary, Model, PinnedBoundary, ResetBoundary
-from taichi_disk.physics.ordering import Arrangement
-from taichi_disk.physics.points import Integers1, Reals2, get, put
-from taichi_disk.simulation.observables import (
-    ABSORBED,
-    BOUNDARY_POWER,
-    COLUMNS,
-    DISSIPATED,
-    INDEX,
-    LEAVING,
-    PEAK,
-    POWER,
-    SLIDING,
-    SUMS,
-)
-from taichi_disk.simulation.state import State
+from taichi_disk.physics.law import Capacity, Reals1, Reals3, array, get, pair_of, put, scalar
+from taichi_disk.simulation.observables import ABSORBED, BOUNDARY_POWER, DISSIPATED, LEAVING, PEAK, POWER, SLIDING, SUMS
+
+
+@dataclass(frozen=True)
+class Snapshot:
+    """All that a simulation needs to go on from step `step`, bitwise as it would have.
+
+    Attributes:
+        vectors: (3 or 4, n, 2) positions [R], velocities before the last kick [c], forces [M c^2/R]; with dashpots
+            also the velocities at the step, predicted or solved for.
+        sums: (SUMS,) dissipated, its power, absorbed, its power, largest force of the wall on a point, sliding,
+            what the next step is to lose at its start (see `account`).
+    """
+
+    step: int
+    vectors: Array
+    sums: Array
+
+    def velocities(self, integrator: Integrator, dt: float, mass: float) -> Array:
+        """(n, 2) at the step, after its last kick [c]."""
+        _, v, f = self.vectors[:3]
+        return np.asarray(v + integrator.kicks[-1] * dt / mass * f)
+
+
+@ti.data_oriented
+class State:
+    """Fields of the points (`x`, `v`, `f`, `u`: see `Snapshot`), and 0-D fields of the numbers that every kernel needs.
+
+    `h`: time step; `m`: mass of a point; `g`: h/m; `closing`: what a step's last kick takes the force by, h/(2 m) in
+    leapfrog; `contact`: the wall's force on a point from which the disk is in contact [M c^2/R]; `n`, `n_disk`: points,
+    those of the disk; `reset_steps`: steps between two resets of the boundary.
+    """
+
+    def __init__(self, builder: Any, capacity: Capacity, subdomains: int, damped: bool) -> None:
+        self.fillers = 2 * subdomains  # points that carry the springs that fill up blocks
+        filled = capacity.points + self.fillers
+        self.x, self.v, self.f = (pair_of(builder, filled) for _ in range(3))
+        self.vectors = [self.x, self.v, self.f]
+        if damped:
+            self.u = pair_of(builder, filled)
+            self.vectors.append(self.u)
+        self.h, self.m, self.g, self.closing, self.contact = (scalar(builder) for _ in range(5))
+        self.n, self.n_disk, self.blocks, self.subdomain_points, self.reset_steps = (
+            scalar(builder, ti.i32) for _ in range(5)
+        )
+        self.sums = array(builder, SUMS, ti.f64)
+
+    def write(self, numbers: Sequence[tuple[Any, float]], n: int) -> None:
+        """Write each number into its 0-D field, the same fields in every call; `n`: points."""
+        self.scalars = [field for field, _ in numbers]
+        self._write(np.array([value for _, value in numbers], np.float64), n)
+
+    @ti.kernel
+    def _write(self, numbers: Reals1, n: ti.i32):
+        for k in ti.static(range(len(self.scalars))):
+            self.scalars[k][None] = ti.cast(numbers[k], self.scalars[k].dtype)
+        # Springs that fill up blocks lie at rest between (0, 0) and (1, 0), past the last point.
+        ti.loop_config(serialize=True)
+        for k in range(self.fillers):
+            for pair in ti.static(self.vectors):
+                for c in ti.static(range(2)):
+                    pair[c][n + k] = 0.0
+            self.x[0][n + k] = k % 2
+
+    def export(self, n: int, step: int) -> Snapshot:
+        vectors, sums = np.zeros((len(self.vectors), n, 2)), np.zeros(SUMS)
+        self._copy(vectors, sums, False)
+        return Snapshot(step, vectors, sums)
+
+    def restore(self, snapshot: Snapshot) -> None:
+        self._copy(snapshot.vectors, snapshot.sums, True)
+
+    @ti.kernel
+    def _copy(self, vectors: Reals3, sums: Reals1, into: ti.template()):
+        ti.loop_config(serialize=True)
+        for i in range(vectors.shape[1]):
+            for k in ti.static(range(len(self.vectors))):
+                for c in ti.static(range(2)):
+                    if ti.static(into):
+                        self.vectors[k][c][i] = vectors[k, i, c]
+                    else:
+                        vectors[k, i, c] = self.vectors[k][c][i]
+        for k in range(SUMS):
+            if ti.static(into):
+                self.sums[k] = sums[k]
+            else:
+                sums[k] = self.sums[k]
 
 
 @ti.data_oriented
@@ -46,11 +123,6 @@ class Stepping:
         self.pinned = isinstance(model.boundary, PinnedBoundary)
         self.matched = isinstance(model.boundary, MatchedBoundary)
         self.reset = isinstance(model.boundary, ResetBoundary)
-
-    def fill(self, arrangement: Arrangement, factor: Factor | None) -> None:
-        """Take what follows from another lattice or step."""
-        if self.solver is not None and factor is not None:
-            self.solver.fill(factor)
 
     # ---- forces
 
@@ -127,6 +199,26 @@ class Stepping:
         return self.account(number, sums, products), elastic, upward, potential
 
     @ti.func
+    def begin_account(self, before, products):
+        """At t = 0: dashpots that act on points, and the power of all. Returns `sums`, and the loss that they begin with.
+
+        `products` is that of the springs.
+        """
+        sums, loss = before, 0.0
+        if ti.static(self.implicit):
+            power, late = 0.0, 0.0
+            power, late, loss = self.solver.begin(self.state)
+            sums[POWER], sums[LEAVING] = power, power + late
+            if ti.static(self.matched):
+                sums[BOUNDARY_POWER] = self.boundary.solved_power(self.state)
+        else:
+            if ti.static(self.explicit):
+                sums[POWER] = self.springs.eta_now[None] * products
+            if ti.static(self.matched):
+                sums[BOUNDARY_POWER] = self.boundary.damp(self.state, 0.0)
+        return sums, loss
+
+    @ti.func
     def account(self, number, sums, products):
         """End step `number`: dashpots that act on points, the energy that all dashpots took, the boundary's reset.
 
@@ -135,7 +227,7 @@ class Stepping:
         h = self.state.h[None]
         power, cross, late, boundary_power = 0.0, 0.0, 0.0, 0.0
         if ti.static(self.explicit):
-            power = self.springs.now.eta[None] * products
+            power = self.springs.eta_now[None] * products
         if ti.static(self.implicit):
             power, cross, late = self.solver.solve_velocities(self.state)
             if ti.static(self.matched):
@@ -186,119 +278,3 @@ class Stepping:
         if ti.static(self.damped):
             result[POWER] = self.boundary.dashpot_work(self.state, self.springs, self.state.g[None])
         return result
-
-    # ---- kernels
-
-    @ti.kernel
-    def advance(self, first: ti.i32, steps: ti.i32, stride: ti.i32, rows: Reals2, bounds: Reals2, counts: Integers1):
-        """Make `steps` steps after step `first`, fewer if the rows meet the bounds of a scene's end.
-
-        `rows` is filled at every multiple of `stride`, and after the last step. `bounds` (2, columns): least and
-        largest value of every column. `counts`: how many rows running have to be within them; how many are; then what
-        was made: steps, rows at multiples of `stride`.
-        """
-        ti.loop_config(serialize=True)
-        for _ in range(1):
-            sums = ti.Vector([self.state.sums[k] for k in range(SUMS)])
-            made, row, needed, held = 0, 0, counts[0], counts[1]
-            while made < steps and held < needed:
-                made += 1
-                elastic, upward, potential = 0.0, 0.0, 0.0
-                sums, elastic, upward, potential = self.step(first + made, sums)
-                due = (first + made) % stride == 0
-                if due or made == steps:
-                    self.observe(rows, row, sums, elastic, upward, potential)
-                if due:
-                    inside = 1
-                    for k in ti.static(range(len(COLUMNS))):
-                        if rows[row, k] < bounds[0, k] or rows[row, k] > bounds[1, k]:
-                            inside = 0
-                    held = (held + 1) * inside
-                    row += 1
-            counts[1], counts[2], counts[3] = held, made, row
-            for k in ti.static(range(SUMS)):
-                self.state.sums[k] = sums[k]
-
-    @ti.kernel
-    def initialise(self, rows: Reals2):
-        """From x_0 and v_0 (in `v`): the forces at t = 0, the velocities before the last kick, the first row."""
-        ti.loop_config(serialize=True)
-        for _ in range(1):
-            sums, highest = ti.Vector([0.0 for k in range(SUMS)]), 0.0
-            for i in range(self.state.n[None]):
-                highest = ti.max(highest, self.body_force(i))
-                if ti.static(self.damped):
-                    put(self.state.u, i, get(self.state.v, i))
-            elastic, products = self.springs.add(self.state, self.explicit, 0, self.state.blocks[None])
-            upward, potential, stored = 0.0, 0.0, 0.0
-            sums, upward, potential = self.touch(0.0, sums, highest)
-            if ti.static(self.implicit):
-                power, late = 0.0, 0.0
-                power, late, stored = self.solver.begin(self.state)
-                sums[POWER], sums[LEAVING] = power, power + late
-                if ti.static(self.matched):
-                    sums[BOUNDARY_POWER] = self.boundary.solved_power(self.state)
-            else:
-                if ti.static(self.damped):
-                    sums[POWER] = self.springs.now.eta[None] * products
-                if ti.static(self.matched):
-                    sums[BOUNDARY_POWER] = self.boundary.damp(self.state, 0.0)
-            for i in range(self.state.n[None]):
-                put(self.state.v, i, get(self.state.v, i) - self.state.closing[None] * get(self.state.f, i))
-            self.observe(rows, 0, sums, elastic, upward, potential)
-            sums[DISSIPATED] = stored
-            for k in ti.static(range(SUMS)):
-                self.state.sums[k] = sums[k]
-
-    @ti.kernel
-    def set_mouse_target(self, point: ti.i32, x: ti.f64, y: ti.f64) -> ti.f64:
-        """The mouse pulls `point` (-1: none) towards (x, y) from now on; returns the energy given by that [M c^2]."""
-        given = self.mouse.change(self.state, -1.0)
-        self.mouse.point[0], self.mouse.target[0][0], self.mouse.target[1][0] = point, x, y
-        given += self.mouse.change(self.state, 1.0)
-        return given
-
-    @ti.func
-    def observe(self, rows: ti.template(), s, sums, elastic, upward, potential):
-        """Fill row `s` with the observables of COLUMNS; contact force and potential are those of the elastic wall."""
-        sx, sy, svx, svy, spin, v2, residual2 = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
-        force, energy, load = upward, potential, 0.0
-        lowest = self.state.x[1][0]
-        for i in range(self.state.n[None]):
-            x, y = self.state.x[0][i], self.state.x[1][i]
-            f = get(self.state.f, i)
-            v = get(self.state.v, i) + self.state.closing[None] * f
-            vx, vy = v[0], v[1]
-            if i < self.state.n_disk[None]:
-                sx += x
-                sy += y
-                svx += vx
-                svy += vy
-                spin += x * vy - y * vx
-                lowest = ti.min(lowest, y)
-                residual2 = ti.max(residual2, f[0] * f[0] + f[1] * f[1])
-                for law in ti.static(self.body_forces):
-                    if ti.static(law.column == "wall"):
-                        push = law.at(self.state, i)
-                        if push[0] != 0.0 or push[1] != 0.0:  # out of reach there is no potential either
-                            energy += law.potential_at(self.state, i)
-                            force += push[1]
-                    else:
-                        load += law.potential_at(self.state, i)
-            v2 += vx * vx + vy * vy
-        count, m = ti.cast(self.state.n_disk[None], ti.f64), self.state.m[None]
-        rows[s, INDEX["com_x"]] = sx / count
-        rows[s, INDEX["com_y"]] = sy / count
-        rows[s, INDEX["com_vx"]] = svx / count
-        rows[s, INDEX["com_vy"]] = svy / count
-        rows[s, INDEX["angular_momentum"]] = m * (spin - (sx * svy - sy * svx) / count)
-        rows[s, INDEX["lowest_y"]] = lowest
-        rows[s, INDEX["wall_force"]] = force
-        rows[s, INDEX["kinetic"]] = 0.5 * m * v2
-        rows[s, INDEX["elastic"]] = elastic
-        rows[s, INDEX["wall"]] = energy
-        rows[s, INDEX["dissipated"]] = sums[DISSIPATED]
-        rows[s, INDEX["absorbed"]] = sums[ABSORBED]
-        rows[s, INDEX["load"]] = load
-        rows[s, INDEX["sliding"]] = sums[SLIDING]
-        rows[s, INDEX["residual"]] = ti.sqrt(residual2)

@@ -1,1 +1,1 @@
-"""Sweeps: many scenes computed by many processes, kept point by point, fitted and drawn."""
+"""Sweeps: many scenes computed by many processes, kept point by point, in a table at the end."""

@@ -5,26 +5,28 @@ from __future__ import annotations
 import multiprocessing
 import os
 import pickle
-import signal
 import threading
 from collections.abc import Callable, Generator, Iterator
-from concurrent.futures import BrokenExecutor, Executor, ProcessPoolExecutor, as_completed
+from concurrent.futures import BrokenExecutor, Executor, Future, ProcessPoolExecutor
 from contextlib import AbstractContextManager, contextmanager, nullcontext, suppress
 from itertools import groupby
 from multiprocessing.connection import Connection
+from queue import Empty, SimpleQueue
 
 from taichi_disk import runtime
 from taichi_disk.errors import InputError, SimulationError, TaichiDiskError
 from taichi_disk.scenes import Scene
-from taichi_disk.signals import heard
+from taichi_disk.signals import ignored_by_children, raise_if_interrupted
 from taichi_disk.sweep.work import PointResult, compute_points, compute_task, lattice_key, relevant_versions
 
 Scenes = dict[str, Scene]  # by key
 Results = Generator[tuple[str, PointResult], None, None]
+Finished = Future[list[PointResult]]
 Say = Callable[[str], None]
 
 SCENES_PER_TASK = 6  # figure 3: 96 tasks of a quarter of a second; to set up a lattice takes a tenth
 LARGE = 2000  # points, from which a scene takes a task of its own
+POLL = 0.2  # [s] between two looks for an interrupt, while workers compute
 CONNECT = 10.0  # seconds within which a scheduler has to answer
 
 
@@ -36,8 +38,8 @@ def ordered(scenes: Scenes) -> Scenes:
     return {key: scenes[key] for keys in lattices.values() for key in sorted(keys)}
 
 
-def share_of(part: str, scenes: Scenes) -> Scenes:
-    """The share `part`, written K/N, of `ordered` scenes: neighbours, so that it sets up few lattices."""
+def part_of(part: str, scenes: Scenes) -> Scenes:
+    """The scenes of `part`, written K/N, out of `ordered` ones: neighbours, so that it sets up few lattices."""
     k, _, n = part.partition("/")
     if not (k.isdecimal() and n.isdecimal() and 1 <= int(k) <= int(n) <= 1_000_000):
         raise InputError(f"--part: must be K/N with 1 <= K <= N, for example 3/16, not {part}")
@@ -62,7 +64,7 @@ def computed(
 
     Raises InputError where no scheduler answers or workers have other versions, SimulationError when workers fail.
     """
-    tasks, futures = tasks_of(scenes), {}
+    tasks, futures, finished = tasks_of(scenes), {}, SimpleQueue[Finished]()
     processes = min(jobs or len(os.sched_getaffinity(0)), len(tasks))
     workers: AbstractContextManager[Executor]
     if not tasks:
@@ -79,11 +81,14 @@ def computed(
         return
     with workers as pool:
         try:
-            with _interrupts_blocked():  # a pool starts its processes now
+            with ignored_by_children():  # a pool starts its processes now
                 for keys in tasks:
                     packed = pickle.dumps([scenes[key] for key in keys])
-                    futures[pool.submit(compute_task, relevant_versions(), packed, estimate)] = keys
-            for future in as_completed(futures):
+                    future = pool.submit(compute_task, relevant_versions(), packed, estimate)
+                    futures[future] = keys
+                    future.add_done_callback(finished.put)
+            for _ in tasks:
+                future = _next(finished)
                 yield from zip(futures[future], future.result(), strict=True)
         except TaichiDiskError:
             raise
@@ -107,7 +112,6 @@ def _pool(jobs: int) -> Iterator[Executor]:
     try:
         yield pool
     except BaseException:
-        heard()
         alive.close()
         raise
     finally:
@@ -116,14 +120,11 @@ def _pool(jobs: int) -> Iterator[Executor]:
         until.close()
 
 
-@contextmanager
-def _interrupts_blocked() -> Iterator[None]:
-    """Processes that are started within never hear Ctrl-C, which is their parent's to handle."""
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
-    try:
-        yield
-    finally:
-        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+def _next(finished: SimpleQueue[Finished]) -> Finished:
+    while True:
+        raise_if_interrupted()
+        with suppress(Empty):
+            return finished.get(timeout=POLL)
 
 
 def _begin_worker(until: Connection) -> None:

@@ -1,29 +1,30 @@
-"""Computing a sweep: what is missing is computed, what is there is kept, then table, fits and figure."""
+"""Computing a sweep: what is missing is computed, what is there is kept, then the table, and what is drawn from it."""
 
 from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from concurrent.futures import Executor
 from contextlib import closing, suppress
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, fields
 from pathlib import Path
 from time import perf_counter
 from typing import Any
 
-from taichi_disk import __version__
 from taichi_disk.config.sweep_axes import Sweep, value_of
 from taichi_disk.errors import InputError
 from taichi_disk.lattice import file_digest
 from taichi_disk.output.files import prepare_output, reason, remove, versions, write_csv, write_summary, write_text
 from taichi_disk.output.run_folder import refuse_run
-from taichi_disk.progress import Progress, duration
+from taichi_disk.progress import Progress
 from taichi_disk.scenes import Scene
 from taichi_disk.sweep import executors
 from taichi_disk.sweep.work import PointResult
+from taichi_disk.version import __version__
 
 FILES = ("scene.yaml", "points.csv", "summary.json", "figure.png", "figure.svg", "figure.pdf")
+MOST_FAILURES = 10  # that are printed
 MEASURED = ("young", "poisson", "error_estimate", "energy_imbalance", "residual", "steps", "dt", "integrator")
 
 Row = dict[str, Any]
@@ -73,11 +74,11 @@ def run_sweep(
         jobs: processes, by default one per core; 1 computes in this process.
         executor: instead of them, any `concurrent.futures.Executor`, whose workers have the same packages installed.
         scheduler: instead of both, the address of a Dask scheduler, tcp://HOST:8786.
-        part: "K/N": compute the K-th of N shares only, and write no table. Parts may run at the same time, in one
+        part: "K/N": compute the K-th of N parts only, and write no table. Parts may run at the same time, in one
             folder or in several whose `points` are then copied together.
         estimate: whether to estimate each result's error due to the time step, which doubles the work.
-        progress: told how far it has come.
-        say: told, once each, what a person should know: how many scenes, about how long.
+        progress: shows how far it has come.
+        say: called with what a person should know: how many scenes, which of them are there.
 
     Raises:
         InputError: `out` cannot be written or holds something else; a point's file was changed; no scheduler answers,
@@ -87,8 +88,8 @@ def run_sweep(
     out, progress, began = Path(out), progress or Progress(), perf_counter()
     keys = [point_key(scene) for scene in sweep.scenes]
     scenes = executors.ordered(dict(zip(keys, sweep.scenes, strict=True)))
-    scenes = scenes if part is None else executors.share_of(part, scenes)
-    _claim(out)
+    scenes = scenes if part is None else executors.part_of(part, scenes)
+    _prepare(out)
     if part is None:
         file, text = out / "scene.yaml", sweep.to_yaml()
         if file.exists() and file.read_text(encoding="utf-8", errors="replace") != text:
@@ -96,14 +97,14 @@ def run_sweep(
             for name in FILES:
                 remove(out / name)
         write_text(file, text)
-    found = {key: kept for key in scenes if (kept := _kept(out, key)) and (kept.estimated or not estimate)}
+    found = {key: kept for key in scenes if (kept := _read_point(out, key)) and (kept.estimated or not estimate)}
     missing, before = {key: scene for key, scene in scenes.items() if key not in found}, len(found)
-    share = f" (part {part} of {len(keys)})" if part else ""
-    say(f"{len(scenes)} scenes{share}, {before} of them computed before")
+    of_all = f" (part {part} of {len(keys)})" if part else ""
+    say(f"{len(scenes)} scenes{of_all}, {before} of them computed before")
     progress.start("sweep", len(scenes))
     with closing(executors.computed(missing, estimate, jobs, executor, scheduler, say)) as results:
-        for key, result in forecast(results, len(missing), say):
-            _keep(out, key, missing[key], result)
+        for key, result in results:
+            _write_point(out, key, missing[key], result)
             found[key] = result
             progress.update(len(found))
     progress.stop()
@@ -117,10 +118,17 @@ def run_sweep(
     }
     if part:
         return SweepResult(rows, summary | {"part": part, "wall_clock": perf_counter() - began}, out)
-    return _finish(sweep, rows, summary, out, began)
+    yaml = {True: "true", False: "false"}
+    write_csv(out / "points.csv", [{k: yaml[v] if isinstance(v, bool) else v for k, v in row.items()} for row in rows])
+
+    from taichi_disk.figures.drawing import figure_of
+
+    summary |= {"curves": figure_of(sweep, rows, out), "wall_clock": perf_counter() - began, "versions": versions()}
+    write_summary(out / "summary.json", summary)
+    return SweepResult(rows, summary, out)
 
 
-def _claim(out: Path) -> None:
+def _prepare(out: Path) -> None:
     """Make the folder. Raises InputError where something else would be overwritten."""
     refuse_run(out)
     with suppress(OSError, ValueError):
@@ -130,18 +138,6 @@ def _claim(out: Path) -> None:
     prepare_output(out / "points")
 
 
-def forecast(results: executors.Results, total: int, say: Say) -> Iterator[tuple[str, PointResult]]:
-    """`results` as they come; says once, a while after the first, how long the others will take."""
-    first = told = 0.0
-    for done, result in enumerate(results):
-        yield result
-        now = perf_counter()
-        first = first or now
-        if not told and now >= first + 10.0 and done + 1 < total:
-            told = now
-            say(f"about {duration((total - 1 - done) * (now - first) / done)} to go")
-
-
 def _row(sweep: Sweep, scene: Scene, key: str, result: PointResult) -> Row:
     row: Row = {name: value_of(scene, name) for name in sweep.axes}
     numbers = {name: result.numbers.get(name) for name in (*scene.results, *MEASURED)}
@@ -149,21 +145,24 @@ def _row(sweep: Sweep, scene: Scene, key: str, result: PointResult) -> Row:
     return row | {"status": result.status, "reason": result.reason, "warnings": "; ".join(result.warnings), "key": key}
 
 
-def _finish(sweep: Sweep, rows: list[Row], summary: dict[str, Any], out: Path, began: float) -> SweepResult:
-    """Table, fits and figure of all points."""
-    yaml = {True: "true", False: "false"}
-    write_csv(out / "points.csv", [{k: yaml[v] if isinstance(v, bool) else v for k, v in row.items()} for row in rows])
+def print_sweep(result: SweepResult) -> None:
+    """Print the fits, what failed, and where the files are."""
+    from taichi_disk.figures.curves import print_curves
 
-    from taichi_disk.sweep.analysis import analyse
-    from taichi_disk.sweep.figures import draw
-
-    curves = analyse(sweep.scenes[0], sweep.axes, rows)
-    if curves:
-        draw(sweep.scenes[0], curves, out)
-    told = {"curves": [curve.summary() for curve in curves], "wall_clock": perf_counter() - began}
-    summary |= told | {"versions": versions()}
-    write_summary(out / "summary.json", summary)
-    return SweepResult(rows, summary, out)
+    summary, failed = result.summary, result.failed
+    part = f"part {summary['part']}: " if "part" in summary else ""
+    print_curves(summary.get("curves", ()))
+    for row in failed[:MOST_FAILURES]:
+        print(f"failed at {', '.join(f'{name}: {row[name]}' for name in summary['axes'])}: {row['reason']}")
+    if len(failed) > MOST_FAILURES:
+        print(f"... and {len(failed) - MOST_FAILURES} more" + ("" if part else ", see points.csv"))
+    if warned := sum(bool(row["warnings"]) for row in result.rows):
+        print(f"{warned} points with warnings, see points.csv")
+    counted = f"{summary['points']} points, {summary['computed_now']} of them computed now, {len(failed)} failed"
+    print(f"{part}{counted}; {summary['wall_clock']:.1f} s")
+    print(f"files in {result.out}")
+    if part:
+        print("the same command without --part, once all parts are there, writes table, fits and figure")
 
 
 # ---- the folder `points`: KEY.yaml, a point's resolved scene, and KEY.json, its result
@@ -176,34 +175,26 @@ def point_key(scene: Scene) -> str:
     """
     sections = asdict(scene)
     del sections["video"]
-    return _digest([__version__, sections, file_digest(scene.lattice.file)])
+    known = [__version__, sections, file_digest(scene.lattice.file)]
+    return hashlib.sha256(json.dumps(known, sort_keys=True).encode()).hexdigest()[:20]
 
 
-def _kept(out: Path, key: str) -> PointResult | None:
-    """The result of a point, if it is there. Raises InputError for a file that is not as it was written."""
+def _read_point(out: Path, key: str) -> PointResult | None:
+    """The result of a point, if it is there. Raises InputError for a file that holds none."""
     path = out / "points" / f"{key}.json"
     try:
-        record = dict(json.loads(path.read_bytes()))
-        if record.pop("digest", None) != _digest(record):
-            raise ValueError("cut short, or changed since it was written")
-        del record["version"]
-        return PointResult(**record)
+        record = json.loads(path.read_bytes())
+        return PointResult(**{one.name: record[one.name] for one in fields(PointResult)})
     except FileNotFoundError:
         return None
-    except (ValueError, TypeError, RecursionError, OSError) as error:
+    except (ValueError, TypeError, LookupError, RecursionError, OSError) as error:
         text = f"{path}: not the result of a point ({reason(error)}); delete the file to compute it anew"
         raise InputError(text) from None
 
 
-def _keep(out: Path, key: str, scene: Scene, result: PointResult) -> None:
+def _write_point(out: Path, key: str, scene: Scene, result: PointResult) -> None:
     """Write a point, and its result if there is one. Raises SimulationError if it cannot be written."""
     write_text(out / "points" / f"{key}.yaml", scene.to_yaml())
     if result.status == "done":  # what failed is tried again
-        record = asdict(result) | {"version": __version__}
-        text = json.dumps(record | {"digest": _digest(record)}, indent=1, allow_nan=False)
-        write_text(out / "points" / f"{key}.json", text + "\n")
-
-
-def _digest(record: Any) -> str:
-    """Of everything that a file holds: tells a file that was cut short, or changed by hand."""
-    return hashlib.sha256(json.dumps(record, sort_keys=True).encode()).hexdigest()[:20]
+        record = json.dumps(asdict(result) | {"version": __version__}, indent=1, allow_nan=False)
+        write_text(out / "points" / f"{key}.json", record + "\n")

@@ -16,12 +16,10 @@ from typing import Any
 from taichi_disk import runtime
 from taichi_disk.errors import InputError, TaichiDiskError
 from taichi_disk.lattice import file_digest
-from taichi_disk.lattice.moduli import bulk_moduli
 from taichi_disk.output.files import versions
-from taichi_disk.scenes import Scene
-from taichi_disk.scenes.feasible import check_memory
+from taichi_disk.scenes import Scene, check_memory
 
-KEPT = 4  # lattices that a worker remembers, with what is dear to find of them
+KEPT = 4  # lattices that a worker remembers, with what takes long to compute of them
 
 
 @dataclass(frozen=True)
@@ -99,17 +97,15 @@ def _computed(scene: Scene, estimate: bool) -> PointResult:
     setup = _setup_of(scene)
     scenario = scene.scenario(setup.body)
     modes = None if scenario.static else setup.modes(scenario.model)
-    outcome = compute(scenario, scene.time, kernels=shared_kernels(), modes=modes, estimate=estimate)
+    outcome = compute(scenario, scene.time, kernels=shared_kernels(), modes=modes, estimate=estimate, loads=1)
     facts = outcome.facts
     numbers: dict[str, Any] = scenario.result(outcome.columns) | setup.moduli
     if not all(map(isfinite, numbers.values())):
         return PointResult("failed", "a result is not a finite number")
     numbers["error_estimate"] = next(iter(facts["error_estimate"].values()), None)
-    if scenario.static:
-        numbers["residual"] = facts["residual"]
-    else:
-        numbers |= {"energy_imbalance": facts["energy"]["closing_imbalance"], "dt": facts["dt"]}
-    numbers |= {"steps": facts["steps"], "integrator": facts["integrator"]}
+    if "energy" in facts:
+        numbers["energy_imbalance"] = facts["energy"]["closing_imbalance"]
+    numbers |= {name: facts[name] for name in ("residual", "dt", "steps", "integrator") if name in facts}
     return PointResult("done", None, numbers, facts["warnings"], estimate)
 
 
@@ -133,9 +129,8 @@ class LatticeSetup:
     def __init__(self, scene: Scene) -> None:
         self.body, self.moduli = scene.body(), {}
         self._modes: dict[tuple[bool, float], Any] = {}
-        spec = scene.lattice
-        if spec.file == "none":
-            found = bulk_moduli(spec.points, spec.seed, scene.material.k_a, spec.min_spacing)
+        if scene.lattice.file == "none":
+            found = scene.moduli(scene.lattice.points)
             self.moduli = {"young": found.young, "poisson": found.poisson}
 
     def modes(self, model: Any) -> Any:

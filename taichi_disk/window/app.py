@@ -1,4 +1,4 @@
-"""From a scene, or a folder of scenes, to its window; the scenes that two keys step through there."""
+"""From a scene, or a folder of scenes, to its window, where there can be one; what two keys step through there."""
 
 from __future__ import annotations
 
@@ -6,21 +6,21 @@ import csv
 import os
 import re
 import sys
-from collections.abc import Callable
 from ctypes import CDLL, c_void_p
 from functools import partial
 from pathlib import Path
+from typing import TYPE_CHECKING
+
+import yaml
 
 from taichi_disk.errors import InputError, TaichiDiskError
 from taichi_disk.render import film_problem
-from taichi_disk.scenes import Scene, load_scene, shipped_scenes
+from taichi_disk.scenes import Scene, load_scene
 
-Entry = tuple[str, Callable[[], Scene]]  # a scene by name, read when it is wanted
+if TYPE_CHECKING:
+    from taichi_disk.window.controls import Entry
 
 _X11 = sys.platform.startswith("linux")
-
-# "#  taichi-disk run exponential_wall --set wall.a=3000      (a harder wall)" in a shipped scene's head.
-_SUGGESTED = re.compile(r"taichi-disk run (\w+)((?: --set \S+)+)\s+\((.*)\)")
 
 
 def view(scene_or_folder: Scene | Path, out: Path) -> None:
@@ -37,20 +37,19 @@ def view(scene_or_folder: Scene | Path, out: Path) -> None:
     runtime.start()
     from taichi_disk.window.viewer import Viewer
 
-    Viewer(playlist, out).run()
+    for _ in Viewer(playlist, out, screen()).pictures():
+        pass
 
 
 def presets(first: Scene) -> list[Entry]:
-    """`first`, the shipped scenes, and the changes that their heads suggest to try."""
+    """`first`, then the shipped scenes and changes to try: those of playlist.yaml."""
     entries: list[Entry] = [(first.title, lambda: first)]
-    for name, path in shipped_scenes().items():
-        if _is_sweep(path):
-            continue
-        if name != first.scene:
+    for name, *change in yaml.safe_load(Path(__file__).with_name("playlist.yaml").read_text(encoding="utf-8")):
+        if change:
+            setting, what = change
+            entries.append((f"{setting}: {what}", partial(load_scene, name, [setting])))
+        elif name != first.scene:
             entries.append((name, partial(load_scene, name)))
-        for scene, settings, what in _SUGGESTED.findall(path.read_text(encoding="utf-8")):
-            changes = settings.replace("--set", "").split()
-            entries.append((f"{' '.join(changes)}: {what}", partial(load_scene, scene, changes)))
     return entries
 
 
@@ -65,15 +64,12 @@ def folder(path: Path) -> list[Entry]:
         rows = csv.DictReader(table.read_text(encoding="utf-8").splitlines())
         files = [path / "points" / f"{row.get('key')}.yaml" for row in rows]
     else:
-        files = [file for file in sorted(path.glob("[!.]*.yaml")) if file.is_file() and not _is_sweep(file)]
+        found = [file for file in sorted(path.glob("[!.]*.yaml")) if file.is_file()]
+        files = [file for file in found if not re.search(rb"^sweep:", file.read_bytes(), re.MULTILINE)]
     entries: list[Entry] = [(file.stem, partial(load_scene, file)) for file in files if file.is_file()]
     if not entries:
         raise InputError(f"{path}: there is no scene in this folder (*.yaml, or points.csv with points/*.yaml)")
     return entries
-
-
-def _is_sweep(path: Path) -> bool:
-    return re.search(rb"^sweep:", path.read_bytes(), re.MULTILINE) is not None
 
 
 def window_problem() -> str | None:

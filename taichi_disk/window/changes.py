@@ -10,8 +10,7 @@ import numpy as np
 
 from taichi_disk.config.scene_base import least_threshold
 from taichi_disk.lattice import Array, Lattice
-from taichi_disk.physics import Springs
-from taichi_disk.physics.mouse_spring import MouseSpring
+from taichi_disk.physics import MouseSpring, Springs
 from taichi_disk.scenes import Scene
 from taichi_disk.scenes.absorbing_wall import AbsorbingWallScene
 from taichi_disk.scenes.compression import CompressionScene

@@ -4,80 +4,131 @@ from __future__ import annotations
 
 from bisect import bisect_left
 from dataclasses import dataclass
+from math import inf
 from time import perf_counter
 
 import numpy as np
 
 from taichi_disk.lattice import Array
-from taichi_disk.simulation.driver import Driver
-from taichi_disk.simulation.observables import COLUMNS
-from taichi_disk.simulation.state import Snapshot
+from taichi_disk.simulation.diagnostics import EnergyBalance
+from taichi_disk.simulation.driver import Driver, Status
+from taichi_disk.simulation.observables import COLUMNS, INDEX
+from taichi_disk.simulation.scenario import Scenario
+from taichi_disk.simulation.simulation import KernelCache
+from taichi_disk.simulation.stability import Spectrum
+from taichi_disk.simulation.stepping import Snapshot
 
 SPACING = 1.5e-2  # time between two remembered states at first, of the disk's own time
 MOST, BYTES = 1280, 1.7e9  # states remembered, and what they may take; then every second is let go
 
 
-@dataclass(eq=False)
-class Stretch:
-    """The time between two changes by hand.
+class Segment(Driver):
+    """The time between two changes by hand. It goes on after the scene's end, and back; a mouse may pull in it.
 
     Attributes:
-        driver: that of `run`.
         began: time at its start [R/c].
         hit: number of the hit that it belongs to.
         label: what hands have done: "", "hit again", "by hand".
+        pulled_from: number of the step at which the mouse began to pull; from then on no retries and no end. inf: none.
     """
 
-    driver: Driver
-    began: float = 0.0
-    hit: int = 1
-    label: str = ""
+    def __init__(
+        self, scenario: Scenario, kernels: KernelCache, modes: Spectrum, began: float = 0, hit: int = 1, label: str = ""
+    ) -> None:
+        self.began, self.hit, self.label = began, hit, label
+        super().__init__(scenario, scenario.scene.time, kernels, modes)
+
+    def _begin(self) -> None:
+        super()._begin()
+        self._last, self.pulled_from, self._generation = 2**31 - 1, inf, self.simulation.generation
+
+    def advance(self, seconds: float = inf, steps: int | None = None) -> Status:
+        """As a `Driver`, but `max_time` is no failure, and after the end time goes on: the status stays "finished"."""
+        over = self.status == "finished"
+        self.can_end = not over and self.pulled_from == inf
+        if over:
+            self.status = "running"
+        super().advance(seconds, steps)
+        if over and self.status == "running":
+            self.status = "finished"
+        return self.status
 
     @property
     def now(self) -> float:
         """Time since the start [R/c]."""
-        return self.began + self.driver.state.step * self.driver.step.dt
+        return self.began + self.state.step * self.step.dt
 
     @property
-    def present(self) -> Moment:
-        """The last moment that is good."""
-        driver, state = self.driver, self.driver.state
-        return Moment(self, self.now, driver.row, state, state.step > driver.pulled_from)
+    def present(self) -> Checkpoint:
+        """The last state that is good."""
+        return Checkpoint(self, self.now, self.row, self.state, self.state.step > self.pulled_from)
+
+    @property
+    def imbalance(self) -> float:
+        """Energy that has appeared from nowhere [M c^2]."""
+        return float(self._watch.imbalance(self.row[None])[0])
+
+    def back_to(self, snapshot: Snapshot, row: Array) -> None:
+        """Go back to a `state` of this attempt, with its `row`, before the mouse pulled; all after it is forgotten."""
+        simulation = self.simulation
+        if simulation.generation != self._generation:  # another driver has used it meanwhile
+            simulation = self.simulation = self._simulation()
+            self._generation = simulation.generation
+        elif self.pulled_from < inf:
+            simulation.set_mouse_target(-1)
+        simulation.restore(snapshot)
+        self.count = 1 + snapshot.step // self.stride
+        inside = ((self.rows[1:] >= self._bounds[0]) & (self.rows[1:] <= self._bounds[1])).all(axis=1)
+        self._quiet = min(int(np.argmin(np.append(inside[::-1], False))), self._needed - 1)
+        self._watch = EnergyBalance(self.rows[0])
+        self._watch.first_lost(self.rows)
+        self.state, self.row, self.failure, self.pulled_from = snapshot, row, None, inf
+        over = self.end is not None and snapshot.step >= self.end.step
+        self.status, self.end = ("finished", self.end) if over else ("running", None)
+
+    def pull(self, point: int, target: tuple[float, float]) -> None:
+        """Tie a point (-1: none any more) to the mouse at `target` [R] from now on; the model needs a `mouse`."""
+        self.pulled_from = min(self.pulled_from, self.simulation.step_number)
+        jump = self.simulation.set_mouse_target(point, target)
+        self.row = self.row.copy()
+        self.row[INDEX["load"]] += jump
+        self._watch.give(jump)
+        self.state = self.simulation.snapshot()
 
 
 @dataclass(frozen=True, eq=False)
-class Moment:
-    """One state.
+class Checkpoint:
+    """A state to see, and to go on from.
 
     Attributes:
-        stretch: that it belongs to.
+        segment: that it belongs to.
         t: time since the start [R/c].
         row: (columns,) the observables.
-        exact: from which the stretch goes on bitwise.
-        pulled: whether the mouse has pulled in this stretch.
+        snapshot: from which the segment goes on bitwise.
+        pulled: whether the mouse has pulled in this segment.
     """
 
-    stretch: Stretch
+    segment: Segment
     t: float
     row: Array
-    exact: Snapshot
+    snapshot: Snapshot
     pulled: bool
 
     @property
     def x(self) -> Array:
         """(n, 2) positions [R]."""
-        return self.exact.vectors[0]
+        return self.snapshot.vectors[0]
 
     @property
     def v(self) -> Array:
         """(n, 2) velocities [c]."""
-        driver = self.stretch.driver
-        return self.exact.velocities(driver.step.integrator, driver.step.dt, driver.scenario.lattice.masses[0])
+        step = self.segment.step
+        return self.snapshot.velocities(step.integrator, step.dt, self.segment.scenario.lattice.masses[0])
 
     @property
     def by_hand(self) -> bool:
         """Whether hands had a part in it."""
-        return self.pulled or bool(self.stretch.label)
+        return self.pulled or bool(self.segment.label)
 
     @property
     def values(self) -> dict[str, float]:
@@ -89,26 +140,26 @@ class Timeline:
     """What is remembered since the last start, and what there is to see.
 
     Attributes:
-        last: the stretch that moves.
-        moments: that are remembered, the latest last.
-        moment: what there is to see: the present, something past, or the latest that was reached while all is computed
+        last: the segment that moves.
+        checkpoints: that are remembered, the latest last.
+        seen: what there is to see: the present, something past, or the latest that was reached while all is computed
             again with a shorter step.
     """
 
-    def __init__(self, first: Stretch) -> None:
-        self.moments: list[Moment] = []
-        self._spacing = SPACING * first.driver.scenario.scene.material.k_a**-0.5
+    def __init__(self, first: Segment) -> None:
+        self.checkpoints: list[Checkpoint] = []
+        self._spacing = SPACING * first.scenario.scene.material.k_a**-0.5
         self.follow(first)
 
-    def follow(self, stretch: Stretch) -> None:
+    def follow(self, segment: Segment) -> None:
         """Go on with another one."""
-        self.last = stretch
+        self.last = segment
         self._remember()
         self.look()
 
-    def of_hit(self, hit: int) -> list[Stretch]:
-        """The stretches of one hit, as far as they are remembered."""
-        known = dict.fromkeys([*(one.stretch for one in self.moments), self.last])
+    def of_hit(self, hit: int) -> list[Segment]:
+        """The segments of one hit, as far as they are remembered."""
+        known = dict.fromkeys([*(one.segment for one in self.checkpoints), self.last])
         return [one for one in known if one.hit == hit]
 
     # ---- time
@@ -116,77 +167,77 @@ class Timeline:
     @property
     def past(self) -> bool:
         """Whether what is seen is before the present."""
-        return self.moment.t < self.last.now
+        return self.seen.t < self.last.now
 
     @property
     def behind(self) -> float:
         """How far the present is behind what is seen [R/c]."""
-        return max(0.0, self.moment.t - self.last.now)
+        return max(0.0, self.seen.t - self.last.now)
 
     @property
     def due(self) -> int:
         """Steps until another state is to be remembered."""
-        dt = self.last.driver.step.dt
-        return round((self.moments[-1].t + max(self._spacing, dt) - self.last.now) / dt)
+        dt = self.last.step.dt
+        return round((self.checkpoints[-1].t + max(self._spacing, dt) - self.last.now) / dt)
 
     def go(self, steps: int, seconds: float) -> int:
         """Make `steps` steps, or fewer: not much longer than `seconds` of the clock, and not past the scene's end.
 
         Returns how many were made.
         """
-        driver, until, made = self.last.driver, perf_counter() + seconds, 0
-        while made < steps and driver.status != "failed":
-            before, number = driver.status, driver.simulation.step_number
-            driver.advance(max(until - perf_counter(), 0.0), min(steps - made, self.due))
-            made += max(driver.simulation.step_number - number, 0)
-            if driver.status == "restarted":
-                self.moments = [one for one in self.moments if one.stretch is not self.last]
+        segment, until, made = self.last, perf_counter() + seconds, 0
+        while made < steps and segment.status != "failed":
+            before, number = segment.status, segment.simulation.step_number
+            segment.advance(max(until - perf_counter(), 0.0), min(steps - made, self.due))
+            made += max(segment.simulation.step_number - number, 0)
+            if segment.status == "restarted":
+                self.checkpoints = [one for one in self.checkpoints if one.segment is not segment]
             self._remember()
-            if driver.status not in ("running", before) or perf_counter() >= until:
+            if segment.status not in ("running", before) or perf_counter() >= until:
                 break
-        if not self.behind or driver.status in ("finished", "failed"):
+        if not self.behind or segment.status in ("finished", "failed"):
             self.look()
         return made
 
     def _remember(self) -> None:
-        if self.moments and self.due > 0:
+        if self.checkpoints and self.due > 0:
             return
         now = self.last.present
-        self.moments.append(now)
-        if len(self.moments) >= min(MOST, BYTES / now.exact.vectors.nbytes):
-            self.moments = self.moments[::2]
-            self._spacing = (self.moments[-1].t - self.moments[0].t) / (len(self.moments) - 1)
+        self.checkpoints.append(now)
+        if len(self.checkpoints) >= min(MOST, BYTES / now.snapshot.vectors.nbytes):
+            self.checkpoints = self.checkpoints[::2]
+            self._spacing = (self.checkpoints[-1].t - self.checkpoints[0].t) / (len(self.checkpoints) - 1)
 
     # ---- what is seen
 
     def look(self) -> None:
         """See the present."""
-        self.moment = self.last.present
+        self.seen = self.last.present
 
     def look_at(self, t: float) -> None:
         """See the state that is remembered nearest to the time `t` [R/c]."""
-        self._see(int(np.abs(np.array([one.t for one in self.moments]) - t).argmin()))
+        self._see(int(np.abs(np.array([one.t for one in self.checkpoints]) - t).argmin()))
 
     def look_beside(self, count: int) -> bool:
-        """See the state `count` places later, or earlier if negative. Returns False at the end of what is known."""
-        at = bisect_left(self.moments, self.moment.t, key=lambda one: one.t) + count
-        if at >= len(self.moments):
+        """See what is `count` checkpoints later, or earlier if negative. Returns False at the end of what is known."""
+        at = bisect_left(self.checkpoints, self.seen.t, key=lambda one: one.t) + count
+        if at >= len(self.checkpoints):
             self.look()
             return False
         self._see(max(at, 0))
         return True
 
     def _see(self, at: int) -> None:
-        self.moment = self.moments[at]
+        self.seen = self.checkpoints[at]
         if not self.past:
             self.look()
 
     def cut(self) -> None:
-        """Make the past moment that is seen the present: all after it is forgotten."""
-        seen = self.moment
-        del self.moments[self.moments.index(seen) + 1 :]
-        self.last = seen.stretch
-        self.last.driver.back_to(seen.exact, seen.row)
+        """Make the past state that is seen the present: all after it is forgotten."""
+        seen = self.seen
+        del self.checkpoints[self.checkpoints.index(seen) + 1 :]
+        self.last = seen.segment
+        self.last.back_to(seen.snapshot, seen.row)
         if seen.pulled:
-            self.last.driver.pulled_from = 0
+            self.last.pulled_from = 0
         self.look()

@@ -15,11 +15,10 @@ from taichi_disk.lattice import Array
 from taichi_disk.output.files import write_text
 from taichi_disk.scenes import Scene
 from taichi_disk.scenes.impact import ImpactScenario
-from taichi_disk.simulation.driver import Driver
 from taichi_disk.simulation.observables import INDEX
 from taichi_disk.simulation.simulation import KernelCache
 from taichi_disk.window.changes import AT_ONCE, Start, continued, start_of, with_key, with_mouse
-from taichi_disk.window.history import Moment, Stretch, Timeline
+from taichi_disk.window.history import Checkpoint, Segment, Timeline
 
 PATIENCE = 0.025  # time spent computing between two pictures, at most [s]
 SLOW = 0.2  # part of the speed at which a contact passes in slow motion
@@ -42,13 +41,13 @@ class Sandbox:
         scene: as it would be saved.
         start: the scene as it began.
         starts: how often this has begun.
-        time: what has passed since the start, and the moment that is seen.
+        time: what has passed since the start, and what is seen of it.
         speed: simulated time per second of the clock [R/c per s].
         slow: whether contacts pass in slow motion.
         paused: whether `advance` lets no time pass.
         message: what happened last, for the person at the window.
         results: of the last scenes that came to their end, the newest last.
-        held: the point tied to the mouse and where the mouse is [R], or None.
+        dragged: the point tied to the mouse and where the mouse is [R], or None.
     """
 
     def __init__(
@@ -70,53 +69,47 @@ class Sandbox:
         self._begin(start_of(scene or self.scene, self.start))
 
     def _begin(self, start: Start) -> None:
-        driver = Driver(start.scenario, start.scene.time, self.kernels, start.spectrum, endless=True)
-        self.time = Timeline(Stretch(driver))
+        self.time = Timeline(Segment(start.scenario, self.kernels, start.spectrum))
         self.start, self.scene, self.starts = start, start.scene, self.starts + 1
         self.paused, self.message, self._due = True, "", 0.0
-        self.held: tuple[int, tuple[float, float]] | None = None
+        self.dragged: tuple[int, tuple[float, float]] | None = None
 
     # ---- what is known
 
     @property
-    def stretch(self) -> Stretch:
+    def segment(self) -> Segment:
         """The one that moves."""
         return self.time.last
 
     @property
-    def driver(self) -> Driver:
-        """What moves it."""
-        return self.time.last.driver
-
-    @property
-    def moment(self) -> Moment:
+    def seen(self) -> Checkpoint:
         """What there is to see."""
-        return self.time.moment
+        return self.time.seen
 
     @property
     def at_start(self) -> bool:
         """Whether nothing has moved yet, and no hand has touched the disk."""
-        return not (self.driver.state.step or self.stretch.label)
+        return not (self.segment.state.step or self.segment.label)
 
     @property
     def is_impact(self) -> bool:
-        return isinstance(self.driver.scenario, ImpactScenario)
+        return isinstance(self.segment.scenario, ImpactScenario)
 
     @property
     def imbalance(self) -> float:
         """Energy from nowhere since the last change by hand, over the kinetic energy or about the load's work."""
-        scenario: Any = self.driver.scenario
+        scenario: Any = self.segment.scenario
         scale = scenario.energy if self.is_impact else scenario.pressure**2 / scenario.scene.material.k_a
-        return float(self.driver.imbalance / scale)
+        return float(self.segment.imbalance / scale)
 
     @property
     def pace(self) -> float:
         """Simulated time per second of the clock now [R/c per s]."""
-        scenario = self.driver.scenario
+        scenario = self.segment.scenario
         if not (self.slow and isinstance(scenario, ImpactScenario)):
             return self.speed
         force = CONTACT * scenario.velocity * scenario.scene.material.k_a**0.5
-        return self.speed * (SLOW if self.driver.row[INDEX["wall_force"]] > force else 1.0)
+        return self.speed * (SLOW if self.segment.row[INDEX["wall_force"]] > force else 1.0)
 
     # ---- time
 
@@ -126,34 +119,34 @@ class Sandbox:
         They are fewer than due where computing them takes longer than `patience` [s], and others than due while all is
         computed again with a shorter step.
         """
-        driver = self.driver
+        segment = self.segment
         if self.time.behind:
-            return self._go(ceil(self.time.behind / driver.step.dt), patience)
-        if self.paused or driver.status == "failed":
+            return self._go(ceil(self.time.behind / segment.step.dt), patience)
+        if self.paused or segment.status == "failed":
             return 0
-        self._due += seconds * self.pace / driver.step.dt
+        self._due += seconds * self.pace / segment.step.dt
         made = self._go(int(self._due), patience)
         self._due = min(max(self._due - made, 0.0), 1.0)
         return made
 
     def _go(self, steps: int, patience: float) -> int:
-        driver = self.driver
-        before, made = driver.status, self.time.go(steps, patience)
-        if driver.status == "restarted":
-            self.message = f"computed again with a shorter step, {driver.step.dt:.2g} R/c"
-        elif driver.status == "failed":
+        segment = self.segment
+        before, made = segment.status, self.time.go(steps, patience)
+        if segment.status == "restarted":
+            self.message = f"computed again with a shorter step, {segment.step.dt:.2g} R/c"
+        elif segment.status == "failed":
             self.paused = True
-            self.message = f"{driver.failure} (r: back to the start; Left: back in time)"
-        elif driver.status == "finished" != before:
-            _, value = driver.scenario.primary(driver.columns)
-            self.results = [*self.results, Result(value, driver.scenario, self.stretch.label)][-RESULTS:]
+            self.message = f"{segment.failure} (r: back to the start; Left: back in time)"
+        elif segment.status == "finished" != before:
+            _, value = segment.scenario.primary(segment.columns)
+            self.results = [*self.results, Result(value, segment.scenario, self.segment.label)][-RESULTS:]
             self.paused = True
             self.message = f"the disk has left: e = {value:.6f}" if self.is_impact else f"at rest: xi = {value:.6f} R"
         return made
 
     def pause(self) -> None:
         """Pause, or go on from what there is to see."""
-        if self.paused and self.driver.status == "failed" and not self.time.past:
+        if self.paused and self.segment.status == "failed" and not self.time.past:
             return
         self.paused = not self.paused
         if not self.paused:
@@ -166,7 +159,7 @@ class Sandbox:
             self.time.look_at(t)
 
     def step(self, count: int) -> None:
-        """Show the state `count` places later, or earlier if negative, and pause; beyond the last, time goes on."""
+        """Show what is `count` checkpoints later, or earlier if negative, and pause; beyond the last, time goes on."""
         if self._hold_still() and not self.time.look_beside(count):
             self._go(self.time.due, inf)
 
@@ -178,13 +171,13 @@ class Sandbox:
         return True
 
     def _settle(self) -> None:
-        """Make the moment that is seen the present one: what came after it is forgotten."""
-        moment = self.moment
+        """Make what is seen the present: what came after it is forgotten."""
+        seen = self.seen
         if self.time.past:
-            scene = moment.stretch.driver.scenario.scene
+            scene = seen.segment.scenario.scene
             self.time.cut()
             self.scene = replace(scene, video=self.scene.video)
-            if moment.pulled:  # the mouse cannot pull again as it did
+            if seen.pulled:  # the mouse cannot pull again as it did
                 self._carry_on(self.scene, "by hand")
 
     # ---- changes by hand
@@ -224,7 +217,7 @@ class Sandbox:
             wanted: Any = self.scene
             self.let_go()
             self._settle()
-            v, velocity = self.stretch.present.v, wanted.impact.velocity
+            v, velocity = self.segment.present.v, wanted.impact.velocity
             flying = v[: self.start.body.disk_points]
             flying += (0.0, -velocity) - flying.mean(axis=0)
             self._carry_on(wanted, "hit again", v)
@@ -232,18 +225,17 @@ class Sandbox:
         self.paused = False
 
     def _carry_on(self, scene: Scene, label: str, hit: Array | None = None) -> None:
-        """Begin another stretch; `hit`: the velocities (n, 2) of another hit [c].
+        """Begin another segment; `hit`: the velocities (n, 2) of another hit [c].
 
         Raises TaichiDiskError, with everything left as it was.
         """
-        last, start, now = self.stretch, self.start, self.stretch.present
-        status = last.driver.status
+        last, start, now = self.segment, self.start, self.segment.present
+        status = last.status
         # After a blow-up a step by hand would be refused for the force that it has led to.
-        peak = 0.0 if status == "failed" else last.driver.simulation.peak_point_force(now.exact)
+        peak = 0.0 if status == "failed" else last.simulation.peak_point_force(now.snapshot)
         scenario = continued(scene, start.body, now.x, now.v if hit is None else hit, peak)
-        driver = Driver(scenario, scene.time, self.kernels, start.spectrum, endless=True)
-        self.time.follow(Stretch(driver, now.t, last.hit + (hit is not None), label))
-        self.scene, self._due, self.held = scene, 0.0, None
+        self.time.follow(Segment(scenario, self.kernels, start.spectrum, now.t, last.hit + (hit is not None), label))
+        self.scene, self._due, self.dragged = scene, 0.0, None
         if status in ("failed", "finished"):  # any change gives a new life
             self.paused = False
 
@@ -262,9 +254,9 @@ class Sandbox:
         if for_good:
             self.begin(scene)
         else:
-            exact, x = self.moment.exact, with_mouse(scene, self.start.body).lattice.positions
-            exact = replace(exact, vectors=np.stack([x, *exact.vectors[1:]]))
-            self.time.moment = replace(self.moment, exact=exact)
+            snapshot, x = self.seen.snapshot, with_mouse(scene, self.start.body).lattice.positions
+            snapshot = replace(snapshot, vectors=np.stack([x, *snapshot.vectors[1:]]))
+            self.time.seen = replace(self.seen, snapshot=snapshot)
 
     def pull(self, x: float, y: float) -> None:
         """Tie the disk's point nearest to (x, y) [R] to the mouse there, or lead the one that is tied.
@@ -272,19 +264,19 @@ class Sandbox:
         A state that is past becomes the present.
         """
         self._settle()
-        if self.driver.status == "failed" or self.time.behind:
+        if self.segment.status == "failed" or self.time.behind:
             return
-        disk = self.stretch.present.x[: self.start.body.disk_points]
-        point = self.held[0] if self.held else int(np.hypot(disk[:, 0] - x, disk[:, 1] - y).argmin())
-        self.held = point, (x, y)
-        self.driver.pull(*self.held)
+        disk = self.segment.present.x[: self.start.body.disk_points]
+        point = self.dragged[0] if self.dragged else int(np.hypot(disk[:, 0] - x, disk[:, 1] - y).argmin())
+        self.dragged = point, (x, y)
+        self.segment.pull(*self.dragged)
 
     def let_go(self) -> None:
         """Untie the point, if one is tied: from here on the scene can end again."""
-        if self.held:
-            self.held = None
-            if self.driver.status != "failed":
-                self.driver.pull(-1, (0.0, 0.0))
+        if self.dragged:
+            self.dragged = None
+            if self.segment.status != "failed":
+                self.segment.pull(-1, (0.0, 0.0))
                 self._carry_on(self.scene, "by hand")
 
     # ---- out
@@ -292,4 +284,4 @@ class Sandbox:
     def save(self, path: Path) -> None:
         """Write the scene: `run` computes from it, bit for bit, what is seen after a start. Raises SimulationError."""
         write_text(path, self.scene.to_yaml())
-        self.message = f"saved {path}{'; what hands did on the way is not in it' if self.moment.by_hand else ''}"
+        self.message = f"saved {path}{'; what hands did on the way is not in it' if self.seen.by_hand else ''}"

@@ -266,7 +266,7 @@ def test_too_little_memory_is_told_in_a_sentence(tmp_path):
 
 
 def test_more_points_than_memory_are_refused_beforehand(tmp_path, monkeypatch, capsys):
-    monkeypatch.setattr("taichi_disk.scenes.feasible.free_memory", lambda: 1e9)
+    monkeypatch.setattr("taichi_disk.scenes.free_memory", lambda: 1e9)
     assert main(["check", "exponential_wall", "--set", "lattice.points=2000000"]) == 2
     told = capsys.readouterr().err
     assert "lattice.points" in told and "at most 350,000" in told

@@ -63,8 +63,7 @@ def test_python_blocks_run_from_top_to_bottom(name, tmp_path):
 @every_page
 def test_commands_are_accepted(page, monkeypatch):
     from taichi_disk.cli import _parser
-    from taichi_disk.scenes import load_any, shipped_scenes
-    from taichi_disk.scenes.feasible import check_feasible
+    from taichi_disk.scenes import check_feasible, load_any, shipped_scenes
 
     monkeypatch.chdir(ROOT)
     for _, words in commands(page):

@@ -39,7 +39,8 @@ def run():
     # Its states are kept, so that tests may start Taichi anew.
     times = np.linspace(0.0, outcome.columns["t"][-1], 400)
     states = list(outcome.replay(times))
-    return scenario, replace(outcome, replay=lambda wanted: (states[int(np.abs(times - t).argmin())] for t in wanted))
+    replay = lambda wanted: (states[int(np.abs(times - t).argmin())] for t in wanted)  # noqa: E731
+    return scenario, replace(outcome, replay=replay, frames=replay)
 
 
 def video(**keys):
@@ -317,6 +318,18 @@ def test_the_greatest_compression_of_a_spinning_disk_is_where_it_turns_back(spin
     force, stretched = columns["wall_force"], columns["elastic"].argmax()
     assert force[stretched] < 1e-3 * force.max()  # by its spin, before it touches the wall
     assert abs(np.interp(greatest_compression(columns), columns["t"], columns["com_vy"])) < 0.1 * scene.impact.velocity
+
+
+@needs_vulkan
+def test_the_film_of_a_loading_tells_the_part_of_the_load_and_grows_without_a_leap(tmp_path, captions):
+    pressed = api.run(load_scene("compression", ["lattice.points=60", "compression.method=newton"]))
+    pressed.film(tmp_path / "frames", size=SIZE, fps=10, seconds=4, beside=pressed)
+    assert captions[0::2] == captions[1::2] and len(captions) == 80
+    parts = [float(lines[0].split()[2]) for lines in captions[::2]]
+    assert captions[0][0] == "P = 1 % of 0.01 Mc²/R" and captions[0][-1] == "" and parts == sorted(parts)
+    assert parts[-5:] == [100.0] * 5 and captions[-1][-1] == f"*ξ = {pressed.xi:.6g} R"
+    steps = np.abs(np.diff(pictures_in(tmp_path / "frames")[:, 70:180], axis=0)).mean(axis=(1, 2, 3))
+    assert steps[:30].min() > 0.0 and steps[3:].max() < 4.0 * np.median(steps)
 
 
 def test_the_film_of_a_compression_on_a_soft_wall_shows_the_disk_from_its_start():

@@ -14,11 +14,10 @@ from taichi_disk.fields import QUANTITIES, Triangles, at_points, fringes
 from taichi_disk.lattice import Lattice, disk_lattice, with_wall
 from taichi_disk.physics import ElasticWall, ExponentialWall, Springs
 from taichi_disk.render import film_problem
-from taichi_disk.render.camera import Camera
+from taichi_disk.render.geometry import ARROW, Camera
 from taichi_disk.render.kernels import shrink
 from taichi_disk.render.painter import Painter
 from taichi_disk.render.palette import THEMES
-from taichi_disk.render.shapes import ARROW
 
 pytestmark = pytest.mark.skipif(film_problem() is not None, reason=str(film_problem()))
 SIZE = 360
@@ -69,7 +68,7 @@ def test_colours_equal_the_field_s_values(shoot, colour):
         picture = shoot(DISK, X, V, colour=colour, theme=painter.theme, limit=painter.limit)
         seen = np.array([pixel(picture, X[three].mean(axis=0)) for three in corners])
         # In the middle of a triangle: the mean of its corners, of colours or, where those are not linear, of values.
-        colours = painter.colours(painter.places(values))[corners].mean(axis=1)
+        colours = painter.colours(painter.normalised(values))[corners].mean(axis=1)
         if colour == "fringes":
             light = fringes(values[corners].mean(axis=1) / 2.0, painter.limit)
             colours = painter.map[np.rint(511 * light).astype(int)]
@@ -108,7 +107,7 @@ def test_a_spring_has_the_colour_of_its_strain(shoot):
         x = triangle.positions * [1.0 + strain, 1.0]
         low = x[np.argsort(x[:, 1])[:2]]
         seen = pixel(shoot(triangle, x, colour="strain", draw="springs"), low.mean(axis=0))
-        assert seen == pytest.approx(painter.colours(painter.places(np.array([strain])))[0], abs=2 / 255)
+        assert seen == pytest.approx(painter.colours(painter.normalised(np.array([strain])))[0], abs=2 / 255)
 
 
 @pytest.mark.parametrize("a", [10.0, 300.0])
@@ -171,9 +170,9 @@ def test_smoothing_averages_over_the_area_of_each_pixel_and_repeats_the_outermos
 
 
 @pytest.mark.parametrize("a, edge", [(300.0, 0.0), (10.0, 0.7)])
-def test_the_rigid_wall_fills_its_stage_below_the_edge_and_nothing_else(shoot, a, edge):
-    stage = (40.0, 320.0, 30.0, 250.0)
-    camera = Camera.fit((-1.1, 1.1, edge - 0.1, edge + 1.6), SIZE, SIZE, stage=stage)
+def test_the_rigid_wall_fills_its_viewport_below_the_edge_and_nothing_else(shoot, a, edge):
+    viewport = (40.0, 320.0, 30.0, 250.0)
+    camera = Camera.fit((-1.1, 1.1, edge - 0.1, edge + 1.6), SIZE, SIZE, viewport=viewport)
     picture = shoot(DISK, X + [0.0, edge], wall=ExponentialWall(a, a), camera=camera, edge=edge)
     below = int(camera.to_pixels((0.0, edge))[1]) + 1
     solid = (np.abs(picture - THEMES["light"].wall) < 0.01).all(axis=2)

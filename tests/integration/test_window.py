@@ -16,13 +16,13 @@ import pytest
 from PIL import Image, ImageDraw
 
 from taichi_disk.cli import main
-from taichi_disk.render import film_problem, text
+from taichi_disk.render import film_problem, legend
 from taichi_disk.render.palette import THEMES
 from taichi_disk.scenes import load_scene
 from taichi_disk.simulation.outcome import compute
 from taichi_disk.simulation.simulation import KernelCache
-from taichi_disk.window.sheet import Sheet
-from taichi_disk.window.stage import PANEL, SIZE
+from taichi_disk.window.overlay import Overlay
+from taichi_disk.window.scene_view import PANEL, SIZE
 
 TOOLS = [tool for tool in ("Xvfb", "xdotool", "import") if not shutil.which(tool)]
 MISSING = f"not installed: {', '.join(TOOLS)} (apt-get install xvfb xdotool imagemagick)" if TOOLS else film_problem()
@@ -42,10 +42,10 @@ def test_without_a_display_one_message_names_the_remedy(
 
 
 def test_letters_are_boxes_that_cover_what_pillow_sets() -> None:
-    sheet, (width, height) = Sheet((255, 255, 255)), (200, 40)
+    sheet, (width, height) = Overlay((255, 255, 255)), (200, 40)
     expected = Image.new("RGB", (width, height), (255, 255, 255))
     for draw in (sheet, ImageDraw.Draw(expected)):
-        text.draw_line(draw, (10, 30), "v_cm / v  ξ elastic", 13.0, (0, 0, 0))
+        legend.draw_line(draw, (10, 30), "v_cm / v  ξ elastic", 13.0, (0, 0, 0))
     picture = np.ones((height, width))
     for corners in sheet.vertices(width, height).reshape(-1, 6, 12):
         columns, rows = np.rint(corners[:, 0] * width).astype(int), np.rint((1.0 - corners[:, 1]) * height).astype(int)

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 import reference
 from bodies import SMALL, computed, disk, pressed
+from scipy.integrate import trapezoid
 from scipy.optimize import brentq, minimize, root
 
 from taichi_disk.errors import SimulationError
@@ -120,12 +121,21 @@ def test_it_does_not_matter_how_the_lattice_is_turned_when_it_is_put_down():
     assert found == pytest.approx([found[0]] * 3, rel=1e-9)
 
 
-def test_the_way_to_newtons_rest_is_told_by_forces_and_energies_of_plain_numpy(kernels):
-    scenario, outcome = computed(kernels, "compression", "lattice.points=100", "compression.method=newton")
+@pytest.fixture(scope="module")
+def loading():
+    """Scene, scenario and outcome of a loading."""
+    scene = load_scene("compression", ("lattice.points=100", "compression.method=newton"))
+    scenario = scene.scenario()
+    return scene, scenario, compute(scenario, scene.time)
+
+
+def test_a_loading_goes_through_equilibria_told_by_forces_and_energies_of_plain_numpy(loading):
+    _, scenario, outcome = loading
     lattice, columns = scenario.lattice, outcome.columns
-    plain = reference.Model(lattice, scenario.model)
+    assert 0.0 < columns["t"][0] < 0.01 and columns["t"][-1] == 1.0 and (np.diff(columns["t"]) > 0.0).all()
     for row, (t, x, v) in enumerate(outcome.replay(columns["t"])):
         assert t == columns["t"][row] and not v.any()
+        plain = reference.Model(lattice, replace(scenario.model, load=Load(t * P)))
         expected = {
             "com_x": x[:, 0].mean(),
             "com_y": x[:, 1].mean(),
@@ -133,16 +143,58 @@ def test_the_way_to_newtons_rest_is_told_by_forces_and_energies_of_plain_numpy(k
             "wall_force": plain.wall_force(x)[:, 1].sum(),
             "elastic": plain.elastic(x),
             "wall": plain.wall(x),
-            "load": P * x[:, 1].mean(),
+            "load": t * P * x[:, 1].mean(),
             "total": plain.potential(x),
         }
         assert {name: columns[name][row] for name in expected} == pytest.approx(expected, rel=1e-11, abs=1e-17)
-    assert (np.diff(columns["total"]) < 0.0).all()  # downhill
-    assert columns["wall_force"][-1] == pytest.approx(P, rel=1e-9)
-    assert columns["residual"][-1] < 1e-9 * P / 100
-    y, values = outcome.positions[:, 1], scenario.result(columns)
-    assert values["xi"] == pytest.approx(xi(lattice, outcome.positions), rel=1e-12)
-    assert values["xi_nominal"] == pytest.approx(1.0 - (y.mean() - y.min()), rel=1e-12)
+        assert columns["wall_force"][row] == pytest.approx(t * P, rel=1e-9)
+        assert np.abs(plain.force(x, v)).max() < 1e-9 * t * P / 100 and columns["residual"][row] < 1e-9 * t * P / 100
+    x, values = outcome.positions, scenario.result(columns)
+    assert np.array_equal(next(outcome.replay(np.array([1.0])))[1], x) and columns["xi"][-1] == pytest.approx(
+        values["xi"], rel=1e-12
+    )
+    assert values["xi"] == pytest.approx(xi(lattice, x), rel=1e-12)
+    assert values["xi_nominal"] == pytest.approx(1.0 - (x[:, 1].mean() - x[:, 1].min()), rel=1e-12)
+
+
+def test_the_load_s_work_is_the_energy_stored_and_the_slope_of_the_potential_the_centre_s_height():
+    # dV/dP = y_cm for V = U + P y_cm (Hellmann and Feynman), and dU = -P dy_cm; by the trapezoidal rule.
+    scene, off = load_scene("compression", ("lattice.points=60", "compression.method=newton")), []
+    for loads in (24, 96):
+        columns = compute(scene.scenario(), scene.time, loads=loads).columns
+        force, y, stored = P * columns["t"], columns["com_y"], columns["elastic"] + columns["wall"]
+        work, potential = trapezoid(force, -y), trapezoid(y, force)
+        off.append((abs(work / np.ptp(stored) - 1.0), abs(np.ptp(columns["total"]) / potential - 1.0)))
+    assert off[0] < (3e-3, 3e-5) and off[1][0] < off[0][0] / 5 and off[1][1] < off[0][1] / 5
+
+
+@pytest.mark.parametrize("row", [0, 5, 14])
+def test_each_load_of_a_loading_compresses_as_much_as_a_run_under_that_load_alone(loading, row):
+    scene, _, outcome = loading
+    part, found = outcome.columns["t"][row], outcome.columns["xi"][row]
+    alone = scene.with_({"compression.pressure": float(part * P)}).scenario()
+    assert abs(alone.rest.roll - loading[1].rest.roll) > 0.05  # and lies as it would then
+    assert found == pytest.approx(xi(alone.lattice, alone.rest.positions), rel=1e-8)
+
+
+def test_a_state_at_any_load_is_an_equilibrium_and_a_film_s_is_near_it(loading):
+    _, scenario, outcome = loading
+    columns, asked = outcome.columns, np.array([0.0, 0.4, 0.5, 1.0])
+    for (t, x, _), (same, seen, _) in zip(outcome.replay(asked), outcome.frames(asked), strict=True):
+        model = replace(scenario.model, load=Load(t * P))
+        assert t == same and np.abs(forces(scenario.lattice, model, x)).max() < 1e-9 * t * P / 100
+        assert (np.abs(seen - x).max() < 1e-4) if t not in columns["t"] else np.array_equal(seen, x)
+    assert t == 1.0 and next(outcome.replay(asked))[0] == columns["t"][0]  # under no load at all it rests nowhere
+
+
+def test_the_rest_under_the_full_load_alone_is_bitwise_that_of_the_loading(loading):
+    scene, scenario, outcome = loading
+    alone = compute(scene.scenario(), scene.time, loads=1)
+    assert np.array_equal(alone.positions, outcome.positions) and alone.facts == outcome.facts
+    assert scenario.result(alone.columns) == scenario.result(outcome.columns)
+    assert {name: values[-1] for name, values in outcome.columns.items()} == {
+        name: values[0] for name, values in alone.columns.items()
+    }
 
 
 @pytest.mark.parametrize(

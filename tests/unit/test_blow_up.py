@@ -9,8 +9,7 @@ import pytest
 from bodies import ELASTIC, RIGID, WALL, computed, disk_and_wall, driver_of
 
 from taichi_disk.physics import ElasticWall, Model, Springs
-from taichi_disk.simulation.energy_balance import Watch
-from taichi_disk.simulation.failure import BlowUp, gone_through
+from taichi_disk.simulation.diagnostics import BlowUp, EnergyBalance, gone_through
 from taichi_disk.simulation.observables import INDEX
 
 SMALL = ("exponential_wall", "lattice.points=80", "material.eta_star=0")
@@ -34,7 +33,7 @@ def test_a_lost_balance_is_seen_in_the_first_row_that_shows_it(energies, lost):
     rows = np.zeros((len(energies["kinetic"]), len(INDEX)))
     for name, values in energies.items():
         rows[:, INDEX[name]] = values
-    at_once, one_by_one = Watch(rows[0]), Watch(rows[0])
+    at_once, one_by_one = EnergyBalance(rows[0]), EnergyBalance(rows[0])
     assert at_once.first_lost(rows) == lost
     each = [one_by_one.first_lost(row[None]) for row in rows]
     assert [found is None for found in each[:lost]] == [True] * len(rows[:lost]) and (lost is None or each[lost] == 0)

@@ -6,6 +6,7 @@ from __future__ import annotations
 import itertools
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from taichi_disk.config.sweep_axes import FORMS, Sweep
@@ -26,6 +27,11 @@ def test_axes_multiply_and_the_last_varies_fastest() -> None:
     sweep = load_sweep(IMPACT + "sweep: {eta_star: [0, 10], velocity: {lin: [0.01, 0.03, 3]}, seed: {range: 2}}\n")
     found = [(one.material.eta_star, one.impact.velocity, one.lattice.seed) for one in sweep.scenes]
     assert found == list(itertools.product((0.0, 10.0), (0.01, 0.02, 0.03), (0, 1)))
+
+
+def test_an_axis_from_python_may_be_an_array() -> None:
+    sweep = load_sweep({"scene": "exponential_wall", "sweep": {"velocity": np.array([0.01, 0.02]), "seed": (3,)}})
+    assert sweep.blocks == ({"velocity": (0.01, 0.02), "seed": (3,)},)
 
 
 def test_each_point_is_the_scene_that_overrides_would_make() -> None:

@@ -14,9 +14,9 @@ import pytest
 from taichi_disk.scenes import load_scene
 from taichi_disk.simulation.simulation import KernelCache
 from taichi_disk.window.controls import LEAST_ETA, REPEATED, Controls
-from taichi_disk.window.recorder import Recorder, picture_of
 from taichi_disk.window.sandbox import Sandbox
-from taichi_disk.window.stage import PANEL
+from taichi_disk.window.scene_view import PANEL
+from taichi_disk.window.viewer import Recorder, picture_of
 
 
 @pytest.fixture
@@ -27,10 +27,10 @@ def controls(kernels: KernelCache, tmp_path: Path) -> Controls:
         for v in speeds
     ]
     nothing = lambda *_: None  # noqa: E731
-    stage: Any = SimpleNamespace(contact=nothing, follow=nothing, home=nothing, zoom=nothing)
+    view: Any = SimpleNamespace(contact=nothing, follow=nothing, home=nothing, zoom=nothing)
     out = tmp_path / "out"
     out.mkdir()
-    return Controls(Sandbox(playlist[0][1](), kernels=kernels), stage, playlist, out)
+    return Controls(Sandbox(playlist[0][1](), kernels=kernels), view, playlist, out)
 
 
 @pytest.mark.validate
@@ -77,8 +77,8 @@ def test_files_that_cannot_be_written_are_told_and_the_window_lives(controls: Co
 
 
 @pytest.mark.parametrize("size", [(PANEL + 61, 51), (PANEL + 60, 50)])
-def test_a_picture_shows_the_stage_upright(controls: Controls, size: tuple[int, int]) -> None:
+def test_a_picture_shows_the_view_upright(controls: Controls, size: tuple[int, int]) -> None:
     drawn = np.zeros((*size, 4), np.float32)
-    drawn[PANEL, size[1] // 2 * 2 - 1] = (1.0, 0.5, 0.0, 1.0)  # the upper left corner of the stage: rows run upwards
+    drawn[PANEL, size[1] // 2 * 2 - 1] = (1.0, 0.5, 0.0, 1.0)  # the upper left corner of the view: rows run upwards
     picture = picture_of(drawn)
     assert picture.shape == (50, 60, 3) and picture[0, 0].tolist() == [255, 128, 0] and picture.sum() == 383

@@ -40,23 +40,6 @@ def test_the_steps_made_are_those_reported_and_launches_leave_no_trace(name, ker
     assert short.advance(steps=5) == "finished" and short.simulation.step_number == state.step  # over is over
 
 
-def test_an_endless_driver_goes_on_after_the_end_and_goes_back(kernels):
-    settings = (*IMPACT, "impact.max_time=2.0")
-    assert driver_of(kernels, *settings).advance() == "failed"
-    driver = driver_of(kernels, *settings, endless=True)
-    start, row = driver.state, driver.row
-    assert driver.advance(steps=round(3.0 / driver.step.dt)) == "running"
-    while driver.advance(steps=1000) == "running":
-        pass
-    over = driver.simulation.step_number
-    assert driver.advance(steps=100) == "finished"
-    assert (driver.end.step, driver.simulation.step_number) == (over, over + 100)
-    expected = driver.end.vectors
-    driver.back_to(start, row)
-    assert driver.advance() == "finished"
-    assert_array_equal(driver.end.vectors, expected)
-
-
 def test_a_wall_harder_than_foreseen_makes_the_step_shorter_until_it_holds(kernels):
     # Points rattle between disk and wall.
     hard = (*IMPACT, "time.safety=0.8", "wall.a=3000", "impact.velocity=0.1")

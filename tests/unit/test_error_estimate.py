@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from taichi_disk.integrators import VEFRL, VELOCITY_VERLET
-from taichi_disk.simulation.error_estimate import CAUTION, UNRESOLVED_PART, RunRecord, error_estimate
+from taichi_disk.simulation.step_control import CAUTION, UNRESOLVED_PART, RunRecord, error_estimate
 
 
 @pytest.mark.parametrize("integrator", [VELOCITY_VERLET, VEFRL])

@@ -8,14 +8,23 @@ import bodies
 import numpy as np
 import pytest
 
-from taichi_disk.fields import QUANTITIES, Triangles, at_points, field, fringes, point_stress, stress
-from taichi_disk.fields.stress import shear, smooth_stress
+from taichi_disk.fields import (
+    QUANTITIES,
+    Triangles,
+    at_points,
+    field,
+    fringes,
+    point_stress,
+    shear,
+    smooth_stress,
+    stress,
+)
 from taichi_disk.lattice import Lattice, disk_lattice, with_wall
 from taichi_disk.physics import ElasticWall, ExponentialWall, Springs
 
 SPRINGS = Springs(1.3, 0.4)
 DISK = disk_lattice(300, 1)
-TILES = Triangles(DISK)
+DISK_MESH = Triangles(DISK)
 # Of the perfect triangular lattice, k_a = 1.
 YOUNG, POISSON = 2.0 / np.sqrt(3.0), 1.0 / 3.0
 
@@ -69,8 +78,8 @@ def test_the_area_integral_of_the_stress_is_the_virial_of_all_other_forces_and_o
     if body == "disk and wall":
         lattice, wall = with_wall(DISK, 260, 3.0, 0), ElasticWall(40.0, 0.02, 0.5)
     x, _ = shaken(lattice)
-    tiles = Triangles(lattice)
-    total = (tiles.areas(x)[:, None] * stress(tiles, SPRINGS, x)).sum(axis=0)
+    triangles = Triangles(lattice)
+    total = (triangles.areas(x)[:, None] * stress(triangles, SPRINGS, x)).sum(axis=0)
     # m a = f_springs + f_wall, so that minus the springs' virial is that of the wall minus that of m a.
     outer = wall.forces(lattice, x)
     inertia = SPRINGS.forces(lattice, x) + outer
@@ -83,8 +92,8 @@ def test_the_stress_of_springs_that_cross_others_is_in_the_integral_too():
     pairs = np.argwhere(np.triu(PATCH_DISTANCES < 1.8 / RINGS, 1))
     lattice = Lattice.from_points(PATCH.positions, pairs)
     x, _ = shaken(lattice)
-    tiles = Triangles(lattice)
-    total = (stress(tiles, SPRINGS, x) * tiles.areas(x)[:, None]).sum(axis=0)
+    triangles = Triangles(lattice)
+    total = (stress(triangles, SPRINGS, x) * triangles.areas(x)[:, None]).sum(axis=0)
     virial = -x.T @ SPRINGS.forces(lattice, x)
     assert len(lattice.bonds) > 1.5 * len(PATCH.bonds)
     np.testing.assert_allclose(total, [virial[0, 0], virial[1, 1], virial[1, 0]], rtol=1e-11)
@@ -93,13 +102,13 @@ def test_the_stress_of_springs_that_cross_others_is_in_the_integral_too():
 def test_stress_turns_with_the_body_and_does_not_feel_where_it_is():
     c, s = np.cos(0.7), np.sin(0.7)
     turn = np.array([[c, -s], [s, c]])
-    sigma, turned = (stress(TILES, SPRINGS, y) for y in (X, X @ turn.T + [3.0, -2.0]))
+    sigma, turned = (stress(DISK_MESH, SPRINGS, y) for y in (X, X @ turn.T + [3.0, -2.0]))
     expected = turn @ np.stack([sigma[:, [0, 2]], sigma[:, [2, 1]]], axis=1) @ turn.T
     assert np.abs(turned - np.stack([expected[:, 0, 0], expected[:, 1, 1], expected[:, 0, 1]], axis=1)).max() < 1e-12
 
 
 def test_pressure_and_shear_are_the_invariants_of_the_stress():
-    xx, yy, xy = stress(TILES, SPRINGS, X).T
+    xx, yy, xy = stress(DISK_MESH, SPRINGS, X).T
     low, high = np.linalg.eigvalsh(np.array([[xx, xy], [xy, yy]]).transpose(2, 0, 1)).T
     assert field("pressure", DISK, SPRINGS, X, V).values == pytest.approx(-0.5 * (low + high), abs=1e-14)
     assert field("shear", DISK, SPRINGS, X, V).values == pytest.approx(0.5 * (high - low), abs=1e-14)
@@ -109,7 +118,7 @@ def test_a_squeezed_disk_is_under_pressure_and_a_resting_one_has_no_field():
     v = np.zeros_like(DISK.positions)
     assert field("pressure", DISK, SPRINGS, 0.99 * DISK.positions, v).values.min() > 0.0
     for name in QUANTITIES:
-        assert np.abs(at_points(name, TILES, SPRINGS, DISK.positions, v)).max() < 1e-14
+        assert np.abs(at_points(name, DISK_MESH, SPRINGS, DISK.positions, v)).max() < 1e-14
 
 
 def test_a_triangle_folded_flat_has_a_finite_stress():
@@ -120,13 +129,13 @@ def test_a_triangle_folded_flat_has_a_finite_stress():
 
 
 def test_point_values_are_means_weighted_with_the_areas():
-    sigma, areas, i = stress(TILES, SPRINGS, X), TILES.areas(X), 17
+    sigma, areas, i = stress(DISK_MESH, SPRINGS, X), DISK_MESH.areas(X), 17
     around = (DISK.triangles == i).any(axis=1)
     mean = np.average(sigma[around], axis=0, weights=areas[around])
-    assert point_stress(TILES, SPRINGS, X)[i] == pytest.approx(mean, rel=1e-12)
-    assert at_points("pressure", TILES, SPRINGS, X, V)[i] == pytest.approx(-0.5 * (mean[0] + mean[1]), rel=1e-12)
+    assert point_stress(DISK_MESH, SPRINGS, X)[i] == pytest.approx(mean, rel=1e-12)
+    assert at_points("pressure", DISK_MESH, SPRINGS, X, V)[i] == pytest.approx(-0.5 * (mean[0] + mean[1]), rel=1e-12)
     strain = SPRINGS.strain(DISK, X)[(DISK.bonds == i).any(axis=1)]
-    assert at_points("strain", TILES, SPRINGS, X, V)[i] == pytest.approx(strain.mean(), rel=1e-12)
+    assert at_points("strain", DISK_MESH, SPRINGS, X, V)[i] == pytest.approx(strain.mean(), rel=1e-12)
 
 
 # ---- motion
@@ -168,22 +177,22 @@ def test_a_disk_without_stress_is_dark():
 
 
 def test_smoothing_keeps_what_is_uniform_and_averages_neighbours():
-    assert TILES.smoothed(np.full((300, 2), 0.7), 5) == pytest.approx(np.full((300, 2), 0.7), rel=1e-14)
+    assert DISK_MESH.smoothed(np.full((300, 2), 0.7), 5) == pytest.approx(np.full((300, 2), 0.7), rel=1e-14)
     values, i = np.random.default_rng(0).random((300, 1)), 40
     mean = values[np.unique(DISK.bonds[(DISK.bonds == i).any(axis=1)])].mean()
-    assert TILES.smoothed(values, 1)[i, 0] == pytest.approx(mean, rel=1e-14)
+    assert DISK_MESH.smoothed(values, 1)[i, 0] == pytest.approx(mean, rel=1e-14)
 
 
 # ---- the mesh
 
 
 def test_every_spring_of_a_lattice_is_carried_by_one_or_two_triangles():
-    assert set(TILES.share) == {0.5, 1.0}
-    assert (TILES.share == 1.0).sum() == len(TILES.outline) == len(DISK.disk_surface)
+    assert set(DISK_MESH.part) == {0.5, 1.0}
+    assert (DISK_MESH.part == 1.0).sum() == len(DISK_MESH.outline) == len(DISK.disk_surface)
     # The outline has the body on its left: its polygon's area is that of all triangles.
-    a, b = DISK.positions[TILES.outline].transpose(1, 0, 2)
+    a, b = DISK.positions[DISK_MESH.outline].transpose(1, 0, 2)
     area = 0.5 * (a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]).sum()
-    assert area == pytest.approx(TILES.areas(DISK.positions).sum(), rel=1e-12)
+    assert area == pytest.approx(DISK_MESH.areas(DISK.positions).sum(), rel=1e-12)
 
 
 def test_a_field_says_where_it_lives_and_in_which_unit():

@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 import pytest
 
+from taichi_disk.figures import theory
+from taichi_disk.figures.curves import analyse
+from taichi_disk.figures.drawing import draw
 from taichi_disk.scenes import load_scene
-from taichi_disk.sweep import fits, theory
-from taichi_disk.sweep.analysis import analyse
-from taichi_disk.sweep.figures import draw
 
 V = np.geomspace(3e-3, 5e-2, 12)
 P = np.linspace(4e-3, 1e-2, 7)
@@ -19,16 +19,16 @@ P = np.linspace(4e-3, 1e-2, 7)
 
 def test_planted_parameters_of_eq_5_come_back() -> None:
     for d1, d2 in ((0.973, 0.119), (1.0, 0.6), (1.6, 1.4)):
-        fit = fits.fit_restitution(V, theory.paper_restitution(V, d1, d2)[None])
+        fit = theory.fit_restitution(V, theory.paper_restitution(V, d1, d2)[None])
         assert fit.values == pytest.approx({"d1": d1, "d2": d2}, rel=1e-6)
         assert fit.rms < 1e-7 and not fit.intervals
-    fixed = fits.fit_restitution(V, theory.paper_restitution(V, 1.0, 0.6)[None], d1_is_1=True)
+    fixed = theory.fit_restitution(V, theory.paper_restitution(V, 1.0, 0.6)[None], d1_is_1=True)
     assert fixed.values == pytest.approx({"d1": 1.0, "d2": 0.6}, rel=1e-6)
 
 
 def test_a_planted_b_comes_back_and_each_lattice_has_its_own() -> None:
     b = np.array([0.9, 1.5, 2.4])
-    fit = fits.fit_b(P, theory.paper_compression(P, 1.1, 0.29, b[:, None]), 1.1, 0.29)
+    fit = theory.fit_b(P, theory.paper_compression(P, 1.1, 0.29, b[:, None]), 1.1, 0.29)
     assert [fit.values[f"b_{name}"] for name in ("min", "median", "max")] == pytest.approx(list(b), rel=1e-6)
     low, high = fit.intervals["b"]
     assert 0.9 <= low < fit.values["b"] < high <= 2.4
@@ -36,7 +36,7 @@ def test_a_planted_b_comes_back_and_each_lattice_has_its_own() -> None:
 
 def test_a_planted_tau0_comes_back() -> None:
     e = np.array([[theory.quasistatic_impact(v, 0.0731, 1.1).restitution for v in V]])
-    fit = fits.fit_tau0(V, e, 1.1)
+    fit = theory.fit_tau0(V, e, 1.1)
     assert fit.values["tau0"] == pytest.approx(0.0731, rel=1e-4)
     assert fit.rms < 1e-6
 
@@ -44,27 +44,27 @@ def test_a_planted_tau0_comes_back() -> None:
 def test_the_residuals_are_data_minus_fit() -> None:
     e = theory.paper_restitution(V, 1.0, 0.6)
     bump = np.where(np.arange(12) == 5, 1e-3, 0.0)
-    fit = fits.fit_restitution(V, np.stack([e + bump, e + bump]))
+    fit = theory.fit_restitution(V, np.stack([e + bump, e + bump]))
     # Two parameters on twelve points take up about a sixth of a lone bump.
     assert 0.7e-3 < fit.residuals[5] < 1e-3
 
 
 def test_curvature_is_the_second_derivative_of_either_half() -> None:
     y = np.where(V[6] > V, -3.0 * V**2 + V, 2.0 * V**2)
-    fit = fits.fit_curvature(V, np.stack([y, y]))
+    fit = theory.fit_curvature(V, np.stack([y, y]))
     assert fit.values == pytest.approx({"slow_half": -6.0, "fast_half": 4.0}, rel=1e-8)
     assert fit.rms < 1e-12
 
 
 def test_intervals_hold_the_truth_about_as_often_as_their_level(monkeypatch: pytest.MonkeyPatch) -> None:
     # Lattices that scatter by a common factor each: what a bootstrap over single points would miss.
-    monkeypatch.setattr(fits, "RESAMPLES", 200)
+    monkeypatch.setattr(theory, "RESAMPLES", 200)
     rng = np.random.default_rng(1)
     true = theory.paper_restitution(V, 1.0, 0.6)
     held = 0
     for _ in range(30):
         e = true * (1.0 + 0.01 * rng.standard_normal((16, 1)))
-        low, high = fits.fit_restitution(V, e).intervals["d1"]
+        low, high = theory.fit_restitution(V, e).intervals["d1"]
         held += low <= 1.0 <= high
     # Binomial(30, 0.95), and 16 lattices make the percentile interval a little narrow.
     assert held >= 23
@@ -72,15 +72,15 @@ def test_intervals_hold_the_truth_about_as_often_as_their_level(monkeypatch: pyt
 
 @pytest.mark.parametrize("e_star", [1.1, 1.1e4])
 def test_the_table_of_eq_4_is_as_good_as_its_integral_at_any_stiffness(e_star: float) -> None:
-    predict, unit = fits.quasistatic_curves((3e-3, 5e-2), e_star), e_star**-0.5
+    predict, unit = theory.quasistatic_curves((3e-3, 5e-2), e_star), e_star**-0.5
     for tau0 in (0.0, 3e-3 * unit, 0.0412 * unit, 0.33 * unit, 1.7 * unit):
         exact = [theory.quasistatic_impact(v, tau0, e_star).restitution for v in (3e-3, 5e-2)]
         np.testing.assert_allclose(predict(np.array([tau0]))[0], exact, rtol=0, atol=1e-6)
-    again = fits.quasistatic_curves.__wrapped__((3e-3, 5e-2), e_star)
+    again = theory.quasistatic_curves.__wrapped__((3e-3, 5e-2), e_star)
     assert (again(np.array([0.33 * unit])) == predict(np.array([0.33 * unit]))).all()
     # And so is a fit to data that it has made.
     e = np.array([[theory.quasistatic_impact(v, 0.3 * unit, e_star).restitution for v in V]])
-    assert fits.fit_tau0(V, e, e_star).values["tau0"] == pytest.approx(0.3 * unit, rel=1e-4)
+    assert theory.fit_tau0(V, e, e_star).values["tau0"] == pytest.approx(0.3 * unit, rel=1e-4)
 
 
 def pressed(lattices: list[tuple[int, float, float]]) -> list[dict[str, Any]]:

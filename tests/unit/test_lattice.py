@@ -14,9 +14,9 @@ from scipy.spatial.distance import pdist
 from taichi_disk.config.sections import LatticeSection
 from taichi_disk.errors import InputError, SimulationError
 from taichi_disk.lattice import Lattice, disk_lattice
-from taichi_disk.lattice.disk import MAX_POINTS, MIN_POINTS, hexagonal_spacing, rim_points, scatter
 from taichi_disk.lattice.lattice import double_area, triangulate
 from taichi_disk.lattice.network import bending_compliance, largest_eigenvalue, network_stiffness
+from taichi_disk.lattice.random_points import MAX_POINTS, MIN_POINTS, hexagonal_spacing, rim_points, scatter
 
 
 @settings(max_examples=30, deadline=None)

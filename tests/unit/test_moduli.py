@@ -9,7 +9,7 @@ import pytest
 
 from taichi_disk.errors import InputError
 from taichi_disk.lattice.lattice import triangulate
-from taichi_disk.lattice.moduli import bulk_moduli, inner_moduli, pulled, rectangle
+from taichi_disk.lattice.network import bulk_moduli, inner_moduli, pulled, rectangle
 
 
 def test_perfect_triangular_lattice_has_the_textbook_moduli():

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import os
-import signal
 import subprocess
 import sys
 from contextlib import suppress
@@ -13,8 +12,8 @@ from pathlib import Path
 import pytest
 
 from taichi_disk.errors import InputError, SimulationError
-from taichi_disk.output.run_folder import RunFolder
-from taichi_disk.signals import interrupts
+from taichi_disk.output.files import atomic_write, prepare_output
+from taichi_disk.output.run_folder import run_folder
 
 SCENE = "scene: compression\nlattice:\n  points: 100                    # number of points\n"
 OTHER = SCENE.replace("100", "200")
@@ -27,7 +26,7 @@ def content(folder):
 
 def compute(out, scene=SCENE, status="done", explicit=True, mark="", files=(), own_start=False, **options):
     """A run that leaves a few files which hold `mark`; returns where."""
-    with RunFolder(out, scene, explicit, **options) as folder:
+    with run_folder(out, scene, explicit, **options) as folder:
         for name in ("timeseries.csv", "plot.png", *files):
             (folder.path / name).parent.mkdir(exist_ok=True)
             (folder.path / name).write_text(mark)
@@ -43,16 +42,16 @@ def compute(out, scene=SCENE, status="done", explicit=True, mark="", files=(), o
 @pytest.mark.parametrize("end", [None, SimulationError("bad"), KeyboardInterrupt()])
 def test_a_run_appears_at_its_end_in_whole_whatever_ends_it(tmp_path, end):
     out = tmp_path / "a" / "run"
-    with suppress(SimulationError, KeyboardInterrupt), RunFolder(out, SCENE, explicit=True) as folder:
+    with suppress(SimulationError, KeyboardInterrupt), run_folder(out, SCENE, explicit=True) as folder:
         (folder.path / "summary.json").write_text('{"status": "failed"}')
-        assert all(name.startswith(".") for name in os.listdir(out))
+        assert all(name.startswith(".") for name in os.listdir(out.parent))
         if end:
             raise end
     assert content(tmp_path) == {"a/run/scene.yaml": SCENE, "a/run/summary.json": '{"status": "failed"}'}
 
 
 def test_a_run_refused_while_it_is_prepared_leaves_nothing_not_even_folders(tmp_path):
-    with pytest.raises(InputError), RunFolder(tmp_path / "a" / "b", SCENE, explicit=True):
+    with pytest.raises(InputError), run_folder(tmp_path / "a" / "b", SCENE, explicit=True):
         raise InputError
     assert list(tmp_path.iterdir()) == []
 
@@ -60,18 +59,16 @@ def test_a_run_refused_while_it_is_prepared_leaves_nothing_not_even_folders(tmp_
 def test_the_same_scene_replaces_its_run(tmp_path):
     out = compute(tmp_path / "run", mark="first", status="failed")
     assert "failure.npz" in content(out)
-    inode = out.stat().st_ino
-    with RunFolder(out, SCENE, explicit=True) as folder:
+    with run_folder(out, SCENE, explicit=True) as folder:
         (folder.path / "summary.json").write_text('{"status": "done"}')
         assert content(out)["plot.png"] == "first"
     assert set(content(tmp_path)) == {"run/scene.yaml", "run/summary.json"}
-    assert out.stat().st_ino == inode  # a shell that stands in it still does
 
 
 def test_a_default_name_counts_on_past_other_runs_and_says_so(tmp_path):
     said = []
     for k, scene in enumerate((SCENE, OTHER, OTHER.replace("200", "300"), OTHER)):
-        compute(tmp_path / "run", scene, explicit=False, mark=str(k), say=said.append)
+        compute(tmp_path / "run", scene, explicit=False, mark=str(k), notify=said.append)
     marks = {name: text for name, text in content(tmp_path).items() if name.endswith("plot.png")}
     assert marks == {"run/plot.png": "0", "run-2/plot.png": "3", "run-3/plot.png": "2"}
     assert said[0] == f"{tmp_path}/run holds another run; this run goes into {tmp_path}/run-2" and len(said) == 3
@@ -88,39 +85,46 @@ def test_a_folder_that_was_named_is_refused_if_it_holds_another_run_unless_overw
     assert content(tmp_path)["run/plot.png"] == "second" and content(tmp_path)["run/scene.yaml"] == OTHER
 
 
-MINE = [("thesis.tex", "x"), ("scene.yaml", "# mine\n" + SCENE)]
-
-
 @pytest.mark.parametrize("overwrite", [False, True])
 @pytest.mark.parametrize(
     ("name", "text"),
-    [*MINE, ("scene.yaml", SCENE), ("plot.png", "x"), ("summary.json", "{}"), ("frames/portrait.png", "x")],
+    [
+        ("thesis.tex", "x"),
+        ("scene.yaml", SCENE),
+        ("plot.png", "x"),
+        ("summary.json", "{}"),
+        ("frames/portrait.png", "x"),
+    ],
 )
 def test_what_no_run_wrote_is_never_touched(tmp_path, name, text, overwrite):
-    path = tmp_path / name
-    path.parent.mkdir(exist_ok=True)
+    path = tmp_path / "run" / name
+    path.parent.mkdir(parents=True)
     path.write_text(text)
     with pytest.raises(InputError, match=f"holds {Path(name).parts[0]}, which no run wrote; choose another folder"):
-        compute(tmp_path, overwrite=overwrite)
-    assert content(tmp_path) == {name: text}
+        compute(tmp_path / "run", overwrite=overwrite)
+    assert content(tmp_path) == {f"run/{name}": text}
 
 
-@pytest.mark.parametrize(("name", "text"), MINE)
-def test_a_run_s_folder_with_a_person_s_file_is_left_as_it_is(tmp_path, name, text):
+@pytest.mark.parametrize("mine", ["thesis.tex", "scene.yaml"])
+def test_a_run_s_folder_with_a_person_s_file_is_left_as_it_is(tmp_path, mine):
     out = compute(tmp_path / "run")
-    (out / name).write_text(text)
+    (out / mine).write_text("# mine\n" + SCENE)
     before = content(out)
-    with pytest.raises(InputError, match="no run wrote"):
-        compute(out, overwrite=True)
+    with pytest.raises(InputError, match="no run wrote" if mine == "thesis.tex" else "holds another run"):
+        compute(out, overwrite=mine == "thesis.tex")
     assert compute(out, explicit=False) == tmp_path / "run-2"
     assert content(out) == before
 
 
-def test_the_working_directory_may_be_the_folder(tmp_path, monkeypatch):
+def test_a_folder_that_cannot_be_renamed_is_refused_with_advice_and_an_empty_one_is_taken(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    compute(Path("."), mark="first")
-    assert set(os.listdir()) == RUN
-    compute(Path("out/run"), explicit=False)
+    for out in (".", "../" + tmp_path.name, tmp_path.parent, "/proc"):
+        what = "where a file system is mounted" if out == "/proc" else "the folder you are in"
+        with pytest.raises(InputError, match=f"is {what}, which no run can replace: name a folder in it with --out"):
+            compute(out)
+    assert list(tmp_path.iterdir()) == []
+    (tmp_path / "out" / "run").mkdir(parents=True)
+    assert compute(Path("out/run"), explicit=False) == Path("out/run")
     assert compute(Path("out/run"), OTHER, explicit=False) == Path("out/run-2")  # told as a relative name
 
 
@@ -129,7 +133,7 @@ def test_films_and_trajectories_made_from_a_run_stay_beside_it(tmp_path):
     made = {"render.mp4", "trajectory.xyz", ".DS_Store"}
     for name in made:
         (out / name).write_text("x")
-    with RunFolder(out, SCENE, explicit=True) as folder:
+    with run_folder(out, SCENE, explicit=True) as folder:
         assert folder.film == "video.mp4"
         (folder.path / "summary.json").write_text('{"status": "done"}')
     assert set(content(out)) == {"scene.yaml", "summary.json", "video.mp4", *made}
@@ -137,7 +141,7 @@ def test_films_and_trajectories_made_from_a_run_stay_beside_it(tmp_path):
         compute(out, mark=mark, files=("trajectory/0_springs.vtu", "trajectory.pvd"))
         assert content(out)["trajectory/0_springs.vtu"] == mark
     compute(out, OTHER, overwrite=True)
-    assert set(content(out)) == {*RUN, ".DS_Store"}
+    assert set(content(out)) == {*RUN, ".DS_Store"} and os.listdir(tmp_path) == ["run"]
 
 
 def test_runs_that_began_with_arrays_of_a_person_are_no_runs_of_the_same_scene(tmp_path):
@@ -157,101 +161,107 @@ def test_a_run_without_end_never_replaces_a_finished_one(tmp_path, status, expli
     said = []
     compute(tmp_path / "run", mark="good")
     for mark in ("bad", "worse"):
-        out = compute(tmp_path / "run", status=status, explicit=explicit, mark=mark, say=said.append)
+        out = compute(tmp_path / "run", status=status, explicit=explicit, mark=mark, notify=said.append)
         assert out == tmp_path / f"run-{status}"
     marks = {name: text for name, text in content(tmp_path).items() if name.endswith("plot.png")}
     assert marks == {"run/plot.png": "good", f"run-{status}/plot.png": "worse"}
     assert said[0] == f"{tmp_path}/run holds a finished run; this run goes into {tmp_path}/run-{status}"
 
 
-def test_of_two_runs_at_once_the_second_is_refused_or_counts_on(tmp_path):
-    with RunFolder(tmp_path / "run", SCENE, explicit=True) as first:
-        with pytest.raises(InputError, match="run is being written by another run; choose another folder with --out"):
-            compute(tmp_path / "run")
-        assert compute(tmp_path / "run", explicit=False) == tmp_path / "run-2"
+@pytest.mark.parametrize("overwrite", [False, True])
+@pytest.mark.parametrize("before", [None, SCENE])
+def test_of_two_runs_at_once_the_later_to_finish_goes_elsewhere_and_says_so(tmp_path, monkeypatch, before, overwrite):
+    if before:
+        compute(tmp_path / "run", before, mark="before")
+    said, pid, third = [], os.getpid(), OTHER.replace("200", "300")
+    overwrite = overwrite or bool(before)
+    with run_folder(tmp_path / "run", OTHER, True, overwrite, said.append) as first:
         (first.path / "summary.json").write_text('{"status": "done"}')
-    assert sorted(os.listdir(tmp_path)) == ["run", "run-2"]
+        with monkeypatch.context() as patch:
+            patch.setattr(os, "getpid", lambda: pid + 1)
+            assert compute(tmp_path / "run", third, mark="second", overwrite=overwrite) == tmp_path / "run"
+    assert first.out == tmp_path / "run-2" and len(said) == 1 and f"goes into {tmp_path}/run-2" in said[0]
+    assert content(tmp_path / "run")["plot.png"] == "second"
+    assert set(content(first.out)) == {"scene.yaml", "summary.json"} and set(os.listdir(tmp_path)) == {"run", "run-2"}
 
 
 def test_a_file_that_comes_while_the_run_computes_stays_and_the_run_is_not_lost(tmp_path):
     said = []
-    with RunFolder(tmp_path / "run", SCENE, explicit=True, say=said.append) as folder:
+    with run_folder(tmp_path / "run", SCENE, explicit=True, notify=said.append) as folder:
         (folder.path / "summary.json").write_text('{"status": "done"}')
+        (tmp_path / "run").mkdir()
         (tmp_path / "run" / "notes").write_text("mine")
     assert folder.out == tmp_path / "run-2" and len(said) == 1
     assert set(content(tmp_path)) == {"run/notes", "run-2/scene.yaml", "run-2/summary.json"}
 
 
 def test_a_run_that_cannot_be_moved_is_kept_where_it_is(tmp_path, monkeypatch):
-    def full(stage, folder):
-        raise OSError(28, "No space left on device")
+    replace = os.replace
 
-    monkeypatch.setattr(os, "rename", full)
+    def full(new, path):
+        if os.path.isdir(new):
+            raise OSError(28, "No space left on device")
+        replace(new, path)
+
+    monkeypatch.setattr(os, "replace", full)
     with pytest.raises(SimulationError, match=r"cannot move the run into .*: No space left on device; it stays in "):
         compute(tmp_path / "run")
     assert len(content(tmp_path)) == len(RUN)
 
 
-@pytest.mark.parametrize("before", [None, SCENE, OTHER])
-def test_a_move_that_was_cut_short_is_finished_by_the_next_run(tmp_path, monkeypatch, before):
-    out = tmp_path / "run"
-    if before:
-        compute(out, before, files=("failure.npz",), mark="old")
-    moves = []
-
-    def replace(source, target):
-        moves.append(target)
-        if len(moves) == 3:
-            raise OSError(5, "power cut")
-        os.rename(source, target)
-
-    with monkeypatch.context() as patch, pytest.raises(SimulationError):
-        patch.setattr(os, "replace", replace)
-        compute(out, overwrite=True, mark="new")
-    assert "summary.json" not in os.listdir(out)  # nobody takes this for a run
-    with pytest.raises(InputError, match="other"), RunFolder(out, SCENE, explicit=True):
-        assert {name for name in os.listdir(out) if name[0] != "."} == RUN
-        assert content(out)["plot.png"] == "new"
-        raise InputError("other")
-
-
 KILLED = """
-import sys
-from taichi_disk.output.run_folder import RunFolder
-from taichi_disk.signals import interrupts
-with RunFolder(sys.argv[1], sys.argv[2], True) as folder:
-    print("ready", flush=True)
-    sys.stdin.read()
+import os, sys
+from pathlib import Path
+from taichi_disk.output import files
+from taichi_disk.output.run_folder import run_folder
+moves = []
+def counted(move):
+    def moved(old, new):
+        if Path(old).parent == Path(new).parent == Path(sys.argv[1]).parent or Path(new).name == "render.mp4":
+            if len(moves) == int(sys.argv[3]):
+                print("ready", flush=True)
+                sys.stdin.read()
+            moves.append(new)
+        move(old, new)
+    return moved
+os.rename, os.replace = counted(os.rename), counted(os.replace)
+with run_folder(sys.argv[1], sys.argv[2], True, True) as folder:
+    for name in ("timeseries.csv", "plot.png"):
+        (folder.path / name).write_text("new")
+    (folder.path / "summary.json").write_text('{"status": "done", "mark": "new"}')
 """
 
 
-@pytest.mark.parametrize("there", [False, True])
-def test_what_a_killed_run_leaves_is_cleared_by_the_next(tmp_path, there):
-    out = tmp_path / "run"
-    if there:
-        compute(out)
-    child = subprocess.Popen([sys.executable, "-c", KILLED, str(out), SCENE], stdin=-1, stdout=-1, text=True)
+@pytest.mark.parametrize(("scene", "moves"), [(SCENE, 0), (SCENE, 1), (SCENE, 2), (OTHER, 0), (OTHER, 1)])
+def test_a_run_that_is_killed_leaves_the_old_or_the_new_one_whole_and_the_next_puts_it_right(tmp_path, scene, moves):
+    out = compute(tmp_path / "run", mark="old")
+    (out / "render.mp4").write_text("made")
+    command = [sys.executable, "-c", KILLED, str(out), scene, str(moves)]
+    child = subprocess.Popen(command, stdin=-1, stdout=-1, text=True)
     assert child.stdout.readline() == "ready\n"
-    with pytest.raises(InputError, match="being written by another run"):
-        compute(out)
+    prepare_output(tmp_path)  # as another run does: what belongs to a living one stays
+    assert len(os.listdir(tmp_path)) == 2
     child.kill()
     child.wait()
-    assert any("partial" in name for name in os.listdir(out))
-    compute(out)
-    assert set(os.listdir(out)) == RUN and os.listdir(tmp_path) == ["run"]
+    prepare_output(tmp_path)
+    mark = "new" if moves == 2 else "old"
+    whole = {"scene.yaml": SCENE, "timeseries.csv": mark, "plot.png": mark, "render.mp4": "made"}
+    assert os.listdir(tmp_path) == ["run"] and content(out).items() >= whole.items()
+    compute(out, mark="next")
+    assert set(content(tmp_path)) == {f"run/{name}" for name in (*RUN, "render.mp4")}
 
 
-def test_a_signal_waits_until_the_run_is_moved(tmp_path, monkeypatch):
-    move = os.rename
-
-    def interrupted(stage, folder):
-        signal.raise_signal(signal.SIGINT)
-        move(stage, folder)
-
-    monkeypatch.setattr(os, "rename", interrupted)
-    with pytest.raises(KeyboardInterrupt), interrupts():
-        compute(tmp_path / "run")
-    assert set(os.listdir(tmp_path / "run")) == RUN and os.listdir(tmp_path) == ["run"]
+def test_what_a_killed_export_or_film_leaves_is_removed_by_the_next(tmp_path):
+    killed = (
+        "import os, sys; from pathlib import Path; from taichi_disk.output.files import atomic_write\n"
+        "atomic_write(Path(sys.argv[1]), lambda new: (new.write_text('half'), os.kill(os.getpid(), 9)))"
+    )
+    subprocess.run([sys.executable, "-c", killed, str(tmp_path / "trajectory.xyz")])
+    assert len(os.listdir(tmp_path)) == 1
+    prepare_output(tmp_path)
+    assert os.listdir(tmp_path) == []
+    atomic_write(tmp_path / "trajectory.xyz", lambda new: (new.write_text("x"), prepare_output(tmp_path)))
+    assert os.listdir(tmp_path) == ["trajectory.xyz"]
 
 
 @pytest.mark.parametrize("name", ["c" * 300, "a\0b", "a/" + "b" * 256 + "/c", "/", "/proc", "/proc/taichi/disk"])

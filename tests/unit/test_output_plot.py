@@ -3,19 +3,21 @@
 from __future__ import annotations
 
 import filecmp
-import os
-import signal
 import subprocess
 import sys
 import time
+from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import pytest
-from bodies import computed
+from bodies import computed, disk
 from matplotlib import figure
 from PIL import Image
 
-from taichi_disk.output.plot import plot_beside, plot_run
+from taichi_disk.lattice import Lattice, bulk_moduli
+from taichi_disk.output.plot import matplotlib_style, plot_run
+from taichi_disk.scenes import load_scene
+from taichi_disk.simulation.outcome import compute
 
 
 @pytest.fixture
@@ -58,40 +60,50 @@ def test_an_impact_shows_velocity_force_energies_and_imbalance_with_the_same_byt
     assert "[R/c]" in balance.get_xlabel()
 
 
-def test_an_equilibrium_without_time_is_not_drawn_over_time_and_its_load_counts_from_its_start(
+def test_a_loading_shows_the_load_against_the_compression_with_the_paper_s_law_and_the_energy_stored(
     kernels, tmp_path, figures
 ):
     scenario, outcome = computed(kernels, "compression", "lattice.points=100", "compression.method=newton")
-    plot_run(tmp_path / "a.png", scenario, outcome.columns)
-    depth, energy = figures[0].axes[0], figures[0].axes[2]
-    assert len(figures[0].axes) == 3 and depth.get_xlim() == (0.0, 1.0)
-    assert "[R/c]" not in figures[0].axes[-1].get_xlabel()
-    assert depth.lines[0].get_ydata()[[0, -1]] == pytest.approx([0.0, scenario.result(outcome.columns)["xi"]], abs=1e-9)
-    assert depth.texts[0].xy[0] == 0.02  # where the curve is not
-    load = next(line.get_ydata() for line in energy.lines if line.get_label() == "load potential")
-    assert load[0] == 0.0 and load[-1] < 0.0
-
-
-@pytest.mark.parametrize("copy", ["works", "is refused", "is killed", "hangs"])
-def test_a_plot_drawn_beside_a_film_is_the_same_whatever_becomes_of_its_process(kernels, tmp_path, monkeypatch, copy):
-    scenario, outcome = computed(kernels, "exponential_wall", "lattice.points=100")
-    fork, copies = os.fork, []
-
-    def forked() -> int:
-        if copy == "is refused":
-            raise BlockingIOError
-        copies.append(fork())
-        if copies[-1] == 0 and copy == "hangs":
-            time.sleep(60.0)
-        return copies[-1]
-
-    monkeypatch.setattr(os, "fork", forked)
-    monkeypatch.setattr("taichi_disk.output.plot.PATIENCE", 0.5 if copy == "hangs" else 30.0)
-    plot_run(tmp_path / "a.png", scenario, outcome.columns)
-    with plot_beside(tmp_path / "b.png", scenario, outcome.columns):
-        if copy == "is killed":
-            os.kill(copies[0], signal.SIGKILL)
+    columns = outcome.columns
+    for name in ("a.png", "b.png"):
+        plot_run(tmp_path / name, scenario, columns)
     assert filecmp.cmp(tmp_path / "a.png", tmp_path / "b.png", shallow=False)
+    force, energy = figures[0].axes
+    points, paper, exact = (line.get_xydata().T for line in force.lines[:3])
+    assert np.array_equal(points, [columns["xi"], columns["wall_force"]]) and points.shape == (2, 24)
+    assert [text.get_text() for text in force.get_legend().get_texts()][1:] == [
+        "eq. (2), b = 1",
+        "exact law, rigid wall",
+    ]
+    E, nu = (lambda found: (found.young, found.poisson))(bulk_moduli(100, 0, 1.0, 0.7))
+    p = 1e-2 / (np.pi * E)
+    assert paper[:, -1] == pytest.approx([p * (np.log(4.0 / p) - 1.0 - nu), 1e-2])
+    assert exact[:, -1] == pytest.approx([p * (np.log(1.0 / p) - (1.0 + nu) / 4.0), 1e-2])
+    assert [text.get_text() for text in force.texts] == [f"ξ = {columns['xi'][-1]:.6g} R"]
+    assert "[R/c]" not in energy.get_xlabel() and energy.get_xlabel().endswith("[R]")
+    elastic, wall, stored = (line.get_ydata() for line in energy.lines)
+    assert stored == pytest.approx(elastic + wall) and np.array_equal(wall, columns["wall"])
+
+
+def test_of_points_of_one_s_own_whose_moduli_nobody_knows_no_law_is_drawn(kernels, tmp_path, figures):
+    scene = load_scene("compression", ["compression.method=newton"])
+    scenario = scene.scenario(Lattice.from_points(disk(60).positions))
+    plot_run(tmp_path / "a.png", scenario, compute(scenario, scene.time, kernels=kernels).columns)
+    assert [text.get_text() for text in figures[0].axes[0].get_legend().get_texts()] == ["equilibria"]
+
+
+def test_plots_drawn_by_threads_beside_other_styles_have_the_same_bytes(kernels, tmp_path):
+    scenario, outcome = computed(kernels, "exponential_wall", "lattice.points=100")
+
+    def draw(name: str) -> bytes:
+        with matplotlib_style({"font.size": 5.0, "lines.linewidth": 9.0}):
+            time.sleep(0.01)
+        plot_run(tmp_path / name, scenario, outcome.columns)
+        return (tmp_path / name).read_bytes()
+
+    alone = draw("a.png")
+    with ThreadPoolExecutor(3) as threads:
+        assert set(threads.map(draw, ("b.png", "c.png", "d.png"))) == {alone}
 
 
 def test_matplotlib_is_not_imported_for_names_and_colours_of_the_curves():

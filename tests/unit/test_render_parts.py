@@ -11,8 +11,8 @@ from bodies import RIGID
 
 from taichi_disk.lattice import disk_lattice
 from taichi_disk.physics import ExponentialWall, Springs
-from taichi_disk.render import scales, shapes, text
-from taichi_disk.render.camera import Camera
+from taichi_disk.render import legend, palette
+from taichi_disk.render.geometry import Camera, edge_height
 from taichi_disk.render.legend import LEAST, Legend
 from taichi_disk.render.painter import Painter
 from taichi_disk.render.palette import LEVELS, THEMES, colour_map
@@ -44,7 +44,7 @@ def painter(**attributes):
 # ---- camera
 
 
-def test_the_camera_keeps_the_view_on_the_stage_with_equal_scales():
+def test_the_camera_keeps_the_view_in_the_viewport_with_equal_scales():
     camera = Camera.fit((-1.9, 1.9, -0.95, 2.1), 720, 700, 14.0, (0.0, 720.0, 60.0, 640.0))
     (left, bottom), (right, top) = camera.to_pixels([(-1.9, -0.95), (1.9, 2.1)])
     assert left >= 14 and right <= 706 and top >= 60 + 14 and bottom <= 640 - 14
@@ -57,7 +57,7 @@ def test_zooming_keeps_the_point_under_the_cursor_and_every_camera_has_an_invers
     assert closer.to_pixels(wide.to_scene(cursor)) == pytest.approx(cursor)
     left, right, low, high = closer.seen
     assert (right - left, high - low) == pytest.approx((640 / (2.5 * wide.scale), 480 / (2.5 * wide.scale)))
-    camera = closer.panned(7.0, -30.0).following((0.2, 0.4))
+    camera = closer.panned(7.0, -30.0)
     points = np.random.default_rng(0).random((20, 2))
     assert camera.to_scene(camera.to_pixels(points)) == pytest.approx(points, abs=1e-12)
     factor, shift = camera.canvas_map()
@@ -102,27 +102,27 @@ def test_compression_is_blue_and_what_rests_stands_out_from_the_ground(theme):
 
 @pytest.mark.parametrize("value", [0.0123, 0.0577, 9.2, 2.3e-5, 0.14, 1e-12, 0.3, 999.9999999999999])
 def test_scales_end_at_round_numbers_with_even_ticks(value):
-    limit = scales.round_near(value)
+    limit = palette.round_near(value)
     assert 1 / 1.25 < limit / value < 1.25
-    below = scales.round_below(value)
+    below = legend.round_below(value)
     assert value / 2.5 < below <= value and f"{below:.6e}"[:8] in ("1.000000", "2.000000", "5.000000")
     assert f"{limit:.6e}".split("e")[0].rstrip("0").rstrip(".") in ("1", "1.5", "2", "3", "4", "5", "6", "8")
     for signed in (True, False):
-        ticks = scales.ticks(limit, signed)
+        ticks = legend.ticks_to(limit, signed)
         assert ticks[-1] == pytest.approx(limit) and ticks[0] == pytest.approx(-limit if signed else 0.0)
         assert np.allclose(np.diff(ticks), ticks[-1] - ticks[-2]) and 0.0 in ticks
-        assert all(len(scales.label(tick)) <= 8 for tick in ticks)
+        assert all(len(legend.label(tick)) <= 8 for tick in ticks)
 
 
 def test_numbers_are_written_as_in_print():
-    assert scales.label(-0.05, percent=True, signed=True) == "−5 %"
-    assert scales.label(2e-7) == "2·10⁻⁷" and scales.label(0.0) == "0" and scales.label(0.5, signed=True) == "+0.5"
+    assert legend.label(-0.05, percent=True, signed=True) == "−5 %"
+    assert legend.label(2e-7) == "2·10⁻⁷" and legend.label(0.0) == "0" and legend.label(0.5, signed=True) == "+0.5"
 
 
 def test_few_outliers_do_not_set_the_scale():
     values = np.concatenate([np.linspace(-0.1, 0.1, 990), [7.0] * 5])
-    assert scales.full_scale(values, "pressure") == 0.1
-    assert scales.full_scale(np.linspace(0.0, 0.1, 1000), "fringes") == pytest.approx(0.02)
+    assert palette.full_scale(values, "pressure") == 0.1
+    assert palette.full_scale(np.linspace(0.0, 0.1, 1000), "fringes") == pytest.approx(0.02)
 
 
 # ---- wall and arrows
@@ -131,8 +131,8 @@ def test_few_outliers_do_not_set_the_scale():
 def test_the_wall_s_edge_is_where_it_pushes_with_the_largest_force():
     for a in (10.0, 300.0):
         wall = ExponentialWall(a, 150.0)
-        assert a * wall.potential(np.array([shapes.edge_height(wall, 2e-3)])) == pytest.approx([2e-3])
-    assert shapes.edge_height(None, 1.0) == shapes.edge_height(wall, 0.0) == 0.0
+        assert a * wall.potential(np.array([edge_height(wall, 2e-3)])) == pytest.approx([2e-3])
+    assert edge_height(None, 1.0) == edge_height(wall, 0.0) == 0.0
 
 
 def test_arrows_that_would_touch_become_one_with_the_mean_force_and_weak_ones_are_left_out():
@@ -151,25 +151,25 @@ def test_arrows_that_would_touch_become_one_with_the_mean_force_and_weak_ones_ar
 
 @pytest.mark.parametrize("size", [64, 200, 240, 360, 720, 1080])
 def test_letters_have_11_pixels_or_are_left_out_and_nothing_overlaps(size, monkeypatch):
-    drawn, original = [], text.draw_line
+    drawn, original = [], legend.draw_line
 
     def record(draw, at, line, letters, ink, bold=False):
-        drawn.append((line, letters, at[0], at[0] + text.width(line, letters, bold), at[1]))
+        drawn.append((line, letters, at[0], at[0] + legend.text_width(line, letters, bold), at[1]))
         original(draw, at, line, letters, ink, bold)
 
-    monkeypatch.setattr(text, "draw_line", record)
+    monkeypatch.setattr(legend, "draw_line", record)
     lines = "t =   2.826 R/c", "greatest compression"
     title = (
         "Impact on an elastic wall",
         "v = 0.1 c    η* = 0    a = 300/R",
         "N = 1,099    seed 0    reset every 0.003 R/c",
     )
-    legend = Legend(painter(), size, size, title, lines, 2)
-    scale = Camera.fit(VIEW, size, size - legend.header - legend.footer).scale
-    picture = legend.still(scale)
+    one = Legend(painter(), size, size, title, lines, 2)
+    scale = Camera.fit(VIEW, size, size - one.header - one.footer).scale
+    picture = one.still(scale)
     still = [(start, end, row) for _, _, start, end, row in drawn]
     assert all(a[2] != b[2] or a[1] <= b[0] or b[1] <= a[0] for a in still for b in still if a is not b)
-    legend.write(picture, lines)
+    one.write(picture, lines)
     assert all(letters >= LEAST and end <= size for _, letters, _, end, _ in drawn)
     assert scale * 2.2 > 0.4 * size  # the disk is still seen
     shown = " ".join(line for line, *_ in drawn)

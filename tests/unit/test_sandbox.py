@@ -1,4 +1,4 @@
-"""The sandbox without its window: what is seen is what `run` computes, also after going back; hands' work is told."""
+"""The sandbox without its window: what is seen is what `run` computes, also after going back; hands' work is marked."""
 
 from __future__ import annotations
 
@@ -13,9 +13,10 @@ from taichi_disk.scenes import load_scene
 from taichi_disk.simulation.observables import ENERGY_INDICES, INDEX
 from taichi_disk.simulation.outcome import Outcome, compute
 from taichi_disk.simulation.simulation import KernelCache
+from taichi_disk.simulation.stability import spectrum
 from taichi_disk.window.app import folder, presets
 from taichi_disk.window.changes import with_key
-from taichi_disk.window.history import MOST
+from taichi_disk.window.history import MOST, Segment
 from taichi_disk.window.sandbox import SLOW, Sandbox
 
 SMALL = ["lattice.points=120", "impact.velocity=0.05", "material.eta_star=1"]
@@ -46,7 +47,7 @@ def to_the_end(sandbox: Sandbox) -> None:
 
 def into_contact(sandbox: Sandbox) -> None:
     sandbox.paused = False
-    while sandbox.moment.row[INDEX["elastic"]] < 1e-4:
+    while sandbox.seen.row[INDEX["elastic"]] < 1e-4:
         sandbox.advance(0.05)
 
 
@@ -69,43 +70,43 @@ def test_the_result_is_that_of_a_run_bit_for_bit_also_after_going_back(
     sandbox.speed, sandbox.paused = 3.0, False
     while not sandbox.paused:
         sandbox.advance(0.237)
-        assert sandbox.moment.t >= seen  # no picture goes back, not even where a shorter step is tried
-        seen = sandbox.moment.t
-    assert sandbox.driver.attempt > 1 or settings is not HARD
-    columns = sandbox.driver.columns
+        assert sandbox.seen.t >= seen  # no picture goes back, not even where a shorter step is tried
+        seen = sandbox.seen.t
+    assert sandbox.segment.attempt > 1 or settings is not HARD
+    columns = sandbox.segment.columns
     outcome, expected = computed(kernels, load_scene(scene, settings))
-    assert sandbox.results[-1].value == expected and not sandbox.moment.by_hand
+    assert sandbox.results[-1].value == expected and not sandbox.seen.by_hand
     assert all(np.array_equal(columns[name], outcome.columns[name]) for name in columns)
 
-    spacing = max(np.diff([one.t for one in sandbox.time.moments]))
+    spacing = max(np.diff([one.t for one in sandbox.time.checkpoints]))
     for part in (0.8, 0.37, 0.0):
         sandbox.scrub(part * seen)
-        past = sandbox.moment
+        past = sandbox.seen
         assert abs(past.t - part * seen) <= spacing
         t, x, v = next(outcome.replay(np.array([past.t])))
         assert t == pytest.approx(past.t, abs=1e-12)
         assert np.array_equal(past.x, x) and np.array_equal(past.v, v)
         sandbox.pause()  # go on from there
-        assert sandbox.moment.t == past.t and np.array_equal(sandbox.moment.row, past.row)
+        assert sandbox.seen.t == past.t and np.array_equal(sandbox.seen.row, past.row)
         sandbox.speed = 1e6
         sandbox.advance(1.0, patience=60.0)  # the scene ends at its row, however fast the machine
-        assert sandbox.paused and sandbox.moment.t == outcome.columns["t"][-1]
+        assert sandbox.paused and sandbox.seen.t == outcome.columns["t"][-1]
         assert {one.value for one in sandbox.results} == {expected}
-        assert np.array_equal(sandbox.driver.columns["com_vy"], outcome.columns["com_vy"])
+        assert np.array_equal(sandbox.segment.columns["com_vy"], outcome.columns["com_vy"])
 
 
 def test_a_run_of_a_saved_scene_gives_what_was_seen_of_a_disk_turned_by_hand(
     kernels: KernelCache, tmp_path: Path
 ) -> None:
     sandbox = opened(kernels)
-    before = sandbox.moment.x
+    before = sandbox.seen.x
     sandbox.turn(1.0, for_good=False)
     sandbox.turn(0.7, for_good=False)  # the angle is from where the disk was, not from the last call
-    shown = sandbox.moment.x
+    shown = sandbox.seen.x
     sandbox.turn(0.7)
     spoke = [complex(*(x[0] - x.mean(axis=0))) for x in (before, shown)]
     assert np.angle(spoke[1] / spoke[0]) == pytest.approx(0.7, abs=1e-12)
-    assert sandbox.at_start and not sandbox.moment.by_hand and np.array_equal(sandbox.moment.x, shown)
+    assert sandbox.at_start and not sandbox.seen.by_hand and np.array_equal(sandbox.seen.x, shown)
     sandbox.turn(3.0)
     sandbox.set("material.eta_star", 3.0)
     to_the_end(sandbox)
@@ -122,9 +123,9 @@ def test_time_passes_at_the_speed_asked_for_in_whole_steps_and_slowly_in_contact
     sandbox = opened(kernels)
     assert sandbox.paused and sandbox.at_start and sandbox.advance(1.0) == 0
     sandbox.pause()
-    sandbox.speed, sandbox.slow, dt = 0.5, True, sandbox.driver.step.dt
+    sandbox.speed, sandbox.slow, dt = 0.5, True, sandbox.segment.step.dt
     steps = sum(sandbox.advance(1 / 60) for _ in range(30))
-    assert sandbox.moment.t == pytest.approx(steps * dt) and abs(steps * dt - 0.25) <= dt
+    assert sandbox.seen.t == pytest.approx(steps * dt) and abs(steps * dt - 0.25) <= dt
     sandbox.speed = 1e6
     assert 0 < sandbox.advance(1.0, patience=0.0) < 1e6 / dt
     sandbox.speed = 0.5
@@ -139,23 +140,40 @@ def test_many_states_are_remembered_evenly_also_across_changes(kernels: KernelCa
         sandbox.set("material.eta_star", eta_star)
         for _ in range(12 * MOST // 500):
             sandbox.time.go(500, np.inf)
-    times = np.array([one.t for one in sandbox.time.moments])
+    times = np.array([one.t for one in sandbox.time.checkpoints])
     apart = np.diff(times)
-    assert MOST > len(times) >= 600 and times[0] == 0.0 and sandbox.moment.t - times[-1] < apart.max()
+    assert MOST > len(times) >= 600 and times[0] == 0.0 and sandbox.seen.t - times[-1] < apart.max()
     assert np.count_nonzero(np.abs(apart - np.median(apart)) > 1e-9) <= 4  # about the change and the scene's end
-    assert sandbox.time.moments[0].stretch is not sandbox.stretch
+    assert sandbox.time.checkpoints[0].segment is not sandbox.segment
+
+
+def test_time_goes_on_after_the_scene_s_end_and_its_limit_and_back_from_there(kernels: KernelCache) -> None:
+    settings = ["lattice.points=60", "material.eta_star=0", "time.safety=0.3", "impact.max_time=2.0"]
+    scenario = load_scene("exponential_wall", settings).scenario()
+    segment = Segment(scenario, kernels, spectrum(scenario.lattice, scenario.model))
+    start, row = segment.state, segment.row
+    assert segment.advance(steps=round(3.0 / segment.step.dt)) == "running"
+    while segment.advance(steps=1000) == "running":
+        pass
+    assert segment.end
+    over, expected = segment.simulation.step_number, segment.end.vectors
+    assert segment.advance(steps=100) == "finished"
+    assert (segment.end.step, segment.simulation.step_number) == (over, over + 100)
+    segment.back_to(start, row)
+    assert segment.advance() == "finished" and segment.end.step == over
+    assert np.array_equal(segment.end.vectors, expected)
 
 
 def test_single_states_back_and_forth(kernels: KernelCache) -> None:
     sandbox = opened(kernels)
     into_contact(sandbox)
-    last = sandbox.moment.t
+    last = sandbox.seen.t
     sandbox.step(-2)
-    assert sandbox.moment.t < last and sandbox.paused and sandbox.time.past
+    assert sandbox.seen.t < last and sandbox.paused and sandbox.time.past
     sandbox.step(3)
-    assert sandbox.moment.t > last and not sandbox.time.past  # beyond the last state time goes on
+    assert sandbox.seen.t > last and not sandbox.time.past  # beyond the last state time goes on
     sandbox.step(-1_000_000)
-    assert sandbox.moment.t == 0.0
+    assert sandbox.seen.t == 0.0
 
 
 # ---- changes by hand
@@ -164,10 +182,10 @@ def test_single_states_back_and_forth(kernels: KernelCache) -> None:
 def test_a_changed_viscosity_reaches_the_kernel_at_once_and_keeps_the_energy_balance(kernels: KernelCache) -> None:
     sandbox = opened(kernels)
     into_contact(sandbox)
-    x, simulation = sandbox.moment.x, sandbox.driver.simulation
+    x, simulation = sandbox.seen.x, sandbox.segment.simulation
     sandbox.set("material.eta_star", 1.5)
-    assert np.array_equal(sandbox.moment.x, x) and sandbox.moment.by_hand
-    assert sandbox.driver.simulation is simulation  # nothing was compiled
+    assert np.array_equal(sandbox.seen.x, x) and sandbox.seen.by_hand
+    assert sandbox.segment.simulation is simulation  # nothing was compiled
     assert simulation.model.springs.eta == 1.5 / 120  # eta = eta* m c/R, m = M/N
     to_the_end(sandbox)
     assert abs(sandbox.imbalance) < 2e-4 and sandbox.results[-1].label == "by hand"
@@ -176,23 +194,23 @@ def test_a_changed_viscosity_reaches_the_kernel_at_once_and_keeps_the_energy_bal
 def test_another_wall_begins_anew_with_its_own_rows(kernels: KernelCache) -> None:
     sandbox = opened(kernels)
     into_contact(sandbox)
-    before = sandbox.driver.interval
+    before = sandbox.segment.interval
     sandbox.set("wall.a", 3000.0)
-    scenario, driver = sandbox.scene.scenario(), sandbox.driver
+    scenario, driver = sandbox.scene.scenario(), sandbox.segment
     assert driver.stride == max(1, round(scenario.row_interval / driver.step.dt)) and driver.interval < 0.5 * before
-    assert sandbox.at_start and sandbox.paused and not sandbox.moment.by_hand
+    assert sandbox.at_start and sandbox.paused and not sandbox.seen.by_hand
 
 
 def test_the_velocity_counts_at_once_before_the_start_and_from_the_next_hit_on_afterwards(kernels: KernelCache) -> None:
     sandbox = opened(kernels)
     sandbox.set("impact.velocity", 0.08)
-    assert sandbox.moment.row[INDEX["com_vy"]] == pytest.approx(-0.08, rel=1e-12) and sandbox.at_start
+    assert sandbox.seen.row[INDEX["com_vy"]] == pytest.approx(-0.08, rel=1e-12) and sandbox.at_start
     into_contact(sandbox)
-    before = sandbox.moment.v
+    before = sandbox.seen.v
     sandbox.set("impact.velocity", 0.03)
-    assert np.array_equal(sandbox.moment.v, before) and "next hit" in sandbox.message
+    assert np.array_equal(sandbox.seen.v, before) and "next hit" in sandbox.message
     sandbox.hit_again()
-    assert sandbox.moment.row[INDEX["com_vy"]] == pytest.approx(-0.03, rel=1e-12)
+    assert sandbox.seen.row[INDEX["com_vy"]] == pytest.approx(-0.03, rel=1e-12)
     to_the_end(sandbox)
     assert [one.label for one in sandbox.results] == ["hit again"] and 0.3 < sandbox.results[0].value < 1.5
 
@@ -203,13 +221,13 @@ def test_going_back_before_a_change_undoes_it(kernels: KernelCache) -> None:
     expected = sandbox.results[-1].value
     sandbox.begin()
     into_contact(sandbox)
-    there = sandbox.moment.t
+    there = sandbox.seen.t
     sandbox.set("material.eta_star", 50.0)
     to_the_end(sandbox)
-    assert sandbox.results[-1].value != expected and sandbox.moment.by_hand
+    assert sandbox.results[-1].value != expected and sandbox.seen.by_hand
     sandbox.scrub(0.9 * there)
     sandbox.pause()
-    assert not sandbox.moment.by_hand and sandbox.scene.material.eta_star == 1.0
+    assert not sandbox.seen.by_hand and sandbox.scene.material.eta_star == 1.0
     to_the_end(sandbox)
     first, changed, last = sandbox.results
     assert (first.value, first.label) == (last.value, last.label) == (expected, "") and changed.label == "by hand"
@@ -217,9 +235,9 @@ def test_going_back_before_a_change_undoes_it(kernels: KernelCache) -> None:
 
 def test_a_value_that_the_scene_refuses_changes_nothing(kernels: KernelCache) -> None:
     sandbox = opened(kernels)
-    scene, stretch = sandbox.scene, sandbox.stretch
+    scene, segment = sandbox.scene, sandbox.segment
     sandbox.set("impact.gap", 1e-6)
-    assert sandbox.scene == scene and sandbox.stretch is stretch and "impact.gap" in sandbox.message
+    assert sandbox.scene == scene and sandbox.segment is segment and "impact.gap" in sandbox.message
 
 
 def test_the_reach_of_the_contact_follows_a_softer_wall_and_a_slower_disk() -> None:
@@ -236,43 +254,43 @@ def test_the_reach_of_the_contact_follows_a_softer_wall_and_a_slower_disk() -> N
 def test_what_the_mouse_pulled_cannot_be_made_again_and_its_energy_is_no_imbalance(kernels: KernelCache) -> None:
     sandbox = opened(kernels, UNDAMPED)
     into_contact(sandbox)
-    untouched = sandbox.moment.t
+    untouched = sandbox.seen.t
     sandbox.pull(0.0, 2.2)
-    assert sandbox.held and sandbox.held[0] == int(sandbox.moment.x[:, 1].argmax())
+    assert sandbox.dragged and sandbox.dragged[0] == int(sandbox.seen.x[:, 1].argmax())
     for k in range(60):
         sandbox.pull(0.005 * k, 2.4)
         sandbox.advance(0.05)
-    row, start = sandbox.moment.row, sandbox.time.moments[0].row
+    row, start = sandbox.seen.row, sandbox.time.checkpoints[0].row
     given = row[ENERGY_INDICES].sum() - start[ENERGY_INDICES].sum()
-    assert given > 1e-5 and abs(sandbox.driver.imbalance) < 0.05 * given
+    assert given > 1e-5 and abs(sandbox.segment.imbalance) < 0.05 * given
     sandbox.let_go()
-    assert not sandbox.held and sandbox.moment.by_hand
+    assert not sandbox.dragged and sandbox.seen.by_hand
     to_the_end(sandbox)  # a disk that was let go ends as any other
     assert abs(sandbox.imbalance) < 2e-4 and sandbox.results[-1].label == "by hand"
     sandbox.scrub(untouched + 1.0)  # while the mouse pulled: it cannot pull again
-    moment = sandbox.moment
+    moment = sandbox.seen
     sandbox.pause()
-    assert sandbox.moment.by_hand and sandbox.moment.t == moment.t and np.array_equal(sandbox.moment.x, moment.x)
+    assert sandbox.seen.by_hand and sandbox.seen.t == moment.t and np.array_equal(sandbox.seen.x, moment.x)
     sandbox.scrub(0.9 * untouched)
     sandbox.pause()
-    assert not sandbox.moment.by_hand
+    assert not sandbox.seen.by_hand
 
 
 @pytest.mark.parametrize("change", ["hit", "rewind", "start"])
 def test_a_blow_up_is_told_and_any_change_gives_time_back(kernels: KernelCache, change: str) -> None:
     # A step by hand that is good until the wall pushes harder than was reckoned with.
     sandbox = opened(kernels, ["lattice.points=60", "material.eta_star=0", "impact.velocity=0.1", "wall.a=3000"])
-    sandbox.begin(sandbox.scene.with_({"time.dt": 0.999 * sandbox.driver.step.limit}))
+    sandbox.begin(sandbox.scene.with_({"time.dt": 0.999 * sandbox.segment.step.limit}))
     to_the_end(sandbox)
-    assert "blow-up" in sandbox.message and "r: back" in sandbox.message and np.isfinite(sandbox.moment.x).all()
+    assert "blow-up" in sandbox.message and "r: back" in sandbox.message and np.isfinite(sandbox.seen.x).all()
     sandbox.pause()
     assert sandbox.advance(1.0) == 0  # a meaningless state stays as it is
     if change == "hit":
         sandbox.hit_again()
-        assert sandbox.stretch.hit == 2
+        assert sandbox.segment.hit == 2
     else:
         if change == "rewind":
-            sandbox.scrub(0.5 * sandbox.moment.t)
+            sandbox.scrub(0.5 * sandbox.seen.t)
         else:
             sandbox.begin()
         sandbox.pause()

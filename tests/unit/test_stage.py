@@ -9,24 +9,24 @@ import pytest
 from taichi_disk.scenes import load_scene
 from taichi_disk.simulation.simulation import KernelCache
 from taichi_disk.window.sandbox import Sandbox
-from taichi_disk.window.stage import SIZE, Stage
+from taichi_disk.window.scene_view import SIZE, SceneView
 
 
 @pytest.mark.parametrize("columns", [50.0, 5000.0], ids=["in view", "out of view"])
 def test_the_disk_that_is_followed_stays_where_it_is_in_view(kernels: KernelCache, columns: float) -> None:
     sandbox = Sandbox(load_scene("exponential_wall", ["lattice.points=60", "impact.velocity=0.05"]), kernels=kernels)
-    stage = Stage(MagicMock(), sandbox)
-    stage.draw(SIZE)
-    before = stage.camera.to_pixels(stage.centre)
-    stage.pan(columns, 0.0)
-    stage.follow()
-    stage.draw(SIZE)
-    place = stage.camera.to_pixels(stage.centre)
-    assert stage.place(*place)
+    view = SceneView(MagicMock(), sandbox)
+    view.draw(SIZE)
+    before = view.camera.to_pixels(view.centre)
+    view.pan(columns, 0.0)
+    view.follow()
+    view.draw(SIZE)
+    place = view.camera.to_pixels(view.centre)
+    assert view.point_at(*place)
     if columns == 50.0:
         assert place == pytest.approx(before + (columns, 0.0))
-    height, sandbox.paused = stage.centre[1], False
+    height, sandbox.paused = view.centre[1], False
     sandbox.advance(1.0)
-    stage.draw(SIZE)
-    assert stage.centre[1] < height - 0.01
-    assert stage.camera.to_pixels(stage.centre) == pytest.approx(place)
+    view.draw(SIZE)
+    assert view.centre[1] < height - 0.01
+    assert view.camera.to_pixels(view.centre) == pytest.approx(place)

@@ -16,23 +16,31 @@ from taichi_disk.integrators import INTEGRATORS, TRAPEZOIDAL, VELOCITY_VERLET
 from taichi_disk.integrators.trapezoidal import factorise
 from taichi_disk.lattice import disk_lattice
 from taichi_disk.physics import ResetBoundary
-from taichi_disk.simulation import energy_balance, step_control
-from taichi_disk.simulation.energy_balance import CLOSING, LARGEST, WORST
-from taichi_disk.simulation.error_estimate import CAUTION, COMPARED, RunRecord, error_estimate
+from taichi_disk.simulation import diagnostics, step_control
+from taichi_disk.simulation.diagnostics import CLOSING, LARGEST, WORST
 from taichi_disk.simulation.stability import Spectrum, spectrum, step_limit
-from taichi_disk.simulation.step_control import BLOW_UPS, MARGIN, MOST, StepControl
+from taichi_disk.simulation.step_control import (
+    BLOW_UPS,
+    CAUTION,
+    COMPARED,
+    MARGIN,
+    MOST,
+    RunRecord,
+    StepControl,
+    error_estimate,
+)
 
 VV = VELOCITY_VERLET
 LIMIT, DT = 0.02, 0.016  # of what follows where nothing is damped
 FIRST = CAUTION * (DT / COMPARED) ** 2  # error estimated first where the true one is the step's square
 
 
-def control_of(model=FREE, modes=None, leverage=1.0, **time):
+def control_of(model=FREE, modes=None, sensitivity=1.0, **time):
     """The control of a scene whose energy scale is 2 M c^2, its primary result 0.9."""
     scenario = SimpleNamespace(
         model=model,
         energy_scale=lambda columns: 2.0,
-        leverage=leverage,
+        sensitivity=sensitivity,
         primary=lambda columns: ("e", 0.9),
         scene=SimpleNamespace(time=TimeSection(**time)),
         step_dependent=True,
@@ -56,7 +64,7 @@ def test_an_imbalance_shortens_the_step_as_order_2_asks():
     # dt -> dt 0.9/sqrt(4): the error, of order 2, falls to 0.81 of what is allowed.
     assert run_to_the_end(control, 4.0) and control.attempt == 2
     assert control.step.dt == pytest.approx(0.45 * DT)
-    assert run_to_the_end(far := control_of(leverage=10.0), 0.4) and far.step.dt == control.step.dt
+    assert run_to_the_end(far := control_of(sensitivity=10.0), 0.4) and far.step.dt == control.step.dt
     # Not where shorter steps leave the imbalance as it is, and not where a person has chosen the step.
     assert not run_to_the_end(control, 3.9)
     assert run_to_the_end(control, 0.9, closing=-1.5)
@@ -106,9 +114,9 @@ def test_a_result_is_out_of_tolerance_as_soon_as_its_estimated_error_exceeds_it(
 def test_what_makes_a_result_doubtful_is_told():
     rows = {"total": np.array([0.0, 0.0, -1.1 * LARGEST * 2.0]), "sliding": np.array([0.0, 1.1 * LARGEST * 2.0, 0.0])}
     scenario = control_of().scenario
-    lost, slid = energy_balance.warnings(scenario, rows)
+    lost, slid = diagnostics.warnings(scenario, rows)
     assert "imbalance is -0.0011 at the end" in lost and "slid from spring to spring" in slid
-    assert energy_balance.warnings(scenario, {name: 0.8 * values for name, values in rows.items()}) == []
+    assert diagnostics.warnings(scenario, {name: 0.8 * values for name, values in rows.items()}) == []
 
 
 # ---- the first choice

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.integrate import quad
 
-from taichi_disk.sweep import fits, theory
+from taichi_disk.figures import theory
 
 E, NU = 1.1, 0.29
 
@@ -79,7 +79,7 @@ def test_a_constant_logarithm_would_make_the_impact_a_damped_oscillator() -> Non
 def test_eq_5_fitted_to_eq_4_has_a_d1_below_1(tau0: float, d1: float, d2: float) -> None:
     v = np.geomspace(3e-3, 5e-2, 12)
     e = np.array([[theory.quasistatic_impact(one, tau0, 1.107).restitution for one in v]])
-    assert fits.fit_restitution(v, e).values == pytest.approx({"d1": d1, "d2": d2}, abs=6e-4)
+    assert theory.fit_restitution(v, e).values == pytest.approx({"d1": d1, "d2": d2}, abs=6e-4)
 
 
 def test_eq_5_has_no_value_beyond_its_root_and_eq_4_no_impact_that_crushes_the_disk() -> None:

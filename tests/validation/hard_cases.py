@@ -23,7 +23,7 @@ from taichi_disk.lattice import Lattice
 from taichi_disk.lattice.lattice import triangulate
 from taichi_disk.output.files import write_csv
 from taichi_disk.scenes import Scene, load_scene
-from taichi_disk.simulation.energy_balance import LARGEST
+from taichi_disk.simulation.diagnostics import LARGEST
 from taichi_disk.simulation.outcome import compute
 from taichi_disk.simulation.scenario import Scenario
 from taichi_disk.simulation.simulation import KernelCache

@@ -11,7 +11,7 @@ import numpy as np
 
 from taichi_disk.errors import SimulationError
 from taichi_disk.scenes import Scene, load_scene
-from taichi_disk.simulation.energy_balance import LARGEST
+from taichi_disk.simulation.diagnostics import LARGEST
 from taichi_disk.simulation.scenario import Scenario
 from taichi_disk.simulation.simulation import KernelCache, Simulation
 

@@ -9,10 +9,10 @@ from typing import Any
 
 import pytest
 
+from taichi_disk.figures.theory import exact_compression, quasistatic_impact
 from taichi_disk.scenes import load_scene
 from taichi_disk.simulation.outcome import compute
 from taichi_disk.simulation.simulation import KernelCache
-from taichi_disk.sweep.theory import exact_compression, quasistatic_impact
 
 LONG = pytest.mark.validate
 

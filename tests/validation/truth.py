@@ -10,9 +10,9 @@ from typing import Any
 
 import numpy as np
 
-from taichi_disk.accuracy.reference import Array, Reference
+from taichi_disk.accuracy.steps import Reference
 from taichi_disk.errors import SimulationError
-from taichi_disk.lattice import Lattice
+from taichi_disk.lattice import Array, Lattice
 from taichi_disk.physics import Model
 from taichi_disk.simulation.observables import Columns
 from taichi_disk.simulation.scenario import Scenario

@@ -1,25 +1,90 @@
-"""Fits of the paper's laws to many lattices at once, with intervals from resampling the lattices.
+"""Theory: the laws of the continuum and of the paper, and fits of them to many lattices at once.
+
+Units: disk mass M = radius R = reference speed c = 1, so the density is rho = 1/pi. E and nu are the lattice's own
+two-dimensional (plane stress) moduli. Equation numbers are those of Kuninaka and Hayakawa's paper. The paper's
+E_* = E/(1 - nu^2) is that of plane strain; for a sheet that is free to thin it is E, and that belongs in `e_star`.
 
 Lattices scatter much more than one of them errs, and one lattice's values at two speeds or pressures are not
-independent. So whole lattices are drawn, with replacement (bootstrap; Efron 1979), never single points.
+independent. So for the intervals of a fit whole lattices are drawn, with replacement (bootstrap; Efron 1979), never
+single points.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache
+from typing import NamedTuple
 
 import numpy as np
 from numpy.polynomial.chebyshev import chebfit, chebval
+from numpy.typing import ArrayLike
 
 from taichi_disk.lattice import Array
-from taichi_disk.sweep import theory
+from taichi_disk.scenes.compression import exact_compression as exact_compression
+from taichi_disk.scenes.compression import paper_compression as paper_compression
 
-Model = Callable[[Array], Array]  # parameters (k, p) to predictions (k, points), k data sets at a time
+Prediction = Callable[[Array], Array]  # parameters (k, p) to values (k, points), k data sets at a time
 RESAMPLES = 1000
 LEVEL = 0.95
 LARGEST_TAU0 = 2.0  # [R/c], at e_star = 1
+
+
+def paper_restitution(velocity: ArrayLike, d1: float, d2: float) -> Array:
+    """Eq. (5): e = d1 sqrt(1 - d2/sqrt(ln(4 c/v))), 0 where the root has no real value; with c = 1 in the logarithm."""
+    inner = 1.0 - d2 / np.sqrt(np.log(4.0 / np.asarray(velocity, float)))
+    return np.asarray(d1 * np.sqrt(np.maximum(inner, 0.0)))
+
+
+class QuasistaticImpact(NamedTuple):
+    """An impact after eq. (4): e, the time of contact [R/c], the largest compression [R]."""
+
+    restitution: float
+    contact_time: float
+    compression: float
+
+
+def quasistatic_impact(velocity: float, tau0: float, e_star: float, rtol: float = 1e-9) -> QuasistaticImpact:
+    """Integrate eq. (4), xi'' = -pi E_* (xi + tau0 xi')/ln(4/xi), from xi = 0, xi' = v [c] until separation.
+
+    Disk and wall separate where the force has fallen to zero, xi + tau0 xi' = 0: contact does not pull. Integrating
+    on to xi = 0 would change e by O(tau0^2). The paper takes e at the fixed time pi (R/c) sqrt(ln(4 c/v)) instead.
+
+    Args:
+        velocity: v [c].
+        tau0: the time scale of dissipation [R/c].
+        e_star: E_* [M c^2/R^2].
+        rtol: relative tolerance of the integration.
+
+    Raises:
+        ValueError: the disk would be crushed, xi = 4 R/e; beyond that the law's stiffness has no meaning.
+    """
+    from scipy.integrate import solve_ivp
+
+    stiffness = math.pi * e_star
+    deepest = 4.0 / math.e / velocity
+
+    def rate(_t: float, y: Array) -> list[float]:
+        z, w = y  # xi/v and xi'/v: of order one at any speed
+        if z <= 0.0:
+            return [w, 0.0]
+        return [w, -stiffness * (z + tau0 * w) / (math.log(4.0 / velocity) - math.log(min(z, deepest)))]
+
+    def force(_t: float, y: Array) -> float:
+        return float(y[0] + tau0 * y[1])
+
+    force.terminal, force.direction = True, -1.0  # type: ignore[attr-defined]
+    end = 100.0 * math.sqrt(math.log(4.0 / min(velocity, 1.0)) / stiffness) * (1.0 + tau0 * math.sqrt(stiffness))
+    steps = {"rtol": rtol, "atol": 1e-3 * rtol, "max_step": 0.02 * end}
+    motion = solve_ivp(rate, (0.0, end), [0.0, 1.0], "DOP853", events=(force, lambda _t, y: y[1]), **steps)
+    if not motion.t_events[0].size or motion.y_events[1][0][0] >= deepest:
+        raise ValueError(f"eq. (4) has no impact at v = {velocity:g} c, tau0 = {tau0:g} R/c, E_* = {e_star:g}")
+    (_, last), (top, _) = motion.y_events[0][0], motion.y_events[1][0]
+    return QuasistaticImpact(float(-last), float(motion.t_events[0][0]), float(velocity * top))
+
+
+# ---- fits
 
 
 @dataclass(frozen=True)
@@ -49,13 +114,13 @@ def fit_b(pressure: Array, xi: Array, young: float, poisson: float) -> Fit:
         data = weights @ xi
 
         def relative(b: Array) -> Array:
-            return theory.paper_compression(pressure, young, poisson, np.maximum(b, 1e-6)) / data
+            return paper_compression(pressure, young, poisson, np.maximum(b, 1e-6)) / data
 
         return np.maximum(least_squares(relative, np.ones_like(data), np.ones((len(data), 1))), 0.0)
 
     best, intervals = _over_lattices(("b",), solve, len(xi))
     each = solve(np.eye(len(xi)))[:, 0]
-    left = xi.mean(0) - theory.paper_compression(pressure, young, poisson, best["b"])
+    left = xi.mean(0) - paper_compression(pressure, young, poisson, best["b"])
     extremes = {"b_min": float(each.min()), "b_median": float(np.median(each)), "b_max": float(each.max())}
     return Fit(best | extremes, intervals, left)
 
@@ -79,7 +144,7 @@ def fit_restitution(velocity: Array, e: Array, d1_is_1: bool = False) -> Fit:
     best, intervals = _over_lattices(("d1", "d2"), solve, len(e))
     if d1_is_1:
         intervals.pop("d1", None)
-    return Fit(best, intervals, e.mean(0) - theory.paper_restitution(velocity, best["d1"], best["d2"]))
+    return Fit(best, intervals, e.mean(0) - paper_restitution(velocity, best["d1"], best["d2"]))
 
 
 def fit_tau0(velocity: Array, e: Array, e_star: float) -> Fit:
@@ -98,7 +163,7 @@ def fit_tau0(velocity: Array, e: Array, e_star: float) -> Fit:
 
 
 @lru_cache(maxsize=4)  # the curves of a figure share it
-def quasistatic_curves(velocity: tuple[float, ...], e_star: float) -> Model:
+def quasistatic_curves(velocity: tuple[float, ...], e_star: float) -> Prediction:
     """e of eq. (4) at each velocity [c] as a function of tau0 (k,): (k, velocities).
 
     A polynomial in ln(1 + 5 tau0) through 11 Chebyshev points, good to 5e-7: one serves every fit and resample. It is
@@ -106,7 +171,7 @@ def quasistatic_curves(velocity: tuple[float, ...], e_star: float) -> Model:
     """
     top, at, unit = np.log1p(5.0 * LARGEST_TAU0), -np.cos(np.linspace(0.0, np.pi, 11)), e_star**-0.5
     table = [
-        [theory.quasistatic_impact(unit * v, tau0, 1.0, rtol=1e-7).restitution for v in velocity]
+        [quasistatic_impact(unit * v, tau0, 1.0, rtol=1e-7).restitution for v in velocity]
         for tau0 in np.expm1(0.5 * top * (1.0 + at)) / 5.0
     ]
     series = chebfit(at, np.array(table), 10)
@@ -132,7 +197,7 @@ def fit_curvature(x: Array, y: Array) -> Fit:
     return Fit(best, intervals, np.concatenate(left))
 
 
-def least_squares(model: Model, data: Array, start: Array) -> Array:
+def least_squares(model: Prediction, data: Array, start: Array) -> Array:
     """Parameters (k, p) that fit `data` (k, points): Gauss-Newton on all k data sets side by side."""
     x: Array = np.array(start, float)
     for _ in range(12):

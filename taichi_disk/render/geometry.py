@@ -1,4 +1,4 @@
-"""What is drawn beside the field, as triangles: outlines, the wall as a body, arrows of its push. NumPy only.
+"""Where things lie in a picture: the camera, and what is drawn beside the field, as triangles. NumPy only.
 
 A potential has no edge. The wall is drawn solid up to where its force on one point is the largest that is known of the
 run: there the disk visibly rests when it is squeezed most. Above that edge the wall fades as its force does, with
@@ -9,19 +9,93 @@ GGUI smooths nothing, so lines fade to what is beside them over a pixel.
 
 from __future__ import annotations
 
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from taichi_disk.lattice import Array
 from taichi_disk.render.palette import Colour, Theme
 
+View = tuple[float, float, float, float]
 Shape = tuple[Array, Array]  # corners of triangles (3 k, 2) [R] and their colours (3 k, 3)
 
 ARROW = 0.35  # length of the arrow of the full force [R]
 _FADES = np.array([0.0, 0.4, 1.0, 1.8, 3.0, 5.0])  # decay lengths between which colours are mixed, 2 % off at most
 NOTHING: Shape = np.zeros((0, 2)), np.zeros((0, 3))
+
+
+@dataclass(frozen=True)
+class Camera:
+    """A view with equal scales in x and y. Pixels count from the canvas's upper left corner, rows downwards.
+
+    Attributes:
+        width, height: of the canvas [px].
+        scale: pixels per R.
+        look_at: a point of the scene [R] ...
+        middle: ... and where it is seen (column, row) [px].
+        viewport: (left, right, top, bottom) [px], the part of the canvas that is for the scene.
+    """
+
+    width: int
+    height: int
+    scale: float
+    look_at: tuple[float, float]
+    middle: tuple[float, float]
+    viewport: View
+
+    @classmethod
+    def fit(cls, view: View, width: int, height: int, margin: float = 0.0, viewport: View | None = None) -> Camera:
+        """The largest scale at which `view` (xmin, xmax, ymin, ymax) [R] fits, in the middle of the viewport.
+
+        Args:
+            margin: around the view [px].
+            viewport: the part of the canvas to fill; by default all of it.
+        """
+        xmin, xmax, ymin, ymax = view
+        left, right, top, bottom = viewport = viewport or (0.0, float(width), 0.0, float(height))
+        room = right - left - 2.0 * margin, bottom - top - 2.0 * margin
+        scale = max(min(room[0] / (xmax - xmin), room[1] / (ymax - ymin)), 1e-3)
+        middle = (left + right) / 2.0, (top + bottom) / 2.0
+        return cls(width, height, scale, ((xmin + xmax) / 2.0, (ymin + ymax) / 2.0), middle, viewport)
+
+    def to_pixels(self, xy: ArrayLike) -> Array:
+        """Points (..., 2) [R] to (column, row) [px]; pixel k covers k to k + 1."""
+        offset = (np.asarray(xy, dtype=np.float64) - self.look_at) * self.scale
+        return np.stack([self.middle[0] + offset[..., 0], self.middle[1] - offset[..., 1]], axis=-1)
+
+    def to_scene(self, pixels: ArrayLike) -> Array:
+        """(column, row) (..., 2) [px] to points of the scene [R]."""
+        offset = (np.asarray(pixels, dtype=np.float64) - self.middle) / self.scale
+        return np.stack([self.look_at[0] + offset[..., 0], self.look_at[1] - offset[..., 1]], axis=-1)
+
+    def zoomed(self, factor: float, at: tuple[float, float]) -> Camera:
+        """`factor` times as large, with what is at `at` (column, row) staying there."""
+        (x, y), (column, row) = self.middle, at
+        middle = column + factor * (x - column), row + factor * (y - row)
+        return replace(self, scale=self.scale * factor, middle=middle)
+
+    def panned(self, columns: float, rows: float) -> Camera:
+        """With everything moved by so many pixels."""
+        return replace(self, middle=(self.middle[0] + columns, self.middle[1] + rows))
+
+    @property
+    def seen(self) -> View:
+        """(xmin, xmax, ymin, ymax) [R] of the viewport."""
+        left, right, top, bottom = self.viewport
+        (xmin, ymin), (xmax, ymax) = self.to_scene([(left, bottom), (right, top)])
+        return float(xmin), float(xmax), float(ymin), float(ymax)
+
+    def canvas_map(self) -> tuple[Array, Array]:
+        """Factor and shift (2,): GGUI's coordinates (0 to 1 over the canvas, y upwards) are factor * xy + shift."""
+        size = np.array([self.width, self.height])
+        factor = self.scale / size
+        origin = np.array([self.middle[0], self.height - self.middle[1]]) / size
+        return factor, origin - factor * np.asarray(self.look_at)
+
+
+# ---- shapes
 
 
 def joined(*shapes: Shape) -> Shape:
@@ -31,7 +105,7 @@ def joined(*shapes: Shape) -> Shape:
 
 def edge_height(wall: Any, force: float) -> float:
     """Height above the surface at which a wall pushes a point with `force` [M c^2/R]: its edge in pictures [R]."""
-    return max(float(np.log(wall.a * wall.V0 / force)) / wall.a, 0.0) if wall is not None and force > 0.0 else 0.0
+    return max(wall.height_of_force(force), 0.0) if wall is not None and force > 0.0 else 0.0
 
 
 def wall_body(chain: Array, depth: float, edge: float, decay: float, theme: Theme) -> tuple[Shape, Shape]:
@@ -42,10 +116,10 @@ def wall_body(chain: Array, depth: float, edge: float, decay: float, theme: Them
         depth, edge: the body reaches from so far below the surface to so far above it [R].
         decay: over which it fades above that, 1/a or what half a pixel covers [R].
     """
-    share = np.exp(-_FADES)[:, None]
-    share[-1] = 0.0
+    weight = np.exp(-_FADES)[:, None]
+    weight[-1] = 0.0
     ground, wall = np.asarray(theme.ground), np.asarray(theme.wall)
-    haze = _strips(chain, edge + decay * _FADES, ground + share * (wall - ground))
+    haze = _strips(chain, edge + decay * _FADES, ground + weight * (wall - ground))
     return haze, _strips(chain, np.array([-depth, edge]), np.array([wall, wall]))
 
 
@@ -100,6 +174,6 @@ def arrows(feet: Array, forces: Array, head: float, width: float, rim: float, th
         w, h, foot, back = (0.5 * width + r) * across, (wing + 1.8 * r) * across, feet - r * along, neck - r * along
         shaft = [foot - w, foot + w, neck + w, foot - w, neck + w, neck - w]
         corners = [*shaft, back - h, back + h, tip + 2.5 * r * along]
-        place = np.stack(corners, axis=1).reshape(-1, 2)
-        parts.append((place, np.tile(np.asarray(colour), (len(place), 1))))
+        points = np.stack(corners, axis=1).reshape(-1, 2)
+        parts.append((points, np.tile(np.asarray(colour), (len(points), 1))))
     return joined(*parts)

@@ -1,17 +1,17 @@
-"""The disk: mass points at random in the unit circle, joined to their Delaunay neighbours by springs.
+"""Mass points at random, in the unit circle for the disk, in a rectangle for the elastic wall.
 
 Points with a minimum distance come by random sequential adsorption, exactly, in whole-array steps.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
-from dataclasses import replace
 
 import numpy as np
 
 from taichi_disk.errors import InputError, SimulationError
-from taichi_disk.lattice.lattice import Array, Lattice, triangulate
+from taichi_disk.lattice.triangles import Array
 
 MIN_POINTS, MAX_POINTS = 3, 2_000_000
 Depth = Callable[[Array], Array]
@@ -24,16 +24,8 @@ _RESTARTS = 1000
 _CROWDED = 0.04  # below this share of hits, darts are aimed at the uncovered part of the region only
 
 
-def disk_lattice(points: int, seed: int, rim: bool = True, min_spacing: float = 0.7) -> Lattice:
-    """A disk of exactly `points` points of mass 1/points [M] in the unit circle (R = 1).
-
-    The arguments are the keys of a scene's section `lattice`. The paper says no more than "at random": literally, that
-    is rim=False, min_spacing=0. The same arguments give the same lattice on every machine, bit for bit.
-
-    Raises:
-        InputError: An argument is out of range.
-        SimulationError: The points cannot be placed or meshed.
-    """
+def circle_points(points: int, seed: int, rim: bool, min_spacing: float) -> Array:
+    """The points (points, 2) [R] of `Lattice.disk`, with its arguments. Raises what it raises, but for meshing."""
     if not MIN_POINTS <= points <= MAX_POINTS:
         raise InputError(f"lattice.points must be between {MIN_POINTS} and {MAX_POINTS}, not {points}")
     spacing = least_distance(points, min_spacing)
@@ -52,7 +44,7 @@ def disk_lattice(points: int, seed: int, rim: bool = True, min_spacing: float = 
         return radius - np.sqrt(p[:, 0] ** 2 + p[:, 1] ** 2)
 
     inside = scatter(rng, points - len(circle), -corner, corner, depth, spacing, circle)
-    return replace(triangulate(np.concatenate([circle, inside])), origin=f"seed {seed}")
+    return np.concatenate([circle, inside])
 
 
 def rim_points(points: int) -> int:
@@ -162,3 +154,29 @@ def _first_come(darts: Array, spacing: float) -> Array:
         dropped[pairs[~waiting[pairs[:, 0]], 1]] = True
         pairs = pairs[~dropped[pairs].any(axis=1)]
     return darts[~dropped]
+
+
+def rectangle_points(
+    rng: np.random.Generator, points: int, low: Array, high: Array, row: float, spacing: float
+) -> Array:
+    """`points` points (points, 2) in the box `low`..`high`, at least `spacing` apart.
+
+    They include evenly spaced rows, about `row` apart, along the four sides; none if `row` is infinite.
+    Raises InputError if the rows alone take all the points.
+    """
+    frame: Array = np.empty((0, 2))
+    clear = 0.0
+    if math.isfinite(row):
+        nx, ny = (max(round(float(s) / row), 1) for s in high - low)
+        x, y = np.linspace(low[0], high[0], nx + 1), np.linspace(low[1], high[1], ny + 1)[1:-1]
+        rows = [np.stack([x, np.full_like(x, level)], axis=1) for level in (low[1], high[1])]  # bottom, top
+        frame = np.concatenate(rows + [np.stack([np.full_like(y, at), y], axis=1) for at in (low[0], high[0])])
+        clear = spacing * math.sqrt(0.75)
+    if points <= len(frame):
+        raise InputError(f"{points} points are too few for the rows along the sides of a rectangle: widen it")
+    low, high = low + clear, high - clear
+
+    def depth(p: Array) -> Array:
+        return np.minimum(p - low, high - p).min(axis=1)
+
+    return np.concatenate([frame, scatter(rng, points - len(frame), low, high, depth, spacing, frame)])

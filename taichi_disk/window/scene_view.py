@@ -10,18 +10,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from taichi_disk.render import scales, text
-from taichi_disk.render.camera import Camera, View
-from taichi_disk.render.legend import Legend, ink
+from taichi_disk.render.geometry import Camera, View, edge_height
+from taichi_disk.render.legend import Legend, draw_line, ink, text_width
 from taichi_disk.render.painter import Painter, draw_triangles
-from taichi_disk.render.palette import THEMES, Theme
-from taichi_disk.render.shapes import edge_height
-from taichi_disk.scenes import Scene
+from taichi_disk.render.palette import THEMES, Theme, round_near
 from taichi_disk.window.changes import push_of
-from taichi_disk.window.graph import Graphs
-from taichi_disk.window.history import Stretch
+from taichi_disk.window.history import Segment
+from taichi_disk.window.overlay import Graphs, Overlay
 from taichi_disk.window.sandbox import Sandbox
-from taichi_disk.window.sheet import Sheet
 
 SIZE = (1280, 860)  # of the window at first [px]
 PANEL = 292  # width of the controls [px]
@@ -31,7 +27,7 @@ _BELOW = 0.14  # what is seen of the rigid wall [R]
 _CONTACT = 0.55  # width of what is seen of a contact [R]
 
 
-class Stage:
+class SceneView:
     """Draws `sandbox` on a `ti.ui.Canvas`.
 
     Attributes:
@@ -58,10 +54,10 @@ class Stage:
 
     def home(self) -> None:
         """See the whole scene."""
-        left, right, low, high = self.sandbox.moment.stretch.driver.scenario.view
+        left, right, low, high = self.sandbox.seen.segment.scenario.view
         if not len(self.painter.lattice.wall_surface):
             low = self.painter.edge - _BELOW
-        self._see((left, right, low, max(high, float(self.sandbox.moment.x[:, 1].max()) + 0.02)), 6.0)
+        self._see((left, right, low, max(high, float(self.sandbox.seen.x[:, 1].max()) + 0.02)), 6.0)
         self._at_home = True
 
     def contact(self) -> None:
@@ -70,7 +66,7 @@ class Stage:
         self._see((x - 0.5 * _CONTACT, x + 0.5 * _CONTACT, low - 0.12, low + 0.3), 0.0)
 
     def _see(self, view: View, margin: float) -> None:
-        self.camera = Camera.fit(view, *self._size, margin, self._stage)
+        self.camera = Camera.fit(view, *self._size, margin, self._viewport)
         self.follows = self._at_home = False
 
     def zoom(self, factor: float, at: tuple[float, float]) -> None:
@@ -84,8 +80,8 @@ class Stage:
     def follow(self) -> None:
         """Stay with the disk's centre of mass from now on, or no longer; one out of view comes to the middle."""
         column, row = self.camera.to_pixels(self.centre)
-        if not self.place(column, row):
-            left, right, top, bottom = self._stage
+        if not self.point_at(column, row):
+            left, right, top, bottom = self._viewport
             column, row = (left + right) / 2, (top + bottom) / 2
         self.camera = replace(self.camera, look_at=self.centre, middle=(float(column), float(row)))
         self.follows, self._at_home = not self.follows, False
@@ -93,40 +89,40 @@ class Stage:
     @property
     def centre(self) -> tuple[float, float]:
         """The centre of mass of the disk that is seen [R]."""
-        x, y = self.sandbox.moment.x[: self.painter.lattice.disk_points].mean(axis=0)
+        x, y = self.sandbox.seen.x[: self.painter.lattice.disk_points].mean(axis=0)
         return float(x), float(y)
 
-    def place(self, column: float, row: float) -> tuple[float, float] | None:
+    def point_at(self, column: float, row: float) -> tuple[float, float] | None:
         """What lies at a pixel [R]; None beside the disk's part of the window."""
-        left, right, top, bottom = self._stage
+        left, right, top, bottom = self._viewport
         x, y = self.camera.to_scene((column, row))
         return (float(x), float(y)) if left <= column < right and top <= row < bottom else None
 
     # ---- drawing
 
     def draw(self, size: tuple[int, int]) -> None:
-        """The moment that is seen, in a window of `size` (width, height) [px]."""
-        moment = self.sandbox.moment
-        self._adopt(moment.stretch, size)
+        """What is seen, in a window of `size` (width, height) [px]."""
+        seen = self.sandbox.seen
+        self._suit(seen.segment, size)
         painter = self.painter
         if self.follows:
-            self.camera = self.camera.following(self.centre)
-        painter.paint(self._canvas, self.camera, moment.x, moment.v, max(self._legend.unit, 0.6))
+            self.camera = replace(self.camera, look_at=self.centre)
+        painter.paint(self._canvas, self.camera, seen.x, seen.v, max(self._legend.unit, 0.6))
         if self._count % _LOOK == 0:
             self._grow()
         self._count += 1
         look = self._look, self._hit, tuple(self.graphs.full.values())
         scale = painter.colour, painter.limit, painter.full_force, self.camera.scale
         self._keep("still", (look, scale, self._overhangs()), self._fill_still)
-        driver = self.sandbox.driver
-        rows = self.sandbox.stretch.began, driver.attempt, driver.count
+        segment = self.sandbox.segment
+        rows = segment.began, segment.attempt, segment.count
         self._keep("curves", (look, rows), self.graphs.draw_curves)
         self._keep("moving", None, self._fill_moving)
         draw_triangles(self._canvas, np.concatenate([vertices for _, vertices in self._kept.values()]))
 
-    def _adopt(self, stretch: Stretch, size: tuple[int, int]) -> None:
+    def _suit(self, segment: Segment, size: tuple[int, int]) -> None:
         """See to it that painter, scales and camera suit what is shown."""
-        video, scenario = self.sandbox.scene.video, stretch.driver.scenario
+        video, scenario = self.sandbox.scene.video, segment.scenario
         fresh = self._bonds is not scenario.lattice.bonds
         if fresh:
             self.painter = Painter(scenario.lattice, scenario.model.springs, scenario.model.wall)
@@ -134,28 +130,30 @@ class Stage:
         painter.springs, painter.wall = scenario.model.springs, scenario.model.wall
         painter.edge = edge_height(scenario.model.wall, scenario.point_force)
         painter.draw, painter.theme = video.draw, video.theme
-        hit, look = (self.sandbox.starts, stretch.hit), (size, video.theme, scenario.title())
+        hit, look = (self.sandbox.starts, segment.hit), (size, video.theme, scenario.title())
         if hit != self._hit:
             self.graphs.begin()
-            painter.full_force = scales.round_near(0.5 * scenario.point_force)
+            painter.full_force = round_near(0.5 * scenario.point_force)
         if hit != self._hit or video.colour != painter.colour:
             painter.colour = video.colour
-            painter.limit, self._count = _first_limit(scenario.scene, video.colour), 0
+            push = push_of(scenario.scene)  # before anything is known
+            full = 0.25 * push**2 / scenario.scene.lattice.points if video.colour == "kinetic" else 0.05 * push
+            painter.limit, self._count = round_near(full), 0
         if fresh or look != self._look:
-            self._lay_out(size, stretch)
+            self._lay_out(size, segment)
         if fresh or look[0] != self._look[0] or (hit != self._hit and self._at_home):
             self.home()
-        self.camera = replace(self.camera, stage=self._stage)  # another title may have another height
+        self.camera = replace(self.camera, viewport=self._viewport)  # another title may have another height
         self._hit, self._look = hit, look
 
-    def _lay_out(self, size: tuple[int, int], stretch: Stretch) -> None:
+    def _lay_out(self, size: tuple[int, int], segment: Segment) -> None:
         """Divide the window."""
         width, height = self._size = size
         left, bottom, each = PANEL, height - _GRAPHS, (width - PANEL) / 2
-        samples = (*self._caption(stretch, 1e3), "1 s shows 0.05 R/c")
-        title = stretch.driver.scenario.title()
+        samples = (*self._caption(segment, 1e3), "1 s shows 0.05 R/c")
+        title = segment.scenario.title()
         self._legend = Legend(self.painter, width - left, bottom, title, samples, len(samples))
-        self._stage = (left, width, self._legend.header, bottom - self._legend.footer)
+        self._viewport = (left, width, self._legend.header, bottom - self._legend.footer)
         self.graphs.boxes = tuple(
             (left + k * each + 50.0, bottom + 44.0, left + (k + 1) * each - 24.0, height - 34.0) for k in range(2)
         )
@@ -164,59 +162,54 @@ class Stage:
         """Let the scales grow with what they have to show; they begin again with each hit."""
         painter = self.painter
         painter.limit = max(painter.limit, painter.scale(painter.shown))
-        _, forces = painter.wall.contact_forces(painter.lattice, self.sandbox.moment.x)
+        _, forces = painter.wall.contact_forces(painter.lattice, self.sandbox.seen.x)
         largest = float(np.hypot(*forces.T).max(initial=0.0))
         if largest > painter.full_force:
-            painter.full_force = scales.round_near(1.2 * largest)
+            painter.full_force = round_near(1.2 * largest)
         self.graphs.grow()
 
-    def _caption(self, stretch: Stretch, t: float) -> tuple[str, ...]:
-        return stretch.driver.scenario.caption(self.sandbox.moment.values | {"t": t})
+    def _caption(self, segment: Segment, t: float) -> tuple[str, ...]:
+        return segment.scenario.caption(self.sandbox.seen.values | {"t": t})
 
     @property
     def _theme(self) -> Theme:
         return THEMES[self.painter.theme]
 
-    def _keep(self, name: str, key: Any, fill: Callable[[Sheet], None]) -> None:
-        """Keep what `fill` puts on a sheet; it is filled again where `key` is another, or None."""
+    def _keep(self, name: str, key: Any, fill: Callable[[Overlay], None]) -> None:
+        """Keep what `fill` puts on an overlay; it is filled again where `key` is another, or None."""
         if key is None or self._kept.get(name, (None,))[0] != key:
-            sheet = Sheet(ink(self._theme.ground))
-            fill(sheet)
-            self._kept[name] = key, sheet.vertices(*self._size)
+            overlay = Overlay(ink(self._theme.ground))
+            fill(overlay)
+            self._kept[name] = key, overlay.vertices(*self._size)
 
     def _overhangs(self) -> bool:
-        """Whether something is drawn above or below the stage."""
-        y, (_, _, top, bottom) = self.sandbox.moment.x[:, 1], self._stage
+        """Whether something is drawn above or below the viewport."""
+        y, (_, _, top, bottom) = self.sandbox.seen.x[:, 1], self._viewport
         lowest, highest = self.camera.to_pixels([(0.0, y.min()), (0.0, y.max())])[:, 1]
         return not self._at_home or highest < top or lowest > bottom
 
-    def _fill_still(self, sheet: Sheet) -> None:
-        """It covers what was drawn above and below the stage, where that is so: to fill costs 2 ns a pixel."""
-        (left, _, top, bottom), (width, height), ground = self._stage, self._size, ink(self._theme.ground)
+    def _fill_still(self, overlay: Overlay) -> None:
+        """It covers what was drawn above and below the viewport, where that is so: to fill costs 2 ns a pixel."""
+        (left, _, top, bottom), (width, height), ground = self._viewport, self._size, ink(self._theme.ground)
         if self._overhangs():
-            sheet.rectangle((left, 0, width, top - 1), ground)
-            sheet.rectangle((left, bottom, width, height), ground)
-        self.graphs.draw_frames(sheet, self._theme)
-        sheet.left = left
-        self._legend.draw(sheet, self.camera.scale)
+            overlay.rectangle((left, 0, width, top - 1), ground)
+            overlay.rectangle((left, bottom, width, height), ground)
+        self.graphs.draw_frames(overlay, self._theme)
+        overlay.left = left
+        self._legend.draw(overlay, self.camera.scale)
 
-    def _fill_moving(self, sheet: Sheet) -> None:
+    def _fill_moving(self, overlay: Overlay) -> None:
         """Cursors, the mouse's spring, the time and the pace, what happened last."""
-        sandbox, moment, theme, (left, right, top, _) = self.sandbox, self.sandbox.moment, self._theme, self._stage
-        self.graphs.draw_cursor(sheet, theme)
-        if sandbox.held:
-            ends = self.camera.to_pixels([moment.x[sandbox.held[0]], sandbox.held[1]])
-            sheet.curve(ends[:, 0], ends[:, 1], 3.0, (230, 115, 0))
+        sandbox, seen, theme, (left, right, top, _) = self.sandbox, self.sandbox.seen, self._theme, self._viewport
+        self.graphs.draw_cursor(overlay, theme)
+        if sandbox.dragged:
+            ends = self.camera.to_pixels([seen.x[sandbox.dragged[0]], sandbox.dragged[1]])
+            overlay.curve(ends[:, 0], ends[:, 1], 3.0, (230, 115, 0))
         for k, line in enumerate(wrap(self.hint or sandbox.message, max(int((right - left - 36.0) / 7.5), 20))):
             row = top + 18.0 * (k + 1)
-            sheet.rectangle((left + 12, row - 13, left + 24 + text.width(line, 12.0, True), row + 5), ink(theme.ground))
-            text.draw_line(sheet, (left + 18.0, row), line, 12.0, ink(theme.ink), True)
+            end = left + 24 + text_width(line, 12.0, True)
+            overlay.rectangle((left + 12, row - 13, end, row + 5), ink(theme.ground))
+            draw_line(overlay, (left + 18.0, row), line, 12.0, ink(theme.ink), True)
         pace = "" if sandbox.paused else f"1 s shows {float(f'{sandbox.pace:.2g}'):g} R/c"
-        sheet.left = left
-        self._legend.draw_lines(sheet, (*self._caption(moment.stretch, self.graphs.t), pace))
-
-
-def _first_limit(scene: Scene, colour: str) -> float:
-    """What has full colour before anything is known."""
-    push = push_of(scene)
-    return scales.round_near(0.25 * push**2 / scene.lattice.points if colour == "kinetic" else 0.05 * push)
+        overlay.left = left
+        self._legend.draw_lines(overlay, (*self._caption(seen.segment, self.graphs.t), pace))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -14,12 +15,12 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
+from taichi_disk.config.sweep_axes import Sweep
+from taichi_disk.figures import theory
+from taichi_disk.figures.curves import FIGURES, Curve, Row, analyse
 from taichi_disk.output.files import atomic_write
-from taichi_disk.output.plot import STYLE, SUM
+from taichi_disk.output.plot import STYLE, SUM, matplotlib_style
 from taichi_disk.scenes import Scene
-from taichi_disk.sweep import theory
-from taichi_disk.sweep.analysis import Curve
-from taichi_disk.sweep.fits import quasistatic_curves
 
 WIDTH = 3.4  # inches: a column
 MARKS = "osD^vPX"
@@ -36,17 +37,26 @@ FONT: dict[Any, Any] = {
 METADATA: dict[str, dict[str, Any]] = {"png": {"Software": None}, "svg": {"Date": None}, "pdf": {"CreationDate": None}}
 
 
+def figure_of(sweep: Sweep, rows: Sequence[Row], out: Path) -> list[dict[str, Any]]:
+    """Draw the rows of points.csv, where their kind of scene has a figure; the curves, as in summary.json."""
+    curves = analyse(sweep.scenes[0], sweep.axes, rows)
+    if curves:
+        draw(sweep.scenes[0], curves, out)
+    return [curve.summary() for curve in curves]
+
+
 def draw(scene: Scene, curves: list[Curve], out: Path) -> None:
     """Write figure.png, figure.svg and figure.pdf into `out`; the same values give the same bytes.
 
-    `scene` is one of the sweep: its first law says on which axes.
+    `scene` is one of the sweep: the first fit of its kind says on which axes.
     """
     # The salt makes the ids in the SVG the same every time.
-    with matplotlib.rc_context({**STYLE, **FONT, "svg.hashsalt": "taichi-disk"}):
+    with matplotlib_style({**STYLE, **FONT, "svg.hashsalt": "taichi-disk"}):
         figure = Figure(figsize=(WIDTH, 2.9 + 0.09 * len(curves)), layout="constrained")
         FigureCanvasAgg(figure)
         ax = figure.subplots()
-        (_compression if scene.laws[0] == "eq2" else _impact)(ax, scene, curves)
+        known = FIGURES[scene.scene]
+        (_compression if known.fits[0] == "eq2" else _impact)(ax, known.paper, curves)
         # Points before lines: their curves in order, then the laws.
         named = sorted(zip(*ax.get_legend_handles_labels(), strict=True), key=lambda one: isinstance(one[0], Line2D))
         if named:  # no force over E without an E, as of a lattice from a file
@@ -83,14 +93,14 @@ def _points(ax: Axes, curves: list[Curve], colours: list[Any], upright: bool) ->
         ax.errorbar([], [], [], color="0.45", linestyle="none", elinewidth=0.8, label=text)
 
 
-def _compression(ax: Axes, scene: Scene, curves: list[Curve]) -> None:
+def _compression(ax: Axes, paper: dict[str, float], curves: list[Curve]) -> None:
     """Figure 2: P/(pi R E) against xi/R, with the laws for the first curve of several pressures."""
     curves = [curve for curve in curves if np.isfinite(curve.young)]
     _points(ax, curves, _colours(curves), upright=False)
     first = next((curve for curve in curves if len(curve.x) > 1), None)
     if first is not None:
         P = np.linspace(first.x.min(), first.x.max(), 60)
-        b, printed = first.fits["eq2"].values["b"], scene.paper["b"]
+        b, printed = first.fits["eq2"].values["b"], paper["b"]
         for law, style, text in (
             (theory.paper_compression(P, first.young, first.poisson, b), "-", f"eq. (2), b = {b:.3f} fitted"),
             (theory.paper_compression(P, first.young, first.poisson, printed), ":", f"eq. (2), b = {printed} (paper)"),
@@ -101,7 +111,7 @@ def _compression(ax: Axes, scene: Scene, curves: list[Curve]) -> None:
     ax.set_ylabel("force  P/(π R E)")
 
 
-def _impact(ax: Axes, scene: Scene, curves: list[Curve]) -> None:
+def _impact(ax: Axes, paper: dict[str, float], curves: list[Curve]) -> None:
     """Figures 3 and 6: e against v/c, with eq. (5) as fitted, and eq. (4) with its tau0 fitted."""
     colours = _colours(curves)
     _points(ax, curves, colours, upright=True)
@@ -111,14 +121,14 @@ def _impact(ax: Axes, scene: Scene, curves: list[Curve]) -> None:
             v = np.geomspace(curve.x.min(), curve.x.max(), 80)
             ax.plot(v, theory.paper_restitution(v, fit.values["d1"], fit.values["d2"]), color=colour)
         if "eq4" in curve.fits:
-            predict = quasistatic_curves(tuple(curve.x.tolist()), curve.young)
+            predict = theory.quasistatic_curves(tuple(curve.x.tolist()), curve.young)
             e = predict(np.array([curve.fits["eq4"].values["tau0"]]))[0]
             ax.plot(curve.x, e, ":", color=colour)
     for name, style, text in (("eq5", "-", "eq. (5), d₁ and d₂ fitted"), ("eq4", ":", "eq. (4), τ₀ fitted")):
         if any(name in curve.fits for curve in curves):
             ax.plot([], [], style, color="0.45", label=text)
     x = np.concatenate([curve.x for curve in curves])
-    if paper := scene.paper:
+    if paper:
         v = np.geomspace(x.min(), x.max(), 80)
         text = f"eq. (5), paper: d₁ = {paper['d1']}, d₂ = {paper['d2']}"
         ax.plot(v, theory.paper_restitution(v, paper["d1"], paper["d2"]), "--", color=SUM, label=text)

@@ -1,4 +1,4 @@
-"""The energy balance: what a run's energies add up to, and what that says of the run."""
+"""Whether a run is sound: its energy balance, points gone through the wall, and the words for what is wrong."""
 
 from __future__ import annotations
 
@@ -6,7 +6,9 @@ from typing import Any
 
 import numpy as np
 
-from taichi_disk.lattice import Array
+from taichi_disk.errors import SimulationError
+from taichi_disk.lattice import Array, Lattice
+from taichi_disk.physics import Model
 from taichi_disk.simulation.observables import ENERGIES, ENERGY_INDICES, INDEX, Columns
 from taichi_disk.simulation.scenario import Scenario
 
@@ -30,7 +32,7 @@ def summary(scenario: Scenario, columns: Columns) -> dict[str, Any]:
 
 
 def unacceptable(scenario: Scenario, columns: Columns) -> str | None:
-    """What to tell of a run whose energy imbalance is so large at the end that its result is none."""
+    """Why a run has no result: its energy imbalance at the end is too large; None where it is not."""
     lost, _ = relative_imbalance(scenario, columns)
     tolerance = scenario.scene.time.tolerance
     allowed = LARGEST if tolerance == "none" else max(LARGEST, tolerance)
@@ -43,7 +45,7 @@ def unacceptable(scenario: Scenario, columns: Columns) -> str | None:
 
 
 def warnings(scenario: Scenario, columns: Columns) -> list[str]:
-    """What a person should know of the energy balance of a run whose result stands."""
+    """What makes the result of a run doubtful, as sentences."""
     found = [unacceptable(scenario, columns)]
     slid = float(np.abs(columns["sliding"]).max()) / scenario.energy_scale(columns)
     if slid > LARGEST:
@@ -55,8 +57,8 @@ def warnings(scenario: Scenario, columns: Columns) -> list[str]:
     return [text for text in found if text]
 
 
-class Watch:
-    """Looks at the rows of a run, as they come, for one at which the energy balance, or a number, is lost.
+class EnergyBalance:
+    """That of a run: finds, in the rows as they come, the one at which it, or a number, is lost.
 
     Attributes:
         total: the energy that there is [M c^2].
@@ -92,9 +94,73 @@ class Watch:
         """Deviation of the total energy from its value at t = 0, (rows,) [M c^2]."""
         return np.asarray(rows[:, ENERGY_INDICES].sum(axis=1) - self.total)
 
-    def told(self, bad: Array) -> str:
-        """What is lost at the row `bad` (columns,)."""
+    def loss(self, bad: Array) -> str:
+        """What is lost at the row `bad` (columns,), in words."""
         if not np.isfinite(bad).all():
             return "a number is no longer finite"
         off = max(self.imbalance(bad[None])[0], bad[INDEX["sliding"]], key=abs)
         return f"the energy balance is off by {off:+.2g} of {self.total:.2g} M c^2"
+
+
+# ---- a state that has become meaningless
+
+
+class BlowUp(SimulationError):
+    """The state became meaningless.
+
+    Attributes:
+        last_good: positions and velocities (n, 2) and the time of the last row that was still good.
+    """
+
+    def __init__(self, message: str, last_good: dict[str, Array]) -> None:
+        super().__init__(message)
+        self.last_good = last_good
+
+
+def gone_through(lattice: Lattice, model: Model, x: Array, energy: float) -> bool:
+    """Whether a point of the disk is in the elastic wall, deeper than the `energy` [M c^2] that there is lets it.
+
+    The contact force, looking for the spring below a point, cannot know.
+    """
+    wall = model.elastic
+    if wall is None:
+        return False
+    disk, surface = x[: lattice.disk_points], x[lattice.wall_surface]
+    px, py = disk[disk[:, 1] < surface[:, 1].max()].T[:, :, None]
+    deep = -2.0 * wall.height_of(max(energy, wall.V0))  # twice as far as the potential lets it
+    a = np.concatenate([x[lattice.wall_boundary], surface[-2:0:-1] - [0.0, deep]])  # the wall's outline
+    b = np.roll(a, -1, axis=0)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        height = a[:, 1] + (px - a[:, 0]) / (b[:, 0] - a[:, 0]) * (b[:, 1] - a[:, 1])
+    crossed = ((a[:, 0] <= px) != (b[:, 0] <= px)) & (height > py)  # by a ray upwards
+    return bool((crossed.sum(axis=1) % 2).any())  # from within an odd number of times
+
+
+def explained(scenario: Scenario, dt: float, part: float, x: Array, lost: str) -> str:
+    """What was `lost` after the last good row, and what mends it.
+
+    Args:
+        dt: the step [R/c], and `part`, what it is of the stability limit.
+        x: (n, 2) the points at that row.
+    """
+    lattice, model = scenario.lattice, scenario.model
+    strain = model.springs.strain(lattice, x)
+    worst = int(np.abs(strain).argmax())
+    i, j = lattice.bonds[worst]
+    auto = "" if scenario.scene.time.dt == "auto" else "set time.dt: auto; if that fails too, "
+    if auto and part > 1.0:
+        cause = "the step is beyond the stability limit: set time.dt: auto"
+    elif model.elastic:
+        cause = (
+            "the disk may have dented the wall, gone through it or slipped off its end: "
+            f"{auto}lower impact.velocity, raise material.k_a, or write a larger wall.width"
+        )
+    else:
+        cause = (
+            "the body may be crushed, or pushed harder than the step was chosen for: "
+            f"{auto}lower impact.velocity or compression.pressure, raise material.k_a, or try a smaller time.safety"
+        )
+    return (
+        f"{lost}; before that spring {worst} between points {i} and {j} was strained most, by {strain[worst]:+.2g}; "
+        f"the step {dt:.4g} R/c is {part:.3g} of the stability limit that the wall's force leaves; {cause}"
+    )

@@ -1,0 +1,288 @@
+"""The source of a scene, with its overrides, as a tree that knows where each value was written.
+
+A source is a file, a shipped scene, YAML text or a mapping. Scalars follow the core schema of YAML 1.2: `1e-3` is a
+number, while `yes`, `010` and `1:30` have no second meaning. Nothing but mappings, lists and scalars is ever built.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, NamedTuple, TypeAlias
+
+import yaml
+
+from taichi_disk.errors import InputError, did_you_mean
+
+Source: TypeAlias = "str | os.PathLike[str] | Mapping[str, Any]"
+Keys: TypeAlias = tuple[str, ...]  # from the top of the scene down to a value
+_TAG = "tag:yaml.org,2002:"
+
+
+class Mark(NamedTuple):
+    """Where something was written: a file with line and column (both from 1), or the rank-th option."""
+
+    rank: int = 0
+    line: int = 0
+    column: int = 0
+    label: str = ""
+
+    def __str__(self) -> str:
+        return f"{self.label}:{self.line}:{self.column}" if self.line else self.label
+
+    def moved(self, line: int, column: int) -> Mark:
+        """The mark of a line and column (both from 0) in a file; an option and a Python value have none."""
+        return self if self.rank or not self.label else self._replace(line=line + 1, column=column + 1)
+
+
+class Fault(NamedTuple):
+    mark: Mark
+    key: str  # dotted
+    what: str
+
+    def __str__(self) -> str:
+        return ": ".join(part for part in (str(self.mark), self.key, self.what) if part)
+
+
+class Entry(NamedTuple):
+    """Where a key and its value were written, and the value as its author would recognise it."""
+
+    key: Mark
+    value: Mark
+    shown: str = "nothing"
+
+
+@dataclass
+class Tree:
+    """Values, the entry of each path in them, what could not be read, and the folder that file names start from."""
+
+    value: Any = None
+    entries: dict[Keys, Entry] = field(default_factory=dict)
+    faults: list[Fault] = field(default_factory=list)
+    folder: str = ""
+
+    def fault(self, mark: Mark, path: Keys, what: str) -> None:
+        self.faults.append(Fault(mark, ".".join(path), what))
+
+    def refuse(self) -> None:
+        """Raise InputError with every fault, in the order of the file, where there is one."""
+        # The first of several at one mark: a value that could not even be read is not also called unfit.
+        if faults := sorted({fault[:2]: fault for fault in reversed(self.faults)}.values()):
+            head = [] if len(faults) == 1 else [f"{len(faults)} faults in the scene:"]
+            raise InputError("\n  ".join(head + [str(fault) for fault in faults]))
+
+    def entry(self, path: Keys) -> Entry:
+        """That of the path itself, else of the nearest part of the scene around it that was written."""
+        while path not in self.entries:
+            path = path[:-1]
+        return self.entries[path]
+
+
+# What a plain scalar means in lower case. By itself PyYAML takes 1e-3 for a text, and `yes`, 010 and 1:30 for numbers.
+_WORDS = {"": None, "~": None, "null": None, "true": True, "false": False}
+_INTEGER = re.compile("[-+]?[0-9]+|0o[0-7]+|0x[0-9a-f]+")
+_FLOAT = re.compile(r"[-+]?(\.[0-9]+|[0-9]+(\.[0-9]*)?)(e[-+]?[0-9]+)?|[-+]?\.inf|\.nan")
+
+
+class _Loader(yaml.BaseLoader):  # which leaves every scalar a text
+    def compose_node(self, parent: yaml.Node | None, index: int) -> yaml.Node | None:
+        if self.check_event(yaml.AliasEvent):
+            what = "aliases (*) are not supported: write the value out"  # they may stand for billions of values
+            raise yaml.composer.ComposerError(None, None, what, self.peek_event().start_mark)
+        return super().compose_node(parent, index)
+
+
+def parse(text: str, source: Mark, path: Keys = ()) -> Tree:
+    """The values in `text`, as found at `path`.
+
+    Never raises: what cannot be read is in the tree's faults, and its value is then None.
+    """
+    tree, where = Tree(), source
+    try:
+        if node := _Loader(text).get_single_node():
+            tree.value = _value(node, path, None, tree, source)
+        return tree
+    except yaml.reader.ReaderError as error:
+        before = text[: error.position]
+        where = source.moved(before.count("\n"), len(before) - before.rfind("\n") - 1)
+        what = f"the character {error.character:#x} may not stand in a YAML file"
+    except yaml.MarkedYAMLError as error:
+        if mark := error.problem_mark or error.context_mark:
+            where = source.moved(mark.line, mark.column)
+        what = f"not readable as YAML: {error.problem or error.context}"
+        if "'\\t'" in what:
+            what += " (YAML allows no tabs for indentation: use spaces)"
+    except (RecursionError, ValueError, OverflowError):  # the last two of version numbers, and escapes beyond Unicode
+        what = "not readable as YAML: nested too deeply, or a number or an escape is out of range"
+    return Tree(faults=[Fault(where, ".".join(path), what)])
+
+
+def _value(node: yaml.Node, path: Keys, key: Mark | None, tree: Tree, source: Mark) -> Any:
+    here = source.moved(node.start_mark.line, node.start_mark.column)
+    shown = _shown(node)
+    tree.entries[path] = Entry(key or here, here, shown)
+    if isinstance(node, yaml.MappingNode) and node.tag == _TAG + "map":
+        values: dict[str, Any] = {}
+        for one, value in node.value:
+            at = source.moved(one.start_mark.line, one.start_mark.column)
+            if not isinstance(one, yaml.ScalarNode) or not one.value.isprintable():
+                tree.fault(at, path, f"a key must be a name, not {_shown(one)}")
+                continue
+            name = (*path, one.value)
+            if one.value in values:
+                tree.fault(at, name, f"given twice, first in line {tree.entries[name].key.line}")
+            else:
+                values[one.value] = _value(value, name, at, tree, source)
+        return values
+    if isinstance(node, yaml.SequenceNode) and node.tag == _TAG + "seq":
+        return [_value(one, (*path, str(k)), None, tree, source) for k, one in enumerate(node.value)]
+    if isinstance(node, yaml.ScalarNode) and node.tag == _TAG + "str":
+        if node.style:
+            return node.value
+        with suppress(ValueError):  # an integer of thousands of digits
+            return _meaning(node.value)
+        node.tag = "int"
+    tree.fault(here, path, f"{shown} cannot be read as {printable(node.tag.removeprefix(_TAG))}")
+    return None
+
+
+def _meaning(text: str) -> Any:
+    word = text.lower()
+    if word in _WORDS:
+        return _WORDS[word]
+    if _INTEGER.fullmatch(word):
+        return int(word, {"0o": 8, "0x": 16}.get(word[:2], 10))
+    return float(word.replace(".inf", "inf").replace(".nan", "nan")) if _FLOAT.fullmatch(word) else text
+
+
+def _shown(node: yaml.Node) -> str:
+    if not isinstance(node, yaml.ScalarNode):
+        return "a mapping" if isinstance(node, yaml.MappingNode) else "a list"
+    return f'the text "{printable(node.value)}"' if node.style else printable(node.value) or "nothing"
+
+
+def tree_of(data: Mapping[str, Any]) -> Tree:
+    """A tree of Python values, which have no places. NumPy's values become Python's; paths become text."""
+    tree = Tree()
+
+    def plain(value: Any, path: Keys) -> Any:
+        if hasattr(value, "tolist"):
+            value = value.tolist()
+        if isinstance(value, Mapping):
+            names = {printable(str(name)): one for name, one in value.items()}
+            value, shown = {name: plain(one, (*path, name)) for name, one in names.items()}, "a mapping"
+        elif isinstance(value, (list, tuple)):
+            value, shown = [plain(one, (*path, str(k))) for k, one in enumerate(value)], "a list"
+        elif value is None or isinstance(value, (bool, int, float)):
+            shown = printable(str(value))
+        else:
+            value = str(value)
+            shown = f'the text "{printable(value)}"'
+        tree.entries[path] = Entry(Mark(), Mark(), shown)
+        return value
+
+    try:
+        tree.value = plain(data, ())
+    except (RecursionError, ValueError):  # a loop; an integer of thousands of digits
+        raise InputError("not the keys and values of a scene") from None
+    return tree
+
+
+def printable(text: str, width: int = 40) -> str:
+    """The text with escapes for what a terminal cannot show, cut off at `width` characters."""
+    text = text if text.isprintable() else ascii(text)[1:-1]
+    return text if len(text) <= width else text[: width - 3] + "..."
+
+
+def read_tree(source: Source, overrides: Sequence[str]) -> Tree:
+    """The tree of `source`, with `overrides` ("section.key=value" each) written into it.
+
+    YAML text is a str with a line end or ": ". The source is read once, so that it may be a pipe. Raises InputError
+    where there is no such source or it is no mapping; other faults are in the tree.
+    """
+    start = Mark()
+    if isinstance(source, Mapping):
+        tree = tree_of(source)
+    else:
+        label, folder, text = _read(source)
+        start = Mark(label=label)
+        tree = parse(text, start)
+        tree.folder = folder
+    if not isinstance(tree.value, dict):
+        tree.refuse()
+        if tree.value is None:
+            raise InputError(f"{start}: holds no keys: a scene needs at least the line `scene: exponential_wall`")
+        entry = tree.entries[()]
+        what = f"a scene is a list of lines `key: value` (mind the space after the colon), not {entry.shown}"
+        raise InputError(f"{entry.value}: {what}")
+    # Where a key that nobody wrote is at fault, there is no line to name.
+    tree.entries[()] = Entry(start, start, "a mapping")
+    for rank, override in enumerate(overrides, start=1):
+        _override(tree, override, rank)
+    return tree
+
+
+def _read(source: str | os.PathLike[str]) -> tuple[str, str, str]:
+    """(name for messages, folder that file names start from, text) of a scene."""
+    if isinstance(source, str) and ("\n" in source or (": " in source and not os.path.exists(source))):
+        return "scene", "", source
+    path = Path(source)
+    if not os.path.exists(path) or os.path.isdir(path):  # a run leaves a folder of that name
+        path = shipped_scenes().get(str(path), path)
+    label = printable(str(path), width=1000)
+    try:
+        data = path.read_bytes()
+        # What is piped has no folder of its own.
+        return label, str(path.parent) if path.is_file() else "", data.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        line = data.count(b"\n", 0, error.start) + 1
+        raise InputError(f"{label}:{line}: not UTF-8 text (byte {data[error.start]:#x}); save it as UTF-8") from None
+    except (FileNotFoundError, NotADirectoryError):
+        known = shipped_scenes()
+        hint = did_you_mean(path.stem, known) or "."
+        raise InputError(f"{label}: no such file{hint} The shipped scenes are {', '.join(known)}") from None
+    except (OSError, ValueError) as error:
+        raise InputError(f"{label}: cannot be read: {getattr(error, 'strerror', None) or error}") from None
+
+
+def _override(tree: Tree, override: str, rank: int) -> None:
+    """Write the value of "section.key=value" into the tree, or add a fault to it."""
+    mark = Mark(rank, label=f"--set {printable(override, width=1000)}")
+    name, equals, text = override.partition("=")
+    # The name of an axis may itself be dotted.
+    path = tuple(part.strip() for part in name.split(".", 1 if name.strip().startswith("sweep.") else -1))
+    if not equals or not all(part and part.isprintable() for part in path):
+        tree.fault(mark, (), "must be KEY=VALUE without spaces around =, for example material.eta_star=30")
+        return
+    blocks = tree.value.get("sweep")
+    targets: list[tuple[dict[str, Any], Keys]]
+    if path[0] == "sweep" and len(path) == 2 and isinstance(blocks, list):
+        targets = [(block, ("sweep", str(k), path[1])) for k, block in enumerate(blocks) if isinstance(block, dict)]
+    else:
+        parent = tree.value
+        for depth, part in enumerate(path[:-1], start=1):
+            parent = parent.setdefault(part, {})
+            tree.entries.setdefault(path[:depth], Entry(mark, mark, "a mapping"))
+            if not isinstance(parent, dict):
+                tree.fault(mark, (), f"{'.'.join(path[:depth])} is not a section")
+                return
+        targets = [(parent, path)]
+    for parent, where in targets:
+        new, there = parse(text, mark, where), parent.get(where[-1])
+        tree.faults += new.faults
+        if len(where) == 1 and isinstance(there, dict) and isinstance(new.value, dict):  # some keys of a section
+            new.value = there | new.value
+        parent[where[-1]] = new.value
+        tree.entries |= {where: Entry(mark, mark)} | new.entries
+
+
+def shipped_scenes() -> dict[str, Path]:
+    """The scenes that come with the package, by bare name."""
+    package = Path(__file__).parent.parent
+    # In an installed package the files lie in it; in a source checkout, at the top of the tree.
+    folders = (package / "scene_library", package.parent / "scenes")
+    return {path.stem: path for folder in reversed(folders) for path in sorted(folder.glob("[!.]*.yaml"))}

@@ -1,0 +1,170 @@
+"""Forces on single points: of the rigid wall, of the load that presses the disk on it, of a person's mouse."""
+
+from dataclasses import dataclass
+from math import exp
+from typing import Any, ClassVar
+
+import numpy as np
+import taichi as ti
+from numpy.typing import NDArray
+
+from taichi_disk.lattice import Array, Lattice
+from taichi_disk.physics.law import BodyForce, Capacity, array, get, pair_of, put, scalar
+from taichi_disk.potential import ExponentialPotential
+
+NEGLIGIBLE = exp(-45.0)  # force of the rigid wall on a point [M c^2/R]
+
+
+@ti.data_oriented
+@dataclass(eq=False)
+class ExponentialWall(ExponentialPotential, BodyForce):
+    """A flat wall at y = 0 that pushes every point of the disk upwards with a V0 exp(-a y), paper eqs. (3) and (6)."""
+
+    a: float  # hardness [1/R]
+    V0: float  # potential at y = 0 [M c^2]; another V0 shifts the wall by ln(ratio)/a and changes no result
+
+    column: ClassVar[str] = "wall"
+
+    @property
+    def reach(self) -> float:
+        """Height beyond which the force is negligible: no exponential is computed there [R]."""
+        return max(0.0, self.height_of_force(NEGLIGIBLE))
+
+    def make_fields(self, builder: Any, capacity: Capacity) -> None:
+        self.a_now, self.V0_now, self.reach_now = (scalar(builder) for _ in range(3))
+
+    def numbers(self) -> list[tuple[Any, float]]:
+        return [(self.a_now, self.a), (self.V0_now, self.V0), (self.reach_now, self.reach)]
+
+    @ti.func
+    def at(self, state: ti.template(), i):
+        y = state.x[1][i]
+        push = 0.0
+        if y < self.reach_now[None]:
+            a, V0 = self.a_now[None], self.V0_now[None]
+            push = a * V0 * ti.exp(-a * y)
+        return ti.Vector([0.0, push])
+
+    @ti.func
+    def potential_at(self, state: ti.template(), i):
+        y = state.x[1][i]
+        energy = 0.0
+        if y < self.reach_now[None]:
+            energy = self.V0_now[None] * ti.exp(-self.a_now[None] * y)
+        return energy
+
+    # ---- in NumPy
+
+    def energy(self, lattice: Lattice, x: Array) -> float:
+        return float(self.potential(x[: lattice.disk_points, 1]).sum())
+
+    def forces(self, lattice: Lattice, x: Array) -> Array:
+        force = np.zeros_like(x)
+        force[: lattice.disk_points, 1] = self.force_at(x[: lattice.disk_points, 1])
+        return force
+
+    def stiffness(self, lattice: Lattice, x: Array) -> Any:
+        from scipy.sparse import diags
+
+        return diags((np.array([0.0, self.a]) * self.forces(lattice, x)).ravel())
+
+    def contact_forces(self, lattice: Lattice, x: Array) -> tuple[NDArray[np.intp], Array]:
+        """(points (k,), forces (k, 2) [M c^2/R]) of the wall on the points in its reach."""
+        points = np.flatnonzero(x[: lattice.disk_points, 1] < self.reach)
+        return points, self.forces(lattice, x)[points]
+
+
+@ti.data_oriented
+@dataclass(eq=False)
+class Load(BodyForce):
+    """-P/N on every point of the disk, paper eq. (3); its potential is P y_cm."""
+
+    force: float  # P in all [M c^2/R]
+
+    def make_fields(self, builder: Any, capacity: Capacity) -> None:
+        self.force_now = scalar(builder)
+
+    def numbers(self) -> list[tuple[Any, float]]:
+        return [(self.force_now, self.force)]
+
+    @ti.func
+    def at(self, state: ti.template(), i):
+        push = 0.0
+        if i < state.n_disk[None]:
+            push = self.force_now[None] / state.n_disk[None]
+        return ti.Vector([0.0, -push])
+
+    @ti.func
+    def potential_at(self, state: ti.template(), i):
+        energy = 0.0
+        if i < state.n_disk[None]:
+            energy = self.force_now[None] * state.x[1][i] / state.n_disk[None]
+        return energy
+
+    # ---- in NumPy
+
+    def energy(self, lattice: Lattice, x: Array) -> float:
+        return self.force * float(x[: lattice.disk_points, 1].mean())
+
+    def forces(self, lattice: Lattice, x: Array) -> Array:
+        force = np.zeros_like(x)
+        force[: lattice.disk_points, 1] = -self.force / lattice.disk_points
+        return force
+
+
+@ti.data_oriented
+@dataclass(eq=False)
+class MouseSpring(BodyForce):
+    """A spring from at most one point to the mouse, whose pull stops growing; see `Simulation.set_mouse_target`.
+
+    It derives from a potential, f r - f^2/(2 k) with the pull f = min(k r, F), so that the energy that a person gives
+    the disk is what the potential jumps by when the spring is tied, led elsewhere or untied. Only in kernels.
+    """
+
+    k: float  # spring constant [M c^2/R^2]
+    strongest: float  # its largest pull F [M c^2/R]
+
+    def make_fields(self, builder: Any, capacity: Capacity) -> None:
+        self.k_now, self.strongest_now = scalar(builder), scalar(builder)
+        # Written and read in one kernel: Taichi 1.7.4 would hand a later reader of a 0-D field the value from before.
+        self.target = pair_of(builder, 1)
+        self.point = array(builder, 1)  # -1: none
+
+    def numbers(self) -> list[tuple[Any, float]]:
+        return [(self.k_now, self.k), (self.strongest_now, self.strongest)]
+
+    def fill(self, lattice: Lattice) -> None:
+        self.point[0] = -1
+
+    @ti.func
+    def at(self, state: ti.template(), i):
+        force = ti.Vector([0.0, 0.0])
+        if i == self.point[0]:
+            k, most, d = self.k_now[None], self.strongest_now[None], get(self.target, 0) - get(state.x, i)
+            force = (k * most / ti.max(most, k * d.norm())) * d
+        return force
+
+    @ti.func
+    def potential_at(self, state: ti.template(), i):
+        energy = 0.0
+        if i == self.point[0]:
+            k, r = self.k_now[None], (get(self.target, 0) - get(state.x, i)).norm()
+            pull = ti.min(k * r, self.strongest_now[None])
+            energy = pull * (r - 0.5 * pull / k)
+        return energy
+
+    @ti.func
+    def change(self, state: ti.template(), factor):
+        """Add `factor` times the pull to the forces at this step, and leave positions and velocities as they are.
+
+        Half a step's kick lies before this moment and half behind it: only the second changes. Returns `factor` times
+        the potential.
+        """
+        i = self.point[0]
+        energy = 0.0
+        if i >= 0:
+            force = factor * self.at(state, i)
+            energy = factor * self.potential_at(state, i)
+            put(state.f, i, get(state.f, i) + force)
+            put(state.v, i, get(state.v, i) - state.closing[None] * force)
+        return energy

@@ -1,0 +1,242 @@
+"""The kernels: many steps at once, on one core or several, and the observables after them.
+
+All steps between two looks run inside one kernel: launching one costs as much as a step. Of a large lattice a step is
+two loops: move all subdomains (see `physics.ordering`) with the springs inside them, in parallel; then what concerns
+the whole lattice, on one core: the springs across the seams, the sums (subdomain by subdomain, in their order),
+contact, boundary, implicit dashpots. So its bits are those of one core.
+"""
+
+from typing import Any
+
+import numpy as np
+import taichi as ti
+from numpy.typing import NDArray
+
+from taichi_disk.integrators import Integrator
+from taichi_disk.integrators.trapezoidal import DashpotSolver, Factor
+from taichi_disk.lattice import Array
+from taichi_disk.physics import Model
+from taichi_disk.physics.law import Integers1, Reals2, array, get, put, side_by_side
+from taichi_disk.physics.ordering import Arrangement
+from taichi_disk.simulation.observables import (
+    ABSORBED,
+    COLUMNS,
+    DISSIPATED,
+    INDEX,
+    SLIDING,
+    SUMS,
+)
+from taichi_disk.simulation.stepping import State, Stepping
+
+Counts = NDArray[np.int32]
+
+GRAIN = 512  # iterations that Taichi 1.7.4 gives to a core at once, whatever block_dim says: a subdomain each
+STAGES = 2  # forces computed in one launch; more take long to compile
+
+
+@ti.data_oriented
+class Kernels(Stepping):
+    """Moves the points on one core."""
+
+    def fill(self, arrangement: Arrangement, factor: Factor | None) -> None:
+        """Take what follows from another lattice or step."""
+        if self.solver is not None and factor is not None:
+            self.solver.fill(factor)
+
+    @ti.kernel
+    def advance(self, first: ti.i32, steps: ti.i32, stride: ti.i32, rows: Reals2, bounds: Reals2, counts: Integers1):
+        """Make `steps` steps after step `first`, fewer if the rows meet the bounds of a scene's end.
+
+        `rows` is filled at every multiple of `stride`, and after the last step. `bounds` (2, columns): least and
+        largest value of every column. `counts`: how many rows running have to be within them; how many are; then what
+        was made: steps, rows at multiples of `stride`.
+        """
+        ti.loop_config(serialize=True)
+        for _ in range(1):
+            sums = ti.Vector([self.state.sums[k] for k in range(SUMS)])
+            made, row, needed, quiet = 0, 0, counts[0], counts[1]
+            while made < steps and quiet < needed:
+                made += 1
+                elastic, upward, potential = 0.0, 0.0, 0.0
+                sums, elastic, upward, potential = self.step(first + made, sums)
+                due = (first + made) % stride == 0
+                if due or made == steps:
+                    self.observe(rows, row, sums, elastic, upward, potential)
+                if due:
+                    inside = 1
+                    for k in ti.static(range(len(COLUMNS))):
+                        if rows[row, k] < bounds[0, k] or rows[row, k] > bounds[1, k]:
+                            inside = 0
+                    quiet = (quiet + 1) * inside
+                    row += 1
+            counts[1], counts[2], counts[3] = quiet, made, row
+            for k in ti.static(range(SUMS)):
+                self.state.sums[k] = sums[k]
+
+    @ti.kernel
+    def initialise(self, rows: Reals2):
+        """From x_0 and v_0 (in `v`): the forces at t = 0, the velocities before the last kick, the first row."""
+        ti.loop_config(serialize=True)
+        for _ in range(1):
+            sums, highest = ti.Vector([0.0 for k in range(SUMS)]), 0.0
+            for i in range(self.state.n[None]):
+                highest = ti.max(highest, self.body_force(i))
+                if ti.static(self.damped):
+                    put(self.state.u, i, get(self.state.v, i))
+            elastic, products = self.springs.add(self.state, self.explicit, 0, self.state.blocks[None])
+            upward, potential, stored = 0.0, 0.0, 0.0
+            sums, upward, potential = self.touch(0.0, sums, highest)
+            sums, stored = self.begin_account(sums, products)
+            for i in range(self.state.n[None]):
+                put(self.state.v, i, get(self.state.v, i) - self.state.closing[None] * get(self.state.f, i))
+            self.observe(rows, 0, sums, elastic, upward, potential)
+            sums[DISSIPATED] = stored
+            for k in ti.static(range(SUMS)):
+                self.state.sums[k] = sums[k]
+
+    @ti.kernel
+    def set_mouse_target(self, point: ti.i32, x: ti.f64, y: ti.f64) -> ti.f64:
+        """The mouse pulls `point` (-1: none) towards (x, y) from now on; returns the energy given by that [M c^2]."""
+        given = self.mouse.change(self.state, -1.0)
+        self.mouse.point[0], self.mouse.target[0][0], self.mouse.target[1][0] = point, x, y
+        given += self.mouse.change(self.state, 1.0)
+        return given
+
+    @ti.func
+    def observe(self, rows: ti.template(), s, sums, elastic, upward, potential):
+        """Fill row `s` with the observables of COLUMNS; contact force and potential are those of the elastic wall."""
+        sx, sy, svx, svy, spin, v2, residual2 = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+        force, energy, load = upward, potential, 0.0
+        lowest = self.state.x[1][0]
+        for i in range(self.state.n[None]):
+            x, y = self.state.x[0][i], self.state.x[1][i]
+            f = get(self.state.f, i)
+            v = get(self.state.v, i) + self.state.closing[None] * f
+            vx, vy = v[0], v[1]
+            if i < self.state.n_disk[None]:
+                sx += x
+                sy += y
+                svx += vx
+                svy += vy
+                spin += x * vy - y * vx
+                lowest = ti.min(lowest, y)
+                residual2 = ti.max(residual2, f[0] * f[0] + f[1] * f[1])
+                for law in ti.static(self.body_forces):
+                    if ti.static(law.column == "wall"):
+                        push = law.at(self.state, i)
+                        if push[0] != 0.0 or push[1] != 0.0:  # out of reach there is no potential either
+                            energy += law.potential_at(self.state, i)
+                            force += push[1]
+                    else:
+                        load += law.potential_at(self.state, i)
+            v2 += vx * vx + vy * vy
+        count, m = ti.cast(self.state.n_disk[None], ti.f64), self.state.m[None]
+        rows[s, INDEX["com_x"]] = sx / count
+        rows[s, INDEX["com_y"]] = sy / count
+        rows[s, INDEX["com_vx"]] = svx / count
+        rows[s, INDEX["com_vy"]] = svy / count
+        rows[s, INDEX["angular_momentum"]] = m * (spin - (sx * svy - sy * svx) / count)
+        rows[s, INDEX["lowest_y"]] = lowest
+        rows[s, INDEX["wall_force"]] = force
+        rows[s, INDEX["kinetic"]] = 0.5 * m * v2
+        rows[s, INDEX["elastic"]] = elastic
+        rows[s, INDEX["wall"]] = energy
+        rows[s, INDEX["dissipated"]] = sums[DISSIPATED]
+        rows[s, INDEX["absorbed"]] = sums[ABSORBED]
+        rows[s, INDEX["load"]] = load
+        rows[s, INDEX["sliding"]] = sums[SLIDING]
+        rows[s, INDEX["residual"]] = ti.sqrt(residual2)
+
+
+@ti.data_oriented
+class SubdomainKernels(Kernels):
+    """Moves the points of a large lattice on several cores."""
+
+    def __init__(
+        self, state: State, model: Model, integrator: Integrator, solver: DashpotSolver | None, builder: Any, count: int
+    ) -> None:
+        super().__init__(state, model, integrator, solver)
+        self.count = count
+        self.steps_per_launch = max(1, STAGES // integrator.forces)
+        self.ends = array(builder, count)
+        self.parts = side_by_side(builder, count, 3)  # largest force, elastic energy, products
+        self.latest = array(builder, 3, ti.f64)  # elastic energy, contact force, contact potential
+
+    def fill(self, arrangement: Arrangement, factor: Factor | None) -> None:
+        super().fill(arrangement, factor)
+        self.fill_ends(arrangement.subdomain_ends)
+
+    @ti.kernel
+    def fill_ends(self, ends: Integers1):
+        for c in range(self.count):
+            self.ends[c] = ends[c]
+
+    def advance(self, first: int, steps: int, stride: int, rows: Array, bounds: Array, counts: Counts) -> None:
+        """As that of one core, in many short launches."""
+        needed, quiet, made, count = (int(number) for number in counts)
+        if steps == 0:
+            self.advance_few(first, 0)  # compiles the kernel
+        while made < steps and quiet < needed:
+            few = min(steps - made, stride - (first + made) % stride, self.steps_per_launch)
+            self.advance_few(first + made, few)
+            made += few
+            due = (first + made) % stride == 0
+            if due or made == steps:
+                self.look(rows, count)
+            if due:
+                inside = bool(((rows[count] >= bounds[0]) & (rows[count] <= bounds[1])).all())
+                quiet = (quiet + 1) * inside
+                count += 1
+        counts[1:] = quiet, made, count
+
+    @ti.func
+    def move_subdomain(self, stage: ti.template(), c):
+        """Drift and inner springs of subdomain c."""
+        begin = 0
+        if c > 0:
+            begin = self.ends[c - 1]
+        first = c * self.state.subdomain_points[None]
+        last = ti.min(first + self.state.subdomain_points[None], self.state.n[None])
+        kick, move = ti.static(self.integrator.joined_kicks[stage], self.integrator.moves[stage])
+        highest = self.drift(kick * self.state.g[None], move * self.state.h[None], first, last)
+        elastic, products = self.springs.add(self.state, self.explicit, begin, self.ends[c])
+        self.parts[0][c], self.parts[1][c], self.parts[2][c] = highest, elastic, products
+
+    @ti.func
+    def join(self, stage: ti.template(), number):
+        """What concerns the whole lattice: seams, sums, contact; after the last stage the step's end."""
+        sums = ti.Vector([self.state.sums[k] for k in range(SUMS)])
+        seams = self.ends[self.count - 1]
+        elastic, products = self.springs.add(self.state, self.explicit, seams, self.state.blocks[None])
+        highest = 0.0
+        for c in range(self.count):
+            highest = ti.max(highest, self.parts[0][c])
+            elastic += self.parts[1][c]
+            products += self.parts[2][c]
+        move = ti.static(self.integrator.moves[stage]) * self.state.h[None]
+        sums, upward, potential = self.touch(move, sums, highest)
+        if ti.static(stage == self.integrator.forces - 1):
+            sums = self.account(number, sums, products)
+        for k in ti.static(range(SUMS)):
+            self.state.sums[k] = sums[k]
+        self.latest[0], self.latest[1], self.latest[2] = elastic, upward, potential
+
+    @ti.kernel
+    def advance_few(self, number: ti.i32, steps: ti.i32):
+        """Make `steps` steps after step `number`, at most `steps_per_launch`."""
+        for k in ti.static(range(self.steps_per_launch)):
+            for stage in ti.static(range(self.integrator.forces)):
+                for q in range(GRAIN * self.count * ti.cast(k < steps, ti.i32)):
+                    if q % GRAIN == 0:
+                        self.move_subdomain(stage, q // GRAIN)
+                ti.loop_config(serialize=True)
+                for _ in range(ti.cast(k < steps, ti.i32)):
+                    self.join(stage, number + k + 1)
+
+    @ti.kernel
+    def look(self, rows: Reals2, s: ti.i32):
+        """Fill row `s` with the observables now."""
+        ti.loop_config(serialize=True)
+        for _ in range(1):
+            sums = ti.Vector([self.state.sums[k] for k in range(SUMS)])
+            self.observe(rows, s, sums, self.latest[0], self.latest[1], self.latest[2])
