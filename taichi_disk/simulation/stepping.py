@@ -200,7 +200,7 @@ class Stepping:
 
     @ti.func
     def begin_account(self, before, products):
-        """At t = 0: dashpots that act on points, and the power of all. Returns `sums`, and the loss that they begin with.
+        """At t = 0: dashpots that act on points, the power of all. Returns `sums`, and the loss that they begin with.
 
         `products` is that of the springs.
         """
