@@ -30,6 +30,7 @@ class Model:
         self.bonds, self.rest, self.mass = lattice.bonds, lattice.rest_lengths, lattice.masses[0]
         self.disk_points, self.disk_surface = lattice.disk_points, lattice.disk_surface
         self.k_a, self.k_b, self.eta = springs.k_a, springs.k_b, springs.eta
+        self.axial = springs.axial
         self.rigid = kind == "ExponentialWall"  # at y = 0
         self.wall_surface = lattice.wall_surface if kind == "ElasticWall" else np.zeros(0, int)
         self.a, self.V0, self.threshold = (getattr(model.wall, name, 0.0) for name in ("a", "V0", "threshold"))
@@ -82,7 +83,10 @@ class Model:
         d = x[i] - x[j]
         r = np.hypot(d[:, 0], d[:, 1])
         s = r - self.rest
-        g = -((self.k_a * s + self.k_b * s**3) / r)[:, None] * d - self.eta * (v[i] - v[j])
+        u = v[i] - v[j]
+        if self.axial:
+            u = (np.sum(u * d, axis=1) / r**2)[:, None] * d
+        g = -((self.k_a * s + self.k_b * s**3) / r)[:, None] * d - self.eta * u
         for c in (0, 1):
             f[:, c] += np.bincount(i, g[:, c], len(x)) - np.bincount(j, g[:, c], len(x))
         f[: self.disk_points, 1] -= self.load / self.disk_points

@@ -103,13 +103,16 @@ def yaml_scalar(value: Value) -> str:
     return text.replace("e", ".0e") if isinstance(value, float) and "." not in text else text
 
 
-def time_conflicts(time: TimeSection, damping: list[str]) -> Conflicts:
-    """Those of the section `time`; `damping` are the keys, with values, that make forces depend on velocity."""
-    conflicts = []
+def time_conflicts(time: TimeSection, material: MaterialSection, *others: str) -> Conflicts:
+    """Those of the section `time`; `others` are keys, with values, that make forces depend on velocity, too."""
+    conflicts, damping = [], [*dashpots(material), *others]
     if time.tolerance != "none" and time.dt != "auto":
         conflicts.append(("time.tolerance", f"finds the step itself: write time.dt: auto, not {time.dt:g}"))
     if time.integrator == "vefrl" and damping:
         text = f"vefrl cannot take forces that depend on velocity ({damping[0]}): write auto, or velocity_verlet"
+        conflicts.append(("time.integrator", text))
+    if time.integrator == "trapezoidal" and material.dashpot == "axial" and dashpots(material):
+        text = "trapezoidal solves for dashpots whose matrix stays the same, not for axial ones: write auto"
         conflicts.append(("time.integrator", text))
     return conflicts
 

@@ -25,6 +25,7 @@ Auto: TypeAlias = Literal["auto"]
 Boundary: TypeAlias = Literal["reset", "pinned", "dashpot"]
 Contact: TypeAlias = Literal["springs", "smooth"]
 Colour: TypeAlias = Literal["strain", "force", "pressure", "shear", "rate", "fringes", "speed", "kinetic"]
+Dashpot: TypeAlias = Literal["vector", "axial"]
 Draw: TypeAlias = Literal["field", "springs", "both", "points"]
 Theme: TypeAlias = Literal["light", "dark"]
 
@@ -118,6 +119,10 @@ class MaterialSection(Section):
     k_a: float = key(1.0, "linear spring constant", "M c^2/R^2", low=1e-9, high=1e6)
     k_b: float = key(1e-3, "cubic spring constant", "M c^2/R^4", low=0, high=1e6)
     eta_star: float = key(10.0, "viscosity eta R/(m c) of the dashpots; 0: none", low=0, high=1e6)
+    dashpot: Dashpot = key(
+        "vector",
+        "resists all relative velocity of its ends, a rotation's too (the paper); axial: along the spring",
+    )
 
 
 class WallSection(ExponentialPotential, Section):

@@ -65,7 +65,7 @@ class MatchedBoundary(Boundary):
             for c in ti.static(range(2)):
                 self.Z[c][k] = impedance[k, c]
 
-    def damping_forces(self, lattice: Lattice, v: Array) -> Array:
+    def damping_forces(self, lattice: Lattice, x: Array, v: Array) -> Array:
         force = np.zeros_like(v)
         force[lattice.wall_boundary] = -self.impedance * v[lattice.wall_boundary]
         return force
@@ -149,7 +149,8 @@ class ResetBoundary(Boundary):
         for b in range(state.blocks[None]):
             for k in ti.static(range(len(springs.first))):
                 i, j = springs.first[k][b], springs.second[k][b]
-                springs.pull_together(state.f, k, b, eta * (get(state.u, j) - get(state.u, i)))
+                lost = springs.damped_part(state, k, b, get(state.u, j) - get(state.u, i))
+                springs.pull_together(state.f, k, b, eta * lost)
         for i in range(state.n[None]):
             put(state.u, i, get(state.v, i))
             put(state.v, i, get(state.v, i) - half * get(state.f, i))
@@ -172,7 +173,7 @@ class ResetBoundary(Boundary):
         for b in range(state.blocks[None]):
             for k in ti.static(range(len(springs.first))):
                 i, j = springs.first[k][b], springs.second[k][b]
-                u = get(state.u, i) - get(state.u, j)
+                u = springs.damped_part(state, k, b, get(state.u, i) - get(state.u, j))
                 w = get(state.v, i) - get(state.v, j) + g * (get(state.f, i) - get(state.f, j))
                 power += springs.eta_now[None] * (u[0] * w[0] + u[1] * w[1])
         return power

@@ -100,8 +100,8 @@ class Law:
         """Force (n, 2) [M c^2/R] on each point: minus the gradient of `energy`."""
         return np.zeros_like(x)
 
-    def damping_forces(self, lattice: Lattice, v: Array) -> Array:
-        """Force (n, 2) [M c^2/R] that depends on the velocities `v` (n, 2) [c]."""
+    def damping_forces(self, lattice: Lattice, x: Array, v: Array) -> Array:
+        """Force (n, 2) [M c^2/R] that depends on the velocities `v` (n, 2) [c], with the points at `x` (n, 2) [R]."""
         return np.zeros_like(v)
 
     def stiffness(self, lattice: Lattice, x: Array) -> Any:

@@ -66,7 +66,7 @@ class Model:
 
     def forces_moving(self, lattice: Lattice, x: Array, v: Array) -> Array:
         """Force (n, 2) on each point that moves with the velocity `v` (n, 2) [c]; 0 on those held fast."""
-        force = self.forces(lattice, x) + sum(law.damping_forces(lattice, v) for law in self.laws)
+        force = self.forces(lattice, x) + sum(law.damping_forces(lattice, x, v) for law in self.laws)
         if isinstance(self.boundary, PinnedBoundary):
             force[lattice.wall_boundary] = 0.0
         return np.asarray(force)

@@ -1,5 +1,8 @@
 """Springs and dashpots: f_ij = -(k_a s + k_b s^3) e - eta (v_i - v_j), paper eqs. (1), (3) and (6).
 
+The paper's dashpots resist all relative velocity of their ends, that of a rotation too. Axial ones, which are not the
+paper's, take -eta ((v_i - v_j).e) e instead: they keep angular momentum.
+
 s = |r_i - r_j| - L_ij is the stretch of a spring beyond its rest length L_ij, the distance in the unloaded lattice;
 e = (r_i - r_j)/|r_i - r_j|. (The plus sign before eta in eq. (1) is a slip of the paper: (3) and (6) have a minus.)
 """
@@ -27,6 +30,7 @@ class Springs(Law):
     k_a: float = 1.0  # linear spring constant [M c^2/R^2]
     k_b: float = 0.0  # cubic spring constant [M c^2/R^4]; 0: no cubic term is computed
     eta: float = 0.0  # dashpot constant eta_dis = eta* m c/R of every spring [M c/R]; 0: no dashpots
+    axial: bool = False  # whether dashpots resist the part of a velocity along their spring alone
 
     def __post_init__(self) -> None:
         self.cubic, self.damped = self.k_b != 0.0, self.eta != 0.0
@@ -43,7 +47,7 @@ class Springs(Law):
 
     @property
     def signature(self) -> tuple[Any, ...]:
-        return (self.cubic, self.damped)
+        return (self.cubic, self.damped, self.axial)
 
     def make_fields(self, builder: Any, capacity: Capacity) -> None:
         self.k_a_now, self.k_b_now, self.eta_now = (scalar(builder) for _ in range(3))
@@ -74,7 +78,8 @@ class Springs(Law):
         """Add the forces of the springs in blocks begin..end (with `dashpots`: also theirs, at the velocities u).
 
         Returns the elastic energy sum(k_a s^2/2 + k_b s^4/4) [M c^2] and sum((u_i - u_j).(w_i - w_j)) over these
-        springs [c^2] with w = (u + 2 v)/3, from which the energy balance has the power lost in the dashpots.
+        springs [c^2] with w = (u + 2 v)/3, from which the energy balance has the power lost in the dashpots. Of axial
+        dashpots it is the part along the spring.
         """
         k_a, k_b, eta = self.k_a_now[None], self.k_b_now[None], self.eta_now[None]
         energy = ti.Vector.zero(ti.f64, BLOCK)
@@ -95,6 +100,9 @@ class Springs(Law):
             if ti.static(dashpots):
                 ux, uy = self.differences(state.u, block)
                 vx, vy = self.differences(state.v, block)
+                if ti.static(self.axial):
+                    along = (ux * dx + uy * dy) / (r * r)
+                    ux, uy = along * dx, along * dy
                 products += ux * (ux + 2.0 * vx) + uy * (uy + 2.0 * vy)
                 fx += eta * ux
                 fy += eta * uy
@@ -115,6 +123,15 @@ class Springs(Law):
         # x and y of a point stand side by side: loaded and subtracted together.
         d = [ti.Vector([x[i[k]], y[i[k]]]) - ti.Vector([x[j[k]], y[j[k]]]) for k in range(BLOCK)]
         return ti.Vector([one[0] for one in d]), ti.Vector([one[1] for one in d])
+
+    @ti.func
+    def damped_part(self, state: ti.template(), k: ti.template(), block, velocity):
+        """What the dashpot of spring k of a block resists of a relative `velocity` of its ends."""
+        part = velocity
+        if ti.static(self.axial):
+            d = get(state.x, self.first[k][block]) - get(state.x, self.second[k][block])
+            part = (velocity.dot(d) / d.dot(d)) * d
+        return part
 
     @ti.func
     def pull_together(self, pair: ti.template(), k: ti.template(), block, force):
@@ -165,8 +182,12 @@ class Springs(Law):
         length = self.lengths(vectors)
         return self._gathered(lattice, len(x), self.pull(length - lattice.rest_lengths) / length * vectors)
 
-    def damping_forces(self, lattice: Lattice, v: Array) -> Array:
-        return self._gathered(lattice, len(v), self.eta * self.ends_apart(lattice, v))
+    def damping_forces(self, lattice: Lattice, x: Array, v: Array) -> Array:
+        velocity = self.ends_apart(lattice, v)
+        if self.axial:
+            d = self.ends_apart(lattice, x)
+            velocity = (velocity * d).sum(axis=0) / (d * d).sum(axis=0) * d
+        return self._gathered(lattice, len(v), self.eta * velocity)
 
     @staticmethod
     def _gathered(lattice: Lattice, n: int, pulls: Array) -> Array:

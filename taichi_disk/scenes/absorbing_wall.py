@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING, ClassVar, Literal
 
 from taichi_disk.config.scene_base import (
     Conflicts,
-    dashpots,
     gap_conflicts,
     least_threshold,
     rounded_up,
@@ -37,8 +36,8 @@ class AbsorbingWallScene(DiskScene):
     impact: ImpactSection = ImpactSection()
 
     def conflicts(self) -> Conflicts:
-        damping = dashpots(self.material) + ["wall.boundary = dashpot"] * (self.wall.boundary == "dashpot")
-        conflicts = time_conflicts(self.time, damping) + gap_conflicts(self.wall, self.impact)
+        matched = ["wall.boundary = dashpot"] * (self.wall.boundary == "dashpot")
+        conflicts = time_conflicts(self.time, self.material, *matched) + gap_conflicts(self.wall, self.impact)
         least = least_threshold(self.wall, self.impact.velocity)
         if self.wall.threshold < least:
             text = (

@@ -48,7 +48,9 @@ class DiskScene(SceneBase):
         """Springs and dashpots of the scene's material, eta = eta* m c/R with m = M/N."""
         from taichi_disk.physics import Springs
 
-        return Springs(self.material.k_a, self.material.k_b, self.material.eta_star / lattice.disk_points)
+        material = self.material
+        eta = material.eta_star / lattice.disk_points
+        return Springs(material.k_a, material.k_b, eta, axial=material.dashpot == "axial")
 
     def described(self, lattice: Lattice) -> str:
         """The lattice in a few words, for titles."""

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, ClassVar, Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-from taichi_disk.config.scene_base import Conflicts, dashpots, time_conflicts
+from taichi_disk.config.scene_base import Conflicts, time_conflicts
 from taichi_disk.config.sections import CompressionSection, MaterialSection, WallSection
 from taichi_disk.lattice import Lattice
 from taichi_disk.scenes.body import DiskScene
@@ -36,7 +36,7 @@ class CompressionScene(DiskScene):
     compression: CompressionSection = CompressionSection()
 
     def conflicts(self) -> Conflicts:
-        conflicts = time_conflicts(self.time, dashpots(self.material))
+        conflicts = time_conflicts(self.time, self.material)
         if self.time.tolerance != "none" and self.compression.method == "newton":
             text = "Newton's method takes no time step, and solves to rounding: write none, or method: relaxation"
             conflicts.append(("time.tolerance", text))

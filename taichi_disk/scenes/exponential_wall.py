@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, ClassVar, Literal
 
-from taichi_disk.config.scene_base import Conflicts, dashpots, gap_conflicts, time_conflicts
+from taichi_disk.config.scene_base import Conflicts, gap_conflicts, time_conflicts
 from taichi_disk.config.sections import ImpactSection, WallSection
 from taichi_disk.lattice import Lattice
 from taichi_disk.scenes.body import DiskScene
@@ -26,7 +26,7 @@ class ExponentialWallScene(DiskScene):
     impact: ImpactSection = ImpactSection()
 
     def conflicts(self) -> Conflicts:
-        return time_conflicts(self.time, dashpots(self.material)) + gap_conflicts(self.wall, self.impact)
+        return time_conflicts(self.time, self.material) + gap_conflicts(self.wall, self.impact)
 
     def scenario(self, lattice: Lattice | None = None) -> ExponentialWallImpact:
         """The scene ready to be stepped; `lattice`: an unloaded disk to take instead of the scene's own."""

@@ -40,7 +40,8 @@ class TimeStep:
 class RunRecord:
     """One run: integrator and step [R/c], primary result, worst energy imbalance over the energy scale.
 
-    `coarseness`: the step over the longest one that resolves the wall.
+    `coarseness`: the step over the longest one that resolves the wall; `jumps`: whether the contact's force jumped, as
+    where points slide from spring to spring of the elastic wall.
     """
 
     integrator: Integrator
@@ -48,6 +49,7 @@ class RunRecord:
     result: float
     imbalance: float = 0.0
     coarseness: float = 0.0
+    jumps: bool = False
 
 
 def error_estimate(other: RunRecord, run: RunRecord) -> float:
@@ -56,9 +58,9 @@ def error_estimate(other: RunRecord, run: RunRecord) -> float:
     With e(h) = e + C h^p two runs give e by Richardson's extrapolation, and with it the error of each. Two results
     cannot tell whether e(h) is that power, so more is taken for the error. While a step crosses much of the wall's
     decay length 1/a at the speed of the impact, the error stands at a plateau that differences do not show. There it is
-    not taken for less than a part of the worst energy imbalance.
+    not taken for less than a part of the worst energy imbalance. Where the force jumps, errors fall with h itself.
     """
-    growth = (other.dt / run.dt) ** run.integrator.order
+    growth = (other.dt / run.dt) ** (1 if run.jumps or other.jumps else run.integrator.order)
     extrapolated = run.result + (run.result - other.result) / (growth - 1.0)
     unresolved = UNRESOLVED_PART * run.imbalance if run.coarseness > 1.0 else 0.0
     return max(CAUTION * abs(run.result - extrapolated), unresolved)
@@ -103,7 +105,8 @@ class StepControl:
         name, model = self._integrator, self.scenario.model
         if name == "auto":
             ratio = self._longest(TRAPEZOIDAL) / self._longest(VELOCITY_VERLET)
-            name = (TRAPEZOIDAL if ratio > implicit_cost(self.spectrum.points) else VELOCITY_VERLET).name
+            implicit = ratio > implicit_cost(self.spectrum.points) and not model.springs.axial
+            name = (TRAPEZOIDAL if implicit else VELOCITY_VERLET).name
         integrator = INTEGRATORS[name]
         dt = self._longest(integrator) if self.time.dt == "auto" else self.time.dt
         return TimeStep(integrator, self.limit(integrator, self._point_force), fitted(dt, model.reset_interval))
@@ -123,7 +126,8 @@ class StepControl:
         step, result = self.step, self.scenario.primary(columns)[1]
         _, worst = relative_imbalance(self.scenario, columns)
         worst *= self.scenario.sensitivity
-        return RunRecord(step.integrator, step.dt, result, worst, step.dt / self.scenario.resolving_step)
+        coarseness, jumps = step.dt / self.scenario.resolving_step, bool(columns["sliding"].any())
+        return RunRecord(step.integrator, step.dt, result, worst, coarseness, jumps)
 
     def error(self, columns: Columns) -> float | None:
         """The estimated error of the last primary result; None after a single run."""

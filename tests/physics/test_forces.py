@@ -25,6 +25,7 @@ CASES = {
     "free": (disk(), replace(FREE, springs=Springs(0.7)), VV),
     "wall, cubic springs": (DISK, replace(FALLING, wall=SOFT), VV),
     "wall, dashpots": (DISK, replace(damped(0.3, k_b=2.0), wall=SOFT), VV),
+    "wall, axial dashpots": (DISK, replace(FALLING, springs=Springs(1.0, 2.0, 0.3, axial=True), wall=SOFT), VV),
     "wall, load, dashpots solved for": (DISK, pressed(0.02, 0.3, k_b=2.0, wall=SOFT), TRAPEZOIDAL),
     "elastic wall, reset": (BOTH, Model(Springs(1.0, 2.0), ELASTIC, boundary=ResetBoundary(1.0)), VV),
     "elastic wall, pinned": (BOTH, Model(Springs(1.0, 2.0), ELASTIC, boundary=PinnedBoundary()), VV),

@@ -7,9 +7,11 @@ import pytest
 from bodies import advance, chain, computed
 from reference import Model
 
+from taichi_disk.errors import InputError
 from taichi_disk.integrators import TRAPEZOIDAL
 from taichi_disk.physics import Model as Laws
 from taichi_disk.physics import Springs
+from taichi_disk.scenes import load_scene
 
 LONG = pytest.mark.validate
 
@@ -36,3 +38,19 @@ def test_the_balance_of_a_free_disk_with_dashpots_is_exact_at_any_step_for_linea
     simulation = kernels.simulation(rod, Laws(Springs(1.0, 0.0, 40.0)), TRAPEZOIDAL, velocities, 0.5)
     columns = advance(simulation, 4000, 4000)
     assert columns["dissipated"][-1] == pytest.approx(columns["kinetic"][0], rel=1e-12)
+
+
+def test_a_spin_that_dashpots_brake_in_flight_is_told_and_axial_ones_keep_it(kernels):
+    settings = "lattice.points=60", "impact.spin=0.05", "material.eta_star=10"
+    _, vector = computed(kernels, "exponential_wall", *settings, estimate=False)
+    _, axial = computed(kernels, "exponential_wall", *settings, "material.dashpot=axial", estimate=False)
+    (text,) = vector.facts["warnings"]
+    assert "angular momentum" in text and "material.dashpot: axial" in text and not axial.facts["warnings"]
+    force, spin = axial.columns["wall_force"], axial.columns["angular_momentum"]
+    before = force < 1e-6 * force.max()
+    before[int(force.argmax()) :] = False
+    # Round to where the wall's torque begins.
+    assert np.ptp(spin[before]) < 1e-6 * abs(spin[0]) and before.sum() > 10
+    assert axial.facts["integrator"] == "velocity_verlet"
+    with pytest.raises(InputError, match=r"time\.integrator: trapezoidal .* axial"):
+        load_scene("exponential_wall", ["material.dashpot=axial", "time.integrator=trapezoidal"])
