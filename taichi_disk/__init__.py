@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from importlib import import_module
 from time import perf_counter
-from typing import TYPE_CHECKING, Any
 
 from taichi_disk.version import __version__
 
+TYPE_CHECKING = False  # as in typing, whose import would be the longest part of the time before a command can listen
 if TYPE_CHECKING:
+    from typing import Any
+
     from taichi_disk.api import Result, run
     from taichi_disk.lattice import Lattice
     from taichi_disk.scenes import Scene, load_scene, load_sweep

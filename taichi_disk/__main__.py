@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-from typing import NoReturn
-
 from taichi_disk.signals import listen
 
 
-def process() -> NoReturn:
+def process() -> None:
     """Carry out the command that was given, and end with its exit status."""
     listen()
     import gc

@@ -92,7 +92,7 @@ def run_folder(
         made = files.prepare_output(asked.parent)
         chosen = choose([asked] if explicit else _counted(asked), "done")
         found = look(chosen)
-        film = next((name for name in files.FILMS if name in found.names and run == found.run), None)
+        film = next((name for name in files.FILMS if name in found.names and run and run == found.run), None)
         folder = RunFolder(chosen, files.beside(chosen), film)
         files.remove(folder.path)  # of an earlier process of this number: in a container all have the same
         folder.path.mkdir()
