@@ -23,8 +23,7 @@ from taichi_disk.lattice import Array, Lattice
 
 _MOTION = ("t", "com_x", "com_y", "com_vx", "com_vy", "angular_momentum", "lowest_y", "wall_force")
 TIMESERIES = (*_MOTION, "kinetic", "elastic", "wall", "dissipated", "absorbed", "total")
-# Potential of the pressing force; energy lost from one spring of the wall to the next; of a quasi-static loading.
-MORE = ("load", "sliding", "xi")
+MORE = ("load", "sliding")  # potential of the pressing force; energy lost from one spring of the wall to the next
 NUMBERED = re.compile(r"\d+(_[a-z]+)?\.(png|vtu)")  # files of a folder that holds a film's pictures, or a trajectory
 
 
@@ -124,12 +123,12 @@ def write_summary(path: Path, summary: dict[str, Any]) -> None:
 
 
 def write_timeseries(path: Path, columns: dict[str, Array], interval: float = 0.0) -> None:
-    """timeseries.csv: the columns of TIMESERIES, and those of MORE that are not zero throughout.
+    """timeseries.csv: the columns of TIMESERIES, and those of MORE that are not zero throughout, and xi of a loading.
 
     Of the columns (rows,), two rows at least, one is written every `interval` [R/c], about, and the last one. Numbers
     have 17 digits, so that those read back are those computed.
     """
-    names = [*TIMESERIES, *(name for name in MORE if name in columns and columns[name].any())]
+    names = [*TIMESERIES, *(name for name in MORE if columns[name].any()), *["xi"] * ("xi" in columns)]
     table = np.stack([columns[name] for name in names], axis=1)
     every = max(1, round(interval / float(columns["t"][1])))
     kept = [*range(0, len(table) - 1, every), -1]

@@ -28,9 +28,8 @@ def check_feasible(scene: Scene | Sweep) -> None:
     from taichi_disk.simulation.step_control import StepControl
 
     scenario = scene.scenario()
-    if scenario.static:
-        return
-    StepControl(scenario, scene.time, spectrum(scenario.lattice, scenario.model))
+    if not scenario.static:
+        StepControl(scenario, scene.time, spectrum(scenario.lattice, scenario.model))
 
 
 BYTES = 3e8, 2e3  # of a process, and of each point; measured with 1,099 to 2,000,000 points
