@@ -83,9 +83,8 @@ def check_feasible(scene: Scene | Sweep) -> None:
     from taichi_disk.simulation.step_control import StepControl
 
     scenario = scene.scenario()
-    if scenario.static:
-        return
-    StepControl(scenario, scene.time, spectrum(scenario.lattice, scenario.model))
+    if not scenario.static:
+        StepControl(scenario, scene.time, spectrum(scenario.lattice, scenario.model))
 
 
 def check_memory(scene: SceneBase) -> None:

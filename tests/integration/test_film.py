@@ -16,13 +16,13 @@ import pytest
 from PIL import Image
 
 from taichi_disk import Lattice, api, load_scene, runtime
-from taichi_disk.errors import SimulationError, TaichiDiskError
+from taichi_disk.errors import InputError, SimulationError, TaichiDiskError
 from taichi_disk.progress import Progress
 from taichi_disk.render import film_problem
 from taichi_disk.render.film import film
 from taichi_disk.render.legend import Legend
 from taichi_disk.render.palette import THEMES
-from taichi_disk.simulation.outcome import compute, greatest_compression
+from taichi_disk.simulation.outcome import compute, greatest_compression, quasistatic
 
 needs_vulkan = pytest.mark.skipif(film_problem() is not None, reason=str(film_problem()))
 FORMATS = pytest.mark.parametrize("suffix", [".mp4", ".webm", ".gif", ""])
@@ -330,6 +330,15 @@ def test_the_film_of_a_loading_tells_the_part_of_the_load_and_grows_without_a_le
     assert parts[-5:] == [100.0] * 5 and captions[-1][-1] == f"*ξ = {pressed.xi:.6g} R"
     steps = np.abs(np.diff(pictures_in(tmp_path / "frames")[:, 70:180], axis=0)).mean(axis=(1, 2, 3))
     assert steps[:30].min() > 0.0 and steps[3:].max() < 4.0 * np.median(steps)
+
+
+def test_a_loading_is_not_compared_with_a_relaxation_which_takes_time(tmp_path):
+    runs = []
+    for method in ("newton", "relaxation"):
+        scenario = load_scene("compression", ["lattice.points=20", f"compression.method={method}"]).scenario()
+        runs.append((scenario, quasistatic(scenario, loads=2)))
+    with pytest.raises(InputError, match="no time, or no result, in common"):
+        film(tmp_path / "film.mp4", runs, video(), QUIET)
 
 
 def test_the_film_of_a_compression_on_a_soft_wall_shows_the_disk_from_its_start():
