@@ -5,6 +5,8 @@ from __future__ import annotations
 import csv
 import json
 import shutil
+import statistics
+import sys
 from collections.abc import Callable
 from concurrent.futures import Executor, Future, ThreadPoolExecutor
 from pathlib import Path
@@ -90,6 +92,12 @@ def test_a_sweep_leaves_one_row_per_point_and_its_fits_and_figure(small: SweepRe
     summary = json.loads((small.out / "summary.json").read_text())
     assert [curve["eta_star"] for curve in summary["curves"]] == [0, 30]
     assert set(summary["curves"][1]["fits"]) == {"eq5", "eq5_d1_is_1", "eq4"}
+    # The scatter over lattices, as a sample of them tells it.
+    for curve in summary["curves"]:
+        for v, mean, deviation in zip(curve["x"], curve["mean"], curve["standard_deviation"], strict=True):
+            at = (curve["eta_star"], v)
+            e = [float(row["restitution"]) for row in rows if (float(row["eta_star"]), float(row["velocity"])) == at]
+            assert (mean, deviation) == (pytest.approx(statistics.mean(e)), pytest.approx(statistics.stdev(e)))
     assert all((small.out / f"figure.{kind}").stat().st_size > 5000 for kind in ("png", "svg", "pdf"))
 
 
@@ -129,6 +137,16 @@ def test_errors_are_estimated_where_that_is_asked_for(small: SweepResult, tmp_pa
     assert told.summary["computed_now"] == 4 and all(0 < row["error_estimate"] < 1e-2 for row in told.rows)
     assert [row["restitution"] for row in told.rows] == [row["restitution"] for row in plain.rows]
     assert swept(*sweep).summary["computed_now"] == 0
+
+
+def test_points_of_another_version_of_the_program_are_computed_anew(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    sweep = ONE + "sweep: {velocity: [0.05]}", tmp_path / "out"
+    assert [swept(*sweep).summary["computed_now"] for _ in range(2)] == [1, 0]
+    monkeypatch.setattr(sys.modules[run_sweep.__module__], "__version__", "0.0.1")
+    assert [swept(*sweep).summary["computed_now"] for _ in range(2)] == [1, 0]
+    assert len(points(tmp_path / "out")) == 2
 
 
 def test_a_lattice_of_one_s_own_is_read_again_where_its_file_has_changed(tmp_path: Path) -> None:

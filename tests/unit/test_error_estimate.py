@@ -34,8 +34,8 @@ def truth(kernels, *settings):
 
 
 def test_a_step_as_long_as_the_wall_is_soft_is_not_told_to_be_better_than_it_is(kernels):
-    # In a step of 3.3e-3 R/c the disk flies over the decay length 1/a of the wall. Three quarters of what the results of
-    # two such steps differ by is the true error: by chance they agree.
+    # In a step of 3.3e-3 R/c the disk flies over the wall's decay length 1/a. Results of two such steps may agree by
+    # chance: Richardson's estimate, enlarged by CAUTION, is three quarters of the true error here.
     scenario, outcome = computed(kernels, *HARD, "time.dt=0.00327")
     off = abs(scenario.result(outcome.columns)["restitution"] - truth(kernels, *HARD))
     assert off <= outcome.facts["error_estimate"]["restitution"] < 5e-3

@@ -133,7 +133,8 @@ def test_a_result_is_out_of_tolerance_as_soon_as_its_estimated_error_exceeds_it(
         control = control_of(UNDAMPED, tolerance=4e-4 / excess)
         constant = 4e-4 / CAUTION / (control.step.dt / COMPARED) ** 2
         assert run_to_the_end(control, e=0.9 + constant * control.step.dt**2)
-        assert run_to_the_end(control, e=(e := 0.9 + constant * control.step.dt**2)) == (excess > 1.0)
+        e = 0.9 + constant * control.step.dt**2
+        assert run_to_the_end(control, e=e) == (excess > 1.0)
         told = control.out_of_tolerance(series(control, e))
         assert (told is None) == (excess < 1.0)
         assert told is None or "is estimated at 0.0004" in told
