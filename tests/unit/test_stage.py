@@ -26,7 +26,7 @@ def test_the_disk_that_is_followed_stays_where_it_is_in_view(kernels: KernelCach
     if columns == 50.0:
         assert place == pytest.approx(before + (columns, 0.0))
     height, sandbox.paused = stage.centre[1], False
-    sandbox.advance(1.0)
+    assert sandbox.advance(1.0, patience=60.0) > 10  # however slow the machine is
     stage.draw(SIZE)
     assert stage.centre[1] < height - 0.01
     assert stage.camera.to_pixels(stage.centre) == pytest.approx(place)
