@@ -10,8 +10,8 @@ from dataclasses import dataclass, field, fields
 from functools import cache
 from typing import TYPE_CHECKING, Any, ClassVar, Literal, TypeAlias, get_args, get_type_hints
 
+from taichi_disk.config.potential import ExponentialPotential
 from taichi_disk.errors import either
-from taichi_disk.potential import ExponentialPotential
 
 if TYPE_CHECKING:  # tells mypy what `Frozen` does; typing has it from Python 3.11 on
     from typing_extensions import dataclass_transform as _dataclasses

@@ -8,9 +8,9 @@ import numpy as np
 import taichi as ti
 from numpy.typing import NDArray
 
+from taichi_disk.config.potential import ExponentialPotential
 from taichi_disk.lattice import Array, Lattice
 from taichi_disk.physics.law import BodyForce, Capacity, array, get, pair_of, put, scalar
-from taichi_disk.potential import ExponentialPotential
 
 NEGLIGIBLE = exp(-45.0)  # force of the rigid wall on a point [M c^2/R]
 

@@ -12,9 +12,9 @@ import numpy as np
 import taichi as ti
 from numpy.typing import NDArray
 
+from taichi_disk.config.potential import ExponentialPotential
 from taichi_disk.lattice import Array, Lattice
 from taichi_disk.physics.law import Capacity, Integers1, Law, array, get, put, scalar
-from taichi_disk.potential import ExponentialPotential
 
 
 @dataclass(frozen=True)

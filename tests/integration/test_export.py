@@ -45,6 +45,10 @@ def truth(t):
     return {"strain": stretch / LATTICE.rest_lengths, "tension": tension, "energy": energy, "contact_force": contact}
 
 
+# Balls as programs for particles draw them take up half of a typical spring: the other half of it is seen.
+BALL = 0.25 * np.median(LATTICE.rest_lengths)
+
+
 def close(found, expected):
     np.testing.assert_allclose(found, expected, rtol=1e-9, atol=1e-14)
 
@@ -83,6 +87,8 @@ def test_gsd_read_by_gsd(tmp_path):
             np.testing.assert_array_equal(shot.bonds.group, LATTICE.bonds)
             np.testing.assert_array_equal(shot.particles.typeid, np.arange(len(x)) >= 40)
             assert (np.abs(x) <= 0.25 * shot.configuration.box[0] * (1 + 1e-6)).all()
+            np.testing.assert_allclose(shot.particles.mass, LATTICE.masses, **SINGLE)
+            np.testing.assert_allclose(shot.particles.diameter, 2.0 * BALL, **SINGLE)
             assert shot.log["time"][0] == t
             assert shot.log["elastic_energy"][0] == pytest.approx(true["energy"].sum(), rel=1e-9)
             for name in ("bonds/strain", "bonds/tension", "particles/contact_force"):
@@ -133,12 +139,26 @@ def test_xyz_and_gsd_read_by_ovito(tmp_path, format):
 def test_xyz_is_lines_that_can_be_read_without_a_library(tmp_path):
     lines, n = exported(tmp_path, "xyz").read_text().splitlines(), len(LATTICE.positions)
     assert len(lines) == len(TIMES) * (n + 2) and lines[0] == str(n)
-    columns = lines[1].split()[0].removeprefix("Properties=").split(":")[0::3]
-    assert columns[:2] == ["species", "pos"] and {"velo", "strain", "tension", "energy", "stress"} <= set(columns)
     assert [line.split()[0] for line in lines[2 : n + 2]] == ["D"] * 40 + ["W"] * (n - 40)
-    last = np.array([line.split()[1:] for line in lines[-n:]], dtype=float)
-    np.testing.assert_allclose(last[:, :2], state(1.0)[0], rtol=1e-10)
-    assert last[:, -1].sum() == pytest.approx(truth(1.0)["energy"].sum(), rel=1e-6)
+    header = lines[1].split()[0].removeprefix("Properties=").split(":")
+    assert header[:6] == ["species", "S", "1", "pos", "R", "3"]
+    names, widths = header[3::3], [int(width) for width in header[5::3]]
+    rows = np.array([line.split()[1:] for line in lines[-n:]], dtype=float)
+    last = dict(zip(names, np.split(rows, np.cumsum(widths)[:-1], axis=1), strict=True))
+    (x, v), true = state(1.0), truth(1.0)
+    for name, expected in (
+        ("pos", np.pad(x, ((0, 0), (0, 1)))),
+        ("velo", np.pad(v, ((0, 0), (0, 1)))),
+        ("mass", LATTICE.masses[:, None]),
+        ("radius", np.full((n, 1), BALL)),
+        ("contact_force", np.pad(true["contact_force"], ((0, 0), (0, 1)))),
+    ):
+        np.testing.assert_allclose(last[name], expected, rtol=1e-10, atol=1e-12)
+    assert last["mass"][:40].sum() == pytest.approx(1.0, rel=1e-9)  # M
+    assert last["energy"].sum() == pytest.approx(true["energy"].sum(), rel=1e-6)
+    at = (LATTICE.bonds == 7).any(axis=1)
+    assert last["strain"][7, 0] == pytest.approx(true["strain"][at].mean(), rel=1e-9)
+    assert last["tension"][7, 0] == pytest.approx(true["tension"][at].mean(), rel=1e-9)
 
 
 def test_what_cannot_be_exported_is_refused_before_anything_is_computed(tmp_path, monkeypatch):

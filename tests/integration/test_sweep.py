@@ -5,6 +5,8 @@ from __future__ import annotations
 import csv
 import json
 import shutil
+import statistics
+import sys
 from collections.abc import Callable
 from concurrent.futures import Executor, Future, ThreadPoolExecutor
 from pathlib import Path
@@ -90,6 +92,12 @@ def test_a_sweep_leaves_one_row_per_point_and_its_fits_and_figure(small: SweepRe
     summary = json.loads((small.out / "summary.json").read_text())
     assert [curve["eta_star"] for curve in summary["curves"]] == [0, 30]
     assert set(summary["curves"][1]["fits"]) == {"eq5", "eq5_d1_is_1", "eq4"}
+    # The scatter over lattices, as a sample of them tells it.
+    for curve in summary["curves"]:
+        for v, mean, deviation in zip(curve["x"], curve["mean"], curve["standard_deviation"], strict=True):
+            at = (curve["eta_star"], v)
+            e = [float(row["restitution"]) for row in rows if (float(row["eta_star"]), float(row["velocity"])) == at]
+            assert (mean, deviation) == (pytest.approx(statistics.mean(e)), pytest.approx(statistics.stdev(e)))
     assert all((small.out / f"figure.{kind}").stat().st_size > 5000 for kind in ("png", "svg", "pdf"))
 
 
@@ -140,6 +148,16 @@ def test_errors_are_estimated_where_that_is_asked_for(small: SweepResult, tmp_pa
     assert swept(*sweep).summary["computed_now"] == 0
 
 
+def test_points_of_another_version_of_the_program_are_computed_anew(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    sweep = ONE + "sweep: {velocity: [0.05]}", tmp_path / "out"
+    assert [swept(*sweep).summary["computed_now"] for _ in range(2)] == [1, 0]
+    monkeypatch.setattr(sys.modules[run_sweep.__module__], "__version__", "0.0.1")
+    assert [swept(*sweep).summary["computed_now"] for _ in range(2)] == [1, 0]
+    assert len(points(tmp_path / "out")) == 2
+
+
 def test_a_lattice_of_one_s_own_is_read_again_where_its_file_has_changed(tmp_path: Path) -> None:
     disk = Lattice.disk(60, 0)
     file = tmp_path / "points.csv"
@@ -158,7 +176,7 @@ def test_a_row_of_a_strained_lattice_is_what_running_its_scene_gives_at_any_k_b(
     disk, file = Lattice.disk(30, 0), tmp_path / "strained.npz"
     lengths = disk.rest_lengths * np.where(np.arange(len(disk.bonds)) % 2, 1.1, 0.9)
     np.savez(file, positions=disk.positions, bonds=disk.bonds, rest_lengths=lengths)
-    scene = {"scene": "exponential_wall", "lattice": {"file": str(file)}, "material": {"eta_star": 0}}
+    scene = {"scene": "exponential_wall", "lattice": {"file": str(file)}, "material": {"eta_star": 1}}
     result = swept(scene | {"sweep": {"k_b": [0.0, 300.0]}}, tmp_path / "out")
     for row in result.rows:
         summary = run(load_scene(result.out / "points" / f"{row['key']}.yaml")).summary

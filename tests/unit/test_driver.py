@@ -80,18 +80,19 @@ def test_a_step_beyond_the_limit_is_refused_with_the_limit_named_unless_forced(k
 
 
 def test_triangles_turned_inside_out_are_counted_and_told(kernels):
-    scenario, gentle = computed(kernels, *IMPACT)
+    small = (*IMPACT, "lattice.points=30")
+    scenario, gentle = computed(kernels, *small)
     lattice, x = scenario.lattice, scenario.lattice.positions.copy()
     assert gentle.facts["inverted_triangles"] == inverted_triangles(scenario, x) == 0
     inner = np.setdiff1d(np.arange(lattice.disk_points), lattice.disk_surface)[0]
     x[inner] += 5.0
     assert 0 < inverted_triangles(scenario, x) < (lattice.triangles == inner).sum()
-    _, crushed = computed(kernels, *IMPACT, "time.dt=0.005", "impact.velocity=0.7")
+    _, crushed = computed(kernels, *small, "time.dt=0.005", "impact.velocity=0.7")
     assert crushed.facts["inverted_triangles"] > 0
     assert any("turned inside out" in text for text in crushed.facts["warnings"])
-    _, within = computed(kernels, *IMPACT, "time.tolerance=1e-2", "impact.velocity=0.7")
+    _, within = computed(kernels, *small, "time.tolerance=1e-2", "impact.velocity=0.7")
     assert within.facts["inverted_triangles"] > 0
-    assert "inverted_triangles" not in computed(kernels, *IMPACT, estimate=False)[1].facts
+    assert "inverted_triangles" not in computed(kernels, *small, estimate=False)[1].facts
     _, pressed = computed(
         kernels, "compression", "lattice.points=60", "compression.method=newton", "compression.pressure=3"
     )

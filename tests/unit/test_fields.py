@@ -36,16 +36,16 @@ def shaken(lattice, seed=0):
 
 
 X, V = shaken(DISK)
-# A hexagonal patch of the perfect triangular lattice with springs of equal length.
+
+
+def hexagon(rings):
+    """A patch of the perfect triangular lattice with springs of equal length, 1 R from its centre to a corner."""
+    steps = [(i, j) for i in range(-rings, rings + 1) for j in range(-rings, rings + 1) if abs(i + j) <= rings]
+    return Lattice.from_points([((i + 0.5 * j) / rings, np.sqrt(0.75) * j / rings) for i, j in steps])
+
+
 RINGS = 6
-PATCH = Lattice.from_points(
-    [
-        ((i + 0.5 * j) / RINGS, np.sqrt(0.75) * j / RINGS)
-        for i in range(-RINGS, RINGS + 1)
-        for j in range(-RINGS, RINGS + 1)
-        if abs(i + j) <= RINGS
-    ]
-)
+PATCH = hexagon(RINGS)
 PATCH_DISTANCES = np.hypot(*(PATCH.positions[:, None] - PATCH.positions).transpose(2, 0, 1))
 MESH = Triangles(PATCH)
 # The triangles without a corner on the outline, whose springs are all shared by two.
@@ -181,6 +181,23 @@ def test_smoothing_keeps_what_is_uniform_and_averages_neighbours():
     values, i = np.random.default_rng(0).random((300, 1)), 40
     mean = values[np.unique(DISK.bonds[(DISK.bonds == i).any(axis=1)])].mean()
     assert DISK_MESH.smoothed(values, 1)[i, 0] == pytest.approx(mean, rel=1e-14)
+
+
+@pytest.mark.parametrize("rings", [20, 30])
+def test_fringes_show_stress_smoothed_to_a_width_of_0_06_r_whatever_the_spacing(rings):
+    # Half of the lattice is shifted along a row: the row of triangles between bears pure shear, all others none.
+    lattice, spacing = hexagon(rings), 1.0 / rings
+    x = lattice.positions.copy()
+    rows = np.round(x[:, 1] / (np.sqrt(0.75) * spacing)).astype(int)
+    x[rows > 0, 0] += 1e-6
+    light = at_points("fringes", Triangles(lattice), Springs(1.0), x, np.zeros_like(x))
+    near = np.abs(x[:, 0]) < 0.6 * spacing
+    weight, height = light[near], (rows[near] - 0.5) * np.sqrt(0.75) * spacing
+    # The points on either side of that row are half of its height away from its middle.
+    width2 = np.average(height**2, weights=weight) - 3.0 / 16.0 * spacing**2
+    # A whole number of averages comes as near to it as half of one, each the variance of six neighbours and oneself.
+    assert width2 == pytest.approx(0.06**2, abs=0.51 * 3.0 / 7.0 * spacing**2)
+    assert np.average(height, weights=weight) == pytest.approx(0.0, abs=0.01 * spacing)
 
 
 # ---- the mesh

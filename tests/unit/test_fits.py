@@ -61,13 +61,16 @@ def test_intervals_hold_the_truth_about_as_often_as_their_level(monkeypatch: pyt
     monkeypatch.setattr(theory, "RESAMPLES", 200)
     rng = np.random.default_rng(1)
     true = theory.paper_restitution(V, 1.0, 0.6)
-    held = 0
+    held, widths = 0, []
     for _ in range(30):
         e = true * (1.0 + 0.01 * rng.standard_normal((16, 1)))
         low, high = theory.fit_restitution(V, e).intervals["d1"]
         held += low <= 1.0 <= high
+        # d1 is the mean of the factors, whose resampled means are about normal: 1.96 deviations to either side.
+        widths.append((high - low) / (2.0 * 1.96 * (e / true)[:, 0].std() / np.sqrt(16)))
     # Binomial(30, 0.95), and 16 lattices make the percentile interval a little narrow.
     assert held >= 23
+    assert np.mean(widths) == pytest.approx(1.0, abs=0.08)
 
 
 @pytest.mark.parametrize("e_star", [1.1, 1.1e4])
