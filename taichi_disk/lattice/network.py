@@ -131,16 +131,16 @@ class Moduli:
         return math.sqrt(self.young / (2.0 * (1.0 + self.poisson) * self.density))
 
 
-def bulk_moduli(points: int, seed: int, k_a: float, min_spacing: float) -> Moduli:
+def bulk_moduli(points: int, seed: int, k: float, min_spacing: float) -> Moduli:
     """Moduli of the material of a disk of `points` points, away from any edge.
 
     A square sample of as many points is pulled (at least 300, at most 20,000): its moduli scatter as the disk's do.
-    `k_a` is the springs' stiffness [M c^2/R^2]; `seed` and `min_spacing` are as for `disk_lattice`.
+    `k` is the springs' stiffness [M c^2/R^2]; `seed` and `min_spacing` are as for `disk_lattice`.
     """
     side = math.sqrt(math.pi)
     mesh = rectangle(min(max(points, _FEWEST), _MOST), seed, min_spacing, side, side)
     x = mesh.positions[:, 0]
-    return inner_moduli(mesh, k_a, pulled(mesh, k_a, x == 0.0, x == side))
+    return inner_moduli(mesh, k, pulled(mesh, k, x == 0.0, x == side))
 
 
 def rectangle(points: int, seed: int, min_spacing: float, length: float, width: float) -> Lattice:
@@ -154,13 +154,13 @@ def rectangle(points: int, seed: int, min_spacing: float, length: float, width: 
 
 
 def pulled(
-    mesh: Lattice, k_a: float, left: NDArray[np.bool_], right: NDArray[np.bool_], clamped: bool = False
+    mesh: Lattice, k: float, left: NDArray[np.bool_], right: NDArray[np.bool_], clamped: bool = False
 ) -> Array:
-    """Displacements (n, 2) of springs of stiffness `k_a` in equilibrium, to linear order, where u_x = x on both ends.
+    """Displacements (n, 2) of springs of stiffness `k` in equilibrium, to linear order, where u_x = x on both ends.
 
     The points `left` and `right` (n,) are free to move in y or, if `clamped`, not.
     """
-    stiffness = network_stiffness(mesh.positions, mesh.bonds, k_a)
+    stiffness = network_stiffness(mesh.positions, mesh.bonds, k)
     gripped = left | right
     fixed = np.stack([gripped, gripped & clamped], axis=1)
     fixed[np.argmax(gripped), 1] = True  # or the whole would be free to shift sideways
@@ -171,7 +171,7 @@ def pulled(
     return u.reshape(-1, 2)
 
 
-def inner_moduli(mesh: Lattice, k_a: float, u: Array) -> Moduli:
+def inner_moduli(mesh: Lattice, k: float, u: Array) -> Moduli:
     """From the mean stress and strain over the triangles clear of the outside, displaced by `u` (n, 2).
 
     Raises InputError if there are none.
@@ -188,7 +188,7 @@ def inner_moduli(mesh: Lattice, k_a: float, u: Array) -> Moduli:
     # A bond belongs half to each of its two triangles: area times stress = sum force length e e^T / 2.
     bond, elongation = (np.roll(a, -1, axis=1) - a for a in (corner, u))
     square = np.sum(bond * bond, axis=2)
-    tension = 0.5 * k_a * np.sum(bond * elongation, axis=2) / square
+    tension = 0.5 * k * np.sum(bond * elongation, axis=2) / square
     stress_x, stress_y = (float(np.sum(tension * bond[:, :, a] ** 2)) for a in (0, 1))
     # Area times strain, by Gauss's theorem over the triangles' sides.
     twice = u + np.roll(u, -1, axis=1)
