@@ -1,4 +1,4 @@
-"""The forces of every law: kernels, NumPy twins and an independent implementation agree, and follow from the energy.
+"""The forces of every law: kernels, NumPy and an independent implementation agree, and follow from the energy.
 
 Two implementations differ by rounding. Each force is a sum of some ten terms of its own size, so that 1e-13 of the
 largest force present is allowed. The walls here are so soft that they push many points no harder than the springs do.
@@ -42,7 +42,7 @@ def assert_equal_forces(force, expected):
 
 
 @pytest.mark.parametrize("name", CASES)
-def test_kernels_and_twins_have_the_forces_and_energies_of_plain_numpy(name, kernels):
+def test_kernels_and_numpy_have_the_forces_and_energies_of_plain_numpy(name, kernels):
     lattice, model, integrator = CASES[name]
     plain, springs = reference.Model(lattice, model), model.springs
     for seed in range(3):
