@@ -153,9 +153,7 @@ def rectangle(points: int, seed: int, min_spacing: float, length: float, width: 
     return triangulate(rectangle_points(np.random.default_rng([seed, 2]), count, low, high, row, spacing))
 
 
-def pulled(
-    mesh: Lattice, k: float, left: NDArray[np.bool_], right: NDArray[np.bool_], clamped: bool = False
-) -> Array:
+def pulled(mesh: Lattice, k: float, left: NDArray[np.bool_], right: NDArray[np.bool_], clamped: bool = False) -> Array:
     """Displacements (n, 2) of springs of stiffness `k` in equilibrium, to linear order, where u_x = x on both ends.
 
     The points `left` and `right` (n,) are free to move in y or, if `clamped`, not.

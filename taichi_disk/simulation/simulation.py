@@ -27,7 +27,7 @@ SPRINGS_PER_POINT = 3  # a triangulation has fewer
 ENTRIES_PER_POINT = 27  # of the dashpots' factor, enough up to some 12,000 points
 LEAST = Capacity(POINTS, SPRINGS_PER_POINT * POINTS // BLOCK, ENTRIES_PER_POINT * POINTS)
 NEVER = 2**30
-CONTACT = 1e-3  # of the kinetic energy of the flight, in the wall's potential
+CONTACT = 1e-3  # of the kinetic energy of the flight, in the wall's potential: from there on there is contact
 
 
 class Simulation:
@@ -88,7 +88,7 @@ class Simulation:
         self._arrangement, self.step_number = arranged, 0
         self.generation += 1
         n, g, state = len(lattice.positions), dt / self.mass, self.state
-        flight = 0.5 * float((velocities[: lattice.disk_points].mean(axis=0) ** 2).sum())
+        flight = 0.5 * float(velocities[: lattice.disk_points, 1].mean()) ** 2  # towards the wall
         contact = CONTACT * flight * model.wall.added_stiffness(1.0) if model.wall else float("inf")
         numbers: list[tuple[Any, float]] = [
             (state.h, dt),

@@ -76,7 +76,8 @@ def test_a_spin_that_strong_dashpots_damp_is_no_blow_up_and_e_is_that_of_dop853(
     settings = ("lattice.points=20", "material.eta_star=40", "impact.spin=0.5", "impact.velocity=0.02")
     scenario, outcome = computed(kernels, "exponential_wall", *settings)
     e, _ = reference_impact(scenario, outcome.columns["t"][-1])
-    assert scenario.result(outcome.columns)["restitution"] == pytest.approx(e, abs=2e-5)
+    error = outcome.facts["error_estimate"]["restitution"]
+    assert abs(scenario.result(outcome.columns)["restitution"] - e) < error < 1e-4
     assert outcome.facts["energy"]["scale"] == pytest.approx(0.5 * (scenario.velocities**2).sum() / 20, rel=1e-12)
 
 

@@ -71,9 +71,17 @@ def test_a_law_that_a_scene_has_no_use_for_has_no_field_and_is_not_computed(scen
     ],
 )
 def test_the_numbers_of_a_scene_reach_its_laws(scene, own):
-    numbers = ("material.k_a=2", "material.k_b=3", "material.eta_star=12", "wall.a=200", "wall.V0=70", SMALL[0])
+    numbers = (
+        "material.k_a=2",
+        "material.k_b=3",
+        "material.eta_star=12",
+        "wall.a=200",
+        "material.dashpot=axial",
+        "wall.V0=70",
+        SMALL[0],
+    )
     model = load_scene(scene, (*numbers, *own)).scenario().model
-    assert astuple(model.springs) == (2.0, 3.0, 12.0 / 60)
+    assert astuple(model.springs) == (2.0, 3.0, 12.0 / 60, True)
     assert astuple(model.wall) == ((200.0, 70.0, 0.2) if model.elastic else (200.0, 70.0))
     assert (model.load.force if model.load else None) == (0.03 if scene == "compression" else None)
     assert model.reset_interval == (0.004 if scene == "absorbing_wall" else 0.0)
