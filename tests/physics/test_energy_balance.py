@@ -94,7 +94,6 @@ def test_the_imbalance_once_nothing_vibrates_falls_with_the_fourth_power(scene, 
     assert abs(closing[1]) < 3e-6 * 0.5 * 0.05**2
 
 
-@pytest.mark.validate
 def test_losses_are_booked_where_they_happen(kernels):
     # dissipated = int eta sum |v_i - v_j|^2 dt over the springs, absorbed = int sum Z v^2 dt over the boundary, by the
     # trapezoidal rule over every step: both sums are O(h^2) from the integrals.
