@@ -64,9 +64,9 @@ def test_energy_is_accounted_for_at_the_automatic_step(scene, kernels):
         ("reset", 0.0, VV),
         ("matched", 0.0, VV),
         ("matched", 100.0, TRAPEZOIDAL),
-        ("reset", 20.0, VV),
-        ("reset", 20.0, TRAPEZOIDAL),
         pytest.param("matched", 20.0, VV, marks=LONG),
+        pytest.param("reset", 20.0, VV, marks=LONG),
+        pytest.param("reset", 20.0, TRAPEZOIDAL, marks=LONG),
     ],
 )
 def test_the_imbalance_falls_with_the_square_of_the_step(scene, eta_star, integrator, kernels):
