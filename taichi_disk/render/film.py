@@ -7,7 +7,6 @@ from contextlib import closing
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -17,17 +16,17 @@ from taichi_disk.output.files import atomic_write, check_pictures
 from taichi_disk.progress import Progress
 from taichi_disk.render import require_film
 from taichi_disk.render.geometry import View, edge_height
+from taichi_disk.render.legend import Legend
+from taichi_disk.render.painter import Painter
 from taichi_disk.render.palette import THEMES, round_near
+from taichi_disk.render.pictures import Pictures, side_panel
+from taichi_disk.render.video import video as encoded
 from taichi_disk.signals import raise_if_interrupted
 from taichi_disk.simulation.outcome import Outcome, greatest_compression
 from taichi_disk.simulation.scenario import Scenario
 
-if TYPE_CHECKING:
-    from taichi_disk.render.painter import Painter
-    from taichi_disk.render.pictures import Pictures
-
 Run = tuple[Scenario, Outcome]
-Frame = tuple[float, str | None]  # t [R/c] and the last line, None for the result
+Cue = tuple[float, str | None]  # t [R/c] and the last line, None for the result
 
 FORMATS = (".mp4", ".webm", ".gif", ".png", "")
 _HELD, _LAST = 0.06, 0.10  # shares of a film that stand still at the greatest compression, and at the end
@@ -69,25 +68,23 @@ def film(path: Path, runs: Sequence[Run], video: VideoSection, progress: Progres
     if len({(scenario.time_label, *scenario.labels) for scenario, _ in runs}) > 1:
         raise InputError("these runs cannot be compared: they have no time, or no result, in common")
     require_film()
-    from taichi_disk.render.video import video as encoded
-
     if path.suffix == ".png":
-        frames: list[Frame] = [(greatest_compression(runs[0][1].columns), _GREATEST)]
+        cues: list[Cue] = [(greatest_compression(runs[0][1].columns), _GREATEST)]
         video = replace(video, supersample=2.0)
     else:
-        frames = _frames(runs, video)
-    progress.start("render", len(frames))
+        cues = _cues(runs, video)
+    progress.start("render", len(cues))
 
     def write(new: Path) -> None:
         with (
-            closing(_pictures(runs, video, frames)) as pictures,
+            closing(_pictures(runs, video, cues)) as pictures,
             encoded(new, path.suffix, pictures.width, video.size, video.fps) as append,
         ):
-            times = np.array(list(dict.fromkeys(t for t, _ in frames)))
+            times = np.array(list(dict.fromkeys(t for t, _ in cues)))
             moments = zip(*(outcome.frames(times) for _, outcome in runs), strict=True)
-            words = zip(*(_lines(*run, frames) for run in runs), strict=True)
+            words = zip(*(_lines(*run, cues) for run in runs), strict=True)
             shown = None
-            for k, ((t, _), lines) in enumerate(zip(frames, words, strict=True)):
+            for k, ((t, _), lines) in enumerate(zip(cues, words, strict=True)):
                 raise_if_interrupted()
                 if t != shown:
                     picture, shown = pictures.draw(next(moments)), t
@@ -100,7 +97,7 @@ def film(path: Path, runs: Sequence[Run], video: VideoSection, progress: Progres
 # ---- when to look, and what to write
 
 
-def _frames(runs: Sequence[Run], video: VideoSection) -> list[Frame]:
+def _cues(runs: Sequence[Run], video: VideoSection) -> list[Cue]:
     """The pictures of a film, those of the run that lasts longest. Equal times in succession are one picture."""
     count = max(3, round(video.fps * video.seconds))
     held, last = round(_HELD * count), max(round(_LAST * count), 1)
@@ -113,16 +110,16 @@ def _frames(runs: Sequence[Run], video: VideoSection) -> list[Frame]:
     elif greatest > 0:
         times[greatest] = peak
     paces = [scenario.pace.format(float(f"{pace:.2g}")) for pace in video.fps * np.diff(times)]
-    frames: list[Frame] = list(zip(times.tolist(), [*paces, *paces[-1:]], strict=True))
-    still, end = (frames[greatest][0], _GREATEST), (frames[-1][0], None)
-    return frames[: greatest + 1] + held * [still] + frames[greatest + 1 :] + last * [end]
+    cues: list[Cue] = list(zip(times.tolist(), [*paces, *paces[-1:]], strict=True))
+    still, end = (cues[greatest][0], _GREATEST), (cues[-1][0], None)
+    return cues[: greatest + 1] + held * [still] + cues[greatest + 1 :] + last * [end]
 
 
-def _lines(scenario: Scenario, outcome: Outcome, frames: Sequence[Frame]) -> Iterator[tuple[str, ...]]:
+def _lines(scenario: Scenario, outcome: Outcome, cues: Sequence[Cue]) -> Iterator[tuple[str, ...]]:
     """The lines for each moment; after the end the observables are those of the end."""
-    columns, times, peak = outcome.columns, [t for t, _ in frames], greatest_compression(outcome.columns)
+    columns, times, peak = outcome.columns, [t for t, _ in cues], greatest_compression(outcome.columns)
     rows = {name: np.interp(times, columns["t"], values) for name, values in columns.items()} | {"t": times}
-    for k, (t, note) in enumerate(frames):
+    for k, (t, note) in enumerate(cues):
         last = f"*{scenario.marks(columns)[0]}" if note is None else note
         if note == _GREATEST and abs(t - peak) > 0.01 * peak:
             last = ""  # it is that of the run beside
@@ -132,15 +129,12 @@ def _lines(scenario: Scenario, outcome: Outcome, frames: Sequence[Frame]) -> Ite
 # ---- how to draw
 
 
-def _pictures(runs: Sequence[Run], video: VideoSection, frames: Sequence[Frame]) -> Pictures:
-    from taichi_disk.render.legend import Legend
-    from taichi_disk.render.pictures import Pictures, side_panel
-
-    still = frames[0][0] if len(frames) == 1 else None
+def _pictures(runs: Sequence[Run], video: VideoSection, cues: Sequence[Cue]) -> Pictures:
+    still = cues[0][0] if len(cues) == 1 else None
     painters, views = zip(*(_painter(*run, video, still) for run in runs), strict=True)
     limit, full_force = max(one.limit for one in painters), max(one.full_force for one in painters)
-    ends = [line for run in runs for line in _lines(*run, (frames[0], (frames[-1][0], None)))]
-    samples = [*(line for lines in ends for line in lines), *dict.fromkeys(note or "" for _, note in frames)]
+    ends = [line for run in runs for line in _lines(*run, (cues[0], (cues[-1][0], None)))]
+    samples = [*(line for lines in ends for line in lines), *dict.fromkeys(note or "" for _, note in cues)]
     legends = []
     for painter, (scenario, _) in zip(painters, runs, strict=True):
         painter.limit, painter.full_force = limit, full_force
@@ -157,8 +151,6 @@ def _painter(scenario: Scenario, outcome: Outcome, video: VideoSection, still: f
 
     The view holds the end of a film, too, or the moment of a `still` picture [R/c].
     """
-    from taichi_disk.render.painter import Painter
-
     painter = Painter(scenario.lattice, scenario.model.springs, scenario.model.wall)
     painter.colour, painter.draw, painter.theme, painter.limit = video.colour, video.draw, video.theme, 0.0
     columns, (xmin, xmax, ymin, ymax) = outcome.columns, scenario.view

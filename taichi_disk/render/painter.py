@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,12 +10,10 @@ from taichi.ui.utils import get_field_info
 
 from taichi_disk.fields import QUANTITIES, Triangles, at_points
 from taichi_disk.lattice import Array, Lattice
+from taichi_disk.physics import Springs
 from taichi_disk.render import geometry, kernels
 from taichi_disk.render.geometry import Camera
 from taichi_disk.render.palette import THEMES, colour_map, full_scale
-
-if TYPE_CHECKING:
-    from taichi_disk.physics.springs import Springs
 
 Vertices = NDArray[np.float32]
 
@@ -216,12 +214,8 @@ def draw_triangles(canvas: Any, vertices: Vertices, corners: NDArray[np.int32] |
 
 def _pattern(parts: int) -> Array:
     """(q, 3) weights of a triangle's corners at those of the parts x parts triangles that it is cut into."""
-    grid = [
-        [(m + a, n + b) for a, b in steps]
-        for m in range(parts)
-        for n in range(parts - m)
-        for steps in (((0, 0), (1, 0), (0, 1)), ((1, 0), (1, 1), (0, 1)))
-        if m + n < parts - 1 or steps[0] == (0, 0)
-    ]
-    u, w = np.array(grid, dtype=float).reshape(-1, 2).T / parts
+    cells = [(m, n) for m in range(parts) for n in range(parts - m)]
+    upright = [[(m, n), (m + 1, n), (m, n + 1)] for m, n in cells]
+    turned = [[(m + 1, n), (m + 1, n + 1), (m, n + 1)] for m, n in cells if m + n < parts - 1]
+    u, w = np.array(upright + turned, dtype=float).reshape(-1, 2).T / parts
     return np.column_stack([1.0 - u - w, u, w])

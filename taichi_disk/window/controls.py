@@ -16,8 +16,7 @@ from taichi_disk.errors import TaichiDiskError
 from taichi_disk.scenes import Scene
 from taichi_disk.scenes.impact import ImpactScenario
 from taichi_disk.simulation.observables import INDEX
-from taichi_disk.window.changes import push_of
-from taichi_disk.window.sandbox import Sandbox
+from taichi_disk.window.sandbox import Sandbox, push_of
 from taichi_disk.window.scene_view import PANEL, SceneView
 
 MORE, MANY = 1.12, 1.5  # times as much, with each press of a key; times as many points

@@ -16,14 +16,14 @@ from numpy.typing import ArrayLike, NDArray
 from PIL import Image, ImageDraw, ImageFont
 
 from taichi_disk.lattice import Array
+from taichi_disk.output.plot import ENERGIES, LINE
 from taichi_disk.render.geometry import NOTHING, Shape, joined, outline, quads
 from taichi_disk.render.kernels import VERTEX
 from taichi_disk.render.legend import Ink, draw_line, ink, label, text_width, ticks_to
-from taichi_disk.render.palette import PALETTE, Theme, round_near
+from taichi_disk.render.palette import Theme, round_near
 from taichi_disk.simulation.observables import INDEX
-from taichi_disk.window.changes import push_of
 from taichi_disk.window.history import Segment
-from taichi_disk.window.sandbox import Sandbox
+from taichi_disk.window.sandbox import Sandbox, push_of
 
 Pixel = tuple[float, float]  # column and row from the window's upper left corner
 Box = tuple[float, float, float, float]  # left, top, right, bottom [px]
@@ -59,13 +59,12 @@ class Overlay:
 
     def rectangle(self, box: Sequence[float], fill: Ink | None = None, outline: Ink | None = None) -> None:
         """(left, top, right, bottom), with the last column and row; an outline is a pixel wide."""
-        left, top, right, bottom = box[0], box[1], box[2] + 1, box[3] + 1
+        left, top, right, bottom = box
         if outline:
-            self.polygon([(left, top), (right, top), (right, bottom), (left, bottom)], outline)
-            left, top, right, bottom = left + 1, top + 1, right - 1, bottom - 1
-            fill = fill or self._ground
-        if fill:
-            self.polygon([(left, top), (right, top), (right, bottom), (left, bottom)], fill)
+            self.rectangle(box, outline)
+            self.rectangle((left + 1, top + 1, right - 1, bottom - 1), fill or self._ground)
+        elif fill:
+            self.polygon([(left, top), (right + 1, top), (right + 1, bottom + 1), (left, bottom + 1)], fill)
 
     def line(self, ends: Sequence[Pixel], fill: Ink, width: int = 1) -> None:
         """Along a row or a column."""
@@ -132,7 +131,7 @@ def _boxes(line: str, font: ImageFont.FreeTypeFont) -> tuple[Array, Array]:
 
 
 class Curve(NamedTuple):
-    """In which graph, what is full scale, the name in the legend, the colour in PALETTE, the values (rows,)."""
+    """In which graph, what is full scale, the name in the legend, the colour, the values (rows,)."""
 
     graph: int
     scale: str
@@ -142,7 +141,7 @@ class Curve(NamedTuple):
 
     @property
     def ink(self) -> Ink:
-        red, green, blue = bytes.fromhex(PALETTE[self.colour][1:])
+        red, green, blue = bytes.fromhex(self.colour[1:])
         return red, green, blue
 
 
@@ -207,11 +206,11 @@ class Graphs:
         motion, force = (label(self.full[scale]) for scale in ("motion", "force"))
         moved = (f"v / {motion} c", of("com_vy")) if self._low else (f"ξ / {motion} R", height[0] - height)
         return [
-            Curve(0, "energy", "kinetic", "kinetic", of("kinetic")),
-            Curve(0, "energy", "elastic, wall", "elastic", of("elastic", "wall")),
-            Curve(0, "energy", "lost", "dissipated", of(*_LOST)),
-            Curve(1, "force", f"wall's force / {force} Mc²/R", "absorbed", of("wall_force")),
-            Curve(1, "motion", moved[0], "line", moved[1]),
+            Curve(0, "energy", "kinetic", ENERGIES["kinetic"][1], of("kinetic")),
+            Curve(0, "energy", "elastic, wall", ENERGIES["elastic"][1], of("elastic", "wall")),
+            Curve(0, "energy", "lost", ENERGIES["dissipated"][1], of(*_LOST)),
+            Curve(1, "force", f"wall's force / {force} Mc²/R", ENERGIES["absorbed"][1], of("wall_force")),
+            Curve(1, "motion", moved[0], LINE, moved[1]),
         ]
 
     @property

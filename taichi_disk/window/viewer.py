@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Generator
 from contextlib import ExitStack
-from functools import partial
 from pathlib import Path
 from time import perf_counter
 
@@ -19,7 +18,7 @@ from taichi_disk.errors import TaichiDiskError
 from taichi_disk.output.files import atomic_write, beside, prepare_output, reason, remove
 from taichi_disk.render import kernels
 from taichi_disk.render.palette import THEMES
-from taichi_disk.render.pictures import elsewhere, read_back
+from taichi_disk.render.pictures import elsewhere
 from taichi_disk.render.video import Picture, video
 from taichi_disk.signals import raise_if_interrupted
 from taichi_disk.window.controls import REPEATED, Controls, Entry, Panel
@@ -77,7 +76,7 @@ class Viewer:
             self._controls = Controls(sandbox, self._view, self._playlist, self._out)
             self._mouse = Mouse(sandbox, self._view)
             self._panel = Panel(self._window.get_gui(), self._controls, self._initial_size)
-            recorder, self._ready = Recorder(self._controls, partial(read_back, self._window)), True
+            recorder, self._ready = Recorder(self._controls, self._window.get_image_buffer_as_numpy), True
             at_end.callback(recorder.stop)
             last, drawing = perf_counter(), 0.0
             while self._window.running and not self._controls.closing:
