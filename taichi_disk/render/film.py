@@ -29,7 +29,7 @@ Run = tuple[Scenario, Outcome]
 Cue = tuple[float, str | None]  # t [R/c] and the last line, None for the result
 
 FORMATS = (".mp4", ".webm", ".gif", ".png", "")
-_HELD, _LAST = 0.06, 0.10  # shares of a film that stand still at the greatest compression, and at the end
+_PAUSE, _END = 0.06, 0.10  # parts of a film that stand still at the greatest compression, and at the end
 _LOOKS = 12  # times before the greatest compression from which the scale of colours is taken
 _LONGEST = 4.0  # arrows of the full force that an arrow may be as long as: it ends in the picture
 _BESIDE = 0.05  # what is seen at the least on either side of the disk, whose flight may take it out of the view [R]
@@ -100,19 +100,19 @@ def film(path: Path, runs: Sequence[Run], video: VideoSection, progress: Progres
 def _cues(runs: Sequence[Run], video: VideoSection) -> list[Cue]:
     """The pictures of a film, those of the run that lasts longest. Equal times in succession are one picture."""
     count = max(3, round(video.fps * video.seconds))
-    held, last = round(_HELD * count), max(round(_LAST * count), 1)
+    pause, end = round(_PAUSE * count), max(round(_END * count), 1)
     scenario, outcome = max(runs, key=lambda run: float(run[1].columns["t"][-1]))
     columns = outcome.columns
-    times, peak = scenario.frame_times(columns, count - held - last), greatest_compression(columns)
+    times, peak = scenario.frame_times(columns, count - pause - end), greatest_compression(columns)
     greatest = int(np.abs(times - peak).argmin())
     if greatest == len(times) - 1:
-        held, last, greatest = 0, held + last, len(times) - 1
+        pause, end, greatest = 0, pause + end, len(times) - 1
     elif greatest > 0:
         times[greatest] = peak
     paces = [scenario.pace.format(float(f"{pace:.2g}")) for pace in video.fps * np.diff(times)]
     cues: list[Cue] = list(zip(times.tolist(), [*paces, *paces[-1:]], strict=True))
-    still, end = (cues[greatest][0], _GREATEST), (cues[-1][0], None)
-    return cues[: greatest + 1] + held * [still] + cues[greatest + 1 :] + last * [end]
+    still, result = (cues[greatest][0], _GREATEST), (cues[-1][0], None)
+    return cues[: greatest + 1] + pause * [still] + cues[greatest + 1 :] + end * [result]
 
 
 def _lines(scenario: Scenario, outcome: Outcome, cues: Sequence[Cue]) -> Iterator[tuple[str, ...]]:
@@ -157,12 +157,12 @@ def _painter(scenario: Scenario, outcome: Outcome, video: VideoSection, still: f
     peak = greatest_compression(columns)
     if still is None:
         looks = [t for t in scenario.frame_times(columns, 2 * _LOOKS).tolist() if t < peak][-_LOOKS:]
-        places = [outcome.positions]
+        positions = [outcome.positions]
     else:
-        looks, places = [still], []
+        looks, positions = [still], []
     times = sorted({*looks, peak})
     for t, (_, x, v) in zip(times, outcome.frames(np.array(times)), strict=True):
-        places.append(x)
+        positions.append(x)
         if t <= peak:
             painter.limit, greatest = max(painter.limit, painter.scale(painter.values(x, v))), x
     if painter.wall is not None:
@@ -173,6 +173,6 @@ def _painter(scenario: Scenario, outcome: Outcome, video: VideoSection, still: f
         painter.edge = edge_height(painter.wall, largest)
         if not len(scenario.lattice.wall_surface):  # of a rigid wall no more is seen than its uppermost part
             ymin = painter.edge - _BELOW
-    disk = np.concatenate([x[: scenario.lattice.disk_points] for x in places])
+    disk = np.concatenate([x[: scenario.lattice.disk_points] for x in positions])
     (left, _), (right, top) = disk.min(axis=0), disk.max(axis=0)
     return painter, (min(xmin, left - _BESIDE), max(xmax, right + _BESIDE), ymin, max(ymax, top))

@@ -66,7 +66,7 @@ class Segment(Driver):
     @property
     def imbalance(self) -> float:
         """Energy that has appeared from nowhere [M c^2]."""
-        return float(self._watch.imbalance(self.row[None])[0])
+        return float(self._balance.imbalance(self.row[None])[0])
 
     def back_to(self, snapshot: Snapshot, row: Array) -> None:
         """Go back to a `state` of this attempt, with its `row`, before the mouse pulled; all after it is forgotten."""
@@ -80,8 +80,8 @@ class Segment(Driver):
         self.count = 1 + snapshot.step // self.stride
         inside = ((self.rows[1:] >= self._bounds[0]) & (self.rows[1:] <= self._bounds[1])).all(axis=1)
         self._quiet = min(int(np.argmin(np.append(inside[::-1], False))), self._needed - 1)
-        self._watch = EnergyBalance(self.rows[0])
-        self._watch.first_lost(self.rows)
+        self._balance = EnergyBalance(self.rows[0])
+        self._balance.first_lost(self.rows)
         self.state, self.row, self.failure, self.pulled_from = snapshot, row, None, inf
         over = self.end is not None and snapshot.step >= self.end.step
         self.status, self.end = ("finished", self.end) if over else ("running", None)
@@ -92,7 +92,7 @@ class Segment(Driver):
         jump = self.simulation.set_mouse_target(point, target)
         self.row = self.row.copy()
         self.row[INDEX["load"]] += jump
-        self._watch.give(jump)
+        self._balance.give(jump)
         self.state = self.simulation.snapshot()
 
 

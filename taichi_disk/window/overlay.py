@@ -116,15 +116,14 @@ def _boxes(line: str, font: ImageFont.FreeTypeFont) -> tuple[Array, Array]:
     rows, ends = np.nonzero(np.diff(cover, axis=1))  # a run begins or ends after this column
     level = cover[rows, ends + 1]
     starts = np.flatnonzero(level)
-    row, begin, end, level = rows[starts], ends[starts], ends[starts + 1], level[starts]
+    runs = np.stack([ends[starts], ends[starts + 1], level[starts], rows[starts]], axis=1)
+    runs = runs[np.lexsort(runs.T[::-1])]
     # Runs that stand below each other are one box.
-    order = np.lexsort((row, level, end, begin))
-    row, begin, end, level = row[order], begin[order], end[order], level[order]
-    new = np.append(True, (np.diff(begin) != 0) | (np.diff(end) != 0) | (np.diff(level) != 0) | (np.diff(row) != 1))
-    first = np.flatnonzero(new[: len(row)])
-    last = np.append(first[1:], len(row)) - 1
-    boxes = np.stack([begin[first], row[first] - 1, end[first], row[last]], axis=1) + np.array([left, top, left, top])
-    return boxes.astype(float), level[first] / (_LEVELS - 1.0)
+    continues = (np.diff(runs, axis=0, prepend=-1) == (0, 0, 0, 1)).all(axis=1)
+    continued = np.append(continues[1:], False)[: len(runs)]
+    (begin, end, level, first), last = runs[~continues].T, runs[~continued, 3]
+    boxes = np.stack([begin, first - 1, end, last], axis=1) + np.array([left, top, left, top])
+    return boxes.astype(float), level / (_LEVELS - 1.0)
 
 
 # ---- graphs

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
 from math import ceil, inf
 from operator import attrgetter
@@ -116,12 +115,9 @@ class Sandbox:
         dragged: the point tied to the mouse and where the mouse is [R], or None.
     """
 
-    def __init__(
-        self, scene: Scene, before_compiling: Callable[[], None] = lambda: None, kernels: KernelCache | None = None
-    ) -> None:
-        """Raises TaichiDiskError. `before_compiling` is called whenever the next thing takes a moment."""
-        self.kernels = kernels or KernelCache(before_compiling=before_compiling)
-        self.speed, self.slow, self.starts = 1.0, False, 0
+    def __init__(self, scene: Scene, kernels: KernelCache) -> None:
+        """Raises TaichiDiskError."""
+        self.kernels, self.speed, self.slow, self.starts = kernels, 1.0, False, 0
         self.results: list[Result] = []
         self._begin(start_of(scene))
 

@@ -21,6 +21,7 @@ from taichi_disk.render.palette import THEMES
 from taichi_disk.render.pictures import elsewhere
 from taichi_disk.render.video import Picture, video
 from taichi_disk.signals import raise_if_interrupted
+from taichi_disk.simulation.simulation import KernelCache
 from taichi_disk.window.controls import REPEATED, Controls, Entry, Panel
 from taichi_disk.window.overlay import Pixel
 from taichi_disk.window.sandbox import PATIENCE, Sandbox
@@ -71,7 +72,7 @@ class Viewer:
             at_end.callback(self._window.destroy)
             scene = self._playlist[0][1]()
             self._ground = THEMES[scene.video.theme].ground
-            self.sandbox = sandbox = Sandbox(scene, self._announce)
+            self.sandbox = sandbox = Sandbox(scene, KernelCache(self._announce))
             self._view = SceneView(self._window.get_canvas(), sandbox)
             self._controls = Controls(sandbox, self._view, self._playlist, self._out)
             self._mouse = Mouse(sandbox, self._view)
