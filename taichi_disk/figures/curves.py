@@ -29,7 +29,6 @@ OF_CURVE = ("lattices", "young", "poisson", "x", "mean", "standard_deviation", "
 # What the moduli depend on.
 MATERIAL = {("material", "k_a"), ("lattice", "points"), ("lattice", "min_spacing"), ("lattice", "file")}
 
-WIDTH = 3.4  # inches: a column
 MARKS = "osD^vPX"
 NAMES = {"eta_star": "η*", "points": "N", "boundary": "", "method": ""}
 FONT: dict[Any, Any] = {
@@ -221,7 +220,7 @@ def draw(scene: Scene, curves: list[Curve], out: Path) -> None:
     """
     # The salt makes the ids in the SVG the same every time.
     with matplotlib_style({**STYLE, **FONT, "svg.hashsalt": "taichi-disk"}):
-        figure = Figure(figsize=(WIDTH, 2.9 + 0.09 * len(curves)), layout="constrained")
+        figure = Figure(figsize=(3.4, 2.9 + 0.09 * len(curves)), layout="constrained")
         FigureCanvasAgg(figure)
         ax = figure.subplots()
         known = FIGURES[scene.scene]

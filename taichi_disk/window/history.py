@@ -40,7 +40,7 @@ class Segment(Driver):
 
     def _begin(self) -> None:
         super()._begin()
-        self._last, self.pulled_from, self._generation = 2**31 - 1, inf, self.simulation.generation
+        self._last, self.pulled_from = 2**31 - 1, inf
 
     def advance(self, seconds: float = inf, steps: int | None = None) -> Status:
         """As a `Driver`, but `max_time` is no failure, and after the end time goes on: the status stays "finished"."""
@@ -70,13 +70,8 @@ class Segment(Driver):
 
     def back_to(self, snapshot: Snapshot, row: Array) -> None:
         """Go back to a `state` of this attempt, with its `row`, before the mouse pulled; all after it is forgotten."""
-        simulation = self.simulation
-        if simulation.generation != self._generation:  # another driver has used it meanwhile
-            simulation = self.simulation = self._simulation()
-            self._generation = simulation.generation
-        elif self.pulled_from < inf:
-            simulation.set_mouse_target(-1)
-        simulation.restore(snapshot)
+        self.simulation = self._simulation()
+        self.simulation.restore(snapshot)
         self.count = 1 + snapshot.step // self.stride
         inside = ((self.rows[1:] >= self._bounds[0]) & (self.rows[1:] <= self._bounds[1])).all(axis=1)
         self._quiet = min(int(np.argmin(np.append(inside[::-1], False))), self._needed - 1)

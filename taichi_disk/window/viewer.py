@@ -227,8 +227,9 @@ class Recorder:
         controls = self._controls
         if not controls.recording:
             self.stop()
-        self._seconds = self._seconds + seconds if self._write else 0.0
-        due = int(self._seconds * FPS) + 1 - (self._frames if self._write else 0)
+        if self._write:
+            self._seconds += seconds
+        due = int(self._seconds * FPS) + 1 - self._frames
         if not (controls.picture_wanted or (controls.recording and due > 0)):
             return
         picture = picture_of(self._read())
@@ -255,7 +256,7 @@ class Recorder:
     def _film(self, picture: Picture, count: int) -> None:
         """Let `count` frames of the film show a picture; it ends where the window gets another size."""
         if self._write is None:
-            self._new, self._shape, self._frames = beside(self._controls.next_file(".mp4")), picture.shape, 0
+            self._new, self._shape = beside(self._controls.next_file(".mp4")), picture.shape
             film = video(self._new, ".mp4", picture.shape[1], picture.shape[0], FPS)
             self._write = self._open.enter_context(film)
         elif picture.shape != self._shape:
@@ -268,7 +269,7 @@ class Recorder:
     def stop(self) -> None:
         """Complete the film, if there is one."""
         if self._write:
-            self._write = None
+            self._write, self._seconds, self._frames = None, 0.0, 0
             try:
                 self._open.close()
                 path = self._controls.next_file(".mp4")
