@@ -35,7 +35,7 @@ class StepError:
     Attributes:
         own: whether it is the step that `run` takes.
         fraction: of the stability limit.
-        seconds: of all steps, compilation apart, the best of REPEATS.
+        seconds: of all steps, without compilation, the best of REPEATS.
         error: of the primary result.
         trajectory_error: largest of any coordinate at the end [R].
         closing_imbalance, worst_imbalance: of the energy, over the scene's scale.

@@ -22,7 +22,7 @@ import numpy as np
 from scipy.sparse import csr_array
 
 from taichi_disk.lattice import Array, Lattice
-from taichi_disk.lattice.lattice import pair_keys
+from taichi_disk.lattice.lattice import double_area, pair_keys
 
 if TYPE_CHECKING:
     from taichi_disk.physics.springs import Springs
@@ -152,7 +152,7 @@ class Triangles:
         count = np.bincount(sides, minlength=m)
         self.part = np.where(count > 0, 1.0 / np.maximum(count, 1), 0.0)
         self.outline = ends[count[sides] == 1]
-        self._least_area = LEAST_AREA * np.abs(self._signed_areas(lattice.positions))
+        self._least_area = 0.5 * LEAST_AREA * np.abs(double_area(lattice.positions[self.triangles]))
         # Sums over what each triangle carries, over the triangles around each point, over a point and its neighbours.
         owner, ones = np.repeat(np.arange(t), 3), np.ones(3 * t)
         self._carried = csr_array((self.part[sides], (owner, sides)), (t, m))
@@ -166,10 +166,6 @@ class Triangles:
         pairs = np.concatenate([own, i, j]), np.concatenate([own, j, i])
         self._neighbours = csr_array((np.ones(n + 2 * m), pairs), (n, n))
 
-    def _signed_areas(self, x: Array) -> Array:
-        u, w = self._edges(x)
-        return np.asarray(0.5 * (u[0] * w[1] - u[1] * w[0]))
-
     def _edges(self, x: Array) -> tuple[Array, Array]:
         """(2, t) from the first corner to the second, and to the third."""
         a, b, c = self.triangles.T
@@ -177,7 +173,7 @@ class Triangles:
 
     def areas(self, x: Array) -> Array:
         """(t,) [R^2] with the points at `x` (n, 2) [R], at least LEAST_AREA of the unloaded ones."""
-        return np.asarray(np.maximum(self._signed_areas(x), self._least_area))
+        return np.asarray(np.maximum(0.5 * double_area(x[self.triangles]), self._least_area))
 
     def growth(self, x: Array, v: Array) -> Array:
         """(t,) rate of change of the areas [R c] at velocities `v` (n, 2) [c]: div v times the area."""

@@ -50,8 +50,7 @@ ENERGIES = {
     "sliding": ("lost in sliding", "#999999"),
 }
 HEIGHTS = (1.2, 1.0, 1.5)  # of the axes of motion, force and energies
-LEGEND_HEIGHT = 0.12  # of the legend of energies, above them
-PLACES = {"left": 0.145, "right": 0.98, "bottom": 0.055, "top": 0.945, "hspace": 0.17}  # parts of a figure
+LAYOUT = {"left": 0.145, "right": 0.98, "bottom": 0.055, "top": 0.945, "hspace": 0.17}  # parts of a figure
 _LOCK = threading.Lock()
 
 
@@ -102,10 +101,10 @@ def plot_run(path: Path, scenario: Scenario, columns: Columns) -> None:
 def _draw_run(figure: Any, scenario: Scenario, columns: Columns) -> None:
     """The curves over time, and what tells how good they are."""
     t, quality, (result, note) = columns["t"], scenario.quality(columns), scenario.marks(columns)
-    ratios = (*HEIGHTS[:2], LEGEND_HEIGHT, *HEIGHTS[2:], *([0.8] if quality else []))
-    # Fixed places: with layout="constrained" everything is drawn twice, half of a plot's time.
-    axes = list(figure.subplots(len(ratios), 1, sharex=True, height_ratios=ratios, gridspec_kw=PLACES))
-    axes.pop(2).remove()  # the legend stands there
+    ratios = (*HEIGHTS[:2], 0.12, *HEIGHTS[2:], *([0.8] if quality else []))
+    # A fixed layout: with layout="constrained" everything is drawn twice, half of a plot's time.
+    axes = list(figure.subplots(len(ratios), 1, sharex=True, height_ratios=ratios, gridspec_kw=LAYOUT))
+    axes.pop(2).remove()  # the legend of the energies stands there
     axes[-1].set_xlim(t[0], scenario.last_motion(columns))
     motion = draw_curves(axes, scenario, columns)[0]
     _mark(axes[0], t, motion.get_ydata(), result)
@@ -121,7 +120,7 @@ def _draw_run(figure: Any, scenario: Scenario, columns: Columns) -> None:
 def _draw_loading(figure: Any, scenario: Scenario, columns: Columns) -> None:
     """The load of each equilibrium against its compression, with laws of the continuum, and the energy stored."""
     (xi, label), load = scenario.motion(columns), columns["wall_force"]
-    force, energy = figure.subplots(2, 1, sharex=True, height_ratios=(2.0, 1.0), gridspec_kw=PLACES)
+    force, energy = figure.subplots(2, 1, sharex=True, height_ratios=(2.0, 1.0), gridspec_kw=LAYOUT)
     force.plot(xi, load, "o-", color=LINE, markersize=4, label="equilibria")
     for (name, law), style in zip(scenario.continuum(columns).items(), ("--", ":"), strict=False):
         force.plot(law, load, style, color=SUM, label=name)

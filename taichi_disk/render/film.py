@@ -7,7 +7,6 @@ from contextlib import closing
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -17,20 +16,20 @@ from taichi_disk.output.files import atomic_write, check_pictures
 from taichi_disk.progress import Progress
 from taichi_disk.render import require_film
 from taichi_disk.render.geometry import View, edge_height
+from taichi_disk.render.legend import Legend
+from taichi_disk.render.painter import Painter
 from taichi_disk.render.palette import THEMES, round_near
+from taichi_disk.render.pictures import Pictures, side_panel
+from taichi_disk.render.video import video as encoded
 from taichi_disk.signals import raise_if_interrupted
 from taichi_disk.simulation.outcome import Outcome, greatest_compression
 from taichi_disk.simulation.scenario import Scenario
 
-if TYPE_CHECKING:
-    from taichi_disk.render.painter import Painter
-    from taichi_disk.render.pictures import Pictures
-
 Run = tuple[Scenario, Outcome]
-Frame = tuple[float, str | None]  # t [R/c] and the last line, None for the result
+Cue = tuple[float, str | None]  # t [R/c] and the last line, None for the result
 
 FORMATS = (".mp4", ".webm", ".gif", ".png", "")
-_HELD, _LAST = 0.06, 0.10  # shares of a film that stand still at the greatest compression, and at the end
+_PAUSE, _END = 0.06, 0.10  # parts of a film that stand still at the greatest compression, and at the end
 _LOOKS = 12  # times before the greatest compression from which the scale of colours is taken
 _LONGEST = 4.0  # arrows of the full force that an arrow may be as long as: it ends in the picture
 _BESIDE = 0.05  # what is seen at the least on either side of the disk, whose flight may take it out of the view [R]
@@ -69,25 +68,23 @@ def film(path: Path, runs: Sequence[Run], video: VideoSection, progress: Progres
     if len({(scenario.time_label, *scenario.labels) for scenario, _ in runs}) > 1:
         raise InputError("these runs cannot be compared: they have no time, or no result, in common")
     require_film()
-    from taichi_disk.render.video import video as encoded
-
     if path.suffix == ".png":
-        frames: list[Frame] = [(greatest_compression(runs[0][1].columns), _GREATEST)]
+        cues: list[Cue] = [(greatest_compression(runs[0][1].columns), _GREATEST)]
         video = replace(video, supersample=2.0)
     else:
-        frames = _frames(runs, video)
-    progress.start("render", len(frames))
+        cues = _cues(runs, video)
+    progress.start("render", len(cues))
 
     def write(new: Path) -> None:
         with (
-            closing(_pictures(runs, video, frames)) as pictures,
+            closing(_pictures(runs, video, cues)) as pictures,
             encoded(new, path.suffix, pictures.width, video.size, video.fps) as append,
         ):
-            times = np.array(list(dict.fromkeys(t for t, _ in frames)))
+            times = np.array(list(dict.fromkeys(t for t, _ in cues)))
             moments = zip(*(outcome.frames(times) for _, outcome in runs), strict=True)
-            words = zip(*(_lines(*run, frames) for run in runs), strict=True)
+            words = zip(*(_lines(*run, cues) for run in runs), strict=True)
             shown = None
-            for k, ((t, _), lines) in enumerate(zip(frames, words, strict=True)):
+            for k, ((t, _), lines) in enumerate(zip(cues, words, strict=True)):
                 raise_if_interrupted()
                 if t != shown:
                     picture, shown = pictures.draw(next(moments)), t
@@ -100,29 +97,29 @@ def film(path: Path, runs: Sequence[Run], video: VideoSection, progress: Progres
 # ---- when to look, and what to write
 
 
-def _frames(runs: Sequence[Run], video: VideoSection) -> list[Frame]:
+def _cues(runs: Sequence[Run], video: VideoSection) -> list[Cue]:
     """The pictures of a film, those of the run that lasts longest. Equal times in succession are one picture."""
     count = max(3, round(video.fps * video.seconds))
-    held, last = round(_HELD * count), max(round(_LAST * count), 1)
+    pause, end = round(_PAUSE * count), max(round(_END * count), 1)
     scenario, outcome = max(runs, key=lambda run: float(run[1].columns["t"][-1]))
     columns = outcome.columns
-    times, peak = scenario.frame_times(columns, count - held - last), greatest_compression(columns)
+    times, peak = scenario.frame_times(columns, count - pause - end), greatest_compression(columns)
     greatest = int(np.abs(times - peak).argmin())
     if greatest == len(times) - 1:
-        held, last, greatest = 0, held + last, len(times) - 1
+        pause, end, greatest = 0, pause + end, len(times) - 1
     elif greatest > 0:
         times[greatest] = peak
     paces = [scenario.pace.format(float(f"{pace:.2g}")) for pace in video.fps * np.diff(times)]
-    frames: list[Frame] = list(zip(times.tolist(), [*paces, *paces[-1:]], strict=True))
-    still, end = (frames[greatest][0], _GREATEST), (frames[-1][0], None)
-    return frames[: greatest + 1] + held * [still] + frames[greatest + 1 :] + last * [end]
+    cues: list[Cue] = list(zip(times.tolist(), [*paces, *paces[-1:]], strict=True))
+    still, result = (cues[greatest][0], _GREATEST), (cues[-1][0], None)
+    return cues[: greatest + 1] + pause * [still] + cues[greatest + 1 :] + end * [result]
 
 
-def _lines(scenario: Scenario, outcome: Outcome, frames: Sequence[Frame]) -> Iterator[tuple[str, ...]]:
+def _lines(scenario: Scenario, outcome: Outcome, cues: Sequence[Cue]) -> Iterator[tuple[str, ...]]:
     """The lines for each moment; after the end the observables are those of the end."""
-    columns, times, peak = outcome.columns, [t for t, _ in frames], greatest_compression(outcome.columns)
+    columns, times, peak = outcome.columns, [t for t, _ in cues], greatest_compression(outcome.columns)
     rows = {name: np.interp(times, columns["t"], values) for name, values in columns.items()} | {"t": times}
-    for k, (t, note) in enumerate(frames):
+    for k, (t, note) in enumerate(cues):
         last = f"*{scenario.marks(columns)[0]}" if note is None else note
         if note == _GREATEST and abs(t - peak) > 0.01 * peak:
             last = ""  # it is that of the run beside
@@ -132,15 +129,12 @@ def _lines(scenario: Scenario, outcome: Outcome, frames: Sequence[Frame]) -> Ite
 # ---- how to draw
 
 
-def _pictures(runs: Sequence[Run], video: VideoSection, frames: Sequence[Frame]) -> Pictures:
-    from taichi_disk.render.legend import Legend
-    from taichi_disk.render.pictures import Pictures, side_panel
-
-    still = frames[0][0] if len(frames) == 1 else None
+def _pictures(runs: Sequence[Run], video: VideoSection, cues: Sequence[Cue]) -> Pictures:
+    still = cues[0][0] if len(cues) == 1 else None
     painters, views = zip(*(_painter(*run, video, still) for run in runs), strict=True)
     limit, full_force = max(one.limit for one in painters), max(one.full_force for one in painters)
-    ends = [line for run in runs for line in _lines(*run, (frames[0], (frames[-1][0], None)))]
-    samples = [*(line for lines in ends for line in lines), *dict.fromkeys(note or "" for _, note in frames)]
+    ends = [line for run in runs for line in _lines(*run, (cues[0], (cues[-1][0], None)))]
+    samples = [*(line for lines in ends for line in lines), *dict.fromkeys(note or "" for _, note in cues)]
     legends = []
     for painter, (scenario, _) in zip(painters, runs, strict=True):
         painter.limit, painter.full_force = limit, full_force
@@ -157,20 +151,18 @@ def _painter(scenario: Scenario, outcome: Outcome, video: VideoSection, still: f
 
     The view holds the end of a film, too, or the moment of a `still` picture [R/c].
     """
-    from taichi_disk.render.painter import Painter
-
     painter = Painter(scenario.lattice, scenario.model.springs, scenario.model.wall)
     painter.colour, painter.draw, painter.theme, painter.limit = video.colour, video.draw, video.theme, 0.0
     columns, (xmin, xmax, ymin, ymax) = outcome.columns, scenario.view
     peak = greatest_compression(columns)
     if still is None:
         looks = [t for t in scenario.frame_times(columns, 2 * _LOOKS).tolist() if t < peak][-_LOOKS:]
-        places = [outcome.positions]
+        positions = [outcome.positions]
     else:
-        looks, places = [still], []
+        looks, positions = [still], []
     times = sorted({*looks, peak})
     for t, (_, x, v) in zip(times, outcome.frames(np.array(times)), strict=True):
-        places.append(x)
+        positions.append(x)
         if t <= peak:
             painter.limit, greatest = max(painter.limit, painter.scale(painter.values(x, v))), x
     if painter.wall is not None:
@@ -181,6 +173,6 @@ def _painter(scenario: Scenario, outcome: Outcome, video: VideoSection, still: f
         painter.edge = edge_height(painter.wall, largest)
         if not len(scenario.lattice.wall_surface):  # of a rigid wall no more is seen than its uppermost part
             ymin = painter.edge - _BELOW
-    disk = np.concatenate([x[: scenario.lattice.disk_points] for x in places])
+    disk = np.concatenate([x[: scenario.lattice.disk_points] for x in positions])
     (left, _), (right, top) = disk.min(axis=0), disk.max(axis=0)
     return painter, (min(xmin, left - _BESIDE), max(xmax, right + _BESIDE), ymin, max(ymax, top))

@@ -14,25 +14,6 @@ _Pair = ti.types.vector(2, ti.f64)
 _Sample = ti.types.vector(4, ti.f32)
 
 
-@ti.func
-def _colour(colours: ti.template(), value, fringes):
-    """Of a value from 0 to 1 of the map, or of the fringes' argument."""
-    at = value
-    if fringes:
-        s = ti.sin(3.141592653589793 * value)
-        at = s * s
-    k = ti.cast(ti.math.clamp(at, 0.0, 1.0) * (colours.shape[0] - 1) + 0.5, ti.i32)
-    return ti.Vector([colours[k, 0], colours[k, 1], colours[k, 2]])
-
-
-@ti.func
-def _put(out: ti.template(), i, position, colour):
-    out[i, 0] = ti.cast(position[0], ti.f32)
-    out[i, 1] = ti.cast(position[1], ti.f32)
-    for c in ti.static(range(3)):
-        out[i, 8 + c] = colour[c]
-
-
 @ti.kernel
 def fill(
     x: ti.types.ndarray(ti.f64, ndim=2),
@@ -64,9 +45,17 @@ def fill(
         size = ti.max(1.0 - inset / radius, 0.0)
         for k in range(pattern.shape[0]):
             u, v, w = pattern[k, 0], pattern[k, 1], pattern[k, 2]
-            position = centre + size * (u * p + v * q + w * r - centre)
-            colour = _colour(colours, u * values[a] + v * values[b] + w * values[c], fringes)
-            _put(out, t * pattern.shape[0] + k, factor * position + shift, colour)
+            position = factor * (centre + size * (u * p + v * q + w * r - centre)) + shift
+            value = u * values[a] + v * values[b] + w * values[c]
+            if fringes:
+                wave = ti.sin(3.141592653589793 * value)
+                value = wave * wave
+            level = ti.cast(ti.math.clamp(value, 0.0, 1.0) * (colours.shape[0] - 1) + 0.5, ti.i32)
+            vertex = t * pattern.shape[0] + k
+            for d in ti.static(range(2)):
+                out[vertex, d] = ti.cast(position[d], ti.f32)
+            for d in ti.static(range(3)):
+                out[vertex, 8 + d] = colours[level, d]
 
 
 def weights(samples: int) -> NDArray[np.float64]:

@@ -108,14 +108,14 @@ class Legend:
 
     def _wrapped(self, title: Sequence[str]) -> list[tuple[str, float, bool]]:
         """The lines of a title as they are set, broken where they do not fit beside the column, between parts first."""
-        room, lines = self._width - self._column - 2.0 * self._margin, []
+        width, lines = self._width - self._column - 2.0 * self._margin, []
         for k, line in enumerate(title):
             size, bold, now = (self._small, False, "") if k else (self._heading, True, "")
             for part in line.split("    "):
-                words = [part] if text_width(part, size, bold) <= room else part.split(" ")
+                words = [part] if text_width(part, size, bold) <= width else part.split(" ")
                 for n, word in enumerate(words):
                     longer = f"{now}{' ' if n else '    '}{word}" if now else word
-                    if now and text_width(longer, size, bold) > room:
+                    if now and text_width(longer, size, bold) > width:
                         lines.append((now, size, bold))
                         longer = word
                     now = longer
@@ -172,8 +172,8 @@ class Legend:
         length = round_below(_LENGTH * self._width / scale)
         line = f"{length:g} R".removeprefix("1 ")
         right, _ = self._draw_length(draw, (right - length * scale, right), row, line, numbers)
-        room = 2.0 * (self._width / 2 - max(left, self._width - right) - 3.0 * self._small)
-        self._draw_bar(draw, round(min(_BAR_WIDTH * self.unit, room)), top, height, numbers)
+        free = 2.0 * (self._width / 2 - max(left, self._width - right) - 3.0 * self._small)
+        self._draw_bar(draw, round(min(_BAR_WIDTH * self.unit, free)), top, height, numbers)
         quantity = QUANTITIES[self.painter.colour]
         line = f"{quantity.label}  [{quantity.unit}]" if quantity.unit else quantity.label
         if self.painter.colour == "fringes":

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,12 +10,10 @@ from taichi.ui.utils import get_field_info
 
 from taichi_disk.fields import QUANTITIES, Triangles, at_points
 from taichi_disk.lattice import Array, Lattice
+from taichi_disk.physics import Springs
 from taichi_disk.render import geometry, kernels
 from taichi_disk.render.geometry import Camera
 from taichi_disk.render.palette import THEMES, colour_map, full_scale
-
-if TYPE_CHECKING:
-    from taichi_disk.physics.springs import Springs
 
 Vertices = NDArray[np.float32]
 
@@ -103,9 +101,13 @@ class Painter:
         above, half = [geometry.NOTHING], max(_OUTLINE * unit, 1.0) * pixel
         canvas.set_background_color(theme.ground)
         if self.wall is not None:
-            depth = max(pixel - camera.seen[2], -self.edge) if self._rigid else half  # over its own outline
+            left, right, bottom, _ = camera.seen
+            if len(self.lattice.wall_surface):
+                chain, depth = x[self.lattice.wall_surface], half  # over its own outline
+            else:  # as far as can be seen
+                chain, depth = np.array([(left - pixel, 0.0), (right + pixel, 0.0)]), max(pixel - bottom, -self.edge)
             decay = max(self.wall.decay_length, 0.4 * pixel)
-            haze, solid = geometry.wall_body(self._chain(camera, pixel, x), depth, self.edge, decay, theme)
+            haze, solid = geometry.wall_body(chain, depth, self.edge, decay, theme)
             self._draw_shape(canvas, haze, camera)
         if filled:
             self._fill(canvas, camera, x, values, unit)
@@ -123,10 +125,6 @@ class Painter:
         if self.draw == "points":
             self._points(canvas, camera, x, values, unit)
 
-    @property
-    def _rigid(self) -> bool:
-        return not len(self.lattice.wall_surface)
-
     def pushes(self, x: Array, distance: float) -> tuple[Array, Array]:
         """Feet (k, 2) [R] and forces (k, 2) of arrows, in parts of the full force.
 
@@ -142,13 +140,6 @@ class Painter:
         count = np.bincount(group)
         mean = [np.bincount(group, part) / count for part in (*feet.T, *forces.T)]
         return np.stack(mean[:2], axis=1), np.stack(mean[2:], axis=1)
-
-    def _chain(self, camera: Camera, pixel: float, x: Array) -> Array:
-        """The wall's surface, ordered by x: of the rigid wall as far as can be seen."""
-        if not self._rigid:
-            return x[self.lattice.wall_surface]
-        left, right, _, _ = camera.seen
-        return np.array([(left - pixel, 0.0), (right + pixel, 0.0)])
 
     def _fill(self, canvas: Any, camera: Camera, x: Array, values: Array, unit: float) -> None:
         fringes, corners = self.colour == "fringes", self._triangles.triangles
@@ -216,12 +207,8 @@ def draw_triangles(canvas: Any, vertices: Vertices, corners: NDArray[np.int32] |
 
 def _pattern(parts: int) -> Array:
     """(q, 3) weights of a triangle's corners at those of the parts x parts triangles that it is cut into."""
-    grid = [
-        [(m + a, n + b) for a, b in steps]
-        for m in range(parts)
-        for n in range(parts - m)
-        for steps in (((0, 0), (1, 0), (0, 1)), ((1, 0), (1, 1), (0, 1)))
-        if m + n < parts - 1 or steps[0] == (0, 0)
-    ]
-    u, w = np.array(grid, dtype=float).reshape(-1, 2).T / parts
+    cells = [(m, n) for m in range(parts) for n in range(parts - m)]
+    upright = [[(m, n), (m + 1, n), (m, n + 1)] for m, n in cells]
+    turned = [[(m + 1, n), (m + 1, n + 1), (m, n + 1)] for m, n in cells if m + n < parts - 1]
+    u, w = np.array(upright + turned, dtype=float).reshape(-1, 2).T / parts
     return np.column_stack([1.0 - u - w, u, w])

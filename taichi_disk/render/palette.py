@@ -1,4 +1,4 @@
-"""Colours: of curves, of the two themes, the maps from values to colours, and where they end. NumPy only."""
+"""Colours: of the two themes, the maps from values to colours, and where they end. NumPy only."""
 
 from __future__ import annotations
 
@@ -10,12 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taichi_disk.fields import FRINGES
-from taichi_disk.output.plot import ENERGIES, LINE
 
 Colour = tuple[float, float, float]  # sRGB, 0 to 1
-
-# Of the same curves in plot, film and window: "line" is the one curve of an axis, the others are columns of energy.
-PALETTE: dict[str, str] = {"line": LINE} | {column: colour for column, (_, colour) in ENERGIES.items()}
 
 LEVELS = 512  # of a colour map
 _BARE = 0.7  # of the lightness that a map spans is left to one that stands out from the ground

@@ -7,27 +7,24 @@ import os
 import tempfile
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import taichi as ti
-from numpy.typing import NDArray
 
 from taichi_disk.errors import TaichiDiskError
 from taichi_disk.lattice import Array
 from taichi_disk.output.plot import HEIGHTS, LINE, STYLE, draw_curves, matplotlib_style
 from taichi_disk.render import kernels
 from taichi_disk.render.geometry import Camera, View
-from taichi_disk.render.legend import Legend
+from taichi_disk.render.legend import LEAST, Legend
 from taichi_disk.render.palette import Theme
 from taichi_disk.render.video import Picture
-
-if TYPE_CHECKING:
-    from taichi_disk.simulation.outcome import Outcome
-    from taichi_disk.simulation.scenario import Scenario
+from taichi_disk.simulation.outcome import Outcome
+from taichi_disk.simulation.scenario import Scenario
 
 _MARGIN = 8.0  # around the view: pixels in a picture of 720
-_LETTER, _LEAST = 13.2, 11.0  # pixels of letters in a picture of 720, and the smallest in any
+_LETTER = 13.2  # pixels of letters in a picture of 720
 _FAINT = 0.2  # of its contrast is left to what is still to come
 _LINES: dict[str, Any] = {"left": "solid", "right": (0, (3, 1.5))}  # a single run has the first
 
@@ -70,7 +67,7 @@ class Pictures:
         picture = self._blank.copy()
         for k, (legend, (_, x, v)) in enumerate(zip(self._legends, states, strict=True)):
             legend.painter.paint(self._window.get_canvas(), self._camera, x, v, self._unit)
-            left, drawn = k * self._size + self._beside, read_back(self._window)
+            left, drawn = k * self._size + self._beside, self._window.get_image_buffer_as_numpy()
             kernels.shrink(drawn, picture, left, self._bottom, self._beside, self._samples)
         return picture
 
@@ -85,12 +82,6 @@ class Pictures:
     def close(self) -> None:
         with elsewhere():
             self._window.destroy()
-
-
-def read_back(window: Any) -> NDArray[np.float32]:
-    """(columns, rows upwards, 4) what has been drawn on a `ti.ui.Window`, 0 to 1."""
-    image: NDArray[np.float32] = window.get_image_buffer_as_numpy()
-    return image
 
 
 @contextlib.contextmanager
@@ -140,7 +131,7 @@ def side_panel(runs: Sequence[tuple[Scenario, Outcome]], size: int, theme: Theme
     from matplotlib.figure import Figure
     from matplotlib.lines import Line2D
 
-    width, dpi, letter = 2 * round(size * 7 / 18), size / 7.2, max(_LETTER * size / 720, _LEAST)
+    width, dpi, letter = 2 * round(size * 7 / 18), size / 7.2, max(_LETTER * size / 720, LEAST)
     with matplotlib_style(_style(theme, 72.0 * letter / dpi)):
         # A hair larger, as matplotlib rounds down.
         figure = Figure(figsize=((width + 0.1) / dpi, (size + 0.1) / dpi), dpi=dpi)

@@ -26,7 +26,6 @@ _OPTIONS = {
     ".mp4": {"preset": "veryfast", "crf": "22", "bf": "0", "partitions": "none", "mbtree": "0"},
     ".webm": {"crf": "32", "b": "0", "deadline": "realtime", "cpu-used": "6"},
 }
-_CONTAINER = {".mp4": {"movflags": "+faststart"}, ".webm": {}}
 _BT709 = 1  # of primaries, transfer and matrix in H.273; players guess at colours that carry no tags
 _GIF_SAMPLES = 12  # pictures, about, from which the palette is chosen
 
@@ -79,7 +78,7 @@ def _encode_stream(path: Path, form: str, width: int, height: int, fps: int, pic
     """One stream of H.264 or VP9."""
     import av
 
-    options = _CONTAINER[form] | {"fflags": "+bitexact"}
+    options = {"fflags": "+bitexact"} | ({"movflags": "+faststart"} if form == ".mp4" else {})
     with open(path, "w+b") as file:  # of Python's, whose errors reach us: a full disk is one
         container = av.open(file, "w", format=form[1:], options=options)
         stream: Any = container.add_stream(_CODECS[form], rate=fps, options=_OPTIONS[form])

@@ -39,7 +39,6 @@ class Driver:
         status: what `advance` returned last.
         failure: why there is no result, once the status is "failed".
         end: the state at the end, once the status is "finished".
-        steps_made: in all attempts together.
         can_end: whether the scene may end, and begin again with a shorter step.
 
     Raises InputError for a step by hand that is too long.
@@ -52,7 +51,7 @@ class Driver:
     ) -> None:
         self.scenario, self.kernels = scenario, kernels
         self.control = StepControl(scenario, time, spectrum, force)
-        self.steps_made, self.compile_seconds = 0, 0.0
+        self.compile_seconds = 0.0
         self.failure: SimulationError | None = None
         self.end: Snapshot | None = None
         self.status: Status = "running"
@@ -72,7 +71,7 @@ class Driver:
         self._launch_steps = max(1, springs // (len(scenario.lattice.bonds) * self.step.integrator.forces))
         self._rows: Array = np.empty((256, len(COLUMNS)))
         self._rows[0], self.count = self.simulation.first_row, 1
-        self._watch = EnergyBalance(self.simulation.first_row)
+        self._balance = EnergyBalance(self.simulation.first_row)
         self.start = self.state = self.simulation.snapshot()
         self.row = self.simulation.first_row
 
@@ -82,11 +81,6 @@ class Driver:
         return self.kernels.simulation(scenario.lattice, scenario.model, step.integrator, scenario.velocities, step.dt)
 
     # ---- what is known
-
-    @property
-    def time(self) -> float:
-        """[R/c]"""
-        return self.simulation.time
 
     @property
     def rows(self) -> Array:
@@ -120,14 +114,13 @@ class Driver:
 
     def _launch(self, last: int) -> None:
         """One kernel launch, and what follows from it; up to step `last`."""
-        simulation, before = self.simulation, self.simulation.step_number
-        steps, needed = min(self._launch_steps, last - before), self._needed if self.can_end else NEVER
+        simulation, needed = self.simulation, self._needed if self.can_end else NEVER
+        steps = min(self._launch_steps, last - simulation.step_number)
         rows, self._quiet = simulation.advance(steps, self.stride, self._bounds, needed, self._quiet)
-        self.steps_made += simulation.step_number - before
         now, seen, what = simulation.snapshot(), np.vstack([rows, simulation.now]), ""
-        if (lost := self._watch.first_lost(seen)) is not None:
-            what = self._watch.loss(seen[lost])
-        elif gone_through(self.scenario.lattice, self.scenario.model, now.vectors[0], self._watch.total):
+        if (lost := self._balance.first_lost(seen)) is not None:
+            what = self._balance.loss(seen[lost])
+        elif gone_through(self.scenario.lattice, self.scenario.model, now.vectors[0], self._balance.total):
             what = "the disk has gone through the surface of the wall"
         self._append(rows[:lost])
         if what:
@@ -138,7 +131,7 @@ class Driver:
             # The rows of the quiet time: a scene may be asked at every row, and all rows are many.
             last_rows = self._rows[max(0, self.count - self._needed - 1) : self.count]
             if self.scenario.ended(as_columns(last_rows, self.interval)):
-                self._judge()
+                self._at_end()
             else:
                 self._quiet = self._needed - 1
 
@@ -164,7 +157,7 @@ class Driver:
 
     # ---- the end, and other ends
 
-    def _judge(self) -> None:
+    def _at_end(self) -> None:
         """At the scene's end: finish, or begin again if a shorter step does better."""
         columns, scenario = self.columns, self.scenario
         if self.control.shorten_after_run(self.simulation.peak_point_force(self.state), columns):

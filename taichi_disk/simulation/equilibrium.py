@@ -77,7 +77,7 @@ def _downhill(
 ) -> tuple[Array, float]:
     """One Levenberg-Marquardt step: new positions, and the next shift of the tangent's diagonal.
 
-    The shift grows until the matrix is positive definite and the energy falls by a fair share of what the quadratic
+    The shift grows until the matrix is positive definite and the energy falls by a fair part of what the quadratic
     model promises. It shrinks to next to nothing: rolling may be 1e-8 times as stiff as the springs, yet must converge.
     """
     energy, residual = model.energy(lattice, x), np.abs(force).max()
@@ -90,21 +90,21 @@ def _downhill(
         move[:, 0] -= move[:, 0].mean()  # rounding, which would make the disk slide along the wall
         slope = float(np.sum(move * force))
         curvature = slope - shift * float(np.sum(move * move))
-        share = min(1.0, _MOST_ROLL / max(abs(_rotation(x, move)), _EPS))
+        part = min(1.0, _MOST_ROLL / max(abs(_rotation(x, move)), _EPS))
         for _ in range(12):
-            trial = _moved(x, share * move)
-            promised = share * slope - 0.5 * share**2 * curvature
+            trial = _moved(x, part * move)
+            promised = part * slope - 0.5 * part**2 * curvature
             if promised > 64.0 * _EPS * abs(energy):
                 kept = (energy - model.energy(lattice, trial)) / promised
             else:  # below the rounding of the energy, the forces must tell
                 kept = float(np.abs(model.forces(lattice, trial)).max() <= 2.0 * residual)
             if kept > 0.1:
-                if share == 1.0 and kept > 0.5:
+                if part == 1.0 and kept > 0.5:
                     shift = max(shift / 10.0, _LEAST_SHIFT * stiffest)
                 elif kept < 0.25:
                     shift *= 4.0
                 return trial, shift
-            share /= 2.0
+            part /= 2.0
         shift *= 8.0
     raise SimulationError("Newton's method found no way downhill to a rest: lower compression.pressure or wall.a")
 

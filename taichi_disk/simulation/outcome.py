@@ -84,7 +84,7 @@ def compute(
     driver = Driver(scenario, time, kernels, modes, force=force)
     progress.start("simulate", scenario.max_time)
     while driver.advance(seconds=0.1) in ("running", "restarted"):
-        progress.update(driver.time)
+        progress.update(driver.simulation.time)
     if driver.failure:
         raise driver.failure
     return _described(driver, time, estimate)

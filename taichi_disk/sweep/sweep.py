@@ -121,7 +121,7 @@ def run_sweep(
     yaml = {True: "true", False: "false"}
     write_csv(out / "points.csv", [{k: yaml[v] if isinstance(v, bool) else v for k, v in row.items()} for row in rows])
 
-    from taichi_disk.figures.drawing import figure_of
+    from taichi_disk.figures.curves import figure_of
 
     summary |= {"curves": figure_of(sweep, rows, out), "wall_clock": perf_counter() - began, "versions": versions()}
     write_summary(out / "summary.json", summary)

@@ -64,9 +64,9 @@ def folder(path: Path) -> list[Entry]:
         rows = csv.DictReader(table.read_text(encoding="utf-8").splitlines())
         files = [path / "points" / f"{row.get('key')}.yaml" for row in rows]
     else:
-        found = [file for file in sorted(path.glob("[!.]*.yaml")) if file.is_file()]
-        files = [file for file in found if not re.search(rb"^sweep:", file.read_bytes(), re.MULTILINE)]
-    entries: list[Entry] = [(file.stem, partial(load_scene, file)) for file in files if file.is_file()]
+        files = sorted(path.glob("[!.]*.yaml"))
+    files = [file for file in files if file.is_file() and not re.search(rb"^sweep:", file.read_bytes(), re.MULTILINE)]
+    entries: list[Entry] = [(file.stem, partial(load_scene, file)) for file in files]
     if not entries:
         raise InputError(f"{path}: there is no scene in this folder (*.yaml, or points.csv with points/*.yaml)")
     return entries

@@ -16,8 +16,7 @@ from taichi_disk.errors import TaichiDiskError
 from taichi_disk.scenes import Scene
 from taichi_disk.scenes.impact import ImpactScenario
 from taichi_disk.simulation.observables import INDEX
-from taichi_disk.window.changes import push_of
-from taichi_disk.window.sandbox import Sandbox
+from taichi_disk.window.sandbox import Sandbox, push_of
 from taichi_disk.window.scene_view import PANEL, SceneView
 
 MORE, MANY = 1.12, 1.5  # times as much, with each press of a key; times as many points
@@ -157,7 +156,8 @@ class Panel:
     """Four sections at the window's left. What a hand moves is done by `carry_out`, between two pictures.
 
     ImGui lets a panel be dragged away by any row of text, and GGUI places it only when its name is first seen. So after
-    each press on them the panels get new names (what follows ## is not shown), and are at home again.
+    each press on them, and in a window of another height, they get new names (what follows ## is not shown), and are at
+    home again.
     """
 
     def __init__(self, gui: Any, controls: Controls, size: tuple[int, int]) -> None:
@@ -165,7 +165,7 @@ class Panel:
         self._gui, self._controls, self._sandbox = gui, controls, controls.sandbox
         self._size = size
         self._pending: dict[str, tuple[float, Action]] = {}  # by key or slider: the value that it is to have, and how
-        self._home, self._height = 0, 0
+        self._home = 0
 
     def go_home(self) -> None:
         """Put the panels where they belong."""
@@ -173,18 +173,15 @@ class Panel:
 
     def show(self, height: int) -> None:
         """In a window of so many pixels."""
-        if height != self._height:
-            self._height = height
-            self.go_home()
-        top, (wide, high) = 0, self._size
+        top, (wide, high), new = 0, self._size, f"##{self._home}, {height}"
         contents = self._experiment, self._time, self._look, self._numbers
         for (name, rows), content in zip(HEIGHTS, contents, strict=True):
             rows = rows or max(height - top, 60)
-            with self._gui.sub_window(f"{name}##{self._home}", 0.0, top / high, PANEL / wide, rows / high):
+            with self._gui.sub_window(name + new, 0.0, top / high, PANEL / wide, rows / high):
                 content()
             top += rows
         if self._controls.keys_shown:
-            with self._gui.sub_window(f"Keys##{self._home}", (PANEL + 30) / wide, 112 / high, 330 / wide, 500 / high):
+            with self._gui.sub_window("Keys" + new, (PANEL + 30) / wide, 112 / high, 330 / wide, 500 / high):
                 for key, what in self._controls.reference:
                     self._gui.text(f"{key:<12}{what}")
 

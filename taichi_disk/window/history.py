@@ -40,7 +40,7 @@ class Segment(Driver):
 
     def _begin(self) -> None:
         super()._begin()
-        self._last, self.pulled_from, self._generation = 2**31 - 1, inf, self.simulation.generation
+        self._last, self.pulled_from = 2**31 - 1, inf
 
     def advance(self, seconds: float = inf, steps: int | None = None) -> Status:
         """As a `Driver`, but `max_time` is no failure, and after the end time goes on: the status stays "finished"."""
@@ -66,22 +66,17 @@ class Segment(Driver):
     @property
     def imbalance(self) -> float:
         """Energy that has appeared from nowhere [M c^2]."""
-        return float(self._watch.imbalance(self.row[None])[0])
+        return float(self._balance.imbalance(self.row[None])[0])
 
     def back_to(self, snapshot: Snapshot, row: Array) -> None:
         """Go back to a `state` of this attempt, with its `row`, before the mouse pulled; all after it is forgotten."""
-        simulation = self.simulation
-        if simulation.generation != self._generation:  # another driver has used it meanwhile
-            simulation = self.simulation = self._simulation()
-            self._generation = simulation.generation
-        elif self.pulled_from < inf:
-            simulation.set_mouse_target(-1)
-        simulation.restore(snapshot)
+        self.simulation = self._simulation()
+        self.simulation.restore(snapshot)
         self.count = 1 + snapshot.step // self.stride
         inside = ((self.rows[1:] >= self._bounds[0]) & (self.rows[1:] <= self._bounds[1])).all(axis=1)
         self._quiet = min(int(np.argmin(np.append(inside[::-1], False))), self._needed - 1)
-        self._watch = EnergyBalance(self.rows[0])
-        self._watch.first_lost(self.rows)
+        self._balance = EnergyBalance(self.rows[0])
+        self._balance.first_lost(self.rows)
         self.state, self.row, self.failure, self.pulled_from = snapshot, row, None, inf
         over = self.end is not None and snapshot.step >= self.end.step
         self.status, self.end = ("finished", self.end) if over else ("running", None)
@@ -92,7 +87,7 @@ class Segment(Driver):
         jump = self.simulation.set_mouse_target(point, target)
         self.row = self.row.copy()
         self.row[INDEX["load"]] += jump
-        self._watch.give(jump)
+        self._balance.give(jump)
         self.state = self.simulation.snapshot()
 
 

@@ -16,14 +16,14 @@ from numpy.typing import ArrayLike, NDArray
 from PIL import Image, ImageDraw, ImageFont
 
 from taichi_disk.lattice import Array
+from taichi_disk.output.plot import ENERGIES, LINE
 from taichi_disk.render.geometry import NOTHING, Shape, joined, outline, quads
 from taichi_disk.render.kernels import VERTEX
 from taichi_disk.render.legend import Ink, draw_line, ink, label, text_width, ticks_to
-from taichi_disk.render.palette import PALETTE, Theme, round_near
+from taichi_disk.render.palette import Theme, round_near
 from taichi_disk.simulation.observables import INDEX
-from taichi_disk.window.changes import push_of
 from taichi_disk.window.history import Segment
-from taichi_disk.window.sandbox import Sandbox
+from taichi_disk.window.sandbox import Sandbox, push_of
 
 Pixel = tuple[float, float]  # column and row from the window's upper left corner
 Box = tuple[float, float, float, float]  # left, top, right, bottom [px]
@@ -59,13 +59,12 @@ class Overlay:
 
     def rectangle(self, box: Sequence[float], fill: Ink | None = None, outline: Ink | None = None) -> None:
         """(left, top, right, bottom), with the last column and row; an outline is a pixel wide."""
-        left, top, right, bottom = box[0], box[1], box[2] + 1, box[3] + 1
+        left, top, right, bottom = box
         if outline:
-            self.polygon([(left, top), (right, top), (right, bottom), (left, bottom)], outline)
-            left, top, right, bottom = left + 1, top + 1, right - 1, bottom - 1
-            fill = fill or self._ground
-        if fill:
-            self.polygon([(left, top), (right, top), (right, bottom), (left, bottom)], fill)
+            self.rectangle(box, outline)
+            self.rectangle((left + 1, top + 1, right - 1, bottom - 1), fill or self._ground)
+        elif fill:
+            self.polygon([(left, top), (right + 1, top), (right + 1, bottom + 1), (left, bottom + 1)], fill)
 
     def line(self, ends: Sequence[Pixel], fill: Ink, width: int = 1) -> None:
         """Along a row or a column."""
@@ -117,22 +116,21 @@ def _boxes(line: str, font: ImageFont.FreeTypeFont) -> tuple[Array, Array]:
     rows, ends = np.nonzero(np.diff(cover, axis=1))  # a run begins or ends after this column
     level = cover[rows, ends + 1]
     starts = np.flatnonzero(level)
-    row, begin, end, level = rows[starts], ends[starts], ends[starts + 1], level[starts]
+    runs = np.stack([ends[starts], ends[starts + 1], level[starts], rows[starts]], axis=1)
+    runs = runs[np.lexsort(runs.T[::-1])]
     # Runs that stand below each other are one box.
-    order = np.lexsort((row, level, end, begin))
-    row, begin, end, level = row[order], begin[order], end[order], level[order]
-    new = np.append(True, (np.diff(begin) != 0) | (np.diff(end) != 0) | (np.diff(level) != 0) | (np.diff(row) != 1))
-    first = np.flatnonzero(new[: len(row)])
-    last = np.append(first[1:], len(row)) - 1
-    boxes = np.stack([begin[first], row[first] - 1, end[first], row[last]], axis=1) + np.array([left, top, left, top])
-    return boxes.astype(float), level[first] / (_LEVELS - 1.0)
+    continues = (np.diff(runs, axis=0, prepend=-1) == (0, 0, 0, 1)).all(axis=1)
+    continued = np.append(continues[1:], False)[: len(runs)]
+    (begin, end, level, first), last = runs[~continues].T, runs[~continued, 3]
+    boxes = np.stack([begin, first - 1, end, last], axis=1) + np.array([left, top, left, top])
+    return boxes.astype(float), level / (_LEVELS - 1.0)
 
 
 # ---- graphs
 
 
 class Curve(NamedTuple):
-    """In which graph, what is full scale, the name in the legend, the colour in PALETTE, the values (rows,)."""
+    """In which graph, what is full scale, the name in the legend, the colour, the values (rows,)."""
 
     graph: int
     scale: str
@@ -142,7 +140,7 @@ class Curve(NamedTuple):
 
     @property
     def ink(self) -> Ink:
-        red, green, blue = bytes.fromhex(PALETTE[self.colour][1:])
+        red, green, blue = bytes.fromhex(self.colour[1:])
         return red, green, blue
 
 
@@ -207,11 +205,11 @@ class Graphs:
         motion, force = (label(self.full[scale]) for scale in ("motion", "force"))
         moved = (f"v / {motion} c", of("com_vy")) if self._low else (f"ξ / {motion} R", height[0] - height)
         return [
-            Curve(0, "energy", "kinetic", "kinetic", of("kinetic")),
-            Curve(0, "energy", "elastic, wall", "elastic", of("elastic", "wall")),
-            Curve(0, "energy", "lost", "dissipated", of(*_LOST)),
-            Curve(1, "force", f"wall's force / {force} Mc²/R", "absorbed", of("wall_force")),
-            Curve(1, "motion", moved[0], "line", moved[1]),
+            Curve(0, "energy", "kinetic", ENERGIES["kinetic"][1], of("kinetic")),
+            Curve(0, "energy", "elastic, wall", ENERGIES["elastic"][1], of("elastic", "wall")),
+            Curve(0, "energy", "lost", ENERGIES["dissipated"][1], of(*_LOST)),
+            Curve(1, "force", f"wall's force / {force} Mc²/R", ENERGIES["absorbed"][1], of("wall_force")),
+            Curve(1, "motion", moved[0], LINE, moved[1]),
         ]
 
     @property

@@ -2,28 +2,93 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
 from math import ceil, inf
+from operator import attrgetter
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 
+from taichi_disk.config.scene_base import least_threshold
 from taichi_disk.errors import TaichiDiskError
-from taichi_disk.lattice import Array
+from taichi_disk.lattice import Array, Lattice
 from taichi_disk.output.files import write_text
+from taichi_disk.physics import MouseSpring, Springs
 from taichi_disk.scenes import Scene
+from taichi_disk.scenes.absorbing_wall import AbsorbingWallScene
+from taichi_disk.scenes.compression import CompressionScene
 from taichi_disk.scenes.impact import ImpactScenario
 from taichi_disk.simulation.observables import INDEX
+from taichi_disk.simulation.scenario import Scenario
 from taichi_disk.simulation.simulation import KernelCache
-from taichi_disk.window.changes import AT_ONCE, Start, continued, start_of, with_key, with_mouse
+from taichi_disk.simulation.stability import Spectrum, spectrum
 from taichi_disk.window.history import Checkpoint, Segment, Timeline
 
+AT_ONCE = ("material.eta_star", "wall.boundary", "compression.pressure")  # keys that need no new start
 PATIENCE = 0.025  # time spent computing between two pictures, at most [s]
 SLOW = 0.2  # part of the speed at which a contact passes in slow motion
 CONTACT = 0.01  # of v sqrt(k_a) M, about the largest force of an impact, is contact
 RESULTS = 5  # in the table
+
+
+def push_of(scene: Scene) -> float:
+    """The velocity of an impact [c], the force of a compression [M c^2/R]."""
+    return float(attrgetter(".".join(scene.abscissa))(scene))
+
+
+def with_key(scene: Scene, key: str, value: Any) -> Scene:
+    """`scene` with one dotted key changed, and with it what has to follow.
+
+    A softer contact or a slower disk needs a farther threshold; a wall has as many points on its area as the disk.
+    Raises InputError for a value that the scene refuses.
+    """
+    changes = {key: value}
+    if isinstance(scene, AbsorbingWallScene):
+        if key in ("wall.a", "impact.velocity"):
+            wall = replace(scene.wall, a=value) if key == "wall.a" else scene.wall
+            least = least_threshold(wall, scene.impact.velocity if key == "wall.a" else value)
+            changes["wall.threshold"] = max(wall.threshold, float(f"{1.001 * least:.4g}"))
+        if key == "lattice.points":
+            changes["wall.points"] = max(4, round(scene.wall.points * value / scene.lattice.points))
+    return scene.with_(changes)
+
+
+class Start(NamedTuple):
+    """A scene at t = 0, ready for a hand: its unloaded lattice, the scenario with a mouse spring, its spectrum."""
+
+    body: Lattice
+    scenario: Scenario
+    spectrum: Spectrum
+
+
+def start_of(scene: Scene, before: Start | None = None) -> Start:
+    """`before`: what it has in common with the scene is not computed again. Raises TaichiDiskError."""
+    if isinstance(scene, CompressionScene):  # nothing moves in time in Newton's method
+        scene = scene.with_({"compression.method": "relaxation"})
+    if before and _of_the_body(scene) != _of_the_body(before.scenario.scene):
+        before = None
+    body = before.body if before else scene.body()
+    scenario = with_mouse(scene, body)
+    lattice, springs = scenario.lattice, scenario.model.springs
+    if before and np.array_equal(before.scenario.lattice.positions, lattice.positions):
+        return Start(body, scenario, before.spectrum)
+    # Dashpots may come later: their rates belong to it in any case.
+    damped = replace(scenario.model, springs=Springs(springs.k_a, springs.k_b, eta=1.0))
+    return Start(body, scenario, spectrum(lattice, damped))
+
+
+def _of_the_body(scene: Scene) -> Any:
+    """All that the unloaded lattice and its spectrum depend on."""
+    return attrgetter("material.k_a", *scene.lattice_keys)(scene)
+
+
+def with_mouse(scene: Scene, body: Lattice) -> Scenario:
+    """The scene at t = 0 with a mouse spring that rests; `body`: its unloaded lattice."""
+    scenario, k_a = scene.scenario(body), scene.material.k_a
+    # A stronger pull than 0.02 k_a R would turn triangles of a fine lattice inside out.
+    scenario.model = replace(scenario.model, mouse=MouseSpring(0.2 * k_a, 0.02 * k_a))
+    return scenario
 
 
 class Result(NamedTuple):
@@ -50,12 +115,9 @@ class Sandbox:
         dragged: the point tied to the mouse and where the mouse is [R], or None.
     """
 
-    def __init__(
-        self, scene: Scene, before_compiling: Callable[[], None] = lambda: None, kernels: KernelCache | None = None
-    ) -> None:
-        """Raises TaichiDiskError. `before_compiling` is called whenever the next thing takes a moment."""
-        self.kernels = kernels or KernelCache(before_compiling=before_compiling)
-        self.speed, self.slow, self.starts = 1.0, False, 0
+    def __init__(self, scene: Scene, kernels: KernelCache) -> None:
+        """Raises TaichiDiskError."""
+        self.kernels, self.speed, self.slow, self.starts = kernels, 1.0, False, 0
         self.results: list[Result] = []
         self._begin(start_of(scene))
 
@@ -70,7 +132,7 @@ class Sandbox:
 
     def _begin(self, start: Start) -> None:
         self.time = Timeline(Segment(start.scenario, self.kernels, start.spectrum))
-        self.start, self.scene, self.starts = start, start.scene, self.starts + 1
+        self.start, self.scene, self.starts = start, start.scenario.scene, self.starts + 1
         self.paused, self.message, self._due = True, "", 0.0
         self.dragged: tuple[int, tuple[float, float]] | None = None
 
@@ -230,13 +292,15 @@ class Sandbox:
         Raises TaichiDiskError, with everything left as it was.
         """
         last, start, now = self.segment, self.start, self.segment.present
-        status = last.status
-        # After a blow-up a step by hand would be refused for the force that it has led to.
-        peak = 0.0 if status == "failed" else last.simulation.peak_point_force(now.snapshot)
-        scenario = continued(scene, start.body, now.x, now.v if hit is None else hit, peak)
+        scenario = with_mouse(scene, start.body)
+        scenario.lattice = replace(scenario.lattice, positions=now.x)
+        scenario.velocities = now.v if hit is None else hit
+        if last.status != "failed":  # after a blow-up a step by hand would be refused for the force that it has led to
+            peak = last.simulation.peak_point_force(now.snapshot)
+            scenario.point_force = max(scenario.point_force, peak)
         self.time.follow(Segment(scenario, self.kernels, start.spectrum, now.t, last.hit + (hit is not None), label))
         self.scene, self._due, self.dragged = scene, 0.0, None
-        if status in ("failed", "finished"):  # any change gives a new life
+        if last.status in ("failed", "finished"):  # any change gives a new life
             self.paused = False
 
     # ---- the mouse

@@ -14,10 +14,9 @@ from taichi_disk.render.geometry import Camera, View, edge_height
 from taichi_disk.render.legend import Legend, draw_line, ink, text_width
 from taichi_disk.render.painter import Painter, draw_triangles
 from taichi_disk.render.palette import THEMES, Theme, round_near
-from taichi_disk.window.changes import push_of
 from taichi_disk.window.history import Segment
 from taichi_disk.window.overlay import Graphs, Overlay
-from taichi_disk.window.sandbox import Sandbox
+from taichi_disk.window.sandbox import Sandbox, push_of
 
 SIZE = (1280, 860)  # of the window at first [px]
 PANEL = 292  # width of the controls [px]

@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Generator
 from contextlib import ExitStack
-from functools import partial
 from pathlib import Path
 from time import perf_counter
 
@@ -19,9 +18,10 @@ from taichi_disk.errors import TaichiDiskError
 from taichi_disk.output.files import atomic_write, beside, prepare_output, reason, remove
 from taichi_disk.render import kernels
 from taichi_disk.render.palette import THEMES
-from taichi_disk.render.pictures import elsewhere, read_back
+from taichi_disk.render.pictures import elsewhere
 from taichi_disk.render.video import Picture, video
 from taichi_disk.signals import raise_if_interrupted
+from taichi_disk.simulation.simulation import KernelCache
 from taichi_disk.window.controls import REPEATED, Controls, Entry, Panel
 from taichi_disk.window.overlay import Pixel
 from taichi_disk.window.sandbox import PATIENCE, Sandbox
@@ -72,12 +72,12 @@ class Viewer:
             at_end.callback(self._window.destroy)
             scene = self._playlist[0][1]()
             self._ground = THEMES[scene.video.theme].ground
-            self.sandbox = sandbox = Sandbox(scene, self._announce)
+            self.sandbox = sandbox = Sandbox(scene, KernelCache(self._announce))
             self._view = SceneView(self._window.get_canvas(), sandbox)
             self._controls = Controls(sandbox, self._view, self._playlist, self._out)
             self._mouse = Mouse(sandbox, self._view)
             self._panel = Panel(self._window.get_gui(), self._controls, self._initial_size)
-            recorder, self._ready = Recorder(self._controls, partial(read_back, self._window)), True
+            recorder, self._ready = Recorder(self._controls, self._window.get_image_buffer_as_numpy), True
             at_end.callback(recorder.stop)
             last, drawing = perf_counter(), 0.0
             while self._window.running and not self._controls.closing:
@@ -227,8 +227,9 @@ class Recorder:
         controls = self._controls
         if not controls.recording:
             self.stop()
-        self._seconds = self._seconds + seconds if self._write else 0.0
-        due = int(self._seconds * FPS) + 1 - (self._frames if self._write else 0)
+        if self._write:
+            self._seconds += seconds
+        due = int(self._seconds * FPS) + 1 - self._frames
         if not (controls.picture_wanted or (controls.recording and due > 0)):
             return
         picture = picture_of(self._read())
@@ -255,7 +256,7 @@ class Recorder:
     def _film(self, picture: Picture, count: int) -> None:
         """Let `count` frames of the film show a picture; it ends where the window gets another size."""
         if self._write is None:
-            self._new, self._shape, self._frames = beside(self._controls.next_file(".mp4")), picture.shape, 0
+            self._new, self._shape = beside(self._controls.next_file(".mp4")), picture.shape
             film = video(self._new, ".mp4", picture.shape[1], picture.shape[0], FPS)
             self._write = self._open.enter_context(film)
         elif picture.shape != self._shape:
@@ -268,7 +269,7 @@ class Recorder:
     def stop(self) -> None:
         """Complete the film, if there is one."""
         if self._write:
-            self._write = None
+            self._write, self._seconds, self._frames = None, 0.0, 0
             try:
                 self._open.close()
                 path = self._controls.next_file(".mp4")

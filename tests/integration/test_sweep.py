@@ -60,7 +60,7 @@ def small(tmp_path_factory: pytest.TempPathFactory) -> SweepResult:
 @pytest.fixture(autouse=True)
 def no_figures(monkeypatch: pytest.MonkeyPatch) -> None:
     """A figure takes a second; that of `small` is enough."""
-    monkeypatch.setattr("taichi_disk.figures.drawing.draw", lambda scene, curves, out: None)
+    monkeypatch.setattr("taichi_disk.figures.curves.draw", lambda scene, curves, out: None)
 
 
 @pytest.fixture

@@ -41,11 +41,12 @@ def test_without_a_display_one_message_names_the_remedy(
     assert told in said and "xvfb-run" in said
 
 
-def test_letters_are_boxes_that_cover_what_pillow_sets() -> None:
+@pytest.mark.parametrize("line", ["v_cm / v  ξ elastic", "run 1 2"])
+def test_letters_are_boxes_that_cover_what_pillow_sets(line: str) -> None:
     sheet, (width, height) = Overlay((255, 255, 255)), (200, 40)
     expected = Image.new("RGB", (width, height), (255, 255, 255))
     for draw in (sheet, ImageDraw.Draw(expected)):
-        legend.draw_line(draw, (10, 30), "v_cm / v  ξ elastic", 13.0, (0, 0, 0))
+        legend.draw_line(draw, (10, 30), line, 13.0, (0, 0, 0))
     picture = np.ones((height, width))
     for corners in sheet.vertices(width, height).reshape(-1, 6, 12):
         columns, rows = np.rint(corners[:, 0] * width).astype(int), np.rint((1.0 - corners[:, 1]) * height).astype(int)

@@ -9,8 +9,7 @@ import numpy as np
 import pytest
 
 from taichi_disk.figures import theory
-from taichi_disk.figures.curves import analyse
-from taichi_disk.figures.drawing import draw
+from taichi_disk.figures.curves import analyse, draw
 from taichi_disk.scenes import load_scene
 
 V = np.geomspace(3e-3, 5e-2, 12)

@@ -15,9 +15,8 @@ from taichi_disk.simulation.outcome import Outcome, compute
 from taichi_disk.simulation.simulation import KernelCache
 from taichi_disk.simulation.stability import spectrum
 from taichi_disk.window.app import folder, presets
-from taichi_disk.window.changes import with_key
 from taichi_disk.window.history import MOST, Segment
-from taichi_disk.window.sandbox import SLOW, Sandbox
+from taichi_disk.window.sandbox import SLOW, Sandbox, with_key
 
 SMALL = ["lattice.points=120", "impact.velocity=0.05", "material.eta_star=1"]
 UNDAMPED = [*SMALL, "material.eta_star=0"]
