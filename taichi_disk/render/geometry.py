@@ -105,7 +105,7 @@ def joined(*shapes: Shape) -> Shape:
 
 def edge_height(wall: Any, force: float) -> float:
     """Height above the surface at which a wall pushes a point with `force` [M c^2/R]: its edge in pictures [R]."""
-    return max(wall.height_of_force(force), 0.0) if force > 0.0 else 0.0
+    return max(wall.height_of_force(force), 0.0) if wall is not None and force > 0.0 else 0.0
 
 
 def wall_body(chain: Array, depth: float, edge: float, decay: float, theme: Theme) -> tuple[Shape, Shape]:
