@@ -26,7 +26,7 @@ def test_the_disk_that_is_followed_stays_where_it_is_in_view(kernels: KernelCach
     if columns == 50.0:
         assert place == pytest.approx(before + (columns, 0.0))
     height, sandbox.paused = view.centre[1], False
-    sandbox.advance(1.0)
+    sandbox.advance(1.0, patience=60.0)
     view.draw(SIZE)
     assert view.centre[1] < height - 0.01
     assert view.camera.to_pixels(view.centre) == pytest.approx(place)
