@@ -252,9 +252,9 @@ def _points(ax: Axes, curves: list[Curve], upright: bool) -> list[Any]:
     colours = list(matplotlib.colormaps["viridis"](np.linspace(0.0, 0.88, len(curves))))
     for k, (curve, colour) in enumerate(zip(curves, colours, strict=True)):
         force = curve.x / (np.pi * curve.young)
-        place = (curve.x, curve.mean, curve.deviation) if upright else (curve.mean, force, None, curve.deviation)
+        values = (curve.x, curve.mean, curve.deviation) if upright else (curve.mean, force, None, curve.deviation)
         style = {"color": colour, "marker": MARKS[k % len(MARKS)], "markersize": 3.5 if upright else 4.0}
-        ax.errorbar(*place, **style, linestyle="none", elinewidth=0.8, label=_named(curve))
+        ax.errorbar(*values, **style, linestyle="none", elinewidth=0.8, label=_named(curve))
     if counts := sorted({len(curve.y) for curve in curves if len(curve.y) > 1}):
         text = f"bars: {' or '.join(map(str, counts))} lattices"
         ax.errorbar([], [], [], color="0.45", linestyle="none", elinewidth=0.8, label=text)

@@ -165,14 +165,13 @@ def _painter(scenario: Scenario, outcome: Outcome, video: VideoSection, still: f
         positions.append(x)
         if t <= peak:
             painter.limit, greatest = max(painter.limit, painter.scale(painter.values(x, v))), x
-    if painter.wall is not None:
-        _, forces = painter.wall.contact_forces(painter.lattice, greatest)
-        largest = float(np.hypot(*forces.T).max(initial=0.0))
-        full = max(largest, outcome.largest_push / _LONGEST)
-        painter.full_force = round_near(full) if full else 0.0
-        painter.edge = edge_height(painter.wall, largest)
-        if not len(scenario.lattice.wall_surface):  # of a rigid wall no more is seen than its uppermost part
-            ymin = painter.edge - _BELOW
+    _, forces = painter.wall.contact_forces(painter.lattice, greatest)
+    largest = float(np.hypot(*forces.T).max(initial=0.0))
+    full = max(largest, outcome.largest_push / _LONGEST)
+    painter.full_force = round_near(full) if full else 0.0
+    painter.edge = edge_height(painter.wall, largest)
+    if not len(scenario.lattice.wall_surface):  # of a rigid wall no more is seen than its uppermost part
+        ymin = painter.edge - _BELOW
     disk = np.concatenate([x[: scenario.lattice.disk_points] for x in positions])
     (left, _), (right, top) = disk.min(axis=0), disk.max(axis=0)
     return painter, (min(xmin, left - _BESIDE), max(xmax, right + _BESIDE), ymin, max(ymax, top))
