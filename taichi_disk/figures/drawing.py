@@ -24,7 +24,7 @@ from taichi_disk.scenes import Scene
 
 WIDTH = 3.4  # inches: a column
 MARKS = "osD^vPX"
-NAMES = {"eta_star": "η*", "points": "N", "boundary": "", "method": ""}
+NAMES = {"eta_star": "η*", "viscosity": "η", "points": "N", "boundary": "", "method": ""}
 FONT: dict[Any, Any] = {
     "font.size": 9,
     "legend.fontsize": 8,

@@ -38,7 +38,7 @@ class AbsorbingWallScene(DiskScene):
 
     def conflicts(self) -> Conflicts:
         damping = dashpots(self.material) + ["wall.boundary = dashpot"] * (self.wall.boundary == "dashpot")
-        conflicts = time_conflicts(self.time, damping) + gap_conflicts(self.wall, self.impact)
+        conflicts = super().conflicts() + time_conflicts(self.time, damping) + gap_conflicts(self.wall, self.impact)
         least = least_threshold(self.wall, self.impact.velocity)
         if self.wall.threshold < least:
             text = (

@@ -17,7 +17,12 @@ from taichi_disk.scenes.compression import CompressionScene
 from taichi_disk.simulation.scenario import Scenario
 from taichi_disk.simulation.stability import Spectrum, spectrum
 
-AT_ONCE = ("material.eta_star", "wall.boundary", "compression.pressure")  # keys that need no new start
+AT_ONCE = (
+    "material.eta_star",
+    "material.viscosity",
+    "wall.boundary",
+    "compression.pressure",
+)  # keys that need no new start
 STIFFNESS = 0.2  # of the mouse's spring, in k_a
 STRONGEST = 0.02  # its largest pull, in k_a R: more would turn triangles of a fine lattice inside out
 
@@ -30,10 +35,11 @@ def push_of(scene: Scene) -> float:
 def with_key(scene: Scene, key: str, value: Any) -> Scene:
     """`scene` with one dotted key changed, and with it what has to follow.
 
-    A softer contact or a slower disk needs a farther threshold; a wall has as many points on its area as the disk.
+    A softer contact or a slower disk needs a farther threshold; a wall has as many points on its area as the disk. With
+    other points the body stays as viscous as it is.
     Raises InputError for a value that the scene refuses.
     """
-    changes = {key: value}
+    changes = {key: value} | (scene.keeping_the_body() if key == "lattice.points" else {})
     if isinstance(scene, AbsorbingWallScene):
         if key in ("wall.a", "impact.velocity"):
             wall = replace(scene.wall, a=value) if key == "wall.a" else scene.wall

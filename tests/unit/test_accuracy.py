@@ -42,7 +42,7 @@ def test_finer_lattices_are_of_the_same_material(kind: str) -> None:
 
 def test_no_lattice_is_tried_that_takes_hours_and_none_of_points_of_ones_own(tmp_path) -> None:
     finer = [one.change for one in changes(load_scene("exponential_wall", ["lattice.points=40000"]))]
-    assert "N = 160,000" in finer and "N = 640,000" not in finer
+    assert "N = 160,000, same η" in finer and "N = 640,000, same η" not in finer
     (tmp_path / "points.csv").write_text("x,y\n0,0\n1,0\n0,1\n")
     own = load_scene({"scene": "exponential_wall", "lattice": {"file": str(tmp_path / "points.csv")}})
     assert {one.source for one in changes(own)} == {WALL}

@@ -13,7 +13,7 @@ import pytest
 
 from taichi_disk.scenes import load_scene
 from taichi_disk.simulation.simulation import KernelCache
-from taichi_disk.window.controls import LEAST_ETA, REPEATED, Controls
+from taichi_disk.window.controls import LEAST, REPEATED, Controls
 from taichi_disk.window.sandbox import Sandbox
 from taichi_disk.window.scene_view import PANEL
 from taichi_disk.window.viewer import Recorder, picture_of
@@ -47,7 +47,7 @@ def test_every_key_is_explained_and_reaches_what_it_names(controls: Controls) ->
         controls.press("d")
     assert sandbox.scene.material.eta_star == 0.0
     controls.press("e")
-    assert sandbox.scene.material.eta_star == LEAST_ETA
+    assert sandbox.scene.material.eta_star == LEAST["material.eta_star"]
     for _ in range(60):
         controls.press("a")
     assert sandbox.scene.wall.a == 3000.0
