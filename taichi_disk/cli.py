@@ -106,6 +106,8 @@ def _run(arguments: argparse.Namespace) -> int:
         )
     assert result.out is not None
     print_result(result.summary, result.scenario.labels, result.out)
+    for text in result.summary.get("notes", ()):
+        _note(text)
     if "video_error" in result.summary:
         _print_error(f"error: {result.summary['video_error']}")
         return 1

@@ -10,7 +10,8 @@ from taichi_disk import load_sweep, run_sweep
 SWEEP = """
 scene: exponential_wall
 lattice: {points: 200}
-sweep: {eta_star: [10], seed: {range: 3}, velocity: {geom: [1.0e-2, 5.0e-2, 4]}}
+material: {viscosity: 0.0091}
+sweep: {seed: {range: 3}, velocity: {geom: [1.0e-2, 5.0e-2, 4]}}
 """
 
 

@@ -56,7 +56,7 @@ class Ringing(Scenario):
         return columns["lowest_y"], "lowest point  [R]"
 
     def title(self) -> tuple[str, ...]:
-        return ("Ringing", f"η* = {self.scene.material.eta_star:g}", self.scene.described(self.lattice))
+        return ("Ringing", self.scene.damping, self.scene.described(self.lattice))
 
 
 SCENES["ringing"] = RingingScene

@@ -6,7 +6,7 @@ python docs/examples/one_impact.py
 from taichi_disk import load_scene, run
 
 # A shipped scene with some keys changed; `taichi-disk check exponential_wall` lists all keys.
-scene = load_scene("exponential_wall").with_(points=300, eta_star=10, velocity=0.03)
+scene = load_scene("exponential_wall").with_(points=300, viscosity=0.0091, velocity=0.03)
 result = run(scene)
 
 print(f"restitution  {result.restitution:.5f} +- {result.error:.1g} (time step)")

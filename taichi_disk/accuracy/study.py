@@ -29,6 +29,7 @@ SEEDS = 8
 FINER = (4, 16, 64)  # times the points; same mass, stiffness and viscosity of the whole disk
 MOST_POINTS = 200_000  # of the disk, beyond which only the first of these is tried
 HARDER = (3.0, 10.0)  # times the wall's a
+VISCOSITY = "material.viscosity"
 SAMPLE, POINTS, WALL = "lattice sample", "points", "wall hardness"
 CLEAR = 2.0  # times the lattice scatter, from which a finer lattice is more than another sample
 COMPILING = 5.0  # [s] of kernels, about
@@ -97,6 +98,9 @@ class Findings:
         advice = "use smaller steps (time.tolerance)" if self.steps else "nothing to gain"
         if more:
             advice = f"use more {' and '.join(more)}, not smaller steps"
+            eta = next((one.keys[VISCOSITY] for one in self.sources if VISCOSITY in one.keys), None)
+            if eta and self.steps and "points" in more:
+                advice += f"; {VISCOSITY} = {eta:.4g} keeps the body the same"
         return f"{self.name}: {', '.join(parts)}: {advice}"
 
 
@@ -161,12 +165,12 @@ def changes(scene: Scene) -> Iterator[Change]:
             if factor > FINER[0] and factor * lattice.points > MOST_POINTS:
                 break
             keys = {f"{home}.points": factor * getattr(scene, home).points for home, _ in scene.homes("points")}
-            # eta = eta* m c/R of a spring is a material constant, m = M/N is not.
-            more = {"material.eta_star": factor * scene.material.eta_star}
+            more = scene.keeping_the_body()
             # A reset is a drag of 2 m/interval on each point of the boundary.
             if isinstance(wall, ElasticWallSection) and wall.boundary == "reset":
                 more["wall.reset_interval"] = wall.reset_interval / math.sqrt(factor)
-            yield Change(POINTS, f"N = {factor * lattice.points:,}", keys | more, factor)
+            same = ", same η" * bool(scene.material.dashpots[1])
+            yield Change(POINTS, f"N = {factor * lattice.points:,}{same}", keys | more, factor)
     for multiple in HARDER:
         yield Change(WALL, f"a = {multiple * wall.a:g}/R", {"wall.a": multiple * wall.a})
 

@@ -76,6 +76,8 @@ class Job:
         outcome = compute(scenario, time, self.progress, kernels, force=self.force, estimate=self.estimate)
         self.clock.lap("simulate", compile=outcome.compile_seconds)
         results = {**scenario.result(outcome.columns), "measured": scenario.notes, **outcome.facts, "video": None}
+        if scenario.step_dependent and (notes := self.scene.notes(scenario.lattice.disk_points)):
+            results["notes"] = notes
         return scenario, self._summary("done") | results, outcome
 
     def _summary(self, status: str, reason: str | None = None) -> dict[str, Any]:

@@ -55,7 +55,16 @@ class SceneBase(Frozen):
 
     def conflicts(self) -> Conflicts:
         """Disagreements between keys that are valid by themselves; a kind adds its own."""
-        return []
+        material, usual = self.material, self.usual_eta_star()
+        if material.viscosity == "auto" or material.eta_star == usual:
+            return []
+        both = f"{material.viscosity:g} and material.eta_star = {material.eta_star:g} both set the dashpots"
+        return [("material.viscosity", f"{both}: write auto, or leave material.eta_star at its default, {usual:g}")]
+
+    @classmethod
+    def usual_eta_star(cls) -> float:
+        """The default of this kind of scene, which may stand beside `material.viscosity`."""
+        return cast(MaterialSection, cls.sections()["material"]).eta_star
 
     def unused(self) -> Collection[tuple[str, str]]:
         """(section, key) that change nothing beside `lattice.file`, and so cannot be swept."""
@@ -119,7 +128,8 @@ def time_conflicts(time: TimeSection, material: MaterialSection, *others: str) -
 
 def dashpots(material: MaterialSection) -> list[str]:
     """The key, with its value, that makes the springs' forces depend on velocity; empty where none does."""
-    return [f"material.eta_star = {material.eta_star:g}"] if material.eta_star else []
+    name, value = material.dashpots
+    return [f"material.{name} = {value:g}"] if value else []
 
 
 def gap_conflicts(wall: WallSection | ElasticWallSection, impact: ImpactSection) -> Conflicts:

@@ -114,15 +114,27 @@ class LatticeSection(Section):
 
 
 class MaterialSection(Section):
-    """Springs and dashpots, eq. (1): f = -k_a s - k_b s^3 - eta (v_i - v_j), eta = eta_star m c/R."""
+    """Springs and dashpots, eq. (1): f = -k_a s - k_b s^3 - eta (v_i - v_j), eta = eta_star m c/R with m = M/N."""
 
     k_a: float = key(1.0, "linear spring constant", "M c^2/R^2", low=1e-9, high=1e6)
     k_b: float = key(1e-3, "cubic spring constant", "M c^2/R^4", low=0, high=1e6)
     eta_star: float = key(10.0, "viscosity eta R/(m c) of the dashpots; 0: none", low=0, high=1e6)
+    viscosity: Auto | float = key(
+        "auto", "dashpot constant eta of one spring, the same body at any N; auto: eta_star/N", "M c/R", low=0, high=1e6
+    )
     dashpot: Dashpot = key(
         "vector",
         "resists all relative velocity of its ends, a rotation's too (the paper); axial: along the spring",
     )
+
+    def eta(self, points: int) -> float:
+        """The dashpot constant of every spring of a disk of so many points [M c/R]."""
+        return self.eta_star / points if self.viscosity == "auto" else self.viscosity
+
+    @property
+    def dashpots(self) -> tuple[str, float]:
+        """The key that sets the dashpots, and its value, 0 for none."""
+        return ("eta_star", self.eta_star) if self.viscosity == "auto" else ("viscosity", self.viscosity)
 
 
 class WallSection(ExponentialPotential, Section):

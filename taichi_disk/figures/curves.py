@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -16,6 +16,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
+from taichi_disk.config.scene_base import dashpots
 from taichi_disk.config.sweep_axes import Sweep, target_of
 from taichi_disk.figures import theory
 from taichi_disk.figures.theory import Fit
@@ -30,7 +31,7 @@ OF_CURVE = ("lattices", "young", "poisson", "x", "mean", "standard_deviation", "
 MATERIAL = {("material", "k_a"), ("lattice", "points"), ("lattice", "min_spacing"), ("lattice", "file")}
 
 MARKS = "osD^vPX"
-NAMES = {"eta_star": "η*", "points": "N", "boundary": "", "method": ""}
+NAMES = {"eta_star": "η*", "viscosity": "η", "points": "N", "boundary": "", "method": ""}
 FONT: dict[Any, Any] = {
     "font.size": 9,
     "legend.fontsize": 8,
@@ -165,7 +166,8 @@ def analyse(base: Scene, axes: Sequence[str], rows: Sequence[Row]) -> list[Curve
         same = alike[tuple(label[name] for name in of_material)]
         moduli = {row[seed] if seed else 0: (row["young"], row["poisson"]) for row in same}
         young, poisson = np.array(list(moduli.values()), float).mean(axis=0)
-        damped = bool(label.get(names.get(("material", "eta_star"), ""), base.material.eta_star))
+        swept = {to[1]: label[name] for to, name in names.items() if to and to[0] == "material" and name in label}
+        damped = bool(dashpots(replace(base.material, **swept)))
         curve = Curve(label, np.array(x, float), y, float(young), float(poisson), damped)
         wanted = {name: FITS[name] for name in figure.fits}
         curve.fits.update({name: rule.fit(curve) for name, rule in wanted.items() if rule.applies(curve)})

@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
+from contextlib import ExitStack
 from dataclasses import dataclass
 from importlib.util import find_spec
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from shutil import copyfileobj
+from tempfile import TemporaryFile
+from typing import IO, TYPE_CHECKING, Any, NamedTuple
 from xml.sax.saxutils import quoteattr
+from zipfile import ZipFile
 
 import numpy as np
 
@@ -63,23 +67,30 @@ def _frames(lattice: Lattice, model: Model, moments: Iterable[Moment]) -> Iterat
 def _write_xyz(path: Path, lattice: Lattice, frames: Iterator[Frame]) -> None:
     """Extended XYZ: text, a line for each point, with 12 digits. It knows no springs.
 
-    Strain and tension are means over the springs of a point, energy is half of theirs, so that it adds up. The species
-    is D for points of the disk, W for those of an elastic wall.
+    Strain and tension are means over the springs of a point, energy is half of theirs, so that it adds up. ASE takes no
+    species but the elements: points of the disk are C, those of an elastic wall Si. It takes `stress` and `energy` for
+    those of all atoms, OVITO `strain` for a tensor; `Stress` is one to OVITO, and nothing to ASE.
     """
-    n = len(lattice.positions)
-    species = np.where(np.arange(n) < lattice.disk_points, "D", "W")
+    n, side = len(lattice.positions), 0.0
+    species = np.where(np.arange(n) < lattice.disk_points, "C", "Si")
     size = np.full(n, _radius(lattice))
     ends = lattice.bonds.ravel()
     springs = np.maximum(np.bincount(ends, minlength=n), 1)
     with path.open("w", encoding="ascii", newline="\n") as file:
         for frame in frames:
-            at = {name: np.bincount(ends, np.repeat(each, 2), n) / springs for name, each in frame.springs.items()}
-            at["energy"] *= 0.5 * springs
             columns = {"pos": frame.positions, "velo": frame.velocities, "mass": lattice.masses, "radius": size}
-            parts = {name: _padded(values).reshape(n, -1) for name, values in (columns | frame.points | at).items()}
+            columns |= {"Stress" if name == "stress" else name: values for name, values in frame.points.items()}
+            for name, each in frame.springs.items():
+                columns[f"springs_{name}"] = np.bincount(ends, np.repeat(each, 2), n) / springs
+            columns["springs_energy"] *= 0.5 * springs
+            parts = {name: _in_space(values).reshape(n, -1) for name, values in columns.items()}
             kinds = ":".join(f"{name}:R:{values.shape[1]}" for name, values in parts.items())
             energies = " ".join(f"{name}_energy={value:.17g}" for name, value in frame.energies.items())
-            file.write(f'{n}\nProperties=species:S:1:{kinds} Time={frame.time:.17g} {energies} pbc="F F F"\n')
+            # Without a box, OVITO before 3.17 overlooks time and energies.
+            side = max(side, 2.0 * float(np.abs(frame.positions).max()))
+            box = f'Lattice="{side:.12g} 0 0 0 {side:.12g} 0 0 0 1" Origin="{-side / 2:.12g} {-side / 2:.12g} -0.5"'
+            properties = f"Properties=species:S:1:{kinds}"
+            file.write(f'{n}\n{box} {properties} Time={frame.time:.17g} {energies} pbc="F F F"\n')
             table = np.concatenate(list(parts.values()), axis=1)
             line = "%s" + " %.12g" * table.shape[1] + "\n"
             file.writelines(line % (kind, *row) for kind, row in zip(species, table.tolist(), strict=True))
@@ -99,11 +110,11 @@ def _write_gsd(path: Path, lattice: Lattice, frames: Iterator[Frame]) -> None:
             shot.configuration.box = [4.0 * reach, 4.0 * reach, 0, 0, 0, 0]
             shot.particles.N, shot.particles.types = n, ["disk", "wall"]
             shot.particles.typeid = (np.arange(n) >= lattice.disk_points).astype(np.uint32)
-            shot.particles.position, shot.particles.velocity = _padded(frame.positions), _padded(frame.velocities)
+            shot.particles.position, shot.particles.velocity = _in_space(frame.positions), _in_space(frame.velocities)
             shot.particles.mass, shot.particles.diameter = lattice.masses, np.full(n, 2.0 * _radius(lattice))
             shot.bonds.N, shot.bonds.types = m, ["spring"]
             shot.bonds.group, shot.bonds.typeid = lattice.bonds, np.zeros(m, np.uint32)
-            shot.log = {f"particles/{name}": values for name, values in frame.points.items()}
+            shot.log = {f"particles/{name}": _in_space(values) for name, values in frame.points.items()}
             shot.log |= {f"bonds/{name}": values for name, values in frame.springs.items()}
             shot.log |= {f"{name}_energy": np.array([value]) for name, value in frame.energies.items()}
             shot.log["time"] = np.array([frame.time])
@@ -124,12 +135,12 @@ def _write_vtu(path: Path, lattice: Lattice, frames: Iterator[Frame]) -> None:
         new.mkdir()
         for number, frame in enumerate(frames):
             points = frame.points | {"velocity": frame.velocities, "mass": lattice.masses}
-            points = {name: _padded(values) for name, values in points.items()}
+            points = {name: _in_space(values) for name, values in points.items()}
             cells = {"springs": ("line", lattice.bonds), "triangles": ("triangle", lattice.triangles)}
             for part, kind in enumerate(cells):
-                cell_data = {name: [values] for name, values in getattr(frame, kind).items()}
+                cell_data = {name: [_in_space(values)] for name, values in getattr(frame, kind).items()}
                 name = f"{number:04}_{kind}.vtu"
-                mesh = meshio.Mesh(_padded(frame.positions), [cells[kind]], points, cell_data)
+                mesh = meshio.Mesh(_in_space(frame.positions), [cells[kind]], points, cell_data)
                 mesh.write(new / name, file_format="vtu")
                 file = quoteattr(f"{folder.name}/{name}")
                 listed.append(f'<DataSet timestep="{frame.time:.17g}" part="{part}" file={file}/>')
@@ -140,17 +151,35 @@ def _write_vtu(path: Path, lattice: Lattice, frames: Iterator[Frame]) -> None:
 
 
 def _write_npz(path: Path, lattice: Lattice, frames: Iterator[Frame]) -> None:
-    """t (T,), positions and velocities (T, n, 2), points_…, springs_…, triangles_… as in `Frame`, energies, lattice."""
-    rows = []
-    for frame in frames:
-        row: dict[str, Any] = {"t": frame.time, "positions": frame.positions, "velocities": frame.velocities}
-        for kind in ("points", "springs", "triangles"):
-            row |= {f"{kind}_{name}": values for name, values in getattr(frame, kind).items()}
-        rows.append(row | {f"{name}_energy": value for name, value in frame.energies.items()})
-    arrays: dict[str, Any] = {name: np.array([row[name] for row in rows]) for name in rows[0]}
-    for name in ("bonds", "triangles", "rest_lengths", "masses", "disk_points"):
-        arrays[name] = getattr(lattice, name)
-    np.savez(path, **arrays)
+    """t (T,), positions and velocities (T, n, 2), points_…, springs_…, triangles_… as in `Frame`, energies, lattice.
+
+    As `np.savez` writes it, but with one frame in memory: a file for each array holds its frames until all are there.
+    """
+    parts: dict[str, tuple[IO[bytes], Array]] = {}
+    with ExitStack() as files, ZipFile(path, "w") as archive:
+
+        def member(name: str) -> IO[bytes]:
+            return archive.open(f"{name}.npy", "w", force_zip64=True)
+
+        for frame in frames:
+            row: dict[str, Any] = {"t": frame.time, "positions": frame.positions, "velocities": frame.velocities}
+            for kind in ("points", "springs", "triangles"):
+                row |= {f"{kind}_{name}": values for name, values in getattr(frame, kind).items()}
+            row |= {f"{name}_energy": value for name, value in frame.energies.items()}
+            for name, value in row.items():
+                if name not in parts:
+                    parts[name] = files.enter_context(TemporaryFile(dir=path.parent)), np.asarray(value)
+                parts[name][0].write(np.asarray(value).tobytes())
+        for name, (file, first) in parts.items():
+            shape = file.tell() // first.nbytes, *first.shape
+            header = {"descr": first.dtype.str, "fortran_order": False, "shape": shape}
+            file.seek(0)
+            with member(name) as out:
+                np.lib.format.write_array_header_1_0(out, header)
+                copyfileobj(file, out)
+        for name in ("bonds", "triangles", "rest_lengths", "masses", "disk_points"):
+            with member(name) as out:
+                np.lib.format.write_array(out, np.asarray(getattr(lattice, name)))
 
 
 def _radius(lattice: Lattice) -> float:
@@ -158,9 +187,12 @@ def _radius(lattice: Lattice) -> float:
     return 0.25 * float(np.median(lattice.rest_lengths))
 
 
-def _padded(values: Array) -> Array:
-    """(n, 2) vectors with a z of 0; other arrays as they are."""
-    return np.pad(values, ((0, 0), (0, 1))) if values.ndim == 2 and values.shape[1] == 2 else values
+def _in_space(values: Array) -> Array:
+    """Vectors (n, 2) with a z of 0; stresses (n, 3) as XX, YY, ZZ, XY, XZ, YZ; other arrays as they are."""
+    if values.ndim == 1:
+        return values
+    padded = np.pad(values, ((0, 0), (0, 1)))
+    return padded if values.shape[1] == 2 else padded.take([0, 1, 3, 2, 3, 3], axis=1)
 
 
 class Format(NamedTuple):

@@ -37,7 +37,8 @@ class AbsorbingWallScene(DiskScene):
 
     def conflicts(self) -> Conflicts:
         matched = ["wall.boundary = dashpot"] * (self.wall.boundary == "dashpot")
-        conflicts = time_conflicts(self.time, self.material, *matched) + gap_conflicts(self.wall, self.impact)
+        conflicts = super().conflicts() + time_conflicts(self.time, self.material, *matched)
+        conflicts += gap_conflicts(self.wall, self.impact)
         least = least_threshold(self.wall, self.impact.velocity)
         if self.wall.threshold < least:
             text = (

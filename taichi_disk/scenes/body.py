@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Collection
-from typing import TYPE_CHECKING, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 from taichi_disk.config.scene_base import SceneBase
+from taichi_disk.config.sections import LatticeSection
 from taichi_disk.errors import InputError
 from taichi_disk.lattice import Lattice, Moduli, bulk_moduli, disk_lattice, read_lattice
 
@@ -45,12 +46,37 @@ class DiskScene(SceneBase):
         return [("lattice", key) for key in keys]
 
     def springs(self, lattice: Lattice) -> Springs:
-        """Springs and dashpots of the scene's material, eta = eta* m c/R with m = M/N."""
+        """Springs and dashpots of the scene's material."""
         from taichi_disk.physics import Springs
 
         material = self.material
-        eta = material.eta_star / lattice.disk_points
+        eta = material.eta(lattice.disk_points)
         return Springs(material.k_a, material.k_b, eta, axial=material.dashpot == "axial")
+
+    def keeping_the_body(self) -> dict[str, Any]:
+        """Keys, as `with_` takes them, with which another `lattice.points` leaves the body as viscous as it is."""
+        name, value = self.material.dashpots
+        if name == "viscosity" or not value or self.lattice.file != "none":
+            return {}
+        eta = self.material.eta(self.lattice.points)
+        return {"material.viscosity": eta, "material.eta_star": self.usual_eta_star()}
+
+    def notes(self, points: int) -> list[str]:
+        """What a person should know of a result that depends on the dashpots of a disk of so many points."""
+        (name, value), paper = self.material.dashpots, LatticeSection.points
+        if name == "viscosity" or not value or points == paper:
+            return []
+        compared = (
+            f"with {points:,} points the body is {paper / points:.3g} times as viscous as with the paper's {paper}"
+        )
+        remedy = f"material.viscosity = {value / paper:.3g} makes it the same"
+        return [f"material.eta_star = {value:g} is per point: {compared}; {remedy}"]
+
+    @property
+    def damping(self) -> str:
+        """The viscosity in a few words, for titles."""
+        name, value = self.material.dashpots
+        return f"η* = {value:g}" if name == "eta_star" else f"η = {value:g} Mc/R"
 
     def described(self, lattice: Lattice) -> str:
         """The lattice in a few words, for titles."""

@@ -36,7 +36,7 @@ class CompressionScene(DiskScene):
     compression: CompressionSection = CompressionSection()
 
     def conflicts(self) -> Conflicts:
-        conflicts = time_conflicts(self.time, self.material)
+        conflicts = super().conflicts() + time_conflicts(self.time, self.material)
         if self.time.tolerance != "none" and self.compression.method == "newton":
             text = "Newton's method takes no time step, and solves to rounding: write none, or method: relaxation"
             conflicts.append(("time.tolerance", text))
@@ -114,6 +114,8 @@ class Compression(Scenario):
 
     def unfinished(self, columns: Columns) -> str:
         end, wanted = {name: values[-1] for name, values in columns.items()}, self.scene.time.tolerance
+        by_star = self.scene.material.viscosity == "auto"
+        best = "eta_star nearer to 100" if by_star else f"viscosity nearer to {100 / self.lattice.disk_points:.2g}"
         remedy = "use compression.method: newton, or set compression.max_time higher"
         low, high = self.end_bounds()["wall_force"]
         if wanted != "none" and low <= end["wall_force"] <= high and not self.ended(columns):
@@ -124,7 +126,7 @@ class Compression(Scenario):
             )
         return (
             f"the disk is not at rest by t = {end['t']:.6g} R/c (kinetic energy {end['kinetic']:.3g} M c^2, largest "
-            f"force on a point {end['residual']:.3g} M c^2/R); {remedy}, or material.eta_star nearer to 100: weaker "
+            f"force on a point {end['residual']:.3g} M c^2/R); {remedy}, or material.{best}: weaker "
             "dashpots take longer, and much stronger ones let the disk bounce as a rigid body, or hardly roll"
         )
 
@@ -171,7 +173,7 @@ class Compression(Scenario):
         scene = self.scene
         return (
             f"Compression on a rigid wall ({scene.compression.method})",
-            f"P = {self.pressure:g} Mc²/R    η* = {scene.material.eta_star:g}    a = {scene.wall.a:g}/R",
+            f"P = {self.pressure:g} Mc²/R    {scene.damping}    a = {scene.wall.a:g}/R",
             scene.described(self.lattice),
         )
 

@@ -26,7 +26,8 @@ class ExponentialWallScene(DiskScene):
     impact: ImpactSection = ImpactSection()
 
     def conflicts(self) -> Conflicts:
-        return time_conflicts(self.time, self.material) + gap_conflicts(self.wall, self.impact)
+        conflicts = super().conflicts() + time_conflicts(self.time, self.material)
+        return conflicts + gap_conflicts(self.wall, self.impact)
 
     def scenario(self, lattice: Lattice | None = None) -> ExponentialWallImpact:
         """The scene ready to be stepped; `lattice`: an unloaded disk to take instead of the scene's own."""

@@ -130,7 +130,8 @@ class ImpactScenario(Scenario):
 
     def unfinished(self, columns: Columns) -> str:
         v, y = columns["com_vy"][-1], columns["lowest_y"][-1]
-        lower = ", or lower material.eta_star" if self.scene.material.eta_star else ""
+        name, damped = self.scene.material.dashpots
+        lower = f", or lower material.{name}" if damped else ""
         return (
             f"the disk has not left the wall by t = {columns['t'][-1]:.6g} R/c (v_cm = {v:.3g} c, lowest point at "
             f"{y:.3g} R); set impact.max_time higher{lower}"
@@ -195,7 +196,7 @@ class ImpactScenario(Scenario):
         start += f"    turned by {scene.impact.turn:g}" if scene.impact.turn else ""
         return (
             self.kind,
-            f"v = {self.velocity:g} c    η* = {scene.material.eta_star:g}    a = {scene.wall.a:g}/R{start}",
+            f"v = {self.velocity:g} c    {scene.damping}    a = {scene.wall.a:g}/R{start}",
             scene.described(self.lattice),
         )
 

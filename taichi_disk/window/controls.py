@@ -21,10 +21,11 @@ from taichi_disk.window.scene_view import PANEL, SceneView
 
 MORE, MANY = 1.12, 1.5  # times as much, with each press of a key; times as many points
 REPEATED = ("Left", "Right", "Up", "Down", "e", "d", "a", "z", "s", "f", "i", "u")  # while they are held
-LEAST_ETA = 0.1  # viscosity that keys reach before 0
+LEAST = {"material.eta_star": 0.1, "material.viscosity": 1e-4}  # viscosity that keys reach before 0
 # What keys and sliders change: what is written beside the slider, how many of its units are 1, from where to where.
 RANGES: dict[str, tuple[str, int, float, float]] = {
     "material.eta_star": ("eta* [e d]", 1, 0.0, 100.0),
+    "material.viscosity": ("1000 eta [e d]", 1000, 0.0, 0.1),
     "impact.velocity": ("v/c", 1, 1e-3, 0.1),
     "compression.pressure": ("1000 P", 1000, 1e-4, 0.05),
     "wall.a": ("wall a [a z]", 1, 10.0, 3000.0),
@@ -61,8 +62,8 @@ class Controls:
             ("Left Right", "back and forth in time", (partial(sandbox.step, -1), partial(sandbox.step, 1))),
             ("s f", "time slower, faster", _both(lambda factor: self.set_speed(factor * sandbox.speed))[::-1]),
             ("y", "slow motion in contact", (partial(_toggle, sandbox, "slow"),)),
-            ("e d", "viscosity eta* up, down", _both(partial(self._more, "material.eta_star"))),
-            ("Up Down", "velocity, or load P", _both(partial(self._more, ""))),
+            ("e d", "viscosity up, down", _both(lambda factor: self._more(self.dashpot_key, factor))),
+            ("Up Down", "velocity, or load P", _both(lambda factor: self._more(self.push_key, factor))),
             ("a z", "wall harder, softer", _both(partial(self._more, "wall.a"))),
             ("j k", "fewer, more points", _both(partial(self._more, "lattice.points"), MANY)[::-1]),
             ("l", "another lattice", (lambda: sandbox.set("lattice.seed", sandbox.scene.lattice.seed + 1),)),
@@ -99,6 +100,11 @@ class Controls:
         """The velocity of an impact [c], the force of a compression [M c^2/R]."""
         return ".".join(self.sandbox.scene.abscissa)
 
+    @property
+    def dashpot_key(self) -> str:
+        """eta*, or the viscosity, which stays with the body when its number of points changes."""
+        return f"material.{self.sandbox.scene.material.dashpots[0]}"
+
     def value(self, key: str) -> Any:
         """Of a dotted key of the scene; None where there is none."""
         section, name = key.split(".")
@@ -113,12 +119,11 @@ class Controls:
         self.sandbox.speed = float(f"{min(max(speed, 0.01), 100.0):.3g}")
 
     def _more(self, key: str, factor: float) -> None:
-        """A number ("": the push) times a factor, in its range or no farther out."""
-        key = key or self.push_key
+        """A number times a factor, in its range or no farther out."""
         value, (_, _, low, high) = self.value(key), RANGES[key]
         new = min(max(value * factor, low), max(high, value))
-        if key == "material.eta_star" and new < LEAST_ETA:
-            new = LEAST_ETA if factor > 1.0 else 0.0
+        if new < LEAST.get(key, 0.0):
+            new = LEAST[key] if factor > 1.0 else 0.0
         self.set(key, new)
 
     def _next(self, key: str, choice: Any) -> None:
@@ -201,7 +206,7 @@ class Panel:
         scene = sandbox.scene
         self._gui.text(f"{controls.number + 1} of {len(controls.playlist)}  {scene.scene}")
         self._button("next scene", "n")
-        for key in ("material.eta_star", controls.push_key, "wall.a", "lattice.points"):
+        for key in (controls.dashpot_key, controls.push_key, "wall.a", "lattice.points"):
             label, unit, low, high = RANGES[key]
             change = partial(self._change, key, unit)
             self._slide(label, unit * controls.value(key), unit * low, unit * high, change)
@@ -233,7 +238,7 @@ class Panel:
         self._button("all keys", "Tab")
 
     def _numbers(self) -> None:
-        write, sandbox = self._gui.text, self._sandbox
+        write, sandbox, key = self._gui.text, self._sandbox, self._controls.dashpot_key
         row, step = sandbox.seen.row, sandbox.segment.step
         write(f"v {row[INDEX['com_vy']]:+.5f} c, force {row[INDEX['wall_force']]:.3g} Mc²/R")
         write(f"energy imbalance {sandbox.imbalance:+.1e}")
@@ -245,10 +250,12 @@ class Panel:
         else:
             write("this is what run computes", _GREEN)
         if sandbox.results:
-            write("result      v, P eta*      a", _GREY)
+            write(f"result      v, P {RANGES[key][0].split(' [')[0]}      a", _GREY)
         for one in reversed(sandbox.results):
             scene, name = one.scenario.scene, "e =" if isinstance(one.scenario, ImpactScenario) else "xi="
-            numbers = f"{one.value:8.5f}{push_of(scene):6.3g}{scene.material.eta_star:5.3g}{scene.wall.a:7.5g}"
+            points = one.scenario.lattice.disk_points
+            eta = scene.material.eta(points) * (points if key == "material.eta_star" else RANGES[key][1])
+            numbers = f"{one.value:8.5f}{push_of(scene):6.3g}{eta:5.3g}{scene.wall.a:7.5g}"
             write(f"{name}{numbers} {one.label}")
 
     # ---- widgets

@@ -25,7 +25,8 @@ from taichi_disk.simulation.simulation import KernelCache
 from taichi_disk.simulation.stability import Spectrum, spectrum
 from taichi_disk.window.history import Checkpoint, Segment, Timeline
 
-AT_ONCE = ("material.eta_star", "wall.boundary", "compression.pressure")  # keys that need no new start
+# Keys that need no new start.
+AT_ONCE = ("material.eta_star", "material.viscosity", "wall.boundary", "compression.pressure")
 PATIENCE = 0.025  # time spent computing between two pictures, at most [s]
 SLOW = 0.2  # part of the speed at which a contact passes in slow motion
 CONTACT = 0.01  # of v sqrt(k_a) M, about the largest force of an impact, is contact
@@ -40,10 +41,11 @@ def push_of(scene: Scene) -> float:
 def with_key(scene: Scene, key: str, value: Any) -> Scene:
     """`scene` with one dotted key changed, and with it what has to follow.
 
-    A softer contact or a slower disk needs a farther threshold; a wall has as many points on its area as the disk.
+    A softer contact or a slower disk needs a farther threshold; a wall has as many points on its area as the disk. With
+    other points the body stays as viscous as it is.
     Raises InputError for a value that the scene refuses.
     """
-    changes = {key: value}
+    changes = {key: value} | (scene.keeping_the_body() if key == "lattice.points" else {})
     if isinstance(scene, AbsorbingWallScene):
         if key in ("wall.a", "impact.velocity"):
             wall = replace(scene.wall, a=value) if key == "wall.a" else scene.wall

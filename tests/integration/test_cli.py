@@ -16,6 +16,7 @@ import pytest
 from taichi_disk import __version__
 from taichi_disk.cli import main
 from taichi_disk.errors import InputError, SimulationError
+from taichi_disk.scenes import load_scene
 
 SMALL = ("lattice.points=60", "material.eta_star=0")
 WILD = (*SMALL, "time.dt=0.13")  # half as large again as the limit
@@ -48,6 +49,21 @@ def test_a_run_prints_its_result_and_leaves_its_files(tmp_path, capsys):
 
 
 @pytest.mark.validate
+def test_a_run_notes_that_eta_star_counts_per_point_where_it_makes_another_body(tmp_path, capsys):
+    few = (*SMALL, "material.eta_star=10")
+    assert main(arguments(tmp_path / "few", *few)) == 0
+    (note,) = json.loads((tmp_path / "few" / "summary.json").read_text())["notes"]
+    told = capsys.readouterr().err
+    assert told.count(f"note: {note}") == 1 and "18.3 times as viscous" in note and "viscosity = 0.0091" in note
+    for number, settings in enumerate(((*few, "material.viscosity=0.1"), SMALL)):
+        assert main(arguments(tmp_path / f"{number}", *settings)) == 0
+        assert "note" not in capsys.readouterr().err
+        assert "notes" not in json.loads((tmp_path / f"{number}" / "summary.json").read_text())
+    usual = load_scene("exponential_wall")
+    assert not usual.notes(1099) and "η* = 10 " in usual.scenario().title()[1]
+    assert "η = 0.1 Mc/R" in usual.with_(points=60, viscosity=0.1).scenario().title()[1]
+
+
 def test_the_wall_clock_adds_up_to_what_the_process_took(tmp_path):
     began = monotonic()
     command(*arguments(tmp_path / "o", *SMALL), check=True)

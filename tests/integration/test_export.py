@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import tracemalloc
 import xml.etree.ElementTree as ElementTree
 from types import SimpleNamespace
 
@@ -10,6 +11,7 @@ import pytest
 from bodies import computed
 
 from taichi_disk.errors import InputError, SimulationError
+from taichi_disk.fields import Triangles, point_stress
 from taichi_disk.lattice import disk_lattice, with_wall
 from taichi_disk.output import export
 from taichi_disk.output.export import check_export, export_run
@@ -53,6 +55,12 @@ def close(found, expected):
     np.testing.assert_allclose(found, expected, rtol=1e-9, atol=1e-14)
 
 
+def tensor(x):
+    """Stress at the points in the order XX, YY, ZZ, XY, XZ, YZ, of which OVITO and ParaView know the first four."""
+    xx, yy, xy = point_stress(Triangles(LATTICE), MODEL.springs, x).T
+    return np.stack([xx, yy, 0.0 * xx, xy, 0.0 * xx, 0.0 * xx], axis=1)
+
+
 def exported(folder, format):
     return export_run(SCENARIO, ((t, *state(t)) for t in TIMES), folder, format)
 
@@ -76,6 +84,18 @@ def test_npz_holds_every_quantity_at_every_time(tmp_path):
     assert [one.name for one in tmp_path.iterdir()] == ["trajectory.npz"]
 
 
+def test_npz_takes_no_more_memory_for_more_frames(tmp_path):
+    def peak(frames):
+        tracemalloc.start()
+        export_run(SCENARIO, ((t, *state(t)) for t in np.linspace(0.0, 1.0, frames)), tmp_path, "npz")
+        found = tracemalloc.get_traced_memory()[1]
+        tracemalloc.stop()
+        return found
+
+    peak(5)
+    assert peak(200) < peak(20) + 50_000  # of 3 MB more
+
+
 def test_gsd_read_by_gsd(tmp_path):
     hoomd = pytest.importorskip("gsd.hoomd")
     with hoomd.open(name=str(exported(tmp_path, "gsd")), mode="r") as file:
@@ -91,8 +111,10 @@ def test_gsd_read_by_gsd(tmp_path):
             np.testing.assert_allclose(shot.particles.diameter, 2.0 * BALL, **SINGLE)
             assert shot.log["time"][0] == t
             assert shot.log["elastic_energy"][0] == pytest.approx(true["energy"].sum(), rel=1e-9)
-            for name in ("bonds/strain", "bonds/tension", "particles/contact_force"):
+            for name in ("bonds/strain", "bonds/tension"):
                 close(shot.log[name], true[name.split("/")[1]])
+            close(shot.log["particles/contact_force"][:, :2], true["contact_force"])
+            close(shot.log["particles/stress"], tensor(x))
 
 
 def test_vtu_read_by_meshio_and_vtk(tmp_path):
@@ -106,6 +128,7 @@ def test_vtu_read_by_meshio_and_vtk(tmp_path):
     close(mesh.point_data["contact_force"][:, :2], true["contact_force"])
     np.testing.assert_array_equal(mesh.cells_dict["line"], LATTICE.bonds)
     close(mesh.cell_data["strain"][0], true["strain"])
+    close(mesh.point_data["stress"], tensor(x))
     np.testing.assert_array_equal(meshio.read(triangles).cells_dict["triangle"], LATTICE.triangles)
 
     vtk = pytest.importorskip("vtkmodules.vtkIOXML")
@@ -116,16 +139,29 @@ def test_vtu_read_by_meshio_and_vtk(tmp_path):
     reader.Update()
     cells = reader.GetOutput().GetCellData()
     stress, pressure = (vtk_to_numpy(cells.GetArray(name)) for name in ("stress", "pressure"))
-    assert stress.shape == (len(LATTICE.triangles), 3)
+    assert stress.shape == (len(LATTICE.triangles), 6)
     close(pressure, -0.5 * stress[:, :2].sum(axis=1))
 
 
+@pytest.mark.validate
 @pytest.mark.parametrize("format", ["xyz", "gsd"])
 def test_xyz_and_gsd_read_by_ovito(tmp_path, format):
-    ovito = pytest.importorskip("ovito.io")
-    pipeline = ovito.import_file(str(exported(tmp_path, format)))
+    from ovito.io import import_file
+
+    pipeline = import_file(str(exported(tmp_path, format)))
     assert pipeline.source.num_frames == len(TIMES)
     (x, v), true, data = state(1.0), truth(1.0), pipeline.compute(len(TIMES) - 1)
+    # All that it takes for a property that it knows, and our own.
+    known = {"Particle Type", "Position", "Velocity", "Velocity Magnitude", "Mass", "Radius"}
+    ours = {"gsd": {"stress"}, "xyz": {"Stress Tensor", "springs_strain", "springs_tension", "springs_energy"}}
+    assert set(data.particles.keys()) == known | {"contact_force", "pressure"} | ours[format]
+    stress = data.particles["Stress Tensor" if format == "xyz" else "stress"]
+    np.testing.assert_allclose(stress, tensor(x), rtol=1e-9, atol=1e-12)
+    if format == "xyz":
+        assert stress.component_names == ("XX", "YY", "ZZ", "XY", "XZ", "YZ")
+    types = data.particles.particle_types
+    np.testing.assert_array_equal(types != types[0], np.arange(len(x)) >= 40)
+    np.testing.assert_allclose(data.particles["Mass"], LATTICE.masses, **SINGLE)
     np.testing.assert_allclose(data.particles.positions[:, :2], x, **SINGLE)
     np.testing.assert_allclose(data.particles["Velocity"][:, :2], v, **SINGLE)
     np.testing.assert_allclose(data.particles["contact_force"][:, :2], true["contact_force"], rtol=1e-6, atol=1e-12)
@@ -136,13 +172,32 @@ def test_xyz_and_gsd_read_by_ovito(tmp_path, format):
         assert not np.any(data.particles.bonds.pbc_vectors)  # no spring is taken across an edge of the box
 
 
+@pytest.mark.validate
+def test_xyz_read_by_ase(tmp_path):
+    from ase.io import read
+
+    frames = read(exported(tmp_path, "xyz"), index=":")
+    assert [atoms.info["Time"] for atoms in frames] == TIMES.tolist()
+    (x, v), atoms = state(1.0), frames[-1]
+    assert atoms.get_chemical_symbols() == ["C"] * 40 + ["Si"] * (len(x) - 40) and not atoms.pbc.any()
+    assert (np.abs(x) <= 0.5 * atoms.cell[0, 0]).all()
+    np.testing.assert_allclose(atoms.positions[:, :2], x, rtol=1e-10)
+    np.testing.assert_allclose(atoms.arrays["velo"][:, :2], v, rtol=1e-10)
+    np.testing.assert_allclose(atoms.arrays["Stress"], tensor(x), rtol=1e-10, atol=1e-12)
+    assert atoms.calc is None  # nothing is taken for what a calculator of atoms has found
+    assert atoms.info["elastic_energy"] == pytest.approx(truth(1.0)["energy"].sum(), rel=1e-9)
+
+
 def test_xyz_is_lines_that_can_be_read_without_a_library(tmp_path):
     lines, n = exported(tmp_path, "xyz").read_text().splitlines(), len(LATTICE.positions)
     assert len(lines) == len(TIMES) * (n + 2) and lines[0] == str(n)
-    assert [line.split()[0] for line in lines[2 : n + 2]] == ["D"] * 40 + ["W"] * (n - 40)
-    header = lines[1].split()[0].removeprefix("Properties=").split(":")
+    assert [line.split()[0] for line in lines[2 : n + 2]] == ["C"] * 40 + ["Si"] * (n - 40)
+    header = lines[1].partition("Properties=")[2].split()[0].split(":")
     assert header[:6] == ["species", "S", "1", "pos", "R", "3"]
     names, widths = header[3::3], [int(width) for width in header[5::3]]
+    # Species are elements, and no column has a name that OVITO or ASE takes for something else.
+    springs = ["springs_strain", "springs_tension", "springs_energy"]
+    assert names == ["pos", "velo", "mass", "radius", "contact_force", "Stress", "pressure", *springs]
     rows = np.array([line.split()[1:] for line in lines[-n:]], dtype=float)
     last = dict(zip(names, np.split(rows, np.cumsum(widths)[:-1], axis=1), strict=True))
     (x, v), true = state(1.0), truth(1.0)
@@ -152,13 +207,14 @@ def test_xyz_is_lines_that_can_be_read_without_a_library(tmp_path):
         ("mass", LATTICE.masses[:, None]),
         ("radius", np.full((n, 1), BALL)),
         ("contact_force", np.pad(true["contact_force"], ((0, 0), (0, 1)))),
+        ("Stress", tensor(x)),
     ):
         np.testing.assert_allclose(last[name], expected, rtol=1e-10, atol=1e-12)
     assert last["mass"][:40].sum() == pytest.approx(1.0, rel=1e-9)  # M
-    assert last["energy"].sum() == pytest.approx(true["energy"].sum(), rel=1e-6)
+    assert last["springs_energy"].sum() == pytest.approx(true["energy"].sum(), rel=1e-6)
     at = (LATTICE.bonds == 7).any(axis=1)
-    assert last["strain"][7, 0] == pytest.approx(true["strain"][at].mean(), rel=1e-9)
-    assert last["tension"][7, 0] == pytest.approx(true["tension"][at].mean(), rel=1e-9)
+    assert last["springs_strain"][7, 0] == pytest.approx(true["strain"][at].mean(), rel=1e-9)
+    assert last["springs_tension"][7, 0] == pytest.approx(true["tension"][at].mean(), rel=1e-9)
 
 
 def test_what_cannot_be_exported_is_refused_before_anything_is_computed(tmp_path, monkeypatch):

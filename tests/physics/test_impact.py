@@ -49,6 +49,21 @@ def test_restitution_and_contact_time_equal_those_of_dop853(eta_star, velocity, 
     assert values["restitution"] == outcome.columns["com_vy"][-1] / velocity
 
 
+def test_a_viscosity_is_that_of_the_body_and_eta_star_that_of_a_point(kernels):
+    def thrown(points, **keys):
+        """e of three lattices."""
+        scenes = (load_scene("exponential_wall").with_(points=points, seed=seed, **keys) for seed in range(3))
+        runs = [compute(scene.scenario(), scene.time, kernels=kernels, estimate=False) for scene in scenes]
+        return np.array([run.columns["com_vy"][-1] for run in runs]) / 0.02
+
+    eta = {"viscosity": 10.0 / 1099}
+    few, many = thrown(300, **eta), thrown(1099, **eta)
+    scatter = few.std(ddof=1)
+    assert abs(few.mean() - many.mean()) < 3.0 * scatter < 0.01
+    assert_array_equal(thrown(1099, eta_star=10.0), many)  # eta_star/N, bit for bit
+    assert thrown(300, eta_star=10.0).mean() < many.mean() - 20.0 * scatter
+
+
 def reset_impact(kernels, points, *settings):
     small = (f"lattice.points={points}", f"wall.points={points + 10}", "wall.width=3.4", "impact.velocity=0.05")
     scenario, outcome = computed(kernels, "absorbing_wall", *small, "wall.reset_interval=0.02", *settings)

@@ -40,9 +40,19 @@ def test_finer_lattices_are_of_the_same_material(kind: str) -> None:
     assert np.ptp(after.lattice.positions[:, 0]) == pytest.approx(np.ptp(before.lattice.positions[:, 0]), rel=0.02)
 
 
+def test_the_advice_to_take_more_points_says_what_keeps_the_body() -> None:
+    scene = load_scene("exponential_wall", ["lattice.points=300"])
+    finer = [replace(one, result=0.9, difference=0.1) for one in changes(scene) if one.source == POINTS]
+    sources = [Change("scene", "as it is", result=0.8), Change(SAMPLE, "seed 1", result=0.81), *finer]
+    told = Findings("restitution", [STEP], sources).sentence
+    assert "use more seeds and points, not smaller steps; material.viscosity = 0.03333 keeps the body" in told
+    own = scene.with_(viscosity=0.01)
+    assert all("viscosity" not in key for one in changes(own) for key in one.keys)
+
+
 def test_no_lattice_is_tried_that_takes_hours_and_none_of_points_of_ones_own(tmp_path) -> None:
     finer = [one.change for one in changes(load_scene("exponential_wall", ["lattice.points=40000"]))]
-    assert "N = 160,000" in finer and "N = 640,000" not in finer
+    assert "N = 160,000, same η" in finer and "N = 640,000, same η" not in finer
     (tmp_path / "points.csv").write_text("x,y\n0,0\n1,0\n0,1\n")
     own = load_scene({"scene": "exponential_wall", "lattice": {"file": str(tmp_path / "points.csv")}})
     assert {one.source for one in changes(own)} == {WALL}

@@ -45,6 +45,11 @@ def faults(path: Path, text: str | bytes, *overrides: str) -> list[str]:
         ("wall:\n  v0: 3\n", "3:3: wall.v0: unknown key; did you mean V0?"),
         ("velocity: 0.1\n", "2:1: velocity: unknown key; did you mean impact.velocity?"),
         ("impact: {eta_star: 3}\n", "2:10: impact.eta_star: unknown key; did you mean material.eta_star?"),
+        (
+            "material:\n  eta_star: 3\n  viscosity: 0.01\n",
+            "4:14: material.viscosity: 0.01 and material.eta_star = 3 both set the dashpots: write auto, or leave "
+            "material.eta_star at its default, 10",
+        ),
         ("impact: {angle: 3}\n", "2:10: impact.angle: unknown key; impact has velocity, spin, turn, gap, max_time"),
         ("wall: {points: 4}\n", "2:8: wall.points: belongs to scene: absorbing_wall, not to scene: exponential_wall"),
         ("lattice: {points: -5}\n", "2:19: " + POINTS.format("-5")),

@@ -124,6 +124,9 @@ def test_a_scene_cannot_be_changed_and_an_int_becomes_a_float() -> None:
         ("compression", {"dt": 0.01, "time.tolerance": 1e-6}, "write time.dt: auto", {"time.tolerance": 1e-6}),
         ("compression", {"method": "newton", "time.tolerance": 1e-6}, "takes no time step", {"method": "newton"}),
         ("exponential_wall", {"integrator": "vefrl"}, "eta_star = 10", {"integrator": "vefrl", "eta_star": 0}),
+        ("exponential_wall", {"integrator": "vefrl", "viscosity": 0.01}, "viscosity = 0.01", {"viscosity": 0.01}),
+        ("exponential_wall", {"viscosity": 0.01, "eta_star": 3}, "both set", {"viscosity": 0.01, "eta_star": 10}),
+        ("absorbing_wall", {"viscosity": 0.0, "eta_star": 10}, "default, 0", {"viscosity": 0.01, "eta_star": 0}),
         ("absorbing_wall", {"integrator": "vefrl", "boundary": "dashpot"}, "= dashpot", {"integrator": "vefrl"}),
     ],
 )

@@ -13,7 +13,7 @@ import pytest
 
 from taichi_disk.scenes import load_scene
 from taichi_disk.simulation.simulation import KernelCache
-from taichi_disk.window.controls import LEAST_ETA, REPEATED, Controls
+from taichi_disk.window.controls import LEAST, REPEATED, Controls
 from taichi_disk.window.sandbox import Sandbox
 from taichi_disk.window.scene_view import PANEL
 from taichi_disk.window.viewer import Recorder, picture_of
@@ -47,13 +47,30 @@ def test_every_key_is_explained_and_reaches_what_it_names(controls: Controls) ->
         controls.press("d")
     assert sandbox.scene.material.eta_star == 0.0
     controls.press("e")
-    assert sandbox.scene.material.eta_star == LEAST_ETA
+    assert sandbox.scene.material.eta_star == LEAST["material.eta_star"]
     for _ in range(60):
         controls.press("a")
     assert sandbox.scene.wall.a == 3000.0
     controls.press("k")
     assert sandbox.scene.lattice.points == 180
     controls.press("F1")  # a key that means nothing
+
+
+def test_the_keys_for_points_keep_the_viscosity_of_the_body(controls: Controls) -> None:
+    sandbox = controls.sandbox
+    eta = sandbox.segment.scenario.model.springs.eta
+    assert controls.dashpot_key == "material.eta_star"
+    for key in ("k", "j", "j"):
+        controls.press(key)
+        assert sandbox.segment.scenario.model.springs.eta == eta == 10.0 / 120
+    assert sandbox.scene.lattice.points != 120 and controls.dashpot_key == "material.viscosity"
+    controls.press("e")
+    assert sandbox.scene.material.viscosity == pytest.approx(1.12 * eta, rel=1e-2)
+    for _ in range(80):
+        controls.press("d")
+    assert sandbox.scene.material.viscosity == 0.0
+    controls.press("e")
+    assert sandbox.scene.material.viscosity == LEAST["material.viscosity"]
 
 
 def test_files_that_cannot_be_written_are_told_and_the_window_lives(controls: Controls) -> None:

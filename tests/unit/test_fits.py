@@ -128,6 +128,12 @@ def test_eq_4_is_fitted_where_there_are_dashpots_swept_or_not() -> None:
     undamped = load_scene("exponential_wall", ["material.eta_star=0"])
     assert "eq4" not in analyse(undamped, axes[1:], thrown(0.0, "other"))[0].fits
     assert "eq4" not in analyse(load_scene("absorbing_wall"), axes, thrown(30.0))[0].fits
+    # The dashpot constant of a spring counts as well, swept or not.
+    axes = ["viscosity", "seed", "velocity"]
+    soft, stiff = analyse(undamped, axes, thrown(0.0, "viscosity") + thrown(0.03, "viscosity"))
+    assert "eq4" not in soft.fits and "eq4" in stiff.fits
+    none = load_scene("exponential_wall", ["material.viscosity=0"])
+    assert "eq4" not in analyse(none, axes[1:], thrown(0.0, "other"))[0].fits
 
 
 @pytest.mark.parametrize(
