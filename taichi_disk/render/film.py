@@ -76,7 +76,7 @@ def film(path: Path, runs: Sequence[Run], video: VideoSection, progress: Progres
         video = replace(video, supersample=2.0)
     else:
         frames = _frames(runs, video)
-    progress.start("render", len(frames))
+    progress("render", 0, len(frames))
 
     def write(new: Path) -> None:
         with (
@@ -92,7 +92,7 @@ def film(path: Path, runs: Sequence[Run], video: VideoSection, progress: Progres
                 if t != shown:
                     picture, shown = pictures.draw(next(moments)), t
                 append(partial(pictures.finish, picture, lines, t))
-                progress.update(k + 1)
+                progress("render", k + 1, len(frames))
 
     atomic_write(path, write)
 

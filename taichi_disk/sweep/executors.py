@@ -65,7 +65,7 @@ def computed(
     Raises InputError where no scheduler answers or workers have other versions, SimulationError when workers fail.
     """
     tasks, futures, finished = tasks_of(scenes), {}, SimpleQueue[Finished]()
-    processes = min(jobs or len(os.sched_getaffinity(0)), len(tasks))
+    processes = min(jobs or runtime.cores(), len(tasks))
     workers: AbstractContextManager[Executor]
     if not tasks:
         return

@@ -17,7 +17,7 @@ from taichi_disk.errors import InputError
 from taichi_disk.lattice import file_digest
 from taichi_disk.output.files import prepare_output, reason, remove, versions, write_csv, write_summary, write_text
 from taichi_disk.output.run_folder import refuse_run
-from taichi_disk.progress import Progress
+from taichi_disk.progress import Progress, reporter
 from taichi_disk.scenes import Scene
 from taichi_disk.sweep import executors
 from taichi_disk.sweep.work import PointResult
@@ -77,7 +77,7 @@ def run_sweep(
         part: "K/N": compute the K-th of N parts only, and write no table. Parts may run at the same time, in one
             folder or in several whose `points` are then copied together.
         estimate: whether to estimate each result's error due to the time step, which doubles the work.
-        progress: shows how far it has come.
+        progress: called as progress("sweep", done, total), with numbers of scenes.
         say: called with what a person should know: how many scenes, which of them are there.
 
     Raises:
@@ -85,7 +85,7 @@ def run_sweep(
             or its workers have other versions.
         SimulationError: the workers failed. What was done is kept.
     """
-    out, progress, began = Path(out), progress or Progress(), perf_counter()
+    out, progress, began = Path(out), reporter(progress), perf_counter()
     keys = [point_key(scene) for scene in sweep.scenes]
     scenes = executors.ordered(dict(zip(keys, sweep.scenes, strict=True)))
     scenes = scenes if part is None else executors.part_of(part, scenes)
@@ -101,13 +101,12 @@ def run_sweep(
     missing, before = {key: scene for key, scene in scenes.items() if key not in found}, len(found)
     of_all = f" (part {part} of {len(keys)})" if part else ""
     say(f"{len(scenes)} scenes{of_all}, {before} of them computed before")
-    progress.start("sweep", len(scenes))
+    progress("sweep", before, len(scenes))
     with closing(executors.computed(missing, estimate, jobs, executor, scheduler, say)) as results:
         for key, result in results:
             _write_point(out, key, missing[key], result)
             found[key] = result
-            progress.update(len(found))
-    progress.stop()
+            progress("sweep", len(found), len(scenes))
     rows = [_row(sweep, scenes[key], key, found[key]) for key in keys if key in scenes]
     summary = {
         "scene": sweep.scenes[0].scene,

@@ -64,7 +64,7 @@ def compute_task(expected: dict[str, str], scenes: bytes, estimate: bool) -> lis
         raise InputError(f"{where} has {', '.join(other)}: install the same versions everywhere")
     with runtime.alone():  # an executor's worker may have several threads
         _start_worker()
-        return list(compute_points(pickle.loads(scenes), estimate))
+    return list(compute_points(pickle.loads(scenes), estimate))
 
 
 @lru_cache(maxsize=1)
