@@ -28,11 +28,9 @@ def reporter(progress: Progress | None) -> Progress:
         return silent
     try:
         signature(progress).bind("simulate", 0.0, None)
-    except TypeError:
+    except (TypeError, ValueError):  # ValueError: of some built-in functions it is not known
         name = getattr(progress, "__name__", type(progress).__name__)
         raise InputError(f"progress: must be callable as progress(stage, done, total), which {name} is not") from None
-    except ValueError:  # of some built-in functions it is not known
-        pass
     return progress
 
 
@@ -61,7 +59,7 @@ def terminal(stream: TextIO | None) -> Iterator[Progress]:
             for task in bars.tasks:
                 bars.update(task.id, completed=1.0, total=1.0)
             bars.start()
-            bars.add_task(stage)
+            bars.add_task(stage, total=total)
         bars.update(bars.task_ids[-1], completed=done, total=total)
 
     try:

@@ -119,7 +119,31 @@ def start(threads: int | None = None) -> None:
     """
     number = _threads(threads)
     with _LOCK, deferred_interrupts():
-        _start(number, threads is not None)
+        prepare_environment()
+        import taichi as ti
+
+        if ti.lang.impl.get_runtime().prog is not None:
+            if threads is not None and number != (now := ti.lang.impl.current_cfg().cpu_max_num_threads):
+                text = f"threads: this process computes with {now} already, and cannot change to {number}"
+                raise InputError(f"{text}; choose the number in its first run, or by {THREADS}")
+            return
+        _spare_source_lines()
+        _drop_stale_lock()
+        try:
+            with contextlib.redirect_stdout(io.StringIO()):  # it tells the arch where only results belong
+                ti.init(
+                    arch=ti.cpu,
+                    default_fp=ti.f64,
+                    default_ip=ti.i32,
+                    fast_math=False,
+                    real_matrix_scalarize=False,  # see physics.law
+                    log_level=ti.ERROR,
+                    cpu_max_num_threads=number,
+                )
+        except RuntimeError as error:
+            raise TaichiDiskError(
+                f"Taichi cannot start: {error}; it asks for 1 GiB of memory that it may never use: see ulimit -v"
+            ) from None
 
 
 def _threads(asked: Any) -> int:
@@ -131,34 +155,6 @@ def _threads(asked: Any) -> int:
     if not (isinstance(asked, Integral) and 1 <= int(asked) <= most):
         raise InputError(f"{name}: must be a whole number from 1 to {most}, the cores of this machine, not {asked!r}")
     return int(asked)
-
-
-def _start(threads: int, insisted: bool) -> None:
-    prepare_environment()
-    import taichi as ti
-
-    if ti.lang.impl.get_runtime().prog is not None:
-        if insisted and threads != (now := ti.lang.impl.current_cfg().cpu_max_num_threads):
-            text = f"threads: this process computes with {now} already, and cannot change to {threads}"
-            raise InputError(f"{text}; choose the number in its first run, or by {THREADS}")
-        return
-    _spare_source_lines()
-    _drop_stale_lock()
-    with contextlib.redirect_stdout(io.StringIO()):  # it tells the arch where only results belong
-        try:
-            ti.init(
-                arch=ti.cpu,
-                default_fp=ti.f64,
-                default_ip=ti.i32,
-                fast_math=False,
-                real_matrix_scalarize=False,  # see physics.law
-                log_level=ti.ERROR,
-                cpu_max_num_threads=threads,
-            )
-        except RuntimeError as error:
-            raise TaichiDiskError(
-                f"Taichi cannot start: {error}; it asks for 1 GiB of memory that it may never use: see ulimit -v"
-            ) from None
 
 
 def leave(status: int) -> NoReturn:

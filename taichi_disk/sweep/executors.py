@@ -6,7 +6,6 @@ import asyncio
 import multiprocessing
 import os
 import pickle
-import signal
 import threading
 from collections.abc import Callable, Generator, Iterator
 from concurrent.futures import BrokenExecutor, Executor, Future, ProcessPoolExecutor, ThreadPoolExecutor
@@ -132,7 +131,6 @@ def _next(finished: SimpleQueue[Finished]) -> Finished:
 
 def _begin_worker(until: Connection) -> None:
     """End when the other end of `until` closes: processes of `concurrent.futures` outlive a parent that is killed."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # on Windows that is not inherited
 
     def watch() -> None:
         with suppress(EOFError, OSError):
@@ -152,8 +150,7 @@ def _dask(address: str, say: Say) -> Iterator[Executor]:
         raise InputError("--scheduler needs the package distributed: pip install 'taichi-disk[cluster]'") from None
 
     async def identity() -> Any:
-        options = Security().get_connection_args("client")
-        async with rpc(address, timeout=CONNECT, connection_args=options) as scheduler:
+        async with rpc(address, connection_args=Security().get_connection_args("client")) as scheduler:
             return await asyncio.wait_for(scheduler.identity(), CONNECT)
 
     try:

@@ -101,11 +101,9 @@ def run_sweep(
                 for name in FILES:
                     remove(out / name)
             write_text(file, text)
-        found: dict[str, PointResult] = {}
-        for key, scene in scenes.items():
-            if (kept := _read_point(out, key)) and (kept.estimated or not estimate):
-                found[key] = kept
-                _write_scene(out, key, scene)
+        found = {key: kept for key in scenes if (kept := _read_point(out, key)) and (kept.estimated or not estimate)}
+        for key in found:
+            _write_scene(out, key, scenes[key])
         missing, before = {key: scene for key, scene in scenes.items() if key not in found}, len(found)
         of_all = f" (part {part} of {len(keys)})" if part else ""
         say(f"{len(scenes)} scenes{of_all}, {before} of them computed before")
@@ -118,14 +116,13 @@ def run_sweep(
         if mixed := _mixed([one.versions for one in found.values() if one.versions]):
             say(f"these rows come from different versions, {mixed}: delete {out / 'points'} to compute all anew")
         rows = [_row(sweep, scenes[key], key, found[key]) for key in keys if key in scenes]
+        failed, told = [row for row in rows if row["status"] != "done"], [*sweep.axes, "reason"]
         summary = {
             "scene": sweep.scenes[0].scene,
             "axes": sweep.axes,
             "points": len(rows),
             "computed_now": len(found) - before,
-            "failed": [
-                {name: row[name] for name in [*sweep.axes, "reason"]} for row in rows if row["status"] != "done"
-            ],
+            "failed": [{name: row[name] for name in told} for row in failed],
         }
         if part:
             return SweepResult(rows, summary | {"part": part, "wall_clock": perf_counter() - began}, out)

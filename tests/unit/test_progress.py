@@ -36,6 +36,15 @@ def test_a_stage_that_ends_early_is_shown_as_complete_and_the_cursor_comes_back(
     assert stream.getvalue().rfind(shown) > stream.getvalue().rfind(hidden) >= 0
 
 
+def test_a_stage_whose_end_is_unknown_is_shown_without_a_share():
+    stream = Terminal()
+    with terminal(stream) as progress:
+        progress("simulate", 0, None)
+        progress("simulate", 7, None)
+    (line,) = [line for line in stream.getvalue().splitlines() if "simulate" in line][-1:]
+    assert "%" not in line
+
+
 def test_a_bar_that_was_never_needed_writes_nothing():
     stream = Terminal()
     with pytest.raises(KeyError), terminal(stream):
