@@ -18,7 +18,7 @@ from typing import Any, NoReturn
 from taichi_disk import BEGAN, __version__
 from taichi_disk.config.sections import VideoSection
 from taichi_disk.errors import InputError, TaichiDiskError
-from taichi_disk.progress import Progress, print_result
+from taichi_disk.progress import print_result, terminal
 from taichi_disk.signals import INTERRUPTED, raise_if_interrupted
 
 _SCENES = "compression, exponential_wall, absorbing_wall"
@@ -90,7 +90,7 @@ def _run(arguments: argparse.Namespace) -> int:
 
     from taichi_disk.api import run
 
-    with Progress(sys.stderr) as progress:
+    with terminal(sys.stderr) as progress:
         result = run(
             scene,
             _out(arguments),
@@ -120,7 +120,7 @@ def _sweep(arguments: argparse.Namespace) -> int:
     from taichi_disk.sweep.sweep import print_sweep, run_sweep
 
     names = ("jobs", "scheduler", "part", "estimate")
-    with Progress(sys.stderr) as progress:
+    with terminal(sys.stderr) as progress:
         options = {name: getattr(arguments, name) for name in names}
         result = run_sweep(sweep, _out(arguments), progress=progress, say=_note, **options)
     print_sweep(result)
@@ -150,7 +150,7 @@ def _render(arguments: argparse.Namespace) -> int:
             )
     given = {name: getattr(arguments, name) for name in VideoSection.schema()}
     overrides = [f"video.{name}={str(value).lower()}" for name, value in given.items() if value is not None]
-    with Progress(sys.stderr) as progress:
+    with terminal(sys.stderr) as progress:
         load = partial(Result.load, progress=progress, estimate=False)
         result = load(arguments.folder, overrides)
         other = load(arguments.compare) if arguments.compare else None
@@ -186,8 +186,7 @@ def _accuracy(arguments: argparse.Namespace) -> int:
     from taichi_disk.accuracy.study import study
 
     name = " ".join([Path(arguments.scene).stem, *arguments.overrides])
-    with Progress(sys.stderr) as progress:
-        study(scene, _out(arguments, "_accuracy"), name, progress, _note)
+    study(scene, _out(arguments, "_accuracy"), name, _note)
     return 0
 
 
@@ -230,7 +229,12 @@ def _parser() -> argparse.ArgumentParser:
     add("--overwrite", action="store_true", help="replace another run in DIR")
     add("--no-video", dest="video", action="store_false", help="make no film")
     add("--export", choices=_TRAJECTORIES, help="also write a trajectory")
-    add("--threads", type=_count, metavar="N", help="CPU threads, of 50,000 points and more (default: all cores)")
+    add(
+        "--threads",
+        type=_threads,
+        metavar="N",
+        help="CPU threads, of 50,000 points and more (default: TAICHI_DISK_THREADS, else all cores)",
+    )
     add("--force", action="store_true", help="take a time step even beyond the stable limit")
 
     add = command("sweep", _sweep, "compute every scene of a sweep: table, fits and figure; resumable").add_argument
@@ -286,8 +290,14 @@ def _path(text: str) -> Path:
     return Path(text).expanduser()
 
 
-def _count(text: str) -> int:
+def _count(text: str, most: int = 100_000) -> int:
     value = int(text) if text.isdecimal() and len(text) < 10 else 0
-    if not 1 <= value <= 100_000:
-        raise argparse.ArgumentTypeError(f"{text!r} is not a whole number from 1 to 100,000")
+    if not 1 <= value <= most:
+        raise argparse.ArgumentTypeError(f"{text!r} is not a whole number from 1 to {most:,}")
     return value
+
+
+def _threads(text: str) -> int:
+    from taichi_disk.runtime import cores
+
+    return _count(text, cores())

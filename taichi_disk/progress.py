@@ -3,67 +3,69 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from decimal import ROUND_CEILING, Decimal
+from inspect import signature
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TextIO
+from typing import Any, TextIO, TypeAlias
 
-if TYPE_CHECKING:
-    from rich.progress import Progress as Bars
-    from typing_extensions import Self
+from taichi_disk.errors import InputError
 
+Progress: TypeAlias = Callable[[str, float, "float | None"], object]  # told a stage, how much is done, of how much
 DIGITS = 8  # of a result that does not depend on a time step
 UNSURE_DIGITS = 4  # of one that does, by an amount that nobody has estimated
 UNSURE = "(error of the time step not estimated)"
 
 
-class Progress:
-    """What a long computation reports to: one line for each stage, if `stream` is a terminal.
+def silent(stage: str, done: float, total: float | None) -> None:
+    """A progress that nobody looks at."""
 
-    It is stopped at the end of a `with` block; `stop` may be called at any time, also twice.
-    """
 
-    def __init__(self, stream: TextIO | None = None) -> None:
-        self._bars: Bars | None = None
-        if stream is None or not stream.isatty():
-            return
-        from rich import progress
-        from rich.console import Console
+def reporter(progress: Progress | None) -> Progress:
+    """`progress`, for None `silent`. Raises InputError for what cannot be called as progress(stage, done, total)."""
+    if progress is None:
+        return silent
+    try:
+        signature(progress).bind("simulate", 0.0, None)
+    except (TypeError, ValueError):  # ValueError: of some built-in functions it is not known
+        name = getattr(progress, "__name__", type(progress).__name__)
+        raise InputError(f"progress: must be callable as progress(stage, done, total), which {name} is not") from None
+    return progress
 
-        self._bars = progress.Progress(
-            progress.TextColumn("{task.description:<10}"),
-            progress.BarColumn(),
-            progress.TaskProgressColumn(),
-            progress.TimeElapsedColumn(),
-            progress.TimeRemainingColumn(),
-            console=Console(file=stream),
-            redirect_stdout=False,  # what is printed goes to stdout, not to the stream of the bar
-        )
 
-    def start(self, stage: str, total: float | None) -> None:
-        """A new stage begins; `total` is the amount at its end, None if that is not known."""
-        if self._bars:
+@contextmanager
+def terminal(stream: TextIO | None) -> Iterator[Progress]:
+    """Within, a progress that is shown on `stream`, a line for each stage; silent where that is no terminal."""
+    if stream is None or not stream.isatty():
+        yield silent
+        return
+    from rich import progress
+    from rich.console import Console
+
+    bars = progress.Progress(
+        progress.TextColumn("{task.description:<10}"),
+        progress.BarColumn(),
+        progress.TaskProgressColumn(),
+        progress.TimeElapsedColumn(),
+        progress.TimeRemainingColumn(),
+        console=Console(file=stream),
+        redirect_stdout=False,  # what is printed goes to stdout, not to the stream of the bar
+    )
+
+    def show(stage: str, done: float, total: float | None) -> None:
+        if not bars.tasks or bars.tasks[-1].description != stage:
             # A stage may end before its total, an impact before its time limit: what is done is then all of it.
-            for task in self._bars.tasks:
-                self._bars.update(task.id, completed=1.0, total=1.0)
-            self._bars.start()
-            self._bars.add_task(stage, total=total)
+            for task in bars.tasks:
+                bars.update(task.id, completed=1.0, total=1.0)
+            bars.start()
+            bars.add_task(stage, total=total)
+        bars.update(bars.task_ids[-1], completed=done, total=total)
 
-    def update(self, done: float) -> None:
-        """The present stage has come to `done`, in the units of its total."""
-        if self._bars:
-            self._bars.update(self._bars.task_ids[-1], completed=done)
-
-    def stop(self) -> None:
-        """Nothing more will come."""
-        if self._bars:
-            self._bars.stop()
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.stop()
+    try:
+        yield show
+    finally:
+        bars.stop()
 
 
 def duration(seconds: float) -> str:

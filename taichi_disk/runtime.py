@@ -16,15 +16,18 @@ import threading
 import time
 from collections.abc import Iterator
 from functools import lru_cache
+from numbers import Integral
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any, NoReturn
 
-from taichi_disk.errors import TaichiDiskError
+from taichi_disk.errors import InputError, TaichiDiskError
 from taichi_disk.signals import deferred_interrupts
 
 CACHE = "TI_OFFLINE_CACHE_FILE_PATH"
+THREADS = "TAICHI_DISK_THREADS"
 _LOCK = threading.RLock()
+_taken = False  # by the thread that holds the lock
 _STALE = 60.0  # [s] Taichi holds the lock of its cache for less than one
 
 
@@ -70,10 +73,23 @@ def prepare_environment() -> None:
 def alone() -> Iterator[None]:
     """Within, this thread has Taichi for itself: others wait, because two at once would crash the process.
 
-    Ctrl-C comes out between kernel launches.
+    Ctrl-C comes out between kernel launches. Raises InputError where this thread is within already: a progress callback
+    would take the compiled simulation, or the window of the film, that is in use.
     """
+    global _taken
     with _LOCK, deferred_interrupts():
-        yield
+        if _taken:
+            raise InputError("a progress callback cannot run, film or look at a result: do it when the run has ended")
+        _taken = True
+        try:
+            yield
+        finally:
+            _taken = False
+
+
+def cores() -> int:
+    """Processor cores that this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 def free_memory() -> float:
@@ -89,41 +105,56 @@ def free_memory() -> float:
     return free
 
 
-@alone()
 def start(threads: int | None = None) -> None:
     """Start Taichi on the CPU in double precision, unless it runs already.
 
     Args:
-        threads: of the loops that run in parallel; by default one for each core. Taichi starts anew for another number.
+        threads: of the loops that run in parallel, from 1 to `cores()`; by default what the environment variable
+            TAICHI_DISK_THREADS says, else one for each core.
 
     fast_math stays off: it gains nothing here, and without it the bits of a result do not depend on how a kernel was
     optimised. The offline cache halves the compile time of the next run.
-    Raises TaichiDiskError where there is not enough memory.
+    Raises InputError for another number, also than Taichi has already: to start it anew would free the fields of all
+    simulations. Raises TaichiDiskError where there is not enough memory.
     """
-    prepare_environment()
-    import taichi as ti
+    number = _threads(threads)
+    with _LOCK, deferred_interrupts():
+        prepare_environment()
+        import taichi as ti
 
-    running = ti.lang.impl.get_runtime().prog is not None
-    if running and (threads is None or ti.lang.impl.current_cfg().cpu_max_num_threads == threads):
-        return
-    _spare_source_lines()
-    _drop_stale_lock()
-    options: dict[str, Any] = {"cpu_max_num_threads": threads} if threads else {}
-    with contextlib.redirect_stdout(io.StringIO()):  # it tells the arch where only results belong
+        if ti.lang.impl.get_runtime().prog is not None:
+            if threads is not None and number != (now := ti.lang.impl.current_cfg().cpu_max_num_threads):
+                text = f"threads: this process computes with {now} already, and cannot change to {number}"
+                raise InputError(f"{text}; choose the number in its first run, or by {THREADS}")
+            return
+        _spare_source_lines()
+        _drop_stale_lock()
         try:
-            ti.init(
-                arch=ti.cpu,
-                default_fp=ti.f64,
-                default_ip=ti.i32,
-                fast_math=False,
-                real_matrix_scalarize=False,  # see physics.law
-                log_level=ti.ERROR,
-                **options,
-            )
+            with contextlib.redirect_stdout(io.StringIO()):  # it tells the arch where only results belong
+                ti.init(
+                    arch=ti.cpu,
+                    default_fp=ti.f64,
+                    default_ip=ti.i32,
+                    fast_math=False,
+                    real_matrix_scalarize=False,  # see physics.law
+                    log_level=ti.ERROR,
+                    cpu_max_num_threads=number,
+                )
         except RuntimeError as error:
             raise TaichiDiskError(
                 f"Taichi cannot start: {error}; it asks for 1 GiB of memory that it may never use: see ulimit -v"
             ) from None
+
+
+def _threads(asked: Any) -> int:
+    """How many are asked for, here or in the environment."""
+    name, most = "threads", cores()
+    if asked is None:
+        name, asked = THREADS, os.environ.get(THREADS, most)
+        asked = int(asked) if isinstance(asked, str) and asked.isdecimal() else asked
+    if not (isinstance(asked, Integral) and 1 <= int(asked) <= most):
+        raise InputError(f"{name}: must be a whole number from 1 to {most}, the cores of this machine, not {asked!r}")
+    return int(asked)
 
 
 def leave(status: int) -> NoReturn:

@@ -76,12 +76,12 @@ def _end(number: int, frame: FrameType | None) -> None:
 
 @contextmanager
 def ignored_by_children() -> Iterator[None]:
-    """Processes that are started within ignore Ctrl-C, which is their parent's to handle: they inherit that."""
-    if threading.current_thread() is not threading.main_thread():
+    """Processes that are started within hear no Ctrl-C, which is their parent's to handle: they inherit the mask."""
+    if not hasattr(signal, "pthread_sigmask"):  # Windows
         yield
         return
-    before = signal.signal(signal.SIGINT, signal.SIG_IGN)
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     try:
         yield
     finally:
-        signal.signal(signal.SIGINT, before)
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)

@@ -58,7 +58,9 @@ def points(*sweeps: str) -> list[Row]:
         {k: v for k, v in curve.items() if not isinstance(v, (list, dict))} | {"x": x, "mean": mean, "deviation": sd}
         for sweep in sweeps
         for curve in curves(sweep)
-        for x, mean, sd in zip(curve["x"], curve["mean"], curve["standard_deviation"], strict=True)
+        for x, mean, sd in zip(
+            curve["x"], curve["mean"], curve["standard_deviation"] or [None] * len(curve["x"]), strict=True
+        )
     ]
 
 

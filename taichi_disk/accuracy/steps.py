@@ -91,7 +91,7 @@ class StepStudy:
         rate = 9.0 * self.modes.omega + 3.0 * springs.eta * self.modes.damping + (12.0 / interval if interval else 0.0)
         return (1 + REPEATS) * work * run + self.end * rate * evaluation
 
-    def measure(self, kernels: KernelCache, done: Callable[[int], None]) -> list[StepError]:
+    def measure(self, kernels: KernelCache, done: Callable[[int], object]) -> list[StepError]:
         """Compute the reference and all runs; `done` gets the number of those that are."""
         scenario, (integrator, steps), found = self.scenario, self.own, []
         x, v = self.reference.solve(scenario.velocities, self.end)

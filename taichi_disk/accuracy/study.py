@@ -19,7 +19,7 @@ from taichi_disk.errors import TaichiDiskError
 from taichi_disk.output.files import atomic_write, prepare_output, remove_empty, write_csv, write_text
 from taichi_disk.output.plot import BLUE, GREEN, RED
 from taichi_disk.output.run_folder import refuse_run
-from taichi_disk.progress import Progress, duration
+from taichi_disk.progress import Progress, duration, terminal
 from taichi_disk.scenes import Scene
 from taichi_disk.simulation.outcome import compute, quasistatic
 from taichi_disk.simulation.simulation import KernelCache
@@ -104,7 +104,7 @@ class Findings:
         return f"{self.name}: {', '.join(parts)}: {advice}"
 
 
-def study(scene: Scene, out: Path, title: str, progress: Progress, note: Callable[[str], None]) -> None:
+def study(scene: Scene, out: Path, title: str, note: Callable[[str], None]) -> None:
     """Measure the errors of a scene's primary result, print them, and leave tables and a picture in `out`.
 
     Args:
@@ -117,8 +117,8 @@ def study(scene: Scene, out: Path, title: str, progress: Progress, note: Callabl
     made = prepare_output(out)
     try:
         runtime.start()
-        findings = assess(scene, progress, note)
-        progress.stop()
+        with terminal(sys.stderr) as progress:
+            findings = assess(scene, progress, note)
         report(findings, out, title)
     except BaseException:
         remove_empty(made)
@@ -129,7 +129,7 @@ def study(scene: Scene, out: Path, title: str, progress: Progress, note: Callabl
 def assess(scene: Scene, progress: Progress, note: Callable[[str], None]) -> Findings:
     """The measurements of `study`. Taichi has to be started."""
     kernels, scenario, study = KernelCache(), scene.scenario(), None
-    progress.start("simulate", None)
+    progress("simulate", 0, None)
     if scenario.step_dependent:
         modes = spectrum(scenario.lattice, scenario.model)
         outcome = compute(scenario, scene.time, kernels=kernels, modes=modes, estimate=False)
@@ -145,12 +145,12 @@ def assess(scene: Scene, progress: Progress, note: Callable[[str], None]) -> Fin
         expected += study.seconds(each)
     note(f"{runs}, about {duration(expected)}")
     if study:
-        progress.start("reference and steps", 1 + len(study.runs))
-        steps = study.measure(kernels, progress.update)
-    progress.start("compare", len(others))
+        count = 1 + len(study.runs)
+        progress("reference and steps", 0, count)
+        steps = study.measure(kernels, lambda done: progress("reference and steps", done, count))
     sources = [Change("scene", "as it is", result=base, difference=0.0)]
     for number, change in enumerate(others):
-        progress.update(number)
+        progress("compare", number, len(others))
         sources.append(measured(scene, base, change, kernels))
     return Findings(scene.results[0], steps, sources)
 

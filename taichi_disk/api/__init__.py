@@ -16,7 +16,7 @@ from taichi_disk.errors import InputError
 from taichi_disk.lattice import Array, Lattice, numbers
 from taichi_disk.output import files
 from taichi_disk.output.run_folder import run_folder
-from taichi_disk.progress import Progress
+from taichi_disk.progress import Progress, reporter, silent
 from taichi_disk.scenes import Scene, load_scene
 from taichi_disk.scenes.body import DiskScene
 from taichi_disk.signals import raise_if_interrupted
@@ -171,19 +171,19 @@ class Result:
 
         Args:
             beside: another run, to be shown at the right.
-            progress: told how far it has come.
+            progress: called as for `run`.
             video: keys of a scene's `video` section in place of the scene's own, as `colour="shear"`.
 
         Returns the path. Raises InputError for a wrong key, TaichiDiskError where no film can be drawn or written.
         """
         from taichi_disk.render.film import check_target, film
 
-        path = Path(path)
+        path, progress = Path(path), reporter(progress)
         section = self.scene.with_({f"video.{key}": value for key, value in video.items()}).video
         check_target(path)
         files.prepare_output(path.parent)
         runs = [(one.scenario, one.outcome) for one in (self, beside) if one]
-        film(path, runs, section, progress or Progress())
+        film(path, runs, section, progress)
         return path
 
     @runtime.alone()
@@ -195,7 +195,7 @@ class Result:
         repeatable, digest = "own_start" not in self.summary, str(self.summary.get("lattice_digest", ""))
         with run_folder(out, self.scene.to_yaml(), True, overwrite, repeatable=repeatable, lattice=digest) as folder:
             computed = self.scenario, self.summary | {"video": folder.film}, self.outcome
-            write_run(folder.path, self.scene, computed, video, Progress(), Clock())
+            write_run(folder.path, self.scene, computed, video, silent, Clock())
         return folder.out
 
     @classmethod
@@ -211,7 +211,7 @@ class Result:
 
         Args:
             overrides: changes of the scene, as `["video.size=360"]`.
-            progress: told how far it has come.
+            progress: called as for `run`.
             estimate: whether to estimate the time-step error again, which doubles the work.
 
         Raises InputError where there is no run, or one that Python gave its lattice or velocities.
@@ -225,7 +225,7 @@ class Result:
             raise InputError(f"{folder}: this run began with arrays given in Python; see lattice.npz for them")
         # What the run took, also a step by force, is taken again.
         scene = load_scene(path, overrides)
-        job = Job(scene, progress or Progress(), force=True, estimate=estimate)
+        job = Job(scene, reporter(progress), force=True, estimate=estimate)
         if summary.get("lattice_digest", job.digest) != job.digest:
             raise InputError(f"{folder}: {scene.lattice.file} has changed since this run: see lattice.npz")
         return cls(scene, *job.compute())
@@ -261,8 +261,10 @@ def run(
         overwrite: whether another run in `out` may be replaced.
         count_on: whether to go into out-2, out-3 … where `out` holds another run.
         force: take a time step even beyond the stability limit.
-        threads: of parallel loops; results do not depend on it.
-        progress: told how far it has come.
+        threads: of parallel loops, from 1 to the number of cores; results do not depend on it. The first run of a
+            process chooses it, else the environment variable TAICHI_DISK_THREADS.
+        progress: called as progress(stage, done, total): "simulate" with the time [R/c] or the number of equilibria,
+            "render" with the number of pictures. It must not run, film or look at a result.
         say: told what a person should know: that the run goes elsewhere, and why.
         started: seconds that the process has taken before this, for the wall clock of the summary.
 
@@ -272,7 +274,7 @@ def run(
     raise_if_interrupted()  # while all was imported
     scene = scene if isinstance(scene, DiskScene) else load_scene(scene)
     clock = Clock({"start": started} if started else {})
-    job = Job(scene, progress or Progress(), lattice, velocities, force, threads, clock=clock)
+    job = Job(scene, reporter(progress), lattice, velocities, force, threads, clock=clock)
     if out is None:
         if export:
             raise InputError("export: needs a folder, `out`")

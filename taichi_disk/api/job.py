@@ -155,7 +155,6 @@ def write_run(path: Path, scene: Scene, run: Computed, video: bool, progress: Pr
     plot.result()
     clock.lap("plot")
     files.write_summary(path / "summary.json", summary)
-    progress.stop()
 
 
 def _write_start(path: Path, scenario: Scenario) -> None:

@@ -75,9 +75,9 @@ class Curve:
         return np.asarray(self.y.mean(0))
 
     @property
-    def deviation(self) -> Array:
-        """Standard deviation over lattices, 0 where there is one only."""
-        return self.y.std(0, ddof=1) if len(self.y) > 1 else np.zeros(len(self.x))
+    def deviation(self) -> Array | None:
+        """(points,) standard deviation over lattices; one alone has none."""
+        return np.asarray(self.y.std(0, ddof=1)) if len(self.y) > 1 else None
 
     def summary(self) -> dict[str, Any]:
         """For summary.json: fits with intervals and residuals, and the moduli."""
@@ -88,7 +88,7 @@ class Curve:
             "poisson": _number(self.poisson),
             "x": self.x.tolist(),
             "mean": self.mean.tolist(),
-            "standard_deviation": self.deviation.tolist(),
+            "standard_deviation": None if self.deviation is None else self.deviation.tolist(),
             "fits": {
                 name: {
                     "values": {key: _number(value) for key, value in fit.values.items()},

@@ -73,7 +73,7 @@ def film(path: Path, runs: Sequence[Run], video: VideoSection, progress: Progres
         video = replace(video, supersample=2.0)
     else:
         cues = _cues(runs, video)
-    progress.start("render", len(cues))
+    progress("render", 0, len(cues))
 
     def write(new: Path) -> None:
         with (
@@ -89,7 +89,7 @@ def film(path: Path, runs: Sequence[Run], video: VideoSection, progress: Progres
                 if t != shown:
                     picture, shown = pictures.draw(next(moments)), t
                 append(partial(pictures.finish, picture, lines, t))
-                progress.update(k + 1)
+                progress("render", k + 1, len(cues))
 
     atomic_write(path, write)
 

@@ -12,7 +12,7 @@ from taichi_disk.errors import TaichiDiskError
 from taichi_disk.lattice import Array
 from taichi_disk.lattice.lattice import double_area
 from taichi_disk.physics import Load, Model
-from taichi_disk.progress import Progress
+from taichi_disk.progress import Progress, silent
 from taichi_disk.simulation import diagnostics
 from taichi_disk.simulation.driver import Driver, Moment
 from taichi_disk.simulation.equilibrium import depth, roll_angle, solve_equilibrium, turned
@@ -56,7 +56,7 @@ class Outcome:
 def compute(
     scenario: Scenario,
     time: Any,
-    progress: Progress | None = None,
+    progress: Progress = silent,
     kernels: KernelCache | None = None,
     *,
     modes: Spectrum | None = None,
@@ -79,12 +79,12 @@ def compute(
     """
     if scenario.static:
         return quasistatic(scenario, loads, progress)
-    progress, kernels = progress or Progress(), kernels or KernelCache()
+    kernels = kernels or KernelCache()
     modes = modes or spectrum(scenario.lattice, scenario.model)
     driver = Driver(scenario, time, kernels, modes, force=force)
-    progress.start("simulate", scenario.max_time)
+    progress("simulate", 0.0, scenario.max_time)
     while driver.advance(seconds=0.1) in ("running", "restarted"):
-        progress.update(driver.simulation.time)
+        progress("simulate", driver.simulation.time, scenario.max_time)
     if driver.failure:
         raise driver.failure
     return _described(driver, time, estimate)
@@ -170,7 +170,7 @@ def _inversion_warnings(inverted: int) -> list[str]:
     ]
 
 
-def quasistatic(scenario: Scenario, loads: int, progress: Progress | None = None) -> Outcome:
+def quasistatic(scenario: Scenario, loads: int, progress: Progress = silent) -> Outcome:
     """Equilibria under growing loads: `t` is the part of the full load, `xi` the compression under it [R].
 
     They are solved for from the full load down, each from the one above: the last does not depend on their number.
@@ -186,11 +186,11 @@ def quasistatic(scenario: Scenario, loads: int, progress: Progress | None = None
     def under(part: float, start: Array) -> Array:
         return solve_equilibrium(lattice, pressed(part), start, near=True).positions
 
-    states, progress = [rest.positions], progress or Progress()
-    progress.start("simulate", loads)
+    states = [rest.positions]
+    progress("simulate", 0, loads)
     for part in parts[-2::-1]:
         states.insert(0, under(part, states[0]))
-        progress.update(len(states))
+        progress("simulate", len(states), loads)
 
     def frames(times: Array) -> Iterator[Moment]:
         for part in np.clip(times, parts[0], 1.0).tolist():

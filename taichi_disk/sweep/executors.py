@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
+import asyncio
 import multiprocessing
 import os
 import pickle
 import threading
 from collections.abc import Callable, Generator, Iterator
-from concurrent.futures import BrokenExecutor, Executor, Future, ProcessPoolExecutor
+from concurrent.futures import BrokenExecutor, Executor, Future, ProcessPoolExecutor, ThreadPoolExecutor
 from contextlib import AbstractContextManager, contextmanager, nullcontext, suppress
 from itertools import groupby
 from multiprocessing.connection import Connection
 from queue import Empty, SimpleQueue
+from typing import Any
 
 from taichi_disk import runtime
 from taichi_disk.errors import InputError, SimulationError, TaichiDiskError
@@ -27,7 +29,7 @@ Say = Callable[[str], None]
 SCENES_PER_TASK = 6  # figure 3: 96 tasks of a quarter of a second; to set up a lattice takes a tenth
 LARGE = 2000  # points, from which a scene takes a task of its own
 POLL = 0.2  # [s] between two looks for an interrupt, while workers compute
-CONNECT = 10.0  # seconds within which a scheduler has to answer
+CONNECT = 8.0  # seconds within which a scheduler has to answer
 
 
 def ordered(scenes: Scenes) -> Scenes:
@@ -65,7 +67,7 @@ def computed(
     Raises InputError where no scheduler answers or workers have other versions, SimulationError when workers fail.
     """
     tasks, futures, finished = tasks_of(scenes), {}, SimpleQueue[Finished]()
-    processes = min(jobs or len(os.sched_getaffinity(0)), len(tasks))
+    processes = min(jobs or runtime.cores(), len(tasks))
     workers: AbstractContextManager[Executor]
     if not tasks:
         return
@@ -142,14 +144,23 @@ def _begin_worker(until: Connection) -> None:
 def _dask(address: str, say: Say) -> Iterator[Executor]:
     """The workers of the Dask scheduler at `address`. Raises InputError where there is none."""
     try:
-        from distributed import Client
+        from distributed import Client, Security
+        from distributed.core import rpc
     except ImportError:
         raise InputError("--scheduler needs the package distributed: pip install 'taichi-disk[cluster]'") from None
+
+    async def identity() -> Any:
+        async with rpc(address, connection_args=Security().get_connection_args("client")) as scheduler:
+            return await asyncio.wait_for(scheduler.identity(), CONNECT)
+
     try:
+        # Asked first: a client waits for ever where nobody speaks. By a thread: a notebook has a loop of its own.
+        with ThreadPoolExecutor(1) as thread:
+            workers = len(thread.submit(asyncio.run, identity()).result()["workers"])
         client = Client(address, timeout=CONNECT, set_as_default=False)
-    except (OSError, ValueError, RuntimeError) as error:
-        raise InputError(f"no Dask scheduler answers at {address} ({error})") from None
+    except Exception as error:  # what answers may be anything
+        why = f" ({error})" if isinstance(error, ValueError) else ""
+        raise InputError(f"no Dask scheduler answers at {address}{why}; `dask scheduler` starts one") from None
     with client:
-        workers = len(client.scheduler_info()["workers"])
         say(f"{workers} Dask workers" if workers else f"{address} has no workers yet: waiting for them")
         yield client.get_executor()

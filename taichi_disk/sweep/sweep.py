@@ -4,20 +4,23 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from concurrent.futures import Executor
-from contextlib import closing, suppress
+from contextlib import closing, contextmanager, suppress
 from dataclasses import asdict, dataclass, fields
 from pathlib import Path
 from time import perf_counter
 from typing import Any
+from uuid import uuid4
+
+from filelock import FileLock, Timeout
 
 from taichi_disk.config.sweep_axes import Sweep, value_of
 from taichi_disk.errors import InputError
 from taichi_disk.lattice import file_digest
 from taichi_disk.output.files import prepare_output, reason, remove, versions, write_csv, write_summary, write_text
 from taichi_disk.output.run_folder import refuse_run
-from taichi_disk.progress import Progress
+from taichi_disk.progress import Progress, reporter
 from taichi_disk.scenes import Scene
 from taichi_disk.sweep import executors
 from taichi_disk.sweep.work import PointResult
@@ -77,7 +80,7 @@ def run_sweep(
         part: "K/N": compute the K-th of N parts only, and write no table. Parts may run at the same time, in one
             folder or in several whose `points` are then copied together.
         estimate: whether to estimate each result's error due to the time step, which doubles the work.
-        progress: shows how far it has come.
+        progress: called as progress("sweep", done, total), with numbers of scenes.
         say: called with what a person should know: how many scenes, which of them are there.
 
     Raises:
@@ -85,47 +88,86 @@ def run_sweep(
             or its workers have other versions.
         SimulationError: the workers failed. What was done is kept.
     """
-    out, progress, began = Path(out), progress or Progress(), perf_counter()
+    out, progress, began = Path(out), reporter(progress), perf_counter()
     keys = [point_key(scene) for scene in sweep.scenes]
     scenes = executors.ordered(dict(zip(keys, sweep.scenes, strict=True)))
     scenes = scenes if part is None else executors.part_of(part, scenes)
     _prepare(out)
-    if part is None:
-        file, text = out / "scene.yaml", sweep.to_yaml()
-        if file.exists() and file.read_text(encoding="utf-8", errors="replace") != text:
-            say(f"{out} held another sweep: its points stay, its table is replaced")
-            for name in FILES:
-                remove(out / name)
-        write_text(file, text)
-    found = {key: kept for key in scenes if (kept := _read_point(out, key)) and (kept.estimated or not estimate)}
-    missing, before = {key: scene for key, scene in scenes.items() if key not in found}, len(found)
-    of_all = f" (part {part} of {len(keys)})" if part else ""
-    say(f"{len(scenes)} scenes{of_all}, {before} of them computed before")
-    progress.start("sweep", len(scenes))
-    with closing(executors.computed(missing, estimate, jobs, executor, scheduler, say)) as results:
-        for key, result in results:
-            _write_point(out, key, missing[key], result)
-            found[key] = result
-            progress.update(len(found))
-    progress.stop()
-    rows = [_row(sweep, scenes[key], key, found[key]) for key in keys if key in scenes]
-    summary = {
-        "scene": sweep.scenes[0].scene,
-        "axes": sweep.axes,
-        "points": len(rows),
-        "computed_now": len(found) - before,
-        "failed": [{name: row[name] for name in [*sweep.axes, "reason"]} for row in rows if row["status"] != "done"],
-    }
-    if part:
-        return SweepResult(rows, summary | {"part": part, "wall_clock": perf_counter() - began}, out)
-    yaml = {True: "true", False: "false"}
-    write_csv(out / "points.csv", [{k: yaml[v] if isinstance(v, bool) else v for k, v in row.items()} for row in rows])
+    with _claimed(out / "points", sweep):
+        if part is None:
+            file, text = out / "scene.yaml", sweep.to_yaml()
+            if file.exists() and file.read_text(encoding="utf-8", errors="replace") != text:
+                say(f"{out} held another sweep: its points stay, its table is replaced")
+                for name in FILES:
+                    remove(out / name)
+            write_text(file, text)
+        found = {key: kept for key in scenes if (kept := _read_point(out, key)) and (kept.estimated or not estimate)}
+        for key in found:
+            _write_scene(out, key, scenes[key])
+        missing, before = {key: scene for key, scene in scenes.items() if key not in found}, len(found)
+        of_all = f" (part {part} of {len(keys)})" if part else ""
+        say(f"{len(scenes)} scenes{of_all}, {before} of them computed before")
+        progress("sweep", before, len(scenes))
+        with closing(executors.computed(missing, estimate, jobs, executor, scheduler, say)) as results:
+            for key, result in results:
+                _write_point(out, key, missing[key], result)
+                found[key] = result
+                progress("sweep", len(found), len(scenes))
+        if mixed := _mixed([one.versions for one in found.values() if one.versions]):
+            say(f"these rows come from different versions, {mixed}: delete {out / 'points'} to compute all anew")
+        rows = [_row(sweep, scenes[key], key, found[key]) for key in keys if key in scenes]
+        failed, told = [row for row in rows if row["status"] != "done"], [*sweep.axes, "reason"]
+        summary = {
+            "scene": sweep.scenes[0].scene,
+            "axes": sweep.axes,
+            "points": len(rows),
+            "computed_now": len(found) - before,
+            "failed": [{name: row[name] for name in told} for row in failed],
+        }
+        if part:
+            return SweepResult(rows, summary | {"part": part, "wall_clock": perf_counter() - began}, out)
+        yaml = {True: "true", False: "false"}
+        table = [{k: yaml[v] if isinstance(v, bool) else v for k, v in row.items()} for row in rows]
+        write_csv(out / "points.csv", table)
 
-    from taichi_disk.figures.curves import figure_of
+        from taichi_disk.figures.curves import figure_of
 
-    summary |= {"curves": figure_of(sweep, rows, out), "wall_clock": perf_counter() - began, "versions": versions()}
-    write_summary(out / "summary.json", summary)
-    return SweepResult(rows, summary, out)
+        summary |= {"curves": figure_of(sweep, rows, out), "wall_clock": perf_counter() - began, "versions": versions()}
+        write_summary(out / "summary.json", summary)
+        return SweepResult(rows, summary, out)
+
+
+@contextmanager
+def _claimed(folder: Path, sweep: Sweep) -> Iterator[None]:
+    """Within, `folder` takes points of this sweep only, also from other processes: its parts may run at the same time.
+
+    Each holds the lock of a hidden file of its own, which names the sweep; the system frees that of a killed process.
+    Raises InputError where another sweep holds one.
+    """
+    name = hashlib.sha256(sweep.to_yaml().encode()).hexdigest()[:20]
+    mine = FileLock(folder / f".{name}.{uuid4().hex}.lock")
+    with FileLock(folder / ".lock"):
+        for other in folder.glob(".*.lock"):
+            try:
+                with FileLock(other, timeout=0):
+                    pass
+                remove(other)
+            except Timeout:
+                if not other.name.startswith(f".{name}."):
+                    text = f"{folder.parent}: another sweep is being computed into this folder"
+                    raise InputError(f"{text}; let it end, or choose another folder") from None
+        mine.acquire()
+    try:
+        yield
+    finally:
+        mine.release()
+        remove(Path(mine.lock_file))
+
+
+def _mixed(found: list[dict[str, str]]) -> str:
+    """What differs between versions, in words; empty if nothing does."""
+    known = {name: sorted({one.get(name, "?") for one in found}) for name in found[0]} if found else {}
+    return ", ".join(f"{name} {' and '.join(ones)}" for name, ones in known.items() if len(ones) > 1)
 
 
 def _prepare(out: Path) -> None:
@@ -184,7 +226,8 @@ def _read_point(out: Path, key: str) -> PointResult | None:
     path = out / "points" / f"{key}.json"
     try:
         record = json.loads(path.read_bytes())
-        return PointResult(**{one.name: record[one.name] for one in fields(PointResult)})
+        result = PointResult(**{one.name: record[one.name] for one in fields(PointResult)})
+        return result if record["key"] == key else None
     except FileNotFoundError:
         return None
     except (ValueError, TypeError, LookupError, RecursionError, OSError) as error:
@@ -194,7 +237,14 @@ def _read_point(out: Path, key: str) -> PointResult | None:
 
 def _write_point(out: Path, key: str, scene: Scene, result: PointResult) -> None:
     """Write a point, and its result if there is one. Raises SimulationError if it cannot be written."""
-    write_text(out / "points" / f"{key}.yaml", scene.to_yaml())
+    _write_scene(out, key, scene)
     if result.status == "done":  # what failed is tried again
-        record = json.dumps(asdict(result) | {"version": __version__}, indent=1, allow_nan=False)
+        record = json.dumps(asdict(result) | {"key": key}, indent=1, allow_nan=False)
         write_text(out / "points" / f"{key}.json", record + "\n")
+
+
+def _write_scene(out: Path, key: str, scene: Scene) -> None:
+    """KEY.yaml, unless it is there."""
+    path, text = out / "points" / f"{key}.yaml", scene.to_yaml().encode()
+    if not (path.is_file() and path.read_bytes() == text):
+        write_text(path, text.decode())

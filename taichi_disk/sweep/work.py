@@ -32,6 +32,7 @@ class PointResult:
         numbers: results, moduli, error estimate, energy imbalance, steps, dt, integrator; empty if it failed.
         warnings: what a person should know of the run.
         estimated: whether an error estimate was asked for.
+        versions: what computed it.
     """
 
     status: str
@@ -39,12 +40,15 @@ class PointResult:
     numbers: dict[str, Any] = field(default_factory=dict)
     warnings: list[str] = field(default_factory=list)
     estimated: bool = False
+    versions: dict[str, str] = field(default_factory=dict)
 
 
-@lru_cache(maxsize=1)  # to look them up takes some milliseconds
+_versions = lru_cache(maxsize=1)(versions)  # to look them up takes some milliseconds
+
+
 def relevant_versions() -> dict[str, str]:
     """The packages that numbers follow from."""
-    return {name: version for name, version in versions().items() if name != "python"}
+    return {name: version for name, version in _versions().items() if name != "python"}
 
 
 def compute_task(expected: dict[str, str], scenes: bytes, estimate: bool) -> list[PointResult]:
@@ -64,7 +68,7 @@ def compute_task(expected: dict[str, str], scenes: bytes, estimate: bool) -> lis
         raise InputError(f"{where} has {', '.join(other)}: install the same versions everywhere")
     with runtime.alone():  # an executor's worker may have several threads
         _start_worker()
-        return list(compute_points(pickle.loads(scenes), estimate))
+    return list(compute_points(pickle.loads(scenes), estimate))
 
 
 @lru_cache(maxsize=1)
@@ -106,7 +110,7 @@ def _computed(scene: Scene, estimate: bool) -> PointResult:
     if "energy" in facts:
         numbers["energy_imbalance"] = facts["energy"]["closing_imbalance"]
     numbers |= {name: facts[name] for name in ("residual", "dt", "steps", "integrator") if name in facts}
-    return PointResult("done", None, numbers, facts["warnings"], estimate)
+    return PointResult("done", None, numbers, facts["warnings"], estimate, _versions())
 
 
 # ---- what scenes share

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import shutil
 import subprocess
 import sys
@@ -12,9 +13,9 @@ import numpy as np
 import pytest
 
 import taichi_disk
-from taichi_disk import Lattice, Result, load_scene, run
+from taichi_disk import Lattice, Result, load_scene, load_sweep, run, run_sweep
 from taichi_disk.errors import InputError
-from taichi_disk.progress import Progress
+from taichi_disk.runtime import cores
 
 SMALL = {"lattice.points": 60, "material.eta_star": 0}
 
@@ -161,6 +162,94 @@ def test_threads_take_turns_with_the_results_of_one():
     assert subprocess.run([sys.executable, "-c", THREADS]).returncode == 0
 
 
+ONE_NUMBER = """
+from taichi_disk import load_scene, run
+from taichi_disk.errors import InputError
+scene = load_scene("exponential_wall").with_(points=20)
+try:
+    first = run(scene, threads=-1)
+except InputError:
+    first = run(scene)
+run(scene.with_(eta_star=0))
+again = run(scene, threads=cores)
+try:
+    run(scene, threads=1 if cores > 1 else 2)
+except InputError as error:
+    assert first.state(1.0).positions.tobytes() == again.state(1.0).positions.tobytes()
+    print(error)
+"""
+
+
+def test_the_threads_of_a_process_are_chosen_once_and_all_its_results_live_on():
+    code = ONE_NUMBER.replace("cores", str(cores()))
+    told = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    assert told.returncode == 0 and ("this process computes with" in told.stdout or cores() == 1), told.stderr
+
+
+@pytest.mark.parametrize("threads", [0, -1, 1.5, "2", 100_000, cores() + 1])
+def test_threads_are_a_whole_number_up_to_the_cores(threads):
+    with pytest.raises(InputError, match=f"threads: must be a whole number from 1 to {cores()}, .*not {threads!r}"):
+        run(load_scene("exponential_wall").with_(SMALL), threads=threads)
+
+
+@pytest.mark.parametrize("number", ["1", "0", "-1", "many", ""])
+def test_the_environment_says_how_many_threads_where_nobody_else_does(number):
+    code = "from taichi_disk import runtime; runtime.start(); import taichi as ti; print(ti.cfg.cpu_max_num_threads)"
+    environment = os.environ | {"TAICHI_DISK_THREADS": number}
+    told = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, env=environment)
+    assert told.stdout == ("1\n" if number == "1" else "")
+    assert number == "1" or "TAICHI_DISK_THREADS: must be a whole number from 1 to" in told.stderr
+
+
+# ---- progress
+
+
+@pytest.mark.parametrize("scene", ["exponential_wall", "compression"])
+def test_a_progress_is_told_of_each_stage_from_its_beginning(scene, tmp_path):
+    told = []
+    keys = {"lattice.points": 60, "video.seconds": 0.3, "video.size": 64}
+    keys |= {"compression.method": "newton"} if scene == "compression" else {"impact.velocity": 2e-3}
+    done = run(load_scene(scene).with_(keys), tmp_path / "o", progress=lambda *what: told.append(what), video=False)
+    assert {stage for stage, _, _ in told} == {"simulate"} and told[0][1] == 0
+    assert [now for _, now, _ in told] == sorted(now for _, now, _ in told) and told[-1][1] <= told[-1][2]
+    told.clear()
+    Result.load(tmp_path / "o", progress=lambda *what: told.append(what))
+    assert told[0] == ("simulate", 0, told[0][2])
+    assert done.numbers
+
+
+@pytest.mark.parametrize("progress", [3, "bar", lambda done: None, object(), []])
+def test_a_progress_of_another_shape_is_refused_by_name(result, progress, tmp_path):
+    name = getattr(progress, "__name__", type(progress).__name__)
+    told = rf"progress: must be callable as progress\(stage, done, total\), which {name} is not"
+    sweep = load_sweep({"scene": "exponential_wall", "sweep": {"seed": [0]}})
+    for call in (
+        lambda: run(result.scene, tmp_path / "o", progress=progress),
+        lambda: result.film(tmp_path / "o.mp4", progress=progress),
+        lambda: run_sweep(sweep, tmp_path / "o", progress=progress),
+    ):
+        with pytest.raises(InputError, match=told):
+            call()
+    assert not list(tmp_path.iterdir())
+
+
+def test_what_a_progress_computes_of_its_own_is_refused_and_spoils_nothing(result):
+    calls, refused = [lambda: run(other), lambda: result.state(1.0), lambda: result.film("never.mp4")], []
+    scene, other = result.scene.with_(velocity=2e-3), result.scene.with_(points=30)
+    expected = run(scene).restitution
+
+    def curious(stage, done, total):
+        for call in calls:
+            with pytest.raises(InputError, match="a progress callback cannot run"):
+                call()
+            refused.append(done)
+
+    assert run(scene, progress=curious).restitution == expected and len(refused) >= len(calls)
+    with pytest.raises(InputError, match="a progress callback cannot run"):
+        run(scene, progress=lambda stage, done, total: run(other))
+    assert run(scene).restitution == expected
+
+
 def test_a_lattice_file_gives_what_the_lattice_gives(tmp_path):
     disk = Lattice.disk(60, seed=3)
     np.savetxt(tmp_path / "points.csv", disk.positions, delimiter=",", header="x,y", comments="")
@@ -171,12 +260,11 @@ def test_a_lattice_file_gives_what_the_lattice_gives(tmp_path):
     assert by_file.lattice.disk_points == 60
     assert "points.csv" in " ".join(by_file.scenario.title())
 
-    class Removes(Progress):
-        def start(self, stage, total):
-            (tmp_path / "copy.csv").unlink(missing_ok=True)
+    def removes(stage, done, total):
+        (tmp_path / "copy.csv").unlink(missing_ok=True)
 
     shutil.copy(tmp_path / "points.csv", tmp_path / "copy.csv")
-    removed = run(by_file.scene.with_(file=str(tmp_path / "copy.csv")), progress=Removes())
+    removed = run(by_file.scene.with_(file=str(tmp_path / "copy.csv")), progress=removes)
     assert removed.summary["lattice_digest"] == by_file.summary["lattice_digest"]
     by_file.save(tmp_path / "r")
     assert Result.load(tmp_path / "r").restitution == by_file.restitution

@@ -17,7 +17,7 @@ from PIL import Image
 
 from taichi_disk import Lattice, api, load_scene, runtime
 from taichi_disk.errors import InputError, SimulationError, TaichiDiskError
-from taichi_disk.progress import Progress
+from taichi_disk.progress import silent as QUIET
 from taichi_disk.render import film_problem
 from taichi_disk.render.film import film
 from taichi_disk.render.legend import Legend
@@ -27,7 +27,6 @@ from taichi_disk.simulation.outcome import compute, greatest_compression, quasis
 needs_vulkan = pytest.mark.skipif(film_problem() is not None, reason=str(film_problem()))
 FORMATS = pytest.mark.parametrize("suffix", [".mp4", ".webm", ".gif", ""])
 COUNT, SIZE = 10, 240
-QUIET = Progress()
 
 
 @pytest.fixture(scope="module")
@@ -76,15 +75,9 @@ def time_of(lines):
 @needs_vulkan
 @FORMATS
 def test_a_film_has_the_frames_size_and_rate_asked_for_and_the_same_bytes_twice(run, tmp_path, suffix):
-    class Told(Progress):
-        done = ()
-
-        def update(self, done):
-            self.done += (done,)
-
-    path, told = tmp_path / f"film{suffix}", Told()
-    film(path, [run], video(), told)
-    assert told.done == tuple(range(1, COUNT + 1)) and list(tmp_path.iterdir()) == [path]
+    path, told = tmp_path / f"film{suffix}", []
+    film(path, [run], video(), lambda *what: told.append(what))
+    assert told == [("render", done, COUNT) for done in range(COUNT + 1)] and list(tmp_path.iterdir()) == [path]
     files = sorted(path.iterdir()) if path.is_dir() else [path]
     first = digests(files)
     film(path, [run], video(), QUIET)  # what is there is replaced
@@ -260,16 +253,15 @@ def test_colours_survive_the_encoding(run, tmp_path):
 @needs_vulkan
 @FORMATS
 def test_an_interrupted_film_leaves_the_old_one_as_it_was(run, tmp_path, suffix):
-    class Impatient(Progress):
-        def update(self, done):
-            if done == 5:
-                raise KeyboardInterrupt
+    def impatient(stage, done, total):
+        if done == 5:
+            raise KeyboardInterrupt
 
     path = tmp_path / f"film{suffix}"
     film(path, [run], video(seconds=0.3), QUIET)
     before = digests(one for one in tmp_path.rglob("*") if one.is_file())
     with pytest.raises(KeyboardInterrupt):
-        film(path, [run], video(), Impatient())
+        film(path, [run], video(), impatient)
     assert digests(one for one in tmp_path.rglob("*") if one.is_file()) == before
     film(path, [run], video(seconds=0.3), QUIET)  # a window was open when it happened: the next one must still work
 

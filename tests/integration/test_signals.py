@@ -12,7 +12,7 @@ from concurrent.futures import ThreadPoolExecutor
 
 import pytest
 
-from taichi_disk.signals import AT_ONCE, INTERRUPTED, deferred_interrupts, raise_if_interrupted
+from taichi_disk.signals import AT_ONCE, INTERRUPTED, deferred_interrupts, ignored_by_children, raise_if_interrupted
 
 COMMAND = [sys.executable, "-m", "taichi_disk", "run", "exponential_wall", "--set=video.seconds=20"]
 FIRST_PICTURE = """
@@ -117,6 +117,20 @@ def test_ctrl_c_comes_out_where_it_is_asked_for_or_at_the_end_and_a_second_one_a
         with pytest.raises(KeyboardInterrupt):
             signal.raise_signal(signal.SIGINT)
     assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
+
+
+def test_processes_started_for_a_sweep_hear_no_ctrl_c_and_it_is_not_lost_to_their_parent():
+    code = "import os, signal; os.kill(os.getpid(), signal.SIGINT); print('alive')"
+
+    def start():
+        with ignored_by_children():
+            return subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+
+    with ThreadPoolExecutor(1) as thread:
+        for child in (start(), thread.submit(start).result()):
+            assert (child.stdout, child.stderr) == ("alive\n", "")
+    with pytest.raises(KeyboardInterrupt), ignored_by_children():
+        signal.raise_signal(signal.SIGINT)
 
 
 def test_a_second_signal_ends_a_command_at_once_but_two_together_are_one():

@@ -5,10 +5,14 @@ from __future__ import annotations
 import csv
 import json
 import shutil
+import socket
 import statistics
 import sys
+import threading
+import time
 from collections.abc import Callable
 from concurrent.futures import Executor, Future, ThreadPoolExecutor
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -240,6 +244,69 @@ def test_steps_that_are_swept_keep_their_column_beside_those_that_were_taken(tmp
     assert rows[0]["dt_taken"] != rows[1]["dt_taken"] == 0.0015  # two of them fit between two resets
 
 
+def test_another_sweep_into_a_folder_in_use_is_refused_and_a_part_of_the_same_is_not(tmp_path: Path) -> None:
+    one, other = (ONE + f"sweep: {{velocity: {speeds}}}" for speeds in ("[0.01, 0.02]", "[0.03]"))
+    out, refused, beside = tmp_path / "out", list[str](), list[SweepResult]()
+    (out / "points").mkdir(parents=True)
+    (out / "points" / ".00000000000000000000.0.lock").touch()  # of a process that was killed
+
+    def meanwhile(stage: str, done: float, total: float | None) -> None:
+        for part in (None, "1/1"):
+            with pytest.raises(InputError, match="another sweep is being computed into this folder") as told:
+                swept(other, out, part=part)
+            refused.append(str(told.value))
+        beside.append(swept(one, out, part="1/2"))
+
+    swept(one, out, progress=meanwhile)
+    assert len(beside) == 3 and all("--" not in text and str(out) in text for text in refused)
+    assert [path.name for path in (out / "points").glob(".*")] == [".lock"]
+    assert swept(other, out).summary["computed_now"] == 1
+
+
+def test_a_record_counts_for_its_own_point_alone(small: SweepResult, tmp_path: Path) -> None:
+    shutil.copytree(small.out, tmp_path / "out")
+    first, second = points(tmp_path / "out")[4:6]
+    shutil.copy(first, second)
+    assert swept(SMALL, tmp_path / "out").summary["computed_now"] == 1
+    assert table(tmp_path / "out") == table(small.out)
+    assert second.read_bytes() == (small.out / "points" / second.name).read_bytes()
+
+
+def test_a_point_s_scene_is_written_again_where_it_is_missing_or_another(small: SweepResult, tmp_path: Path) -> None:
+    shutil.copytree(small.out, tmp_path / "out")
+    scenes = sorted((tmp_path / "out" / "points").glob("*.yaml"))
+    expected = {path: path.read_bytes() for path in scenes}
+    scenes[0].unlink()
+    shutil.copy(scenes[2], scenes[1])
+    assert swept(SMALL, tmp_path / "out").summary["computed_now"] == 0
+    assert {path: path.read_bytes() for path in scenes} == expected
+
+
+def test_rows_of_different_versions_are_told_once(small: SweepResult, tmp_path: Path) -> None:
+    shutil.copytree(small.out, tmp_path / "out")
+    for path in points(tmp_path / "out")[:2]:
+        record = json.loads(path.read_bytes())
+        assert set(record["versions"]) == {"python", "taichi-disk", "taichi", "numpy", "scipy"}
+        record["versions"] |= {"python": "2.7.18", "numpy": "1.6.0"}
+        path.write_text(json.dumps(record))
+    said: list[str] = []
+    here = swept(SMALL, tmp_path / "out", say=said.append).summary["versions"]
+    (told,) = (text for text in said if "versions" in text)
+    assert f"python 2.7.18 and {here['python']}, numpy 1.6.0 and {here['numpy']}:" in told and "scipy" not in told
+    said.clear()
+    swept(SMALL, tmp_path / "other", "sweep.eta_star=[0]", "sweep.seed=[3]", say=said.append)
+    assert not [text for text in said if "versions" in text]
+
+
+def test_one_lattice_has_no_scatter(small: SweepResult, tmp_path: Path) -> None:
+    both = small.summary["curves"][0]["standard_deviation"]
+    assert len(both) == 3 and min(both) > 0.0
+    shutil.copytree(small.out / "points", tmp_path / "out" / "points")
+    alone = swept(SMALL, tmp_path / "out", "sweep.seed=[3]")
+    assert [curve["standard_deviation"] for curve in alone.summary["curves"]] == [None, None]
+    assert json.loads((tmp_path / "out" / "summary.json").read_text())["curves"] == alone.summary["curves"]
+
+
 # ---- parts
 
 
@@ -324,6 +391,33 @@ def test_without_a_scheduler_the_error_says_so(tmp_path: Path, monkeypatch: pyte
     for address in ("tcp://127.0.0.1:9", "nonsense://x"):
         with pytest.raises(InputError, match="no Dask scheduler answers at"):
             run_sweep(load_sweep(SMALL), tmp_path / "out", scheduler=address)
+
+
+@pytest.mark.parametrize("says", [b"", b"HTTP/1.1 400 Bad Request\r\n\r\n" * 10, b"\x01" + bytes(1000)])
+def test_what_is_no_scheduler_is_told_soon(says: bytes, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    pytest.importorskip("distributed")
+    monkeypatch.setattr(executors, "CONNECT", 1.0)
+
+    def answer(connection: socket.socket) -> None:
+        with suppress(OSError):
+            connection.sendall(says)
+
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        connections = list[socket.socket]()
+
+        def serve() -> None:
+            with suppress(OSError):
+                while True:
+                    connections.append(server.accept()[0])
+                    answer(connections[-1])
+
+        threading.Thread(target=serve, daemon=True).start()
+        began, address = time.monotonic(), f"tcp://127.0.0.1:{server.getsockname()[1]}"
+        with pytest.raises(InputError, match=f"no Dask scheduler answers at {address}"):
+            run_sweep(load_sweep(SMALL), tmp_path / "out", scheduler=address)
+        assert time.monotonic() - began < 8.0
+        for one in connections:
+            one.close()
 
 
 # ---- what a person sees

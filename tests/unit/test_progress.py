@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import io
 
-from taichi_disk.progress import Progress, duration
+import pytest
+
+from taichi_disk.progress import duration, terminal
 
 
 class Terminal(io.StringIO):
@@ -14,28 +16,40 @@ class Terminal(io.StringIO):
 
 def test_without_a_terminal_nothing_is_written():
     stream = io.StringIO()
-    with Progress(stream) as progress:
-        progress.start("simulate", 10.0)
-        progress.update(5.0)
+    with terminal(stream) as progress, terminal(None) as no_stderr:
+        for one in (progress, no_stderr):
+            one("simulate", 0.0, 10.0)
+            one("simulate", 5.0, 10.0)
     assert stream.getvalue() == ""
 
 
 def test_a_stage_that_ends_early_is_shown_as_complete_and_the_cursor_comes_back():
     # An impact is over when the disk has left, before the time at which it would be given up.
     stream = Terminal()
-    progress = Progress(stream)
-    progress.stop()
-    progress.start("simulate", 1000.0)
-    progress.update(250.0)
-    progress.start("render", 4.0)
-    progress.update(1.0)
-    progress.stop()
-    progress.stop()
+    with terminal(stream) as progress:
+        for told in (("simulate", 0.0, 1000.0), ("simulate", 250.0, 1000.0), ("render", 0, 4), ("render", 1, 4)):
+            progress(*told)
     simulate, render = [line for line in stream.getvalue().splitlines() if "%" in line][-2:]
     assert "simulate" in simulate and "100%" in simulate
     assert "render" in render and "25%" in render
     hidden, shown = "\x1b[?25l", "\x1b[?25h"
     assert stream.getvalue().rfind(shown) > stream.getvalue().rfind(hidden) >= 0
+
+
+def test_a_stage_whose_end_is_unknown_is_shown_without_a_share():
+    stream = Terminal()
+    with terminal(stream) as progress:
+        progress("simulate", 0, None)
+        progress("simulate", 7, None)
+    (line,) = [line for line in stream.getvalue().splitlines() if "simulate" in line][-1:]
+    assert "%" not in line
+
+
+def test_a_bar_that_was_never_needed_writes_nothing():
+    stream = Terminal()
+    with pytest.raises(KeyError), terminal(stream):
+        raise KeyError
+    assert stream.getvalue() == ""
 
 
 def test_an_expected_time_has_no_more_digits_than_it_is_worth():
