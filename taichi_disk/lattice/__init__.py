@@ -1,7 +1,7 @@
 """Points and springs: the disk, the elastic wall, their moduli. NumPy and SciPy only; SciPy is imported when used."""
 
 from taichi_disk.lattice.custom import file_digest, numbers
-from taichi_disk.lattice.lattice import Lattice, check_thickness, disk_of, read_lattice, with_wall
+from taichi_disk.lattice.lattice import Lattice, check_thickness, disk_of, read_lattice, read_velocities, with_wall
 from taichi_disk.lattice.network import Moduli, bulk_moduli
 from taichi_disk.lattice.triangles import Array
 
@@ -18,5 +18,6 @@ __all__ = [
     "file_digest",
     "numbers",
     "read_lattice",
+    "read_velocities",
     "with_wall",
 ]

@@ -28,9 +28,8 @@ class ExponentialWallScene(DiskScene):
     def conflicts(self) -> Conflicts:
         return time_conflicts(self.time, dashpots(self.material)) + gap_conflicts(self.wall, self.impact)
 
-    def scenario(self, lattice: Lattice | None = None) -> ExponentialWallImpact:
-        """The scene ready to be stepped; `lattice`: an unloaded disk to take instead of the scene's own."""
-        return ExponentialWallImpact(self, lattice or self.body())
+    def of_body(self, body: Lattice) -> ExponentialWallImpact:
+        return ExponentialWallImpact(self, body)
 
 
 class ExponentialWallImpact(ImpactScenario):
