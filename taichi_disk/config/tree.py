@@ -253,8 +253,8 @@ def as_path(path: Any, name: str) -> Path:
     """`path`, ~ written out. Raises InputError, which tells the `name`, for what is no path."""
     try:
         return Path(path).expanduser()
-    except (TypeError, RuntimeError) as error:
-        raise InputError(f"{name}: must be a path, not {path!r:.60} ({error})") from None
+    except (TypeError, RuntimeError):  # the latter of a ~ that is nobody's
+        raise InputError(f"{name}: must be a path, not {path!r:.60}") from None
 
 
 def _override(tree: Tree, override: str, rank: int) -> None:

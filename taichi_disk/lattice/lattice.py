@@ -190,7 +190,8 @@ def _check_gaps(lattice: Lattice) -> None:
         gap = f"a gap of {length[k]:.3g} R, where springs measure {typical:.3g} R"
         raise InputError(
             f"the spring from ({x:.4g}, {y:.4g}) to ({u:.4g}, {v:.4g}) would cross {gap}: fill it with points; "
-            "or, where it is open to the outside, give the springs around it (a body has no holes)"
+            "or, where it is open to the outside, give `springs` (`bonds` in an npz file) "
+            "that go round it: a body may have a notch, but no hole"
         )
 
 

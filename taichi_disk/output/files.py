@@ -133,6 +133,8 @@ def clear(folder: Path) -> None:
 
 def _settle(old: Path, path: Path) -> None:
     """End a replacement, wherever it has stopped: where nothing has come to `path`, `old` is there again."""
+    if old.is_symlink():  # somebody has put it here: nothing that it leads to is a run's
+        remove(old)
     if not old.exists():
         return
     if not os.path.lexists(path):

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import json
 import os
+import platform
+import shutil
 import subprocess
 import sys
 from contextlib import suppress
@@ -77,7 +79,9 @@ def test_a_default_name_counts_on_past_other_runs_and_says_so(tmp_path):
 def test_a_folder_that_was_named_is_refused_if_it_holds_another_run_unless_overwriting(tmp_path):
     compute(tmp_path / "run", mark="first", files=("video.mp4",))
     before = content(tmp_path)
-    with pytest.raises(InputError, match=r"run holds another run \(overwrite=True replaces it\); choose another folder"):
+    with pytest.raises(
+        InputError, match=r"run holds another run \(overwrite=True replaces it\); choose another folder"
+    ):
         compute(tmp_path / "run", OTHER)
     assert content(tmp_path) == before
     compute(tmp_path / "run", OTHER, overwrite=True, mark="second")
@@ -276,3 +280,25 @@ def test_a_link_to_a_folder_is_followed(tmp_path):
     (tmp_path / "link").symlink_to("disk")
     compute(tmp_path / "link")
     assert (tmp_path / "link").is_symlink() and set(os.listdir(tmp_path / "disk")) == RUN
+
+
+def test_links_that_were_planted_are_not_followed(tmp_path):
+    mine = tmp_path / "mine"
+    mine.mkdir()
+    for name in (".profile", "1.png"):
+        (mine / name).write_text("mine")
+    (tmp_path / "out").mkdir()
+    for name, kind in (("plot.png", mine / "1.png"), ("frames", mine), ("summary.json", "/dev/zero")):
+        out = compute(tmp_path / "out" / "run")
+        (out / name).unlink(missing_ok=True)
+        (out / name).symlink_to(kind)
+        with pytest.raises(InputError, match=f"holds {name}, which no run wrote"):
+            compute(out, overwrite=True)
+        shutil.rmtree(out)
+    ended = subprocess.Popen([sys.executable, "-c", ""])
+    ended.wait()
+    compute(tmp_path / "out" / "run")
+    (tmp_path / "out" / f".{platform.node()}-{ended.pid}.old.run").symlink_to(mine)
+    compute(tmp_path / "out" / "run")
+    assert content(mine) == {".profile": "mine", "1.png": "mine"}
+    assert set(content(tmp_path / "out")) == {f"run/{name}" for name in RUN} and len(os.listdir(tmp_path / "out")) == 1
