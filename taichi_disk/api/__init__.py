@@ -14,12 +14,12 @@ from taichi_disk import runtime
 from taichi_disk.api.job import FRAMES, Clock, Job, shared_kernels, write_run
 from taichi_disk.config.tree import Source, as_path
 from taichi_disk.errors import InputError
-from taichi_disk.lattice import Array, Lattice, numbers
+from taichi_disk.lattice import Array, Lattice, OwnStart, numbers
 from taichi_disk.output import files
 from taichi_disk.output.run_folder import run_folder
 from taichi_disk.progress import Progress
 from taichi_disk.scenes import Scene, load_scene
-from taichi_disk.scenes.body import DiskScene, OwnStart
+from taichi_disk.scenes.body import DiskScene
 from taichi_disk.signals import raise_if_interrupted
 from taichi_disk.simulation.outcome import Outcome
 from taichi_disk.simulation.scenario import Scenario
@@ -198,7 +198,7 @@ class Result:
         out, text = as_path(out, "out"), self.own.repeating(self.scene).to_yaml()
         with run_folder(out, text, True, overwrite, lattice=self.own.digest) as folder:
             computed = self.scenario, self.summary | {"video": folder.film}, self.outcome
-            write_run(folder.path, self.scene, computed, video, Progress(), Clock(), self.own)
+            write_run(folder.path, computed, self.own, video, Progress(), Clock())
         return folder.out
 
     @classmethod
@@ -223,15 +223,11 @@ class Result:
         """
         folder = as_path(folder, "folder")
         path, summary = folder / "scene.yaml", files.read_summary(folder)
-        for name, there in (
-            ("scene.yaml", files.is_plain(path)),
-            ("summary.json that can be read", "status" in summary),
-        ):
-            if not there:
-                raise InputError(f"{folder}: no run is here (no {name}); `taichi-disk run` makes one")
-        kept = dict(summary.get("digests") or {})
-        now = files.digests(folder, summary)
-        changed = [name for name, digest in now.items() if kept.get(name, digest) != digest]
+        if not files.is_plain(path) or "status" not in summary:
+            name = "summary.json that can be read" if files.is_plain(path) else "scene.yaml"
+            raise InputError(f"{folder}: no run is here (no {name}); `taichi-disk run` makes one")
+        kept = given if isinstance(given := summary.get("digests"), dict) else {}
+        changed = [name for name, digest in files.digests(folder, summary).items() if kept.get(name, digest) != digest]
         if "scene.yaml" in changed:
             raise InputError(f"{path} has been changed since the run: undo that, or compute it as another run")
         for name in changed:

@@ -13,12 +13,11 @@ import numpy as np
 
 from taichi_disk import runtime
 from taichi_disk.errors import SimulationError, TaichiDiskError
-from taichi_disk.lattice import Array, Lattice
+from taichi_disk.lattice import Array, Lattice, OwnStart, own_start
 from taichi_disk.output import files
 from taichi_disk.output.plot import plot_run
 from taichi_disk.progress import Progress
 from taichi_disk.scenes import Scene, check_memory
-from taichi_disk.scenes.body import OwnStart
 from taichi_disk.simulation.diagnostics import BlowUp
 from taichi_disk.simulation.outcome import Outcome, compute
 from taichi_disk.simulation.scenario import Scenario
@@ -58,7 +57,7 @@ class Job:
 
     def __post_init__(self) -> None:
         # Read once, before a folder is chosen: files may change while the run is computed.
-        self.own = self.scene.own_start(self.lattice, self.velocities)
+        self.own = own_start(self.scene.lattice, self.lattice, self.velocities)
         self.scenario: Scenario | None = None
 
     def compute(self) -> Computed:
@@ -101,7 +100,7 @@ class Job:
                 times = np.linspace(0.0, outcome.columns["t"][-1], FRAMES)
                 export_run(scenario, outcome.replay(times), path, export)
                 self.clock.lap("export")
-            write_run(path, self.scene, computed, video, self.progress, self.clock, self.own)
+            write_run(path, computed, self.own, video, self.progress, self.clock)
             return computed
         except (SimulationError, KeyboardInterrupt) as failure:
             status = "interrupted" if isinstance(failure, KeyboardInterrupt) else "failed"
@@ -126,12 +125,10 @@ def shared_kernels() -> KernelCache:
     return _kernels_of(ti.lang.impl.get_runtime().prog)
 
 
-def write_run(
-    path: Path, scene: Scene, run: Computed, video: bool, progress: Progress, clock: Clock, own: OwnStart
-) -> None:
+def write_run(path: Path, run: Computed, own: OwnStart, video: bool, progress: Progress, clock: Clock) -> None:
     """All files of a run; summary.json last."""
     scenario, summary, outcome = run
-    columns, asked = outcome.columns, scene.time.sample_interval
+    scene, columns, asked = scenario.scene, outcome.columns, scenario.scene.time.sample_interval
     # Rows of an equilibrium are on the way to rest, not in time.
     interval = 0.0 if asked == "auto" or scenario.static else asked
     _write_start(path, scenario, own)

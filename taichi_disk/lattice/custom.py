@@ -7,7 +7,7 @@ import stat
 import zipfile
 import zlib
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from math import prod
 from pathlib import Path
 from typing import Any
@@ -73,35 +73,32 @@ def checked_lengths(rest_lengths: ArrayLike, springs: int) -> Array:
 
 def numbers(values: ArrayLike, name: str) -> Array:
     """`values` as float64. Raises InputError, which tells the `name`, where they are no numbers."""
-    try:
+    with suppress(TypeError, ValueError, OverflowError):
         if not np.iscomplexobj(values):
             return np.array(values, dtype=np.float64, order="C")
-    except (TypeError, ValueError, OverflowError):
-        pass
     raise InputError(f"{name} must be an array of numbers, real ones that float64 can hold")
 
 
 @contextmanager
-def reading(path: Path) -> Iterator[None]:
-    """What goes wrong within is an InputError with the file's name. Raises it for what should not be read at all."""
+def reading(path: Path, key: str) -> Iterator[None]:
+    """What goes wrong within is an InputError with the file's name, and the `key` of `lattice` that names it.
+
+    Raises it, too, for what should not be read at all.
+    """
     try:
-        found = path.stat()  # to read a device or a pipe might never end
-        if not stat.S_ISREG(found.st_mode):
-            raise InputError("is no regular file")
-        if found.st_size > LARGEST:
-            raise InputError(f"has {found.st_size / 1e6:,.0f} MB: a lattice has at most {LARGEST / 1e6:,.0f} MB")
+        found = path.stat()
+        if not stat.S_ISREG(found.st_mode) or found.st_size > LARGEST:  # to read a device or a pipe might never end
+            raise InputError(f"is no regular file of at most {LARGEST / 1e6:,.0f} MB")
         yield
-    except OSError as error:
-        raise InputError(f"{path}: {error.strerror or error}") from error
-    except (InputError, ValueError, TypeError, LookupError, OverflowError, *_BROKEN) as error:
-        raise InputError(f"{path}: {error}") from error
+    except (InputError, OSError, ValueError, TypeError, LookupError, OverflowError, *_BROKEN) as error:
+        raise InputError(f"lattice.{key}: {path}: {getattr(error, 'strerror', None) or error}") from error
 
 
 def file_digest(file: str) -> str:
     """A hash of a file that a scene names in `lattice`, "" for `none`. Raises InputError if it cannot be read."""
     if file == "none":
         return ""
-    with reading(Path(file)):
+    with reading(Path(file), "file"):
         return hashlib.sha256(Path(file).read_bytes()).hexdigest()
 
 
@@ -122,15 +119,15 @@ def read_arrays(path: Path) -> dict[str, Any]:
     if path.suffix.lower() != ".npz":
         raise InputError("a lattice is read from a .csv or .npz file")
     with zipfile.ZipFile(path) as archive:  # NumPy takes what is no zip file for a pickle, and says so
-        for one in archive.infolist():  # and takes the memory that an array claims before it looks for the numbers
+        if sum(one.file_size for one in archive.infolist()) > LARGEST:
+            raise InputError(f"unpacked it has more than {LARGEST / 1e6:,.0f} MB")
+        for one in archive.infolist():  # NumPy takes the memory that an array claims before it looks for the numbers
             with archive.open(one) as member:
                 old = np.lib.format.read_magic(member) == (1, 0)
                 read = np.lib.format.read_array_header_1_0 if old else np.lib.format.read_array_header_2_0
                 shape, _, kind = read(member)
             if prod(shape) * kind.itemsize > one.file_size:
                 raise InputError(f"{one.filename} claims the shape {shape}, for which it has not the numbers")
-        if sum(one.file_size for one in archive.infolist()) > LARGEST:
-            raise InputError(f"unpacked it has more than {LARGEST / 1e6:,.0f} MB")
     with np.load(path) as data:
         return _Arrays(data)
 

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import hashlib
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -55,25 +56,19 @@ class Lattice:
     origin: str = "a lattice of one's own"  # what titles say of it
 
     def __post_init__(self) -> None:
-        n, m = np.size(self.masses), np.size(self.rest_lengths)
-        for name, shape in {"positions": (n, 2), "masses": (n,), "rest_lengths": (m,)}.items():
-            array = getattr(self, name)
-            fits = isinstance(array, np.ndarray) and array.dtype == np.float64 and array.shape == shape
-            _require(name, fits, f"float64 of shape {shape}")
-            _require(name, np.isfinite(array).all(), "finite numbers")
-            _require(name, name == "positions" or (array > 0.0).all(), "positive numbers")
-        shapes = {"bonds": (m, 2), "triangles": (-1, 3), "disk_surface": (-1,), "wall_surface": (-1,)}
-        for name, shape in (shapes | {"wall_boundary": (-1,)}).items():
-            array = getattr(self, name)
-            fits = isinstance(array, np.ndarray) and array.dtype == np.int32 and array.ndim == len(shape)
-            fits = fits and array.shape[1:] == shape[1:] and shape[0] in (-1, len(array))
-            _require(name, fits, f"int32 of shape {shape}")
-            _require(name, ((array >= 0) & (array < n)).all(), f"indices of points, 0 to {n - 1}")
-        first, second = self.bonds.T.astype(np.int64)
-        rising = (np.diff(first * n + second) > 0).all()
-        _require("bonds", rising and (first < second).all(), "pairs i < j of points, sorted, each pair once")
-        whole = isinstance(self.disk_points, (int, np.integer)) and custom.MIN_POINTS <= self.disk_points <= n
-        _require("disk_points", whole, f"a whole number from {custom.MIN_POINTS} to {n}")
+        n, m, none = np.size(self.masses), np.size(self.rest_lengths), -1
+        real = {"positions": (n, 2), "masses": (n,), "rest_lengths": (m,)}
+        outlines = dict.fromkeys(("disk_surface", "wall_surface", "wall_boundary"), (none,))
+        for name, (rows, *width) in {**real, "bonds": (m, 2), "triangles": (none, 3), **outlines}.items():
+            array, kind = getattr(self, name), np.dtype(np.float64 if name in real else np.int32)
+            shape = (np.size(array) // math.prod(width) if rows == none else rows, *width)
+            fits = isinstance(array, np.ndarray) and (array.dtype, array.shape) == (kind, shape)
+            _require(name, fits, f"{kind} of shape {shape}")
+            low, high = (-math.inf if name == "positions" else 0.0, math.inf) if name in real else (-1, n)
+            _require(name, ((low < array) & (array < high)).all(), f"numbers above {low:g} and below {high:g}")
+        rising = (np.diff(self.bonds.astype(np.int64) @ [n, 1]) > 0).all() and (np.diff(self.bonds) > 0).all()
+        _require("bonds", rising, "pairs i < j of points, sorted, each pair once")
+        _require("disk_points", self.disk_points in range(custom.MIN_POINTS, n + 1), f"a whole number from 3 to {n}")
 
     @classmethod
     def disk(cls, points: int, seed: int = 0, rim: bool = True, min_spacing: float = 0.7) -> Lattice:
@@ -206,7 +201,7 @@ def read_lattice(path: str | Path) -> Lattice:
     Raises InputError, with the file's name, if it cannot be read or its points are no disk.
     """
     path = Path(path)
-    with custom.reading(path):
+    with custom.reading(path, "file"):
         data = custom.read_arrays(path)
         if "unloaded" in data:
             return _kept(data)
@@ -219,18 +214,6 @@ def _kept(data: Mapping[str, Any]) -> Lattice:
     numbers = bonds[springs], data["rest_lengths"][springs], data["masses"][:n]
     corners = triangles[triangles.max(axis=1) < n]
     return Lattice(x, *numbers, n, data["disk_surface"], none, none, corners, str(data["origin"]))
-
-
-def read_velocities(path: str | Path) -> Array:
-    """(N, 2) [c], the disk's part of the array `velocities` of an npz file such as lattice.npz of a run.
-
-    Raises InputError, with the file's name, if it cannot be read.
-    """
-    path = Path(path)
-    with custom.reading(path):
-        data = custom.read_arrays(path)
-        velocities = custom.numbers(data["velocities"], "velocities")
-        return velocities[: custom.points_of_disk(data, len(velocities))]
 
 
 def disk_of(lattice: Lattice) -> Lattice:
@@ -256,6 +239,42 @@ def disk_of(lattice: Lattice) -> Lattice:
         wall_boundary=none,
         triangles=lattice.triangles[corners],
     )
+
+
+class OwnStart(NamedTuple):
+    """What a run begins with in place of its scene's random disk or velocities, from Python or from a file."""
+
+    disk: Lattice | None = None
+    velocities: Array | None = None  # (N, 2) [c]
+
+    @property
+    def digest(self) -> str:
+        """SHA-256 of the arrays; empty if there are none."""
+        own = () if self.disk is None else (self.disk.positions, self.disk.bonds, self.disk.rest_lengths)
+        data = b"".join(one.tobytes() for one in (*own, self.velocities) if one is not None)
+        return hashlib.sha256(data).hexdigest() if data else ""
+
+    def repeating(self, scene: Any) -> Any:
+        """The scene that takes them from lattice.npz beside its file."""
+        section = scene.lattice if self.disk is None else replace(scene.lattice, file="lattice.npz")
+        section = section if self.velocities is None else replace(section, velocities="lattice.npz")
+        return replace(scene, lattice=section)
+
+
+def own_start(section: Any, lattice: Lattice | None, velocities: Any) -> OwnStart:
+    """`lattice` and `velocities`, else those of the files that a scene's `section` lattice names.
+
+    Of a file such as lattice.npz of a run the velocities are the disk's. Raises InputError, with the file's name.
+    """
+    if lattice is None and section.file != "none":
+        lattice = read_lattice(section.file)
+    if velocities is None and section.velocities != "none":
+        with custom.reading(path := Path(section.velocities), "velocities"):
+            data = custom.read_arrays(path)
+            velocities = data["velocities"]
+            velocities = velocities[: custom.points_of_disk(data, len(velocities))]
+    thrown = None if velocities is None else custom.numbers(velocities, "velocities")
+    return OwnStart(None if lattice is None else disk_of(lattice), thrown)
 
 
 # ---- the elastic wall: a rectangle of the disk's material, its top at y = 0, under the disk

@@ -98,8 +98,7 @@ def pair_keys(pairs: NDArray[np.signedinteger], n: int) -> Long:
 
 def polygon_area(corners: Array) -> float:
     """Area [R^2] inside the closed polygon through `corners` (n, 2), positive if counter-clockwise."""
-    arm = corners - corners[0]
-    return 0.5 * float(np.sum(_cross(arm, np.roll(arm, -1, axis=0))))
+    return 0.5 * float(np.sum(_cross(corners - corners[0], np.roll(corners, -1, axis=0) - corners[0])))
 
 
 def double_area(corner: Array) -> Array:

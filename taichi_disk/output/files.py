@@ -207,9 +207,9 @@ def is_plain(path: Path) -> bool:
 
 def digests(folder: Path, summary: dict[str, Any]) -> dict[str, str]:
     """SHA-256 of files of a run, and of its summary but for these."""
-    data = {"summary.json": json.dumps({**summary, "digests": None}).encode()}
-    for path in (folder / "scene.yaml", folder / "timeseries.csv"):
-        data[path.name] = path.read_bytes() if is_plain(path) else b""
+    paths = folder / "scene.yaml", folder / "timeseries.csv"
+    data = {path.name: path.read_bytes() if is_plain(path) else b"" for path in paths}
+    data["summary.json"] = json.dumps({**summary, "digests": None}).encode()
     return {name: hashlib.sha256(one).hexdigest() for name, one in data.items()}
 
 
@@ -269,9 +269,7 @@ def write_arrays(path: Path, **arrays: Any) -> None:
     atomic_write(path, lambda new: np.savez(new, **arrays))
 
 
-def write_lattice(
-    path: Path, lattice: Lattice, velocities: Array, impedance: Array | None = None, own: Lattice | None = None
-) -> None:
+def write_lattice(path: Path, lattice: Lattice, velocities: Array, impedance: Any = None, own: Any = None) -> None:
     """lattice.npz: the state at t = 0 in scene coordinates, as another program needs it to repeat the run.
 
     `velocities` are (n, 2) [c], `impedance` is that of the points of a matched boundary (k, 2) [M c/R], `own` is the

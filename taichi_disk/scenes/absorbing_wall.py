@@ -52,9 +52,7 @@ class AbsorbingWallScene(DiskScene):
         return conflicts
 
     def unused(self) -> Collection[tuple[str, str]]:
-        return [
-            key for key in super().unused() if key[1] not in ("seed", "rim", "min_spacing")
-        ]  # the wall is random, too
+        return [key for key in super().unused() if key[1] == "points"]  # the wall is random, too
 
     def body(self) -> Lattice:
         """The unloaded disk over its wall, just touching."""
