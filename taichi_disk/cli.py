@@ -59,7 +59,8 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _print_error(text: str) -> None:
-    """On stderr, if there is one."""
+    """On stderr, if there is one; the library speaks of arguments, which are options here."""
+    text = text.replace("as `out`", "with --out").replace("overwrite=True", "--overwrite")
     with suppress(OSError, ValueError, AttributeError):
         print(text, file=sys.stderr, flush=True)
 
@@ -79,7 +80,8 @@ def _load(arguments: argparse.Namespace, what: str = "scene") -> Any:
 def _out(arguments: argparse.Namespace, suffix: str = "") -> Path:
     """The folder that was asked for, else out/NAME, after the scene file's name."""
     scene = Path(arguments.scene)
-    return arguments.out or Path("out", (scene.stem if scene.suffix in (".yaml", ".yml") else scene.name) + suffix)
+    named = scene.suffix in (".yaml", ".yml") and scene.stem.strip(".")  # ...yaml: out/.. would be no folder in out
+    return arguments.out or Path("out", (scene.stem if named else scene.name) + suffix)
 
 
 # ---- commands: each imports what it needs, once its scene is known to be right
@@ -151,7 +153,7 @@ def _render(arguments: argparse.Namespace) -> int:
     given = {name: getattr(arguments, name) for name in VideoSection.schema()}
     overrides = [f"video.{name}={str(value).lower()}" for name, value in given.items() if value is not None]
     with terminal(sys.stderr) as progress:
-        load = partial(Result.load, progress=progress, estimate=False)
+        load = partial(Result.load, progress=progress, estimate=False, say=_note)
         result = load(arguments.folder, overrides)
         other = load(arguments.compare) if arguments.compare else None
         name, form = "comparison" if other else "render", result.scene.video.format
@@ -165,7 +167,7 @@ def _export(arguments: argparse.Namespace) -> int:
     from taichi_disk.api import Result
 
     form = arguments.format or (None if arguments.out else "xyz")
-    result = Result.load(arguments.folder)
+    result = Result.load(arguments.folder, say=_note)
     out = result.export(arguments.out or arguments.folder, form, arguments.frames, arguments.times)
     print(f"trajectory in {out}")
     return 0

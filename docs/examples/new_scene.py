@@ -27,8 +27,8 @@ class RingingScene(DiskScene):
     scene: Literal["ringing"] = "ringing"
     stretch: StretchSection = StretchSection()
 
-    def scenario(self, lattice: Lattice | None = None) -> "Ringing":
-        return Ringing(self, lattice or self.body())
+    def of_body(self, body: Lattice) -> "Ringing":
+        return Ringing(self, body)
 
 
 class Ringing(Scenario):

@@ -6,14 +6,15 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, NamedTuple
+from warnings import warn
 
 import numpy as np
 
 from taichi_disk import runtime
 from taichi_disk.api.job import FRAMES, Clock, Job, shared_kernels, write_run
-from taichi_disk.config.tree import Source
+from taichi_disk.config.tree import Source, as_path
 from taichi_disk.errors import InputError
-from taichi_disk.lattice import Array, Lattice, numbers
+from taichi_disk.lattice import Array, Lattice, OwnStart, numbers
 from taichi_disk.output import files
 from taichi_disk.output.run_folder import run_folder
 from taichi_disk.progress import Progress, reporter, silent
@@ -36,7 +37,7 @@ class State(NamedTuple):
 
 @dataclass(frozen=True)
 class Result:
-    """A scene computed to its end.
+    """A scene computed to its end. It can be pickled: another process may make one, and send it back.
 
     Attributes:
         scene: what was computed.
@@ -44,6 +45,7 @@ class Result:
         summary: what summary.json holds.
         outcome: the time series, the states, how they were computed.
         out: the folder that the run went into, if there is one.
+        own: the lattice and the velocities that are not the scene's.
     """
 
     scene: Scene
@@ -51,6 +53,7 @@ class Result:
     summary: dict[str, Any]
     outcome: Outcome = field(repr=False)
     out: Path | None = None
+    own: OwnStart = field(default=OwnStart(), repr=False)
 
     # ---- numbers
 
@@ -150,7 +153,7 @@ class Result:
             if not isinstance(frames, (int, np.integer)) or frames < 1:
                 raise InputError(f"frames: must be a whole number above 0, not {frames}")
             times = np.linspace(0.0, self.series["t"][-1], frames)
-        return export_run(self.scenario, self._moments(times), Path(path), format)
+        return export_run(self.scenario, self._moments(times), as_path(path, "path"), format)
 
     def _moments(self, times: Any) -> Iterator[tuple[float, Array, Array]]:
         times = np.atleast_1d(numbers(times, "times"))
@@ -178,7 +181,7 @@ class Result:
         """
         from taichi_disk.render.film import check_target, film
 
-        path, progress = Path(path), reporter(progress)
+        path, progress = as_path(path, "path"), reporter(progress)
         section = self.scene.with_({f"video.{key}": value for key, value in video.items()}).video
         check_target(path)
         files.prepare_output(path.parent)
@@ -192,10 +195,10 @@ class Result:
 
         Raises InputError where `out` holds another run (unless `overwrite`) or files that no run wrote.
         """
-        repeatable, digest = "own_start" not in self.summary, str(self.summary.get("lattice_digest", ""))
-        with run_folder(out, self.scene.to_yaml(), True, overwrite, repeatable=repeatable, lattice=digest) as folder:
+        out, text = as_path(out, "out"), self.own.repeating(self.scene).to_yaml()
+        with run_folder(out, text, True, overwrite, lattice=self.own.digest) as folder:
             computed = self.scenario, self.summary | {"video": folder.film}, self.outcome
-            write_run(folder.path, self.scene, computed, video, silent, Clock())
+            write_run(folder.path, computed, self.own, video, silent, Clock())
         return folder.out
 
     @classmethod
@@ -206,6 +209,7 @@ class Result:
         overrides: Sequence[str] = (),
         progress: Progress | None = None,
         estimate: bool = True,
+        say: Callable[[str], None] = warn,
     ) -> Result:
         """The result of a finished run, computed again from its scene.yaml: bitwise the same.
 
@@ -213,22 +217,27 @@ class Result:
             overrides: changes of the scene, as `["video.size=360"]`.
             progress: called as for `run`.
             estimate: whether to estimate the time-step error again, which doubles the work.
+            say: told that summary.json or timeseries.csv has been changed since the run, which changes nothing here.
 
-        Raises InputError where there is no run, or one that Python gave its lattice or velocities.
+        Raises InputError where there is no run, or where scene.yaml or the lattice in lattice.npz has been changed.
         """
-        path, summary = Path(folder, "scene.yaml"), files.read_summary(Path(folder))
-        for name, there in (("scene.yaml", path.is_file()), ("summary.json that can be read", "status" in summary)):
-            if not there:
-                what = f"no run is here (no {name}); make one with `taichi-disk run --out {folder}`"
-                raise InputError(f"{folder}: {what}")
-        if "own_start" in summary:
-            raise InputError(f"{folder}: this run began with arrays given in Python; see lattice.npz for them")
+        folder = as_path(folder, "folder")
+        path, summary = folder / "scene.yaml", files.read_summary(folder)
+        if not files.is_plain(path) or "status" not in summary:
+            name = "summary.json that can be read" if files.is_plain(path) else "scene.yaml"
+            raise InputError(f"{folder}: no run is here (no {name}); `taichi-disk run` makes one")
+        kept = given if isinstance(given := summary.get("digests"), dict) else {}
+        changed = [name for name, digest in files.digests(folder, summary).items() if kept.get(name, digest) != digest]
+        if "scene.yaml" in changed:
+            raise InputError(f"{path} has been changed since the run: undo that, or compute it as another run")
+        for name in changed:
+            say(f"{folder / name} has been changed since the run; all is computed again from scene.yaml")
         # What the run took, also a step by force, is taken again.
         scene = load_scene(path, overrides)
         job = Job(scene, reporter(progress), force=True, estimate=estimate)
-        if summary.get("lattice_digest", job.digest) != job.digest:
-            raise InputError(f"{folder}: {scene.lattice.file} has changed since this run: see lattice.npz")
-        return cls(scene, *job.compute())
+        if summary.get("lattice_digest", "") != job.own.digest:
+            raise InputError(f"{folder}: the lattice or the velocities in lattice.npz have changed since the run")
+        return cls(scene, *job.compute(), own=job.own)
 
 
 @runtime.alone()
@@ -278,8 +287,8 @@ def run(
     if out is None:
         if export:
             raise InputError("export: needs a folder, `out`")
-        return Result(scene, *job.compute())
-    repeatable = lattice is None and velocities is None
-    with run_folder(out, scene.to_yaml(), not count_on, overwrite, say, repeatable, job.digest) as folder:
+        return Result(scene, *job.compute(), own=job.own)
+    out, text = as_path(out, "out"), job.own.repeating(scene).to_yaml()
+    with run_folder(out, text, not count_on, overwrite, say, job.own.digest) as folder:
         computed = job.into(folder.path, video, folder.film, export)
-    return Result(scene, *computed, folder.out)
+    return Result(scene, *computed, folder.out, job.own)

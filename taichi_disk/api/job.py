@@ -13,7 +13,7 @@ import numpy as np
 
 from taichi_disk import runtime
 from taichi_disk.errors import SimulationError, TaichiDiskError
-from taichi_disk.lattice import Array, Lattice, disk_of, file_digest, numbers
+from taichi_disk.lattice import Array, Lattice, OwnStart, own_start
 from taichi_disk.output import files
 from taichi_disk.output.plot import plot_run
 from taichi_disk.progress import Progress
@@ -56,8 +56,8 @@ class Job:
     clock: Clock = field(default_factory=Clock)
 
     def __post_init__(self) -> None:
-        # Of the file that the lattice is taken from, before that is read.
-        self.digest = file_digest(self.scene.lattice.file) if self.lattice is None else ""
+        # Read once, before a folder is chosen: files may change while the run is computed.
+        self.own = own_start(self.scene.lattice, self.lattice, self.velocities)
         self.scenario: Scenario | None = None
 
     def compute(self) -> Computed:
@@ -67,9 +67,7 @@ class Job:
         """
         check_memory(self.scene)
         runtime.start(self.threads)
-        scenario = self.scene.scenario(None if self.lattice is None else disk_of(self.lattice))
-        if self.velocities is not None:
-            scenario.start_with(numbers(self.velocities, "velocities"))
+        scenario = self.scene.scenario(*self.own)
         self.clock.lap("build")
         self.scenario = scenario
         time, kernels = self.scene.time, shared_kernels()
@@ -84,8 +82,8 @@ class Job:
         """What summary.json says of any run."""
         summary: dict[str, Any] = {"scene": self.scene.scene, "status": status, "reason": reason}
         summary |= {"seed": self.scene.lattice.seed, "versions": files.versions(), "wall_clock": self.clock.seconds}
-        if self.digest:
-            summary["lattice_digest"] = self.digest
+        if self.own.digest:
+            summary["lattice_digest"] = self.own.digest
         if self.lattice is not None or self.velocities is not None:
             summary["own_start"] = "lattice or velocities were given in Python: lattice.npz holds them"
         return summary
@@ -104,13 +102,13 @@ class Job:
                 times = np.linspace(0.0, outcome.columns["t"][-1], FRAMES)
                 export_run(scenario, outcome.replay(times), path, export)
                 self.clock.lap("export")
-            write_run(path, self.scene, computed, video, self.progress, self.clock)
+            write_run(path, computed, self.own, video, self.progress, self.clock)
             return computed
         except (SimulationError, KeyboardInterrupt) as failure:
             status = "interrupted" if isinstance(failure, KeyboardInterrupt) else "failed"
             self.clock.lap(status)
             if self.scenario is not None:
-                _write_start(path, self.scenario)
+                _write_start(path, self.scenario, self.own)
             if isinstance(failure, BlowUp):
                 files.write_arrays(path / "failure.npz", **failure.last_good)
             files.write_summary(path / "summary.json", summary | self._summary(status, str(failure) or None))
@@ -129,13 +127,13 @@ def shared_kernels() -> KernelCache:
     return _kernels_of(ti.lang.impl.get_runtime().prog)
 
 
-def write_run(path: Path, scene: Scene, run: Computed, video: bool, progress: Progress, clock: Clock) -> None:
+def write_run(path: Path, run: Computed, own: OwnStart, video: bool, progress: Progress, clock: Clock) -> None:
     """All files of a run; summary.json last."""
     scenario, summary, outcome = run
-    columns, asked = outcome.columns, scene.time.sample_interval
+    scene, columns, asked = scenario.scene, outcome.columns, scenario.scene.time.sample_interval
     # Rows of an equilibrium are on the way to rest, not in time.
     interval = 0.0 if asked == "auto" or scenario.static else asked
-    _write_start(path, scenario)
+    _write_start(path, scenario, own)
     files.write_timeseries(path / "timeseries.csv", columns, interval)
     end = {"positions": outcome.positions, "velocities": outcome.velocities, "t": columns["t"][-1]}
     files.write_arrays(path / "final.npz", **end)
@@ -154,9 +152,10 @@ def write_run(path: Path, scene: Scene, run: Computed, video: bool, progress: Pr
             clock.lap("film")
     plot.result()
     clock.lap("plot")
+    summary["digests"] = files.digests(path, summary)
     files.write_summary(path / "summary.json", summary)
 
 
-def _write_start(path: Path, scenario: Scenario) -> None:
+def _write_start(path: Path, scenario: Scenario, own: OwnStart) -> None:
     impedance = getattr(scenario.model.boundary, "impedance", None)
-    files.write_lattice(path / "lattice.npz", scenario.lattice, scenario.velocities, impedance)
+    files.write_lattice(path / "lattice.npz", scenario.lattice, scenario.velocities, impedance, own.disk)

@@ -76,6 +76,8 @@ class SceneBase(Frozen):
         A key's own name is enough where only one section has it; a section's name takes a mapping of some of its keys.
         Raises InputError with every fault at once.
         """
+        if not isinstance(changes or {}, Mapping) or not all(isinstance(name, str) for name in changes or ()):
+            raise InputError(f'with_: takes keys and values, as {{"wall.a": 3000}}, not {changes!r:.60}')
         data, others = asdict(self), dict[str, Any]()
         for name, value in {**(changes or {}), **keys}.items():
             homes = self.homes(name)
@@ -210,7 +212,7 @@ def _value(kind: str, path: Keys, value: Any, tree: Tree, kinds: Kinds) -> Any:
     elif not key.accepts(value):
         what = f"must be {key.allowed()}, not {entry.shown}{did_you_mean(value, key.words)} ({key.meaning})"
         tree.fault(entry.value, path, what)
-    elif path == ("lattice", "file") and value != "none":
+    elif path in (("lattice", "file"), ("lattice", "velocities")) and value != "none":
         # On the command line a name counts from the working directory, in a scene file from the file's folder.
         folder = "" if entry.value.rank else tree.folder
         return os.path.realpath(os.path.join(folder, os.path.expanduser(value)))

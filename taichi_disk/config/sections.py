@@ -111,6 +111,7 @@ class LatticeSection(Section):
         0.7, "least distance of the random points, in spacings of the hexagonal lattice; 0: none", low=0, high=0.75
     )
     file: str = key("none", "points of your own, CSV or .npz, instead of random ones; relative to the scene file")
+    velocities: str = key("none", "an .npz file with velocities [c] of the points at the start, instead of the scene's")
 
 
 class MaterialSection(Section):

@@ -230,7 +230,7 @@ def _read(source: str | os.PathLike[str]) -> tuple[str, str, str]:
     """(name for messages, folder that file names start from, text) of a scene."""
     if isinstance(source, str) and ("\n" in source or (": " in source and not os.path.exists(source))):
         return "scene", "", source
-    path = Path(source)
+    path = as_path(source, "scene")
     if not os.path.exists(path) or os.path.isdir(path):  # a run leaves a folder of that name
         path = shipped_scenes().get(str(path), path)
     label = printable(str(path), width=1000)
@@ -247,6 +247,14 @@ def _read(source: str | os.PathLike[str]) -> tuple[str, str, str]:
         raise InputError(f"{label}: no such file{hint} The shipped scenes are {', '.join(known)}") from None
     except (OSError, ValueError) as error:
         raise InputError(f"{label}: cannot be read: {getattr(error, 'strerror', None) or error}") from None
+
+
+def as_path(path: Any, name: str) -> Path:
+    """`path`, ~ written out. Raises InputError, which tells the `name`, for what is no path."""
+    try:
+        return Path(path).expanduser()
+    except (TypeError, RuntimeError):  # the latter of a ~ that is nobody's
+        raise InputError(f"{name}: must be a path, not {path!r:.60}") from None
 
 
 def _override(tree: Tree, override: str, rank: int) -> None:

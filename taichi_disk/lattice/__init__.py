@@ -1,7 +1,7 @@
 """Points and springs: the disk, the elastic wall, their moduli. NumPy and SciPy only; SciPy is imported when used."""
 
 from taichi_disk.lattice.custom import file_digest, numbers
-from taichi_disk.lattice.lattice import Lattice, check_thickness, disk_of, read_lattice, with_wall
+from taichi_disk.lattice.lattice import Lattice, OwnStart, check_thickness, disk_of, own_start, read_lattice, with_wall
 from taichi_disk.lattice.network import Moduli, bulk_moduli
 from taichi_disk.lattice.triangles import Array
 
@@ -11,12 +11,14 @@ __all__ = [
     "Array",
     "Lattice",
     "Moduli",
+    "OwnStart",
     "bulk_moduli",
     "check_thickness",
     "disk_lattice",
     "disk_of",
     "file_digest",
     "numbers",
+    "own_start",
     "read_lattice",
     "with_wall",
 ]

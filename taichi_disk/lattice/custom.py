@@ -3,6 +3,12 @@
 from __future__ import annotations
 
 import hashlib
+import stat
+import zipfile
+import zlib
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from math import prod
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +22,8 @@ from taichi_disk.lattice.triangles import Array, Long, pair_keys
 _SMALLEST, _LARGEST = 0.5, 2.0  # half the larger extent [R]
 _OFF_CENTRE = 0.1  # of the centre of mass from x = 0 [R]
 _COINCIDENT = 1e-6  # distance of two points, in hexagonal spacings
+_BROKEN = RuntimeError, EOFError, zipfile.BadZipFile, zlib.error  # what zip files raise
+LARGEST = 500_000_000  # bytes of a file: 2,000,000 points over as large a wall take 430,000,000
 
 
 def checked_points(points: ArrayLike) -> Array:
@@ -65,38 +73,78 @@ def checked_lengths(rest_lengths: ArrayLike, springs: int) -> Array:
 
 def numbers(values: ArrayLike, name: str) -> Array:
     """`values` as float64. Raises InputError, which tells the `name`, where they are no numbers."""
+    with suppress(TypeError, ValueError, OverflowError):
+        if not np.iscomplexobj(values):
+            return np.array(values, dtype=np.float64, order="C")
+    raise InputError(f"{name} must be an array of numbers, real ones that float64 can hold")
+
+
+@contextmanager
+def reading(path: Path, key: str) -> Iterator[None]:
+    """What goes wrong within is an InputError with the file's name, and the `key` of `lattice` that names it.
+
+    Raises it, too, for what should not be read at all.
+    """
     try:
-        return np.array(values, dtype=np.float64, order="C")
-    except (TypeError, ValueError) as error:
-        raise InputError(f"{name} must be an array of numbers") from error
+        found = path.stat()
+        if not stat.S_ISREG(found.st_mode) or found.st_size > LARGEST:  # to read a device or a pipe might never end
+            raise InputError(f"is no regular file of at most {LARGEST / 1e6:,.0f} MB")
+        yield
+    except (InputError, OSError, ValueError, TypeError, LookupError, OverflowError, *_BROKEN) as error:
+        raise InputError(f"lattice.{key}: {path}: {getattr(error, 'strerror', None) or error}") from error
 
 
 def file_digest(file: str) -> str:
-    """A hash of the file that a scene takes its lattice from, "" for `none`. Raises InputError if it cannot be read."""
-    try:
-        return "" if file == "none" else hashlib.sha256(Path(file).read_bytes()).hexdigest()
-    except OSError as error:
-        raise InputError(f"lattice.file: {file}: {error.strerror or error}") from None
+    """A hash of a file that a scene names in `lattice`, "" for `none`. Raises InputError if it cannot be read."""
+    if file == "none":
+        return ""
+    with reading(Path(file), "file"):
+        return hashlib.sha256(Path(file).read_bytes()).hexdigest()
 
 
-def read_points(path: Path) -> tuple[Any, ...]:
-    """The arguments of `Lattice.from_points` that a file holds. What it raises has not the file's name."""
+class _Arrays(dict[str, Any]):
+    def __missing__(self, name: str) -> Any:
+        raise InputError(f"has no array {name}, only {', '.join(self) or 'none at all'}")
+
+
+def read_arrays(path: Path) -> dict[str, Any]:
+    """The arrays of an npz file by name, `positions` of a csv file. What it raises has not the file's name."""
     if path.suffix.lower() == ".csv":
         lines = [line.replace('"', "").strip() for line in path.read_text(encoding="utf-8-sig").splitlines()]
         lines = [line for line in lines if line and not line.startswith("#")]
         header = bool(lines) and lines[0].lower().replace(" ", "") == "x,y"
         if len(lines) == header:
             raise InputError("has no points")
-        return (np.loadtxt(lines[header:], delimiter=",", ndmin=2),)
+        return _Arrays(positions=np.loadtxt(lines[header:], delimiter=",", ndmin=2))
     if path.suffix.lower() != ".npz":
         raise InputError("a lattice is read from a .csv or .npz file")
-    with path.open("rb") as file:
-        data = dict(np.lib.npyio.NpzFile(file))  # np.load takes what is no zip file for a pickle, and says so
-    if "positions" not in data:
-        raise InputError(f"has no array positions, only {', '.join(data) or 'none at all'}")
+    with zipfile.ZipFile(path) as archive:  # NumPy takes what is no zip file for a pickle, and says so
+        if sum(one.file_size for one in archive.infolist()) > LARGEST:
+            raise InputError(f"unpacked it has more than {LARGEST / 1e6:,.0f} MB")
+        for one in archive.infolist():  # NumPy takes the memory that an array claims before it looks for the numbers
+            with archive.open(one) as member:
+                old = np.lib.format.read_magic(member) == (1, 0)
+                read = np.lib.format.read_array_header_1_0 if old else np.lib.format.read_array_header_2_0
+                shape, _, kind = read(member)
+            if prod(shape) * kind.itemsize > one.file_size:
+                raise InputError(f"{one.filename} claims the shape {shape}, for which it has not the numbers")
+    with np.load(path) as data:
+        return _Arrays(data)
+
+
+def points_of_disk(data: dict[str, Any], points: int) -> int:
+    """How many of the first `points` points in a file are the disk's; the others are an elastic wall's."""
+    n = np.asarray(data.get("disk_points", points))
+    if n.shape or n.dtype.kind not in "iu" or not 0 <= n <= points:
+        raise InputError(f"disk_points must be a whole number up to {points}, the number of points, not {n}")
+    return int(n)
+
+
+def of_disk(data: dict[str, Any]) -> tuple[Any, ...]:
+    """The arguments of `Lattice.from_points` that a file holds."""
     positions, bonds, rest = data["positions"], data.get("bonds"), data.get("rest_lengths")
-    n = int(data.get("disk_points", len(positions)))
+    n = points_of_disk(data, len(positions))
     if bonds is not None and n < len(positions):
-        of_disk = (bonds < n).all(axis=1)
-        bonds, rest = bonds[of_disk], None if rest is None else rest[of_disk]
+        ours = (bonds < n).all(axis=1)
+        bonds, rest = bonds[ours], None if rest is None else rest[ours]
     return positions[:n], bonds, rest

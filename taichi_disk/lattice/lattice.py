@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import hashlib
 import math
-import zipfile
-import zlib
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -19,6 +20,7 @@ from taichi_disk.lattice.triangles import (
     Indices,
     Long,
     bond_lengths,
+    centred,
     chain,
     delaunay,
     distinct_sides,
@@ -38,7 +40,8 @@ _MIN_ROWS = 3  # rows of springs across the wall, below which it is a truss rath
 class Lattice:
     """Mass points and springs: the disk, and after it the elastic wall where there is one.
 
-    Every index array refers to rows of `positions`.
+    Every index array refers to rows of `positions`. Real numbers are float64, indices int32.
+    Raises InputError for other arrays than are told here, numbers that are not finite, indices of no point.
     """
 
     positions: Array  # (n, 2), unloaded, in the body's own coordinates [R]
@@ -52,8 +55,23 @@ class Lattice:
     triangles: Indices  # (t, 3), counter-clockwise, the disk's before the wall's
     origin: str = "a lattice of one's own"  # what titles say of it
 
+    def __post_init__(self) -> None:
+        n, m, none = np.size(self.masses), np.size(self.rest_lengths), -1
+        real = {"positions": (n, 2), "masses": (n,), "rest_lengths": (m,)}
+        outlines = dict.fromkeys(("disk_surface", "wall_surface", "wall_boundary"), (none,))
+        for name, (rows, *width) in {**real, "bonds": (m, 2), "triangles": (none, 3), **outlines}.items():
+            array, kind = getattr(self, name), np.dtype(np.float64 if name in real else np.int32)
+            shape = (np.size(array) // math.prod(width) if rows == none else rows, *width)
+            fits = isinstance(array, np.ndarray) and (array.dtype, array.shape) == (kind, shape)
+            _require(name, fits, f"{kind} of shape {shape}")
+            low, high = (-math.inf if name == "positions" else 0.0, math.inf) if name in real else (-1, n)
+            _require(name, ((low < array) & (array < high)).all(), f"numbers above {low:g} and below {high:g}")
+        rising = (np.diff(self.bonds.astype(np.int64) @ [n, 1]) > 0).all() and (np.diff(self.bonds) > 0).all()
+        _require("bonds", rising, "pairs i < j of points, sorted, each pair once")
+        _require("disk_points", self.disk_points in range(custom.MIN_POINTS, n + 1), f"a whole number from 3 to {n}")
+
     @classmethod
-    def disk(cls, points: int, seed: int, rim: bool = True, min_spacing: float = 0.7) -> Lattice:
+    def disk(cls, points: int, seed: int = 0, rim: bool = True, min_spacing: float = 0.7) -> Lattice:
         """A disk of exactly `points` points of mass 1/points [M] in the unit circle (R = 1).
 
         The arguments are the keys of a scene's section `lattice`. The paper says no more than "at random": literally,
@@ -76,10 +94,19 @@ class Lattice:
         (after Duckham et al., Pattern Recognition 41, 3224, 2008). Springs that are given must make triangles; they may
         cross one another if the Delaunay triangles are among these.
 
+        The lattice has the points in another order, its own: arrays for its points, as velocities, follow
+        `lattice.positions`. With rest lengths unlike the distances, an impact begins strained, as given; a compression
+        lets the free body come to rest first.
+
         Args:
-            points: (n, 2) [R], the radius about 1, the centre of mass near x = 0. The scene chooses the height.
-            springs: (m, 2) pairs of indices into `points`.
-            rest_lengths: (m,) [R]; without, the springs are at rest at `points`.
+            points: (n, 2) numbers [R], 3 to 2,000,000 points, no two the same. The larger of width and height is 1 to
+                4 R, the centre of mass within 0.1 R of x = 0. Any y: the scene chooses the height.
+            springs: (m, 2) whole numbers, pairs of rows of `points` from 0, each pair once. Every point is a corner of
+                a triangle of springs. A notch is what no triangle covers; without `springs` a gap of 5 times the
+                median spring is refused.
+            rest_lengths: (m,) [R], above 0, in the order of `springs`; without, the springs are at rest at `points`.
+
+        Returns a lattice without a wall. Its springs are sorted by their points.
 
         Raises:
             InputError: The points or springs are no such body; the message says where.
@@ -88,7 +115,7 @@ class Lattice:
         if springs is None:
             if rest_lengths is not None:
                 raise InputError("rest_lengths need the springs that they belong to")
-            triangles = delaunay(x)
+            triangles = delaunay(centred(x))
             lattice, _ = _first_whole(x, None, without_slivers(x, triangles), triangles)
             _check_gaps(lattice)
             return lattice
@@ -98,6 +125,11 @@ class Lattice:
             return lattice
         rest, rank = custom.checked_lengths(rest_lengths, len(bonds)), np.argsort(order)
         return replace(lattice, rest_lengths=rest[np.argsort(pair_keys(rank[bonds], len(x)))])
+
+
+def _require(name: str, holds: Any, what: str) -> None:
+    if not holds:
+        raise InputError(f"Lattice.{name} must be {what}: Lattice.from_points makes a lattice of points and springs")
 
 
 def triangulate(points: Array) -> Lattice:
@@ -152,8 +184,9 @@ def _check_gaps(lattice: Lattice) -> None:
         (x, y), (u, v) = lattice.positions[lattice.bonds[k]]
         gap = f"a gap of {length[k]:.3g} R, where springs measure {typical:.3g} R"
         raise InputError(
-            f"the spring from ({x:.4g}, {y:.4g}) to ({u:.4g}, {v:.4g}) would cross {gap}: fill the gap, or give the "
-            "springs"
+            f"the spring from ({x:.4g}, {y:.4g}) to ({u:.4g}, {v:.4g}) would cross {gap}: fill it with points; "
+            "or, where it is open to the outside, give `springs` (`bonds` in an npz file) "
+            "that go round it: a body may have a notch, but no hole"
         )
 
 
@@ -162,17 +195,25 @@ def read_lattice(path: str | Path) -> Lattice:
 
     Either a csv file of two columns x, y [R], with or without the header "x,y"; or an npz file with `positions` (n, 2)
     and perhaps `bonds` (m, 2) and `rest_lengths` (m,), such as lattice.npz of a run. An elastic wall, which is the
-    positions beyond `disk_points`, is not read, nor are masses.
+    positions beyond `disk_points`, is not read, nor are masses. What a run has kept of a lattice that was not its
+    scene's own (`unloaded`, see docs/output.md) is taken as it is, bit for bit.
 
     Raises InputError, with the file's name, if it cannot be read or its points are no disk.
     """
     path = Path(path)
-    try:
-        return replace(Lattice.from_points(*custom.read_points(path)), origin=path.name)
-    except OSError as error:
-        raise InputError(f"{path}: {error.strerror or error}") from error
-    except (InputError, ValueError, TypeError, IndexError, OverflowError, zipfile.BadZipFile, zlib.error) as error:
-        raise InputError(f"{path}: {error}") from error
+    with custom.reading(path, "file"):
+        data = custom.read_arrays(path)
+        if "unloaded" in data:
+            return _kept(data)
+        return replace(Lattice.from_points(*custom.of_disk(data)), origin=path.name)
+
+
+def _kept(data: Mapping[str, Any]) -> Lattice:
+    x, bonds, triangles, none = data["unloaded"], data["bonds"], data["triangles"], np.empty(0, np.int32)
+    n, springs = len(x), bonds[:, 1] < len(x)
+    numbers = bonds[springs], data["rest_lengths"][springs], data["masses"][:n]
+    corners = triangles[triangles.max(axis=1) < n]
+    return Lattice(x, *numbers, n, data["disk_surface"], none, none, corners, str(data["origin"]))
 
 
 def disk_of(lattice: Lattice) -> Lattice:
@@ -198,6 +239,42 @@ def disk_of(lattice: Lattice) -> Lattice:
         wall_boundary=none,
         triangles=lattice.triangles[corners],
     )
+
+
+class OwnStart(NamedTuple):
+    """What a run begins with in place of its scene's random disk or velocities, from Python or from a file."""
+
+    disk: Lattice | None = None
+    velocities: Array | None = None  # (N, 2) [c]
+
+    @property
+    def digest(self) -> str:
+        """SHA-256 of the arrays; empty if there are none."""
+        own = () if self.disk is None else (self.disk.positions, self.disk.bonds, self.disk.rest_lengths)
+        data = b"".join(one.tobytes() for one in (*own, self.velocities) if one is not None)
+        return hashlib.sha256(data).hexdigest() if data else ""
+
+    def repeating(self, scene: Any) -> Any:
+        """The scene that takes them from lattice.npz beside its file."""
+        section = scene.lattice if self.disk is None else replace(scene.lattice, file="lattice.npz")
+        section = section if self.velocities is None else replace(section, velocities="lattice.npz")
+        return replace(scene, lattice=section)
+
+
+def own_start(section: Any, lattice: Lattice | None, velocities: Any) -> OwnStart:
+    """`lattice` and `velocities`, else those of the files that a scene's `section` lattice names.
+
+    Of a file such as lattice.npz of a run the velocities are the disk's. Raises InputError, with the file's name.
+    """
+    if lattice is None and section.file != "none":
+        lattice = read_lattice(section.file)
+    if velocities is None and section.velocities != "none":
+        with custom.reading(path := Path(section.velocities), "velocities"):
+            data = custom.read_arrays(path)
+            velocities = data["velocities"]
+            velocities = velocities[: custom.points_of_disk(data, len(velocities))]
+    thrown = None if velocities is None else custom.numbers(velocities, "velocities")
+    return OwnStart(None if lattice is None else disk_of(lattice), thrown)
 
 
 # ---- the elastic wall: a rectangle of the disk's material, its top at y = 0, under the disk

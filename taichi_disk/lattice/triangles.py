@@ -36,6 +36,11 @@ def delaunay(points: Array) -> Long:
     return triangles[double_area(corner) > _FLAT * longest]
 
 
+def centred(x: Array) -> Array:
+    """Points (n, 2) near the origin, which differ as `x` do: far away the area of a triangle loses its digits."""
+    return x - np.round(x.mean(axis=0))
+
+
 def triangles_of(x: Array, springs: Long) -> tuple[Long, Long]:
     """Triangles of `springs`: those that are Delaunay's, right also if springs cross; all, right if none cross."""
     later: list[set[int]] = [set() for _ in x]
@@ -49,7 +54,7 @@ def triangles_of(x: Array, springs: Long) -> tuple[Long, Long]:
     for k in np.setdiff1d(np.arange(len(x)), every):
         raise InputError(f"point {k} at ({x[k, 0]:.4g}, {x[k, 1]:.4g}) is no corner of a triangle of springs")
 
-    triangles = delaunay(x)
+    triangles = delaunay(centred(x))
     side = np.stack([triangles, np.roll(triangles, -1, axis=1)], axis=2)
     joined = np.isin(pair_keys(side, len(x)), pair_keys(springs, len(x))).all(axis=1)
     return triangles[joined], every
@@ -93,7 +98,7 @@ def pair_keys(pairs: NDArray[np.signedinteger], n: int) -> Long:
 
 def polygon_area(corners: Array) -> float:
     """Area [R^2] inside the closed polygon through `corners` (n, 2), positive if counter-clockwise."""
-    return 0.5 * float(np.sum(_cross(corners, np.roll(corners, -1, axis=0))))
+    return 0.5 * float(np.sum(_cross(corners - corners[0], np.roll(corners, -1, axis=0) - corners[0])))
 
 
 def double_area(corner: Array) -> Array:

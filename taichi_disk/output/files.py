@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import csv
+import hashlib
 import json
 import os
 import platform
@@ -70,7 +71,7 @@ def cannot_write(out: Path, error: BaseException) -> InputError:
     with contextlib.suppress(OSError, ValueError):
         if blocker := next((path for path in (out, *out.parents) if path.is_file()), None):
             why = f"{blocker} is a file"
-    return InputError(f"cannot write into the output folder {out}: {why}; choose another with --out")
+    return InputError(f"cannot write into the output folder {out}: {why}; choose another as `out`")
 
 
 def atomic_write(path: Path, writer: Callable[[Path], object]) -> None:
@@ -131,6 +132,8 @@ def clear(folder: Path) -> None:
 
 def _settle(old: Path, path: Path) -> None:
     """End a replacement, wherever it has stopped: where nothing has come to `path`, `old` is there again."""
+    if old.is_symlink():  # somebody has put it here: nothing that it leads to is a run's
+        remove(old)
     if not old.exists():
         return
     if not os.path.lexists(path):
@@ -163,7 +166,7 @@ class Contents(NamedTuple):
 
     names: Sequence[str] = ()  # of files and folders
     foreign: str = ""  # the first name that no run wrote
-    run: tuple[str, str] | None = None  # scene.yaml and the digest of its lattice's file, if they repeat the run
+    run: tuple[str, str] | None = None  # scene.yaml and the digest of a lattice or velocities that are not its own
     status: str = ""  # of the run
 
 
@@ -174,8 +177,8 @@ def look(folder: Path) -> Contents:
     if not names:
         return Contents()
     known = {"scene.yaml", "summary.json", *RESULTS, *FILMS}
-    # A run's folders hold nothing but pictures or frames of a trajectory.
-    plain = [name for name in names if (folder / name).is_file() or only_numbered(folder / name)]
+    # A run has no links, and its folders hold nothing but pictures or frames of a trajectory.
+    plain = [name for name in names if is_plain(folder / name) or only_numbered(folder / name)]
     foreign = [name for name in names if name not in plain or not (name in known or _MADE.fullmatch(name))]
     summary = read_summary(folder)
     if "scene.yaml" not in names or "status" not in summary:
@@ -183,17 +186,30 @@ def look(folder: Path) -> Contents:
     if foreign:
         return Contents(names, foreign[0])
     scene = (folder / "scene.yaml").read_text(encoding="utf-8", errors="replace")
-    run = None if "own_start" in summary else (scene, str(summary.get("lattice_digest", "")))
-    return Contents(names, "", run, str(summary["status"]))
+    return Contents(names, "", (scene, str(summary.get("lattice_digest", ""))), str(summary["status"]))
 
 
 def read_summary(folder: Path) -> dict[str, Any]:
     """The summary.json of a run; empty where there is none that can be read."""
+    path = folder / "summary.json"
     try:
-        summary = json.loads((folder / "summary.json").read_text(encoding="utf-8"))
+        summary = json.loads(path.read_text(encoding="utf-8")) if is_plain(path) else {}
     except (OSError, ValueError, RecursionError):
         return {}
     return summary if isinstance(summary, dict) else {}
+
+
+def is_plain(path: Path) -> bool:
+    """Whether `path` is a file, and no link to one: what a link leads to is not a run's."""
+    return path.is_file() and not path.is_symlink()
+
+
+def digests(folder: Path, summary: dict[str, Any]) -> dict[str, str]:
+    """SHA-256 of files of a run, and of its summary but for these."""
+    paths = folder / "scene.yaml", folder / "timeseries.csv"
+    data = {path.name: path.read_bytes() if is_plain(path) else b"" for path in paths}
+    data["summary.json"] = json.dumps({**summary, "digests": None}).encode()
+    return {name: hashlib.sha256(one).hexdigest() for name, one in data.items()}
 
 
 def remove(path: Path) -> None:
@@ -211,7 +227,7 @@ def check_pictures(folder: Path) -> None:
 
 def only_numbered(folder: Path) -> bool:
     """Whether `folder` is a folder with nothing but numbered pictures or frames of a trajectory."""
-    return folder.is_dir() and all(NUMBERED.fullmatch(one.name) for one in folder.iterdir())
+    return folder.is_dir() and not folder.is_symlink() and all(NUMBERED.fullmatch(one.name) for one in folder.iterdir())
 
 
 def write_text(path: Path, text: str) -> None:
@@ -252,10 +268,11 @@ def write_arrays(path: Path, **arrays: Any) -> None:
     atomic_write(path, lambda new: np.savez(new, **arrays))
 
 
-def write_lattice(path: Path, lattice: Lattice, velocities: Array, impedance: Array | None = None) -> None:
+def write_lattice(path: Path, lattice: Lattice, velocities: Array, impedance: Any = None, own: Any = None) -> None:
     """lattice.npz: the state at t = 0 in scene coordinates, as another program needs it to repeat the run.
 
-    `velocities` are (n, 2) [c], `impedance` is that of the points of a matched boundary (k, 2) [M c/R].
+    `velocities` are (n, 2) [c], `impedance` is that of the points of a matched boundary (k, 2) [M c/R], `own` is the
+    unloaded disk where it is not the scene's: `lattice.file` takes it from here.
     """
     names = ["positions", "bonds", "rest_lengths", "masses", "disk_points", "disk_surface"]
     if len(lattice.wall_surface):
@@ -263,6 +280,8 @@ def write_lattice(path: Path, lattice: Lattice, velocities: Array, impedance: Ar
     arrays = {name: getattr(lattice, name) for name in names}
     if impedance is not None and len(impedance):
         arrays["wall_impedance"] = impedance
+    if own is not None:
+        arrays |= {"unloaded": own.positions, "triangles": lattice.triangles, "origin": lattice.origin}
     write_arrays(path, velocities=velocities, **arrays)
 
 

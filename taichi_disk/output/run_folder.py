@@ -36,7 +36,6 @@ def run_folder(
     explicit: bool,
     overwrite: bool = False,
     notify: Callable[[str], None] = lambda text: None,
-    repeatable: bool = True,
     lattice: str = "",
 ) -> Iterator[RunFolder]:
     """Use as `with run_folder(...) as folder:` and write the run's files, summary.json last, into `folder.path`.
@@ -50,13 +49,12 @@ def run_folder(
         explicit: whether a person has named `out`. If not, and it is taken, out-2, out-3, … are tried.
         overwrite: whether another run that is there now may be replaced.
         notify: called with a sentence if the run goes elsewhere.
-        repeatable: whether scene.yaml alone repeats the run. (Else its summary has a key own_start.)
-        lattice: digest of the file that the lattice is taken from. (The summary has it as lattice_digest.)
+        lattice: digest of a lattice or velocities that are not the scene's. (The summary has it as lattice_digest.)
 
     Raises InputError on entry, with nothing left behind, if the folder holds something else, cannot be renamed or
     cannot be written; SimulationError on leaving if the run cannot be renamed: it stays in `path`.
     """
-    run = (scene_yaml, lattice) if repeatable else None
+    run = scene_yaml, lattice
     found: files.Contents | None = None  # in the folder, before the run
 
     def refusal(held: files.Contents, status: str) -> str:
@@ -66,9 +64,9 @@ def run_folder(
         if held.status == "done" and status != "done":
             return "holds a finished run"
         # What has come while the run was computed is not what a person wanted to be replaced.
-        if not held.names or (run and run == held.run) or (overwrite and found in (None, held)):
+        if not held.names or run == held.run or (overwrite and found in (None, held)):
             return ""
-        return "holds another run" + " (--overwrite replaces it)" * explicit
+        return "holds another run" + " (overwrite=True replaces it)" * explicit
 
     def choose(folders: Iterable[Path], status: str) -> Path:
         """The first that a run of this status may be written into; InputError if there is none."""
@@ -79,7 +77,7 @@ def run_folder(
                     notify(f"{why}; this run goes into {folder}")
                 return folder
             why = why or f"{folder} {no}"
-        raise InputError(f"{why}; choose another folder with --out")
+        raise InputError(f"{why}; choose another folder as `out`")
 
     asked = Path(out).expanduser()
     made: list[Path] = []
@@ -88,7 +86,7 @@ def run_folder(
             asked = asked.resolve()
         if (here := Path.cwd().is_relative_to(asked.resolve())) or os.path.ismount(asked):
             what = "the folder you are in" if here else "where a file system is mounted"
-            raise InputError(f"{asked} is {what}, which no run can replace: name a folder in it with --out")
+            raise InputError(f"{asked} is {what}, which no run can replace: name a folder in it as `out`")
         made = files.prepare_output(asked.parent)
         chosen = choose([asked] if explicit else _counted(asked), "done")
         found = look(chosen)
@@ -121,7 +119,7 @@ def refuse_run(out: Path) -> None:
     """Raise InputError if `out` holds a run: other files would spoil it."""
     with suppress(OSError):  # what cannot be looked at cannot be written either
         if look(out).status:
-            raise InputError(f"{out} holds a run; choose another folder with --out")
+            raise InputError(f"{out} holds a run; choose another folder as `out`")
 
 
 def _counted(folder: Path) -> Iterator[Path]:

@@ -62,15 +62,8 @@ class AbsorbingWallScene(DiskScene):
         spec, wall = self.lattice, self.wall
         return with_wall(disk, wall.points, wall.width, spec.seed, spec.rim, spec.min_spacing)
 
-    def scenario(self, lattice: Lattice | None = None) -> AbsorbingWallImpact:
-        """The scene ready to be stepped.
-
-        Args:
-            lattice: an unloaded disk to take instead of the scene's own, or one with its wall as `body` gives it.
-        """
-        if lattice is not None and not len(lattice.wall_surface):
-            lattice = self._over_wall(lattice)
-        return AbsorbingWallImpact(self, lattice or self.body())
+    def of_body(self, body: Lattice) -> AbsorbingWallImpact:
+        return AbsorbingWallImpact(self, body if len(body.wall_surface) else self._over_wall(body))
 
 
 class AbsorbingWallImpact(ImpactScenario):

@@ -2,20 +2,21 @@
 
 from __future__ import annotations
 
+from abc import abstractmethod
 from collections.abc import Collection
 from typing import TYPE_CHECKING, Any, ClassVar
 
 from taichi_disk.config.scene_base import SceneBase
 from taichi_disk.config.sections import LatticeSection
-from taichi_disk.errors import InputError
-from taichi_disk.lattice import Lattice, Moduli, bulk_moduli, disk_lattice, read_lattice
+from taichi_disk.lattice import Array, Lattice, Moduli, bulk_moduli, disk_lattice, own_start, read_lattice
 
 if TYPE_CHECKING:
     from taichi_disk.physics import Springs
+    from taichi_disk.simulation.scenario import Scenario
 
 
 class DiskScene(SceneBase):
-    """What every kind of scene has. A kind adds sections, and `scenario`, which makes the scene ready to be stepped.
+    """What every kind of scene has. A kind adds sections, and `of_body`, which makes the scene ready to be stepped.
 
     Attributes:
         lattice_keys: the sections and keys on which `body` depends.
@@ -30,11 +31,25 @@ class DiskScene(SceneBase):
         """The unloaded lattice. Raises InputError for a file that holds no disk, SimulationError as `disk_lattice`."""
         spec = self.lattice
         if spec.file != "none":
-            try:
-                return read_lattice(spec.file)
-            except InputError as error:
-                raise InputError(f"lattice.file: {error}") from error
+            return read_lattice(spec.file)
         return disk_lattice(spec.points, spec.seed, spec.rim, spec.min_spacing)
+
+    @abstractmethod
+    def of_body(self, body: Lattice) -> Scenario:
+        """The scene of the unloaded lattice `body`, as the method `body` gives it or without its wall."""
+
+    def scenario(self, lattice: Lattice | None = None, velocities: Array | None = None) -> Scenario:
+        """The scene ready to be stepped.
+
+        Args:
+            lattice: an unloaded disk to take instead of the scene's own, or one with its wall as `body` gives it.
+            velocities: (N, 2) [c] of the disk's points at t = 0 instead of the scene's own.
+        """
+        body = lattice or self.body()
+        scenario, own = self.of_body(body), own_start(self.lattice, body, velocities)
+        if own.velocities is not None:
+            scenario.start_with(own.velocities)
+        return scenario
 
     def moduli(self, points: int) -> Moduli:
         """Of the material of a disk of `points` random points."""

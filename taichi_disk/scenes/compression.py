@@ -42,10 +42,8 @@ class CompressionScene(DiskScene):
             conflicts.append(("time.tolerance", text))
         return conflicts
 
-    def scenario(self, lattice: Lattice | None = None) -> Compression:
-        """The scene ready to be stepped; `lattice`: an unloaded disk to take instead of the scene's own."""
-        kind = Loading if self.compression.method == "newton" else Compression
-        return kind(self, lattice or self.body())
+    def of_body(self, body: Lattice) -> Compression:
+        return (Loading if self.compression.method == "newton" else Compression)(self, body)
 
 
 class Compression(Scenario):

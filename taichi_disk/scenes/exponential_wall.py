@@ -29,9 +29,8 @@ class ExponentialWallScene(DiskScene):
         conflicts = super().conflicts() + time_conflicts(self.time, self.material)
         return conflicts + gap_conflicts(self.wall, self.impact)
 
-    def scenario(self, lattice: Lattice | None = None) -> ExponentialWallImpact:
-        """The scene ready to be stepped; `lattice`: an unloaded disk to take instead of the scene's own."""
-        return ExponentialWallImpact(self, lattice or self.body())
+    def of_body(self, body: Lattice) -> ExponentialWallImpact:
+        return ExponentialWallImpact(self, body)
 
 
 class ExponentialWallImpact(ImpactScenario):

@@ -120,9 +120,9 @@ class BlowUp(SimulationError):
         last_good: positions and velocities (n, 2) and the time of the last row that was still good.
     """
 
-    def __init__(self, message: str, last_good: dict[str, Array]) -> None:
+    def __init__(self, message: str, last_good: dict[str, Array] | None = None) -> None:  # pickle gives the first
         super().__init__(message)
-        self.last_good = last_good
+        self.last_good = last_good or {}
 
 
 def gone_through(lattice: Lattice, model: Model, x: Array, energy: float) -> bool:

@@ -9,6 +9,7 @@ from typing import Any, Literal
 
 import numpy as np
 
+from taichi_disk import runtime
 from taichi_disk.errors import SimulationError
 from taichi_disk.lattice import Array
 from taichi_disk.simulation.diagnostics import BlowUp, EnergyBalance, explained, gone_through, unacceptable
@@ -141,8 +142,12 @@ class Driver:
         self._rows[self.count : self.count + len(rows)] = rows
         self.count += len(rows)
 
+    def __getstate__(self) -> dict[str, Any]:
+        return {name: value for name, value in vars(self).items() if name != "simulation"}
+
     def replay(self, times: Array) -> Iterator[Moment]:
         """Run the last attempt again and stop at the steps nearest to `times` (ascending): bitwise as it was."""
+        runtime.start()  # another process may have computed the run
         simulation, snapshot = self._simulation(), self.start
         mine, stride = simulation.generation, self._launch_steps
         for number in np.rint(np.asarray(times) / self.step.dt).astype(int):

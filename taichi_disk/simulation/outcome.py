@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from taichi_disk.errors import TaichiDiskError
-from taichi_disk.lattice import Array
+from taichi_disk.lattice import Array, Lattice
 from taichi_disk.lattice.lattice import double_area
 from taichi_disk.physics import Load, Model
 from taichi_disk.progress import Progress, silent
@@ -170,6 +170,34 @@ def _inversion_warnings(inverted: int) -> list[str]:
     ]
 
 
+@dataclass
+class _Loading:
+    """Equilibria under growing loads: `states` (n, 2) of a lattice under the `parts` of the load of a model."""
+
+    lattice: Lattice
+    model: Model
+    parts: Array
+    states: list[Array]
+
+    def pressed(self, part: float) -> Model:
+        assert self.model.load is not None
+        return replace(self.model, load=Load(part * self.model.load.force))
+
+    def under(self, part: float, start: Array) -> Array:
+        return solve_equilibrium(self.lattice, self.pressed(part), start, near=True).positions
+
+    def frames(self, times: Array) -> Iterator[Moment]:
+        parts, states = self.parts, self.states
+        for part in np.clip(times, parts[0], 1.0).tolist():
+            k = max(int(np.searchsorted(parts, part)), 1)
+            share = (part - parts[k - 1]) / (parts[k] - parts[k - 1])
+            yield part, (1.0 - share) * states[k - 1] + share * states[k], np.zeros_like(states[0])
+
+    def replay(self, times: Array) -> Iterator[Moment]:
+        for part, x, v in self.frames(times):
+            yield part, x if part in self.parts else self.under(part, x), v
+
+
 def quasistatic(scenario: Scenario, loads: int, progress: Progress = silent) -> Outcome:
     """Equilibria under growing loads: `t` is the part of the full load, `xi` the compression under it [R].
 
@@ -179,28 +207,12 @@ def quasistatic(scenario: Scenario, loads: int, progress: Progress = silent) -> 
     assert rest is not None and model.wall is not None and model.load is not None
     full, still = model.load.force, np.zeros_like(rest.positions)
     parts = (np.arange(1, loads + 1) / loads) ** 1.5  # closer where the disk settles down
-
-    def pressed(part: float) -> Model:
-        return replace(model, load=Load(part * full))
-
-    def under(part: float, start: Array) -> Array:
-        return solve_equilibrium(lattice, pressed(part), start, near=True).positions
-
-    states = [rest.positions]
+    loading = _Loading(lattice, model, parts, [rest.positions])
+    states = loading.states
     progress("simulate", 0, loads)
     for part in parts[-2::-1]:
-        states.insert(0, under(part, states[0]))
+        states.insert(0, loading.under(part, states[0]))
         progress("simulate", len(states), loads)
-
-    def frames(times: Array) -> Iterator[Moment]:
-        for part in np.clip(times, parts[0], 1.0).tolist():
-            k = max(int(np.searchsorted(parts, part)), 1)
-            share = (part - parts[k - 1]) / (parts[k] - parts[k - 1])
-            yield part, (1.0 - share) * states[k - 1] + share * states[k], still
-
-    def replay(times: Array) -> Iterator[Moment]:
-        for part, x, v in frames(times):
-            yield part, x if part in parts else under(part, x), v
 
     columns: Columns = {name: np.zeros(loads) for name in (*COLUMNS, "xi")} | {"t": parts}
     for k, x in enumerate(states):
@@ -209,7 +221,7 @@ def quasistatic(scenario: Scenario, loads: int, progress: Progress = silent) -> 
         # Against the unloaded disk as it lies under this load: it rolls a little as the load grows.
         columns["xi"][k] = depth(turned(lattice.positions, roll_angle(lattice.positions, x))) - depth(x)
         columns["wall_force"][k] = model.wall.forces(lattice, x)[:, 1].sum()
-        columns["residual"][k] = np.hypot(*pressed(parts[k]).forces(lattice, x).T).max()
+        columns["residual"][k] = np.hypot(*loading.pressed(parts[k]).forces(lattice, x).T).max()
         columns["elastic"][k], columns["wall"][k] = model.springs.energy(lattice, x), model.wall.energy(lattice, x)
     columns["load"] = parts * full * columns["com_y"]
     columns["total"] = columns["elastic"] + columns["wall"] + columns["load"]
@@ -217,4 +229,4 @@ def quasistatic(scenario: Scenario, loads: int, progress: Progress = silent) -> 
     facts = {"warnings": _inversion_warnings(inverted), "steps": rest.iterations, "integrator": "newton"}
     facts |= {"error_estimate": {}, "residual": rest.residual, "roll": rest.roll, "inverted_triangles": inverted}
     largest = float(np.hypot(*model.wall.contact_forces(lattice, rest.positions)[1].T).max(initial=0.0))
-    return Outcome(columns, rest.positions, still, largest, replay, frames, facts)
+    return Outcome(columns, rest.positions, still, largest, loading.replay, loading.frames, facts)

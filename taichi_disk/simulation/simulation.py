@@ -190,6 +190,9 @@ class KernelCache:
         self._before_compiling = before_compiling
         self._known: dict[Any, Simulation] = {}
 
+    def __reduce__(self) -> Any:
+        return KernelCache, ()  # another process compiles for itself
+
     def simulation(
         self, lattice: Lattice, model: Model, integrator: Integrator, velocities: Array, dt: float
     ) -> Simulation:

@@ -175,7 +175,7 @@ def _prepare(out: Path) -> None:
     refuse_run(out)
     with suppress(OSError, ValueError):
         if not (out / "points").is_dir() and (taken := [name for name in FILES if (out / name).exists()]):
-            raise InputError(f"{out} holds {taken[0]}, which no sweep wrote; choose another folder with --out")
+            raise InputError(f"{out} holds {taken[0]}, which no sweep wrote; choose another folder as `out`")
         (out / "points").mkdir(parents=True, exist_ok=True)  # parts may begin at the same time
     prepare_output(out / "points")
 
@@ -217,7 +217,7 @@ def point_key(scene: Scene) -> str:
     """
     sections = asdict(scene)
     del sections["video"]
-    known = [__version__, sections, file_digest(scene.lattice.file)]
+    known = [__version__, sections, file_digest(scene.lattice.file), file_digest(scene.lattice.velocities)]
     return hashlib.sha256(json.dumps(known, sort_keys=True).encode()).hexdigest()[:20]
 
 

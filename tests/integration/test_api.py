@@ -4,10 +4,13 @@ from __future__ import annotations
 
 import json
 import os
+import pickle
 import shutil
 import subprocess
 import sys
+from concurrent.futures import ProcessPoolExecutor
 from dataclasses import replace
+from multiprocessing import get_context
 
 import numpy as np
 import pytest
@@ -16,6 +19,7 @@ import taichi_disk
 from taichi_disk import Lattice, Result, load_scene, load_sweep, run, run_sweep
 from taichi_disk.errors import InputError
 from taichi_disk.runtime import cores
+from taichi_disk.simulation.diagnostics import BlowUp
 
 SMALL = {"lattice.points": 60, "material.eta_star": 0}
 
@@ -89,15 +93,15 @@ def test_a_saved_result_is_loaded_bitwise_the_same(result, tmp_path):
         assert json.loads((tmp_path / folder / "summary.json").read_text())["video"] == film
 
 
-def test_velocities_of_ones_own_are_thrown_and_saved_but_not_mistaken_for_the_scenes(tmp_path):
+def test_velocities_of_ones_own_are_thrown_and_kept_and_not_mistaken_for_the_scenes(tmp_path):
     scene = load_scene("exponential_wall").with_(SMALL)
     velocities = np.tile([0.01, -0.03], (60, 1))
     own = run(scene, velocities=velocities, out=tmp_path / "own", video=False)
     plain = run(scene.with_(velocity=0.03))
     assert own.restitution == pytest.approx(plain.restitution, abs=1e-7)  # the wall is flat, and has no friction
     assert own.series["com_vx"][-1] == pytest.approx(0.01, rel=1e-12)
-    with pytest.raises(InputError, match="Python"):
-        Result.load(tmp_path / "own")
+    again = Result.load(tmp_path / "own")
+    assert all((again.series[name] == values).all() for name, values in own.series.items())
     with pytest.raises(InputError, match=r"another run"):
         run(scene, out=tmp_path / "own", video=False)
 
@@ -270,8 +274,7 @@ def test_a_lattice_file_gives_what_the_lattice_gives(tmp_path):
     assert Result.load(tmp_path / "r").restitution == by_file.restitution
     other = Lattice.disk(60, seed=4)
     np.savetxt(tmp_path / "points.csv", other.positions, delimiter=",")
-    with pytest.raises(InputError, match=r"points\.csv has changed since this run"):
-        Result.load(tmp_path / "r")
+    assert Result.load(tmp_path / "r").restitution == by_file.restitution  # the run has kept its lattice
     with pytest.raises(InputError, match="holds another run"):
         run(load_scene(tmp_path / "s.yaml"), tmp_path / "r", video=False)
 
@@ -299,3 +302,105 @@ def test_what_a_scene_does_not_have_is_told(result):
         _ = result.xi
     with pytest.raises(InputError, match="pressure"):
         result.field("presure", 1.0)
+
+
+DISK = Lattice.disk(60, seed=3)
+ELLIPSE = Lattice.from_points(DISK.positions * [1.1, 0.9])
+STRAINED = Lattice.from_points(ELLIPSE.positions, ELLIPSE.bonds, ELLIPSE.rest_lengths * 1.002)
+THROWN = np.random.default_rng(0).normal(0.0, 1e-3, (60, 2)) + [0.002, -0.04]
+OWN = {
+    "turned": ("exponential_wall", {"impact.turn": 0.7}, {"lattice": ELLIPSE}),
+    "thrown": ("exponential_wall", {"lattice.points": 60}, {"velocities": THROWN}),
+    "strained": ("exponential_wall", {"impact.spin": 0.01}, {"lattice": STRAINED, "velocities": THROWN}),
+    "walled": ("absorbing_wall", {"wall.points": 100}, {"lattice": ELLIPSE, "velocities": THROWN}),
+    "pressed": ("compression", {"compression.method": "newton"}, {"lattice": STRAINED}),
+}
+
+
+def assert_same(one: Result, other: Result) -> None:
+    assert one.numbers == other.numbers and one.series.keys() == other.series.keys()
+    assert all((one.series[name] == values).all() for name, values in other.series.items())
+
+
+@pytest.mark.parametrize("name", OWN)
+def test_scene_yaml_alone_repeats_a_run_of_ones_own_bitwise(tmp_path, name):
+    kind, changes, own = OWN[name]
+    first = run(load_scene(kind).with_(changes), tmp_path / "first", video=False, **own)
+    (tmp_path / "first").rename(tmp_path / "moved")  # it needs nothing but its folder
+    before = {path.name: path.read_bytes() for path in (tmp_path / "moved").iterdir()}
+    again = run(load_scene(tmp_path / "moved" / "scene.yaml"), tmp_path / "again", video=False)
+    in_place = run(load_scene(tmp_path / "moved" / "scene.yaml"), tmp_path / "moved", video=False)
+    loaded = Result.load(tmp_path / "again", estimate=False)
+    loaded.save(tmp_path / "saved")
+    for other in (again, in_place, loaded):
+        assert_same(first, other)
+    for folder in ("moved", "again", "saved"):
+        after = {path.name: path.read_bytes() for path in (tmp_path / folder).iterdir()}
+        assert {one for one in before if after[one] != before[one]} == {"summary.json"}  # its wall clock
+    with pytest.raises(InputError, match="holds another run"):
+        run(load_scene(kind).with_(changes), tmp_path / "moved", video=False)
+
+
+@pytest.mark.parametrize(
+    ("name", "told"), [("summary.json", "warned"), ("timeseries.csv", "warned"), ("scene.yaml", "")]
+)
+def test_an_edited_file_of_a_run_is_noticed(result, tmp_path, name, told):
+    result.save(tmp_path / "r")
+    Result.load(tmp_path / "r", say=pytest.fail)
+    path = tmp_path / "r" / name
+    path.write_text(path.read_text().replace("0", "1", 1))
+    if told:
+        with pytest.warns(UserWarning, match=f"{name} has been changed since the run; all is computed again"):
+            assert Result.load(tmp_path / "r", estimate=False).restitution == result.restitution
+    else:
+        with pytest.raises(InputError, match=f"{name} has been changed since the run"):
+            Result.load(tmp_path / "r")
+
+
+def test_a_lattice_that_is_not_the_run_s_any_more_is_noticed(tmp_path):
+    run(load_scene("exponential_wall").with_(SMALL), tmp_path / "r", lattice=ELLIPSE, video=False)
+    path = tmp_path / "r" / "lattice.npz"
+    np.savez(path, **{**np.load(path), "rest_lengths": ELLIPSE.rest_lengths * 1.01})
+    with pytest.raises(InputError, match="have changed since the run"):
+        Result.load(tmp_path / "r")
+
+
+@pytest.mark.parametrize("name", ["strained", "pressed"])
+def test_a_result_comes_back_from_another_process_with_its_states(name):
+    kind, changes, own = OWN[name]
+    here, scene = run(load_scene(kind).with_(changes), **own), load_scene(kind).with_(changes)
+    with ProcessPoolExecutor(1, mp_context=get_context("spawn")) as pool:
+        there = pool.submit(run, scene, **own).result()
+    assert_same(here, there)
+    for t in (0.3, 0.7):
+        assert (here.state(t).positions == there.state(t).positions).all()
+
+
+def test_a_blow_up_comes_back_from_another_process_too():
+    failure = pickle.loads(pickle.dumps(BlowUp("bad", {"t": np.ones(1)})))
+    assert str(failure) == "bad" and failure.last_good["t"] == 1.0
+
+
+@pytest.mark.parametrize("path", [5, b"x", ["x"], 1.5])
+def test_what_is_no_path_is_refused(result, path):
+    for act in (result.save, result.film, result.export, Result.load, lambda out: run(result.scene, out)):
+        with pytest.raises(InputError, match="must be a path, not "):
+            act(path)
+    with pytest.raises(InputError, match="numbers"):
+        result.state(10**400)
+
+
+def test_in_python_messages_speak_of_arguments(result, tmp_path, monkeypatch):
+    result.save(tmp_path / "r")
+    other = replace(result, scene=result.scene.with_(velocity=0.03))
+    (tmp_path / "file").touch()
+    monkeypatch.chdir(tmp_path)
+    for act, told in (
+        (lambda: other.save("r"), r"overwrite=True replaces it\); choose another folder as `out`"),
+        (lambda: other.save("."), "name a folder in it as `out`"),
+        (lambda: other.save("file/r"), "choose another as `out`"),
+        (lambda: Result.load("nothing"), "no run is here"),
+    ):
+        with pytest.raises(InputError, match=told) as refusal:
+            act()
+        assert "--" not in str(refusal.value)

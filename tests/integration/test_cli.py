@@ -87,10 +87,29 @@ def test_a_run_goes_into_out_and_the_name_of_the_scene_unless_a_folder_is_named(
         assert main(["run", "exponential_wall", *words]) == 2
     assert given == [("out/exponential_wall", True, False), ("o", False, True), ("/home/me/o", False, False)]
     monkeypatch.chdir(tmp_path)
-    for name in ("a.yaml", "b.yml", "v0.05"):
+    for name in ("a.yaml", "b.yml", "v0.05", "...yaml", "..yaml", "....yml"):
         (tmp_path / name).write_text("scene: exponential_wall\n")
         main(["run", name])
-    assert [out for out, *_ in given[3:]] == ["out/a", "out/b", "out/v0.05"]
+    assert [out for out, *_ in given[3:]] == ["out/a", "out/b", "out/v0.05", "out/...yaml", "out/..yaml", "out/....yml"]
+
+
+def test_the_command_line_speaks_of_options(tmp_path, capsys):
+    for velocity in (0.03, 0.04):
+        status = main(arguments(tmp_path / "r", "lattice.points=30", f"impact.velocity={velocity}"))
+    assert status == 2
+    assert "another run (--overwrite replaces it); choose another folder with --out\n" in capsys.readouterr().err
+
+
+def test_an_edited_table_is_told_and_an_edited_scene_refused_by_export(tmp_path, capsys):
+    assert main(arguments(tmp_path / "r", "lattice.points=30")) == 0
+    for name, status, told in (
+        ("timeseries.csv", 0, "note: "),
+        ("scene.yaml", 2, "error: "),
+    ):
+        with (tmp_path / "r" / name).open("a") as file:
+            file.write("\n")
+        assert main(["export", str(tmp_path / "r"), "--frames", "2"]) == status
+        assert f"{told}{tmp_path / 'r' / name} has been changed since the run" in capsys.readouterr().err
 
 
 def test_a_step_beyond_the_limit_is_refused_and_leaves_nothing(tmp_path, capsys):

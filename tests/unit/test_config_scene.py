@@ -159,12 +159,26 @@ def test_with_changes_keys_and_nothing_else(tmp_path: Path) -> None:
         load_scene("compression").with_(tolerance=1)
 
 
+@pytest.mark.parametrize("changes", [{1: 1}, {None: 1}, 5, ["a"], "ab"])
+def test_with_takes_names_of_keys_and_nothing_else(changes: Any) -> None:
+    with pytest.raises(InputError, match="with_: takes keys and values, as "):
+        load_scene("exponential_wall").with_(changes)
+
+
+@pytest.mark.parametrize("source", [5, None, b"a.yaml", ["a"], 1.5])
+def test_what_is_no_path_is_no_scene(source: Any) -> None:
+    with pytest.raises(InputError, match="scene: must be a path, not "):
+        load_scene(source)
+
+
 def test_the_name_of_a_lattice_file_starts_from_the_scene_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (tmp_path / "there").mkdir()
     (tmp_path / "there" / "s.yaml").write_text("scene: compression\nlattice: {file: ../a.csv}\n")
     (tmp_path / "there" / "sweep.yaml").write_text("scene: compression\nsweep: {file: [a.npz, none, /b.npz]}\n")
     monkeypatch.chdir(tmp_path)
     assert load_scene("there/s.yaml").lattice.file == str(tmp_path / "a.csv")
+    (tmp_path / "there" / "v.yaml").write_text("scene: compression\nlattice: {velocities: v.npz}\n")
+    assert load_scene("there/v.yaml").lattice.velocities == str(tmp_path / "there" / "v.npz")
     assert load_scene("there/s.yaml", ["lattice.file=b.csv"]).lattice.file == str(tmp_path / "b.csv")
     assert load_scene("scene: compression\nlattice: {file: a.csv}\n").lattice.file == str(tmp_path / "a.csv")
     (tmp_path / "deep").mkdir()  # .. behind a link goes up from where that leads to, as everywhere else

@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+import io
+import os
 import re
+import zipfile
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -10,7 +14,7 @@ from bodies import assert_tiles
 from scipy.spatial import cKDTree
 
 from taichi_disk.errors import InputError
-from taichi_disk.lattice import Lattice, disk_lattice, read_lattice, with_wall
+from taichi_disk.lattice import Lattice, custom, disk_lattice, read_lattice, with_wall
 from taichi_disk.lattice.lattice import polygon_area
 
 COLUMN, ROW = (one.ravel() for one in np.meshgrid(np.arange(-12, 13), np.arange(-12, 13)))
@@ -146,3 +150,112 @@ def test_files_that_hold_no_disk_are_named(tmp_path, name, content, message):
     with pytest.raises(InputError, match=re.escape(message)) as refusal:
         read_lattice(tmp_path / name)
     assert str(tmp_path / name) in str(refusal.value)
+
+
+@pytest.mark.parametrize("offset", [[0.0, 1e6], [0.0, -1000.0], [0.0, 2.0]])
+@pytest.mark.parametrize("points", [ROUND, GRID, *(disk_lattice(n, n, rim=n > 200).positions for n in (60, 250))])
+def test_a_body_that_lies_far_away_gets_the_same_springs(points, offset):
+    points = points - [points[:, 0].mean(), 0.0]
+    near, far = Lattice.from_points(points), Lattice.from_points(points + offset)
+    assert (far.bonds == near.bonds).all() and (far.disk_surface == near.disk_surface).all()
+    assert (far.positions == near.positions + offset).all()
+    again = Lattice.from_points(points + offset, order_of(far, points + offset)[far.bonds])
+    assert sorted(again.rest_lengths) == sorted(far.rest_lengths)
+
+
+def changed(array, where, value):
+    array = array.copy()
+    array[where] = value
+    return array
+
+
+DISK = disk_lattice(50)
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "message"),
+    [
+        ("positions", changed(DISK.positions, (7, 1), np.nan), "above -inf and below inf"),
+        ("positions", DISK.positions[:9], "float64 of shape (50, 2)"),
+        ("positions", DISK.positions.tolist(), "float64"),
+        ("bonds", changed(DISK.bonds, (-1, 1), 50), "above -1 and below 50"),
+        ("bonds", changed(DISK.bonds, (3, 0), -1), "above -1 and below 50"),
+        ("bonds", DISK.bonds.astype(np.int64), "int32"),
+        ("bonds", DISK.bonds[::-1], "sorted"),
+        ("bonds", DISK.bonds[:, ::-1].copy(), "i < j"),
+        ("bonds", DISK.bonds[:-1], "int32 of shape"),
+        ("rest_lengths", changed(DISK.rest_lengths, 0, 0.0), "above 0 and below inf"),
+        ("rest_lengths", changed(DISK.rest_lengths, 0, np.inf), "above 0 and below inf"),
+        ("masses", -DISK.masses, "above 0"),
+        ("disk_points", 51, "a whole number from 3 to 50"),
+        ("disk_surface", DISK.disk_surface + np.int32(50), "above -1"),
+        ("triangles", DISK.triangles[:, :2], "int32 of shape"),
+    ],
+)
+def test_a_lattice_checks_itself_however_it_was_made(name, value, message):
+    with pytest.raises(InputError, match=rf"^Lattice\..*{re.escape(message)}"):
+        replace(DISK, **{name: value})
+
+
+def test_a_disk_needs_no_seed():
+    assert (Lattice.disk(60).positions == Lattice.disk(60, seed=0).positions).all()
+
+
+def test_the_advice_about_a_gap_leads_to_a_body():
+    radius = np.hypot(*ROUND.T)
+    open_ring = ROUND[(radius > 0.6) & ((np.abs(ROUND[:, 1]) > 0.08) | (ROUND[:, 0] < 0))]
+    open_ring = open_ring - [open_ring[:, 0].mean(), 0.0]
+    for points in (open_ring, RING):
+        with pytest.raises(InputError, match=r"fill it with points; or, .* give `springs` .* but no hole"):
+            Lattice.from_points(points)
+    springs = cKDTree(open_ring).query_pairs(1.01 / 8, output_type="ndarray")
+    lattice = Lattice.from_points(open_ring, springs)
+    assert_tiles(lattice.positions, lattice.triangles, lattice.disk_surface)
+    assert Lattice.from_points(np.concatenate([RING, ROUND[radius <= 0.6]])).disk_points == len(ROUND)
+
+
+@pytest.mark.parametrize("values", [10**400, 1 + 2j, [[1j, 0.0]] * 5, "a", [[1, 2], [3]]])
+def test_what_is_no_real_number_is_no_point(values):
+    with pytest.raises(InputError, match="points must be an array of numbers"):
+        Lattice.from_points(values)
+
+
+@pytest.mark.parametrize("name", ["a.csv", "a.npz"])
+@pytest.mark.parametrize("kind", ["pipe", "device", "folder", "too large"])
+def test_only_a_file_of_a_sensible_size_is_read(tmp_path, name, kind):
+    path = tmp_path / name
+    if kind == "pipe":
+        os.mkfifo(path)
+    elif kind == "folder":
+        path.mkdir()
+    elif kind == "device":
+        path.symlink_to("/dev/zero")
+    else:
+        with path.open("wb") as file:
+            file.truncate(10**12)
+    with pytest.raises(InputError, match="is no regular file of at most 500 MB"):
+        read_lattice(path)
+
+
+def numpy_file(shape, numbers):
+    file = io.BytesIO()
+    np.lib.format.write_array_header_1_0(file, {"shape": shape, "fortran_order": False, "descr": "<f8"})
+    return file.getvalue() + bytes(8 * numbers)
+
+
+@pytest.mark.parametrize(
+    ("shape", "numbers", "message"), [((10**12, 2), 6, "claims the shape"), ((10**5, 2), 2 * 10**5, "more than 1 MB")]
+)
+def test_an_array_that_claims_all_memory_is_refused_before_it_is_read(tmp_path, monkeypatch, shape, numbers, message):
+    monkeypatch.setattr(custom, "LARGEST", 10**6)
+    with zipfile.ZipFile(tmp_path / "a.npz", "w", zipfile.ZIP_DEFLATED, compresslevel=1) as archive:
+        archive.writestr("positions.npy", numpy_file(shape, numbers))
+    with pytest.raises(InputError, match=message):
+        read_lattice(tmp_path / "a.npz")
+
+
+@pytest.mark.parametrize("number", [-1, 242, 2.5, [1, 2], "a", np.inf])
+def test_a_file_s_number_of_points_is_one_it_has(tmp_path, number):
+    np.savez(tmp_path / "a.npz", positions=ROUND, disk_points=number)
+    with pytest.raises(InputError, match=r"a\.npz: disk_points must be a whole number up to 241"):
+        read_lattice(tmp_path / "a.npz")

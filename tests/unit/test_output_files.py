@@ -27,7 +27,7 @@ def test_a_new_folder_is_made_with_its_parents_and_one_that_is_there_is_left_alo
 def test_a_file_in_the_way_is_named_and_nothing_is_left(tmp_path, below):
     blocker = tmp_path / "file"
     blocker.write_text("")
-    with pytest.raises(InputError, match=rf"folder .*: {blocker} is a file; choose another with --out"):
+    with pytest.raises(InputError, match=rf"folder .*: {blocker} is a file; choose another as `out`"):
         prepare_output(blocker / below)
     assert everything(tmp_path) == {blocker}
 

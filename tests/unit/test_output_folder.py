@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import json
 import os
+import platform
+import shutil
 import subprocess
 import sys
 from contextlib import suppress
@@ -24,13 +26,13 @@ def content(folder):
     return {str(path.relative_to(folder)): path.read_text() for path in folder.rglob("*") if path.is_file()}
 
 
-def compute(out, scene=SCENE, status="done", explicit=True, mark="", files=(), own_start=False, **options):
+def compute(out, scene=SCENE, status="done", explicit=True, mark="", files=(), **options):
     """A run that leaves a few files which hold `mark`; returns where."""
     with run_folder(out, scene, explicit, **options) as folder:
         for name in ("timeseries.csv", "plot.png", *files):
             (folder.path / name).parent.mkdir(exist_ok=True)
             (folder.path / name).write_text(mark)
-        summary = {"status": status, "mark": mark} | ({"own_start": ""} if own_start else {})
+        summary = {"status": status, "mark": mark, "lattice_digest": options.get("lattice", "")}
         (folder.path / "summary.json").write_text(json.dumps(summary))
         if status == "failed":
             (folder.path / "failure.npz").write_text(mark)
@@ -77,7 +79,9 @@ def test_a_default_name_counts_on_past_other_runs_and_says_so(tmp_path):
 def test_a_folder_that_was_named_is_refused_if_it_holds_another_run_unless_overwriting(tmp_path):
     compute(tmp_path / "run", mark="first", files=("video.mp4",))
     before = content(tmp_path)
-    with pytest.raises(InputError, match=r"run holds another run \(--overwrite replaces it\); choose another folder"):
+    with pytest.raises(
+        InputError, match=r"run holds another run \(overwrite=True replaces it\); choose another folder"
+    ):
         compute(tmp_path / "run", OTHER)
     assert content(tmp_path) == before
     compute(tmp_path / "run", OTHER, overwrite=True, mark="second")
@@ -120,7 +124,7 @@ def test_a_folder_that_cannot_be_renamed_is_refused_with_advice_and_an_empty_one
     monkeypatch.chdir(tmp_path)
     for out in (".", "../" + tmp_path.name, tmp_path.parent, "/proc"):
         what = "where a file system is mounted" if out == "/proc" else "the folder you are in"
-        with pytest.raises(InputError, match=f"is {what}, which no run can replace: name a folder in it with --out"):
+        with pytest.raises(InputError, match=f"is {what}, which no run can replace: name a folder in it as `out`"):
             compute(out)
     assert list(tmp_path.iterdir()) == []
     (tmp_path / "out" / "run").mkdir(parents=True)
@@ -145,14 +149,14 @@ def test_films_and_trajectories_made_from_a_run_stay_beside_it(tmp_path):
 
 
 def test_runs_that_began_with_arrays_of_a_person_are_no_runs_of_the_same_scene(tmp_path):
-    own = {"repeatable": False, "own_start": True}
-    compute(tmp_path / "run", mark="own", **own)
-    for options in ({}, own):
+    compute(tmp_path / "run", mark="own", lattice="a")
+    for options in ({}, {"lattice": "b"}):
         with pytest.raises(InputError, match="holds another run"):
             compute(tmp_path / "run", **options)
+    compute(tmp_path / "run", lattice="a", mark="again")
     compute(tmp_path / "run", overwrite=True)
     with pytest.raises(InputError, match="holds another run"):
-        compute(tmp_path / "run", **own)
+        compute(tmp_path / "run", lattice="a")
 
 
 @pytest.mark.parametrize("status", ["failed", "interrupted"])
@@ -276,3 +280,25 @@ def test_a_link_to_a_folder_is_followed(tmp_path):
     (tmp_path / "link").symlink_to("disk")
     compute(tmp_path / "link")
     assert (tmp_path / "link").is_symlink() and set(os.listdir(tmp_path / "disk")) == RUN
+
+
+def test_links_that_were_planted_are_not_followed(tmp_path):
+    mine = tmp_path / "mine"
+    mine.mkdir()
+    for name in (".profile", "1.png"):
+        (mine / name).write_text("mine")
+    (tmp_path / "out").mkdir()
+    for name, kind in (("plot.png", mine / "1.png"), ("frames", mine), ("summary.json", "/dev/zero")):
+        out = compute(tmp_path / "out" / "run")
+        (out / name).unlink(missing_ok=True)
+        (out / name).symlink_to(kind)
+        with pytest.raises(InputError, match=f"holds {name}, which no run wrote"):
+            compute(out, overwrite=True)
+        shutil.rmtree(out)
+    ended = subprocess.Popen([sys.executable, "-c", ""])
+    ended.wait()
+    compute(tmp_path / "out" / "run")
+    (tmp_path / "out" / f".{platform.node()}-{ended.pid}.old.run").symlink_to(mine)
+    compute(tmp_path / "out" / "run")
+    assert content(mine) == {".profile": "mine", "1.png": "mine"}
+    assert set(content(tmp_path / "out")) == {f"run/{name}" for name in RUN} and len(os.listdir(tmp_path / "out")) == 1
