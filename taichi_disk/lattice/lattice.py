@@ -68,7 +68,7 @@ class Lattice:
             _require(name, ((low < array) & (array < high)).all(), f"numbers above {low:g} and below {high:g}")
         rising = (np.diff(self.bonds.astype(np.int64) @ [n, 1]) > 0).all() and (np.diff(self.bonds) > 0).all()
         _require("bonds", rising, "pairs i < j of points, sorted, each pair once")
-        _require("disk_points", self.disk_points in range(custom.MIN_POINTS, n + 1), f"a whole number from 3 to {n}")
+        _require("disk_points", self.disk_points in range(1, n + 1), f"a whole number from 1 to {n}")
 
     @classmethod
     def disk(cls, points: int, seed: int = 0, rim: bool = True, min_spacing: float = 0.7) -> Lattice:

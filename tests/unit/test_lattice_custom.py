@@ -187,7 +187,7 @@ DISK = disk_lattice(50)
         ("rest_lengths", changed(DISK.rest_lengths, 0, 0.0), "above 0 and below inf"),
         ("rest_lengths", changed(DISK.rest_lengths, 0, np.inf), "above 0 and below inf"),
         ("masses", -DISK.masses, "above 0"),
-        ("disk_points", 51, "a whole number from 3 to 50"),
+        ("disk_points", 51, "a whole number from 1 to 50"),
         ("disk_surface", DISK.disk_surface + np.int32(50), "above -1"),
         ("triangles", DISK.triangles[:, :2], "int32 of shape"),
     ],
