@@ -41,7 +41,7 @@ def test_a_step_by_hand_that_a_finer_lattice_cannot_take(tmp_path: Path, capsys:
     assert first.startswith("restitution: time step ") and first.endswith("not smaller steps")
     assert any(line.startswith(" integrator ") for line in rest)
     text = (tmp_path / "out" / "accuracy.md").read_text(encoding="utf-8")
-    assert first in text and "| points | N = 120 |" in text
+    assert first in text and "| points | N = 120, same η |" in text
     assert (tmp_path / "out" / "accuracy.png").read_bytes().startswith(b"\x89PNG")
     with (tmp_path / "out" / "accuracy.csv").open() as file:
         rows = list(csv.DictReader(file))
