@@ -11,7 +11,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from time import monotonic, sleep
 
-from taichi_disk.runtime import CACHE, cache_folder, free_memory, writable
+from taichi_disk.runtime import CACHE, cache_folder, cores, free_memory, writable
 from taichi_disk.signals import raise_if_interrupted
 
 RUN = ("lattice.points=20", "material.eta_star=0", "video.size=64", "video.seconds=0.1")
@@ -25,7 +25,7 @@ def examine() -> bool:
     kept = "HOME" in os.environ and writable(cache)
     found = {
         "Python": platform.python_version(),
-        "processor cores": len(os.sched_getaffinity(0)),
+        "processor cores": cores(),
         "free memory": f"{free_memory() / 1e9:.1f} GB",
         "cache of kernels": cache if kept else f"{cache} cannot be written: set {CACHE} and HOME to keep kernels",
         "display": os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY") or "none (films need none)",

@@ -143,7 +143,7 @@ class Timeline:
 
     def __init__(self, first: Segment) -> None:
         self.checkpoints: list[Checkpoint] = []
-        self._spacing = SPACING * first.scenario.scene.material.k_a**-0.5
+        self._spacing = SPACING * first.scenario.model.springs.time_unit
         self.follow(first)
 
     def follow(self, segment: Segment) -> None:

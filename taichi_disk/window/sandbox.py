@@ -14,7 +14,7 @@ from taichi_disk.config.scene_base import least_threshold
 from taichi_disk.errors import TaichiDiskError
 from taichi_disk.lattice import Array, Lattice
 from taichi_disk.output.files import write_text
-from taichi_disk.physics import MouseSpring, Springs
+from taichi_disk.physics import MouseSpring
 from taichi_disk.scenes import Scene
 from taichi_disk.scenes.absorbing_wall import AbsorbingWallScene
 from taichi_disk.scenes.compression import CompressionScene
@@ -29,7 +29,7 @@ from taichi_disk.window.history import Checkpoint, Segment, Timeline
 AT_ONCE = ("material.eta_star", "material.viscosity", "wall.boundary", "compression.pressure")
 PATIENCE = 0.025  # time spent computing between two pictures, at most [s]
 SLOW = 0.2  # part of the speed at which a contact passes in slow motion
-CONTACT = 0.01  # of v sqrt(k_a) M, about the largest force of an impact, is contact
+CONTACT = 0.01  # of M v over the time unit of the springs, about the largest force of an impact, is contact
 RESULTS = 5  # in the table
 
 
@@ -76,7 +76,7 @@ def start_of(scene: Scene, before: Start | None = None) -> Start:
     if before and np.array_equal(before.scenario.lattice.positions, lattice.positions):
         return Start(body, scenario, before.spectrum)
     # Dashpots may come later: their rates belong to it in any case.
-    damped = replace(scenario.model, springs=Springs(springs.k_a, springs.k_b, eta=1.0))
+    damped = replace(scenario.model, springs=replace(springs, eta=1.0))
     return Start(body, scenario, spectrum(lattice, damped))
 
 
@@ -87,9 +87,10 @@ def _of_the_body(scene: Scene) -> Any:
 
 def with_mouse(scene: Scene, body: Lattice) -> Scenario:
     """The scene at t = 0 with a mouse spring that rests; `body`: its unloaded lattice."""
-    scenario, k_a = scene.scenario(body), scene.material.k_a
-    # A stronger pull than 0.02 k_a R would turn triangles of a fine lattice inside out.
-    scenario.model = replace(scenario.model, mouse=MouseSpring(0.2 * k_a, 0.02 * k_a))
+    scenario = scene.scenario(body)
+    modulus = scenario.model.springs.modulus
+    # A stronger pull than 0.02 of it times R would turn triangles of a fine lattice inside out.
+    scenario.model = replace(scenario.model, mouse=MouseSpring(0.2 * modulus, 0.02 * modulus))
     return scenario
 
 
@@ -163,7 +164,7 @@ class Sandbox:
     def imbalance(self) -> float:
         """Energy from nowhere since the last change by hand, over the kinetic energy or about the load's work."""
         scenario: Any = self.segment.scenario
-        scale = scenario.energy if self.is_impact else scenario.pressure**2 / scenario.scene.material.k_a
+        scale = scenario.energy if self.is_impact else scenario.pressure**2 / scenario.model.springs.modulus
         return float(self.segment.imbalance / scale)
 
     @property
@@ -172,7 +173,7 @@ class Sandbox:
         scenario = self.segment.scenario
         if not (self.slow and isinstance(scenario, ImpactScenario)):
             return self.speed
-        force = CONTACT * scenario.velocity * scenario.scene.material.k_a**0.5
+        force = CONTACT * scenario.velocity / scenario.model.springs.time_unit
         return self.speed * (SLOW if self.segment.row[INDEX["wall_force"]] > force else 1.0)
 
     # ---- time
