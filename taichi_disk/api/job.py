@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 from functools import lru_cache
 from pathlib import Path
@@ -15,7 +14,7 @@ from taichi_disk import runtime
 from taichi_disk.errors import SimulationError, TaichiDiskError
 from taichi_disk.lattice import Array, Lattice, OwnStart, own_start
 from taichi_disk.output import files
-from taichi_disk.output.plot import plot_run
+from taichi_disk.output.plot import plot_run, plotted_beside
 from taichi_disk.progress import Progress
 from taichi_disk.scenes import Scene, check_memory
 from taichi_disk.simulation.diagnostics import BlowUp
@@ -138,10 +137,10 @@ def write_run(path: Path, run: Computed, own: OwnStart, video: bool, progress: P
     end = {"positions": outcome.positions, "velocities": outcome.velocities, "t": columns["t"][-1]}
     files.write_arrays(path / "final.npz", **end)
     clock.lap("write")
-    with ThreadPoolExecutor(1) as beside:
-        plot = beside.submit(plot_run, path / "plot.png", scenario, columns)
-        if video:
-            name = "frames" if scene.video.format == "png" else f"video.{scene.video.format}"
+    plot = path / "plot.png"
+    if video:
+        name = "frames" if scene.video.format == "png" else f"video.{scene.video.format}"
+        with plotted_beside(plot, scenario, columns):
             try:
                 from taichi_disk.render.film import film
 
@@ -150,7 +149,8 @@ def write_run(path: Path, run: Computed, own: OwnStart, video: bool, progress: P
             except TaichiDiskError as error:
                 summary["video_error"] = str(error)
             clock.lap("film")
-    plot.result()
+    else:
+        plot_run(plot, scenario, columns)
     clock.lap("plot")
     summary["digests"] = files.digests(path, summary)
     files.write_summary(path / "summary.json", summary)

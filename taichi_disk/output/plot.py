@@ -5,9 +5,12 @@ matplotlib takes 0.3 s to import: it is when something is drawn.
 
 from __future__ import annotations
 
+import pickle
+import subprocess
+import sys
 import threading
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from textwrap import fill
 from typing import TYPE_CHECKING, Any
@@ -15,6 +18,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from taichi_disk.output.files import Array, atomic_write
+from taichi_disk.signals import ignored_by_children
 
 if TYPE_CHECKING:
     from taichi_disk.simulation.scenario import Scenario
@@ -96,6 +100,31 @@ def plot_run(path: Path, scenario: Scenario, columns: Columns) -> None:
         for ax in figure.axes:
             ax.yaxis.set_label_coords(-0.11, 0.5)
         atomic_write(path, lambda new: figure.savefig(new, metadata={"Software": None}))
+
+
+@contextmanager
+def plotted_beside(path: Path, scenario: Scenario, columns: Columns) -> Iterator[None]:
+    """`plot_run` by another Python while the block runs: a thread would wait for Python's lock, and hold it.
+
+    Where that gives no plot, it is drawn here after the block.
+    """
+    draw = "import pickle, sys; from taichi_disk.output.plot import plot_run; plot_run(*pickle.load(sys.stdin.buffer))"
+    child = None
+    with suppress(OSError), ignored_by_children():
+        child = subprocess.Popen([sys.executable, "-c", draw], stdin=subprocess.PIPE, stderr=subprocess.DEVNULL)
+        with child.stdin as pipe:  # type: ignore[union-attr]
+            pickle.dump((path, scenario, columns), pipe)
+    try:
+        yield
+    except BaseException:
+        if child:
+            child.kill()
+        raise
+    finally:
+        if child:
+            child.wait()
+    if not path.exists():
+        plot_run(path, scenario, columns)
 
 
 def _draw_run(figure: Any, scenario: Scenario, columns: Columns) -> None:

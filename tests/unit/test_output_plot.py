@@ -15,7 +15,7 @@ from matplotlib import figure
 from PIL import Image
 
 from taichi_disk.lattice import Lattice, bulk_moduli
-from taichi_disk.output.plot import matplotlib_style, plot_run
+from taichi_disk.output.plot import matplotlib_style, plot_run, plotted_beside
 from taichi_disk.scenes import load_scene
 from taichi_disk.simulation.outcome import compute
 
@@ -104,6 +104,24 @@ def test_plots_drawn_by_threads_beside_other_styles_have_the_same_bytes(kernels,
     alone = draw("a.png")
     with ThreadPoolExecutor(3) as threads:
         assert set(threads.map(draw, ("b.png", "c.png", "d.png"))) == {alone}
+
+
+PYTHON = sys.executable
+
+
+@pytest.mark.parametrize("python", [PYTHON, "/nowhere/python", "/bin/false"])
+def test_a_plot_drawn_beside_a_film_is_the_same_whatever_becomes_of_the_process_that_draws(
+    kernels, tmp_path, monkeypatch, python
+):
+    scenario, outcome = computed(kernels, "exponential_wall", "lattice.points=100")
+    plot_run(tmp_path / "a.png", scenario, outcome.columns)
+    monkeypatch.setattr(sys, "executable", python)
+    drawn_here = []
+    monkeypatch.setattr("taichi_disk.output.plot.plot_run", lambda *run: (drawn_here.append(run), plot_run(*run)))
+    with plotted_beside(tmp_path / "b.png", scenario, outcome.columns):
+        pass
+    assert filecmp.cmp(tmp_path / "a.png", tmp_path / "b.png", shallow=False)
+    assert len(drawn_here) == (python != PYTHON)
 
 
 def test_matplotlib_is_not_imported_for_names_and_colours_of_the_curves():
