@@ -208,6 +208,8 @@ class Stepping:
         if ti.static(self.implicit):
             power, late = 0.0, 0.0
             power, late, loss = self.solver.begin(self.state)
+            if sums[PEAK] >= self.state.contact[None]:  # the sum of the flight alone begins so, see `account`
+                loss = 0.0
             sums[POWER], sums[LEAVING] = power, power + late
             if ti.static(self.matched):
                 sums[BOUNDARY_POWER] = self.boundary.solved_power(self.state)
