@@ -245,8 +245,8 @@ class Stepping:
         boundary_loss = h * (b0 + 5.0 * b1) / 6.0
         if ti.static(self.implicit):
             boundary_loss = 0.5 * h * (b0 + b1)
-            # Solved for, that holds while h times the fastest rate is small. This is exact for linear springs at any
-            # rate, but drifts as h^2 where the wall pushes.
+            # Where velocities are solved for, the sum for c = -1/6 holds only while h times the fastest rate is small.
+            # In flight another sum is exact for linear springs at any rate. In contact that one would drift as h^2.
             loss = 0.25 * h * (sums[LEAVING] + p1 + late)
             if sums[PEAK] >= self.state.contact[None]:
                 loss = h * (2.0 / 3.0 * (p0 + p1) - 1.0 / 3.0 * cross)
