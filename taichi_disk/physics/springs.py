@@ -195,6 +195,14 @@ class Springs(Law):
         i, j = lattice.bonds.T
         return np.stack([np.bincount(j, pull, n) - np.bincount(i, pull, n) for pull in pulls], axis=1)
 
+    def damping(self, lattice: Lattice) -> Any:
+        """Matrix of the dashpots on the velocities, sparse (2n, 2n) [M c/R]; axial ones as their springs lie."""
+        if self.axial:
+            return network_stiffness(lattice.positions, lattice.bonds, self.eta)
+        return assemble(
+            np.tile(self.eta * np.eye(2), (len(lattice.bonds), 1, 1)), lattice.bonds, len(lattice.positions)
+        )
+
     def stiffness_at_rest(self, lattice: Lattice) -> Any:
         """As `stiffness`, where no spring is stretched."""
         return network_stiffness(lattice.positions, lattice.bonds, self.k_a)

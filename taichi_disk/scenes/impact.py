@@ -16,8 +16,13 @@ from taichi_disk.simulation.scenario import Array, Scenario, spread
 
 if TYPE_CHECKING:
     from taichi_disk.physics import Model
+    from taichi_disk.simulation.approach import Approach
 
 START_POTENTIAL = 1e-10  # of the wall at the start, as a fraction of the kinetic energy
+# Up to this flight and wall are known without a step, and from it on they are again. What e loses by that, measured:
+# `python -m tests.validation.estimate_trial --near`.
+NEAR_POTENTIAL = 1e-5
+LOST_BEFORE, LOST_AFTER = 0.01, 0.1  # of that potential; of what the potential at the end is worth in e
 # Part of the wall's decay time 1/(a v) between two rows: a point is pushed for a few of these, and on a hard wall the
 # force of the whole disk is made of such pushes, whose first and last bound the contact.
 DECAY_TIMES_PER_ROW = 0.3
@@ -25,7 +30,8 @@ LONGEST = 0.05  # between two rows, of the disk's own time: some 100 rows of con
 HALVINGS = 8  # of that at the most: some 30,000 rows
 CONTACT_LEVEL = 0.01  # contact lasts while the wall's force exceeds this fraction of its peak
 NOT_ROUND = 0.2  # of the radius: a body whose outline dips deeper bends more easily than a disk
-RESOLVED = 0.7  # of the wall's decay length that a step may cross, for another step to show its error
+UNSTRAINED = 1e-12  # of a spring's length
+RESOLVED = 0.49  # of the wall's decay length that a step may cross, for another step to show its error
 
 
 class ImpactScenario(Scenario):
@@ -34,6 +40,7 @@ class ImpactScenario(Scenario):
     Attributes:
         velocity: v, of the centre of mass towards the wall at the start [c].
         gap: distance of the lowest point from the wall at the start [R].
+        near: the same from where on the flight is stepped through, and to where.
         kinetic: of the flight at the start, M v^2/2 [M c^2].
     """
 
@@ -101,6 +108,25 @@ class ImpactScenario(Scenario):
         if impact.spin:
             arm = positions[:n] - positions[:n].mean(axis=0)
             self.velocities[:n] += impact.spin * np.stack([-arm[:, 1], arm[:, 0]], axis=1)
+        self.near = self._near(surface - surface.min()) if impact.gap == "auto" else self.gap
+        self._stay_far_unless_straight()
+
+    def _stay_far_unless_straight(self) -> None:
+        """Step through all of its flight where a disk spins, where anything moves in it, or where a body bends."""
+        disk = self.velocities[: self.lattice.disk_points]
+        strained = np.abs(self.springs.strain(self.lattice, self.lattice.positions)).max() > UNSTRAINED
+        moves = (disk != disk[0]).any() or (disk[0, 0] != 0.0 and len(self.lattice.wall_surface) > 0)
+        if strained or moves or self._dip > NOT_ROUND * self._radius:
+            self.near = self.gap
+
+    def _near(self, heights: Array) -> float:
+        """From where on the wall's force is small: height of the lowest point, others are `heights` above it [R]."""
+        return min(self.scene.wall.height_of(self._near_potential * self.kinetic, heights), self.gap)
+
+    @property
+    def _near_potential(self) -> float:
+        tolerance = self.scene.time.tolerance
+        return NEAR_POTENTIAL if tolerance == "none" else min(NEAR_POTENTIAL, tolerance)
 
     def _default_max_time(self) -> float:
         """Time to come, ten contacts after Hertz, pi sqrt(ln(4 c/v)) R/c, and to leave with e = 0.05 [R/c].
@@ -111,8 +137,15 @@ class ImpactScenario(Scenario):
         contact = np.pi * unit * np.sqrt(np.log(4.0 / min(self.velocity * unit, 1.0)))
         return float(22.0 * (self.gap + self._dip) / self.velocity + 10.0 * contact)
 
+    def approach(self) -> Approach | None:
+        from taichi_disk.simulation.approach import Approach
+
+        if self.near == self.gap:
+            return None
+        return Approach(self.lattice, self.model, self.velocities, (self.gap - self.near) / self.velocity)
+
     def end_bounds(self) -> dict[str, tuple[float, float]]:
-        return {"com_vy": (0.0, np.inf), "lowest_y": (self.gap, np.inf)}
+        return {"com_vy": (0.0, np.inf), "lowest_y": (self.near, np.inf)}
 
     def ended(self, columns: Columns) -> bool:
         # A disk on its way out may still vibrate so much that it touches again. Its lowest point has to be higher than
@@ -123,7 +156,7 @@ class ImpactScenario(Scenario):
         spin = last["angular_momentum"] / self._inertia
         rigid = 0.5 * (last["com_vx"] ** 2 + last["com_vy"] ** 2 + self._inertia * spin**2)
         vibration = max(last["kinetic"] + last["elastic"] - rigid, 0.0)
-        clear = self.gap + min(np.sqrt(2.0 * vibration * self._compliance), 2.0 * self._radius)
+        clear = self.near + min(np.sqrt(2.0 * vibration * self._compliance), 2.0 * self._radius)
         falls = abs(spin) * self._radius > last["com_vy"]
         lowest = min(last["lowest_y"], last["com_y"] - self._radius) if falls else last["lowest_y"]
         return bool(last["com_vy"] > 0.0 and lowest >= clear)
@@ -138,9 +171,11 @@ class ImpactScenario(Scenario):
         )
 
     def end_truncation_error(self, columns: Columns) -> float:
-        # The wall's last potential becomes kinetic energy, at most that of the flight.
-        v, potential = columns["com_vy"][-1], max(float(columns["wall"][-1]), 0.0)
-        return float(np.sqrt(v**2 + 2.0 * potential) - v) / self.velocity
+        known = self._speed_after(columns) - columns["com_vy"][-1]
+        lost = (
+            LOST_AFTER * known + LOST_BEFORE * self._near_potential * self.velocity if self.near < self.gap else known
+        )
+        return float(lost) / self.velocity
 
     @property
     def energy(self) -> float:
@@ -159,7 +194,12 @@ class ImpactScenario(Scenario):
 
     def result(self, columns: Columns) -> dict[str, float]:
         start, end = contact_interval(columns["t"], columns["wall_force"], columns["com_vy"])
-        return {"restitution": float(columns["com_vy"][-1] / self.velocity), "contact_time": end - start}
+        speed = self._speed_after(columns) if self.near < self.gap else columns["com_vy"][-1]
+        return {"restitution": float(speed) / self.velocity, "contact_time": end - start}
+
+    def _speed_after(self, columns: Columns) -> float:
+        """Where the wall's last potential becomes energy of the flight [c]."""
+        return float(np.sqrt(columns["com_vy"][-1] ** 2 + 2.0 * max(columns["wall"][-1], 0.0)))
 
     def start_with(self, velocities: Array) -> None:
         super().start_with(velocities)
@@ -169,6 +209,11 @@ class ImpactScenario(Scenario):
         self.scene = self.scene.with_({"impact.velocity": velocity})
         self._set_out()
         super().start_with(velocities)  # the start at that speed has others
+        self._stay_far_unless_straight()
+
+    def go_on_from(self, positions: Array, velocities: Array) -> None:
+        super().go_on_from(positions, velocities)
+        self.near = self.gap
 
     def marks(self, columns: Columns) -> tuple[str, str]:
         e, contact_time = self.result(columns).values()

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from math import ceil, inf
+from dataclasses import replace
+from math import ceil, floor, inf
 from time import perf_counter
 from typing import Any, Literal
 
@@ -41,6 +42,7 @@ class Driver:
         failure: why there is no result, once the status is "failed".
         end: the state at the end, once the status is "finished".
         can_end: whether the scene may end, and begin again with a shorter step.
+        first: number of the step at which stepping begins, at the end of the scenario's `approach`.
 
     Raises InputError for a step by hand that is too long.
     """
@@ -57,29 +59,40 @@ class Driver:
         self.end: Snapshot | None = None
         self.status: Status = "running"
         self._bounds = bounds_array(scenario.end_bounds())
+        self.approach = scenario.approach()
         self._begin()
 
     def _begin(self) -> None:
         scenario, began = self.scenario, perf_counter()
         self.step, self.attempt = self.control.step, self.control.attempt
-        self.simulation = self._simulation()
-        self.compile_seconds += perf_counter() - began
         self.stride = max(1, round(scenario.row_interval / self.step.dt))
         self.interval = self.stride * self.step.dt
+        before = max(floor(self.approach.end / self.interval), 0) if self.approach else 0  # rows
+        self.first = before * self.stride
+        self.simulation = self._simulation()
+        self.compile_seconds += perf_counter() - began
         self._last = ceil(scenario.max_time / self.interval) * self.stride
         self._needed, self._quiet = 1 + ceil(scenario.quiet_time / self.interval - 1e-9), 0
         springs = SPRINGS_PER_LOOK if self.simulation.subdomains > 1 else SPRINGS_PER_LAUNCH
         self._launch_steps = max(1, springs // (len(scenario.lattice.bonds) * self.step.integrator.forces))
-        self._rows: Array = np.empty((256, len(COLUMNS)))
-        self._rows[0], self.count = self.simulation.first_row, 1
+        self._rows: Array = np.empty((before + 256, len(COLUMNS)))
+        self._rows[before], self.count = self.simulation.first_row, before + 1
+        if self.approach:
+            times = np.arange(before + 1) * self.interval
+            self._rows[:before] = self.approach.rows(times[:-1], times[-1], self.simulation.first_row)
         self._balance = EnergyBalance(self.simulation.first_row)
         self.start = self.state = self.simulation.snapshot()
         self.row = self.simulation.first_row
 
     def _simulation(self) -> Simulation:
-        """A simulation at t = 0."""
-        scenario, step = self.scenario, self.step
-        return self.kernels.simulation(scenario.lattice, scenario.model, step.integrator, scenario.velocities, step.dt)
+        """A simulation at its first step."""
+        lattice, velocities, step = self.scenario.lattice, self.scenario.velocities, self.step
+        if self.approach:
+            positions, velocities = self.approach.at(self.first * step.dt)
+            lattice = replace(lattice, positions=positions)
+        simulation = self.kernels.simulation(lattice, self.scenario.model, step.integrator, velocities, step.dt)
+        simulation.step_number = self.first
+        return simulation
 
     # ---- what is known
 
@@ -151,6 +164,9 @@ class Driver:
         simulation, snapshot = self._simulation(), self.start
         mine, stride = simulation.generation, self._launch_steps
         for number in np.rint(np.asarray(times) / self.step.dt).astype(int):
+            if self.approach and number < self.first:
+                yield number * self.step.dt, *self.approach.at(number * self.step.dt)
+                continue
             if simulation.generation != mine:  # somebody else has used it meanwhile
                 simulation = self._simulation()
                 simulation.restore(snapshot)

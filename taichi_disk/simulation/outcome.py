@@ -20,7 +20,7 @@ from taichi_disk.simulation.observables import COLUMNS, Columns
 from taichi_disk.simulation.scenario import Scenario
 from taichi_disk.simulation.simulation import KernelCache
 from taichi_disk.simulation.stability import Spectrum, spectrum, step_limit
-from taichi_disk.simulation.step_control import COMPARED, error_estimate, fitted
+from taichi_disk.simulation.step_control import error_estimate
 
 ESTIMATE_UP_TO = 1.3e9  # spring evaluations of a run, some 5 s, up to which a second run for the error is made unasked
 REST_CAUTION = 1.1  # by which the distance from Newton's rest is enlarged
@@ -107,15 +107,17 @@ def _described(driver: Driver, time: Any, estimate: bool) -> Outcome:
     error, inverted = driver.control.error(columns), None
     if error is not None and not scenario.step_dependent:
         error = REST_CAUTION * error + ROUNDING
-    if estimate and end.step * len(scenario.lattice.bonds) * step.integrator.forces <= ESTIMATE_UP_TO:
-        _, x, _ = next(driver.replay(np.array([greatest_compression(columns)])))
-        inverted = inverted_triangles(scenario, x)
+    if estimate and (end.step - driver.first) * len(scenario.lattice.bonds) * step.integrator.forces <= ESTIMATE_UP_TO:
         if scenario.step_dependent and time.tolerance == "none":
-            error = _second_opinion(driver, time)
+            error, x = _second_opinion(driver, time, limit)
+        else:
+            _, x, _ = next(driver.replay(np.array([greatest_compression(columns)])))
+        inverted = inverted_triangles(scenario, x)
     warnings += _inversion_warnings(inverted or 0)
     facts = {
         "warnings": warnings,
-        "steps": end.step,
+        "steps": end.step - driver.first,
+        "stepped_from": driver.first * step.dt,
         "dt": step.dt,
         "dt_limit": limit,
         "attempts": driver.attempt,
@@ -141,19 +143,20 @@ def greatest_compression(columns: Columns) -> float:
     return float(columns["t"][int(columns["com_y"].argmin() if stretched else stored.argmax())])
 
 
-def _second_opinion(driver: Driver, time: Any) -> float | None:
-    """The estimated error of the result, by another run with a shorter step; None where that has no result."""
-    scenario, step, columns = driver.scenario, driver.step, driver.columns
-    dt = fitted(step.dt / COMPARED, scenario.model.reset_interval)
-    time = replace(time, dt=dt, integrator=step.integrator.name)
+def _second_opinion(driver: Driver, time: Any, limit: float) -> tuple[float | None, Array]:
+    """The estimated error of the result, by another run, None where that has no result; (n, 2) its most compressed."""
+    scenario, columns = driver.scenario, driver.columns
+    time = replace(time, dt=driver.control.other_step(limit), integrator=driver.step.integrator.name)
     other = Driver(scenario, time, driver.kernels, driver.control.spectrum, force=True)
+    other.advance(steps=max(round(greatest_compression(columns) / other.step.dt) - other.first, 0))
+    x = other.state.vectors[0]
     try:
         if other.advance() == "failed":
-            return None
+            return None, x
         error = error_estimate(other.control.record(other.columns), driver.control.record(columns))
     except TaichiDiskError:  # no result
-        return None
-    return error + scenario.end_truncation_error(columns)
+        return None, x
+    return error + scenario.end_truncation_error(columns), x
 
 
 def inverted_triangles(scenario: Scenario, x: Array) -> int:

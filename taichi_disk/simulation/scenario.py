@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
@@ -13,6 +14,7 @@ from taichi_disk.simulation.observables import Columns
 
 if TYPE_CHECKING:  # scene files are checked without Taichi
     from taichi_disk.physics import Model
+    from taichi_disk.simulation.approach import Approach
     from taichi_disk.simulation.equilibrium import Equilibrium
 
 FASTEST = 100.0  # of the velocities that a run may begin with [c]
@@ -81,6 +83,14 @@ class Scenario(ABC):
             raise InputError(f"velocities: must be numbers from {-FASTEST:g} to {FASTEST:g} c")
         self.velocities = self.velocities.copy()
         self.velocities[:n] = velocities
+
+    def approach(self) -> Approach | None:
+        """The beginning that is known without a step, if there is one."""
+        return None
+
+    def go_on_from(self, positions: Array, velocities: Array) -> None:
+        """Begin in another state, (n, 2) [R] and [c], instead."""
+        self.lattice, self.velocities = replace(self.lattice, positions=positions), velocities
 
     # ---- the end
 

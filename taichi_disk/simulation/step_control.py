@@ -22,7 +22,8 @@ RESET_ERROR = 2e-5  # of e, that resets may cause at an automatic step beside da
 LEAST, MOST = 1.15, 3.0  # by which a step is shortened for it: a longer leap would trust the power too far
 
 # Of estimated errors; measured on scenes whose truth is known: `python -m tests.validation.estimate_trial`.
-COMPARED = 1.5  # by which the step of a second run is shorter
+COMPARED = 1.25  # by which the step of a second run is shorter
+COARSE, FROM = 0.95, 0.75  # of the stability limit, a longer one; the part that the step itself has to be for that
 CAUTION = 1.5  # by which the difference is enlarged
 UNRESOLVED_PART = 0.5  # of the worst imbalance, which the error may be where a step does not resolve the wall
 
@@ -120,6 +121,15 @@ class StepControl:
         return min(stable, resolving_step(self.spectrum, self.scenario.model, integrator, error))
 
     # ---- errors
+
+    def other_step(self, limit: float) -> float:
+        """Step [R/c] of a second run to estimate the error with: a longer one, which costs less, where that is stable.
+
+        `limit`: of stable steps, with the force of the wall that was measured.
+        """
+        dt, interval = self.step.dt, self.scenario.model.reset_interval
+        longer = fitted(COARSE * limit, interval)
+        return longer if dt > FROM * limit and longer > dt else fitted(dt / COMPARED, interval)
 
     def record(self, columns: Columns) -> RunRecord:
         """What the next steps are chosen from: a run with the present step."""

@@ -154,7 +154,7 @@ class Sandbox:
     @property
     def at_start(self) -> bool:
         """Whether nothing has moved yet, and no hand has touched the disk."""
-        return not (self.segment.state.step or self.segment.label)
+        return self.segment.state.step == self.segment.first and not self.segment.label
 
     @property
     def is_impact(self) -> bool:
@@ -296,8 +296,7 @@ class Sandbox:
         """
         last, start, now = self.segment, self.start, self.segment.present
         scenario = with_mouse(scene, start.body)
-        scenario.lattice = replace(scenario.lattice, positions=now.x)
-        scenario.velocities = now.v if hit is None else hit
+        scenario.go_on_from(now.x, now.v if hit is None else hit)
         if last.status != "failed":  # after a blow-up a step by hand would be refused for the force that it has led to
             peak = last.simulation.peak_point_force(now.snapshot)
             scenario.point_force = max(scenario.point_force, peak)
@@ -322,6 +321,8 @@ class Sandbox:
             self.begin(scene)
         else:
             snapshot, x = self.seen.snapshot, with_mouse(scene, self.start.body).lattice.positions
+            disk = slice(self.start.body.disk_points)
+            x[disk] += self.segment.present.x[disk].mean(axis=0) - x[disk].mean(axis=0)
             snapshot = replace(snapshot, vectors=np.stack([x, *snapshot.vectors[1:]]))
             self.time.seen = replace(self.seen, snapshot=snapshot)
 

@@ -135,7 +135,10 @@ def test_the_disk_in_the_film_moves_as_its_centre_of_mass_does(run, tmp_path, ca
 @needs_vulkan
 def test_a_disk_that_flies_aside_stays_whole_in_the_film_and_the_wall_spans_it(tmp_path):
     aside = np.tile([0.2, -0.05], (60, 1))
-    result = api.run(load_scene("exponential_wall", ["lattice.points=60", "material.eta_star=0"]), velocities=aside)
+    result = api.run(
+        load_scene("exponential_wall", ["lattice.points=60", "material.eta_star=0", "impact.gap=0.13"]),
+        velocities=aside,
+    )
     result.film(tmp_path / "film", size=SIZE, seconds=0.5, draw="points")
     last = pictures_in(tmp_path / "film")[-1]
     ground = 255 * np.array(THEMES["light"].ground)
@@ -183,7 +186,7 @@ def test_the_film_holds_at_the_greatest_compression_ends_with_the_result_and_tel
     pace = np.array([float(text.split()[3]) for _, text in moving])
     # What was said adds up to the time that passed; the contact, in the middle, is slowed down.
     assert (pace[:-1] / 10).sum() == pytest.approx(moving[-1][0], rel=0.04)
-    assert 1.8 * pace[len(pace) // 2] < min(pace[1], pace[-2])
+    assert 1.8 * pace[len(pace) // 2] < pace[1]
 
 
 @needs_vulkan

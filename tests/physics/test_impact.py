@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import reference
 from bodies import SMALL, WALL, advance, computed
-from numpy.testing import assert_allclose, assert_array_equal
+from numpy.testing import assert_array_equal
 
 from taichi_disk.integrators import INTEGRATORS, TRAPEZOIDAL, VELOCITY_VERLET
 from taichi_disk.lattice import Lattice, bulk_moduli
@@ -40,13 +42,14 @@ def test_restitution_and_contact_time_equal_those_of_dop853(eta_star, velocity, 
     settings = (*SMALL, f"material.eta_star={eta_star}", f"impact.velocity={velocity}", "time.sample_interval=0.02")
     scenario, outcome = computed(kernels, "exponential_wall", *settings)
     values, end = scenario.result(outcome.columns), outcome.columns["t"][-1]
+    end += 8.0 / (scenario.model.wall.a * velocity)  # until the wall's last potential is energy of the flight
     e, duration = reference_impact(scenario, end)
     # The error that 1099 points have at the automatic step is below 2e-5, and estimated to be.
     off = abs(values["restitution"] - e)
     assert off < 2e-5 and off <= 1.5 * outcome.facts["error_estimate"]["restitution"] < 5e-5
     # The reference's times stand on a grid of 1/4000 of the whole.
     assert values["contact_time"] == pytest.approx(duration, abs=2 * end / 4000)
-    assert values["restitution"] == outcome.columns["com_vy"][-1] / velocity
+    assert values["restitution"] == pytest.approx(outcome.columns["com_vy"][-1] / velocity, abs=1e-5)
 
 
 def test_a_viscosity_is_that_of_the_body_and_eta_star_that_of_a_point(kernels):
@@ -180,17 +183,19 @@ def test_a_flight_along_the_rigid_wall_changes_nothing(kernels):
 
 
 def assert_has_left(kernels, name, *settings):
-    """Run on for as long again: the wall never touches the disk any more, the centre of mass flies on as it did."""
+    """Run on for as long again: the wall never touches the disk again, which flies on as fast as `run` says it will."""
     scenario, outcome = computed(kernels, name, *settings)
     columns, steps, integrator = outcome.columns, outcome.facts["steps"], INTEGRATORS[outcome.facts["integrator"]]
-    start = scenario.lattice, scenario.model, integrator, scenario.velocities, outcome.facts["dt"]
-    simulation = kernels.simulation(*start)
-    simulation.advance(steps)
-    assert_array_equal(simulation.positions(), outcome.positions)
+    end = replace(scenario.lattice, positions=outcome.positions)
+    simulation = kernels.simulation(end, scenario.model, integrator, outcome.velocities, outcome.facts["dt"])
     later = advance(simulation, steps, max(1, steps // 2000))
-    assert later["wall_force"].max() < 1e-7 * columns["wall_force"].max()
+    assert later["wall_force"].max() < 1.01 * columns["wall_force"][-1] + 1e-5 * columns["wall_force"].max()
+    assert later["wall_force"][-1] < 1e-7 * columns["wall_force"].max()
     assert columns["com_vy"][-1] > 0.0
-    assert_allclose(later["com_vy"], columns["com_vy"][-1], rtol=1e-9)
+    left = scenario.end_truncation_error(columns)
+    assert later["com_vy"][-1] / scenario.velocity == pytest.approx(
+        scenario.result(columns)["restitution"], abs=left + 1e-9
+    )
 
 
 @pytest.mark.validate

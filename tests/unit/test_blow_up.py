@@ -40,7 +40,7 @@ def test_a_lost_balance_is_seen_in_the_first_row_that_shows_it(energies, lost):
 
 
 def test_a_forced_step_is_told_and_the_state_before_it_is_kept(kernels):
-    driver = driver_of(kernels, *SMALL, "time.dt=0.1", "time.sample_interval=0.9", force=True)
+    driver = driver_of(kernels, *SMALL, "impact.gap=0.13", "time.dt=0.1", "time.sample_interval=0.9", force=True)
     assert driver.advance() == "failed" and isinstance(driver.failure, BlowUp)
     message, good = str(driver.failure), driver.failure.last_good
     told = r"blow-up after t = ([0-9.]+) R/c: the energy balance is off by .*; before that spring (\d+) between points"
@@ -59,7 +59,7 @@ def test_a_forced_step_is_told_and_the_state_before_it_is_kept(kernels):
 @pytest.mark.parametrize("dt", ["0.02", "auto"])
 def test_a_number_lost_by_the_machine_is_found_in_the_next_launch_and_told_as_that(dt, kernels, monkeypatch):
     monkeypatch.setattr("taichi_disk.simulation.driver.SPRINGS_PER_LAUNCH", 20_000)
-    driver = driver_of(kernels, *SMALL, f"time.dt={dt}")
+    driver = driver_of(kernels, *SMALL, "impact.gap=0.13", f"time.dt={dt}")
     driver.advance(steps=500)
     snapshot = driver.simulation.snapshot()
     snapshot.vectors[0, 5, 1] = np.nan
