@@ -18,7 +18,6 @@ from collections.abc import Iterator
 from functools import lru_cache
 from numbers import Integral
 from pathlib import Path
-from types import SimpleNamespace
 from typing import Any, NoReturn
 
 from taichi_disk.errors import InputError, TaichiDiskError
@@ -187,13 +186,16 @@ def _spare_searches() -> None:
 def _spare_source_lines() -> None:
     """Take away what Taichi 1.7.4 spends half of its Python time on before a kernel is compiled, or found compiled.
 
-    For every node of every function that it inlines it breaks the source lines for an error message that is not
-    needed, and reads a function's source anew each time. Its messages now show whole lines.
+    For every node of every function that it inlines it breaks and underlines the source lines for an error message that
+    is not needed, and reads a function's source anew each time. Its messages now show a node's first line.
     """
     from taichi.lang import kernel_impl
-    from taichi.lang.ast import ast_transformer_utils
+    from taichi.lang.ast.ast_transformer_utils import ASTTransformerContext
 
-    unbroken = SimpleNamespace(wrap=lambda text: [text] if text else [])
-    ast_transformer_utils.TextWrapper = lambda width: unbroken
+    def place(context: Any, node: Any) -> str:
+        where = f'File "{context.file}", line {node.lineno + context.lineno_offset}, in {context.func.func.__name__}'
+        return f"{where}:\n{context.src[node.lineno - 1]}\n"
+
+    ASTTransformerContext.get_pos_info = place
     if not hasattr(kernel_impl.getsourcelines, "cache_info"):
         kernel_impl.getsourcelines = lru_cache(maxsize=None)(kernel_impl.getsourcelines)
