@@ -126,7 +126,6 @@ def start(threads: int | None = None) -> None:
                 text = f"threads: this process computes with {now} already, and cannot change to {number}"
                 raise InputError(f"{text}; choose the number in its first run, or by {THREADS}")
             return
-        _spare_source_lines()
         _drop_stale_lock()
         try:
             with contextlib.redirect_stdout(io.StringIO()):  # it tells the arch where only results belong
@@ -183,11 +182,12 @@ def _spare_searches() -> None:
         inspect.modulesbyfile[os.path.abspath("<frozen importlib._bootstrap>")] = "importlib._bootstrap"
 
 
-def _spare_source_lines() -> None:
+def lighten_taichi() -> None:
     """Take away what Taichi 1.7.4 spends half of its Python time on before a kernel is compiled, or found compiled.
 
     For every node of every function that it inlines it breaks and underlines the source lines for an error message that
-    is not needed, and reads a function's source anew each time. Its messages now show a node's first line.
+    is not needed, and reads a function's source anew each time. Its messages now show a node's first line. Whether a
+    function is a method it asks of the source outside, which it looks for in all modules.
     """
     from taichi.lang import kernel_impl
     from taichi.lang.ast.ast_transformer_utils import ASTTransformerContext
@@ -196,6 +196,8 @@ def _spare_source_lines() -> None:
         where = f'File "{context.file}", line {node.lineno + context.lineno_offset}, in {context.func.func.__name__}'
         return f"{where}:\n{context.src[node.lineno - 1]}\n"
 
-    ASTTransformerContext.get_pos_info = place
-    if not hasattr(kernel_impl.getsourcelines, "cache_info"):
-        kernel_impl.getsourcelines = lru_cache(maxsize=None)(kernel_impl.getsourcelines)
+    def in_class(level_of_class_stackframe: int) -> bool:
+        return "__qualname__" in sys._getframe(level_of_class_stackframe - 1).f_locals
+
+    ASTTransformerContext.get_pos_info, kernel_impl._inside_class = place, in_class
+    kernel_impl.getsourcelines = lru_cache(maxsize=None)(kernel_impl.getsourcelines)
