@@ -57,7 +57,7 @@ HEIGHTS = (1.2, 1.0, 1.5)  # of the axes of motion, force and energies
 LAYOUT = {"left": 0.145, "right": 0.98, "bottom": 0.055, "top": 0.945, "hspace": 0.17}  # parts of a figure
 _LOCK = threading.Lock()
 # All is imported, and fonts are found, before the run comes. To take down all libraries at the end would take 0.1 s.
-_DRAW = """import io, os, pickle, sys, taichi_disk.api, matplotlib.figure
+_DRAW = """import io, os, pickle, sys, taichi_disk.physics, taichi_disk.scenes, matplotlib.figure
 from taichi_disk.output.plot import plot_run
 figure = matplotlib.figure.Figure()
 figure.subplots().set_title("$v$", fontweight="bold")
