@@ -11,8 +11,10 @@ import sys
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
+from functools import partial
 from pathlib import Path
 from textwrap import fill
+from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -57,7 +59,7 @@ HEIGHTS = (1.2, 1.0, 1.5)  # of the axes of motion, force and energies
 LAYOUT = {"left": 0.145, "right": 0.98, "bottom": 0.055, "top": 0.945, "hspace": 0.17}  # parts of a figure
 _LOCK = threading.Lock()
 # All is imported, and fonts are found, before the run comes. To take down all libraries at the end would take 0.1 s.
-_DRAW = """import io, os, pickle, sys, taichi_disk.physics, taichi_disk.scenes, matplotlib.figure
+_DRAW = """import io, os, pickle, sys, matplotlib.figure
 from taichi_disk.output.plot import plot_run
 figure = matplotlib.figure.Figure()
 figure.subplots().set_title("$v$", fontweight="bold")
@@ -122,16 +124,16 @@ def plotting_beside(film: bool) -> Iterator[Begin]:
         with suppress(OSError), ignored_by_children():
             child = subprocess.Popen([sys.executable, "-c", _DRAW], stdin=subprocess.PIPE, stderr=subprocess.DEVNULL)
 
-    def begin(*run: Any) -> Callable[[], None]:
+    def begin(path: Path, scenario: Scenario, columns: Columns) -> Callable[[], None]:
         if child:
             with suppress(OSError), child.stdin as pipe:  # type: ignore[union-attr]
-                pickle.dump(run, pipe)
+                pickle.dump((path, _answering(scenario, columns), columns), pipe)
 
         def end() -> None:
             if child:
                 child.wait()
-            if not run[0].exists():
-                plot_run(*run)
+            if not path.exists():
+                plot_run(path, scenario, columns)
 
         return end
 
@@ -141,6 +143,18 @@ def plotting_beside(film: bool) -> Iterator[Begin]:
         if child:
             child.kill()
             child.communicate()
+
+
+def _answering(scenario: Scenario, columns: Columns) -> Any:
+    """What answers a plot as `scenario` does, without its lattice and laws, whose pickle would need Taichi."""
+    asked = ("motion", "marks", "continuum") if scenario.static else ("motion", "marks", "quality", "last_motion")
+    answers = {name: getattr(scenario, name)(columns) for name in asked} | {"title": scenario.title()}
+    said = {name: partial(_said, answer) for name, answer in answers.items()}
+    return SimpleNamespace(static=scenario.static, time_label=scenario.time_label, **said)
+
+
+def _said(answer: Any, *_: Any) -> Any:
+    return answer
 
 
 def _draw_run(figure: Any, scenario: Scenario, columns: Columns) -> None:
