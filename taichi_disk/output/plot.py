@@ -58,12 +58,9 @@ ENERGIES = {
 HEIGHTS = (1.2, 1.0, 1.5)  # of the axes of motion, force and energies
 LAYOUT = {"left": 0.145, "right": 0.98, "bottom": 0.055, "top": 0.945, "hspace": 0.17}  # parts of a figure
 _LOCK = threading.Lock()
-# All is imported, and fonts are found, before the run comes. To take down all libraries at the end would take 0.1 s.
-_DRAW = """import io, os, pickle, sys, matplotlib.figure
+# All is imported before the run comes. To take down the libraries one by one at the end would take 0.1 s.
+_DRAW = """import os, pickle, sys, matplotlib.figure, matplotlib.backends.backend_agg
 from taichi_disk.output.plot import plot_run
-figure = matplotlib.figure.Figure()
-figure.subplots().set_title("$v$", fontweight="bold")
-figure.savefig(io.BytesIO())
 plot_run(*pickle.load(sys.stdin.buffer))
 os._exit(0)"""
 
@@ -109,7 +106,9 @@ def plot_run(path: Path, scenario: Scenario, columns: Columns) -> None:
         (_draw_loading if scenario.static else _draw_run)(figure, scenario, columns)
         for ax in figure.axes:
             ax.yaxis.set_label_coords(-0.11, 0.5)
-        atomic_write(path, lambda new: figure.savefig(new, metadata={"Software": None}))
+        atomic_write(
+            path, lambda new: figure.savefig(new, metadata={"Software": None}, pil_kwargs={"compress_level": 3})
+        )
 
 
 @contextmanager
