@@ -18,7 +18,6 @@ from collections.abc import Iterator
 from functools import lru_cache
 from numbers import Integral
 from pathlib import Path
-from types import SimpleNamespace
 from typing import Any, NoReturn
 
 from taichi_disk.errors import InputError, TaichiDiskError
@@ -127,7 +126,6 @@ def start(threads: int | None = None) -> None:
                 text = f"threads: this process computes with {now} already, and cannot change to {number}"
                 raise InputError(f"{text}; choose the number in its first run, or by {THREADS}")
             return
-        _spare_source_lines()
         _drop_stale_lock()
         try:
             with contextlib.redirect_stdout(io.StringIO()):  # it tells the arch where only results belong
@@ -184,16 +182,22 @@ def _spare_searches() -> None:
         inspect.modulesbyfile[os.path.abspath("<frozen importlib._bootstrap>")] = "importlib._bootstrap"
 
 
-def _spare_source_lines() -> None:
+def lighten_taichi() -> None:
     """Take away what Taichi 1.7.4 spends half of its Python time on before a kernel is compiled, or found compiled.
 
-    For every node of every function that it inlines it breaks the source lines for an error message that is not
-    needed, and reads a function's source anew each time. Its messages now show whole lines.
+    For every node of every function that it inlines it breaks and underlines the source lines for an error message that
+    is not needed, and reads a function's source anew each time. Its messages now show a node's first line. Whether a
+    function is a method it asks of the source outside, which it looks for in all modules.
     """
     from taichi.lang import kernel_impl
-    from taichi.lang.ast import ast_transformer_utils
+    from taichi.lang.ast.ast_transformer_utils import ASTTransformerContext
 
-    unbroken = SimpleNamespace(wrap=lambda text: [text] if text else [])
-    ast_transformer_utils.TextWrapper = lambda width: unbroken
-    if not hasattr(kernel_impl.getsourcelines, "cache_info"):
-        kernel_impl.getsourcelines = lru_cache(maxsize=None)(kernel_impl.getsourcelines)
+    def place(context: Any, node: Any) -> str:
+        where = f'File "{context.file}", line {node.lineno + context.lineno_offset}, in {context.func.func.__name__}'
+        return f"{where}:\n{context.src[node.lineno - 1]}\n"
+
+    def in_class(level_of_class_stackframe: int) -> bool:
+        return "__qualname__" in sys._getframe(level_of_class_stackframe - 1).f_locals
+
+    ASTTransformerContext.get_pos_info, kernel_impl._inside_class = place, in_class
+    kernel_impl.getsourcelines = lru_cache(maxsize=None)(kernel_impl.getsourcelines)

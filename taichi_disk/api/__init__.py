@@ -16,6 +16,7 @@ from taichi_disk.config.tree import Source, as_path
 from taichi_disk.errors import InputError
 from taichi_disk.lattice import Array, Lattice, OwnStart, numbers
 from taichi_disk.output import files
+from taichi_disk.output.plot import plotting_beside
 from taichi_disk.output.run_folder import run_folder
 from taichi_disk.progress import Progress, reporter, silent
 from taichi_disk.scenes import Scene, load_scene
@@ -198,7 +199,8 @@ class Result:
         out, text = as_path(out, "out"), self.own.repeating(self.scene).to_yaml()
         with run_folder(out, text, True, overwrite, lattice=self.own.digest) as folder:
             computed = self.scenario, self.summary | {"video": folder.film}, self.outcome
-            write_run(folder.path, computed, self.own, video, silent, Clock())
+            with plotting_beside(video) as plot:
+                write_run(folder.path, computed, self.own, video, plot, silent, Clock())
         return folder.out
 
     @classmethod

@@ -14,7 +14,7 @@ from taichi_disk import runtime
 from taichi_disk.errors import SimulationError, TaichiDiskError
 from taichi_disk.lattice import Array, Lattice, OwnStart, own_start
 from taichi_disk.output import files
-from taichi_disk.output.plot import plot_run, plotted_beside
+from taichi_disk.output.plot import Begin, plotting_beside
 from taichi_disk.progress import Progress
 from taichi_disk.scenes import Scene, check_memory
 from taichi_disk.simulation.diagnostics import BlowUp
@@ -95,13 +95,14 @@ class Job:
             check_export(path, export)
         summary: dict[str, Any] = {}
         try:
-            scenario, summary, outcome = computed = self.compute()
-            summary["video"] = film
-            if export:
-                times = np.linspace(0.0, outcome.columns["t"][-1], FRAMES)
-                export_run(scenario, outcome.replay(times), path, export)
-                self.clock.lap("export")
-            write_run(path, computed, self.own, video, self.progress, self.clock)
+            with plotting_beside(video) as plot:
+                scenario, summary, outcome = computed = self.compute()
+                summary["video"] = film
+                if export:
+                    times = np.linspace(0.0, outcome.columns["t"][-1], FRAMES)
+                    export_run(scenario, outcome.replay(times), path, export)
+                    self.clock.lap("export")
+                write_run(path, computed, self.own, video, plot, self.progress, self.clock)
             return computed
         except (SimulationError, KeyboardInterrupt) as failure:
             status = "interrupted" if isinstance(failure, KeyboardInterrupt) else "failed"
@@ -126,8 +127,10 @@ def shared_kernels() -> KernelCache:
     return _kernels_of(ti.lang.impl.get_runtime().prog)
 
 
-def write_run(path: Path, run: Computed, own: OwnStart, video: bool, progress: Progress, clock: Clock) -> None:
-    """All files of a run; summary.json last."""
+def write_run(
+    path: Path, run: Computed, own: OwnStart, video: bool, plot: Begin, progress: Progress, clock: Clock
+) -> None:
+    """All files of a run; summary.json last. `plot` is what `plotting_beside` yields."""
     scenario, summary, outcome = run
     scene, columns, asked = scenario.scene, outcome.columns, scenario.scene.time.sample_interval
     # Rows of an equilibrium are on the way to rest, not in time.
@@ -137,20 +140,18 @@ def write_run(path: Path, run: Computed, own: OwnStart, video: bool, progress: P
     end = {"positions": outcome.positions, "velocities": outcome.velocities, "t": columns["t"][-1]}
     files.write_arrays(path / "final.npz", **end)
     clock.lap("write")
-    plot = path / "plot.png"
+    plotted = plot(path / "plot.png", scenario, columns)
     if video:
         name = "frames" if scene.video.format == "png" else f"video.{scene.video.format}"
-        with plotted_beside(plot, scenario, columns):
-            try:
-                from taichi_disk.render.film import film
+        try:
+            from taichi_disk.render.film import film
 
-                film(path / name, [(scenario, outcome)], scene.video, progress)
-                summary["video"] = name
-            except TaichiDiskError as error:
-                summary["video_error"] = str(error)
-            clock.lap("film")
-    else:
-        plot_run(plot, scenario, columns)
+            film(path / name, [(scenario, outcome)], scene.video, progress)
+            summary["video"] = name
+        except TaichiDiskError as error:
+            summary["video_error"] = str(error)
+        clock.lap("film")
+    plotted()
     clock.lap("plot")
     summary["digests"] = files.digests(path, summary)
     files.write_summary(path / "summary.json", summary)

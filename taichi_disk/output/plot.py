@@ -9,10 +9,12 @@ import pickle
 import subprocess
 import sys
 import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
+from functools import partial
 from pathlib import Path
 from textwrap import fill
+from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -24,6 +26,7 @@ if TYPE_CHECKING:
     from taichi_disk.simulation.scenario import Scenario
 
 Columns = dict[str, Array]
+Begin = Callable[..., Callable[[], None]]
 
 STYLE: dict[Any, Any] = {
     "font.size": 9.5,
@@ -35,7 +38,6 @@ STYLE: dict[Any, Any] = {
     "grid.linewidth": 0.7,
     "axes.axisbelow": True,
     "axes.formatter.limits": (-3, 4),
-    "axes.formatter.use_mathtext": True,
     "lines.linewidth": 1.4,
     "legend.frameon": False,
     "legend.fontsize": 8.5,
@@ -56,6 +58,11 @@ ENERGIES = {
 HEIGHTS = (1.2, 1.0, 1.5)  # of the axes of motion, force and energies
 LAYOUT = {"left": 0.145, "right": 0.98, "bottom": 0.055, "top": 0.945, "hspace": 0.17}  # parts of a figure
 _LOCK = threading.Lock()
+# All is imported before the run comes. To take down the libraries one by one at the end would take 0.1 s.
+_DRAW = """import os, pickle, sys, matplotlib.figure, matplotlib.backends.backend_agg
+from taichi_disk.output.plot import plot_run
+plot_run(*pickle.load(sys.stdin.buffer))
+os._exit(0)"""
 
 
 @contextmanager
@@ -99,32 +106,54 @@ def plot_run(path: Path, scenario: Scenario, columns: Columns) -> None:
         (_draw_loading if scenario.static else _draw_run)(figure, scenario, columns)
         for ax in figure.axes:
             ax.yaxis.set_label_coords(-0.11, 0.5)
-        atomic_write(path, lambda new: figure.savefig(new, metadata={"Software": None}))
+        atomic_write(
+            path, lambda new: figure.savefig(new, metadata={"Software": None}, pil_kwargs={"compress_level": 3})
+        )
 
 
 @contextmanager
-def plotted_beside(path: Path, scenario: Scenario, columns: Columns) -> Iterator[None]:
-    """`plot_run` by another Python while the block runs: a thread would wait for Python's lock, and hold it.
+def plotting_beside(film: bool) -> Iterator[Begin]:
+    """Another Python imports Matplotlib while the block runs, and then draws: a thread would wait for Python's lock.
 
-    Where that gives no plot, it is drawn here after the block.
+    Yields what begins `plot_run` of its arguments and returns what waits for its end. Where the other Python gives no
+    plot, or Matplotlib is here already and no `film` is to be drawn beside it, that draws here.
     """
-    draw = "import pickle, sys; from taichi_disk.output.plot import plot_run; plot_run(*pickle.load(sys.stdin.buffer))"
     child = None
-    with suppress(OSError), ignored_by_children():
-        child = subprocess.Popen([sys.executable, "-c", draw], stdin=subprocess.PIPE, stderr=subprocess.DEVNULL)
-        with child.stdin as pipe:  # type: ignore[union-attr]
-            pickle.dump((path, scenario, columns), pipe)
-    try:
-        yield
-    except BaseException:
+    if film or "matplotlib" not in sys.modules:
+        with suppress(OSError), ignored_by_children():
+            child = subprocess.Popen([sys.executable, "-c", _DRAW], stdin=subprocess.PIPE, stderr=subprocess.DEVNULL)
+
+    def begin(path: Path, scenario: Scenario, columns: Columns) -> Callable[[], None]:
         if child:
-            child.kill()
-        raise
+            with suppress(OSError), child.stdin as pipe:  # type: ignore[union-attr]
+                pickle.dump((path, _answering(scenario, columns), columns), pipe)
+
+        def end() -> None:
+            if child:
+                child.wait()
+            if not path.exists():
+                plot_run(path, scenario, columns)
+
+        return end
+
+    try:
+        yield begin
     finally:
         if child:
-            child.wait()
-    if not path.exists():
-        plot_run(path, scenario, columns)
+            child.kill()
+            child.communicate()
+
+
+def _answering(scenario: Scenario, columns: Columns) -> Any:
+    """What answers a plot as `scenario` does, without its lattice and laws, whose pickle would need Taichi."""
+    asked = ("motion", "marks", "continuum") if scenario.static else ("motion", "marks", "quality", "last_motion")
+    answers = {name: getattr(scenario, name)(columns) for name in asked} | {"title": scenario.title()}
+    said = {name: partial(_said, answer) for name, answer in answers.items()}
+    return SimpleNamespace(static=scenario.static, time_label=scenario.time_label, **said)
+
+
+def _said(answer: Any, *_: Any) -> Any:
+    return answer
 
 
 def _draw_run(figure: Any, scenario: Scenario, columns: Columns) -> None:

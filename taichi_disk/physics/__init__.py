@@ -3,6 +3,7 @@
 from taichi_disk import runtime
 
 runtime.prepare_environment()  # Taichi, which the laws import, reads it when it is imported
+runtime.lighten_taichi()
 
 from taichi_disk.physics.body_forces import ExponentialWall, Load, MouseSpring
 from taichi_disk.physics.boundaries import Boundary, MatchedBoundary, PinnedBoundary, ResetBoundary, matched_impedance

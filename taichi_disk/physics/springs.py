@@ -67,11 +67,14 @@ class Springs(Law):
     @ti.kernel
     def _fill_springs(self, ends: ti.types.ndarray(ti.i32, ndim=2), rest: Reals1):
         ti.loop_config(serialize=True)
-        for b in range(rest.shape[0] // BLOCK):
-            for k in ti.static(range(BLOCK)):
-                self.first[k][b] = ends[b * BLOCK + k, 0]
-                self.second[k][b] = ends[b * BLOCK + k, 1]
-                self.rest[k][b] = rest[b * BLOCK + k]
+        for _ in range(1):
+            b = 0
+            while b < rest.shape[0] // BLOCK:  # of a `for`, LLVM makes vectors, for longer than this takes
+                for k in ti.static(range(BLOCK)):
+                    self.first[k][b] = ends[b * BLOCK + k, 0]
+                    self.second[k][b] = ends[b * BLOCK + k, 1]
+                    self.rest[k][b] = rest[b * BLOCK + k]
+                b += 1
 
     @ti.func
     def add(self, state: ti.template(), dashpots: ti.template(), begin, end):

@@ -24,8 +24,8 @@ from taichi_disk.simulation.stepping import Snapshot
 Moment = tuple[float, Array, Array]  # t [R/c], positions (n, 2) [R], velocities (n, 2) [c]
 Status = Literal["running", "restarted", "finished", "failed"]
 
-SPRINGS_PER_LAUNCH = 3_000_000  # spring evaluations in one kernel launch: about 15 ms on one core
-SPRINGS_PER_LOOK = 100 * SPRINGS_PER_LAUNCH  # of a large lattice, whose launches are short by themselves
+SPRINGS_PER_LAUNCH = 12_000_000  # spring evaluations in one kernel launch: about 50 ms on one core
+SPRINGS_PER_LOOK = 25 * SPRINGS_PER_LAUNCH  # of a large lattice, whose launches are short by themselves
 
 
 class Driver:

@@ -18,7 +18,7 @@ from taichi_disk.physics.law import Capacity
 from taichi_disk.physics.ordering import BLOCK, Arrangement, arrange
 from taichi_disk.signals import raise_if_interrupted
 from taichi_disk.simulation.kernels import Kernels, SubdomainKernels
-from taichi_disk.simulation.observables import COLUMNS, PEAK, SUMS, bounds_array
+from taichi_disk.simulation.observables import COLUMNS, PEAK, bounds_array
 from taichi_disk.simulation.stepping import Snapshot, State
 
 # Of any simulation: kernels of one size serve all lattices of usual size.
@@ -104,14 +104,11 @@ class Simulation:
         ]
         for law in self.model.laws:
             numbers += law.numbers()
-        state.write(numbers, n)
+        state.begin(numbers, lattice.positions, velocities)
         self.model.springs.arrange(lattice, arranged)
         self.kernels.fill(arranged, factor)
         for law in self.model.laws:
             law.fill(lattice)
-        start = np.zeros((len(self.state.vectors), n, 2))
-        start[0], start[1] = lattice.positions, velocities
-        self.state.restore(Snapshot(0, start, np.zeros(SUMS)))
         rows = np.zeros((1, len(COLUMNS)))
         self.kernels.initialise(rows)
         self.first_row = self.now = rows[0]

@@ -63,22 +63,22 @@ class State:
         )
         self.sums = array(builder, SUMS, ti.f64)
 
-    def write(self, numbers: Sequence[tuple[Any, float]], n: int) -> None:
-        """Write each number into its 0-D field, the same fields in every call; `n`: points."""
+    def begin(self, numbers: Sequence[tuple[Any, float]], positions: Array, velocities: Array) -> None:
+        """Write each number into its 0-D field, the same fields in every call, and the points (n, 2) at t = 0."""
         self.scalars = [field for field, _ in numbers]
-        self._write(np.array([value for _, value in numbers], np.float64), n)
+        n = len(positions)
+        vectors = np.zeros((len(self.vectors), n + self.fillers, 2))
+        vectors[0, :n], vectors[1, :n] = positions, velocities
+        vectors[0, n + 1 :: 2, 0] = 1.0  # springs that fill up blocks lie at rest between (0, 0) and (1, 0)
+        self._begin(np.array([value for _, value in numbers], np.float64), vectors, np.zeros(SUMS))
 
     @ti.kernel
-    def _write(self, numbers: Reals1, n: ti.i32):
+    def _begin(self, numbers: Reals1, vectors: Reals3, sums: Reals1):
         for k in ti.static(range(len(self.scalars))):
             self.scalars[k][None] = ti.cast(numbers[k], self.scalars[k].dtype)
-        # Springs that fill up blocks lie at rest between (0, 0) and (1, 0), past the last point.
         ti.loop_config(serialize=True)
-        for k in range(self.fillers):
-            for pair in ti.static(self.vectors):
-                for c in ti.static(range(2)):
-                    pair[c][n + k] = 0.0
-            self.x[0][n + k] = k % 2
+        for _ in range(1):
+            self.copy(vectors, sums, True)
 
     def export(self, n: int, step: int) -> Snapshot:
         vectors, sums = np.zeros((len(self.vectors), n, 2)), np.zeros(SUMS)
@@ -91,14 +91,21 @@ class State:
     @ti.kernel
     def _copy(self, vectors: Reals3, sums: Reals1, into: ti.template()):
         ti.loop_config(serialize=True)
-        for i in range(vectors.shape[1]):
+        for _ in range(1):
+            self.copy(vectors, sums, into)
+
+    @ti.func
+    def copy(self, vectors: ti.template(), sums: ti.template(), into: ti.template()):
+        i = 0
+        while i < vectors.shape[1]:  # of a `for`, LLVM makes vectors, for longer than a run copies
             for k in ti.static(range(len(self.vectors))):
                 for c in ti.static(range(2)):
                     if ti.static(into):
                         self.vectors[k][c][i] = vectors[k, i, c]
                     else:
                         vectors[k, i, c] = self.vectors[k][c][i]
-        for k in range(SUMS):
+            i += 1
+        for k in ti.static(range(SUMS)):
             if ti.static(into):
                 self.sums[k] = sums[k]
             else:

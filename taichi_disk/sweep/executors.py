@@ -89,6 +89,8 @@ def computed(
                     future = pool.submit(compute_task, relevant_versions(), packed, estimate)
                     futures[future] = keys
                     future.add_done_callback(finished.put)
+            import taichi_disk.figures.curves  # noqa: F401 (which will be drawn, while workers compute)
+
             for _ in tasks:
                 future = _next(finished)
                 yield from zip(futures[future], future.result(), strict=True)

@@ -15,7 +15,7 @@ from matplotlib import figure
 from PIL import Image
 
 from taichi_disk.lattice import Lattice, bulk_moduli
-from taichi_disk.output.plot import matplotlib_style, plot_run, plotted_beside
+from taichi_disk.output.plot import matplotlib_style, plot_run, plotting_beside
 from taichi_disk.scenes import load_scene
 from taichi_disk.simulation.outcome import compute
 
@@ -120,8 +120,8 @@ def test_a_plot_drawn_beside_a_film_is_the_same_whatever_becomes_of_the_process_
     monkeypatch.setattr(sys, "executable", python)
     drawn_here = []
     monkeypatch.setattr("taichi_disk.output.plot.plot_run", lambda *run: (drawn_here.append(run), plot_run(*run)))
-    with plotted_beside(tmp_path / "b.png", scenario, outcome.columns):
-        pass
+    with plotting_beside(film=True) as plot:
+        plot(tmp_path / "b.png", scenario, outcome.columns)()
     assert filecmp.cmp(tmp_path / "a.png", tmp_path / "b.png", shallow=False)
     assert len(drawn_here) == (python != PYTHON)
 
