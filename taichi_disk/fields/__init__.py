@@ -184,7 +184,7 @@ class Triangles:
         """(t, 3) xx, yy and xy of the stress times the area [M c^2]."""
         rx, ry = between = springs.ends_apart(self.lattice, x)
         length = springs.lengths(between)
-        pull = springs.pull(length - self.lattice.rest_lengths) / length
+        pull = springs.pull(self.lattice, length - self.lattice.rest_lengths) / length
         return np.asarray(self._carried @ np.stack([pull * rx * rx, pull * ry * ry, pull * rx * ry], axis=1))
 
     def point_means(self, integrals: Array, areas: Array) -> Array:

@@ -14,6 +14,8 @@ from taichi_disk.errors import InputError, SimulationError
 from taichi_disk.lattice.triangles import Array
 
 MIN_POINTS, MAX_POINTS = 3, 2_000_000
+MIN_ROWS = 3  # of springs across a wall or a ring, below which it is a truss rather than a lattice
+MIN_EDGE = 6  # points on the edge of a hole
 Depth = Callable[[Array], Array]
 """Signed distance of points (n, 2) to the edge of a region, positive inside."""
 
@@ -24,38 +26,61 @@ _RESTARTS = 1000
 _CROWDED = 0.04  # below this share of hits, darts are aimed at the uncovered part of the region only
 
 
-def circle_points(points: int, seed: int, rim: bool, min_spacing: float) -> Array:
+def circle_points(points: int, seed: int, rim: bool, min_spacing: float, hole: float = 0.0) -> Array:
     """The points (points, 2) [R] of `Lattice.disk`, with its arguments. Raises what it raises, but for meshing."""
     if not MIN_POINTS <= points <= MAX_POINTS:
         raise InputError(f"lattice.points must be between {MIN_POINTS} and {MAX_POINTS}, not {points}")
-    spacing = least_distance(points, min_spacing)
+    spacing = least_distance(points, min_spacing) * math.sqrt(1.0 - hole**2)
     rng = np.random.default_rng(seed)
     circle: Array = np.empty((0, 2))
     radius = 1.0
     if rim:
-        count = rim_points(points)
+        count = rim_points(points, hole)
         circle = _unit_circle((np.arange(count) + rng.random()) / count)
         apothem = float(_unit_circle(np.array([0.5 / count]))[0, 0])
         # No triangle on a rim chord is flatter than an equilateral one. (Four points have no room for so much.)
         radius = max(apothem - spacing * np.sqrt(0.75), 0.2 * apothem)
-    corner = np.full(2, radius)
+    corner, clear = np.full(2, radius), 0.0
+    if hole:
+        count = hole_points(points, hole)
+        circle = np.concatenate([circle, hole * _unit_circle((np.arange(count) + rng.random()) / count)])
+        clear = hole + max(spacing * np.sqrt(0.75), np.pi * hole / count)  # or its edge would not be Delaunay's
 
     def depth(p: Array) -> Array:
-        return radius - np.sqrt(p[:, 0] ** 2 + p[:, 1] ** 2)
+        r = np.sqrt(p[:, 0] ** 2 + p[:, 1] ** 2)
+        return np.minimum(radius - r, r - clear) if hole else radius - r
 
     inside = scatter(rng, points - len(circle), -corner, corner, depth, spacing, circle)
     return np.concatenate([circle, inside])
 
 
-def rim_points(points: int) -> int:
+def rim_points(points: int, hole: float = 0.0) -> int:
     """How many of a disk's points lie on its rim: so many that their spacing is that of the points inside.
 
     A point on the rim owns half the area of one inside, so the points stand for n = points - rim/2 whole
     ones; hexagonal_spacing(n) = 2 pi/rim is a quadratic equation for rim. At least one point stays inside.
+    With a `hole` [R] the rim and its edge together own the half.
     """
-    k = 2.0 * np.pi * np.sqrt(3.0)
-    even = round(float(np.sqrt(k * points + k * k / 16.0) - k / 4.0))
+    k = 2.0 * np.pi * np.sqrt(3.0) * (1.0 + hole) / (1.0 - hole)
+    even = round(float(np.sqrt(k * points + k * k / 16.0) - k / 4.0) / (1.0 + hole))
     return min(even, points - 1) if points > 3 else 3
+
+
+def hole_points(points: int, hole: float) -> int:
+    """How many points lie on the edge of the hole, spaced as on the rim."""
+    return round(hole * rim_points(points, hole))
+
+
+def check_hole(points: int, hole: float) -> None:
+    """Raises InputError where so many points make no ring round a `hole` [R]."""
+    edge, rows = hole_points(points, hole), (1.0 - hole) * rim_points(points, hole) / (2.0 * np.pi)
+    if edge < MIN_EDGE:
+        raise InputError(f"has {edge} points on its edge, {MIN_EDGE} are needed: widen it, or take more lattice.points")
+    if rows < MIN_ROWS:
+        raise InputError(
+            f"leaves a ring of {rows:.2g} springs' width, {MIN_ROWS} are needed: "
+            "write a smaller one, or take more lattice.points"
+        )
 
 
 def _unit_circle(turns: Array) -> Array:
