@@ -17,7 +17,6 @@ from taichi_disk.errors import InputError, SimulationError
 from taichi_disk.lattice import custom
 from taichi_disk.lattice.random_points import (
     MIN_ROWS,
-    check_hole,
     circle_points,
     least_distance,
     rectangle_points,
@@ -120,24 +119,23 @@ class Lattice:
 
         The arguments are the keys of a scene's section `lattice`. The paper says no more than "at random": literally,
         that is rim=False, min_spacing=0. The same arguments give the same lattice on every machine, bit for bit.
-        The core has the points within `core_radius` and the springs whose middle is.
+        On the edges of hole and core there are evenly spaced points, as on the rim. What lies on the core's edge has
+        the mean of both materials: half of a point's area, and one of a spring's two triangles, are of each.
 
         Raises:
             InputError: An argument is out of range.
             SimulationError: The points cannot be placed or meshed.
         """
-        if hole:
-            check_hole(points, hole)
-        x = circle_points(points, seed, rim, min_spacing, hole)
+        x = circle_points(points, seed, rim, min_spacing, hole, core_radius)
         triangles = delaunay(x)
         if hole:  # on its edge alone: those that bridge it
             triangles = triangles[(_distance(x) > (1.0 + 1e-9) * hole)[triangles].any(axis=1)]
         lattice = replace(tiled(x, triangles)[0], origin=f"seed {seed}" + f", hole {hole:g} R" * bool(hole))
         if not core_radius:
             return lattice
-        x, (i, j) = lattice.positions, lattice.bonds.T
-        masses = np.where(_distance(x) <= core_radius, core_density, 1.0)
-        stiffness = np.where(_distance(0.5 * (x[i] + x[j])) <= core_radius, core_stiffness, 1.0)
+        side = np.sign(np.round(core_radius - _distance(lattice.positions), 9))  # 1: inside, 0: on the edge
+        masses = 0.5 * (1.0 + core_density + side * (core_density - 1.0))
+        stiffness = 0.5 * (1.0 + core_stiffness + np.sign(side[lattice.bonds].sum(axis=1)) * (core_stiffness - 1.0))
         origin = f"{lattice.origin}, core {core_radius:g} R: k × {core_stiffness:g}, ρ × {core_density:g}"
         return replace(lattice, origin=origin, **_unlike(masses, stiffness))
 

@@ -109,6 +109,7 @@ class ImpactScenario(Scenario):
         """
         unit = self.springs.time_unit
         contact = np.pi * unit * np.sqrt(np.log(4.0 / min(self.velocity * unit, 1.0)))
+        contact = max(contact, np.pi * np.sqrt(self._compliance))  # of what bends, half a period
         return float(22.0 * (self.gap + self._dip) / self.velocity + 10.0 * contact)
 
     def end_bounds(self) -> dict[str, tuple[float, float]]:
