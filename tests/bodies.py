@@ -90,8 +90,19 @@ def moving_down(lattice, speed):
     return v
 
 
+def unlike(lattice, least=0.8, most=1.25):
+    """The same with masses of the disk's points, and stiffness, at random."""
+    rng, n, masses = np.random.default_rng(7), lattice.disk_points, lattice.masses.copy()
+    masses[:n] *= rng.uniform(least, most, n)
+    masses[:n] /= masses[:n].sum()
+    return replace(lattice, masses=masses, stiffness=rng.uniform(least, most, len(lattice.bonds)))
+
+
 def bouncing(scene, points, eta, height=0.05):
-    """Lattice, velocities and model of a disk just above a wall, moving straight down, or pressed."""
+    """Lattice, velocities and model of a disk just above a wall, moving straight down, or pressed; "unlike ..."."""
+    if scene.startswith("unlike "):
+        lattice, velocities, model = bouncing(scene.removeprefix("unlike "), points, eta, height)
+        return unlike(lattice), velocities, model
     speed = 0.05
     if scene == "compression":
         lattice, speed, model = disk(points, height=0.045), 0.0, pressed(0.05, eta)
