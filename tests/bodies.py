@@ -9,7 +9,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.sparse import coo_matrix
+from scipy.sparse.csgraph import connected_components
 
+from taichi_disk.fields import Triangles
 from taichi_disk.lattice import Lattice, disk_lattice, with_wall
 from taichi_disk.lattice.lattice import double_area, polygon_area
 from taichi_disk.physics import (
@@ -75,6 +78,16 @@ def assert_tiles(positions, triangles, outline):
     assert area.min() > 0
     assert area.sum() == pytest.approx(polygon_area(positions[outline]), rel=1e-9)
     assert len(triangles) == 2 * len(np.unique(triangles)) - 2 - len(outline)  # Euler
+
+
+def holes_of(lattice):
+    """Areas [R^2] of the holes: of the graph of the sides that have one triangle, each component but the outline."""
+    side = Triangles(lattice).outline
+    _, part = connected_components(coo_matrix((np.ones(len(side)), side.T), shape=2 * [len(lattice.masses)]))
+    rings, x = [part[lattice.disk_surface[0]]], lattice.positions
+    inner = side[~np.isin(part[side[:, 0]], rings)]
+    cross = x[inner[:, 0], 0] * x[inner[:, 1], 1] - x[inner[:, 0], 1] * x[inner[:, 1], 0]
+    return [-0.5 * cross[part[inner[:, 0]] == one].sum() for one in np.unique(part[inner[:, 0]])]
 
 
 def shaken(lattice, seed, amplitude):

@@ -187,17 +187,16 @@ class Lattice:
             lattice, order = _first_whole(x, bonds, *triangles_of(x, bonds))
         else:
             lattice, order = _meshed(x)
-        of_springs = {"rest_lengths": rest_lengths, "stiffness": stiffness}
-        given = {name: values for name, values in of_springs.items() if values is not None}
-        if given and bonds is None:
-            raise InputError(f"{next(iter(given))} need the springs that they belong to")
-        if given:
-            ranks = np.argsort(pair_keys(np.argsort(order)[bonds], len(x)))
-            given = {name: custom.positive(one, len(bonds), name)[ranks] for name, one in given.items()}
+        given: dict[str, Any] = {"masses": lattice.masses}
         if masses is not None:
             given["masses"] = custom.positive(masses, len(x), "masses")[order]
-        given |= _unlike(given.get("masses", lattice.masses), given.get("stiffness"))
-        return replace(lattice, **given)
+        for name, values in (("rest_lengths", rest_lengths), ("stiffness", stiffness)):
+            if values is not None and bonds is None:
+                raise InputError(f"{name} need the springs that they belong to")
+            if values is not None and bonds is not None:
+                rank = np.argsort(pair_keys(np.argsort(order)[bonds], len(x)))
+                given[name] = custom.positive(values, len(bonds), name)[rank]
+        return replace(lattice, **given | _unlike(given["masses"], given.get("stiffness")))
 
 
 def _require(name: str, holds: Any, what: str) -> None:
@@ -282,8 +281,8 @@ def _meshed(x: Array) -> tuple[Lattice, Long]:
         (x0, y0), (x1, y1) = lattice.positions[lattice.bonds[k]]
         gap = f"a gap of {length[k]:.3g} R, where springs measure {typical:.3g} R"
         raise InputError(
-            f"the spring from ({x0:.4g}, {y0:.4g}) to ({x1:.4g}, {y1:.4g}) would cross {gap}, and without such springs "
-            "the body falls apart: fill the gap with points, or give `springs` (`bonds` in an npz file) that go round it"
+            f"the spring from ({x0:.4g}, {y0:.4g}) to ({x1:.4g}, {y1:.4g}) would cross {gap}, and without it the body "
+            "falls apart: fill the gap with points, or give `springs` (`bonds` in an npz file) that go round it"
         ) from None
 
 
@@ -310,7 +309,8 @@ def _kept(data: Mapping[str, Any]) -> Lattice:
     x, bonds, triangles, none = data["unloaded"], data["bonds"], data["triangles"], np.empty(0, np.int32)
     n, springs = len(x), bonds[:, 1] < len(x)
     numbers = bonds[springs], data["rest_lengths"][springs], data["masses"][:n]
-    corners, stiffness = triangles[triangles.max(axis=1) < n], data["stiffness"][springs] if "stiffness" in data else None
+    corners = triangles[triangles.max(axis=1) < n]
+    stiffness = data["stiffness"][springs] if "stiffness" in data else None
     return Lattice(x, *numbers, n, data["disk_surface"], none, none, corners, str(data["origin"]), stiffness)
 
 

@@ -8,7 +8,16 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 from taichi_disk.config.scene_base import Conflicts, SceneBase
 from taichi_disk.config.sections import LatticeSection
-from taichi_disk.lattice import Array, Lattice, Moduli, bulk_moduli, disk_lattice, circle_faults, own_start, read_lattice
+from taichi_disk.lattice import (
+    Array,
+    Lattice,
+    Moduli,
+    bulk_moduli,
+    circle_faults,
+    disk_lattice,
+    own_start,
+    read_lattice,
+)
 
 if TYPE_CHECKING:
     from taichi_disk.physics import Springs
