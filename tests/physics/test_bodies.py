@@ -17,6 +17,7 @@ from taichi_disk.lattice.network import largest_eigenvalue
 from taichi_disk.scenes import load_scene
 from taichi_disk.simulation.equilibrium import solve_equilibrium
 from taichi_disk.simulation.observables import INDEX
+from taichi_disk.simulation.outcome import compute
 from taichi_disk.simulation.stability import spectrum
 
 LONG = pytest.mark.validate
@@ -105,6 +106,19 @@ def test_an_impact_of_a_ring_with_a_core_ends_with_its_energy_accounted_for(kern
 
 
 # ---- rest
+
+
+def test_the_compression_of_an_unlike_body_counts_from_its_centre_of_mass(kernels):
+    # The load, too, acts in proportion to mass: at rest it is borne below that centre.
+    settings = ["compression.method=newton", "compression.pressure=0.02"]
+    scenario = load_scene("compression", settings).scenario(unlike(disk(100), 0.2, 3.0))
+    outcome, m = compute(scenario, scenario.scene.time), scenario.lattice.masses
+    x = outcome.positions
+    sunk = [m @ one[:, 1] - one[:, 1].min() for one in (scenario.lattice.positions, x)]
+    assert scenario.result(outcome.columns)["xi"] == pytest.approx(sunk[0] - sunk[1], rel=1e-9)
+    push = scenario.model.wall.forces(scenario.lattice, x)[:, 1]
+    assert push.sum() == pytest.approx(0.02, rel=1e-9) and m @ x[:, 0] == pytest.approx(push @ x[:, 0] / 0.02, abs=1e-9)
+    assert abs(x[:, 0].mean() - m @ x[:, 0]) > 1e-3
 
 
 def without_skin(lattice):
