@@ -20,7 +20,7 @@ from taichi_disk.lattice.random_points import MAX_POINTS, MIN_POINTS, hexagonal_
 from taichi_disk.lattice.triangles import Array, Long, double_area, pair_keys
 
 _SMALLEST, _LARGEST = 0.5, 2.0  # half the larger extent [R]
-_OFF_CENTRE = 0.1  # of the centre of mass from x = 0 [R]
+_OFF_CENTRE = 0.1  # of the points' mean from x = 0 [R]
 _COINCIDENT = 1e-6  # distance of two points, in hexagonal spacings
 _BROKEN = RuntimeError, EOFError, zipfile.BadZipFile, zlib.error  # what zip files raise
 LARGEST = 500_000_000  # bytes of a file: 2,000,000 points over as large a wall take 430,000,000
@@ -43,7 +43,7 @@ def checked_points(points: ArrayLike) -> Array:
         size = f"the points extend over {width:.4g} x {height:.4g} R"
         raise InputError(f"{size}: {limits} (lengths are in units of the disk's radius R)")
     if abs(x[:, 0].mean()) > _OFF_CENTRE:
-        raise InputError(f"the centre of mass lies at x = {x[:, 0].mean():.4g} R: move the points to x = 0")
+        raise InputError(f"the points' mean lies at x = {x[:, 0].mean():.4g} R: move them to x = 0")
     for i, j in sorted(cKDTree(x).query_pairs(_COINCIDENT * hexagonal_spacing(n))):
         raise InputError(f"points {i} and {j} are the same, ({x[i, 0]:.6g}, {x[i, 1]:.6g})")
     return x

@@ -36,9 +36,7 @@ class Pulled(reference.Model):
     [(0.0, VELOCITY_VERLET, 0.02), pytest.param(1.0, TRAPEZOIDAL, 0.02, marks=LONG)],
 )
 @pytest.mark.parametrize("body", [lambda one: one, pytest.param(unlike, marks=LONG)], ids=["equal", "unlike"])
-def test_a_pulled_point_moves_as_the_exact_solution_and_its_energy_is_accounted_for(
-    body, eta, integrator, dt, kernels
-):
+def test_a_pulled_point_moves_as_the_exact_solution_and_its_energy_is_accounted_for(body, eta, integrator, dt, kernels):
     lattice = body(disk(60, height=0.5))
     model = Model(Springs(1.0, 1.0, eta), FALLING.wall, mouse=MOUSE)
     x, v = lattice.positions, np.zeros_like(lattice.positions)
