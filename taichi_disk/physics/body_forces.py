@@ -77,7 +77,7 @@ class ExponentialWall(ExponentialPotential, BodyForce):
 @ti.data_oriented
 @dataclass(eq=False)
 class Load(BodyForce):
-    """-P/N on every point of the disk, paper eq. (3); its potential is P y_cm."""
+    """-P m_i/M on every point of the disk, which is the -P/N of paper eq. (3); its potential is P y_cm."""
 
     force: float  # P in all [M c^2/R]
 
@@ -91,24 +91,25 @@ class Load(BodyForce):
     def at(self, state: ti.template(), i):
         push = 0.0
         if i < state.n_disk[None]:
-            push = self.force_now[None] / state.n_disk[None]
+            push = state.share(i, self.force_now[None])
         return ti.Vector([0.0, -push])
 
     @ti.func
     def potential_at(self, state: ti.template(), i):
         energy = 0.0
         if i < state.n_disk[None]:
-            energy = self.force_now[None] * state.x[1][i] / state.n_disk[None]
+            energy = state.share(i, self.force_now[None] * state.x[1][i])
         return energy
 
     # ---- in NumPy
 
     def energy(self, lattice: Lattice, x: Array) -> float:
-        return self.force * float(x[: lattice.disk_points, 1].mean())
+        return self.force * float(lattice.mean(x[:, 1]))
 
     def forces(self, lattice: Lattice, x: Array) -> Array:
         force = np.zeros_like(x)
-        force[: lattice.disk_points, 1] = -self.force / lattice.disk_points
+        n, own = lattice.disk_points, lattice.masses[: lattice.disk_points]
+        force[:n, 1] = -self.force / n if lattice.uniform else -self.force * own / own.sum()
         return force
 
 
@@ -166,5 +167,5 @@ class MouseSpring(BodyForce):
             force = factor * self.at(state, i)
             energy = factor * self.potential_at(state, i)
             put(state.f, i, get(state.f, i) + force)
-            put(state.v, i, get(state.v, i) - state.closing[None] * force)
+            put(state.v, i, get(state.v, i) - state.closing[None] * state.per_mass(i, force))
         return energy

@@ -284,7 +284,7 @@ class Sandbox:
             self._settle()
             v, velocity = self.segment.present.v, wanted.impact.velocity
             flying = v[: self.start.body.disk_points]
-            flying += (0.0, -velocity) - flying.mean(axis=0)
+            flying += (0.0, -velocity) - self.start.body.mean(flying)
             self._carry_on(wanted, "hit again", v)
             self.message = f"sent back with v = {velocity:g} c"
         self.paused = False
