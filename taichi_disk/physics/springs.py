@@ -14,7 +14,7 @@ import numpy as np
 import taichi as ti
 
 from taichi_disk.lattice import Array, Lattice
-from taichi_disk.lattice.network import assemble, network_stiffness
+from taichi_disk.lattice.network import assemble, laplacian, network_stiffness
 from taichi_disk.physics.law import Capacity, Law, Reals1, get, put, scalar, side_by_side
 from taichi_disk.physics.ordering import BLOCK, Arrangement
 
@@ -223,11 +223,11 @@ class Springs(Law):
 
     def damping(self, lattice: Lattice) -> Any:
         """Matrix of the dashpots on the velocities, sparse (2n, 2n) [M c/R]; axial ones as their springs lie."""
+        from scipy.sparse import identity, kron
+
         if self.axial:
-            return network_stiffness(lattice.positions, lattice.bonds, self.eta)
-        return assemble(
-            np.tile(self.eta * np.eye(2), (len(lattice.bonds), 1, 1)), lattice.bonds, len(lattice.positions)
-        )
+            return network_stiffness(lattice.positions, lattice.bonds, lattice.stiffened(self.eta))
+        return self.eta * kron(laplacian(lattice), identity(2), format="csr")
 
     def stiffness_at_rest(self, lattice: Lattice) -> Any:
         """As `stiffness`, where no spring is stretched."""

@@ -34,7 +34,9 @@ class Approach:
         rate = self.rate = -float(velocities[0, 1]) / model.wall.decay_length
         force = model.wall.forces(lattice, lattice.positions + end * velocities)
         force[lattice.wall_boundary] = 0.0
-        matrix = model.springs.stiffness(lattice, lattice.positions) + rate * model.springs.damping(lattice)
+        matrix = model.springs.stiffness(lattice, lattice.positions)
+        if model.springs.damped:
+            matrix += rate * model.springs.damping(lattice)
         matrix.setdiag(matrix.diagonal() + rate**2 * np.repeat(lattice.masses, 2))
         u = np.zeros_like(force)
         u[:disk] = force[:disk].sum(axis=0) / (rate**2 * lattice.masses[:disk].sum())  # a rigid body's
@@ -56,11 +58,11 @@ class Approach:
 
     def _free(self, times: Array) -> Array:
         """The observables of the disk without a wall."""
-        disk = slice(self.lattice.disk_points)
-        x, v = self.lattice.positions[disk], self.velocities[0]
+        x, v = self.lattice.positions, self.velocities[0]
+        centre, lowest = self.lattice.mean(x), x[: self.lattice.disk_points, 1].min()
         rows = np.zeros((len(times), len(COLUMNS)))
         for name, at_start, rate in (
-            *(("com_x", x[:, 0].mean(), v[0]), ("com_y", x[:, 1].mean(), v[1]), ("lowest_y", x[:, 1].min(), v[1])),
+            *(("com_x", centre[0], v[0]), ("com_y", centre[1], v[1]), ("lowest_y", lowest, v[1])),
             *(("com_vx", v[0], 0.0), ("com_vy", v[1], 0.0), ("kinetic", 0.5 * float(v @ v), 0.0)),
         ):
             rows[:, INDEX[name]] = at_start + rate * times

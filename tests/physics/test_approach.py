@@ -19,6 +19,7 @@ WALL = ("wall.points=70", "wall.width=3.0", "wall.threshold=0.3")
         ("exponential_wall", ("material.eta_star=0",)),
         ("exponential_wall", ("material.eta_star=20", "impact.velocity=0.1")),
         ("exponential_wall", ("material.eta_star=20", "material.dashpot=axial", "wall.a=1000", "lattice.rim=false")),
+        ("exponential_wall", ("lattice.core_radius=0.6", "lattice.core_density=3", "lattice.core_stiffness=0.2")),
         ("absorbing_wall", (*WALL, "wall.boundary=pinned", "material.eta_star=5")),
     ],
 )
