@@ -14,7 +14,7 @@ import numpy as np
 import taichi as ti
 
 from taichi_disk.lattice import Array, Lattice
-from taichi_disk.lattice.network import assemble, laplacian, network_stiffness
+from taichi_disk.lattice.network import assemble, network_stiffness
 from taichi_disk.physics.law import Capacity, Law, Reals1, get, put, scalar, side_by_side
 from taichi_disk.physics.ordering import BLOCK, Arrangement
 
@@ -221,24 +221,21 @@ class Springs(Law):
         i, j = lattice.bonds.T
         return np.stack([np.bincount(j, pull, n) - np.bincount(i, pull, n) for pull in pulls], axis=1)
 
-    def damping(self, lattice: Lattice) -> Any:
-        """Matrix of the dashpots on the velocities, sparse (2n, 2n) [M c/R]; axial ones as their springs lie."""
-        from scipy.sparse import identity, kron
-
-        if self.axial:
-            return network_stiffness(lattice.positions, lattice.bonds, lattice.stiffened(self.eta))
-        return self.eta * kron(laplacian(lattice), identity(2), format="csr")
-
     def stiffness_at_rest(self, lattice: Lattice) -> Any:
         """As `stiffness`, where no spring is stretched."""
         return network_stiffness(lattice.positions, lattice.bonds, lattice.stiffened(self.k_a))
 
-    def stiffness(self, lattice: Lattice, x: Array) -> Any:
-        """A spring of length r and tension T adds T' e e^T (material) + T/r (1 - e e^T) (geometric)."""
+    def stiffness(self, lattice: Lattice, x: Array, rate: float = 0.0) -> Any:
+        """A spring of length r and tension T adds T' e e^T (material) + T/r (1 - e e^T) (geometric).
+
+        With `rate` [c/R], what resists a displacement that grows as exp(rate t): `rate` times the dashpots, too.
+        """
         s = self.stretch(lattice, x)
         length = s + lattice.rest_lengths
         ex, ey = self.ends_apart(lattice, x) / length
         along, across = lattice.stiffened(self.k_a + 3.0 * self.k_b * s * s), self.pull(lattice, s) / length
+        damped = rate * lattice.stiffened(self.eta)
+        along, across = along + damped, across + (0.0 if self.axial else damped)
         xx, yy = along * ex * ex + across * ey * ey, along * ey * ey + across * ex * ex
         xy = (along - across) * ex * ey
         return assemble(np.stack([xx, xy, xy, yy], axis=1).reshape(-1, 2, 2), lattice.bonds, len(x))

@@ -30,8 +30,8 @@ def test_slowing_down_and_deformation_are_those_of_dop853(name, settings):
         x, v = approach.at(t)
         flight = lattice.positions + t * scenario.velocities
         far, fast = Reference(lattice, scenario.model).solve(scenario.velocities, t, rtol=1e-12)
-        assert np.abs(x - far).max() < 0.01 * np.abs(far - flight).max()
-        assert np.abs(v - fast).max() < 0.01 * np.abs(fast - scenario.velocities).max()
+        assert np.abs(x - far).max() < 0.02 * np.abs(far - flight).max()
+        assert np.abs(v - fast).max() < 0.02 * np.abs(fast - scenario.velocities).max()
     assert np.array_equal(approach.at(0.0)[0], lattice.positions)
 
 
@@ -55,5 +55,5 @@ def test_rows_before_the_first_step_balance_and_follow_the_steps_that_a_whole_fl
     assert count > 20
     for name in ("com_y", "com_vy", "lowest_y", "wall_force", "wall", "kinetic", "elastic"):
         size = np.abs(other[name][: count + 1] - other[name][0]).max()
-        np.testing.assert_allclose(one[name][:count], other[name][:count], atol=0.01 * size, err_msg=name)
+        np.testing.assert_allclose(one[name][:count], other[name][:count], atol=0.02 * size, err_msg=name)
     assert np.abs(one["total"][: count + 1] / one["total"][0] - 1.0).max() < 1e-9
