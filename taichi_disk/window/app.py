@@ -8,6 +8,7 @@ import re
 import sys
 from ctypes import CDLL, c_void_p
 from functools import partial
+from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -23,18 +24,30 @@ if TYPE_CHECKING:
 _X11 = sys.platform.startswith("linux")
 
 
-def view(scene_or_folder: Scene | Path, out: Path) -> None:
+def view(
+    scene_or_folder: Scene | Path, out: Path, browser: bool = False, host: str = "127.0.0.1", port: int = 0
+) -> None:
     """Open the sandbox; returns when its window has been closed. Files go into `out`.
 
-    Raises TaichiDiskError, with the remedy, where no window can be opened; InputError for a folder without scenes.
+    Where no window can be opened it is a page for a browser, served at `host` and `port` (0: one that is free), as it
+    is where `browser` is asked for.
+    Raises TaichiDiskError, with the remedy, where there is neither; InputError for a folder without scenes.
     """
     from taichi_disk import runtime
 
     runtime.prepare_environment()
     playlist = folder(scene_or_folder) if isinstance(scene_or_folder, Path) else presets(scene_or_folder)
-    if problem := window_problem():
-        raise TaichiDiskError(f"no window: {problem}")
+    problem = film_problem() if browser else window_problem()
+    if film_problem() or (problem and not find_spec("rendercanvas")):
+        raise TaichiDiskError(f"no window: {problem}; `pip install 'taichi-disk[browser]'` shows a page in a browser")
     runtime.start()
+    if browser or problem:
+        from taichi_disk.window.browser import serve
+
+        if problem:
+            print(f"note: no window: {problem.partition(':')[0]}; here is a page for a browser", file=sys.stderr)
+        serve(playlist, out, host, port)
+        return
     from taichi_disk.window.viewer import Viewer
 
     for _ in Viewer(playlist, out, screen()).pictures():

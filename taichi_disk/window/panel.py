@@ -1,0 +1,213 @@
+"""The panel at the left: sliders, buttons and read-outs in the look of the legends, drawn as they are."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import partial
+from math import log
+from typing import Any
+
+import numpy as np
+
+from taichi_disk.render.legend import Ink, draw_line, ink, label, text_width
+from taichi_disk.render.painter import draw_triangles
+from taichi_disk.render.palette import Theme
+from taichi_disk.scenes.impact import ImpactScenario
+from taichi_disk.simulation.observables import INDEX
+from taichi_disk.window.controls import RANGES, Action, Button, Controls, Slider
+from taichi_disk.window.overlay import Box, Overlay, Pixel
+from taichi_disk.window.sandbox import push_of
+from taichi_disk.window.scene_view import PANEL
+
+SECTIONS = ("Experiment", "Time", "Look")
+LARGE = 5000  # points, from which on a new start takes longer than a picture may
+_MARGIN, _GAP = 12, 4  # around the panel, between controls [px]
+_HEAD, _LINE, _LINES = 24, 17, 11  # heights of a section's title and of a line of text [px]; lines below the controls
+_ROW = (32, 44)  # the least and the largest height of a control [px]: fingers need 40
+_SMALL, _LETTER = 11.0, 11.5  # sizes of letters [px]
+_FINE, _WARNING = (0, 130, 70), (205, 95, 0)  # are read on either ground
+_SIGNS = {"space": "␣", "Left": "←", "Right": "→", "Return": "↵", "BackSpace": "⌫", "Tab": "⇥"}
+_COLUMNS = (70, 114, 156, 196)  # right ends of the numbers in the table [px]
+
+
+class Panel:
+    """Draws `controls`, and acts on them. What a hand moves is done by `carry_out`, between two pictures."""
+
+    def __init__(self, controls: Controls) -> None:
+        self._controls, self._sandbox = controls, controls.sandbox
+        self._areas: list[tuple[Box, Button | Slider]] = []
+        self._held: tuple[Box, Slider] | None = None
+        self._pending: dict[str, tuple[float, Action]] = {}  # by key or slider: the value that it is to have, and how
+        self._look: Any = None  # of what is kept
+        self._kept = np.empty((0, 0), np.float32)
+        self._bottom = 0.0  # of the controls [px]
+
+    # ---- the pointer
+
+    def press(self, at: Pixel) -> None:
+        """Push the button that is there, or take hold of the slider."""
+        for (left, top, right, bottom), one in self._areas:
+            if left <= at[0] < right and top <= at[1] < bottom:
+                if isinstance(one, Slider):
+                    self._held = (left, top, right, bottom), one
+                    self.move(at)
+                else:
+                    self._pending[one.key] = 0.0, partial(self._controls.press, one.key)
+
+    def move(self, at: Pixel) -> None:
+        """Lead the slider that is held."""
+        if self._held:
+            (left, _, right, _), one = self._held
+            value = _value(one, min(max((at[0] - left) / (right - left), 0.0), 1.0))
+            self._pending[one.label] = value, partial(one.change, value)
+
+    def release(self) -> None:
+        self._held = None
+
+    def carry_out(self, pressed: bool) -> None:
+        """Do what is pending. What takes long to build waits until no button of the mouse is `pressed`."""
+        sandbox = self._sandbox
+        slow = sandbox.at_start and (sandbox.scene.lattice.points > LARGE or not sandbox.is_impact)
+        if not (pressed and (slow or RANGES["lattice.points"][0] in self._pending)):
+            pending, self._pending = self._pending, {}
+            for _, act in pending.values():
+                act()
+
+    # ---- drawing
+
+    def draw(self, canvas: Any, size: tuple[int, int], theme: Theme) -> None:
+        """Cover the left of a `ti.ui.Canvas` of `size` (width, height) [px]."""
+        controls = self._controls
+        sections = [(name, controls.sliders(name), controls.buttons(name)) for name in SECTIONS]
+        titles = f"{controls.number + 1} of {len(controls.playlist)}", "", ""
+        shown = [(one.label, self._shown(one)) for _, sliders, _ in sections for one in sliders]
+        look = size, theme.ground, titles, shown, [buttons for _, _, buttons in sections], controls.keys_shown
+        if look != self._look:
+            self._look, overlay = look, Overlay(ink(theme.ground))
+            self._lay_out(overlay, size[1], theme, sections, titles)
+            if controls.keys_shown:
+                self._write_keys(overlay, theme)
+            self._kept = overlay.vertices(*size)
+        overlay = Overlay(ink(theme.ground))
+        self._write_numbers(overlay, size[1], theme)
+        draw_triangles(canvas, np.concatenate([self._kept, overlay.vertices(*size)]))
+
+    def _lay_out(
+        self,
+        overlay: Overlay,
+        height: int,
+        theme: Theme,
+        sections: list[tuple[str, list[Slider], list[Button]]],
+        titles: Sequence[str],
+    ) -> None:
+        """Sliders stand in two columns, buttons in three; rows are as high as there is room."""
+        overlay.rectangle((0, 0, PANEL - 1, height), ink(theme.ground))
+        overlay.rectangle((PANEL - 1, 0, PANEL - 1, height), ink(theme.rule))
+        self._areas, top = [], 4
+        rows = sum(-(-len(sliders) // 2) - (-len(buttons) // 3) for _, sliders, buttons in sections)
+        free = height - top - len(sections) * _HEAD - _LINES * _LINE
+        row = min(max(free // rows - _GAP, _ROW[0]), _ROW[1])
+        for (name, sliders, buttons), title in zip(sections, titles, strict=True):
+            draw_line(overlay, (_MARGIN, top + 17), name, 12.0, ink(theme.ink), True)
+            x = PANEL - _MARGIN - text_width(title, _SMALL)
+            draw_line(overlay, (x, top + 17), title, _SMALL, ink(theme.faint))
+            top += _HEAD
+            groups: tuple[tuple[int, int, Sequence[Slider | Button]], ...] = (2, 16, sliders), (3, _GAP, buttons)
+            for columns, gap, some in groups:
+                columns = min(columns, len(some))
+                for k, one in enumerate(some):
+                    wide = (PANEL - 2 * _MARGIN + gap) / columns
+                    left, upper = _MARGIN + round(k % columns * wide), top + k // columns * (row + _GAP)
+                    box: Box = left, upper, left + round(wide) - gap, upper + row
+                    self._areas.append((box, one))
+                    (self._draw_slider if isinstance(one, Slider) else self._draw_button)(overlay, box, one, theme)
+                top += -(-len(some) // max(columns, 1)) * (row + _GAP)
+        self._bottom = top
+
+    def _draw_button(self, overlay: Overlay, box: Box, one: Any, theme: Theme) -> None:
+        left, top, right, bottom = box
+        frame, middle = ink(theme.ink if one.on else theme.rule), (top + bottom) / 2
+        overlay.rectangle((left, top, right - 1, bottom - 1), outline=frame)
+        if one.on:
+            overlay.rectangle((left + 1, top + 1, right - 2, top + 2), frame)
+        lines = (one.label, ink(theme.ink)), (f"{one.value}  {_SIGNS.get(one.key, one.key)}".strip(), ink(theme.faint))
+        for (line, colour), row in zip(lines, (middle - 2, middle + 11), strict=True):
+            draw_line(overlay, ((left + right - text_width(line, _SMALL)) / 2, row), line, _SMALL, colour)
+
+    def _draw_slider(self, overlay: Overlay, box: Box, one: Any, theme: Theme) -> None:
+        left, top, right, bottom = box
+        value, row, middle = self._shown(one), (top + bottom) // 2 + 9, (top + bottom) / 2 - 2
+        x = left + 3 + _part(one, value) * (right - left - 7)
+        overlay.rectangle((left, row - 1, right - 1, row + 1), ink(theme.rule))
+        overlay.rectangle((left, row - 1, x, row + 1), ink(theme.faint))
+        overlay.rectangle((x - 3, row - 5, x + 3, row + 5), ink(theme.ink))
+        draw_line(overlay, (left, middle), one.label, _LETTER, ink(theme.ink))
+        draw_line(overlay, (left + text_width(one.label, _LETTER) + 7, middle), one.keys, _SMALL, ink(theme.faint))
+        number = f"{value:,}" if isinstance(value, int) else label(float(f"{value:.3g}"))
+        draw_line(overlay, (right - text_width(number, _LETTER, True), middle), number, _LETTER, ink(theme.ink), True)
+
+    def _shown(self, one: Slider) -> float:
+        """What it stands at: what it is led to, before that is done."""
+        return self._pending.get(one.label, (one.value,))[0]
+
+    def _write_keys(self, overlay: Overlay, theme: Theme) -> None:
+        left, top = PANEL + 24, 24
+        overlay.rectangle(
+            (left, top, left + 330, top + 18 + 18 * len(self._controls.reference)), outline=ink(theme.faint)
+        )
+        for k, (keys, what) in enumerate(self._controls.reference):
+            row = top + 22 + 18 * k
+            draw_line(overlay, (left + 14, row), keys, _LETTER, ink(theme.ink), True)
+            draw_line(overlay, (left + 114, row), what, _LETTER, ink(theme.ink))
+
+    # ---- read-outs
+
+    def _write_numbers(self, overlay: Overlay, height: int, theme: Theme) -> None:
+        sandbox, step, row = self._sandbox, self._sandbox.segment.step, self._sandbox.seen.row
+        state: tuple[str, Ink] = ("this is what run computes", _FINE)
+        if sandbox.time.behind:
+            state = "computing again...", _WARNING
+        elif sandbox.seen.by_hand:
+            state = "changed by hand: r to start again", _WARNING
+        velocity, force = row[INDEX["com_vy"]], row[INDEX["wall_force"]]
+        faint, top = ink(theme.faint), self._bottom + 12.0
+        for line, colour in (
+            (f"v {velocity:+.5f} c,  force {force:.3g} Mc²/R", ink(theme.ink)),
+            (f"energy imbalance {sandbox.imbalance:+.1e}", ink(theme.ink)),
+            (f"{step.integrator.name}, step {step.dt:.3g} R/c", faint),
+            state,
+        ):
+            draw_line(overlay, (_MARGIN, top), line.replace("-", "−"), _SMALL, colour)
+            top += _LINE
+        for cells, colour in self._table(ink(theme.ink), faint):
+            if top > height - 3:
+                break
+            draw_line(overlay, (_MARGIN, top), cells[0], _SMALL, colour)
+            for cell, end in zip(cells[1:5], _COLUMNS, strict=True):
+                draw_line(overlay, (_MARGIN + end - text_width(cell, _SMALL), top), cell, _SMALL, colour)
+            draw_line(overlay, (_MARGIN + _COLUMNS[-1] + 10, top), cells[5], _SMALL, faint)
+            top += _LINE
+
+    def _table(self, dark: Ink, faint: Ink) -> list[tuple[tuple[str, ...], Ink]]:
+        """The results, newest first, below their titles."""
+        key, results = self._controls.dashpot_key, self._sandbox.results
+        name = RANGES[key][0]
+        lines: list[tuple[tuple[str, ...], Ink]] = [(("", "result", "v, P", name, "a", ""), faint)] * bool(results)
+        for one in reversed(results):
+            scene, points = one.scenario.scene, one.scenario.lattice.disk_points
+            eta = scene.material.eta(points) * (points if key == "material.eta_star" else 1.0)
+            numbers = f"{one.value:.5f}", f"{push_of(scene):.3g}", f"{eta:.3g}", f"{scene.wall.a:.4g}"
+            lines.append((("e" if isinstance(one.scenario, ImpactScenario) else "ξ", *numbers, one.label), dark))
+        return lines
+
+
+def _part(one: Slider, value: float) -> float:
+    """Where a value is on a slider, 0 to 1: by its logarithm, where there is no zero."""
+    if one.low > 0.0:
+        return log(value / one.low) / log(one.high / one.low)
+    return (value - one.low) / (one.high - one.low)
+
+
+def _value(one: Slider, part: float) -> float:
+    value = one.low * (one.high / one.low) ** part if one.low > 0.0 else one.low + part * (one.high - one.low)
+    return round(value) if isinstance(one.value, int) else value
