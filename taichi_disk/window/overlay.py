@@ -245,11 +245,12 @@ class Graphs:
                 overlay.line([(left, row), (right, row)], ink(theme.rule))
                 write(left - 6.0, row + 4.0, label(value), 1.0)
             *ticks, last = ticks_to(self.full["t"], False)
+            free = right - write(right, bottom + 16.0, f"t = {label(last)} R/c", 1.0) - 14.0
             for tick in (*ticks, last):
                 x = left + (right - left) * tick / last
                 overlay.line([(x, bottom), (x, bottom + 3.0)], faint)
-                line, align = (f"t = {label(tick)} R/c", 1.0) if tick == last else (label(tick), 0.5)
-                write(x, bottom + 16.0, line, align)
+                if x < free:
+                    write(x, bottom + 16.0, label(tick), 0.5)
 
     def draw_curves(self, overlay: Overlay) -> None:
         t, rows = self._rows()

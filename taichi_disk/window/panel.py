@@ -22,7 +22,7 @@ from taichi_disk.window.scene_view import PANEL
 SECTIONS = ("Experiment", "Time", "Look")
 LARGE = 5000  # points, from which on a new start takes longer than a picture may
 _MARGIN, _GAP = 12, 4  # around the panel, between controls [px]
-_HEAD, _LINE, _LINES = 24, 17, 11  # heights of a section's title and of a line of text [px]; lines below the controls
+_HEAD, _LINE, _LINES = 24, 17, 7  # heights of a title and of a line of text [px]; lines below, at the least
 _ROW = (32, 44)  # the least and the largest height of a control [px]: fingers need 40
 _SMALL, _LETTER = 11.0, 11.5  # sizes of letters [px]
 _FINE, _WARNING = (0, 130, 70), (205, 95, 0)  # are read on either ground
@@ -31,11 +31,15 @@ _COLUMNS = (70, 114, 156, 196)  # right ends of the numbers in the table [px]
 
 
 class Panel:
-    """Draws `controls`, and acts on them. What a hand moves is done by `carry_out`, between two pictures."""
+    """Draws `controls`, and acts on them. What a hand moves is done by `carry_out`, between two pictures.
+
+    Attributes:
+        areas: where the controls of the last picture are.
+    """
 
     def __init__(self, controls: Controls) -> None:
         self._controls, self._sandbox = controls, controls.sandbox
-        self._areas: list[tuple[Box, Button | Slider]] = []
+        self.areas: list[tuple[Box, Button | Slider]] = []
         self._held: tuple[Box, Slider] | None = None
         self._pending: dict[str, tuple[float, Action]] = {}  # by key or slider: the value that it is to have, and how
         self._look: Any = None  # of what is kept
@@ -46,7 +50,7 @@ class Panel:
 
     def press(self, at: Pixel) -> None:
         """Push the button that is there, or take hold of the slider."""
-        for (left, top, right, bottom), one in self._areas:
+        for (left, top, right, bottom), one in self.areas:
             if left <= at[0] < right and top <= at[1] < bottom:
                 if isinstance(one, Slider):
                     self._held = (left, top, right, bottom), one
@@ -103,7 +107,7 @@ class Panel:
         """Sliders stand in two columns, buttons in three; rows are as high as there is room."""
         overlay.rectangle((0, 0, PANEL - 1, height), ink(theme.ground))
         overlay.rectangle((PANEL - 1, 0, PANEL - 1, height), ink(theme.rule))
-        self._areas, top = [], 4
+        self.areas, top = [], 4
         rows = sum(-(-len(sliders) // 2) - (-len(buttons) // 3) for _, sliders, buttons in sections)
         free = height - top - len(sections) * _HEAD - _LINES * _LINE
         row = min(max(free // rows - _GAP, _ROW[0]), _ROW[1])
@@ -119,7 +123,7 @@ class Panel:
                     wide = (PANEL - 2 * _MARGIN + gap) / columns
                     left, upper = _MARGIN + round(k % columns * wide), top + k // columns * (row + _GAP)
                     box: Box = left, upper, left + round(wide) - gap, upper + row
-                    self._areas.append((box, one))
+                    self.areas.append((box, one))
                     (self._draw_slider if isinstance(one, Slider) else self._draw_button)(overlay, box, one, theme)
                 top += -(-len(some) // max(columns, 1)) * (row + _GAP)
         self._bottom = top

@@ -26,7 +26,7 @@ from taichi_disk.window.scene_view import PANEL, SceneView
 _LONGEST = 0.1  # a picture that took longer does not make the next step longer [s]
 _PICTURE = 1.0 / 32.0  # what computing and drawing may take together [s]
 _FIRST, _AGAIN = 0.35, 0.07  # when a held key repeats [s]
-LEAST = (740, 560)  # pixels that the picture is laid out for, at the least
+LEAST = (740, 620)  # pixels that the picture is laid out for, at the least
 _AFTER = 6  # pictures that still change when nothing moves any more: scales grow
 
 
@@ -34,7 +34,7 @@ class Session:
     """`ti.init` must have been called.
 
     Attributes:
-        sandbox, view, controls: the disk, what is seen of it, what can be done.
+        sandbox, view, controls, panel: the disk, what is seen of it, what can be done, and where.
         hint: written below the title instead of what is usual there.
     """
 
@@ -47,7 +47,7 @@ class Session:
         self.sandbox = sandbox = Sandbox(playlist[0][1](), kernels)
         self.view, self.hint = SceneView(sandbox), ""
         self.controls = Controls(sandbox, self.view, playlist, out.resolve())
-        self._panel, self._mouse = Panel(self.controls), Mouse(sandbox, self.view)
+        self.panel, self._mouse = Panel(self.controls), Mouse(sandbox, self.view)
         self._recorder = Recorder(self.controls)
         self._repeats: dict[str, float] = {}
         self._pressed = False
@@ -73,7 +73,7 @@ class Session:
         self.draw(canvas, size)
         self._recorder.take(elapsed, read, PANEL / size[0])
         self._repeat(now)
-        self._panel.carry_out(self._pressed)
+        self.panel.carry_out(self._pressed)
         self._quiet = 0 if self._moves else self._quiet + 1
         return elapsed, made
 
@@ -81,7 +81,7 @@ class Session:
         """Draw what is seen."""
         self.view.hint = self.hint or self._hint()
         self.view.draw(canvas, size)
-        self._panel.draw(canvas, size, self.view.theme)
+        self.panel.draw(canvas, size, self.view.theme)
 
     @property
     def busy(self) -> bool:
@@ -121,7 +121,7 @@ class Session:
         """A button of the mouse goes down at a pixel."""
         self._pressed, self._quiet, self.controls.cursor = True, 0, at
         if at[0] < PANEL:
-            self._panel.press(at)
+            self.panel.press(at)
         else:
             self._mouse.press(at, right)
 
@@ -129,13 +129,13 @@ class Session:
         """The pointer is at a pixel now."""
         self.controls.cursor = at
         if self._pressed:
-            self._panel.move(at)
+            self.panel.move(at)
             self._mouse.move(at)
 
     def release(self) -> None:
         """The button goes up."""
         self._pressed, self._quiet = False, 0
-        self._panel.release()
+        self.panel.release()
         self._mouse.release()
 
     def wheel(self, at: Pixel, rows: float) -> None:
