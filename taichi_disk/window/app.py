@@ -8,7 +8,6 @@ import re
 import sys
 from ctypes import CDLL, c_void_p
 from functools import partial
-from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -38,14 +37,14 @@ def view(
     runtime.prepare_environment()
     playlist = folder(scene_or_folder) if isinstance(scene_or_folder, Path) else presets(scene_or_folder)
     problem = film_problem() if browser else window_problem()
-    if film_problem() or (problem and not find_spec("rendercanvas")):
-        raise TaichiDiskError(f"no window: {problem}; `pip install 'taichi-disk[browser]'` shows a page in a browser")
+    if film_problem():
+        raise TaichiDiskError(f"no window: {film_problem()}")
     runtime.start()
     if browser or problem:
         from taichi_disk.window.browser import serve
 
         if problem:
-            print(f"note: no window: {problem.partition(':')[0]}; here is a page for a browser", file=sys.stderr)
+            print(f"note: no window: {problem}; here is a page for a browser", file=sys.stderr)
         serve(playlist, out, host, port)
         return
     from taichi_disk.window.viewer import Viewer
@@ -86,7 +85,7 @@ def folder(path: Path) -> list[Entry]:
 
 
 def window_problem() -> str | None:
-    """Why no window can be opened on this machine and what mends it, or None. Needs no `ti.init`.
+    """Why no window can be opened on this machine, or None. Needs no `ti.init`.
 
     It is asked without opening one: GLFW ends the process where it cannot.
     """
@@ -95,11 +94,7 @@ def window_problem() -> str | None:
         return film_problem()
     if name and ((problem := film_problem()) or screen()):
         return problem
-    what = f"the display {name} does not answer" if name else "there is no display (DISPLAY is not set)"
-    return (
-        f"{what}: run it on a desktop, log in with `ssh -X`, or give it a virtual one: `xvfb-run -s '-screen 0 "
-        "1280x1024x24' taichi-disk view`; `taichi-disk run` films without a display"
-    )
+    return f"the display {name} does not answer" if name else "there is no display (DISPLAY is not set)"
 
 
 def screen() -> tuple[int, int] | None:

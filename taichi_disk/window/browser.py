@@ -22,22 +22,15 @@ from taichi_disk.window.canvas import SessionCanvas
 from taichi_disk.window.controls import Entry
 from taichi_disk.window.session import Session
 
-LOCAL = ("127.0.0.1", "localhost", "::1")
+LOCAL = ("127.0.0.1", "localhost")
 FASTEST = 60  # pictures per second at most
 _LISTED = 4  # files that a page offers
 _FILE = re.compile(r"view-\d+\.(yaml|mp4|png)")
-# What a page says, and the numbers in it, with what they stay below; of the rest nothing is needed.
-_POINTER, _FAR, _WIDEST = ("x", "y"), 1e5, 8192.0
-_MESSAGES: dict[str, tuple[str, ...]] = {
-    "_framefeedback": ("index", "timestamp"),
-    "resize": ("pwidth", "pheight", "ratio"),
-    "pointer_down": (*_POINTER, "button"),
-    "pointer_move": _POINTER,
-    "pointer_up": _POINTER,
-    "wheel": (*_POINTER, "dx", "dy"),
-    "key_down": (),
-    "key_up": (),
-}
+# What a page says with the numbers that are needed of it, and what they stay below; what it says that nobody needs.
+_SAID = "resize pwidth pheight ratio, pointer_down x y button, pointer_move x y, pointer_up x y, wheel x y dx dy, "
+_SAID += "key_down, key_up, _framefeedback index timestamp"
+_NUMBERS = {kind: names for kind, *names in map(str.split, _SAID.split(", "))}
+_FAR, _WIDEST = 1e5, 8192.0
 _UNUSED = ("show", "hide", "focus_in", "focus_out", "pointer_enter", "pointer_leave", "double_click", "char")
 Receive = Callable[[], Awaitable[dict[str, Any]]]
 Send = Callable[[dict[str, Any]], Awaitable[None]]
@@ -53,10 +46,11 @@ def serve(playlist: list[Entry], out: Path, host: str = LOCAL[0], port: int = 0)
         import uvicorn
         from rendercanvas import http
     except ImportError as error:
-        raise TaichiDiskError(f"no page in a browser ({error}): pip install 'taichi-disk[browser]'") from None
+        text = "pip install 'taichi-disk[browser]'; or give the window a display: `ssh -X`, `xvfb-run taichi-disk view`"
+        raise TaichiDiskError(f"no page in a browser, because of {error}: {text}") from None
     session = Session(playlist, out, KernelCache())
     try:
-        listening = socket.create_server((host, port), family=socket.AF_INET6 if ":" in host else socket.AF_INET)
+        listening = socket.create_server((host, port))
     except (OSError, OverflowError) as error:
         raise TaichiDiskError(f"cannot listen at {host}, port {port}: {error}; choose another --port") from None
     page = Page(http.asgi, session, secrets.token_urlsafe(16))
@@ -70,7 +64,7 @@ def serve(playlist: list[Entry], out: Path, host: str = LOCAL[0], port: int = 0)
     SessionCanvas(canvas, session)
     canvas.add_event_handler(watch.end, "close")
     number = listening.getsockname()[1]
-    name = socket.gethostname() if host in ("0.0.0.0", "::") else f"[{host}]" if ":" in host else host
+    name = socket.gethostname() if host == "0.0.0.0" else host
     print(f"the sandbox is at http://{name}:{number}/{page.token}/\nCtrl-C ends it; files go into {out}", flush=True)
     if host not in LOCAL:
         print("note: whoever has this address and reaches this machine can play, and nothing is encrypted", flush=True)
@@ -125,9 +119,7 @@ class Page:
             origin = headers.get(b"origin", b"").partition(b"://")[2]
             if allowed and origin and origin == headers.get(b"host"):
                 await self._asgi(scope, self._checked(receive), send)
-                self._session.let_go()
-                if not self._asgi.get_count():
-                    self._session.rest()
+                self._session.let_go(pause=not self._asgi.get_count())
             else:
                 await send({"type": "websocket.close", "code": 1008})
         elif not allowed:
@@ -161,8 +153,8 @@ class Page:
                 if message is None:
                     self.ignored += 1
                 elif message["type"] == "focus_out":  # its keys go up without a word
-                    self._session.keys_up()
-                elif message["type"] in _MESSAGES:
+                    self._session.repeats.clear()
+                elif message["type"] in _NUMBERS:
                     return {"type": "websocket.receive", "text": json.dumps(message)}
 
         return checked
@@ -175,11 +167,10 @@ def understood(text: Any) -> dict[str, Any] | None:
         kind = given["type"]
         if kind in _UNUSED:
             return {"type": kind}
-        message = {"type": kind, "timestamp": 0.0} | {name: float(given[name]) for name in _MESSAGES[kind]}
-        size = [message.get(name, 1.0) for name in ("pwidth", "pheight", "ratio")]
-        if not all(abs(message[name]) < _FAR for name in _POINTER if name in message):
+        message = {"type": kind, "timestamp": 0.0} | {name: float(given[name]) for name in _NUMBERS[kind]}
+        if not all(abs(message.get(name, 0.0)) < _FAR for name in ("x", "y", "dx", "dy")):
             return None
-        if not all(0.1 <= one < _WIDEST for one in size):
+        if not all(0.1 <= message.get(name, 1.0) < _WIDEST for name in ("pwidth", "pheight", "ratio")):
             return None
         if kind.startswith("key"):
             message |= {"key": str(given["key"]), "modifiers": [str(one) for one in given["modifiers"]]}

@@ -50,7 +50,7 @@ class SessionCanvas:
             elif not set(event["modifiers"]) & {"Control", "Alt", "Meta"}:
                 session.key_down(name)
         elif kind == "close":
-            session.rest()
+            session.let_go()
             session.close()
             give_back(self)
             return

@@ -33,12 +33,12 @@ Entry = tuple[str, Callable[[], Scene]]  # a scene by name, read when it is want
 
 
 class Button(NamedTuple):
-    """What is written on it, below that what is chosen, whether it is on, the key that does the same."""
+    """The key that does the same, whether it is on, what is written on it, and below that what is chosen."""
 
+    key: str
+    on: bool
     label: str
     value: str
-    on: bool
-    key: str
 
 
 class Slider(NamedTuple):
@@ -115,7 +115,7 @@ class Controls:
         on = {"y": sandbox.slow, "v": self.recording, "Return": self.view.follows, "Tab": self.keys_shown}
         labels = {"space": "drop" if sandbox.at_start else "go on" if sandbox.paused else "pause"}
         return [
-            Button(labels.get(key, label), values.get(key, ""), on.get(key, False), key)
+            Button(key, on.get(key, False), labels.get(key, label), values.get(key, ""))
             for own, keys, _, written, _ in self._table
             if own == section
             for key, label in zip(keys.split(), written.split(", "), strict=True)

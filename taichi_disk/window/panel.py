@@ -24,10 +24,12 @@ LARGE = 5000  # points, from which on a new start takes longer than a picture ma
 _MARGIN, _GAP = 12, 4  # around the panel, between controls [px]
 _HEAD, _LINE, _LINES = 24, 17, 7  # heights of a title and of a line of text [px]; lines below, at the least
 _ROW = (32, 44)  # the least and the largest height of a control [px]: fingers need 40
-_SMALL, _LETTER = 11.0, 11.5  # sizes of letters [px]
+_SMALL = 11.0  # size of letters [px]
 _FINE, _WARNING = (0, 130, 70), (205, 95, 0)  # are read on either ground
 _SIGNS = {"space": "␣", "Left": "←", "Right": "→", "Return": "↵", "BackSpace": "⌫", "Tab": "⇥"}
-_COLUMNS = (70, 114, 156, 196)  # right ends of the numbers in the table [px]
+# Columns of the table: where they begin (0) or end (1) [px].
+_COLUMNS = (12, 0), (82, 1), (126, 1), (168, 1), (208, 1), (218, 0)
+Group = tuple[str, int, int, Sequence[Button | Slider]]  # title, at most how many side by side, the gap between, they
 
 
 class Panel:
@@ -82,13 +84,14 @@ class Panel:
     def draw(self, canvas: Any, size: tuple[int, int], theme: Theme) -> None:
         """Cover the left of a `ti.ui.Canvas` of `size` (width, height) [px]."""
         controls = self._controls
-        sections = [(name, controls.sliders(name), controls.buttons(name)) for name in SECTIONS]
-        titles = f"{controls.number + 1} of {len(controls.playlist)}", "", ""
-        shown = [(one.label, self._shown(one)) for _, sliders, _ in sections for one in sliders]
-        look = size, theme.ground, titles, shown, [buttons for _, _, buttons in sections], controls.keys_shown
+        groups: list[Group] = []
+        for name in SECTIONS:
+            groups += (name, 2, 16, controls.sliders(name)), ("", 3, _GAP, controls.buttons(name))
+        shown = [(*one[:4], self._pending.get(one.label)) for *_, some in groups for one in some]
+        look = size, theme.ground, shown, controls.number, controls.keys_shown
         if look != self._look:
             self._look, overlay = look, Overlay(ink(theme.ground))
-            self._lay_out(overlay, size[1], theme, sections, titles)
+            self._lay_out(overlay, size[1], theme, groups)
             if controls.keys_shown:
                 self._write_keys(overlay, theme)
             self._kept = overlay.vertices(*size)
@@ -96,36 +99,27 @@ class Panel:
         self._write_numbers(overlay, size[1], theme)
         draw_triangles(canvas, np.concatenate([self._kept, overlay.vertices(*size)]))
 
-    def _lay_out(
-        self,
-        overlay: Overlay,
-        height: int,
-        theme: Theme,
-        sections: list[tuple[str, list[Slider], list[Button]]],
-        titles: Sequence[str],
-    ) -> None:
+    def _lay_out(self, overlay: Overlay, height: int, theme: Theme, groups: list[Group]) -> None:
         """Sliders stand in two columns, buttons in three; rows are as high as there is room."""
         overlay.rectangle((0, 0, PANEL - 1, height), ink(theme.ground))
         overlay.rectangle((PANEL - 1, 0, PANEL - 1, height), ink(theme.rule))
+        place = f"{self._controls.number + 1} of {len(self._controls.playlist)}"
+        _write(overlay, PANEL - _MARGIN, 21, place, ink(theme.faint), 1.0)
         self.areas, top = [], 4
-        rows = sum(-(-len(sliders) // 2) - (-len(buttons) // 3) for _, sliders, buttons in sections)
-        free = height - top - len(sections) * _HEAD - _LINES * _LINE
-        row = min(max(free // rows - _GAP, _ROW[0]), _ROW[1])
-        for (name, sliders, buttons), title in zip(sections, titles, strict=True):
-            draw_line(overlay, (_MARGIN, top + 17), name, 12.0, ink(theme.ink), True)
-            x = PANEL - _MARGIN - text_width(title, _SMALL)
-            draw_line(overlay, (x, top + 17), title, _SMALL, ink(theme.faint))
-            top += _HEAD
-            groups: tuple[tuple[int, int, Sequence[Slider | Button]], ...] = (2, 16, sliders), (3, _GAP, buttons)
-            for columns, gap, some in groups:
-                columns = min(columns, len(some))
-                for k, one in enumerate(some):
-                    wide = (PANEL - 2 * _MARGIN + gap) / columns
-                    left, upper = _MARGIN + round(k % columns * wide), top + k // columns * (row + _GAP)
-                    box: Box = left, upper, left + round(wide) - gap, upper + row
-                    self.areas.append((box, one))
-                    (self._draw_slider if isinstance(one, Slider) else self._draw_button)(overlay, box, one, theme)
-                top += -(-len(some) // max(columns, 1)) * (row + _GAP)
+        free = height - top - len(SECTIONS) * _HEAD - _LINES * _LINE
+        row = min(max(free // sum(-(-len(some) // most) for _, most, _, some in groups) - _GAP, _ROW[0]), _ROW[1])
+        for name, most, gap, some in groups:
+            if name:
+                draw_line(overlay, (_MARGIN, top + 17), name, 12.0, ink(theme.ink), True)
+                top += _HEAD
+            columns = min(most, len(some))
+            for k, one in enumerate(some):
+                wide = (PANEL - 2 * _MARGIN + gap) / columns
+                left, upper = _MARGIN + round(k % columns * wide), top + k // columns * (row + _GAP)
+                box: Box = left, upper, left + round(wide) - gap, upper + row
+                self.areas.append((box, one))
+                (self._draw_slider if isinstance(one, Slider) else self._draw_button)(overlay, box, one, theme)
+            top += -(-len(some) // most) * (row + _GAP)
         self._bottom = top
 
     def _draw_button(self, overlay: Overlay, box: Box, one: Any, theme: Theme) -> None:
@@ -134,9 +128,9 @@ class Panel:
         overlay.rectangle((left, top, right - 1, bottom - 1), outline=frame)
         if one.on:
             overlay.rectangle((left + 1, top + 1, right - 2, top + 2), frame)
-        lines = (one.label, ink(theme.ink)), (f"{one.value}  {_SIGNS.get(one.key, one.key)}".strip(), ink(theme.faint))
-        for (line, colour), row in zip(lines, (middle - 2, middle + 11), strict=True):
-            draw_line(overlay, ((left + right - text_width(line, _SMALL)) / 2, row), line, _SMALL, colour)
+        below = f"{one.value}  {_SIGNS.get(one.key, one.key)}".strip()
+        _write(overlay, (left + right) / 2, middle - 2, one.label, ink(theme.ink), 0.5)
+        _write(overlay, (left + right) / 2, middle + 11, below, ink(theme.faint), 0.5)
 
     def _draw_slider(self, overlay: Overlay, box: Box, one: Any, theme: Theme) -> None:
         left, top, right, bottom = box
@@ -145,64 +139,54 @@ class Panel:
         overlay.rectangle((left, row - 1, right - 1, row + 1), ink(theme.rule))
         overlay.rectangle((left, row - 1, x, row + 1), ink(theme.faint))
         overlay.rectangle((x - 3, row - 5, x + 3, row + 5), ink(theme.ink))
-        draw_line(overlay, (left, middle), one.label, _LETTER, ink(theme.ink))
-        draw_line(overlay, (left + text_width(one.label, _LETTER) + 7, middle), one.keys, _SMALL, ink(theme.faint))
+        wide = _write(overlay, left, middle, one.label, ink(theme.ink))
+        _write(overlay, left + wide + 7, middle, one.keys, ink(theme.faint))
         number = f"{value:,}" if isinstance(value, int) else label(float(f"{value:.3g}"))
-        draw_line(overlay, (right - text_width(number, _LETTER, True), middle), number, _LETTER, ink(theme.ink), True)
+        _write(overlay, right, middle, number, ink(theme.ink), 1.0, True)
 
     def _shown(self, one: Slider) -> float:
         """What it stands at: what it is led to, before that is done."""
         return self._pending.get(one.label, (one.value,))[0]
 
     def _write_keys(self, overlay: Overlay, theme: Theme) -> None:
-        left, top = PANEL + 24, 24
-        overlay.rectangle(
-            (left, top, left + 330, top + 18 + 18 * len(self._controls.reference)), outline=ink(theme.faint)
-        )
-        for k, (keys, what) in enumerate(self._controls.reference):
-            row = top + 22 + 18 * k
-            draw_line(overlay, (left + 14, row), keys, _LETTER, ink(theme.ink), True)
-            draw_line(overlay, (left + 114, row), what, _LETTER, ink(theme.ink))
-
-    # ---- read-outs
+        left, top, reference = PANEL + 24, 24, self._controls.reference
+        overlay.rectangle((left, top, left + 330, top + 18 + 18 * len(reference)), outline=ink(theme.faint))
+        for k, (keys, what) in enumerate(reference):
+            _write(overlay, left + 14, top + 22 + 18 * k, keys, ink(theme.ink), bold=True)
+            _write(overlay, left + 114, top + 22 + 18 * k, what, ink(theme.ink))
 
     def _write_numbers(self, overlay: Overlay, height: int, theme: Theme) -> None:
-        sandbox, step, row = self._sandbox, self._sandbox.segment.step, self._sandbox.seen.row
-        state: tuple[str, Ink] = ("this is what run computes", _FINE)
-        if sandbox.time.behind:
-            state = "computing again...", _WARNING
-        elif sandbox.seen.by_hand:
-            state = "changed by hand: r to start again", _WARNING
-        velocity, force = row[INDEX["com_vy"]], row[INDEX["wall_force"]]
-        faint, top = ink(theme.faint), self._bottom + 12.0
-        for line, colour in (
-            (f"v {velocity:+.5f} c,  force {force:.3g} Mc²/R", ink(theme.ink)),
-            (f"energy imbalance {sandbox.imbalance:+.1e}", ink(theme.ink)),
-            (f"{step.integrator.name}, step {step.dt:.3g} R/c", faint),
-            state,
-        ):
-            draw_line(overlay, (_MARGIN, top), line.replace("-", "−"), _SMALL, colour)
-            top += _LINE
-        for cells, colour in self._table(ink(theme.ink), faint):
-            if top > height - 3:
-                break
-            draw_line(overlay, (_MARGIN, top), cells[0], _SMALL, colour)
-            for cell, end in zip(cells[1:5], _COLUMNS, strict=True):
-                draw_line(overlay, (_MARGIN + end - text_width(cell, _SMALL), top), cell, _SMALL, colour)
-            draw_line(overlay, (_MARGIN + _COLUMNS[-1] + 10, top), cells[5], _SMALL, faint)
-            top += _LINE
-
-    def _table(self, dark: Ink, faint: Ink) -> list[tuple[tuple[str, ...], Ink]]:
-        """The results, newest first, below their titles."""
-        key, results = self._controls.dashpot_key, self._sandbox.results
-        name = RANGES[key][0]
-        lines: list[tuple[tuple[str, ...], Ink]] = [(("", "result", "v, P", name, "a", ""), faint)] * bool(results)
-        for one in reversed(results):
+        """What is known of what is seen, and the results, the newest first."""
+        sandbox, key = self._sandbox, self._controls.dashpot_key
+        step, row = sandbox.segment.step, sandbox.seen.row
+        state, tone = "this is what run computes", _FINE
+        if sandbox.time.behind or sandbox.seen.by_hand:
+            state, tone = "computing again..." if sandbox.time.behind else "changed by hand: r to start again", _WARNING
+        dark, faint, top = ink(theme.ink), ink(theme.faint), self._bottom + 12.0
+        lines: list[tuple[tuple[str, ...], Ink]] = [
+            ((f"v {row[INDEX['com_vy']]:+.5f} c,  force {row[INDEX['wall_force']]:.3g} Mc²/R",), dark),
+            ((f"energy imbalance {sandbox.imbalance:+.1e}",), dark),
+            ((f"{step.integrator.name}, step {step.dt:.3g} R/c",), faint),
+            ((state,), tone),
+        ]
+        lines += [(("", "result", "v, P", RANGES[key][0], "a"), faint)] * bool(sandbox.results)
+        for one in reversed(sandbox.results):
             scene, points = one.scenario.scene, one.scenario.lattice.disk_points
             eta = scene.material.eta(points) * (points if key == "material.eta_star" else 1.0)
             numbers = f"{one.value:.5f}", f"{push_of(scene):.3g}", f"{eta:.3g}", f"{scene.wall.a:.4g}"
             lines.append((("e" if isinstance(one.scenario, ImpactScenario) else "ξ", *numbers, one.label), dark))
-        return lines
+        for cells, colour in lines:
+            for cell, (column, align) in zip(cells, _COLUMNS, strict=False):
+                if top < height - 3:
+                    _write(overlay, column, top, cell.replace("-", "−"), colour, align)
+            top += _LINE
+
+
+def _write(sheet: Overlay, x: float, row: float, line: str, ink: Ink, align: float = 0.0, bold: bool = False) -> float:
+    """Set a line that begins at the column `x`, ends (`align` 1) or has its middle there; returns its width."""
+    width = text_width(line, _SMALL, bold)
+    draw_line(sheet, (x - align * width, row), line, _SMALL, ink, bold)
+    return width
 
 
 def _part(one: Slider, value: float) -> float:

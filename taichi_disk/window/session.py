@@ -35,7 +35,7 @@ class Session:
 
     Attributes:
         sandbox, view, controls, panel: the disk, what is seen of it, what can be done, and where.
-        hint: written below the title instead of what is usual there.
+        repeats: keys that are down and repeat, and when.
     """
 
     def __init__(self, playlist: list[Entry], out: Path, kernels: KernelCache) -> None:
@@ -45,11 +45,11 @@ class Session:
         """
         prepare_output(out)
         self.sandbox = sandbox = Sandbox(playlist[0][1](), kernels)
-        self.view, self.hint = SceneView(sandbox), ""
+        self.view = SceneView(sandbox)
         self.controls = Controls(sandbox, self.view, playlist, out.resolve())
         self.panel, self._mouse = Panel(self.controls), Mouse(sandbox, self.view)
         self._recorder = Recorder(self.controls)
-        self._repeats: dict[str, float] = {}
+        self.repeats: dict[str, float] = {}
         self._pressed = False
         self._last, self._drawing, self._quiet = perf_counter(), 0.0, 0
 
@@ -72,14 +72,18 @@ class Session:
         self._drawing = 0.9 * self._drawing + 0.1 * max(passed - (perf_counter() - now), 0.0)
         self.draw(canvas, size)
         self._recorder.take(elapsed, read, PANEL / size[0])
-        self._repeat(now)
+        for key, due in self.repeats.items():
+            if now >= due:
+                self.repeats[key] = max(due + _AGAIN, now)
+                self.controls.press(key)
         self.panel.carry_out(self._pressed)
-        self._quiet = 0 if self._moves else self._quiet + 1
+        held = self._pressed or self.repeats or self.controls.recording
+        self._quiet = 0 if held or sandbox.time.behind or not sandbox.paused else self._quiet + 1
         return elapsed, made
 
     def draw(self, canvas: Any, size: tuple[int, int]) -> None:
         """Draw what is seen."""
-        self.view.hint = self.hint or self._hint()
+        self.view.hint = self._hint()
         self.view.draw(canvas, size)
         self.panel.draw(canvas, size, self.view.theme)
 
@@ -88,11 +92,6 @@ class Session:
         """Whether the next picture will be another one, though nobody does anything."""
         return self._quiet < _AFTER
 
-    @property
-    def _moves(self) -> bool:
-        sandbox, held = self.sandbox, self._pressed or self._repeats or self.controls.recording
-        return bool(held or sandbox.time.behind or not sandbox.paused)
-
     def _hint(self) -> str:
         if self.sandbox.time.past:
             return "this is past: space goes on from here"
@@ -100,15 +99,11 @@ class Session:
             return ""
         return "drag to turn, space to drop" if self.sandbox.is_impact else "space to let the load act"
 
-    def let_go(self) -> None:
+    def let_go(self, pause: bool = True) -> None:
         """Of keys and mouse: whoever held them has gone."""
-        self.keys_up()
+        self.repeats.clear()
         self.release()
-
-    def rest(self) -> None:
-        """Nobody is there any more."""
-        self.let_go()
-        if not self.sandbox.paused:
+        if pause and not self.sandbox.paused:
             self.sandbox.pause()
 
     def close(self) -> None:
@@ -147,26 +142,12 @@ class Session:
     def key_down(self, key: str) -> None:
         """A key, by its name in `Controls`; it repeats until it goes up."""
         if key in REPEATED:
-            self._repeats[key] = perf_counter() + _FIRST
+            self.repeats[key] = perf_counter() + _FIRST
         self._quiet = 0
         self.controls.press(key)
 
     def key_up(self, key: str) -> None:
-        self._repeats.pop(key, None)
-
-    def keys_up(self) -> None:
-        self._repeats.clear()
-
-    @property
-    def held(self) -> tuple[str, ...]:
-        """Keys that repeat."""
-        return tuple(self._repeats)
-
-    def _repeat(self, now: float) -> None:
-        for key, due in self._repeats.items():
-            if now >= due:
-                self._repeats[key] = max(due + _AGAIN, now)
-                self.controls.press(key)
+        self.repeats.pop(key, None)
 
 
 def laid_out(width: float, height: float, most: float = 1e8) -> tuple[int, int]:

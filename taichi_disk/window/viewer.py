@@ -13,7 +13,6 @@ from taichi_disk.output.files import prepare_output
 from taichi_disk.render.legend import draw_line, ink
 from taichi_disk.render.offscreen import elsewhere
 from taichi_disk.render.painter import draw_triangles
-from taichi_disk.render.palette import THEMES
 from taichi_disk.signals import raise_if_interrupted
 from taichi_disk.simulation.simulation import KernelCache
 from taichi_disk.window.controls import Entry
@@ -71,18 +70,12 @@ class Viewer:
                 yield passed
 
     def _announce(self) -> None:
-        """Between two pictures: say why the next one takes a second."""
-        canvas, text = self._window.get_canvas(), "one moment: compiling for this scene..."
-        if self._session:
-            self._session.hint = text
-            self._session.draw(canvas, self._size)
-            self._session.hint = ""
-        else:
-            theme = THEMES["light"]
-            canvas.set_background_color(theme.ground)
-            overlay, (width, height) = Overlay(ink(theme.ground)), self._size
-            draw_line(overlay, (0.4 * width, 0.45 * height), text, 14.0, ink(theme.ink))
-            draw_triangles(canvas, overlay.vertices(width, height))
+        """Say why the next picture takes a second."""
+        canvas, (width, height), grey = self._window.get_canvas(), self._size, (0.5, 0.5, 0.5)
+        overlay = Overlay(ink(grey))
+        draw_line(overlay, (0.4 * width, 0.45 * height), "compiling for this scene...", 14.0, (0, 0, 0))
+        canvas.set_background_color(grey)
+        draw_triangles(canvas, overlay.vertices(width, height))
         self._window.show()
 
     @property
@@ -101,7 +94,7 @@ class Viewer:
                 session.press(at, right=event.key == ti.ui.RMB)
             else:
                 session.key_down("space" if event.key == ti.ui.SPACE else event.key)
-        for key in session.held:
+        for key in [*session.repeats]:
             if not window.is_pressed(key):
                 session.key_up(key)
         session.move(at)
