@@ -61,7 +61,7 @@ def serve(playlist: list[Entry], out: Path, host: str = LOCAL[0], port: int = 0)
     logger = logging.getLogger("rendercanvas")
     logger.handlers, logger.propagate = [watch], False
     canvas = http.HttpRenderCanvas(size=None, title=None, max_fps=FASTEST)
-    SessionCanvas(canvas, session)
+    shown = SessionCanvas(canvas, session)
     canvas.add_event_handler(watch.end, "close")
     number = listening.getsockname()[1]
     name = socket.gethostname() if host == "0.0.0.0" else host
@@ -69,6 +69,7 @@ def serve(playlist: list[Entry], out: Path, host: str = LOCAL[0], port: int = 0)
     if host not in LOCAL:
         print("note: whoever has this address and reaches this machine can play, and nothing is encrypted", flush=True)
     server.run(sockets=[listening])
+    shown.end()
     if page.ignored:
         print(f"note: {page.ignored} messages that no page sends were ignored", file=sys.stderr)
     if watch.failure:

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taichi_disk.render.offscreen import give_back, take
+from taichi_disk.runtime import alone
 from taichi_disk.window.session import Session, laid_out
 
 MOST = 3e6  # pixels of a picture: more take too long to read back
@@ -23,9 +24,16 @@ class SessionCanvas:
         """`canvas`: a `BaseRenderCanvas` with the update mode "ondemand"."""
         self._canvas, self._session, self._context = canvas, session, canvas.get_bitmap_context()
         canvas.add_event_handler(self._act, "pointer_down", "pointer_move", "pointer_up", "wheel", "resize")
-        canvas.add_event_handler(self._act, "key_down", "key_up", "close")
+        canvas.add_event_handler(self._act, "key_down", "key_up")
         canvas.request_draw(self._draw)
 
+    def end(self) -> None:
+        """Let go of everything; a film is completed."""
+        self._session.let_go()
+        self._session.close()
+        give_back(self)
+
+    @alone()  # another thread may make a film
     def _draw(self) -> None:
         width, height = self._canvas.get_logical_size()
         if min(width, height) < _LEAST:
@@ -40,6 +48,7 @@ class SessionCanvas:
         elif self._session.busy:
             self._canvas.request_draw()
 
+    @alone()
     def _act(self, event: dict[str, Any]) -> None:
         session, kind = self._session, event["event_type"]
         if kind.startswith("key"):
@@ -49,11 +58,6 @@ class SessionCanvas:
                 session.key_up(name)
             elif not set(event["modifiers"]) & {"Control", "Alt", "Meta"}:
                 session.key_down(name)
-        elif kind == "close":
-            session.let_go()
-            session.close()
-            give_back(self)
-            return
         elif "x" in event:
             width, height = self._canvas.get_logical_size()
             columns, rows = laid_out(width, height, MOST)
