@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from taichi_disk import runtime
 from taichi_disk.errors import TaichiDiskError
@@ -13,6 +14,9 @@ try:
     from rendercanvas.anywidget import AnywidgetRenderCanvas
 except ImportError as error:
     raise TaichiDiskError(f"no widget, because of {error}: pip install 'taichi-disk[notebook]'") from None
+
+if TYPE_CHECKING:
+    from taichi_disk.window.sandbox import Result
 
 FASTEST = 40  # pictures per second at most
 
@@ -45,7 +49,7 @@ class Sandbox(AnywidgetRenderCanvas):
         with runtime.alone():
             self._session = Session(presets(first), Path(out), KernelCache())
         super().__init__(size=None, max_fps=FASTEST)
-        self.set_css_width("100%")
+        self.set_css_width("calc(100% - 4px)")  # without its frame
         self.set_css_height(f"{height}px")
         self._shown = SessionCanvas(self, self._session)
 
@@ -60,3 +64,8 @@ class Sandbox(AnywidgetRenderCanvas):
     def scene(self) -> Scene:
         """As it would be saved now: it can be given to `run`."""
         return self._session.sandbox.scene
+
+    @property
+    def results(self) -> list[Result]:
+        """Of the last scenes that came to their end, the newest last: each with its `value`."""
+        return self._session.sandbox.results
