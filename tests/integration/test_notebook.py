@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import io
+import signal
 import subprocess
 import sys
 from pathlib import Path
@@ -60,7 +61,9 @@ def test_a_widget_is_played_with_while_cells_make_films(tmp_path: Path) -> None:
         sandbox.close()
         assert sandbox.get_closed()
 
+    handler = signal.getsignal(signal.SIGINT)
     asyncio.run(notebook())
+    signal.signal(signal.SIGINT, handler)  # rendercanvas takes Ctrl-C, and gives it back to a loop that has ended
     picture = np.asarray(Image.open(io.BytesIO(sent[-1])).convert("RGB"))
     assert picture.shape == (700, 900, 3) and picture[2, 500].max() < 40  # dark
 
