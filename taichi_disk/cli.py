@@ -136,7 +136,9 @@ def _view(arguments: argparse.Namespace) -> int:
     folder = Path(arguments.scene).is_dir() and arguments.scene not in shipped_scenes()
     if folder and arguments.overrides:
         raise InputError("--set: a folder's scenes are viewed as they are; name one of them")
-    view(Path(arguments.scene) if folder else _load(arguments), arguments.out or Path("out/view"))
+    browser = arguments.browser or bool(arguments.host) or bool(arguments.port)
+    scene = Path(arguments.scene) if folder else _load(arguments)
+    view(scene, arguments.out or Path("out/view"), browser, arguments.host or "127.0.0.1", arguments.port or 0)
     return 0
 
 
@@ -247,9 +249,12 @@ def _parser() -> argparse.ArgumentParser:
     add("--part", metavar="K/N", help="compute the K-th of N shares only, and no table")
     add("--estimate", action="store_true", help="estimate each result's time-step error: twice the work")
 
-    add = command("view", _view, "play with a scene in a window").add_argument
+    add = command("view", _view, "play with a scene in a window, or on a page in a browser").add_argument
     _add_scene(add, f"{_SCENES}; or a folder of scenes", nargs="?", default="exponential_wall")
     add("--out", type=_path, metavar="DIR", help="for saved scenes, films, pictures (default: out/view)")
+    add("--browser", action="store_true", help="serve a page for a browser, as where there is no display")
+    add("--host", help="where to serve it (default: 127.0.0.1, for this machine alone)")
+    add("--port", type=partial(_count, most=65_535), metavar="P", help="of the server (default: one that is free)")
 
     add = command("render", _render, "film a finished run again, or two of them side by side").add_argument
     add("folder", type=_path, metavar="DIR", help="what `run` wrote")

@@ -53,6 +53,7 @@ def prepare_environment() -> None:
     is said once on stderr. On POSIX it is this user's own, and stays for the next run.
     """
     os.environ.setdefault("ENABLE_TAICHI_HEADER_PRINT", "0")
+    os.environ.setdefault("TI_LOG_LEVEL", "error")  # also of what it tells while it is imported
     _spare_searches()
     if "HOME" in os.environ and writable(cache_folder()):
         return
@@ -135,7 +136,6 @@ def start(threads: int | None = None) -> None:
                     default_ip=ti.i32,
                     fast_math=False,
                     real_matrix_scalarize=False,  # see physics.law
-                    log_level=ti.ERROR,
                     cpu_max_num_threads=number,
                 )
         except RuntimeError as error:

@@ -2,22 +2,18 @@
 
 from __future__ import annotations
 
-import contextlib
-import os
-import tempfile
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import taichi as ti
 
-from taichi_disk.errors import TaichiDiskError
 from taichi_disk.lattice import Array
 from taichi_disk.output.plot import HEIGHTS, LINE, STYLE, draw_curves, matplotlib_style
 from taichi_disk.render import kernels
 from taichi_disk.render.geometry import Camera, View
 from taichi_disk.render.legend import LEAST, Legend
+from taichi_disk.render.offscreen import give_back, take
 from taichi_disk.render.palette import Theme
 from taichi_disk.render.video import Picture
 from taichi_disk.simulation.outcome import Outcome
@@ -57,10 +53,7 @@ class Pictures:
         parts = [legend.still(self._camera.scale / supersample) for legend in legends]
         self._blank = np.concatenate([*parts, panel.full] if panel else parts, axis=1)
         self.width = self._blank.shape[1]
-        try:
-            self._window = ti.ui.Window("taichi-disk", drawn, show_window=False)
-        except RuntimeError as error:  # a Vulkan driver that is there and does not work
-            raise TaichiDiskError(f"no film: Vulkan cannot draw {drawn[0]} x {drawn[1]} pixels: {error}") from error
+        self._window = take(self, drawn)
 
     def draw(self, states: Sequence[tuple[float, Array, Array]]) -> Picture:
         """A picture (size, width, 3), rows downwards, with (t, x, v) of each disk and without its changing text."""
@@ -80,20 +73,7 @@ class Pictures:
         return picture
 
     def close(self) -> None:
-        with elsewhere():
-            self._window.destroy()
-
-
-@contextlib.contextmanager
-def elsewhere() -> Iterator[None]:
-    """Work in another folder: a window that closes leaves an imgui.ini in the current one."""
-    here = os.getcwd()
-    with tempfile.TemporaryDirectory() as folder:
-        os.chdir(folder)
-        try:
-            yield
-        finally:
-            os.chdir(here)
+        give_back(self)
 
 
 # ---- the curves

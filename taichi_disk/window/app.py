@@ -23,18 +23,30 @@ if TYPE_CHECKING:
 _X11 = sys.platform.startswith("linux")
 
 
-def view(scene_or_folder: Scene | Path, out: Path) -> None:
+def view(
+    scene_or_folder: Scene | Path, out: Path, browser: bool = False, host: str = "127.0.0.1", port: int = 0
+) -> None:
     """Open the sandbox; returns when its window has been closed. Files go into `out`.
 
-    Raises TaichiDiskError, with the remedy, where no window can be opened; InputError for a folder without scenes.
+    Where no window can be opened it is a page for a browser, served at `host` and `port` (0: one that is free), as it
+    is where `browser` is asked for.
+    Raises TaichiDiskError, with the remedy, where there is neither; InputError for a folder without scenes.
     """
     from taichi_disk import runtime
 
     runtime.prepare_environment()
     playlist = folder(scene_or_folder) if isinstance(scene_or_folder, Path) else presets(scene_or_folder)
-    if problem := window_problem():
-        raise TaichiDiskError(f"no window: {problem}")
+    problem = film_problem() if browser else window_problem()
+    if film_problem():
+        raise TaichiDiskError(f"no window: {film_problem()}")
     runtime.start()
+    if browser or problem:
+        from taichi_disk.window.browser import serve
+
+        if problem:
+            print(f"note: no window: {problem}; here is a page for a browser", file=sys.stderr)
+        serve(playlist, out, host, port)
+        return
     from taichi_disk.window.viewer import Viewer
 
     for _ in Viewer(playlist, out, screen()).pictures():
@@ -73,7 +85,7 @@ def folder(path: Path) -> list[Entry]:
 
 
 def window_problem() -> str | None:
-    """Why no window can be opened on this machine and what mends it, or None. Needs no `ti.init`.
+    """Why no window can be opened on this machine, or None. Needs no `ti.init`.
 
     It is asked without opening one: GLFW ends the process where it cannot.
     """
@@ -82,11 +94,7 @@ def window_problem() -> str | None:
         return film_problem()
     if name and ((problem := film_problem()) or screen()):
         return problem
-    what = f"the display {name} does not answer" if name else "there is no display (DISPLAY is not set)"
-    return (
-        f"{what}: run it on a desktop, log in with `ssh -X`, or give it a virtual one: `xvfb-run -s '-screen 0 "
-        "1280x1024x24' taichi-disk view`; `taichi-disk run` films without a display"
-    )
+    return f"the display {name} does not answer" if name else "there is no display (DISPLAY is not set)"
 
 
 def screen() -> tuple[int, int] | None:

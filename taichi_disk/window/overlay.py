@@ -230,22 +230,27 @@ class Graphs:
             return width
 
         for k, (left, top, right, bottom) in enumerate(self.boxes):
-            draw_line(overlay, (left, top - 28.0), titles[k], _HEADING, ink(theme.ink), True)
-            x, low = left, k * self._low
-            for curve in curves:
-                if curve.graph == k:
-                    overlay.rectangle((x, top - 15.0, x + 13.0, top - 13.0), curve.ink)
-                    x += 32.0 + write(x + 18.0, top - 9.0, curve.name)
+            low, named = k * self._low, [curve for curve in curves if curve.graph == k]
+            wide = sum(32.0 + text_width(curve.name, _SMALL) for curve in named) - 14.0
+            narrow = wide > right - left + (50.0, 20.0)[k]
+            if not narrow:
+                draw_line(overlay, (left, top - 28.0), titles[k], _HEADING, ink(theme.ink), True)
+            x, row = left, top - 9.0 - 17.0 * narrow * (len(named) - 1)
+            for curve in named:
+                overlay.rectangle((x, row - 6.0, x + 13.0, row - 4.0), curve.ink)
+                wide = 32.0 + write(x + 18.0, row, curve.name)
+                x, row = (x, row + 17.0) if narrow else (x + wide, row)
             for value in (low, 0.5 + 0.5 * low, 1.0):
                 row = bottom - (bottom - top) * (value - low) / (1.0 - low)
                 overlay.line([(left, row), (right, row)], ink(theme.rule))
                 write(left - 6.0, row + 4.0, label(value), 1.0)
             *ticks, last = ticks_to(self.full["t"], False)
+            free = right - write(right, bottom + 16.0, f"t = {label(last)} R/c", 1.0) - 14.0
             for tick in (*ticks, last):
                 x = left + (right - left) * tick / last
                 overlay.line([(x, bottom), (x, bottom + 3.0)], faint)
-                line, align = (f"t = {label(tick)} R/c", 1.0) if tick == last else (label(tick), 0.5)
-                write(x, bottom + 16.0, line, align)
+                if x < free:
+                    write(x, bottom + 16.0, label(tick), 0.5)
 
     def draw_curves(self, overlay: Overlay) -> None:
         t, rows = self._rows()

@@ -27,7 +27,7 @@ _CONTACT = 0.55  # width of what is seen of a contact [R]
 
 
 class SceneView:
-    """Draws `sandbox` on a `ti.ui.Canvas`.
+    """Draws `sandbox`.
 
     Attributes:
         painter: of the disk that is seen.
@@ -40,8 +40,8 @@ class SceneView:
     painter: Painter
     camera: Camera
 
-    def __init__(self, canvas: Any, sandbox: Sandbox) -> None:
-        self._canvas, self.sandbox, self.graphs = canvas, sandbox, Graphs(sandbox)
+    def __init__(self, sandbox: Sandbox) -> None:
+        self.sandbox, self.graphs = sandbox, Graphs(sandbox)
         self.follows, self.hint = False, ""
         self._bonds: Any = None  # of the lattice that `painter` is for
         self._hit = (0, 0)  # number of the start, and of the hit since then
@@ -69,8 +69,9 @@ class SceneView:
         self.follows = self._at_home = False
 
     def zoom(self, factor: float, at: tuple[float, float]) -> None:
-        """`factor` times as large, with what is at the pixel `at` staying there."""
-        self.camera, self._at_home = self.camera.zoomed(factor, at), False
+        """`factor` times as large; what is at the pixel `at`, or else in the middle, stays there."""
+        self.camera = self.camera.zoomed(factor, at if self.point_at(*at) else self._middle)
+        self._at_home = False
 
     def pan(self, columns: float, rows: float) -> None:
         """Move everything by so many pixels."""
@@ -80,10 +81,14 @@ class SceneView:
         """Stay with the disk's centre of mass from now on, or no longer; one out of view comes to the middle."""
         column, row = self.camera.to_pixels(self.centre)
         if not self.point_at(column, row):
-            left, right, top, bottom = self._viewport
-            column, row = (left + right) / 2, (top + bottom) / 2
+            column, row = self._middle
         self.camera = replace(self.camera, look_at=self.centre, middle=(float(column), float(row)))
         self.follows, self._at_home = not self.follows, False
+
+    @property
+    def _middle(self) -> tuple[float, float]:
+        left, right, top, bottom = self._viewport
+        return (left + right) / 2, (top + bottom) / 2
 
     @property
     def centre(self) -> tuple[float, float]:
@@ -99,14 +104,14 @@ class SceneView:
 
     # ---- drawing
 
-    def draw(self, size: tuple[int, int]) -> None:
-        """What is seen, in a window of `size` (width, height) [px]."""
+    def draw(self, canvas: Any, size: tuple[int, int]) -> None:
+        """What is seen, on a `ti.ui.Canvas` of `size` (width, height) [px]."""
         seen = self.sandbox.seen
         self._suit(seen.segment, size)
         painter = self.painter
         if self.follows:
             self.camera = replace(self.camera, look_at=self.centre)
-        painter.paint(self._canvas, self.camera, seen.x, seen.v, max(self._legend.unit, 0.6))
+        painter.paint(canvas, self.camera, seen.x, seen.v, max(self._legend.unit, 0.6))
         if self._count % _LOOK == 0:
             self._grow()
         self._count += 1
@@ -117,7 +122,7 @@ class SceneView:
         rows = segment.began, segment.attempt, segment.count
         self._keep("curves", (look, rows), self.graphs.draw_curves)
         self._keep("moving", None, self._fill_moving)
-        draw_triangles(self._canvas, np.concatenate([vertices for _, vertices in self._kept.values()]))
+        draw_triangles(canvas, np.concatenate([vertices for _, vertices in self._kept.values()]))
 
     def _suit(self, segment: Segment, size: tuple[int, int]) -> None:
         """See to it that painter, scales and camera suit what is shown."""
@@ -171,13 +176,13 @@ class SceneView:
         return segment.scenario.caption(self.sandbox.seen.values | {"t": t})
 
     @property
-    def _theme(self) -> Theme:
+    def theme(self) -> Theme:
         return THEMES[self.painter.theme]
 
     def _keep(self, name: str, key: Any, fill: Callable[[Overlay], None]) -> None:
         """Keep what `fill` puts on an overlay; it is filled again where `key` is another, or None."""
         if key is None or self._kept.get(name, (None,))[0] != key:
-            overlay = Overlay(ink(self._theme.ground))
+            overlay = Overlay(ink(self.theme.ground))
             fill(overlay)
             self._kept[name] = key, overlay.vertices(*self._size)
 
@@ -189,17 +194,17 @@ class SceneView:
 
     def _fill_still(self, overlay: Overlay) -> None:
         """It covers what was drawn above and below the viewport, where that is so: to fill costs 2 ns a pixel."""
-        (left, _, top, bottom), (width, height), ground = self._viewport, self._size, ink(self._theme.ground)
+        (left, _, top, bottom), (width, height), ground = self._viewport, self._size, ink(self.theme.ground)
         if self._overhangs():
             overlay.rectangle((left, 0, width, top - 1), ground)
             overlay.rectangle((left, bottom, width, height), ground)
-        self.graphs.draw_frames(overlay, self._theme)
+        self.graphs.draw_frames(overlay, self.theme)
         overlay.left = left
         self._legend.draw(overlay, self.camera.scale)
 
     def _fill_moving(self, overlay: Overlay) -> None:
         """Cursors, the mouse's spring, the time and the pace, what happened last."""
-        sandbox, seen, theme, (left, right, top, _) = self.sandbox, self.sandbox.seen, self._theme, self._viewport
+        sandbox, seen, theme, (left, right, top, _) = self.sandbox, self.sandbox.seen, self.theme, self._viewport
         self.graphs.draw_cursor(overlay, theme)
         if sandbox.dragged:
             ends = self.camera.to_pixels([seen.x[sandbox.dragged[0]], sandbox.dragged[1]])

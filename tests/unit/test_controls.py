@@ -14,9 +14,8 @@ import pytest
 from taichi_disk.scenes import load_scene
 from taichi_disk.simulation.simulation import KernelCache
 from taichi_disk.window.controls import LEAST, REPEATED, Controls
+from taichi_disk.window.recorder import Recorder, picture_of
 from taichi_disk.window.sandbox import Sandbox
-from taichi_disk.window.scene_view import PANEL
-from taichi_disk.window.viewer import Recorder, picture_of
 
 
 @pytest.fixture
@@ -75,11 +74,12 @@ def test_the_keys_for_points_keep_the_viscosity_of_the_body(controls: Controls) 
 
 def test_files_that_cannot_be_written_are_told_and_the_window_lives(controls: Controls) -> None:
     sandbox, out = controls.sandbox, controls.out
-    recorder = Recorder(controls, lambda: np.zeros((PANEL + 60, 50, 4), np.float32))
+    recorder = Recorder(controls)
+    take = lambda: recorder.take(0.1, lambda: np.zeros((120, 50, 4), np.float32), 0.5)  # noqa: E731
     controls.press("v")
-    recorder.take(0.1)
+    take()
     controls.press("v")
-    recorder.take(0.1)
+    take()
     assert [one.name for one in out.iterdir()] == ["view-1.mp4"] and "view-1.mp4" in sandbox.message
     shutil.rmtree(out)
     out.write_text("")
@@ -87,15 +87,15 @@ def test_files_that_cannot_be_written_are_told_and_the_window_lives(controls: Co
         sandbox.message = ""
         controls.press(key)
         for _ in range(50):
-            recorder.take(0.1)
+            take()
         assert "write" in sandbox.message and not controls.recording
     controls.press("w")
     assert "Not a directory" in sandbox.message
 
 
-@pytest.mark.parametrize("size", [(PANEL + 61, 51), (PANEL + 60, 50)])
+@pytest.mark.parametrize("size", [(121, 51), (120, 50)])
 def test_a_picture_shows_the_view_upright(controls: Controls, size: tuple[int, int]) -> None:
     drawn = np.zeros((*size, 4), np.float32)
-    drawn[PANEL, size[1] // 2 * 2 - 1] = (1.0, 0.5, 0.0, 1.0)  # the upper left corner of the view: rows run upwards
-    picture = picture_of(drawn)
+    drawn[60, size[1] // 2 * 2 - 1] = (1.0, 0.5, 0.0, 1.0)  # the upper left corner of the view: rows run upwards
+    picture = picture_of(drawn, 60 / size[0])
     assert picture.shape == (50, 60, 3) and picture[0, 0].tolist() == [255, 128, 0] and picture.sum() == 383
