@@ -120,17 +120,17 @@ class Painter:
             above.append(solid)
         if self.full_force and self.wall is not None:
             sizes = (_HEAD * unit * pixel, max(_ARROW * unit, 1.0) * pixel, _RIM * unit * pixel)
-            above.append(geometry.arrows(*self.pushes(x, max(_NEXT * unit, 9.0) * pixel), *sizes, theme))
+            above.append(geometry.arrows(*self.pushes(x, v, max(_NEXT * unit, 9.0) * pixel), *sizes, theme))
         self._draw_shape(canvas, geometry.joined(*above), camera)
         if self.draw == "points":
             self._points(canvas, camera, x, values, unit)
 
-    def pushes(self, x: Array, distance: float) -> tuple[Array, Array]:
+    def pushes(self, x: Array, v: Array, distance: float) -> tuple[Array, Array]:
         """Feet (k, 2) [R] and forces (k, 2) of arrows, in parts of the full force.
 
         Where points stand closer than `distance` [R], one arrow for all that are pushed within that shows their mean.
         """
-        points, forces = self.wall.contact_forces(self.lattice, x)
+        points, forces = self.wall.contact_forces(self.lattice, x, v, self.springs)
         forces = forces / self.full_force
         strong = np.hypot(*forces.T) > _WEAK
         feet, forces = x[points[strong]], forces[strong]

@@ -14,6 +14,7 @@ from taichi_disk.config.scene_base import (
 )
 from taichi_disk.config.sections import ElasticWallSection, ImpactSection, MaterialSection
 from taichi_disk.lattice import Lattice, with_wall
+from taichi_disk.scenes import oblique
 from taichi_disk.scenes.body import DiskScene
 from taichi_disk.scenes.impact import ImpactScenario
 from taichi_disk.simulation.observables import Columns
@@ -29,6 +30,7 @@ class AbsorbingWallScene(DiskScene):
     lattice_keys: ClassVar[tuple[str, ...]] = ("lattice", "wall.points", "wall.width")
     abscissa: ClassVar[tuple[str, str]] = ("impact", "velocity")
     results: ClassVar[tuple[str, ...]] = ("restitution", "contact_time")
+    optional_results: ClassVar[tuple[str, ...]] = tuple(oblique.RESULTS)
 
     scene: Literal["absorbing_wall"] = "absorbing_wall"
     material: MaterialSection = MaterialSection(eta_star=0.0)  # the boundary absorbs the energy
@@ -39,7 +41,7 @@ class AbsorbingWallScene(DiskScene):
         matched = ["wall.boundary = dashpot"] * (self.wall.boundary == "dashpot")
         conflicts = super().conflicts() + time_conflicts(self.time, self.material, *matched)
         conflicts += gap_conflicts(self.wall, self.impact)
-        least = least_threshold(self.wall, self.impact.velocity)
+        least = least_threshold(self.wall, self.impact.approach)
         if self.wall.threshold < least:
             text = (
                 f"at {self.wall.threshold:g} R the contact potential exceeds 1e-5 of the kinetic energy, "

@@ -11,6 +11,7 @@ import numpy as np
 from taichi_disk.errors import InputError
 from taichi_disk.lattice import Lattice, disk_of
 from taichi_disk.lattice.network import bending_compliance
+from taichi_disk.scenes import oblique
 from taichi_disk.simulation.observables import Columns
 from taichi_disk.simulation.scenario import Array, Scenario, spread
 
@@ -33,16 +34,22 @@ class ImpactScenario(Scenario):
 
     Attributes:
         velocity: v, of the centre of mass towards the wall at the start [c].
+        oblique: whether something happens along the wall, too: there is an angle, a spin or friction.
         gap: distance of the lowest point from the wall at the start [R].
         kinetic: of the flight at the start, M v^2/2 [M c^2].
     """
 
     truncation_remedy = "a larger impact.gap ends it farther from the wall"
     kind = "Impact"
-    labels: ClassVar = {"restitution": ("restitution e", ""), "contact_time": ("contact time", "R/c")}
+    labels: ClassVar = {
+        "restitution": ("restitution e", ""),
+        "contact_time": ("contact time", "R/c"),
+        **{name: (label, unit) for name, (label, unit, _) in oblique.RESULTS.items()},
+    }
     notes: ClassVar = {
         "restitution": "-v_cm(after)/v_cm(before), after the disk has left for good",
         "contact_time": f"first to last time that the wall's force is {CONTACT_LEVEL:g} of its peak [R/c]",
+        **{name: note for name, (_, _, note) in oblique.RESULTS.items()},
     }
 
     def __init__(self, scene: Any, body: Lattice) -> None:
@@ -62,8 +69,9 @@ class ImpactScenario(Scenario):
         """Everything that follows from the scene's velocity."""
         from taichi_disk.simulation.stability import impact_point_force
 
-        scene, velocity = self.scene, self.scene.impact.velocity
+        scene, velocity = self.scene, self.scene.impact.approach
         self.velocity, self.kinetic = velocity, 0.5 * velocity**2
+        self.oblique = bool(scene.impact.angle or scene.impact.spin or getattr(scene.wall, "friction", 0.0))
         longest, decay_time = LONGEST * self.springs.time_unit, scene.wall.decay_length / velocity
         halvings = np.ceil(np.log2(longest / (DECAY_TIMES_PER_ROW * decay_time)) - 1e-9)
         self.sample_interval = float(longest * 0.5 ** np.clip(halvings, 0, HALVINGS))
@@ -97,7 +105,7 @@ class ImpactScenario(Scenario):
         positions[:n, 1] += self.gap - surface.min()
         self.lattice = replace(body, positions=positions)
         self.velocities = np.zeros_like(positions)
-        self.velocities[:n, 1] = -self.velocity
+        self.velocities[:n] = impact.along, -self.velocity
         if impact.spin:
             arm = positions[:n] - positions[:n].mean(axis=0)
             self.velocities[:n] += impact.spin * np.stack([-arm[:, 1], arm[:, 0]], axis=1)
@@ -159,20 +167,22 @@ class ImpactScenario(Scenario):
 
     def result(self, columns: Columns) -> dict[str, float]:
         start, end = contact_interval(columns["t"], columns["wall_force"], columns["com_vy"])
-        return {"restitution": float(columns["com_vy"][-1] / self.velocity), "contact_time": end - start}
+        found = {"restitution": float(columns["com_vy"][-1] / self.velocity), "contact_time": end - start}
+        return found | (oblique.along_the_wall(columns, self._radius, self._inertia) if self.oblique else {})
 
     def start_with(self, velocities: Array) -> None:
         super().start_with(velocities)
-        velocity = -float(velocities[:, 1].mean())
+        along, velocity = float(velocities[:, 0].mean()), -float(velocities[:, 1].mean())
         if not velocity > 0.0:
             raise InputError(f"velocities: their mean has to point down, at the wall, not {-velocity:+g} c")
-        self.scene = self.scene.with_({"impact.velocity": velocity})
+        angle = round(float(np.arctan2(along, velocity)), 12)  # 0 of a throw straight down, however the mean is rounded
+        self.scene = self.scene.with_({"impact.velocity": float(np.hypot(along, velocity)), "impact.angle": angle})
         self._set_out()
         super().start_with(velocities)  # the start at that speed has others
 
     def marks(self, columns: Columns) -> tuple[str, str]:
-        e, contact_time = self.result(columns).values()
-        return f"e = {e:.5f}", f"contact time {contact_time:.4g} R/c"
+        found = self.result(columns)
+        return f"e = {found['restitution']:.5f}", f"contact time {found['contact_time']:.4g} R/c"
 
     def quality(self, columns: Columns) -> tuple[Array, str, str]:
         lost = (columns["total"] - columns["total"][0]) / self.energy

@@ -13,7 +13,7 @@ from taichi_disk import runtime
 from taichi_disk.errors import SimulationError
 from taichi_disk.lattice import Array
 from taichi_disk.simulation.diagnostics import BlowUp, EnergyBalance, explained, gone_through, unacceptable
-from taichi_disk.simulation.observables import COLUMNS, Columns, as_columns, bounds_array
+from taichi_disk.simulation.observables import Columns, as_columns, bounds_array
 from taichi_disk.simulation.scenario import Scenario
 from taichi_disk.simulation.simulation import NEVER, KernelCache, Simulation
 from taichi_disk.simulation.stability import Spectrum
@@ -70,7 +70,7 @@ class Driver:
         self._needed, self._quiet = 1 + ceil(scenario.quiet_time / self.interval - 1e-9), 0
         springs = SPRINGS_PER_LOOK if self.simulation.subdomains > 1 else SPRINGS_PER_LAUNCH
         self._launch_steps = max(1, springs // (len(scenario.lattice.bonds) * self.step.integrator.forces))
-        self._rows: Array = np.empty((256, len(COLUMNS)))
+        self._rows: Array = np.empty((256, self.simulation.first_row.size))
         self._rows[0], self.count = self.simulation.first_row, 1
         self._balance = EnergyBalance(self.simulation.first_row)
         self.start = self.state = self.simulation.snapshot()

@@ -18,7 +18,7 @@ from taichi_disk.physics.law import Capacity
 from taichi_disk.physics.ordering import BLOCK, Arrangement, arrange
 from taichi_disk.signals import raise_if_interrupted
 from taichi_disk.simulation.kernels import Kernels, SubdomainKernels
-from taichi_disk.simulation.observables import COLUMNS, PEAK, SUMS, bounds_array
+from taichi_disk.simulation.observables import COLUMNS, PEAK, bounds_array
 from taichi_disk.simulation.stepping import Snapshot, State
 
 # Of any simulation: kernels of one size serve all lattices of usual size.
@@ -48,7 +48,7 @@ class Simulation:
         builder = ti.FieldsBuilder()
         for law in self.model.laws:
             law.make_fields(builder, self._capacity)
-        self.state = State(builder, self._capacity, self.subdomains, self.model.springs.damped)
+        self.state = State(builder, self._capacity, self.subdomains, self.model)
         both = 2 if isinstance(model.boundary, MatchedBoundary) else 1
         solver = DashpotSolver(builder, self._capacity, both) if factor is not None else None
         parts = self.state, self.model, integrator, solver
@@ -111,8 +111,8 @@ class Simulation:
             law.fill(lattice)
         start = np.zeros((len(self.state.vectors), n, 2))
         start[0], start[1] = lattice.positions, velocities
-        self.state.restore(Snapshot(0, start, np.zeros(SUMS)))
-        rows = np.zeros((1, len(COLUMNS)))
+        self.state.restore(Snapshot(0, start, np.zeros(self.state.summed)))
+        rows = np.zeros((1, len(COLUMNS) + self.model.rough))
         self.kernels.initialise(rows)
         self.first_row = self.now = rows[0]
 
@@ -131,7 +131,7 @@ class Simulation:
         Returns the rows (rows, columns), and how many rows running are within the bounds now.
         """
         raise_if_interrupted()
-        rows = np.empty(((self.step_number % stride + steps) // stride + 1, len(COLUMNS)))
+        rows = np.empty(((self.step_number % stride + steps) // stride + 1, self.now.size))
         bounds = bounds_array({}) if bounds is None else bounds
         counts = np.array([needed, quiet, 0, 0], np.int32)
         self.kernels.advance(self.step_number, steps, stride, rows, bounds, counts)

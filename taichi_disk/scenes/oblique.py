@@ -1,0 +1,35 @@
+"""What an impact at an angle, with a spin or with friction, gives beside e: what happened along the wall."""
+
+from __future__ import annotations
+
+from taichi_disk.simulation.observables import Columns
+
+# Results, each with its name, its unit and how it is measured.
+RESULTS = {
+    "tangential_restitution": (
+        "tangential restitution",
+        "",
+        "-(v_t + omega R) after over before, of the disk's lowest point; v_t to the right, omega counter-clockwise",
+    ),
+    "spin_after": ("spin after", "c/R", "angular momentum at the end over the unloaded disk's moment of inertia"),
+    "tangential_impulse": ("tangential impulse", "M c", "of the wall on the disk, to the right: change of v_t times M"),
+    "normal_impulse": ("normal impulse", "M c", "of the wall on the disk, upwards: change of v_n times M"),
+}
+STILL = 1e-9  # of the speed: a slower lowest point has no restitution
+
+
+def along_the_wall(columns: Columns, radius: float, inertia: float) -> dict[str, float]:
+    """The numbers of RESULTS; no restitution of a lowest point that was at rest.
+
+    Args:
+        columns: the time series of an ended impact.
+        radius, inertia: of the unloaded disk [R], [M R^2].
+    """
+    vx, vy, spin = (columns[name][[0, -1]] for name in ("com_vx", "com_vy", "angular_momentum"))
+    before, after = (vx + spin / inertia * radius).tolist()
+    found = {} if abs(before) <= STILL * abs(vy[0]) else {"tangential_restitution": -after / before}
+    return found | {
+        "spin_after": float(spin[1] / inertia),
+        "tangential_impulse": float(vx[1] - vx[0]),
+        "normal_impulse": float(vy[1] - vy[0]),
+    }
