@@ -200,6 +200,16 @@ class ImpactSection(Section):
         return self.velocity * sin(self.angle)
 
 
+class ElasticImpactSection(ImpactSection):
+    offset: Auto | float = key(
+        "auto",
+        "x of the disk's centre at the start; auto: such that it meets the wall in its middle",
+        "R",
+        low=-100,
+        high=100,
+    )
+
+
 class CompressionSection(Section):
     """A force -P/N on every point, eq. (3), until the disk is at rest."""
 

@@ -43,6 +43,7 @@ class Painter:
             difference from one to the next. In units of the quantity.
         full_force: force that an arrow of `geometry.ARROW` stands for [M c^2/R]; 0: no arrows.
         edge: height of the wall's edge over its surface [R], see `geometry.edge_height`.
+        spoke: the point to which a line is drawn from the disk's centre; -1: none.
         shown: (n,) the values in the last picture.
     """
 
@@ -51,7 +52,7 @@ class Painter:
     def __init__(self, lattice: Lattice, springs: Springs, wall: Any = None) -> None:
         self.lattice, self.springs, self.wall = lattice, springs, wall
         self.colour, self.draw, self.theme = "shear", "both", "light"
-        self.limit, self.full_force, self.edge = 1.0, 0.0, 0.0
+        self.limit, self.full_force, self.edge, self.spoke = 1.0, 0.0, 0.0, -1
         self._triangles, self._spacing = Triangles(lattice), float(np.median(lattice.rest_lengths))
 
     # ---- values
@@ -116,6 +117,10 @@ class Painter:
             above.append(geometry.outline(x[start], x[end], half, inside, theme.ink, theme.ground))
         elif self.draw == "springs":
             self._springs(canvas, camera, x, values, unit)
+        if self.spoke >= 0:
+            ends = x[: self.lattice.disk_points].mean(axis=0)[None], x[[self.spoke]]
+            for colour, wide in ((theme.ground, 2.0 * half), (theme.ink, half)):
+                above.append(geometry.outline(*ends, wide, np.broadcast_to(colour, (1, 2, 3)), colour, colour))
         if self.wall is not None:
             above.append(solid)
         if self.full_force and self.wall is not None:

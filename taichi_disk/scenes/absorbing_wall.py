@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection
+from math import tan
 from typing import TYPE_CHECKING, ClassVar, Literal
 
 from taichi_disk.config.scene_base import (
@@ -12,7 +13,7 @@ from taichi_disk.config.scene_base import (
     rounded_up,
     time_conflicts,
 )
-from taichi_disk.config.sections import ElasticWallSection, ImpactSection, MaterialSection
+from taichi_disk.config.sections import ElasticImpactSection, ElasticWallSection, MaterialSection
 from taichi_disk.lattice import Lattice, with_wall
 from taichi_disk.scenes import oblique
 from taichi_disk.scenes.body import DiskScene
@@ -35,7 +36,7 @@ class AbsorbingWallScene(DiskScene):
     scene: Literal["absorbing_wall"] = "absorbing_wall"
     material: MaterialSection = MaterialSection(eta_star=0.0)  # the boundary absorbs the energy
     wall: ElasticWallSection = ElasticWallSection()
-    impact: ImpactSection = ImpactSection()
+    impact: ElasticImpactSection = ElasticImpactSection()
 
     def conflicts(self) -> Conflicts:
         matched = ["wall.boundary = dashpot"] * (self.wall.boundary == "dashpot")
@@ -48,6 +49,12 @@ class AbsorbingWallScene(DiskScene):
                 f"so that energy would jump there: write {rounded_up(least)} R or more"
             )
             conflicts.append(("wall.threshold", text))
+        if (least := oblique.least_width(self.wall, self.impact, self.material.k_a)) > self.wall.width:
+            text = (
+                f"a disk thrown so touches the wall's surface as far as {0.5 * least:.3g} R from its middle: write "
+                f"{rounded_up(least)} R or more, or another impact.offset"
+            )
+            conflicts.append(("wall.width", text))
         dt, interval = self.time.dt, self.wall.reset_interval
         if self.wall.boundary == "reset" and dt != "auto" and dt > interval:
             conflicts.append(("time.dt", f"{dt:g} is longer than wall.reset_interval = {interval:g} [R/c]"))
@@ -73,6 +80,11 @@ class AbsorbingWallImpact(ImpactScenario):
 
     scene: AbsorbingWallScene
     kind = "Impact on an elastic wall"
+
+    def _put_at_start(self) -> None:
+        super()._put_at_start()
+        offset, n = self.scene.impact.offset, self.lattice.disk_points
+        self.lattice.positions[:n, 0] += -self.gap * tan(self.scene.impact.angle) if offset == "auto" else offset
 
     def _view(self) -> tuple[float, float, float, float]:
         half, bottom = max(0.5 * self.scene.wall.width, 1.1), float(self.lattice.positions[:, 1].min())

@@ -12,13 +12,13 @@ from taichi_disk.errors import InputError
 from taichi_disk.lattice import Lattice, disk_of
 from taichi_disk.lattice.network import bending_compliance
 from taichi_disk.scenes import oblique
+from taichi_disk.scenes.oblique import START_POTENTIAL
 from taichi_disk.simulation.observables import Columns
 from taichi_disk.simulation.scenario import Array, Scenario, spread
 
 if TYPE_CHECKING:
     from taichi_disk.physics import Model
 
-START_POTENTIAL = 1e-10  # of the wall at the start, as a fraction of the kinetic energy
 # Part of the wall's decay time 1/(a v) between two rows: a point is pushed for a few of these, and on a hard wall the
 # force of the whole disk is made of such pushes, whose first and last bound the contact.
 DECAY_TIMES_PER_ROW = 0.3
@@ -82,13 +82,16 @@ class ImpactScenario(Scenario):
         limit = scene.impact.max_time
         self.max_time = self._default_max_time() if limit == "auto" else limit
         self.view = self._view()
+        if self.oblique:
+            self.spoke = int(self.lattice.positions[: self.lattice.disk_points, 1].argmax())
 
     @abstractmethod
     def _model(self) -> Model:
         """From `scene` and `lattice`."""
 
     def _view(self) -> tuple[float, float, float, float]:
-        return -1.1, 1.1, -0.1, 2.0 + self.gap
+        along = 3.0 * self.gap * float(np.tan(self.scene.impact.angle))  # to the wall and away, about
+        return min(along, 0.0) - 1.1, max(along, 0.0) + 1.1, -0.1, 2.0 + self.gap
 
     def _put_at_start(self) -> None:
         """Turn the disk, lift it by the gap, give it velocity and spin."""
@@ -189,7 +192,12 @@ class ImpactScenario(Scenario):
         return lost, "energy imbalance\n/ initial kinetic", "linear"
 
     def motion(self, columns: Columns) -> tuple[Array, str]:
-        return columns["com_vy"] / self.velocity, "velocity of the centre\nof mass, $v_{cm}/v$"
+        label = (
+            "velocity away\nfrom the wall, $v_n/v_n(0)$"
+            if self.oblique
+            else "velocity of the centre\nof mass, $v_{cm}/v$"
+        )
+        return columns["com_vy"] / self.velocity, label
 
     def frame_times(self, columns: Columns, frames: int) -> Array:
         start, end = contact_interval(columns["t"], columns["wall_force"], columns["com_vy"])
@@ -202,16 +210,23 @@ class ImpactScenario(Scenario):
 
     def title(self) -> tuple[str, ...]:
         scene = self.scene
-        start = f"    spin {scene.impact.spin:g} c/R" if scene.impact.spin else ""
-        start += f"    turned by {scene.impact.turn:g}" if scene.impact.turn else ""
+        impact, friction = scene.impact, getattr(scene.wall, "friction", 0.0)
+        start = f"    {impact.angle:g} rad from the normal" if impact.angle else ""
+        start += f"    spin {impact.spin:g} c/R" if impact.spin else ""
+        start += f"    μ = {friction:g}" if friction else ""
+        start += f"    turned by {impact.turn:g}" if impact.turn else ""
         return (
             self.kind,
-            f"v = {self.velocity:g} c    {scene.damping}    a = {scene.wall.a:g}/R{start}",
+            f"v = {impact.velocity:g} c    {scene.damping}    a = {scene.wall.a:g}/R{start}",
             scene.described(self.lattice),
         )
 
     def caption(self, row: dict[str, float]) -> tuple[str, ...]:
-        return (f"t = {row['t']:7.3f} R/c", f"velocity {row['com_vy'] / self.velocity:+.3f} v")
+        time = f"t = {row['t']:7.3f} R/c"
+        if not self.oblique:
+            return time, f"velocity {row['com_vy'] / self.velocity:+.3f} v"
+        spin = row["angular_momentum"] / self._inertia
+        return time, f"v {row['com_vx']:+.4f}, {row['com_vy']:+.4f} c", f"spin {spin:+.4f} c/R"
 
 
 def contact_interval(t: Array, force: Array, velocity: Array) -> tuple[float, float]:

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from math import log, pi, sqrt, tan
+
+from taichi_disk.config.sections import ElasticImpactSection, ElasticWallSection
 from taichi_disk.simulation.observables import Columns
 
 # Results, each with its name, its unit and how it is measured.
@@ -15,6 +18,7 @@ RESULTS = {
     "tangential_impulse": ("tangential impulse", "M c", "of the wall on the disk, to the right: change of v_t times M"),
     "normal_impulse": ("normal impulse", "M c", "of the wall on the disk, upwards: change of v_n times M"),
 }
+START_POTENTIAL = 1e-10  # of the wall at the start, as a fraction of the kinetic energy
 STILL = 1e-9  # of the speed: a slower lowest point has no restitution
 
 
@@ -33,3 +37,18 @@ def along_the_wall(columns: Columns, radius: float, inertia: float) -> dict[str,
         "tangential_impulse": float(vx[1] - vx[0]),
         "normal_impulse": float(vy[1] - vy[0]),
     }
+
+
+def least_width(wall: ElasticWallSection, impact: ElasticImpactSection, k_a: float) -> float:
+    """Width [R] with which an elastic wall ends nowhere in the contact of a disk that is thrown so; 0 if straight down.
+
+    The middle of the contact moves along with the disk for its time, that of Hertz's law, and the contact is half as
+    wide as the chord at the depth v. `k_a`: of the springs [M c^2/R^2].
+    """
+    if not impact.angle and impact.offset == "auto":
+        return 0.0
+    gap = wall.height_of(START_POTENTIAL * 0.5 * impact.approach**2) if impact.gap == "auto" else impact.gap
+    first = 0.0 if impact.offset == "auto" else impact.offset + gap * tan(impact.angle)
+    strain = min(impact.approach / sqrt(k_a), 1.0)
+    last = first + impact.along * pi * sqrt(log(4.0 / strain) / k_a)
+    return 2.0 * (max(abs(first), abs(last)) + sqrt(2.0 * strain))

@@ -126,7 +126,7 @@ class SceneView:
         if fresh:
             self.painter = Painter(scenario.lattice, scenario.model.springs, scenario.model.wall)
         painter, self._bonds = self.painter, scenario.lattice.bonds
-        painter.springs, painter.wall = scenario.model.springs, scenario.model.wall
+        painter.springs, painter.wall, painter.spoke = scenario.model.springs, scenario.model.wall, scenario.spoke
         painter.edge = edge_height(scenario.model.wall, scenario.point_force)
         painter.draw, painter.theme = video.draw, video.theme
         hit, look = (self.sandbox.starts, segment.hit), (size, video.theme, scenario.title())

@@ -198,3 +198,24 @@ def test_friction_alone_brakes_no_straight_throw_and_has_no_restitution_of_its_o
     _, _, plain = impact(kernels, *SMALL)
     assert "tangential_restitution" not in found and list(plain) == ["restitution", "contact_time"]
     assert found["restitution"] == pytest.approx(plain["restitution"], abs=0.05)
+
+
+@pytest.mark.parametrize("angle", [0.9, -0.9])
+def test_a_disk_flying_sideways_meets_the_middle_of_an_elastic_wall(angle, kernels):
+    wall = ("lattice.points=100", "wall.points=160", "wall.width=4", "wall.boundary=pinned")
+    thrown = ("impact.gap=1", f"impact.angle={angle}")
+    scenario, outcome = computed(kernels, "absorbing_wall", *wall, *thrown, estimate=False)
+    columns, found = outcome.columns, scenario.result(outcome.columns)
+    first = int(np.argmax(columns["wall_force"] > 0.01 * columns["wall_force"].max()))
+    assert abs(columns["com_x"][first]) < 0.11 and abs(columns["com_x"][0]) > 1.2
+    # It is level and has no friction: what pushes sideways is its dent.
+    assert 0.0 < abs(found["tangential_impulse"]) < 0.02 * found["normal_impulse"]
+    assert found["normal_impulse"] == pytest.approx((1.0 + found["restitution"]) * 0.02 * np.cos(0.9), rel=1e-12)
+    assert abs(outcome.facts["energy"]["closing_imbalance"]) < 1e-4
+
+
+def test_on_an_elastic_wall_a_disk_may_start_anywhere(kernels):
+    scene = load_scene("absorbing_wall", ["lattice.points=60", "wall.points=100", "impact.offset=-0.4"])
+    scenario, plain = scene.scenario(), scene.with_({"impact.offset": "auto"}).scenario()
+    assert_allclose(scenario.lattice.positions[:60] - plain.lattice.positions[:60], np.tile([-0.4, 0.0], (60, 1)))
+    assert_array_equal(scenario.lattice.positions[60:], plain.lattice.positions[60:])
