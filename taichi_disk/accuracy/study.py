@@ -133,7 +133,7 @@ def assess(scene: Scene, progress: Progress, note: Callable[[str], None]) -> Fin
     progress("simulate", 0, None)
     if scenario.model.rough:
         raise InputError(
-            "wall.friction: the reference solution of `accuracy` needs smooth forces: write 0; `run` estimates the error"
+            "wall.friction: the reference solution of `accuracy` needs smooth forces; `run` estimates the error"
         )
     if scenario.step_dependent:
         modes = spectrum(scenario.lattice, scenario.model)

@@ -27,6 +27,7 @@ from taichi_disk.simulation.observables import (
     FRICTION_POWER,
     INDEX,
     SLIDING,
+    within,
 )
 from taichi_disk.simulation.stepping import State, Stepping
 
@@ -190,9 +191,7 @@ class SubdomainKernels(Kernels):
             if due or made == steps:
                 self.look(rows, count)
             if due:
-                row = rows[count, : len(COLUMNS)]
-                inside = bool(((row >= bounds[0]) & (row <= bounds[1])).all())
-                quiet = (quiet + 1) * inside
+                quiet = (quiet + 1) * bool(within(rows[[count]], bounds))
                 count += 1
         counts[1:] = quiet, made, count
 

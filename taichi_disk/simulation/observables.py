@@ -53,6 +53,12 @@ def total_energy(rows: Array) -> Array:
     return np.asarray(rows[:, ENERGY_INDICES].sum(axis=1) + rows[:, len(COLUMNS) :].sum(axis=1))
 
 
+def within(rows: Array, bounds: Array) -> Array:
+    """(rows,) whether each of `rows` (rows, columns) keeps to the least and largest values of `bounds_array`."""
+    rows = rows[:, : len(COLUMNS)]
+    return np.asarray(((rows >= bounds[0]) & (rows <= bounds[1])).all(axis=1))
+
+
 def bounds_array(bounds: dict[str, tuple[float, float]]) -> Array:
     """(2, columns) least and largest value of every column, as `bounds` has them; infinite for the others."""
     array = np.array([[-np.inf], [np.inf]]) * np.ones(len(COLUMNS))

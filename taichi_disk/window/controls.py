@@ -27,11 +27,15 @@ RANGES: dict[str, tuple[str, int, float, float]] = {
     "material.eta_star": ("eta* [e d]", 1, 0.0, 100.0),
     "material.viscosity": ("1000 eta [e d]", 1000, 0.0, 0.1),
     "impact.velocity": ("v/c", 1, 1e-3, 0.1),
+    "impact.angle": ("angle", 1, -1.5, 1.5),
+    "impact.spin": ("spin", 1, -0.5, 0.5),
+    "wall.friction": ("friction", 1, 0.0, 1.0),
     "compression.pressure": ("1000 P", 1000, 1e-4, 0.05),
     "wall.a": ("wall a [a z]", 1, 10.0, 3000.0),
     "lattice.points": ("points [j k]", 1, 100, 5000),
 }
-HEIGHTS = (("Experiment", 306), ("Time", 98), ("Look", 216), ("Numbers", 0))  # pixels; the last takes what is left
+THROWN = ("impact.angle", "impact.spin", "wall.friction")  # of some scenes
+HEIGHTS = (("Experiment", 376), ("Time", 98), ("Look", 216), ("Numbers", 0))  # pixels; the last takes what is left
 LARGE = 5000  # points, from which on a new start takes longer than a picture may
 _GREEN, _ORANGE, _GREY = (0.45, 0.85, 0.55), (1.0, 0.65, 0.25), (0.62, 0.66, 0.72)
 Action = Callable[[], None]
@@ -206,7 +210,8 @@ class Panel:
         scene = sandbox.scene
         self._gui.text(f"{controls.number + 1} of {len(controls.playlist)}  {scene.scene}")
         self._button("next scene", "n")
-        for key in (controls.dashpot_key, controls.push_key, "wall.a", "lattice.points"):
+        keys = (controls.dashpot_key, controls.push_key, *THROWN, "wall.a", "lattice.points")
+        for key in [key for key in keys if controls.value(key) is not None]:
             label, unit, low, high = RANGES[key]
             change = partial(self._change, key, unit)
             self._slide(label, unit * controls.value(key), unit * low, unit * high, change)
@@ -275,6 +280,6 @@ class Panel:
         # The label names the slider for ImGui: it may not change while it is dragged. It works in single precision.
         shown, _ = self._pending.get(label, (value, None))
         slide = self._gui.slider_int if isinstance(value, int) else self._gui.slider_float
-        new = slide(label, shown, low, max(high, value))
+        new = slide(label, shown, min(low, value), max(high, value))
         if np.float32(new) != np.float32(shown):
             self._pending[label] = new, partial(change, new)
