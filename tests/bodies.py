@@ -9,7 +9,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.sparse import coo_matrix
+from scipy.sparse.csgraph import connected_components
 
+from taichi_disk.fields import Triangles
 from taichi_disk.lattice import Lattice, disk_lattice, with_wall
 from taichi_disk.lattice.lattice import double_area, polygon_area
 from taichi_disk.physics import (
@@ -77,6 +80,16 @@ def assert_tiles(positions, triangles, outline):
     assert len(triangles) == 2 * len(np.unique(triangles)) - 2 - len(outline)  # Euler
 
 
+def holes_of(lattice):
+    """Areas [R^2] of the holes: of the graph of the sides that have one triangle, each component but the outline."""
+    side = Triangles(lattice).outline
+    _, part = connected_components(coo_matrix((np.ones(len(side)), side.T), shape=2 * [len(lattice.masses)]))
+    rings, x = [part[lattice.disk_surface[0]]], lattice.positions
+    inner = side[~np.isin(part[side[:, 0]], rings)]
+    cross = x[inner[:, 0], 0] * x[inner[:, 1], 1] - x[inner[:, 0], 1] * x[inner[:, 1], 0]
+    return [-0.5 * cross[part[inner[:, 0]] == one].sum() for one in np.unique(part[inner[:, 0]])]
+
+
 def shaken(lattice, seed, amplitude):
     """The lattice's points displaced at random, and velocities of some 0.1 c."""
     rng, shape = np.random.default_rng(seed), lattice.positions.shape
@@ -90,8 +103,19 @@ def moving_down(lattice, speed):
     return v
 
 
+def unlike(lattice, least=0.8, most=1.25):
+    """The same with masses of the disk's points, and stiffness, at random."""
+    rng, n, masses = np.random.default_rng(7), lattice.disk_points, lattice.masses.copy()
+    masses[:n] *= rng.uniform(least, most, n)
+    masses[:n] /= masses[:n].sum()
+    return replace(lattice, masses=masses, stiffness=rng.uniform(least, most, len(lattice.bonds)))
+
+
 def bouncing(scene, points, eta, height=0.05):
-    """Lattice, velocities and model of a disk just above a wall, moving straight down, or pressed."""
+    """Lattice, velocities and model of a disk just above a wall, moving straight down, or pressed; "unlike ..."."""
+    if scene.startswith("unlike "):
+        lattice, velocities, model = bouncing(scene.removeprefix("unlike "), points, eta, height)
+        return unlike(lattice), velocities, model
     speed = 0.05
     if scene == "compression":
         lattice, speed, model = disk(points, height=0.045), 0.0, pressed(0.05, eta)

@@ -27,9 +27,11 @@ class Model:
 
     def __init__(self, lattice, model):
         kind, springs = type(model.wall).__name__, model.springs
-        self.bonds, self.rest, self.mass = lattice.bonds, lattice.rest_lengths, lattice.masses[0]
+        self.bonds, self.rest, self.mass = lattice.bonds, lattice.rest_lengths, lattice.masses[:, None]
         self.disk_points, self.disk_surface = lattice.disk_points, lattice.disk_surface
         self.k_a, self.k_b, self.eta = springs.k_a, springs.k_b, springs.eta
+        self.factor = np.ones(len(lattice.bonds)) if lattice.stiffness is None else lattice.stiffness
+        self.weight = self.mass[: lattice.disk_points] / self.mass[: lattice.disk_points].sum()
         self.axial = springs.axial
         self.rigid = kind == "ExponentialWall"  # at y = 0
         self.wall_surface = lattice.wall_surface if kind == "ElasticWall" else np.zeros(0, int)
@@ -55,7 +57,7 @@ class Model:
     def elastic(self, x):
         d = x[self.bonds[:, 0]] - x[self.bonds[:, 1]]
         s = np.hypot(d[:, 0], d[:, 1]) - self.rest
-        return np.sum(self.k_a * s**2 / 2 + self.k_b * s**4 / 4)
+        return np.sum(self.factor * (self.k_a * s**2 / 2 + self.k_b * s**4 / 4))
 
     def wall(self, x):
         rigid = np.sum(self.V0 * np.exp(-self.a * x[: self.disk_points, 1])) if self.rigid else 0.0
@@ -63,7 +65,7 @@ class Model:
         return rigid + np.sum(self.V0 * (np.exp(-self.a * self.contacts(x).distance) - edge))
 
     def potential(self, x):
-        return self.elastic(x) + self.wall(x) + self.load * x[: self.disk_points, 1].mean()
+        return self.elastic(x) + self.wall(x) + self.load * np.sum(self.weight[:, 0] * x[: self.disk_points, 1])
 
     def wall_force(self, x):
         """(n, 2) what the wall alone does, its reaction on an elastic wall's points included."""
@@ -86,10 +88,10 @@ class Model:
         u = v[i] - v[j]
         if self.axial:
             u = (np.sum(u * d, axis=1) / r**2)[:, None] * d
-        g = -((self.k_a * s + self.k_b * s**3) / r)[:, None] * d - self.eta * u
+        g = self.factor[:, None] * (-((self.k_a * s + self.k_b * s**3) / r)[:, None] * d - self.eta * u)
         for c in (0, 1):
             f[:, c] += np.bincount(i, g[:, c], len(x)) - np.bincount(j, g[:, c], len(x))
-        f[: self.disk_points, 1] -= self.load / self.disk_points
+        f[: self.disk_points, 1] -= self.load * self.weight[:, 0]
         if self.impedance is not None:
             f[self.boundary] -= self.impedance * v[self.boundary]
         if self.pinned:

@@ -30,7 +30,7 @@ def contact_viscosity(points: int, seed: int, a: float) -> float:
     turn = np.stack([-arm[:, 1], arm[:, 0]], axis=1).ravel()
     motion, roll = factor.solve(np.tile([0.0, -1.0 / points], points)), factor.solve(turn)
     motion -= roll * (turn @ motion) / (turn @ roll)  # an impact is too short for the disk to roll
-    springs, dashpots = model.springs.stiffness(lattice, rest), laplacian(lattice.bonds, points)
+    springs, dashpots = model.springs.stiffness(lattice, rest), laplacian(lattice)
     u = motion.reshape(-1, 2)
     return float(np.sum(u * (dashpots @ u)) / (motion @ (springs @ motion))) / points
 

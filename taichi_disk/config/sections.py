@@ -111,6 +111,10 @@ class LatticeSection(Section):
     min_spacing: float = key(
         0.7, "least distance of the random points, in spacings of the hexagonal lattice; 0: none", low=0, high=0.75
     )
+    hole: float = key(0.0, "radius of a concentric hole, evenly spaced points on its edge; 0: none", "R", high=0.95)
+    core_radius: float = key(0.0, "radius of a concentric core of another material; 0: none", "R", high=0.95)
+    core_stiffness: float = key(1.0, "k_a, k_b and eta of the core's springs over the others'", low=1e-3, high=1e3)
+    core_density: float = key(1.0, "density of the core over the rest's; the disk is of 1 M in all", low=1e-3, high=1e3)
     file: str = key("none", "points of your own, CSV or .npz, instead of random ones; relative to the scene file")
     velocities: str = key("none", "an .npz file with velocities [c] of the points at the start, instead of the scene's")
 

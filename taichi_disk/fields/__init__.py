@@ -33,6 +33,7 @@ Support = Literal["triangles", "springs", "points"]
 LEAST_AREA = 0.1
 SMOOTHING, PASSES = 0.06, 12  # [R]
 ROUNDING = 1e-13  # of stresses [M c^2/R^2], which makes no fringes
+KINDS = 8  # of springs, up to which a line is drawn between them
 FRINGES = 5  # in a picture whose fringe constant nobody gave
 
 
@@ -141,6 +142,8 @@ class Triangles:
         part: (m,) of each spring's force that one triangle beside it carries: 1/2 between two triangles, 1 on an
             outline; 0 where there is none.
         outline: (k, 2) int32, the sides that belong to one triangle, with that triangle on their left.
+        across: (k, 2) int32, the springs that are no triangle's side.
+        interfaces: (k, 2) int32, the sides at which the springs' stiffness changes, where there are but a few kinds.
     """
 
     def __init__(self, lattice: Lattice) -> None:
@@ -151,7 +154,15 @@ class Triangles:
         sides = np.searchsorted(pair_keys(lattice.bonds, n), pair_keys(ends, n))  # bonds are sorted
         count = np.bincount(sides, minlength=m)
         self.part = np.where(count > 0, 1.0 / np.maximum(count, 1), 0.0)
-        self.outline = ends[count[sides] == 1]
+        self.outline, self.across = ends[count[sides] == 1], lattice.bonds[count == 0]
+        self.interfaces = self.across[:0]
+        if lattice.stiffness is not None:
+            kind = np.median(lattice.stiffness[sides].reshape(-1, 3), axis=1)  # of a triangle: what two of three are
+            least, most = np.full(m, np.inf), np.zeros(m)
+            np.minimum.at(least, sides, np.repeat(kind, 3))
+            np.maximum.at(most, sides, np.repeat(kind, 3))
+            if len(np.unique(kind)) <= KINDS:
+                self.interfaces = lattice.bonds[most > least]
         self._least_area = 0.5 * LEAST_AREA * np.abs(double_area(lattice.positions[self.triangles]))
         # Sums over what each triangle carries, over the triangles around each point, over a point and its neighbours.
         owner, ones = np.repeat(np.arange(t), 3), np.ones(3 * t)
@@ -184,7 +195,7 @@ class Triangles:
         """(t, 3) xx, yy and xy of the stress times the area [M c^2]."""
         rx, ry = between = springs.ends_apart(self.lattice, x)
         length = springs.lengths(between)
-        pull = springs.pull(length - self.lattice.rest_lengths) / length
+        pull = springs.pull(self.lattice, length - self.lattice.rest_lengths) / length
         return np.asarray(self._carried @ np.stack([pull * rx * rx, pull * ry * ry, pull * rx * ry], axis=1))
 
     def point_means(self, integrals: Array, areas: Array) -> Array:

@@ -3,6 +3,7 @@
 from taichi_disk.lattice.custom import file_digest, numbers
 from taichi_disk.lattice.lattice import Lattice, OwnStart, check_thickness, disk_of, own_start, read_lattice, with_wall
 from taichi_disk.lattice.network import Moduli, bulk_moduli
+from taichi_disk.lattice.random_points import circle_faults
 from taichi_disk.lattice.triangles import Array
 
 disk_lattice = Lattice.disk
@@ -14,6 +15,7 @@ __all__ = [
     "OwnStart",
     "bulk_moduli",
     "check_thickness",
+    "circle_faults",
     "disk_lattice",
     "disk_of",
     "file_digest",

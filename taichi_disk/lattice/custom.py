@@ -17,10 +17,10 @@ from numpy.typing import ArrayLike
 
 from taichi_disk.errors import InputError
 from taichi_disk.lattice.random_points import MAX_POINTS, MIN_POINTS, hexagonal_spacing
-from taichi_disk.lattice.triangles import Array, Long, pair_keys
+from taichi_disk.lattice.triangles import Array, Long, double_area, pair_keys
 
 _SMALLEST, _LARGEST = 0.5, 2.0  # half the larger extent [R]
-_OFF_CENTRE = 0.1  # of the centre of mass from x = 0 [R]
+_OFF_CENTRE = 0.1  # of the points' mean from x = 0 [R]
 _COINCIDENT = 1e-6  # distance of two points, in hexagonal spacings
 _BROKEN = RuntimeError, EOFError, zipfile.BadZipFile, zlib.error  # what zip files raise
 LARGEST = 500_000_000  # bytes of a file: 2,000,000 points over as large a wall take 430,000,000
@@ -43,7 +43,7 @@ def checked_points(points: ArrayLike) -> Array:
         size = f"the points extend over {width:.4g} x {height:.4g} R"
         raise InputError(f"{size}: {limits} (lengths are in units of the disk's radius R)")
     if abs(x[:, 0].mean()) > _OFF_CENTRE:
-        raise InputError(f"the centre of mass lies at x = {x[:, 0].mean():.4g} R: move the points to x = 0")
+        raise InputError(f"the points' mean lies at x = {x[:, 0].mean():.4g} R: move them to x = 0")
     for i, j in sorted(cKDTree(x).query_pairs(_COINCIDENT * hexagonal_spacing(n))):
         raise InputError(f"points {i} and {j} are the same, ({x[i, 0]:.6g}, {x[i, 1]:.6g})")
     return x
@@ -62,13 +62,30 @@ def checked_springs(springs: ArrayLike, n: int) -> Long:
     return pairs
 
 
-def checked_lengths(rest_lengths: ArrayLike, springs: int) -> Array:
-    rest = numbers(rest_lengths, "rest_lengths")
-    if rest.shape != (springs,):
-        raise InputError(f"rest_lengths must have the shape ({springs},) of the springs, not {rest.shape}")
-    for k in np.flatnonzero(~(np.isfinite(rest) & (rest > 0.0))):
-        raise InputError(f"rest length {k} is {rest[k]:g}: it must be positive")
-    return rest
+def checked_triangles(triangles: ArrayLike, x: Array, springs: Long | None) -> Long:
+    """Counter-clockwise."""
+    corners, n = np.asarray(triangles), len(x)
+    if corners.ndim != 2 or corners.shape[1] != 3 or not np.issubdtype(corners.dtype, np.integer):
+        raise InputError(f"triangles must be whole numbers of shape (t, 3), not {corners.dtype} of {corners.shape}")
+    corners = corners.astype(np.int64)
+    for k in np.flatnonzero((corners < 0).any(axis=1) | (corners >= n).any(axis=1)):
+        raise InputError(f"triangle {k} has the corners {corners[k].tolist()}: three points of 0 to {n - 1}")
+    turned = double_area(x[corners]) < 0.0
+    corners[turned] = corners[turned, ::-1]
+    if springs is not None:
+        side = np.stack([corners, np.roll(corners, -1, axis=1)], axis=2)
+        for k in np.flatnonzero(~np.isin(pair_keys(side, n), pair_keys(springs, n)).all(axis=1)):
+            raise InputError(f"triangle {k}, {corners[k].tolist()}, has a side that is no spring")
+    return corners
+
+
+def positive(values: ArrayLike, count: int, name: str) -> Array:
+    array = numbers(values, name)
+    if array.shape != (count,):
+        raise InputError(f"{name} must have the shape ({count},), not {array.shape}")
+    for k in np.flatnonzero(~(np.isfinite(array) & (array > 0.0))):
+        raise InputError(f"{name}[{k}] is {array[k]:g}: it must be positive")
+    return array
 
 
 def numbers(values: ArrayLike, name: str) -> Array:
@@ -108,14 +125,15 @@ class _Arrays(dict[str, Any]):
 
 
 def read_arrays(path: Path) -> dict[str, Any]:
-    """The arrays of an npz file by name, `positions` of a csv file. What it raises has not the file's name."""
+    """The arrays of an npz file by name; `positions` and perhaps `masses` of a csv file. What it raises has no name."""
     if path.suffix.lower() == ".csv":
         lines = [line.replace('"', "").strip() for line in path.read_text(encoding="utf-8-sig").splitlines()]
         lines = [line for line in lines if line and not line.startswith("#")]
-        header = bool(lines) and lines[0].lower().replace(" ", "") == "x,y"
+        header = bool(lines) and lines[0].lower().replace(" ", "") in ("x,y", "x,y,mass")
         if len(lines) == header:
             raise InputError("has no points")
-        return _Arrays(positions=np.loadtxt(lines[header:], delimiter=",", ndmin=2))
+        table = np.loadtxt(lines[header:], delimiter=",", ndmin=2)
+        return _Arrays(positions=table[:, :2], masses=table[:, 2]) if table.shape[1] == 3 else _Arrays(positions=table)
     if path.suffix.lower() != ".npz":
         raise InputError("a lattice is read from a .csv or .npz file")
     with zipfile.ZipFile(path) as archive:  # NumPy takes what is no zip file for a pickle, and says so
@@ -140,11 +158,16 @@ def points_of_disk(data: dict[str, Any], points: int) -> int:
     return int(n)
 
 
-def of_disk(data: dict[str, Any]) -> tuple[Any, ...]:
+def of_disk(data: dict[str, Any]) -> dict[str, Any]:
     """The arguments of `Lattice.from_points` that a file holds."""
-    positions, bonds, rest = data["positions"], data.get("bonds"), data.get("rest_lengths")
-    n = points_of_disk(data, len(positions))
-    if bonds is not None and n < len(positions):
-        ours = (bonds < n).all(axis=1)
-        bonds, rest = bonds[ours], None if rest is None else rest[ours]
-    return positions[:n], bonds, rest
+    arrays = {"points": data["positions"], "springs": data.get("bonds")}
+    arrays |= {name: data.get(name) for name in ("rest_lengths", "stiffness", "triangles", "masses")}
+    n = points_of_disk(data, len(arrays["points"]))
+    if n < len(arrays["points"]):
+        parts = {"springs": ("springs", "rest_lengths", "stiffness"), "triangles": ("triangles",)}
+        for first, names in parts.items():
+            if (pairs := arrays[first]) is not None:
+                ours = (pairs < n).all(axis=1)
+                arrays |= {name: one[ours] for name in names if (one := arrays[name]) is not None}
+        arrays |= {name: one[:n] for name in ("points", "masses") if (one := arrays[name]) is not None}
+    return arrays

@@ -26,18 +26,22 @@ _FEWEST, _MOST = 300, 20_000  # points of a sample for the bulk moduli
 _MARGIN = 3.0  # mean springs from the sides of a sample within which its edges are felt
 
 
-def network_stiffness(positions: Array, bonds: Indices, k: float) -> Sparse:
-    """Stiffness (2n, 2n) [M c^2/R^2] of unstretched springs of stiffness k: the sum of k e e^T over the bonds.
+def network_stiffness(positions: Array, bonds: Indices, k: Array | float) -> Sparse:
+    """Stiffness (2n, 2n) [M c^2/R^2] of unstretched springs of stiffness k, one or (m,): sum of k e e^T over the bonds.
 
     Degrees of freedom x0, y0, x1, y1, ...; e is the bond's direction.
     """
     e = (positions[bonds[:, 0]] - positions[bonds[:, 1]]) / bond_lengths(positions, bonds)[:, None]
-    return assemble(k * (e[:, :, None] * e[:, None, :]), bonds, len(positions))
+    return assemble(np.reshape(k, (-1, 1, 1)) * (e[:, :, None] * e[:, None, :]), bonds, len(positions))
 
 
-def laplacian(bonds: Indices, n: int) -> Sparse:
-    """Graph Laplacian (n, n): eta times it is the matrix of the vector dashpots, the same for x and y."""
-    return assemble(np.ones((len(bonds), 1, 1)), bonds, n)
+def laplacian(lattice: Lattice) -> Sparse:
+    """Graph Laplacian (n, n) with the springs' stiffness as weights.
+
+    Times eta it is the matrix of the vector dashpots, the same for x and y.
+    """
+    weights = lattice.stiffened(np.ones(len(lattice.bonds)))
+    return assemble(weights[:, None, None], lattice.bonds, len(lattice.positions))
 
 
 def assemble(block: Array, bonds: Indices, n: int) -> Sparse:

@@ -14,6 +14,8 @@ from taichi_disk.errors import InputError, SimulationError
 from taichi_disk.lattice.triangles import Array
 
 MIN_POINTS, MAX_POINTS = 3, 2_000_000
+MIN_ROWS = 3  # of springs across a wall or a ring, below which it is a truss rather than a lattice
+MIN_EDGE = 6  # points on the edge of a hole
 Depth = Callable[[Array], Array]
 """Signed distance of points (n, 2) to the edge of a region, positive inside."""
 
@@ -24,38 +26,65 @@ _RESTARTS = 1000
 _CROWDED = 0.04  # below this share of hits, darts are aimed at the uncovered part of the region only
 
 
-def circle_points(points: int, seed: int, rim: bool, min_spacing: float) -> Array:
+def circle_points(points: int, seed: int, rim: bool, min_spacing: float, hole: float = 0.0, core: float = 0.0) -> Array:
     """The points (points, 2) [R] of `Lattice.disk`, with its arguments. Raises what it raises, but for meshing."""
     if not MIN_POINTS <= points <= MAX_POINTS:
         raise InputError(f"lattice.points must be between {MIN_POINTS} and {MAX_POINTS}, not {points}")
-    spacing = least_distance(points, min_spacing)
+    for key, fault in circle_faults(points, hole, core):
+        raise InputError(f"lattice.{key}: {fault}")
+    spacing = least_distance(points, min_spacing) * math.sqrt(1.0 - hole**2)
     rng = np.random.default_rng(seed)
     circle: Array = np.empty((0, 2))
     radius = 1.0
+    count = rim_points(points, hole)
     if rim:
-        count = rim_points(points)
         circle = _unit_circle((np.arange(count) + rng.random()) / count)
         apothem = float(_unit_circle(np.array([0.5 / count]))[0, 0])
         # No triangle on a rim chord is flatter than an equilateral one. (Four points have no room for so much.)
         radius = max(apothem - spacing * np.sqrt(0.75), 0.2 * apothem)
     corner = np.full(2, radius)
+    # So far from other circles, or not all of their chords would be springs.
+    clear = max(spacing * np.sqrt(0.75), 1.1 * np.pi / count)
+    for inner in filter(None, (hole, core)):
+        turns = np.arange(round(inner * count)) + rng.random()
+        circle = np.concatenate([circle, inner * _unit_circle(turns / round(inner * count))])
 
     def depth(p: Array) -> Array:
-        return radius - np.sqrt(p[:, 0] ** 2 + p[:, 1] ** 2)
+        r = np.sqrt(p[:, 0] ** 2 + p[:, 1] ** 2)
+        found = radius - r
+        if hole:
+            found = np.minimum(found, r - hole - clear)
+        return np.minimum(found, np.abs(r - core) - clear) if core else found
 
     inside = scatter(rng, points - len(circle), -corner, corner, depth, spacing, circle)
     return np.concatenate([circle, inside])
 
 
-def rim_points(points: int) -> int:
+def rim_points(points: int, hole: float = 0.0) -> int:
     """How many of a disk's points lie on its rim: so many that their spacing is that of the points inside.
 
     A point on the rim owns half the area of one inside, so the points stand for n = points - rim/2 whole
     ones; hexagonal_spacing(n) = 2 pi/rim is a quadratic equation for rim. At least one point stays inside.
+    With a `hole` [R] the rim and its edge together own the half.
     """
-    k = 2.0 * np.pi * np.sqrt(3.0)
-    even = round(float(np.sqrt(k * points + k * k / 16.0) - k / 4.0))
+    k = 2.0 * np.pi * np.sqrt(3.0) * (1.0 + hole) / (1.0 - hole)
+    even = round(float(np.sqrt(k * points + k * k / 16.0) - k / 4.0) / (1.0 + hole))
     return min(even, points - 1) if points > 3 else 3
+
+
+def circle_faults(points: int, hole: float, core: float) -> list[tuple[str, str]]:
+    """(key, what is wrong) of a hole or a core [R] that so many points cannot make."""
+    row = 2.0 * np.pi / rim_points(points, min(hole, 0.99))
+    least, faults = MIN_EDGE * row / (2.0 * np.pi), []
+    limits = {"hole": (hole, least, 1.0 - MIN_ROWS * row), "core_radius": (core, max(least, hole + row), 1.0 - row)}
+    for key, (radius, low, high) in limits.items():
+        if radius and not low <= radius <= high:
+            beside = f" and a hole of {hole:g} R" if hole and key != "hole" else ""
+            bound = f"at least {low:.3g}" if radius < low else f"at most {high:.3g}"
+            need = f"{MIN_EDGE} springs round it and {MIN_ROWS if key == 'hole' else 1} between it and the rim"
+            text = f"must be {bound}, about, with {points} points{beside}, not {radius:g}: there have to be {need}"
+            faults.append((key, f"{text}, so write another, or more lattice.points"))
+    return faults
 
 
 def _unit_circle(turns: Array) -> Array:

@@ -14,6 +14,7 @@ Long = NDArray[np.int64]
 # Height over longest side. Three points of a straight row span a triangle of zero area, up to rounding.
 _FLAT = 1e-9
 _LONG = 3.0  # a sliver's outer side over the median spring
+GAP = 5.0  # longest spring over the median; points at random have some of 4.4
 _SLIVER = 0.25  # a sliver's height over its outer side
 
 
@@ -81,6 +82,14 @@ def without_slivers(x: Array, triangles: Long) -> Long:
         triangles = np.delete(triangles, outer[one_each] % len(triangles), axis=0)
 
 
+def without_bridges(x: Array, triangles: Long) -> Long:
+    """Drop triangles whose circumcircle, which holds no point, is wider than GAP median springs: they bridge a hole."""
+    side, first, _ = distinct_sides(triangles, len(x))
+    length = bond_lengths(x, side).reshape(3, -1)
+    widest = GAP * float(np.median(length.ravel()[first]))
+    return triangles[length.prod(axis=0) <= widest * double_area(x[triangles])]
+
+
 def distinct_sides(triangles: Long, n: int) -> tuple[Long, Long, Long]:
     """Sides (3t, 2) of `triangles` (t, 3) of n points, side k in the sense of triangle k % t.
 
@@ -110,15 +119,19 @@ def _cross(a: Array, b: Array) -> Array:
     return a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]
 
 
-def chain(sides: Long) -> Long:
-    """The points of `sides` (h, 2), each joined to the next. Raises SimulationError if that is not one closed chain."""
-    following = dict(sides.tolist())
-    chain = sides[:1, 0].tolist()
-    while chain and (after := following.pop(chain[-1], chain[0])) != chain[0]:
-        chain.append(after)
-    if not chain or len(chain) != len(sides):
-        raise SimulationError("the triangulation has a hole: choose another lattice seed")
-    return np.array(chain)
+def chains(sides: Long) -> list[Long]:
+    """The points of `sides` (h, 2), each joined to the next. Raises SimulationError if these are not closed chains."""
+    following, found = dict(sides.tolist()), list[Long]()
+    closed = len(following) == len(sides)  # not so where two parts have but a point in common
+    while closed and following:
+        chain = list(following.popitem())
+        while chain[-1] not in (chain[0], None):
+            chain.append(following.pop(chain[-1], None))
+        closed = chain.pop() is not None
+        found.append(np.array(chain))
+    if not closed:
+        raise SimulationError("the triangulation has no closed outline: choose another lattice seed")
+    return found
 
 
 def reverse_cuthill_mckee(bonds: Long, n: int, start: int) -> Long:

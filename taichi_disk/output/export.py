@@ -177,7 +177,8 @@ def _write_npz(path: Path, lattice: Lattice, frames: Iterator[Frame]) -> None:
             with member(name) as out:
                 np.lib.format.write_array_header_1_0(out, header)
                 copyfileobj(file, out)
-        for name in ("bonds", "triangles", "rest_lengths", "masses", "disk_points"):
+        unlike = ("stiffness",) if lattice.stiffness is not None else ()
+        for name in ("bonds", "triangles", "rest_lengths", "masses", "disk_points", *unlike):
             with member(name) as out:
                 np.lib.format.write_array(out, np.asarray(getattr(lattice, name)))
 

@@ -279,6 +279,8 @@ def write_lattice(path: Path, lattice: Lattice, velocities: Array, impedance: An
     names = ["positions", "bonds", "rest_lengths", "masses", "disk_points", "disk_surface"]
     if len(lattice.wall_surface):
         names += ["wall_surface", "wall_boundary"]
+    if lattice.stiffness is not None:
+        names += ["stiffness"]
     arrays = {name: getattr(lattice, name) for name in names}
     if impedance is not None and len(impedance):
         arrays["wall_impedance"] = impedance

@@ -80,9 +80,9 @@ class ExponentialWall(ExponentialPotential, BodyForce):
             if push > 0.0:
                 most = self.friction_now[None] * push
                 v, f = state.v[0][i], state.f[0][i]
-                force = ti.max(-most, ti.min(most, -(v / kick + f)))
+                force = ti.max(-most, ti.min(most, -(v / state.per_mass(i, kick) + f)))
                 state.f[0][i] = f + force
-                power -= force * (v + late * (f + force))
+                power -= force * (v + state.per_mass(i, late) * (f + force))
         return power
 
     # ---- in NumPy
@@ -124,7 +124,7 @@ class ExponentialWall(ExponentialPotential, BodyForce):
 @ti.data_oriented
 @dataclass(eq=False)
 class Load(BodyForce):
-    """-P/N on every point of the disk, paper eq. (3); its potential is P y_cm."""
+    """-P m_i/M on every point of the disk, which is the -P/N of paper eq. (3); its potential is P y_cm."""
 
     force: float  # P in all [M c^2/R]
 
@@ -138,24 +138,25 @@ class Load(BodyForce):
     def at(self, state: ti.template(), i):
         push = 0.0
         if i < state.n_disk[None]:
-            push = self.force_now[None] / state.n_disk[None]
+            push = state.share(i, self.force_now[None])
         return ti.Vector([0.0, -push])
 
     @ti.func
     def potential_at(self, state: ti.template(), i):
         energy = 0.0
         if i < state.n_disk[None]:
-            energy = self.force_now[None] * state.x[1][i] / state.n_disk[None]
+            energy = state.share(i, self.force_now[None] * state.x[1][i])
         return energy
 
     # ---- in NumPy
 
     def energy(self, lattice: Lattice, x: Array) -> float:
-        return self.force * float(x[: lattice.disk_points, 1].mean())
+        return self.force * float(lattice.mean(x[:, 1]))
 
     def forces(self, lattice: Lattice, x: Array) -> Array:
         force = np.zeros_like(x)
-        force[: lattice.disk_points, 1] = -self.force / lattice.disk_points
+        n, own = lattice.disk_points, lattice.masses[: lattice.disk_points]
+        force[:n, 1] = -self.force / n if lattice.uniform else -self.force * own / own.sum()
         return force
 
 
@@ -213,5 +214,5 @@ class MouseSpring(BodyForce):
             force = factor * self.at(state, i)
             energy = factor * self.potential_at(state, i)
             put(state.f, i, get(state.f, i) + force)
-            put(state.v, i, get(state.v, i) - state.closing[None] * force)
+            put(state.v, i, get(state.v, i) - state.closing[None] * state.per_mass(i, force))
         return energy

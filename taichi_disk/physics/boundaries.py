@@ -79,9 +79,10 @@ class MatchedBoundary(Boundary):
         power = 0.0
         for k in range(self.count[0]):
             i = self.point[k]
+            own = state.per_mass(i, half)
             for c in ti.static(range(2)):
                 Z, before = self.Z[c][k], state.v[c][i]
-                v = (before + half * state.f[c][i]) / (1.0 + half * Z)
+                v = (before + own * state.f[c][i]) / (1.0 + own * Z)
                 state.f[c][i] -= Z * v
                 power += Z * (v * v + 2.0 * before * before) / 3.0
         return power
@@ -123,15 +124,15 @@ class ResetBoundary(Boundary):
                 put(state.u, i, ti.Vector([0.0, 0.0]))
         for k in range(self.count[0]):
             i = self.point[k]
-            v = get(state.v, i) + half * get(state.f, i)
+            v = get(state.v, i) + half * state.per_mass(i, get(state.f, i))
             if ti.static(implicit):
                 v = get(state.u, i)
                 put(state.u, i, ti.Vector([0.0, 0.0]))
             elif ti.static(springs.damped):
                 put(state.u, i, v)
             else:
-                put(state.v, i, -half * get(state.f, i))
-            energy += 0.5 * m * (v[0] * v[0] + v[1] * v[1])
+                put(state.v, i, -half * state.per_mass(i, get(state.f, i)))
+            energy += 0.5 * state.times_mass(i, m) * (v[0] * v[0] + v[1] * v[1])
         if ti.static(implicit):
             solver.restart(state)
         elif ti.static(springs.damped):
@@ -145,7 +146,8 @@ class ResetBoundary(Boundary):
         """From `u`, what each velocity has lost, and `f` before that: `f` after it, and `u` that goes with it."""
         half, eta = state.closing[None], springs.eta_now[None]
         for i in range(state.n[None]):
-            put(state.v, i, get(state.v, i) + (half * get(state.f, i) - get(state.u, i)))
+            push = half * state.per_mass(i, get(state.f, i))
+            put(state.v, i, get(state.v, i) + (push - get(state.u, i)))
         for b in range(state.blocks[None]):
             for k in ti.static(range(len(springs.first))):
                 i, j = springs.first[k][b], springs.second[k][b]
@@ -153,17 +155,17 @@ class ResetBoundary(Boundary):
                 springs.pull_together(state.f, k, b, eta * lost)
         for i in range(state.n[None]):
             put(state.u, i, get(state.v, i))
-            put(state.v, i, get(state.v, i) - half * get(state.f, i))
+            put(state.v, i, get(state.v, i) - half * state.per_mass(i, get(state.f, i)))
 
     @ti.func
     def half_kick_energy(self, state: ti.template(), solved: ti.template()):
         """sum(m/2 (h/2 f/m)^2); where the velocities are only `solved` for, h/2 f/m = u - v."""
         energy = 0.0
         for i in range(state.n[None]):
-            kick = 0.5 * state.g[None] * get(state.f, i)
+            kick = 0.5 * state.g[None] * state.per_mass(i, get(state.f, i))
             if ti.static(solved):
                 kick = get(state.u, i) - get(state.v, i)
-            energy += 0.5 * state.m[None] * (kick[0] * kick[0] + kick[1] * kick[1])
+            energy += 0.5 * state.times_mass(i, state.m[None]) * (kick[0] * kick[0] + kick[1] * kick[1])
         return energy
 
     @ti.func
@@ -174,7 +176,8 @@ class ResetBoundary(Boundary):
             for k in ti.static(range(len(springs.first))):
                 i, j = springs.first[k][b], springs.second[k][b]
                 u = springs.damped_part(state, k, b, get(state.u, i) - get(state.u, j))
-                w = get(state.v, i) - get(state.v, j) + g * (get(state.f, i) - get(state.f, j))
+                pushes = state.per_mass(i, get(state.f, i)) - state.per_mass(j, get(state.f, j))
+                w = get(state.v, i) - get(state.v, j) + g * pushes
                 power += springs.eta_now[None] * (u[0] * w[0] + u[1] * w[1])
         return power
 

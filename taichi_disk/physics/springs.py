@@ -34,6 +34,7 @@ class Springs(Law):
 
     def __post_init__(self) -> None:
         self.cubic, self.damped = self.k_b != 0.0, self.eta != 0.0
+        self.unlike = False  # whether the springs have a `Lattice.stiffness`: a `Simulation` sets it
 
     @property
     def modulus(self) -> float:
@@ -54,15 +55,19 @@ class Springs(Law):
         self.first, self.second, self.rest = (
             side_by_side(builder, capacity.blocks, BLOCK, kind) for kind in (ti.i32, ti.i32, ti.f64)
         )
+        if self.unlike:
+            self.factor = side_by_side(builder, capacity.blocks, BLOCK)
 
     def numbers(self) -> list[tuple[Any, float]]:
         return [(self.k_a_now, self.k_a), (self.k_b_now, self.k_b), (self.eta_now, self.eta)]
 
     def arrange(self, lattice: Lattice, arrangement: Arrangement) -> None:
-        """Write the springs in the order in which kernels take them; `lattice` gives their rest lengths."""
+        """Write the springs in the order in which kernels take them; `lattice` gives rest lengths and stiffness."""
         filler = arrangement.source < 0
         rest = np.where(filler, 1.0, lattice.rest_lengths[arrangement.source])
         self._fill_springs(arrangement.ends, rest)
+        if lattice.stiffness is not None:
+            self._fill_factors(np.where(filler, 1.0, lattice.stiffness[arrangement.source]))
 
     @ti.kernel
     def _fill_springs(self, ends: ti.types.ndarray(ti.i32, ndim=2), rest: Reals1):
@@ -73,18 +78,26 @@ class Springs(Law):
                 self.second[k][b] = ends[b * BLOCK + k, 1]
                 self.rest[k][b] = rest[b * BLOCK + k]
 
+    @ti.kernel
+    def _fill_factors(self, factors: Reals1):
+        ti.loop_config(serialize=True)
+        for b in range(factors.shape[0] // BLOCK):
+            for k in ti.static(range(BLOCK)):
+                self.factor[k][b] = factors[b * BLOCK + k]
+
     @ti.func
     def add(self, state: ti.template(), dashpots: ti.template(), begin, end):
         """Add the forces of the springs in blocks begin..end (with `dashpots`: also theirs, at the velocities u).
 
         Returns the elastic energy sum(k_a s^2/2 + k_b s^4/4) [M c^2] and sum((u_i - u_j).(w_i - w_j)) over these
         springs [c^2] with w = (u + 2 v)/3, from which the energy balance has the power lost in the dashpots. Of axial
-        dashpots it is the part along the spring.
+        dashpots it is the part along the spring; of unlike springs each is multiplied by its stiffness.
         """
-        k_a, k_b, eta = self.k_a_now[None], self.k_b_now[None], self.eta_now[None]
+        all_k_a, all_k_b, all_eta = self.k_a_now[None], self.k_b_now[None], self.eta_now[None]
         energy = ti.Vector.zero(ti.f64, BLOCK)
         products = ti.Vector.zero(ti.f64, BLOCK)
         for block in range(begin, end):
+            k_a, k_b, eta = [self.stiffened(one, block) for one in [all_k_a, all_k_b, all_eta]]
             dx, dy = self.differences(state.x, block)
             rest = ti.Vector([self.rest[k][block] for k in range(BLOCK)])
             r = ti.sqrt(dx * dx + dy * dy)
@@ -103,7 +116,7 @@ class Springs(Law):
                 if ti.static(self.axial):
                     along = (ux * dx + uy * dy) / (r * r)
                     ux, uy = along * dx, along * dy
-                products += ux * (ux + 2.0 * vx) + uy * (uy + 2.0 * vy)
+                products += self.stiffened(ux * (ux + 2.0 * vx) + uy * (uy + 2.0 * vy), block)
                 fx += eta * ux
                 fy += eta * uy
             for k in ti.static(range(BLOCK)):
@@ -113,6 +126,14 @@ class Springs(Law):
             elastic += energy[k]
             rate += products[k] / 3.0
         return elastic, rate
+
+    @ti.func
+    def stiffened(self, value, block):
+        """`value`, one or BLOCK, times the stiffness of the springs of a block; as it is where all are alike."""
+        if ti.static(self.unlike):
+            return value * ti.Vector([self.factor[k][block] for k in range(BLOCK)])
+        else:
+            return value
 
     @ti.func
     def differences(self, pair: ti.template(), block):
@@ -126,11 +147,13 @@ class Springs(Law):
 
     @ti.func
     def damped_part(self, state: ti.template(), k: ti.template(), block, velocity):
-        """What the dashpot of spring k of a block resists of a relative `velocity` of its ends."""
+        """What the dashpot of spring k of a block resists of a relative `velocity` of its ends, times its stiffness."""
         part = velocity
+        if ti.static(self.unlike):
+            part = self.factor[k][block] * velocity
         if ti.static(self.axial):
             d = get(state.x, self.first[k][block]) - get(state.x, self.second[k][block])
-            part = (velocity.dot(d) / d.dot(d)) * d
+            part = (part.dot(d) / d.dot(d)) * d
         return part
 
     @ti.func
@@ -163,16 +186,16 @@ class Springs(Law):
 
     def tension(self, lattice: Lattice, x: Array) -> Array:
         """(m,) pull k_a s + k_b s^3 of each spring, positive where it is stretched [M c^2/R]."""
-        return self.pull(self.stretch(lattice, x))
+        return self.pull(lattice, self.stretch(lattice, x))
 
-    def pull(self, s: Array) -> Array:
-        """k_a s + k_b s^3 of stretches `s` [M c^2/R]."""
-        return np.asarray(s * (self.k_a + self.k_b * s * s))
+    def pull(self, lattice: Lattice, s: Array) -> Array:
+        """k_a s + k_b s^3 of stretches `s` (m,) [M c^2/R]."""
+        return np.asarray(lattice.stiffened(s * (self.k_a + self.k_b * s * s)))
 
     def energies(self, lattice: Lattice, x: Array) -> Array:
         """(m,) k_a s^2/2 + k_b s^4/4 of each spring [M c^2]."""
         square = self.stretch(lattice, x) ** 2
-        return np.asarray((0.5 * self.k_a + 0.25 * self.k_b * square) * square)
+        return np.asarray(lattice.stiffened((0.5 * self.k_a + 0.25 * self.k_b * square) * square))
 
     def energy(self, lattice: Lattice, x: Array) -> float:
         return float(self.energies(lattice, x).sum())
@@ -180,14 +203,14 @@ class Springs(Law):
     def forces(self, lattice: Lattice, x: Array) -> Array:
         vectors = self.ends_apart(lattice, x)
         length = self.lengths(vectors)
-        return self._gathered(lattice, len(x), self.pull(length - lattice.rest_lengths) / length * vectors)
+        return self._gathered(lattice, len(x), self.pull(lattice, length - lattice.rest_lengths) / length * vectors)
 
     def damping_forces(self, lattice: Lattice, x: Array, v: Array) -> Array:
         velocity = self.ends_apart(lattice, v)
         if self.axial:
             d = self.ends_apart(lattice, x)
             velocity = (velocity * d).sum(axis=0) / (d * d).sum(axis=0) * d
-        return self._gathered(lattice, len(v), self.eta * velocity)
+        return self._gathered(lattice, len(v), lattice.stiffened(self.eta * velocity))
 
     @staticmethod
     def _gathered(lattice: Lattice, n: int, pulls: Array) -> Array:
@@ -197,14 +220,14 @@ class Springs(Law):
 
     def stiffness_at_rest(self, lattice: Lattice) -> Any:
         """As `stiffness`, where no spring is stretched."""
-        return network_stiffness(lattice.positions, lattice.bonds, self.k_a)
+        return network_stiffness(lattice.positions, lattice.bonds, lattice.stiffened(self.k_a))
 
     def stiffness(self, lattice: Lattice, x: Array) -> Any:
         """A spring of length r and tension T adds T' e e^T (material) + T/r (1 - e e^T) (geometric)."""
         s = self.stretch(lattice, x)
         length = s + lattice.rest_lengths
         ex, ey = self.ends_apart(lattice, x) / length
-        along, across = self.k_a + 3.0 * self.k_b * s * s, self.pull(s) / length
+        along, across = lattice.stiffened(self.k_a + 3.0 * self.k_b * s * s), self.pull(lattice, s) / length
         xx, yy = along * ex * ex + across * ey * ey, along * ey * ey + across * ex * ex
         xy = (along - across) * ex * ey
         return assemble(np.stack([xx, xy, xy, yy], axis=1).reshape(-1, 2, 2), lattice.bonds, len(x))

@@ -142,6 +142,20 @@ def quads(a: Array, b: Array, c: Array, d: Array, *colours: Array) -> Shape:
     return corners.reshape(-1, 2), np.stack([each[k] for k in order], axis=1).reshape(-1, 3)
 
 
+def strokes(start: Array, end: Array, half: float, colours: NDArray[Any]) -> Shape:
+    """Lines from `start` to `end` (k, 2), twice `half` [R] wide, with `colours` (k, 2, 3) at both ends."""
+    left = _left(start, end, half)
+    first, last = colours[:, 0], colours[:, 1]
+    return quads(start - left, end - left, end + left, start + left, first, last, last, first)
+
+
+def _left(start: Array, end: Array, half: float) -> Array:
+    """(k, 2) [R] from lines to their left edges."""
+    along = end - start
+    along *= half / np.maximum(np.hypot(*along.T), 1e-300)[:, None]
+    return np.stack([-along[:, 1], along[:, 0]], axis=1)
+
+
 def outline(start: Array, end: Array, half: float, inside: NDArray[Any], ink: Colour, outside: Colour | Array) -> Shape:
     """Lines from `start` to `end` (k, 2), twice `half` [R] wide, that fade to either side.
 
@@ -149,9 +163,8 @@ def outline(start: Array, end: Array, half: float, inside: NDArray[Any], ink: Co
         inside: colours (k, 2, 3) at both ends of what lies to the left.
         outside: the colour of what lies to the right.
     """
-    along = end - start
-    along *= half / np.maximum(np.hypot(*along.T), 1e-300)[:, None]
-    left = np.stack([-along[:, 1], along[:, 0]], axis=1)
+    left = _left(start, end, half)
+    along = np.stack([left[:, 1], -left[:, 0]], axis=1)
     start, end, middle = start - 0.3 * along, end + 0.3 * along, np.asarray(ink)
     outer = quads(start - left, end - left, end, start, *[np.asarray(outside)] * 2, middle, middle)
     inner = quads(start, end, end + left, start + left, middle, middle, inside[:, 1], inside[:, 0])

@@ -37,7 +37,7 @@ class Painter:
     Attributes, all of which may be changed at any time:
         colour: a name of `fields.QUANTITIES`: what colours show.
         draw: "field" (triangles), "both" (and springs faintly on it, where points are far enough apart; fringes stay
-            without), "springs" or "points" alone.
+            without), "springs" or "points" alone. On the field a line parts triangles of unlike stiffness.
         theme: "light" or "dark".
         limit: value of full colour, from -limit where values have a sign, else from 0; of fringes: the stress
             difference from one to the next. In units of the quantity.
@@ -115,10 +115,13 @@ class Painter:
             start, end = self._triangles.outline.T
             inside = self.colours(values)[self._triangles.outline]
             above.append(geometry.outline(x[start], x[end], half, inside, theme.ink, theme.ground))
+            start, end = self._triangles.interfaces.T
+            inside = self.colours(values)[self._triangles.interfaces]
+            above.append(geometry.outline(x[start], x[end], half, inside, theme.ink, inside.mean(axis=1)))
         elif self.draw == "springs":
             self._springs(canvas, camera, x, values, unit)
         if self.spoke >= 0:
-            ends = x[: self.lattice.disk_points].mean(axis=0)[None], x[[self.spoke]]
+            ends = self.lattice.mean(x)[None], x[[self.spoke]]
             for colour, wide in ((theme.ground, 2.0 * half), (theme.ink, half)):
                 above.append(geometry.outline(*ends, wide, np.broadcast_to(colour, (1, 2, 3)), colour, colour))
         if self.wall is not None:
@@ -161,6 +164,10 @@ class Painter:
             out = _vertices(len(corners) * len(pattern))
             kernels.fill(x, values, corners, pattern, inset, self.map, fringes, *camera.canvas_map(), out)
             draw_triangles(canvas, out)
+        if ink and not fringes:
+            across = self._triangles.across
+            ends, seen = x[across], (1.0 - ink) * self.colours(values)[across]
+            self._draw_shape(canvas, geometry.strokes(ends[:, 0], ends[:, 1], inset, seen), camera)
 
     def _springs(self, canvas: Any, camera: Camera, x: Array, values: Array, unit: float) -> None:
         if self.colour in ("strain", "force"):

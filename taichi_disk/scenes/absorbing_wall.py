@@ -61,7 +61,8 @@ class AbsorbingWallScene(DiskScene):
         return conflicts
 
     def unused(self) -> Collection[tuple[str, str]]:
-        return [key for key in super().unused() if key[1] == "points"]  # the wall is random, too
+        of_wall = ("seed", "rim", "min_spacing")  # which is random, too
+        return [key for key in super().unused() if key[1] not in of_wall]
 
     def body(self) -> Lattice:
         """The unloaded disk over its wall, just touching."""

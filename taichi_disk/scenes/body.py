@@ -6,9 +6,18 @@ from abc import abstractmethod
 from collections.abc import Collection
 from typing import TYPE_CHECKING, Any, ClassVar
 
-from taichi_disk.config.scene_base import SceneBase
+from taichi_disk.config.scene_base import Conflicts, SceneBase
 from taichi_disk.config.sections import LatticeSection
-from taichi_disk.lattice import Array, Lattice, Moduli, bulk_moduli, disk_lattice, own_start, read_lattice
+from taichi_disk.lattice import (
+    Array,
+    Lattice,
+    Moduli,
+    bulk_moduli,
+    circle_faults,
+    disk_lattice,
+    own_start,
+    read_lattice,
+)
 
 if TYPE_CHECKING:
     from taichi_disk.physics import Springs
@@ -34,7 +43,19 @@ class DiskScene(SceneBase):
         spec = self.lattice
         if spec.file != "none":
             return read_lattice(spec.file)
-        return disk_lattice(spec.points, spec.seed, spec.rim, spec.min_spacing)
+        core = spec.core_radius, spec.core_stiffness, spec.core_density
+        return disk_lattice(spec.points, spec.seed, spec.rim, spec.min_spacing, spec.hole, *core)
+
+    def conflicts(self) -> Conflicts:
+        spec, found = self.lattice, super().conflicts()
+        if spec.file != "none":  # which says it all
+            return found
+        faults = circle_faults(spec.points, spec.hole, spec.core_radius)
+        found += [(f"lattice.{key}", fault) for key, fault in faults]
+        for key in ("core_stiffness", "core_density"):
+            if not spec.core_radius and getattr(spec, key) != 1.0:
+                found.append((f"lattice.{key}", "there is no core: write lattice.core_radius, too, or leave this out"))
+        return found
 
     @abstractmethod
     def of_body(self, body: Lattice) -> Scenario:
@@ -59,8 +80,9 @@ class DiskScene(SceneBase):
         return bulk_moduli(points, spec.seed, self.material.k_a, spec.min_spacing)
 
     def unused(self) -> Collection[tuple[str, str]]:
-        keys = () if self.lattice.file == "none" else ("points", "seed", "rim", "min_spacing")
-        return [("lattice", key) for key in keys]
+        if self.lattice.file == "none":
+            return []
+        return [("lattice", key) for key in self.lattice.schema() if key not in ("file", "velocities")]
 
     def springs(self, lattice: Lattice) -> Springs:
         """Springs and dashpots of the scene's material."""

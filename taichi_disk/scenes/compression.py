@@ -81,7 +81,7 @@ class Compression(Scenario):
         start = place_on_wall(disk, angle, wall, self.pressure).positions
         self.rest = solve_equilibrium(disk, self.model, start)
         self.lattice = place_on_wall(disk, self.rest.roll, wall, TOUCH * self.pressure)
-        self.unloaded = depth(self.lattice.positions)
+        self.unloaded = depth(self.lattice, self.lattice.positions)
         self.velocities = np.zeros_like(self.lattice.positions)
         # Released without damping, the contact force would swing to twice the load.
         self.point_force = contact_point_force(self.lattice, self.model, 2.0 * self.pressure)
@@ -108,7 +108,7 @@ class Compression(Scenario):
     def end_truncation_error(self, columns: Columns) -> float:
         from taichi_disk.simulation.equilibrium import depth
 
-        return abs(self.result(columns)["xi"] - (self.unloaded - depth(self.rest.positions)))
+        return abs(self.result(columns)["xi"] - (self.unloaded - depth(self.lattice, self.rest.positions)))
 
     def unfinished(self, columns: Columns) -> str:
         end, wanted = {name: values[-1] for name, values in columns.items()}, self.scene.time.tolerance

@@ -56,12 +56,12 @@ class ImpactScenario(Scenario):
         """`body`: the unloaded lattice, the elastic wall's surface at y = 0 if there is one."""
         self.scene, self._body = scene, body
         disk = disk_of(body)
-        distance = np.hypot(*(disk.positions - disk.positions.mean(axis=0)).T)
-        self._radius, self._inertia = float(distance.max()), float((distance**2).mean())
+        distance = np.hypot(*(disk.positions - disk.mean(disk.positions)).T)
+        self._radius, self._inertia = float(distance.max()), float(disk.mean(distance**2))
         self._dip = self._radius - float(distance[disk.disk_surface].min())
         self.springs = scene.springs(body)
         self._compliance = 1.0 / self.springs.modulus
-        if self._dip > NOT_ROUND * self._radius:
+        if self._dip > NOT_ROUND * self._radius or not (disk.whole and disk.stiffness is None):
             self._compliance = max(self._compliance, bending_compliance(self.springs.stiffness_at_rest(disk)))
         self._set_out()
 
@@ -110,7 +110,7 @@ class ImpactScenario(Scenario):
         self.velocities = np.zeros_like(positions)
         self.velocities[:n] = impact.along, -self.velocity
         if impact.spin:
-            arm = positions[:n] - positions[:n].mean(axis=0)
+            arm = positions[:n] - body.mean(positions)
             self.velocities[:n] += impact.spin * np.stack([-arm[:, 1], arm[:, 0]], axis=1)
 
     def _default_max_time(self) -> float:
@@ -120,6 +120,7 @@ class ImpactScenario(Scenario):
         """
         unit = self.springs.time_unit
         contact = np.pi * unit * np.sqrt(np.log(4.0 / min(self.velocity * unit, 1.0)))
+        contact = max(contact, np.pi * np.sqrt(self._compliance))  # of what bends, half a period
         return float(22.0 * (self.gap + self._dip) / self.velocity + 10.0 * contact)
 
     def end_bounds(self) -> dict[str, tuple[float, float]]:
@@ -156,8 +157,9 @@ class ImpactScenario(Scenario):
     @property
     def energy(self) -> float:
         """Of the flight towards the wall, and of a spin and all else that moves in the disk, at the start [M c^2]."""
-        disk = self.velocities[: self.lattice.disk_points]
-        return self.kinetic + 0.5 * float(((disk - disk.mean(axis=0)) ** 2).sum()) / len(disk)
+        lattice, disk = self.lattice, self.velocities[: self.lattice.disk_points]
+        weights = None if lattice.uniform else lattice.masses[: len(disk), None] + np.zeros(2)
+        return self.kinetic + float(np.average((disk - lattice.mean(disk)) ** 2, weights=weights))
 
     def energy_scale(self, columns: Columns) -> float:
         return self.energy
@@ -175,7 +177,8 @@ class ImpactScenario(Scenario):
 
     def start_with(self, velocities: Array) -> None:
         super().start_with(velocities)
-        along, velocity = float(velocities[:, 0].mean()), -float(velocities[:, 1].mean())
+        along, up = (float(self.lattice.mean(one)) for one in velocities.T)
+        velocity = -up
         if not velocity > 0.0:
             raise InputError(f"velocities: their mean has to point down, at the wall, not {-velocity:+g} c")
         angle = round(float(np.arctan2(along, velocity)), 12)  # 0 of a throw straight down, however the mean is rounded

@@ -137,10 +137,10 @@ def roll_angle(unloaded: Array, positions: Array) -> float:
     return math.atan2(across, float(np.sum(before * after)))
 
 
-def depth(positions: Array) -> float:
-    """How far the lowest of the points (n, 2) lies below the centre of mass [R]."""
+def depth(lattice: Lattice, positions: Array) -> float:
+    """How far the lowest of the points (n, 2) of a disk lies below its centre of mass [R]."""
     y = positions[:, 1]
-    return float(y.mean() - y.min())
+    return float(lattice.mean(y) - y.min())
 
 
 def turned(positions: Array, angle: float) -> Array:
@@ -168,7 +168,7 @@ def resting_angle(disk: Lattice, modulus: float, a: float, pressure: float) -> f
     from scipy.optimize import minimize_scalar
 
     depth = 1.0 / a + 2.0 * pressure / (np.pi * modulus)
-    x, y = (disk.positions[disk.disk_surface] - disk.positions.mean(axis=0)).T
+    x, y = (disk.positions[disk.disk_surface] - disk.mean(disk.positions)).T
 
     def height(angle: float) -> float:
         below = -np.sin(angle) * x - np.cos(angle) * y

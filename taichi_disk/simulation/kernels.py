@@ -93,7 +93,8 @@ class Kernels(Stepping):
             if ti.static(self.rough):  # u is the velocity at t = 0, and the first kick half a step's
                 sums[FRICTION_POWER] = self.wall.rub(self.state, self.state.closing[None], 0.0)
             for i in range(self.state.n[None]):
-                put(self.state.v, i, get(self.state.v, i) - self.state.closing[None] * get(self.state.f, i))
+                kick = self.state.closing[None] * self.state.per_mass(i, get(self.state.f, i))
+                put(self.state.v, i, get(self.state.v, i) - kick)
             self.observe(rows, 0, sums, elastic, upward, potential)
             sums[DISSIPATED] = stored
             for k in ti.static(range(self.state.summed)):
@@ -116,14 +117,14 @@ class Kernels(Stepping):
         for i in range(self.state.n[None]):
             x, y = self.state.x[0][i], self.state.x[1][i]
             f = get(self.state.f, i)
-            v = get(self.state.v, i) + self.state.closing[None] * f
+            v = get(self.state.v, i) + self.state.closing[None] * self.state.per_mass(i, f)
             vx, vy = v[0], v[1]
             if i < self.state.n_disk[None]:
-                sx += x
-                sy += y
-                svx += vx
-                svy += vy
-                spin += x * vy - y * vx
+                sx += self.state.times_mass(i, x)
+                sy += self.state.times_mass(i, y)
+                svx += self.state.times_mass(i, vx)
+                svy += self.state.times_mass(i, vy)
+                spin += self.state.times_mass(i, x * vy - y * vx)
                 lowest = ti.min(lowest, y)
                 residual2 = ti.max(residual2, f[0] * f[0] + f[1] * f[1])
                 for law in ti.static(self.body_forces):
@@ -134,8 +135,10 @@ class Kernels(Stepping):
                             force += push[1]
                     else:
                         load += law.potential_at(self.state, i)
-            v2 += vx * vx + vy * vy
+            v2 += self.state.times_mass(i, vx * vx + vy * vy)
         count, m = ti.cast(self.state.n_disk[None], ti.f64), self.state.m[None]
+        if ti.static(self.state.unlike):
+            count = self.state.disk_mass[None]
         rows[s, INDEX["com_x"]] = sx / count
         rows[s, INDEX["com_y"]] = sy / count
         rows[s, INDEX["com_vx"]] = svx / count

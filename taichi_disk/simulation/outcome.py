@@ -216,10 +216,11 @@ def quasistatic(scenario: Scenario, loads: int, progress: Progress = silent) -> 
 
     columns: Columns = {name: np.zeros(loads) for name in (*COLUMNS, "xi")} | {"t": parts}
     for k, x in enumerate(states):
-        columns["com_x"][k], columns["com_y"][k] = x.mean(axis=0)
+        columns["com_x"][k], columns["com_y"][k] = lattice.mean(x)
         columns["lowest_y"][k] = x[:, 1].min()
         # Against the unloaded disk as it lies under this load: it rolls a little as the load grows.
-        columns["xi"][k] = depth(turned(lattice.positions, roll_angle(lattice.positions, x))) - depth(x)
+        unloaded = turned(lattice.positions, roll_angle(lattice.positions, x))
+        columns["xi"][k] = depth(lattice, unloaded) - depth(lattice, x)
         columns["wall_force"][k] = model.wall.forces(lattice, x)[:, 1].sum()
         columns["residual"][k] = np.hypot(*loading.pressed(parts[k]).forces(lattice, x).T).max()
         columns["elastic"][k], columns["wall"][k] = model.springs.energy(lattice, x), model.wall.energy(lattice, x)

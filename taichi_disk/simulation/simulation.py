@@ -14,7 +14,7 @@ from taichi_disk.integrators import Integrator
 from taichi_disk.integrators.trapezoidal import DashpotSolver, Factor, factorise
 from taichi_disk.lattice import Array, Lattice
 from taichi_disk.physics import MatchedBoundary, Model
-from taichi_disk.physics.law import Capacity
+from taichi_disk.physics.law import Capacity, reference_mass
 from taichi_disk.physics.ordering import BLOCK, Arrangement, arrange
 from taichi_disk.signals import raise_if_interrupted
 from taichi_disk.simulation.kernels import Kernels, SubdomainKernels
@@ -42,13 +42,15 @@ class Simulation:
 
     def __init__(self, lattice: Lattice, model: Model, integrator: Integrator, velocities: Array, dt: float) -> None:
         self.integrator, self.model, self.generation = integrator, deepcopy(model), 0
+        self.features = compiled_for(lattice, model)
+        self.model.springs.unlike = lattice.stiffness is not None
         arrangement, factor = arrange(lattice.bonds, len(lattice.positions)), self._factor(lattice, model, dt)
         self.subdomains = arrangement.subdomains
         self._capacity = Capacity(*map(_doubled, _needed(lattice, arrangement, factor), astuple(LEAST)))
         builder = ti.FieldsBuilder()
         for law in self.model.laws:
             law.make_fields(builder, self._capacity)
-        self.state = State(builder, self._capacity, self.subdomains, self.model)
+        self.state = State(builder, self._capacity, self.subdomains, self.model, not lattice.uniform)
         both = 2 if isinstance(model.boundary, MatchedBoundary) else 1
         solver = DashpotSolver(builder, self._capacity, both) if factor is not None else None
         parts = self.state, self.model, integrator, solver
@@ -62,7 +64,7 @@ class Simulation:
 
         Returns False, with nothing changed, where that cannot be: laws of other kinds, or a lattice too large.
         """
-        if integrator is not self.integrator or model.signature() != self.model.signature():
+        if integrator is not self.integrator or compiled_for(lattice, model) != self.features:
             return False
         arrangement = self._arrangement
         if lattice.bonds is not self.lattice.bonds:
@@ -84,15 +86,16 @@ class Simulation:
     ) -> None:
         for own, given in zip(self.model.laws, model.laws, strict=True):
             vars(own).update(vars(given))  # which is a value: its own fields stay
-        self.lattice, self.dt, self.mass = lattice, dt, float(lattice.masses[0])
+        self.model.springs.unlike = lattice.stiffness is not None
+        self.lattice, self.dt, mass = lattice, dt, reference_mass(lattice)
         self._arrangement, self.step_number = arranged, 0
         self.generation += 1
-        n, g, state = len(lattice.positions), dt / self.mass, self.state
-        flight = 0.5 * float(velocities[: lattice.disk_points, 1].mean()) ** 2  # towards the wall
+        n, g, state = len(lattice.positions), dt / mass, self.state
+        flight = 0.5 * float(lattice.mean(velocities[:, 1])) ** 2  # towards the wall
         contact = CONTACT * flight * model.wall.added_stiffness(1.0) if model.wall else float("inf")
         numbers: list[tuple[Any, float]] = [
             (state.h, dt),
-            (state.m, self.mass),
+            (state.m, mass),
             (state.g, g),
             (state.closing, self.integrator.kicks[-1] * g),
             (state.contact, contact),
@@ -102,6 +105,9 @@ class Simulation:
             (state.subdomain_points, arranged.subdomain_points),
             (state.reset_steps, max(1, round(model.reset_interval / dt))),
         ]
+        if state.unlike:
+            numbers.append((state.disk_mass, lattice.masses[: lattice.disk_points].sum() / mass))
+            state.fill_masses(mass / lattice.masses)
         for law in self.model.laws:
             numbers += law.numbers()
         state.write(numbers, n)
@@ -161,7 +167,7 @@ class Simulation:
 
     def velocities(self, snapshot: Snapshot | None = None) -> Array:
         """(n, 2) [c], now or in a snapshot of this simulation."""
-        return (snapshot or self.snapshot()).velocities(self.integrator, self.dt, self.mass)
+        return (snapshot or self.snapshot()).velocities(self.integrator, self.dt, self.lattice)
 
     def peak_point_force(self, snapshot: Snapshot | None = None) -> float:
         """Largest force of the wall on one point since t = 0 [M c^2/R]."""
@@ -197,7 +203,7 @@ class KernelCache:
         self, lattice: Lattice, model: Model, integrator: Integrator, velocities: Array, dt: float
     ) -> Simulation:
         """A simulation at t = 0 of these; one that was given before may become it."""
-        key = (model.signature(), integrator.name)
+        key = (compiled_for(lattice, model), integrator.name)
         known = self._known.get(key)
         arguments = lattice, model, integrator, velocities, dt
         if known is None or not known.restart(*arguments):
@@ -208,6 +214,11 @@ class KernelCache:
             known = self._known[key] = Simulation(*arguments)
             known.advance(0)
         return known
+
+
+def compiled_for(lattice: Lattice, model: Model) -> tuple[Any, ...]:
+    """All that kernels are compiled for: laws, and whether points or springs are unlike."""
+    return model.signature(), lattice.uniform, lattice.stiffness is None
 
 
 def _needed(lattice: Lattice, arrangement: Arrangement, factor: Factor | None) -> tuple[int, int, int]:

@@ -25,7 +25,7 @@ MODULUS = 1.2  # Young's modulus over `Springs.modulus`, for estimates of contac
 
 @dataclass(frozen=True)
 class Spectrum:
-    """What bounds the step: the lattice's highest frequency omega [c/R], its damping rate, point mass [M], size.
+    """What bounds the step: the lattice's highest frequency omega [c/R], its damping rate, least point mass [M], size.
 
     `damping`: largest rate over eta, lambda_max(L)/m [1/(M c/R) c/R].
     """
@@ -41,9 +41,9 @@ def spectrum(lattice: Lattice, model: Model) -> Spectrum:
     stiffness = model.springs.stiffness(lattice, lattice.positions)
     damping = 0.0
     if model.springs.damped:
-        damping = largest_eigenvalue(laplacian(lattice.bonds, len(lattice.positions)), lattice.masses)
+        damping = largest_eigenvalue(laplacian(lattice), lattice.masses)
     omega = float(np.sqrt(largest_eigenvalue(stiffness, lattice.masses)))
-    return Spectrum(omega, damping, float(lattice.masses[0]), len(lattice.positions))
+    return Spectrum(omega, damping, float(lattice.masses.min()), len(lattice.positions))
 
 
 def step_limit(spectrum: Spectrum, model: Model, integrator: Integrator, point_force: float) -> float:
@@ -91,7 +91,7 @@ def impact_point_force(lattice: Lattice, model: Model, velocity: float) -> float
     xi = velocity
     for _ in range(50):
         xi = min(velocity * np.sqrt(np.log(4.0 / min(xi, 1.0)) / (np.pi * e_star)), 1.0)
-    alone = 0.5 * model.wall.a * float(lattice.masses[0]) * velocity**2
+    alone = 0.5 * model.wall.a * float(lattice.masses.max()) * velocity**2
     return max(contact_point_force(lattice, model, np.pi * e_star * xi / np.log(4.0 / xi)), alone)
 
 

@@ -13,7 +13,7 @@ import taichi as ti
 
 from taichi_disk.integrators import Integrator
 from taichi_disk.integrators.trapezoidal import DashpotSolver
-from taichi_disk.lattice import Array
+from taichi_disk.lattice import Array, Lattice
 from taichi_disk.physics import MatchedBoundary, Model, PinnedBoundary, ResetBoundary
 from taichi_disk.physics.law import Capacity, Reals1, Reals3, array, get, pair_of, put, scalar
 from taichi_disk.simulation.observables import (
@@ -45,9 +45,10 @@ class Snapshot:
     vectors: Array
     sums: Array
 
-    def velocities(self, integrator: Integrator, dt: float, mass: float) -> Array:
+    def velocities(self, integrator: Integrator, dt: float, lattice: Lattice) -> Array:
         """(n, 2) at the step, after its last kick [c]."""
         _, v, f = self.vectors[:3]
+        mass = lattice.masses[0] if lattice.uniform else lattice.masses[:, None]
         return np.asarray(v + integrator.kicks[-1] * dt / mass * f)
 
 
@@ -58,9 +59,12 @@ class State:
     `h`: time step; `m`: mass of a point; `g`: h/m; `closing`: what a step's last kick takes the force by, h/(2 m) in
     leapfrog; `contact`: the wall's force on a point from which the disk is in contact [M c^2/R]; `n`, `n_disk`: points,
     those of the disk; `reset_steps`: steps between two resets of the boundary.
+
+    Where points have unlike masses m_i, m is that of one of them: `lightness` holds m/m_i, `disk_mass` the disk's over
+    m. Where all are alike there are no such fields.
     """
 
-    def __init__(self, builder: Any, capacity: Capacity, subdomains: int, model: Model) -> None:
+    def __init__(self, builder: Any, capacity: Capacity, subdomains: int, model: Model, unlike: bool) -> None:
         self.fillers = 2 * subdomains  # points that carry the springs that fill up blocks
         filled = capacity.points + self.fillers
         self.x, self.v, self.f = (pair_of(builder, filled) for _ in range(3))
@@ -74,6 +78,42 @@ class State:
         )
         self.summed = SUMS + 2 * model.rough
         self.sums = array(builder, self.summed, ti.f64)
+        self.unlike = unlike
+        if unlike:
+            self.lightness, self.disk_mass = array(builder, capacity.points, ti.f64), scalar(builder)
+
+    # ---- masses
+
+    @ti.func
+    def per_mass(self, i, value):
+        """`value` times m/m_i."""
+        if ti.static(self.unlike):
+            return value * self.lightness[i]
+        else:
+            return value
+
+    @ti.func
+    def times_mass(self, i, value):
+        """`value` times m_i/m."""
+        if ti.static(self.unlike):
+            return value / self.lightness[i]
+        else:
+            return value
+
+    @ti.func
+    def share(self, i, value):
+        """The part of `value` that point i of the disk has by its mass."""
+        if ti.static(self.unlike):
+            return value / (self.lightness[i] * self.disk_mass[None])
+        else:
+            return value / self.n_disk[None]
+
+    @ti.kernel
+    def fill_masses(self, lightness: Reals1):
+        for i in range(lightness.shape[0]):
+            self.lightness[i] = lightness[i]
+
+    # ---- in and out
 
     def write(self, numbers: Sequence[tuple[Any, float]], n: int) -> None:
         """Write each number into its 0-D field, the same fields in every call; `n`: points."""
@@ -144,7 +184,7 @@ class Stepping:
         highest = 0.0
         half = 0.5 * self.state.g[None]
         for i in range(first, last):
-            f = get(self.state.f, i)
+            f = self.state.per_mass(i, get(self.state.f, i))
             v = get(self.state.v, i) + kick * f
             put(self.state.v, i, v)
             put(self.state.x, i, get(self.state.x, i) + move * v)

@@ -118,7 +118,7 @@ class Checkpoint:
     def v(self) -> Array:
         """(n, 2) velocities [c]."""
         step = self.segment.step
-        return self.snapshot.velocities(step.integrator, step.dt, self.segment.scenario.lattice.masses[0])
+        return self.snapshot.velocities(step.integrator, step.dt, self.segment.scenario.lattice)
 
     @property
     def by_hand(self) -> bool:

@@ -290,7 +290,7 @@ class Sandbox:
             self._settle()
             v, impact = self.segment.present.v, wanted.impact
             flying = v[: self.start.body.disk_points]
-            flying += (impact.along, -impact.approach) - flying.mean(axis=0)
+            flying += (impact.along, -impact.approach) - self.start.body.mean(flying)
             self._carry_on(wanted, "hit again", v)
             self.message = f"sent back with v = {impact.velocity:g} c"
         self.paused = False

@@ -88,7 +88,7 @@ class SceneView:
     @property
     def centre(self) -> tuple[float, float]:
         """The centre of mass of the disk that is seen [R]."""
-        x, y = self.sandbox.seen.x[: self.painter.lattice.disk_points].mean(axis=0)
+        x, y = self.painter.lattice.mean(self.sandbox.seen.x)
         return float(x), float(y)
 
     def on_disk(self, point: tuple[float, float]) -> bool:

@@ -132,8 +132,8 @@ def test_titles_say_where_a_lattice_comes_from(tmp_path):
 
 
 def test_what_cannot_be_computed_as_given_is_refused(result):
-    uneven = replace(result.lattice, masses=np.linspace(0.5, 1.5, 60) / 60)
-    for lattice, told in ((uneven, "the mass 1/60 M"), (result.lattice.positions, "from_points")):
+    heavy = replace(result.lattice, masses=np.linspace(0.5, 1.6, 60) / 60)
+    for lattice, told in ((heavy, r"must add up to 1 M, not 1\.05"), (result.lattice.positions, "from_points")):
         with pytest.raises(InputError, match=told):
             run(result.scene, lattice=lattice)
     for frames in (0, -1, 2.5):
@@ -307,6 +307,9 @@ def test_what_a_scene_does_not_have_is_told(result):
 DISK = Lattice.disk(60, seed=3)
 ELLIPSE = Lattice.from_points(DISK.positions * [1.1, 0.9])
 STRAINED = Lattice.from_points(ELLIPSE.positions, ELLIPSE.bonds, ELLIPSE.rest_lengths * 1.002)
+RING = Lattice.disk(150, hole=0.3)
+FACTORS = np.where(RING.bonds[:, 0] % 3, 1.0, 2.0)
+UNLIKE = Lattice.from_points(RING.positions, RING.bonds, stiffness=FACTORS, masses=1.0 + np.arange(150) % 2)
 THROWN = np.random.default_rng(0).normal(0.0, 1e-3, (60, 2)) + [0.002, -0.04]
 OWN = {
     "turned": ("exponential_wall", {"impact.turn": 0.7}, {"lattice": ELLIPSE}),
@@ -314,6 +317,7 @@ OWN = {
     "strained": ("exponential_wall", {"impact.spin": 0.01}, {"lattice": STRAINED, "velocities": THROWN}),
     "walled": ("absorbing_wall", {"wall.points": 100}, {"lattice": ELLIPSE, "velocities": THROWN}),
     "pressed": ("compression", {"compression.method": "newton"}, {"lattice": STRAINED}),
+    "unlike": ("absorbing_wall", {"wall.points": 200, "impact.spin": 0.01}, {"lattice": UNLIKE}),
 }
 
 

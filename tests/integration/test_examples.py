@@ -7,6 +7,7 @@ import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 pytestmark = pytest.mark.validate
@@ -56,6 +57,31 @@ def test_a_lattice_of_ones_own_is_thrown():
     points, e = numbers(r"(\d+) points, flat side down: e = ([\d.]+)", output_of("own_lattice"))
     assert points == 3 * 8 * 9 + 1  # a centred hexagonal number
     assert 0.3 < e < 1.0
+
+
+def test_a_thin_ring_sinks_as_its_closed_form_says():
+    found = re.findall(r"hole ([\d.]+) R: xi/P = (\S+) .*thin ring (\S+)", output_of("ring"))
+    assert len(found) == 4 and float(found[-1][1]) == pytest.approx(float(found[-1][2]), rel=0.04)
+    ratios = [float(xi) / float(thin) for _, xi, thin in found]
+    assert all(np.diff(ratios) < 0)  # the thicker, the more there is beside bending
+
+
+def test_an_inclusion_aside_makes_the_disk_spin():
+    shown = output_of("inclusion")
+    found = {
+        name: tuple(map(float, one)) for name, *one in re.findall(r"(\w+) +e = (\S+), .*x = (\S+) R, .* (\S+) M", shown)
+    }
+    assert found["none"][1] == found["stiff"][1] == found["soft"][1] and found["heavy"][1] > 0.15
+    assert abs(found["heavy"][2]) > 10 * abs(found["none"][2]) and found["stiff"][0] > found["soft"][0]
+
+
+def test_a_sweep_over_cores_finds_that_a_stiff_one_loses_least(tmp_path):
+    shown = output_of("composite_sweep", str(tmp_path))
+    found = {
+        (float(k), float(q)): float(e) for k, q, e in re.findall(r"^ *(\S+) +(\S+) +(0\.\d+)$", shown, re.MULTILINE)
+    }
+    assert len(found) == 9
+    assert all(found[10.0, q] > found[1.0, q] > found[0.1, q] for q in (0.1, 1.0, 10.0))
 
 
 def test_a_new_force_moves_the_disk_as_its_law_says():

@@ -8,7 +8,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from bodies import computed
+from bodies import computed, unlike
 
 from taichi_disk.errors import InputError, SimulationError
 from taichi_disk.fields import Triangles, point_stress
@@ -19,8 +19,8 @@ from taichi_disk.physics import ElasticWall, Model, Springs
 
 TIMES = np.array([0.0, 0.5, 1.0])
 SINGLE = {"rtol": 1e-6, "atol": 1e-7}
-# A small disk that sinks onto an elastic wall and is squeezed.
-LATTICE = with_wall(disk_lattice(40, seed=1), 60, 3.0, seed=1)
+# A small disk of unlike points and springs that sinks onto an elastic wall and is squeezed.
+LATTICE = unlike(with_wall(disk_lattice(40, seed=1), 60, 3.0, seed=1))
 MODEL = Model(Springs(1.3, 0.2, 0.5), ElasticWall(300.0, 150.0, 0.1))
 SCENARIO = SimpleNamespace(lattice=LATTICE, model=MODEL)
 
@@ -42,8 +42,8 @@ def truth(t):
     stretch = np.linalg.norm(x[i] - x[j], axis=1) - LATTICE.rest_lengths
     contact = MODEL.wall.forces(LATTICE, x)
     contact[LATTICE.disk_points :] = 0.0
-    energy = 0.5 * 1.3 * stretch**2 + 0.25 * 0.2 * stretch**4
-    tension = 1.3 * stretch + 0.2 * stretch**3
+    energy = LATTICE.stiffness * (0.5 * 1.3 * stretch**2 + 0.25 * 0.2 * stretch**4)
+    tension = LATTICE.stiffness * (1.3 * stretch + 0.2 * stretch**3)
     return {"strain": stretch / LATTICE.rest_lengths, "tension": tension, "energy": energy, "contact_force": contact}
 
 
@@ -79,7 +79,7 @@ def test_npz_holds_every_quantity_at_every_time(tmp_path):
         assert file["kinetic_energy"][k] == pytest.approx(0.5 * (0.01**2 + 0.03**2), rel=1e-12)
         assert file["wall_energy"][k] == pytest.approx(MODEL.wall.energy(LATTICE, x))
     assert file["points_contact_force"][-1].any()
-    for name in ("bonds", "triangles", "rest_lengths", "masses", "disk_points"):
+    for name in ("bonds", "triangles", "rest_lengths", "masses", "disk_points", "stiffness"):
         np.testing.assert_array_equal(file[name], getattr(LATTICE, name))
     assert [one.name for one in tmp_path.iterdir()] == ["trajectory.npz"]
 

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import os
+from dataclasses import replace
 
 import numpy as np
 import pytest
 import taichi as ti
 from bodies import RIGID, shaken
+from scipy.spatial import cKDTree
 
 from taichi_disk import runtime
 from taichi_disk.fields import QUANTITIES, Triangles, at_points, fringes
@@ -147,6 +149,28 @@ def test_an_arrow_stands_on_a_pushed_point_as_long_as_its_force(shoot):
     near = np.abs(columns - column) < 4
     assert rows[near].min() == pytest.approx(foot - 0.8 * ARROW * CAMERA.scale, abs=2.5)
     assert rows[near].max() == pytest.approx(foot, abs=2.0)
+
+
+def test_springs_across_triangles_and_the_edge_of_a_core_are_drawn(shoot):
+    grid = np.stack(np.meshgrid(np.arange(-4.0, 5.0), np.arange(-4.0, 5.0)), axis=-1).reshape(-1, 2) / 4.0
+    near = cKDTree(grid).query_pairs(0.36, output_type="ndarray")
+    crossed = Lattice.from_points(grid, near)
+    x = crossed.positions + [0.0, 1.1]
+    triangles = Triangles(crossed)
+    field, both = (shoot(crossed, x, draw=draw) for draw in ("field", "both"))
+    assert len(triangles.across) == 64  # the other diagonal of each square
+    darker = (field - both).sum(axis=-1) > 0.02
+    for a, b in x[triangles.across]:
+        part = a + 0.3 * (b - a)
+        column, row = CAMERA.to_pixels(part).astype(int)
+        assert darker[row - 1 : row + 2, column - 1 : column + 2].any()
+    core = disk_lattice(400, 0, core_radius=0.5, core_stiffness=2.0)
+    x = core.positions + [0.0, 1.1]
+    ink = shoot(core, x).sum(axis=-1) < 1.5
+    turns = np.linspace(0.0, 6.2, 40)
+    rows = CAMERA.to_pixels(0.499 * np.stack([np.cos(turns), np.sin(turns)], axis=1) + [0.0, 1.1]).astype(int)
+    assert all(ink[row - 1 : row + 2, column - 1 : column + 2].any() for column, row in rows)
+    assert not (shoot(replace(core, stiffness=None), x).sum(axis=-1) < 1.5)[rows[:, 1], rows[:, 0]].any()
 
 
 def test_a_picture_does_not_depend_on_those_before_it(shoot):

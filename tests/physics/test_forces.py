@@ -11,7 +11,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import reference
-from bodies import FALLING, FREE, damped, disk, disk_and_wall, matched, pressed, shaken
+from bodies import FALLING, FREE, damped, disk, disk_and_wall, matched, pressed, shaken, unlike
 from numpy.testing import assert_allclose
 
 from taichi_disk.integrators import TRAPEZOIDAL, VELOCITY_VERLET
@@ -34,6 +34,17 @@ CASES = {
         Model(Springs(1.0, 2.0, 0.3), ELASTIC, boundary=matched(BOTH)),
         TRAPEZOIDAL,
     ),
+    "unlike, wall, axial dashpots": (
+        unlike(DISK, 0.2, 3.0),
+        replace(FALLING, springs=Springs(1.0, 2.0, 0.3, axial=True), wall=SOFT),
+        VV,
+    ),
+    "unlike, wall, load, dashpots": (unlike(DISK, 0.2, 3.0), pressed(0.02, 0.3, k_b=2.0, wall=SOFT), VV),
+    "unlike, elastic wall, pinned": (
+        unlike(BOTH, 0.2, 3.0),
+        Model(Springs(1.0, 2.0), ELASTIC, boundary=PinnedBoundary()),
+        VV,
+    ),
 }
 
 
@@ -52,7 +63,7 @@ def test_kernels_and_numpy_have_the_forces_and_energies_of_plain_numpy(name, ker
         simulation = kernels.simulation(replace(lattice, positions=x), model, integrator, v, 1e-3)
         f, wall = simulation.snapshot().vectors[2], plain.wall_force(x)[: lattice.disk_points]
         # Dashpots that are solved for act at the velocity in the middle of the first step.
-        at = v + 0.5 * simulation.dt / simulation.mass * f if integrator is TRAPEZOIDAL else v
+        at = v + 0.5 * simulation.dt / lattice.masses[:, None] * f if integrator is TRAPEZOIDAL else v
         force = plain.force(x, at)
         assert_equal_forces(f, force)
         assert_equal_forces(model.forces_moving(lattice, x, at), force)
@@ -61,8 +72,8 @@ def test_kernels_and_numpy_have_the_forces_and_energies_of_plain_numpy(name, ker
         residual = np.hypot(*force[: lattice.disk_points].T).max()
         expected = {
             "elastic": plain.elastic(x),
-            "kinetic": 0.5 * plain.mass * np.sum(v**2),
-            "load": plain.load * x[:, 1].mean(),
+            "kinetic": 0.5 * np.sum(plain.mass * v**2),
+            "load": plain.load * np.average(x[:, 1], weights=lattice.masses),
             "residual": residual,
             "wall": plain.wall(x),
             "wall_force": wall[:, 1].sum(),
@@ -79,7 +90,9 @@ def test_kernels_and_numpy_have_the_forces_and_energies_of_plain_numpy(name, ker
             assert_equal_forces(shown, wall)
 
 
-@pytest.mark.parametrize("name", ["wall, load, dashpots solved for", "elastic wall, reset"])
+@pytest.mark.parametrize(
+    "name", ["wall, load, dashpots solved for", "elastic wall, reset", "unlike, wall, load, dashpots"]
+)
 def test_the_force_is_minus_the_slope_of_every_energy_that_is_told(name, kernels):
     # Central differences, step d: error d^2 U'''/6 with U''' ~ a^2 F at the wall, 3e-12 F, and rounding eps U/d.
     lattice, model, integrator = CASES[name]
@@ -103,8 +116,9 @@ def test_the_force_is_minus_the_slope_of_every_energy_that_is_told(name, kernels
                 assert abs(force[i, c] + slope) < 1e-7 * np.abs(force).max()
 
 
-def test_the_stiffness_is_minus_the_derivative_of_the_forces():
-    lattice, model = disk(40, height=0.05), pressed(0.02, k_b=40.0)
+@pytest.mark.parametrize("lattice", [disk(40, height=0.05), unlike(disk(40, height=0.05))], ids=["equal", "unlike"])
+def test_the_stiffness_is_minus_the_derivative_of_the_forces(lattice):
+    model = pressed(0.02, k_b=40.0)
     plain, x, d = reference.Model(lattice, model), shaken(lattice, 1, 0.02)[0], 3e-7
     tangent = model.stiffness(lattice, x).toarray()
     for k in range(x.size):

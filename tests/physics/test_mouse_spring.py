@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import reference
-from bodies import FALLING, disk, moving_down
+from bodies import FALLING, disk, moving_down, unlike
 from numpy.testing import assert_array_equal
 
 from taichi_disk.integrators import TRAPEZOIDAL, VELOCITY_VERLET
@@ -35,8 +35,9 @@ class Pulled(reference.Model):
     # Overdamped: eta times the largest eigenvalue of the Laplacian over m is 14 times the inverse step.
     [(0.0, VELOCITY_VERLET, 0.02), pytest.param(1.0, TRAPEZOIDAL, 0.02, marks=LONG)],
 )
-def test_a_pulled_point_moves_as_the_exact_solution_and_its_energy_is_accounted_for(eta, integrator, dt, kernels):
-    lattice = disk(60, height=0.5)
+@pytest.mark.parametrize("body", [lambda one: one, pytest.param(unlike, marks=LONG)], ids=["equal", "unlike"])
+def test_a_pulled_point_moves_as_the_exact_solution_and_its_energy_is_accounted_for(body, eta, integrator, dt, kernels):
+    lattice = body(disk(60, height=0.5))
     model = Model(Springs(1.0, 1.0, eta), FALLING.wall, mouse=MOUSE)
     x, v = lattice.positions, np.zeros_like(lattice.positions)
     plain, y = Pulled(lattice, model), (x, v)

@@ -34,7 +34,7 @@ def build(scene, eta):
 def solved(scene, eta):
     lattice, velocities, model = build(scene, eta)
     plain, start = reference.Model(lattice, model), (lattice.positions, velocities)
-    if scene == "reset":
+    if scene.endswith("reset"):
         return plain.solve_with_resets(*start, END, RESET, 1e-10)
     return plain.solve(*start, (0.0, END), 1e-10)[-1]
 
@@ -51,11 +51,15 @@ FAST = {
     ("compression", ETA, TRAPEZOIDAL),
     ("reset", 0.0, VV),
     ("matched", ETA, TRAPEZOIDAL),
+    ("unlike compression", ETA, TRAPEZOIDAL),
+    ("unlike reset", ETA / 5.0, VV),
 }
 SCENES = ["compression", "rigid", "reset", "pinned", "matched"]
 WAYS = [(0.0, VV), (ETA, VV), (ETA, TRAPEZOIDAL), (0.0, VEFRL)]
 # The integrator of order 4 takes no force that depends on velocity.
 CASES = [(scene, *way) for scene in SCENES for way in WAYS if (scene, way[1]) != ("matched", VEFRL)]
+CASES += [("unlike compression", ETA, TRAPEZOIDAL), ("unlike rigid", 0.0, VEFRL), ("unlike matched", ETA, TRAPEZOIDAL)]
+CASES += [("unlike reset", ETA / 5.0, VV), ("unlike reset", ETA, TRAPEZOIDAL)]
 
 
 @pytest.mark.parametrize(

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import reference
-from bodies import ELASTIC, FALLING, disk, disk_and_wall, matched, moving_down, pressed
+from bodies import ELASTIC, FALLING, disk, disk_and_wall, matched, moving_down, pressed, unlike
 from numpy.testing import assert_allclose, assert_array_equal
 
 from taichi_disk import runtime
@@ -49,6 +49,7 @@ def body(name):
         lattice = disk_and_wall(500, 500)
         boundary = ResetBoundary(1e-2) if "reset" in name else matched(lattice)
         model = Model(Springs(1.0, 2.0, 0.02), ELASTIC, boundary=boundary)
+    lattice = unlike(lattice) if "unlike" in name else lattice
     rng, shape = np.random.default_rng(0), lattice.positions.shape
     v = moving_down(lattice, 0.05) + 0.01 * rng.standard_normal(shape)
     return replace(lattice, positions=lattice.positions + 2e-3 * rng.uniform(-1, 1, shape)), model, integrator, v, 2e-3
@@ -88,6 +89,7 @@ def elsewhere(name, threads):
         "rigid wall",
         "rigid wall, order 4",
         "rigid wall, dashpots, trapezoidal",
+        "rigid wall, dashpots, unlike",
         "elastic wall, reset",
         "elastic wall, matched, trapezoidal",
     ],
@@ -98,7 +100,7 @@ def test_subdomains_on_any_number_of_cores_move_as_one_core_without_them_does(na
     serial, cut = both(name)
     # Dashpots that are solved for act at the velocity in the middle of the first step.
     f, solved = cut.snapshot().vectors[2], "trapezoidal" in name
-    w = v + 0.5 * cut.dt / cut.mass * f if solved else v
+    w = v + 0.5 * cut.dt / lattice.masses[:, None] * f if solved else v
     force = reference.Model(lattice, model).force(lattice.positions, w)
     assert_allclose(f, force, rtol=0, atol=(1e-11 if solved else 1e-13) * np.abs(force).max())
     (rows, _), (own, bits) = found = steps(serial), steps(cut)

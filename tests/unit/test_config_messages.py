@@ -72,6 +72,11 @@ def faults(path: Path, text: str | bytes, *overrides: str) -> list[str]:
         ('"\\ud800": 3\n', '2:1: a key must be a name, not the text "\\ud800"'),
         ("video: {fps: !!python/object/apply:os.abort []}\n", "2:14: video.fps: a list cannot be read as python/object/apply:os.abort"),
         (f"video: {{fps: {'9' * 5000}}}\n", f"2:14: video.fps: {'9' * 37}... cannot be read as int"),
+        ("lattice: {hole: 1.2}\n", "2:17: lattice.hole: must be a number from 0 to 0.95 [R], not 1.2 (radius of a concentric hole, evenly spaced points on its edge; 0: none)"),
+        ("lattice: {hole: 0.94}\n", "2:17: lattice.hole: must be at most 0.932, about, with 1099 points, not 0.94: there have to be 6 springs round it and 3 between it and the rim, so write another, or more lattice.points"),
+        ("lattice:\n  core_radius: 0.3\n  hole: 0.4\n", "3:16: lattice.core_radius: must be at least 0.455, about, with 1099 points and a hole of 0.4 R, not 0.3: there have to be 6 springs round it and 1 between it and the rim, so write another, or more lattice.points"),
+        ("lattice: {core_density: 2}\n", "2:25: lattice.core_density: there is no core: write lattice.core_radius, too, or leave this out"),
+        ("lattice: {core_radius: 0.5, core_density: 0}\n", "2:43: lattice.core_density: must be a number from 0.001 to 1000, not 0 (density of the core over the rest's; the disk is of 1 M in all)"),
         ("impact: {gap: 0.06}\n", "2:15: impact.gap: at 0.06 R the wall's potential exceeds 1e-3 of the kinetic energy: start at 0.06819 R or farther, or write auto"),
     ],
 )  # fmt: skip

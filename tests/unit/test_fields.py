@@ -46,6 +46,18 @@ def strained(xx, yy, xy):
     return PATCH.positions @ np.array([[1.0 + xx, xy], [xy, 1.0 + yy]])
 
 
+def test_springs_that_cross_triangles_and_the_edge_of_a_core_are_told():
+    ends = [(i, j) for i in range(len(PATCH.masses)) for j in range(i) if PATCH_DISTANCES[i, j] < 1.8 / RINGS]
+    crossed = Triangles(Lattice.from_points(PATCH.positions, ends))
+    assert len(crossed.across) == len(ends) - len(PATCH.bonds) and not len(MESH.across) + len(MESH.interfaces)
+    core = disk_lattice(300, 0, core_radius=0.5, core_stiffness=3.0)
+    edge = Triangles(core).interfaces
+    assert np.hypot(*core.positions[edge].reshape(-1, 2).T) == pytest.approx(np.full(2 * len(edge), 0.5), abs=1e-9)
+    assert np.unique(edge, return_counts=True)[1].tolist() == [2] * len(edge)  # a closed line
+    graded = replace(core, stiffness=1.0 + np.arange(len(core.bonds)) / len(core.bonds))
+    assert not len(Triangles(graded).interfaces)
+
+
 # ---- stress
 
 

@@ -6,7 +6,7 @@ import hashlib
 
 import numpy as np
 import pytest
-from bodies import assert_tiles
+from bodies import assert_tiles, holes_of
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from scipy.spatial.distance import pdist
@@ -14,7 +14,7 @@ from scipy.spatial.distance import pdist
 from taichi_disk.config.sections import LatticeSection
 from taichi_disk.errors import InputError, SimulationError
 from taichi_disk.lattice import Lattice, disk_lattice
-from taichi_disk.lattice.lattice import double_area, triangulate
+from taichi_disk.lattice.lattice import double_area, polygon_area, triangulate
 from taichi_disk.lattice.network import bending_compliance, largest_eigenvalue, network_stiffness
 from taichi_disk.lattice.random_points import MAX_POINTS, MIN_POINTS, hexagonal_spacing, rim_points, scatter
 
@@ -50,6 +50,65 @@ def test_rim_points_are_evenly_spaced_on_the_unit_circle_and_are_the_surface(poi
     assert np.hypot(*rim.T) == pytest.approx(np.ones(len(rim)), abs=4e-16)
     turn = np.diff(np.unwrap(np.arctan2(rim[:, 1], rim[:, 0])))
     assert turn == pytest.approx(np.full(len(rim) - 1, 2 * np.pi / len(rim)), abs=1e-13)
+
+
+@settings(max_examples=30, deadline=None)
+@given(st.integers(150, 600), st.integers(0, 2**32), st.booleans(), st.floats(0, 0.75), st.floats(0.25, 0.6))
+@example(1099, 0, True, 0.7, 0.9)
+@example(600, 0, True, 0.75, 0.85)
+@example(1099, 0, True, 0.7, 0.06)
+def test_a_hole_is_round_and_empty_and_the_points_are_as_many_as_asked(points, seed, rim, min_spacing, hole):
+    disk = disk_lattice(points, seed, rim, min_spacing, hole)
+    r = np.hypot(*disk.positions.T)
+    assert disk.positions.shape == (points, 2) and disk.uniform and disk.masses.sum() == pytest.approx(1.0, abs=1e-14)
+    assert r.min() == pytest.approx(hole, abs=1e-15)
+    edge = np.flatnonzero(r < hole * (1 + 1e-9))
+    turn = np.sort(np.arctan2(*disk.positions[edge].T))
+    assert np.diff(turn) == pytest.approx(np.full(len(edge) - 1, 2 * np.pi / len(edge)), abs=1e-12)
+    assert pdist(disk.positions).min() >= min_spacing * hexagonal_spacing(points) * np.sqrt(1 - hole**2) * (1 - 1e-12)
+    polygon = 0.5 * len(edge) * hole**2 * np.sin(2 * np.pi / len(edge))
+    assert holes_of(disk) == [pytest.approx(polygon)] and not disk.whole
+    area = 0.5 * double_area(disk.positions[disk.triangles])
+    outer = disk.positions[disk.disk_surface]
+    assert area.min() > 0 and area.sum() == pytest.approx(polygon_area(outer) - polygon)
+    if rim and points > 1000:  # as dense everywhere
+        assert len(disk.disk_surface) / len(edge) == pytest.approx(1 / hole, rel=0.1)
+
+
+def test_a_core_has_the_points_and_springs_within_and_the_mean_on_its_edge():
+    plain, core = (disk_lattice(1099, 2, hole=0.2, core_radius=0.5, **one) for one in ({}, {"core_density": 3.0}))
+    stiff = disk_lattice(1099, 2, hole=0.2, core_radius=0.5, core_stiffness=10.0)
+    assert plain.uniform and plain.stiffness is None and stiff.uniform and core.stiffness is None
+    assert (core.positions == plain.positions).all() and core.masses.sum() == pytest.approx(1.0, abs=1e-14)
+    r = np.hypot(*core.positions.T)
+    kinds = [core.masses[one] for one in (r > 0.5 + 1e-9, np.abs(r - 0.5) < 1e-9, r < 0.5 - 1e-9)]
+    assert [np.ptp(one) for one in kinds] == [0.0, 0.0, 0.0]
+    assert [one[0] / kinds[0][0] for one in kinds] == pytest.approx([1.0, 2.0, 3.0])
+    middle = np.hypot(*stiff.positions[stiff.bonds].mean(axis=1).T)
+    on_edge = (np.abs(r[stiff.bonds] - 0.5) < 1e-9).all(axis=1)
+    assert set(stiff.stiffness[on_edge]) == {5.5} and on_edge.sum() == len(kinds[1])
+    assert set(stiff.stiffness[~on_edge & (middle < 0.5)]) == {10.0} and set(stiff.stiffness[middle > 0.5]) == {1.0}
+    # The core's share of mass is that of its area, 3 (a^2 - h^2) to 1 - a^2, up to the rim's whole points.
+    heavy = kinds[2].sum() + 0.75 * kinds[1].sum()
+    assert heavy == pytest.approx(3 * 0.21 / (3 * 0.21 + 0.75), rel=0.04)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ({"hole": 0.95}, "hole: must be at most 0.9"),
+        ({"hole": 1.5}, "hole: must be at most"),
+        ({"hole": -0.1}, "hole: must be at least"),
+        ({"hole": 0.01}, "hole: must be at least 0.056"),
+        ({"hole": 0.5, "core_radius": 0.4}, "core_radius: must be at least 0.55.* and a hole of 0.5 R, not 0.4"),
+        ({"core_radius": 0.99}, "core_radius: must be at most 0.94"),
+        ({"core_radius": 0.5, "core_density": 0.0}, "masses"),
+        ({"core_radius": 0.5, "core_stiffness": -1.0}, "stiffness"),
+    ],
+)
+def test_holes_and_cores_that_cannot_be_are_refused(arguments, message):
+    with pytest.raises(InputError, match=message):
+        disk_lattice(1099, 0, **arguments)
 
 
 def test_the_disk_has_no_slivers():

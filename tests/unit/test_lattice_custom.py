@@ -10,7 +10,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from bodies import assert_tiles
+from bodies import assert_tiles, holes_of
 from scipy.spatial import cKDTree
 
 from taichi_disk.errors import InputError
@@ -87,16 +87,16 @@ RING = ROUND[np.hypot(*ROUND.T) > 0.6]
         ((np.append(ROUND, ROUND[7:8], axis=0),), "points 7 and 241 are the same"),
         ((ROUND * [1, 0],), "same"),
         ((np.linspace(-1, 1, 9)[:, None] * [1, 0.5],), "one line"),
-        ((RING,), "would cross a gap of"),
+        ((np.concatenate([0.2 * ROUND - [0.8, 0], 0.2 * ROUND + [0.8, 0]]),), "would cross a gap of 1.21 R"),
         ((GRID, CROSSED + 0.5), "whole numbers"),
         ((GRID, CROSSED + 1), "of 0 to 80"),
         ((GRID, CROSSED * 0), "joins [0, 0]"),
         ((GRID, np.append(CROSSED, CROSSED[:1, ::-1], axis=0)), "joined already"),
         ((GRID, NEAREST), "point 0 at (-1, -1) is no corner"),
         ((GRID, CROSSED[(CROSSED != 0).all(axis=1)]), "point 0 at (-1, -1) is no corner"),
-        ((GRID, CROSSED[np.abs(GRID[CROSSED].mean(axis=1) - [0.125, 0.125]).max(axis=1) > 0.01]), "without holes"),
+        ((GRID, np.concatenate([CROSSED[(GRID[CROSSED] * s >= 0).all(axis=(1, 2))] for s in (1, -1)])), "is no corner"),
         ((GRID, CROSSED, np.ones(3)), "shape"),
-        ((GRID, CROSSED, np.zeros(len(CROSSED))), "rest length 0 is 0"),
+        ((GRID, CROSSED, np.zeros(len(CROSSED))), "rest_lengths[0] is 0"),
         ((GRID, None, np.ones(3)), "need the springs"),
     ],
 )
@@ -112,11 +112,27 @@ def test_points_are_read_from_csv(tmp_path, header):
     assert (read_lattice(path).positions == Lattice.from_points(ROUND).positions).all()
 
 
+@pytest.mark.parametrize("header", ["", "x,y,mass\n"])
+def test_a_third_column_of_a_csv_file_is_the_mass(tmp_path, header):
+    path = tmp_path / "points.csv"
+    path.write_text(header + "".join(f"{x!r}, {y!r}, {3 + (x > 0)}\n" for x, y in ROUND.tolist()))
+    lattice = read_lattice(path)
+    heavy = lattice.positions[:, 0] > 0
+    total = 3 * len(ROUND) + heavy.sum()
+    assert lattice.masses == pytest.approx((3 + heavy) / total)
+    with pytest.raises(InputError, match=r"points\.csv: masses\[0\] is -1"):
+        path.write_text(header + "".join(f"{x!r}, {y!r}, -1\n" for x, y in ROUND.tolist()))
+        read_lattice(path)
+
+
 def test_the_disk_of_a_runs_lattice_is_read_from_npz(tmp_path):
-    both = with_wall(disk_lattice(200, 0), 300, 3.0, 0)
-    names = ("positions", "bonds", "rest_lengths", "masses", "disk_points")
+    core = {"core_radius": 0.6, "core_stiffness": 3.0, "core_density": 2.0}
+    both = with_wall(disk_lattice(200, 0, **core), 300, 3.0, 0)
+    names = ("positions", "bonds", "rest_lengths", "masses", "disk_points", "stiffness")
     np.savez(tmp_path / "lattice.npz", **{name: getattr(both, name) for name in names})
     disk = read_lattice(str(tmp_path / "lattice.npz"))
+    assert sorted(disk.masses) == pytest.approx(sorted(both.masses[:200]), rel=1e-15)
+    assert sorted(disk.stiffness) == sorted(both.stiffness[(both.bonds < 200).all(axis=1)])
     assert sorted(disk.positions.tolist()) == sorted(both.positions[:200].tolist())
     assert sorted(disk.rest_lengths) == sorted(both.rest_lengths[(both.bonds < 200).all(axis=1)])
     np.savez(tmp_path / "points.npz", positions=ROUND)
@@ -201,17 +217,54 @@ def test_a_disk_needs_no_seed():
     assert (Lattice.disk(60).positions == Lattice.disk(60, seed=0).positions).all()
 
 
-def test_the_advice_about_a_gap_leads_to_a_body():
-    radius = np.hypot(*ROUND.T)
-    open_ring = ROUND[(radius > 0.6) & ((np.abs(ROUND[:, 1]) > 0.08) | (ROUND[:, 0] < 0))]
+def test_a_wide_hole_stays_open_and_a_notch_is_what_the_springs_leave():
+    # All springs of the ring are first neighbours, 1/8 R, but for second ones along its edges.
+    ring = Lattice.from_points(RING)
+    assert len(holes_of(ring)) == 1 and holes_of(ring)[0] == pytest.approx(np.pi * 0.6**2, rel=0.15)
+    assert ring.rest_lengths.max() < 0.23 and len(ring.masses) == len(RING)
+    two = ROUND[np.abs(np.hypot(np.abs(ROUND[:, 0]) - 0.5, ROUND[:, 1])) > 0.34]
+    assert len(holes_of(Lattice.from_points(two))) == 2
+    narrow = ROUND[np.hypot(*ROUND.T) > 0.2]  # a hole of less than 5 springs is bridged
+    assert holes_of(Lattice.from_points(narrow)) == []
+    near = cKDTree(narrow).query_pairs(1.01 / 8, output_type="ndarray")
+    assert len(holes_of(Lattice.from_points(narrow, near))) == 1  # unless the springs leave it open
+    open_ring = RING[(np.abs(RING[:, 1]) > 0.08) | (RING[:, 0] < 0)]
     open_ring = open_ring - [open_ring[:, 0].mean(), 0.0]
-    for points in (open_ring, RING):
-        with pytest.raises(InputError, match=r"fill it with points; or, .* give `springs` .* but no hole"):
-            Lattice.from_points(points)
     springs = cKDTree(open_ring).query_pairs(1.01 / 8, output_type="ndarray")
     lattice = Lattice.from_points(open_ring, springs)
     assert_tiles(lattice.positions, lattice.triangles, lattice.disk_surface)
-    assert Lattice.from_points(np.concatenate([RING, ROUND[radius <= 0.6]])).disk_points == len(ROUND)
+    assert Lattice.from_points(np.concatenate([RING, ROUND[np.hypot(*ROUND.T) <= 0.6]])).whole
+
+
+def test_triangles_stiffness_and_masses_of_ones_own_follow_their_points_and_springs():
+    i, (column, row) = np.arange(81), np.divmod(np.arange(81), 9)
+    square = i[(column < 8) & (row < 8)]
+    square = square[square != 30]  # one cell is a hole
+    corners = np.stack([square, square + 1, square + 10, square, square + 10, square + 9], axis=1).reshape(-1, 3)
+    masses, by_sides = 1.0 + np.arange(81), Lattice.from_points(GRID, triangles=corners[:, ::-1], masses=1.0 + i)
+    order = order_of(by_sides, GRID)
+    assert (by_sides.masses == (masses / masses.sum())[order]).all() and holes_of(by_sides) == [pytest.approx(1 / 16)]
+    assert by_sides.masses.sum() == pytest.approx(1.0, abs=1e-14)
+    springs = order[by_sides.bonds]
+    shuffled = np.random.default_rng(0).permutation(len(springs))
+    factor = 1.0 + springs.sum(axis=1)
+    again = Lattice.from_points(GRID, springs[shuffled], stiffness=factor[shuffled], triangles=corners)
+    assert (again.stiffness == 1.0 + order_of(again, GRID)[again.bonds].sum(axis=1)).all()
+    assert len(again.triangles) == len(corners) == len(by_sides.triangles) and again.uniform
+    for wrong, message in (
+        ({"triangles": corners + 80}, "three points of 0 to 80"),
+        ({"triangles": corners[2:]}, "do not make one piece"),
+        ({"triangles": corners * 1.0}, "whole numbers"),
+        ({"triangles": corners[:, [0, 1]]}, "whole numbers of shape"),
+        ({"springs": springs[5:], "triangles": corners}, "has a side that is no spring"),
+        ({"springs": springs, "stiffness": -factor}, "stiffness[0] is"),
+        ({"springs": springs, "stiffness": factor[1:]}, "stiffness must have the shape"),
+        ({"stiffness": factor}, "stiffness need the springs"),
+        ({"masses": 0 * masses}, "masses[0] is 0"),
+        ({"masses": masses[1:]}, "masses must have the shape (81,)"),
+    ):
+        with pytest.raises(InputError, match=re.escape(message)):
+            Lattice.from_points(GRID, **wrong)
 
 
 @pytest.mark.parametrize("values", [10**400, 1 + 2j, [[1j, 0.0]] * 5, "a", [[1, 2], [3]]])
