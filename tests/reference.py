@@ -30,7 +30,7 @@ class Model:
         self.bonds, self.rest, self.mass = lattice.bonds, lattice.rest_lengths, lattice.masses[:, None]
         self.disk_points, self.disk_surface = lattice.disk_points, lattice.disk_surface
         self.k_a, self.k_b, self.eta = springs.k_a, springs.k_b, springs.eta
-        self.factor = np.ones(len(lattice.bonds)) if lattice.stiffness is None else lattice.stiffness
+        self.factor = np.ones(len(lattice.bonds)) if getattr(lattice, "stiffness", None) is None else lattice.stiffness
         self.weight = self.mass[: lattice.disk_points] / self.mass[: lattice.disk_points].sum()
         self.axial = springs.axial
         self.rigid = kind == "ExponentialWall"  # at y = 0

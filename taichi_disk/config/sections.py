@@ -158,6 +158,13 @@ class ElasticWallSection(ExponentialPotential, Section):
     """A lattice of points below the disk; potential V0 exp(-a l) at distance l from its surface springs."""
 
     points: int = key(1269, "number of mass points of the wall", low=4, high=2_000_000)
+    k_a: Literal["same"] | float = key(
+        "same",
+        "linear spring constant of the wall, to which its k_b and dashpots are in proportion; same: material.k_a",
+        "M c^2/R^2",
+        low=1e-9,
+        high=1e6,
+    )
     width: float = key(3.8, "width of the wall; its depth follows from equal point density", "R", low=0.1, high=100)
     a: float = key(300.0, "steepness of the contact potential V0 exp(-a l)", "1/R", low=0.1, high=1e6)
     V0: float = key(150.0, "the contact potential at distance 0", "M c^2", low=1e-12, high=1e12)

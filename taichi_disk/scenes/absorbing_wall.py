@@ -6,6 +6,8 @@ from collections.abc import Collection
 from math import tan
 from typing import TYPE_CHECKING, ClassVar, Literal
 
+import numpy as np
+
 from taichi_disk.config.scene_base import (
     Conflicts,
     gap_conflicts,
@@ -28,7 +30,7 @@ class AbsorbingWallScene(DiskScene):
     """What a scene file of this kind may say."""
 
     title: ClassVar[str] = "impact on an elastic, absorbing wall"
-    lattice_keys: ClassVar[tuple[str, ...]] = ("lattice", "wall.points", "wall.width")
+    lattice_keys: ClassVar[tuple[str, ...]] = ("lattice", "wall.points", "wall.width", "wall.k_a", "material.k_a")
     abscissa: ClassVar[tuple[str, str]] = ("impact", "velocity")
     results: ClassVar[tuple[str, ...]] = ("restitution", "contact_time")
     optional_results: ClassVar[tuple[str, ...]] = tuple(oblique.RESULTS)
@@ -49,7 +51,9 @@ class AbsorbingWallScene(DiskScene):
                 f"so that energy would jump there: write {rounded_up(least)} R or more"
             )
             conflicts.append(("wall.threshold", text))
-        if (least := oblique.least_width(self.wall, self.impact, self.material.k_a)) > self.wall.width:
+        if (
+            least := oblique.least_width(self.wall, self.impact, min(self.material.k_a, self.wall_k_a))
+        ) > self.wall.width:
             text = (
                 f"a disk thrown so touches the wall's surface as far as {0.5 * least:.3g} R from its middle: write "
                 f"{rounded_up(least)} R or more, or another impact.offset"
@@ -70,7 +74,13 @@ class AbsorbingWallScene(DiskScene):
 
     def _over_wall(self, disk: Lattice) -> Lattice:
         spec, wall = self.lattice, self.wall
-        return with_wall(disk, wall.points, wall.width, spec.seed, spec.rim, spec.min_spacing)
+        stiffness = self.wall_k_a / self.material.k_a
+        return with_wall(disk, wall.points, wall.width, spec.seed, spec.rim, spec.min_spacing, stiffness)
+
+    @property
+    def wall_k_a(self) -> float:
+        """Linear spring constant of the wall [M c^2/R^2]."""
+        return self.material.k_a if self.wall.k_a == "same" else self.wall.k_a
 
     def of_body(self, body: Lattice) -> AbsorbingWallImpact:
         return AbsorbingWallImpact(self, body if len(body.wall_surface) else self._over_wall(body))
@@ -81,6 +91,10 @@ class AbsorbingWallImpact(ImpactScenario):
 
     scene: AbsorbingWallScene
     kind = "Impact on an elastic wall"
+
+    def _set_out(self) -> None:
+        self._compliance = max(self._compliance, 1.0 / self.scene.wall_k_a)
+        super()._set_out()
 
     def _put_at_start(self) -> None:
         super()._put_at_start()
@@ -101,7 +115,8 @@ class AbsorbingWallImpact(ImpactScenario):
             boundary = physics.ResetBoundary(wall.reset_interval)
         elif wall.boundary == "dashpot":
             moduli = self.scene.moduli(self.lattice.disk_points)
-            p, s = moduli.density * moduli.wave_speed_p, moduli.density * moduli.wave_speed_s
+            part = np.sqrt(self.scene.wall_k_a / self.scene.material.k_a)  # of the wall's speeds of sound
+            p, s = (part * moduli.density * speed for speed in (moduli.wave_speed_p, moduli.wave_speed_s))
             boundary = physics.MatchedBoundary(physics.matched_impedance(self.lattice, p, s))
         return physics.Model(self.springs, contact(wall.a, wall.V0, wall.threshold), boundary=boundary)
 

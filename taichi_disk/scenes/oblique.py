@@ -43,7 +43,7 @@ def least_width(wall: ElasticWallSection, impact: ElasticImpactSection, k_a: flo
     """Width [R] with which an elastic wall ends nowhere in the contact of a disk that is thrown so; 0 if straight down.
 
     The middle of the contact moves along with the disk for its time, that of Hertz's law, and the contact is half as
-    wide as the chord at the depth v. `k_a`: of the springs [M c^2/R^2].
+    wide as the chord at the depth v. `k_a`: of the softer of the two [M c^2/R^2].
     """
     if not impact.angle and impact.offset == "auto":
         return 0.0

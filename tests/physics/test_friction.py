@@ -225,3 +225,33 @@ def test_on_an_elastic_wall_a_disk_may_start_anywhere(kernels):
     scenario, plain = scene.scenario(), scene.with_({"impact.offset": "auto"}).scenario()
     assert_allclose(scenario.lattice.positions[:60] - plain.lattice.positions[:60], np.tile([-0.4, 0.0], (60, 1)))
     assert_array_equal(scenario.lattice.positions[60:], plain.lattice.positions[60:])
+
+
+def test_the_stiffer_an_elastic_wall_the_nearer_it_is_to_the_rigid_one(kernels):
+    # Kernels, contact and lattice are others; what is left falls as 1/k_a.
+    thrown = (
+        "lattice.points=60",
+        "material.eta_star=0",
+        "impact.velocity=0.05",
+        "impact.angle=0.7",
+        "impact.spin=0.03",
+    )
+    _, _, rigid = impact(kernels, *thrown)
+    wall, off, sideways = ("wall.points=100", "wall.width=3.4", "wall.boundary=pinned"), [], []
+    for k_a in (100, 1000):
+        scenario, outcome = computed(kernels, "absorbing_wall", *thrown, *wall, f"wall.k_a={k_a}", estimate=False)
+        found = scenario.result(outcome.columns)
+        off.append([abs(found[name] - rigid[name]) for name in ("restitution", "spin_after")])
+        sideways.append(found["tangential_impulse"])
+    assert all(8.0 < before / after < 15.0 for before, after in zip(*off, strict=True))
+    assert off[1][0] < 1e-4 and sideways[0] / sideways[1] == pytest.approx(10.0, rel=0.1)
+
+
+def test_springs_of_the_elastic_wall_have_a_stiffness_of_their_own():
+    few = ["lattice.points=60", "wall.points=100", "material.k_a=2"]
+    soft, same, equal = (
+        load_scene("absorbing_wall", [*few, *more]).body() for more in (["wall.k_a=0.5"], [], ["wall.k_a=2"])
+    )
+    of_wall = soft.bonds[:, 0] >= 60
+    assert same.stiffness is equal.stiffness is None
+    assert_array_equal(soft.stiffness, np.where(of_wall, 0.25, 1.0))
