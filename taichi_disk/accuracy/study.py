@@ -15,7 +15,7 @@ import numpy as np
 from taichi_disk import runtime
 from taichi_disk.accuracy.steps import StepError, StepStudy
 from taichi_disk.config.sections import ElasticWallSection
-from taichi_disk.errors import TaichiDiskError
+from taichi_disk.errors import InputError, TaichiDiskError
 from taichi_disk.output.files import atomic_write, prepare_output, remove_empty, write_csv, write_text
 from taichi_disk.output.plot import BLUE, GREEN, RED
 from taichi_disk.output.run_folder import refuse_run
@@ -110,7 +110,8 @@ def study(scene: Scene, out: Path, title: str, note: Callable[[str], None]) -> N
     Args:
         note: gets one line after the first runs: how many there are, and about how long they will take.
 
-    Raises InputError for a folder that holds a run or cannot be written, or a step by hand beyond the stability limit;
+    Raises InputError for a folder that holds a run or cannot be written, a step by hand beyond the stability limit, or
+    friction;
     SimulationError where the scene has no result.
     """
     refuse_run(out)
@@ -130,6 +131,10 @@ def assess(scene: Scene, progress: Progress, note: Callable[[str], None]) -> Fin
     """The measurements of `study`. Taichi has to be started."""
     kernels, scenario, study = KernelCache(), scene.scenario(), None
     progress("simulate", 0, None)
+    if scenario.model.rough:
+        raise InputError(
+            "wall.friction: the reference solution of `accuracy` needs smooth forces; `run` estimates the error"
+        )
     if scenario.step_dependent:
         modes = spectrum(scenario.lattice, scenario.model)
         outcome = compute(scenario, scene.time, kernels=kernels, modes=modes, estimate=False)

@@ -72,7 +72,9 @@ class Job:
         time, kernels = self.scene.time, shared_kernels()
         outcome = compute(scenario, time, self.progress, kernels, force=self.force, estimate=self.estimate)
         self.clock.lap("simulate", compile=outcome.compile_seconds)
-        results = {**scenario.result(outcome.columns), "measured": scenario.notes, **outcome.facts, "video": None}
+        numbers = scenario.result(outcome.columns)
+        measured = {name: scenario.notes[name] for name in numbers}
+        results = {**numbers, "measured": measured, **outcome.facts, "video": None}
         if scenario.step_dependent and (notes := self.scene.notes(scenario.lattice.disk_points)):
             results["notes"] = notes
         return scenario, self._summary("done") | results, outcome

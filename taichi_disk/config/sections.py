@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, fields
 from functools import cache
+from math import cos, sin
 from typing import TYPE_CHECKING, Any, ClassVar, Literal, TypeAlias, get_args, get_type_hints
 
 from taichi_disk.config.potential import ExponentialPotential
@@ -149,10 +150,21 @@ class WallSection(ExponentialPotential, Section):
     V0: float = key(150.0, "the wall's potential at distance 0", "M c^2", low=1e-12, high=1e12)
 
 
+class RoughWallSection(WallSection):
+    friction: float = key(0.0, "Coulomb's coefficient of friction on every point that the wall pushes", low=0, high=100)
+
+
 class ElasticWallSection(ExponentialPotential, Section):
     """A lattice of points below the disk; potential V0 exp(-a l) at distance l from its surface springs."""
 
     points: int = key(1269, "number of mass points of the wall", low=4, high=2_000_000)
+    k_a: Literal["same"] | float = key(
+        "same",
+        "linear spring constant of the wall, to which its k_b and dashpots are in proportion; same: material.k_a",
+        "M c^2/R^2",
+        low=1e-9,
+        high=1e6,
+    )
     width: float = key(3.8, "width of the wall; its depth follows from equal point density", "R", low=0.1, high=100)
     a: float = key(300.0, "steepness of the contact potential V0 exp(-a l)", "1/R", low=0.1, high=1e6)
     V0: float = key(150.0, "the contact potential at distance 0", "M c^2", low=1e-12, high=1e12)
@@ -171,7 +183,10 @@ class ElasticWallSection(ExponentialPotential, Section):
 class ImpactSection(Section):
     """How the disk meets the wall."""
 
-    velocity: float = key(0.02, "speed towards the wall at the start", "c", low=1e-6, high=10)
+    velocity: float = key(0.02, "speed at the start", "c", low=1e-6, high=10)
+    angle: float = key(
+        0.0, "between the flight and the wall's normal, positive to the right", "rad", low=-1.5, high=1.5
+    )
     spin: float = key(0.0, "angular velocity at the start, counter-clockwise", "c/R", low=-10, high=10)
     turn: float = key(0.0, "angle by which the disk is turned at the start", "rad", low=-3.1416, high=3.1416)
     gap: Auto | float = key(
@@ -183,6 +198,26 @@ class ImpactSection(Section):
     )
     max_time: Auto | float = key(
         "auto", "give up when the disk has not left the wall by this time", "R/c", low=1e-6, high=1e6
+    )
+
+    @property
+    def approach(self) -> float:
+        """The velocity towards the wall [c]."""
+        return self.velocity * cos(self.angle)
+
+    @property
+    def along(self) -> float:
+        """The velocity along the wall, to the right [c]."""
+        return self.velocity * sin(self.angle)
+
+
+class ElasticImpactSection(ImpactSection):
+    offset: Auto | float = key(
+        "auto",
+        "x of the disk's centre at the start; auto: such that it meets the wall in its middle",
+        "R",
+        low=-100,
+        high=100,
     )
 
 

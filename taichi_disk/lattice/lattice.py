@@ -382,13 +382,19 @@ def own_start(section: Any, lattice: Lattice | None, velocities: Any) -> OwnStar
 
 
 def with_wall(
-    disk: Lattice, points: int, width: float, seed: int, rim: bool = True, min_spacing: float = 0.7
+    disk: Lattice,
+    points: int,
+    width: float,
+    seed: int,
+    rim: bool = True,
+    min_spacing: float = 0.7,
+    stiffness: float = 1.0,
 ) -> Lattice:
     """`disk`, which has no wall yet, just touching an elastic wall of the same material, centred at x = 0 below y = 0.
 
     The wall is of the material of a plain disk of as many points: 1/disk_points M a point, disk_points/pi points per
-    R^2, springs of stiffness 1. No bond joins disk and wall. `rim` lays rows of points along its sides, spaced as on
-    the disk's rim.
+    R^2, springs of a `stiffness` of their own. No bond joins disk and wall. `rim` lays rows of points along its sides,
+    spaced as on the disk's rim.
 
     Raises:
         InputError: The wall is too thin; the message gives the range allowed.
@@ -419,7 +425,9 @@ def with_wall(
         wall_surface=surface + np.int32(n),
         wall_boundary=boundary + np.int32(n),
         triangles=np.concatenate([disk.triangles, mesh.triangles + np.int32(n)]),
-        stiffness=None if disk.stiffness is None else np.append(disk.stiffness, np.ones(len(mesh.bonds))),
+        stiffness=None
+        if disk.stiffness is None and stiffness == 1.0
+        else np.append(disk.stiffened(np.ones(len(disk.bonds))), np.full(len(mesh.bonds), stiffness)),
     )
 
 

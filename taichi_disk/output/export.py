@@ -44,7 +44,7 @@ def _frames(lattice: Lattice, model: Model, moments: Iterable[Moment]) -> Iterat
     for time, x, v in moments:
         contact = np.zeros_like(x)
         if model.wall is not None:
-            touching, forces = model.wall.contact_forces(lattice, x)
+            touching, forces = model.wall.contact_forces(lattice, x, v, model.springs)
             contact[touching] = forces
         sigma, at_points = stress(triangles, model.springs, x), point_stress(triangles, model.springs, x)
         springs = {

@@ -24,7 +24,8 @@ from taichi_disk.version import __version__
 
 _MOTION = ("t", "com_x", "com_y", "com_vx", "com_vy", "angular_momentum", "lowest_y", "wall_force")
 TIMESERIES = (*_MOTION, "kinetic", "elastic", "wall", "dissipated", "absorbed", "total")
-MORE = ("load", "sliding")  # potential of the pressing force; energy lost from one spring of the wall to the next
+# Potential of the pressing force; energy lost from one spring of the wall to the next, and in friction.
+MORE = ("load", "sliding", "friction")
 FILMS = ("video.mp4", "video.webm", "video.gif", "frames")
 RESULTS = ("timeseries.csv", "lattice.npz", "final.npz", "failure.npz", "plot.png")
 # What `render` and `export` put beside a run if nobody says where.
@@ -246,7 +247,8 @@ def write_timeseries(path: Path, columns: dict[str, Array], interval: float = 0.
     Of the columns (rows,), two rows at least, one is written every `interval` [R/c], about, and the last one. Numbers
     have 17 digits, so that those read back are those computed.
     """
-    names = [*TIMESERIES, *(name for name in MORE if columns[name].any()), *["xi"] * ("xi" in columns)]
+    more = (name for name in MORE if name in columns and columns[name].any())
+    names = [*TIMESERIES, *more, *["xi"] * ("xi" in columns)]
     table = np.stack([columns[name] for name in names], axis=1)
     every = max(1, round(interval / float(columns["t"][1])))
     kept = [*range(0, len(table) - 1, every), -1]

@@ -54,6 +54,7 @@ ENERGIES = {
     "dissipated": ("lost in dashpots", GREEN),
     "absorbed": ("lost at the boundary", PINK),
     "sliding": ("lost in sliding", "#999999"),
+    "friction": ("lost in friction", "#8C5A2B"),
 }
 HEIGHTS = (1.2, 1.0, 1.5)  # of the axes of motion, force and energies
 LAYOUT = {"left": 0.145, "right": 0.98, "bottom": 0.055, "top": 0.945, "hspace": 0.17}  # parts of a figure

@@ -13,6 +13,7 @@ from taichi_disk.lattice import Array, Lattice
 from taichi_disk.physics.law import BodyForce, Capacity, array, get, pair_of, put, scalar
 
 NEGLIGIBLE = exp(-45.0)  # force of the rigid wall on a point [M c^2/R]
+STOPPING = 1e-9  # in which friction stops a point, in NumPy, if it can [R/c]
 
 
 @ti.data_oriented
@@ -22,8 +23,16 @@ class ExponentialWall(ExponentialPotential, BodyForce):
 
     a: float  # hardness [1/R]
     V0: float  # potential at y = 0 [M c^2]; another V0 shifts the wall by ln(ratio)/a and changes no result
+    friction: float = 0.0  # coefficient mu of Coulomb's friction; 0: none
 
     column: ClassVar[str] = "wall"
+
+    def __post_init__(self) -> None:
+        self.rough = self.friction != 0.0
+
+    @property
+    def signature(self) -> tuple[Any, ...]:
+        return (self.rough,)
 
     @property
     def reach(self) -> float:
@@ -32,9 +41,12 @@ class ExponentialWall(ExponentialPotential, BodyForce):
 
     def make_fields(self, builder: Any, capacity: Capacity) -> None:
         self.a_now, self.V0_now, self.reach_now = (scalar(builder) for _ in range(3))
+        if self.rough:
+            self.friction_now = scalar(builder)
 
     def numbers(self) -> list[tuple[Any, float]]:
-        return [(self.a_now, self.a), (self.V0_now, self.V0), (self.reach_now, self.reach)]
+        numbers = [(self.a_now, self.a), (self.V0_now, self.V0), (self.reach_now, self.reach)]
+        return [*numbers, (self.friction_now, self.friction)] if self.rough else numbers
 
     @ti.func
     def at(self, state: ti.template(), i):
@@ -53,7 +65,35 @@ class ExponentialWall(ExponentialPotential, BodyForce):
             energy = self.V0_now[None] * ti.exp(-self.a_now[None] * y)
         return energy
 
+    @ti.func
+    def rub(self, state: ti.template(), kick, late):
+        """Coulomb's friction, added to the forces: what stops a point in the kick to come, at most mu times its push.
+
+        `kick` is that by which the forces change the velocities of the state, of which `late` has been made at the
+        moment that they act. So a point that sticks has exactly no velocity along the wall between two steps, and one
+        that slides is never turned round. No friction law that is smooth in the velocity can do that at such steps.
+        Returns the power lost [M c^3/R].
+        """
+        power = 0.0
+        for i in range(state.n_disk[None]):
+            push = self.at(state, i)[1]
+            if push > 0.0:
+                most = self.friction_now[None] * push
+                v, f = state.v[0][i], state.f[0][i]
+                force = ti.max(-most, ti.min(most, -(v / state.per_mass(i, kick) + f)))
+                state.f[0][i] = f + force
+                power -= force * (v + state.per_mass(i, late) * (f + force))
+        return power
+
     # ---- in NumPy
+
+    def friction_on(self, lattice: Lattice, x: Array, v: Array, others: Array) -> Array:
+        """(n,) friction along the wall [M c^2/R] on points at `x`, with velocities `v` and `others`, all (n, 2).
+
+        `others` are the other forces on them, which friction balances on a point that sticks.
+        """
+        most = self.friction * self.forces(lattice, x)[:, 1]
+        return np.clip(-(v[:, 0] * lattice.masses / STOPPING + others[:, 0]), -most, most)
 
     def energy(self, lattice: Lattice, x: Array) -> float:
         return float(self.potential(x[: lattice.disk_points, 1]).sum())
@@ -68,10 +108,17 @@ class ExponentialWall(ExponentialPotential, BodyForce):
 
         return diags((np.array([0.0, self.a]) * self.forces(lattice, x)).ravel())
 
-    def contact_forces(self, lattice: Lattice, x: Array) -> tuple[NDArray[np.intp], Array]:
-        """(points (k,), forces (k, 2) [M c^2/R]) of the wall on the points in its reach."""
-        points = np.flatnonzero(x[: lattice.disk_points, 1] < self.reach)
-        return points, self.forces(lattice, x)[points]
+    def contact_forces(self, lattice: Lattice, x: Array, *moving: Any) -> tuple[NDArray[np.intp], Array]:
+        """(points (k,), forces (k, 2) [M c^2/R]) of the wall on the points in its reach.
+
+        `moving`: the velocities (n, 2) [c] and the springs, where friction counts.
+        """
+        points, force = np.flatnonzero(x[: lattice.disk_points, 1] < self.reach), self.forces(lattice, x)
+        if moving and self.rough:
+            v, springs = moving
+            others = springs.forces(lattice, x) + springs.damping_forces(lattice, x, v)
+            force[:, 0] = self.friction_on(lattice, x, v, others)
+        return points, force[points]
 
 
 @ti.data_oriented

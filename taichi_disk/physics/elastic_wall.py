@@ -193,7 +193,7 @@ class ElasticWall(ExponentialPotential, Law):
             np.add.at(force, lattice.wall_surface[carrier], -share[:, None] * found.push)
         return force
 
-    def contact_forces(self, lattice: Lattice, x: Array) -> tuple[NDArray[np.intp], Array]:
+    def contact_forces(self, lattice: Lattice, x: Array, *_moving: Any) -> tuple[NDArray[np.intp], Array]:
         """(points (k,), forces (k, 2) [M c^2/R]) of the wall on the disk's surface points within the threshold."""
         found = self.contacts(lattice, x)
         return found.points, found.push

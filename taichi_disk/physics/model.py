@@ -41,9 +41,19 @@ class Model:
         return self.wall if isinstance(self.wall, ElasticWall) else None
 
     @property
+    def rough(self) -> bool:
+        """Whether there is friction."""
+        return isinstance(self.wall, ExponentialWall) and self.wall.rough
+
+    @property
+    def solvable(self) -> bool:
+        """Whether `trapezoidal` serves: it takes no axial dashpots, and is of order 1 beside friction."""
+        return self.springs.damped and not (self.springs.axial or self.rough)
+
+    @property
     def velocity_dependent(self) -> bool:
         """Whether any force depends on velocity."""
-        return self.springs.damped or isinstance(self.boundary, MatchedBoundary)
+        return self.springs.damped or self.rough or isinstance(self.boundary, MatchedBoundary)
 
     @property
     def reset_interval(self) -> float:
@@ -67,6 +77,8 @@ class Model:
     def forces_moving(self, lattice: Lattice, x: Array, v: Array) -> Array:
         """Force (n, 2) on each point that moves with the velocity `v` (n, 2) [c]; 0 on those held fast."""
         force = self.forces(lattice, x) + sum(law.damping_forces(lattice, x, v) for law in self.laws)
+        if isinstance(self.wall, ExponentialWall) and self.wall.rough:
+            force[:, 0] += self.wall.friction_on(lattice, x, v, force)
         if isinstance(self.boundary, PinnedBoundary):
             force[lattice.wall_boundary] = 0.0
         return np.asarray(force)

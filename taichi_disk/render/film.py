@@ -153,6 +153,7 @@ def _painter(scenario: Scenario, outcome: Outcome, video: VideoSection, still: f
     """
     painter = Painter(scenario.lattice, scenario.model.springs, scenario.model.wall)
     painter.colour, painter.draw, painter.theme, painter.limit = video.colour, video.draw, video.theme, 0.0
+    painter.spoke = scenario.spoke
     columns, (xmin, xmax, ymin, ymax) = outcome.columns, scenario.view
     peak = greatest_compression(columns)
     if still is None:

@@ -43,6 +43,7 @@ class Painter:
             difference from one to the next. In units of the quantity.
         full_force: force that an arrow of `geometry.ARROW` stands for [M c^2/R]; 0: no arrows.
         edge: height of the wall's edge over its surface [R], see `geometry.edge_height`.
+        spoke: the point to which a line is drawn from the disk's centre; -1: none.
         shown: (n,) the values in the last picture.
     """
 
@@ -51,7 +52,7 @@ class Painter:
     def __init__(self, lattice: Lattice, springs: Springs, wall: Any = None) -> None:
         self.lattice, self.springs, self.wall = lattice, springs, wall
         self.colour, self.draw, self.theme = "shear", "both", "light"
-        self.limit, self.full_force, self.edge = 1.0, 0.0, 0.0
+        self.limit, self.full_force, self.edge, self.spoke = 1.0, 0.0, 0.0, -1
         self._triangles, self._spacing = Triangles(lattice), float(np.median(lattice.rest_lengths))
 
     # ---- values
@@ -119,21 +120,25 @@ class Painter:
             above.append(geometry.outline(x[start], x[end], half, inside, theme.ink, inside.mean(axis=1)))
         elif self.draw == "springs":
             self._springs(canvas, camera, x, values, unit)
+        if self.spoke >= 0:
+            ends = self.lattice.mean(x)[None], x[[self.spoke]]
+            for colour, wide in ((theme.ground, 2.0 * half), (theme.ink, half)):
+                above.append(geometry.outline(*ends, wide, np.broadcast_to(colour, (1, 2, 3)), colour, colour))
         if self.wall is not None:
             above.append(solid)
         if self.full_force and self.wall is not None:
             sizes = (_HEAD * unit * pixel, max(_ARROW * unit, 1.0) * pixel, _RIM * unit * pixel)
-            above.append(geometry.arrows(*self.pushes(x, max(_NEXT * unit, 9.0) * pixel), *sizes, theme))
+            above.append(geometry.arrows(*self.pushes(x, v, max(_NEXT * unit, 9.0) * pixel), *sizes, theme))
         self._draw_shape(canvas, geometry.joined(*above), camera)
         if self.draw == "points":
             self._points(canvas, camera, x, values, unit)
 
-    def pushes(self, x: Array, distance: float) -> tuple[Array, Array]:
+    def pushes(self, x: Array, v: Array, distance: float) -> tuple[Array, Array]:
         """Feet (k, 2) [R] and forces (k, 2) of arrows, in parts of the full force.
 
         Where points stand closer than `distance` [R], one arrow for all that are pushed within that shows their mean.
         """
-        points, forces = self.wall.contact_forces(self.lattice, x)
+        points, forces = self.wall.contact_forces(self.lattice, x, v, self.springs)
         forces = forces / self.full_force
         strong = np.hypot(*forces.T) > _WEAK
         feet, forces = x[points[strong]], forces[strong]

@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Collection
+from math import tan
 from typing import TYPE_CHECKING, ClassVar, Literal
+
+import numpy as np
 
 from taichi_disk.config.scene_base import (
     Conflicts,
@@ -12,8 +15,9 @@ from taichi_disk.config.scene_base import (
     rounded_up,
     time_conflicts,
 )
-from taichi_disk.config.sections import ElasticWallSection, ImpactSection, MaterialSection
+from taichi_disk.config.sections import ElasticImpactSection, ElasticWallSection, MaterialSection
 from taichi_disk.lattice import Array, Lattice, with_wall
+from taichi_disk.scenes import oblique
 from taichi_disk.scenes.body import DiskScene
 from taichi_disk.scenes.impact import ImpactScenario
 from taichi_disk.simulation.observables import Columns
@@ -28,26 +32,35 @@ class AbsorbingWallScene(DiskScene):
     """What a scene file of this kind may say."""
 
     title: ClassVar[str] = "impact on an elastic, absorbing wall"
-    lattice_keys: ClassVar[tuple[str, ...]] = ("lattice", "wall.points", "wall.width")
+    lattice_keys: ClassVar[tuple[str, ...]] = ("lattice", "wall.points", "wall.width", "wall.k_a", "material.k_a")
     abscissa: ClassVar[tuple[str, str]] = ("impact", "velocity")
     results: ClassVar[tuple[str, ...]] = ("restitution", "contact_time")
+    optional_results: ClassVar[tuple[str, ...]] = tuple(oblique.RESULTS)
 
     scene: Literal["absorbing_wall"] = "absorbing_wall"
     material: MaterialSection = MaterialSection(eta_star=0.0)  # the boundary absorbs the energy
     wall: ElasticWallSection = ElasticWallSection()
-    impact: ImpactSection = ImpactSection()
+    impact: ElasticImpactSection = ElasticImpactSection()
 
     def conflicts(self) -> Conflicts:
         matched = ["wall.boundary = dashpot"] * (self.wall.boundary == "dashpot")
         conflicts = super().conflicts() + time_conflicts(self.time, self.material, *matched)
         conflicts += gap_conflicts(self.wall, self.impact)
-        least = least_threshold(self.wall, self.impact.velocity)
+        least = least_threshold(self.wall, self.impact.approach)
         if self.wall.threshold < least:
             text = (
                 f"at {self.wall.threshold:g} R the contact potential exceeds 1e-5 of the kinetic energy, "
                 f"so that energy would jump there: write {rounded_up(least)} R or more"
             )
             conflicts.append(("wall.threshold", text))
+        if (
+            least := oblique.least_width(self.wall, self.impact, min(self.material.k_a, self.wall_k_a))
+        ) > self.wall.width:
+            text = (
+                f"a disk thrown so touches the wall's surface as far as {0.5 * least:.3g} R from its middle: write "
+                f"{rounded_up(least)} R or more, or another impact.offset"
+            )
+            conflicts.append(("wall.width", text))
         dt, interval = self.time.dt, self.wall.reset_interval
         if self.wall.boundary == "reset" and dt != "auto" and dt > interval:
             conflicts.append(("time.dt", f"{dt:g} is longer than wall.reset_interval = {interval:g} [R/c]"))
@@ -63,7 +76,13 @@ class AbsorbingWallScene(DiskScene):
 
     def _over_wall(self, disk: Lattice) -> Lattice:
         spec, wall = self.lattice, self.wall
-        return with_wall(disk, wall.points, wall.width, spec.seed, spec.rim, spec.min_spacing)
+        stiffness = self.wall_k_a / self.material.k_a
+        return with_wall(disk, wall.points, wall.width, spec.seed, spec.rim, spec.min_spacing, stiffness)
+
+    @property
+    def wall_k_a(self) -> float:
+        """Linear spring constant of the wall [M c^2/R^2]."""
+        return self.material.k_a if self.wall.k_a == "same" else self.wall.k_a
 
     def of_body(self, body: Lattice) -> AbsorbingWallImpact:
         return AbsorbingWallImpact(self, body if len(body.wall_surface) else self._over_wall(body))
@@ -74,6 +93,15 @@ class AbsorbingWallImpact(ImpactScenario):
 
     scene: AbsorbingWallScene
     kind = "Impact on an elastic wall"
+
+    def _set_out(self) -> None:
+        self._compliance = max(self._compliance, 1.0 / self.scene.wall_k_a)
+        super()._set_out()
+
+    def _put_at_start(self) -> None:
+        super()._put_at_start()
+        offset, n = self.scene.impact.offset, self.lattice.disk_points
+        self.lattice.positions[:n, 0] += -self.gap * tan(self.scene.impact.angle) if offset == "auto" else offset
 
     def _view(self) -> tuple[float, float, float, float]:
         half, bottom = max(0.5 * self.scene.wall.width, 1.1), float(self.lattice.positions[:, 1].min())
@@ -89,7 +117,8 @@ class AbsorbingWallImpact(ImpactScenario):
             boundary = physics.ResetBoundary(wall.reset_interval)
         elif wall.boundary == "dashpot":
             moduli = self.scene.moduli(self.lattice.disk_points)
-            p, s = moduli.density * moduli.wave_speed_p, moduli.density * moduli.wave_speed_s
+            part = np.sqrt(self.scene.wall_k_a / self.scene.material.k_a)  # of the wall's speeds of sound
+            p, s = (part * moduli.density * speed for speed in (moduli.wave_speed_p, moduli.wave_speed_s))
             boundary = physics.MatchedBoundary(physics.matched_impedance(self.lattice, p, s))
         return physics.Model(self.springs, contact(wall.a, wall.V0, wall.threshold), boundary=boundary)
 

@@ -30,11 +30,13 @@ class DiskScene(SceneBase):
     Attributes:
         lattice_keys: the sections and keys on which `body` depends.
         abscissa, results: of a sweep, the key that curves are drawn against, the numbers of each scene.
+        optional_results: numbers that only some scenes have.
     """
 
     lattice_keys: ClassVar[tuple[str, ...]] = ("lattice",)
     abscissa: ClassVar[tuple[str, str]]
     results: ClassVar[tuple[str, ...]] = ()
+    optional_results: ClassVar[tuple[str, ...]] = ()
 
     def body(self) -> Lattice:
         """The unloaded lattice. Raises InputError for a file that holds no disk, SimulationError as `disk_lattice`."""

@@ -5,8 +5,9 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, ClassVar, Literal
 
 from taichi_disk.config.scene_base import Conflicts, gap_conflicts, time_conflicts
-from taichi_disk.config.sections import ImpactSection, WallSection
+from taichi_disk.config.sections import ImpactSection, RoughWallSection
 from taichi_disk.lattice import Lattice
+from taichi_disk.scenes import oblique
 from taichi_disk.scenes.body import DiskScene
 from taichi_disk.scenes.impact import ImpactScenario
 
@@ -20,13 +21,14 @@ class ExponentialWallScene(DiskScene):
     title: ClassVar[str] = "impact on a rigid wall"
     abscissa: ClassVar[tuple[str, str]] = ("impact", "velocity")
     results: ClassVar[tuple[str, ...]] = ("restitution", "contact_time")
+    optional_results: ClassVar[tuple[str, ...]] = tuple(oblique.RESULTS)
 
     scene: Literal["exponential_wall"] = "exponential_wall"
-    wall: WallSection = WallSection()
+    wall: RoughWallSection = RoughWallSection()
     impact: ImpactSection = ImpactSection()
 
     def conflicts(self) -> Conflicts:
-        conflicts = super().conflicts() + time_conflicts(self.time, self.material)
+        conflicts = super().conflicts() + time_conflicts(self.time, self.material, friction=self.wall.friction)
         return conflicts + gap_conflicts(self.wall, self.impact)
 
     def of_body(self, body: Lattice) -> ExponentialWallImpact:
@@ -42,4 +44,5 @@ class ExponentialWallImpact(ImpactScenario):
     def _model(self) -> Model:
         from taichi_disk.physics import ExponentialWall, Model
 
-        return Model(self.springs, ExponentialWall(self.scene.wall.a, self.scene.wall.V0))
+        wall = self.scene.wall
+        return Model(self.springs, ExponentialWall(wall.a, wall.V0, wall.friction))

@@ -11,6 +11,8 @@ import numpy as np
 from taichi_disk.errors import InputError
 from taichi_disk.lattice import Lattice, disk_of
 from taichi_disk.lattice.network import bending_compliance
+from taichi_disk.scenes import oblique
+from taichi_disk.scenes.oblique import START_POTENTIAL
 from taichi_disk.simulation.observables import Columns
 from taichi_disk.simulation.scenario import Array, Scenario, spread
 
@@ -18,7 +20,6 @@ if TYPE_CHECKING:
     from taichi_disk.physics import Model
     from taichi_disk.simulation.approach import Approach
 
-START_POTENTIAL = 1e-10  # of the wall at the start, as a fraction of the kinetic energy
 # Up to this flight and wall are known without a step, and from it on they are again. What e loses by that, measured:
 # `python -m tests.validation.estimate_trial --near`.
 NEAR_POTENTIAL = 1e-5
@@ -39,6 +40,7 @@ class ImpactScenario(Scenario):
 
     Attributes:
         velocity: v, of the centre of mass towards the wall at the start [c].
+        oblique: whether something happens along the wall, too: there is an angle, a spin or friction.
         gap: distance of the lowest point from the wall at the start [R].
         near: the same from where on the flight is stepped through, and to where.
         kinetic: of the flight at the start, M v^2/2 [M c^2].
@@ -46,10 +48,15 @@ class ImpactScenario(Scenario):
 
     truncation_remedy = "a larger impact.gap ends it farther from the wall"
     kind = "Impact"
-    labels: ClassVar = {"restitution": ("restitution e", ""), "contact_time": ("contact time", "R/c")}
+    labels: ClassVar = {
+        "restitution": ("restitution e", ""),
+        "contact_time": ("contact time", "R/c"),
+        **{name: (label, unit) for name, (label, unit, _) in oblique.RESULTS.items()},
+    }
     notes: ClassVar = {
         "restitution": "-v_cm(after)/v_cm(before), after the disk has left for good",
         "contact_time": f"first to last time that the wall's force is {CONTACT_LEVEL:g} of its peak [R/c]",
+        **{name: note for name, (_, _, note) in oblique.RESULTS.items()},
     }
 
     def __init__(self, scene: Any, body: Lattice) -> None:
@@ -69,8 +76,9 @@ class ImpactScenario(Scenario):
         """Everything that follows from the scene's velocity."""
         from taichi_disk.simulation.stability import impact_point_force
 
-        scene, velocity = self.scene, self.scene.impact.velocity
+        scene, velocity = self.scene, self.scene.impact.approach
         self.velocity, self.kinetic = velocity, 0.5 * velocity**2
+        self.oblique = bool(scene.impact.angle or scene.impact.spin or getattr(scene.wall, "friction", 0.0))
         longest, decay_time = LONGEST * self.springs.time_unit, scene.wall.decay_length / velocity
         halvings = np.ceil(np.log2(longest / (DECAY_TIMES_PER_ROW * decay_time)) - 1e-9)
         self.sample_interval = float(longest * 0.5 ** np.clip(halvings, 0, HALVINGS))
@@ -81,13 +89,16 @@ class ImpactScenario(Scenario):
         limit = scene.impact.max_time
         self.max_time = self._default_max_time() if limit == "auto" else limit
         self.view = self._view()
+        if self.oblique:
+            self.spoke = int(self.lattice.positions[: self.lattice.disk_points, 1].argmax())
 
     @abstractmethod
     def _model(self) -> Model:
         """From `scene` and `lattice`."""
 
     def _view(self) -> tuple[float, float, float, float]:
-        return -1.1, 1.1, -0.1, 2.0 + self.gap
+        along = 3.0 * self.gap * float(np.tan(self.scene.impact.angle))  # to the wall and away, about
+        return min(along, 0.0) - 1.1, max(along, 0.0) + 1.1, -0.1, 2.0 + self.gap
 
     def _put_at_start(self) -> None:
         """Turn the disk, lift it by the gap, give it velocity and spin."""
@@ -104,7 +115,7 @@ class ImpactScenario(Scenario):
         positions[:n, 1] += self.gap - surface.min()
         self.lattice = replace(body, positions=positions)
         self.velocities = np.zeros_like(positions)
-        self.velocities[:n, 1] = -self.velocity
+        self.velocities[:n] = impact.along, -self.velocity
         if impact.spin:
             arm = positions[:n] - body.mean(positions)
             self.velocities[:n] += impact.spin * np.stack([-arm[:, 1], arm[:, 0]], axis=1)
@@ -115,7 +126,8 @@ class ImpactScenario(Scenario):
         """Step through all of its flight where a disk spins, where anything moves in it, or where a body bends."""
         disk = self.velocities[: self.lattice.disk_points]
         strained = np.abs(self.springs.strain(self.lattice, self.lattice.positions)).max() > UNSTRAINED
-        moves = (disk != disk[0]).any() or (disk[0, 0] != 0.0 and len(self.lattice.wall_surface) > 0)
+        rubs = getattr(self.scene.wall, "friction", 0.0) or (disk[0, 0] != 0.0 and len(self.lattice.wall_surface))
+        moves = (disk != disk[0]).any() or rubs
         if strained or moves or self._dip > NOT_ROUND * self._radius:
             self.near = self.gap
 
@@ -197,7 +209,8 @@ class ImpactScenario(Scenario):
     def result(self, columns: Columns) -> dict[str, float]:
         start, end = contact_interval(columns["t"], columns["wall_force"], columns["com_vy"])
         speed = self._speed_after(columns) if self.near < self.gap else columns["com_vy"][-1]
-        return {"restitution": float(speed) / self.velocity, "contact_time": end - start}
+        found = {"restitution": float(speed) / self.velocity, "contact_time": end - start}
+        return found | (oblique.along_the_wall(columns, self._radius, self._inertia) if self.oblique else {})
 
     def _speed_after(self, columns: Columns) -> float:
         """Where the wall's last potential becomes energy of the flight [c]."""
@@ -205,10 +218,12 @@ class ImpactScenario(Scenario):
 
     def start_with(self, velocities: Array) -> None:
         super().start_with(velocities)
-        velocity = -float(self.lattice.mean(velocities[:, 1]))
+        along, up = (float(self.lattice.mean(one)) for one in velocities.T)
+        velocity = -up
         if not velocity > 0.0:
             raise InputError(f"velocities: their mean has to point down, at the wall, not {-velocity:+g} c")
-        self.scene = self.scene.with_({"impact.velocity": velocity})
+        angle = round(float(np.arctan2(along, velocity)), 12)  # 0 of a throw straight down, however the mean is rounded
+        self.scene = self.scene.with_({"impact.velocity": float(np.hypot(along, velocity)), "impact.angle": angle})
         self._set_out()
         super().start_with(velocities)  # the start at that speed has others
         self._stay_far_unless_straight()
@@ -218,15 +233,20 @@ class ImpactScenario(Scenario):
         self.near = self.gap
 
     def marks(self, columns: Columns) -> tuple[str, str]:
-        e, contact_time = self.result(columns).values()
-        return f"e = {e:.5f}", f"contact time {contact_time:.4g} R/c"
+        found = self.result(columns)
+        return f"e = {found['restitution']:.5f}", f"contact time {found['contact_time']:.4g} R/c"
 
     def quality(self, columns: Columns) -> tuple[Array, str, str]:
         lost = (columns["total"] - columns["total"][0]) / self.energy
         return lost, "energy imbalance\n/ initial kinetic", "linear"
 
     def motion(self, columns: Columns) -> tuple[Array, str]:
-        return columns["com_vy"] / self.velocity, "velocity of the centre\nof mass, $v_{cm}/v$"
+        label = (
+            "velocity away\nfrom the wall, $v_n/v_n(0)$"
+            if self.oblique
+            else "velocity of the centre\nof mass, $v_{cm}/v$"
+        )
+        return columns["com_vy"] / self.velocity, label
 
     def frame_times(self, columns: Columns, frames: int) -> Array:
         start, end = contact_interval(columns["t"], columns["wall_force"], columns["com_vy"])
@@ -239,16 +259,23 @@ class ImpactScenario(Scenario):
 
     def title(self) -> tuple[str, ...]:
         scene = self.scene
-        start = f"    spin {scene.impact.spin:g} c/R" if scene.impact.spin else ""
-        start += f"    turned by {scene.impact.turn:g}" if scene.impact.turn else ""
+        impact, friction = scene.impact, getattr(scene.wall, "friction", 0.0)
+        start = f"    {impact.angle:g} rad from the normal" if impact.angle else ""
+        start += f"    spin {impact.spin:g} c/R" if impact.spin else ""
+        start += f"    μ = {friction:g}" if friction else ""
+        start += f"    turned by {impact.turn:g}" if impact.turn else ""
         return (
             self.kind,
-            f"v = {self.velocity:g} c    {scene.damping}    a = {scene.wall.a:g}/R{start}",
+            f"v = {impact.velocity:g} c    {scene.damping}    a = {scene.wall.a:g}/R{start}",
             scene.described(self.lattice),
         )
 
     def caption(self, row: dict[str, float]) -> tuple[str, ...]:
-        return (f"t = {row['t']:7.3f} R/c", f"velocity {row['com_vy'] / self.velocity:+.3f} v")
+        time = f"t = {row['t']:7.3f} R/c"
+        if not self.oblique:
+            return time, f"velocity {row['com_vy'] / self.velocity:+.3f} v"
+        spin = row["angular_momentum"] / self._inertia
+        return time, f"v {row['com_vx']:+.4f}, {row['com_vy']:+.4f} c", f"spin {spin:+.4f} c/R"
 
 
 def contact_interval(t: Array, force: Array, velocity: Array) -> tuple[float, float]:

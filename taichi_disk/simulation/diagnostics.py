@@ -9,7 +9,7 @@ import numpy as np
 from taichi_disk.errors import SimulationError
 from taichi_disk.lattice import Array, Lattice
 from taichi_disk.physics import Model
-from taichi_disk.simulation.observables import ENERGIES, ENERGY_INDICES, INDEX, Columns
+from taichi_disk.simulation.observables import ENERGIES, INDEX, OPTIONAL, Columns, total_energy
 from taichi_disk.simulation.scenario import Scenario
 
 CLOSING, WORST = 2e-5, 1e-4  # largest imbalance, at the end and ever, that an automatic step may leave
@@ -27,7 +27,7 @@ def relative_imbalance(scenario: Scenario, columns: Columns) -> tuple[float, flo
 def summary(scenario: Scenario, columns: Columns) -> dict[str, Any]:
     """The energies at the end [M c^2] and their balance."""
     closing, worst = relative_imbalance(scenario, columns)
-    energies = {name: float(columns[name][-1]) for name in ENERGIES}
+    energies = {name: float(columns[name][-1]) for name in (*ENERGIES, *OPTIONAL) if name in columns}
     scale = scenario.energy_scale(columns)
     return energies | {"scale": scale, "closing_imbalance": closing, "worst_imbalance": worst}
 
@@ -74,7 +74,7 @@ class EnergyBalance:
 
     def __init__(self, start: Array) -> None:
         """`start`: (columns,) the row at t = 0."""
-        self.total, self._load = float(start[ENERGY_INDICES].sum()), float(start[INDEX["load"]])
+        self.total, self._load = float(total_energy(start[None])[0]), float(start[INDEX["load"]])
         self._largest = float(self._size(start[None])[0])
 
     def first_lost(self, rows: Array) -> int | None:
@@ -100,7 +100,7 @@ class EnergyBalance:
 
     def imbalance(self, rows: Array) -> Array:
         """Deviation of the total energy from its value at t = 0, (rows,) [M c^2]."""
-        return np.asarray(rows[:, ENERGY_INDICES].sum(axis=1) - self.total)
+        return total_energy(rows) - self.total
 
     def loss(self, bad: Array) -> str:
         """What is lost at the row `bad` (columns,), in words."""

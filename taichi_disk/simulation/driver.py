@@ -14,7 +14,7 @@ from taichi_disk import runtime
 from taichi_disk.errors import SimulationError
 from taichi_disk.lattice import Array
 from taichi_disk.simulation.diagnostics import BlowUp, EnergyBalance, explained, gone_through, unacceptable
-from taichi_disk.simulation.observables import COLUMNS, Columns, as_columns, bounds_array
+from taichi_disk.simulation.observables import Columns, as_columns, bounds_array
 from taichi_disk.simulation.scenario import Scenario
 from taichi_disk.simulation.simulation import NEVER, KernelCache, Simulation
 from taichi_disk.simulation.stability import Spectrum
@@ -75,7 +75,7 @@ class Driver:
         self._needed, self._quiet = 1 + ceil(scenario.quiet_time / self.interval - 1e-9), 0
         springs = SPRINGS_PER_LOOK if self.simulation.subdomains > 1 else SPRINGS_PER_LAUNCH
         self._launch_steps = max(1, springs // (len(scenario.lattice.bonds) * self.step.integrator.forces))
-        self._rows: Array = np.empty((before + 256, len(COLUMNS)))
+        self._rows: Array = np.empty((before + 256, self.simulation.first_row.size))
         self._rows[before], self.count = self.simulation.first_row, before + 1
         if self.approach:
             times = np.arange(before + 1) * self.interval

@@ -22,9 +22,12 @@ from taichi_disk.simulation.observables import (
     ABSORBED,
     COLUMNS,
     DISSIPATED,
+    FRICTION,
+    FRICTION_COLUMN,
+    FRICTION_POWER,
     INDEX,
     SLIDING,
-    SUMS,
+    within,
 )
 from taichi_disk.simulation.stepping import State, Stepping
 
@@ -53,7 +56,7 @@ class Kernels(Stepping):
         """
         ti.loop_config(serialize=True)
         for _ in range(1):
-            sums = ti.Vector([self.state.sums[k] for k in range(SUMS)])
+            sums = ti.Vector([self.state.sums[k] for k in range(self.state.summed)])
             made, row, needed, quiet = 0, 0, counts[0], counts[1]
             while made < steps and quiet < needed:
                 made += 1
@@ -70,7 +73,7 @@ class Kernels(Stepping):
                     quiet = (quiet + 1) * inside
                     row += 1
             counts[1], counts[2], counts[3] = quiet, made, row
-            for k in ti.static(range(SUMS)):
+            for k in ti.static(range(self.state.summed)):
                 self.state.sums[k] = sums[k]
 
     @ti.kernel
@@ -78,7 +81,7 @@ class Kernels(Stepping):
         """From x_0 and v_0 (in `v`): the forces at t = 0, the velocities before the last kick, the first row."""
         ti.loop_config(serialize=True)
         for _ in range(1):
-            sums, highest = ti.Vector([0.0 for k in range(SUMS)]), 0.0
+            sums, highest = ti.Vector([0.0 for k in range(self.state.summed)]), 0.0
             for i in range(self.state.n[None]):
                 highest = ti.max(highest, self.body_force(i))
                 if ti.static(self.damped):
@@ -87,12 +90,14 @@ class Kernels(Stepping):
             upward, potential, stored = 0.0, 0.0, 0.0
             sums, upward, potential = self.touch(0.0, sums, highest)
             sums, stored = self.begin_account(sums, products)
+            if ti.static(self.rough):  # u is the velocity at t = 0, and the first kick half a step's
+                sums[FRICTION_POWER] = self.wall.rub(self.state, self.state.closing[None], 0.0)
             for i in range(self.state.n[None]):
                 kick = self.state.closing[None] * self.state.per_mass(i, get(self.state.f, i))
                 put(self.state.v, i, get(self.state.v, i) - kick)
             self.observe(rows, 0, sums, elastic, upward, potential)
             sums[DISSIPATED] = stored
-            for k in ti.static(range(SUMS)):
+            for k in ti.static(range(self.state.summed)):
                 self.state.sums[k] = sums[k]
 
     @ti.kernel
@@ -149,6 +154,8 @@ class Kernels(Stepping):
         rows[s, INDEX["load"]] = load
         rows[s, INDEX["sliding"]] = sums[SLIDING]
         rows[s, INDEX["residual"]] = ti.sqrt(residual2)
+        if ti.static(self.rough):
+            rows[s, FRICTION_COLUMN] = sums[FRICTION]
 
 
 @ti.data_oriented
@@ -187,8 +194,7 @@ class SubdomainKernels(Kernels):
             if due or made == steps:
                 self.look(rows, count)
             if due:
-                inside = bool(((rows[count] >= bounds[0]) & (rows[count] <= bounds[1])).all())
-                quiet = (quiet + 1) * inside
+                quiet = (quiet + 1) * bool(within(rows[[count]], bounds))
                 count += 1
         counts[1:] = quiet, made, count
 
@@ -208,7 +214,7 @@ class SubdomainKernels(Kernels):
     @ti.func
     def join(self, stage: ti.template(), number):
         """What concerns the whole lattice: seams, sums, contact; after the last stage the step's end."""
-        sums = ti.Vector([self.state.sums[k] for k in range(SUMS)])
+        sums = ti.Vector([self.state.sums[k] for k in range(self.state.summed)])
         seams = self.ends[self.count - 1]
         elastic, products = self.springs.add(self.state, self.explicit, seams, self.state.blocks[None])
         highest = 0.0
@@ -220,7 +226,7 @@ class SubdomainKernels(Kernels):
         sums, upward, potential = self.touch(move, sums, highest)
         if ti.static(stage == self.integrator.forces - 1):
             sums = self.account(number, sums, products)
-        for k in ti.static(range(SUMS)):
+        for k in ti.static(range(self.state.summed)):
             self.state.sums[k] = sums[k]
         self.latest[0], self.latest[1], self.latest[2] = elastic, upward, potential
 
@@ -241,5 +247,5 @@ class SubdomainKernels(Kernels):
         """Fill row `s` with the observables now."""
         ti.loop_config(serialize=True)
         for _ in range(1):
-            sums = ti.Vector([self.state.sums[k] for k in range(SUMS)])
+            sums = ti.Vector([self.state.sums[k] for k in range(self.state.summed)])
             self.observe(rows, s, sums, self.latest[0], self.latest[1], self.latest[2])

@@ -25,6 +25,8 @@ COLUMNS = (
     "sliding",  # what points lost by passing from one spring of the elastic wall to the next, since t = 0
     "residual",  # largest |force| on a point of the disk [M c^2/R]
 )
+OPTIONAL = ("friction",)  # after those, where a scene has it: the energy that friction took since t = 0
+FRICTION_COLUMN = len(COLUMNS)
 INDEX = {name: k for k, name in enumerate(COLUMNS)}
 ENERGIES = ("kinetic", "elastic", "wall", "dissipated", "absorbed", "sliding", "load")
 ENERGY_INDICES = [INDEX[name] for name in ENERGIES]
@@ -34,15 +36,27 @@ ENERGY_INDICES = [INDEX[name] for name in ENERGIES]
 # field comes out one launch late.
 SUMS = 7
 DISSIPATED, POWER, ABSORBED, BOUNDARY_POWER, PEAK, SLIDING, LEAVING = range(SUMS)
+FRICTION, FRICTION_POWER = range(SUMS, SUMS + 2)  # where there is friction
 
 
 def as_columns(rows: Array, interval: float) -> Columns:
-    """Name the columns of `rows` (rows, len(COLUMNS)), `interval` [R/c] apart; add time and total energy."""
+    """Name the columns of `rows` (rows, columns), `interval` [R/c] apart; add time and total energy."""
     columns: Columns = {"t": np.arange(len(rows), dtype=np.float64) * interval}
-    columns.update({name: rows[:, k].copy() for k, name in enumerate(COLUMNS)})
+    columns.update({name: one.copy() for name, one in zip((*COLUMNS, *OPTIONAL), rows.T, strict=False)})
     with np.errstate(invalid="ignore"):  # after a blow-up there may be infinite energies of both signs
-        columns["total"] = rows[:, ENERGY_INDICES].sum(axis=1)
+        columns["total"] = total_energy(rows)
     return columns
+
+
+def total_energy(rows: Array) -> Array:
+    """(rows,) all energies of `rows` (rows, columns), what was lost included [M c^2]."""
+    return np.asarray(rows[:, ENERGY_INDICES].sum(axis=1) + rows[:, len(COLUMNS) :].sum(axis=1))
+
+
+def within(rows: Array, bounds: Array) -> Array:
+    """(rows,) whether each of `rows` (rows, columns) keeps to the least and largest values of `bounds_array`."""
+    rows = rows[:, : len(COLUMNS)]
+    return np.asarray(((rows >= bounds[0]) & (rows <= bounds[1])).all(axis=1))
 
 
 def bounds_array(bounds: dict[str, tuple[float, float]]) -> Array:

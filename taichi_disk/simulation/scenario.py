@@ -32,6 +32,7 @@ class Scenario(ABC):
         max_time: when to give up [R/c].
         sample_interval: longest time between two rows from which `result` can be found [R/c].
         view: (xmin, xmax, ymin, ymax) that the film keeps in sight [R].
+        spoke: the point to which pictures draw a line from the disk's centre, so that a rotation is seen; -1: none.
         step_dependent: whether the primary result depends on the time step, beyond where the run happens to end.
         resolving_step: the longest step that resolves the wall, where the result depends on the step [R/c].
         truncation_remedy: which keys make `end_truncation_error` smaller.
@@ -51,6 +52,7 @@ class Scenario(ABC):
     max_time: float
     sample_interval: float
     view: tuple[float, float, float, float]
+    spoke: int = -1
     step_dependent: bool = True
     resolving_step: float = float("inf")
     truncation_remedy: str = ""

@@ -50,7 +50,7 @@ class Simulation:
         builder = ti.FieldsBuilder()
         for law in self.model.laws:
             law.make_fields(builder, self._capacity)
-        self.state = State(builder, self._capacity, self.subdomains, self.model.springs.damped, not lattice.uniform)
+        self.state = State(builder, self._capacity, self.subdomains, self.model, not lattice.uniform)
         both = 2 if isinstance(model.boundary, MatchedBoundary) else 1
         solver = DashpotSolver(builder, self._capacity, both) if factor is not None else None
         parts = self.state, self.model, integrator, solver
@@ -115,7 +115,7 @@ class Simulation:
         self.kernels.fill(arranged, factor)
         for law in self.model.laws:
             law.fill(lattice)
-        rows = np.zeros((1, len(COLUMNS)))
+        rows = np.zeros((1, len(COLUMNS) + self.model.rough))
         self.kernels.initialise(rows)
         self.first_row = self.now = rows[0]
 
@@ -134,7 +134,7 @@ class Simulation:
         Returns the rows (rows, columns), and how many rows running are within the bounds now.
         """
         raise_if_interrupted()
-        rows = np.empty(((self.step_number % stride + steps) // stride + 1, len(COLUMNS)))
+        rows = np.empty(((self.step_number % stride + steps) // stride + 1, self.now.size))
         bounds = bounds_array({}) if bounds is None else bounds
         counts = np.array([needed, quiet, 0, 0], np.int32)
         self.kernels.advance(self.step_number, steps, stride, rows, bounds, counts)

@@ -106,7 +106,7 @@ class StepControl:
         name, model = self._integrator, self.scenario.model
         if name == "auto":
             ratio = self._longest(TRAPEZOIDAL) / self._longest(VELOCITY_VERLET)
-            implicit = ratio > implicit_cost(self.spectrum.points) and not model.springs.axial
+            implicit = ratio > implicit_cost(self.spectrum.points) and model.solvable
             name = (TRAPEZOIDAL if implicit else VELOCITY_VERLET).name
         integrator = INTEGRATORS[name]
         dt = self._longest(integrator) if self.time.dt == "auto" else self.time.dt

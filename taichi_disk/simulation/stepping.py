@@ -16,7 +16,18 @@ from taichi_disk.integrators.trapezoidal import DashpotSolver
 from taichi_disk.lattice import Array, Lattice
 from taichi_disk.physics import MatchedBoundary, Model, PinnedBoundary, ResetBoundary
 from taichi_disk.physics.law import Capacity, Reals1, Reals3, array, get, pair_of, put, scalar
-from taichi_disk.simulation.observables import ABSORBED, BOUNDARY_POWER, DISSIPATED, LEAVING, PEAK, POWER, SLIDING, SUMS
+from taichi_disk.simulation.observables import (
+    ABSORBED,
+    BOUNDARY_POWER,
+    DISSIPATED,
+    FRICTION,
+    FRICTION_POWER,
+    LEAVING,
+    PEAK,
+    POWER,
+    SLIDING,
+    SUMS,
+)
 
 
 @dataclass(frozen=True)
@@ -27,7 +38,7 @@ class Snapshot:
         vectors: (3 or 4, n, 2) positions [R], velocities before the last kick [c], forces [M c^2/R]; with dashpots
             also the velocities at the step, predicted or solved for.
         sums: (SUMS,) dissipated, its power, absorbed, its power, largest force of the wall on a point, sliding,
-            what the next step is to lose at its start (see `account`).
+            what the next step is to lose at its start (see `account`); (SUMS + 2,) also what friction took, its power.
     """
 
     step: int
@@ -53,19 +64,20 @@ class State:
     m. Where all are alike there are no such fields.
     """
 
-    def __init__(self, builder: Any, capacity: Capacity, subdomains: int, damped: bool, unlike: bool) -> None:
+    def __init__(self, builder: Any, capacity: Capacity, subdomains: int, model: Model, unlike: bool) -> None:
         self.fillers = 2 * subdomains  # points that carry the springs that fill up blocks
         filled = capacity.points + self.fillers
         self.x, self.v, self.f = (pair_of(builder, filled) for _ in range(3))
         self.vectors = [self.x, self.v, self.f]
-        if damped:
+        if model.springs.damped:
             self.u = pair_of(builder, filled)
             self.vectors.append(self.u)
         self.h, self.m, self.g, self.closing, self.contact = (scalar(builder) for _ in range(5))
         self.n, self.n_disk, self.blocks, self.subdomain_points, self.reset_steps = (
             scalar(builder, ti.i32) for _ in range(5)
         )
-        self.sums = array(builder, SUMS, ti.f64)
+        self.summed = SUMS + 2 * model.rough
+        self.sums = array(builder, self.summed, ti.f64)
         self.unlike = unlike
         if unlike:
             self.lightness, self.disk_mass = array(builder, capacity.points, ti.f64), scalar(builder)
@@ -110,7 +122,7 @@ class State:
         vectors = np.zeros((len(self.vectors), n + self.fillers, 2))
         vectors[0, :n], vectors[1, :n] = positions, velocities
         vectors[0, n + 1 :: 2, 0] = 1.0  # springs that fill up blocks lie at rest between (0, 0) and (1, 0)
-        self._begin(np.array([value for _, value in numbers], np.float64), vectors, np.zeros(SUMS))
+        self._begin(np.array([value for _, value in numbers], np.float64), vectors, np.zeros(self.summed))
 
     @ti.kernel
     def _begin(self, numbers: Reals1, vectors: Reals3, sums: Reals1):
@@ -121,7 +133,7 @@ class State:
             self.copy(vectors, sums, True)
 
     def export(self, n: int, step: int) -> Snapshot:
-        vectors, sums = np.zeros((len(self.vectors), n, 2)), np.zeros(SUMS)
+        vectors, sums = np.zeros((len(self.vectors), n, 2)), np.zeros(self.summed)
         self._copy(vectors, sums, False)
         return Snapshot(step, vectors, sums)
 
@@ -145,7 +157,7 @@ class State:
                     else:
                         vectors[k, i, c] = self.vectors[k][c][i]
             i += 1
-        for k in ti.static(range(SUMS)):
+        for k in ti.static(range(self.summed)):
             if ti.static(into):
                 self.sums[k] = sums[k]
             else:
@@ -164,7 +176,7 @@ class Stepping:
         self.springs, self.body_forces = model.springs, model.body_forces
         laws: Any = model  # where a law is absent, no kernel asks for it
         self.elastic_wall, self.mouse, self.boundary = laws.elastic, laws.mouse, laws.boundary
-        self.contact = model.elastic is not None
+        self.contact, self.wall, self.rough = model.elastic is not None, laws.wall, model.rough
         self.damped, self.implicit = model.springs.damped, solver is not None
         self.explicit = self.damped and not self.implicit
         self.pinned = isinstance(model.boundary, PinnedBoundary)
@@ -307,6 +319,10 @@ class Stepping:
             result = self.reset_boundary(number, sums, result)
         elif ti.static(self.implicit):
             self.solver.take_damped_force(self.state)
+        if ti.static(self.rough):
+            rubbing = self.wall.rub(self.state, self.state.g[None], self.state.closing[None])
+            result[FRICTION] += 0.5 * h * (sums[FRICTION_POWER] + rubbing)
+            result[FRICTION_POWER] = rubbing
         return result
 
     @ti.func

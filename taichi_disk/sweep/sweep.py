@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Executor
 from contextlib import closing, contextmanager, suppress
 from dataclasses import asdict, dataclass, fields
@@ -115,7 +115,9 @@ def run_sweep(
                 progress("sweep", len(found), len(scenes))
         if mixed := _mixed([one.versions for one in found.values() if one.versions]):
             say(f"these rows come from different versions, {mixed}: delete {out / 'points'} to compute all anew")
-        rows = [_row(sweep, scenes[key], key, found[key]) for key in keys if key in scenes]
+        base, known = sweep.scenes[0], {name for one in found.values() for name in one.numbers}
+        names = (*base.results, *(name for name in base.optional_results if name in known), *MEASURED)
+        rows = [_row(sweep, scenes[key], names, key, found[key]) for key in keys if key in scenes]
         failed, told = [row for row in rows if row["status"] != "done"], [*sweep.axes, "reason"]
         summary = {
             "scene": sweep.scenes[0].scene,
@@ -180,9 +182,9 @@ def _prepare(out: Path) -> None:
     prepare_output(out / "points")
 
 
-def _row(sweep: Sweep, scene: Scene, key: str, result: PointResult) -> Row:
+def _row(sweep: Sweep, scene: Scene, names: Sequence[str], key: str, result: PointResult) -> Row:
     row: Row = {name: value_of(scene, name) for name in sweep.axes}
-    numbers = {name: result.numbers.get(name) for name in (*scene.results, *MEASURED)}
+    numbers = {name: result.numbers.get(name) for name in names}
     row |= {f"{name}_taken" if name in row else name: value for name, value in numbers.items()}
     return row | {"status": result.status, "reason": result.reason, "warnings": "; ".join(result.warnings), "key": key}
 

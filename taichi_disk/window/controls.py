@@ -23,10 +23,14 @@ RANGES: dict[str, tuple[str, str, float, float]] = {
     "material.eta_star": ("η*", "e d", 0.0, 100.0),
     "material.viscosity": ("η", "e d", 0.0, 0.1),
     "impact.velocity": ("v / c", "↑ ↓", 1e-3, 0.1),
+    "impact.angle": ("angle", "", -1.5, 1.5),
+    "impact.spin": ("spin", "", -0.5, 0.5),
+    "wall.friction": ("friction", "", 0.0, 1.0),
     "compression.pressure": ("P", "↑ ↓", 1e-4, 0.05),
     "wall.a": ("wall a", "a z", 10.0, 3000.0),
     "lattice.points": ("points", "j k", 100, 5000),
 }
+THROWN = ("impact.angle", "impact.spin", "wall.friction")  # of some scenes
 SPEED = ("R/c per second", "s f", 0.05, 5.0)
 Action = Callable[[], None]
 Entry = tuple[str, Callable[[], Scene]]  # a scene by name, read when it is wanted
@@ -126,9 +130,9 @@ class Controls:
         """The same of its sliders; a value beyond a range widens it."""
         if section == "Time":
             return [Slider(*SPEED[:2], self.sandbox.speed, *SPEED[2:], self.set_speed)]
-        keys = (self.dashpot_key, self.push_key, "wall.a", "lattice.points") if section == "Experiment" else ()
+        keys = (self.dashpot_key, self.push_key, *THROWN, "wall.a", "lattice.points") if section == "Experiment" else ()
         found = []
-        for key in keys:
+        for key in [key for key in keys if self.value(key) is not None]:
             (label, own, low, high), value = RANGES[key], self.value(key)
             found.append(Slider(label, own, value, min(low, value), max(high, value), partial(self.set, key)))
         return found

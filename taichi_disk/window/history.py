@@ -12,7 +12,7 @@ import numpy as np
 from taichi_disk.lattice import Array
 from taichi_disk.simulation.diagnostics import EnergyBalance
 from taichi_disk.simulation.driver import Driver, Status
-from taichi_disk.simulation.observables import COLUMNS, INDEX
+from taichi_disk.simulation.observables import COLUMNS, INDEX, OPTIONAL, within
 from taichi_disk.simulation.scenario import Scenario
 from taichi_disk.simulation.simulation import KernelCache
 from taichi_disk.simulation.stability import Spectrum
@@ -73,7 +73,7 @@ class Segment(Driver):
         self.simulation = self._simulation()
         self.simulation.restore(snapshot)
         self.count = 1 + snapshot.step // self.stride
-        inside = ((self.rows[1:] >= self._bounds[0]) & (self.rows[1:] <= self._bounds[1])).all(axis=1)
+        inside = within(self.rows[1:], self._bounds)
         self._quiet = min(int(np.argmin(np.append(inside[::-1], False))), self._needed - 1)
         self._balance = EnergyBalance(self.rows[0])
         self._balance.first_lost(self.rows)
@@ -128,7 +128,7 @@ class Checkpoint:
     @property
     def values(self) -> dict[str, float]:
         """The observables by their names."""
-        return dict(zip(COLUMNS, map(float, self.row), strict=True))
+        return dict(zip((*COLUMNS, *OPTIONAL), map(float, self.row), strict=False))
 
 
 class Timeline:

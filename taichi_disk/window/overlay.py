@@ -21,7 +21,7 @@ from taichi_disk.render.geometry import NOTHING, Shape, joined, outline, quads
 from taichi_disk.render.kernels import VERTEX
 from taichi_disk.render.legend import Ink, draw_line, ink, label, text_width, ticks_to
 from taichi_disk.render.palette import Theme, round_near
-from taichi_disk.simulation.observables import INDEX
+from taichi_disk.simulation.observables import COLUMNS, INDEX
 from taichi_disk.window.history import Segment
 from taichi_disk.window.sandbox import Sandbox, push_of
 
@@ -186,7 +186,7 @@ class Graphs:
 
     def _rows(self) -> tuple[Array, Array]:
         """Times since the hit began, and the rows; what was lost adds up over all changes by hand."""
-        lost = [INDEX[name] for name in _LOST]
+        lost = [INDEX[name] for name in _LOST] + list(range(len(COLUMNS), self._sandbox.seen.row.size))
         times, rows = [], []
         before: Array = np.zeros(len(lost))
         for one in self._segments:
@@ -207,7 +207,7 @@ class Graphs:
         return [
             Curve(0, "energy", "kinetic", ENERGIES["kinetic"][1], of("kinetic")),
             Curve(0, "energy", "elastic, wall", ENERGIES["elastic"][1], of("elastic", "wall")),
-            Curve(0, "energy", "lost", ENERGIES["dissipated"][1], of(*_LOST)),
+            Curve(0, "energy", "lost", ENERGIES["dissipated"][1], of(*_LOST) + rows[:, len(COLUMNS) :].sum(axis=1)),
             Curve(1, "force", f"wall's force / {force} Mc²/R", ENERGIES["absorbed"][1], of("wall_force")),
             Curve(1, "motion", moved[0], LINE, moved[1]),
         ]

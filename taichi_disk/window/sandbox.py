@@ -27,6 +27,8 @@ from taichi_disk.window.history import Checkpoint, Segment, Timeline
 
 # Keys that need no new start.
 AT_ONCE = ("material.eta_star", "material.viscosity", "wall.boundary", "compression.pressure")
+AIMED = ("impact.velocity", "impact.angle")
+AIM = 0.05  # velocity of a throw for each R that it is drawn with [c/R]
 PATIENCE = 0.025  # time spent computing between two pictures, at most [s]
 SLOW = 0.2  # part of the speed at which a contact passes in slow motion
 CONTACT = 0.01  # of M v over the time unit of the springs, about the largest force of an impact, is contact
@@ -41,16 +43,18 @@ def push_of(scene: Scene) -> float:
 def with_key(scene: Scene, key: str, value: Any) -> Scene:
     """`scene` with one dotted key changed, and with it what has to follow.
 
-    A softer contact or a slower disk needs a farther threshold; a wall has as many points on its area as the disk. With
-    other points the body stays as viscous as it is.
+    A softer contact or a slower approach needs a farther threshold; a wall has as many points on its area as the disk.
+    With other points the body stays as viscous as it is.
     Raises InputError for a value that the scene refuses.
     """
     changes = {key: value} | (scene.keeping_the_body() if key == "lattice.points" else {})
     if isinstance(scene, AbsorbingWallScene):
-        if key in ("wall.a", "impact.velocity"):
-            wall = replace(scene.wall, a=value) if key == "wall.a" else scene.wall
-            least = least_threshold(wall, scene.impact.velocity if key == "wall.a" else value)
-            changes["wall.threshold"] = max(wall.threshold, float(f"{1.001 * least:.4g}"))
+        if key in ("wall.a", *AIMED):
+            section, name = key.split(".")
+            parts: Any = {"wall": scene.wall, "impact": scene.impact}
+            parts[section] = replace(parts[section], **{name: value})
+            least = least_threshold(parts["wall"], parts["impact"].approach)
+            changes["wall.threshold"] = max(scene.wall.threshold, float(f"{1.001 * least:.4g}"))
         if key == "lattice.points":
             changes["wall.points"] = max(4, round(scene.wall.points * value / scene.lattice.points))
     return scene.with_(changes)
@@ -116,6 +120,7 @@ class Sandbox:
         message: what happened last, for the person at the window.
         results: of the last scenes that came to their end, the newest last.
         dragged: the point tied to the mouse and where the mouse is [R], or None.
+        aimed: velocity [c] and angle [rad] of the throw that is being drawn, or None.
     """
 
     def __init__(self, scene: Scene, kernels: KernelCache) -> None:
@@ -138,6 +143,7 @@ class Sandbox:
         self.start, self.scene, self.starts = start, start.scenario.scene, self.starts + 1
         self.paused, self.message, self._due = True, "", 0.0
         self.dragged: tuple[int, tuple[float, float]] | None = None
+        self.aimed: tuple[float, float] | None = None
 
     # ---- what is known
 
@@ -258,9 +264,9 @@ class Sandbox:
                 return
             if key.startswith("video."):
                 self.scene = scene
-            elif self.at_start or key not in (*AT_ONCE, "impact.velocity"):
+            elif self.at_start or key not in (*AT_ONCE, *AIMED):
                 self.begin(scene)
-            elif key == "impact.velocity":
+            elif key in AIMED:
                 self.scene = scene
                 self.message = "the velocity counts from the next hit (h) or start (r) on"
             else:
@@ -282,11 +288,11 @@ class Sandbox:
             wanted: Any = self.scene
             self.let_go()
             self._settle()
-            v, velocity = self.segment.present.v, wanted.impact.velocity
+            v, impact = self.segment.present.v, wanted.impact
             flying = v[: self.start.body.disk_points]
-            flying += (0.0, -velocity) - self.start.body.mean(flying)
+            flying += (impact.along, -impact.approach) - self.start.body.mean(flying)
             self._carry_on(wanted, "hit again", v)
-            self.message = f"sent back with v = {velocity:g} c"
+            self.message = f"sent back with v = {impact.velocity:g} c"
         self.paused = False
 
     def _carry_on(self, scene: Scene, label: str, hit: Array | None = None) -> None:
@@ -325,6 +331,19 @@ class Sandbox:
             x[disk] += self.segment.present.x[disk].mean(axis=0) - x[disk].mean(axis=0)
             snapshot = replace(snapshot, vectors=np.stack([x, *snapshot.vectors[1:]]))
             self.time.seen = replace(self.seen, snapshot=snapshot)
+
+    def aim(self, dx: float, dy: float) -> None:
+        """At the start of an impact, draw the throw along (dx, dy) [R]: AIM c for each R, downwards in any case."""
+        if self.at_start and self.is_impact:
+            velocity, angle = max(AIM * np.hypot(dx, dy), 1e-3), np.clip(np.arctan2(dx, -dy), -1.5, 1.5)
+            self.aimed = float(f"{velocity:.3g}"), float(f"{angle:.3g}")
+
+    def throw(self) -> None:
+        """The scene's throw is the one that was drawn from now on."""
+        if self.aimed:
+            for key, value in zip(AIMED, self.aimed, strict=True):
+                self.set(key, value)
+        self.aimed = None
 
     def pull(self, x: float, y: float) -> None:
         """Tie the disk's point nearest to (x, y) [R] to the mouse there, or lead the one that is tied.

@@ -16,7 +16,7 @@ from taichi_disk.render.painter import Painter, draw_triangles
 from taichi_disk.render.palette import THEMES, Theme, round_near
 from taichi_disk.window.history import Segment
 from taichi_disk.window.overlay import Graphs, Overlay
-from taichi_disk.window.sandbox import Sandbox, push_of
+from taichi_disk.window.sandbox import AIM, Sandbox, push_of
 
 SIZE = (1280, 860)  # of the window at first [px]
 PANEL = 292  # width of the controls [px]
@@ -96,6 +96,11 @@ class SceneView:
         x, y = self.painter.lattice.mean(self.sandbox.seen.x)
         return float(x), float(y)
 
+    def on_disk(self, point: tuple[float, float]) -> bool:
+        """Whether `point` [R] lies no farther from the disk's centre than its farthest point does."""
+        x, n = self.sandbox.seen.x, self.painter.lattice.disk_points
+        return bool(np.hypot(*(np.array(point) - self.centre)) <= np.hypot(*(x[:n] - self.centre).T).max())
+
     def point_at(self, column: float, row: float) -> tuple[float, float] | None:
         """What lies at a pixel [R]; None beside the disk's part of the window."""
         left, right, top, bottom = self._viewport
@@ -131,7 +136,7 @@ class SceneView:
         if fresh:
             self.painter = Painter(scenario.lattice, scenario.model.springs, scenario.model.wall)
         painter, self._bonds = self.painter, scenario.lattice.bonds
-        painter.springs, painter.wall = scenario.model.springs, scenario.model.wall
+        painter.springs, painter.wall, painter.spoke = scenario.model.springs, scenario.model.wall, scenario.spoke
         painter.edge = edge_height(scenario.model.wall, scenario.point_force)
         painter.draw, painter.theme = video.draw, video.theme
         hit, look = (self.sandbox.starts, segment.hit), (size, video.theme, scenario.title())
@@ -202,6 +207,20 @@ class SceneView:
         overlay.left = left
         self._legend.draw(overlay, self.camera.scale)
 
+    def _draw_throw(self, overlay: Overlay, velocity: float, angle: float) -> None:
+        """An arrow from the disk's centre, as long as the mouse has drawn it, and its numbers."""
+        along, across = np.array([[np.sin(angle), -np.cos(angle)], [np.cos(angle), np.sin(angle)]]) * velocity / AIM
+        tip = self.centre + along
+        wings = [tip - 0.12 * along + side * across for side in (0.06, -0.06)]
+        ends = self.camera.to_pixels([self.centre, tip, wings[0], tip, wings[1]])
+        overlay.curve(ends[:, 0], ends[:, 1], 2.0, (230, 115, 0))
+        text = f"v = {velocity:g} c,  angle {angle:+g} rad"
+        x, row = ends[1] + (12.0, -8.0)
+        overlay.rectangle(
+            (x - 5.0, row - 13.0, x + text_width(text, 12.0, True) + 5.0, row + 5.0), ink(self.theme.ground)
+        )
+        draw_line(overlay, (x, row), text, 12.0, ink(self.theme.ink), True)
+
     def _fill_moving(self, overlay: Overlay) -> None:
         """Cursors, the mouse's spring, the time and the pace, what happened last."""
         sandbox, seen, theme, (left, right, top, _) = self.sandbox, self.sandbox.seen, self.theme, self._viewport
@@ -209,6 +228,8 @@ class SceneView:
         if sandbox.dragged:
             ends = self.camera.to_pixels([seen.x[sandbox.dragged[0]], sandbox.dragged[1]])
             overlay.curve(ends[:, 0], ends[:, 1], 3.0, (230, 115, 0))
+        if sandbox.aimed:
+            self._draw_throw(overlay, *sandbox.aimed)
         for k, line in enumerate(wrap(self.hint or sandbox.message, max(int((right - left - 36.0) / 7.5), 20))):
             row = top + 18.0 * (k + 1)
             end = left + 24 + text_width(line, 12.0, True)

@@ -161,13 +161,16 @@ def laid_out(width: float, height: float, most: float = 1e8) -> tuple[int, int]:
 
 
 class Mouse:
-    """What it does beside the panels: turns the disk at the start, pulls a point later, scrubs graphs, pans."""
+    """What it does beside the panels: at the start turns the disk, and from outside it draws the throw; pulls a point
+    later, scrubs graphs, pans.
+    """
 
     def __init__(self, sandbox: Sandbox, view: SceneView) -> None:
         self._sandbox, self._view = sandbox, view
-        self._doing = ""  # "turn", "pull", "scrub", "pan"
+        self._doing = ""  # "turn", "aim", "pull", "scrub", "pan"
         self._at: Pixel = (0.0, 0.0)
         self._angle = self._turned = 0.0
+        self._from = (0.0, 0.0)
 
     def press(self, at: Pixel, right: bool = False) -> None:
         """Take hold of what is there; with the right button, of the picture."""
@@ -177,6 +180,8 @@ class Mouse:
             self._doing = "pan"
         elif self._view.graphs.time_at(*at) is not None:
             self._doing = "scrub"
+        elif point and sandbox.at_start and sandbox.is_impact and not self._view.on_disk(point):
+            self._doing, self._from = "aim", point
         elif point and sandbox.at_start and sandbox.is_impact:
             self._doing, self._angle, self._turned = "turn", self._angle_at(point), 0.0
         elif point:
@@ -194,6 +199,8 @@ class Mouse:
         elif self._doing == "turn" and point:
             self._turned = self._angle_at(point) - self._angle
             sandbox.turn(self._turned, for_good=False)
+        elif self._doing == "aim" and point and point != self._from:
+            sandbox.aim(point[0] - self._from[0], point[1] - self._from[1])
         elif self._doing == "pull" and point:
             sandbox.pull(*point)
 
@@ -202,6 +209,8 @@ class Mouse:
         doing, self._doing = self._doing, ""
         if doing == "turn" and self._turned:
             self._sandbox.turn(self._turned)
+        elif doing == "aim":
+            self._sandbox.throw()
         elif doing == "pull":
             self._sandbox.let_go()
 

@@ -27,6 +27,7 @@ from taichi_disk.window.scene_view import PANEL, SIZE
 TOOLS = [tool for tool in ("Xvfb", "xdotool", "import") if not shutil.which(tool)]
 MISSING = f"not installed: {', '.join(TOOLS)} (apt-get install xvfb xdotool imagemagick)" if TOOLS else film_problem()
 ETA, DROP, DISK = (38, 60), (50, 150), (720, 200)  # the first slider and button, a place in the disk [px]
+BESIDE = (1120, 330)
 SETTINGS = ["lattice.points=300", "impact.velocity=0.05", "material.eta_star=1"]
 GROUND = 255 * np.array(THEMES["light"].ground)
 
@@ -154,6 +155,10 @@ def test_the_window_opens_obeys_and_shows_the_disk_where_it_is(
         hand.key("w")
         scene = load_scene(hand.file("view-2.yaml"))
         assert 0.1 < abs(scene.impact.turn) < 3.0  # type: ignore[union-attr]
+        hand.drag(BESIDE, (BESIDE[0] + 60, BESIDE[1] + 120))  # from beside the disk it aims
+        hand.key("w")
+        scene = load_scene(hand.file("view-3.yaml"))
+        assert scene.impact.angle == pytest.approx(np.arctan2(60, 120), abs=0.02)  # type: ignore[union-attr]
 
         # The impact, filmed and to its end.
         hand.screen(tmp_path / "start.png")
@@ -169,7 +174,7 @@ def test_the_window_opens_obeys_and_shows_the_disk_where_it_is(
         _, numbers, _ = hand.picture(lambda numbers: numbers["com_vy"] > 0.0 and numbers["wall_force"] < 1e-9)
         scenario = scene.scenario()
         outcome = compute(scenario, scene.time, kernels=kernels)
-        assert numbers["com_vy"] / 0.05 == pytest.approx(scenario.primary(outcome.columns)[1], abs=1e-3)
+        assert numbers["com_vy"] / scenario.velocity == pytest.approx(scenario.primary(outcome.columns)[1], abs=1e-3)
 
         # Back in time, on a graph and by a held key.
         end = numbers["t"]

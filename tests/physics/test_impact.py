@@ -174,7 +174,7 @@ def test_a_flight_along_the_rigid_wall_changes_nothing(kernels):
     # The wall's force depends on y alone. (Kinetic energy is rounded more coarsely, and the step follows its balance.)
     scene = load_scene("exponential_wall", ["lattice.points=60"])
     ends = []
-    for along in (0.0, 5.0):
+    for along in (0.0, 0.2):
         scenario = scene.scenario()
         scenario.start_with(scenario.velocities + [along, 0.0])
         columns = compute(scenario, scene.time, kernels=kernels, estimate=False).columns

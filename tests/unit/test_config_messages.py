@@ -50,7 +50,12 @@ def faults(path: Path, text: str | bytes, *overrides: str) -> list[str]:
             "4:14: material.viscosity: 0.01 and material.eta_star = 3 both set the dashpots: write auto, or leave "
             "material.eta_star at its default, 10",
         ),
-        ("impact: {angle: 3}\n", "2:10: impact.angle: unknown key; impact has velocity, spin, turn, gap, max_time"),
+        ("impact: {slant: 3}\n", "2:10: impact.slant: unknown key; impact has velocity, angle, spin, turn, gap, max_time"),
+        ("impact: {angle: 90}\n", "2:17: impact.angle: must be a number from -1.5 to 1.5 [rad], not 90 (between the flight and the wall's normal, positive to the right)"),
+        ("wall: {friction: -0.1}\n", "2:18: wall.friction: must be a number from 0 to 100, not -0.1 (Coulomb's coefficient of friction on every point that the wall pushes)"),
+        ("impact: {offset: 1}\n", "2:10: impact.offset: belongs to scene: absorbing_wall, not to scene: exponential_wall"),
+        ("wall: {friction: 0.1}\ntime: {integrator: trapezoidal}\n", "3:20: time.integrator: trapezoidal has errors of order 1 beside friction: write auto, or velocity_verlet"),
+        ("wall: {friction: 0.1}\nmaterial: {eta_star: 0}\ntime: {integrator: vefrl}\n", "4:20: time.integrator: vefrl cannot take forces that depend on velocity (wall.friction = 0.1): write auto, or velocity_verlet"),
         ("wall: {points: 4}\n", "2:8: wall.points: belongs to scene: absorbing_wall, not to scene: exponential_wall"),
         ("lattice: {points: -5}\n", "2:19: " + POINTS.format("-5")),
         ("lattice: {rim: yes}\n", "2:16: lattice.rim: must be true or false, not yes (evenly spaced points on the circle; false: the literal random disk)"),
@@ -97,8 +102,8 @@ impact: {velocity: 0, pressure: 1}
         "6:13: wall.boundary: must be reset, pinned or dashpot, not rest; did you mean reset? "
         "(sides and bottom: velocities zeroed at intervals, held fast, or matched (absorbing) dashpots)",
         "8:3: wall.a: given twice, first in line 7",
-        "9:20: impact.velocity: must be a number from 1e-6 to 10 [c], not 0 (speed towards the wall at the start)",
-        "9:23: impact.pressure: unknown key; impact has velocity, spin, turn, gap, max_time",
+        "9:20: impact.velocity: must be a number from 1e-6 to 10 [c], not 0 (speed at the start)",
+        "9:23: impact.pressure: unknown key; impact has velocity, angle, spin, turn, gap, max_time, offset",
         "--set video.fps=0: video.fps: must be a whole number from 1 to 120 [1/s], not 0 (frames per second)",
         "--set time.dt: must be KEY=VALUE without spaces around =, for example material.eta_star=30",
     ]
@@ -179,7 +184,7 @@ def test_a_faulty_override_is_quoted(path: Path, override: str, expected: str) -
 
 
 def test_a_missing_file_is_met_with_the_nearest_name(tmp_path: Path) -> None:
-    shipped = "The shipped scenes are absorbing_wall, compression, exponential_wall, figure2, figure3, figure6"
+    shipped = "The shipped scenes are absorbing_wall, compression, exponential_wall, figure2, figure3, figure6, oblique_impact"
     for source, told in (
         (tmp_path / "scenes" / "exponental_wall.yaml", rf"no such file; did you mean exponential_wall\? {shipped}$"),
         ("nonsense", rf"^nonsense: no such file\. {shipped}$"),

@@ -121,6 +121,8 @@ def test_a_scene_cannot_be_changed_and_an_int_becomes_a_float() -> None:
         ("absorbing_wall", {"velocity": 1e-3}, "wall.threshold: .* write 0.1035 R or more", {"velocity": 3e-3}),
         ("absorbing_wall", {"threshold": 0.08}, "wall.threshold", {"velocity": 1e-3, "threshold": 0.1035}),
         ("absorbing_wall", {"dt": 0.01}, "0.01 is longer than wall.reset_int", {"dt": 0.01, "boundary": "pinned"}),
+        ("absorbing_wall", {"angle": 1.4, "width": 0.4}, "wall.width: .* R or more", {"angle": 1.4, "width": 0.6}),
+        ("absorbing_wall", {"offset": 1.9}, "write 4.20.* R or more", {"offset": 1.9, "width": 4.21}),
         ("compression", {"dt": 0.01, "time.tolerance": 1e-6}, "write time.dt: auto", {"time.tolerance": 1e-6}),
         ("compression", {"method": "newton", "time.tolerance": 1e-6}, "takes no time step", {"method": "newton"}),
         ("exponential_wall", {"integrator": "vefrl"}, "eta_star = 10", {"integrator": "vefrl", "eta_star": 0}),
@@ -191,7 +193,7 @@ def test_the_name_of_a_lattice_file_starts_from_the_scene_file(tmp_path: Path, m
 
 def test_the_shipped_scenes_are_the_defaults_written_out() -> None:
     shipped = shipped_scenes()
-    assert set(shipped) == {*SCENES, "figure2", "figure3", "figure6"}
+    assert set(shipped) == {*SCENES, "oblique_impact", "figure2", "figure3", "figure6"}
     for kind, scene in SCENES.items():
         assert shipped[kind].read_bytes() == (ROOT / "scenes" / f"{kind}.yaml").read_bytes()
         assert load_scene(kind) == load_scene(shipped[kind]) == scene()

@@ -24,6 +24,7 @@ from taichi_disk.physics import (
     Springs,
 )
 from taichi_disk.scenes import load_scene
+from taichi_disk.simulation.observables import COLUMNS, SUMS
 from taichi_disk.simulation.simulation import KernelCache, Simulation
 
 SMALL, VV = ("lattice.points=60", "wall.points=80", "wall.width=3.0"), VELOCITY_VERLET
@@ -54,11 +55,14 @@ def test_a_law_that_a_scene_has_no_use_for_has_no_field_and_is_not_computed(scen
     assert with_fields == set(laws)
     expected = simulation.advance(30, 3)[0]
     assert np.isfinite(expected).all()
+    assert expected.shape[1] == len(COLUMNS) and len(simulation.snapshot().sums) == SUMS
+    assert not hasattr(simulation.model.wall, "friction_now")
     # A number of a part that is absent reaches no result.
     for name in [name for name, there in (("k_b", springs.cubic), ("eta", springs.damped)) if not there]:
-        poisoned = Springs(springs.k_a, springs.k_b, springs.eta)
+        poisoned, wall = Springs(springs.k_a, springs.k_b, springs.eta), replace(scenario.model.wall)
         setattr(poisoned, name, math.nan)
-        assert simulation.restart(low, replace(scenario.model, springs=poisoned), *rest)
+        wall.friction = math.nan
+        assert simulation.restart(low, replace(scenario.model, springs=poisoned, wall=wall), *rest)
         assert_array_equal(simulation.advance(30, 3)[0], expected)
     simulation.destroy()
 
@@ -100,7 +104,7 @@ def test_the_numbers_of_a_scene_reach_its_laws(scene, own):
     )
     model = load_scene(scene, (*numbers, *own)).scenario().model
     assert astuple(model.springs) == (2.0, 3.0, 12.0 / 60, True)
-    assert astuple(model.wall) == ((200.0, 70.0, 0.2) if model.elastic else (200.0, 70.0))
+    assert astuple(model.wall) == (200.0, 70.0, 0.2 if model.elastic else 0.0)
     assert (model.load.force if model.load else None) == (0.03 if scene == "compression" else None)
     assert model.reset_interval == (0.004 if scene == "absorbing_wall" else 0.0)
 

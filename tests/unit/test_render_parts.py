@@ -139,11 +139,11 @@ def test_arrows_that_would_touch_become_one_with_the_mean_force_and_weak_ones_ar
     one = painter()
     lowest, forces = np.argsort(one.lattice.positions[:, 1])[:4], np.array([0.002, 0.004, 0.006, 1e-6])
     pushes = lowest, np.stack([np.zeros(4), forces], axis=1)
-    one.wall = SimpleNamespace(decay_length=1 / 300, contact_forces=lambda lattice, x: pushes)
+    one.wall = SimpleNamespace(decay_length=1 / 300, contact_forces=lambda *state: pushes)
     x = one.lattice.positions + [5.0, 0.0]
-    feet, mean = one.pushes(x, 10.0)
+    feet, mean = one.pushes(x, 0 * x, 10.0)
     assert feet == pytest.approx(x[lowest[:3]].mean(axis=0)[None]) and mean == pytest.approx(np.array([[0.0, 0.4]]))
-    assert len(one.pushes(x, 1e-3)[0]) == 3
+    assert len(one.pushes(x, 0 * x, 1e-3)[0]) == 3
 
 
 # ---- text

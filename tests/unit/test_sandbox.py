@@ -95,6 +95,43 @@ def test_the_result_is_that_of_a_run_bit_for_bit_also_after_going_back(
         assert np.array_equal(sandbox.segment.columns["com_vy"], outcome.columns["com_vy"])
 
 
+def test_a_throw_that_is_drawn_becomes_the_scene_s_and_the_next_hit_s(kernels: KernelCache) -> None:
+    sandbox = opened(kernels)
+    sandbox.throw()  # nothing has been drawn
+    assert sandbox.starts == 1
+    sandbox.aim(0.3, -0.4)
+    assert sandbox.aimed == (0.025, pytest.approx(np.arctan2(0.3, 0.4), abs=1e-3))
+    assert sandbox.scene.impact.angle == 0.0  # type: ignore[union-attr]
+    sandbox.throw()
+    velocity = sandbox.seen.v[: sandbox.scene.lattice.points].mean(axis=0)
+    assert velocity == pytest.approx([0.015, -0.02], rel=2e-3) and sandbox.aimed is None and sandbox.at_start
+    sandbox.aim(-1.0, 0.5)  # not up, but along the wall
+    assert sandbox.aimed[1] == -1.5
+    sandbox.aimed = None
+    sandbox.paused = False
+    sandbox.advance(1.0)
+    sandbox.aim(1.0, -1.0)  # it moves
+    assert sandbox.aimed is None
+    sandbox.set("impact.angle", -0.4)
+    sandbox.hit_again()
+    velocity = sandbox.segment.present.v.mean(axis=0)
+    assert velocity == pytest.approx(0.025 * np.array([-np.sin(0.4), -np.cos(0.4)]), rel=1e-9)
+
+
+def test_with_friction_too_the_result_is_that_of_a_run_also_after_going_back(kernels: KernelCache) -> None:
+    thrown = [*SMALL, "impact.angle=0.8", "impact.velocity=0.05", "wall.friction=0.4", "material.eta_star=0"]
+    sandbox = opened(kernels, thrown)
+    to_the_end(sandbox)
+    scenario, lost = sandbox.segment.scenario, sandbox.seen.values["friction"]
+    outcome, e = computed(kernels, load_scene("exponential_wall", thrown))
+    assert lost == outcome.columns["friction"][-1] > 0.05 * scenario.energy and sandbox.results[-1].value == e
+    sandbox.scrub(0.5 * sandbox.seen.t)
+    assert 0.0 < sandbox.seen.values["friction"] < lost
+    sandbox.pause()
+    to_the_end(sandbox)
+    assert sandbox.seen.values["friction"] == lost and {one.value for one in sandbox.results} == {e}
+
+
 def test_a_run_of_a_saved_scene_gives_what_was_seen_of_a_disk_turned_by_hand(
     kernels: KernelCache, tmp_path: Path
 ) -> None:

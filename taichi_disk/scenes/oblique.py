@@ -1,0 +1,54 @@
+"""What an impact at an angle, with a spin or with friction, gives beside e: what happened along the wall."""
+
+from __future__ import annotations
+
+from math import log, pi, sqrt, tan
+
+from taichi_disk.config.sections import ElasticImpactSection, ElasticWallSection
+from taichi_disk.simulation.observables import Columns
+
+# Results, each with its name, its unit and how it is measured.
+RESULTS = {
+    "tangential_restitution": (
+        "tangential restitution",
+        "",
+        "-(v_t + omega R) after over before, of the disk's lowest point; v_t to the right, omega counter-clockwise",
+    ),
+    "spin_after": ("spin after", "c/R", "angular momentum at the end over the unloaded disk's moment of inertia"),
+    "tangential_impulse": ("tangential impulse", "M c", "of the wall on the disk, to the right: change of v_t times M"),
+    "normal_impulse": ("normal impulse", "M c", "of the wall on the disk, upwards: change of v_n times M"),
+}
+START_POTENTIAL = 1e-10  # of the wall at the start, as a fraction of the kinetic energy
+STILL = 1e-9  # of the speed: a slower lowest point has no restitution
+
+
+def along_the_wall(columns: Columns, radius: float, inertia: float) -> dict[str, float]:
+    """The numbers of RESULTS; no restitution of a lowest point that was at rest.
+
+    Args:
+        columns: the time series of an ended impact.
+        radius, inertia: of the unloaded disk [R], [M R^2].
+    """
+    vx, vy, spin = (columns[name][[0, -1]] for name in ("com_vx", "com_vy", "angular_momentum"))
+    before, after = (vx + spin / inertia * radius).tolist()
+    found = {} if abs(before) <= STILL * abs(vy[0]) else {"tangential_restitution": -after / before}
+    return found | {
+        "spin_after": float(spin[1] / inertia),
+        "tangential_impulse": float(vx[1] - vx[0]),
+        "normal_impulse": float(vy[1] - vy[0]),
+    }
+
+
+def least_width(wall: ElasticWallSection, impact: ElasticImpactSection, k_a: float) -> float:
+    """Width [R] with which an elastic wall ends nowhere in the contact of a disk that is thrown so; 0 if straight down.
+
+    The middle of the contact moves along with the disk for its time, that of Hertz's law, and the contact is half as
+    wide as the chord at the depth v. `k_a`: of the softer of the two [M c^2/R^2].
+    """
+    if not impact.angle and impact.offset == "auto":
+        return 0.0
+    gap = wall.height_of(START_POTENTIAL * 0.5 * impact.approach**2) if impact.gap == "auto" else impact.gap
+    first = 0.0 if impact.offset == "auto" else impact.offset + gap * tan(impact.angle)
+    strain = min(impact.approach / sqrt(k_a), 1.0)
+    last = first + impact.along * pi * sqrt(log(4.0 / strain) / k_a)
+    return 2.0 * (max(abs(first), abs(last)) + sqrt(2.0 * strain))
