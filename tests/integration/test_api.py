@@ -369,7 +369,7 @@ def test_a_lattice_that_is_not_the_run_s_any_more_is_noticed(tmp_path):
         Result.load(tmp_path / "r")
 
 
-@pytest.mark.parametrize("name", ["strained", "pressed"])
+@pytest.mark.parametrize("name", ["strained", pytest.param("pressed", marks=pytest.mark.validate)])
 def test_a_result_comes_back_from_another_process_with_its_states(name):
     kind, changes, own = OWN[name]
     here, scene = run(load_scene(kind).with_(changes), **own), load_scene(kind).with_(changes)

@@ -284,6 +284,7 @@ def test_a_strange_environment_is_none_of_the_users_business(tmp_path, environme
     assert json.loads((tmp_path / "o" / "summary.json").read_text())["status"] == "done"
 
 
+@pytest.mark.validate
 def test_a_lock_that_a_killed_process_left_does_not_end_the_cache_of_kernels(tmp_path):
     lock = tmp_path / "ticache.lock"
     lock.touch()

@@ -64,7 +64,7 @@ def test_spin_and_sideways_velocity_change_by_just_what_the_wall_does(throw, ker
     assert found["spin_after"] - scenario.scene.impact.spin == pytest.approx(change / inertia(scenario), rel=1e-9)
 
 
-@pytest.mark.parametrize("alike", [True, False], ids=["", "unlike masses"])
+@pytest.mark.parametrize("alike", [True, pytest.param(False, marks=pytest.mark.validate)], ids=["", "unlike masses"])
 def test_every_point_obeys_coulomb_at_every_step(alike, kernels):
     # Of a point that the wall pushes, what is left of its force beside springs and normal push is friction: mu times
     # the push against the velocity to come, or less where that is 0.
@@ -227,6 +227,7 @@ def test_on_an_elastic_wall_a_disk_may_start_anywhere(kernels):
     assert_array_equal(scenario.lattice.positions[60:], plain.lattice.positions[60:])
 
 
+@pytest.mark.validate
 def test_the_stiffer_an_elastic_wall_the_nearer_it_is_to_the_rigid_one(kernels):
     # Kernels, contact and lattice are others; what is left falls as 1/k_a.
     thrown = (

@@ -73,7 +73,8 @@ def reset_impact(kernels, points, *settings):
     return scenario, outcome, scenario.result(outcome.columns)["restitution"]
 
 
-@pytest.mark.parametrize("points", [30, pytest.param(60, marks=LONG)])
+@pytest.mark.validate
+@pytest.mark.parametrize("points", [30, 60])
 def test_an_automatic_step_resolves_what_resets_stir_up_beside_dashpots(points, kernels):
     for eta_star, integrator in ((10.0, VELOCITY_VERLET), (100.0, TRAPEZOIDAL)):
         own = (f"material.eta_star={eta_star}", f"time.integrator={integrator.name}")
@@ -92,6 +93,7 @@ def test_an_automatic_step_resolves_what_resets_stir_up_beside_dashpots(points, 
         assert abs(found - e) <= 1.5 * outcome.facts["error_estimate"]["restitution"] < 6e-5
 
 
+@pytest.mark.validate
 def test_a_spin_that_strong_dashpots_damp_is_no_blow_up_and_e_is_that_of_dop853(kernels):
     settings = ("lattice.points=20", "material.eta_star=40", "impact.spin=0.5", "impact.velocity=0.02")
     scenario, outcome = computed(kernels, "exponential_wall", *settings)
@@ -152,7 +154,9 @@ def test_the_disk_starts_out_of_the_walls_reach(name, settings):
     ("name", "settings"),
     [
         ("exponential_wall", (*SMALL, "material.eta_star=0", "impact.velocity=0.05")),
-        ("exponential_wall", (*TURNING, "material.eta_star=0", "impact.velocity=0.05", "wall.a=1000")),
+        pytest.param(
+            "exponential_wall", (*TURNING, "material.eta_star=0", "impact.velocity=0.05", "wall.a=1000"), marks=LONG
+        ),
         pytest.param("absorbing_wall", WALL, marks=LONG),
         pytest.param("absorbing_wall", (*WALL, "wall.boundary=pinned"), marks=LONG),
     ],
@@ -218,6 +222,7 @@ def test_on_a_hard_wall_contact_lasts_as_long_as_hertz_says(kernels):
     assert scenario.result(outcome.columns)["contact_time"] == pytest.approx(duration, rel=0.08)
 
 
+@pytest.mark.validate
 def test_the_contact_time_does_not_hang_on_the_rows_where_a_hard_wall_rattles(kernels):
     # Against a row for every step; rows 0.05 R/c apart miss the first and the last of the pushes.
     hard = ("lattice.points=300", "wall.a=12000", "wall.V0=6000", "material.eta_star=0", "impact.velocity=0.05")

@@ -52,7 +52,6 @@ FAST = {
     ("reset", 0.0, VV),
     ("matched", ETA, TRAPEZOIDAL),
     ("unlike compression", ETA, TRAPEZOIDAL),
-    ("unlike reset", ETA / 5.0, VV),
 }
 SCENES = ["compression", "rigid", "reset", "pinned", "matched"]
 WAYS = [(0.0, VV), (ETA, VV), (ETA, TRAPEZOIDAL), (0.0, VEFRL)]

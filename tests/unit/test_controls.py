@@ -55,6 +55,7 @@ def test_every_key_is_explained_and_reaches_what_it_names(controls: Controls) ->
     controls.press("F1")  # a key that means nothing
 
 
+@pytest.mark.validate
 def test_the_keys_for_points_keep_the_viscosity_of_the_body(controls: Controls) -> None:
     sandbox = controls.sandbox
     eta = sandbox.segment.scenario.model.springs.eta

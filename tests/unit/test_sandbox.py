@@ -118,6 +118,7 @@ def test_a_throw_that_is_drawn_becomes_the_scene_s_and_the_next_hit_s(kernels: K
     assert velocity == pytest.approx(0.025 * np.array([-np.sin(0.4), -np.cos(0.4)]), rel=1e-9)
 
 
+@pytest.mark.validate
 def test_with_friction_too_the_result_is_that_of_a_run_also_after_going_back(kernels: KernelCache) -> None:
     thrown = [*SMALL, "impact.angle=0.8", "impact.velocity=0.05", "wall.friction=0.4", "material.eta_star=0"]
     sandbox = opened(kernels, thrown)
