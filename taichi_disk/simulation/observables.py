@@ -27,6 +27,7 @@ COLUMNS = (
 )
 INDEX = {name: k for k, name in enumerate(COLUMNS)}
 ENERGIES = ("kinetic", "elastic", "wall", "dissipated", "absorbed", "sliding", "load")
+PARTS = ("translation", "rotation", "vibration")  # of the kinetic energy, see `split`
 ENERGY_INDICES = [INDEX[name] for name in ENERGIES]
 
 # The sums travel through a kernel as a local vector and are stored once, at its end. Taichi 1.7.4 keeps 0-D fields in
@@ -43,6 +44,24 @@ def as_columns(rows: Array, interval: float) -> Columns:
     with np.errstate(invalid="ignore"):  # after a blow-up there may be infinite energies of both signs
         columns["total"] = rows[:, ENERGY_INDICES].sum(axis=1)
     return columns
+
+
+def split(columns: Columns, inertia: float) -> Columns:
+    """`columns` with the parts of `kinetic`: `translation` and `rotation` of the disk, `vibration`, which is the rest.
+
+    The disk turns with the `inertia` [M R^2] of the unloaded one: a compression changes it by some per cent at the
+    most. What an elastic wall moves is vibration, too.
+    """
+    translation = 0.5 * (columns["com_vx"] ** 2 + columns["com_vy"] ** 2)
+    rotation = columns["angular_momentum"] ** 2 / (2.0 * inertia)
+    vibration = columns["kinetic"] - translation - rotation
+    return columns | dict(zip(PARTS, (translation, rotation, vibration), strict=True))
+
+
+def vibration_left(columns: Columns) -> float:
+    """Energy of all vibration at the end, kinetic and elastic, over that of the flight at t = 0."""
+    stored = columns["vibration"] + columns["elastic"]
+    return float((stored[-1] - stored[0]) / columns["translation"][0])
 
 
 def bounds_array(bounds: dict[str, tuple[float, float]]) -> Array:
