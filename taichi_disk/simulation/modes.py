@@ -41,7 +41,8 @@ class Modes:
 def modes(disk: Lattice, springs: Springs, positions: Array, velocities: Array, count: int) -> Modes:
     """Modes of the `disk`, unloaded, and the energy of the state (n, 2) [R] and [c], turned back by its mean rotation.
 
-    The frame is Eckart's: the sum of m x_0 × x is 0 in it, so that rotation is no part of any mode (Phys. Rev. 47, 552).
+    The frame is that of C. Eckart, Phys. Rev. 47, 552 (1935): the sum of m x_0 × x is 0,
+    so that rotation is no part of any mode.
 
     Raises InputError unless `count` is from 1 to 2 n - 3.
     """
