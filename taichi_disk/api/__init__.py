@@ -14,7 +14,7 @@ from taichi_disk import runtime
 from taichi_disk.api.job import FRAMES, Clock, Job, shared_kernels, write_run
 from taichi_disk.config.tree import Source, as_path
 from taichi_disk.errors import InputError
-from taichi_disk.lattice import Array, Lattice, OwnStart, numbers
+from taichi_disk.lattice import Array, Lattice, OwnStart, disk_of, numbers
 from taichi_disk.output import files
 from taichi_disk.output.plot import plotting_beside
 from taichi_disk.output.run_folder import run_folder
@@ -22,10 +22,11 @@ from taichi_disk.progress import Progress, reporter, silent
 from taichi_disk.scenes import Scene, load_scene
 from taichi_disk.scenes.body import DiskScene
 from taichi_disk.signals import raise_if_interrupted
+from taichi_disk.simulation.modes import Modes, modes
 from taichi_disk.simulation.outcome import Outcome
 from taichi_disk.simulation.scenario import Scenario
 
-__all__ = ["Result", "State", "run", "shared_kernels"]
+__all__ = ["Modes", "Result", "State", "run", "shared_kernels"]
 
 
 class State(NamedTuple):
@@ -130,6 +131,15 @@ class Result:
             raise InputError(f"no quantity {name!r}; there are {', '.join(QUANTITIES)}")
         _, x, v = self.state(t)
         return quantity(name, self.lattice, self.scenario.model.springs, x, v)
+
+    def modes(self, count: int = 40) -> Modes:
+        """The lowest normal modes of the free disk, and the energy of each at the end of the run.
+
+        The energies, `rest` and `anharmonic` add up to the disk's vibration, kinetic and elastic.
+        Raises InputError unless `count` is from 1 to 2 N - 3.
+        """
+        disk, n = disk_of(self.lattice), self.lattice.disk_points
+        return modes(disk, self.scenario.model.springs, self.outcome.positions[:n], self.outcome.velocities[:n], count)
 
     @runtime.alone()
     def export(

@@ -97,6 +97,11 @@ class Lattice:
         n = self.disk_points
         return np.average(values[:n], axis=0, weights=None if self.uniform else self.masses[:n])
 
+    @property
+    def inertia(self) -> float:
+        """Moment of inertia of the disk about its centre of mass [M R^2]."""
+        return float(self.mean(((self.positions - self.mean(self.positions)) ** 2).sum(axis=1)))
+
     def stiffened(self, values: Any) -> Any:
         """`values` (..., m) of the springs, or one of all, times `stiffness`."""
         return values if self.stiffness is None else self.stiffness * values

@@ -26,6 +26,7 @@ _MOTION = ("t", "com_x", "com_y", "com_vx", "com_vy", "angular_momentum", "lowes
 TIMESERIES = (*_MOTION, "kinetic", "elastic", "wall", "dissipated", "absorbed", "total")
 # Potential of the pressing force; energy lost from one spring of the wall to the next, and in friction.
 MORE = ("load", "sliding", "friction")
+LAST = ("xi", "translation", "rotation", "vibration")  # of a loading; parts of the kinetic energy
 FILMS = ("video.mp4", "video.webm", "video.gif", "frames")
 RESULTS = ("timeseries.csv", "lattice.npz", "final.npz", "failure.npz", "plot.png")
 # What `render` and `export` put beside a run if nobody says where.
@@ -242,13 +243,13 @@ def write_summary(path: Path, summary: dict[str, Any]) -> None:
 
 
 def write_timeseries(path: Path, columns: dict[str, Array], interval: float = 0.0) -> None:
-    """timeseries.csv: the columns of TIMESERIES, and those of MORE that are not zero throughout, and xi of a loading.
+    """timeseries.csv: the columns of TIMESERIES, those of MORE that are not zero throughout, those of LAST there are.
 
     Of the columns (rows,), two rows at least, one is written every `interval` [R/c], about, and the last one. Numbers
     have 17 digits, so that those read back are those computed.
     """
-    more = (name for name in MORE if name in columns and columns[name].any())
-    names = [*TIMESERIES, *more, *["xi"] * ("xi" in columns)]
+    names = [*TIMESERIES, *(name for name in MORE if name in columns and columns[name].any())]
+    names += [name for name in LAST if name in columns]
     table = np.stack([columns[name] for name in names], axis=1)
     every = max(1, round(interval / float(columns["t"][1])))
     kept = [*range(0, len(table) - 1, every), -1]

@@ -21,6 +21,7 @@ import numpy as np
 
 from taichi_disk.output.files import Array, atomic_write
 from taichi_disk.signals import ignored_by_children
+from taichi_disk.simulation.observables import vibration_left
 
 if TYPE_CHECKING:
     from taichi_disk.simulation.scenario import Scenario
@@ -47,15 +48,18 @@ BLUE, RED, GREEN, PINK, ORANGE, SKY = "#0072B2", "#D55E00", "#009E73", "#CC79A7"
 LINE, MARK, SUM = BLUE, "0.45", "#222222"
 # Columns: names and colours.
 ENERGIES = {
-    "kinetic": ("kinetic", BLUE),
+    "translation": ("flight", BLUE),
+    "rotation": ("rotation", "#882255"),
+    "vibration": ("vibration", SKY),
     "elastic": ("elastic", RED),
     "wall": ("wall potential", ORANGE),
-    "load": ("load potential", SKY),
+    "load": ("load potential", "#A89A00"),
     "dissipated": ("lost in dashpots", GREEN),
     "absorbed": ("lost at the boundary", PINK),
     "sliding": ("lost in sliding", "#999999"),
     "friction": ("lost in friction", "#8C5A2B"),
 }
+SEEN = 2e-3  # of the largest energy: a curve that stays below it is not drawn
 HEIGHTS = (1.2, 1.0, 1.5)  # of the axes of motion, force and energies
 LAYOUT = {"left": 0.145, "right": 0.98, "bottom": 0.055, "top": 0.945, "hspace": 0.17}  # parts of a figure
 _LOCK = threading.Lock()
@@ -78,18 +82,28 @@ def matplotlib_style(style: dict[Any, Any]) -> Iterator[None]:
 def draw_curves(axes: list[Any], scenario: Scenario, columns: Columns, **look: Any) -> list[Any]:
     """Motion, wall's force and energies over time in three axes, named; returns the lines.
 
-    Of the energies those are drawn that a run has; a load's is counted from its start, and one that grows keeps none.
+    Of the energies those are drawn that can be seen; a load's is counted from its start, and one that grows keeps none.
+    A dot marks the energy of vibration, kinetic and elastic, that an impact leaves.
     """
+    largest = max(columns["kinetic"].max(), columns["elastic"].max())
     motion, label = scenario.motion(columns)
     curves = [(axes[0], motion, LINE, ""), (axes[1], columns["wall_force"], LINE, "")]
     for column, (name, colour) in ENERGIES.items():
-        values = columns.get(column)
-        if values is not None and values.any() and not (scenario.static and column == "load"):
-            curves.append((axes[2], values - values[0] if column == "load" else values, colour, name))
+        if column in columns and not (scenario.static and column == "load"):
+            values = columns[column] - (columns["load"][0] if column == "load" else 0.0)
+            if np.abs(values).max() > SEEN * largest:
+                curves.append((axes[2], values, colour, name))
     for ax, name in zip(axes, (label, "wall's force on\nthe disk  [Mc²/R]", "energy  [Mc²]"), strict=False):
         ax.set_ylabel(name)
     axes[-1].set_xlabel(scenario.time_label)
-    return [ax.plot(columns["t"], curve, color=colour, label=name, **look)[0] for ax, curve, colour, name in curves]
+    t, flight = columns["t"], columns["translation"][0] if "translation" in columns else 0.0
+    lines = [ax.plot(t, curve, color=colour, label=name, **look)[0] for ax, curve, colour, name in curves]
+    if flight:
+        left = vibration_left(columns)
+        dot: dict[str, Any] = {"color": SKY, "marker": "o", "markersize": 4, "clip_on": False}
+        name = f"vibration left {100.0 * left:.2g} %"
+        lines += axes[2].plot(t[-1:], [left * flight], label=name, **dot, **look)
+    return lines
 
 
 def plot_run(path: Path, scenario: Scenario, columns: Columns) -> None:

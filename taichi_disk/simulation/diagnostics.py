@@ -9,7 +9,7 @@ import numpy as np
 from taichi_disk.errors import SimulationError
 from taichi_disk.lattice import Array, Lattice
 from taichi_disk.physics import Model
-from taichi_disk.simulation.observables import ENERGIES, INDEX, OPTIONAL, Columns, total_energy
+from taichi_disk.simulation.observables import ENERGIES, INDEX, OPTIONAL, PARTS, Columns, total_energy, vibration_left
 from taichi_disk.simulation.scenario import Scenario
 
 CLOSING, WORST = 2e-5, 1e-4  # largest imbalance, at the end and ever, that an automatic step may leave
@@ -25,9 +25,11 @@ def relative_imbalance(scenario: Scenario, columns: Columns) -> tuple[float, flo
 
 
 def summary(scenario: Scenario, columns: Columns) -> dict[str, Any]:
-    """The energies at the end [M c^2] and their balance."""
+    """The energies at the end [M c^2] and their balance; of an impact, what is left in vibration of its flight."""
     closing, worst = relative_imbalance(scenario, columns)
-    energies = {name: float(columns[name][-1]) for name in (*ENERGIES, *OPTIONAL) if name in columns}
+    energies = {name: float(columns[name][-1]) for name in (*ENERGIES, *OPTIONAL, *PARTS) if name in columns}
+    if columns["translation"][0]:
+        energies["vibration_left"] = vibration_left(columns)
     scale = scenario.energy_scale(columns)
     return energies | {"scale": scale, "closing_imbalance": closing, "worst_imbalance": worst}
 

@@ -29,6 +29,7 @@ OPTIONAL = ("friction",)  # after those, where a scene has it: the energy that f
 FRICTION_COLUMN = len(COLUMNS)
 INDEX = {name: k for k, name in enumerate(COLUMNS)}
 ENERGIES = ("kinetic", "elastic", "wall", "dissipated", "absorbed", "sliding", "load")
+PARTS = ("translation", "rotation", "vibration")  # of the kinetic energy, see `split`
 ENERGY_INDICES = [INDEX[name] for name in ENERGIES]
 
 # The sums travel through a kernel as a local vector and are stored once, at its end. Taichi 1.7.4 keeps 0-D fields in
@@ -57,6 +58,24 @@ def within(rows: Array, bounds: Array) -> Array:
     """(rows,) whether each of `rows` (rows, columns) keeps to the least and largest values of `bounds_array`."""
     rows = rows[:, : len(COLUMNS)]
     return np.asarray(((rows >= bounds[0]) & (rows <= bounds[1])).all(axis=1))
+
+
+def split(columns: Columns, inertia: float) -> Columns:
+    """`columns` with the parts of `kinetic`: `translation` and `rotation` of the disk, `vibration`, which is the rest.
+
+    The disk turns with the `inertia` [M R^2] of the unloaded one: a compression changes it by some per cent at the
+    most. What an elastic wall moves is vibration, too.
+    """
+    translation = 0.5 * (columns["com_vx"] ** 2 + columns["com_vy"] ** 2)
+    rotation = columns["angular_momentum"] ** 2 / (2.0 * inertia)
+    vibration = columns["kinetic"] - translation - rotation
+    return columns | dict(zip(PARTS, (translation, rotation, vibration), strict=True))
+
+
+def vibration_left(columns: Columns) -> float:
+    """Energy of all vibration at the end, kinetic and elastic, over that of the flight at t = 0."""
+    stored = columns["vibration"] + columns["elastic"]
+    return float((stored[-1] - stored[0]) / columns["translation"][0])
 
 
 def bounds_array(bounds: dict[str, tuple[float, float]]) -> Array:

@@ -16,7 +16,7 @@ from taichi_disk.progress import Progress, silent
 from taichi_disk.simulation import diagnostics
 from taichi_disk.simulation.driver import Driver, Moment
 from taichi_disk.simulation.equilibrium import depth, roll_angle, solve_equilibrium, turned
-from taichi_disk.simulation.observables import COLUMNS, Columns
+from taichi_disk.simulation.observables import COLUMNS, Columns, split
 from taichi_disk.simulation.scenario import Scenario
 from taichi_disk.simulation.simulation import KernelCache
 from taichi_disk.simulation.stability import Spectrum, spectrum, step_limit
@@ -91,7 +91,8 @@ def compute(
 
 
 def _described(driver: Driver, time: Any, estimate: bool) -> Outcome:
-    scenario, columns, step, end = driver.scenario, driver.columns, driver.step, driver.end
+    scenario, step, end = driver.scenario, driver.step, driver.end
+    columns = split(driver.columns, scenario.lattice.inertia)
     assert end is not None
     simulation = driver.simulation
     positions, velocities = simulation.positions(end), simulation.velocities(end)

@@ -201,11 +201,12 @@ class Graphs:
         def of(*names: str) -> Array:
             return np.asarray(rows[:, [INDEX[name] for name in names]].sum(axis=1))
 
-        height = of("com_y") - of("lowest_y")
+        height, flight = of("com_y") - of("lowest_y"), 0.5 * (of("com_vx") ** 2 + of("com_vy") ** 2)
         motion, force = (label(self.full[scale]) for scale in ("motion", "force"))
         moved = (f"v / {motion} c", of("com_vy")) if self._low else (f"ξ / {motion} R", height[0] - height)
         return [
-            Curve(0, "energy", "kinetic", ENERGIES["kinetic"][1], of("kinetic")),
+            Curve(0, "energy", "flight", ENERGIES["translation"][1], flight),
+            Curve(0, "energy", "vibration, spin", ENERGIES["vibration"][1], of("kinetic") - flight),
             Curve(0, "energy", "elastic, wall", ENERGIES["elastic"][1], of("elastic", "wall")),
             Curve(0, "energy", "lost", ENERGIES["dissipated"][1], of(*_LOST) + rows[:, len(COLUMNS) :].sum(axis=1)),
             Curve(1, "force", f"wall's force / {force} Mc²/R", ENERGIES["absorbed"][1], of("wall_force")),

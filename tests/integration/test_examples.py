@@ -84,6 +84,14 @@ def test_a_sweep_over_cores_finds_that_a_stiff_one_loses_least(tmp_path):
     assert all(found[10.0, q] > found[1.0, q] > found[0.1, q] for q in (0.1, 1.0, 10.0))
 
 
+def test_what_the_modes_took_is_missing_in_e_squared(tmp_path):
+    picture = tmp_path / "a.png"
+    shown = output_of("why_e_is_below_one", str(picture))
+    lost, vibration, rotation = numbers(r"1 - e\^2 = (\S+); in vibration (\S+), rotation (\S+)", shown)
+    assert lost == pytest.approx(vibration + rotation, abs=5e-5) and picture.stat().st_size > 1e4
+    assert sum(numbers(r"modes (\S+), higher (\S+), anharmonic (\S+)", shown)) == pytest.approx(vibration, abs=2e-5)
+
+
 def test_a_new_force_moves_the_disk_as_its_law_says():
     off, imbalance = numbers(r"(?s)off an oscillator by (\S+) R.*imbalance (\S+)", output_of("new_force"))
     assert off < 1e-4  # of 0.045; the step's error, and the contact's

@@ -70,11 +70,14 @@ def test_files_summary_and_columns_are_those_of_the_contract(runs, kind):
     assert {"python", "taichi", "numpy", "taichi-disk"} <= set(summary["versions"])
     assert all(summary[key] == value for key, value in one.result.numbers.items())
 
-    assert ",".join(table) == COLUMNS + (",load,xi" if kind == "compression" else "")
+    assert ",".join(table) == COLUMNS + (",load,xi" if kind == "compression" else ",translation,rotation,vibration")
     assert np.isfinite(list(table.values())).all()
     assert (np.diff(table["t"]) > 0).all() and (table["t"][0] == 0.0) == (kind != "compression")
     parts = ("kinetic", "elastic", "wall", "dissipated", "absorbed", "sliding", "load")
     np.testing.assert_allclose(table["total"], sum(table.get(part, 0.0) for part in parts), rtol=1e-12)
+    if kind != "compression":
+        split = table["translation"] + table["rotation"] + table["vibration"]
+        np.testing.assert_allclose(split, table["kinetic"], rtol=1e-12)
 
 
 @pytest.mark.parametrize("kind", ["exponential_wall", "absorbing_wall"])
