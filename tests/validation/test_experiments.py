@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import csv
 import importlib.util
 import sys
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 from taichi_disk.figures.theory import exact_compression, quasistatic_impact
@@ -104,3 +106,19 @@ def test_a_clamped_strip_hardly_narrows() -> None:
     young, poisson, strip = experiment("strip_moduli").moduli(0.7, 0)
     assert (young, poisson) == pytest.approx((1.1, 0.286), rel=0.06)
     assert 0.04 < strip < 0.11
+
+
+@LONG
+@pytest.mark.usefixtures("kernels")
+@pytest.mark.parametrize("roughness", [0.0, 0.03])
+def test_an_oblique_impact_lies_within_the_scatter_of_its_table(roughness: float) -> None:
+    oblique = experiment("oblique")
+    with (Path(__file__).parents[2] / "docs" / "data" / "oblique.csv").open() as file:
+        rows = [row for row in csv.DictReader(file) if (row["wall_k_a"], row["contact"]) == ("10.0", "smooth")]
+    (row,) = (row for row in rows if float(row["roughness"]) == roughness and row["tan_gamma"] == "3.0")
+    scene, body = oblique.thrown(3.0, k_a=10.0, contact="smooth"), oblique.body(10.0, roughness, 0)
+    found = [oblique.restitution(one, body) for one in (scene, scene.with_(max_time=0.5))]
+    assert float(row["lowest"]) - 1e-4 <= found[0] <= float(row["highest"]) + 1e-4
+    assert np.isnan(found[1])  # a run that does not end is discarded
+    area = oblique.area(body.positions, body.triangles)
+    assert area.min() > 0.0  # rough or not, no triangle is inside out

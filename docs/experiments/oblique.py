@@ -1,0 +1,98 @@
+"""Normal restitution of oblique impacts on an elastic wall, after Kuninaka and Hayakawa, PRL 93, 154301 (2004).
+
+    python docs/experiments/oblique.py [lattices] > docs/data/oblique.csv
+
+Means over lattices, for walls softer and stiffer than the disk, both contact laws, plain and rough surfaces. A run is
+discarded if it does not end, if its energy is off at the end by more than DISCARD, or if the program stops it: it does
+so where the balance of energy is lost, or where a point has gone through the wall.
+"""
+
+from __future__ import annotations
+
+import sys
+from dataclasses import replace
+from functools import cache
+from itertools import product
+from math import atan, sin
+from pathlib import Path
+
+import numpy as np
+
+from taichi_disk import Lattice, Scene, load_scene, runtime
+
+runtime.start()
+
+from taichi_disk.api import shared_kernels  # noqa: E402
+from taichi_disk.simulation.driver import Driver  # noqa: E402
+from taichi_disk.simulation.stability import spectrum  # noqa: E402
+
+SCENE = Path(__file__).with_suffix(".yaml")
+WALLS = (10.0, 1.0, 0.1, 0.02)  # k_a [M c^2/R^2]; the disk's is 1
+TANGENTS = (0.0, 1.5, 3.0, 5.0)  # of the angle between flight and normal
+DISCARD = 0.02  # of the kinetic energy of the flight towards the wall; the program itself allows 0.001
+ATTEMPTS = 2  # the second with a shorter step, after one that lost the balance of energy or blew up
+
+
+def thrown(tangent: float, **wall: float | str) -> Scene:
+    """The scene at that angle, with other keys of its wall. An oblique throw lands so much before the wall's middle."""
+    angle = atan(tangent)
+    keys = {f"wall.{key}": value for key, value in wall.items()}
+    return load_scene(str(SCENE)).with_({"impact.angle": angle, "impact.offset": -1.5 * sin(angle), **keys})
+
+
+def roughened(body: Lattice, roughness: float, seed: int) -> Lattice:
+    """Disk and wall, their surface points moved along the normal by normal noise [R], the same springs unloaded.
+
+    Where a triangle would be flatter than a quarter of what it was, its points of the surface are drawn again. The
+    wall goes down until its highest point is at y = 0.
+    """
+    rng, n = np.random.default_rng([seed, 3]), body.disk_points
+    surface = np.concatenate([body.disk_surface, body.wall_surface[1:-1]])  # the corners are held
+    normal = np.where((surface < n)[:, None], body.positions[surface] - body.mean(body.positions), [0.0, 1.0])
+    normal /= np.hypot(*normal.T)[:, None]
+    noise, again = np.zeros(len(surface)), np.ones(len(surface), bool)
+    while again.any():
+        noise[again] = rng.normal(0.0, roughness, again.sum())
+        x = body.positions.copy()
+        x[surface] += noise[:, None] * normal
+        flat = area(x, body.triangles) < 0.25 * area(body.positions, body.triangles)
+        again = np.isin(surface, body.triangles[flat])
+    x[n:, 1] -= x[n:, 1].max()
+    i, j = body.bonds.T
+    return replace(body, positions=x, rest_lengths=np.hypot(*(x[i] - x[j]).T))
+
+
+def area(x: np.ndarray, triangles: np.ndarray) -> np.ndarray:
+    (ax, ay), (bx, by) = ((x[triangles[:, k]] - x[triangles[:, 0]]).T for k in (1, 2))
+    return 0.5 * (ax * by - ay * bx)
+
+
+def restitution(scene: Scene, body: Lattice) -> float:
+    """Normal e, not a number if the run is discarded."""
+    scenario = scene.scenario(body)
+    modes = spectrum(scenario.lattice, scenario.model)
+    driver = Driver(scenario, scene.time, shared_kernels(), modes)
+    while driver.attempt <= ATTEMPTS and (status := driver.advance(seconds=0.1)) != "failed":
+        if status == "finished":
+            lost = (driver.columns["total"][-1] - driver.columns["total"][0]) / scenario.kinetic
+            return scenario.result(driver.columns)["restitution"] if abs(lost) <= DISCARD else np.nan
+    return np.nan
+
+
+@cache
+def body(k_a: float, roughness: float, seed: int) -> Lattice:
+    plain = thrown(0.0, k_a=k_a).with_(seed=seed).body()
+    return roughened(plain, roughness, seed) if roughness else plain
+
+
+if __name__ == "__main__":
+    lattices = int(sys.argv[1]) if len(sys.argv) > 1 else 20
+    print("wall_k_a,contact,roughness,tan_gamma,lattices,discarded,e,error,lowest,highest,above_1")
+    for tangent, roughness, contact, k_a in product(TANGENTS, (0.0, 0.03), ("springs", "smooth"), WALLS):
+        scene = thrown(tangent, k_a=k_a, contact=contact)
+        found = np.array([restitution(scene, body(k_a, roughness, seed)) for seed in range(lattices)])
+        e = found[np.isfinite(found)]
+        row = [k_a, contact, roughness, tangent, lattices, lattices - len(e)]
+        numbers = (e.mean(), e.std(ddof=1) / len(e) ** 0.5, e.min(), e.max()) if len(e) > 1 else ("",) * 4
+        row += [f"{one:.4f}" if one != "" else "" for one in numbers]
+        print(*row, np.count_nonzero(e > 1.0), sep=",", flush=True)
