@@ -11,9 +11,9 @@ from pathlib import Path
 from taichi_disk import runtime
 from taichi_disk.output.files import versions
 
-from . import commands, kernel, window
+from . import commands, kernel, precision, window
 
-Part = Callable[[int, tuple[str, ...]], Iterator[str]]  # given the turns and the settings
+Part = Callable[..., Iterator[str]]  # given the turns and the settings
 PARTS: dict[str, tuple[Part, str]] = {
     "kernel": (kernel.kernel, "ns per spring and step, by what the scene models"),
     "numba": (kernel.numba, "the same steps by Numba"),
@@ -21,6 +21,7 @@ PARTS: dict[str, tuple[Part, str]] = {
     "start-up": (commands.start_up, "commands that compute nothing"),
     "film": (commands.film, "`run` to its film, caches empty and warm"),
     "window": (window.window, "pictures and steps a second in the window"),
+    "precision": (precision.precision, "error and wall clock of `run`, SciPy, LAMMPS and Numba"),
     "sweep": (commands.sweep, "sweeps beside the bare stepping of their impacts, one process and two (long)"),
 }
 
@@ -43,6 +44,7 @@ def main() -> None:
     parser.add_argument("parts", nargs="*", metavar="PART", help="default: all but the long one")
     parser.add_argument("--repeats", type=int, default=9, help="how often runs take turns (default: 9)")
     parser.add_argument("--set", action="append", default=[], metavar="KEY=VALUE", help="of every scene, as in `run`")
+    parser.add_argument("--figure", type=Path, metavar="PNG", help="where `precision` draws its diagram")
     given = parser.parse_args()
     if unknown := set(given.parts) - set(PARTS):
         parser.error(f"no part {', '.join(sorted(unknown))}: choose from {', '.join(PARTS)}")
@@ -52,7 +54,8 @@ def main() -> None:
     print(f"Runs take turns, {given.repeats} times; ratio: median over the turns, to the first row of a table.\n")
     runtime.start(threads=1)
     for part in given.parts or [name for name in PARTS if name != "sweep"]:
-        for line in PARTS[part][0](given.repeats, tuple(given.set)):
+        more = {"figure": given.figure} if part == "precision" else {}
+        for line in PARTS[part][0](given.repeats, tuple(given.set), **more):
             print(line, flush=True)
         print()
 

