@@ -73,6 +73,8 @@ class Job:
         outcome = compute(scenario, time, self.progress, kernels, force=self.force, estimate=self.estimate)
         self.clock.lap("simulate", compile=outcome.compile_seconds)
         results = {**scenario.result(outcome.columns), "measured": scenario.notes, **outcome.facts, "video": None}
+        if not self.own.digest and (scatter := self.scene.lattice_scatter()):
+            results["lattice_scatter"] = scatter
         if scenario.step_dependent and (notes := self.scene.notes(scenario.lattice.disk_points)):
             results["notes"] = notes
         return scenario, self._summary("done") | results, outcome
@@ -81,6 +83,7 @@ class Job:
         """What summary.json says of any run."""
         summary: dict[str, Any] = {"scene": self.scene.scene, "status": status, "reason": reason}
         summary |= {"seed": self.scene.lattice.seed, "versions": files.versions(), "wall_clock": self.clock.seconds}
+        summary |= files.provenance()
         if self.own.digest:
             summary["lattice_digest"] = self.own.digest
         if self.lattice is not None or self.velocities is not None:

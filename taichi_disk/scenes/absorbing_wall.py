@@ -31,6 +31,7 @@ class AbsorbingWallScene(DiskScene):
     lattice_keys: ClassVar[tuple[str, ...]] = ("lattice", "wall.points", "wall.width")
     abscissa: ClassVar[tuple[str, str]] = ("impact", "velocity")
     results: ClassVar[tuple[str, ...]] = ("restitution", "contact_time")
+    scatter: ClassVar[float] = 1.1e-3
 
     scene: Literal["absorbing_wall"] = "absorbing_wall"
     material: MaterialSection = MaterialSection(eta_star=0.0)  # the boundary absorbs the energy

@@ -20,6 +20,7 @@ class ExponentialWallScene(DiskScene):
     title: ClassVar[str] = "impact on a rigid wall"
     abscissa: ClassVar[tuple[str, str]] = ("impact", "velocity")
     results: ClassVar[tuple[str, ...]] = ("restitution", "contact_time")
+    scatter: ClassVar[float] = 5.8e-4
 
     scene: Literal["exponential_wall"] = "exponential_wall"
     wall: WallSection = WallSection()
