@@ -49,7 +49,7 @@ def writable(folder: Path) -> bool:
 
 def keeps_kernels() -> bool:
     """Whether Taichi can keep compiled kernels: in a folder that can be written, and, but on Windows, in a home."""
-    return ("HOME" in os.environ or os.name == "nt") and writable(cache_folder())
+    return ("HOME" in os.environ or sys.platform == "win32") and writable(cache_folder())
 
 
 def prepare_environment() -> None:
@@ -60,7 +60,7 @@ def prepare_environment() -> None:
     """
     os.environ.setdefault("ENABLE_TAICHI_HEADER_PRINT", "0")
     _spare_searches()
-    if os.name == "nt":  # where Taichi would take C:/taichi_cache, whoever the user is
+    if sys.platform == "win32":  # where Taichi would take C:/taichi_cache, whoever the user is
         os.environ.setdefault(CACHE, str(cache_folder()))
     if keeps_kernels():
         return
