@@ -117,7 +117,8 @@ class Lattice:
     ) -> Lattice:
         """A disk of exactly `points` points in the unit circle (R = 1), of 1 M in all.
 
-        The arguments are the keys of a scene's section `lattice`. The same arguments give the same lattice on every machine, bit for bit.
+        The arguments are the keys of a scene's section `lattice`. The same arguments give the same lattice on every
+        machine, bit for bit.
         On the edges of hole and core there are evenly spaced points, as on the rim. What lies on the core's edge has
         the mean of both materials: half of a point's area, and one of a spring's two triangles, are of each.
 
