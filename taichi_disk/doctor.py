@@ -11,23 +11,27 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from time import monotonic, sleep
 
-from taichi_disk.runtime import CACHE, cache_folder, cores, free_memory, writable
+from taichi_disk.runtime import CACHE, cache_folder, cores, free_memory, keeps_kernels, processor
 from taichi_disk.signals import raise_if_interrupted
 
 RUN = ("lattice.points=20", "material.eta_star=0", "video.size=64", "video.seconds=0.1")
 SECONDS = 120
 REMEDY = "apt-get update && apt-get install -y --no-install-recommends libx11-6 mesa-vulkan-drivers"
+if sys.platform != "linux":
+    REMEDY = "install the Vulkan driver of the graphics card's maker; `run --no-video` needs none"
 
 
 def examine() -> bool:
     """Print what is here, and the remedy for what is missing; whether scenes can be run and filmed."""
     cache = cache_folder()
-    kept = "HOME" in os.environ and writable(cache)
     found = {
         "Python": platform.python_version(),
+        "processor": processor(),
         "processor cores": cores(),
         "free memory": f"{free_memory() / 1e9:.1f} GB",
-        "cache of kernels": cache if kept else f"{cache} cannot be written: set {CACHE} and HOME to keep kernels",
+        "cache of kernels": cache
+        if keeps_kernels()
+        else f"{cache} cannot be written: set {CACHE} and HOME to keep kernels",
         "display": os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY") or "none (films need none)",
     }
     for name, value in found.items():

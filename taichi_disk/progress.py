@@ -98,8 +98,9 @@ def rows(summary: Mapping[str, Any], labels: Mapping[str, tuple[str, str]]) -> I
     for key, (name, unit) in labels.items():
         if key in summary:
             value, error = shown(summary[key], errors.get(key), exact="dt" not in summary, source=source)
-            unsure = "dt" in summary and not errors
-            yield name, value, f"{unit} {error or UNSURE * unsure}".strip()
+            unsure, scatter = "dt" in summary and not errors, summary.get("lattice_scatter", {}).get(key)
+            others = f", ± {Decimal(repr(scatter)):e} (from lattice to lattice)" if scatter else ""
+            yield name, value, f"{unit} {error or UNSURE * unsure}{others}".strip(" ,")
     if "dt" in summary:
         yield "time step", f"{summary['dt']:.6g}", "R/c"
         yield "steps", f"{summary['steps']:,}", f"({summary['integrator']})"

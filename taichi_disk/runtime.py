@@ -10,6 +10,7 @@ import contextlib
 import inspect
 import io
 import os
+import platform
 import sys
 import tempfile
 import threading
@@ -32,7 +33,7 @@ _STALE = 60.0  # [s] Taichi holds the lock of its cache for less than one
 
 def cache_folder() -> Path:
     """Where Taichi keeps compiled kernels."""
-    home = os.environ.get("HOME") or "/nonexistent"
+    home = os.environ.get("HOME") or os.environ.get("USERPROFILE") or "/nonexistent"
     return Path(os.environ.get(CACHE) or Path(home, ".cache", "taichi", "ticache"))
 
 
@@ -46,6 +47,11 @@ def writable(folder: Path) -> bool:
         return False
 
 
+def keeps_kernels() -> bool:
+    """Whether Taichi can keep compiled kernels: in a folder that can be written, and, but on Windows, in a home."""
+    return ("HOME" in os.environ or sys.platform == "win32") and writable(cache_folder())
+
+
 def prepare_environment() -> None:
     """Give Taichi a home and a cache that it can write; without them it aborts, or crashes at the end.
 
@@ -55,7 +61,9 @@ def prepare_environment() -> None:
     os.environ.setdefault("ENABLE_TAICHI_HEADER_PRINT", "0")
     os.environ.setdefault("TI_LOG_LEVEL", "error")  # also of what it tells while it is imported
     _spare_searches()
-    if "HOME" in os.environ and writable(cache_folder()):
+    if sys.platform == "win32":  # where Taichi would take C:/taichi_cache, whoever the user is
+        os.environ.setdefault(CACHE, str(cache_folder()))
+    if keeps_kernels():
         return
     try:
         user = os.getuid()
@@ -90,6 +98,14 @@ def alone() -> Iterator[None]:
 def cores() -> int:
     """Processor cores that this process may use."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+def processor() -> str:
+    """The processor's name, as far as the system tells."""
+    with contextlib.suppress(OSError, StopIteration):
+        lines = Path("/proc/cpuinfo").read_text(encoding="utf-8", errors="replace").splitlines()
+        return next(line for line in lines if line.startswith("model name")).partition(":")[2].strip()
+    return platform.processor() or platform.machine()
 
 
 def free_memory() -> float:

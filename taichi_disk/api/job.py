@@ -75,6 +75,8 @@ class Job:
         numbers = scenario.result(outcome.columns)
         measured = {name: scenario.notes[name] for name in numbers}
         results = {**numbers, "measured": measured, **outcome.facts, "video": None}
+        if not self.own.digest and (scatter := self.scene.lattice_scatter()):
+            results["lattice_scatter"] = scatter
         if scenario.step_dependent and (notes := self.scene.notes(scenario.lattice.disk_points)):
             results["notes"] = notes
         return scenario, self._summary("done") | results, outcome
@@ -83,6 +85,7 @@ class Job:
         """What summary.json says of any run."""
         summary: dict[str, Any] = {"scene": self.scene.scene, "status": status, "reason": reason}
         summary |= {"seed": self.scene.lattice.seed, "versions": files.versions(), "wall_clock": self.clock.seconds}
+        summary |= files.provenance()
         if self.own.digest:
             summary["lattice_digest"] = self.own.digest
         if self.lattice is not None or self.velocities is not None:

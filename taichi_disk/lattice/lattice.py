@@ -122,10 +122,21 @@ class Lattice:
     ) -> Lattice:
         """A disk of exactly `points` points in the unit circle (R = 1), of 1 M in all.
 
-        The arguments are the keys of a scene's section `lattice`. The paper says no more than "at random": literally,
-        that is rim=False, min_spacing=0. The same arguments give the same lattice on every machine, bit for bit.
+        The arguments are the keys of a scene's section `lattice`. The same arguments give the same lattice on every
+        machine, bit for bit.
         On the edges of hole and core there are evenly spaced points, as on the rim. What lies on the core's edge has
         the mean of both materials: half of a point's area, and one of a spring's two triangles, are of each.
+
+        Args:
+            points: how many, 3 to 2,000,000.
+            seed: of the random points.
+            rim: whether evenly spaced points lie on the circle.
+            min_spacing: least distance of inner points, in spacings of the hexagonal lattice. The paper says no more
+                than "at random": literally, that is rim=False, min_spacing=0.
+            hole: radius of a concentric hole [R]; 0: none.
+            core_radius: of a concentric core of another material [R]; 0: none.
+            core_stiffness: of the core's springs over the others'.
+            core_density: of the core over the rest.
 
         Raises:
             InputError: An argument is out of range.

@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterable, Iterator
 from contextlib import ExitStack
 from dataclasses import dataclass
 from importlib.util import find_spec
+from math import inf
 from pathlib import Path
 from shutil import copyfileobj
 from tempfile import TemporaryFile
@@ -14,13 +15,15 @@ from xml.sax.saxutils import quoteattr
 from zipfile import ZipFile
 
 import numpy as np
+import yaml
 
 from taichi_disk.errors import InputError
 from taichi_disk.fields import Triangles, point_stress, pressure, stress
 from taichi_disk.lattice import Array, Lattice
-from taichi_disk.output.files import atomic_write, check_pictures, prepare_output, write_text
+from taichi_disk.output.files import PROGRAM, atomic_write, check_pictures, origin, prepare_output, write_text
 
 if TYPE_CHECKING:
+    from taichi_disk.config.scene_base import SceneBase
     from taichi_disk.physics.model import Model
     from taichi_disk.simulation.driver import Moment
     from taichi_disk.simulation.scenario import Scenario
@@ -61,10 +64,16 @@ def _frames(lattice: Lattice, model: Model, moments: Iterable[Moment]) -> Iterat
         yield Frame(time, x, v, points, springs, {"stress": sigma, "pressure": pressure(sigma)}, energies)
 
 
-# ---- the formats: each writer takes a path, the lattice, and the frames one after the other
+# ---- the formats: each writer takes a path, the scene to tell of, the lattice, and the frames one after the other
 
 
-def _write_xyz(path: Path, lattice: Lattice, frames: Iterator[Frame]) -> None:
+def _in_a_line(scene: SceneBase) -> str:
+    """The scene without comments, as YAML in one line without a double quote."""
+    text = yaml.safe_dump(yaml.safe_load(scene.to_yaml()), default_flow_style=True, sort_keys=False, width=inf)
+    return str(text).strip().replace('"', "'")
+
+
+def _write_xyz(path: Path, scene: SceneBase, lattice: Lattice, frames: Iterator[Frame]) -> None:
     """Extended XYZ: text, a line for each point, with 12 digits. It knows no springs.
 
     Strain and tension are means over the springs of a point, energy is half of theirs, so that it adds up. ASE takes no
@@ -76,7 +85,8 @@ def _write_xyz(path: Path, lattice: Lattice, frames: Iterator[Frame]) -> None:
     size = np.full(n, _radius(lattice))
     ends = lattice.bonds.ravel()
     springs = np.maximum(np.bincount(ends, minlength=n), 1)
-    with path.open("w", encoding="ascii", newline="\n") as file:
+    told = f'Program="{PROGRAM}" Scene="{_in_a_line(scene)}"'
+    with path.open("w", encoding="utf-8", newline="\n") as file:
         for frame in frames:
             columns = {"pos": frame.positions, "velo": frame.velocities, "mass": lattice.masses, "radius": size}
             columns |= {"Stress" if name == "stress" else name: values for name, values in frame.points.items()}
@@ -90,18 +100,19 @@ def _write_xyz(path: Path, lattice: Lattice, frames: Iterator[Frame]) -> None:
             side = max(side, 2.0 * float(np.abs(frame.positions).max()))
             box = f'Lattice="{side:.12g} 0 0 0 {side:.12g} 0 0 0 1" Origin="{-side / 2:.12g} {-side / 2:.12g} -0.5"'
             properties = f"Properties=species:S:1:{kinds}"
-            file.write(f'{n}\n{box} {properties} Time={frame.time:.17g} {energies} pbc="F F F"\n')
+            file.write(f'{n}\n{box} {told} {properties} Time={frame.time:.17g} {energies} pbc="F F F"\n')
             table = np.concatenate(list(parts.values()), axis=1)
             line = "%s" + " %.12g" * table.shape[1] + "\n"
             file.writelines(line % (kind, *row) for kind, row in zip(species, table.tolist(), strict=True))
 
 
-def _write_gsd(path: Path, lattice: Lattice, frames: Iterator[Frame]) -> None:
+def _write_gsd(path: Path, scene: SceneBase, lattice: Lattice, frames: Iterator[Frame]) -> None:
     """GSD in HOOMD's schema: positions in single precision, our quantities as logged arrays in double."""
     import gsd.hoomd
 
     n, m, reach = len(lattice.positions), len(lattice.bonds), 0.0
     with gsd.hoomd.open(name=str(path), mode="w") as file:
+        file.file.write_chunk("taichi_disk/scene", np.frombuffer(origin(scene).encode(), np.uint8))
         for number, frame in enumerate(frames):
             shot = gsd.hoomd.Frame()
             shot.configuration.step, shot.configuration.dimensions = number, 2
@@ -121,7 +132,7 @@ def _write_gsd(path: Path, lattice: Lattice, frames: Iterator[Frame]) -> None:
             file.append(shot)
 
 
-def _write_vtu(path: Path, lattice: Lattice, frames: Iterator[Frame]) -> None:
+def _write_vtu(path: Path, scene: SceneBase, lattice: Lattice, frames: Iterator[Frame]) -> None:
     """VTK's unstructured grids: a .pvd that lists the .vtu files, which are in a folder of its name.
 
     Each frame is two files, one of springs (lines), one of triangles: each has its own quantities, and can be hidden.
@@ -146,11 +157,12 @@ def _write_vtu(path: Path, lattice: Lattice, frames: Iterator[Frame]) -> None:
                 listed.append(f'<DataSet timestep="{frame.time:.17g}" part="{part}" file={file}/>')
 
     atomic_write(folder, fill)
-    lines = ['<?xml version="1.0"?>', '<VTKFile type="Collection" version="0.1">', "<Collection>", *listed]
+    told = f"<!-- {PROGRAM}: {_in_a_line(scene).replace('--', '- -')} -->"
+    lines = ['<?xml version="1.0"?>', told, '<VTKFile type="Collection" version="0.1">', "<Collection>", *listed]
     write_text(path, "\n".join([*lines, "</Collection>", "</VTKFile>", ""]))
 
 
-def _write_npz(path: Path, lattice: Lattice, frames: Iterator[Frame]) -> None:
+def _write_npz(path: Path, scene: SceneBase, lattice: Lattice, frames: Iterator[Frame]) -> None:
     """t (T,), positions and velocities (T, n, 2), points_…, springs_…, triangles_… as in `Frame`, energies, lattice.
 
     As `np.savez` writes it, but with one frame in memory: a file for each array holds its frames until all are there.
@@ -177,6 +189,8 @@ def _write_npz(path: Path, lattice: Lattice, frames: Iterator[Frame]) -> None:
             with member(name) as out:
                 np.lib.format.write_array_header_1_0(out, header)
                 copyfileobj(file, out)
+        with member("scene") as out:
+            np.lib.format.write_array(out, np.array(origin(scene)))
         unlike = ("stiffness",) if lattice.stiffness is not None else ()
         for name in ("bonds", "triangles", "rest_lengths", "masses", "disk_points", *unlike):
             with member(name) as out:
@@ -198,7 +212,7 @@ def _in_space(values: Array) -> Array:
 
 class Format(NamedTuple):
     suffix: str
-    write: Callable[[Path, Lattice, Iterator[Frame]], None]
+    write: Callable[[Path, SceneBase, Lattice, Iterator[Frame]], None]
     package: str = ""  # that it needs
 
 
@@ -241,9 +255,10 @@ def export_run(scenario: Scenario, moments: Iterable[Moment], path: Path, format
     Raises what that does, and SimulationError if the file cannot be written.
     """
     path, kind = check_export(path, format)
-    frames = _frames(scenario.lattice, scenario.model, moments)
+    scene, lattice = scenario.scene, scenario.lattice
+    frames = _frames(lattice, scenario.model, moments)
     if kind.write is _write_vtu:  # more than one file: it sees itself that they come all at once
-        _write_vtu(path, scenario.lattice, frames)
+        _write_vtu(path, scene, lattice, frames)
     else:
-        atomic_write(path, lambda new: kind.write(new, scenario.lattice, frames))
+        atomic_write(path, lambda new: kind.write(new, scene, lattice, frames))
     return path

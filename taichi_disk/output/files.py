@@ -10,18 +10,25 @@ import os
 import platform
 import re
 import shutil
+import subprocess
 from collections.abc import Callable, Mapping, Sequence
+from datetime import datetime, timezone
 from importlib.metadata import version
 from io import StringIO
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from taichi_disk.errors import InputError, SimulationError
 from taichi_disk.lattice import Array, Lattice
+from taichi_disk.runtime import processor
 from taichi_disk.version import __version__
 
+if TYPE_CHECKING:
+    from taichi_disk.config.scene_base import SceneBase
+
+PROGRAM = f"taichi-disk {__version__}"
 _MOTION = ("t", "com_x", "com_y", "com_vx", "com_vy", "angular_momentum", "lowest_y", "wall_force")
 TIMESERIES = (*_MOTION, "kinetic", "elastic", "wall", "dissipated", "absorbed", "total")
 # Potential of the pressing force; energy lost from one spring of the wall to the next, and in friction.
@@ -294,6 +301,23 @@ def versions() -> dict[str, str]:
     """What computed the numbers."""
     own = {"python": platform.python_version(), "taichi-disk": __version__}
     return own | {name: version(name) for name in ("taichi", "numpy", "scipy")}
+
+
+def provenance() -> dict[str, str]:
+    """What summary.json, which alone may differ between two runs of a scene, says of this one."""
+    found = {"date": datetime.now(timezone.utc).isoformat(timespec="seconds"), "processor": processor()}
+    root = Path(__file__).parents[2]
+    if (root / ".git").exists():
+        command = ["git", "-C", str(root), "describe", "--always", "--dirty", "--exclude=*", "--abbrev=40"]
+        with contextlib.suppress(OSError, subprocess.CalledProcessError):  # no git, or another user's folder
+            told = subprocess.run(command, capture_output=True, text=True, check=True, stdin=subprocess.DEVNULL)
+            found["git_commit"] = told.stdout.strip()
+    return found
+
+
+def origin(*scenes: SceneBase) -> str:
+    """What films, pictures and trajectories carry: version and scenes, as YAML that `load_scene` takes, and no date."""
+    return f"# {PROGRAM}\n" + "---\n".join(scene.to_yaml() for scene in scenes)
 
 
 def reason(error: BaseException) -> str:

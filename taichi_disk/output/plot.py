@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from taichi_disk.output.files import Array, atomic_write
+from taichi_disk.output.files import Array, atomic_write, origin
 from taichi_disk.signals import ignored_by_children
 from taichi_disk.simulation.observables import vibration_left
 
@@ -121,9 +121,8 @@ def plot_run(path: Path, scenario: Scenario, columns: Columns) -> None:
         (_draw_loading if scenario.static else _draw_run)(figure, scenario, columns)
         for ax in figure.axes:
             ax.yaxis.set_label_coords(-0.11, 0.5)
-        atomic_write(
-            path, lambda new: figure.savefig(new, metadata={"Software": None}, pil_kwargs={"compress_level": 3})
-        )
+        told = {"Software": None, "Description": origin(scenario.scene)}
+        atomic_write(path, lambda new: figure.savefig(new, metadata=told, pil_kwargs={"compress_level": 3}))
 
 
 @contextmanager
@@ -164,7 +163,8 @@ def _answering(scenario: Scenario, columns: Columns) -> Any:
     asked = ("motion", "marks", "continuum") if scenario.static else ("motion", "marks", "quality", "last_motion")
     answers = {name: getattr(scenario, name)(columns) for name in asked} | {"title": scenario.title()}
     said = {name: partial(_said, answer) for name, answer in answers.items()}
-    return SimpleNamespace(static=scenario.static, time_label=scenario.time_label, **said)
+    scene = SimpleNamespace(to_yaml=partial(_said, scenario.scene.to_yaml()))
+    return SimpleNamespace(scene=scene, static=scenario.static, time_label=scenario.time_label, **said)
 
 
 def _said(answer: Any, *_: Any) -> Any:

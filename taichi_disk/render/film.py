@@ -12,7 +12,7 @@ import numpy as np
 
 from taichi_disk.config.sections import VideoSection
 from taichi_disk.errors import InputError
-from taichi_disk.output.files import atomic_write, check_pictures
+from taichi_disk.output.files import atomic_write, check_pictures, origin
 from taichi_disk.progress import Progress
 from taichi_disk.render import require_film
 from taichi_disk.render.geometry import View, edge_height
@@ -68,6 +68,7 @@ def film(path: Path, runs: Sequence[Run], video: VideoSection, progress: Progres
     if len({(scenario.time_label, *scenario.labels) for scenario, _ in runs}) > 1:
         raise InputError("these runs cannot be compared: they have no time, or no result, in common")
     require_film()
+    told = origin(*(replace(scenario.scene, video=video) for scenario, _ in runs))
     if path.suffix == ".png":
         cues: list[Cue] = [(greatest_compression(runs[0][1].columns), _GREATEST)]
         video = replace(video, supersample=2.0)
@@ -78,7 +79,7 @@ def film(path: Path, runs: Sequence[Run], video: VideoSection, progress: Progres
     def write(new: Path) -> None:
         with (
             closing(_pictures(runs, video, cues)) as pictures,
-            encoded(new, path.suffix, pictures.width, video.size, video.fps) as append,
+            encoded(new, path.suffix, pictures.width, video.size, video.fps, told) as append,
         ):
             times = np.array(list(dict.fromkeys(t for t, _ in cues)))
             moments = zip(*(outcome.frames(times) for _, outcome in runs), strict=True)

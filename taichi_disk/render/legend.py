@@ -175,7 +175,8 @@ class Legend:
         free = 2.0 * (self._width / 2 - max(left, self._width - right) - 3.0 * self._small)
         self._draw_bar(draw, round(min(_BAR_WIDTH * self.unit, free)), top, height, numbers)
         quantity = QUANTITIES[self.painter.colour]
-        line = f"{quantity.label}  [{quantity.unit}]" if quantity.unit else quantity.label
+        line = quantity.label + ", mean around points" * (quantity.on != "points")  # single triangles reach farther
+        line = f"{line}  [{quantity.unit}]" if quantity.unit else line
         if self.painter.colour == "fringes":
             line = f"difference of the principal stresses, one fringe {label(self.painter.limit)} Mc²/R²"
         whole = f"◂ {quantity.low}    {line}    {quantity.high} ▸"
@@ -206,6 +207,8 @@ class Legend:
                 draw.polygon([(edge, top), (edge, bottom), tip], fill=colour)
         ticks = [float(k) for k in range(FRINGES + 1)] if fringes else ticks_to(limit, painter.signed)
         labels = {tick: label(tick, percent, painter.signed) for tick in ticks}
+        if not fringes:
+            labels |= {tick: f"{'≥' if tick > 0 else '≤'} {labels[tick]}" for tick in (-limit, limit) if tick in labels}
         widest = max(text_width(line, self._small) for line in labels.values()) + self._small
         choices = (ticks, [ticks[0], 0.0, ticks[-1]], [ticks[0], ticks[-1]])
         numbered = next((some for some in choices if widest * (len(some) - 1) < width), ticks[-1:])

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from taichi_disk.errors import SimulationError
 
 Picture = NDArray[np.uint8]
+Size = tuple[int, int]
 
 _CODECS = {".mp4": "libx264", ".webm": "libvpx-vp9"}
 _OPTIONS = {
@@ -32,7 +33,7 @@ _GIF_SAMPLES = 12  # pictures, about, from which the palette is chosen
 
 @contextmanager
 def video(
-    path: Path, form: str, width: int, height: int, fps: int
+    path: Path, form: str, width: int, height: int, fps: int, origin: str = ""
 ) -> Iterator[Callable[[Callable[[], Picture] | None], None]]:
     """Make a film in a format: ".mp4", ".webm", ".gif", ".png" for one picture, or "" for a folder of them.
 
@@ -40,6 +41,7 @@ def video(
 
     Args:
         width, height: in pixels, even.
+        origin: text that the files carry.
 
     Yields `write(picture)`: it appends what `picture()` returns (height, width, 3), called in the encoder's thread.
     """
@@ -50,7 +52,7 @@ def video(
     sys.setswitchinterval(5e-4)
     with ThreadPoolExecutor(1) as thread:
         incoming = (picture() for picture in iter(pictures.get, None))
-        encoded = thread.submit(encode, path, form, width, height, fps, incoming)
+        encoded = thread.submit(encode, path, form, (width, height), fps, origin, incoming)
 
         def write(picture: Callable[[], Picture] | None) -> None:
             while not encoded.done():  # an encoder that has failed makes no room
@@ -74,13 +76,15 @@ def _give_up() -> Picture:
     raise SimulationError("the film was given up")
 
 
-def _encode_stream(path: Path, form: str, width: int, height: int, fps: int, pictures: Iterator[Picture]) -> None:
+def _encode_stream(path: Path, form: str, size: Size, fps: int, origin: str, pictures: Iterator[Picture]) -> None:
     """One stream of H.264 or VP9."""
     import av
 
+    width, height = size
     options = {"fflags": "+bitexact"} | ({"movflags": "+faststart"} if form == ".mp4" else {})
     with open(path, "w+b") as file:  # of Python's, whose errors reach us: a full disk is one
         container = av.open(file, "w", format=form[1:], options=options)
+        container.metadata["comment"] = origin
         stream: Any = container.add_stream(_CODECS[form], rate=fps, options=_OPTIONS[form])
         stream.width, stream.height, stream.pix_fmt = width, height, "yuv420p"
         context = stream.codec_context
@@ -103,14 +107,14 @@ def _encode_stream(path: Path, form: str, width: int, height: int, fps: int, pic
         container.close()
 
 
-def _encode_gif(path: Path, form: str, width: int, height: int, fps: int, pictures: Iterator[Picture]) -> None:
+def _encode_gif(path: Path, form: str, size: Size, fps: int, origin: str, pictures: Iterator[Picture]) -> None:
     """One palette for all pictures, so that still parts do not flicker: they wait, packed, until it is known."""
     from PIL import Image
 
     packed = [zlib.compress(picture.tobytes(), 1) for picture in pictures]
 
     def unpacked(step: int = 1) -> Iterator[Any]:
-        return (Image.frombytes("RGB", (width, height), zlib.decompress(one)) for one in packed[::step])
+        return (Image.frombytes("RGB", size, zlib.decompress(one)) for one in packed[::step])
 
     sampled = np.concatenate([np.asarray(one) for one in unpacked(1 + len(packed) // _GIF_SAMPLES)])
     palette = Image.fromarray(sampled).quantize(256, Image.Quantize.MAXCOVERAGE)
@@ -118,20 +122,30 @@ def _encode_gif(path: Path, form: str, width: int, height: int, fps: int, pictur
     ends = np.rint(100.0 * np.arange(len(packed) + 1) / fps)  # a GIF counts in hundredths of a second
     durations = [int(one) for one in 10.0 * np.diff(ends)]
     with open(path, "w+b") as file:
-        first.save(file, "GIF", save_all=True, append_images=others, duration=durations, loop=0)
+        first.save(file, "GIF", save_all=True, append_images=others, duration=durations, loop=0, comment=origin)
 
 
-def _encode_pngs(path: Path, form: str, width: int, height: int, fps: int, pictures: Iterator[Picture]) -> None:
+def _encode_pngs(path: Path, form: str, size: Size, fps: int, origin: str, pictures: Iterator[Picture]) -> None:
     """A folder of pictures, 00001.png and so on."""
     import imageio.v3 as iio
 
     path.mkdir()
+    info = _text(origin)
     for number, picture in enumerate(pictures, 1):
-        iio.imwrite(path / f"{number:05d}.png", picture, compress_level=6)
+        iio.imwrite(path / f"{number:05d}.png", picture, compress_level=6, pnginfo=info)
 
 
-def _encode_png(path: Path, form: str, width: int, height: int, fps: int, pictures: Iterator[Picture]) -> None:
+def _encode_png(path: Path, form: str, size: Size, fps: int, origin: str, pictures: Iterator[Picture]) -> None:
     """The only picture there is."""
     import imageio.v3 as iio
 
-    iio.imwrite(path, next(pictures), optimize=True)
+    iio.imwrite(path, next(pictures), optimize=True, pnginfo=_text(origin))
+
+
+def _text(origin: str) -> Any:
+    """What Pillow takes for the text of a PNG."""
+    from PIL.PngImagePlugin import PngInfo
+
+    info = PngInfo()
+    info.add_itxt("Description", origin)
+    return info

@@ -12,7 +12,7 @@ from PIL import Image
 from PIL.PngImagePlugin import PngInfo
 
 from taichi_disk.errors import TaichiDiskError
-from taichi_disk.output.files import atomic_write, beside, reason, remove
+from taichi_disk.output.files import atomic_write, beside, origin, reason, remove
 from taichi_disk.render import kernels
 from taichi_disk.render.video import Picture, video
 from taichi_disk.window.controls import Controls
@@ -68,7 +68,8 @@ class Recorder:
         """Let `count` frames of the film show a picture; it ends where the window gets another size."""
         if self._write is None:
             self._new, self._shape = beside(self._controls.next_file(".mp4")), picture.shape
-            film = video(self._new, ".mp4", picture.shape[1], picture.shape[0], FPS)
+            told = origin(self._controls.sandbox.scene)
+            film = video(self._new, ".mp4", picture.shape[1], picture.shape[0], FPS, told)
             self._write = self._open.enter_context(film)
         elif picture.shape != self._shape:
             self._controls.recording = False

@@ -125,7 +125,9 @@ def draw(path: Path, points: dict[Row, tuple[float, float]], alone: float) -> No
                     look = {"linestyle": "", "marker": "x", "ms": 8, "mew": 2} if asked else {"marker": marker, "ms": 7}
                     ax.plot(*zip(*at, strict=True), color=colour, label=None if asked else program, **look)
         ax.set(xscale="log", yscale="log", xlabel="wall clock of the command  [s]", ylabel="error of e")
-        ticks = [t for t in (0.3, 0.5, 0.7, 1, 1.5, 2, 3, 5, 10, 20, 50, 100) if ax.get_xlim()[0] < t < ax.get_xlim()[1]]
+        ticks = [
+            t for t in (0.3, 0.5, 0.7, 1, 1.5, 2, 3, 5, 10, 20, 50, 100) if ax.get_xlim()[0] < t < ax.get_xlim()[1]
+        ]
         ax.set_xticks(ticks, [f"{t:g}" for t in ticks])
         ax.minorticks_off()
         ax.grid(alpha=0.25)

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from bodies import computed, unlike
 
+from taichi_disk import load_scene
 from taichi_disk.errors import InputError, SimulationError
 from taichi_disk.fields import Triangles, point_stress
 from taichi_disk.lattice import disk_lattice, with_wall
@@ -22,7 +23,8 @@ SINGLE = {"rtol": 1e-6, "atol": 1e-7}
 # A small disk of unlike points and springs that sinks onto an elastic wall and is squeezed.
 LATTICE = unlike(with_wall(disk_lattice(40, seed=1), 60, 3.0, seed=1))
 MODEL = Model(Springs(1.3, 0.2, 0.5), ElasticWall(300.0, 150.0, 0.1))
-SCENARIO = SimpleNamespace(lattice=LATTICE, model=MODEL)
+SCENE = load_scene("absorbing_wall", ["lattice.points=40", "lattice.seed=1"])
+SCENARIO = SimpleNamespace(scene=SCENE, lattice=LATTICE, model=MODEL)
 
 
 def state(t):

@@ -1,0 +1,108 @@
+"""Nothing that only POSIX has is needed, nor a console that knows Greek, nor a path without spaces."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from taichi_disk import load_scene, runtime
+from taichi_disk.errors import InputError
+
+ROOT = Path(__file__).parents[2]
+# Every Python that starts with this in its path, workers and the one that draws the plot too, lacks what Windows lacks.
+# Parts of the standard library that Windows has in another form are imported before modules go.
+BARE = """
+import os, signal, sys
+
+for name in ("SIGALRM", "SIGHUP", "SIGUSR1", "setitimer", "alarm", "pthread_sigmask", "pthread_kill"):
+    delattr(signal, name)
+import asyncio, multiprocessing.popen_spawn_posix, multiprocessing.resource_tracker, subprocess
+
+for name in ("fcntl", "grp", "pwd", "resource", "termios"):
+    sys.modules[name] = None
+for name in ("fork", "forkpty", "getuid", "geteuid", "getgid", "sched_getaffinity", "killpg"):
+    delattr(os, name)
+kill = os.kill
+
+
+def gentle_kill(pid, number):
+    inside = sys._getframe(1).f_globals["__name__"]
+    assert not number or inside in ("subprocess", "multiprocessing.popen_fork"), f"{inside} sends signal {number}"
+    kill(pid, number)
+
+
+os.kill = gentle_kill
+multiprocessing.set_start_method("spawn")
+"""
+RUN = """
+import importlib, pkgutil
+import taichi_disk
+from taichi_disk.cli import main
+
+for module in pkgutil.walk_packages(taichi_disk.__path__, "taichi_disk."):
+    if not module.name.endswith("__main__"):
+        importlib.import_module(module.name)
+small = ["lattice.points=20", "video.size=64", "video.seconds=0.2"]
+raise SystemExit(main(["run", "exponential_wall", "--out", "out/a run", *(f"--set={one}" for one in small)]))
+"""
+SWEEP = """
+from taichi_disk import load_sweep, run_sweep
+
+if __name__ == "__main__":
+    axes = {"seed": [0, 1], "velocity": [0.02, 0.03]}
+    small = {"scene": "exponential_wall", "lattice": {"points": 20}, "sweep": axes}
+    done = run_sweep(load_sweep(small), "out/a sweep", jobs=2)
+    assert len(done.rows) == 4 and not done.failed
+"""
+
+
+@pytest.fixture
+def bare(tmp_path):
+    """(folder with a space, environment) in which every Python lacks what Windows lacks, and speaks code page 1252."""
+    place = tmp_path / "my desk"
+    (place / "site").mkdir(parents=True)
+    (place / "site" / "sitecustomize.py").write_text(BARE, encoding="utf-8")
+    known = [str(place / "site"), *filter(None, [os.environ.get("PYTHONPATH"), str(ROOT)])]
+    return place, {**os.environ, "PYTHONPATH": os.pathsep.join(known), "PYTHONIOENCODING": "cp1252"}
+
+
+@pytest.mark.parametrize("script", [RUN, pytest.param(SWEEP, marks=pytest.mark.validate)], ids=["run", "sweep"])
+def test_all_modules_an_impact_with_film_and_a_sweep_do_without_what_only_posix_has(bare, script):
+    place, environment = bare
+    (place / "script.py").write_text(script, encoding="utf-8")
+    command = [sys.executable, "script.py"]
+    done = subprocess.run(command, cwd=place, env=environment, capture_output=True, encoding="cp1252")
+    assert done.returncode == 0, done.stderr[-3000:]
+    if script is RUN:
+        made = {path.name for path in (place / "out" / "a run").iterdir()}
+        assert {"video.mp4", "plot.png", "summary.json", "scene.yaml"} <= made
+
+
+@pytest.mark.parametrize(("name", "status"), [("größer", 0), ("γ", 2)])
+def test_a_console_of_code_page_1252_gets_a_scene_or_a_message(bare, name, status):
+    place, environment = bare
+    (place / "größer.yaml").write_text("scene: compression\n# ξ\n", encoding="utf-8")
+    command = [sys.executable, "-m", "taichi_disk", "check", f"{name}.yaml"]
+    done = subprocess.run(command, cwd=place, env=environment, capture_output=True)
+    assert done.returncode == status and b"Traceback" not in done.stderr
+    assert status == 0 or done.stderr.startswith(b"error: ?.yaml: no such file")
+
+
+@pytest.mark.parametrize("name", [r"C:\Users\me\a scene.yaml", r"\\server\share\scene.yaml", "D:scene.yaml"])
+def test_a_path_with_a_drive_is_a_path(name):
+    with pytest.raises(InputError, match="no such file"):
+        load_scene(name)
+
+
+def test_windows_keeps_kernels_in_the_user_s_own_folder(monkeypatch, tmp_path, capsys):
+    monkeypatch.setattr(sys, "platform", "win32")
+    monkeypatch.setenv("USERPROFILE", str(tmp_path))
+    for name in ("HOME", runtime.CACHE):
+        monkeypatch.delenv(name, raising=False)
+    runtime.prepare_environment()
+    assert Path(os.environ[runtime.CACHE]).is_relative_to(tmp_path) and "HOME" not in os.environ
+    assert capsys.readouterr().err == ""

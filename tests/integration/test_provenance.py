@@ -1,0 +1,113 @@
+"""Where results come from: files carry their scene and version, the summary day, machine and commit, too."""
+
+from __future__ import annotations
+
+import json
+import re
+import subprocess
+from dataclasses import replace
+from datetime import datetime, timedelta, timezone
+from pathlib import Path
+
+import av
+import numpy as np
+import pytest
+from PIL import Image
+
+from taichi_disk import __version__, load_scene, run
+
+ROOT = Path(__file__).parents[2]
+SCENE = load_scene(
+    "exponential_wall", ["lattice.points=20", "video.size=64", "video.seconds=0.2", "material.eta_star=1"]
+)
+
+
+@pytest.fixture(scope="module")
+def result(tmp_path_factory):
+    return run(SCENE, tmp_path_factory.mktemp("it's") / "a run", video=False)
+
+
+def streamed(path):
+    with av.open(str(path)) as film:
+        return {name.lower(): text for name, text in film.metadata.items()}["comment"]
+
+
+def pictured(path):
+    info = Image.open(path).info
+    return info["comment"].decode() if "comment" in info else info["Description"]
+
+
+@pytest.mark.parametrize(
+    ("name", "read"),
+    [("a.mp4", streamed), ("a.webm", streamed), ("a.gif", pictured), ("a.png", pictured), ("a", pictured)],
+)
+def test_a_film_carries_the_scene_that_it_shows_and_the_version_and_no_date(result, tmp_path, name, read):
+    path = result.film(tmp_path / name, colour="speed")
+    text = read(path / "00002.png" if path.is_dir() else path)
+    assert text.startswith(f"# taichi-disk {__version__}\n")
+    assert load_scene(text) == SCENE.with_({"video.colour": "speed"})
+    assert not re.search(r"20\d\d-\d\d", text)
+
+
+def test_the_plot_carries_the_scene(result):
+    assert load_scene(pictured(result.out / "plot.png")) == SCENE
+
+
+def in_xyz(path):
+    from ase.io import read
+
+    info = read(path, index=0).info
+    assert info["Program"] == f"taichi-disk {__version__}"
+    return info["Scene"]
+
+
+def in_gsd(path):
+    import gsd.fl
+
+    with gsd.fl.open(str(path), "r") as file:
+        return file.read_chunk(0, "taichi_disk/scene").tobytes().decode()
+
+
+def in_pvd(path):
+    return re.search(rf"<!-- taichi-disk {__version__}: (.*) -->", path.read_text("utf-8"))[1]
+
+
+def in_npz(path):
+    return str(np.load(path)["scene"])
+
+
+@pytest.mark.parametrize(("suffix", "read"), [(".xyz", in_xyz), (".gsd", in_gsd), (".pvd", in_pvd), (".npz", in_npz)])
+def test_a_trajectory_carries_the_scene_and_the_same_bytes_come_twice(result, tmp_path, suffix, read):
+    first, second = (result.export(tmp_path / f"{name}{suffix}", frames=2) for name in "ab")
+    assert load_scene(read(first)) == SCENE
+    if suffix != ".pvd":  # which names its folder
+        assert first.read_bytes() == second.read_bytes()
+
+
+def test_the_summary_says_when_on_what_and_from_which_commit_a_run_came(result):
+    told = json.loads((result.out / "summary.json").read_bytes())
+    assert timedelta() <= datetime.now(timezone.utc) - datetime.fromisoformat(told["date"]) < timedelta(hours=1)
+    assert told["processor"]
+    if (ROOT / ".git").exists():
+        head = subprocess.run(["git", "rev-parse", "HEAD"], cwd=ROOT, capture_output=True, text=True, check=True)
+        assert told["git_commit"].removesuffix("-dirty") == head.stdout.strip()
+
+
+def test_the_lattice_s_scatter_is_told_where_it_is_known():
+    for kind, name in (("exponential_wall", "restitution"), ("absorbing_wall", "restitution"), ("compression", "xi")):
+        scene = load_scene(kind)
+        known = scene.lattice_scatter()
+        assert list(known) == [name] and known[name] > 0.0
+        assert scene.with_({"lattice.seed": 5, "video.size": 360, "time.safety": 0.5}).lattice_scatter() == known
+        for change in ({"lattice.points": 300}, {"material.eta_star": 3.0}, {"wall.a": 301.0}):
+            assert scene.with_(change).lattice_scatter() == {}
+
+
+@pytest.mark.validate
+@pytest.mark.parametrize("kind", ["exponential_wall", "absorbing_wall", "compression"])
+def test_the_scatter_that_is_told_is_that_of_eight_lattices(kind):
+    scene = load_scene(kind)
+    if kind == "compression":  # the same ξ by Newton's method, sooner
+        scene = replace(scene, compression=replace(scene.compression, method="newton"))
+    found = [next(iter(run(scene.with_(seed=seed)).numbers.values())) for seed in range(8)]
+    assert float(np.std(found, ddof=1)) == pytest.approx(scene.scatter, rel=0.05)
