@@ -4,17 +4,21 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from decimal import ROUND_CEILING, Decimal
+from functools import wraps
 from inspect import signature
 from pathlib import Path
-from typing import Any, TextIO, TypeAlias
+from time import monotonic
+from typing import Any, TextIO, TypeAlias, TypeVar
 
 from taichi_disk.errors import InputError
 
 Progress: TypeAlias = Callable[[str, float, "float | None"], object]  # told a stage, how much is done, of how much
 DIGITS = 8  # of a result that does not depend on a time step
 UNSURE_DIGITS = 4  # of one that does, by an amount that nobody has estimated
+SOON, EVERY = 0.5, 0.1  # [s] a notebook shows a bar for what takes longer, and draws it so often
+F = TypeVar("F", bound=Callable[..., Any])
 UNSURE = "(error of the time step not estimated)"
 
 
@@ -34,38 +38,93 @@ def reporter(progress: Progress | None) -> Progress:
     return progress
 
 
+def reported(function: F) -> F:
+    """Give `function` a `progress` that can be called: for None a bar in a notebook, which goes when it returns."""
+    arguments = signature(function)
+
+    @wraps(function)
+    def wrapped(*args: Any, **kwargs: Any) -> Any:
+        given = arguments.bind(*args, **kwargs)
+        progress = given.arguments.get("progress")
+        with _notebook() if progress is None else nullcontext(reporter(progress)) as given.arguments["progress"]:
+            return function(*given.args, **given.kwargs)
+
+    return wrapped  # type: ignore[return-value]
+
+
+@contextmanager
+def _notebook() -> Iterator[Progress]:
+    """Within, a progress that a notebook's cell shows; silent elsewhere."""
+    if "IPython" not in sys.modules:
+        yield silent
+        return
+    from IPython.display import display
+    from rich.console import Console
+
+    if not (console := Console()).is_jupyter:
+        yield silent
+        return
+    bars, handle, due = _Bars(console), None, monotonic() + SOON
+
+    def show(stage: str, done: float, total: float | None) -> None:
+        nonlocal handle, due
+        bars.show(stage, done, total)
+        if monotonic() > due:  # rich's own thread, which would draw the bars as a widget, writes to no cell
+            handle = handle or display(bars.progress, display_id=True)
+            handle.update(bars.progress)
+            due = monotonic() + EVERY
+
+    try:
+        yield show
+    finally:
+        if handle:
+            handle.update({"text/plain": ""}, raw=True)
+
+
 @contextmanager
 def terminal(stream: TextIO | None) -> Iterator[Progress]:
     """Within, a progress that is shown on `stream`, a line for each stage; silent where that is no terminal."""
     if stream is None or not stream.isatty():
         yield silent
         return
-    from rich import progress
     from rich.console import Console
 
-    bars = progress.Progress(
-        progress.TextColumn("{task.description:<10}"),
-        progress.BarColumn(),
-        progress.TaskProgressColumn(),
-        progress.TimeElapsedColumn(),
-        progress.TimeRemainingColumn(),
-        console=Console(file=stream),
-        redirect_stdout=False,  # what is printed goes to stdout, not to the stream of the bar
-    )
+    bars = _Bars(Console(file=stream))
 
     def show(stage: str, done: float, total: float | None) -> None:
-        if not bars.tasks or bars.tasks[-1].description != stage:
-            # A stage may end before its total, an impact before its time limit: what is done is then all of it.
-            for task in bars.tasks:
-                bars.update(task.id, completed=1.0, total=1.0)
-            bars.start()
-            bars.add_task(stage, total=total)
-        bars.update(bars.task_ids[-1], completed=done, total=total)
+        bars.progress.start()
+        bars.show(stage, done, total)
 
     try:
         yield show
     finally:
-        bars.stop()
+        bars.progress.stop()
+
+
+class _Bars:
+    """A line for each stage; `progress` is rich's."""
+
+    def __init__(self, console: Any) -> None:
+        from rich import progress
+
+        self.progress = progress.Progress(
+            progress.TextColumn("{task.description:<10}"),
+            progress.BarColumn(),
+            progress.TaskProgressColumn(),
+            progress.TimeElapsedColumn(),
+            progress.TimeRemainingColumn(),
+            console=console,
+            redirect_stdout=False,  # what is printed goes to stdout, not to the stream of the bar
+        )
+
+    def show(self, stage: str, done: float, total: float | None) -> None:
+        bars = self.progress
+        if not bars.tasks or bars.tasks[-1].description != stage:
+            # A stage may end before its total, an impact before its time limit: what is done is then all of it.
+            for task in bars.tasks:
+                bars.update(task.id, completed=1.0, total=1.0)
+            bars.add_task(stage, total=total)
+        bars.update(bars.task_ids[-1], completed=done, total=total)
 
 
 def duration(seconds: float) -> str:

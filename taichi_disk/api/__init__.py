@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, NamedTuple
+from tempfile import TemporaryDirectory
+from typing import TYPE_CHECKING, Any, NamedTuple
 from warnings import warn
 
 import numpy as np
@@ -18,13 +19,16 @@ from taichi_disk.lattice import Array, Lattice, OwnStart, disk_of, numbers
 from taichi_disk.output import files
 from taichi_disk.output.plot import plotting_beside
 from taichi_disk.output.run_folder import run_folder
-from taichi_disk.progress import Progress, reporter, silent
+from taichi_disk.progress import Progress, reported, rows, shown, silent
 from taichi_disk.scenes import Scene, load_scene
 from taichi_disk.scenes.body import DiskScene
 from taichi_disk.signals import raise_if_interrupted
 from taichi_disk.simulation.modes import Modes, modes
 from taichi_disk.simulation.outcome import Outcome
 from taichi_disk.simulation.scenario import Scenario
+
+if TYPE_CHECKING:
+    from taichi_disk.output.inline import Film, Plot
 
 __all__ = ["Modes", "Result", "State", "run", "shared_kernels"]
 
@@ -56,6 +60,20 @@ class Result:
     outcome: Outcome = field(repr=False)
     out: Path | None = None
     own: OwnStart = field(default=OwnStart(), repr=False)
+
+    def __repr__(self) -> str:
+        name, value = next(iter(self.numbers.items()))
+        number = " ".join(shown(value, self.error, exact=self.scenario.static))
+        return f"Result({self.scene.scene}, {self.lattice.disk_points} points, {name} {number})".replace(" )", ")")
+
+    def _repr_html_(self) -> str:
+        from taichi_disk.output.inline import card
+
+        return card(
+            "    ".join(self.scenario.title()).replace("    ", " · "),
+            rows(self.summary, self.scenario.labels),
+            self.plot(),
+        )
 
     # ---- numbers
 
@@ -175,8 +193,28 @@ class Result:
             raise InputError(f"times: must lie within 0 and {last:.6g}, the end of the run")
         return self.outcome.replay(times)
 
+    # ---- pictures
+
+    def plot(self) -> Plot:
+        """The curves of plot.png as a Matplotlib figure, which may be changed and saved."""
+        from taichi_disk.output.plot import run_figure
+
+        return run_figure(self.scenario, self.series)
+
+    def show(self, beside: Result | None = None, progress: Progress | None = None, **video: Any) -> Film:
+        """The film for a notebook, which shows it with controls; arguments as for `film`.
+
+        `format="png"`: one picture, of the greatest compression. Raises what `film` raises.
+        """
+        from taichi_disk.output.inline import Film
+
+        kind = video.get("format", self.scene.video.format)
+        with TemporaryDirectory() as folder:
+            return Film(self.film(Path(folder, f"film.{kind}"), beside, progress, **video).read_bytes(), kind)
+
     # ---- files
 
+    @reported
     @runtime.alone()
     def film(
         self, path: Path | str, beside: Result | None = None, progress: Progress | None = None, **video: Any
@@ -192,12 +230,12 @@ class Result:
         """
         from taichi_disk.render.film import check_target, film
 
-        path, progress = as_path(path, "path"), reporter(progress)
+        path = as_path(path, "path")
         section = self.scene.with_({f"video.{key}": value for key, value in video.items()}).video
         check_target(path)
         files.prepare_output(path.parent)
         runs = [(one.scenario, one.outcome) for one in (self, beside) if one]
-        film(path, runs, section, progress)
+        film(path, runs, section, progress or silent)
         return path
 
     @runtime.alone()
@@ -214,6 +252,7 @@ class Result:
         return folder.out
 
     @classmethod
+    @reported
     @runtime.alone()
     def load(
         cls,
@@ -246,12 +285,13 @@ class Result:
             say(f"{folder / name} has been changed since the run; all is computed again from scene.yaml")
         # What the run took, also a step by force, is taken again.
         scene = load_scene(path, overrides)
-        job = Job(scene, reporter(progress), force=True, estimate=estimate)
+        job = Job(scene, progress or silent, force=True, estimate=estimate)
         if summary.get("lattice_digest", "") != job.own.digest:
             raise InputError(f"{folder}: the lattice or the velocities in lattice.npz have changed since the run")
         return cls(scene, *job.compute(), own=job.own)
 
 
+@reported
 @runtime.alone()
 def run(
     scene: Scene | Source,
@@ -295,7 +335,7 @@ def run(
     raise_if_interrupted()  # while all was imported
     scene = scene if isinstance(scene, DiskScene) else load_scene(scene)
     clock = Clock({"start": started} if started else {})
-    job = Job(scene, reporter(progress), lattice, velocities, force, threads, clock=clock)
+    job = Job(scene, progress or silent, lattice, velocities, force, threads, clock=clock)
     if out is None:
         if export:
             raise InputError("export: needs a folder, `out`")

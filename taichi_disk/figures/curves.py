@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
@@ -12,7 +12,6 @@ import matplotlib
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
@@ -22,6 +21,7 @@ from taichi_disk.figures import theory
 from taichi_disk.figures.theory import Fit
 from taichi_disk.lattice import Array
 from taichi_disk.output.files import atomic_write
+from taichi_disk.output.inline import Plot
 from taichi_disk.output.plot import STYLE, SUM, matplotlib_style
 from taichi_disk.scenes import Scene
 
@@ -185,15 +185,24 @@ def _grouped(rows: Sequence[Row], names: Sequence[str]) -> dict[tuple[Any, ...],
 
 def print_curves(curves: Sequence[dict[str, Any]]) -> None:
     """Print the fits of curves, given as their `summary`, with 95 % intervals."""
+    for label, fits in curve_rows(curves):
+        print(label)
+        for title, shown in fits:
+            print(f"  {title:<24}{shown}")
+
+
+def curve_rows(curves: Sequence[dict[str, Any]]) -> Iterator[tuple[str, list[tuple[str, str]]]]:
+    """What a curve is, and the law and parameters of each of its fits, in words."""
     for curve in curves:
-        label = {name: value for name, value in curve.items() if name not in OF_CURVE}
+        swept = {name: value for name, value in curve.items() if name not in OF_CURVE}
         given = [
-            f"{name}: {value:g}" if isinstance(value, float) else f"{name}: {value}" for name, value in label.items()
+            f"{name}: {value:g}" if isinstance(value, float) else f"{name}: {value}" for name, value in swept.items()
         ]
-        print(", ".join([*given, f"{curve['lattices']} lattice{'s' if curve['lattices'] > 1 else ''}"]))
-        for name, fit in curve["fits"].items():
-            shown = "   ".join(f"{key} = {_parameter(fit, key)}" for key in fit["values"])
-            print(f"  {FITS[name].title:<24}{shown}")
+        label = ", ".join([*given, f"{curve['lattices']} lattice{'s' if curve['lattices'] > 1 else ''}"])
+        found = {
+            name: [f"{key} = {_parameter(fit, key)}" for key in fit["values"]] for name, fit in curve["fits"].items()
+        }
+        yield label, [(FITS[name].title, "   ".join(parts)) for name, parts in found.items()]
 
 
 def _parameter(fit: dict[str, Any], name: str) -> str:
@@ -222,19 +231,32 @@ def draw(scene: Scene, curves: list[Curve], out: Path) -> None:
     """
     # The salt makes the ids in the SVG the same every time.
     with matplotlib_style({**STYLE, **FONT, "svg.hashsalt": "taichi-disk"}):
-        figure = Figure(figsize=(3.4, 2.9 + 0.09 * len(curves)), layout="constrained")
-        FigureCanvasAgg(figure)
-        ax = figure.subplots()
-        known = FIGURES[scene.scene]
-        known.draw(ax, known.paper, curves)
-        # Points before lines: their curves in order, then the laws.
-        named = sorted(zip(*ax.get_legend_handles_labels(), strict=True), key=lambda one: isinstance(one[0], Line2D))
-        if named:  # no force over E without an E, as of a lattice from a file
-            figure.legend(*zip(*named, strict=True), loc="outside upper center", ncols=2)
-        figure.draw_without_rendering()
-        figure.set_layout_engine("none")  # laid out once for all formats
+        figure = _drawn(scene, curves)
         for kind, metadata in METADATA.items():
             atomic_write(out / f"figure.{kind}", partial(figure.savefig, metadata=metadata))
+
+
+def curves_figure(scene: Scene, curves: list[Curve]) -> Plot:
+    """The same as a figure to look at, or to change."""
+    with matplotlib_style({**STYLE, **FONT}):
+        figure = _drawn(scene, curves)
+    figure.set_dpi(200)
+    return figure
+
+
+def _drawn(scene: Scene, curves: list[Curve]) -> Plot:
+    figure = Plot(figsize=(3.4, 2.9 + 0.09 * len(curves)), layout="constrained")
+    FigureCanvasAgg(figure)
+    ax = figure.subplots()
+    known = FIGURES[scene.scene]
+    known.draw(ax, known.paper, curves)
+    # Points before lines: their curves in order, then the laws.
+    named = sorted(zip(*ax.get_legend_handles_labels(), strict=True), key=lambda one: isinstance(one[0], Line2D))
+    if named:  # no force over E without an E, as of a lattice from a file
+        figure.legend(*zip(*named, strict=True), loc="outside upper center", ncols=2)
+    figure.draw_without_rendering()
+    figure.set_layout_engine("none")  # laid out once for all formats
+    return figure
 
 
 def _named(curve: Curve) -> str:

@@ -24,6 +24,7 @@ from taichi_disk.signals import ignored_by_children
 from taichi_disk.simulation.observables import vibration_left
 
 if TYPE_CHECKING:
+    from taichi_disk.output.inline import Plot
     from taichi_disk.simulation.scenario import Scenario
 
 Columns = dict[str, Array]
@@ -111,18 +112,31 @@ def plot_run(path: Path, scenario: Scenario, columns: Columns) -> None:
 
     Raises SimulationError if the file cannot be written.
     """
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
-
     with matplotlib_style(STYLE):
-        figure = Figure(figsize=(7.6, 9.2), dpi=120)
-        FigureCanvasAgg(figure)
-        figure.suptitle(fill("    ".join(scenario.title()[1:]), 95), y=0.99, fontsize=9.5, fontweight="bold")
-        (_draw_loading if scenario.static else _draw_run)(figure, scenario, columns)
-        for ax in figure.axes:
-            ax.yaxis.set_label_coords(-0.11, 0.5)
-        told = {"Software": None, "Description": origin(scenario.scene)}
+        figure, told = _drawn(scenario, columns), {"Software": None, "Description": origin(scenario.scene)}
         atomic_write(path, lambda new: figure.savefig(new, metadata=told, pil_kwargs={"compress_level": 3}))
+
+
+def run_figure(scenario: Scenario, columns: Columns) -> Plot:
+    """The same as a figure to look at, or to change."""
+    with matplotlib_style(STYLE):
+        figure = _drawn(scenario, columns)
+        figure.draw_without_rendering()  # ticks and grid have the style from here on
+    return figure
+
+
+def _drawn(scenario: Scenario, columns: Columns) -> Plot:
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+
+    from taichi_disk.output.inline import Plot
+
+    figure = Plot(figsize=(7.6, 9.2), dpi=120)
+    FigureCanvasAgg(figure)
+    figure.suptitle(fill("    ".join(scenario.title()[1:]), 95), y=0.99, fontsize=9.5, fontweight="bold")
+    (_draw_loading if scenario.static else _draw_run)(figure, scenario, columns)
+    for ax in figure.axes:
+        ax.yaxis.set_label_coords(-0.11, 0.5)
+    return figure
 
 
 @contextmanager

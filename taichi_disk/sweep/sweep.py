@@ -10,21 +10,26 @@ from contextlib import closing, contextmanager, suppress
 from dataclasses import asdict, dataclass, fields
 from pathlib import Path
 from time import perf_counter
-from typing import Any
+from typing import TYPE_CHECKING, Any
 from uuid import uuid4
 
 from filelock import FileLock, Timeout
 
 from taichi_disk.config.sweep_axes import Sweep, value_of
-from taichi_disk.errors import InputError
+from taichi_disk.errors import InputError, TaichiDiskError
 from taichi_disk.lattice import file_digest
 from taichi_disk.output.files import prepare_output, reason, remove, versions, write_csv, write_summary, write_text
 from taichi_disk.output.run_folder import refuse_run
-from taichi_disk.progress import Progress, reporter
+from taichi_disk.progress import Progress, reported, silent
 from taichi_disk.scenes import Scene
 from taichi_disk.sweep import executors
 from taichi_disk.sweep.work import PointResult
 from taichi_disk.version import __version__
+
+if TYPE_CHECKING:
+    from pandas import DataFrame
+
+    from taichi_disk.output.inline import Plot
 
 FILES = ("scene.yaml", "points.csv", "summary.json", "figure.png", "figure.svg", "figure.pdf")
 MOST_FAILURES = 10  # that are printed
@@ -42,11 +47,44 @@ class SweepResult:
         rows: what points.csv holds: axes, results, how they were computed, status, key.
         summary: what summary.json holds; of a part, the counts alone.
         out: the folder.
+        sweep: what was computed.
     """
 
     rows: list[Row]
     summary: dict[str, Any]
     out: Path
+    sweep: Sweep
+
+    def __repr__(self) -> str:
+        return f"SweepResult({self.summary['scene']}, {_counted(self)}, out={str(self.out)!r})"
+
+    def _repr_html_(self) -> str:
+        from taichi_disk.figures.curves import curve_rows
+        from taichi_disk.output.inline import card
+
+        figure = self.plot() if self.summary.get("curves") else None
+        rows = ((label, *line) for label, fits in curve_rows(self.summary.get("curves", ())) for line in fits)
+        return card(f"{self.summary['scene']}: {_counted(self)}", rows, figure)
+
+    def plot(self) -> Plot:
+        """The figure of a sweep over speed or pressure as one of Matplotlib, which may be changed and saved.
+
+        Raises InputError where there is none.
+        """
+        from taichi_disk.figures.curves import analyse, curves_figure
+
+        first = self.sweep.scenes[0]
+        if not (curves := analyse(first, self.sweep.axes, self.rows)):
+            raise InputError(f"there is no figure of {first.scene} over {', '.join(self.sweep.axes)}; see dataframe()")
+        return curves_figure(first, curves)
+
+    def dataframe(self) -> DataFrame:
+        """The rows as a table of pandas. Raises TaichiDiskError where that is not installed."""
+        try:
+            from pandas import DataFrame
+        except ImportError as error:
+            raise TaichiDiskError(f"no table, because of {error}: pip install pandas; or use `rows`") from None
+        return DataFrame(self.rows)
 
     @property
     def failed(self) -> list[Row]:
@@ -54,6 +92,7 @@ class SweepResult:
         return [row for row in self.rows if row["status"] != "done"]
 
 
+@reported
 def run_sweep(
     sweep: Sweep,
     out: Path | str,
@@ -88,7 +127,7 @@ def run_sweep(
             or its workers have other versions.
         SimulationError: the workers failed. What was done is kept.
     """
-    out, progress, began = Path(out), reporter(progress), perf_counter()
+    out, progress, began = Path(out), progress or silent, perf_counter()
     keys = [point_key(scene) for scene in sweep.scenes]
     scenes = executors.ordered(dict(zip(keys, sweep.scenes, strict=True)))
     scenes = scenes if part is None else executors.part_of(part, scenes)
@@ -127,7 +166,7 @@ def run_sweep(
             "failed": [{name: row[name] for name in told} for row in failed],
         }
         if part:
-            return SweepResult(rows, summary | {"part": part, "wall_clock": perf_counter() - began}, out)
+            return SweepResult(rows, summary | {"part": part, "wall_clock": perf_counter() - began}, out, sweep)
         yaml = {True: "true", False: "false"}
         table = [{k: yaml[v] if isinstance(v, bool) else v for k, v in row.items()} for row in rows]
         write_csv(out / "points.csv", table)
@@ -136,7 +175,7 @@ def run_sweep(
 
         summary |= {"curves": figure_of(sweep, rows, out), "wall_clock": perf_counter() - began, "versions": versions()}
         write_summary(out / "summary.json", summary)
-        return SweepResult(rows, summary, out)
+        return SweepResult(rows, summary, out, sweep)
 
 
 @contextmanager
@@ -189,6 +228,11 @@ def _row(sweep: Sweep, scene: Scene, names: Sequence[str], key: str, result: Poi
     return row | {"status": result.status, "reason": result.reason, "warnings": "; ".join(result.warnings), "key": key}
 
 
+def _counted(result: SweepResult) -> str:
+    summary = result.summary
+    return f"{summary['points']} points, {summary['computed_now']} of them computed now, {len(result.failed)} failed"
+
+
 def print_sweep(result: SweepResult) -> None:
     """Print the fits, what failed, and where the files are."""
     from taichi_disk.figures.curves import print_curves
@@ -202,8 +246,7 @@ def print_sweep(result: SweepResult) -> None:
         print(f"... and {len(failed) - MOST_FAILURES} more" + ("" if part else ", see points.csv"))
     if warned := sum(bool(row["warnings"]) for row in result.rows):
         print(f"{warned} points with warnings, see points.csv")
-    counted = f"{summary['points']} points, {summary['computed_now']} of them computed now, {len(failed)} failed"
-    print(f"{part}{counted}; {summary['wall_clock']:.1f} s")
+    print(f"{part}{_counted(result)}; {summary['wall_clock']:.1f} s")
     print(f"files in {result.out}")
     if part:
         print("the same command without --part, once all parts are there, writes table, fits and figure")

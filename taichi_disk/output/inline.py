@@ -1,0 +1,56 @@
+"""What a notebook shows in a cell of itself: a figure, a table with a figure beside it, a film."""
+
+from __future__ import annotations
+
+from base64 import b64encode
+from collections.abc import Iterable
+from dataclasses import dataclass
+from html import escape
+from io import BytesIO
+from typing import Any
+
+from matplotlib.figure import Figure
+
+KINDS = {"mp4": "video/mp4", "webm": "video/webm", "gif": "image/gif", "png": "image/png"}
+THUMBNAIL = 600.0  # pixels of the height of a figure beside a table, where it is half as high on an ordinary screen
+
+
+class Plot(Figure):
+    """A Matplotlib figure that shows itself where pyplot is not imported, too."""
+
+    def _repr_png_(self, dpi: float | str = "figure") -> bytes:
+        self.savefig(buffer := BytesIO(), format="png", dpi=dpi)
+        return buffer.getvalue()
+
+
+@dataclass(frozen=True)
+class Film:
+    """A film, or a picture, with the bytes of its file: a notebook shows it, also where it is opened elsewhere."""
+
+    data: bytes
+    kind: str
+
+    def __repr__(self) -> str:
+        return f"Film({self.kind}, {len(self.data) / 1e3:.0f} kB)"
+
+    def _repr_html_(self) -> str:
+        source = f'style="max-width: 100%" src="{_inline(self.data, self.kind)}"'
+        return f"<video controls loop {source}></video>" if self.kind in ("mp4", "webm") else f"<img {source}>"
+
+
+def card(title: str, rows: Iterable[tuple[str, ...]], figure: Plot | None) -> str:
+    """HTML of a table under a bold title, with a small `figure` at its right."""
+    body = "".join(f"<tr>{''.join(f'<td {_LEFT}>{escape(cell)}</td>' for cell in row)}</tr>" for row in rows)
+    table = f"<div><b>{escape(title)}</b><table {_LEFT}>{body}</table></div>"
+    image = ""
+    if figure:
+        data = figure._repr_png_(THUMBNAIL / figure.get_figheight())
+        image = f'<img style="height: {THUMBNAIL / 2:g}px" src="{_inline(data, "png")}">'
+    return f'<div style="display: flex; gap: 2em">{table}{image}</div>'
+
+
+_LEFT = 'style="text-align: left; padding: 0.1em 0.8em 0.1em 0"'
+
+
+def _inline(data: bytes, kind: str) -> Any:
+    return f"data:{KINDS[kind]};base64,{b64encode(data).decode()}"
