@@ -46,10 +46,10 @@ def card(title: str, rows: Iterable[tuple[str, ...]], figure: Plot | None) -> st
     if figure:
         data = figure._repr_png_(THUMBNAIL / figure.get_figheight())
         image = f'<img style="height: {THUMBNAIL / 2:g}px" src="{_inline(data, "png")}">'
-    return f'<div style="display: flex; gap: 2em">{table}{image}</div>'
+    return f'<div style="display: flex; flex-wrap: wrap; gap: 2em">{table}{image}</div>'
 
 
-_LEFT = 'style="text-align: left; padding: 0.1em 0.8em 0.1em 0"'
+_LEFT = 'style="text-align: left; padding: 0.1em 0.8em 0.1em 0; white-space: nowrap"'
 
 
 def _inline(data: bytes, kind: str) -> Any:

@@ -63,7 +63,8 @@ class SweepResult:
         from taichi_disk.output.inline import card
 
         figure = self.plot() if self.summary.get("curves") else None
-        rows = ((label, *line) for label, fits in curve_rows(self.summary.get("curves", ())) for line in fits)
+        curves = curve_rows(self.summary.get("curves", ()))
+        rows = ((label if not k else "", *line) for label, fits in curves for k, line in enumerate(fits))
         return card(f"{self.summary['scene']}: {_counted(self)}", rows, figure)
 
     def plot(self) -> Plot:

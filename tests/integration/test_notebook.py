@@ -1,9 +1,11 @@
-"""The widget of notebooks, without a browser: what it is told, and what it sends."""
+"""In notebooks: the widget without a browser, what results show of themselves, bars, the notebooks of docs."""
 
 from __future__ import annotations
 
 import asyncio
+import builtins
 import io
+import re
 import signal
 import subprocess
 import sys
@@ -14,7 +16,9 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from taichi_disk import run
+from taichi_disk import load_sweep, run, run_sweep
+from taichi_disk.errors import InputError, TaichiDiskError
+from taichi_disk.progress import reported
 from taichi_disk.render import film_problem
 
 SETTINGS = ["lattice.points=60", "impact.velocity=0.05"]
@@ -72,3 +76,97 @@ def test_without_the_extra_the_message_names_it() -> None:
     code = "import sys; sys.modules['anywidget'] = None; import taichi_disk.notebook"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
     assert "TaichiDiskError: no widget" in done.stderr and "pip install 'taichi-disk[notebook]'" in done.stderr
+
+
+# ---- what a cell shows of itself
+
+SCENE = {"scene": "exponential_wall", "lattice": {"points": 60}, "impact": {"velocity": 0.05}}
+
+
+def test_a_result_is_a_line_in_a_terminal_and_a_table_with_a_plot_in_a_notebook() -> None:
+    result = run(SCENE)
+    assert repr(result).startswith("Result(exponential_wall, 60 points, restitution 0.") and len(repr(result)) < 100
+    html = result._repr_html_()
+    assert "restitution e" in html and f"{result.error:.0e}"[0] in html
+    (image,) = re.findall('data:image/png;base64,[^"]+', html)
+    assert len(html) - len(image) < 2500
+    figure = result.plot()
+    figure.axes[0].set_title("mine")
+    assert np.array_equal(figure.axes[1].lines[0].get_ydata(), result.series["wall_force"])
+    assert figure._repr_png_()[:4] == b"\x89PNG"
+
+
+@pytest.mark.skipif(film_problem() is not None, reason="no Vulkan driver")
+def test_a_film_is_shown_inline_with_controls_and_leaves_no_file(tmp_path: Path, monkeypatch: Any) -> None:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
+    result = run(SCENE)
+    assert "<video controls loop" in (film := result.show(size=64, seconds=0.1))._repr_html_()
+    assert film.data[4:8] == b"ftyp" and len(repr(film)) < 40
+    assert "<img" in result.show(size=64, format="png")._repr_html_()
+    assert not list(tmp_path.iterdir())
+    with pytest.raises(InputError, match="did you mean size"):
+        result.show(sise=64)
+
+
+def test_a_sweep_shows_its_fits_and_gives_a_figure_and_a_table(tmp_path: Path, monkeypatch: Any) -> None:
+    points = "scene: exponential_wall\nlattice: {points: 60}\n"
+    done = run_sweep(load_sweep(points + "sweep: {velocity: [0.02, 0.05, 0.1]}"), tmp_path / "v", jobs=1)
+    assert repr(done).startswith("SweepResult(exponential_wall, 3 points, 3 of them computed now, 0 failed, out=")
+    assert "eq. (5)" in (html := done._repr_html_()) and html.count("<img") == 1
+    assert done.plot().axes[0].get_xlabel() == "impact speed  v/c"
+    assert done.dataframe()["restitution"].tolist() == [row["restitution"] for row in done.rows]
+    other = run_sweep(load_sweep(points + "sweep: {seed: {range: 2}}"), tmp_path / "seed", jobs=1)
+    assert "<img" not in other._repr_html_()
+    with pytest.raises(InputError, match=r"no figure of exponential_wall over seed; see dataframe"):
+        other.plot()
+    monkeypatch.setitem(sys.modules, "pandas", None)
+    with pytest.raises(TaichiDiskError, match="pip install pandas"):
+        done.dataframe()
+
+
+def test_long_work_shows_a_bar_by_itself_in_a_notebook_which_goes_at_the_end(monkeypatch: Any) -> None:
+    class ZMQInteractiveShell:
+        pass
+
+    class Handle:
+        def update(self, shown: Any, **_: Any) -> None:
+            told.append(shown if isinstance(shown, dict) else shown._repr_mimebundle_((), ())["text/plain"])
+
+    told: list[Any] = []
+    monkeypatch.setattr(builtins, "get_ipython", ZMQInteractiveShell, raising=False)
+    monkeypatch.setattr("IPython.display.display", lambda shown, display_id: Handle())
+    monkeypatch.setattr("taichi_disk.progress.EVERY", 0.0)
+
+    @reported
+    def work(progress: Any = None) -> None:
+        for k in range(3):
+            progress("sweep", k, 2)
+
+    work()
+    assert not told  # too soon
+    monkeypatch.setattr("taichi_disk.progress.SOON", 0.0)
+    with pytest.raises(InputError, match="progress: must be callable"):
+        work(3)
+    work(lambda stage, done, total: None)
+    assert not told
+    work()
+    assert "sweep" in told[0] and "100%" in told[-2] and told[-1] == {"text/plain": ""}
+
+
+NOTEBOOKS = sorted((Path(__file__).parents[2] / "docs/notebooks").glob("*.ipynb"))
+
+
+@pytest.mark.validate
+@pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
+def test_notebooks_run_and_print_nothing_that_is_not_theirs(path: Path, tmp_path: Path) -> None:
+    import nbformat
+    from nbclient import NotebookClient
+
+    notebook = nbformat.read(path, 4)
+    cells = [cell for cell in notebook.cells if cell.cell_type == "code"]
+    assert not any(cell.outputs for cell in cells)
+    NotebookClient(notebook, timeout=300, resources={"metadata": {"path": str(tmp_path)}}).execute()
+    printed = [one for cell in cells for one in cell.outputs if one.output_type == "stream"]
+    assert all(one.name == "stdout" and "aichi" not in one.text for one in printed)
+    assert any("image/png" in one.get("data", {}) for cell in cells for one in cell.outputs)

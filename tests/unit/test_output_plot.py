@@ -11,10 +11,10 @@ from concurrent.futures import ThreadPoolExecutor
 import numpy as np
 import pytest
 from bodies import computed, disk
-from matplotlib import figure
 from PIL import Image
 
 from taichi_disk.lattice import Lattice, bulk_moduli
+from taichi_disk.output import inline
 from taichi_disk.output.plot import matplotlib_style, plot_run, plotting_beside
 from taichi_disk.scenes import load_scene
 from taichi_disk.simulation.outcome import compute
@@ -25,12 +25,12 @@ def figures(monkeypatch):
     """The figures that plot_run makes."""
     made = []
 
-    class Kept(figure.Figure):
+    class Kept(inline.Plot):
         def __init__(self, *given, **options):
             super().__init__(*given, **options)
             made.append(self)
 
-    monkeypatch.setattr(figure, "Figure", Kept)
+    monkeypatch.setattr(inline, "Plot", Kept)
     return made
 
 
