@@ -1,10 +1,11 @@
 """Points and springs: the disk, the elastic wall, their moduli. NumPy and SciPy only; SciPy is imported when used."""
 
 from taichi_disk.lattice.custom import file_digest, numbers
-from taichi_disk.lattice.lattice import Lattice, OwnStart, check_thickness, disk_of, own_start, read_lattice, with_wall
+from taichi_disk.lattice.lattice import Lattice, OwnStart, disk_of, own_start, read_lattice
 from taichi_disk.lattice.network import Moduli, bulk_moduli
 from taichi_disk.lattice.random_points import circle_faults
 from taichi_disk.lattice.triangles import Array
+from taichi_disk.lattice.wall import check_thickness, with_wall
 
 disk_lattice = Lattice.disk
 

@@ -1,4 +1,4 @@
-"""The body: mass points joined by springs, the sides of triangles that tile it; the disk, and the elastic wall."""
+"""The body: mass points joined by springs, the sides of triangles that tile it; the disk, whole or with a hole."""
 
 from __future__ import annotations
 
@@ -16,11 +16,7 @@ from numpy.typing import ArrayLike
 from taichi_disk.errors import InputError, SimulationError
 from taichi_disk.lattice import custom
 from taichi_disk.lattice.random_points import (
-    MIN_ROWS,
     circle_points,
-    least_distance,
-    rectangle_points,
-    rim_points,
 )
 from taichi_disk.lattice.triangles import (
     GAP,
@@ -392,77 +388,3 @@ def own_start(section: Any, lattice: Lattice | None, velocities: Any) -> OwnStar
             velocities = velocities[: custom.points_of_disk(data, len(velocities))]
     thrown = None if velocities is None else custom.numbers(velocities, "velocities")
     return OwnStart(None if lattice is None else disk_of(lattice), thrown)
-
-
-# ---- the elastic wall: a rectangle of the disk's material, its top at y = 0, under the disk
-
-
-def with_wall(
-    disk: Lattice,
-    points: int,
-    width: float,
-    seed: int,
-    rim: bool = True,
-    min_spacing: float = 0.7,
-    stiffness: float = 1.0,
-) -> Lattice:
-    """`disk`, which has no wall yet, just touching an elastic wall of the same material, centred at x = 0 below y = 0.
-
-    The wall is of the material of a plain disk of as many points: 1/disk_points M a point, disk_points/pi points per
-    R^2, springs of a `stiffness` of their own. No bond joins disk and wall. `rim` lays rows of points along its sides,
-    spaced as on the disk's rim.
-
-    Raises:
-        InputError: The wall is too thin; the message gives the range allowed.
-        SimulationError: The points cannot be placed or meshed.
-    """
-    spacing = least_distance(disk.disk_points, min_spacing)
-    check_thickness(disk.disk_points, points, width)
-    # The disk has drawn from the stream of the seed itself.
-    rng = np.random.default_rng([seed, 1])
-    row = 2.0 * math.pi / rim_points(disk.disk_points) if rim else math.inf
-    low = np.array([-width / 2, -wall_height(disk.disk_points, points, width)])
-    mesh = triangulate(rectangle_points(rng, points, low, np.array([width / 2, 0.0]), row, spacing))
-    # Surface and boundary: the outline cut at its top left and top right corner, which belong to both.
-    x, y = mesh.positions[mesh.disk_surface].T
-    outline = np.roll(mesh.disk_surface, -int(np.argmax(y - x)))
-    x, y = mesh.positions[outline].T
-    right = int(np.argmax(y + x))
-    surface, boundary = np.append(outline[right:], outline[0])[::-1], outline[: right + 1]
-
-    n = disk.disk_points
-    lift = np.array([0.0, -disk.positions[:, 1].min()])
-    return replace(
-        disk,
-        positions=np.concatenate([disk.positions + lift, mesh.positions]),
-        bonds=np.concatenate([disk.bonds, mesh.bonds + np.int32(n)]),
-        rest_lengths=np.concatenate([disk.rest_lengths, mesh.rest_lengths]),
-        masses=np.concatenate([disk.masses, np.full(points, 1.0 / n)]),
-        wall_surface=surface + np.int32(n),
-        wall_boundary=boundary + np.int32(n),
-        triangles=np.concatenate([disk.triangles, mesh.triangles + np.int32(n)]),
-        stiffness=None
-        if disk.stiffness is None and stiffness == 1.0
-        else np.append(disk.stiffened(np.ones(len(disk.bonds))), np.full(len(mesh.bonds), stiffness)),
-    )
-
-
-def wall_height(disk_points: int, points: int, width: float) -> float:
-    """Height [R] of a wall of `points` points at the number density disk_points/pi of the disk."""
-    return math.pi * points / (disk_points * width)
-
-
-def check_thickness(disk_points: int, points: int, width: float) -> None:
-    """Raises InputError, with the range allowed, for a wall too thin to be a lattice."""
-    row = 2.0 * math.pi / rim_points(disk_points)
-    # So many that rows along all sides leave some points for the inside, whatever the width allowed.
-    fewest = math.ceil(20.0 * row**2 * disk_points / math.pi)
-    if points < fewest:
-        raise InputError(f"wall.points must be at least {fewest} beside a disk of {disk_points}, not {points}")
-    least = MIN_ROWS * row
-    most = wall_height(disk_points, points, least)
-    if not least <= width <= most:
-        raise InputError(
-            f"wall.width must be between {least:.4g} and {most:.4g} for {points} points, not {width}:"
-            f" {MIN_ROWS} rows of springs need that thickness"
-        )

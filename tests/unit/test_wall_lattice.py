@@ -11,8 +11,9 @@ from scipy.spatial.distance import pdist
 
 from taichi_disk.errors import InputError
 from taichi_disk.lattice import disk_lattice, with_wall
-from taichi_disk.lattice.lattice import polygon_area, wall_height
 from taichi_disk.lattice.random_points import hexagonal_spacing, rim_points
+from taichi_disk.lattice.triangles import polygon_area
+from taichi_disk.lattice.wall import wall_height
 
 DISK = disk_lattice(1099, 0)
 PAPER = with_wall(DISK, 1269, 3.8, 0)
