@@ -16,7 +16,7 @@ PYTHON = {
     "Lattices": ("taichi_disk.lattice.lattice.Lattice",),
     "Sweeps": ("taichi_disk.sweep.sweep.run_sweep", "taichi_disk.sweep.sweep.SweepResult"),
     "Fields": ("taichi_disk.fields.field", "taichi_disk.fields.Field", "taichi_disk.fields.stress"),
-    "Errors": ("taichi_disk.errors",),
+    "Errors": tuple(f"taichi_disk.errors.{name}Error" for name in ("TaichiDisk", "Input", "Simulation")),
 }
 
 

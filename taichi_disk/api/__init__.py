@@ -138,7 +138,7 @@ class Result:
         return np.array(t), np.array(x), np.array(v)
 
     def field(self, name: str, t: float) -> Any:
-        """A quantity at time `t` [R/c]: see `taichi_disk.fields.field` for the names and what is returned.
+        """The quantity `name` at time `t` [R/c]: see `taichi_disk.fields.field` for the names and what is returned.
 
         Raises InputError for an unknown name or a time outside the run.
         """
@@ -172,7 +172,8 @@ class Result:
         Args:
             path: a file, whose suffix says the format, see docs/output.md; or a folder that gets trajectory.SUFFIX.
             format: of a folder's: "xyz", "gsd", "vtu" or "npz".
-            frames: how many, evenly spaced in time; or `times`: ascending, within the run [R/c].
+            frames: how many, evenly spaced in time.
+            times: instead of them; ascending, within the run [R/c].
 
         Raises InputError for times outside the run, an unknown format, or one whose package is not installed.
         """
@@ -222,6 +223,7 @@ class Result:
         """Film the run into `path`: .mp4, .webm, .gif, one picture .png, or a folder for numbered pictures.
 
         Args:
+            path: its suffix says the format.
             beside: another run, to be shown at the right.
             progress: called as for `run`.
             video: keys of a scene's `video` section in place of the scene's own, as `colour="shear"`.
@@ -241,6 +243,11 @@ class Result:
     @runtime.alone()
     def save(self, out: Path | str, video: bool = False, overwrite: bool = False) -> Path:
         """Write the files of a run into the folder `out`; see docs/output.md.
+
+        Args:
+            out: as for `run`.
+            video: whether to make the film.
+            overwrite: whether another run in `out` may be replaced.
 
         Raises InputError where `out` holds another run (unless `overwrite`) or files that no run wrote.
         """
@@ -265,6 +272,7 @@ class Result:
         """The result of a finished run, computed again from its scene.yaml: bitwise the same.
 
         Args:
+            folder: what a run has written.
             overrides: changes of the scene, as `["video.size=360"]`.
             progress: called as for `run`.
             estimate: whether to estimate the time-step error again, which doubles the work.

@@ -71,7 +71,9 @@ QUANTITIES: dict[str, Quantity] = {
 
 
 def field(name: str, lattice: Lattice, springs: Springs, x: Array, v: Array) -> Field:
-    """The quantity `name` of QUANTITIES with the points at `x` (n, 2) [R] and velocities `v` (n, 2) [c].
+    """The quantity `name` of QUANTITIES of `lattice` and its `springs`.
+
+    The points are at `x` (n, 2) [R] and have the velocities `v` (n, 2) [c].
 
     - pressure, shear: of the stress of each triangle, see `stress`; pressure is positive under compression.
     - fringes: brightness from 0 to 1 at the points, see `fringes` and `smooth_stress`.

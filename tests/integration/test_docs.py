@@ -10,12 +10,13 @@ import shlex
 import subprocess
 import sys
 from collections.abc import Iterator
+from inspect import signature
 from pathlib import Path
 
 import pytest
 
 ROOT = Path(__file__).parents[2]
-PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
+PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").glob("*.md"))]
 BLOCK = re.compile(r"^```(\w+)([^\n]*)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 INLINE = re.compile(r"(?:`|^ {4})taichi-disk ([^`\n]+)", re.MULTILINE)
 LINK = re.compile(r"\[[^]\n]*\]\(([^)\s]+)\)")
@@ -49,7 +50,9 @@ def commands(page: Path) -> Iterator[tuple[bool, list[str]]]:
 
 
 @pytest.mark.validate
-@pytest.mark.parametrize("name", ["README.md", "docs/tutorial.md", "docs/api.md", "docs/extending.md"])
+@pytest.mark.parametrize(
+    "name", ["README.md", *(f"docs/{page}.md" for page in ("tutorial", "api", "extending", "colours"))]
+)
 def test_python_blocks_run_from_top_to_bottom(name, tmp_path):
     code = "\n".join(text for _, text in blocks(ROOT / name, "python"))
     if not code:
@@ -119,6 +122,16 @@ def test_every_number_of_a_table_is_in_the_data_named_below_it(name):
             half = 0.5 * 10.0 ** -len(digits.partition(".")[2]) if "." in digits else 0.0  # a whole number is exact
             near = any(abs(value - float(digits)) <= half * (1 + 1e-6) + 1e-12 for value in values)
             assert near, f"{text} is not in {files}"
+
+
+def test_the_docstrings_of_the_reference_say_what_every_argument_is():
+    from taichi_disk import Lattice, Result, load_scene, run, run_sweep
+    from taichi_disk.fields import field
+
+    methods = Result.state, Result.trajectory, Result.field, Result.export, Result.film, Result.save, Result.load
+    for one in (load_scene, run, run_sweep, field, Lattice.disk, Lattice.from_points, *methods):
+        for name in signature(one).parameters.keys() - {"self", "cls"}:
+            assert re.search(rf"\b{name}: |`{name}`", one.__doc__), f"{one.__qualname__}: {name}"
 
 
 @pytest.mark.validate
