@@ -42,7 +42,6 @@ class ImpactScenario(Scenario):
         velocity: v, of the centre of mass towards the wall at the start [c].
         oblique: whether something happens along the wall, too: there is an angle, a spin or friction.
         gap: distance of the lowest point from the wall at the start [R].
-        near: the same from where on the flight is stepped through, and to where.
         kinetic: of the flight at the start, M v^2/2 [M c^2].
     """
 
@@ -119,7 +118,7 @@ class ImpactScenario(Scenario):
         if impact.spin:
             arm = positions[:n] - body.mean(positions)
             self.velocities[:n] += impact.spin * np.stack([-arm[:, 1], arm[:, 0]], axis=1)
-        self.near = self._near(surface - surface.min()) if impact.gap == "auto" else self.gap
+        self._nearest = self._near(surface - surface.min()) if impact.gap == "auto" else self.gap
         self._stay_far_unless_straight()
 
     def _stay_far_unless_straight(self) -> None:
@@ -129,7 +128,7 @@ class ImpactScenario(Scenario):
         rubs = getattr(self.scene.wall, "friction", 0.0) or (disk[0, 0] != 0.0 and len(self.lattice.wall_surface))
         moves = (disk != disk[0]).any() or rubs
         if strained or moves or self._dip > NOT_ROUND * self._radius:
-            self.near = self.gap
+            self._nearest = self.gap
 
     def _near(self, heights: Array) -> float:
         """From where on the wall's force is small: height of the lowest point, others are `heights` above it [R]."""
@@ -149,6 +148,11 @@ class ImpactScenario(Scenario):
         contact = np.pi * unit * np.sqrt(np.log(4.0 / min(self.velocity * unit, 1.0)))
         contact = max(contact, np.pi * np.sqrt(self._compliance))  # of what bends, half a period
         return float(22.0 * (self.gap + self._dip) / self.velocity + 10.0 * contact)
+
+    @property
+    def near(self) -> float:
+        """Distance from the wall from where on the flight is stepped through, and to where; `gap`: all of it [R]."""
+        return self.gap if self.model.others else self._nearest  # a force of one's own acts on the whole flight
 
     def approach(self) -> Approach | None:
         from taichi_disk.simulation.approach import Approach
@@ -230,7 +234,7 @@ class ImpactScenario(Scenario):
 
     def go_on_from(self, positions: Array, velocities: Array) -> None:
         super().go_on_from(positions, velocities)
-        self.near = self.gap
+        self._nearest = self.gap
 
     def marks(self, columns: Columns) -> tuple[str, str]:
         found = self.result(columns)

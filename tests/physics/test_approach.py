@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from taichi_disk.accuracy.steps import Reference
+from taichi_disk.physics import Load
 from taichi_disk.scenes import load_scene
 from taichi_disk.simulation.outcome import compute
 from taichi_disk.simulation.stability import spectrum
@@ -38,6 +41,13 @@ def test_slowing_down_and_deformation_are_those_of_dop853(name, settings):
 @pytest.mark.parametrize("settings", [("impact.spin=0.1",), ("impact.gap=0.2",)])
 def test_a_spin_or_a_start_by_hand_is_stepped_through(settings):
     assert load_scene("exponential_wall", ["lattice.points=60", *settings]).scenario().approach() is None
+
+
+def test_a_force_of_ones_own_acts_on_the_whole_flight():
+    scenario = load_scene("exponential_wall", ["lattice.points=60"]).scenario()
+    assert scenario.approach() is not None
+    scenario.model = replace(scenario.model, others=(Load(1e-4),))
+    assert scenario.approach() is None and scenario.end_bounds()["lowest_y"][0] == scenario.gap
 
 
 def test_rows_before_the_first_step_balance_and_follow_the_steps_that_a_whole_flight_takes(kernels):
