@@ -67,6 +67,7 @@ class Job:
         check_memory(self.scene)
         runtime.start(self.threads)
         scenario = self.scene.scenario(*self.own)
+        scenario.scene = self.own.repeating(scenario.scene)  # which files carry, wherever an own lattice came from
         self.clock.lap("build")
         self.scenario = scenario
         time, kernels = self.scene.time, shared_kernels()
