@@ -74,7 +74,7 @@ class Job:
         outcome = compute(scenario, time, self.progress, kernels, force=self.force, estimate=self.estimate)
         self.clock.lap("simulate", compile=outcome.compile_seconds)
         numbers = scenario.result(outcome.columns)
-        measured = {name: scenario.notes[name] for name in numbers}
+        measured = {name: note for name, note in scenario.notes.items() if name in numbers}
         results = {**numbers, "measured": measured, **outcome.facts, "video": None}
         if not self.own.digest and (scatter := self.scene.lattice_scatter()):
             results["lattice_scatter"] = scatter

@@ -139,7 +139,7 @@ def dashpots(material: MaterialSection) -> list[str]:
 
 def gap_conflicts(wall: WallSection | ElasticWallSection, impact: ImpactSection) -> Conflicts:
     """A start within the wall's reach: the disk would be shot away by potential energy to spare, e > 1."""
-    least = wall.height_of(1e-3 * 0.5 * impact.approach**2)  # M = 1
+    least = wall.height_of(1e-3 * 0.5 * impact.towards**2)  # M = 1
     if impact.gap == "auto" or impact.gap >= least:
         return []
     what = f"at {impact.gap:g} R the wall's potential exceeds 1e-3 of the kinetic energy"

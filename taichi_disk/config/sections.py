@@ -201,7 +201,7 @@ class ImpactSection(Section):
     )
 
     @property
-    def approach(self) -> float:
+    def towards(self) -> float:
         """The velocity towards the wall [c]."""
         return self.velocity * cos(self.angle)
 

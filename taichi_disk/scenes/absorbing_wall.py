@@ -25,7 +25,7 @@ from taichi_disk.simulation.observables import Columns
 if TYPE_CHECKING:
     from taichi_disk.physics import Model
 
-CUT = 1e-2  # of the potential where the flight begins to be stepped through: one at the threshold that is none
+CUT = 1e-2  # of the potential where steps begin: a smaller one at the threshold counts as none
 
 
 class AbsorbingWallScene(DiskScene):
@@ -47,7 +47,7 @@ class AbsorbingWallScene(DiskScene):
         matched = ["wall.boundary = dashpot"] * (self.wall.boundary == "dashpot")
         conflicts = super().conflicts() + time_conflicts(self.time, self.material, *matched)
         conflicts += gap_conflicts(self.wall, self.impact)
-        least = least_threshold(self.wall, self.impact.approach)
+        least = least_threshold(self.wall, self.impact.towards)
         if self.wall.threshold < least:
             text = (
                 f"at {self.wall.threshold:g} R the contact potential exceeds 1e-5 of the kinetic energy, "
@@ -123,8 +123,8 @@ class AbsorbingWallImpact(ImpactScenario):
             boundary = physics.MatchedBoundary(physics.matched_impedance(self.lattice, p, s))
         return physics.Model(self.springs, contact(wall.a, wall.V0, wall.threshold), boundary=boundary)
 
-    def _near(self, heights: Array) -> float:
-        near, wall = super()._near(heights), self.scene.wall
+    def _felt_from(self, heights: Array) -> float:
+        near, wall = super()._felt_from(heights), self.scene.wall
         # A potential that is cut off jumps there, which neither the linear answer knows nor the energy balance.
         felt = float(wall.potential(wall.threshold)) > CUT * self._near_potential * self.kinetic
         return min(max(near, wall.threshold), self.gap) if felt else near

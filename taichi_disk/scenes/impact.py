@@ -75,7 +75,7 @@ class ImpactScenario(Scenario):
         """Everything that follows from the scene's velocity."""
         from taichi_disk.simulation.stability import impact_point_force
 
-        scene, velocity = self.scene, self.scene.impact.approach
+        scene, velocity = self.scene, self.scene.impact.towards
         self.velocity, self.kinetic = velocity, 0.5 * velocity**2
         self.oblique = bool(scene.impact.angle or scene.impact.spin or getattr(scene.wall, "friction", 0.0))
         longest, decay_time = LONGEST * self.springs.time_unit, scene.wall.decay_length / velocity
@@ -118,20 +118,20 @@ class ImpactScenario(Scenario):
         if impact.spin:
             arm = positions[:n] - body.mean(positions)
             self.velocities[:n] += impact.spin * np.stack([-arm[:, 1], arm[:, 0]], axis=1)
-        self._nearest = self._near(surface - surface.min()) if impact.gap == "auto" else self.gap
+        self._near = self._felt_from(surface - surface.min()) if impact.gap == "auto" else self.gap
         self._stay_far_unless_straight()
 
     def _stay_far_unless_straight(self) -> None:
-        """Step through all of its flight where a disk spins, where anything moves in it, or where a body bends."""
+        """Step through the whole flight of a disk that spins, rubs or is strained, and of a body that bends."""
         disk = self.velocities[: self.lattice.disk_points]
         strained = np.abs(self.springs.strain(self.lattice, self.lattice.positions)).max() > UNSTRAINED
         rubs = getattr(self.scene.wall, "friction", 0.0) or (disk[0, 0] != 0.0 and len(self.lattice.wall_surface))
         moves = (disk != disk[0]).any() or rubs
         if strained or moves or self._dip > NOT_ROUND * self._radius:
-            self._nearest = self.gap
+            self._near = self.gap
 
-    def _near(self, heights: Array) -> float:
-        """From where on the wall's force is small: height of the lowest point, others are `heights` above it [R]."""
+    def _felt_from(self, heights: Array) -> float:
+        """Height of the lowest point, at most `gap`, where the wall begins to be felt; others are `heights` higher."""
         return min(self.scene.wall.height_of(self._near_potential * self.kinetic, heights), self.gap)
 
     @property
@@ -152,7 +152,7 @@ class ImpactScenario(Scenario):
     @property
     def near(self) -> float:
         """Distance from the wall from where on the flight is stepped through, and to where; `gap`: all of it [R]."""
-        return self.gap if self.model.others else self._nearest  # a force of one's own acts on the whole flight
+        return self.gap if self.model.others else self._near  # a force of one's own acts on the whole flight
 
     def approach(self) -> Approach | None:
         from taichi_disk.simulation.approach import Approach
@@ -188,11 +188,8 @@ class ImpactScenario(Scenario):
         )
 
     def end_truncation_error(self, columns: Columns) -> float:
-        known = self._speed_after(columns) - columns["com_vy"][-1]
-        lost = (
-            LOST_AFTER * known + LOST_BEFORE * self._near_potential * self.velocity if self.near < self.gap else known
-        )
-        return float(lost) / self.velocity
+        gained = (self._speed_after(columns) - float(columns["com_vy"][-1])) / self.velocity
+        return LOST_BEFORE * self._near_potential + LOST_AFTER * gained if self.near < self.gap else gained
 
     @property
     def energy(self) -> float:
@@ -234,7 +231,7 @@ class ImpactScenario(Scenario):
 
     def go_on_from(self, positions: Array, velocities: Array) -> None:
         super().go_on_from(positions, velocities)
-        self._nearest = self.gap
+        self._near = self.gap
 
     def marks(self, columns: Columns) -> tuple[str, str]:
         found = self.result(columns)

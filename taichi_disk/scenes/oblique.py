@@ -47,8 +47,8 @@ def least_width(wall: ElasticWallSection, impact: ElasticImpactSection, k_a: flo
     """
     if not impact.angle and impact.offset == "auto":
         return 0.0
-    gap = wall.height_of(START_POTENTIAL * 0.5 * impact.approach**2) if impact.gap == "auto" else impact.gap
+    gap = wall.height_of(START_POTENTIAL * 0.5 * impact.towards**2) if impact.gap == "auto" else impact.gap
     first = 0.0 if impact.offset == "auto" else impact.offset + gap * tan(impact.angle)
-    strain = min(impact.approach / sqrt(k_a), 1.0)
+    strain = min(impact.towards / sqrt(k_a), 1.0)
     last = first + impact.along * pi * sqrt(log(4.0 / strain) / k_a)
     return 2.0 * (max(abs(first), abs(last)) + sqrt(2.0 * strain))

@@ -42,7 +42,7 @@ class Driver:
         failure: why there is no result, once the status is "failed".
         end: the state at the end, once the status is "finished".
         can_end: whether the scene may end, and begin again with a shorter step.
-        first: number of the step at which stepping begins, at the end of the scenario's `approach`.
+        first_step: number of the step at which stepping begins, at the end of the scenario's `approach`.
 
     Raises InputError for a step by hand that is too long.
     """
@@ -68,7 +68,7 @@ class Driver:
         self.stride = max(1, round(scenario.row_interval / self.step.dt))
         self.interval = self.stride * self.step.dt
         before = max(floor(self.approach.end / self.interval), 0) if self.approach else 0  # rows
-        self.first = before * self.stride
+        self.first_step = before * self.stride
         self.simulation = self._simulation()
         self.compile_seconds += perf_counter() - began
         self._last = ceil(scenario.max_time / self.interval) * self.stride
@@ -88,10 +88,10 @@ class Driver:
         """A simulation at its first step."""
         lattice, velocities, step = self.scenario.lattice, self.scenario.velocities, self.step
         if self.approach:
-            positions, velocities = self.approach.at(self.first * step.dt)
+            positions, velocities = self.approach.at(self.first_step * step.dt)
             lattice = replace(lattice, positions=positions)
         simulation = self.kernels.simulation(lattice, self.scenario.model, step.integrator, velocities, step.dt)
-        simulation.step_number = self.first
+        simulation.step_number = self.first_step
         return simulation
 
     # ---- what is known
@@ -164,7 +164,7 @@ class Driver:
         simulation, snapshot = self._simulation(), self.start
         mine, stride = simulation.generation, self._launch_steps
         for number in np.rint(np.asarray(times) / self.step.dt).astype(int):
-            if self.approach and number < self.first:
+            if self.approach and number < self.first_step:
                 yield number * self.step.dt, *self.approach.at(number * self.step.dt)
                 continue
             if simulation.generation != mine:  # somebody else has used it meanwhile

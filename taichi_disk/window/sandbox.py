@@ -53,7 +53,7 @@ def with_key(scene: Scene, key: str, value: Any) -> Scene:
             section, name = key.split(".")
             parts: Any = {"wall": scene.wall, "impact": scene.impact}
             parts[section] = replace(parts[section], **{name: value})
-            least = least_threshold(parts["wall"], parts["impact"].approach)
+            least = least_threshold(parts["wall"], parts["impact"].towards)
             changes["wall.threshold"] = max(scene.wall.threshold, float(f"{1.001 * least:.4g}"))
         if key == "lattice.points":
             changes["wall.points"] = max(4, round(scene.wall.points * value / scene.lattice.points))
@@ -160,7 +160,7 @@ class Sandbox:
     @property
     def at_start(self) -> bool:
         """Whether nothing has moved yet, and no hand has touched the disk."""
-        return self.segment.state.step == self.segment.first and not self.segment.label
+        return self.segment.state.step == self.segment.first_step and not self.segment.label
 
     @property
     def is_impact(self) -> bool:
@@ -290,7 +290,7 @@ class Sandbox:
             self._settle()
             v, impact = self.segment.present.v, wanted.impact
             flying = v[: self.start.body.disk_points]
-            flying += (impact.along, -impact.approach) - self.start.body.mean(flying)
+            flying += (impact.along, -impact.towards) - self.start.body.mean(flying)
             self._carry_on(wanted, "hit again", v)
             self.message = f"sent back with v = {impact.velocity:g} c"
         self.paused = False

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import os
-import platform
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
@@ -26,14 +25,6 @@ PARTS: dict[str, tuple[Part, str]] = {
 }
 
 
-def processor() -> str:
-    try:
-        lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
-    except OSError:
-        return platform.machine()
-    return next((line.partition(": ")[2] for line in lines if line.startswith("model name")), platform.machine())
-
-
 def main() -> None:
     listed = "\n".join(f"  {name:<10}{what}" for name, (_, what) in PARTS.items())
     parser = argparse.ArgumentParser(
@@ -48,7 +39,7 @@ def main() -> None:
     given = parser.parse_args()
     if unknown := set(given.parts) - set(PARTS):
         parser.error(f"no part {', '.join(sorted(unknown))}: choose from {', '.join(PARTS)}")
-    facts = {"processor": processor(), "cores": os.cpu_count(), **versions()}
+    facts = {"processor": runtime.processor(), "cores": os.cpu_count(), **versions()}
     load = f", load average {os.getloadavg()[0]:.1f}" if hasattr(os, "getloadavg") else ""
     print(", ".join(f"{name} {value}" for name, value in facts.items()) + load)
     print(f"Runs take turns, {given.repeats} times; ratio: median over the turns, to the first row of a table.\n")

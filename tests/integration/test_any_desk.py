@@ -102,7 +102,8 @@ def test_windows_keeps_kernels_in_the_user_s_own_folder(monkeypatch, tmp_path, c
     monkeypatch.setattr(sys, "platform", "win32")
     monkeypatch.setenv("USERPROFILE", str(tmp_path))
     for name in ("HOME", runtime.CACHE):
-        monkeypatch.delenv(name, raising=False)
+        monkeypatch.setenv(name, "")  # so that it is put back
+        monkeypatch.delenv(name)
     runtime.prepare_environment()
     assert Path(os.environ[runtime.CACHE]).is_relative_to(tmp_path) and "HOME" not in os.environ
     assert capsys.readouterr().err == ""

@@ -24,7 +24,7 @@ def test_the_steps_are_those_reported_and_launches_leave_no_trace(name, kernels,
     assert driver.advance() == "finished" and driver.attempt == 1
     columns, state = driver.columns, driver.end
     assert state.step == driver.stride * (len(columns["t"]) - 1)
-    first = driver.first
+    first = driver.first_step
     assert (first > 0) == (name != "compression")
     facts = computed(kernels, *SCENES[name], estimate=False)[1].facts
     assert (facts["steps"], facts["dt"], facts["attempts"]) == (state.step - first, driver.step.dt, 1)
@@ -52,7 +52,7 @@ def test_a_wall_harder_than_foreseen_makes_the_step_shorter_until_it_holds(kerne
     assert statuses[-1] == "finished" and set(statuses[:-1]) == {"restarted"}
     assert driver.attempt == len(statuses) > 1 and driver.step.dt < first
     facts = computed(kernels, *hard, estimate=False)[1].facts
-    assert (facts["attempts"], facts["steps"]) == (driver.attempt, driver.end.step - driver.first)
+    assert (facts["attempts"], facts["steps"]) == (driver.attempt, driver.end.step - driver.first_step)
     assert facts["dt"] <= 0.95 * facts["dt_limit"] and facts["warnings"] == []
     assert abs(facts["energy"]["closing_imbalance"]) < 2e-5 and facts["energy"]["worst_imbalance"] < 1e-4
 

@@ -145,7 +145,10 @@ def test_a_run_of_a_saved_scene_gives_what_was_seen_of_a_disk_turned_by_hand(
     spoke = [complex(*(x[0] - x.mean(axis=0))) for x in (before, shown)]
     assert np.angle(spoke[1] / spoke[0]) == pytest.approx(0.7, abs=1e-6)
     assert sandbox.at_start and not sandbox.seen.by_hand
-    np.testing.assert_allclose(sandbox.seen.x, shown, atol=0.01)  # where its wall begins to be felt is its own
+    # Turned, the disk begins to feel the wall at another height, and is dented a little.
+    (across, up), n = (sandbox.seen.x - shown)[:120].mean(axis=0), 120
+    assert abs(across) < 1e-12 and abs(up) < 0.01
+    np.testing.assert_allclose(sandbox.seen.x[:n] - [across, up], shown[:n], atol=1e-6)
     sandbox.turn(3.0)
     sandbox.set("material.eta_star", 3.0)
     to_the_end(sandbox)
