@@ -33,6 +33,7 @@ _PAUSE, _END = 0.06, 0.10  # parts of a film that stand still at the greatest co
 _LOOKS = 12  # times before the greatest compression from which the scale of colours is taken
 _LONGEST = 4.0  # arrows of the full force that an arrow may be as long as: it ends in the picture
 _BESIDE = 0.05  # what is seen at the least on either side of the disk, whose flight may take it out of the view [R]
+_HIGHEST = 4.0  # where a disk is still seen that flies on while the one beside it is not yet done [R]
 _BELOW = 0.16  # what is seen of the rigid wall below its edge [R]
 _GREATEST = "greatest compression"
 _PANEL = 360  # pixels of a picture from which curves beside it have room for their words
@@ -132,7 +133,7 @@ def _lines(scenario: Scenario, outcome: Outcome, cues: Sequence[Cue]) -> Iterato
 
 def _pictures(runs: Sequence[Run], video: VideoSection, cues: Sequence[Cue]) -> Pictures:
     still = cues[0][0] if len(cues) == 1 else None
-    painters, views = zip(*(_painter(*run, video, still) for run in runs), strict=True)
+    painters, views = zip(*(_painter(*run, video, still, cues[-1][0]) for run in runs), strict=True)
     limit, full_force = max(one.limit for one in painters), max(one.full_force for one in painters)
     ends = [line for run in runs for line in _lines(*run, (cues[0], (cues[-1][0], None)))]
     samples = [*(line for lines in ends for line in lines), *dict.fromkeys(note or "" for _, note in cues)]
@@ -147,10 +148,12 @@ def _pictures(runs: Sequence[Run], video: VideoSection, cues: Sequence[Cue]) -> 
     return Pictures(legends, video.size, (xmin, xmax, ymin, ymax), video.supersample, panel)
 
 
-def _painter(scenario: Scenario, outcome: Outcome, video: VideoSection, still: float | None) -> tuple[Painter, View]:
+def _painter(
+    scenario: Scenario, outcome: Outcome, video: VideoSection, still: float | None, end: float
+) -> tuple[Painter, View]:
     """Colours, arrows, the wall's edge and the view fit the greatest compression and, of a film, moments before it.
 
-    The view holds the end of a film, too, or the moment of a `still` picture [R/c].
+    The view holds the `end` of a film, too, up to which a disk flies on, or the moment of a `still` picture [R/c].
     """
     painter = Painter(scenario.lattice, scenario.model.springs, scenario.model.wall)
     painter.colour, painter.draw, painter.theme, painter.limit = video.colour, video.draw, video.theme, 0.0
@@ -160,6 +163,8 @@ def _painter(scenario: Scenario, outcome: Outcome, video: VideoSection, still: f
     if still is None:
         looks = [t for t in scenario.frame_times(columns, 2 * _LOOKS).tolist() if t < peak][-_LOOKS:]
         positions = [outcome.positions]
+        if end > columns["t"][-1]:
+            positions += (x for _, x, _ in outcome.frames(np.array([end])) if x[:, 1].max() < _HIGHEST)
     else:
         looks, positions = [still], []
     times = sorted({*looks, peak})

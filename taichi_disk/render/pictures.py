@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from taichi_disk.lattice import Array
-from taichi_disk.output.plot import HEIGHTS, LINE, STYLE, draw_curves, matplotlib_style
+from taichi_disk.output.plot import HEIGHTS, LINE, MARK, STYLE, draw_curves, matplotlib_style
 from taichi_disk.render import kernels
 from taichi_disk.render.geometry import Camera, View
 from taichi_disk.render.legend import LEAST, Legend
@@ -120,6 +120,8 @@ def side_panel(runs: Sequence[tuple[Scenario, Outcome]], size: int, theme: Theme
         lines = []
         for (scenario, outcome), style in zip(runs, _LINES.values(), strict=False):
             lines += draw_curves(axes, scenario, outcome.columns, linestyle=style)
+            result = scenario.motion(outcome.columns)[0][-1]
+            axes[0].axhline(result, color=MARK, linewidth=1.0, linestyle=(0, (5, 4)), zorder=1)  # below the curve
         end = max(scenario.last_motion(outcome.columns) for scenario, outcome in runs)
         axes[-1].set_xlim(0.0, end)
         for ax in axes:

@@ -178,7 +178,7 @@ class Compression(Scenario):
 
     def caption(self, row: dict[str, float]) -> tuple[str, ...]:
         xi = self.unloaded - (row["com_y"] - row["lowest_y"])
-        return *super().caption(row), f"ξ = {xi:.6f} R"
+        return *super().caption(row), f"ξ = {round(xi, 6) + 0.0:.6f} R"
 
 
 class Loading(Compression):
@@ -201,7 +201,7 @@ class Loading(Compression):
         return np.linspace(columns["t"][0], 1.0, frames)
 
     def caption(self, row: dict[str, float]) -> tuple[str, ...]:
-        return f"P = {100.0 * row['t']:.0f} % of {self.pressure:g} Mc²/R", f"ξ = {row['xi']:.6f} R"
+        return f"P = {100.0 * row['t']:.0f} % of {self.pressure:g} Mc²/R", f"ξ = {round(row['xi'], 6) + 0.0:.6f} R"
 
 
 def paper_compression(pressure: ArrayLike, young: ArrayLike, poisson: ArrayLike, b: ArrayLike = 1.0) -> Array:

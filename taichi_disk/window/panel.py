@@ -28,7 +28,7 @@ _SMALL = 11.0  # size of letters [px]
 _FINE, _WARNING = (0, 130, 70), (205, 95, 0)  # are read on either ground
 _SIGNS = {"space": "␣", "Left": "←", "Right": "→", "Return": "↵", "BackSpace": "⌫", "Tab": "⇥"}
 # Columns of the table: where they begin (0) or end (1) [px].
-_COLUMNS = (12, 0), (82, 1), (126, 1), (168, 1), (208, 1), (218, 0)
+_COLUMNS = (12, 0), (70, 1), (124, 1), (176, 1), (212, 1), (218, 0)
 Group = tuple[str, int, int, Sequence[Button | Slider]]  # title, at most how many side by side, the gap between, they
 
 

@@ -212,7 +212,8 @@ class Sandbox:
             _, value = segment.scenario.primary(segment.columns)
             self.results = [*self.results, Result(value, segment.scenario, self.segment.label)][-RESULTS:]
             self.paused = True
-            self.message = f"the disk has left: e = {value:.6f}" if self.is_impact else f"at rest: xi = {value:.6f} R"
+            text = f"the disk has left: e = {value:.6f}" if self.is_impact else f"at rest: xi = {value:.6f} R"
+            self.message = f"{text}, {segment.label}" if segment.label else text
         return made
 
     def pause(self) -> None:

@@ -219,6 +219,23 @@ def test_a_single_picture_of_a_comparison_shows_the_whole_of_a_disk_that_has_lef
 
 
 @needs_vulkan
+def test_a_faster_disk_stays_whole_in_a_comparison_to_the_end(tmp_path):
+    slow, fast = (
+        api.run(load_scene("exponential_wall", ["lattice.points=60", f"impact.velocity={v}"])) for v in (0.02, 0.2)
+    )
+    slow.film(tmp_path / "both", beside=fast, size=128, fps=10, seconds=1)
+    last = pictures_in(tmp_path / "both")[-1]
+    inked = (last[:, 128:] != last[0, 0]).any(axis=2).sum(axis=1)
+    assert inked[:4].max() < 60 < inked[20]  # its top, no cut through its middle
+
+
+def test_a_compression_begins_with_no_minus_before_its_zero():
+    scenario = load_scene("compression", ["lattice.points=60"]).scenario()
+    row = {"t": 0.0, "com_y": scenario.unloaded + 1e-9, "lowest_y": 0.0}
+    assert scenario.caption(row)[-1] == "ξ = 0.000000 R"
+
+
+@needs_vulkan
 def test_a_comparison_tells_the_greatest_compression_of_that_run_only_whose_it_is(run, tmp_path, captions):
     other = api.run(load_scene("exponential_wall", ["lattice.points=20", "impact.velocity=0.2"]))
     film(tmp_path / "both.png", [run, (other.scenario, other.outcome)], video(), QUIET)

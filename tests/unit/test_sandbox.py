@@ -232,6 +232,7 @@ def test_a_changed_viscosity_reaches_the_kernel_at_once_and_keeps_the_energy_bal
     assert simulation.model.springs.eta == 1.5 / 120  # eta = eta* m c/R, m = M/N
     to_the_end(sandbox)
     assert abs(sandbox.imbalance) < 2e-4 and sandbox.results[-1].label == "by hand"
+    assert sandbox.message.endswith(", by hand")
 
 
 def test_another_wall_begins_anew_with_its_own_rows(kernels: KernelCache) -> None:
