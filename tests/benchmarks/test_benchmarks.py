@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -12,7 +13,22 @@ import pytest
 @pytest.mark.validate
 def test_every_part_that_needs_no_window_prints_its_tables() -> None:
     tiny = ("--repeats=1", "--set=lattice.points=60", "--set=impact.velocity=0.05")
-    line = [sys.executable, "-m", "tests.benchmarks", "kernel", "run", "start-up", *tiny]
+    printed = benchmarks("kernel", "run", "start-up", *tiny)
+    assert printed.count("ratio ") == 6 and "attempts: 1" in printed
+
+
+@pytest.mark.validate
+def test_every_program_finds_the_same_restitution(tmp_path: Path) -> None:
+    figure = tmp_path / "precision.png"
+    printed = benchmarks("precision", "--repeats=1", "--set=lattice.points=200", f"--figure={figure}")
+    rows = [line.split("|")[1:4] for line in printed.splitlines() if line.startswith("| ") and "setting" not in line]
+    errors = [float(found) for *_, told in rows for found in re.findall(r"\$.*10\^{(-\d+)}", told)]
+    assert len(errors) == len(rows) >= 16 and max(errors) <= -5 and figure.exists()
+
+
+def benchmarks(*arguments: str) -> str:
+    """What is printed."""
+    line = [sys.executable, "-m", "tests.benchmarks", *arguments]
     ended = subprocess.run(line, capture_output=True, text=True, cwd=Path(__file__).parents[2])
     assert ended.returncode == 0, ended.stderr
-    assert ended.stdout.count("ratio ") == 6 and "attempts: 1" in ended.stdout
+    return ended.stdout
