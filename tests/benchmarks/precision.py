@@ -132,8 +132,8 @@ def draw(path: Path, points: dict[Row, tuple[float, float]], alone: float) -> No
                 at = [(x, y) for setting, y, x in own if setting.startswith("tolerance") is asked]
                 look = {"linestyle": "", "marker": "x", "ms": 8, "mew": 2} if asked else {"marker": marker, "ms": 7}
                 if at:
-                    name = f"{program}, tolerance" if asked else program
-                    ax.plot(*zip(*at, strict=True), color=colour, label=name.replace("taichi-disk, ", ""), **look)
+                    name = program.replace("taichi-disk, velocity ", "run, ").replace("taichi-disk", "run")
+                    ax.plot(*zip(*at, strict=True), color=colour, label=name + ", tolerance" * asked, **look)
         ax.set(xscale="log", yscale="log", xlabel="wall clock of the command  [s]", ylabel="error of e")
         ax.margins(y=0.1)
         least, most = ax.get_xlim()
