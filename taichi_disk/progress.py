@@ -158,7 +158,7 @@ def rows(summary: Mapping[str, Any], labels: Mapping[str, tuple[str, str]]) -> I
         if key in summary:
             value, error = shown(summary[key], errors.get(key), exact="dt" not in summary, source=source)
             unsure, scatter = "dt" in summary and not errors, summary.get("lattice_scatter", {}).get(key)
-            others = f", ± {Decimal(repr(scatter)):e} (from lattice to lattice)" if scatter else ""
+            others = f", ± {Decimal(repr(scatter)):.1e} (from lattice to lattice)" if scatter else ""
             yield name, value, f"{unit} {error or UNSURE * unsure}{others}".strip(" ,")
     if "dt" in summary:
         yield "time step", f"{summary['dt']:.6g}", "R/c"
