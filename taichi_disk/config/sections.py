@@ -256,6 +256,7 @@ class VideoSection(Section):
     colour: Colour = key("shear", "what the colours show")
     draw: Draw = key("both", "the field between the points, the springs, both, or the points alone")
     theme: Theme = key("light", "light or dark background")
+    magnify: float = key(1.0, "displacements are drawn so many times as large; the film says so", low=1, high=1000)
     panel: bool = key(
         False, "curves of v_cm, wall's force and energies at the right, from a size of 360 on; the film is then 16 : 9"
     )

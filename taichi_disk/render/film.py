@@ -157,19 +157,19 @@ def _painter(
     """
     painter = Painter(scenario.lattice, scenario.model.springs, scenario.model.wall)
     painter.colour, painter.draw, painter.theme, painter.limit = video.colour, video.draw, video.theme, 0.0
-    painter.spoke = scenario.spoke
+    painter.spoke, painter.magnify = scenario.spoke, video.magnify
     columns, (xmin, xmax, ymin, ymax) = outcome.columns, scenario.view
     peak = greatest_compression(columns)
     if still is None:
         looks = [t for t in scenario.frame_times(columns, 2 * _LOOKS).tolist() if t < peak][-_LOOKS:]
-        positions = [outcome.positions]
+        positions = [painter.placed(outcome.positions)]
         if end > columns["t"][-1]:
-            positions += (x for _, x, _ in outcome.frames(np.array([end])) if x[:, 1].max() < _HIGHEST)
+            positions += (painter.placed(x) for _, x, _ in outcome.frames(np.array([end])) if x[:, 1].max() < _HIGHEST)
     else:
         looks, positions = [still], []
     times = sorted({*looks, peak})
     for t, (_, x, v) in zip(times, outcome.frames(np.array(times)), strict=True):
-        positions.append(x)
+        positions.append(painter.placed(x))
         if t <= peak:
             painter.limit, greatest = max(painter.limit, painter.scale(painter.values(x, v))), x
     _, forces = painter.wall.contact_forces(painter.lattice, greatest)

@@ -14,6 +14,7 @@ from taichi_disk.physics import Springs
 from taichi_disk.render import geometry, kernels
 from taichi_disk.render.geometry import Camera
 from taichi_disk.render.palette import THEMES, colour_map, full_scale
+from taichi_disk.simulation.equilibrium import roll_angle, turned
 
 Vertices = NDArray[np.float32]
 
@@ -44,6 +45,7 @@ class Painter:
         full_force: force that an arrow of `geometry.ARROW` stands for [M c^2/R]; 0: no arrows.
         edge: height of the wall's edge over its surface [R], see `geometry.edge_height`.
         spoke: the point to which a line is drawn from the disk's centre; -1: none.
+        magnify: how many times as large as they are displacements are drawn, see `placed`.
         shown: (n,) the values in the last picture.
     """
 
@@ -52,7 +54,7 @@ class Painter:
     def __init__(self, lattice: Lattice, springs: Springs, wall: Any = None) -> None:
         self.lattice, self.springs, self.wall = lattice, springs, wall
         self.colour, self.draw, self.theme = "shear", "both", "light"
-        self.limit, self.full_force, self.edge, self.spoke = 1.0, 0.0, 0.0, -1
+        self.limit, self.full_force, self.edge, self.spoke, self.magnify = 1.0, 0.0, 0.0, -1, 1.0
         self._triangles, self._spacing = Triangles(lattice), float(np.median(lattice.rest_lengths))
 
     # ---- values
@@ -64,6 +66,13 @@ class Painter:
     def scale(self, values: Array) -> float:
         """A round `limit` for `values` (n,), from those of the disk."""
         return full_scale(values[: self.lattice.disk_points], self.colour)
+
+    @property
+    def remarks(self) -> list[str]:
+        """What a picture has to say of how it is drawn."""
+        dented = self.wall is not None and len(self.lattice.wall_surface)
+        grown = [f"displacements × {self.magnify:g}"] * (self.magnify > 1.0)
+        return grown + ["grey: reach of the contact force"] * bool(dented)
 
     @property
     def signed(self) -> bool:
@@ -89,13 +98,27 @@ class Painter:
 
     # ---- drawing
 
+    def placed(self, x: Array) -> Array:
+        """(n, 2) where points at `x` are drawn [R].
+
+        Displacements are counted from the lattice the disk began as, turned as much and standing as low. Round a
+        contact points are then drawn inside the wall, which hides them.
+        """
+        out, n = np.array(x, order="C"), self.lattice.disk_points
+        if self.magnify != 1.0:
+            rest = self.lattice.positions[:n]
+            disk = turned(rest, roll_angle(rest, x[:n]))
+            disk += [x[:n, 0].mean() - disk[:, 0].mean(), x[:n, 1].min() - disk[:, 1].min()]
+            out[:n] = disk + self.magnify * (x[:n] - disk)
+        return out
+
     def paint(self, canvas: Any, camera: Camera, x: Array, v: Array, unit: float = 1.0) -> None:
         """Draw the state on a `ti.ui.Canvas`, which is first filled with the theme's ground.
 
         Args:
             unit: pixels that are one in a picture of 720: all widths are multiples of it.
         """
-        x = np.ascontiguousarray(x)
+        placed = self.placed(x)
         theme, pixel, filled = THEMES[self.theme], 1.0 / camera.scale, self.draw in ("field", "both")
         self.shown = self.values(x, v)
         values = self.normalised(self.shown)
@@ -104,24 +127,24 @@ class Painter:
         if self.wall is not None:
             left, right, bottom, _ = camera.seen
             if len(self.lattice.wall_surface):
-                chain, depth = x[self.lattice.wall_surface], half  # over its own outline
+                chain, depth = placed[self.lattice.wall_surface], half  # over its own outline
             else:  # as far as can be seen
                 chain, depth = np.array([(left - pixel, 0.0), (right + pixel, 0.0)]), max(pixel - bottom, -self.edge)
             decay = max(self.wall.decay_length, 0.4 * pixel)
             haze, solid = geometry.wall_body(chain, depth, self.edge, decay, theme)
             self._draw_shape(canvas, haze, camera)
         if filled:
-            self._fill(canvas, camera, x, values, unit)
+            self._fill(canvas, camera, placed, values, unit)
             start, end = self._triangles.outline.T
             inside = self.colours(values)[self._triangles.outline]
-            above.append(geometry.outline(x[start], x[end], half, inside, theme.ink, theme.ground))
+            above.append(geometry.outline(placed[start], placed[end], half, inside, theme.ink, theme.ground))
             start, end = self._triangles.interfaces.T
             inside = self.colours(values)[self._triangles.interfaces]
-            above.append(geometry.outline(x[start], x[end], half, inside, theme.ink, inside.mean(axis=1)))
+            above.append(geometry.outline(placed[start], placed[end], half, inside, theme.ink, inside.mean(axis=1)))
         elif self.draw == "springs":
-            self._springs(canvas, camera, x, values, unit)
+            self._springs(canvas, camera, placed, self._of_springs(x, values), unit)
         if self.spoke >= 0:
-            ends = self.lattice.mean(x)[None], x[[self.spoke]]
+            ends = self.lattice.mean(placed)[None], placed[[self.spoke]]
             for colour, wide in ((theme.ground, 2.0 * half), (theme.ink, half)):
                 above.append(geometry.outline(*ends, wide, np.broadcast_to(colour, (1, 2, 3)), colour, colour))
         if self.wall is not None:
@@ -131,7 +154,7 @@ class Painter:
             above.append(geometry.arrows(*self.pushes(x, v, max(_NEXT * unit, 9.0) * pixel), *sizes, theme))
         self._draw_shape(canvas, geometry.joined(*above), camera)
         if self.draw == "points":
-            self._points(canvas, camera, x, values, unit)
+            self._points(canvas, camera, placed, values, unit)
 
     def pushes(self, x: Array, v: Array, distance: float) -> tuple[Array, Array]:
         """Feet (k, 2) [R] and forces (k, 2) of arrows, in parts of the full force.
@@ -141,7 +164,7 @@ class Painter:
         points, forces = self.wall.contact_forces(self.lattice, x, v, self.springs)
         forces = forces / self.full_force
         strong = np.hypot(*forces.T) > _WEAK
-        feet, forces = x[points[strong]], forces[strong]
+        feet, forces = self.placed(x)[points[strong]], forces[strong]
         if self._spacing > 0.8 * distance and self._spacing > self.wall.decay_length:
             return feet, forces
         _, group = np.unique(np.floor(feet[:, 0] / distance), return_inverse=True)
@@ -169,12 +192,14 @@ class Painter:
             ends, seen = x[across], (1.0 - ink) * self.colours(values)[across]
             self._draw_shape(canvas, geometry.strokes(ends[:, 0], ends[:, 1], inset, seen), camera)
 
-    def _springs(self, canvas: Any, camera: Camera, x: Array, values: Array, unit: float) -> None:
-        if self.colour in ("strain", "force"):
-            law = self.springs.strain if self.colour == "strain" else self.springs.tension
-            each = self.normalised(law(self.lattice, x))
-        else:
-            each = values[self.lattice.bonds].mean(axis=1)
+    def _of_springs(self, x: Array, values: Array) -> Array:
+        """(springs,) what the colours of springs show; `values` (n,) are those of the points, both in the map."""
+        if self.colour not in ("strain", "force"):
+            return np.asarray(values[self.lattice.bonds].mean(axis=1))
+        law = self.springs.strain if self.colour == "strain" else self.springs.tension
+        return self.normalised(law(self.lattice, x))
+
+    def _springs(self, canvas: Any, camera: Camera, x: Array, each: Array, unit: float) -> None:
         # Few springs need not be thick to be seen; a line below about a pixel vanishes.
         width = max(min(0.15 * self._spacing * camera.scale, 2.5 * unit), 1.1)
         out = _put(camera, x[self.lattice.bonds.ravel()], np.repeat(self.colours(each), 2, axis=0))

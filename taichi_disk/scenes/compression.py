@@ -172,7 +172,8 @@ class Compression(Scenario):
         scene = self.scene
         return (
             f"Compression on a rigid wall ({scene.compression.method})",
-            f"P = {self.pressure:g} Mc²/R    {scene.damping}    a = {scene.wall.a:g}/R",
+            f"P = {self.pressure:g} Mc²/R    {scene.damping}    a = {scene.wall.a:g}/R"
+            + "    own velocities" * self.own_velocities,
             scene.described(self.lattice),
         )
 

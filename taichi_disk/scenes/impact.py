@@ -265,6 +265,7 @@ class ImpactScenario(Scenario):
         start += f"    spin {impact.spin:g} c/R" if impact.spin else ""
         start += f"    μ = {friction:g}" if friction else ""
         start += f"    turned by {impact.turn:g}" if impact.turn else ""
+        start += "    own velocities" if self.own_velocities else ""
         return (
             self.kind,
             f"v = {impact.velocity:g} c    {scene.damping}    a = {scene.wall.a:g}/R{start}",

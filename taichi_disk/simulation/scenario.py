@@ -36,6 +36,7 @@ class Scenario(ABC):
         step_dependent: whether the primary result depends on the time step, beyond where the run happens to end.
         resolving_step: the longest step that resolves the wall, where the result depends on the step [R/c].
         truncation_remedy: which keys make `end_truncation_error` smaller.
+        own_velocities: whether those at t = 0 were given, see `start_with`.
         static: whether nothing moves: equilibria under growing loads take the place of time, and the last is `rest`.
         rest: the equilibrium under the load, by Newton's method, if there is a load.
         quiet_time: how long rows have to stay within `end_bounds` [R/c]; 0: one row is enough.
@@ -58,6 +59,7 @@ class Scenario(ABC):
     truncation_remedy: str = ""
     rest: Equilibrium | None = None
     quiet_time: float = 0.0
+    own_velocities: bool = False
     static: ClassVar[bool] = False
     time_label: ClassVar[str] = "time  [R/c]"
     pace: ClassVar[str] = "1 s shows {:g} R/c"
@@ -85,6 +87,7 @@ class Scenario(ABC):
             raise InputError(f"velocities: must be numbers from {-FASTEST:g} to {FASTEST:g} c")
         self.velocities = self.velocities.copy()
         self.velocities[:n] = velocities
+        self.own_velocities = True
 
     def approach(self) -> Approach | None:
         """The beginning that is known without a step, if there is one."""

@@ -129,6 +129,8 @@ def test_titles_say_where_a_lattice_comes_from(tmp_path):
     scenarios = scene.scenario(), scene.scenario(other), scene.scenario(own), from_file.scenario()
     origins = [scenario.title()[-1].removeprefix("N = 60    ") for scenario in scenarios]
     assert origins == ["seed 0", "seed 5", "a lattice of one's own", "points.csv"]
+    thrown = scene.scenario(velocities=np.tile([0.0, -0.05], (60, 1)))
+    assert "own velocities" in thrown.title()[1] and "own velocities" not in scenarios[0].title()[1]
 
 
 def test_what_cannot_be_computed_as_given_is_refused(result):

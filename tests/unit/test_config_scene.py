@@ -123,6 +123,7 @@ def test_a_scene_cannot_be_changed_and_an_int_becomes_a_float() -> None:
         ("absorbing_wall", {"dt": 0.01}, "0.01 is longer than wall.reset_int", {"dt": 0.01, "boundary": "pinned"}),
         ("absorbing_wall", {"angle": 1.4, "width": 0.4}, "wall.width: .* R or more", {"angle": 1.4, "width": 0.6}),
         ("absorbing_wall", {"offset": 1.9}, "write 4.20.* R or more", {"offset": 1.9, "width": 4.21}),
+        ("absorbing_wall", {"magnify": 8}, "drawn apart", {"magnify": 1}),
         ("compression", {"dt": 0.01, "time.tolerance": 1e-6}, "write time.dt: auto", {"time.tolerance": 1e-6}),
         ("compression", {"method": "newton", "time.tolerance": 1e-6}, "takes no time step", {"method": "newton"}),
         ("exponential_wall", {"integrator": "vefrl"}, "eta_star = 10", {"integrator": "vefrl", "eta_star": 0}),

@@ -146,6 +146,24 @@ def test_arrows_that_would_touch_become_one_with_the_mean_force_and_weak_ones_ar
     assert len(one.pushes(x, 0 * x, 1e-3)[0]) == 3
 
 
+# ---- displacements shown larger
+
+
+def test_a_rigid_motion_stays_where_it_is_and_a_strain_is_drawn_so_many_times_as_large():
+    one = painter(magnify=20.0)
+    rest = one.lattice.positions
+    rest_at = rest.mean(axis=0)
+    cos, sin = np.cos(0.7), np.sin(0.7)
+    flown = (rest - rest_at) @ np.array([[cos, sin], [-sin, cos]]) + [3.0, 1.5]
+    assert one.placed(flown) == pytest.approx(flown, abs=1e-12)
+    # A disk that has become smaller all around: the lowest point stays, all else goes 20 times as far from there.
+    middle, low = rest_at[0], rest[:, 1].min()
+    x = rest - 0.003 * (rest - [middle, low])
+    assert one.placed(x) == pytest.approx(rest - 0.06 * (rest - [middle, low]), abs=1e-12)
+    assert (painter().placed(x) == x).all()
+    assert one.remarks == ["displacements × 20"] and painter().remarks == []
+
+
 # ---- text
 
 
