@@ -164,6 +164,7 @@ with ThreadPoolExecutor(4) as threads:
 """
 
 
+@pytest.mark.validate
 def test_threads_take_turns_with_the_results_of_one():
     assert subprocess.run([sys.executable, "-c", THREADS]).returncode == 0
 
@@ -328,7 +329,9 @@ def assert_same(one: Result, other: Result) -> None:
     assert all((one.series[name] == values).all() for name, values in other.series.items())
 
 
-@pytest.mark.parametrize("name", OWN)
+@pytest.mark.parametrize(
+    "name", [pytest.param(one, marks=pytest.mark.validate if one in ("thrown", "pressed") else ()) for one in OWN]
+)
 def test_scene_yaml_alone_repeats_a_run_of_ones_own_bitwise(tmp_path, name):
     kind, changes, own = OWN[name]
     first = run(load_scene(kind).with_(changes), tmp_path / "first", video=False, **own)

@@ -93,6 +93,7 @@ def test_the_smooth_contact_pushes_along_the_gradient_of_its_potential_and_keeps
                 assert f[i, c] == pytest.approx(-slope, abs=1e-6 * scale)
 
 
+@pytest.mark.validate
 def test_an_impact_that_slides_over_the_smooth_surface_converges_with_order_2(kernels):
     # A spin leads points from spring to spring: over springs the energy jumps there, and e follows no order.
     settings = *WALL, "wall.boundary=pinned", "impact.velocity=0.05", "impact.spin=0.1", "impact.gap=0.08"

@@ -64,7 +64,7 @@ def test_energy_is_accounted_for_at_the_automatic_step(scene, kernels):
         ("rigid", 100.0, TRAPEZOIDAL),
         ("compression", 20.0, TRAPEZOIDAL),
         ("reset", 0.0, VV),
-        ("matched", 0.0, VV),
+        pytest.param("matched", 0.0, VV, marks=LONG),
         pytest.param("matched", 100.0, TRAPEZOIDAL, marks=LONG),
         pytest.param("matched", 20.0, VV, marks=LONG),
         pytest.param("reset", 20.0, VV, marks=LONG),

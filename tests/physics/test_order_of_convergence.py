@@ -48,10 +48,8 @@ FAST = {
     ("rigid", 0.0, VV),
     ("rigid", 0.0, VEFRL),
     ("rigid", ETA, VV),
-    ("compression", ETA, TRAPEZOIDAL),
-    ("reset", 0.0, VV),
-    ("matched", ETA, TRAPEZOIDAL),
     ("unlike compression", ETA, TRAPEZOIDAL),
+    ("reset", 0.0, VV),
 }
 SCENES = ["compression", "rigid", "reset", "pinned", "matched"]
 WAYS = [(0.0, VV), (ETA, VV), (ETA, TRAPEZOIDAL), (0.0, VEFRL)]

@@ -33,7 +33,9 @@ def test_a_disk_that_spins_beside_strong_dashpots_meets_its_estimate(points, eta
     assert abs(outcome.facts["energy"]["worst_imbalance"]) < 1e-3
 
 
-@pytest.mark.parametrize(("mass", "stretch"), [(0.5, 0.0), (0.5, 0.1), (0.1, 0.1)])
+@pytest.mark.parametrize(
+    ("mass", "stretch"), [(0.5, 0.1), pytest.param(0.5, 0.0, marks=LONG), pytest.param(0.1, 0.1, marks=LONG)]
+)
 def test_the_balance_of_a_free_disk_with_dashpots_is_exact_at_any_step_for_linear_springs(mass, stretch, kernels):
     # What leapfrog keeps is E - h^2/(8 m) f.F; at rest at the end nothing of that is left.
     rod, masses = chain([[-0.5, 0.0], [0.5, 0.0]], [[0, 1]], 0.5), np.array([mass, 1.0 - mass])

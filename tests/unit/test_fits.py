@@ -161,7 +161,9 @@ def test_lattices_from_a_file_have_no_moduli_and_no_fit_that_needs_them() -> Non
     assert not curve.fits and curve.summary()["young"] is None
 
 
-@pytest.mark.parametrize("kind", ["compression", "exponential_wall", "absorbing_wall"])
+@pytest.mark.parametrize(
+    "kind", [pytest.param("compression", marks=pytest.mark.validate), "exponential_wall", "absorbing_wall"]
+)
 def test_the_legend_names_all_that_is_drawn_and_the_same_values_draw_the_same_bytes(kind: str, tmp_path: Path) -> None:
     if kind == "compression":
         rows, axes = pressed([(seed, p, 1.1) for seed in (0, 1) for p in P]), ["seed", "pressure"]
