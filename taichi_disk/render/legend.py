@@ -93,7 +93,8 @@ class Legend:
         self, painter: Painter, width: int, height: int, title: Sequence[str], samples: Sequence[str], rows: int
     ) -> None:
         """`samples`: of the lines that change, the longest among them; `rows`: how many of those there are at once."""
-        size, title = min(width, height), [*title[:-1], "    ".join([title[-1], *painter.remarks])]
+        size = min(width, height)
+        title = [*title[:-1], "    ".join([title[-1], *painter.remarks])]
         self.painter, self.unit, self._width, self._height = painter, size / 720, width, height
         theme = THEMES[painter.theme]
         self._ground, self._ink, self._faint, self._rule = map(ink, (theme.ground, theme.ink, theme.faint, theme.rule))

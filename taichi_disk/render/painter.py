@@ -70,9 +70,9 @@ class Painter:
     @property
     def remarks(self) -> list[str]:
         """What a picture has to say of how it is drawn."""
-        dented = self.wall is not None and len(self.lattice.wall_surface)
+        elastic = self.wall is not None and len(self.lattice.wall_surface) > 0
         grown = [f"displacements × {self.magnify:g}"] * (self.magnify > 1.0)
-        return grown + ["grey: reach of the contact force"] * bool(dented)
+        return grown + ["grey: reach of the contact force"] * elastic
 
     @property
     def signed(self) -> bool:

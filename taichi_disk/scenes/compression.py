@@ -179,7 +179,7 @@ class Compression(Scenario):
 
     def caption(self, row: dict[str, float]) -> tuple[str, ...]:
         xi = self.unloaded - (row["com_y"] - row["lowest_y"])
-        return *super().caption(row), f"ξ = {round(xi, 6) + 0.0:.6f} R"
+        return *super().caption(row), _told(xi)
 
 
 class Loading(Compression):
@@ -202,7 +202,11 @@ class Loading(Compression):
         return np.linspace(columns["t"][0], 1.0, frames)
 
     def caption(self, row: dict[str, float]) -> tuple[str, ...]:
-        return f"P = {100.0 * row['t']:.0f} % of {self.pressure:g} Mc²/R", f"ξ = {round(row['xi'], 6) + 0.0:.6f} R"
+        return f"P = {100.0 * row['t']:.0f} % of {self.pressure:g} Mc²/R", _told(row["xi"])
+
+
+def _told(xi: float) -> str:
+    return f"ξ = {round(xi, 6) + 0.0:.6f} R"  # no minus before a zero
 
 
 def paper_compression(pressure: ArrayLike, young: ArrayLike, poisson: ArrayLike, b: ArrayLike = 1.0) -> Array:

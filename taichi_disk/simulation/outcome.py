@@ -108,10 +108,8 @@ def _described(driver: Driver, time: Any, estimate: bool) -> Outcome:
     error, inverted = driver.control.error(columns), None
     if error is not None and not scenario.step_dependent:
         error = REST_CAUTION * error + ROUNDING
-    if (
-        estimate
-        and (end.step - driver.first_step) * len(scenario.lattice.bonds) * step.integrator.forces <= ESTIMATE_UP_TO
-    ):
+    work = (end.step - driver.first_step) * step.integrator.forces * len(scenario.lattice.bonds)
+    if estimate and work <= ESTIMATE_UP_TO:
         if scenario.step_dependent and time.tolerance == "none":
             error, x = _second_opinion(driver, time, limit)
         else:

@@ -70,7 +70,8 @@ def bare(tmp_path):
     return place, {**os.environ, "PYTHONPATH": os.pathsep.join(known), "PYTHONIOENCODING": "cp1252"}
 
 
-@pytest.mark.parametrize("script", [RUN, pytest.param(SWEEP, marks=pytest.mark.validate)], ids=["run", "sweep"])
+@pytest.mark.validate
+@pytest.mark.parametrize("script", [RUN, SWEEP], ids=["run", "sweep"])
 def test_all_modules_an_impact_with_film_and_a_sweep_do_without_what_only_posix_has(bare, script):
     place, environment = bare
     (place / "script.py").write_text(script, encoding="utf-8")

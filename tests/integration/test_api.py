@@ -130,7 +130,9 @@ def test_titles_say_where_a_lattice_comes_from(tmp_path):
     origins = [scenario.title()[-1].removeprefix("N = 60    ") for scenario in scenarios]
     assert origins == ["seed 0", "seed 5", "a lattice of one's own", "points.csv"]
     thrown = scene.scenario(velocities=np.tile([0.0, -0.05], (60, 1)))
-    assert "own velocities" in thrown.title()[1] and "own velocities" not in scenarios[0].title()[1]
+    pressed = load_scene("compression").with_({"lattice.points": 60}).scenario(velocities=np.full((60, 2), 1e-3))
+    assert all("own velocities" in one.title()[1] for one in (thrown, pressed))
+    assert "own velocities" not in scenarios[0].title()[1]
 
 
 def test_what_cannot_be_computed_as_given_is_refused(result):
@@ -187,6 +189,7 @@ except InputError as error:
 """
 
 
+@pytest.mark.validate
 def test_the_threads_of_a_process_are_chosen_once_and_all_its_results_live_on():
     code = ONE_NUMBER.replace("cores", str(cores()))
     told = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
@@ -330,7 +333,8 @@ def assert_same(one: Result, other: Result) -> None:
 
 
 @pytest.mark.parametrize(
-    "name", [pytest.param(one, marks=pytest.mark.validate if one in ("thrown", "pressed") else ()) for one in OWN]
+    "name",
+    [pytest.param(one, marks=pytest.mark.validate if one in ("thrown", "pressed", "unlike") else ()) for one in OWN],
 )
 def test_scene_yaml_alone_repeats_a_run_of_ones_own_bitwise(tmp_path, name):
     kind, changes, own = OWN[name]

@@ -110,6 +110,10 @@ def test_a_spring_has_the_colour_of_its_strain(shoot):
         low = x[np.argsort(x[:, 1])[:2]]
         seen = pixel(shoot(triangle, x, colour="strain", draw="springs"), low.mean(axis=0))
         assert seen == pytest.approx(painter.colours(painter.normalised(np.array([strain])))[0], abs=2 / 255)
+        painter.magnify = 3.0  # where it is drawn, not what it shows
+        low = painter.placed(x)[np.argsort(x[:, 1])[:2]]
+        grown = pixel(shoot(triangle, x, colour="strain", draw="springs", magnify=3.0), low.mean(axis=0))
+        assert grown == pytest.approx(seen, abs=2 / 255)
 
 
 @pytest.mark.parametrize("a", [10.0, 300.0])

@@ -18,10 +18,8 @@ from taichi_disk.scenes import load_scene
 LONG = pytest.mark.validate
 
 
-@pytest.mark.parametrize(
-    ("points", "eta_star", "spin"),
-    [(22, 300, 0.3), pytest.param(30, 2000, -0.1, marks=LONG), pytest.param(150, 100, 0.05, marks=LONG)],
-)
+@LONG
+@pytest.mark.parametrize(("points", "eta_star", "spin"), [(22, 300, 0.3), (30, 2000, -0.1), (150, 100, 0.05)])
 def test_a_disk_that_spins_beside_strong_dashpots_meets_its_estimate(points, eta_star, spin, kernels):
     settings = f"lattice.points={points}", f"material.eta_star={eta_star}", f"impact.spin={spin}"
     scenario, outcome = computed(kernels, "exponential_wall", "impact.velocity=0.05", *settings)

@@ -56,6 +56,7 @@ def test_all_modes_hold_all_of_the_vibration_but_for_what_is_anharmonic(thrown):
     assert 0.0 < abs(all_modes.anharmonic) < 0.05 * vibration and few.rest < 0.2 * vibration
 
 
+@pytest.mark.validate
 def test_energy_of_the_elastic_wall_is_none_of_the_disk_s_modes():
     thrown = run(load_scene("absorbing_wall", WALL).with_({"material.eta_star": 0, "wall.boundary": "pinned"}))
     found, series = thrown.modes(20), thrown.series

@@ -35,7 +35,9 @@ LINEAR = ("material.eta_star=0", "material.k_b=0")
     ("scene", "integrator", "laws"),
     [
         (("exponential_wall", SMALL[0], *LINEAR), VV, (Springs, ExponentialWall)),
-        (("compression", SMALL[0]), TRAPEZOIDAL, (Springs, ExponentialWall, Load)),
+        pytest.param(
+            ("compression", SMALL[0]), TRAPEZOIDAL, (Springs, ExponentialWall, Load), marks=pytest.mark.validate
+        ),
         (("absorbing_wall", *SMALL), VV, (Springs, ElasticWall, ResetBoundary)),
     ],
     ids=["linear springs", "compression", "elastic wall"],
