@@ -170,7 +170,8 @@ def test_ctrl_c_in_python_is_a_keyboard_interrupt_wherever_a_run_is():
             child.kill()
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, pytest.param(signal.SIGTERM, marks=pytest.mark.validate)])
+@pytest.mark.validate
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_a_run_that_is_interrupted_leaves_a_summary_that_says_so(tmp_path, number):
     interrupted(tmp_path / "a" / "o", 2.0 + random.Random(int(number)).random(), number)
 

@@ -73,6 +73,7 @@ def study_of(kernels: KernelCache, scene: str, *settings: str) -> StepStudy:
     return StepStudy(scenario, modes, compute(scenario, loaded.time, kernels=kernels, modes=modes, estimate=False))
 
 
+@pytest.mark.validate
 def test_errors_fall_with_the_square_of_the_step(kernels: KernelCache, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(steps, "FRACTIONS", (0.4, 0.2, 0.1))
     monkeypatch.setattr(steps, "REPEATS", 1)

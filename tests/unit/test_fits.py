@@ -162,7 +162,8 @@ def test_lattices_from_a_file_have_no_moduli_and_no_fit_that_needs_them() -> Non
 
 
 @pytest.mark.parametrize(
-    "kind", [pytest.param("compression", marks=pytest.mark.validate), "exponential_wall", "absorbing_wall"]
+    "kind",
+    [pytest.param(one, marks=pytest.mark.validate) for one in ("compression", "absorbing_wall")] + ["exponential_wall"],
 )
 def test_the_legend_names_all_that_is_drawn_and_the_same_values_draw_the_same_bytes(kind: str, tmp_path: Path) -> None:
     if kind == "compression":

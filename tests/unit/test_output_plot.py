@@ -115,7 +115,7 @@ def test_plots_drawn_by_threads_beside_other_styles_have_the_same_bytes(kernels,
 PYTHON = sys.executable
 
 
-@pytest.mark.parametrize("python", [PYTHON, "/nowhere/python", "/bin/false"])
+@pytest.mark.parametrize("python", [PYTHON, "/nowhere/python", pytest.param("/bin/false", marks=pytest.mark.validate)])
 def test_a_plot_drawn_beside_a_film_is_the_same_whatever_becomes_of_the_process_that_draws(
     kernels, tmp_path, monkeypatch, python
 ):
