@@ -30,7 +30,7 @@ SCENE = Path(__file__).with_suffix(".yaml")
 WALLS = (10.0, 1.0, 0.1, 0.02)  # k_a [M c^2/R^2]; the disk's is 1
 TANGENTS = (0.0, 1.5, 3.0, 5.0)  # of the angle between flight and normal
 DISCARD = 0.02  # of the kinetic energy of the flight towards the wall; the program itself allows 0.001
-ATTEMPTS = 2  # the second with a shorter step, after one that lost the balance of energy or blew up
+ATTEMPTS = 8  # each with a shorter step than the one before that lost the balance of energy or blew up
 
 
 def thrown(tangent: float, **wall: float | str) -> Scene:
