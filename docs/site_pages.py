@@ -1,7 +1,9 @@
-"""Pages of the site that are not in docs: the README, CONTRIBUTING, the scenes, and references made from the code."""
+"""Pages of the site that are not in docs: the README, CONTRIBUTING, the scenes, and references made from the code,
+and the notebooks as pages."""
 
 from __future__ import annotations
 
+import json
 import re
 from pathlib import Path
 from typing import Any
@@ -30,6 +32,8 @@ def on_files(files: Files, config: Any) -> Files:
     }
     for name, text in pages.items():
         files.append(File.generated(config, name, content=text))
+    for path in (ROOT / "docs" / "notebooks").glob("*.ipynb"):
+        files.append(File.generated(config, f"notebooks/{path.stem}.md", content=notebook(path)))
     for path in [*(ROOT / "scenes").glob("*.yaml"), ROOT / "CITATION.cff"]:
         files.append(File.generated(config, str(path.relative_to(ROOT)), abs_src_path=str(path)))
     return files
@@ -37,11 +41,28 @@ def on_files(files: Files, config: Any) -> Files:
 
 def on_page_markdown(markdown: str, page: Any, **_: Any) -> str:
     """The links and remarks of a page as the site takes them."""
+    if page.file.src_uri.startswith("notebooks/"):
+        return markdown
     at_top = page.file.src_uri in ("index.md", "contributing.md")
     text = re.sub(r"^```(\w+) no-run$", r"```\1", markdown, flags=re.MULTILINE)
     text = text.replace("](../README.md", "](index.md").replace("](../CONTRIBUTING.md", "](contributing.md")
     text = text.replace("](docs/", "](") if at_top else text.replace("](../", "](")
+    text = text.replace(".ipynb)", ".md)")
     return re.sub(r"\[`?([^]\n`]*)`?\]\((?:scenes|examples|experiments)\)", r"`\1`", text)  # a folder has no page
+
+
+def notebook(path: Path) -> str:
+    """The cells of a notebook, without what they print."""
+    parts = []
+    for cell in json.loads(path.read_text(encoding="utf-8"))["cells"]:
+        text = "".join(cell["source"])
+        if cell["cell_type"] == "code":
+            parts.append(f"```python\n{text}\n```")
+        else:
+            parts.append(text.replace(".ipynb)", ".md)").replace("<details>", '<details markdown="1">'))
+    title, text = parts[0].split("\n", 1)
+    parts[0] = f"{title}\n\n[Download this notebook]({path.name})\n{text}"
+    return "\n\n".join(parts)
 
 
 def scene_keys() -> str:
