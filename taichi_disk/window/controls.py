@@ -159,7 +159,7 @@ class Controls:
     def value(self, key: str) -> Any:
         """Of a dotted key of the scene; None where there is none."""
         section, name = key.split(".")
-        return getattr(getattr(self.sandbox.scene, section), name, None)
+        return getattr(getattr(self.sandbox.scene, section, None), name, None)
 
     def set(self, key: str, value: float) -> None:
         """Change a number of the scene; three digits are enough."""

@@ -1,12 +1,17 @@
-"""How smoothly the window of `taichi-disk view` moves: the real one, with nobody at it."""
+"""How smoothly the window of `taichi-disk view` moves, and its page in a browser: the real ones, nobody at them."""
 
 from __future__ import annotations
 
 import multiprocessing
+import re
+import subprocess
+import sys
 import tempfile
+import time
 from collections.abc import Iterator
 from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
+from itertools import pairwise
 from pathlib import Path
 from statistics import median, quantiles
 
@@ -67,3 +72,48 @@ def watch(scene: str, settings: tuple[str, ...]) -> tuple[list[float], int]:
                 viewer.sandbox.pause()
         pictures.close()
     return seconds, steps
+
+
+def page(_repeats: int, settings: tuple[str, ...]) -> Iterator[str]:
+    """Pictures a second that a Chromium beside the program shows, of the same scenes."""
+    from tests.integration.test_browser import MISSING
+
+    if MISSING:
+        yield f"the page: not measured: {MISSING}"
+        return
+    yield f"{'the page, 1400 x 900':<46}{'pictures/s':>12}{'slowest 1 %':>13}"
+    for scene, *own in SCENES:
+        given = (*own, *settings)
+        seconds = browse(scene, given)
+        slowest = quantiles(seconds, n=100)[-1]
+        yield f"  {' '.join((scene, *given)):<44}{1 / median(seconds):12.1f}{1 / slowest:13.1f}"
+
+
+def browse(scene: str, settings: tuple[str, ...]) -> list[float]:
+    """Seconds between the pictures of a page, while its scene moves."""
+    from tests.integration.test_browser import Visitor
+
+    with tempfile.TemporaryDirectory() as folder:
+        command = [sys.executable, "-m", "taichi_disk", "view", scene, "--browser", "--out", folder]
+        command += [f"--set={setting}" for setting in settings]
+        program = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
+        assert program.stdout
+        try:
+            found = re.search(r"http://\S+/", program.stdout.readline())
+            assert found, "the page is not served"
+            visitor = Visitor(found[0])
+            try:
+                visitor.key(" ")
+                time.sleep(WARM_UP)
+                visitor.script(
+                    "window.shown = []; document.querySelector('#canvas img')"
+                    ".addEventListener('load', () => window.shown.push(performance.now()))"
+                )
+                time.sleep(WATCHED)
+                shown = visitor.script("return window.shown")
+            finally:
+                visitor.driver.quit()
+        finally:
+            program.terminate()
+            program.wait()
+    return [(later - one) / 1000 for one, later in pairwise(shown)]
