@@ -1,5 +1,4 @@
-"""Pages of the site that are not in docs: the README, CONTRIBUTING, the scenes, and references made from the code,
-and the notebooks as pages."""
+"""Pages of the site that are not pages of docs: README, CONTRIBUTING, notebooks, and references made from the code."""
 
 from __future__ import annotations
 

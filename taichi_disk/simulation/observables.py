@@ -63,8 +63,9 @@ def within(rows: Array, bounds: Array) -> Array:
 def split(columns: Columns, inertia: float) -> Columns:
     """`columns` with the parts of `kinetic`: `translation` and `rotation` of the disk, `vibration`, which is the rest.
 
-    The disk turns with the `inertia` [M R^2] of the unloaded one: a compression changes it by some per cent at the
-    most, a fast spin stretches it, and its `vibration` may be below 0. What an elastic wall moves is vibration, too.
+    The disk turns with the `inertia` [M R^2] of the unloaded one. A compression changes it by some per cent at the
+    most. A fast spin stretches the disk, and `vibration` may then be below 0. What an elastic wall moves is vibration,
+    too.
     """
     translation = 0.5 * (columns["com_vx"] ** 2 + columns["com_vy"] ** 2)
     rotation = columns["angular_momentum"] ** 2 / (2.0 * inertia)

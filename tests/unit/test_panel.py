@@ -71,6 +71,18 @@ def test_controls_lie_in_the_panel_apart_and_hold_their_text(
         assert one[2] <= other[0] or other[2] <= one[0] or one[3] <= other[1] or other[3] <= one[1]
 
 
+@pytest.mark.parametrize(
+    ("scene", "labels"),
+    [
+        ("compression", ["η*", "P", "wall a", "points"]),
+        ("exponential_wall", ["η*", "v / c", "angle", "spin", "friction", "wall a", "points"]),
+        ("absorbing_wall", ["η*", "v / c", "angle", "spin", "wall a", "points"]),
+    ],
+)
+def test_a_scene_has_the_sliders_of_its_own_keys(opened: Callable[..., Session], scene: str, labels: list[str]) -> None:
+    assert [one.label for one in opened(scene).controls.sliders("Experiment")] == labels
+
+
 def test_every_button_does_what_its_key_does(opened: Callable[..., Session]) -> None:
     session = opened("absorbing_wall")
     heard: list[str] = []
