@@ -12,6 +12,9 @@ import pytest
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 
+from taichi_disk.computation.driver import Driver
+from taichi_disk.computation.outcome import compute
+from taichi_disk.computation.stability import spectrum
 from taichi_disk.fields import Triangles
 from taichi_disk.lattice import Lattice, disk_lattice, with_wall
 from taichi_disk.lattice.lattice import double_area, polygon_area
@@ -26,10 +29,7 @@ from taichi_disk.physics import (
     Springs,
 )
 from taichi_disk.scenes import load_scene
-from taichi_disk.simulation.driver import Driver
 from taichi_disk.simulation.observables import as_columns
-from taichi_disk.simulation.outcome import compute
-from taichi_disk.simulation.stability import spectrum
 
 A, V0 = 300.0, 150.0
 RIGID, ELASTIC = ExponentialWall(A, V0), ElasticWall(A, V0, 0.1)

@@ -10,10 +10,10 @@ import numpy as np
 import taichi as ti
 
 from taichi_disk import load_scene, runtime
+from taichi_disk.computation.outcome import compute
 from taichi_disk.lattice import Array, Lattice
 from taichi_disk.physics import BodyForce
 from taichi_disk.physics.law import Capacity, scalar
-from taichi_disk.simulation.outcome import compute
 
 
 @ti.data_oriented

@@ -11,11 +11,11 @@ from typing import Any, Literal
 import numpy as np
 
 from taichi_disk import Lattice, load_scene, run
+from taichi_disk.computation.scenario import Array, Columns, Scenario
 from taichi_disk.config.sections import Section, key
 from taichi_disk.physics import Model
 from taichi_disk.scenes import SCENES
 from taichi_disk.scenes.body import DiskScene
-from taichi_disk.simulation.scenario import Array, Columns, Scenario
 
 
 class StretchSection(Section):

@@ -17,12 +17,12 @@ from taichi_disk import runtime
 
 runtime.start()
 
+from taichi_disk.computation.stability import spectrum, step_limit  # noqa: E402
 from taichi_disk.integrators import VELOCITY_VERLET  # noqa: E402
 from taichi_disk.lattice import Lattice, Moduli, bulk_moduli, disk_lattice, with_wall  # noqa: E402
 from taichi_disk.physics import ElasticWall, MatchedBoundary, Model, Springs, matched_impedance  # noqa: E402
 from taichi_disk.simulation.observables import INDEX  # noqa: E402
 from taichi_disk.simulation.simulation import Simulation  # noqa: E402
-from taichi_disk.simulation.stability import spectrum, step_limit  # noqa: E402
 
 WIDTH = 2.0  # of the slab [R]
 RIGID = 1e6  # dashpots that hold a point fast [M c/R]

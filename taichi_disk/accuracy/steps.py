@@ -10,17 +10,17 @@ from typing import Any
 
 import numpy as np
 
+from taichi_disk.computation.diagnostics import relative_imbalance
+from taichi_disk.computation.outcome import Outcome
+from taichi_disk.computation.scenario import Scenario
+from taichi_disk.computation.stability import Spectrum, step_limit
 from taichi_disk.errors import SimulationError
 from taichi_disk.integrators import INTEGRATORS, Integrator
 from taichi_disk.lattice import Array, Lattice
 from taichi_disk.physics import Model
 from taichi_disk.signals import raise_if_interrupted
-from taichi_disk.simulation.diagnostics import relative_imbalance
 from taichi_disk.simulation.observables import as_columns
-from taichi_disk.simulation.outcome import Outcome
-from taichi_disk.simulation.scenario import Scenario
 from taichi_disk.simulation.simulation import KernelCache
-from taichi_disk.simulation.stability import Spectrum, step_limit
 
 FRACTIONS = (0.95, 0.8, 0.6, 0.4, 0.2, 0.1, 0.05)  # of the stability limit
 REPEATS = 3

@@ -14,6 +14,8 @@ import numpy as np
 
 from taichi_disk import runtime
 from taichi_disk.accuracy.steps import StepError, StepStudy
+from taichi_disk.computation.outcome import compute, quasistatic
+from taichi_disk.computation.stability import spectrum
 from taichi_disk.config.sections import ElasticWallSection
 from taichi_disk.errors import InputError, TaichiDiskError
 from taichi_disk.output.files import atomic_write, prepare_output, remove_empty, write_csv, write_text
@@ -21,9 +23,7 @@ from taichi_disk.output.plot import BLUE, GREEN, RED
 from taichi_disk.output.run_folder import refuse_run
 from taichi_disk.progress import Progress, duration, terminal
 from taichi_disk.scenes import Scene
-from taichi_disk.simulation.outcome import compute, quasistatic
 from taichi_disk.simulation.simulation import KernelCache
-from taichi_disk.simulation.stability import spectrum
 
 SEEDS = 8
 FINER = (4, 16, 64)  # times the points; same mass, stiffness and viscosity of the whole disk

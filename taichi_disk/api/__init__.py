@@ -13,6 +13,8 @@ import numpy as np
 
 from taichi_disk import runtime
 from taichi_disk.api.job import FRAMES, Clock, Job, shared_kernels, write_run
+from taichi_disk.computation.outcome import Outcome
+from taichi_disk.computation.scenario import Scenario
 from taichi_disk.config.tree import Source, as_path
 from taichi_disk.errors import InputError
 from taichi_disk.lattice import Array, Lattice, OwnStart, disk_of, numbers
@@ -23,9 +25,7 @@ from taichi_disk.progress import Progress, reported, rows, shown, silent
 from taichi_disk.scenes import Scene, load_scene
 from taichi_disk.scenes.body import DiskScene
 from taichi_disk.signals import raise_if_interrupted
-from taichi_disk.simulation.modes import Modes, modes
-from taichi_disk.simulation.outcome import Outcome
-from taichi_disk.simulation.scenario import Scenario
+from taichi_disk.statics.modes import Modes, modes
 
 if TYPE_CHECKING:
     from taichi_disk.output.inline import Film, Plot

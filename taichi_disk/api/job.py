@@ -11,15 +11,15 @@ from typing import Any
 import numpy as np
 
 from taichi_disk import runtime
+from taichi_disk.computation.diagnostics import BlowUp
+from taichi_disk.computation.outcome import Outcome, compute
+from taichi_disk.computation.scenario import Scenario
 from taichi_disk.errors import SimulationError, TaichiDiskError
 from taichi_disk.lattice import Array, Lattice, OwnStart, own_start
 from taichi_disk.output import files
 from taichi_disk.output.plot import Begin, plotting_beside
 from taichi_disk.progress import Progress
 from taichi_disk.scenes import Scene, check_memory
-from taichi_disk.simulation.diagnostics import BlowUp
-from taichi_disk.simulation.outcome import Outcome, compute
-from taichi_disk.simulation.scenario import Scenario
 from taichi_disk.simulation.simulation import KernelCache
 
 FRAMES = 200  # of a trajectory, unless asked otherwise
@@ -62,7 +62,7 @@ class Job:
     def compute(self) -> Computed:
         """To the scene's end.
 
-        Raises InputError for what cannot be computed, and what `taichi_disk.simulation.outcome.compute` raises.
+        Raises InputError for what cannot be computed, and what `taichi_disk.computation.outcome.compute` raises.
         """
         check_memory(self.scene)
         runtime.start(self.threads)

@@ -23,10 +23,10 @@ from taichi_disk.lattice import Array, Lattice
 from taichi_disk.output.files import PROGRAM, atomic_write, check_pictures, origin, prepare_output, write_text
 
 if TYPE_CHECKING:
+    from taichi_disk.computation.driver import Moment
+    from taichi_disk.computation.scenario import Scenario
     from taichi_disk.config.scene_base import SceneBase
     from taichi_disk.physics.model import Model
-    from taichi_disk.simulation.driver import Moment
-    from taichi_disk.simulation.scenario import Scenario
 
 
 @dataclass(frozen=True)

@@ -24,8 +24,8 @@ from taichi_disk.signals import ignored_by_children
 from taichi_disk.simulation.observables import vibration_left
 
 if TYPE_CHECKING:
+    from taichi_disk.computation.scenario import Scenario
     from taichi_disk.output.inline import Plot
-    from taichi_disk.simulation.scenario import Scenario
 
 Columns = dict[str, Array]
 Begin = Callable[..., Callable[[], None]]

@@ -10,6 +10,8 @@ from pathlib import Path
 
 import numpy as np
 
+from taichi_disk.computation.outcome import Outcome, greatest_compression
+from taichi_disk.computation.scenario import Scenario
 from taichi_disk.config.sections import VideoSection
 from taichi_disk.errors import InputError
 from taichi_disk.output.files import atomic_write, check_pictures, origin
@@ -22,8 +24,6 @@ from taichi_disk.render.palette import THEMES, round_near
 from taichi_disk.render.pictures import Pictures, side_panel
 from taichi_disk.render.video import video as encoded
 from taichi_disk.signals import raise_if_interrupted
-from taichi_disk.simulation.outcome import Outcome, greatest_compression
-from taichi_disk.simulation.scenario import Scenario
 
 Run = tuple[Scenario, Outcome]
 Cue = tuple[float, str | None]  # t [R/c] and the last line, None for the result

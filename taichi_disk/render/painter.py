@@ -14,7 +14,7 @@ from taichi_disk.physics import Springs
 from taichi_disk.render import geometry, kernels
 from taichi_disk.render.geometry import Camera
 from taichi_disk.render.palette import THEMES, colour_map, full_scale
-from taichi_disk.simulation.equilibrium import roll_angle, turned
+from taichi_disk.statics.equilibrium import roll_angle, turned
 
 Vertices = NDArray[np.float32]
 

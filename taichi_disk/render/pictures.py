@@ -8,6 +8,8 @@ from typing import Any
 
 import numpy as np
 
+from taichi_disk.computation.outcome import Outcome
+from taichi_disk.computation.scenario import Scenario
 from taichi_disk.lattice import Array
 from taichi_disk.output.plot import HEIGHTS, LINE, MARK, STYLE, draw_curves, matplotlib_style
 from taichi_disk.render import kernels
@@ -16,8 +18,6 @@ from taichi_disk.render.legend import LEAST, Legend
 from taichi_disk.render.offscreen import give_back, take
 from taichi_disk.render.palette import Theme
 from taichi_disk.render.video import Picture
-from taichi_disk.simulation.outcome import Outcome
-from taichi_disk.simulation.scenario import Scenario
 
 _MARGIN = 8.0  # around the view: pixels in a picture of 720
 _LETTER = 13.2  # pixels of letters in a picture of 720

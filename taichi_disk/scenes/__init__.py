@@ -79,8 +79,8 @@ def check_feasible(scene: Scene | Sweep) -> None:
         check_thickness(points, scene.wall.points, scene.wall.width)
     if scene.time.dt == "auto":
         return
-    from taichi_disk.simulation.stability import spectrum
-    from taichi_disk.simulation.step_control import StepControl
+    from taichi_disk.computation.stability import spectrum
+    from taichi_disk.computation.step_control import StepControl
 
     scenario = scene.scenario()
     if not scenario.static:

@@ -21,8 +21,8 @@ from taichi_disk.lattice import (
 )
 
 if TYPE_CHECKING:
+    from taichi_disk.computation.scenario import Scenario
     from taichi_disk.physics import Springs
-    from taichi_disk.simulation.scenario import Scenario
 
 
 class DiskScene(SceneBase):

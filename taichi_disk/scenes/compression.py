@@ -8,15 +8,15 @@ from typing import TYPE_CHECKING, ClassVar, Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
+from taichi_disk.computation.scenario import Array, Scenario, spread
 from taichi_disk.config.scene_base import Conflicts, time_conflicts
 from taichi_disk.config.sections import CompressionSection, MaterialSection, WallSection
 from taichi_disk.lattice import Lattice
 from taichi_disk.scenes.body import DiskScene
 from taichi_disk.simulation.observables import Columns
-from taichi_disk.simulation.scenario import Array, Scenario, spread
 
 if TYPE_CHECKING:
-    from taichi_disk.simulation.equilibrium import Equilibrium
+    from taichi_disk.statics.equilibrium import Equilibrium
 
 TOUCH = 1e-3  # of the load is borne by the wall at the start: a softer start than contact, a shorter fall than none
 STRAINED = 1e-9  # a lattice with a spring of a larger strain is not at rest
@@ -68,9 +68,9 @@ class Compression(Scenario):
     }
 
     def __init__(self, scene: CompressionScene, disk: Lattice) -> None:
+        from taichi_disk.computation.stability import contact_point_force
         from taichi_disk.physics import ExponentialWall, Load, Model
-        from taichi_disk.simulation.equilibrium import depth, place_on_wall, resting_angle, solve_equilibrium
-        from taichi_disk.simulation.stability import contact_point_force
+        from taichi_disk.statics.equilibrium import depth, place_on_wall, resting_angle, solve_equilibrium
 
         self.scene = scene
         self.pressure = scene.compression.pressure
@@ -107,7 +107,7 @@ class Compression(Scenario):
         return wanted == "none" or self.end_truncation_error(columns) <= 0.5 * wanted
 
     def end_truncation_error(self, columns: Columns) -> float:
-        from taichi_disk.simulation.equilibrium import depth
+        from taichi_disk.statics.equilibrium import depth
 
         return abs(self.result(columns)["xi"] - (self.unloaded - depth(self.lattice, self.rest.positions)))
 

@@ -8,17 +8,17 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
+from taichi_disk.computation.scenario import Array, Scenario, spread
 from taichi_disk.errors import InputError
 from taichi_disk.lattice import Lattice, disk_of
 from taichi_disk.lattice.network import bending_compliance
 from taichi_disk.scenes import oblique
 from taichi_disk.scenes.oblique import START_POTENTIAL
 from taichi_disk.simulation.observables import Columns
-from taichi_disk.simulation.scenario import Array, Scenario, spread
 
 if TYPE_CHECKING:
+    from taichi_disk.computation.approach import Approach
     from taichi_disk.physics import Model
-    from taichi_disk.simulation.approach import Approach
 
 # Up to this flight and wall are known without a step, and from it on they are again. What e loses by that, measured:
 # `python -m tests.validation.estimate_trial --near`.
@@ -73,7 +73,7 @@ class ImpactScenario(Scenario):
 
     def _set_out(self) -> None:
         """Everything that follows from the scene's velocity."""
-        from taichi_disk.simulation.stability import impact_point_force
+        from taichi_disk.computation.stability import impact_point_force
 
         scene, velocity = self.scene, self.scene.impact.towards
         self.velocity, self.kinetic = velocity, 0.5 * velocity**2
@@ -101,7 +101,7 @@ class ImpactScenario(Scenario):
 
     def _put_at_start(self) -> None:
         """Turn the disk, lift it by the gap, give it velocity and spin."""
-        from taichi_disk.simulation.equilibrium import turned
+        from taichi_disk.statics.equilibrium import turned
 
         impact, body, n = self.scene.impact, self._body, self._body.disk_points
         positions = body.positions.copy()
@@ -155,7 +155,7 @@ class ImpactScenario(Scenario):
         return self.gap if self.model.others else self._near  # a force of one's own acts on the whole flight
 
     def approach(self) -> Approach | None:
-        from taichi_disk.simulation.approach import Approach
+        from taichi_disk.computation.approach import Approach
 
         if self.near == self.gap:
             return None

@@ -1,1 +1,1 @@
-"""The engine: kernels, the choice of the step, the loop over time, whether a run is sound, equilibria."""
+"""Moving a lattice in time: the state, the kernels that step it, and the observables that they record."""

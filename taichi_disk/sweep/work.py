@@ -95,7 +95,7 @@ def compute_points(scenes: Iterable[Scene], estimate: bool) -> Iterator[PointRes
 @runtime.alone()
 def _computed(scene: Scene, estimate: bool) -> PointResult:
     from taichi_disk.api import shared_kernels
-    from taichi_disk.simulation.outcome import compute
+    from taichi_disk.computation.outcome import compute
 
     check_memory(scene)
     setup = _setup_of(scene)
@@ -139,7 +139,7 @@ class LatticeSetup:
 
     def modes(self, model: Any) -> Any:
         """Its spectrum, with the dashpots of `model` if there are any."""
-        from taichi_disk.simulation.stability import spectrum
+        from taichi_disk.computation.stability import spectrum
 
         key = model.springs.damped, model.springs.k_b  # which stiffens springs that are strained at rest
         if key not in self._modes:

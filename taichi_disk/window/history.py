@@ -9,13 +9,13 @@ from time import perf_counter
 
 import numpy as np
 
+from taichi_disk.computation.diagnostics import EnergyBalance
+from taichi_disk.computation.driver import Driver, Status
+from taichi_disk.computation.scenario import Scenario
+from taichi_disk.computation.stability import Spectrum
 from taichi_disk.lattice import Array
-from taichi_disk.simulation.diagnostics import EnergyBalance
-from taichi_disk.simulation.driver import Driver, Status
 from taichi_disk.simulation.observables import COLUMNS, INDEX, OPTIONAL, within
-from taichi_disk.simulation.scenario import Scenario
 from taichi_disk.simulation.simulation import KernelCache
-from taichi_disk.simulation.stability import Spectrum
 from taichi_disk.simulation.stepping import Snapshot
 
 SPACING = 1.5e-2  # time between two remembered states at first, of the disk's own time

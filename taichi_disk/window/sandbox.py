@@ -10,6 +10,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from taichi_disk.computation.scenario import Scenario
+from taichi_disk.computation.stability import Spectrum, spectrum
 from taichi_disk.config.scene_base import least_threshold
 from taichi_disk.errors import TaichiDiskError
 from taichi_disk.lattice import Array, Lattice
@@ -20,9 +22,7 @@ from taichi_disk.scenes.absorbing_wall import AbsorbingWallScene
 from taichi_disk.scenes.compression import CompressionScene
 from taichi_disk.scenes.impact import ImpactScenario
 from taichi_disk.simulation.observables import INDEX
-from taichi_disk.simulation.scenario import Scenario
 from taichi_disk.simulation.simulation import KernelCache
-from taichi_disk.simulation.stability import Spectrum, spectrum
 from taichi_disk.window.history import Checkpoint, Segment, Timeline
 
 # Keys that need no new start.

@@ -11,12 +11,12 @@ from typing import Any
 
 import numpy as np
 
+from taichi_disk.computation.driver import Driver
+from taichi_disk.computation.outcome import compute
+from taichi_disk.computation.stability import spectrum
 from taichi_disk.integrators import INTEGRATORS
 from taichi_disk.scenes import load_scene
-from taichi_disk.simulation.driver import Driver
-from taichi_disk.simulation.outcome import compute
 from taichi_disk.simulation.simulation import KernelCache
-from taichi_disk.simulation.stability import spectrum
 
 from .timing import in_turn, table
 

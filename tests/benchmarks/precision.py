@@ -13,9 +13,9 @@ from importlib.util import find_spec
 from pathlib import Path
 from time import perf_counter
 
+from taichi_disk.computation.outcome import compute
 from taichi_disk.output.plot import BLUE, GREEN, ORANGE, RED, SKY, matplotlib_style
 from taichi_disk.scenes import load_scene
-from taichi_disk.simulation.outcome import compute
 from tests import reference
 
 from .kernel import FREE, RIGID

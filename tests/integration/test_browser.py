@@ -26,9 +26,9 @@ import pytest
 from PIL import Image
 
 from taichi_disk.cli import main
+from taichi_disk.computation.outcome import compute
 from taichi_disk.render import film_problem
 from taichi_disk.scenes import load_scene
-from taichi_disk.simulation.outcome import compute
 from taichi_disk.simulation.simulation import KernelCache
 from taichi_disk.window.browser import Page, understood
 

@@ -16,13 +16,13 @@ import pytest
 from PIL import Image
 
 from taichi_disk import Lattice, api, load_scene, runtime
+from taichi_disk.computation.outcome import compute, greatest_compression, quasistatic
 from taichi_disk.errors import InputError, SimulationError, TaichiDiskError
 from taichi_disk.progress import silent as QUIET
 from taichi_disk.render import film_problem
 from taichi_disk.render.film import film
 from taichi_disk.render.legend import Legend
 from taichi_disk.render.palette import THEMES
-from taichi_disk.simulation.outcome import compute, greatest_compression, quasistatic
 
 needs_vulkan = pytest.mark.skipif(film_problem() is not None, reason=str(film_problem()))
 FORMATS = pytest.mark.parametrize("suffix", [".mp4", pytest.param(".webm", marks=pytest.mark.validate), ".gif", ""])

@@ -13,8 +13,8 @@ import pytest
 import reference
 
 from taichi_disk import load_scene, run
+from taichi_disk.computation import stability
 from taichi_disk.physics import ElasticWall, MatchedBoundary, Model, Springs
-from taichi_disk.simulation import stability
 
 SMALL = ("lattice.points=100", "time.safety=0.3")
 WALL = (*SMALL, "wall.points=120", "wall.width=3.2", "wall.boundary=dashpot")

@@ -16,10 +16,10 @@ import pytest
 from PIL import Image, ImageDraw
 
 from taichi_disk.cli import main
+from taichi_disk.computation.outcome import compute
 from taichi_disk.render import film_problem, legend
 from taichi_disk.render.palette import THEMES
 from taichi_disk.scenes import load_scene
-from taichi_disk.simulation.outcome import compute
 from taichi_disk.simulation.simulation import KernelCache
 from taichi_disk.window.overlay import Overlay
 from taichi_disk.window.scene_view import PANEL, SIZE

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from taichi_disk.accuracy.steps import Reference
+from taichi_disk.computation.outcome import compute
+from taichi_disk.computation.stability import spectrum
 from taichi_disk.physics import Load
 from taichi_disk.scenes import load_scene
-from taichi_disk.simulation.outcome import compute
-from taichi_disk.simulation.stability import spectrum
 
 WALL = ("wall.points=70", "wall.width=3.0", "wall.threshold=0.3")
 

@@ -10,15 +10,15 @@ from bodies import FALLING, FREE, advance, computed, disk, pressed, shaken, unli
 from numpy.testing import assert_allclose
 from scipy.linalg import eigh
 
+from taichi_disk.computation.outcome import compute
+from taichi_disk.computation.stability import spectrum
 from taichi_disk.fields import Triangles, stress
 from taichi_disk.integrators import TRAPEZOIDAL, VELOCITY_VERLET
 from taichi_disk.lattice import Lattice, bulk_moduli
 from taichi_disk.lattice.network import largest_eigenvalue
 from taichi_disk.scenes import load_scene
-from taichi_disk.simulation.equilibrium import solve_equilibrium
 from taichi_disk.simulation.observables import INDEX
-from taichi_disk.simulation.outcome import compute
-from taichi_disk.simulation.stability import spectrum
+from taichi_disk.statics.equilibrium import solve_equilibrium
 
 LONG = pytest.mark.validate
 

@@ -12,12 +12,12 @@ from bodies import SMALL, computed, disk, pressed
 from scipy.integrate import trapezoid
 from scipy.optimize import brentq, minimize, root
 
+from taichi_disk.computation.outcome import compute
 from taichi_disk.errors import SimulationError
 from taichi_disk.lattice import Lattice, bulk_moduli, disk_lattice
 from taichi_disk.physics import ExponentialWall, Load, Model, Springs
 from taichi_disk.scenes import load_scene
-from taichi_disk.simulation.equilibrium import place_on_wall, resting_angle, rigid_balance, solve_equilibrium, turned
-from taichi_disk.simulation.outcome import compute
+from taichi_disk.statics.equilibrium import place_on_wall, resting_angle, rigid_balance, solve_equilibrium, turned
 
 P, LONG = 1e-2, pytest.mark.validate
 WALL = ExponentialWall(300.0, 150.0)

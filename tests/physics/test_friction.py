@@ -10,12 +10,12 @@ import reference
 from bodies import V0, A, advance, bouncing, computed
 from numpy.testing import assert_allclose, assert_array_equal
 
+from taichi_disk.computation.outcome import compute
 from taichi_disk.integrators import VELOCITY_VERLET
 from taichi_disk.lattice import Lattice
 from taichi_disk.physics import ExponentialWall
 from taichi_disk.scenes import load_scene
 from taichi_disk.simulation.observables import INDEX
-from taichi_disk.simulation.outcome import compute
 
 SMALL = ("lattice.points=60", "material.eta_star=0", "impact.velocity=0.05")
 SLIDING = (*SMALL, "impact.angle=1.2", "wall.friction=0.1")

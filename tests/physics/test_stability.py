@@ -9,10 +9,10 @@ import pytest
 import reference
 from bodies import ELASTIC, FREE, RIGID, computed, disk, disk_and_wall, unlike
 
+from taichi_disk.computation.stability import explicit_limit, spectrum, step_limit
+from taichi_disk.computation.step_control import MARGIN
 from taichi_disk.integrators import INTEGRATORS, VELOCITY_VERLET
 from taichi_disk.physics import Model, Springs
-from taichi_disk.simulation.stability import explicit_limit, spectrum, step_limit
-from taichi_disk.simulation.step_control import MARGIN
 
 
 def oscillator(integrator, angle):

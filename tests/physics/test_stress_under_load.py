@@ -8,7 +8,7 @@ import pytest
 from taichi_disk.fields import Triangles, stress
 from taichi_disk.lattice import bulk_moduli, disk_lattice
 from taichi_disk.physics import ExponentialWall, Load, Model, Springs
-from taichi_disk.simulation.equilibrium import place_on_wall, resting_angle, solve_equilibrium
+from taichi_disk.statics.equilibrium import place_on_wall, resting_angle, solve_equilibrium
 
 
 def pressed(points, seed, a, pressure):

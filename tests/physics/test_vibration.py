@@ -12,7 +12,7 @@ from scipy.special import jn_zeros
 from taichi_disk import Lattice, load_scene, run
 from taichi_disk.errors import InputError
 from taichi_disk.physics import Springs
-from taichi_disk.simulation.modes import modes
+from taichi_disk.statics.modes import modes
 
 
 @pytest.fixture(scope="module")

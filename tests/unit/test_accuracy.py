@@ -11,10 +11,10 @@ import pytest
 from taichi_disk.accuracy import steps
 from taichi_disk.accuracy.steps import StepError, StepStudy
 from taichi_disk.accuracy.study import POINTS, SAMPLE, WALL, Change, Findings, changes, measured
+from taichi_disk.computation.outcome import compute
+from taichi_disk.computation.stability import spectrum
 from taichi_disk.scenes import load_scene
-from taichi_disk.simulation.outcome import compute
 from taichi_disk.simulation.simulation import KernelCache
-from taichi_disk.simulation.stability import spectrum
 
 STEP = StepError("velocity_verlet", True, 0.8, 0.01, 100, 0.1, 3.0, 1e-6, 1e-6, 0.0, 0.0)
 

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from bodies import ELASTIC, RIGID, WALL, computed, disk_and_wall, driver_of
 
+from taichi_disk.computation.diagnostics import BlowUp, EnergyBalance, gone_through
 from taichi_disk.physics import ElasticWall, Model, Springs
-from taichi_disk.simulation.diagnostics import BlowUp, EnergyBalance, gone_through
 from taichi_disk.simulation.observables import INDEX
 
 SMALL = ("exponential_wall", "lattice.points=80", "material.eta_star=0")
@@ -58,7 +58,7 @@ def test_a_forced_step_is_told_and_the_state_before_it_is_kept(kernels):
 
 @pytest.mark.parametrize("dt", ["0.02", "auto"])
 def test_a_number_lost_by_the_machine_is_found_in_the_next_launch_and_told_as_that(dt, kernels, monkeypatch):
-    monkeypatch.setattr("taichi_disk.simulation.driver.SPRINGS_PER_LAUNCH", 20_000)
+    monkeypatch.setattr("taichi_disk.computation.driver.SPRINGS_PER_LAUNCH", 20_000)
     driver = driver_of(kernels, *SMALL, "impact.gap=0.13", f"time.dt={dt}")
     driver.advance(steps=500)
     snapshot = driver.simulation.snapshot()

@@ -7,8 +7,8 @@ import pytest
 from bodies import SMALL, computed, driver_of
 from numpy.testing import assert_array_equal
 
+from taichi_disk.computation.outcome import inverted_triangles
 from taichi_disk.errors import InputError, SimulationError
-from taichi_disk.simulation.outcome import inverted_triangles
 
 IMPACT = ("exponential_wall", "lattice.points=60", "material.eta_star=0", "time.safety=0.3")
 SCENES = {
@@ -29,7 +29,7 @@ def test_the_steps_are_those_reported_and_launches_leave_no_trace(name, kernels,
     facts = computed(kernels, *SCENES[name], estimate=False)[1].facts
     assert (facts["steps"], facts["dt"], facts["attempts"]) == (state.step - first, driver.step.dt, 1)
     # Launches of a few steps come to the same end, bit for bit.
-    monkeypatch.setattr("taichi_disk.simulation.driver.SPRINGS_PER_LAUNCH", 20_000)
+    monkeypatch.setattr("taichi_disk.computation.driver.SPRINGS_PER_LAUNCH", 20_000)
     short = driver_of(kernels, *SCENES[name])
     assert short.advance(steps=11) == "running" and short.simulation.step_number == first + 11
     assert short.advance(seconds=0.0) == "running" and first + 11 < short.simulation.step_number < state.step

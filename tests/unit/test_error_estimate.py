@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from bodies import computed
 
+from taichi_disk.computation.step_control import CAUTION, UNRESOLVED_PART, RunRecord, error_estimate
 from taichi_disk.integrators import VEFRL, VELOCITY_VERLET
-from taichi_disk.simulation.step_control import CAUTION, UNRESOLVED_PART, RunRecord, error_estimate
 
 SMALL = ("exponential_wall", "lattice.points=30", "lattice.seed=1", "material.eta_star=0")
 HARD = (*SMALL, "wall.a=3000", "wall.V0=1500", "impact.velocity=0.1")

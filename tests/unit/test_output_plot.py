@@ -13,11 +13,11 @@ import pytest
 from bodies import computed, disk
 from PIL import Image
 
+from taichi_disk.computation.outcome import compute
 from taichi_disk.lattice import Lattice, bulk_moduli
 from taichi_disk.output import inline
 from taichi_disk.output.plot import matplotlib_style, plot_run, plotting_beside
 from taichi_disk.scenes import load_scene
-from taichi_disk.simulation.outcome import compute
 
 
 @pytest.fixture

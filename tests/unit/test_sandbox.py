@@ -8,12 +8,12 @@ from typing import Any
 import numpy as np
 import pytest
 
+from taichi_disk.computation.outcome import Outcome, compute
+from taichi_disk.computation.stability import spectrum
 from taichi_disk.errors import InputError
 from taichi_disk.scenes import load_scene
 from taichi_disk.simulation.observables import ENERGY_INDICES, INDEX
-from taichi_disk.simulation.outcome import Outcome, compute
 from taichi_disk.simulation.simulation import KernelCache
-from taichi_disk.simulation.stability import spectrum
 from taichi_disk.window.app import folder, presets
 from taichi_disk.window.history import MOST, Segment
 from taichi_disk.window.sandbox import SLOW, Sandbox, with_key

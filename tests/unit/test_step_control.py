@@ -9,21 +9,21 @@ import numpy as np
 import pytest
 from bodies import computed, damped
 
-from taichi_disk.errors import SimulationError
-from taichi_disk.integrators import INTEGRATORS, TRAPEZOIDAL, VELOCITY_VERLET
-from taichi_disk.integrators.trapezoidal import factorise
-from taichi_disk.lattice import disk_lattice
-from taichi_disk.scenes import load_scene
-from taichi_disk.simulation import diagnostics, step_control
-from taichi_disk.simulation.diagnostics import CLOSING, LARGEST, WORST
-from taichi_disk.simulation.stability import spectrum, step_limit
-from taichi_disk.simulation.step_control import (
+from taichi_disk.computation import diagnostics, step_control
+from taichi_disk.computation.diagnostics import CLOSING, LARGEST, WORST
+from taichi_disk.computation.stability import spectrum, step_limit
+from taichi_disk.computation.step_control import (
     BLOW_UPS,
     CAUTION,
     COMPARED,
     MOST,
     StepControl,
 )
+from taichi_disk.errors import SimulationError
+from taichi_disk.integrators import INTEGRATORS, TRAPEZOIDAL, VELOCITY_VERLET
+from taichi_disk.integrators.trapezoidal import factorise
+from taichi_disk.lattice import disk_lattice
+from taichi_disk.scenes import load_scene
 
 VV = VELOCITY_VERLET
 UNDAMPED = "material.eta_star=0"

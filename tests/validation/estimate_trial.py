@@ -17,9 +17,9 @@ from typing import Any
 import numpy as np
 
 from taichi_disk import runtime
+from taichi_disk.computation.outcome import compute
 from taichi_disk.errors import SimulationError
 from taichi_disk.scenes import load_scene
-from taichi_disk.simulation.outcome import compute
 from taichi_disk.simulation.simulation import KernelCache
 
 from .random_scenes import hard_scene, trial_scene

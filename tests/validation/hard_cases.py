@@ -18,14 +18,14 @@ from typing import Any, Literal
 import numpy as np
 
 from taichi_disk import runtime
+from taichi_disk.computation.diagnostics import LARGEST
+from taichi_disk.computation.outcome import compute
+from taichi_disk.computation.scenario import Scenario
 from taichi_disk.errors import InputError, SimulationError
 from taichi_disk.lattice import Lattice
 from taichi_disk.lattice.lattice import triangulate
 from taichi_disk.output.files import write_csv
 from taichi_disk.scenes import Scene, load_scene
-from taichi_disk.simulation.diagnostics import LARGEST
-from taichi_disk.simulation.outcome import compute
-from taichi_disk.simulation.scenario import Scenario
 from taichi_disk.simulation.simulation import KernelCache
 
 End = Literal["done", "stopped", "refused", "long"]

@@ -9,10 +9,10 @@ from typing import Any
 
 import numpy as np
 
+from taichi_disk.computation.diagnostics import LARGEST
+from taichi_disk.computation.scenario import Scenario
 from taichi_disk.errors import SimulationError
 from taichi_disk.scenes import Scene, load_scene
-from taichi_disk.simulation.diagnostics import LARGEST
-from taichi_disk.simulation.scenario import Scenario
 from taichi_disk.simulation.simulation import KernelCache, Simulation
 
 from .hard_cases import Verdict, judge

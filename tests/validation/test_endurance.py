@@ -12,13 +12,13 @@ import numpy as np
 import pytest
 from scipy.stats import linregress
 
+from taichi_disk.computation.stability import contact_point_force, spectrum, step_limit
 from taichi_disk.integrators import TRAPEZOIDAL, VEFRL, VELOCITY_VERLET, Integrator
 from taichi_disk.lattice import disk_lattice
 from taichi_disk.physics import ExponentialWall, Load, Model, Springs
-from taichi_disk.simulation.equilibrium import place_on_wall, solve_equilibrium
 from taichi_disk.simulation.observables import ENERGY_INDICES, INDEX
 from taichi_disk.simulation.simulation import KernelCache, Simulation
-from taichi_disk.simulation.stability import contact_point_force, spectrum, step_limit
+from taichi_disk.statics.equilibrium import place_on_wall, solve_equilibrium
 
 pytestmark = pytest.mark.validate
 

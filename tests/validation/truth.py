@@ -11,11 +11,11 @@ from typing import Any
 import numpy as np
 
 from taichi_disk.accuracy.steps import Reference
+from taichi_disk.computation.scenario import Scenario
 from taichi_disk.errors import SimulationError
 from taichi_disk.lattice import Array, Lattice
 from taichi_disk.physics import Model
 from taichi_disk.simulation.observables import Columns
-from taichi_disk.simulation.scenario import Scenario
 
 ROUGH = 0.3  # of the wall's decay length crossed in a step, from which the truth itself may be in doubt
 

@@ -6,12 +6,12 @@ from dataclasses import dataclass
 from math import ceil, inf, sqrt
 from typing import Any
 
+from taichi_disk.computation.diagnostics import CLOSING, LARGEST, WORST, relative_imbalance, unacceptable
+from taichi_disk.computation.scenario import Scenario
+from taichi_disk.computation.stability import Spectrum, resolving_step, step_limit
 from taichi_disk.errors import InputError
 from taichi_disk.integrators import INTEGRATORS, TRAPEZOIDAL, VELOCITY_VERLET, Integrator
-from taichi_disk.simulation.diagnostics import CLOSING, LARGEST, WORST, relative_imbalance, unacceptable
 from taichi_disk.simulation.observables import Columns
-from taichi_disk.simulation.scenario import Scenario
-from taichi_disk.simulation.stability import Spectrum, resolving_step, step_limit
 
 MARGIN = 0.95  # of the limit that the measured wall stiffness leaves; an automatic step above it is redone
 HARDER = 1.5  # than measured: the force of the wall that the next step is chosen for

@@ -11,14 +11,14 @@ from typing import Any, Literal
 import numpy as np
 
 from taichi_disk import runtime
+from taichi_disk.computation.diagnostics import BlowUp, EnergyBalance, explained, gone_through, unacceptable
+from taichi_disk.computation.scenario import Scenario
+from taichi_disk.computation.stability import Spectrum
+from taichi_disk.computation.step_control import StepControl
 from taichi_disk.errors import SimulationError
 from taichi_disk.lattice import Array
-from taichi_disk.simulation.diagnostics import BlowUp, EnergyBalance, explained, gone_through, unacceptable
 from taichi_disk.simulation.observables import Columns, as_columns, bounds_array
-from taichi_disk.simulation.scenario import Scenario
 from taichi_disk.simulation.simulation import NEVER, KernelCache, Simulation
-from taichi_disk.simulation.stability import Spectrum
-from taichi_disk.simulation.step_control import StepControl
 from taichi_disk.simulation.stepping import Snapshot
 
 Moment = tuple[float, Array, Array]  # t [R/c], positions (n, 2) [R], velocities (n, 2) [c]

@@ -10,7 +10,7 @@ import numpy as np
 from taichi_disk.errors import InputError
 from taichi_disk.lattice import Array, Lattice
 from taichi_disk.physics import Model, Springs
-from taichi_disk.simulation.equilibrium import solve_equilibrium
+from taichi_disk.statics.equilibrium import solve_equilibrium
 
 STRAINED = 1e-9  # a disk with a spring of a larger strain is not at rest as it is given
 _RIGID = 3  # modes without a frequency: two translations and the rotation

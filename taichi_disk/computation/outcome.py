@@ -8,19 +8,19 @@ from typing import Any
 
 import numpy as np
 
+from taichi_disk.computation import diagnostics
+from taichi_disk.computation.driver import Driver, Moment
+from taichi_disk.computation.scenario import Scenario
+from taichi_disk.computation.stability import Spectrum, spectrum, step_limit
+from taichi_disk.computation.step_control import error_estimate
 from taichi_disk.errors import TaichiDiskError
 from taichi_disk.lattice import Array, Lattice
 from taichi_disk.lattice.lattice import double_area
 from taichi_disk.physics import Load, Model
 from taichi_disk.progress import Progress, silent
-from taichi_disk.simulation import diagnostics
-from taichi_disk.simulation.driver import Driver, Moment
-from taichi_disk.simulation.equilibrium import depth, roll_angle, solve_equilibrium, turned
 from taichi_disk.simulation.observables import COLUMNS, Columns, split
-from taichi_disk.simulation.scenario import Scenario
 from taichi_disk.simulation.simulation import KernelCache
-from taichi_disk.simulation.stability import Spectrum, spectrum, step_limit
-from taichi_disk.simulation.step_control import error_estimate
+from taichi_disk.statics.equilibrium import depth, roll_angle, solve_equilibrium, turned
 
 ESTIMATE_UP_TO = 1.3e9  # spring evaluations of a run, some 5 s, up to which a second run for the error is made unasked
 REST_CAUTION = 1.1  # by which the distance from Newton's rest is enlarged

@@ -13,9 +13,9 @@ from taichi_disk.lattice import Array, Lattice
 from taichi_disk.simulation.observables import Columns
 
 if TYPE_CHECKING:  # scene files are checked without Taichi
+    from taichi_disk.computation.approach import Approach
     from taichi_disk.physics import Model
-    from taichi_disk.simulation.approach import Approach
-    from taichi_disk.simulation.equilibrium import Equilibrium
+    from taichi_disk.statics.equilibrium import Equilibrium
 
 FASTEST = 100.0  # of the velocities that a run may begin with [c]
 

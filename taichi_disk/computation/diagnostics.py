@@ -6,11 +6,11 @@ from typing import Any
 
 import numpy as np
 
+from taichi_disk.computation.scenario import Scenario
 from taichi_disk.errors import SimulationError
 from taichi_disk.lattice import Array, Lattice
 from taichi_disk.physics import Model
 from taichi_disk.simulation.observables import ENERGIES, INDEX, OPTIONAL, PARTS, Columns, total_energy, vibration_left
-from taichi_disk.simulation.scenario import Scenario
 
 CLOSING, WORST = 2e-5, 1e-4  # largest imbalance, at the end and ever, that an automatic step may leave
 LARGEST = 1e-3  # imbalance at the end that no result may have: it would show in the third digit of e

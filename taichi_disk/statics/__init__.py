@@ -1,0 +1,1 @@
+"""The disk without motion: equilibria under load, and the normal modes about a rest."""
