@@ -56,11 +56,14 @@ def start(threads: int | None = None) -> None:
     with _LOCK, deferred_interrupts():
         from taichi_disk.engine import ti
 
-        if ti.lang.impl.get_runtime().prog is not None:
+        if engine.program() is not None:
+            _check_settings(ti)
             if threads is not None and number != (now := ti.lang.impl.current_cfg().cpu_max_num_threads):
                 text = f"threads: this process computes with {now} already, and cannot change to {number}"
                 raise InputError(f"{text}; choose the number in its first run, or by {THREADS}")
             return
+        if (arch := os.environ.get("TI_ARCH")) not in (None, ti._lib.core.arch_name(ti.cpu)):
+            raise InputError(f"TI_ARCH={arch}: simulations run on the CPU, in double precision: unset TI_ARCH")
         remove_stale_lock()
         try:
             with contextlib.redirect_stdout(io.StringIO()):  # it tells the arch where only results belong
@@ -77,6 +80,16 @@ def start(threads: int | None = None) -> None:
             raise TaichiDiskError(
                 f"Taichi cannot start: {error}; it asks for 1 GiB of memory that it may never use: see ulimit -v"
             ) from None
+
+
+def _check_settings(ti: Any) -> None:
+    """Raise InputError if the user has started the engine in a way that makes results wrong or irreproducible."""
+    found, needed = ti.lang.impl.current_cfg(), {"arch": ti.cpu, "default_fp": ti.f64, "fast_math": False}
+    other = [f"{name}={getattr(found, name)}" for name, value in needed.items() if getattr(found, name) != value]
+    if other:
+        text = f"Taichi runs with {', '.join(other)}, and results would be wrong".replace("Arch.", "")
+        line = "ti.init(arch=ti.cpu, default_fp=ti.f64, fast_math=False)"
+        raise InputError(f"{text}: write {line} in place of your own ti.init, or leave it out")
 
 
 def _threads(asked: Any) -> int:

@@ -41,6 +41,11 @@ def loaded() -> Any:
     return sys.modules.get(NAME)
 
 
+def program() -> Any:
+    """Return the engine's running program, to which all fields belong; None before `ti.init` and after `ti.reset`."""
+    return module.lang.impl.get_runtime().prog if (module := loaded()) else None
+
+
 def versions() -> dict[str, str]:
     """Return the version of the installed engine, by the name of its package, without importing it."""
     return {PACKAGE: version(PACKAGE)}
