@@ -19,7 +19,7 @@ from taichi_disk.progress import Progress
 from taichi_disk.render import require_film
 from taichi_disk.render.geometry import View, edge_height
 from taichi_disk.render.legend import Legend
-from taichi_disk.render.moments import Cue, Run, Span, check_runs, cues, lines, scale_times, still_cue, titles
+from taichi_disk.render.moments import WHOLE, Cue, Run, Span, check_runs, cues, lines, scale_times, still_cue, titles
 from taichi_disk.render.painter import Painter
 from taichi_disk.render.palette import THEMES, round_near
 from taichi_disk.render.pictures import Pictures, side_panel
@@ -47,7 +47,7 @@ def check_target(path: Path) -> None:
         check_pictures(path)
 
 
-def film(path: Path, runs: Sequence[Run], video: VideoSection, progress: Progress, span: Span = Span()) -> None:
+def film(path: Path, runs: Sequence[Run], video: VideoSection, progress: Progress, span: Span = WHOLE) -> None:
     """Film `runs` side by side into `path`, at the same times and in the same colours.
 
     The film stands still for a moment at the greatest compression, and at the end, where it tells the result.

@@ -35,6 +35,9 @@ class Span:
     end: float | str | None = None
 
 
+WHOLE = Span()
+
+
 def time_of(moment: Any, columns: dict[str, Array]) -> float:
     """Return the time [R/c] of a moment. Raises InputError for a time outside the run, or another word."""
     last, force = float(columns["t"][-1]), columns["wall_force"]
@@ -135,4 +138,4 @@ def titles(runs: Sequence[Run]) -> list[tuple[str, ...]]:
                     number = f"{value:g}{unit}" if isinstance(value, float) else f"{value}"
                     part.append(f"{_SYMBOLS.get(one, one.replace('_', ' '))} = {number}")
     labels = ["    ".join(part) for part in parts]
-    return [(label or scenario.title()[0], *scenario.title()[1:]) for label, (scenario, _) in zip(labels, runs)]
+    return [(label or scenario.title()[0], *scenario.title()[1:]) for label, (scenario, _) in zip(labels, runs, strict=True)]

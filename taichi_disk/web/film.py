@@ -20,7 +20,7 @@ from taichi_disk.lattice import Array
 from taichi_disk.output.files import write_text
 from taichi_disk.progress import Progress
 from taichi_disk.render import film as pictures
-from taichi_disk.render.moments import Run, Span, check_runs, cues, lines, scale_times, titles
+from taichi_disk.render.moments import WHOLE, Run, Span, check_runs, cues, lines, scale_times, titles
 from taichi_disk.render.palette import full_scale, round_near
 from taichi_disk.signals import raise_if_interrupted
 from taichi_disk.statics.equilibrium import roll_angle, turned
@@ -32,7 +32,7 @@ _STATES = 300_000  # points in all states together, about, that one file holds
 _FEWEST = 40  # states of a large disk, between which the page interpolates
 
 
-def film(path: Path, runs: Sequence[Run], video: VideoSection, progress: Progress, span: Span = Span()) -> None:
+def film(path: Path, runs: Sequence[Run], video: VideoSection, progress: Progress, span: Span = WHOLE) -> None:
     """Film `runs` side by side into `path` as `render.film.film` does; .html: a page that plays their states.
 
     A page needs no Vulkan. Raises what `render.film.film` raises.
