@@ -14,10 +14,11 @@ from taichi_disk.computation.outcome import Outcome, greatest_compression
 from taichi_disk.computation.scenario import Scenario
 from taichi_disk.config.sections import VideoSection
 from taichi_disk.errors import InputError
+from taichi_disk.lattice import Array
 from taichi_disk.output.files import atomic_write, check_pictures, origin
 from taichi_disk.progress import Progress
 from taichi_disk.render import require_film
-from taichi_disk.render.geometry import View, edge_height
+from taichi_disk.render.geometry import View, edge_height, flattening, magnification
 from taichi_disk.render.legend import Legend
 from taichi_disk.render.moments import WHOLE, Cue, Run, Span, check_runs, cues, lines, scale_times, still_cue, titles
 from taichi_disk.render.painter import Painter
@@ -100,7 +101,12 @@ def film_origin(runs: Sequence[Run], video: VideoSection) -> str:
 
 def _pictures(runs: Sequence[Run], video: VideoSection, shots: Sequence[Cue]) -> Pictures:
     still = shots[0][0] if len(shots) == 1 else None
-    painters, views = zip(*(_painter(*run, video, still, shots[-1][0]) for run in runs), strict=True)
+    made = [_painter(*run, video, still, shots[-1][0]) for run in runs]
+    painters = [painter for painter, _, _ in made]
+    magnify = magnification(video.magnify, max(flattest for _, _, flattest in made))
+    for painter in painters:
+        painter.magnify = magnify
+    views = [_view(painter, run[0], states) for (painter, states, _), run in zip(made, runs, strict=True)]
     limit, full_force = max(one.limit for one in painters), max(one.full_force for one in painters)
     ends = [each for run in runs for each in lines(*run, (shots[0], (shots[-1][0], None)))]
     samples = [*(line for each in ends for line in each), *dict.fromkeys(note or "" for _, note in shots)]
@@ -117,26 +123,26 @@ def _pictures(runs: Sequence[Run], video: VideoSection, shots: Sequence[Cue]) ->
 
 def _painter(
     scenario: Scenario, outcome: Outcome, video: VideoSection, still: float | None, end: float
-) -> tuple[Painter, View]:
-    """Colours, arrows, the wall's edge and the view fit the greatest compression and, of a film, moments before it.
+) -> tuple[Painter, list[Array], float]:
+    """Return a painter, positions (n, 2) [R] that the view has to hold, and the greatest flattening [R].
 
-    The view holds the `end` of a film, too, up to which a disk flies on, or the moment of a `still` picture [R/c].
+    Colours, arrows and the wall's edge fit the greatest compression and, of a film, moments before it. The positions
+    are those, and those at the `end` of a film, up to which a disk flies on, or at a `still` picture's moment [R/c].
     """
     painter = Painter(scenario.lattice, scenario.model.springs, scenario.model.wall)
     painter.colour, painter.draw, painter.theme, painter.limit = video.colour, video.draw, video.theme, 0.0
-    painter.spoke, painter.magnify = scenario.spoke, video.magnify
-    columns, (xmin, xmax, ymin, ymax) = outcome.columns, scenario.view
+    painter.spoke, columns = scenario.spoke, outcome.columns
     peak = greatest_compression(columns)
     if still is None:
         looks = scale_times(scenario, columns)
-        positions = [painter.placed(outcome.positions)]
+        positions = [outcome.positions]
         if end > columns["t"][-1]:
-            positions += (painter.placed(x) for _, x, _ in outcome.frames(np.array([end])) if x[:, 1].max() < _HIGHEST)
+            positions += (x for _, x, _ in outcome.frames(np.array([end])) if x[:, 1].max() < _HIGHEST)
     else:
         looks, positions = [still], []
     times = sorted({*looks, peak})
     for t, (_, x, v) in zip(times, outcome.frames(np.array(times)), strict=True):
-        positions.append(painter.placed(x))
+        positions.append(x)
         if t <= peak:
             painter.limit, greatest = max(painter.limit, painter.scale(painter.values(x, v))), x
     _, forces = painter.wall.contact_forces(painter.lattice, greatest)
@@ -144,8 +150,14 @@ def _painter(
     full = max(largest, outcome.largest_push / _LONGEST)
     painter.full_force = round_near(full) if full else 0.0
     painter.edge = edge_height(painter.wall, largest)
+    return painter, positions, flattening(scenario.lattice, greatest)
+
+
+def _view(painter: Painter, scenario: Scenario, states: Sequence[Array]) -> View:
+    """Return what holds the disk in all `states` (n, 2) as they are drawn [R]."""
+    xmin, xmax, ymin, ymax = scenario.view
     if not len(scenario.lattice.wall_surface):  # of a rigid wall no more is seen than its uppermost part
         ymin = painter.edge - _BELOW
-    disk = np.concatenate([x[: scenario.lattice.disk_points] for x in positions])
+    disk = np.concatenate([painter.placed(x)[: scenario.lattice.disk_points] for x in states])
     (left, _), (right, top) = disk.min(axis=0), disk.max(axis=0)
-    return painter, (min(xmin, left - _BESIDE), max(xmax, right + _BESIDE), ymin, max(ymax, top))
+    return min(xmin, left - _BESIDE), max(xmax, right + _BESIDE), ymin, max(ymax, top)
