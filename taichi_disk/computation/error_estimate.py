@@ -8,7 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from taichi_disk.computation.diagnostics import greatest_compression, relative_imbalance
+from taichi_disk.computation.contact import greatest_compression
+from taichi_disk.computation.diagnostics import relative_imbalance
 from taichi_disk.computation.driver import Driver
 from taichi_disk.computation.scenario import Scenario
 from taichi_disk.computation.step_control import fitted

@@ -10,11 +10,11 @@ import reference
 from bodies import SMALL, WALL, advance, computed
 from numpy.testing import assert_array_equal
 
+from taichi_disk.computation.contact import contact_interval
 from taichi_disk.computation.outcome import compute
 from taichi_disk.integrators import INTEGRATORS, TRAPEZOIDAL, VELOCITY_VERLET
 from taichi_disk.lattice import Lattice, bulk_moduli
 from taichi_disk.scenes import load_scene
-from taichi_disk.scenes.impact import contact_interval
 
 LONG = pytest.mark.validate
 TURNING = ("lattice.points=5", "lattice.seed=2", "impact.turn=0.51")  # a corner of it hits again
