@@ -59,23 +59,26 @@ def warnings(scenario: Scenario, columns: Columns) -> list[str]:
             "of the kinetic energy: that is the contact law's own doing, at any step, and e is as uncertain; "
             "wall.contact: smooth has no such jumps, a lower impact.velocity or a higher material.k_a fewer"
         )
-    return [text for text in (*found, *_rotation_lost(scenario, columns)) if text]
+    return [text for text in (*found, _rotation_lost(scenario, columns)) if text]
 
 
-def _rotation_lost(scenario: Scenario, columns: Columns) -> list[str]:
-    """What dashpots took of the rotation before the contact; after it, if the scene's results have a spin."""
+def _rotation_lost(scenario: Scenario, columns: Columns) -> str:
+    """What dashpots took of the rotation before the contact and, if the scene's results have a spin, after it."""
     t, spin = columns["t"], columns["angular_momentum"]
     start, _ = contact_interval(t, columns["wall_force"], columns["com_vy"])
-    flights = [("before", spin[0], np.interp(start, t, spin), "")]
+    flights = [(spin[0], float(np.interp(start, t, spin)), "before the contact")]
     if "spin_after" in scenario.result(columns):
-        after = np.interp(results_time(columns), t, spin)
-        flights.append(("after", after, spin[-1], "; results are those at the end of the contact"))
-    return [
-        f"of the angular momentum {1.0 - last / first:.0%} was lost {when} the contact: the paper's dashpots resist "
-        f"rotation, too; material.dashpot: axial leaves it as it is{results}"
-        for when, first, last, results in flights
+        after = float(np.interp(results_time(columns), t, spin))
+        flights.append((after, spin[-1], "after the contact, at whose end results are read"))
+    lost = [
+        f"{1.0 - last / first:.0%} of the angular momentum {when}"
+        for first, last, when in flights
         if abs(first) > SPIN and abs(last - first) > LOST_SPIN * abs(first)
     ]
+    if not lost:
+        return ""
+    remedy = "the paper's dashpots resist rotation, too; material.dashpot: axial leaves it as it is"
+    return f"dashpots took {' and '.join(lost)}: {remedy}"
 
 
 class EnergyBalance:

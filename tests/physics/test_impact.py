@@ -166,6 +166,19 @@ def test_when_it_ends_the_disk_has_left_for_good(name, settings, kernels):
     assert_has_left(kernels, name, *settings)
 
 
+def test_a_body_that_turns_faster_than_it_rises_ends_no_sooner_than_its_corners_are_clear():
+    scenario = load_scene("exponential_wall", [*TURNING, "material.eta_star=0"]).scenario()
+    x, masses = scenario.lattice.positions, scenario.lattice.masses
+    arm = x - masses @ x
+    radius, inertia = np.hypot(*arm.T).max(), masses @ (arm**2).sum(axis=1)
+    height, speed = scenario.gap + 0.1, 0.01
+    for spin in (0.0, 1.0, -1.0):
+        energy = 0.5 * (speed**2 + inertia * spin**2)
+        row = {"com_vx": 0.0, "com_vy": speed, "com_y": scenario.gap + radius - 0.1, "lowest_y": height}
+        row |= {"angular_momentum": inertia * spin, "kinetic": energy, "elastic": 0.0}
+        assert scenario.ended({name: np.array([value]) for name, value in row.items()}) == (spin == 0.0)
+
+
 def test_when_it_ends_a_rod_that_bends_has_left_for_good(tmp_path, kernels):
     # Its end bends seven times as far down as the rim of a disk of the same energy.
     rod = np.stack(np.meshgrid(np.linspace(-1.5, 1.5, 31), np.linspace(-0.15, 0.15, 4)), axis=-1)
