@@ -165,8 +165,7 @@ class ImpactScenario(Scenario):
     def energy(self) -> float:
         """Of the flight towards the wall, and of a spin and all else that moves in the disk, at the start [M c^2]."""
         lattice, disk = self.lattice, self.velocities[: self.lattice.disk_points]
-        weights = None if lattice.uniform else lattice.masses[: len(disk), None] + np.zeros(2)
-        return self.kinetic + float(np.average((disk - lattice.mean(disk)) ** 2, weights=weights))
+        return self.kinetic + 0.5 * float(lattice.mean(((disk - lattice.mean(disk)) ** 2).sum(axis=1)))
 
     def energy_scale(self, columns: Columns) -> float:
         return self.energy
