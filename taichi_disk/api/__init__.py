@@ -23,7 +23,7 @@ from taichi_disk.output.plot import plotting_beside
 from taichi_disk.output.run_folder import run_folder
 from taichi_disk.progress import Progress, reported, rows, shown, silent
 from taichi_disk.scenes import Scene, load_scene
-from taichi_disk.scenes.body import DiskScene
+from taichi_disk.scenes.scene import DiskScene
 from taichi_disk.signals import raise_if_interrupted
 from taichi_disk.statics.modes import Modes, modes
 
