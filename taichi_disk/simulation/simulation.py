@@ -10,6 +10,8 @@ from typing import Any
 import numpy as np
 import taichi as ti
 
+from taichi_disk import engine
+from taichi_disk.errors import TaichiDiskError
 from taichi_disk.integrators import Integrator
 from taichi_disk.integrators.trapezoidal import DashpotSolver, Factor, factorise
 from taichi_disk.lattice import Array, Lattice
@@ -18,7 +20,7 @@ from taichi_disk.physics.law import Capacity
 from taichi_disk.physics.ordering import BLOCK, Arrangement, arrange
 from taichi_disk.signals import raise_if_interrupted
 from taichi_disk.simulation.kernels import Kernels, SubdomainKernels
-from taichi_disk.simulation.observables import COLUMNS, PEAK_POINT_FORCE, bounds_array
+from taichi_disk.simulation.observables import INDEX, PEAK_POINT_FORCE, bounds_array
 from taichi_disk.simulation.stepping import Snapshot, State
 
 # Of any simulation: kernels of one size serve all lattices of usual size.
@@ -42,6 +44,7 @@ class Simulation:
 
     def __init__(self, lattice: Lattice, model: Model, integrator: Integrator, velocities: Array, dt: float) -> None:
         self.integrator, self.model, self.generation = integrator, deepcopy(model), 0
+        self._program = engine.program()
         self.features = compiled_for(lattice, model)
         self.model.springs.unlike = lattice.stiffness is not None
         arrangement, factor = arrange(lattice.bonds, len(lattice.positions)), self._factor(lattice, model, dt)
@@ -108,7 +111,7 @@ class Simulation:
         self.kernels.fill(arranged, factor)
         for law in self.model.laws:
             law.fill(lattice)
-        rows = np.empty((1, len(COLUMNS) + self.model.has_friction))
+        rows = np.empty((1, len(INDEX)))
         self.kernels.advance(-1, 1, 1, rows, bounds_array({}), np.array([NEVER, 0, 0, 0], np.int32))
         self.first_row = self.now = rows[0]
 
@@ -127,6 +130,8 @@ class Simulation:
         Returns the rows (rows, columns), and how many rows running are within the bounds now.
         """
         raise_if_interrupted()
+        if not self.is_alive:
+            raise TaichiDiskError("this simulation has lost its fields to a later ti.init or ti.reset: begin it again")
         rows = np.empty(((self.step_number % stride + steps) // stride + 1, self.now.size))
         bounds = bounds_array({}) if bounds is None else bounds
         counts = np.array([needed, quiet, 0, 0], np.int32)
@@ -170,6 +175,11 @@ class Simulation:
         """
         return float(self.kernels.set_mouse_target(point, *target))
 
+    @property
+    def is_alive(self) -> bool:
+        """Whether the fields are still there: the user's own `ti.init` or `ti.reset` takes them away."""
+        return engine.program() is self._program
+
     def destroy(self) -> None:
         """Give the fields' memory back; the simulation cannot be used afterwards."""
         self.generation = -1
@@ -194,7 +204,7 @@ class KernelCache:
     ) -> Simulation:
         """A simulation at t = 0 of these; one that was given before may become it."""
         key = (compiled_for(lattice, model), integrator.name)
-        known = self._known.get(key)
+        known = one if (one := self._known.get(key)) and one.is_alive else None
         arguments = lattice, model, integrator, velocities, dt
         if known is None or not known.restart(*arguments):
             raise_if_interrupted()

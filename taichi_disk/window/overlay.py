@@ -16,12 +16,12 @@ from numpy.typing import ArrayLike, NDArray
 from PIL import Image, ImageDraw, ImageFont
 
 from taichi_disk.lattice import Array
-from taichi_disk.output.plot import ENERGIES, LINE
+from taichi_disk.output.plot import LINE
 from taichi_disk.render.geometry import NOTHING, Shape, joined, outline, quads
 from taichi_disk.render.kernels import VERTEX
 from taichi_disk.render.legend import Ink, draw_line, ink, label, text_width, ticks_to
 from taichi_disk.render.palette import Theme, round_near
-from taichi_disk.simulation.observables import COLUMNS, INDEX
+from taichi_disk.simulation.observables import BY_NAME, INDEX, of_kind
 from taichi_disk.window.history import Segment
 from taichi_disk.window.sandbox import Sandbox, push_of
 
@@ -32,7 +32,6 @@ _PIECES = re.compile(r"[-−+.\d]|[^-−+.\d]+")  # numbers that change are set 
 _LEVELS = 3  # shades of a letter: with six, which look the same, it takes half as many boxes again
 
 _POINTS = 140  # of a curve
-_LOST = ("dissipated", "absorbed", "sliding")
 _SMALL, _HEADING = 11.0, 12.0  # sizes of letters [px]
 
 
@@ -186,7 +185,7 @@ class Graphs:
 
     def _rows(self) -> tuple[Array, Array]:
         """Times since the hit began, and the rows; what was lost adds up over all changes by hand."""
-        lost = [INDEX[name] for name in _LOST] + list(range(len(COLUMNS), self._sandbox.seen.row.size))
+        lost = [INDEX[name] for name in of_kind("loss")]
         times, rows = [], []
         before: Array = np.zeros(len(lost))
         for one in self._segments:
@@ -205,11 +204,11 @@ class Graphs:
         motion, force = (label(self.full[scale]) for scale in ("motion", "force"))
         moved = (f"v / {motion} c", of("com_vy")) if self._low else (f"ξ / {motion} R", height[0] - height)
         return [
-            Curve(0, "energy", "flight", ENERGIES["translation"][1], flight),
-            Curve(0, "energy", "vibration, spin", ENERGIES["vibration"][1], of("kinetic") - flight),
-            Curve(0, "energy", "elastic, wall", ENERGIES["elastic"][1], of("elastic", "wall")),
-            Curve(0, "energy", "lost", ENERGIES["dissipated"][1], of(*_LOST) + rows[:, len(COLUMNS) :].sum(axis=1)),
-            Curve(1, "force", f"wall's force / {force} Mc²/R", ENERGIES["absorbed"][1], of("wall_force")),
+            Curve(0, "energy", "flight", BY_NAME["translation"].colour, flight),
+            Curve(0, "energy", "vibration, spin", BY_NAME["vibration"].colour, of("kinetic") - flight),
+            Curve(0, "energy", "elastic, wall", BY_NAME["elastic"].colour, of("elastic", "wall")),
+            Curve(0, "energy", "lost", BY_NAME["dissipated"].colour, of(*of_kind("loss"))),
+            Curve(1, "force", f"wall's force / {force} Mc²/R", BY_NAME["absorbed"].colour, of("wall_force")),
             Curve(1, "motion", moved[0], LINE, moved[1]),
         ]
 
