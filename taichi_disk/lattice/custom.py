@@ -88,9 +88,11 @@ def positive(values: ArrayLike, count: int, name: str, low: float, high: float, 
         raise InputError(f"{name} must have the shape ({count},), not {array.shape}")
     for k in np.flatnonzero(~((low <= array) & (array <= high))):
         raise InputError(f"{name}[{k}] is {array[k]:g}: it must be a positive number, from {low:g} to {high:g}")
-    k = int(array.argmin())
-    if array.max() > ratio * array[k]:
-        raise InputError(f"{name}[{k}] is {array[k]:g}, less than {1 / ratio:g} of the largest, {array.max():g}")
+    least = int(array.argmin())
+    if array.max() > ratio * array[least]:
+        raise InputError(
+            f"{name}[{least}] is {array[least]:g}, less than {1 / ratio:g} of the largest, {array.max():g}"
+        )
     return array
 
 
