@@ -16,7 +16,7 @@ from taichi_disk.integrators import Integrator
 from taichi_disk.integrators.trapezoidal import DashpotSolver, Factor, factorise
 from taichi_disk.lattice import Array, Lattice
 from taichi_disk.physics import MatchedBoundary, Model
-from taichi_disk.physics.law import Capacity, reference_mass
+from taichi_disk.physics.law import Capacity
 from taichi_disk.physics.ordering import BLOCK, Arrangement, arrange
 from taichi_disk.signals import raise_if_interrupted
 from taichi_disk.simulation.kernels import Kernels, SubdomainKernels
@@ -53,7 +53,7 @@ class Simulation:
         builder = ti.FieldsBuilder()
         for law in self.model.laws:
             law.make_fields(builder, self._capacity)
-        self.state = State(builder, self._capacity, self.subdomains, self.model, not lattice.uniform)
+        self.state = State(builder, self._capacity, self.subdomains, self.model)
         both = 2 if isinstance(model.boundary, MatchedBoundary) else 1
         solver = DashpotSolver(builder, self._capacity, both) if factor is not None else None
         parts = self.state, self.model, integrator, solver
@@ -90,30 +90,24 @@ class Simulation:
         for own, given in zip(self.model.laws, model.laws, strict=True):
             vars(own).update(vars(given))  # which is a value: its own fields stay
         self.model.springs.unlike = lattice.stiffness is not None
-        self.lattice, self.dt, mass = lattice, dt, reference_mass(lattice)
-        self._arrangement, self.step_number = arranged, 0
+        self.lattice, self.dt, self._arrangement, self.step_number = lattice, dt, arranged, 0
         self.generation += 1
-        n, g, state = len(lattice.positions), dt / mass, self.state
+        state = self.state
         flight = 0.5 * float(lattice.mean(velocities[:, 1])) ** 2  # towards the wall
         contact = CONTACT * flight * model.wall.added_stiffness(1.0) if model.wall else float("inf")
         numbers: list[tuple[Any, float]] = [
             (state.h, dt),
-            (state.m, mass),
-            (state.g, g),
-            (state.closing, self.integrator.kicks[-1] * g),
+            (state.closing, self.integrator.kicks[-1] * dt),
             (state.contact, contact),
-            (state.n, n),
+            (state.n, len(lattice.positions)),
             (state.n_disk, lattice.disk_points),
             (state.blocks, arranged.blocks),
             (state.subdomain_points, arranged.subdomain_points),
             (state.reset_steps, max(1, round(model.reset_interval / dt))),
         ]
-        if state.unlike:
-            numbers.append((state.disk_mass, lattice.masses[: lattice.disk_points].sum() / mass))
-            state.fill_masses(mass / lattice.masses)
         for law in self.model.laws:
             numbers += law.numbers()
-        state.begin(numbers, lattice.positions, velocities)
+        state.begin(numbers, lattice, velocities)
         self.model.springs.arrange(lattice, arranged)
         self.kernels.fill(arranged, factor)
         for law in self.model.laws:
@@ -224,8 +218,8 @@ class KernelCache:
 
 
 def compiled_for(lattice: Lattice, model: Model) -> tuple[Any, ...]:
-    """All that kernels are compiled for: laws, and whether points or springs are unlike."""
-    return model.signature(), lattice.uniform, lattice.stiffness is None
+    """All that kernels are compiled for: laws, and whether springs are unlike."""
+    return model.signature(), lattice.stiffness is None
 
 
 def _needed(lattice: Lattice, arrangement: Arrangement, factor: Factor | None) -> tuple[int, int, int]:
