@@ -173,7 +173,7 @@ class Lattice:
                 4 R, the mean within 0.1 R of x = 0. Any y: the scene chooses the height.
             springs: (m, 2) whole numbers, pairs of rows of `points` from 0, each pair once. Every point is a corner of
                 a triangle of springs.
-            rest_lengths: (m,) [R], 1e-9 to 1000, in the order of `springs`; without, the springs are at rest at `points`.
+            rest_lengths: (m,) [R], 1e-9 to 1000, in the order of `springs`; without, these are at rest at `points`.
             triangles: (t, 3) rows of `points`; their sides are springs, all of them where `springs` are not given.
             stiffness: (m,) 1e-12 to 1e12, in the order of `springs`: by which k_a, k_b and eta of each are multiplied.
                 Let that be 1 for most: times and forces are estimated from k_a.

@@ -229,7 +229,7 @@ try:
     main({given})
 except SystemExit:
     pass
-slow = {{"taichi", "scipy", "matplotlib", "rich", "imageio", "av", "PIL", "pydantic"}} & set(sys.modules)
+slow = {{"taichi", "taichi_forge", "scipy", "matplotlib", "rich", "imageio", "av", "PIL"}} & set(sys.modules)
 sys.exit(f"loaded {{slow}}" if slow else 0)
 """
         done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
