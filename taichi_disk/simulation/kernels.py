@@ -9,9 +9,9 @@ contact, boundary, implicit dashpots. So its bits are those of one core.
 from typing import Any
 
 import numpy as np
-import taichi as ti
 from numpy.typing import NDArray
 
+from taichi_disk.engine import ti
 from taichi_disk.integrators import Integrator
 from taichi_disk.integrators.trapezoidal import DashpotSolver, Factor
 from taichi_disk.lattice import Array

@@ -8,9 +8,9 @@ from dataclasses import astuple
 from typing import Any
 
 import numpy as np
-import taichi as ti
 
 from taichi_disk import engine
+from taichi_disk.engine import ti
 from taichi_disk.errors import TaichiDiskError
 from taichi_disk.integrators import Integrator
 from taichi_disk.integrators.trapezoidal import DashpotSolver, Factor, factorise

@@ -318,7 +318,7 @@ def test_a_full_disk_is_told_and_leaves_nothing(run, tmp_path, suffix, room):
 
 @needs_vulkan
 def test_a_vulkan_that_does_not_work_is_reported(run, tmp_path, monkeypatch):
-    import taichi as ti
+    from taichi_disk.engine import ti
 
     def broken(*_, **__):
         raise RuntimeError("device lost")
