@@ -20,9 +20,10 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from taichi_disk import engine
 from taichi_disk.errors import InputError, SimulationError
 from taichi_disk.lattice import Array, Lattice
-from taichi_disk.runtime import processor
+from taichi_disk.machine import processor
 from taichi_disk.simulation.observables import COLUMNS
 from taichi_disk.version import __version__
 
@@ -252,7 +253,7 @@ def write_timeseries(path: Path, columns: dict[str, Array], interval: float = 0.
     have 17 digits, so that those read back are those computed.
     """
     due = {"always": True, "never": False}
-    names = [one.name for one in COLUMNS if one.name in columns and due.get(one.written, columns[one.name].any())]
+    names = [one.name for one in COLUMNS if one.name in columns and due.get(one.written, bool(columns[one.name].any()))]
     table = np.stack([columns[name] for name in names], axis=1)
     every = max(1, round(interval / float(columns["t"][1])))
     kept = [*range(0, len(table) - 1, every), -1]
@@ -296,7 +297,7 @@ def write_lattice(path: Path, lattice: Lattice, velocities: Array, impedance: An
 def versions() -> dict[str, str]:
     """What computed the numbers."""
     own = {"python": platform.python_version(), "taichi-disk": __version__}
-    return own | {name: version(name) for name in ("taichi", "numpy", "scipy")}
+    return own | engine.versions() | {name: version(name) for name in ("numpy", "scipy")}
 
 
 def provenance() -> dict[str, str]:
