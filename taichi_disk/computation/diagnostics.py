@@ -12,9 +12,10 @@ from taichi_disk.lattice import Array, Lattice
 from taichi_disk.physics import Model
 from taichi_disk.simulation.observables import INDEX, Columns, of_kind, total_energy, vibration_left
 
-CLOSING, WORST = 2e-5, 1e-4  # largest imbalance, at the end and ever, that an automatic step may leave
-LARGEST = 1e-3  # imbalance at the end that no result may have: it would show in the third digit of e
+MAX_CLOSING, MAX_WORST = 2e-5, 1e-4  # largest imbalance, at the end and ever, that an automatic step may leave
+MAX_IMBALANCE = 1e-3  # imbalance at the end that no result may have: it would show in the third digit of e
 SPIN, LOST_SPIN = 1e-9, 0.01  # angular momentum of a disk that spins [M R c]; part that its flight may cost unnoticed
+STRETCHED = 0.1  # of the contact's elastic energy: a disk that stores more before it touches the wall is stretched
 BLOW_UP = 0.1  # imbalance, relative to the largest energy so far, that ends a run
 
 
@@ -39,7 +40,7 @@ def unacceptable(scenario: Scenario, columns: Columns) -> str | None:
     """Why a run has no result: its energy imbalance at the end is too large; None where it is not."""
     lost, _ = relative_imbalance(scenario, columns)
     tolerance = scenario.scene.time.tolerance
-    allowed = LARGEST if tolerance == "none" else max(LARGEST, tolerance)
+    allowed = MAX_IMBALANCE if tolerance == "none" else max(MAX_IMBALANCE, tolerance)
     if abs(lost) <= allowed:
         return None
     return (
@@ -52,7 +53,7 @@ def warnings(scenario: Scenario, columns: Columns) -> list[str]:
     """What makes the result of a run doubtful, as sentences."""
     found = [unacceptable(scenario, columns)]
     slid = float(np.abs(columns["sliding"]).max()) / scenario.energy_scale(columns)
-    if slid > LARGEST:
+    if slid > MAX_IMBALANCE:
         found.append(
             f"points of the disk slid from spring to spring of the dented wall, which changed the energy by {slid:.2g} "
             "of the kinetic energy: that is the contact law's own doing, at any step, and e is as uncertain; "
@@ -66,6 +67,18 @@ def warnings(scenario: Scenario, columns: Columns) -> list[str]:
             "resist rotation, too; material.dashpot: axial leaves it as it is"
         )
     return [text for text in found if text]
+
+
+def greatest_compression(columns: Columns) -> float:
+    """When the elastic energy is largest while the wall pushes [R/c].
+
+    Where a spin stretches the disk before it touches the wall: when the centre of mass is nearest to the wall.
+    """
+    force, elastic = columns["wall_force"], columns["elastic"]
+    touches = force >= 0.01 * force.max()
+    stored = elastic * touches
+    stretched = elastic[: int(touches.argmax())].max(initial=0.0) > STRETCHED * stored.max()
+    return float(columns["t"][int(columns["com_y"].argmin() if stretched else stored.argmax())])
 
 
 class EnergyBalance:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
-from taichi_disk.computation.scenario import Array, Scenario, spread
+from taichi_disk.computation.scenario import Array, Scenario, distribute
 from taichi_disk.errors import InputError
 from taichi_disk.lattice import Lattice, disk_of
 from taichi_disk.lattice.network import bending_compliance
@@ -80,7 +80,7 @@ class ImpactScenario(Scenario):
         longest, decay_time = LONGEST * self.springs.time_unit, scene.wall.decay_length / velocity
         halvings = np.ceil(np.log2(longest / (DECAY_TIMES_PER_ROW * decay_time)) - 1e-9)
         self.sample_interval = float(longest * 0.5 ** np.clip(halvings, 0, HALVINGS))
-        self.resolving_step = RESOLVED * decay_time
+        self.wall_step = RESOLVED * decay_time
         self._put_at_start()
         self.model = self._model()
         assert self.model.wall is not None
@@ -219,7 +219,7 @@ class ImpactScenario(Scenario):
         first, second = max(start - margin, 0.1 * start), min(end + margin, 0.9 * last + 0.1 * end)
         # The contact in slow motion: the flights before and after take half the time, and little of the film.
         flights = [min(0.5 * flight, 0.2 * (second - first)) for flight in (first, last - second)]
-        return spread([0.0, first, second, last], [flights[0], second - first, flights[1]], frames)
+        return distribute([0.0, first, second, last], [flights[0], second - first, flights[1]], frames)
 
     def title(self) -> tuple[str, ...]:
         scene = self.scene

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from taichi_disk.computation.diagnostics import LARGEST
+from taichi_disk.computation.diagnostics import MAX_IMBALANCE
 from taichi_disk.computation.scenario import Scenario
 from taichi_disk.errors import SimulationError
 from taichi_disk.scenes import Scene, load_scene
@@ -182,7 +182,7 @@ def _fault(facts: dict[str, Any]) -> str:
         return f"the result is {value}"
     if energy is None:
         return ""
-    if not abs(energy["closing_imbalance"]) <= LARGEST:
+    if not abs(energy["closing_imbalance"]) <= MAX_IMBALANCE:
         return f"the energy imbalance is {energy['closing_imbalance']:.2g}"
     gain = max(0.0, -energy["sliding"] / energy["scale"]) + 2e-3
     if "restitution" in facts and not 0.0 < value <= math.sqrt(1.0 + gain):
