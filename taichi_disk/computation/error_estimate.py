@@ -8,12 +8,14 @@ from typing import Any
 
 import numpy as np
 
-from taichi_disk.computation.diagnostics import greatest_compression, relative_imbalance
+from taichi_disk.computation.contact import greatest_compression
+from taichi_disk.computation.diagnostics import relative_imbalance
 from taichi_disk.computation.driver import Driver
 from taichi_disk.computation.scenario import Scenario
 from taichi_disk.computation.step_control import fitted
 from taichi_disk.errors import SimulationError, TaichiDiskError
 from taichi_disk.lattice import Array
+from taichi_disk.simulation.observables import Columns
 
 # Measured on scenes whose truth is known: `python -m tests.validation.estimate_trial`.
 STEP_RATIO = 1.25  # by which the step of a second run is shorter
@@ -64,12 +66,20 @@ def second_run(driver: Driver) -> SecondRun:
         return SecondRun({}, x)
     part = UNRESOLVED_PART if step.dt > scenario.wall_step else STUCK_PART if _has_stuck(driver) else 0.0
     least = part * scenario.sensitivity * relative_imbalance(scenario, columns)[1]
-    errors, scales, primary = {}, scenario.result_scales(columns), scenario.primary(columns)[0]
+    errors, scales, sampling = {}, scenario.result_scales(columns), _sampling_errors(scenario, columns)
     for name in [name for name in scales if name in found and name in others]:
         difference = richardson(found[name], step.dt, others[name], other.step.dt, _order(driver))
-        errors[name] = max(ERROR_SAFETY * difference, least * scales[name])
-    errors[primary] += scenario.end_truncation_error(columns)
+        errors[name] = max(ERROR_SAFETY * difference, least * scales[name]) + sampling.get(name, 0.0)
+    errors[scenario.primary(columns)[0]] += scenario.end_truncation_error(columns)
     return SecondRun(errors, x)
+
+
+def _sampling_errors(scenario: Scenario, columns: Columns) -> dict[str, float]:
+    """What the distance between rows may do to each result, such as a time: as much as leaving out every other row."""
+    found, rows = scenario.result(columns), np.arange(len(columns["t"]))
+    ends = (rows == 0) | (rows == rows[-1])
+    thinned = [scenario.result({key: one[ends | (rows % 2 == k)] for key, one in columns.items()}) for k in (0, 1)]
+    return {name: max(abs(one.get(name, value) - value) for one in thinned) for name, value in found.items()}
 
 
 def _has_stuck(driver: Driver) -> bool:

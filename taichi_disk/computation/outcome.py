@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from taichi_disk.computation import diagnostics
+from taichi_disk.computation.contact import greatest_compression
 from taichi_disk.computation.driver import Driver, Moment
 from taichi_disk.computation.error_estimate import SecondRun, second_run, within_tolerance
 from taichi_disk.computation.scenario import Scenario
@@ -118,7 +119,7 @@ def _described(driver: Driver, second: SecondRun | None, estimate: bool) -> Outc
         second = second or second_run(driver)
         errors, compressed = second.errors, second.compressed
     elif small:
-        _, compressed, _ = next(driver.replay(np.array([diagnostics.greatest_compression(columns)])))
+        _, compressed, _ = next(driver.replay(np.array([greatest_compression(columns)])))
     inverted = inverted_triangles(scenario, compressed) if small and compressed is not None else None
     warnings += _inversion_warnings(inverted or 0)
     facts = {

@@ -4,6 +4,9 @@ from __future__ import annotations
 
 from math import log, pi, sqrt, tan
 
+import numpy as np
+
+from taichi_disk.computation.contact import results_time
 from taichi_disk.config.sections import (
     ElasticImpactSection,
     ElasticWallSection,
@@ -21,7 +24,11 @@ RESULTS = {
         "",
         "-(v_t + omega R) after over before, of the disk's lowest point; v_t to the right, omega counter-clockwise",
     ),
-    "spin_after": ("spin after", "c/R", "angular momentum at the end over the unloaded disk's moment of inertia"),
+    "spin_after": (
+        "spin after",
+        "c/R",
+        "angular momentum at the end of the last contact over the unloaded moment of inertia",
+    ),
     "tangential_impulse": ("tangential impulse", "M c", "of the wall on the disk, to the right: change of v_t times M"),
     "normal_impulse": ("normal impulse", "M c", "of the wall on the disk, upwards: change of v_n times M"),
 }
@@ -36,7 +43,10 @@ def along_the_wall(columns: Columns, radius: float, inertia: float) -> dict[str,
         columns: the time series of an ended impact.
         radius, inertia: of the unloaded disk [R], [M R^2].
     """
+    end, t = results_time(columns), columns["t"]
     vx, vy, spin = (columns[name][[0, -1]] for name in ("com_vx", "com_vy", "angular_momentum"))
+    # What the wall still does to the rotation afterwards is the moment of its tangential impulse.
+    spin[1] = np.interp(end, t, columns["angular_momentum"]) + radius * (vx[1] - np.interp(end, t, columns["com_vx"]))
     before, after = (vx + spin / inertia * radius).tolist()
     found = {} if abs(before) <= STILL * abs(vy[0]) else {"tangential_restitution": -after / before}
     return found | {

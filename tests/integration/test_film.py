@@ -16,7 +16,7 @@ import pytest
 from PIL import Image
 
 from taichi_disk import Lattice, api, load_scene, runtime
-from taichi_disk.computation.diagnostics import greatest_compression
+from taichi_disk.computation.contact import greatest_compression
 from taichi_disk.computation.outcome import compute, quasistatic
 from taichi_disk.errors import InputError, SimulationError, TaichiDiskError
 from taichi_disk.progress import silent as QUIET

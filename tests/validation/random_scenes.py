@@ -174,9 +174,9 @@ def feature_scene(number: int) -> tuple[str, tuple[str, ...], float]:
     axial = eta > 0.0 and chance(0.4)
     settings += ["material.dashpot=axial"] * axial
     if body == "hole":
-        settings.append(f"lattice.hole={rng.uniform(0.3, 0.5):.3f}")
+        settings.append(f"lattice.hole={rng.uniform(0.3, 0.4):.3f}")
     if body == "core":
-        settings += [f"lattice.core_radius={rng.uniform(0.35, 0.7):.3f}", f"lattice.core_stiffness={between(0.3, 4.0)}"]
+        settings += [f"lattice.core_radius={rng.uniform(0.4, 0.6):.3f}", f"lattice.core_stiffness={between(0.3, 4.0)}"]
         settings.append(f"lattice.core_density={between(0.3, 4.0)}")
     if rigid:
         settings.append(f"wall.friction={between(0.05, 5.0) if chance(0.6) else 0.0}")
