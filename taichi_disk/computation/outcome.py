@@ -115,13 +115,14 @@ def _described(driver: Driver, second: SecondRun | None, estimate: bool) -> Outc
             f"the step {step.dt:.6g} R/c is beyond the stability limit that the measured force of the wall leaves, "
             f"{limit:.6g} R/c: set time.dt: auto, or a shorter one",
         )
-    error, compressed = None, None
+    errors: dict[str, float] = {}
+    compressed = None
     if not scenario.step_dependent:
-        error = REST_CAUTION * scenario.end_truncation_error(columns) + ROUNDING
+        errors[scenario.primary(columns)[0]] = REST_CAUTION * scenario.end_truncation_error(columns) + ROUNDING
     small = estimate and end.step * step.integrator.forces * len(scenario.lattice.bonds) <= ESTIMATE_UP_TO
     if second or (small and scenario.step_dependent):
         second = second or second_run(driver)
-        error, compressed = second.error, second.compressed
+        errors, compressed = second.errors, second.compressed
     elif small:
         _, compressed, _ = next(driver.replay(np.array([greatest_compression(columns)])))
     inverted = inverted_triangles(scenario, compressed) if small and compressed is not None else None
@@ -133,7 +134,7 @@ def _described(driver: Driver, second: SecondRun | None, estimate: bool) -> Outc
         "dt_limit": limit,
         "attempts": driver.attempt,
         "integrator": step.integrator.name,
-        "error_estimate": {} if error is None else {scenario.primary(columns)[0]: error},
+        "error_estimate": errors,
         "error_source": "time step" if scenario.step_dependent else "end of the run",
         "energy": diagnostics.summary(scenario, columns),
     }
