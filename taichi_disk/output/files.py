@@ -28,7 +28,7 @@ from taichi_disk.simulation.observables import COLUMNS
 from taichi_disk.version import __version__
 
 if TYPE_CHECKING:
-    from taichi_disk.config.scene_base import SceneBase
+    from taichi_disk.scenes.scene import DiskScene
 
 PROGRAM = f"taichi-disk {__version__}"
 FILMS = ("video.mp4", "video.webm", "video.gif", "frames")
@@ -253,7 +253,7 @@ def write_timeseries(path: Path, columns: dict[str, Array], interval: float = 0.
     have 17 digits, so that those read back are those computed.
     """
     due = {"always": True, "never": False}
-    names = [one.name for one in COLUMNS if one.name in columns and due.get(one.written, columns[one.name].any())]
+    names = [one.name for one in COLUMNS if one.name in columns and due.get(one.written, bool(columns[one.name].any()))]
     table = np.stack([columns[name] for name in names], axis=1)
     every = max(1, round(interval / float(columns["t"][1])))
     kept = [*range(0, len(table) - 1, every), -1]
@@ -312,7 +312,7 @@ def provenance() -> dict[str, str]:
     return found
 
 
-def origin(*scenes: SceneBase) -> str:
+def origin(*scenes: DiskScene) -> str:
     """What films, pictures and trajectories carry: version and scenes, as YAML that `load_scene` takes, and no date."""
     return f"# {PROGRAM}\n" + "---\n".join(scene.to_yaml() for scene in scenes)
 

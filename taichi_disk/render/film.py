@@ -10,7 +10,8 @@ from pathlib import Path
 
 import numpy as np
 
-from taichi_disk.computation.outcome import Outcome, greatest_compression
+from taichi_disk.computation.contact import greatest_compression
+from taichi_disk.computation.outcome import Outcome
 from taichi_disk.computation.scenario import Scenario
 from taichi_disk.config.sections import VideoSection
 from taichi_disk.errors import InputError

@@ -16,7 +16,8 @@ import pytest
 from PIL import Image
 
 from taichi_disk import Lattice, api, load_scene, runtime
-from taichi_disk.computation.outcome import compute, greatest_compression, quasistatic
+from taichi_disk.computation.contact import greatest_compression
+from taichi_disk.computation.outcome import compute, quasistatic
 from taichi_disk.errors import InputError, SimulationError, TaichiDiskError
 from taichi_disk.progress import silent as QUIET
 from taichi_disk.render import film_problem
@@ -357,7 +358,7 @@ def test_a_full_disk_is_told_and_leaves_nothing(run, tmp_path, suffix, room):
 
 @needs_vulkan
 def test_a_vulkan_that_does_not_work_is_reported(run, tmp_path, monkeypatch):
-    import taichi as ti
+    from taichi_disk.engine import ti
 
     def broken(*_, **__):
         raise RuntimeError("device lost")
