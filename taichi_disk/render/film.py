@@ -118,7 +118,8 @@ def _pictures(runs: Sequence[Run], video: VideoSection, shots: Sequence[Cue]) ->
     (xmin, _, ymin, _), (_, xmax, _, ymax) = np.min(views, axis=0), np.max(views, axis=0)
     panel = None
     if video.panel and video.size >= _PANEL:
-        panel = side_panel(runs, video.size, THEMES[video.theme])
+        names = [title[0] for title in titles(runs)]
+        panel = side_panel(runs, names, video.size, THEMES[video.theme])
     return Pictures(legends, video.size, (xmin, xmax, ymin, ymax), video.supersample, panel)
 
 
