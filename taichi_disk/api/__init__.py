@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -12,12 +12,12 @@ from warnings import warn
 import numpy as np
 
 from taichi_disk import runtime
-from taichi_disk.api.job import FRAMES, Clock, Job, shared_kernels, write_run
+from taichi_disk.api.work import FRAMES, Clock, built, compute_into, shared_kernels, solved, write_run
 from taichi_disk.computation.outcome import Outcome
 from taichi_disk.computation.scenario import Scenario
 from taichi_disk.config.tree import Source, as_path
 from taichi_disk.errors import InputError
-from taichi_disk.lattice import Array, Lattice, OwnStart, disk_of, numbers
+from taichi_disk.lattice import Array, Lattice, OwnStart, disk_of, numbers, own_start
 from taichi_disk.output import files
 from taichi_disk.output.plot import plotting_beside
 from taichi_disk.output.run_folder import run_folder
@@ -47,16 +47,12 @@ class Result:
 
     Attributes:
         scene: what was computed.
-        scenario: the same with its lattice, laws and start.
-        summary: what summary.json holds.
-        outcome: the time series, the states, how they were computed.
+        outcome: the scene ready to be stepped, the time series, the states, how they were computed.
         out: the folder that the run went into, if there is one.
         own: the lattice and the velocities that are not the scene's.
     """
 
     scene: Scene
-    scenario: Scenario
-    summary: dict[str, Any]
     outcome: Outcome = field(repr=False)
     out: Path | None = None
     own: OwnStart = field(default=OwnStart(), repr=False)
@@ -74,6 +70,16 @@ class Result:
             rows(self.summary, self.scenario.labels),
             self.plot(),
         )
+
+    @property
+    def scenario(self) -> Scenario:
+        """The scene with its lattice, laws and start."""
+        return self.outcome.scenario
+
+    @property
+    def summary(self) -> dict[str, Any]:
+        """What summary.json holds."""
+        return self.outcome.summary
 
     # ---- numbers
 
@@ -105,7 +111,7 @@ class Result:
     @property
     def error(self) -> float | None:
         """Estimated error of the primary result due to the time step and to where the run ends; None if unknown."""
-        return next(iter(self.outcome.facts["error_estimate"].values()), None)
+        return next(iter(self.summary["error_estimate"].values()), None)
 
     @property
     def series(self) -> dict[str, Array]:
@@ -236,7 +242,7 @@ class Result:
         section = self.scene.with_({f"video.{key}": value for key, value in video.items()}).video
         check_target(path)
         files.prepare_output(path.parent)
-        runs = [(one.scenario, one.outcome) for one in (self, beside) if one]
+        runs = [one.outcome for one in (self, beside) if one]
         film(path, runs, section, progress or silent)
         return path
 
@@ -253,9 +259,9 @@ class Result:
         """
         out, text = as_path(out, "out"), self.own.repeating(self.scene).to_yaml()
         with run_folder(out, text, True, overwrite, lattice=self.own.digest) as folder:
-            computed = self.scenario, self.summary | {"video": folder.film}, self.outcome
+            outcome = replace(self.outcome, summary=dict(self.summary))
             with plotting_beside(video) as plot:
-                write_run(folder.path, computed, self.own, video, plot, silent, Clock())
+                write_run(folder, outcome, self.own, video, plot, silent, Clock())
         return folder.out
 
     @classmethod
@@ -292,11 +298,12 @@ class Result:
         for name in changed:
             say(f"{folder / name} has been changed since the run; all is computed again from scene.yaml")
         # What the run took, also a step by force, is taken again.
-        scene = load_scene(path, overrides)
-        job = Job(scene, progress or silent, force=True, estimate=estimate)
-        if summary.get("lattice_digest", "") != job.own.digest:
+        scene, clock = load_scene(path, overrides), Clock()
+        own = own_start(scene.lattice, None, None)
+        if summary.get("lattice_digest", "") != own.digest:
             raise InputError(f"{folder}: the lattice or the velocities in lattice.npz have changed since the run")
-        return cls(scene, *job.compute(), own=job.own)
+        scenario = built(scene, own, clock)
+        return cls(scene, solved(scene, scenario, own, clock, progress or silent, True, estimate), own=own)
 
 
 @reported
@@ -342,13 +349,14 @@ def run(
     """
     raise_if_interrupted()  # while all was imported
     scene = scene if isinstance(scene, DiskScene) else load_scene(scene)
-    clock = Clock({"start": started} if started else {})
-    job = Job(scene, progress or silent, lattice, velocities, force, threads, clock=clock)
+    clock, progress = Clock(**{"start": started} if started else {}), progress or silent
+    own = own_start(scene.lattice, lattice, velocities)  # read once, before a folder is chosen: files may change
     if out is None:
         if export:
             raise InputError("export: needs a folder, `out`")
-        return Result(scene, *job.compute(), own=job.own)
-    out, text = as_path(out, "out"), job.own.repeating(scene).to_yaml()
-    with run_folder(out, text, not count_on, overwrite, say, job.own.digest) as folder:
-        computed = job.into(folder.path, video, folder.film, export)
-    return Result(scene, *computed, folder.out, job.own)
+        scenario = built(scene, own, clock, threads)
+        return Result(scene, solved(scene, scenario, own, clock, progress, force), own=own)
+    out, text = as_path(out, "out"), own.repeating(scene).to_yaml()
+    with run_folder(out, text, not count_on, overwrite, say, own.digest) as folder:
+        outcome = compute_into(folder, scene, own, clock, progress, video, export, force, threads)
+    return Result(scene, outcome, folder.out, own)

@@ -6,15 +6,17 @@ from collections.abc import Iterator, Sequence
 from contextlib import closing
 from dataclasses import replace
 from functools import partial
+from itertools import chain
 from pathlib import Path
 
 import numpy as np
 
+from taichi_disk.computation.driver import Moment
 from taichi_disk.computation.outcome import Outcome, greatest_compression
-from taichi_disk.computation.scenario import Scenario
 from taichi_disk.config.sections import VideoSection
 from taichi_disk.errors import InputError
-from taichi_disk.output.files import atomic_write, check_pictures, origin
+from taichi_disk.lattice import Array
+from taichi_disk.output.files import atomic_write, check_pictures, holds_working_directory, origin
 from taichi_disk.progress import Progress
 from taichi_disk.render import require_film
 from taichi_disk.render.geometry import View, edge_height
@@ -25,7 +27,6 @@ from taichi_disk.render.pictures import Pictures, side_panel
 from taichi_disk.render.video import video as encoded
 from taichi_disk.signals import raise_if_interrupted
 
-Run = tuple[Scenario, Outcome]
 Cue = tuple[float, str | None]  # t [R/c] and the last line, None for the result
 
 FORMATS = (".mp4", ".webm", ".gif", ".png", "")
@@ -36,6 +37,7 @@ _BESIDE = 0.05  # what is seen at the least on either side of the disk, whose fl
 _HIGHEST = 4.0  # where a disk is still seen that flies on while the one beside it is not yet done [R]
 _BELOW = 0.16  # what is seen of the rigid wall below its edge [R]
 _GREATEST = "greatest compression"
+MOST_BYTES = 5e8  # of positions that are kept between the choice of the scales and the pictures
 _PANEL = 360  # pixels of a picture from which curves beside it have room for their words
 
 
@@ -47,12 +49,12 @@ def check_target(path: Path) -> None:
             "or with nothing for a folder of numbered pictures"
         )
     if not path.suffix:
-        if Path.cwd().is_relative_to(path.resolve()):
+        if holds_working_directory(path):
             raise InputError(f"cannot film into {path}: pictures would replace the folder you are in; name another")
         check_pictures(path)
 
 
-def film(path: Path, runs: Sequence[Run], video: VideoSection, progress: Progress) -> None:
+def film(path: Path, runs: Sequence[Outcome], video: VideoSection, progress: Progress) -> None:
     """Film `runs` side by side into `path`, at the same times and in the same colours.
 
     The film stands still for a moment at the greatest compression, and at the end, where it tells the result.
@@ -66,25 +68,25 @@ def film(path: Path, runs: Sequence[Run], video: VideoSection, progress: Progres
     file cannot be written; TaichiDiskError if no film can be made on this machine.
     """
     check_target(path)
-    if len({(scenario.time_label, *scenario.labels) for scenario, _ in runs}) > 1:
+    if len({(run.scenario.time_label, *run.scenario.labels) for run in runs}) > 1:
         raise InputError("these runs cannot be compared: they have no time, or no result, in common")
     require_film()
-    told = origin(*(replace(scenario.scene, video=video) for scenario, _ in runs))
+    told = origin(*(replace(run.scenario.scene, video=video) for run in runs))
     if path.suffix == ".png":
-        cues: list[Cue] = [(greatest_compression(runs[0][1].columns), _GREATEST)]
+        cues: list[Cue] = [(greatest_compression(runs[0].columns), _GREATEST)]
         video = replace(video, supersample=2.0)
     else:
         cues = _cues(runs, video)
     progress("render", 0, len(cues))
 
     def write(new: Path) -> None:
+        shots = [_Shots(run, video, cues) for run in runs]
         with (
-            closing(_pictures(runs, video, cues)) as pictures,
+            closing(_pictures(shots, video, cues)) as pictures,
             encoded(new, path.suffix, pictures.width, video.size, video.fps, told) as append,
         ):
-            times = np.array(list(dict.fromkeys(t for t, _ in cues)))
-            moments = zip(*(outcome.frames(times) for _, outcome in runs), strict=True)
-            words = zip(*(_lines(*run, cues) for run in runs), strict=True)
+            moments = zip(*(one.moments() for one in shots), strict=True)
+            words = zip(*(_lines(run, cues) for run in runs), strict=True)
             shown = None
             for k, ((t, _), lines) in enumerate(zip(cues, words, strict=True)):
                 raise_if_interrupted()
@@ -99,12 +101,12 @@ def film(path: Path, runs: Sequence[Run], video: VideoSection, progress: Progres
 # ---- when to look, and what to write
 
 
-def _cues(runs: Sequence[Run], video: VideoSection) -> list[Cue]:
+def _cues(runs: Sequence[Outcome], video: VideoSection) -> list[Cue]:
     """The pictures of a film, those of the run that lasts longest. Equal times in succession are one picture."""
     count = max(3, round(video.fps * video.seconds))
     pause, end = round(_PAUSE * count), max(round(_END * count), 1)
-    scenario, outcome = max(runs, key=lambda run: float(run[1].columns["t"][-1]))
-    columns = outcome.columns
+    longest = max(runs, key=lambda run: float(run.columns["t"][-1]))
+    scenario, columns = longest.scenario, longest.columns
     times, peak = scenario.frame_times(columns, count - pause - end), greatest_compression(columns)
     greatest = int(np.abs(times - peak).argmin())
     if greatest == len(times) - 1:
@@ -117,9 +119,10 @@ def _cues(runs: Sequence[Run], video: VideoSection) -> list[Cue]:
     return cues[: greatest + 1] + pause * [still] + cues[greatest + 1 :] + end * [result]
 
 
-def _lines(scenario: Scenario, outcome: Outcome, cues: Sequence[Cue]) -> Iterator[tuple[str, ...]]:
+def _lines(run: Outcome, cues: Sequence[Cue]) -> Iterator[tuple[str, ...]]:
     """The lines for each moment; after the end the observables are those of the end."""
-    columns, times, peak = outcome.columns, [t for t, _ in cues], greatest_compression(outcome.columns)
+    scenario, columns, times = run.scenario, run.columns, [t for t, _ in cues]
+    peak = greatest_compression(columns)
     rows = {name: np.interp(times, columns["t"], values) for name, values in columns.items()} | {"t": times}
     for k, (t, note) in enumerate(cues):
         last = f"*{scenario.marks(columns)[0]}" if note is None else note
@@ -131,16 +134,16 @@ def _lines(scenario: Scenario, outcome: Outcome, cues: Sequence[Cue]) -> Iterato
 # ---- how to draw
 
 
-def _pictures(runs: Sequence[Run], video: VideoSection, cues: Sequence[Cue]) -> Pictures:
-    still = cues[0][0] if len(cues) == 1 else None
-    painters, views = zip(*(_painter(*run, video, still, cues[-1][0]) for run in runs), strict=True)
+def _pictures(shots: Sequence[_Shots], video: VideoSection, cues: Sequence[Cue]) -> Pictures:
+    runs, painters = [one.run for one in shots], [one.painter for one in shots]
     limit, full_force = max(one.limit for one in painters), max(one.full_force for one in painters)
-    ends = [line for run in runs for line in _lines(*run, (cues[0], (cues[-1][0], None)))]
+    ends = [line for run in runs for line in _lines(run, (cues[0], (cues[-1][0], None)))]
     samples = [*(line for lines in ends for line in lines), *dict.fromkeys(note or "" for _, note in cues)]
     legends = []
-    for painter, (scenario, _) in zip(painters, runs, strict=True):
+    for painter, run in zip(painters, runs, strict=True):
         painter.limit, painter.full_force = limit, full_force
-        legends.append(Legend(painter, video.size, video.size, scenario.title(), samples, len(ends[0])))
+        legends.append(Legend(painter, video.size, video.size, run.scenario.title(), samples, len(ends[0])))
+    views = [one.view for one in shots]
     (xmin, _, ymin, _), (_, xmax, _, ymax) = np.min(views, axis=0), np.max(views, axis=0)
     panel = None
     if video.panel and video.size >= _PANEL:
@@ -148,37 +151,56 @@ def _pictures(runs: Sequence[Run], video: VideoSection, cues: Sequence[Cue]) -> 
     return Pictures(legends, video.size, (xmin, xmax, ymin, ymax), video.supersample, panel)
 
 
-def _painter(
-    scenario: Scenario, outcome: Outcome, video: VideoSection, still: float | None, end: float
-) -> tuple[Painter, View]:
-    """Colours, arrows, the wall's edge and the view fit the greatest compression and, of a film, moments before it.
+class _Shots:
+    """The moments of a run that its pictures show, and how to draw them: both from one replay.
 
-    The view holds the `end` of a film, too, up to which a disk flies on, or the moment of a `still` picture [R/c].
+    Colours, arrows, the wall's edge and the view fit the greatest compression and, of a film, moments before it. The
+    view holds the end of a film, too, up to which a disk flies on.
     """
-    painter = Painter(scenario.lattice, scenario.model.springs, scenario.model.wall)
-    painter.colour, painter.draw, painter.theme, painter.limit = video.colour, video.draw, video.theme, 0.0
-    painter.spoke, painter.magnify = scenario.spoke, video.magnify
-    columns, (xmin, xmax, ymin, ymax) = outcome.columns, scenario.view
-    peak = greatest_compression(columns)
-    if still is None:
-        looks = [t for t in scenario.frame_times(columns, 2 * _LOOKS).tolist() if t < peak][-_LOOKS:]
-        positions = [painter.placed(outcome.positions)]
-        if end > columns["t"][-1]:
-            positions += (painter.placed(x) for _, x, _ in outcome.frames(np.array([end])) if x[:, 1].max() < _HIGHEST)
-    else:
-        looks, positions = [still], []
-    times = sorted({*looks, peak})
-    for t, (_, x, v) in zip(times, outcome.frames(np.array(times)), strict=True):
-        positions.append(painter.placed(x))
-        if t <= peak:
-            painter.limit, greatest = max(painter.limit, painter.scale(painter.values(x, v))), x
-    _, forces = painter.wall.contact_forces(painter.lattice, greatest)
-    largest = float(np.hypot(*forces.T).max(initial=0.0))
-    full = max(largest, outcome.largest_push / _LONGEST)
-    painter.full_force = round_near(full) if full else 0.0
-    painter.edge = edge_height(painter.wall, largest)
-    if not len(scenario.lattice.wall_surface):  # of a rigid wall no more is seen than its uppermost part
-        ymin = painter.edge - _BELOW
-    disk = np.concatenate([x[: scenario.lattice.disk_points] for x in positions])
-    (left, _), (right, top) = disk.min(axis=0), disk.max(axis=0)
-    return painter, (min(xmin, left - _BESIDE), max(xmax, right + _BESIDE), ymin, max(ymax, top))
+
+    def __init__(self, run: Outcome, video: VideoSection, cues: Sequence[Cue]) -> None:
+        scenario, columns = run.scenario, run.columns
+        self.run, self._times = run, np.unique([t for t, _ in cues])
+        self.painter = Painter(scenario.lattice, scenario.model.springs, scenario.model.wall)
+        self.painter.colour, self.painter.draw, self.painter.theme = video.colour, video.draw, video.theme
+        self.painter.spoke, self.painter.magnify = scenario.spoke, video.magnify
+        peak, is_film, looks, positions = greatest_compression(columns), len(cues) > 1, self._times, []
+        flies_on = is_film and cues[-1][0] > columns["t"][-1]
+        if is_film:
+            looks = scenario.frame_times(columns, 2 * _LOOKS)
+            looks = looks[looks < peak][-_LOOKS:]
+            positions = [run.positions]
+        looks = np.union1d(looks, [peak, *self._times[-1:]] if flies_on else [peak])
+        times = np.union1d(looks, self._times)
+        until_scale = times[times <= looks[-1]]
+        # A film of millions of points is replayed twice: not all of these moments fit into memory.
+        self._is_twice = len(until_scale) * run.positions.nbytes > MOST_BYTES
+        times, until_scale = (looks, looks) if self._is_twice else (times, until_scale)
+        replay = run.frames(times)
+        kept = [moment for _, moment in zip(until_scale, replay, strict=False)]
+        self._replay = zip(times, chain(kept, replay), strict=True)
+        at_looks = [(t, x, v) for t, (_, x, v) in zip(until_scale, kept, strict=True) if t in looks]
+        positions += [x for t, x, _ in at_looks if t <= peak or not is_film or x[:, 1].max() < _HIGHEST]
+        self._fit([(x, v) for t, x, v in at_looks if t <= peak], [self.painter.placed(x) for x in positions])
+
+    def _fit(self, states: Sequence[tuple[Array, Array]], positions: Sequence[Array]) -> None:
+        """Choose the scales after `states`, the last one the most compressed, and the view after `positions`."""
+        painter, scenario = self.painter, self.run.scenario
+        painter.limit = max(painter.scale(painter.values(x, v)) for x, v in states)
+        _, forces = painter.wall.contact_forces(painter.lattice, states[-1][0])
+        largest = float(np.hypot(*forces.T).max(initial=0.0))
+        full = max(largest, self.run.largest_push / _LONGEST)
+        painter.full_force = round_near(full) if full else 0.0
+        painter.edge = edge_height(painter.wall, largest)
+        xmin, xmax, ymin, ymax = scenario.view
+        if not len(scenario.lattice.wall_surface):  # of a rigid wall no more is seen than its uppermost part
+            ymin = painter.edge - _BELOW
+        disk = np.concatenate([x[: scenario.lattice.disk_points] for x in positions])
+        (left, _), (right, top) = disk.min(axis=0), disk.max(axis=0)
+        self.view: View = min(xmin, left - _BESIDE), max(xmax, right + _BESIDE), ymin, max(ymax, top)
+
+    def moments(self) -> Iterator[Moment]:
+        """The moments of the pictures, in their order."""
+        if self._is_twice:
+            return self.run.frames(self._times)
+        return (moment for t, moment in self._replay if t in self._times)

@@ -102,15 +102,15 @@ def _computed(scene: Scene, estimate: bool) -> PointResult:
     scenario = scene.scenario(setup.body)
     modes = None if scenario.static else setup.modes(scenario.model)
     outcome = compute(scenario, scene.time, kernels=shared_kernels(), modes=modes, estimate=estimate, loads=1)
-    facts = outcome.facts
+    summary = outcome.summary
     numbers: dict[str, Any] = scenario.result(outcome.columns) | setup.moduli
     if not all(map(isfinite, numbers.values())):
         return PointResult("failed", "a result is not a finite number")
-    numbers["error_estimate"] = next(iter(facts["error_estimate"].values()), None)
-    if "energy" in facts:
-        numbers["energy_imbalance"] = facts["energy"]["closing_imbalance"]
-    numbers |= {name: facts[name] for name in ("residual", "dt", "steps", "integrator") if name in facts}
-    return PointResult("done", None, numbers, facts["warnings"], estimate, _versions())
+    numbers["error_estimate"] = next(iter(summary["error_estimate"].values()), None)
+    if "energy" in summary:
+        numbers["energy_imbalance"] = summary["energy"]["closing_imbalance"]
+    numbers |= {name: summary[name] for name in ("residual", "dt", "steps", "integrator") if name in summary}
+    return PointResult("done", None, numbers, summary["warnings"], estimate, _versions())
 
 
 # ---- what scenes share

@@ -39,7 +39,7 @@ class Impact:
         loaded = load_scene(scene, settings)
         self.kernels, self.time, self.scenario = kernels, loaded.time, loaded.scenario()
         outcome = compute(self.scenario, self.time, kernels=kernels, estimate=False)
-        facts, self.velocities = outcome.facts, outcome.velocities
+        facts, self.velocities = outcome.summary, outcome.velocities
         self.integrator = INTEGRATORS[facts["integrator"]]
         self.dt, self.steps, self.attempts = facts["dt"], facts["steps"], facts["attempts"]
         self.work = 1e-9 * len(self.scenario.lattice.bonds) * self.steps

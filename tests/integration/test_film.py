@@ -39,7 +39,7 @@ def run():
     times = np.linspace(0.0, outcome.columns["t"][-1], 400)
     states = list(outcome.replay(times))
     replay = lambda wanted: (states[int(np.abs(times - t).argmin())] for t in wanted)  # noqa: E731
-    return scenario, replace(outcome, replay=replay, frames=replay)
+    return replace(outcome, replay=replay, frames=replay)
 
 
 def video(**keys):
@@ -174,7 +174,7 @@ def test_an_arrow_of_any_push_ends_in_the_picture(tmp_path, monkeypatch):
 
 @needs_vulkan
 def test_the_film_holds_at_the_greatest_compression_ends_with_the_result_and_tells_its_pace(run, tmp_path, captions):
-    scenario, outcome = run
+    scenario, outcome = run.scenario, run
     film(tmp_path / "film.mp4", [run], video(seconds=4), QUIET)
     result = f"*e = {scenario.result(outcome.columns)['restitution']:.5f}"
     assert len(captions) == 40 and [lines[-1] == result for lines in captions] == [False] * 36 + [True] * 4
@@ -252,7 +252,7 @@ def test_a_compression_begins_with_no_minus_before_its_zero():
 @needs_vulkan
 def test_a_comparison_tells_the_greatest_compression_of_that_run_only_whose_it_is(run, tmp_path, captions):
     other = api.run(load_scene("exponential_wall", ["lattice.points=20", "impact.velocity=0.2"]))
-    film(tmp_path / "both.png", [run, (other.scenario, other.outcome)], video(), QUIET)
+    film(tmp_path / "both.png", [run, other.outcome], video(), QUIET)
     assert [lines[-1] for lines in captions] == ["greatest compression", ""]
 
 
@@ -362,7 +362,7 @@ def test_a_loading_is_not_compared_with_a_relaxation_which_takes_time(tmp_path):
     runs = []
     for method in ("newton", "relaxation"):
         scenario = load_scene("compression", ["lattice.points=20", f"compression.method={method}"]).scenario()
-        runs.append((scenario, quasistatic(scenario, loads=2)))
+        runs.append(quasistatic(scenario, loads=2))
     with pytest.raises(InputError, match="no time, or no result, in common"):
         film(tmp_path / "film.mp4", runs, video(), QUIET)
 

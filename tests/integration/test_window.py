@@ -146,7 +146,7 @@ def test_the_window_opens_obeys_and_shows_the_disk_where_it_is(
         hand = Hand(display, tmp_path / "out")
         words, numbers, _ = hand.picture()
         scene = load_scene("exponential_wall", SETTINGS)
-        began = compute(scene.scenario(), scene.time, kernels=kernels).facts["stepped_from"]
+        began = compute(scene.scenario(), scene.time, kernels=kernels).summary["stepped_from"]
         assert numbers["t"] == pytest.approx(began) and words["changed by hand"] == "False"  # it starts paused
 
         # The slider shows the viscosity itself and reaches the kernel; a drag turns the disk, and the scene with it.
@@ -185,7 +185,7 @@ def test_the_window_opens_obeys_and_shows_the_disk_where_it_is(
         assert 0.1 * end < there < 0.9 * end
         hand.key("Left", 1.0)
         _, numbers, _ = hand.picture()
-        assert numbers["t"] < there - 3 * outcome.facts["dt"]
+        assert numbers["t"] < there - 3 * outcome.summary["dt"]
         for name in ("com_vy", "wall_force", "kinetic"):
             value = np.interp(numbers["t"], outcome.columns["t"], outcome.columns[name])
             assert value == pytest.approx(numbers[name], abs=2e-2 * np.abs(outcome.columns[name]).max())

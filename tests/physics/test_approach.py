@@ -55,13 +55,13 @@ def test_rows_before_the_first_step_balance_and_follow_the_steps_that_a_whole_fl
     near = scene.scenario()
     whole = scene.with_({"impact.gap": near.gap}).scenario()
     modes = spectrum(near.lattice, near.model)
-    (one, facts), (other, _) = (
-        (outcome.columns, outcome.facts)
+    (one, summary), (other, _) = (
+        (outcome.columns, outcome.summary)
         for outcome in (
             compute(each, scene.time, kernels=kernels, modes=modes, estimate=False) for each in (near, whole)
         )
     )
-    count = round(facts["stepped_from"] / one["t"][1])
+    count = round(summary["stepped_from"] / one["t"][1])
     assert count > 20
     for name in ("com_y", "com_vy", "lowest_y", "wall_force", "wall", "kinetic", "elastic"):
         size = np.abs(other[name][: count + 1] - other[name][0]).max()

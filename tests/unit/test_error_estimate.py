@@ -38,7 +38,7 @@ def test_a_step_as_long_as_the_wall_is_soft_is_not_told_to_be_better_than_it_is(
     # chance: Richardson's estimate, enlarged by CAUTION, is three quarters of the true error here.
     scenario, outcome = computed(kernels, *HARD, "time.dt=0.00327")
     off = abs(scenario.result(outcome.columns)["restitution"] - truth(kernels, *HARD))
-    assert off <= outcome.facts["error_estimate"]["restitution"] < 5e-3
+    assert off <= outcome.summary["error_estimate"]["restitution"] < 5e-3
 
 
 @pytest.mark.parametrize("spin", [0.0, 0.3])
@@ -47,7 +47,7 @@ def test_where_a_step_does_not_resolve_the_wall_the_estimate_is_half_the_worst_i
     scenario, outcome = computed(kernels, *HARD, f"impact.spin={spin}", "time.dt=0.00327")
     flight, whole = 0.5 * 0.1**2, 0.5 * (scenario.velocities**2).sum() / 30
     lost = np.abs(outcome.columns["total"] - outcome.columns["total"][0]).max()
-    assert outcome.facts["error_estimate"]["restitution"] >= 0.499 * lost / np.sqrt(whole * flight)
+    assert outcome.summary["error_estimate"]["restitution"] >= 0.499 * lost / np.sqrt(whole * flight)
 
 
 def test_a_fast_spin_leaves_the_restitution_as_good_as_none(kernels):

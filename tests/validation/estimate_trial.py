@@ -63,7 +63,7 @@ def judge(number: int, kernels: KernelCache, tolerance: bool = False, hard: bool
     try:
         outcome = compute(scenario, scene.time, kernels=kernels)
         key, found = scenario.primary(outcome.columns)
-        claim, dt = wanted if tolerance else outcome.facts["error_estimate"].get(key), outcome.facts["dt"]
+        claim, dt = wanted if tolerance else outcome.summary["error_estimate"].get(key), outcome.summary["dt"]
         if claim is None:
             return Judgement(number, "ended", f"{text}: no estimate")
         truth, doubt = true_result(scenario, outcome.columns, outcome.positions, dt, max(claim, FINEST))
@@ -71,7 +71,7 @@ def judge(number: int, kernels: KernelCache, tolerance: bool = False, hard: bool
         return Judgement(number, "ended", f"{text}: {error}")
     off = abs(found - truth)
     end = "untold" if doubt > 0.1 * claim else "held" if off <= claim else "exceeded"
-    if end == "exceeded" and outcome.facts["warnings"]:
+    if end == "exceeded" and outcome.summary["warnings"]:
         end = "warned"
     return Judgement(number, end, text, off, claim, doubt)
 
@@ -89,7 +89,7 @@ def judge_near(number: int, kernels: KernelCache) -> Judgement:
         outcome = compute(near, scene.time, kernels=kernels, estimate=False)
         e = []
         for shorter in (1.0, 1.25):
-            time = replace(scene.time, dt=outcome.facts["dt"] / shorter, integrator=outcome.facts["integrator"])
+            time = replace(scene.time, dt=outcome.summary["dt"] / shorter, integrator=outcome.summary["integrator"])
             e.append(whole.primary(compute(whole, time, kernels=kernels, estimate=False).columns)[1])
     except SimulationError as error:
         return Judgement(number, "ended", f"{text}: {error}")

@@ -49,7 +49,7 @@ def judge(prepare: Callable[[], tuple[Scene, Scenario]], kernels: KernelCache, *
         return Verdict("refused", str(error))
     except SimulationError as error:
         return Verdict("stopped", str(error))
-    facts = outcome.facts | scenario.result(outcome.columns)
+    facts = outcome.summary | scenario.result(outcome.columns)
     return Verdict("done", "; ".join(facts["warnings"]), facts)
 
 
@@ -88,7 +88,7 @@ class Case:
             found.append(f"{verdict.end}, not {self.end}: {verdict.text}")
         if bool(self.tells) != bool(verdict.text) or not re.search(self.tells, verdict.text, re.DOTALL):
             found.append(f"told {verdict.text!r}, not {self.tells!r}")
-        energy = verdict.facts.get("energy")
+        energy = verdict.summary.get("energy")
         if energy and "imbalance" not in self.tells and not energy["worst_imbalance"] <= LARGEST:
             found.append(f"the energy imbalance is {energy['worst_imbalance']:.1e}")
         return found
@@ -202,7 +202,7 @@ CASES = (
 def row(case: Case, kernels: KernelCache) -> dict[str, Any]:
     """Of the table: the case, and what the program does."""
     verdict = case.judge(kernels)
-    facts, energy = verdict.facts, verdict.facts.get("energy", {})
+    facts, energy = verdict.summary, verdict.summary.get("energy", {})
     name = "restitution" if "restitution" in facts else "xi"
     told = {
         "case": case.name,

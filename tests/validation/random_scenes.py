@@ -173,7 +173,7 @@ def fate(number: int, kernels: ShortOnly) -> tuple[Verdict, str]:
         return replace(verdict, end="long", text=""), ""
     if verdict.end == "stopped" and not KEY.search(verdict.text):
         return verdict, f"no remedy: {verdict.text}"
-    return verdict, _fault(verdict.facts) if verdict.end == "done" else ""
+    return verdict, _fault(verdict.summary) if verdict.end == "done" else ""
 
 
 def _fault(facts: dict[str, Any]) -> str:
