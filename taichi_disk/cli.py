@@ -305,6 +305,6 @@ def _count(text: str, most: int = 100_000) -> int:
 
 
 def _threads(text: str) -> int:
-    from taichi_disk.runtime import cores
+    from taichi_disk.machine import cores
 
     return _count(text, cores())

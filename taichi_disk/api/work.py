@@ -170,6 +170,6 @@ def _kernels_of(program: Any) -> KernelCache:
 
 def shared_kernels() -> KernelCache:
     """The compiled simulations of this process: Taichi, too, exists once in a process."""
-    import taichi as ti
+    from taichi_disk.engine import ti
 
     return _kernels_of(ti.lang.impl.get_runtime().prog)

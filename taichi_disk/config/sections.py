@@ -191,7 +191,7 @@ class ImpactSection(Section):
     turn: float = key(0.0, "angle by which the disk is turned at the start", "rad", low=-3.1416, high=3.1416)
     gap: Auto | float = key(
         "auto",
-        "distance of the lowest point from the wall at the start; auto: potential 1e-10 of v^2/2",
+        "distance of the lowest point from the wall at the start; auto: potential 1e-7 of v^2/2",
         "R",
         low=1e-9,
         high=1e3,

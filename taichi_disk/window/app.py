@@ -34,7 +34,6 @@ def view(
     """
     from taichi_disk import runtime
 
-    runtime.prepare_environment()
     playlist = folder(scene_or_folder) if isinstance(scene_or_folder, Path) else presets(scene_or_folder)
     problem = film_problem() if browser else window_problem()
     if film_problem():

@@ -119,7 +119,7 @@ def test_the_bytes_of_a_film_do_not_depend_on_what_lay_in_memory(tmp_path, suffi
 @needs_vulkan
 def test_the_disk_in_the_film_moves_as_its_centre_of_mass_does(run, tmp_path, captions):
     film(tmp_path / "film.mp4", [run], video(draw="field", colour="strain", theme="dark", size=360), QUIET)
-    times, series, theme = np.array([time_of(lines) for lines in captions]), run[1].columns, THEMES["dark"]
+    times, series, theme = np.array([time_of(lines) for lines in captions]), run.columns, THEMES["dark"]
     assert len(times) == COUNT and (np.diff(times) >= 0.0).all() and times[0] == 0.0
     assert times[-1] == pytest.approx(series["t"][-1], abs=1e-3)
     rows, areas = [], []
@@ -195,7 +195,7 @@ def test_the_film_holds_at_the_greatest_compression_ends_with_the_result_and_tel
 @pytest.mark.parametrize(("colour", "theme"), [("pressure", "light"), ("fringes", "dark"), ("force", "dark")])
 def test_a_single_picture_is_of_the_greatest_compression(run, tmp_path, captions, colour, theme):
     film(tmp_path / "picture.png", [run], video(colour=colour, theme=theme), QUIET)
-    series = run[1].columns
+    series = run.columns
     assert time_of(captions[0]) == pytest.approx(series["t"][series["elastic"].argmax()], abs=0.1)
     picture = np.asarray(Image.open(tmp_path / "picture.png")).astype(float)
     assert picture.shape == (SIZE, SIZE, 3)
@@ -265,7 +265,7 @@ def test_the_panel_s_curves_end_where_the_time_series_is(run, tmp_path, captions
     ends = [np.argwhere(np.abs(frame[:205, 740:] - (0, 114, 178)).sum(axis=-1) < 60) for frame in frames[1:]]
     columns = np.array([one[:, 1].max() for one in ends])
     rows = np.array([one[one[:, 1] >= one[:, 1].max() - 1, 0].mean() for one in ends])
-    times, series = np.array([time_of(lines) for lines in captions[1:]]), run[1].columns
+    times, series = np.array([time_of(lines) for lines in captions[1:]]), run.columns
     slope, _ = np.polyfit(times, columns, 1)
     assert columns == pytest.approx(columns[-1] + slope * (times - times[-1]), abs=2.0) and np.ptp(columns) > 300
     v = np.interp(times, series["t"], series["com_vy"])

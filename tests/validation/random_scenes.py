@@ -176,8 +176,8 @@ def fate(number: int, kernels: ShortOnly) -> tuple[Verdict, str]:
     return verdict, _fault(verdict.summary) if verdict.end == "done" else ""
 
 
-def _fault(facts: dict[str, Any]) -> str:
-    value, energy = facts.get("restitution", facts.get("xi", math.nan)), facts.get("energy")
+def _fault(summary: dict[str, Any]) -> str:
+    value, energy = summary.get("restitution", summary.get("xi", math.nan)), summary.get("energy")
     if not math.isfinite(value):
         return f"the result is {value}"
     if energy is None:
@@ -185,6 +185,6 @@ def _fault(facts: dict[str, Any]) -> str:
     if not abs(energy["closing_imbalance"]) <= LARGEST:
         return f"the energy imbalance is {energy['closing_imbalance']:.2g}"
     gain = max(0.0, -energy["sliding"] / energy["scale"]) + 2e-3
-    if "restitution" in facts and not 0.0 < value <= math.sqrt(1.0 + gain):
+    if "restitution" in summary and not 0.0 < value <= math.sqrt(1.0 + gain):
         return f"e = {value}"
     return ""
