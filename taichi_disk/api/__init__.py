@@ -12,6 +12,7 @@ from warnings import warn
 import numpy as np
 
 from taichi_disk import runtime
+from taichi_disk.api.lattices import MOST_LATTICES
 from taichi_disk.api.work import FRAMES, Clock, built, compute_into, shared_kernels, solved, write_run
 from taichi_disk.computation.outcome import Outcome
 from taichi_disk.computation.scenario import Scenario
@@ -21,7 +22,7 @@ from taichi_disk.lattice import Array, Lattice, OwnStart, disk_of, numbers, own_
 from taichi_disk.output import files
 from taichi_disk.output.plot import plotting_beside
 from taichi_disk.output.run_folder import run_folder
-from taichi_disk.progress import Progress, reported, rows, shown, silent
+from taichi_disk.progress import Progress, headline, reported, rows, shown, silent
 from taichi_disk.scenes import Scene, load_scene
 from taichi_disk.scenes.body import DiskScene
 from taichi_disk.signals import raise_if_interrupted
@@ -112,6 +113,12 @@ class Result:
     def error(self) -> float | None:
         """Estimated error of the primary result due to the time step and to where the run ends; None if unknown."""
         return next(iter(self.summary["error_estimate"].values()), None)
+
+    @property
+    def scatter(self) -> float | None:
+        """Standard deviation of the primary result over lattices; None if only this one was computed."""
+        name = next(iter(self.numbers))
+        return self.summary.get("lattices", {}).get(name, {}).get("standard_deviation")
 
     @property
     def series(self) -> dict[str, Array]:
@@ -206,7 +213,7 @@ class Result:
         """The curves of plot.png as a Matplotlib figure, which may be changed and saved."""
         from taichi_disk.output.plot import run_figure
 
-        return run_figure(self.scenario, self.series)
+        return run_figure(self.scenario, self.series, headline(self.summary, self.scenario.labels))
 
     def show(self, beside: Result | None = None, progress: Progress | None = None, **video: Any) -> Film:
         """The film for a notebook, which shows it with controls; arguments as for `film`.
@@ -303,7 +310,7 @@ class Result:
         if summary.get("lattice_digest", "") != own.digest:
             raise InputError(f"{folder}: the lattice or the velocities in lattice.npz have changed since the run")
         scenario = built(scene, own, clock)
-        return cls(scene, solved(scene, scenario, own, clock, progress or silent, True, estimate), own=own)
+        return cls(scene, solved(scene, scenario, own, clock, progress or silent, True, estimate, 1), own=own)
 
 
 @reported
@@ -320,6 +327,7 @@ def run(
     count_on: bool = False,
     force: bool = False,
     threads: int | None = None,
+    lattices: int | None = None,
     progress: Progress | None = None,
     say: Callable[[str], None] = lambda text: None,
     started: float = 0.0,
@@ -339,8 +347,11 @@ def run(
         force: take a time step even beyond the stability limit.
         threads: of parallel loops, from 1 to the number of cores; results do not depend on it. The first run of a
             process chooses it, else the environment variable TAICHI_DISK_THREADS.
+        lattices: on how many random lattices the result is computed, the scene's and those of the next seeds, so that
+            its mean and scatter are known; 1: the scene's alone. By default 8 where that takes about a second or less.
         progress: called as progress(stage, done, total): "simulate" with the time [R/c] or the number of equilibria,
-            "render" with the number of pictures. It must not run, film or look at a result.
+            "lattices" with the number of lattices, "render" with the number of pictures. It must not run, film or look
+            at a result.
         say: told what a person should know: that the run goes elsewhere, and why.
         started: seconds that the process has taken before this, for the wall clock of the summary.
 
@@ -349,14 +360,16 @@ def run(
     """
     raise_if_interrupted()  # while all was imported
     scene = scene if isinstance(scene, DiskScene) else load_scene(scene)
+    if lattices is not None and not (isinstance(lattices, (int, np.integer)) and 1 <= lattices <= MOST_LATTICES):
+        raise InputError(f"lattices: must be a whole number from 1 to {MOST_LATTICES:,}, not {lattices!r}")
     clock, progress = Clock(**{"start": started} if started else {}), progress or silent
     own = own_start(scene.lattice, lattice, velocities)  # read once, before a folder is chosen: files may change
     if out is None:
         if export:
             raise InputError("export: needs a folder, `out`")
         scenario = built(scene, own, clock, threads)
-        return Result(scene, solved(scene, scenario, own, clock, progress, force), own=own)
+        return Result(scene, solved(scene, scenario, own, clock, progress, force, lattices=lattices), own=own)
     out, text = as_path(out, "out"), own.repeating(scene).to_yaml()
     with run_folder(out, text, not count_on, overwrite, say, own.digest) as folder:
-        outcome = compute_into(folder, scene, own, clock, progress, video, export, force, threads)
+        outcome = compute_into(folder, scene, own, clock, progress, video, export, force, threads, lattices)
     return Result(scene, outcome, folder.out, own)

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from taichi_disk import runtime
+from taichi_disk.api.lattices import compare_lattices, lattice_count
 from taichi_disk.computation.diagnostics import BlowUp
 from taichi_disk.computation.outcome import Outcome, compute
 from taichi_disk.computation.scenario import Scenario
@@ -19,8 +20,9 @@ from taichi_disk.lattice import OwnStart
 from taichi_disk.output import files
 from taichi_disk.output.plot import Begin, plotting_beside
 from taichi_disk.output.run_folder import RunFolder
-from taichi_disk.progress import Progress
+from taichi_disk.progress import Progress, headline
 from taichi_disk.scenes import Scene, check_memory
+from taichi_disk.scenes.setup import setup_of
 from taichi_disk.simulation.simulation import KernelCache
 
 FRAMES = 200  # of a trajectory, unless asked otherwise
@@ -45,7 +47,7 @@ def built(scene: Scene, own: OwnStart, clock: Clock, threads: int | None = None)
     """The scene ready to be stepped. Raises InputError for what cannot be computed. Arguments as for `run`."""
     check_memory(scene)
     runtime.start(threads)
-    scenario = scene.scenario(*own)
+    scenario = scene.scenario(setup_of(scene).body if own.disk is None else own.disk, own.velocities)
     scenario.scene = own.repeating(scenario.scene)  # which files carry, wherever an own lattice came from
     clock.lap("build")
     return scenario
@@ -59,12 +61,20 @@ def solved(
     progress: Progress,
     force: bool = False,
     estimate: bool = True,
+    lattices: int | None = None,
 ) -> Outcome:
     """The `scenario` of `scene` computed to its end, with all that summary.json says. Raises what `compute` raises."""
-    outcome = compute(scenario, scene.time, progress, shared_kernels(), force=force, estimate=estimate)
+    kernels = shared_kernels()
+    known = None if own.disk or scenario.static else setup_of(scene).modes(scenario.model)
+    outcome = compute(scenario, scene.time, progress, kernels, modes=known, force=force, estimate=estimate)
     clock.lap("simulate", compile=outcome.compile_seconds)
     summary = _heading(scene, own, clock, "done") | outcome.summary | {"video": None}
-    if scenario.step_dependent and (notes := scene.notes(scenario.lattice.disk_points)):
+    notes = scene.notes(scenario.lattice.disk_points) if scenario.step_dependent else []
+    count, note = lattice_count(own, outcome, lattices)
+    if count > 1:
+        summary["lattices"] = compare_lattices(scene, outcome, count, kernels, progress, force)
+        clock.lap("lattices")
+    if notes := [*notes, *note]:
         summary["notes"] = notes
     return replace(outcome, summary=summary)
 
@@ -91,6 +101,7 @@ def compute_into(
     export: str | None = None,
     force: bool = False,
     threads: int | None = None,
+    lattices: int | None = None,
 ) -> Outcome:
     """Compute a scene and write everything into `folder`, also why it failed. Arguments and errors as for `run`."""
     if export:
@@ -102,7 +113,7 @@ def compute_into(
     try:
         with plotting_beside(video) as plot:
             scenario = built(scene, own, clock, threads)
-            outcome = solved(scene, scenario, own, clock, progress, force)
+            outcome = solved(scene, scenario, own, clock, progress, force, lattices=lattices)
             known = outcome.summary
             if export:
                 times = np.linspace(0.0, outcome.columns["t"][-1], FRAMES)
@@ -138,7 +149,7 @@ def write_run(
     end = {"positions": outcome.positions, "velocities": outcome.velocities, "t": outcome.columns["t"][-1]}
     files.write_arrays(path / "final.npz", **end)
     clock.lap("write")
-    finish_plot = plot(path / "plot.png", scenario, outcome.columns)
+    finish_plot = plot(path / "plot.png", scenario, outcome.columns, headline(summary, scenario.labels))
     if video:
         try:
             from taichi_disk.render.film import film

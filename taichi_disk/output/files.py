@@ -13,6 +13,7 @@ import shutil
 import subprocess
 from collections.abc import Callable, Mapping, Sequence
 from datetime import datetime, timezone
+from functools import lru_cache
 from importlib.metadata import version
 from io import StringIO
 from pathlib import Path
@@ -290,6 +291,11 @@ def write_lattice(path: Path, lattice: Lattice, velocities: Array, impedance: An
 
 def versions() -> dict[str, str]:
     """What computed the numbers."""
+    return dict(_versions())
+
+
+@lru_cache(maxsize=1)
+def _versions() -> dict[str, str]:
     own = {"python": platform.python_version(), "taichi-disk": __version__}
     return own | engine.versions() | {name: version(name) for name in ("numpy", "scipy")}
 
@@ -297,13 +303,19 @@ def versions() -> dict[str, str]:
 def provenance() -> dict[str, str]:
     """What summary.json, which alone may differ between two runs of a scene, says of this one."""
     found = {"date": datetime.now(timezone.utc).isoformat(timespec="seconds"), "processor": processor()}
+    return found | ({"git_commit": commit} if (commit := _git_commit()) else {})
+
+
+@lru_cache(maxsize=1)
+def _git_commit() -> str:
+    """Of the program when this process asked first; empty if it runs from no checkout."""
     root = Path(__file__).parents[2]
     if (root / ".git").exists():
         command = ["git", "-C", str(root), "describe", "--always", "--dirty", "--exclude=*", "--abbrev=40"]
         with contextlib.suppress(OSError, subprocess.CalledProcessError):  # no git, or another user's folder
             told = subprocess.run(command, capture_output=True, text=True, check=True, stdin=subprocess.DEVNULL)
-            found["git_commit"] = told.stdout.strip()
-    return found
+            return told.stdout.strip()
+    return ""
 
 
 def origin(*scenes: SceneBase) -> str:

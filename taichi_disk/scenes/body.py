@@ -4,11 +4,10 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Collection
-from dataclasses import replace
 from typing import TYPE_CHECKING, Any, ClassVar
 
 from taichi_disk.config.scene_base import Conflicts, SceneBase
-from taichi_disk.config.sections import LatticeSection, TimeSection, VideoSection
+from taichi_disk.config.sections import LatticeSection
 from taichi_disk.lattice import (
     Array,
     Lattice,
@@ -32,14 +31,12 @@ class DiskScene(SceneBase):
         lattice_keys: the sections and keys on which `body` depends.
         abscissa, results: of a sweep, the key that curves are drawn against, the numbers of each scene.
         optional_results: numbers that only some scenes have.
-        scatter: standard deviation of the first result over 8 lattices, by `taichi-disk accuracy` on the shipped scene.
     """
 
     lattice_keys: ClassVar[tuple[str, ...]] = ("lattice",)
     abscissa: ClassVar[tuple[str, str]]
     results: ClassVar[tuple[str, ...]] = ()
     optional_results: ClassVar[tuple[str, ...]] = ()
-    scatter: ClassVar[float]
 
     def body(self) -> Lattice:
         """The unloaded lattice. Raises InputError for a file that holds no disk, SimulationError as `disk_lattice`."""
@@ -113,12 +110,6 @@ class DiskScene(SceneBase):
         )
         remedy = f"material.viscosity = {value / paper:.3g} makes it the same"
         return [f"material.eta_star = {value:g} is per point: {compared}; {remedy}"]
-
-    def lattice_scatter(self) -> dict[str, float]:
-        """By how much the first result differs from lattice to lattice, where that is known: in the shipped scene."""
-        lattice = replace(self.lattice, seed=LatticeSection.seed)
-        plain = replace(self, lattice=lattice, time=TimeSection(), video=VideoSection())
-        return {self.results[0]: self.scatter} if plain == type(self)() else {}
 
     @property
     def damping(self) -> str:
