@@ -117,6 +117,21 @@ def test_the_bytes_of_a_film_do_not_depend_on_what_lay_in_memory(tmp_path, suffi
 
 
 @needs_vulkan
+def test_scales_and_pictures_come_from_one_replay(run, tmp_path, monkeypatch):
+    asked = []
+
+    def frames(times):
+        asked.append(len(times))
+        return run.frames(times)
+
+    film(tmp_path / "once.gif", [replace(run, frames=frames)], video(), QUIET)
+    assert len(asked) == 1
+    monkeypatch.setattr("taichi_disk.render.film.MOST_BYTES", 0)  # of a lattice too large to keep states of
+    film(tmp_path / "twice.gif", [replace(run, frames=frames)], video(), QUIET)
+    assert len(asked) == 3 and (tmp_path / "once.gif").read_bytes() == (tmp_path / "twice.gif").read_bytes()
+
+
+@needs_vulkan
 def test_the_disk_in_the_film_moves_as_its_centre_of_mass_does(run, tmp_path, captions):
     film(tmp_path / "film.mp4", [run], video(draw="field", colour="strain", theme="dark", size=360), QUIET)
     times, series, theme = np.array([time_of(lines) for lines in captions]), run.columns, THEMES["dark"]
