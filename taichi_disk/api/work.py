@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 from functools import lru_cache
 from pathlib import Path
@@ -62,11 +63,12 @@ def solved(
     force: bool = False,
     estimate: bool = True,
     lattices: int | None = None,
+    say: Callable[[str], None] = lambda text: None,
 ) -> Outcome:
     """The `scenario` of `scene` computed to its end, with all that summary.json says. Raises what `compute` raises."""
     kernels = shared_kernels()
     known = None if own.disk or scenario.static else setup_of(scene).modes(scenario.model)
-    outcome = compute(scenario, scene.time, progress, kernels, modes=known, force=force, estimate=estimate)
+    outcome = compute(scenario, scene.time, progress, kernels, modes=known, force=force, estimate=estimate, say=say)
     clock.lap("simulate", compile=outcome.compile_seconds)
     summary = _heading(scene, own, clock, "done") | outcome.summary | {"video": None}
     notes = scene.notes(scenario.lattice.disk_points) if scenario.step_dependent else []
@@ -102,6 +104,7 @@ def compute_into(
     force: bool = False,
     threads: int | None = None,
     lattices: int | None = None,
+    say: Callable[[str], None] = lambda text: None,
 ) -> Outcome:
     """Compute a scene and write everything into `folder`, also why it failed. Arguments and errors as for `run`."""
     if export:
@@ -113,7 +116,7 @@ def compute_into(
     try:
         with plotting_beside(video) as plot:
             scenario = built(scene, own, clock, threads)
-            outcome = solved(scene, scenario, own, clock, progress, force, lattices=lattices)
+            outcome = solved(scene, scenario, own, clock, progress, force, lattices=lattices, say=say)
             known = outcome.summary
             if export:
                 times = np.linspace(0.0, outcome.columns["t"][-1], FRAMES)
@@ -152,7 +155,7 @@ def write_run(
     finish_plot = plot(path / "plot.png", scenario, outcome.columns, headline(summary, scenario.labels))
     if video:
         try:
-            from taichi_disk.render.film import film
+            from taichi_disk.web.film import film
 
             name = "frames" if section.format == "png" else f"video.{section.format}"
             film(path / name, [outcome], section, progress)

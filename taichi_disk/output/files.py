@@ -29,7 +29,7 @@ from taichi_disk.simulation.observables import COLUMNS
 from taichi_disk.version import __version__
 
 if TYPE_CHECKING:
-    from taichi_disk.config.scene_base import SceneBase
+    from taichi_disk.scenes.scene import DiskScene
 
 PROGRAM = f"taichi-disk {__version__}"
 FILMS = ("video.mp4", "video.webm", "video.gif", "frames")
@@ -318,7 +318,7 @@ def _git_commit() -> str:
     return ""
 
 
-def origin(*scenes: SceneBase) -> str:
+def origin(*scenes: DiskScene) -> str:
     """What films, pictures and trajectories carry: version and scenes, as YAML that `load_scene` takes, and no date."""
     return f"# {PROGRAM}\n" + "---\n".join(scene.to_yaml() for scene in scenes)
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import subprocess
 import sys
 
@@ -105,12 +106,16 @@ def test_screen_card_and_plot_begin_with_the_mean_and_the_scatter(tmp_path, caps
 
 def test_whatever_matplotlib_is_told_by_its_user_a_run_has_its_plot(tmp_path):
     (tmp_path / "matplotlibrc").write_text("text.usetex: True\nsavefig.dpi: 900\naxes.facecolor: red\n")
-    code = (
-        "import os, sys; out = sys.argv[1]; os.environ.update(MATPLOTLIBRC=out + '/matplotlibrc', MPLBACKEND='bogus')\n"
-        "sys.argv = ['', 'run', 'exponential_wall', '--no-video', '--lattices=1', '--set=lattice.points=60', '--set=material.eta_star=0', '--out',"
-        " out + '/run']\nfrom taichi_disk.__main__ import process; process()"
-    )
-    done = subprocess.run([sys.executable, "-c", code, str(tmp_path)], capture_output=True, text=True)
+    words = ["run", "exponential_wall", "--no-video", "--lattices=1", "--set=lattice.points=60"]
+    words += ["--set=material.eta_star=0", f"--out={tmp_path / 'run'}"]
+    told = {"MATPLOTLIBRC": str(tmp_path / "matplotlibrc"), "MPLBACKEND": "bogus"}
+    command = [sys.executable, "-m", "taichi_disk", *words]
+    done = subprocess.run(command, capture_output=True, text=True, env=os.environ | told)
     assert done.returncode == 0 and done.stderr == ""
-    run(load_scene("exponential_wall", ["lattice.points=60", "material.eta_star=0"]), tmp_path / "plain", video=False, lattices=1)
+    run(
+        load_scene("exponential_wall", ["lattice.points=60", "material.eta_star=0"]),
+        tmp_path / "plain",
+        video=False,
+        lattices=1,
+    )
     assert (tmp_path / "run/plot.png").read_bytes() == (tmp_path / "plain/plot.png").read_bytes()
