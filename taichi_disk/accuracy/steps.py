@@ -62,7 +62,7 @@ class StepStudy:
         self.end = float(outcome.columns["t"][-1])
         if model.reset_interval:
             self.end = max(1, round(self.end / model.reset_interval)) * model.reset_interval
-        self.own = INTEGRATORS[outcome.facts["integrator"]], self._steps(outcome.facts["dt"] * (1.0 + 1e-9))
+        self.own = INTEGRATORS[outcome.summary["integrator"]], self._steps(outcome.summary["dt"] * (1.0 + 1e-9))
         needed = {"explicit": True, "implicit": model.solvable, "none": not model.velocity_dependent}
         integrators = [one for one in INTEGRATORS.values() if needed[one.dashpots]]
         runs = {(one, self._steps(part * self._limit(one))) for one in integrators for part in FRACTIONS}

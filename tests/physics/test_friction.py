@@ -49,7 +49,7 @@ def test_spin_and_sideways_velocity_change_by_just_what_the_wall_does(throw, ker
     # the sum of m a is the wall's force, and its torque about the centre changes the angular momentum. (It starts so
     # far away that the half force of the first step counts for nothing.)
     scenario, outcome, found = impact(kernels, *throw, *ROWS, "impact.gap=0.11")
-    columns, h = outcome.columns, outcome.facts["dt"]
+    columns, h = outcome.columns, outcome.summary["dt"]
     wall, torque, push = scenario.model.wall, 0.0, 0.0
     for _, x, v in outcome.replay(columns["t"]):
         normal = wall.a * wall.V0 * np.exp(-wall.a * x[:, 1])
@@ -197,9 +197,9 @@ def test_a_disk_that_spins_fast_enough_leaves_the_other_way(kernels):
 
 def test_dashpots_beside_friction_are_taken_explicitly(kernels):
     _, outcome, found = impact(kernels, *SLIDING, "material.eta_star=100")
-    assert outcome.facts["integrator"] == "velocity_verlet"
+    assert outcome.summary["integrator"] == "velocity_verlet"
     assert found["tangential_impulse"] == pytest.approx(-0.1 * found["normal_impulse"], rel=1e-12)
-    assert abs(outcome.facts["energy"]["closing_imbalance"]) < 1e-4
+    assert abs(outcome.summary["energy"]["closing_imbalance"]) < 1e-4
 
 
 def test_friction_alone_brakes_no_straight_throw_and_has_no_restitution_of_its_own(kernels):
@@ -220,7 +220,7 @@ def test_a_disk_flying_sideways_meets_the_middle_of_an_elastic_wall(angle, kerne
     # It is level and has no friction: what pushes sideways is its dent.
     assert 0.0 < abs(found["tangential_impulse"]) < 0.02 * found["normal_impulse"]
     assert found["normal_impulse"] == pytest.approx((1.0 + found["restitution"]) * 0.02 * np.cos(0.9), rel=1e-12)
-    assert abs(outcome.facts["energy"]["closing_imbalance"]) < 1e-4
+    assert abs(outcome.summary["energy"]["closing_imbalance"]) < 1e-4
 
 
 def test_on_an_elastic_wall_a_disk_may_start_anywhere(kernels):

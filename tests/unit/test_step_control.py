@@ -162,7 +162,7 @@ def test_a_whole_number_of_steps_fits_the_reset_interval(interval):
 def test_a_small_tolerance_is_reached_from_a_first_step_that_is_far_too_long(kernels):
     strong = ("exponential_wall", "lattice.points=30", "material.eta_star=100", "time.tolerance=1e-9")
     _, outcome = computed(kernels, *strong)
-    assert outcome.facts["error_estimate"]["restitution"] <= 1e-9
+    assert outcome.summary["error_estimate"]["restitution"] <= 1e-9
 
 
 @pytest.mark.parametrize("tolerance", [1e-3, 1e-7])
@@ -172,8 +172,8 @@ def test_a_run_within_a_tolerance_is_as_near_as_it_says(tolerance, kernels):
     exact, run = computed(kernels, *SMALL, *fine, estimate=False)
     scenario, outcome = computed(kernels, *SMALL, f"time.tolerance={tolerance}")
     off = abs(scenario.result(outcome.columns)["restitution"] - exact.result(run.columns)["restitution"])
-    assert 0.0 < off <= outcome.facts["error_estimate"]["restitution"] <= tolerance
-    assert outcome.facts["attempts"] >= 2
+    assert 0.0 < off <= outcome.summary["error_estimate"]["restitution"] <= tolerance
+    assert outcome.summary["attempts"] >= 2
 
 
 def test_what_the_wall_still_holds_when_the_run_ends_is_part_of_the_error(kernels):
@@ -185,7 +185,7 @@ def test_what_the_wall_still_holds_when_the_run_ends_is_part_of_the_error(kernel
         scenario, outcome = computed(kernels, *one)
         # Two steps differ by 1e-7.
         off = abs(scenario.result(outcome.columns)["restitution"] - exact)
-        assert 5e-6 < off <= outcome.facts["error_estimate"]["restitution"]
+        assert 5e-6 < off <= outcome.summary["error_estimate"]["restitution"]
     with pytest.raises(SimulationError, match=r"due to where the run ends, at any step; a larger impact\.gap"):
         computed(kernels, *near, "time.tolerance=1e-8")
 
