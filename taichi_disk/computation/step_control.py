@@ -10,7 +10,7 @@ from taichi_disk.computation.diagnostics import CLOSING, LARGEST, WORST, relativ
 from taichi_disk.computation.scenario import Scenario
 from taichi_disk.computation.stability import Spectrum, resolving_step, step_limit
 from taichi_disk.errors import InputError
-from taichi_disk.integrators import INTEGRATORS, TRAPEZOIDAL, VELOCITY_VERLET, Integrator
+from taichi_disk.integrators import AUTOMATIC, INTEGRATORS, Integrator
 from taichi_disk.simulation.observables import Columns
 
 MARGIN = 0.95  # of the limit that the measured wall stiffness leaves; an automatic step above it is redone
@@ -105,9 +105,8 @@ class StepControl:
     def _choice(self) -> TimeStep:
         name, model = self._integrator, self.scenario.model
         if name == "auto":
-            ratio = self._longest(TRAPEZOIDAL) / self._longest(VELOCITY_VERLET)
-            implicit = ratio > implicit_cost(self.spectrum.points) and model.solvable
-            name = (TRAPEZOIDAL if implicit else VELOCITY_VERLET).name
+            candidates = [one for one in AUTOMATIC if one.takes(model)]
+            name = min(candidates, key=lambda one: one.cost(self.spectrum.points) / self._longest(one)).name
         integrator = INTEGRATORS[name]
         dt = self._longest(integrator) if self.time.dt == "auto" else self.time.dt
         return TimeStep(integrator, self.limit(integrator, self._point_force), fitted(dt, model.reset_interval))
@@ -233,15 +232,6 @@ class StepControl:
         excess = abs(relative_imbalance(scenario, columns)[0]) / max(LARGEST, tolerance)
         least = max(LEAST, sqrt(excess), step.dt / (MARGIN * self.limit(step.integrator, peak)))
         return self._again(step.dt / max(shorter, least) / self.limit(step.integrator, self._point_force))
-
-
-def implicit_cost(points: int) -> float:
-    """Of a step with implicit dashpots, in force evaluations.
-
-    Their factor has about 2.5 n^(1/4) entries for each point. Measured on one core: 2.8 at n = 1,099, 4.0 at 10,000,
-    6.3 at 40,000, where it fits no cache.
-    """
-    return max(2.8, 0.9 + 1.9 * (points / 1000.0) ** 0.25)
 
 
 def fitted(dt: float, interval: float) -> float:
