@@ -44,7 +44,7 @@ class Change:
     Attributes:
         source: of error.
         change: in words.
-        keys: the same, as `SceneBase.with_` takes it.
+        keys: the same, as `DiskScene.with_` takes it.
         finer: times as many points.
         remark: why there is no result, which is then NaN.
     """

@@ -14,9 +14,9 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import taichi as ti
 from numpy.typing import NDArray
 
+from taichi_disk.engine import ti
 from taichi_disk.lattice import Array, Lattice
 from taichi_disk.lattice.network import laplacian, symmetric_factors
 from taichi_disk.physics import MatchedBoundary, Model, PinnedBoundary

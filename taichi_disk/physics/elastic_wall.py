@@ -9,10 +9,10 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import taichi as ti
 from numpy.typing import NDArray
 
 from taichi_disk.config.potential import ExponentialPotential
+from taichi_disk.engine import ti
 from taichi_disk.lattice import Array, Lattice
 from taichi_disk.physics.law import Capacity, Integers1, Law, array, get, put, scalar
 

@@ -12,8 +12,8 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import taichi as ti
 
+from taichi_disk.engine import ti
 from taichi_disk.lattice import Array, Lattice
 
 # NumPy arrays that kernels take.

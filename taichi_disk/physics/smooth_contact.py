@@ -12,8 +12,8 @@ torque that is left is l times the horizontal force. Beyond the middles of the o
 """
 
 import numpy as np
-import taichi as ti
 
+from taichi_disk.engine import ti
 from taichi_disk.lattice import Array, Lattice
 from taichi_disk.physics.elastic_wall import Contacts, ElasticWall
 from taichi_disk.physics.law import get, put

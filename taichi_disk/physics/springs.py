@@ -11,8 +11,8 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import taichi as ti
 
+from taichi_disk.engine import ti
 from taichi_disk.lattice import Array, Lattice
 from taichi_disk.lattice.network import assemble, network_stiffness
 from taichi_disk.physics.law import Capacity, Law, Reals1, get, put, scalar, side_by_side

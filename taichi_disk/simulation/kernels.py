@@ -9,9 +9,9 @@ contact, boundary, implicit dashpots. So its bits are those of one core.
 from typing import Any
 
 import numpy as np
-import taichi as ti
 from numpy.typing import NDArray
 
+from taichi_disk.engine import ti
 from taichi_disk.integrators import Integrator
 from taichi_disk.integrators.conjugate_gradients import Diagonal
 from taichi_disk.integrators.trapezoidal import DashpotSolver, Factor

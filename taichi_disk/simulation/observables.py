@@ -117,12 +117,6 @@ def split(columns: Columns, inertia: float) -> Columns:
     return columns | dict(zip(of_kind("part"), (translation, rotation, vibration), strict=True))
 
 
-def vibration_left(columns: Columns) -> float:
-    """Energy of all vibration at the end, kinetic and elastic, over that of the flight at t = 0."""
-    stored = columns["vibration"] + columns["elastic"]
-    return float((stored[-1] - stored[0]) / columns["translation"][0])
-
-
 def bounds_array(bounds: dict[str, tuple[float, float]]) -> Array:
     """(2, columns) least and largest value of every column, as `bounds` has them; infinite for the others."""
     array = np.array([[-np.inf], [np.inf]]) * np.ones(len(INDEX))

@@ -8,9 +8,9 @@ from dataclasses import astuple
 from typing import Any
 
 import numpy as np
-import taichi as ti
 
 from taichi_disk import engine
+from taichi_disk.engine import ti
 from taichi_disk.errors import TaichiDiskError
 from taichi_disk.integrators import LARGEST_FACTORISED, Integrator
 from taichi_disk.integrators.conjugate_gradients import Diagonal, IterativeSolver, diagonal
