@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal
 
+from taichi_disk.config.sections import DASHPOTS, Dashpots
 from taichi_disk.physics import Model
 
 LARGEST_FACTORISED = 5_000  # points: beyond, conjugate gradients make a step with implicit dashpots cheaper
@@ -30,7 +30,7 @@ class Integrator:
     kicks: tuple[float, ...]
     moves: tuple[float, ...]
     stable: float
-    dashpots: Literal["explicit", "implicit", "none"]
+    dashpots: Dashpots
 
     @property
     def forces(self) -> int:
@@ -57,13 +57,17 @@ class Integrator:
         return (self.kicks[-1] + self.kicks[0], *self.kicks[1:-1])
 
 
+def _leapfrog(name: str) -> Integrator:
+    return Integrator(name, 2, kicks=(0.5, 0.5), moves=(1.0,), stable=2.0, dashpots=DASHPOTS[name])
+
+
 # In its leapfrog form (Hairer, Lubich & Wanner, Acta Numerica 12, 2003). The cheapest way to an error of e above 1e-7:
 # the highest lattice frequency sets the step before accuracy does. Dashpots take the predicted velocity
 # u_k = v_{k-1/2} + h/2 f_{k-1}/m, off by O(h^2), and shorten the stable step (`stability.explicit_limit`).
-VELOCITY_VERLET = Integrator("velocity_verlet", 2, kicks=(0.5, 0.5), moves=(1.0,), stable=2.0, dashpots="explicit")
+VELOCITY_VERLET = _leapfrog("velocity_verlet")
 
 # Velocity Verlet with the dashpots solved for: see `trapezoidal`.
-TRAPEZOIDAL = Integrator("trapezoidal", 2, kicks=(0.5, 0.5), moves=(1.0,), stable=2.0, dashpots="implicit")
+TRAPEZOIDAL = _leapfrog("trapezoidal")
 
 # I. P. Omelyan, I. M. Mryglod and R. Folk, Comput. Phys. Commun. 146, 188 (2002). For errors of e below 1e-7, where it
 # needs fewer forces than velocity Verlet. Here stability sets the step, and no other composition of order 4 is stable
@@ -76,8 +80,8 @@ VEFRL = Integrator(
     kicks=(_XI, _CHI, 1.0 - 2.0 * (_CHI + _XI), _CHI, _XI),
     moves=(_OUTER, _LAMBDA, _LAMBDA, _OUTER),
     stable=3.4696,
-    dashpots="none",
+    dashpots=DASHPOTS["vefrl"],
 )
 
-INTEGRATORS = {one.name: one for one in (VELOCITY_VERLET, TRAPEZOIDAL, VEFRL)}
+INTEGRATORS = {integrator.name: integrator for integrator in (VELOCITY_VERLET, TRAPEZOIDAL, VEFRL)}
 AUTOMATIC = (VELOCITY_VERLET, TRAPEZOIDAL)  # among which a scene's `auto` chooses by the work to its end
