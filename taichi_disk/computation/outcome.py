@@ -14,6 +14,7 @@ from taichi_disk.computation.driver import Driver, Moment
 from taichi_disk.computation.error_estimate import SecondRun, second_run, within_tolerance
 from taichi_disk.computation.scenario import Scenario
 from taichi_disk.computation.stability import Spectrum, spectrum, step_limit
+from taichi_disk.computation.workload import announcement
 from taichi_disk.lattice import Array, Lattice
 from taichi_disk.lattice.lattice import double_area
 from taichi_disk.physics import Load, Model
@@ -62,6 +63,7 @@ def compute(
     force: bool = False,
     estimate: bool = True,
     loads: int = LOADS,
+    say: Callable[[str], None] = lambda text: None,
 ) -> Outcome:
     """Compute `scenario` to its end.
 
@@ -72,6 +74,7 @@ def compute(
         estimate: whether to estimate the error and to count triangles turned inside out, by running again, unless that
             would take long.
         loads: how many equilibria a quasi-static loading goes through; 1: the last alone, bitwise the same.
+        say: told what a long run will cost, before it begins.
 
     Raises InputError for a step by hand that is too long, SimulationError when the scene does not end in time or its
     energy balance is lost, BlowUp when the state becomes meaningless.
@@ -83,6 +86,8 @@ def compute(
 
     def finished(time: Any) -> Driver:
         driver = Driver(scenario, time, kernels, modes, force=force)
+        if text := announcement(driver):
+            say(text)
         progress("simulate", 0.0, scenario.max_time)
         while driver.advance(seconds=0.1) in ("running", "restarted"):
             progress("simulate", driver.simulation.time, scenario.max_time)
