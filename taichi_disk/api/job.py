@@ -154,7 +154,7 @@ def write_run(
     if video:
         name = "frames" if scene.video.format == "png" else f"video.{scene.video.format}"
         try:
-            from taichi_disk.render.film import film
+            from taichi_disk.web.film import film
 
             film(path / name, [(scenario, outcome)], scene.video, progress)
             summary["video"] = name

@@ -9,9 +9,7 @@ from collections.abc import Sequence
 from typing import TypeAlias, cast, get_args
 
 from taichi_disk.computation import workload
-from taichi_disk.config.scene_base import SceneBase, check
 from taichi_disk.config.sections import ElasticWallSection
-from taichi_disk.config.sweep_axes import Sweep, check_sweep
 from taichi_disk.config.tree import Source, read_tree
 from taichi_disk.config.tree import shipped_scenes as shipped_scenes
 from taichi_disk.errors import InputError
@@ -20,9 +18,11 @@ from taichi_disk.machine import free_memory
 from taichi_disk.scenes.absorbing_wall import AbsorbingWallScene
 from taichi_disk.scenes.compression import CompressionScene
 from taichi_disk.scenes.exponential_wall import ExponentialWallScene
+from taichi_disk.scenes.scene import DiskScene, check
+from taichi_disk.scenes.sweep_axes import Sweep, check_sweep
 
 Scene: TypeAlias = CompressionScene | ExponentialWallScene | AbsorbingWallScene
-SCENES: dict[str, type[SceneBase]] = {kind.scene: kind for kind in get_args(Scene)}
+SCENES: dict[str, type[DiskScene]] = {kind.scene: kind for kind in get_args(Scene)}
 
 
 def load_scene(source: Source, overrides: Sequence[str] = ()) -> Scene:
@@ -51,7 +51,7 @@ def load_any(source: Source, overrides: Sequence[str] = ()) -> Scene | Sweep:
     return cast("Scene | Sweep", _load(source, overrides))
 
 
-def _load(source: Source, overrides: Sequence[str], want: str = "any") -> SceneBase | Sweep:
+def _load(source: Source, overrides: Sequence[str], want: str = "any") -> DiskScene | Sweep:
     tree = read_tree(source, overrides)
     has_sweep = "sweep" in tree.value
     if has_sweep and want == "scene":
@@ -87,7 +87,7 @@ def check_feasible(scene: Scene | Sweep) -> None:
         StepControl(scenario, scene.time, spectrum(scenario.lattice, scenario.model))
 
 
-def check_memory(scene: SceneBase) -> None:
+def check_memory(scene: DiskScene) -> None:
     """Raises InputError for more points than there is free memory for."""
     wall = getattr(scene, "wall", None)
     points = scene.lattice.points + (wall.points if isinstance(wall, ElasticWallSection) else 0)
