@@ -6,7 +6,9 @@ Exit status: 0 done; 1 the computation or the film failed; 2 bad input or usage;
 from __future__ import annotations
 
 import argparse
+import os
 import sys
+import tempfile
 import warnings
 from collections.abc import Callable, Sequence
 from contextlib import suppress
@@ -37,6 +39,7 @@ def main(argv: Sequence[str] | None = None) -> int:
             return 0
         arguments = parser.parse_args(given)
         raise_if_interrupted()
+        _leave_deleted_directory(arguments)
         status: int = arguments.command(arguments)
         if sys.stdout is not None:  # it may be closed
             sys.stdout.flush()
@@ -67,6 +70,20 @@ def _print_error(text: str) -> None:
 
 def _note(text: str) -> None:
     _print_error(f"note: {text}")
+
+
+def _leave_deleted_directory(arguments: argparse.Namespace) -> None:
+    """Work in another directory if the present one has been deleted, and no path counts from it. Else InputError."""
+    try:
+        os.getcwd()
+    except FileNotFoundError:
+        given = vars(arguments)
+        paths = [one for one in given.values() if isinstance(one, Path)]
+        has_default = "scene" in given and "out" in given and given["out"] is None
+        if has_default or not all(one.is_absolute() for one in paths):
+            text = "the working directory no longer exists: change to another, or write whole paths (--out /...)"
+            raise InputError(text) from None
+        os.chdir(tempfile.gettempdir())
 
 
 def _load(arguments: argparse.Namespace, what: str = "scene") -> Any:
@@ -156,11 +173,10 @@ def _render(arguments: argparse.Namespace) -> int:
     overrides = [f"video.{name}={str(value).lower()}" for name, value in given.items() if value is not None]
     with terminal(sys.stderr) as progress:
         load = partial(Result.load, progress=progress, estimate=False, say=_note)
-        result = load(arguments.folder, overrides)
-        other = load(arguments.compare) if arguments.compare else None
-        name, form = "comparison" if other else "render", result.scene.video.format
+        result, *others = load(arguments.folder, overrides), *map(load, arguments.compare)
+        name, form = "comparison" if others else "render", result.scene.video.format
         out = arguments.out or arguments.folder / (name if form == "png" else f"{name}.{form}")
-        result.film(out, other, progress)
+        result.film(out, others, progress, at=arguments.at, start=arguments.start, end=arguments.end)
     print(f"{'picture' if out.suffix == '.png' else 'film'} in {out}")
     return 0
 
@@ -256,11 +272,18 @@ def _parser() -> argparse.ArgumentParser:
     add("--host", help="where to serve it (default: 127.0.0.1, for this machine alone)")
     add("--port", type=partial(_count, most=65_535), metavar="P", help="of the server (default: one that is free)")
 
-    add = command("render", _render, "film a finished run again, or two of them side by side").add_argument
+    add = command("render", _render, "film a finished run again, or up to four of them side by side").add_argument
     add("folder", type=_path, metavar="DIR", help="what `run` wrote")
-    add("--compare", type=_path, metavar="DIR", help="another run, to be shown at the right")
-    files = ".mp4, .webm, .gif, .png for one picture, or a folder for many (default: render or comparison in DIR)"
-    add("--out", type=_path, metavar="FILE", help=files)
+    compare = "other runs, at most three, to be shown at the right; what sets them apart is written above each"
+    add("--compare", type=_path, nargs="+", default=[], metavar="DIR", help=compare)
+    files = (
+        ".mp4, .webm, .gif; .html for a page that plays the film, and needs no internet; .png for one picture; or a "
+    )
+    add("--out", type=_path, metavar="FILE", help=files + "folder for many (default: render or comparison in DIR)")
+    at = "moment of a picture: a time in R/c, contact (the first), end, or greatest (compression; the default)"
+    add("--at", default="greatest", metavar="T", help=at)
+    add("--from", dest="start", metavar="T", help="where a film begins, a moment as for --at (default: the start)")
+    add("--to", dest="end", metavar="T", help="where a film ends (default: the end of the run)")
     for name, key in VideoSection.schema().items():  # which also checks what is given
         if key.kind is bool:
             add(f"--{name}", action=argparse.BooleanOptionalAction, help=key.meaning)

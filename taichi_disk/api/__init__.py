@@ -202,10 +202,12 @@ class Result:
 
         return run_figure(self.scenario, self.series)
 
-    def show(self, beside: Result | None = None, progress: Progress | None = None, **video: Any) -> Film:
-        """The film for a notebook, which shows it with controls; arguments as for `film`.
+    def show(
+        self, beside: Result | Sequence[Result] | None = None, progress: Progress | None = None, **video: Any
+    ) -> Film:
+        """Return the film for a notebook, which shows it with controls; arguments as for `film`.
 
-        `format="png"`: one picture, of the greatest compression. Raises what `film` raises.
+        `format="png"` is one picture, `format="html"` a film to play with. Raises what `film` raises.
         """
         from taichi_disk.output.inline import Film
 
@@ -218,26 +220,40 @@ class Result:
     @reported
     @runtime.alone()
     def film(
-        self, path: Path | str, beside: Result | None = None, progress: Progress | None = None, **video: Any
+        self,
+        path: Path | str,
+        beside: Result | Sequence[Result] | None = None,
+        progress: Progress | None = None,
+        *,
+        at: float | str = "greatest",
+        start: float | str | None = None,
+        end: float | str | None = None,
+        **video: Any,
     ) -> Path:
-        """Film the run into `path`: .mp4, .webm, .gif, one picture .png, or a folder for numbered pictures.
+        """Film the run into `path` and return the path.
 
         Args:
-            path: its suffix says the format.
-            beside: another run, to be shown at the right.
+            path: .mp4, .webm or .gif; .html for a page that plays the film; .png for one picture; a folder for
+                numbered pictures.
+            beside: up to three other runs, to be shown at the right.
             progress: called as for `run`.
+            at: the moment of a picture: a time [R/c], "greatest" (compression), "contact" (the first) or "end".
+            start, end: of a film, by default of the run; moments like `at`.
             video: keys of a scene's `video` section in place of the scene's own, as `colour="shear"`.
 
-        Returns the path. Raises InputError for a wrong key, TaichiDiskError where no film can be drawn or written.
+        Raises InputError for a wrong key or moment, TaichiDiskError if no film can be drawn or written.
         """
-        from taichi_disk.render.film import check_target, film
+        from taichi_disk.render.film import check_target
+        from taichi_disk.render.moments import Span
+        from taichi_disk.web.film import film
 
         path = as_path(path, "path")
         section = self.scene.with_({f"video.{key}": value for key, value in video.items()}).video
         check_target(path)
         files.prepare_output(path.parent)
-        runs = [(one.scenario, one.outcome) for one in (self, beside) if one]
-        film(path, runs, section, progress or silent)
+        others = [beside] if isinstance(beside, Result) else beside or ()
+        runs = [(one.scenario, one.outcome) for one in (self, *others)]
+        film(path, runs, section, progress or silent, Span(at, start, end))
         return path
 
     @runtime.alone()
@@ -334,7 +350,7 @@ def run(
             process chooses it, else the environment variable TAICHI_DISK_THREADS.
         progress: called as progress(stage, done, total): "simulate" with the time [R/c] or the number of equilibria,
             "render" with the number of pictures. It must not run, film or look at a result.
-        say: told what a person should know: that the run goes elsewhere, and why.
+        say: told what a person should know: that the run goes elsewhere and why, or what a long run will cost.
         started: seconds that the process has taken before this, for the wall clock of the summary.
 
     Raises InputError, with nothing written, for what cannot be computed as asked; SimulationError when the computation
@@ -343,7 +359,7 @@ def run(
     raise_if_interrupted()  # while all was imported
     scene = scene if isinstance(scene, DiskScene) else load_scene(scene)
     clock = Clock({"start": started} if started else {})
-    job = Job(scene, progress or silent, lattice, velocities, force, threads, clock=clock)
+    job = Job(scene, progress or silent, lattice, velocities, force, threads, clock=clock, say=say)
     if out is None:
         if export:
             raise InputError("export: needs a folder, `out`")

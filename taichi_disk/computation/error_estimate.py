@@ -1,4 +1,4 @@
-"""The error of a result that its time step causes, from a second run; and the search for a step within a tolerance."""
+"""The errors of results that the time step causes, from a second run; and the search for a step within a tolerance."""
 
 from __future__ import annotations
 
@@ -15,12 +15,17 @@ from taichi_disk.computation.scenario import Scenario
 from taichi_disk.computation.step_control import fitted
 from taichi_disk.errors import SimulationError, TaichiDiskError
 from taichi_disk.lattice import Array
+from taichi_disk.simulation.observables import Columns
 
 # Measured on scenes whose truth is known: `python -m tests.validation.estimate_trial`.
 STEP_RATIO = 1.25  # by which the step of a second run is shorter
+HALF_STEP = 2.0  # the same, if friction held a point, or if the step crosses much of the wall's decay length
 LONGER_STEP, LONGER_FROM = 0.95, 0.75  # of the stability limit: a longer one instead, if the step itself is above that
 ERROR_SAFETY = 1.5  # over the difference that Richardson's extrapolation finds
 UNRESOLVED_PART = 0.5  # of the worst imbalance, which the error may be where a step does not resolve the wall
+STUCK_PART = 0.02  # of the worst imbalance, which the error may be if friction held a point
+HALF_FROM = 0.51  # of the step that resolves the wall: a quarter of the decay length
+SLIDING_PART = 1.0 - 1e-9  # of friction's largest impulse: below that, a point did not slide throughout
 
 SEARCH = 12  # steps tried for a tolerance, which may be far from a first coarse step
 TOLERANCE_PART = 0.75  # of the tolerance, at which the next step is aimed
@@ -29,9 +34,9 @@ LEAST_RATIO, MOST_RATIO = 1.15, 3.0  # by which that step is shorter: a longer l
 
 @dataclass(frozen=True)
 class SecondRun:
-    """The error of a primary result by a second run, None if that has no result; (n, 2) its most compressed state."""
+    """The errors of results by their names, none if the second run has no result; (n, 2) its most compressed state."""
 
-    error: float | None
+    errors: dict[str, float]
     compressed: Array
 
 
@@ -45,7 +50,8 @@ def second_run(driver: Driver) -> SecondRun:
 
     Two results cannot tell whether the error is a power of the step, so it is taken as larger. While a step crosses
     much of the wall's decay length 1/a at the speed of the impact, the error stands at a plateau that differences do
-    not show. There it is not taken for less than a part of the worst energy imbalance.
+    not show, and if friction holds a point, errors fall in jumps. There the error is not taken for less than a part of
+    the worst energy imbalance.
     """
     scenario, columns, step = driver.scenario, driver.columns, driver.step
     time = replace(driver.control.time, dt=_other_step(driver), integrator=step.integrator.name)
@@ -54,27 +60,50 @@ def second_run(driver: Driver) -> SecondRun:
     x = other.state.vectors[0]
     try:
         if other.advance() == "failed":
-            return SecondRun(None, x)
-        results = scenario.primary(columns)[1], step.dt, scenario.primary(other.columns)[1], other.step.dt
+            return SecondRun({}, x)
+        found, others = scenario.result(columns), scenario.result(other.columns)
     except TaichiDiskError:  # no result
-        return SecondRun(None, x)
-    error = ERROR_SAFETY * richardson(*results, _order(driver))
-    if step.dt > scenario.wall_step:
-        error = max(error, UNRESOLVED_PART * scenario.sensitivity * relative_imbalance(scenario, columns)[1])
-    return SecondRun(error + scenario.end_truncation_error(columns), x)
+        return SecondRun({}, x)
+    part = UNRESOLVED_PART if step.dt > scenario.wall_step else STUCK_PART if _has_stuck(driver) else 0.0
+    least = part * scenario.sensitivity * relative_imbalance(scenario, columns)[1]
+    errors, scales, sampling = {}, scenario.result_scales(columns), _sampling_errors(scenario, columns)
+    for name in [name for name in scales if name in found and name in others]:
+        difference = richardson(found[name], step.dt, others[name], other.step.dt, _order(driver))
+        errors[name] = max(ERROR_SAFETY * difference, least * scales[name]) + sampling.get(name, 0.0)
+    errors[scenario.primary(columns)[0]] += scenario.end_truncation_error(columns)
+    return SecondRun(errors, x)
+
+
+def _sampling_errors(scenario: Scenario, columns: Columns) -> dict[str, float]:
+    """What the distance between rows may do to each result, such as a time: as much as leaving out every other row."""
+    found, rows = scenario.result(columns), np.arange(len(columns["t"]))
+    ends = (rows == 0) | (rows == rows[-1])
+    thinned = [scenario.result({key: one[ends | (rows % 2 == k)] for key, one in columns.items()}) for k in (0, 1)]
+    return {name: max(abs(one.get(name, value) - value) for one in thinned) for name, value in found.items()}
+
+
+def _has_stuck(driver: Driver) -> bool:
+    """Whether friction held a point: its impulse is less than that of points that all slide one way."""
+    wall, columns = driver.scenario.model.wall, driver.columns
+    along, away = (abs(float(columns[name][-1] - columns[name][0])) for name in ("com_vx", "com_vy"))
+    friction = getattr(wall, "friction", 0.0)
+    return bool(friction) and along < SLIDING_PART * friction * away
 
 
 def _other_step(driver: Driver) -> float:
-    """Step [R/c] of the second run: a longer one, which costs less, where that is stable."""
+    """Step [R/c] of the second run: a longer one, which costs less, where that is stable and errors are regular."""
     step, interval = driver.step, driver.scenario.model.reset_interval
+    if _has_stuck(driver) or step.dt > HALF_FROM * driver.scenario.wall_step:
+        return fitted(step.dt / HALF_STEP, interval)
     limit = driver.control.limit(step.integrator, driver.largest_force)
     longer = fitted(LONGER_STEP * limit, interval)
     return longer if step.dt > LONGER_FROM * limit and longer > step.dt else fitted(step.dt / STEP_RATIO, interval)
 
 
 def _order(driver: Driver) -> int:
-    """Order of the error. Where points slide from spring to spring of the elastic wall, its force jumps: 1."""
-    return 1 if driver.columns["sliding"].any() else driver.step.integrator.order
+    """Order of the error: 1 where forces jump, of friction and where points slide between springs of a wall."""
+    jumps = driver.columns["sliding"].any() or _has_stuck(driver)
+    return 1 if jumps else driver.step.integrator.order
 
 
 def within_tolerance(driver: Driver, run: Callable[[Any], Driver]) -> tuple[Driver, SecondRun]:
@@ -85,20 +114,20 @@ def within_tolerance(driver: Driver, run: Callable[[Any], Driver]) -> tuple[Driv
     scenario, time = driver.scenario, driver.control.time
     for tried in range(1, SEARCH + 1):
         second, left = second_run(driver), scenario.end_truncation_error(driver.columns)
-        allowed = time.tolerance - left
-        if second.error is not None and second.error <= time.tolerance:
+        error, allowed = second.errors.get(scenario.primary(driver.columns)[0]), time.tolerance - left
+        if error is not None and error <= time.tolerance:
             return driver, second
         if allowed <= 0.0 or tried == SEARCH:
             break
         ratio = STEP_RATIO
-        if second.error is not None:
-            excess = (second.error - left) / (TOLERANCE_PART * allowed)
+        if error is not None:
+            excess = (error - left) / (TOLERANCE_PART * allowed)
             ratio = float(np.clip(excess ** (1.0 / _order(driver)), LEAST_RATIO, MOST_RATIO))
         runs, step = driver.attempt, driver.step
         shorter = fitted(step.dt / ratio, scenario.model.reset_interval)
         driver = run(replace(time, dt=shorter, integrator=step.integrator.name))
         driver.attempt += runs
-    raise SimulationError(_out_of_tolerance(scenario, time.tolerance, driver, second.error, left))
+    raise SimulationError(_out_of_tolerance(scenario, time.tolerance, driver, error, left))
 
 
 def _out_of_tolerance(scenario: Scenario, tolerance: float, driver: Driver, error: float | None, left: float) -> str:

@@ -14,6 +14,7 @@ from taichi_disk.computation.driver import Driver, Moment
 from taichi_disk.computation.error_estimate import SecondRun, second_run, within_tolerance
 from taichi_disk.computation.scenario import Scenario
 from taichi_disk.computation.stability import Spectrum, spectrum, step_limit
+from taichi_disk.computation.workload import announcement
 from taichi_disk.lattice import Array, Lattice
 from taichi_disk.lattice.lattice import double_area
 from taichi_disk.physics import Load, Model
@@ -62,6 +63,7 @@ def compute(
     force: bool = False,
     estimate: bool = True,
     loads: int = LOADS,
+    say: Callable[[str], None] = lambda text: None,
 ) -> Outcome:
     """Compute `scenario` to its end.
 
@@ -72,6 +74,7 @@ def compute(
         estimate: whether to estimate the error and to count triangles turned inside out, by running again, unless that
             would take long.
         loads: how many equilibria a quasi-static loading goes through; 1: the last alone, bitwise the same.
+        say: told what a long run will cost, before it begins.
 
     Raises InputError for a step by hand that is too long, SimulationError when the scene does not end in time or its
     energy balance is lost, BlowUp when the state becomes meaningless.
@@ -83,6 +86,8 @@ def compute(
 
     def finished(time: Any) -> Driver:
         driver = Driver(scenario, time, kernels, modes, force=force)
+        if text := announcement(driver):
+            say(text)
         progress("simulate", 0.0, scenario.max_time)
         while driver.advance(seconds=0.1) in ("running", "restarted"):
             progress("simulate", driver.simulation.time, scenario.max_time)
@@ -110,13 +115,14 @@ def _described(driver: Driver, second: SecondRun | None, estimate: bool) -> Outc
             f"the step {step.dt:.6g} R/c is beyond the stability limit that the measured force of the wall leaves, "
             f"{limit:.6g} R/c: set time.dt: auto, or a shorter one",
         )
-    error, compressed = None, None
+    errors: dict[str, float] = {}
+    compressed = None
     if not scenario.step_dependent:
-        error = REST_CAUTION * scenario.end_truncation_error(columns) + ROUNDING
+        errors[scenario.primary(columns)[0]] = REST_CAUTION * scenario.end_truncation_error(columns) + ROUNDING
     small = estimate and end.step * step.integrator.forces * len(scenario.lattice.bonds) <= ESTIMATE_UP_TO
     if second or (small and scenario.step_dependent):
         second = second or second_run(driver)
-        error, compressed = second.error, second.compressed
+        errors, compressed = second.errors, second.compressed
     elif small:
         _, compressed, _ = next(driver.replay(np.array([greatest_compression(columns)])))
     inverted = inverted_triangles(scenario, compressed) if small and compressed is not None else None
@@ -128,7 +134,7 @@ def _described(driver: Driver, second: SecondRun | None, estimate: bool) -> Outc
         "dt_limit": limit,
         "attempts": driver.attempt,
         "integrator": step.integrator.name,
-        "error_estimate": {} if error is None else {scenario.primary(columns)[0]: error},
+        "error_estimate": errors,
         "error_source": "time step" if scenario.step_dependent else "end of the run",
         "energy": diagnostics.summary(scenario, columns),
     }

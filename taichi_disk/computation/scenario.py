@@ -102,6 +102,10 @@ class Scenario(ABC):
     def result(self, columns: Columns) -> dict[str, float]:
         """The numbers that the scene is run for, the primary result first, from the time series of an ended scene."""
 
+    def result_scales(self, columns: Columns) -> dict[str, float]:
+        """By how much each result that has an error estimate is off for a relative energy imbalance of 1, about."""
+        return {self.primary(columns)[0]: 1.0}
+
     def primary(self, columns: Columns) -> tuple[str, float]:
         """Name and value of the primary result, the one that a tolerance is for."""
         return next(iter(self.result(columns).items()))

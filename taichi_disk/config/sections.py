@@ -151,7 +151,7 @@ class WallSection(ExponentialPotential, Section):
 
 
 class RoughWallSection(WallSection):
-    friction: float = key(0.0, "Coulomb's coefficient of friction on every point that the wall pushes", low=0, high=100)
+    friction: float = key(0.0, "Coulomb's coefficient of friction on every point that the wall pushes", low=0, high=10)
 
 
 class ElasticWallSection(ExponentialPotential, Section):
@@ -261,4 +261,6 @@ class VideoSection(Section):
         False, "curves of v_cm, wall's force and energies at the right, from a size of 360 on; the film is then 16 : 9"
     )
     supersample: float = key(1.0, "samples across a pixel: 2 is smoothest and slowest", low=1, high=2, step=0.5)
-    format: Literal["mp4", "webm", "gif", "png"] = key("mp4", "of the film; png: a folder of numbered pictures")
+    format: Literal["mp4", "webm", "gif", "html", "png"] = key(
+        "mp4", "of the film; html: a page that plays it; png: a folder of numbered pictures"
+    )

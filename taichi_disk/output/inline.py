@@ -12,6 +12,7 @@ from typing import Any
 from matplotlib.figure import Figure
 
 KINDS = {"mp4": "video/mp4", "webm": "video/webm", "gif": "image/gif", "png": "image/png"}
+FRAME = "width: 100%; height: 640px; border: 0"  # of a film that is a page
 CARD_WIDTH = 560.0  # pixels of a figure beside a table, at which its labels are as large as the text around it
 
 
@@ -34,6 +35,8 @@ class Film:
         return f"Film({self.kind}, {len(self.data) / 1e3:.0f} kB)"
 
     def _repr_html_(self) -> str:
+        if self.kind == "html":
+            return f'<iframe style="{FRAME}" srcdoc="{escape(self.data.decode())}"></iframe>'
         source = f'style="max-width: 100%" src="{_inline(self.data, self.kind)}"'
         return f"<video controls loop {source}></video>" if self.kind in ("mp4", "webm") else f"<img {source}>"
 

@@ -193,6 +193,10 @@ class ImpactScenario(Scenario):
         found = {"restitution": self._speed_after(columns) / self._speed_before, "contact_time": end - start}
         return found | (oblique.along_the_wall(columns, self._radius, self._inertia) if self.oblique else {})
 
+    def result_scales(self, columns: Columns) -> dict[str, float]:
+        scales = {"restitution": 1.0, "contact_time": 0.0}
+        return scales | (oblique.scales_along_the_wall(columns, self._radius, self._inertia) if self.oblique else {})
+
     def _speed_after(self, columns: Columns) -> float:
         """Speed far from the wall [c], once the wall's last potential is energy of the flight."""
         return float(np.sqrt(columns["com_vy"][-1] ** 2 + 2.0 * max(columns["wall"][-1], 0.0)))

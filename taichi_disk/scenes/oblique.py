@@ -56,6 +56,16 @@ def along_the_wall(columns: Columns, radius: float, inertia: float) -> dict[str,
     }
 
 
+def scales_along_the_wall(columns: Columns, radius: float, inertia: float) -> dict[str, float]:
+    """By how much each of RESULTS is off if an impulse of the wall is off by the momentum of the flight towards it."""
+    vx, vy, spin = (float(columns[name][0]) for name in ("com_vx", "com_vy", "angular_momentum"))
+    turned, lowest = radius / inertia, abs(vx + spin / inertia * radius)
+    scales = {"tangential_impulse": 1.0, "normal_impulse": 1.0, "spin_after": turned}
+    if lowest:
+        scales["tangential_restitution"] = (1.0 + turned * radius) / lowest
+    return {name: abs(vy) * scale for name, scale in scales.items()}
+
+
 def start_gap(
     wall: WallSection | ElasticWallSection,
     impact: ImpactSection,

@@ -6,8 +6,7 @@ from collections.abc import Generator
 from contextlib import ExitStack
 from pathlib import Path
 
-import taichi as ti
-
+from taichi_disk.engine import ti
 from taichi_disk.errors import TaichiDiskError
 from taichi_disk.output.files import prepare_output
 from taichi_disk.render.legend import draw_line, ink

@@ -4,10 +4,21 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from bodies import computed
+from bodies import computed, driver_of
 
+from taichi_disk.computation import error_estimate
 from taichi_disk.computation.error_estimate import richardson
 
+HELD = (  # friction holds points, and their number changes with the step
+    *("exponential_wall", "lattice.points=58", "lattice.seed=3290", "impact.velocity=0.017432537234003606"),
+    *("impact.angle=-1.2053025128894208", "wall.friction=0.6", "material.eta_star=0"),
+    *("wall.a=114.41203024441383", "wall.V0=57.206015122206914"),
+)
+CROSSED = (  # the step crosses more than a quarter of the wall's decay length
+    *("exponential_wall", "lattice.points=316", "lattice.seed=9002", "impact.velocity=0.09243455696132839"),
+    *("material.eta_star=0", "impact.angle=0.289942393455374", "lattice.hole=0.3881259104443627"),
+    *("wall.a=1761.1271665782585", "wall.V0=880.5635832891293"),
+)
 SMALL = ("exponential_wall", "lattice.points=30", "lattice.seed=1", "material.eta_star=0")
 HARD = (*SMALL, "wall.a=3000", "wall.V0=1500", "impact.velocity=0.1")
 
@@ -24,6 +35,33 @@ def truth(kernels, *settings):
     fine = ("time.integrator=vefrl", "time.safety=0.05")
     scenario, outcome = computed(kernels, *settings, *fine, estimate=False)
     return scenario.result(outcome.columns)["restitution"]
+
+
+@pytest.mark.parametrize("settings", [HELD, CROSSED], ids=["friction holds points", "a step crosses much of the wall"])
+def test_every_result_has_an_estimate_that_holds_where_errors_are_no_power_of_the_step(settings, kernels):
+    # With 1.25 between the steps, and order 2, the error of e was 9 and 1.9 times its estimate.
+    scenario, outcome = computed(kernels, *settings)
+    found, errors = scenario.result(outcome.columns), outcome.facts["error_estimate"]
+    assert next(iter(errors)) == "restitution" and set(errors) == set(found)
+    fine = (f"time.dt={outcome.facts['dt'] / 16}", f"time.integrator={outcome.facts['integrator']}")
+    scenario, outcome = computed(kernels, *settings, *fine, estimate=False)
+    for name, value in scenario.result(outcome.columns).items():
+        assert abs(found[name] - value) <= errors[name] + 1e-13, name
+    assert errors["restitution"] < 1e-3
+
+
+def test_an_error_where_friction_holds_points_is_at_least_a_fiftieth_of_the_worst_imbalance(kernels):
+    # By chance two results may agree. The impulse along the wall tells whether points were held: sliding, it is mu
+    # times that away from it, and the second run costs no more than without friction.
+    scenario, outcome = computed(kernels, *HELD)
+    lost = outcome.facts["energy"]["worst_imbalance"] * scenario.sensitivity
+    errors, speed = outcome.facts["error_estimate"], scenario.velocity
+    assert errors["restitution"] >= 0.0199 * lost and errors["normal_impulse"] >= 0.0199 * lost * speed
+    assert errors["spin_after"] >= 0.0199 * lost * speed / scenario.lattice.inertia
+    for friction, ratio in ((0.05, 1.25), (0.6, 2.0)):
+        driver = driver_of(kernels, *HELD, f"wall.friction={friction}", "time.safety=0.2")
+        driver.advance()
+        assert driver.step.dt / error_estimate._other_step(driver) == pytest.approx(ratio)
 
 
 def test_a_step_as_long_as_the_wall_is_soft_is_not_told_to_be_better_than_it_is(kernels):
