@@ -15,6 +15,7 @@ from typing import Any, TextIO, TypeAlias, TypeVar
 from taichi_disk.errors import InputError
 
 Progress: TypeAlias = Callable[[str, float, "float | None"], object]  # told a stage, how much is done, of how much
+ROUNDING = 1e-12  # an error that only rounding makes
 DIGITS = 8  # of a result that does not depend on a time step
 UNSURE_DIGITS = 4  # of one that does, by an amount that nobody has estimated
 SOON, EVERY = 0.5, 0.1  # [s] a notebook shows a bar for what takes longer, and draws it so often
@@ -201,4 +202,6 @@ def shown(value: float, error: float | None, exact: bool = False, source: str = 
     rounded = bound.quantize(Decimal(1).scaleb(min(0, bound.adjusted() - 1)), ROUND_CEILING)
     number = Decimal(repr(value)).quantize(rounded)
     text = f"{number:f}" if abs(value) >= 1e-4 or not value else f"{number:e}"
+    if not number and error < ROUNDING:  # an impulse along a wall without friction
+        text = "0"
     return text, f"± {rounded:{'f' if error >= 1e-3 else 'e'}} ({source})"

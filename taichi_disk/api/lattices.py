@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 
 from taichi_disk.computation.outcome import Outcome, compute
-from taichi_disk.computation.step_control import implicit_cost
 from taichi_disk.errors import TaichiDiskError
 from taichi_disk.integrators import INTEGRATORS
 from taichi_disk.lattice import OwnStart
@@ -50,10 +49,8 @@ def affordable(outcome: Outcome) -> int:
     if outcome.scenario.static:
         evaluations = EQUILIBRIUM
     else:
-        integrator = INTEGRATORS[summary["integrator"]]
-        implicit = integrator.dashpots == "implicit" and outcome.scenario.model.springs.damped
-        forces = implicit_cost(len(lattice.positions)) if implicit else integrator.forces
-        evaluations = summary["steps"] * summary["attempts"] * forces
+        step_cost = INTEGRATORS[summary["integrator"]].cost(len(lattice.positions))
+        evaluations = summary["steps"] * summary["attempts"] * step_cost
     count = 1 + int(EVALUATIONS / (len(lattice.bonds) * (evaluations + BUILDING)))
     return min(count, LATTICES) if count >= FEWEST else 1
 

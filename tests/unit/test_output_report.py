@@ -32,6 +32,7 @@ SUMMARY = {
         (-0.3, 1e-3, "-0.3000", "0.0010"),
         (1.23456789e-9, 1.5e-15, "1.2345679e-9", "1.5e-15"),
         (0.0, 1e-5, "0.000000", "1.0e-5"),
+        (-2e-17, 3e-15, "0", "3.0e-15"),
     ],
 )
 def test_a_value_ends_where_its_error_does(value, error, text, plus_minus):
