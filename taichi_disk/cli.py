@@ -64,6 +64,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 def _print_error(text: str) -> None:
     """On stderr, if there is one; the library speaks of arguments, which are options here."""
     text = text.replace("as `out`", "with --out").replace("overwrite=True", "--overwrite")
+    text = text.replace("lattices=", "--lattices ")
     with suppress(OSError, ValueError, AttributeError):
         print(text, file=sys.stderr, flush=True)
 
@@ -119,6 +120,7 @@ def _run(arguments: argparse.Namespace) -> int:
             count_on=arguments.out is None,
             force=arguments.force,
             threads=arguments.threads,
+            lattices=arguments.lattices,
             progress=progress,
             say=_note,
             started=perf_counter() - BEGAN,
@@ -256,6 +258,12 @@ def _parser() -> argparse.ArgumentParser:
         help="CPU threads, of 50,000 points and more (default: TAICHI_DISK_THREADS, else all cores)",
     )
     add("--force", action="store_true", help="take a time step even beyond the stable limit")
+    add(
+        "--lattices",
+        type=partial(_count, most=10_000),
+        metavar="K",
+        help="random lattices for the result's mean and scatter; 1: the scene's alone (default: 8 if quick)",
+    )
 
     add = command("sweep", _sweep, "compute every scene of a sweep: table, fits and figure; resumable").add_argument
     _add_scene(add, _shipped(swept=True))

@@ -46,7 +46,6 @@ class DiskScene(Frozen):
         lattice_keys: the sections and keys on which `body` depends.
         abscissa, results: of a sweep, the key that curves are drawn against, the numbers of each scene.
         optional_results: numbers that only some scenes have.
-        scatter: standard deviation of the first result over 8 lattices, by `taichi-disk accuracy` on the shipped scene.
     """
 
     title: ClassVar[str] = ""
@@ -54,7 +53,6 @@ class DiskScene(Frozen):
     abscissa: ClassVar[tuple[str, str]]
     results: ClassVar[tuple[str, ...]] = ()
     optional_results: ClassVar[tuple[str, ...]] = ()
-    scatter: ClassVar[float]
 
     scene: str = ""
     lattice: LatticeSection = LatticeSection()
@@ -195,12 +193,6 @@ class DiskScene(Frozen):
         )
         remedy = f"material.viscosity = {value / paper:.3g} makes it the same"
         return [f"material.eta_star = {value:g} is per point: {compared}; {remedy}"]
-
-    def lattice_scatter(self) -> dict[str, float]:
-        """By how much the first result differs from lattice to lattice, where that is known: in the shipped scene."""
-        lattice = replace(self.lattice, seed=LatticeSection.seed)
-        plain = replace(self, lattice=lattice, time=TimeSection(), video=VideoSection())
-        return {self.results[0]: self.scatter} if plain == type(self)() else {}
 
     @property
     def damping(self) -> str:

@@ -19,8 +19,9 @@ from taichi_disk import runtime
 from taichi_disk.errors import InputError, SimulationError, TaichiDiskError, pip_install
 from taichi_disk.machine import cores
 from taichi_disk.scenes import Scene
+from taichi_disk.scenes.setup import lattice_key
 from taichi_disk.signals import ignored_by_children, raise_if_interrupted
-from taichi_disk.sweep.work import PointResult, compute_points, compute_task, lattice_key, relevant_versions
+from taichi_disk.sweep.work import PointResult, compute_points, compute_task, relevant_versions
 
 Scenes = dict[str, Scene]  # by key
 Results = Generator[tuple[str, PointResult], None, None]
