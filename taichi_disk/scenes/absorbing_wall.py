@@ -62,7 +62,7 @@ class AbsorbingWallScene(DiskScene):
         dt, interval = self.time.dt, self.wall.reset_interval
         if self.wall.boundary == "reset" and dt != "auto" and dt > interval:
             conflicts.append(("time.dt", f"{dt:g} is longer than wall.reset_interval = {interval:g} [R/c]"))
-        if self.video.magnify > 1.0:
+        if self.video.magnify not in ("auto", 1.0):
             conflicts.append(("video.magnify", "disk and dent would be drawn apart: leave it 1 with an elastic wall"))
         return conflicts
 
