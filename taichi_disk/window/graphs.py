@@ -1,0 +1,80 @@
+"""The curves below the disk: where the energy is, and what the wall and the centre of mass do, in the hit that is seen."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from taichi_disk.lattice import Array, disk_of
+from taichi_disk.output.plot import ENERGIES, LINE
+from taichi_disk.simulation.observables import COLUMNS, INDEX
+from taichi_disk.window.sandbox import Sandbox
+
+POINTS = 400  # of a curve, at most
+# Graph, name and colour of each curve; the last one's name depends on the scene.
+CURVES = (
+    ("energy", "flight", ENERGIES["translation"][1]),
+    ("energy", "rotation", ENERGIES["rotation"][1]),
+    ("energy", "vibration", ENERGIES["vibration"][1]),
+    ("energy", "elastic and wall", ENERGIES["elastic"][1]),
+    ("energy", "lost", ENERGIES["dissipated"][1]),
+    ("force", "force of the wall", ENERGIES["absorbed"][1]),
+    ("motion", "motion", LINE),
+)
+_LOST = [INDEX[name] for name in ("dissipated", "absorbed", "sliding")]
+
+
+class Graphs:
+    """Curves of `sandbox`: all of a hit at once, and the values of one moment more."""
+
+    def __init__(self, sandbox: Sandbox) -> None:
+        self._sandbox = sandbox
+        self._start, self._inertia, self._height = 0, 1.0, 0.0
+        self._lost_before = 0.0  # the present segment, since the hit began [M c^2]
+
+    def message(self) -> dict[str, Any]:
+        """Return times since the hit began [R/c] and the values of CURVES, at most POINTS of each."""
+        sandbox = self._sandbox
+        if sandbox.starts != self._start:
+            disk = disk_of(sandbox.start.body)
+            arm = disk.positions - disk.mean(disk.positions)
+            self._start, self._inertia = sandbox.starts, float(disk.mean((arm**2).sum(axis=1)))
+        segments = sandbox.time.of_hit(sandbox.seen.segment.hit)
+        first = segments[0].rows[0]
+        self._height, self._lost_before = first[INDEX["com_y"]] - first[INDEX["lowest_y"]], 0.0
+        times, parts, before = [], [], 0.0
+        for one in segments:
+            self._lost_before = before
+            rows = np.vstack([one.rows, one.row])
+            parts.append(self.values(rows))
+            times.append(np.append(one.began + np.arange(one.count) * one.interval, one.now))
+            before = float(parts[-1][-1, _LOST_CURVE])
+        t, values = np.concatenate(times) - segments[0].began, np.concatenate(parts)
+        chosen = np.unique(np.linspace(0, len(t) - 1, POINTS).astype(int))
+        curves = [[float(f"{value:.5g}") for value in curve] for curve in np.column_stack([t, values])[chosen].T]
+        motion = ("velocity upwards", "c") if sandbox.is_impact else ("compression ξ", "R")
+        return {"t": curves[0], "values": curves[1:], "motion": motion, "began": segments[0].began}
+
+    def values(self, rows: Array) -> Array:
+        """(rows, CURVES) energies [M c^2], force [M c^2/R] and velocity [c] or ξ [R] from observables (rows, columns)."""
+        of = dict(zip(COLUMNS, rows.T, strict=False))
+        flight = 0.5 * (of["com_vx"] ** 2 + of["com_vy"] ** 2)
+        rotation = of["angular_momentum"] ** 2 / (2.0 * self._inertia)
+        lost = rows[:, _LOST].sum(axis=1) + rows[:, len(COLUMNS) :].sum(axis=1)
+        height = of["com_y"] - of["lowest_y"]
+        return np.stack(
+            [
+                flight,
+                rotation,
+                of["kinetic"] - flight - rotation,
+                of["elastic"] + of["wall"],
+                lost + self._lost_before,
+                of["wall_force"],
+                of["com_vy"] if self._sandbox.is_impact else self._height - height,
+            ],
+            axis=1,
+        )
+
+
+_LOST_CURVE = [name for _, name, _ in CURVES].index("lost")
