@@ -13,7 +13,7 @@ from taichi_disk.lattice import Array, Lattice
 from taichi_disk.physics import Springs
 from taichi_disk.render import geometry, kernels
 from taichi_disk.render.geometry import Camera
-from taichi_disk.render.palette import THEMES, colour_map, full_scale
+from taichi_disk.render.palette import THEMES, colour_map, full_scale, map_kind
 from taichi_disk.statics.equilibrium import roll_angle, turned
 
 Vertices = NDArray[np.float32]
@@ -81,9 +81,7 @@ class Painter:
     @property
     def map(self) -> NDArray[np.float32]:
         """(LEVELS, 3) the map of colours, from the least value to the largest; of fringes: from dark to bright."""
-        kind = {"pressure": "pressure", "rate": "pressure", "fringes": "fringes"}.get(self.colour, "amount")
-        kind = "stretch" if kind == "amount" and self.signed else kind
-        return colour_map(self.theme, kind, self.draw in ("springs", "points"))
+        return colour_map(self.theme, map_kind(self.colour), self.draw in ("springs", "points"))
 
     def normalised(self, values: Array) -> Array:
         """`values` as places in the map, 0 to 1; of fringes: as their order."""

@@ -9,7 +9,7 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from taichi_disk.fields import FRINGES
+from taichi_disk.fields import FRINGES, QUANTITIES
 
 Colour = tuple[float, float, float]  # sRGB, 0 to 1
 
@@ -62,6 +62,12 @@ THEMES: dict[str, Theme] = {
         fringe=((6, 0, 0), (94, -9, 3)),
     ),
 }
+
+
+def map_kind(quantity: str) -> str:
+    """Return the kind of `colour_map` that shows one of `fields.QUANTITIES`."""
+    known = {"pressure": "pressure", "rate": "pressure", "fringes": "fringes"}
+    return known.get(quantity, "stretch" if QUANTITIES[quantity].signed else "amount")
 
 
 @lru_cache

@@ -1,0 +1,138 @@
+"""What the page's drawing (draw.js) is told: a scene once, then values and forces of each state.
+
+JSON cannot hold arrays: they are little-endian bytes in base64. `bundle` joins modules for documents that cannot load
+any: a file opened from disk, a notebook.
+"""
+
+from __future__ import annotations
+
+import re
+from base64 import b64encode
+from importlib.resources import files
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from taichi_disk.computation.scenario import Scenario
+from taichi_disk.config.sections import VideoSection
+from taichi_disk.fields import QUANTITIES, Triangles, at_points
+from taichi_disk.lattice import Array, Lattice
+from taichi_disk.render.geometry import edge_height
+from taichi_disk.render.palette import THEMES, Theme, colour_map, map_kind, round_near
+
+_ACCENT = "rgb(230, 115, 0)"  # of what the user draws, and of the path of the centre of mass
+_OF_SPRINGS = ("strain", "force")
+
+
+def scene_message(
+    scenario: Scenario, video: VideoSection | None = None, *, largest_force: float | None = None
+) -> dict[str, Any]:
+    """Return what `Drawing.setScene` takes, ready for JSON.
+
+    Args:
+        video: the section whose colour, draw, theme and magnify the drawing begins with; by default the scene's.
+        largest_force: of the wall on one point, if it is known [M c^2/R]: the wall's edge is drawn where it pushes so.
+    """
+    lattice, wall, video = scenario.lattice, scenario.model.wall, video or scenario.scene.video
+    triangles = Triangles(lattice)
+    force = scenario.point_force if largest_force is None else largest_force
+    return {
+        "title": list(scenario.title()),
+        "points": len(lattice.positions),
+        "disk_points": lattice.disk_points,
+        "triangles": encoded(triangles.triangles, np.uint32),
+        "springs": encoded(lattice.bonds, np.uint32),
+        "outline": encoded(lattice.disk_surface, np.uint32),
+        "edges": encoded(np.concatenate([triangles.outline, triangles.interfaces]), np.uint32),
+        "rest": encoded(lattice.positions, np.float32),
+        "wall": _wall(lattice, wall, force),
+        "spoke": scenario.spoke,
+        "view": [float(one) for one in scenario.view],
+        "full_force": round_near(force) if force else 0.0,
+        "options": {name: getattr(video, name) for name in ("draw", "theme", "magnify")} | {"quantity": video.colour},
+        "quantities": [
+            {
+                "name": name,
+                "label": one.label + ", mean around points" * (one.on != "points"),
+                "unit": one.unit,
+                "signed": one.signed,
+                "low": one.low,
+                "high": one.high,
+                "map": map_kind(name),
+            }
+            for name, one in QUANTITIES.items()
+        ],
+        "maps": {
+            f"{theme} {kind}{' bare' * bare}": encoded(np.rint(255.0 * colour_map(theme, kind, bare)[::2]), np.uint8)
+            for theme in THEMES
+            for kind in {map_kind(name) for name in QUANTITIES}
+            for bare in (False, True)
+        },
+        "themes": {name: _colours(theme) for name, theme in THEMES.items()},
+    }
+
+
+def _wall(lattice: Lattice, wall: Any, force: float) -> dict[str, Any]:
+    if wall is None:
+        return {"kind": "none"}
+    shape = {"edge": edge_height(wall, force), "decay": wall.decay_length}
+    if not len(lattice.wall_surface):
+        return {"kind": "rigid", **shape}
+    return {"kind": "elastic", "surface": encoded(lattice.wall_surface, np.uint32), **shape}
+
+
+def _colours(theme: Theme) -> dict[str, str]:
+    names = ("ground", "ink", "faint", "wall", "arrow", "rule")
+    parts = {name: ", ".join(str(round(255 * part)) for part in getattr(theme, name)) for name in names}
+    return {name: f"rgb({part})" for name, part in parts.items()} | {"accent": _ACCENT}
+
+
+def encoded(values: Any, kind: Any) -> str:
+    """Return base64 of the little-endian bytes of `values` as a NumPy `kind`."""
+    return b64encode(np.ascontiguousarray(values, np.dtype(kind).newbyteorder("<")).tobytes()).decode()
+
+
+# ---- states
+
+
+def colour_values(
+    quantity: str, triangles: Triangles, springs: Any, x: Array, v: Array, of_springs: bool = False
+) -> NDArray[np.float32]:
+    """Return what the films' colours show at the points, (n,) in the quantity's unit; of fringes twice the shear stress.
+
+    Args:
+        triangles: `fields.Triangles` of the lattice, made once.
+        x, v: (n, 2) positions [R] and velocities [c].
+        of_springs: for a drawing of the springs alone: (m,) of each spring, if the quantity is one of springs.
+    """
+    if of_springs and quantity in _OF_SPRINGS:
+        law = springs.strain if quantity == "strain" else springs.tension
+        return np.asarray(law(triangles.lattice, x), dtype=np.float32)
+    return at_points(quantity, triangles, springs, x, v).astype(np.float32)
+
+
+def contact_forces(wall: Any, lattice: Lattice, springs: Any, x: Array, v: Array) -> NDArray[np.float32]:
+    """Return the wall's force on every point in its reach, (k, 3): point, fx, fy [M c^2/R]."""
+    if wall is None:
+        return np.zeros((0, 3), dtype=np.float32)
+    points, forces = wall.contact_forces(lattice, x, v, springs)
+    return np.column_stack([points, forces]).astype(np.float32)
+
+
+# ---- modules
+
+
+def source(name: str) -> str:
+    """Return the text of one of this folder's files."""
+    return files(__package__).joinpath(name).read_text(encoding="utf-8")
+
+
+def bundle(*names: str) -> str:
+    """Return modules of this folder as one, which imports nothing; each stands after those that it needs."""
+    text = "\n".join(source(name) for name in names)
+    text = re.sub(r"^import .*?;\n", "", text, flags=re.MULTILINE | re.DOTALL)
+    return re.sub(r"^export (?=(class|const|function|async|let) )", "", text, flags=re.MULTILINE)
+
+
+DRAWING = ("field.js", "legend.js", "draw.js")
