@@ -25,7 +25,6 @@ _NUMBERS = {  # of each command, the numbers that it needs
     "clear": (),
     "press": (),
     "set": (),
-    "yaml": (),
 }
 _WORDS = {"press": ("key",), "set": ("key",)}
 CHANGEABLE = (*RANGES, *CHOICES, "video.magnify")

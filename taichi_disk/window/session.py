@@ -39,7 +39,7 @@ class Session:
 
     Attributes:
         sandbox, controls: the disk, and what can be done.
-        texts: the JSON messages of each kind, "hello", "scene", "graphs" and "panel", as they stand.
+        texts: the JSON messages of each kind, "hello", "scene", "graphs", "yaml" and "panel", as they stand.
         number: of the last state.
         state: the last state, the binary message of a picture.
     """
@@ -136,6 +136,7 @@ class Session:
         self.number += 1
         self._write_scene()
         self._write_graphs()
+        self._write_yaml()
         self.state = self._state()
         self._write_panel()
 
@@ -164,6 +165,11 @@ class Session:
         if self._keys.get("graphs") != key:
             self._keys["graphs"] = key
             self._write("graphs", self.graphs.message())
+
+    def _write_yaml(self) -> None:
+        if self._keys.get("yaml") is not self.sandbox.scene:
+            self._keys["yaml"] = self.sandbox.scene
+            self._write("yaml", {"text": self.sandbox.scene.to_yaml()})
 
     def _state(self) -> bytes:
         """Little-endian: HEADER with the number, commands heard, t since the hit began [R/c], points, forces, the point
