@@ -19,10 +19,10 @@ from taichi_disk.computation.stability import spectrum
 from taichi_disk.config.sections import ElasticWallSection
 from taichi_disk.errors import InputError, TaichiDiskError
 from taichi_disk.output.files import atomic_write, prepare_output, remove_empty, write_csv, write_text
-from taichi_disk.output.plot import BLUE, GREEN, RED
 from taichi_disk.output.run_folder import refuse_run
 from taichi_disk.progress import Progress, duration, terminal
 from taichi_disk.scenes import Scene
+from taichi_disk.simulation.observables import BLUE, GREEN, RED
 from taichi_disk.simulation.simulation import KernelCache
 
 SEEDS = 8

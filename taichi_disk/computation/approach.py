@@ -14,7 +14,7 @@ from taichi_disk.lattice import Array, Lattice
 from taichi_disk.lattice.triangles import Indices
 from taichi_disk.physics import Model
 from taichi_disk.signals import raise_if_interrupted
-from taichi_disk.simulation.observables import COLUMNS, INDEX
+from taichi_disk.simulation.observables import INDEX
 
 RESIDUAL = 3e-2  # of the force, to which u is solved for
 LINEAR = 1e-3  # of the wall's decay length: by no more does a point yield at the end
@@ -49,7 +49,7 @@ class Approach:
     def rows(self, times: Array, after: float, row: Array) -> Array:
         """The observables (times, columns) before the time `after`, at which they are `row` (columns,)."""
         growth, at_start = np.exp(self.rate * (times - after))[:, None], np.exp(-self.rate * after)
-        of_wall, squared = np.isin(COLUMNS, ("wall", "wall_force", "residual")), np.array(COLUMNS) == "elastic"
+        of_wall, squared = np.isin(list(INDEX), ("wall", "wall_force", "residual")), np.array(list(INDEX)) == "elastic"
         growth = np.where(of_wall, growth, (growth - at_start) ** np.where(squared, 2, 1))
         return self._free(times) + growth * (row - self._free(np.array([after])))
 
@@ -57,7 +57,7 @@ class Approach:
         """The observables of the disk without a wall."""
         x, v = self.lattice.positions, self.velocities[0]
         centre, lowest = self.lattice.mean(x), x[: self.lattice.disk_points, 1].min()
-        rows = np.zeros((len(times), len(COLUMNS)))
+        rows = np.zeros((len(times), len(INDEX)))
         for name, at_start, rate in (
             *(("com_x", centre[0], v[0]), ("com_y", centre[1], v[1]), ("lowest_y", lowest, v[1])),
             *(("com_vx", v[0], 0.0), ("com_vy", v[1], 0.0), ("kinetic", 0.5 * float(v @ v), 0.0)),

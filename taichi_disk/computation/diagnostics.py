@@ -10,7 +10,7 @@ from taichi_disk.computation.scenario import Scenario
 from taichi_disk.errors import SimulationError
 from taichi_disk.lattice import Array, Lattice
 from taichi_disk.physics import Model
-from taichi_disk.simulation.observables import ENERGIES, INDEX, OPTIONAL, PARTS, Columns, total_energy, vibration_left
+from taichi_disk.simulation.observables import INDEX, Columns, of_kind, total_energy, vibration_left
 
 CLOSING, WORST = 2e-5, 1e-4  # largest imbalance, at the end and ever, that an automatic step may leave
 LARGEST = 1e-3  # imbalance at the end that no result may have: it would show in the third digit of e
@@ -27,7 +27,8 @@ def relative_imbalance(scenario: Scenario, columns: Columns) -> tuple[float, flo
 def summary(scenario: Scenario, columns: Columns) -> dict[str, Any]:
     """The energies at the end [M c^2] and their balance; of an impact, what is left in vibration of its flight."""
     closing, worst = relative_imbalance(scenario, columns)
-    energies = {name: float(columns[name][-1]) for name in (*ENERGIES, *OPTIONAL, *PARTS) if name in columns}
+    names = [name for name in of_kind("energy", "loss", "part") if name != "friction" or columns[name].any()]
+    energies = {name: float(columns[name][-1]) for name in names}
     if columns["translation"][0]:
         energies["vibration_left"] = vibration_left(columns)
     scale = scenario.energy_scale(columns)

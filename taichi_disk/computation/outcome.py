@@ -18,7 +18,7 @@ from taichi_disk.lattice import Array, Lattice
 from taichi_disk.lattice.lattice import double_area
 from taichi_disk.physics import Load, Model
 from taichi_disk.progress import Progress, silent
-from taichi_disk.simulation.observables import COLUMNS, Columns, split
+from taichi_disk.simulation.observables import INDEX, Columns, split
 from taichi_disk.simulation.simulation import KernelCache
 from taichi_disk.statics.equilibrium import depth, roll_angle, solve_equilibrium, turned
 
@@ -219,7 +219,7 @@ def quasistatic(scenario: Scenario, loads: int, progress: Progress = silent) -> 
         states.insert(0, loading.under(part, states[0]))
         progress("simulate", len(states), loads)
 
-    columns: Columns = {name: np.zeros(loads) for name in (*COLUMNS, "xi")} | {"t": parts}
+    columns: Columns = {name: np.zeros(loads) for name in (*INDEX, "xi")} | {"t": parts}
     for k, x in enumerate(states):
         columns["com_x"][k], columns["com_y"][k] = lattice.mean(x)
         columns["lowest_y"][k] = x[:, 1].min()

@@ -23,17 +23,13 @@ import numpy as np
 from taichi_disk.errors import InputError, SimulationError
 from taichi_disk.lattice import Array, Lattice
 from taichi_disk.runtime import processor
+from taichi_disk.simulation.observables import COLUMNS
 from taichi_disk.version import __version__
 
 if TYPE_CHECKING:
     from taichi_disk.config.scene_base import SceneBase
 
 PROGRAM = f"taichi-disk {__version__}"
-_MOTION = ("t", "com_x", "com_y", "com_vx", "com_vy", "angular_momentum", "lowest_y", "wall_force")
-TIMESERIES = (*_MOTION, "kinetic", "elastic", "wall", "dissipated", "absorbed", "total")
-# Potential of the pressing force; energy lost from one spring of the wall to the next, and in friction.
-MORE = ("load", "sliding", "friction")
-LAST = ("xi", "translation", "rotation", "vibration")  # of a loading; parts of the kinetic energy
 FILMS = ("video.mp4", "video.webm", "video.gif", "frames")
 RESULTS = ("timeseries.csv", "lattice.npz", "final.npz", "failure.npz", "plot.png")
 # What `render` and `export` put beside a run if nobody says where.
@@ -250,13 +246,13 @@ def write_summary(path: Path, summary: dict[str, Any]) -> None:
 
 
 def write_timeseries(path: Path, columns: dict[str, Array], interval: float = 0.0) -> None:
-    """timeseries.csv: the columns of TIMESERIES, those of MORE that are not zero throughout, those of LAST there are.
+    """timeseries.csv: those of COLUMNS that there are and that are to be written.
 
     Of the columns (rows,), two rows at least, one is written every `interval` [R/c], about, and the last one. Numbers
     have 17 digits, so that those read back are those computed.
     """
-    names = [*TIMESERIES, *(name for name in MORE if name in columns and columns[name].any())]
-    names += [name for name in LAST if name in columns]
+    due = {"always": True, "never": False}
+    names = [one.name for one in COLUMNS if one.name in columns and due.get(one.written, columns[one.name].any())]
     table = np.stack([columns[name] for name in names], axis=1)
     every = max(1, round(interval / float(columns["t"][1])))
     kept = [*range(0, len(table) - 1, every), -1]

@@ -21,7 +21,7 @@ import numpy as np
 
 from taichi_disk.output.files import Array, atomic_write, origin
 from taichi_disk.signals import ignored_by_children
-from taichi_disk.simulation.observables import vibration_left
+from taichi_disk.simulation.observables import BLUE, BY_NAME, SKY, of_kind, vibration_left
 
 if TYPE_CHECKING:
     from taichi_disk.computation.scenario import Scenario
@@ -44,22 +44,7 @@ STYLE: dict[Any, Any] = {
     "legend.frameon": False,
     "legend.fontsize": 8.5,
 }
-# Okabe and Ito's colours, which the colour-blind can tell apart.
-BLUE, RED, GREEN, PINK, ORANGE, SKY = "#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9"
 LINE, MARK, SUM = BLUE, "0.45", "#222222"
-# Columns: names and colours.
-ENERGIES = {
-    "translation": ("flight", BLUE),
-    "rotation": ("rotation", "#882255"),
-    "vibration": ("vibration", SKY),
-    "elastic": ("elastic", RED),
-    "wall": ("wall potential", ORANGE),
-    "load": ("load potential", "#A89A00"),
-    "dissipated": ("lost in dashpots", GREEN),
-    "absorbed": ("lost at the boundary", PINK),
-    "sliding": ("lost in sliding", "#999999"),
-    "friction": ("lost in friction", "#8C5A2B"),
-}
 SEEN = 2e-3  # of the largest energy: a curve that stays below it is not drawn
 HEIGHTS = (1.2, 1.0, 1.5)  # of the axes of motion, force and energies
 LAYOUT = {"left": 0.145, "right": 0.98, "bottom": 0.055, "top": 0.945, "hspace": 0.17}  # parts of a figure
@@ -89,11 +74,12 @@ def draw_curves(axes: list[Any], scenario: Scenario, columns: Columns, **look: A
     largest = max(columns["kinetic"].max(), columns["elastic"].max())
     motion, label = scenario.motion(columns)
     curves = [(axes[0], motion, LINE, ""), (axes[1], columns["wall_force"], LINE, "")]
-    for column, (name, colour) in ENERGIES.items():
-        if column in columns and not (scenario.static and column == "load"):
-            values = columns[column] - (columns["load"][0] if column == "load" else 0.0)
+    for name in of_kind("part", "energy", "loss"):
+        column = BY_NAME[name]
+        if column.label and name in columns and not (scenario.static and name == "load"):
+            values = columns[name] - (columns["load"][0] if name == "load" else 0.0)
             if np.abs(values).max() > SEEN * largest:
-                curves.append((axes[2], values, colour, name))
+                curves.append((axes[2], values, column.colour, column.label))
     for ax, name in zip(axes, (label, "wall's force on\nthe disk  [Mc²/R]", "energy  [Mc²]"), strict=False):
         ax.set_ylabel(name)
     axes[-1].set_xlabel(scenario.time_label)
@@ -214,7 +200,7 @@ def _draw_loading(figure: Any, scenario: Scenario, columns: Columns) -> None:
     _mark(force, xi, load, scenario.marks(columns)[0])
     stored = {name: columns[name] for name in ("elastic", "wall")}
     for name, values in stored.items():
-        energy.plot(xi, values, label=ENERGIES[name][0], color=ENERGIES[name][1])
+        energy.plot(xi, values, label=BY_NAME[name].label, color=BY_NAME[name].colour)
     energy.plot(xi, sum(stored.values()), color=SUM, linestyle=(0, (4, 2)), label="sum: work of the load")
     force.set_ylabel("load P  [Mc²/R]")
     energy.set(xlabel=label, ylabel="energy  [Mc²]")

@@ -20,10 +20,8 @@ from taichi_disk.physics.law import Integers1, Reals2, array, get, put, side_by_
 from taichi_disk.physics.ordering import Arrangement
 from taichi_disk.simulation.observables import (
     ABSORBED,
-    COLUMNS,
     DISSIPATED,
     FRICTION,
-    FRICTION_COLUMN,
     FRICTION_POWER,
     INDEX,
     SLIDING,
@@ -67,7 +65,7 @@ class Kernels(Stepping):
                     self.observe(rows, row, sums, elastic, upward, potential)
                 if due:
                     inside = 1
-                    for k in ti.static(range(len(COLUMNS))):
+                    for k in ti.static(range(len(INDEX))):
                         if rows[row, k] < bounds[0, k] or rows[row, k] > bounds[1, k]:
                             inside = 0
                     quiet = (quiet + 1) * inside
@@ -110,7 +108,7 @@ class Kernels(Stepping):
 
     @ti.func
     def observe(self, rows: ti.template(), s, sums, elastic, upward, potential):
-        """Fill row `s` with the observables of COLUMNS; contact force and potential are those of the elastic wall."""
+        """Fill row `s` with the observables of INDEX; contact force and potential are those of the elastic wall."""
         sx, sy, svx, svy, spin, v2, residual2 = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
         force, energy, load = upward, potential, 0.0
         lowest = self.state.x[1][0]
@@ -154,8 +152,7 @@ class Kernels(Stepping):
         rows[s, INDEX["load"]] = load
         rows[s, INDEX["sliding"]] = sums[SLIDING]
         rows[s, INDEX["residual"]] = ti.sqrt(residual2)
-        if ti.static(self.rough):
-            rows[s, FRICTION_COLUMN] = sums[FRICTION]
+        rows[s, INDEX["friction"]] = sums[FRICTION] if ti.static(self.rough) else 0.0
 
 
 @ti.data_oriented

@@ -2,35 +2,80 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
 from taichi_disk.lattice import Array
 
 Columns = dict[str, Array]  # the time series: one array (rows,) per column
+# Okabe and Ito's colours, which the colour-blind can tell apart.
+BLUE, RED, GREEN, PINK, ORANGE, SKY = "#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9"
 
+
+class Column(NamedTuple):
+    """A column of the time series.
+
+    Attributes:
+        name, unit, meaning: as in timeseries.csv and its description.
+        kind: "motion"; "energy" that is stored and "loss" since t = 0, which add up to `total`; "part" of the kinetic
+            energy; "derived" from others. Kernels measure the first three kinds.
+        label, colour: of its curve among the energies of a plot, if it has one.
+        written: whether timeseries.csv has it: "always", "nonzero" (unless it is 0 throughout), or "never".
+    """
+
+    name: str
+    unit: str
+    meaning: str
+    kind: str
+    label: str = ""
+    colour: str = ""
+    written: str = "always"
+
+
+_PARTS_OF_LOAD = "for Newton's method the fraction of the load *P*, up to 1: one line for each equilibrium"
 COLUMNS = (
-    "com_x",  # the disk's centre of mass [R]
-    "com_y",
-    "com_vx",  # [c]
-    "com_vy",
-    "angular_momentum",  # of the disk about its centre of mass [M R c]
-    "lowest_y",  # of the disk [R]
-    "wall_force",  # upward force of the wall on the disk [M c^2/R]
-    "kinetic",  # of disk and elastic wall [M c^2]
-    "elastic",
-    "wall",  # potential of the contact
-    "dissipated",  # by dashpots since t = 0
-    "absorbed",  # by the elastic wall's boundary since t = 0
-    "load",  # potential P y_cm of the pressing force, of other forces, and of the mouse's spring
-    "sliding",  # what points lost by passing from one spring of the elastic wall to the next, since t = 0
-    "residual",  # largest |force| on a point of the disk [M c^2/R]
+    Column("t", "R/c", f"time; {_PARTS_OF_LOAD}", "derived"),
+    Column("com_x", "R", "centre of mass of the disk, to the right", "motion"),
+    Column("com_y", "R", "centre of mass of the disk, upwards", "motion"),
+    Column("com_vx", "c", "its velocity to the right", "motion"),
+    Column("com_vy", "c", "its velocity upwards", "motion"),
+    Column("angular_momentum", "M R c", "of the disk about its centre of mass", "motion"),
+    Column("lowest_y", "R", "lowest point of the disk", "motion"),
+    Column("wall_force", "M c²/R", "upward force of the wall on the disk", "motion"),
+    Column("residual", "M c²/R", "largest force on a point of the disk", "motion", written="never"),
+    Column("kinetic", "M c²", "kinetic energy of the disk and an elastic wall", "energy"),
+    Column("elastic", "M c²", "energy of the springs", "energy", "elastic", RED),
+    Column("wall", "M c²", "potential of the contact", "energy", "wall potential", ORANGE),
+    Column("dissipated", "M c²", "lost in dashpots", "loss", "lost in dashpots", GREEN),
+    Column("absorbed", "M c²", "lost at the boundary of an elastic wall", "loss", "lost at the boundary", PINK),
+    Column("total", "M c²", "sum of all energies, what was lost included", "derived"),
+    Column("load", "M c²", "potential of the load and other forces", "energy", "load potential", "#A89A00", "nonzero"),
+    Column(
+        "sliding",
+        "M c²",
+        "lost where points pass from one spring of an elastic wall to the next",
+        "loss",
+        "lost in sliding",
+        "#999999",
+        "nonzero",
+    ),
+    Column("friction", "M c²", "lost in friction", "loss", "lost in friction", "#8C5A2B", "nonzero"),
+    Column("xi", "R", "Newton's method: compression under that load", "derived"),
+    Column("translation", "M c²", "kinetic energy of the flight", "part", "flight", BLUE),
+    Column("rotation", "M c²", "kinetic energy of the rotation", "part", "rotation", "#882255"),
+    Column("vibration", "M c²", "the rest of the kinetic energy", "part", "vibration", SKY),
 )
-OPTIONAL = ("friction",)  # after those, where a scene has it: the energy that friction took since t = 0
-FRICTION_COLUMN = len(COLUMNS)
-INDEX = {name: k for k, name in enumerate(COLUMNS)}
-ENERGIES = ("kinetic", "elastic", "wall", "dissipated", "absorbed", "sliding", "load")
-PARTS = ("translation", "rotation", "vibration")  # of the kinetic energy, see `split`
-ENERGY_INDICES = [INDEX[name] for name in ENERGIES]
+BY_NAME = {column.name: column for column in COLUMNS}
+
+
+def of_kind(*kinds: str) -> list[str]:
+    """Names of all columns of these kinds, in the order of the kinds."""
+    return [column.name for kind in kinds for column in COLUMNS if column.kind == kind]
+
+
+INDEX = {column.name: k for k, column in enumerate(one for one in COLUMNS if one.kind in ("motion", "energy", "loss"))}
+ENERGY_INDICES = sorted(INDEX[name] for name in of_kind("energy", "loss"))
 
 # The sums travel through a kernel as a local vector and are stored once, at its end. Taichi 1.7.4 keeps 0-D fields in
 # registers across loops and hands later readers in the same kernel the value from before: an energy kept in such a
@@ -43,7 +88,7 @@ FRICTION, FRICTION_POWER = range(SUMS, SUMS + 2)  # where there is friction
 def as_columns(rows: Array, interval: float) -> Columns:
     """Name the columns of `rows` (rows, columns), `interval` [R/c] apart; add time and total energy."""
     columns: Columns = {"t": np.arange(len(rows), dtype=np.float64) * interval}
-    columns.update({name: one.copy() for name, one in zip((*COLUMNS, *OPTIONAL), rows.T, strict=False)})
+    columns |= {name: one.copy() for name, one in zip(INDEX, rows.T, strict=True)}
     with np.errstate(invalid="ignore"):  # after a blow-up there may be infinite energies of both signs
         columns["total"] = total_energy(rows)
     return columns
@@ -51,12 +96,11 @@ def as_columns(rows: Array, interval: float) -> Columns:
 
 def total_energy(rows: Array) -> Array:
     """(rows,) all energies of `rows` (rows, columns), what was lost included [M c^2]."""
-    return np.asarray(rows[:, ENERGY_INDICES].sum(axis=1) + rows[:, len(COLUMNS) :].sum(axis=1))
+    return np.asarray(rows[:, ENERGY_INDICES].sum(axis=1))
 
 
 def within(rows: Array, bounds: Array) -> Array:
     """(rows,) whether each of `rows` (rows, columns) keeps to the least and largest values of `bounds_array`."""
-    rows = rows[:, : len(COLUMNS)]
     return np.asarray(((rows >= bounds[0]) & (rows <= bounds[1])).all(axis=1))
 
 
@@ -70,7 +114,7 @@ def split(columns: Columns, inertia: float) -> Columns:
     translation = 0.5 * (columns["com_vx"] ** 2 + columns["com_vy"] ** 2)
     rotation = columns["angular_momentum"] ** 2 / (2.0 * inertia)
     vibration = columns["kinetic"] - translation - rotation
-    return columns | dict(zip(PARTS, (translation, rotation, vibration), strict=True))
+    return columns | dict(zip(of_kind("part"), (translation, rotation, vibration), strict=True))
 
 
 def vibration_left(columns: Columns) -> float:
@@ -81,7 +125,7 @@ def vibration_left(columns: Columns) -> float:
 
 def bounds_array(bounds: dict[str, tuple[float, float]]) -> Array:
     """(2, columns) least and largest value of every column, as `bounds` has them; infinite for the others."""
-    array = np.array([[-np.inf], [np.inf]]) * np.ones(len(COLUMNS))
+    array = np.array([[-np.inf], [np.inf]]) * np.ones(len(INDEX))
     for name, limits in bounds.items():
         array[:, INDEX[name]] = limits
     return array

@@ -18,7 +18,7 @@ from taichi_disk.physics.law import Capacity, reference_mass
 from taichi_disk.physics.ordering import BLOCK, Arrangement, arrange
 from taichi_disk.signals import raise_if_interrupted
 from taichi_disk.simulation.kernels import Kernels, SubdomainKernels
-from taichi_disk.simulation.observables import COLUMNS, PEAK, bounds_array
+from taichi_disk.simulation.observables import INDEX, PEAK, bounds_array
 from taichi_disk.simulation.stepping import Snapshot, State
 
 # Of any simulation: kernels of one size serve all lattices of usual size.
@@ -115,7 +115,7 @@ class Simulation:
         self.kernels.fill(arranged, factor)
         for law in self.model.laws:
             law.fill(lattice)
-        rows = np.zeros((1, len(COLUMNS) + self.model.rough))
+        rows = np.zeros((1, len(INDEX)))
         self.kernels.initialise(rows)
         self.first_row = self.now = rows[0]
 

@@ -17,8 +17,9 @@ export class Slider {
     this.number = element("input", { type: "text", inputMode: "decimal" });
     this.name = element("span");
     this.low = element("i");
-    this.high = element("i");
-    this.node = element("div", { className: "slider" }, this.range, this.name, this.low, this.high, this.number);
+    this.high = element("i", { className: "high" });
+    const track = element("div", {}, this.range, this.name, this.low, this.high);
+    this.node = element("div", { className: "slider" }, track, this.number);
     this.node.dataset.key = key;
     const lead = (last) => {
       const part = this.range.value / 1000, { low, high } = this.spec;

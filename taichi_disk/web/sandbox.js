@@ -15,7 +15,7 @@ export class Sandbox {
   constructor(node, root, send) {
     Object.assign(this, { node, root, plays: true, hello: null, panel: null, state: null, recorder: null });
     this.send = (message) => {
-      if (this.plays || ["seen", "yaml"].includes(message.do)) send(message);
+      if (this.plays || message.do === "seen") send(message);
       if (message.do !== "seen") this.waiting ??= setTimeout(() => (node.ariaBusy = true), 400);
     };
     this.drawing = new Drawing(this.find("disk"));
@@ -52,7 +52,7 @@ export class Sandbox {
       contact: look(() => Object.assign(drawing.camera, { x: here().com_x, y: 0.09, scale: drawing.width / 0.55, home: false })),
       follow: look(() => (drawing.follow = this.shows("follow"))),
       forces: look(() => {}), outline: look(() => {}), path: look(() => {}), arrow: look(() => {}),
-      rescale: () => this.send({ do: "rescale" }), yaml: () => this.send({ do: "yaml" }),
+      rescale: () => this.send({ do: "rescale" }), yaml: () => download(this.scene, "scene.yaml", "text/yaml"),
       collect: () => this.send({ do: "collect" }), clear: () => this.send({ do: "clear" }),
       csv: () => download(asText(this.panel.results, ","), "results.csv", "text/csv"),
       copy: () => navigator.clipboard?.writeText(asText(this.panel.results, "\t")),
@@ -120,7 +120,7 @@ export class Sandbox {
     else if (kind === "scene") this.drawing.setScene(message);
     else if (kind === "graphs") this.showGraphs(message);
     else if (kind === "panel") this.showPanel(message);
-    else if (kind === "yaml") download(message.text, "scene.yaml", "text/yaml");
+    else if (kind === "yaml") this.scene = message.text;
   }
 
   showState(buffer) {

@@ -7,22 +7,20 @@ from typing import Any
 import numpy as np
 
 from taichi_disk.lattice import Array, disk_of
-from taichi_disk.output.plot import ENERGIES, LINE
-from taichi_disk.simulation.observables import COLUMNS, INDEX
+from taichi_disk.simulation.observables import BLUE, BY_NAME, INDEX, PINK, of_kind, split
 from taichi_disk.window.sandbox import Sandbox
 
 POINTS = 400  # of a curve, at most
 # Graph, name and colour of each curve; the last one's name depends on the scene.
 CURVES = (
-    ("energy", "flight", ENERGIES["translation"][1]),
-    ("energy", "rotation", ENERGIES["rotation"][1]),
-    ("energy", "vibration", ENERGIES["vibration"][1]),
-    ("energy", "elastic and wall", ENERGIES["elastic"][1]),
-    ("energy", "lost", ENERGIES["dissipated"][1]),
-    ("force", "force of the wall", ENERGIES["absorbed"][1]),
-    ("motion", "motion", LINE),
+    *(("energy", BY_NAME[name].label, BY_NAME[name].colour) for name in ("translation", "rotation", "vibration")),
+    ("energy", "elastic and wall", BY_NAME["elastic"].colour),
+    ("energy", "lost", BY_NAME["dissipated"].colour),
+    ("force", "force of the wall", PINK),
+    ("motion", "motion", BLUE),
 )
-_LOST = [INDEX[name] for name in ("dissipated", "absorbed", "sliding")]
+_LOST_CURVE = [name for _, name, _ in CURVES].index("lost")
+_LOST = [INDEX[name] for name in of_kind("loss")]
 
 
 class Graphs:
@@ -58,23 +56,9 @@ class Graphs:
 
     def values(self, rows: Array) -> Array:
         """(rows, CURVES) energies [M c^2], force [M c^2/R] and velocity [c] or ξ [R] from observables (rows, columns)."""
-        of = dict(zip(COLUMNS, rows.T, strict=False))
-        flight = 0.5 * (of["com_vx"] ** 2 + of["com_vy"] ** 2)
-        rotation = of["angular_momentum"] ** 2 / (2.0 * self._inertia)
-        lost = rows[:, _LOST].sum(axis=1) + rows[:, len(COLUMNS) :].sum(axis=1)
-        height = of["com_y"] - of["lowest_y"]
-        return np.stack(
-            [
-                flight,
-                rotation,
-                of["kinetic"] - flight - rotation,
-                of["elastic"] + of["wall"],
-                lost + self._lost_before,
-                of["wall_force"],
-                of["com_vy"] if self._sandbox.is_impact else self._height - height,
-            ],
-            axis=1,
-        )
-
-
-_LOST_CURVE = [name for _, name, _ in CURVES].index("lost")
+        of = split(dict(zip(INDEX, rows.T, strict=True)), self._inertia)
+        lost = rows[:, _LOST].sum(axis=1) + self._lost_before
+        height = self._height - (of["com_y"] - of["lowest_y"])
+        motion = of["com_vy"] if self._sandbox.is_impact else height
+        curves = *(of[name] for name in of_kind("part")), of["elastic"] + of["wall"], lost, of["wall_force"], motion
+        return np.stack(curves, axis=1)

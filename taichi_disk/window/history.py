@@ -14,7 +14,7 @@ from taichi_disk.computation.driver import Driver, Status
 from taichi_disk.computation.scenario import Scenario
 from taichi_disk.computation.stability import Spectrum
 from taichi_disk.lattice import Array
-from taichi_disk.simulation.observables import COLUMNS, INDEX, OPTIONAL, within
+from taichi_disk.simulation.observables import INDEX, within
 from taichi_disk.simulation.simulation import KernelCache
 from taichi_disk.simulation.stepping import Snapshot
 
@@ -128,7 +128,7 @@ class Checkpoint:
     @property
     def values(self) -> dict[str, float]:
         """The observables by their names."""
-        return dict(zip((*COLUMNS, *OPTIONAL), map(float, self.row), strict=False))
+        return dict(zip(INDEX, map(float, self.row), strict=True))
 
 
 class Timeline:

@@ -13,11 +13,11 @@ from time import perf_counter
 from typing import Any, get_args
 
 import numpy as np
+from numpy.typing import NDArray
 
 from taichi_disk.fields import Triangles
-from taichi_disk.lattice import Array
 from taichi_disk.render.palette import full_scale, round_near
-from taichi_disk.simulation.observables import COLUMNS
+from taichi_disk.simulation.observables import INDEX
 from taichi_disk.simulation.simulation import KernelCache
 from taichi_disk.web.drawing import colour_values, contact_forces, scene_message
 from taichi_disk.window.controls import CHOICES, LARGE, MAGNIFY, SPEED, Controls, Entry
@@ -58,7 +58,7 @@ class Session:
         self._last, self._sending, self._quiet = perf_counter(), 0.0, 0
         scenes = [one[:2] for one in playlist]
         self._write(
-            "hello", {"columns": COLUMNS, "playlist": scenes, "curves": CURVES, "keys": self.controls.reference}
+            "hello", {"columns": [*INDEX], "playlist": scenes, "curves": CURVES, "keys": self.controls.reference}
         )
         self.advance()
 
@@ -172,9 +172,9 @@ class Session:
             self._write("yaml", {"text": self.sandbox.scene.to_yaml()})
 
     def _state(self) -> bytes:
-        """Little-endian: HEADER with the number, commands heard, t since the hit began [R/c], points, forces, the point
-        that the mouse pulls (-1: none), values, full colour, force of the longest arrow, energy imbalance, pace; then
-        float32 observables (COLUMNS), graph values (CURVES), positions (2n), values, forces (3k); the caption in UTF-8.
+        """Little-endian: HEADER with the number, commands heard, t since the hit began [R/c], points, forces, the
+        point that the mouse pulls (-1: none), values, full colour, force of the longest arrow, energy imbalance, pace; then
+        float32 observables (INDEX), graph values (CURVES), positions (2n), values, forces (3k); the caption in UTF-8.
         """
         sandbox, seen, video = self.sandbox, self.sandbox.seen, self.sandbox.scene.video
         scenario, triangles = seen.segment.scenario, self._triangles
@@ -188,8 +188,8 @@ class Session:
         pulled = sandbox.dragged[0] if sandbox.dragged else -1
         numbers = self.scales.colour, self.scales.force, sandbox.imbalance, 0.0 if sandbox.paused else sandbox.pace
         header = HEADER.pack(self.number, self._heard, t, len(x), len(forces), pulled, len(values), *numbers)
-        row, curves = seen.row[: len(COLUMNS)], self.graphs.values(seen.row[None])[0]
-        floats = np.concatenate([row, curves, x.ravel(), values, forces.ravel()]).astype("<f4")
+        curves = self.graphs.values(seen.row[None])[0]
+        floats = np.concatenate([seen.row, curves, x.ravel(), values, forces.ravel()]).astype("<f4")
         caption = "\n".join(scenario.caption(seen.values | {"t": t}))
         return header + floats.tobytes() + caption.encode()
 
@@ -283,7 +283,7 @@ class Scales:
         self._fresh = False
         self.colour = self.force = 1.0
 
-    def update(self, values: Array, forces: Array) -> None:
+    def update(self, values: NDArray[Any], forces: NDArray[Any]) -> None:
         """Let the scales hold the disk's `values` (N,) and the wall's `forces` (k, 3)."""
         sandbox = self._sandbox
         scenario, name = sandbox.seen.segment.scenario, sandbox.scene.video.colour

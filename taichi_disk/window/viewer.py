@@ -55,7 +55,7 @@ class Viewer:
     ) -> None:
         """Files go into `out`; `screen`: its size [px], if it is known.
 
-        Raises InputError if `out` cannot be written, TaichiDiskError if there is no window or the scene cannot be built.
+        Raises InputError if `out` cannot be written, TaichiDiskError if there is no window, or no disk of this scene.
         """
         prepare_output(out)
         self._out = out.resolve()
@@ -87,7 +87,7 @@ class Viewer:
             raise TaichiDiskError(f"no window: {error}") from error
 
     def pictures(self) -> Generator[tuple[float, int], None, None]:
-        """Until the window is closed, after each picture: seconds of the clock since the one before, steps made for it."""
+        """Yield seconds of the clock since the picture before, and steps made for it, until the window is closed."""
         window, last = self._window, perf_counter()
         with elsewhere():
             try:
@@ -107,9 +107,10 @@ class Viewer:
     # ---- the picture
 
     def _draw(self) -> None:
-        sandbox, seen, video = self.sandbox, self.sandbox.seen, self.sandbox.scene.video
+        seen, video = self.sandbox.seen, self.sandbox.scene.video
         scenario = seen.segment.scenario
         springs, wall, lattice = scenario.model.springs, scenario.model.wall, scenario.lattice
+        assert wall
         fresh = self._bonds is not lattice.bonds
         if fresh:
             self.painter, self._bonds = Painter(lattice, springs, wall), lattice.bonds
@@ -148,7 +149,7 @@ class Viewer:
 
     def _draw_widgets(self) -> None:
         sandbox, controls, gui = self.sandbox, self.controls, self._window.get_gui()
-        seen, width, height = sandbox.seen, *self._window.get_window_shape()
+        seen, (width, _) = sandbox.seen, self._window.get_window_shape()
         entry, quantity = controls.playlist[controls.number], QUANTITIES[sandbox.scene.video.colour]
         with gui.sub_window("taichi-disk", 0.0, 0.0, PANEL / width, 1.0) as panel:
 

@@ -14,8 +14,9 @@ from pathlib import Path
 from time import perf_counter
 
 from taichi_disk.computation.outcome import compute
-from taichi_disk.output.plot import BLUE, GREEN, ORANGE, RED, SKY, matplotlib_style
+from taichi_disk.output.plot import matplotlib_style
 from taichi_disk.scenes import load_scene
+from taichi_disk.simulation.observables import BLUE, GREEN, ORANGE, RED, SKY
 from tests import reference
 
 from .kernel import FREE, RIGID

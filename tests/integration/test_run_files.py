@@ -15,10 +15,11 @@ import reference
 from taichi_disk import load_scene, run
 from taichi_disk.computation import stability
 from taichi_disk.physics import ElasticWall, MatchedBoundary, Model, Springs
+from taichi_disk.simulation.observables import COLUMNS
 
 SMALL = ("lattice.points=100", "time.safety=0.3")
 WALL = (*SMALL, "wall.points=120", "wall.width=3.2", "wall.boundary=dashpot")
-COLUMNS = (
+ALWAYS = (
     "t,com_x,com_y,com_vx,com_vy,angular_momentum,lowest_y,wall_force,kinetic,elastic,wall,dissipated,absorbed,total"
 )
 STEPPED = {"restitution", "contact_time", "dt", "energy"}
@@ -70,7 +71,7 @@ def test_files_summary_and_columns_are_those_of_the_contract(runs, kind):
     assert {"python", "taichi", "numpy", "taichi-disk"} <= set(summary["versions"])
     assert all(summary[key] == value for key, value in one.result.numbers.items())
 
-    assert ",".join(table) == COLUMNS + (",load,xi" if kind == "compression" else ",translation,rotation,vibration")
+    assert ",".join(table) == ALWAYS + (",load,xi" if kind == "compression" else ",translation,rotation,vibration")
     assert np.isfinite(list(table.values())).all()
     assert (np.diff(table["t"]) > 0).all() and (table["t"][0] == 0.0) == (kind != "compression")
     parts = ("kinetic", "elastic", "wall", "dissipated", "absorbed", "sliding", "load")
@@ -78,6 +79,13 @@ def test_files_summary_and_columns_are_those_of_the_contract(runs, kind):
     if kind != "compression":
         split = table["translation"] + table["rotation"] + table["vibration"]
         np.testing.assert_allclose(split, table["kinetic"], rtol=1e-12)
+
+
+def test_the_columns_are_described_as_they_are_declared():
+    described = (Path(__file__).parents[2] / "docs/output.md").read_text(encoding="utf-8")
+    written = [one for one in COLUMNS if one.written != "never"]
+    table = "".join(f"| `{one.name}` | {one.meaning} | {one.unit} |\n" for one in written)
+    assert table in described
 
 
 @pytest.mark.parametrize("kind", ["exponential_wall", "absorbing_wall"])

@@ -8,11 +8,12 @@ import numpy as np
 import pytest
 import reference
 from bodies import ELASTIC, FREE, RIGID, computed, disk, disk_and_wall, unlike
+from scipy.integrate import solve_ivp
 
-from taichi_disk.computation.stability import explicit_limit, spectrum, step_limit
+from taichi_disk.computation.stability import explicit_limit, impact_point_force, spectrum, step_limit
 from taichi_disk.computation.step_control import MARGIN
 from taichi_disk.integrators import INTEGRATORS, VELOCITY_VERLET
-from taichi_disk.physics import Model, Springs
+from taichi_disk.physics import ExponentialWall, Model, Springs
 
 
 def oscillator(integrator, angle):
@@ -94,6 +95,21 @@ def test_the_explicit_limit_holds_for_every_mode_and_is_sharp_at_its_ends():
         for omega, rate in zip(30.0 * rng.random(12), damping * rng.random(12), strict=True):
             assert swings(omega, rate, 0.98 * limit) < 1e4
         assert max(swings(30.0, r, 1.05 * limit) for r in (0.0, 0.5 * damping, damping)) > 1e6
+
+
+@pytest.mark.parametrize("body", [disk(60), unlike(disk(60), 0.2, 3.0)], ids=["equal", "unlike"])
+def test_a_hard_wall_is_expected_to_stop_the_heaviest_point_by_itself(body):
+    a, speed, mass = 1e4, 0.3, body.masses.max()
+
+    def motion(t, state):
+        return state[1], 0.5 * a * np.exp(-a * state[0]) / mass
+
+    start = 30.0 / a
+    flight = solve_ivp(motion, (0.0, 2.0 * start / speed), (start, -speed), rtol=1e-10, atol=1e-12, max_step=0.1 / a)
+    assert flight.y[1, -1] == pytest.approx(speed, rel=1e-6)  # it has come back
+    largest = (0.5 * a * np.exp(-a * flight.y[0])).max()
+    foreseen = impact_point_force(body, Model(Springs(), ExponentialWall(a, 0.5)), speed)
+    assert foreseen == pytest.approx(largest, rel=1e-2)  # more than the share of the disk's whole contact force
 
 
 @pytest.mark.validate

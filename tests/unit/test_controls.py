@@ -73,6 +73,12 @@ def test_the_keys_for_points_keep_the_viscosity_of_the_body(controls: Controls) 
     assert sandbox.scene.material.viscosity == LEAST["material.viscosity"]
 
 
+def test_a_key_raises_the_viscosity_from_zero(controls: Controls) -> None:
+    controls.sandbox.set("material.eta_star", 0.0)
+    controls.press("e")
+    assert controls.value("material.eta_star") == LEAST["material.eta_star"]
+
+
 def test_files_that_cannot_be_written_are_told_and_the_window_lives(controls: Controls) -> None:
     sandbox, out = controls.sandbox, controls.out
     recorder = Recorder(controls)

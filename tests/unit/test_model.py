@@ -24,7 +24,7 @@ from taichi_disk.physics import (
     Springs,
 )
 from taichi_disk.scenes import load_scene
-from taichi_disk.simulation.observables import COLUMNS, SUMS
+from taichi_disk.simulation.observables import INDEX, SUMS
 from taichi_disk.simulation.simulation import KernelCache, Simulation
 
 SMALL, VV = ("lattice.points=60", "wall.points=80", "wall.width=3.0"), VELOCITY_VERLET
@@ -57,7 +57,7 @@ def test_a_law_that_a_scene_has_no_use_for_has_no_field_and_is_not_computed(scen
     assert with_fields == set(laws)
     expected = simulation.advance(30, 3)[0]
     assert np.isfinite(expected).all()
-    assert expected.shape[1] == len(COLUMNS) and len(simulation.snapshot().sums) == SUMS
+    assert expected.shape[1] == len(INDEX) and len(simulation.snapshot().sums) == SUMS
     assert not hasattr(simulation.model.wall, "friction_now")
     # A number of a part that is absent reaches no result.
     for name in [name for name, there in (("k_b", springs.cubic), ("eta", springs.damped)) if not there]:

@@ -11,6 +11,7 @@ import pytest
 from taichi_disk.errors import InputError, SimulationError
 from taichi_disk.output import files
 from taichi_disk.output.files import atomic_write, check_pictures, prepare_output
+from taichi_disk.simulation.observables import COLUMNS
 
 
 def everything(folder):
@@ -78,13 +79,13 @@ def test_only_a_folder_of_numbered_files_is_replaced(tmp_path):
 
 
 def test_the_time_series_reads_back_bitwise_without_columns_of_zeros_and_is_thinned_on_request(tmp_path):
-    names = (*files.TIMESERIES, *files.MORE, "residual")
-    columns = {name: np.random.default_rng(k).random(20) for k, name in enumerate(names)}
-    columns |= {"t": 0.1 * np.arange(20), "sliding": np.zeros(20)}
-    del columns["friction"]  # of a scene without
+    columns = {one.name: np.random.default_rng(k).random(20) for k, one in enumerate(COLUMNS)}
+    columns |= {"t": 0.1 * np.arange(20), "sliding": np.zeros(20), "friction": np.zeros(20)}
+    del columns["xi"]  # of a loading
     files.write_timeseries(tmp_path / "a.csv", columns)
     table = np.genfromtxt(tmp_path / "a.csv", delimiter=",", names=True)
-    assert table.dtype.names == (*files.TIMESERIES, "load")
+    absent = ("residual", "sliding", "friction", "xi")
+    assert table.dtype.names == tuple(one.name for one in COLUMNS if one.name not in absent)
     assert all(np.array_equal(table[name], columns[name]) for name in table.dtype.names)
     files.write_timeseries(tmp_path / "b.csv", columns, 0.6)
     table = np.genfromtxt(tmp_path / "b.csv", delimiter=",", names=True)

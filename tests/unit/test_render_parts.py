@@ -12,7 +12,7 @@ from bodies import RIGID
 from taichi_disk.lattice import disk_lattice
 from taichi_disk.physics import ExponentialWall, Springs
 from taichi_disk.render import legend, palette
-from taichi_disk.render.geometry import Camera, edge_height
+from taichi_disk.render.geometry import ARROW, Camera, arrows, edge_height
 from taichi_disk.render.legend import LEAST, Legend
 from taichi_disk.render.painter import Painter
 from taichi_disk.render.palette import LEVELS, THEMES, colour_map
@@ -119,6 +119,12 @@ def test_numbers_are_written_as_in_print():
     assert legend.label(2e-7) == "2·10⁻⁷" and legend.label(0.0) == "0" and legend.label(0.5, signed=True) == "+0.5"
 
 
+def test_the_round_number_next_to_a_value_is_the_one_nearest_in_ratio():
+    # 8.97 is nearer to 8 by difference and nearer to 10 by ratio, 2.46 nearer to 2 and to 3.
+    assert palette.round_near(0.0897) == 0.1 and palette.round_near(0.0246) == 0.03
+    assert palette.round_near(0.0892) == 0.08 and palette.round_near(0.0244) == 0.02
+
+
 def test_few_outliers_do_not_set_the_scale():
     values = np.concatenate([np.linspace(-0.1, 0.1, 990), [7.0] * 5])
     assert palette.full_scale(values, "pressure") == 0.1
@@ -144,6 +150,18 @@ def test_arrows_that_would_touch_become_one_with_the_mean_force_and_weak_ones_ar
     feet, mean = one.pushes(x, 0 * x, 10.0)
     assert feet == pytest.approx(x[lowest[:3]].mean(axis=0)[None]) and mean == pytest.approx(np.array([[0.0, 0.4]]))
     assert len(one.pushes(x, 0 * x, 1e-3)[0]) == 3
+
+
+def test_the_head_of_a_short_arrow_is_in_proportion_and_never_longer_than_the_arrow():
+    force, head = np.array([1.0, 0.3, 0.02]), 0.06
+    forces = np.stack([np.zeros(3), force], axis=1)
+    points, _ = arrows(np.zeros((3, 2)), forces, head, 0.02, 0.01, THEMES["light"])
+    _, front = np.split(points.reshape(2, 3, 9, 2), 2)  # on its ground, then itself; nine corners an arrow
+    back, tip = front[0, :, 6], front[0, :, 8]
+    assert tip[:, 1] == pytest.approx(ARROW * force)
+    half, length = np.abs(back[:, 0]), tip[:, 1] - back[:, 1]
+    assert half == pytest.approx([head, 0.3 * ARROW * 0.3, 0.3 * ARROW * 0.02])
+    assert (length < tip[:, 1]).all() and length == pytest.approx(2.0 * half)
 
 
 # ---- displacements shown larger
