@@ -47,7 +47,7 @@ export class Slider {
     const text = unit ? `${name} [${unit}]` : name;
     const part = low > 0 ? Math.log(value / low) / Math.log(high / low) : (value - low) / (high - low);
     this.whole = spec.key === "lattice.points";
-    this.name.textContent = this.degrees ? `${name} [${unit}, degrees]` : text;
+    this.name.textContent = this.degrees ? `${name} [${unit}, °]` : text;
     if (root.activeElement !== this.range || spec.live) this.range.value = Math.round(1000 * part);
     this.range.ariaLabel = text;
     this.range.ariaValueText = `${digits(value)} ${unit}`;
@@ -124,7 +124,8 @@ const COLUMNS = [["result", "result"], ["value", "value"], ["load", "v [c], P [M
   ["disturbance", "disturbed"]];
 
 export function showResults(table, results) {
-  const shown = COLUMNS.filter(([key]) => key === "value" || results.some((one) => one[key] !== null && one[key] !== ""));
+  if (!results.length) return table.replaceChildren(element("caption", { textContent: "Finished experiments are listed here." }));
+  const shown = COLUMNS.filter(([key]) => key === "value" || results.some((one) => one[key]));
   const cell = (one, key) => {
     const value = one[key] ?? "";
     const text = typeof value !== "number" ? value : key === "value" ? value.toFixed(6) : String(Number(value.toPrecision(5)));

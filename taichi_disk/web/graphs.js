@@ -121,16 +121,17 @@ export class Graphs {
 
 // Results over the speed or load, on a logarithmic axis; those that the user disturbed are hollow.
 export function drawResults(canvas, results, theme) {
-  if (!canvas.clientWidth) return;
+  if (!canvas.clientWidth || !results.length) return;
   const axes = new Axes(canvas, theme), { ctx, box: [x0, y0, x1, y1] } = axes;
   const loads = results.map((one) => one.load), low = Math.min(...loads, 5e-3) / 1.2, high = Math.max(...loads, 5e-2) * 1.2;
   const place = (load) => Math.log(load / low) / Math.log(high / low);
-  const top = results.some((one) => one.result === "e") ? 1 : above(Math.max(...results.map((one) => one.value), 1e-3));
+  const values = results.map((one) => one.value), most = Math.max(...values), ratio = results[0].result === "e";
+  const bottom = ratio ? Math.max(Math.floor(10 * Math.min(...values) - 0.2) / 10, 0) : 0, top = ratio ? Math.max(1, most) : above(most);
   const ticks = [1e-4, 1e-3, 1e-2, 0.1].filter((one) => one > low && one < high).map((one) => [place(one), label(one)]);
-  axes.frame({ low: 0, high: top }, null, ticks, "");
+  axes.frame({ low: bottom, high: top }, null, ticks, "");
   for (const { load, value, disturbance } of results) {
     ctx.beginPath();
-    ctx.arc(x0 + place(load) * (x1 - x0), y1 - (value / top) * (y1 - y0), 4, 0, 7);
+    ctx.arc(x0 + place(load) * (x1 - x0), y1 - ((value - bottom) / (top - bottom)) * (y1 - y0), 4, 0, 7);
     ctx.strokeStyle = ctx.fillStyle = theme.accent;
     disturbance ? ctx.stroke() : ctx.fill();
   }

@@ -1,6 +1,6 @@
 // The sandbox's page: shows what the program sends, and sends what the user does. It computes no physics.
 
-import { Choice, Group, Slider, asText, download, showHelp, showResults, showScenes } from "./controls.js";
+import { Choice, Group, Slider, asText, download, element, showHelp, showResults, showScenes } from "./controls.js";
 import { Drawing } from "./draw.js";
 import { Gestures } from "./gestures.js";
 import { Graphs, drawResults, legend } from "./graphs.js";
@@ -16,7 +16,7 @@ export class Sandbox {
     Object.assign(this, { node, root, plays: true, hello: null, panel: null, state: null, recorder: null });
     this.send = (message) => {
       if (this.plays || message.do === "seen") send(message);
-      if (message.do !== "seen") this.waiting ??= setTimeout(() => (node.ariaBusy = true), 400);
+      if (message.do !== "seen") this.waiting ??= setTimeout(() => (this.find("busy").hidden = false), 400);
     };
     this.drawing = new Drawing(this.find("disk"));
     this.gestures = new Gestures(this.find("disk"), this);
@@ -25,6 +25,7 @@ export class Sandbox {
     this.groups = Object.entries({ numbers: Slider, speed: Slider, magnify: Slider, choices: Choice, looks: Choice })
       .map(([id, Kind]) => [id, new Group(this.find(id), Kind, set)]);
     this.bind();
+    this.showTab(node.clientWidth > 640 ? "graphs" : "experiment"); // on a narrow page one panel is seen at a time
     new ResizeObserver(() => this.redraw()).observe(node);
   }
 
@@ -62,15 +63,18 @@ export class Sandbox {
     };
     for (const [id, act] of Object.entries(this.actions)) this.find(id).onclick = () => this.state && act();
     for (const tab of this.node.querySelectorAll(".tabs [data-tab]")) {
-      tab.onclick = () => {
-        this.node.dataset.tab = tab.dataset.tab;
-        this.node.removeAttribute("data-folded");
-        this.find("fold").setAttribute("aria-expanded", true);
-        this.redraw();
-      };
+      tab.onclick = () => this.showTab(tab.dataset.tab);
     }
     this.root.addEventListener("keydown", (event) => this.key(event));
     for (const one of this.node.querySelectorAll("dialog")) one.onclick = (event) => event.target === one && one.close();
+  }
+
+  showTab(name) {
+    this.node.dataset.tab = name;
+    this.node.removeAttribute("data-folded");
+    this.find("fold").setAttribute("aria-expanded", true);
+    for (const tab of this.node.querySelectorAll(".tabs [data-tab]")) tab.setAttribute("aria-pressed", tab.dataset.tab === name);
+    this.redraw();
   }
 
   key(event) {
@@ -128,7 +132,7 @@ export class Sandbox {
     this.graphs.add(this.state);
     this.find("caption").textContent = this.state.caption;
     this.waiting = clearTimeout(this.waiting);
-    this.node.ariaBusy = false;
+    this.find("busy").hidden = true;
     this.redraw(this.state.number);
   }
 
@@ -174,8 +178,9 @@ export class Sandbox {
     const parts = { speed, magnify: [magnify], looks, numbers: panel.sliders.filter((one) => ![magnify, ...speed].includes(one)) };
     parts.choices = panel.choices.filter((one) => !looks.includes(one));
     for (const [id, group] of this.groups) group.show(parts[id]);
-    const title = (this.find("title"), panel.title.map((line) => Object.assign(document.createElement("div"), { textContent: line.replace(/ {4}/g, " · ") })));
-    this.find("title").replaceChildren(...title);
+    const lines = (tag, texts) => texts.map((text) => element(tag, { textContent: text.replace(/ {4}/g, " · ") }));
+    this.find("title").replaceChildren(...lines("div", panel.title));
+    this.find("warnings").replaceChildren(...lines("li", panel.warnings));
     show("drop", panel.paused ? (panel.atStart ? (panel.isImpact ? "Drop" : "Load") : "Go on") : "Pause");
     this.find("hit").disabled = !panel.isImpact;
     show("scenes", `${panel.name} ▾`);
@@ -184,7 +189,6 @@ export class Sandbox {
     show("lattice", `Another random lattice (now ${panel.seed})`);
     show("status", panel.status);
     this.find("status").className = panel.status.startsWith("same") ? "" : "disturbed";
-    this.find("warnings").replaceChildren(...panel.warnings.map((text) => Object.assign(document.createElement("li"), { textContent: text })));
     const aimed = panel.aimed && `v = ${panel.aimed[0]} c, angle ${((panel.aimed[1] * 180) / Math.PI).toFixed(1)}° = ${panel.aimed[1]} rad`;
     show("message", aimed || panel.message || panel.hint);
     this.find("slow").checked = panel.slow;
@@ -193,10 +197,7 @@ export class Sandbox {
     show("collect", panel.collecting ? `Stop (${panel.collecting} left)` : `Collect ${name}`);
     show("curve", panel.isImpact ? "restitution e over the speed v [c]" : "compression ξ [R] over the load P [Mc²/R]");
     for (const id of ["copy", "csv", "clear"]) this.find(id).disabled = !panel.results.length;
-    for (const tab of this.node.querySelectorAll(".tabs [data-tab]")) {
-      if (tab.dataset.tab === "results") tab.textContent = `Results${panel.results.length ? ` (${panel.results.length})` : ""}`;
-      tab.setAttribute("aria-pressed", tab.dataset.tab === this.node.dataset.tab);
-    }
+    this.find("tab-results").textContent = `Results${panel.results.length ? ` (${panel.results.length})` : ""}`;
     showResults(this.find("table"), panel.results);
     showScenes(this.find("entries"), this.hello.playlist, panel.number, (number) => {
       this.find("list").close();

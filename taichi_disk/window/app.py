@@ -63,7 +63,7 @@ def presets(first: Scene) -> list[Entry]:
     """Return `first`, then the scenes of playlist.yaml, which has name and sentence of `first` if it is shipped."""
     text = Path(__file__).with_name("playlist.yaml").read_text(encoding="utf-8")
     entries = []
-    opened = Entry(first.title, "The scene that you opened.", lambda: first)
+    opened = Entry(first.title[0].upper() + first.title[1:], "The scene that you opened.", lambda: first)
     for shipped, change, name, sentence in yaml.safe_load(text):
         entry = Entry(name, sentence, partial(load_scene, shipped, [change] if change else []))
         if not change and entry.load() == first:

@@ -16,7 +16,7 @@ MORE, MANY = 1.12, 1.5  # factors of one press of a key: of a value, of the numb
 REPEATED = ("Left", "Right", "Up", "Down", "e", "d", "a", "z", "s", "f", "i", "u")  # while they are held
 LEAST = {"material.eta_star": 0.1, "material.viscosity": 1e-4}  # viscosity that keys reach before 0
 LARGE = 5000  # points, from which on a new start takes longer than a picture may
-CURVE = 8  # experiments of a collected curve
+CURVE, CURVE_SPAN = 8, 30.0  # experiments of a collected curve, and the ratio of their largest load to the least
 Action = Callable[[], None]
 
 
@@ -39,7 +39,7 @@ RANGES = {
     "impact.spin": Range("spin", "c/R", "", -0.5, 0.5, "at the start, counter-clockwise"),
     "wall.friction": Range("friction μ", "", "", 0.0, 1.0, "Coulomb's coefficient of the wall"),
     "compression.pressure": Range("load P", "Mc²/R", "Up Down", 1e-4, 0.05, "force that presses the disk on the wall"),
-    "wall.a": Range("hardness of the wall a", "1/R", "a z", 10.0, 3000.0, "steepness of the wall's potential"),
+    "wall.a": Range("wall hardness a", "1/R", "a z", 10.0, 3000.0, "steepness of the wall's potential"),
     "lattice.points": Range("mass points N", "", "j k", 100, 5000, "of the disk"),
 }
 SPEED = Range("speed of time", "R/c per s", "s f", 0.05, 5.0, "simulated time that one second shows")
@@ -185,9 +185,8 @@ class Controls:
 
     def collect(self) -> None:
         """Collect a curve of results over the range of speeds or loads, or stop collecting. Raises TaichiDiskError."""
-        one = RANGES[self.load_key]
-        ratio, low = (one.high / one.low) ** (1.0 / CURVE), one.low
-        loads = [float(f"{low * ratio**k:.2g}") for k in range(1, CURVE + 1)]
+        high = RANGES[self.load_key].high
+        loads = [float(f"{high * CURVE_SPAN ** (-k / (CURVE - 1)):.2g}") for k in range(CURVE)]
         self.sandbox.collect([] if self.sandbox.collected else loads)
 
 

@@ -261,6 +261,7 @@ class Sandbox:
     def _begin_collected(self) -> None:
         scene = with_key(self.scene, ".".join(self.scene.abscissa), self.collected[0])
         self._begin(start_of(scene, self.start))
+        self.time.spacing *= 20.0
         self.paused = False
 
     def pause(self) -> None:
