@@ -1,14 +1,24 @@
-"""Pages of the site that are not pages of docs: README, CONTRIBUTING, notebooks, and references made from the code."""
+"""Make pages of the site that are not pages of docs: README, CONTRIBUTING, notebooks, references made from the code.
+
+Formulas become MathML, which browsers draw by themselves: a reader without the internet sees them, too.
+"""
 
 from __future__ import annotations
 
 import json
 import re
+from html import unescape
 from pathlib import Path
 from typing import Any
 
 from mkdocs.structure.files import File, Files
 
+# What pymdownx.arithmatex leaves of a formula: within a line, or on lines of its own with a number at its end.
+FORMULA = re.compile(r'<(span|div) class="arithmatex">\\[(\[](.*?)\\[)\]]</\1>', re.DOTALL)
+NUMBER = re.compile(r"\\tag\{(\w+)\}")
+# Browsers know letters that are bold or without serifs as characters of their own, not as a style of a formula.
+STYLED = re.compile(r'<mi mathvariant="(bold|sans-serif)">([A-Za-z])<')
+STYLES = {"bold": 0x1D400, "sans-serif": 0x1D5A0}  # the code points of A
 ROOT = Path(__file__).parents[1]
 PYTHON = {
     "Scenes": ("taichi_disk.scenes.load_scene", "taichi_disk.scenes.load_sweep"),
@@ -25,6 +35,7 @@ def on_files(files: Files, config: Any) -> Files:
     pages = {
         "index.md": (ROOT / "README.md").read_text(encoding="utf-8"),
         "contributing.md": (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8"),
+        "reference/index.md": reference(),
         "reference/scenes.md": scene_keys(),
         "reference/commands.md": commands(),
         "reference/python.md": python(),
@@ -40,14 +51,36 @@ def on_files(files: Files, config: Any) -> Files:
 
 def on_page_markdown(markdown: str, page: Any, **_: Any) -> str:
     """The links and remarks of a page as the site takes them."""
-    if page.file.src_uri.startswith("notebooks/"):
+    if page.file.src_uri.startswith(("notebooks/", "reference/")):  # their links are made for the site
         return markdown
     at_top = page.file.src_uri in ("index.md", "contributing.md")
     text = re.sub(r"^```(\w+) no-run$", r"```\1", markdown, flags=re.MULTILINE)
-    text = text.replace("](../README.md", "](index.md").replace("](../CONTRIBUTING.md", "](contributing.md")
+    text = text.replace("](../README.md", "](index.md")
+    text = text.replace("](../CONTRIBUTING.md", "](contributing.md").replace("](CONTRIBUTING.md", "](contributing.md")
     text = text.replace("](docs/", "](") if at_top else text.replace("](../", "](")
     text = text.replace(".ipynb)", ".md)")
-    return re.sub(r"\[`?([^]\n`]*)`?\]\((?:scenes|examples|experiments)\)", r"`\1`", text)  # a folder has no page
+    return re.sub(r"\[`?([^]\n`]*)`?\]\((?:scenes|examples|experiments|data)\)", r"`\1`", text)  # a folder has no page
+
+
+def on_page_content(html: str, **_: Any) -> str:
+    """The HTML of a page, its formulas in MathML."""
+    return FORMULA.sub(lambda found: mathml(unescape(found[2]), block=found[1] == "div"), html)
+
+
+def mathml(formula: str, block: bool) -> str:
+    """MathML of a formula in LaTeX; a `block` stands on lines of its own, its number at the right."""
+    from latex2mathml.converter import convert
+
+    number = NUMBER.search(formula)
+    drawn = convert(NUMBER.sub("", formula).strip(), display="block" if block else "inline")
+    drawn = STYLED.sub(lambda found: f"<mi>{styled(*found.groups())}<", drawn)
+    if not block:
+        return drawn
+    return f'<div class="formula">{drawn}{f"<span>({number[1]})</span>" if number else ""}</div>'
+
+
+def styled(style: str, letter: str) -> str:
+    return chr(STYLES[style] + ord(letter) - ord("A") - 6 * letter.islower())
 
 
 def notebook(path: Path) -> str:
@@ -64,12 +97,31 @@ def notebook(path: Path) -> str:
     return "\n\n".join(parts)
 
 
+def reference() -> str:
+    """What the reference consists of."""
+    return "\n".join(
+        [
+            "# Reference",
+            "",
+            "These pages are made from the code, so they say what this version does.",
+            "",
+            "* [Keys of a scene file](scenes.md): every key with its default, its range and its unit.",
+            "* [Commands](commands.md): what `taichi-disk` and each of its commands take.",
+            "* [Python](python.md): functions and classes for scripts and notebooks.",
+            "",
+            "The columns and files that a run leaves are listed in [output](../output.md), words in the"
+            " [glossary](../glossary.md).",
+        ]
+    )
+
+
 def scene_keys() -> str:
     """Every key of a scene file, by kind of scene and section."""
     from taichi_disk.config.scene_base import yaml_scalar
     from taichi_disk.scenes import SCENES
 
     lines = ["# Keys of a scene file", "", "`taichi-disk check SCENE` prints these for a scene of yours.", ""]
+    lines += ["Angles are in radians: 30 degrees are 0.5236, 45 degrees 0.7854. Speeds are in c, lengths in R.", ""]
     for name, kind in SCENES.items():
         lines += [f"## {name}", "", f"{kind.title[0].upper()}{kind.title[1:]}.", ""]
         for section, defaults in kind.sections().items():

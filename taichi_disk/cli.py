@@ -156,11 +156,10 @@ def _render(arguments: argparse.Namespace) -> int:
     overrides = [f"video.{name}={str(value).lower()}" for name, value in given.items() if value is not None]
     with terminal(sys.stderr) as progress:
         load = partial(Result.load, progress=progress, estimate=False, say=_note)
-        result = load(arguments.folder, overrides)
-        other = load(arguments.compare) if arguments.compare else None
-        name, form = "comparison" if other else "render", result.scene.video.format
+        result, *others = load(arguments.folder, overrides), *map(load, arguments.compare)
+        name, form = "comparison" if others else "render", result.scene.video.format
         out = arguments.out or arguments.folder / (name if form == "png" else f"{name}.{form}")
-        result.film(out, other, progress)
+        result.film(out, others, progress, at=arguments.at, start=arguments.start, end=arguments.end)
     print(f"{'picture' if out.suffix == '.png' else 'film'} in {out}")
     return 0
 
@@ -259,11 +258,18 @@ def _parser() -> argparse.ArgumentParser:
     where.add_argument("--window", action="store_true", help="open a window of the desktop instead; needs Vulkan")
     add("--out", type=_path, metavar="DIR", help="for files that the window saves (default: out/view)")
 
-    add = command("render", _render, "film a finished run again, or two of them side by side").add_argument
+    add = command("render", _render, "film a finished run again, or up to four of them side by side").add_argument
     add("folder", type=_path, metavar="DIR", help="what `run` wrote")
-    add("--compare", type=_path, metavar="DIR", help="another run, to be shown at the right")
-    files = ".mp4, .webm, .gif, .png for one picture, or a folder for many (default: render or comparison in DIR)"
-    add("--out", type=_path, metavar="FILE", help=files)
+    compare = "other runs, at most three, to be shown at the right; what sets them apart is written above each"
+    add("--compare", type=_path, nargs="+", default=[], metavar="DIR", help=compare)
+    files = (
+        ".mp4, .webm, .gif; .html for a page that plays the film, and needs no internet; .png for one picture; or a "
+    )
+    add("--out", type=_path, metavar="FILE", help=files + "folder for many (default: render or comparison in DIR)")
+    at = "moment of a picture: a time in R/c, contact (the first), end, or greatest (compression; the default)"
+    add("--at", default="greatest", metavar="T", help=at)
+    add("--from", dest="start", metavar="T", help="where a film begins, a moment as for --at (default: the start)")
+    add("--to", dest="end", metavar="T", help="where a film ends (default: the end of the run)")
     for name, key in VideoSection.schema().items():  # which also checks what is given
         if key.kind is bool:
             add(f"--{name}", action=argparse.BooleanOptionalAction, help=key.meaning)
@@ -308,6 +314,6 @@ def _count(text: str, most: int = 100_000) -> int:
 
 
 def _threads(text: str) -> int:
-    from taichi_disk.runtime import cores
+    from taichi_disk.machine import cores
 
     return _count(text, cores())

@@ -11,7 +11,8 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from time import monotonic, sleep
 
-from taichi_disk.runtime import CACHE, cache_folder, cores, free_memory, keeps_kernels, processor
+from taichi_disk.engine.environment import CACHE, cache_folder, keeps_kernels
+from taichi_disk.machine import cores, free_memory, processor
 from taichi_disk.signals import raise_if_interrupted
 
 RUN = ("lattice.points=20", "material.eta_star=0", "video.size=64", "video.seconds=0.1")

@@ -202,10 +202,12 @@ class Result:
 
         return run_figure(self.scenario, self.series)
 
-    def show(self, beside: Result | None = None, progress: Progress | None = None, **video: Any) -> Film:
-        """The film for a notebook, which shows it with controls; arguments as for `film`.
+    def show(
+        self, beside: Result | Sequence[Result] | None = None, progress: Progress | None = None, **video: Any
+    ) -> Film:
+        """Return the film for a notebook, which shows it with controls; arguments as for `film`.
 
-        `format="png"`: one picture, of the greatest compression. Raises what `film` raises.
+        `format="png"` is one picture, `format="html"` a film to play with. Raises what `film` raises.
         """
         from taichi_disk.output.inline import Film
 
@@ -218,26 +220,40 @@ class Result:
     @reported
     @runtime.alone()
     def film(
-        self, path: Path | str, beside: Result | None = None, progress: Progress | None = None, **video: Any
+        self,
+        path: Path | str,
+        beside: Result | Sequence[Result] | None = None,
+        progress: Progress | None = None,
+        *,
+        at: float | str = "greatest",
+        start: float | str | None = None,
+        end: float | str | None = None,
+        **video: Any,
     ) -> Path:
-        """Film the run into `path`: .mp4, .webm, .gif, one picture .png, or a folder for numbered pictures.
+        """Film the run into `path` and return the path.
 
         Args:
-            path: its suffix says the format.
-            beside: another run, to be shown at the right.
+            path: .mp4, .webm or .gif; .html for a page that plays the film; .png for one picture; a folder for
+                numbered pictures.
+            beside: up to three other runs, to be shown at the right.
             progress: called as for `run`.
+            at: the moment of a picture: a time [R/c], "greatest" (compression), "contact" (the first) or "end".
+            start, end: of a film, by default of the run; moments like `at`.
             video: keys of a scene's `video` section in place of the scene's own, as `colour="shear"`.
 
-        Returns the path. Raises InputError for a wrong key, TaichiDiskError where no film can be drawn or written.
+        Raises InputError for a wrong key or moment, TaichiDiskError if no film can be drawn or written.
         """
-        from taichi_disk.render.film import check_target, film
+        from taichi_disk.render.film import check_target
+        from taichi_disk.render.moments import Span
+        from taichi_disk.web.film import film
 
         path = as_path(path, "path")
         section = self.scene.with_({f"video.{key}": value for key, value in video.items()}).video
         check_target(path)
         files.prepare_output(path.parent)
-        runs = [(one.scenario, one.outcome) for one in (self, beside) if one]
-        film(path, runs, section, progress or silent)
+        others = [beside] if isinstance(beside, Result) else beside or ()
+        runs = [(one.scenario, one.outcome) for one in (self, *others)]
+        film(path, runs, section, progress or silent, Span(at, start, end))
         return path
 
     @runtime.alone()

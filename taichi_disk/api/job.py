@@ -128,7 +128,7 @@ def _kernels_of(program: Any) -> KernelCache:
 
 def shared_kernels() -> KernelCache:
     """The compiled simulations of this process: Taichi, too, exists once in a process."""
-    import taichi as ti
+    from taichi_disk.engine import ti
 
     return _kernels_of(ti.lang.impl.get_runtime().prog)
 
@@ -150,7 +150,7 @@ def write_run(
     if video:
         name = "frames" if scene.video.format == "png" else f"video.{scene.video.format}"
         try:
-            from taichi_disk.render.film import film
+            from taichi_disk.web.film import film
 
             film(path / name, [(scenario, outcome)], scene.video, progress)
             summary["video"] = name

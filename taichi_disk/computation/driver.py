@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import replace
-from math import ceil, floor, inf
+from math import ceil, inf
 from time import perf_counter
 from typing import Any, Literal
 
@@ -42,7 +41,6 @@ class Driver:
         failure: why there is no result, once the status is "failed".
         end: the state at the end, once the status is "finished".
         can_end: whether the scene may end, and begin again with a shorter step.
-        first_step: number of the step at which stepping begins, at the end of the scenario's `approach`.
 
     Raises InputError for a step by hand that is too long.
     """
@@ -59,7 +57,6 @@ class Driver:
         self.end: Snapshot | None = None
         self.status: Status = "running"
         self._bounds = bounds_array(scenario.end_bounds())
-        self.approach = scenario.approach()
         self._begin()
 
     def _begin(self) -> None:
@@ -67,32 +64,22 @@ class Driver:
         self.step, self.attempt = self.control.step, self.control.attempt
         self.stride = max(1, round(scenario.row_interval / self.step.dt))
         self.interval = self.stride * self.step.dt
-        before = max(floor(self.approach.end / self.interval), 0) if self.approach else 0  # rows
-        self.first_step = before * self.stride
         self.simulation = self._simulation()
         self.compile_seconds += perf_counter() - began
         self._last = ceil(scenario.max_time / self.interval) * self.stride
         self._needed, self._quiet = 1 + ceil(scenario.quiet_time / self.interval - 1e-9), 0
         springs = SPRINGS_PER_LOOK if self.simulation.subdomains > 1 else SPRINGS_PER_LAUNCH
         self._launch_steps = max(1, springs // (len(scenario.lattice.bonds) * self.step.integrator.forces))
-        self._rows: Array = np.empty((before + 256, self.simulation.first_row.size))
-        self._rows[before], self.count = self.simulation.first_row, before + 1
-        if self.approach:
-            times = np.arange(before + 1) * self.interval
-            self._rows[:before] = self.approach.rows(times[:-1], times[-1], self.simulation.first_row)
+        self._rows: Array = np.empty((256, self.simulation.first_row.size))
+        self._rows[0], self.count = self.simulation.first_row, 1
         self._balance = EnergyBalance(self.simulation.first_row)
         self.start = self.state = self.simulation.snapshot()
         self.row = self.simulation.first_row
 
     def _simulation(self) -> Simulation:
         """A simulation at its first step."""
-        lattice, velocities, step = self.scenario.lattice, self.scenario.velocities, self.step
-        if self.approach:
-            positions, velocities = self.approach.at(self.first_step * step.dt)
-            lattice = replace(lattice, positions=positions)
-        simulation = self.kernels.simulation(lattice, self.scenario.model, step.integrator, velocities, step.dt)
-        simulation.step_number = self.first_step
-        return simulation
+        scenario, step = self.scenario, self.step
+        return self.kernels.simulation(scenario.lattice, scenario.model, step.integrator, scenario.velocities, step.dt)
 
     # ---- what is known
 
@@ -164,9 +151,6 @@ class Driver:
         simulation, snapshot = self._simulation(), self.start
         mine, stride = simulation.generation, self._launch_steps
         for number in np.rint(np.asarray(times) / self.step.dt).astype(int):
-            if self.approach and number < self.first_step:
-                yield number * self.step.dt, *self.approach.at(number * self.step.dt)
-                continue
             if simulation.generation != mine:  # somebody else has used it meanwhile
                 simulation = self._simulation()
                 simulation.restore(snapshot)

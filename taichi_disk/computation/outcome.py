@@ -108,7 +108,7 @@ def _described(driver: Driver, time: Any, estimate: bool) -> Outcome:
     error, inverted = driver.control.error(columns), None
     if error is not None and not scenario.step_dependent:
         error = REST_CAUTION * error + ROUNDING
-    work = (end.step - driver.first_step) * step.integrator.forces * len(scenario.lattice.bonds)
+    work = end.step * step.integrator.forces * len(scenario.lattice.bonds)
     if estimate and work <= ESTIMATE_UP_TO:
         if scenario.step_dependent and time.tolerance == "none":
             error, x = _second_opinion(driver, time, limit)
@@ -118,8 +118,7 @@ def _described(driver: Driver, time: Any, estimate: bool) -> Outcome:
     warnings += _inversion_warnings(inverted or 0)
     facts = {
         "warnings": warnings,
-        "steps": end.step - driver.first_step,
-        "stepped_from": driver.first_step * step.dt,
+        "steps": end.step,
         "dt": step.dt,
         "dt_limit": limit,
         "attempts": driver.attempt,
@@ -150,7 +149,7 @@ def _second_opinion(driver: Driver, time: Any, limit: float) -> tuple[float | No
     scenario, columns = driver.scenario, driver.columns
     time = replace(time, dt=driver.control.other_step(limit), integrator=driver.step.integrator.name)
     other = Driver(scenario, time, driver.kernels, driver.control.spectrum, force=True)
-    other.advance(steps=max(round(greatest_compression(columns) / other.step.dt) - other.first_step, 0))
+    other.advance(steps=round(greatest_compression(columns) / other.step.dt))
     x = other.state.vectors[0]
     try:
         if other.advance() == "failed":

@@ -13,7 +13,6 @@ from taichi_disk.lattice import Array, Lattice
 from taichi_disk.simulation.observables import Columns
 
 if TYPE_CHECKING:  # scene files are checked without Taichi
-    from taichi_disk.computation.approach import Approach
     from taichi_disk.physics import Model
     from taichi_disk.statics.equilibrium import Equilibrium
 
@@ -88,10 +87,6 @@ class Scenario(ABC):
         self.velocities = self.velocities.copy()
         self.velocities[:n] = velocities
         self.own_velocities = True
-
-    def approach(self) -> Approach | None:
-        """The beginning that is known without a step, if there is one."""
-        return None
 
     def go_on_from(self, positions: Array, velocities: Array) -> None:
         """Begin in another state, (n, 2) [R] and [c], instead."""

@@ -191,7 +191,7 @@ class ImpactSection(Section):
     turn: float = key(0.0, "angle by which the disk is turned at the start", "rad", low=-3.1416, high=3.1416)
     gap: Auto | float = key(
         "auto",
-        "distance of the lowest point from the wall at the start; auto: potential 1e-10 of v^2/2",
+        "distance of the lowest point from the wall at the start; auto: potential 1e-7 of v^2/2",
         "R",
         low=1e-9,
         high=1e3,
@@ -261,4 +261,6 @@ class VideoSection(Section):
         False, "curves of v_cm, wall's force and energies at the right, from a size of 360 on; the film is then 16 : 9"
     )
     supersample: float = key(1.0, "samples across a pixel: 2 is smoothest and slowest", low=1, high=2, step=0.5)
-    format: Literal["mp4", "webm", "gif", "png"] = key("mp4", "of the film; png: a folder of numbered pictures")
+    format: Literal["mp4", "webm", "gif", "html", "png"] = key(
+        "mp4", "of the film; html: a page that plays it; png: a folder of numbered pictures"
+    )

@@ -6,8 +6,8 @@ obeys
     (1 + h/2 (eta/m) L) u = v_ + h/2 F/m,      L = graph Laplacian of the springs.
 
 The matrix is constant, sparse, symmetric and positive definite, and the same for x and y (but for the dashpots of a
-matched boundary): one sparse Cholesky factor L D L^T in an order that keeps it sparse serves all steps. Where masses
-m_i differ both sides are multiplied by m_i/m, which leaves the matrix symmetric.
+matched boundary), if both sides are multiplied by the masses m_i: one sparse Cholesky factor L D L^T in an order that
+keeps it sparse serves all steps.
 """
 
 from dataclasses import dataclass
@@ -28,7 +28,6 @@ from taichi_disk.physics.law import (
     get,
     pair_of,
     put,
-    reference_mass,
     side_by_side,
 )
 
@@ -48,20 +47,19 @@ class Factor:
 
 
 def factorise(lattice: Lattice, model: Model, dt: float) -> Factor:
-    """Factorise m_i/m + h/2 (eta L + Z)/m over the points that move, Z the dashpots of a matched boundary."""
+    """Factorise m_i + h/2 (eta L + Z) over the points that move, Z the dashpots of a matched boundary."""
     import scipy.sparse as sp
 
     n = len(lattice.positions)
     free: NDArray[np.intp] = np.arange(n)
     extra: Array = np.zeros((n, 1))
-    half = 0.5 * dt / reference_mass(lattice)
+    half = 0.5 * dt
     if isinstance(model.boundary, PinnedBoundary):
         free = np.setdiff1d(free, lattice.wall_boundary)
     if isinstance(model.boundary, MatchedBoundary):
         extra = np.zeros((n, 2))
         extra[lattice.wall_boundary] = half * model.boundary.impedance
-    inertia = sp.identity(n) if lattice.uniform else sp.diags(lattice.masses / reference_mass(lattice))
-    matrix = (half * model.springs.eta * laplacian(lattice) + inertia).tocsc()[free][:, free]
+    matrix = (half * model.springs.eta * laplacian(lattice) + sp.diags(lattice.masses)).tocsc()[free][:, free]
     factors = [symmetric_factors(matrix + sp.diags(one[free])) for one in extra.T]
     lowers = [sp.tril(one.L, -1, format="csc") for one in factors]
     for lower in lowers:
@@ -112,7 +110,7 @@ class DashpotSolver:
         free, half = self.free[0], state.closing[None]
         for k in range(free):
             i = self.order[k]
-            put(self.z, k, state.times_mass(i, get(v, i)) + half * get(state.f, i))
+            put(self.z, k, state.mass[i] * get(v, i) + half * get(state.f, i))
         for k in range(free):
             zk = get(self.z, k)
             for e in range(self.column[k], self.column[k + 1]):
@@ -140,7 +138,7 @@ class DashpotSolver:
             i, u = self.order[k], get(self.z, k)
             before = get(state.u, i)
             v = get(state.v, i)
-            loss = (state.times_mass(i, v) + half * get(state.f, i) - state.times_mass(i, u)) / half
+            loss = get(state.f, i) - state.mass[i] * (u - v) / half
             power += u[0] * loss[0] + u[1] * loss[1]
             cross += before[0] * loss[0] + before[1] * loss[1]
             late += v[0] * loss[0] + v[1] * loss[1]
@@ -149,10 +147,10 @@ class DashpotSolver:
 
     @ti.func
     def take_damped_force(self, state: ti.template()):
-        """The force that the solved velocities imply, so that v + g/2 f = u and v + g f = 2 u - v."""
+        """The force that the solved velocities imply, so that v + h/2 f/m = u and v + h f/m = 2 u - v."""
         for k in range(self.free[0]):
             i = self.order[k]
-            put(state.f, i, state.times_mass(i, get(state.u, i) - get(state.v, i)) / state.closing[None])
+            put(state.f, i, state.mass[i] * (get(state.u, i) - get(state.v, i)) / state.closing[None])
 
     @ti.func
     def begin(self, state: ti.template()):
@@ -162,16 +160,16 @@ class DashpotSolver:
         energy balance begins with, h^2/(8 m) F_0.(F_0 - D w).
         """
         self.solve(state, state.u)
-        m, half = state.m[None], state.closing[None]
+        half = state.closing[None]
         power, late, stored = 0.0, 0.0, 0.0
         for k in range(self.free[0]):
             i, w = self.order[k], get(self.z, k)
             force, v = get(state.f, i), get(state.u, i)
-            left = state.times_mass(i, w - v) / half
+            left = state.mass[i] * (w - v) / half
             loss = force - left
             power += w[0] * loss[0] + w[1] * loss[1]
             late += v[0] * loss[0] + v[1] * loss[1]
-            stored += 0.5 * state.per_mass(i, m * half * half) * (force[0] * left[0] + force[1] * left[1])
+            stored += 0.5 * half * half * state.inverse_mass[i] * (force[0] * left[0] + force[1] * left[1])
             put(state.f, i, left)
             put(state.u, i, w)
         return power, late, stored
@@ -185,5 +183,5 @@ class DashpotSolver:
             i, z = self.order[k], get(self.z, k)
             u = get(state.u, i)
             put(state.v, i, 2.0 * u - z)
-            put(state.f, i, state.times_mass(i, z - u) / half)
+            put(state.f, i, state.mass[i] * (z - u) / half)
             put(state.u, i, z)  # the velocity at which the dashpots act in that half step

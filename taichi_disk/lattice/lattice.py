@@ -75,13 +75,6 @@ class Lattice:
         _require("bonds", rising, "pairs i < j of points, sorted, each pair once")
         _require("disk_points", self.disk_points in range(1, n + 1), f"a whole number from 1 to {n}")
 
-    # ---- masses and stiffness, where points or springs are unlike
-
-    @property
-    def uniform(self) -> bool:
-        """Whether all points, those of a wall too, have the same mass."""
-        return bool((self.masses == self.masses[0]).all())
-
     @property
     def whole(self) -> bool:
         """Whether the disk has no hole: by Euler's formula its triangles are then as many as its points allow."""
@@ -91,7 +84,7 @@ class Lattice:
     def mean(self, values: Array) -> Any:
         """Mean over the disk's points of `values` (n, ...), weighted with mass: of positions the centre of mass."""
         n = self.disk_points
-        return np.average(values[:n], axis=0, weights=None if self.uniform else self.masses[:n])
+        return np.average(values[:n], axis=0, weights=self.masses[:n])
 
     @property
     def inertia(self) -> float:
@@ -363,7 +356,7 @@ class OwnStart(NamedTuple):
         """SHA-256 of the arrays; empty if there are none."""
         own: tuple[Any, ...] = ()
         if disk := self.disk:
-            own = disk.positions, disk.bonds, disk.rest_lengths, disk.stiffness, None if disk.uniform else disk.masses
+            own = disk.positions, disk.bonds, disk.rest_lengths, disk.stiffness, disk.masses
         data = b"".join(one.tobytes() for one in (*own, self.velocities) if one is not None)
         return hashlib.sha256(data).hexdigest() if data else ""
 

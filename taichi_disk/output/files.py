@@ -20,9 +20,10 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from taichi_disk import engine
 from taichi_disk.errors import InputError, SimulationError
 from taichi_disk.lattice import Array, Lattice
-from taichi_disk.runtime import processor
+from taichi_disk.machine import processor
 from taichi_disk.simulation.observables import COLUMNS
 from taichi_disk.version import __version__
 
@@ -296,7 +297,7 @@ def write_lattice(path: Path, lattice: Lattice, velocities: Array, impedance: An
 def versions() -> dict[str, str]:
     """What computed the numbers."""
     own = {"python": platform.python_version(), "taichi-disk": __version__}
-    return own | {name: version(name) for name in ("taichi", "numpy", "scipy")}
+    return own | engine.versions() | {name: version(name) for name in ("numpy", "scipy")}
 
 
 def provenance() -> dict[str, str]:

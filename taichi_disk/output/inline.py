@@ -12,7 +12,8 @@ from typing import Any
 from matplotlib.figure import Figure
 
 KINDS = {"mp4": "video/mp4", "webm": "video/webm", "gif": "image/gif", "png": "image/png"}
-THUMBNAIL = 600.0  # pixels of the height of a figure beside a table, where it is half as high on an ordinary screen
+FRAME = "width: 100%; height: 640px; border: 0"  # of a film that is a page
+CARD_WIDTH = 560.0  # pixels of a figure beside a table, at which its labels are as large as the text around it
 
 
 class Plot(Figure):
@@ -34,18 +35,20 @@ class Film:
         return f"Film({self.kind}, {len(self.data) / 1e3:.0f} kB)"
 
     def _repr_html_(self) -> str:
+        if self.kind == "html":
+            return f'<iframe style="{FRAME}" srcdoc="{escape(self.data.decode())}"></iframe>'
         source = f'style="max-width: 100%" src="{_inline(self.data, self.kind)}"'
         return f"<video controls loop {source}></video>" if self.kind in ("mp4", "webm") else f"<img {source}>"
 
 
 def card(title: str, rows: Iterable[tuple[str, ...]], figure: Plot | None) -> str:
-    """HTML of a table under a bold title, with a small `figure` at its right."""
+    """HTML of a table under a bold title, with a `figure` at its right, or below it where that is too narrow."""
     body = "".join(f"<tr>{''.join(f'<td {_LEFT}>{escape(cell)}</td>' for cell in row)}</tr>" for row in rows)
     table = f"<div><b>{escape(title)}</b><table {_LEFT}>{body}</table></div>"
     image = ""
     if figure:
-        data = figure._repr_png_(THUMBNAIL / figure.get_figheight())
-        image = f'<img style="height: {THUMBNAIL / 2:g}px" src="{_inline(data, "png")}">'
+        data = figure._repr_png_(2.0 * CARD_WIDTH / figure.get_figwidth())  # sharp on a screen of fine pixels
+        image = f'<img style="width: {CARD_WIDTH:g}px; max-width: 100%" src="{_inline(data, "png")}">'
     return f'<div style="display: flex; flex-wrap: wrap; gap: 2em">{table}{image}</div>'
 
 

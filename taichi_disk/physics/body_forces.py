@@ -69,8 +69,8 @@ class ExponentialWall(ExponentialPotential, BodyForce):
     def rub(self, state: ti.template(), kick, late):
         """Coulomb's friction, added to the forces: what stops a point in the kick to come, at most mu times its push.
 
-        `kick` is that by which the forces change the velocities of the state, of which `late` has been made at the
-        moment that they act. So a point that sticks has exactly no velocity along the wall between two steps, and one
+        `kick` is the time for which the forces change the velocities of the state, of which `late` has passed at the
+        moment that they act [R/c]. So a point that sticks has exactly no velocity along the wall between two steps, and one
         that slides is never turned round. No friction law that is smooth in the velocity can do that at such steps.
         Returns the power lost [M c^3/R].
         """
@@ -80,9 +80,9 @@ class ExponentialWall(ExponentialPotential, BodyForce):
             if push > 0.0:
                 most = self.friction_now[None] * push
                 v, f = state.v[0][i], state.f[0][i]
-                force = ti.max(-most, ti.min(most, -(v / state.per_mass(i, kick) + f)))
+                force = ti.max(-most, ti.min(most, -(v * state.mass[i] / kick + f)))
                 state.f[0][i] = f + force
-                power -= force * (v + state.per_mass(i, late) * (f + force))
+                power -= force * (v + late * state.inverse_mass[i] * (f + force))
         return power
 
     # ---- in NumPy
@@ -138,14 +138,14 @@ class Load(BodyForce):
     def at(self, state: ti.template(), i):
         push = 0.0
         if i < state.n_disk[None]:
-            push = state.share(i, self.force_now[None])
+            push = self.force_now[None] * state.mass[i]
         return ti.Vector([0.0, -push])
 
     @ti.func
     def potential_at(self, state: ti.template(), i):
         energy = 0.0
         if i < state.n_disk[None]:
-            energy = state.share(i, self.force_now[None] * state.x[1][i])
+            energy = self.force_now[None] * state.mass[i] * state.x[1][i]
         return energy
 
     # ---- in NumPy
@@ -155,8 +155,8 @@ class Load(BodyForce):
 
     def forces(self, lattice: Lattice, x: Array) -> Array:
         force = np.zeros_like(x)
-        n, own = lattice.disk_points, lattice.masses[: lattice.disk_points]
-        force[:n, 1] = -self.force / n if lattice.uniform else -self.force * own / own.sum()
+        n = lattice.disk_points
+        force[:n, 1] = -self.force * lattice.masses[:n]
         return force
 
 
@@ -214,5 +214,5 @@ class MouseSpring(BodyForce):
             force = factor * self.at(state, i)
             energy = factor * self.potential_at(state, i)
             put(state.f, i, get(state.f, i) + force)
-            put(state.v, i, get(state.v, i) - state.closing[None] * state.per_mass(i, force))
+            put(state.v, i, get(state.v, i) - state.closing[None] * state.inverse_mass[i] * force)
         return energy

@@ -72,14 +72,14 @@ class MatchedBoundary(Boundary):
 
     @ti.func
     def damp(self, state: ti.template(), half):
-        """Add the forces -Z v at this step, whose velocity v is `half` times the force after v_ in `state.v`.
+        """Add the forces -Z v at this step, whose velocity v is the force for the time `half` after v_ in `state.v`.
 
         Returns (v.Zv + 2 v_.Zv_)/3, for the energy balance.
         """
         power = 0.0
         for k in range(self.count[0]):
             i = self.point[k]
-            own = state.per_mass(i, half)
+            own = half * state.inverse_mass[i]
             for c in ti.static(range(2)):
                 Z, before = self.Z[c][k], state.v[c][i]
                 v = (before + own * state.f[c][i]) / (1.0 + own * Z)
@@ -115,7 +115,7 @@ class ResetBoundary(Boundary):
         What leapfrog keeps is m/2 v_{k-1/2} v_{k+1/2} = m/2 v_k^2 - m/2 (h/2 f_k/m)^2, and where there are dashpots f_k
         jumps too. `implicit`: whether `solver` (see `trapezoidal`) has solved for the velocities in `state.u`.
         """
-        m, half = state.m[None], state.closing[None]
+        half = state.closing[None]
         energy = 0.0
         if ti.static(springs.damped):
             energy = -self.half_kick_energy(state, implicit)
@@ -124,15 +124,15 @@ class ResetBoundary(Boundary):
                 put(state.u, i, ti.Vector([0.0, 0.0]))
         for k in range(self.count[0]):
             i = self.point[k]
-            v = get(state.v, i) + half * state.per_mass(i, get(state.f, i))
+            v = get(state.v, i) + half * state.inverse_mass[i] * get(state.f, i)
             if ti.static(implicit):
                 v = get(state.u, i)
                 put(state.u, i, ti.Vector([0.0, 0.0]))
             elif ti.static(springs.damped):
                 put(state.u, i, v)
             else:
-                put(state.v, i, -half * state.per_mass(i, get(state.f, i)))
-            energy += 0.5 * state.times_mass(i, m) * (v[0] * v[0] + v[1] * v[1])
+                put(state.v, i, -half * state.inverse_mass[i] * get(state.f, i))
+            energy += 0.5 * state.mass[i] * (v[0] * v[0] + v[1] * v[1])
         if ti.static(implicit):
             solver.restart(state)
         elif ti.static(springs.damped):
@@ -146,8 +146,8 @@ class ResetBoundary(Boundary):
         """From `u`, what each velocity has lost, and `f` before that: `f` after it, and `u` that goes with it."""
         half, eta = state.closing[None], springs.eta_now[None]
         for i in range(state.n[None]):
-            push = half * state.per_mass(i, get(state.f, i))
-            put(state.v, i, get(state.v, i) + (push - get(state.u, i)))
+            kick = half * state.inverse_mass[i] * get(state.f, i)
+            put(state.v, i, get(state.v, i) + (kick - get(state.u, i)))
         for b in range(state.blocks[None]):
             for k in ti.static(range(len(springs.first))):
                 i, j = springs.first[k][b], springs.second[k][b]
@@ -155,29 +155,29 @@ class ResetBoundary(Boundary):
                 springs.pull_together(state.f, k, b, eta * lost)
         for i in range(state.n[None]):
             put(state.u, i, get(state.v, i))
-            put(state.v, i, get(state.v, i) - half * state.per_mass(i, get(state.f, i)))
+            put(state.v, i, get(state.v, i) - half * state.inverse_mass[i] * get(state.f, i))
 
     @ti.func
     def half_kick_energy(self, state: ti.template(), solved: ti.template()):
         """sum(m/2 (h/2 f/m)^2); where the velocities are only `solved` for, h/2 f/m = u - v."""
         energy = 0.0
         for i in range(state.n[None]):
-            kick = 0.5 * state.g[None] * state.per_mass(i, get(state.f, i))
+            kick = 0.5 * state.h[None] * state.inverse_mass[i] * get(state.f, i)
             if ti.static(solved):
                 kick = get(state.u, i) - get(state.v, i)
-            energy += 0.5 * state.times_mass(i, state.m[None]) * (kick[0] * kick[0] + kick[1] * kick[1])
+            energy += 0.5 * state.mass[i] * (kick[0] * kick[0] + kick[1] * kick[1])
         return energy
 
     @ti.func
-    def dashpot_work(self, state: ti.template(), springs: ti.template(), g):
-        """sum(eta (u_i - u_j).(w_i - w_j)) over the springs, w = v + g f: g = 0 the last half step, h/m the next."""
+    def dashpot_work(self, state: ti.template(), springs: ti.template(), h):
+        """sum(eta (u_i - u_j).(w_i - w_j)) over the springs, w = v + h f/m: h = 0 is the last half step."""
         power = 0.0
         for b in range(state.blocks[None]):
             for k in ti.static(range(len(springs.first))):
                 i, j = springs.first[k][b], springs.second[k][b]
                 u = springs.damped_part(state, k, b, get(state.u, i) - get(state.u, j))
-                pushes = state.per_mass(i, get(state.f, i)) - state.per_mass(j, get(state.f, j))
-                w = get(state.v, i) - get(state.v, j) + g * pushes
+                kicks = state.inverse_mass[i] * get(state.f, i) - state.inverse_mass[j] * get(state.f, j)
+                w = get(state.v, i) - get(state.v, j) + h * kicks
                 power += springs.eta_now[None] * (u[0] * w[0] + u[1] * w[1])
         return power
 

@@ -60,11 +60,6 @@ def scalar(builder: Any, kind: Any = ti.f64) -> Any:
     return field
 
 
-def reference_mass(lattice: Lattice) -> float:
-    """`State.m` [M]: the last point's, which with a wall is that of all its points."""
-    return float(lattice.masses[-1])
-
-
 @dataclass(frozen=True)
 class Capacity:
     """How many points, blocks of springs and entries of a factor a simulation's fields can hold."""

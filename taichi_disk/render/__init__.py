@@ -9,7 +9,7 @@ from taichi_disk.errors import TaichiDiskError
 def film_problem() -> str | None:
     """Why no film can be made on this machine and the command that mends it, or None. Needs no `ti.init`."""
     try:
-        import taichi as ti
+        from taichi_disk.engine import ti
     except ImportError as error:
         return f"Taichi cannot be loaded ({error}); as root: {REMEDY}"
     if not ti._lib.core.with_vulkan():

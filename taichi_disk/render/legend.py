@@ -27,7 +27,7 @@ _BAR_WIDTH, _BAR_HEIGHT = 300.0, 10.0
 _LABELLED = 240  # pixels of a picture from which there is room for text
 _MOST = 0.34  # of the height for the header: lines that do not fit are left out
 _RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
-_ARROWS = "wall pushes a point"
+_ARROWS = "wall force on one point"
 _ARROW, _LENGTH = 0.1, 0.2  # of the width that the arrow of the scale, and a length, may take
 
 

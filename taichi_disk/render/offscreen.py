@@ -10,9 +10,11 @@ from typing import Any
 
 import taichi as ti
 
+from taichi_disk import engine
 from taichi_disk.errors import TaichiDiskError
 
 _taken: tuple[Any, tuple[int, int], Any] | None = None  # by whom, its size, the window
+_program: Any = None  # of the engine, in which it was made
 
 
 def take(holder: object, size: tuple[int, int]) -> Any:
@@ -20,10 +22,11 @@ def take(holder: object, size: tuple[int, int]) -> Any:
 
     Raises TaichiDiskError where Vulkan cannot draw.
     """
-    global _taken
-    if _taken is None or _taken[0] is not holder or _taken[1] != size:
+    global _taken, _program
+    if _taken is None or _taken[0] is not holder or _taken[1] != size or _program is not engine.program():
         give_back()
         try:
+            _program = engine.program()
             _taken = holder, size, ti.ui.Window("taichi-disk", size, show_window=False)
         except RuntimeError as error:  # a Vulkan driver that is there and does not work
             raise TaichiDiskError(f"no picture: Vulkan cannot draw {size[0]} x {size[1]} pixels: {error}") from error
@@ -33,6 +36,8 @@ def take(holder: object, size: tuple[int, int]) -> Any:
 def give_back(holder: object = None) -> None:
     """Destroy the window, if `holder` has it, or anybody where none is named."""
     global _taken
+    if _program is not engine.program():  # the user has started the engine anew: the window has gone with the old one
+        _taken = None
     if _taken and holder in (None, _taken[0]):
         with elsewhere():
             _taken[2].destroy()

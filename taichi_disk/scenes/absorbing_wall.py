@@ -16,7 +16,7 @@ from taichi_disk.config.scene_base import (
     time_conflicts,
 )
 from taichi_disk.config.sections import ElasticImpactSection, ElasticWallSection, MaterialSection
-from taichi_disk.lattice import Array, Lattice, with_wall
+from taichi_disk.lattice import Lattice, with_wall
 from taichi_disk.scenes import oblique
 from taichi_disk.scenes.body import DiskScene
 from taichi_disk.scenes.impact import ImpactScenario
@@ -24,8 +24,6 @@ from taichi_disk.simulation.observables import Columns
 
 if TYPE_CHECKING:
     from taichi_disk.physics import Model
-
-CUT = 1e-2  # of the potential where steps begin: a smaller one at the threshold counts as none
 
 
 class AbsorbingWallScene(DiskScene):
@@ -55,7 +53,7 @@ class AbsorbingWallScene(DiskScene):
             )
             conflicts.append(("wall.threshold", text))
         if (
-            least := oblique.least_width(self.wall, self.impact, min(self.material.k_a, self.wall_k_a))
+            least := oblique.least_width(self.wall, self.impact, self.time, min(self.material.k_a, self.wall_k_a))
         ) > self.wall.width:
             text = (
                 f"a disk thrown so touches the wall's surface as far as {0.5 * least:.3g} R from its middle: write "
@@ -124,12 +122,6 @@ class AbsorbingWallImpact(ImpactScenario):
             p, s = (part * moduli.density * speed for speed in (moduli.wave_speed_p, moduli.wave_speed_s))
             boundary = physics.MatchedBoundary(physics.matched_impedance(self.lattice, p, s))
         return physics.Model(self.springs, contact(wall.a, wall.V0, wall.threshold), boundary=boundary)
-
-    def _felt_from(self, heights: Array) -> float:
-        near, wall = super()._felt_from(heights), self.scene.wall
-        # A potential that is cut off jumps there, which neither the linear answer knows nor the energy balance.
-        felt = float(wall.potential(wall.threshold)) > CUT * self._near_potential * self.kinetic
-        return min(max(near, wall.threshold), self.gap) if felt else near
 
     def unfinished(self, columns: Columns) -> str:
         return f"{super().unfinished(columns)}; if it has slipped off the end of the wall, write a larger wall.width"

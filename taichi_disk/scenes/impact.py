@@ -13,17 +13,14 @@ from taichi_disk.errors import InputError
 from taichi_disk.lattice import Lattice, disk_of
 from taichi_disk.lattice.network import bending_compliance
 from taichi_disk.scenes import oblique
-from taichi_disk.scenes.oblique import START_POTENTIAL
 from taichi_disk.simulation.observables import Columns
 
 if TYPE_CHECKING:
-    from taichi_disk.computation.approach import Approach
     from taichi_disk.physics import Model
 
-# Up to this flight and wall are known without a step, and from it on they are again. What e loses by that, measured:
-# `python -m tests.validation.estimate_trial --near`.
-NEAR_POTENTIAL = 1e-5
-LOST_BEFORE, LOST_AFTER = 0.01, 0.1  # of that potential; of what the potential at the end is worth in e
+# Part of what the wall's potential at the start and at the end is worth in e, because the wall deforms the disk there:
+# at potentials of 1e-7 e was off by up to 0.15 of it, against potentials of 1e-10.
+POTENTIAL_CAUTION = 0.2
 # Part of the wall's decay time 1/(a v) between two rows: a point is pushed for a few of these, and on a hard wall the
 # force of the whole disk is made of such pushes, whose first and last bound the contact.
 DECAY_TIMES_PER_ROW = 0.3
@@ -31,7 +28,9 @@ LONGEST = 0.05  # between two rows, of the disk's own time: some 100 rows of con
 HALVINGS = 8  # of that at the most: some 30,000 rows
 CONTACT_LEVEL = 0.01  # contact lasts while the wall's force exceeds this fraction of its peak
 NOT_ROUND = 0.2  # of the radius: a body whose outline dips deeper bends more easily than a disk
-UNSTRAINED = 1e-12  # of a spring's length
+# Of the wall at the start and the end of such a body, over the kinetic energy: its ends come back to the wall, and at a
+# potential of 1e-7 that pushed e of a rod by 1.5e-6.
+BENDING_POTENTIAL = 1e-10
 RESOLVED = 0.49  # of the wall's decay length that a step may cross, for another step to show its error
 
 
@@ -53,7 +52,7 @@ class ImpactScenario(Scenario):
         **{name: (label, unit) for name, (label, unit, _) in oblique.RESULTS.items()},
     }
     notes: ClassVar = {
-        "restitution": "-v_cm(after)/v_cm(before), after the disk has left for good",
+        "restitution": "-v_cm(after)/v_cm(before), far from the wall, after the disk has left for good",
         "contact_time": f"first to last time that the wall's force is {CONTACT_LEVEL:g} of its peak [R/c]",
         **{name: note for name, (_, _, note) in oblique.RESULTS.items()},
     }
@@ -84,6 +83,9 @@ class ImpactScenario(Scenario):
         self.resolving_step = RESOLVED * decay_time
         self._put_at_start()
         self.model = self._model()
+        assert self.model.wall is not None
+        potential = self.model.wall.energy(self.lattice, self.lattice.positions)
+        self._speed_before = float(np.sqrt(velocity**2 + 2.0 * max(potential, 0.0)))  # far from the wall
         self.point_force = impact_point_force(self.lattice, self.model, velocity)
         limit = scene.impact.max_time
         self.max_time = self._default_max_time() if limit == "auto" else limit
@@ -108,9 +110,9 @@ class ImpactScenario(Scenario):
         if impact.turn:
             positions[:n] = turned(positions[:n], impact.turn)
         surface = positions[body.disk_surface, 1]
-        self.gap, wall = impact.gap, self.scene.wall
-        if self.gap == "auto":
-            self.gap = max(wall.height_of(START_POTENTIAL * self.kinetic, surface - surface.min()), wall.decay_length)
+        potential = BENDING_POTENTIAL if self._dip > NOT_ROUND * self._radius else oblique.START_POTENTIAL
+        heights = surface - surface.min()
+        self.gap = oblique.start_gap(self.scene.wall, impact, self.scene.time, heights, potential)
         positions[:n, 1] += self.gap - surface.min()
         self.lattice = replace(body, positions=positions)
         self.velocities = np.zeros_like(positions)
@@ -118,26 +120,6 @@ class ImpactScenario(Scenario):
         if impact.spin:
             arm = positions[:n] - body.mean(positions)
             self.velocities[:n] += impact.spin * np.stack([-arm[:, 1], arm[:, 0]], axis=1)
-        self._near = self._felt_from(surface - surface.min()) if impact.gap == "auto" else self.gap
-        self._stay_far_unless_straight()
-
-    def _stay_far_unless_straight(self) -> None:
-        """Step through the whole flight of a disk that spins, rubs or is strained, and of a body that bends."""
-        disk = self.velocities[: self.lattice.disk_points]
-        strained = np.abs(self.springs.strain(self.lattice, self.lattice.positions)).max() > UNSTRAINED
-        rubs = getattr(self.scene.wall, "friction", 0.0) or (disk[0, 0] != 0.0 and len(self.lattice.wall_surface))
-        moves = (disk != disk[0]).any() or rubs
-        if strained or moves or self._dip > NOT_ROUND * self._radius:
-            self._near = self.gap
-
-    def _felt_from(self, heights: Array) -> float:
-        """Height of the lowest point, at most `gap`, where the wall begins to be felt; others are `heights` higher."""
-        return min(self.scene.wall.height_of(self._near_potential * self.kinetic, heights), self.gap)
-
-    @property
-    def _near_potential(self) -> float:
-        tolerance = self.scene.time.tolerance
-        return NEAR_POTENTIAL if tolerance == "none" else min(NEAR_POTENTIAL, tolerance)
 
     def _default_max_time(self) -> float:
         """Time to come, ten contacts after Hertz, pi sqrt(ln(4 c/v)) R/c, and to leave with e = 0.05 [R/c].
@@ -149,20 +131,8 @@ class ImpactScenario(Scenario):
         contact = max(contact, np.pi * np.sqrt(self._compliance))  # of what bends, half a period
         return float(22.0 * (self.gap + self._dip) / self.velocity + 10.0 * contact)
 
-    @property
-    def near(self) -> float:
-        """Distance from the wall from where on the flight is stepped through, and to where; `gap`: all of it [R]."""
-        return self.gap if self.model.others else self._near  # a force of one's own acts on the whole flight
-
-    def approach(self) -> Approach | None:
-        from taichi_disk.computation.approach import Approach
-
-        if self.near == self.gap:
-            return None
-        return Approach(self.lattice, self.model, self.velocities, (self.gap - self.near) / self.velocity)
-
     def end_bounds(self) -> dict[str, tuple[float, float]]:
-        return {"com_vy": (0.0, np.inf), "lowest_y": (self.near, np.inf)}
+        return {"com_vy": (0.0, np.inf), "lowest_y": (self.gap, np.inf)}
 
     def ended(self, columns: Columns) -> bool:
         # A disk on its way out may still vibrate so much that it touches again. Its lowest point has to be higher than
@@ -173,7 +143,7 @@ class ImpactScenario(Scenario):
         spin = last["angular_momentum"] / self._inertia
         rigid = 0.5 * (last["com_vx"] ** 2 + last["com_vy"] ** 2 + self._inertia * spin**2)
         vibration = max(last["kinetic"] + last["elastic"] - rigid, 0.0)
-        clear = self.near + min(np.sqrt(2.0 * vibration * self._compliance), 2.0 * self._radius)
+        clear = self.gap + min(np.sqrt(2.0 * vibration * self._compliance), 2.0 * self._radius)
         falls = abs(spin) * self._radius > last["com_vy"]
         lowest = min(last["lowest_y"], last["com_y"] - self._radius) if falls else last["lowest_y"]
         return bool(last["com_vy"] > 0.0 and lowest >= clear)
@@ -188,15 +158,14 @@ class ImpactScenario(Scenario):
         )
 
     def end_truncation_error(self, columns: Columns) -> float:
-        gained = (self._speed_after(columns) - float(columns["com_vy"][-1])) / self.velocity
-        return LOST_BEFORE * self._near_potential + LOST_AFTER * gained if self.near < self.gap else gained
+        gained = self._speed_before - self.velocity + self._speed_after(columns) - float(columns["com_vy"][-1])
+        return POTENTIAL_CAUTION * gained / self.velocity
 
     @property
     def energy(self) -> float:
         """Of the flight towards the wall, and of a spin and all else that moves in the disk, at the start [M c^2]."""
         lattice, disk = self.lattice, self.velocities[: self.lattice.disk_points]
-        weights = None if lattice.uniform else lattice.masses[: len(disk), None] + np.zeros(2)
-        return self.kinetic + float(np.average((disk - lattice.mean(disk)) ** 2, weights=weights))
+        return self.kinetic + 0.5 * float(lattice.mean(((disk - lattice.mean(disk)) ** 2).sum(axis=1)))
 
     def energy_scale(self, columns: Columns) -> float:
         return self.energy
@@ -209,12 +178,11 @@ class ImpactScenario(Scenario):
 
     def result(self, columns: Columns) -> dict[str, float]:
         start, end = contact_interval(columns["t"], columns["wall_force"], columns["com_vy"])
-        speed = self._speed_after(columns) if self.near < self.gap else columns["com_vy"][-1]
-        found = {"restitution": float(speed) / self.velocity, "contact_time": end - start}
+        found = {"restitution": self._speed_after(columns) / self._speed_before, "contact_time": end - start}
         return found | (oblique.along_the_wall(columns, self._radius, self._inertia) if self.oblique else {})
 
     def _speed_after(self, columns: Columns) -> float:
-        """Where the wall's last potential becomes energy of the flight [c]."""
+        """Speed far from the wall [c], once the wall's last potential is energy of the flight."""
         return float(np.sqrt(columns["com_vy"][-1] ** 2 + 2.0 * max(columns["wall"][-1], 0.0)))
 
     def start_with(self, velocities: Array) -> None:
@@ -227,11 +195,6 @@ class ImpactScenario(Scenario):
         self.scene = self.scene.with_({"impact.velocity": float(np.hypot(along, velocity)), "impact.angle": angle})
         self._set_out()
         super().start_with(velocities)  # the start at that speed has others
-        self._stay_far_unless_straight()
-
-    def go_on_from(self, positions: Array, velocities: Array) -> None:
-        super().go_on_from(positions, velocities)
-        self._near = self.gap
 
     def marks(self, columns: Columns) -> tuple[str, str]:
         found = self.result(columns)

@@ -4,7 +4,14 @@ from __future__ import annotations
 
 from math import log, pi, sqrt, tan
 
-from taichi_disk.config.sections import ElasticImpactSection, ElasticWallSection
+from taichi_disk.config.sections import (
+    ElasticImpactSection,
+    ElasticWallSection,
+    ImpactSection,
+    TimeSection,
+    WallSection,
+)
+from taichi_disk.lattice import Array
 from taichi_disk.simulation.observables import Columns
 
 # Results, each with its name, its unit and how it is measured.
@@ -18,7 +25,7 @@ RESULTS = {
     "tangential_impulse": ("tangential impulse", "M c", "of the wall on the disk, to the right: change of v_t times M"),
     "normal_impulse": ("normal impulse", "M c", "of the wall on the disk, upwards: change of v_n times M"),
 }
-START_POTENTIAL = 1e-10  # of the wall at the start, as a fraction of the kinetic energy
+START_POTENTIAL = 1e-7  # of the wall at the start, as a fraction of the kinetic energy
 STILL = 1e-9  # of the speed: a slower lowest point has no restitution
 
 
@@ -39,7 +46,26 @@ def along_the_wall(columns: Columns, radius: float, inertia: float) -> dict[str,
     }
 
 
-def least_width(wall: ElasticWallSection, impact: ElasticImpactSection, k_a: float) -> float:
+def start_gap(
+    wall: WallSection | ElasticWallSection,
+    impact: ImpactSection,
+    time: TimeSection,
+    heights: Array | float = 0.0,
+    potential: float = START_POTENTIAL,
+) -> float:
+    """Return the distance of the lowest point from the wall at the start [R].
+
+    With `impact.gap: auto` the wall's potential there is `potential` times the kinetic energy, or `time.tolerance`
+    times if that is less; `heights` as for `wall.height_of`.
+    """
+    if impact.gap != "auto":
+        return impact.gap
+    if time.tolerance != "none":
+        potential = min(potential, time.tolerance)
+    return max(wall.height_of(potential * 0.5 * impact.towards**2, heights), wall.decay_length)
+
+
+def least_width(wall: ElasticWallSection, impact: ElasticImpactSection, time: TimeSection, k_a: float) -> float:
     """Width [R] with which an elastic wall ends nowhere in the contact of a disk that is thrown so; 0 if straight down.
 
     The middle of the contact moves along with the disk for its time, that of Hertz's law, and the contact is half as
@@ -47,7 +73,7 @@ def least_width(wall: ElasticWallSection, impact: ElasticImpactSection, k_a: flo
     """
     if not impact.angle and impact.offset == "auto":
         return 0.0
-    gap = wall.height_of(START_POTENTIAL * 0.5 * impact.towards**2) if impact.gap == "auto" else impact.gap
+    gap = start_gap(wall, impact, time)
     first = 0.0 if impact.offset == "auto" else impact.offset + gap * tan(impact.angle)
     strain = min(impact.towards / sqrt(k_a), 1.0)
     last = first + impact.along * pi * sqrt(log(4.0 / strain) / k_a)

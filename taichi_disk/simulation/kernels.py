@@ -91,8 +91,8 @@ class Kernels(Stepping):
             if ti.static(self.rough):  # u is the velocity at t = 0, and the first kick half a step's
                 sums[FRICTION_POWER] = self.wall.rub(self.state, self.state.closing[None], 0.0)
             for i in range(self.state.n[None]):
-                kick = self.state.closing[None] * self.state.per_mass(i, get(self.state.f, i))
-                put(self.state.v, i, get(self.state.v, i) - kick)
+                kick = self.state.closing[None] * self.state.inverse_mass[i]
+                put(self.state.v, i, get(self.state.v, i) - kick * get(self.state.f, i))
             self.observe(rows, 0, sums, elastic, upward, potential)
             sums[DISSIPATED] = stored
             for k in ti.static(range(self.state.summed)):
@@ -109,20 +109,22 @@ class Kernels(Stepping):
     @ti.func
     def observe(self, rows: ti.template(), s, sums, elastic, upward, potential):
         """Fill row `s` with the observables of INDEX; contact force and potential are those of the elastic wall."""
-        sx, sy, svx, svy, spin, v2, residual2 = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+        mass, sx, sy, svx, svy, spin = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+        kinetic2, residual2 = 0.0, 0.0
         force, energy, load = upward, potential, 0.0
         lowest = self.state.x[1][0]
         for i in range(self.state.n[None]):
             x, y = self.state.x[0][i], self.state.x[1][i]
-            f = get(self.state.f, i)
-            v = get(self.state.v, i) + self.state.closing[None] * self.state.per_mass(i, f)
+            m, f = self.state.mass[i], get(self.state.f, i)
+            v = get(self.state.v, i) + self.state.closing[None] * self.state.inverse_mass[i] * f
             vx, vy = v[0], v[1]
             if i < self.state.n_disk[None]:
-                sx += self.state.times_mass(i, x)
-                sy += self.state.times_mass(i, y)
-                svx += self.state.times_mass(i, vx)
-                svy += self.state.times_mass(i, vy)
-                spin += self.state.times_mass(i, x * vy - y * vx)
+                mass += m
+                sx += m * x
+                sy += m * y
+                svx += m * vx
+                svy += m * vy
+                spin += m * (x * vy - y * vx)
                 lowest = ti.min(lowest, y)
                 residual2 = ti.max(residual2, f[0] * f[0] + f[1] * f[1])
                 for law in ti.static(self.body_forces):
@@ -133,18 +135,15 @@ class Kernels(Stepping):
                             force += push[1]
                     else:
                         load += law.potential_at(self.state, i)
-            v2 += self.state.times_mass(i, vx * vx + vy * vy)
-        count, m = ti.cast(self.state.n_disk[None], ti.f64), self.state.m[None]
-        if ti.static(self.state.unlike):
-            count = self.state.disk_mass[None]
-        rows[s, INDEX["com_x"]] = sx / count
-        rows[s, INDEX["com_y"]] = sy / count
-        rows[s, INDEX["com_vx"]] = svx / count
-        rows[s, INDEX["com_vy"]] = svy / count
-        rows[s, INDEX["angular_momentum"]] = m * (spin - (sx * svy - sy * svx) / count)
+            kinetic2 += m * (vx * vx + vy * vy)
+        rows[s, INDEX["com_x"]] = sx / mass
+        rows[s, INDEX["com_y"]] = sy / mass
+        rows[s, INDEX["com_vx"]] = svx / mass
+        rows[s, INDEX["com_vy"]] = svy / mass
+        rows[s, INDEX["angular_momentum"]] = spin - (sx * svy - sy * svx) / mass
         rows[s, INDEX["lowest_y"]] = lowest
         rows[s, INDEX["wall_force"]] = force
-        rows[s, INDEX["kinetic"]] = 0.5 * m * v2
+        rows[s, INDEX["kinetic"]] = 0.5 * kinetic2
         rows[s, INDEX["elastic"]] = elastic
         rows[s, INDEX["wall"]] = energy
         rows[s, INDEX["dissipated"]] = sums[DISSIPATED]
@@ -204,7 +203,8 @@ class SubdomainKernels(Kernels):
         first = c * self.state.subdomain_points[None]
         last = ti.min(first + self.state.subdomain_points[None], self.state.n[None])
         kick, move = ti.static(self.integrator.joined_kicks[stage], self.integrator.moves[stage])
-        highest = self.drift(kick * self.state.g[None], move * self.state.h[None], first, last)
+        h = self.state.h[None]
+        highest = self.drift(kick * h, move * h, first, last)
         elastic, products = self.springs.add(self.state, self.explicit, begin, self.ends[c])
         self.parts[0][c], self.parts[1][c], self.parts[2][c] = highest, elastic, products
 

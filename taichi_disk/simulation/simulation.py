@@ -10,11 +10,13 @@ from typing import Any
 import numpy as np
 import taichi as ti
 
+from taichi_disk import engine
+from taichi_disk.errors import TaichiDiskError
 from taichi_disk.integrators import Integrator
 from taichi_disk.integrators.trapezoidal import DashpotSolver, Factor, factorise
 from taichi_disk.lattice import Array, Lattice
 from taichi_disk.physics import MatchedBoundary, Model
-from taichi_disk.physics.law import Capacity, reference_mass
+from taichi_disk.physics.law import Capacity
 from taichi_disk.physics.ordering import BLOCK, Arrangement, arrange
 from taichi_disk.signals import raise_if_interrupted
 from taichi_disk.simulation.kernels import Kernels, SubdomainKernels
@@ -42,6 +44,7 @@ class Simulation:
 
     def __init__(self, lattice: Lattice, model: Model, integrator: Integrator, velocities: Array, dt: float) -> None:
         self.integrator, self.model, self.generation = integrator, deepcopy(model), 0
+        self._program = engine.program()
         self.features = compiled_for(lattice, model)
         self.model.springs.unlike = lattice.stiffness is not None
         arrangement, factor = arrange(lattice.bonds, len(lattice.positions)), self._factor(lattice, model, dt)
@@ -50,7 +53,7 @@ class Simulation:
         builder = ti.FieldsBuilder()
         for law in self.model.laws:
             law.make_fields(builder, self._capacity)
-        self.state = State(builder, self._capacity, self.subdomains, self.model, not lattice.uniform)
+        self.state = State(builder, self._capacity, self.subdomains, self.model)
         both = 2 if isinstance(model.boundary, MatchedBoundary) else 1
         solver = DashpotSolver(builder, self._capacity, both) if factor is not None else None
         parts = self.state, self.model, integrator, solver
@@ -87,30 +90,24 @@ class Simulation:
         for own, given in zip(self.model.laws, model.laws, strict=True):
             vars(own).update(vars(given))  # which is a value: its own fields stay
         self.model.springs.unlike = lattice.stiffness is not None
-        self.lattice, self.dt, mass = lattice, dt, reference_mass(lattice)
-        self._arrangement, self.step_number = arranged, 0
+        self.lattice, self.dt, self._arrangement, self.step_number = lattice, dt, arranged, 0
         self.generation += 1
-        n, g, state = len(lattice.positions), dt / mass, self.state
+        state = self.state
         flight = 0.5 * float(lattice.mean(velocities[:, 1])) ** 2  # towards the wall
         contact = CONTACT * flight * model.wall.added_stiffness(1.0) if model.wall else float("inf")
         numbers: list[tuple[Any, float]] = [
             (state.h, dt),
-            (state.m, mass),
-            (state.g, g),
-            (state.closing, self.integrator.kicks[-1] * g),
+            (state.closing, self.integrator.kicks[-1] * dt),
             (state.contact, contact),
-            (state.n, n),
+            (state.n, len(lattice.positions)),
             (state.n_disk, lattice.disk_points),
             (state.blocks, arranged.blocks),
             (state.subdomain_points, arranged.subdomain_points),
             (state.reset_steps, max(1, round(model.reset_interval / dt))),
         ]
-        if state.unlike:
-            numbers.append((state.disk_mass, lattice.masses[: lattice.disk_points].sum() / mass))
-            state.fill_masses(mass / lattice.masses)
         for law in self.model.laws:
             numbers += law.numbers()
-        state.begin(numbers, lattice.positions, velocities)
+        state.begin(numbers, lattice, velocities)
         self.model.springs.arrange(lattice, arranged)
         self.kernels.fill(arranged, factor)
         for law in self.model.laws:
@@ -134,6 +131,8 @@ class Simulation:
         Returns the rows (rows, columns), and how many rows running are within the bounds now.
         """
         raise_if_interrupted()
+        if not self.is_alive:
+            raise TaichiDiskError("this simulation has lost its fields to a later ti.init or ti.reset: begin it again")
         rows = np.empty(((self.step_number % stride + steps) // stride + 1, self.now.size))
         bounds = bounds_array({}) if bounds is None else bounds
         counts = np.array([needed, quiet, 0, 0], np.int32)
@@ -177,6 +176,11 @@ class Simulation:
         """
         return float(self.kernels.set_mouse_target(point, *target))
 
+    @property
+    def is_alive(self) -> bool:
+        """Whether the fields are still there: the user's own `ti.init` or `ti.reset` takes them away."""
+        return engine.program() is self._program
+
     def destroy(self) -> None:
         """Give the fields' memory back; the simulation cannot be used afterwards."""
         self.generation = -1
@@ -201,7 +205,7 @@ class KernelCache:
     ) -> Simulation:
         """A simulation at t = 0 of these; one that was given before may become it."""
         key = (compiled_for(lattice, model), integrator.name)
-        known = self._known.get(key)
+        known = one if (one := self._known.get(key)) and one.is_alive else None
         arguments = lattice, model, integrator, velocities, dt
         if known is None or not known.restart(*arguments):
             raise_if_interrupted()
@@ -214,8 +218,8 @@ class KernelCache:
 
 
 def compiled_for(lattice: Lattice, model: Model) -> tuple[Any, ...]:
-    """All that kernels are compiled for: laws, and whether points or springs are unlike."""
-    return model.signature(), lattice.uniform, lattice.stiffness is None
+    """All that kernels are compiled for: laws, and whether springs are unlike."""
+    return model.signature(), lattice.stiffness is None
 
 
 def _needed(lattice: Lattice, arrangement: Arrangement, factor: Factor | None) -> tuple[int, int, int]:

@@ -48,23 +48,19 @@ class Snapshot:
     def velocities(self, integrator: Integrator, dt: float, lattice: Lattice) -> Array:
         """(n, 2) at the step, after its last kick [c]."""
         _, v, f = self.vectors[:3]
-        mass = lattice.masses[0] if lattice.uniform else lattice.masses[:, None]
-        return np.asarray(v + integrator.kicks[-1] * dt / mass * f)
+        return np.asarray(v + integrator.kicks[-1] * dt / lattice.masses[:, None] * f)
 
 
 @ti.data_oriented
 class State:
     """Fields of the points (`x`, `v`, `f`, `u`: see `Snapshot`), and 0-D fields of the numbers that every kernel needs.
 
-    `h`: time step; `m`: mass of a point; `g`: h/m; `closing`: what a step's last kick takes the force by, h/(2 m) in
-    leapfrog; `contact`: the wall's force on a point from which the disk is in contact [M c^2/R]; `n`, `n_disk`: points,
-    those of the disk; `reset_steps`: steps between two resets of the boundary.
-
-    Where points have unlike masses m_i, m is that of one of them: `lightness` holds m/m_i, `disk_mass` the disk's over
-    m. Where all are alike there are no such fields.
+    `mass`, `inverse_mass`: of each point [M], [1/M]; the disk's add up to 1 M. `h`: time step; `closing`: for how long
+    its last kick acts, h/2 in leapfrog [R/c]; `contact`: the wall's force on a point from which the disk is in contact
+    [M c^2/R]; `n`, `n_disk`: points, those of the disk; `reset_steps`: steps between two resets of the boundary.
     """
 
-    def __init__(self, builder: Any, capacity: Capacity, subdomains: int, model: Model, unlike: bool) -> None:
+    def __init__(self, builder: Any, capacity: Capacity, subdomains: int, model: Model) -> None:
         self.fillers = 2 * subdomains  # points that carry the springs that fill up blocks
         filled = capacity.points + self.fillers
         self.x, self.v, self.f = (pair_of(builder, filled) for _ in range(3))
@@ -72,64 +68,37 @@ class State:
         if model.springs.damped:
             self.u = pair_of(builder, filled)
             self.vectors.append(self.u)
-        self.h, self.m, self.g, self.closing, self.contact = (scalar(builder) for _ in range(5))
+        self.mass, self.inverse_mass = (array(builder, capacity.points, ti.f64) for _ in range(2))
+        self.h, self.closing, self.contact = (scalar(builder) for _ in range(3))
         self.n, self.n_disk, self.blocks, self.subdomain_points, self.reset_steps = (
             scalar(builder, ti.i32) for _ in range(5)
         )
         self.summed = SUMS + 2 * model.rough
         self.sums = array(builder, self.summed, ti.f64)
-        self.unlike = unlike
-        if unlike:
-            self.lightness, self.disk_mass = array(builder, capacity.points, ti.f64), scalar(builder)
-
-    # ---- masses
-
-    @ti.func
-    def per_mass(self, i, value):
-        """`value` times m/m_i."""
-        if ti.static(self.unlike):
-            return value * self.lightness[i]
-        else:
-            return value
-
-    @ti.func
-    def times_mass(self, i, value):
-        """`value` times m_i/m."""
-        if ti.static(self.unlike):
-            return value / self.lightness[i]
-        else:
-            return value
-
-    @ti.func
-    def share(self, i, value):
-        """The part of `value` that point i of the disk has by its mass."""
-        if ti.static(self.unlike):
-            return value / (self.lightness[i] * self.disk_mass[None])
-        else:
-            return value / self.n_disk[None]
-
-    @ti.kernel
-    def fill_masses(self, lightness: Reals1):
-        for i in range(lightness.shape[0]):
-            self.lightness[i] = lightness[i]
 
     # ---- in and out
 
-    def begin(self, numbers: Sequence[tuple[Any, float]], positions: Array, velocities: Array) -> None:
-        """Write each number into its 0-D field, the same fields in every call, and the points (n, 2) at t = 0."""
+    def begin(self, numbers: Sequence[tuple[Any, float]], lattice: Lattice, velocities: Array) -> None:
+        """Write each number into its 0-D field, the same fields in every call, and the points at t = 0."""
         self.scalars = [field for field, _ in numbers]
-        n = len(positions)
+        n = len(velocities)
         vectors = np.zeros((len(self.vectors), n + self.fillers, 2))
-        vectors[0, :n], vectors[1, :n] = positions, velocities
+        vectors[0, :n], vectors[1, :n] = lattice.positions, velocities
         vectors[0, n + 1 :: 2, 0] = 1.0  # springs that fill up blocks lie at rest between (0, 0) and (1, 0)
-        self._begin(np.array([value for _, value in numbers], np.float64), vectors, np.zeros(self.summed))
+        values = np.array([value for _, value in numbers], np.float64)
+        self._begin(values, lattice.masses, vectors, np.zeros(self.summed))
 
     @ti.kernel
-    def _begin(self, numbers: Reals1, vectors: Reals3, sums: Reals1):
+    def _begin(self, numbers: Reals1, masses: Reals1, vectors: Reals3, sums: Reals1):
         for k in ti.static(range(len(self.scalars))):
             self.scalars[k][None] = ti.cast(numbers[k], self.scalars[k].dtype)
         ti.loop_config(serialize=True)
         for _ in range(1):
+            i = 0
+            while i < masses.shape[0]:
+                self.mass[i] = masses[i]
+                self.inverse_mass[i] = 1.0 / masses[i]
+                i += 1
             self.copy(vectors, sums, True)
 
     def export(self, n: int, step: int) -> Snapshot:
@@ -187,16 +156,19 @@ class Stepping:
 
     @ti.func
     def drift(self, kick, move, first, last):
-        """Kick and move points first..last; the forces on single points there. Returns the rigid wall's largest."""
+        """Kick points first..last for the time `kick`, move them for `move` [R/c]; the forces on single points there.
+
+        Returns the rigid wall's largest force on a point.
+        """
         highest = 0.0
-        half = 0.5 * self.state.g[None]
+        half = 0.5 * self.state.h[None]
         for i in range(first, last):
-            f = self.state.per_mass(i, get(self.state.f, i))
-            v = get(self.state.v, i) + kick * f
+            acceleration = self.state.inverse_mass[i] * get(self.state.f, i)
+            v = get(self.state.v, i) + kick * acceleration
             put(self.state.v, i, v)
             put(self.state.x, i, get(self.state.x, i) + move * v)
             if ti.static(self.explicit):
-                put(self.state.u, i, v + half * f)
+                put(self.state.u, i, v + half * acceleration)
             highest = ti.max(highest, self.body_force(i))
         return highest
 
@@ -216,9 +188,10 @@ class Stepping:
     @ti.func
     def stage(self, kick, move, sums):
         """Kick, move and compute the forces there. Returns as `touch`, with what `Springs.add` gives in between."""
-        highest = self.drift(kick * self.state.g[None], move * self.state.h[None], 0, self.state.n[None])
+        h = self.state.h[None]
+        highest = self.drift(kick * h, move * h, 0, self.state.n[None])
         elastic, products = self.springs.add(self.state, self.explicit, 0, self.state.blocks[None])
-        result, upward, potential = self.touch(move * self.state.h[None], sums, highest)
+        result, upward, potential = self.touch(move * h, sums, highest)
         return result, elastic, products, upward, potential
 
     @ti.func
@@ -294,7 +267,7 @@ class Stepping:
             if ti.static(self.matched):
                 boundary_power = self.boundary.solved_power(self.state)
         elif ti.static(self.matched):
-            boundary_power = self.boundary.damp(self.state, 0.5 * self.state.g[None])
+            boundary_power = self.boundary.damp(self.state, 0.5 * h)
         result = sums
         p0, p1, b0, b1 = sums[POWER], power, sums[BOUNDARY_POWER], boundary_power
         # What leapfrog keeps, E + h^2 E_2 + O(h^4), loses in a dashpot g not g int(x1^2) but g int(x1^2 + c h^2 x2^2),
@@ -320,7 +293,7 @@ class Stepping:
         elif ti.static(self.implicit):
             self.solver.take_damped_force(self.state)
         if ti.static(self.rough):
-            rubbing = self.wall.rub(self.state, self.state.g[None], self.state.closing[None])
+            rubbing = self.wall.rub(self.state, h, self.state.closing[None])
             result[FRICTION] += 0.5 * h * (sums[FRICTION_POWER] + rubbing)
             result[FRICTION_POWER] = rubbing
         return result
@@ -341,5 +314,5 @@ class Stepping:
         elif ti.static(self.implicit):
             self.solver.take_damped_force(self.state)
         if ti.static(self.damped):
-            result[POWER] = self.boundary.dashpot_work(self.state, self.springs, self.state.g[None])
+            result[POWER] = self.boundary.dashpot_work(self.state, self.springs, self.state.h[None])
         return result

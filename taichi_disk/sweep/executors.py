@@ -17,6 +17,7 @@ from typing import Any
 
 from taichi_disk import runtime
 from taichi_disk.errors import InputError, SimulationError, TaichiDiskError
+from taichi_disk.machine import cores
 from taichi_disk.scenes import Scene
 from taichi_disk.signals import ignored_by_children, raise_if_interrupted
 from taichi_disk.sweep.work import PointResult, compute_points, compute_task, lattice_key, relevant_versions
@@ -67,7 +68,7 @@ def computed(
     Raises InputError where no scheduler answers or workers have other versions, SimulationError when workers fail.
     """
     tasks, futures, finished = tasks_of(scenes), {}, SimpleQueue[Finished]()
-    processes = min(jobs or runtime.cores(), len(tasks))
+    processes = min(jobs or cores(), len(tasks))
     workers: AbstractContextManager[Executor]
     if not tasks:
         return

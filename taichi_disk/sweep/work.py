@@ -5,7 +5,6 @@ from __future__ import annotations
 import atexit
 import pickle
 import socket
-import sys
 from collections.abc import Hashable, Iterable, Iterator
 from dataclasses import dataclass, field
 from functools import lru_cache
@@ -13,7 +12,7 @@ from math import isfinite
 from operator import attrgetter
 from typing import Any
 
-from taichi_disk import runtime
+from taichi_disk import engine, runtime
 from taichi_disk.errors import InputError, TaichiDiskError
 from taichi_disk.lattice import file_digest
 from taichi_disk.output.files import versions
@@ -77,10 +76,8 @@ def _start_worker() -> None:
 
     It is ended before the process: only then it keeps what it compiled for the next one.
     """
-    runtime.start(None if "taichi" in sys.modules else 1)
-    import taichi as ti
-
-    atexit.register(ti.reset)
+    runtime.start(None if engine.loaded() else 1)
+    atexit.register(engine.loaded().reset)
 
 
 def compute_points(scenes: Iterable[Scene], estimate: bool) -> Iterator[PointResult]:

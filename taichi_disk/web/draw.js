@@ -76,7 +76,8 @@ export class Drawing {
     const bottom = wall.kind === "rigid" ? wall.edge - BELOW : view[2];
     const width = this.width - 2 * margin, height = this.height - footer(this.width) - 2 * margin;
     const scale = Math.max(Math.min(width / (right - left), height / (top - bottom)), 1);
-    this.camera = { x: (left + right) / 2, y: (top + bottom) / 2, scale, home: true };
+    const spare = Math.max(height / scale - (top - bottom), 0); // a quarter of it is seen below
+    this.camera = { x: (left + right) / 2, y: (top + bottom + spare / 2) / 2, scale, home: true };
   }
 
   zoom(factor, px, py) {
@@ -162,8 +163,10 @@ export class Drawing {
     if (filled) {
       ctx.beginPath();
       for (let k = 0; k < scene.edges.length; k += 2) {
-        ctx.moveTo(...screen(scene.edges[k]));
-        ctx.lineTo(...screen(scene.edges[k + 1]));
+        const [i, j] = scene.edges.subarray(k, k + 2);
+        if (i < scene.disk_points && scene.wall.surface && this.inWall(x, i) && this.inWall(x, j)) continue;
+        ctx.moveTo(...screen(i));
+        ctx.lineTo(...screen(j));
       }
       ctx.strokeStyle = theme.ink;
       ctx.lineWidth = 1.5;
@@ -258,6 +261,10 @@ export class Drawing {
       return path;
     };
     return { haze: FADES.slice(0, -1).map((fade) => between(wall.edge + decay * fade)), solid: between(wall.edge) };
+  }
+
+  inWall(x, i) {
+    return x[2 * i + 1] < this.wallHeight(x[2 * i], x) - this.scene.wall.edge;
   }
 
   wallHeight(px, x) {

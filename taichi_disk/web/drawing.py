@@ -99,7 +99,7 @@ def encoded(values: Any, kind: Any) -> str:
 def colour_values(
     quantity: str, triangles: Triangles, springs: Any, x: Array, v: Array, of_springs: bool = False
 ) -> NDArray[np.float32]:
-    """Return what the films' colours show at the points, (n,) in the quantity's unit; of fringes twice the shear stress.
+    """Return what the films show at the points, (n,) in the quantity's unit; of fringes twice the shear stress.
 
     Args:
         triangles: `fields.Triangles` of the lattice, made once.

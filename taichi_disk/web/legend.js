@@ -63,7 +63,7 @@ export function drawLegend(ctx, { width, height, theme, quantity, limit, colours
     ctx.fill();
     if (narrow) write(`wall: ${text}`, tip + 8, row + 4, "left");
     else write(text, margin, numbers, "left");
-    if (!narrow && width > 860) write("wall pushes a point", margin, words, "left");
+    if (!narrow && width > 860) write("wall force on one point", margin, words, "left");
   }
 
   const fringes = quantity.name === "fringes", most = fringes ? FRINGES : limit, least = quantity.signed ? -most : 0;

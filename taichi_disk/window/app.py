@@ -42,7 +42,6 @@ def view(
     """
     from taichi_disk import runtime
 
-    runtime.prepare_environment()
     playlist = folder(scene_or_folder) if isinstance(scene_or_folder, Path) else presets(scene_or_folder)
     if not window:
         from taichi_disk.window.server import serve

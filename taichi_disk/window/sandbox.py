@@ -174,7 +174,7 @@ class Sandbox:
     @property
     def at_start(self) -> bool:
         """Whether nothing has moved yet, and no hand has touched the disk."""
-        return self.segment.state.step == self.segment.first_step and not self.segment.label
+        return self.segment.state.step == 0 and not self.segment.label
 
     @property
     def is_impact(self) -> bool:

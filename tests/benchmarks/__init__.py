@@ -6,6 +6,6 @@
 Runs take turns, so that what disturbs the machine meets all of them alike; read ratios, not times.
 """
 
-from taichi_disk import runtime
+from taichi_disk.engine import environment
 
-runtime.prepare_environment()  # before Taichi is imported
+environment.prepare()  # before Taichi is imported

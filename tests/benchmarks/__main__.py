@@ -8,6 +8,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 from taichi_disk import runtime
+from taichi_disk.machine import processor
 from taichi_disk.output.files import versions
 
 from . import commands, kernel, precision, window
@@ -40,7 +41,7 @@ def main() -> None:
     given = parser.parse_args()
     if unknown := set(given.parts) - set(PARTS):
         parser.error(f"no part {', '.join(sorted(unknown))}: choose from {', '.join(PARTS)}")
-    facts = {"processor": runtime.processor(), "cores": os.cpu_count(), **versions()}
+    facts = {"processor": processor(), "cores": os.cpu_count(), **versions()}
     load = f", load average {os.getloadavg()[0]:.1f}" if hasattr(os, "getloadavg") else ""
     print(", ".join(f"{name} {value}" for name, value in facts.items()) + load)
     print(f"Runs take turns, {given.repeats} times; ratio: median over the turns, to the first row of a table.\n")

@@ -9,7 +9,8 @@ from pathlib import Path
 
 import pytest
 
-from taichi_disk import load_scene, runtime
+from taichi_disk import load_scene
+from taichi_disk.engine import environment
 from taichi_disk.errors import InputError
 
 ROOT = Path(__file__).parents[2]
@@ -102,9 +103,9 @@ def test_a_path_with_a_drive_is_a_path(name):
 def test_windows_keeps_kernels_in_the_user_s_own_folder(monkeypatch, tmp_path, capsys):
     monkeypatch.setattr(sys, "platform", "win32")
     monkeypatch.setenv("USERPROFILE", str(tmp_path))
-    for name in ("HOME", runtime.CACHE):
+    for name in ("HOME", environment.CACHE):
         monkeypatch.setenv(name, "")  # so that it is put back
         monkeypatch.delenv(name)
-    runtime.prepare_environment()
-    assert Path(os.environ[runtime.CACHE]).is_relative_to(tmp_path) and "HOME" not in os.environ
+    environment.prepare()
+    assert Path(os.environ[environment.CACHE]).is_relative_to(tmp_path) and "HOME" not in os.environ
     assert capsys.readouterr().err == ""

@@ -19,7 +19,7 @@ import taichi_disk
 from taichi_disk import Lattice, Result, load_scene, load_sweep, run, run_sweep
 from taichi_disk.computation.diagnostics import BlowUp
 from taichi_disk.errors import InputError
-from taichi_disk.runtime import cores
+from taichi_disk.machine import cores
 
 SMALL = {"lattice.points": 60, "material.eta_star": 0}
 

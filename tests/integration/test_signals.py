@@ -38,9 +38,8 @@ except KeyboardInterrupt:
     raise SystemExit(7)
 """
 FROM_PYTHON = """
-from taichi_disk import run, runtime
-runtime.prepare_environment()
-import taichi as ti
+from taichi_disk import run
+from taichi_disk.engine import ti
 scene = {"scene": "exponential_wall", "lattice": {"points": 300}, "impact": {"velocity": 1e-4}}
 print("ready", flush=True)
 try:
@@ -71,6 +70,14 @@ listen()
 print("ready", flush=True)
 time.sleep(30.0)
 """
+
+
+@pytest.fixture(autouse=True)
+def _heard_signals():
+    """Python's own answer to Ctrl-C, also for children, if the shell ignores it, as for jobs in the background."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    signal.signal(signal.SIGINT, before)
 
 
 def seconds_of_a_run(tmp_path):

@@ -138,7 +138,7 @@ def test_a_body_of_ones_own_that_spins_bounces_as_dop853_says(kernels):
     ],
 )
 def test_the_disk_starts_out_of_the_walls_reach(name, settings):
-    # The wall's potential at the start is below 1e-10 of the kinetic energy, and no more than needed: the way is short.
+    # The wall's potential at the start is below 1e-7 of the kinetic energy, and no more than needed: the way is short.
     scenario = load_scene(name, settings).scenario()
     x, v, wall, n = scenario.lattice.positions, scenario.velocities, scenario.model.wall, scenario.lattice.disk_points
     kinetic = 0.5 * scenario.lattice.masses[0] * np.sum(v**2)
@@ -146,7 +146,7 @@ def test_the_disk_starts_out_of_the_walls_reach(name, settings):
     assert kinetic == pytest.approx(0.5 * scenario.velocity**2)
     height = x[:n, 1] if name == "exponential_wall" else x[scenario.lattice.disk_surface, 1]
     potential = np.sum(wall.V0 * np.exp(-wall.a * height))
-    assert 0.5e-10 * kinetic < potential < 1.0000001e-10 * kinetic
+    assert 0.5e-7 * kinetic < potential < 1.0000001e-7 * kinetic
     assert x[:n, 1].min() == pytest.approx(scenario.gap, rel=1e-12)
 
 
@@ -197,9 +197,8 @@ def assert_has_left(kernels, name, *settings):
     assert later["wall_force"][-1] < 1e-7 * columns["wall_force"].max()
     assert columns["com_vy"][-1] > 0.0
     left = scenario.end_truncation_error(columns)
-    assert later["com_vy"][-1] / scenario.velocity == pytest.approx(
-        scenario.result(columns)["restitution"], abs=left + 1e-9
-    )
+    before = np.sqrt(scenario.velocity**2 + 2.0 * columns["wall"][0])  # far from the wall
+    assert later["com_vy"][-1] / before == pytest.approx(scenario.result(columns)["restitution"], abs=left + 1e-9)
 
 
 @pytest.mark.validate

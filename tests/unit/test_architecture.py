@@ -35,7 +35,7 @@ def test_no_imports_go_in_a_circle():
 def test_files_are_rooms_not_halls():
     lengths = {path: len(path.read_text().splitlines()) for path in (ROOT / "taichi_disk").rglob("*.py")}
     assert {str(path): lines for path, lines in lengths.items() if lines > 460} == {}
-    assert len(list((ROOT / "taichi_disk").glob("*.py"))) <= 9
+    assert len(list((ROOT / "taichi_disk").glob("*.py"))) <= 10
 
 
 def test_every_package_is_in_an_installation():

@@ -60,7 +60,11 @@ def test_rim_points_are_evenly_spaced_on_the_unit_circle_and_are_the_surface(poi
 def test_a_hole_is_round_and_empty_and_the_points_are_as_many_as_asked(points, seed, rim, min_spacing, hole):
     disk = disk_lattice(points, seed, rim, min_spacing, hole)
     r = np.hypot(*disk.positions.T)
-    assert disk.positions.shape == (points, 2) and disk.uniform and disk.masses.sum() == pytest.approx(1.0, abs=1e-14)
+    assert (
+        disk.positions.shape == (points, 2)
+        and np.ptp(disk.masses) == 0.0
+        and disk.masses.sum() == pytest.approx(1.0, abs=1e-14)
+    )
     assert r.min() == pytest.approx(hole, abs=1e-15)
     edge = np.flatnonzero(r < hole * (1 + 1e-9))
     turn = np.sort(np.arctan2(*disk.positions[edge].T))
@@ -75,10 +79,26 @@ def test_a_hole_is_round_and_empty_and_the_points_are_as_many_as_asked(points, s
         assert len(disk.disk_surface) / len(edge) == pytest.approx(1 / hole, rel=0.1)
 
 
+@pytest.mark.parametrize(("hole", "core"), [(0.4, 0.0), (0.0, 0.5)])
+@pytest.mark.parametrize("min_spacing", [0.7, 0.0])
+def test_the_edges_of_hole_and_core_are_rings_of_springs_without_flat_triangles(hole, core, min_spacing):
+    # A random point too close to an edge would make a sliver there, or break the core's outline.
+    spacing = min_spacing * hexagonal_spacing(300) * np.sqrt(1 - hole**2)
+    for seed in range(3):
+        disk = disk_lattice(300, seed, True, min_spacing, hole, core)
+        off = np.abs(np.hypot(*disk.positions.T) - (hole or core))
+        edge = np.flatnonzero(off < 1e-9)
+        half_a_chord = (hole or core) * np.sin(np.pi / len(edge))
+        assert np.delete(off, edge).min() >= max(np.sqrt(0.75) * spacing, half_a_chord)
+        ring = edge[np.argsort(np.arctan2(*disk.positions[edge].T))]
+        chords = {(min(pair), max(pair)) for pair in zip(ring.tolist(), np.roll(ring, -1).tolist(), strict=True)}
+        assert chords <= set(map(tuple, disk.bonds.tolist()))
+
+
 def test_a_core_has_the_points_and_springs_within_and_the_mean_on_its_edge():
     plain, core = (disk_lattice(1099, 2, hole=0.2, core_radius=0.5, **one) for one in ({}, {"core_density": 3.0}))
     stiff = disk_lattice(1099, 2, hole=0.2, core_radius=0.5, core_stiffness=10.0)
-    assert plain.uniform and plain.stiffness is None and stiff.uniform and core.stiffness is None
+    assert plain.stiffness is core.stiffness is None and np.ptp(plain.masses) == np.ptp(stiff.masses) == 0.0
     assert (core.positions == plain.positions).all() and core.masses.sum() == pytest.approx(1.0, abs=1e-14)
     r = np.hypot(*core.positions.T)
     kinds = [core.masses[one] for one in (r > 0.5 + 1e-9, np.abs(r - 0.5) < 1e-9, r < 0.5 - 1e-9)]

@@ -4,6 +4,6 @@ estimate_trial: does the error estimate that every run reports hold, and is `tim
 hard_cases: what the program does at the edge of what it can; the table of docs/stability.md.
 """
 
-from taichi_disk import runtime
+from taichi_disk.engine import environment
 
-runtime.prepare_environment()  # before Taichi is imported
+environment.prepare()  # before Taichi is imported

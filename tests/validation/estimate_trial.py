@@ -1,6 +1,6 @@
 """Random scenes whose truth is known: does the error estimate that every run reports hold, is `time.tolerance` kept?
 
-    python -m tests.validation.estimate_trial [--tolerance | --hard | --near] [--first 0] [--scenes 100]
+    python -m tests.validation.estimate_trial [--tolerance | --hard | ] [--first 0] [--scenes 100]
 
 Scenes are drawn by number (`trial_scene`, `hard_scene`), truths are those of `truth`. A scene
 whose truth is in doubt by more than a tenth of what is claimed cannot be judged.
@@ -12,7 +12,6 @@ import argparse
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 
@@ -76,29 +75,6 @@ def judge(number: int, kernels: KernelCache, tolerance: bool = False, hard: bool
     return Judgement(number, end, text, off, claim, doubt)
 
 
-def judge_near(number: int, kernels: KernelCache) -> Judgement:
-    """What scene `number` loses by stepping through no more than the neighbourhood of the wall, at a short step."""
-    name, settings, _ = trial_scene(number)
-    text = " ".join((name, *settings))
-    if name == "compression":
-        return Judgement(number, "ended", f"{text}: no flight")
-    scene: Any = load_scene(name, (*settings, "time.safety=0.1"))
-    near = scene.scenario()
-    whole = scene.with_({"impact.gap": near.gap}).scenario()
-    try:
-        outcome = compute(near, scene.time, kernels=kernels, estimate=False)
-        e = []
-        for shorter in (1.0, 1.25):
-            time = replace(scene.time, dt=outcome.facts["dt"] / shorter, integrator=outcome.facts["integrator"])
-            e.append(whole.primary(compute(whole, time, kernels=kernels, estimate=False).columns)[1])
-    except SimulationError as error:
-        return Judgement(number, "ended", f"{text}: {error}")
-    off, doubt = abs(near.primary(outcome.columns)[1] - e[0]), abs(e[1] - e[0])
-    claim = near.end_truncation_error(outcome.columns)
-    end = "untold" if doubt > 0.3 * claim else "held" if off <= claim else "exceeded"
-    return Judgement(number, end, text, off, claim, doubt)
-
-
 def report(found: list[Judgement]) -> Iterator[str]:
     """The figures in Markdown, then every scene whose claim did not hold."""
     from scipy.stats import binomtest
@@ -123,19 +99,13 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--tolerance", action="store_true", help="judge time.tolerance instead of the estimate")
     parser.add_argument("--hard", action="store_true", help="spins, strained springs, strong dashpots, both contacts")
-    parser.add_argument("--near", action="store_true", help="judge what is lost far from the wall")
     parser.add_argument("--first", type=int, default=0, help="number of the first scene")
     parser.add_argument("--scenes", type=int, default=100, help="how many")
     given = parser.parse_args()
     runtime.start(threads=1)
     kernels = KernelCache()
     numbers = range(given.first, given.first + given.scenes)
-    for line in report(
-        [
-            judge_near(number, kernels) if given.near else judge(number, kernels, given.tolerance, given.hard)
-            for number in numbers
-        ]
-    ):
+    for line in report([judge(number, kernels, given.tolerance, given.hard) for number in numbers]):
         print(line)
 
 

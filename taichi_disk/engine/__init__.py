@@ -1,0 +1,51 @@
+"""The engine that compiles and runs kernels: Taichi, or its fork Taichi Forge if Taichi is not installed.
+
+Taichi has no wheels for Python 3.14 and later; its fork has, and its results are bitwise the same. This file alone
+names either. The rest of the package writes `from taichi_disk.engine import ti`, which imports the engine at that
+moment, in an environment that suits it.
+"""
+
+from __future__ import annotations
+
+import sys
+from importlib import import_module
+from importlib.metadata import version
+from importlib.util import find_spec
+from typing import TYPE_CHECKING, Any
+
+from taichi_disk.engine import environment, patches
+
+if TYPE_CHECKING:
+    import taichi as ti  # noqa: F401 (which `__getattr__` gives)
+
+NAME = next((name for name in ("taichi", "taichi_forge") if find_spec(name)), "taichi")
+PACKAGE = NAME.replace("_", "-")
+PATCHED = "taichi"  # the engine that `patches` is written for
+
+
+def __getattr__(name: str) -> Any:
+    if name != "ti":
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    environment.prepare()
+    if NAME == PATCHED:
+        patches.shorten_searches()
+    module = import_module(NAME)
+    if NAME == PATCHED:
+        patches.apply(module)
+    globals()["ti"] = module
+    return module
+
+
+def loaded() -> Any:
+    """Return the engine's module, or None if this process has not imported it."""
+    return sys.modules.get(NAME)
+
+
+def program() -> Any:
+    """Return the engine's running program, to which all fields belong; None before `ti.init` and after `ti.reset`."""
+    return module.lang.impl.get_runtime().prog if (module := loaded()) else None
+
+
+def versions() -> dict[str, str]:
+    """Return the version of the installed engine, by the name of its package, without importing it."""
+    return {PACKAGE: version(PACKAGE)}

@@ -1,0 +1,60 @@
+"""The environment that the engine reads while it is imported: where it keeps compiled kernels, what it may print."""
+
+from __future__ import annotations
+
+import os
+import sys
+import tempfile
+from pathlib import Path
+
+CACHE = "TI_OFFLINE_CACHE_FILE_PATH"
+DEFAULTS = {
+    "ENABLE_TAICHI_HEADER_PRINT": "0",
+    "TI_LOG_LEVEL": "error",  # also for what it prints while it is imported
+    "TI_SKIP_VERSION_CHECK": "ON",  # else it sends version, platform and a random identity to its makers once a day
+}
+
+
+def cache_folder() -> Path:
+    """Return the folder in which the engine keeps compiled kernels."""
+    home = os.environ.get("HOME") or os.environ.get("USERPROFILE") or "/nonexistent"
+    return Path(os.environ.get(CACHE) or Path(home, ".cache", "taichi", "ticache"))
+
+
+def is_writable(folder: Path) -> bool:
+    """Whether `folder` can be made and written into; tried, because permissions alone do not tell (root, /proc)."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=folder):
+            return True
+    except OSError:
+        return False
+
+
+def keeps_kernels() -> bool:
+    """Whether compiled kernels can be kept: in a folder that can be written and, except on Windows, in a home."""
+    return ("HOME" in os.environ or sys.platform == "win32") and is_writable(cache_folder())
+
+
+def prepare() -> None:
+    """Give the engine a home and a cache that it can write; without them it aborts, or crashes at the end.
+
+    If there are none (cron, systemd, a container's user), kernels go into a folder in the temporary directory, and a
+    note on stderr says so. On POSIX this folder is the user's own, and stays for the next run.
+    """
+    for name, value in DEFAULTS.items():
+        os.environ.setdefault(name, value)
+    if sys.platform == "win32":  # where Taichi would take C:/taichi_cache, whoever the user is
+        os.environ.setdefault(CACHE, str(cache_folder()))
+    if keeps_kernels():
+        return
+    try:
+        user = os.getuid()
+        folder = Path(tempfile.gettempdir(), f"taichi-disk-{user}")
+        folder.mkdir(mode=0o700, exist_ok=True)
+        if folder.is_symlink() or folder.stat().st_uid != user:
+            raise PermissionError
+    except (AttributeError, OSError):  # Windows has no getuid
+        folder = Path(tempfile.mkdtemp(prefix="taichi-disk-"))
+    print(f"note: no writable home; compiled kernels are kept in {folder}", file=sys.stderr)
+    os.environ["HOME"] = str(folder)

@@ -1,0 +1,141 @@
+"""Which moments of a run are shown, and the words beside each."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from taichi_disk.computation.outcome import Outcome, greatest_compression
+from taichi_disk.computation.scenario import Scenario
+from taichi_disk.errors import InputError
+from taichi_disk.lattice import Array
+
+Run = tuple[Scenario, Outcome]
+Cue = tuple[float, str | None]  # t [R/c] and the last line, None for the result
+
+MOMENTS = {"greatest": "greatest compression", "contact": "first contact", "end": None}
+CONTACT_FORCE = 0.01  # of the wall's largest force, from which on the disk touches the wall
+_PAUSE, _END = 0.06, 0.10  # parts of a film that stand still at the greatest compression, and at the end
+_LOOKS = 12  # times before the greatest compression from which the scale of colours is taken
+_FINE = 1000  # times by which the pace of a whole film is known when a part of it is filmed
+
+
+@dataclass(frozen=True)
+class Span:
+    """What is shown of a run: a picture `at` a moment, a film from `start` to `end`; all of it by default.
+
+    A moment is a time [R/c] (of a loading the part of the load), or one of MOMENTS.
+    """
+
+    at: float | str = "greatest"
+    start: float | str | None = None
+    end: float | str | None = None
+
+
+WHOLE = Span()
+
+
+def time_of(moment: Any, columns: dict[str, Array]) -> float:
+    """Return the time [R/c] of a moment. Raises InputError for a time outside the run, or another word."""
+    last, force = float(columns["t"][-1]), columns["wall_force"]
+    if moment == "greatest":
+        return greatest_compression(columns)
+    if moment == "contact":
+        return float(columns["t"][int((force >= CONTACT_FORCE * force.max()).argmax())])
+    try:
+        t = last if moment == "end" else float(moment)
+    except (TypeError, ValueError):
+        t = np.nan
+    if not 0.0 <= t <= last * (1.0 + 1e-12):
+        raise InputError(
+            f"no moment {moment}: write {', '.join(MOMENTS)}, or a time within the run, 0 to {last:.6g} R/c"
+        )
+    return min(t, last)
+
+
+def cues(runs: Sequence[Run], frames: int, fps: int, span: Span) -> list[Cue]:
+    """Return the pictures of a film, those of the run that lasts longest. Equal times in succession are one picture.
+
+    Raises InputError for a span that is none.
+    """
+    count = max(3, frames)
+    scenario, outcome = max(runs, key=lambda run: float(run[1].columns["t"][-1]))
+    columns = outcome.columns
+    first, last = (time_of(0.0 if span.start is None else span.start, columns), time_of(span.end or "end", columns))
+    if not first < last:
+        raise InputError(f"a film has to end after it begins, not from {first:.6g} to {last:.6g} R/c")
+    peak, whole = greatest_compression(columns), last == columns["t"][-1]
+    pause = round(_PAUSE * count) if first <= peak <= last else 0
+    end = max(round(_END * count), 1) if whole else 0
+    times = scenario.frame_times(columns, count - pause - end)
+    if first > 0.0 or not whole:  # at the pace of the whole film
+        every, number = scenario.frame_times(columns, _FINE), np.arange(_FINE)
+        ends = np.interp([first, last], every, number)
+        times = np.interp(np.linspace(*ends, count - pause - end), number, every)
+    greatest = int(np.abs(times - peak).argmin())
+    if greatest == len(times) - 1:
+        pause, end = 0, pause + end
+    elif greatest > 0:
+        times[greatest] = peak
+    paces = [scenario.pace.format(float(f"{pace:.2g}")) for pace in fps * np.diff(times)]
+    found: list[Cue] = list(zip(times.tolist(), [*paces, *paces[-1:]], strict=True))
+    still, result = (found[greatest][0], MOMENTS["greatest"]), (found[-1][0], None)
+    return found[: greatest + 1] + pause * [still] + found[greatest + 1 :] + end * [result]
+
+
+def still_cue(run: Run, span: Span) -> Cue:
+    """Return the only picture of a still."""
+    return time_of(span.at, run[1].columns), MOMENTS.get(str(span.at), "")
+
+
+def lines(scenario: Scenario, outcome: Outcome, cues: Sequence[Cue]) -> Iterator[tuple[str, ...]]:
+    """Yield the lines for each cue; after the end of the run the observables are those of its end."""
+    columns, times, peak = outcome.columns, [t for t, _ in cues], greatest_compression(outcome.columns)
+    rows = {name: np.interp(times, columns["t"], values) for name, values in columns.items()} | {"t": times}
+    for k, (t, note) in enumerate(cues):
+        last = f"*{scenario.marks(columns)[0]}" if note is None else note
+        if note == MOMENTS["greatest"] and abs(t - peak) > 0.01 * peak:
+            last = ""  # it is that of another run
+        yield *scenario.caption({name: float(values[k]) for name, values in rows.items()}), last
+
+
+def scale_times(scenario: Scenario, columns: dict[str, Array]) -> list[float]:
+    """Return the times [R/c] whose values a film's colours reach to: up to the greatest compression."""
+    peak = greatest_compression(columns)
+    return [*[t for t in scenario.frame_times(columns, 2 * _LOOKS).tolist() if t < peak][-_LOOKS:], peak]
+
+
+# ---- runs side by side
+
+_SYMBOLS = {"eta_star": "η*", "viscosity": "η", "velocity": "v", "friction": "μ", "points": "N", "pressure": "P"}
+MOST_RUNS = 4
+_SECTIONS = ("time", "video")  # which make no other physics
+
+
+def check_runs(runs: Sequence[Run]) -> None:
+    """Raise InputError unless `runs` can be shown side by side."""
+    if len(runs) > MOST_RUNS:
+        raise InputError(f"{len(runs)} runs side by side: compare {MOST_RUNS} at most")
+    if len({(scenario.time_label, *scenario.labels) for scenario, _ in runs}) > 1:
+        raise InputError("these runs cannot be compared: they have no time, or no result, in common")
+
+
+def titles(runs: Sequence[Run]) -> list[tuple[str, ...]]:
+    """Return the lines above each run; side by side they begin with what sets the runs apart."""
+    scenes = [scenario.scene for scenario, _ in runs]
+    if len(runs) == 1 or len({scene.scene for scene in scenes}) > 1:
+        return [scenario.title() for scenario, _ in runs]
+    parts: list[list[str]] = [[] for _ in runs]
+    for name, section in scenes[0].sections().items():
+        for one, key in section.schema().items():
+            values = [getattr(getattr(scene, name), one) for scene in scenes]
+            if name not in _SECTIONS and len(set(values)) > 1:
+                unit = key.unit[1:] if key.unit.startswith("1/") else f" {key.unit}" if key.unit else ""
+                for part, value in zip(parts, values, strict=True):
+                    number = f"{value:g}{unit}" if isinstance(value, float) else f"{value}"
+                    part.append(f"{_SYMBOLS.get(one, one.replace('_', ' '))} = {number}")
+    labels = ["    ".join(part) for part in parts]
+    return [(label or scenario.title()[0], *scenario.title()[1:]) for label, (scenario, _) in zip(labels, runs, strict=True)]

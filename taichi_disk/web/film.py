@@ -1,0 +1,182 @@
+"""A film that can be played with: one HTML file that holds the states of runs and the modules that draw them."""
+
+from __future__ import annotations
+
+import json
+import zlib
+from base64 import b64encode
+from collections.abc import Sequence
+from dataclasses import dataclass
+from html import escape
+from pathlib import Path
+from string import Template
+from typing import Any
+
+import numpy as np
+
+from taichi_disk.config.sections import VideoSection
+from taichi_disk.fields import QUANTITIES, Triangles
+from taichi_disk.lattice import Array
+from taichi_disk.output.files import write_text
+from taichi_disk.progress import Progress
+from taichi_disk.render import film as pictures
+from taichi_disk.render.moments import WHOLE, Run, Span, check_runs, cues, lines, scale_times, titles
+from taichi_disk.render.palette import full_scale, round_near
+from taichi_disk.signals import raise_if_interrupted
+from taichi_disk.statics.equilibrium import roll_angle, turned
+from taichi_disk.web.drawing import DRAWING, bundle, colour_values, contact_forces, scene_message, source
+
+_LEVELS = 32_000  # of a displacement on either side of zero
+_SIGNED, _AMOUNT = 127, 255  # levels of a colour on either side of zero, and from zero up
+_STATES = 300_000  # points in all states together, about, that one file holds
+_FEWEST = 40  # states of a large disk, between which the page interpolates
+
+
+def film(path: Path, runs: Sequence[Run], video: VideoSection, progress: Progress, span: Span = WHOLE) -> None:
+    """Film `runs` side by side into `path` as `render.film.film` does; .html: a page that plays their states.
+
+    A page needs no Vulkan. Raises what `render.film.film` raises.
+    """
+    if path.suffix != ".html":
+        return pictures.film(path, runs, video, progress, span)
+    check_runs(runs)
+    most = max(_STATES // max(len(scenario.lattice.positions) for scenario, _ in runs), _FEWEST)
+    frames = min(round(video.fps * video.seconds), most)
+    shots = cues(runs, frames, video.fps, span)
+    at = np.array([t for t, _ in shots])
+    times = np.unique(at)
+    recorded = []
+    for k, run in enumerate(runs):
+        progress("render", k, len(runs))
+        recorded.append(_recorded(*run, times))
+    limits = {name: max(one.limits[name] for one in recorded) for name in QUANTITIES}
+    force = max(one.largest_force for one in recorded)
+    data, packed = b"", []
+    for (scenario, outcome), one, title in zip(runs, recorded, titles(runs), strict=True):
+        curves = {"velocity": scenario.motion(outcome.columns)[0], "force": outcome.columns["wall_force"]}
+        message = scene_message(scenario, video, largest_force=one.largest_force)
+        arrays, scales = one.arrays(limits)
+        places = {}
+        for name, array in arrays.items():
+            data += bytes(-len(data) % 4)
+            places[name] = len(data), array.size
+            data += array.tobytes()
+        packed.append(
+            {
+                "scene": message
+                | {"title": list(title), "view": one.view, "full_force": round_near(force) if force else 0.0},
+                "states": len(times),
+                "unit": one.unit,
+                "first": np.cumsum([0, *(len(each) for each in one.forces)]).tolist(),
+                "limits": scales,
+                "captions": [list(each) for each in lines(scenario, outcome, shots)],
+                "curves": {name: _in_unit_range(np.interp(at, outcome.columns["t"], y)) for name, y in curves.items()},
+                "arrays": places,
+            }
+        )
+    rate = video.fps * frames / max(round(video.fps * video.seconds), 1)  # cues in a second
+    head = json.dumps({"fps": rate, "cues": np.searchsorted(times, at).tolist(), "runs": packed}).encode()
+    head += b" " * (-len(head) % 4)
+    states = zlib.compress(np.array([len(head)], "<u4").tobytes() + head + data, 9)
+    text = Template(source("film.html")).substitute(
+        title=escape(" | ".join(title[0] for title in titles(runs))),
+        origin=escape(pictures.film_origin(runs, video)),
+        states=b64encode(states).decode(),
+        script=bundle(*DRAWING, "film.js"),
+    )
+    write_text(path, text)
+    progress("render", len(runs), len(runs))
+
+
+@dataclass
+class _Recorded:
+    """States of one run.
+
+    Attributes:
+        motion: (T, 3) mean position of the disk's points [R] and angle [rad] by which the disk is turned.
+        displacements: (T, n, 2) of the points beyond that motion, in the axes of the unloaded disk [R].
+        forces: of each state, see `contact_forces`.
+        values: (T, n) of each quantity.
+        limits: of each quantity's colours.
+        largest_force: of the wall on one point at the greatest compression [M c^2/R].
+        centres: (T, 2) of mass [R].
+        view: what holds all states [R].
+    """
+
+    motion: Array
+    displacements: Array
+    forces: list[Array]
+    values: dict[str, Array]
+    limits: dict[str, float]
+    largest_force: float
+    centres: Array
+    view: list[float]
+
+    @property
+    def unit(self) -> float:
+        """A displacement's last digit [R]."""
+        return max(float(np.abs(self.displacements).max()), 1e-9) / _LEVELS
+
+    def arrays(self, limits: dict[str, float]) -> tuple[dict[str, Array], dict[str, Any]]:
+        """Return what is packed, by name, and the scale of each quantity; integers are differences in time."""
+        steps = _differences(np.rint(self.displacements / self.unit).astype(np.int16)).astype("<i2")
+        found = {
+            "motion": self.motion.astype("<f4"),
+            "centres": self.centres.astype("<f4"),
+            "forces": np.concatenate(self.forces).astype("<f4"),
+            "displacements": np.stack([steps.view(np.uint8)[..., k::2] for k in (0, 1)]),
+        }
+        scales = {}
+        for name, kind in QUANTITIES.items():
+            full = float(self.values[name].max()) if name == "fringes" else limits[name]
+            part = self.values[name] / max(full, 1e-300)
+            codes = _SIGNED * (1.0 + np.clip(part, -1.0, 1.0)) if kind.signed else _AMOUNT * np.clip(part, 0.0, 1.0)
+            found[name] = _differences(np.rint(codes).astype(np.uint8))
+            scales[name] = {"limit": limits[name], "range": full, "signed": kind.signed}
+        return found, scales
+
+
+def _recorded(scenario: Any, outcome: Any, times: Array) -> _Recorded:
+    lattice, springs, wall = scenario.lattice, scenario.model.springs, scenario.model.wall
+    triangles, n, columns = Triangles(lattice), lattice.disk_points, outcome.columns
+    rest, looks = lattice.positions, scale_times(scenario, columns)
+    motion, displacements, forces = [], [], []
+    values: dict[str, list[Array]] = {name: [] for name in QUANTITIES}
+    limits, largest = dict.fromkeys(QUANTITIES, 0.0), 0.0
+    left, right, low, high = scenario.view
+    every = np.unique([*times, *looks])
+    for t, (_, x, v) in zip(every, outcome.frames(every), strict=True):
+        raise_if_interrupted()
+        shown = {name: colour_values(name, triangles, springs, x, v) for name in QUANTITIES}
+        pushes = contact_forces(wall, lattice, springs, x, v)
+        if t in looks:
+            limits = {name: max(limits[name], full_scale(shown[name][:n], name)) for name in QUANTITIES}
+            if t == looks[-1]:
+                largest = float(np.hypot(*pushes[:, 1:].T).max(initial=0.0))
+        if t in times:
+            centre, angle = x[:n].mean(axis=0), roll_angle(rest[:n], x[:n])
+            moved = x - rest
+            moved[:n] = turned(x[:n], -angle) - centre - (rest[:n] - rest[:n].mean(axis=0))
+            motion.append([*centre, angle])
+            displacements.append(moved)
+            forces.append(pushes)
+            for name, one in shown.items():
+                values[name].append(one)
+            (xmin, _), (xmax, ymax) = x[:n].min(axis=0), x[:n].max(axis=0)
+            left, right, high = min(left, xmin - 0.05), max(right, xmax + 0.05), max(high, ymax)
+    moves = np.array(motion)
+    moves[:, 2] = np.unwrap(moves[:, 2])
+    centres = np.column_stack([np.interp(times, columns["t"], columns[name]) for name in ("com_x", "com_y")])
+    stacked = {name: np.array(states) for name, states in values.items()}
+    view = [float(one) for one in (left, right, low, high)]
+    return _Recorded(moves, np.array(displacements), forces, stacked, limits, largest, centres, view)
+
+
+def _differences(states: Array) -> Array:
+    """Return (T, ...) each less the one before, which is small, so that it packs well; integers wrap round."""
+    return np.diff(states, axis=0, prepend=np.zeros_like(states[:1]))
+
+
+def _in_unit_range(curve: Array) -> list[float]:
+    low, high = float(curve.min()), float(curve.max())
+    return np.round((curve - low) / max(high - low, 1e-300), 4).tolist()

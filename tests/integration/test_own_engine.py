@@ -1,0 +1,92 @@
+"""The user's own Taichi beside ours: started before a run or after it; and nothing leaves the machine."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+
+import pytest
+
+from taichi_disk.engine import environment
+
+SMALL = '{"scene": "exponential_wall", "lattice": {"points": 40}, "video": {"size": 64, "seconds": 0.1}}'
+AFTER = f"""
+from taichi_disk import run
+from taichi_disk.engine import ti
+
+result = run({SMALL})
+before = result.state(1.0)
+result.film("one.mp4")
+ti.init(arch=ti.cpu, default_fp=ti.f64, fast_math=False)
+assert (result.state(1.0).positions == before.positions).all()
+ti.reset()
+result.film("two.mp4")
+assert open("one.mp4", "rb").read() == open("two.mp4", "rb").read()
+"""
+BEFORE = f"""
+from taichi_disk import run
+from taichi_disk.engine import ti
+from taichi_disk.errors import InputError
+
+for options in ({{}}, {{"default_fp": ti.f64}}, {{"default_fp": ti.f64, "fast_math": False, "arch": ti.vulkan}}):
+    ti.init(**options)
+    try:
+        run({SMALL})
+    except InputError as error:
+        print(error)
+"""
+HOOK = """
+import sys
+
+def heard(event, what):
+    if event.startswith("socket.") and event not in ("socket.__new__", "socket.gethostname"):
+        print("SENT", event, what, file=sys.stderr, flush=True)
+
+sys.addaudithook(heard)
+"""
+
+
+def python(folder, *arguments, **changes):
+    command = [sys.executable, *arguments]
+    given = os.environ | changes
+    return subprocess.run(command, cwd=folder, env=given, capture_output=True, text=True, timeout=300)
+
+
+def test_an_old_result_outlives_the_user_s_own_init_and_reset(tmp_path):
+    done = python(tmp_path, "-c", AFTER)
+    assert done.returncode == 0, done.stderr
+
+
+def test_an_engine_started_with_other_settings_is_refused_with_the_line_to_write(tmp_path):
+    done = python(tmp_path, "-c", BEFORE)
+    told = [line for line in done.stdout.splitlines() if line.startswith("Taichi runs")]
+    assert [line.partition(",")[0] for line in told] == [
+        f"Taichi runs with {one}" for one in ("default_fp=f32", "fast_math=True", "arch=vulkan")
+    ] or done.stderr
+    line = "ti.init(arch=ti.cpu, default_fp=ti.f64, fast_math=False)"
+    assert len(told) == 3 and all(line in one for one in told), done.stdout + done.stderr
+
+
+def test_an_architecture_from_the_environment_is_refused_by_name(tmp_path):
+    done = python(tmp_path, "-m", "taichi_disk", "run", "exponential_wall", "--no-video", TI_ARCH="vulkan")
+    assert done.returncode == 2 and "TI_ARCH=vulkan" in done.stderr and "Traceback" not in done.stderr
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize(
+    "way",
+    [
+        ("-m", "taichi_disk", "run", "exponential_wall", "--no-video", "--set=lattice.points=20"),
+        ("-c", "import taichi_disk.physics, time\nfrom taichi_disk.engine import ti\nti.init()\ntime.sleep(0.3)"),
+    ],
+)
+def test_nothing_is_sent_to_anybody(tmp_path, way):
+    # A new home has no date of a last check, so that Taichi would look for a newer version.
+    (tmp_path / "sitecustomize.py").write_text(HOOK)
+    known = os.pathsep.join(filter(None, [str(tmp_path), os.environ.get("PYTHONPATH")]))
+    home = {"HOME": str(tmp_path), "PYTHONPATH": known, environment.CACHE: str(environment.cache_folder())}
+    probe = python(tmp_path, "-c", "import socket; socket.getaddrinfo('localhost', 1)", **home)
+    assert "SENT socket.getaddrinfo" in probe.stderr
+    done = python(tmp_path, *way, **home)
+    assert done.returncode == 0 and "SENT" not in done.stderr, done.stderr

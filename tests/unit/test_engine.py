@@ -1,0 +1,26 @@
+"""The engine: chosen in one file, imported in an environment that suits it, patched where that is needed."""
+
+from __future__ import annotations
+
+import os
+import time
+from pathlib import Path
+
+import pytest
+
+from taichi_disk.engine import environment, patches
+
+ROOT = Path(__file__).parents[2]
+
+
+@pytest.mark.parametrize(("age", "stays"), [(patches.STALE - 30.0, True), (patches.STALE + 30.0, False)])
+def test_the_lock_of_a_process_that_was_killed_goes_and_that_of_another_process_stays(
+    tmp_path, monkeypatch, age, stays
+):
+    monkeypatch.setenv(environment.CACHE, str(tmp_path))
+    lock = tmp_path / "ticache.lock"
+    lock.touch()
+    os.utime(lock, (time.time() - age,) * 2)
+    patches.remove_stale_lock()
+    assert lock.exists() == stays
+    patches.remove_stale_lock()
