@@ -253,7 +253,7 @@ def write_timeseries(path: Path, columns: dict[str, Array], interval: float = 0.
     have 17 digits, so that those read back are those computed.
     """
     due = {"always": True, "never": False}
-    names = [one.name for one in COLUMNS if one.name in columns and due.get(one.written, columns[one.name].any())]
+    names = [one.name for one in COLUMNS if one.name in columns and due.get(one.written, bool(columns[one.name].any()))]
     table = np.stack([columns[name] for name in names], axis=1)
     every = max(1, round(interval / float(columns["t"][1])))
     kept = [*range(0, len(table) - 1, every), -1]

@@ -70,8 +70,8 @@ class ExponentialWall(ExponentialPotential, BodyForce):
         """Coulomb's friction, added to the forces: what stops a point in the kick to come, at most mu times its push.
 
         `kick` is the time for which the forces change the velocities of the state, of which `late` has passed at the
-        moment that they act [R/c]. So a point that sticks has exactly no velocity along the wall between two steps, and one
-        that slides is never turned round. No friction law that is smooth in the velocity can do that at such steps.
+        moment that they act [R/c]. So a point that sticks has exactly no velocity along the wall between two steps, and
+        one that slides is never turned round. No friction law that is smooth in the velocity can do that at such steps.
         Returns the power lost [M c^3/R].
         """
         power = 0.0

@@ -44,8 +44,8 @@ def test_a_disk_that_slides_takes_mu_times_the_normal_impulse(sign, kernels):
 @pytest.mark.parametrize("throw", [SLIDING, STICKING], ids=["slides", "sticks"])
 def test_spin_and_sideways_velocity_change_by_just_what_the_wall_does(throw, kernels):
     # The wall's forces by Newton's third law from the motion alone: springs add up to none and make no torque, so that
-    # the sum of m a is the wall's force, and its torque about the centre changes the angular momentum. (It starts so far
-    # away that the half force of the first step counts for nothing.)
+    # the sum of m a is the wall's force, and its torque about the centre changes the angular momentum. (It starts so
+    # far away that the half force of the first step counts for nothing.)
     scenario, outcome, found = impact(kernels, *throw, *ROWS, "impact.gap=0.11")
     columns, h = outcome.columns, outcome.facts["dt"]
     wall, torque, push = scenario.model.wall, 0.0, 0.0
