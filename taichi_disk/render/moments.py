@@ -138,4 +138,6 @@ def titles(runs: Sequence[Run]) -> list[tuple[str, ...]]:
                     number = f"{value:g}{unit}" if isinstance(value, float) else f"{value}"
                     part.append(f"{_SYMBOLS.get(one, one.replace('_', ' '))} = {number}")
     labels = ["    ".join(part) for part in parts]
-    return [(label or scenario.title()[0], *scenario.title()[1:]) for label, (scenario, _) in zip(labels, runs, strict=True)]
+    return [
+        (label or scenario.title()[0], *scenario.title()[1:]) for label, (scenario, _) in zip(labels, runs, strict=True)
+    ]

@@ -5,7 +5,7 @@ import { Sandbox } from "./sandbox.js";
 let socket, wait = 250;
 
 const send = (message) => socket.readyState === WebSocket.OPEN && socket.send(JSON.stringify(message));
-const sandbox = new Sandbox(document.querySelector(".sandbox"), document, send);
+const sandbox = (window.sandbox = new Sandbox(document.querySelector(".sandbox"), document, send));
 
 function open() {
   socket = new WebSocket(location.href.replace(/^http/, "ws").replace(/[?#].*/, "") + "socket");

@@ -1,4 +1,4 @@
-"""The curves below the disk: where the energy is, and what the wall and the centre of mass do, in the hit that is seen."""
+"""The curves below the disk: the energies of the hit that is seen, the force of the wall, the motion of the centre."""
 
 from __future__ import annotations
 
@@ -50,12 +50,13 @@ class Graphs:
             before = float(parts[-1][-1, _LOST_CURVE])
         t, values = np.concatenate(times) - segments[0].began, np.concatenate(parts)
         chosen = np.unique(np.linspace(0, len(t) - 1, POINTS).astype(int))
-        curves = [[float(f"{value:.5g}") for value in curve] for curve in np.column_stack([t, values])[chosen].T]
+        shown = np.column_stack([t, values])[chosen].T
+        curves = [[float(f"{value:.5g}") for value in curve] for curve in shown]
         motion = ("velocity upwards", "c") if sandbox.is_impact else ("compression ξ", "R")
         return {"t": curves[0], "values": curves[1:], "motion": motion, "began": segments[0].began}
 
     def values(self, rows: Array) -> Array:
-        """(rows, CURVES) energies [M c^2], force [M c^2/R] and velocity [c] or ξ [R] from observables (rows, columns)."""
+        """Return energies [M c^2], force [M c^2/R], velocity [c] or ξ [R] (rows, CURVES) of observables (rows, k)."""
         of = split(dict(zip(INDEX, rows.T, strict=True)), self._inertia)
         lost = rows[:, _LOST].sum(axis=1) + self._lost_before
         height = self._height - (of["com_y"] - of["lowest_y"])

@@ -43,12 +43,11 @@ def serve(playlist: list[Entry], host: str = LOCAL[0], port: int = 0, open_brows
     Prints the address, with the token that every request needs. Raises TaichiDiskError if it cannot listen there,
     KeyboardInterrupt after Ctrl-C.
     """
-    session = Session(playlist, KernelCache())
     try:
         listening = socket.create_server((host, port))
     except (OSError, OverflowError) as error:
         raise TaichiDiskError(f"cannot listen at {host}, port {port}: {error}; choose another --port") from None
-    page = Page(session, secrets.token_urlsafe(16))
+    page = Page(Session(playlist, KernelCache()), secrets.token_urlsafe(16))
     try:
         asyncio.run(page.run(listening, host, open_browser))
     finally:
@@ -93,8 +92,7 @@ class Page:
 
     def answer(self, connection: ServerConnection, request: Request) -> Response | None:
         """Return a file of the page, or a refusal; None opens the websocket."""
-        _, token, *rest = request.path.split("?")[0].split("/", 2)
-        name = rest[0] if rest else ""
+        _, token, name = (*request.path.split("?")[0].split("/", 2), "", "")[:3]
         if not secrets.compare_digest(token.encode(), self.token.encode()):
             return _response(HTTPStatus.FORBIDDEN, b"Use the whole address that `taichi-disk view` printed.")
         if request.headers.get("Upgrade", "").lower() == "websocket":
@@ -102,7 +100,7 @@ class Page:
             origin = request.headers.get("Origin", "").partition("://")[2]
             allowed = name == "socket" and origin and origin == request.headers.get("Host")
             return None if allowed else _response(HTTPStatus.FORBIDDEN, b"This websocket is for its own page.")
-        if not rest:
+        if request.path == f"/{token}":
             return _response(HTTPStatus.TEMPORARY_REDIRECT, b"", Location=f"/{self.token}/")
         name = name or "index.html"
         suffix = name[name.rfind(".") :]

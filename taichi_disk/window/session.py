@@ -158,7 +158,7 @@ class Session:
             self._write("scene", scene_message(scenario, video) | {"start": self.sandbox.starts})
 
     def _write_graphs(self) -> None:
-        """Whenever the curves of the hit are others, and where they are complete: with each picture pages add to them."""
+        """Whenever the curves are others, and when they are complete; with each state pages add a point to them."""
         sandbox = self.sandbox
         last, seen = sandbox.segment, sandbox.seen
         key = sandbox.starts, seen.segment.hit, id(last), last.attempt, last.status, sandbox.paused, sandbox.time.past
@@ -172,9 +172,12 @@ class Session:
             self._write("yaml", {"text": self.sandbox.scene.to_yaml()})
 
     def _state(self) -> bytes:
-        """Little-endian: HEADER with the number, commands heard, t since the hit began [R/c], points, forces, the
-        point that the mouse pulls (-1: none), values, full colour, force of the longest arrow, energy imbalance, pace; then
-        float32 observables (INDEX), graph values (CURVES), positions (2n), values, forces (3k); the caption in UTF-8.
+        """Return the binary message of a picture, little-endian.
+
+        HEADER holds the number, commands heard, t since the hit began [R/c], points, forces, the point that the mouse
+        pulls (-1: none), values, the value of full colour, the force of the longest arrow [M c^2/R], the energy
+        imbalance and the pace [R/c per s]. Observables (INDEX), graph values (CURVES), positions (2n), values and
+        forces (3k) follow as float32, and the caption in UTF-8.
         """
         sandbox, seen, video = self.sandbox, self.sandbox.seen, self.sandbox.scene.video
         scenario, triangles = seen.segment.scenario, self._triangles

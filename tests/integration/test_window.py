@@ -14,6 +14,8 @@ import imageio.v3 as iio
 import numpy as np
 import pytest
 from PIL import Image, ImageDraw
+from taichi_disk.window.overlay import Overlay
+from taichi_disk.window.scene_view import PANEL, SIZE
 
 from taichi_disk.cli import main
 from taichi_disk.computation.outcome import compute
@@ -21,8 +23,6 @@ from taichi_disk.render import film_problem, legend
 from taichi_disk.render.palette import THEMES
 from taichi_disk.scenes import load_scene
 from taichi_disk.simulation.simulation import KernelCache
-from taichi_disk.window.overlay import Overlay
-from taichi_disk.window.scene_view import PANEL, SIZE
 
 TOOLS = [tool for tool in ("Xvfb", "xdotool", "import") if not shutil.which(tool)]
 MISSING = f"not installed: {', '.join(TOOLS)} (apt-get install xvfb xdotool imagemagick)" if TOOLS else film_problem()

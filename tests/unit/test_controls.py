@@ -10,11 +10,11 @@ from typing import Any
 
 import numpy as np
 import pytest
+from taichi_disk.window.recorder import Recorder, picture_of
 
 from taichi_disk.scenes import load_scene
 from taichi_disk.simulation.simulation import KernelCache
 from taichi_disk.window.controls import LEAST, REPEATED, Controls
-from taichi_disk.window.recorder import Recorder, picture_of
 from taichi_disk.window.sandbox import Sandbox
 
 
