@@ -29,8 +29,9 @@ class Browser:
         options.binary_location = shutil.which("chromium")
         options.set_capability("goog:loggingPrefs", {"browser": "ALL"})
         self._folder = tempfile.TemporaryDirectory()
-        options.add_experimental_option("prefs", {"download.default_directory": self._folder.name})
         self.driver = webdriver.Chrome(options, Service(shutil.which("chromedriver")))
+        folder = {"behavior": "allow", "downloadPath": self._folder.name}
+        self.driver.execute_cdp_cmd("Browser.setDownloadBehavior", folder)
         self.resize(size)
 
     def open(self, url: str) -> None:
@@ -75,7 +76,9 @@ class Browser:
         return found[1] if word else float(found[1])
 
     def number(self, key: str) -> float:
-        return float(self.script(f"return document.querySelector('[data-key=\"{key}\"] input[type=text]').value"))
+        """What stands in the field beside a slider."""
+        text = self.script(f"return document.querySelector('[data-key=\"{key}\"] input[type=text]').value")
+        return float(text.replace(",", "."))
 
     def colours(self) -> int:
         """How many colours the canvas shows."""
@@ -119,7 +122,7 @@ class Browser:
 
     def type(self, key: str, text: str) -> None:
         field = self.driver.find_element("css selector", f"[data-key='{key}'] input[type=text]")
-        field.clear()
+        self.driver.execute_script("arguments[0].select()", field)
         field.send_keys(text + "\ue007")
 
     def choose(self, key: str, word: str) -> None:

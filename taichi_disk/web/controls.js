@@ -28,7 +28,9 @@ export class Slider {
     };
     this.range.oninput = () => lead(false);
     this.range.onchange = () => lead(true);
+    this.node.oninput = ({ target }) => (this.edited = target); // what is being typed is not written over
     const typed = (field, factor) => () => {
+      this.edited = null;
       const value = Number(field.value.trim().replace(",", ".").replace("−", "-"));
       if (field.value.trim() && Number.isFinite(value)) this.set(Number((value * factor).toPrecision(6)));
       else this.show(this.spec);
@@ -53,8 +55,8 @@ export class Slider {
     this.range.ariaValueText = `${digits(value)} ${unit}`;
     this.node.title = keys ? `${meaning} (keys ${keys})` : meaning;
     this.number.ariaLabel = `${text}, number`;
-    if (root.activeElement !== this.number) this.number.value = digits(value);
-    if (this.degrees && root.activeElement !== this.degrees) this.degrees.value = `${(value * DEGREE).toFixed(1)}°`;
+    if (this.edited !== this.number) this.number.value = digits(value);
+    if (this.degrees && this.edited !== this.degrees) this.degrees.value = `${(value * DEGREE).toFixed(1)}°`;
     this.low.textContent = digits(low);
     this.high.textContent = digits(high);
   }
