@@ -167,7 +167,11 @@ class Viewer:
                 new = panel.slider_float(name, value, one.low, one.high)
                 if abs(new - value) > 1e-6 * (one.high - one.low):
                     controls.set(key, float(f"{new:.3g}"))
-            write("", *seen.segment.scenario.caption(seen.values), f"energy imbalance {sandbox.imbalance:+.1e}")
+            write(
+                "",
+                *seen.segment.scenario.caption(seen.values | {"t": seen.t}),
+                f"energy imbalance {sandbox.imbalance:+.1e}",
+            )
             write(f"colours: {quantity.label}", f"up to {self._scales.colour:.3g} {quantity.unit}")
             write("disturbed" if seen.by_hand else "same as taichi-disk run", *sandbox.warnings, sandbox.message)
             for result in sandbox.results[-5:]:
