@@ -23,7 +23,7 @@ ROOT = Path(__file__).parents[1]
 PYTHON = {
     "Scenes": ("taichi_disk.scenes.load_scene", "taichi_disk.scenes.load_sweep"),
     "Running": ("taichi_disk.api.run", "taichi_disk.api.Result", "taichi_disk.api.State"),
-    "Scenes in hand": tuple(f"taichi_disk.config.scene_base.SceneBase.{name}" for name in ("with_", "to_yaml")),
+    "Scenes in hand": tuple(f"taichi_disk.scenes.scene.DiskScene.{name}" for name in ("with_", "to_yaml")),
     "Lattices": ("taichi_disk.lattice.lattice.Lattice",),
     "Sweeps": ("taichi_disk.sweep.sweep.run_sweep", "taichi_disk.sweep.sweep.SweepResult"),
     "Fields": ("taichi_disk.fields.field", "taichi_disk.fields.Field", "taichi_disk.fields.stress"),
@@ -117,8 +117,8 @@ def reference() -> str:
 
 def scene_keys() -> str:
     """Every key of a scene file, by kind of scene and section."""
-    from taichi_disk.config.scene_base import yaml_scalar
     from taichi_disk.scenes import SCENES
+    from taichi_disk.scenes.scene import yaml_scalar
 
     lines = ["# Keys of a scene file", "", "`taichi-disk check SCENE` prints these for a scene of yours.", ""]
     lines += ["Angles are in radians: 30 degrees are 0.5236, 45 degrees 0.7854. Speeds are in c, lengths in R.", ""]

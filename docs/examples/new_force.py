@@ -7,10 +7,10 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-import taichi as ti
 
 from taichi_disk import load_scene, runtime
 from taichi_disk.computation.outcome import compute
+from taichi_disk.engine import ti
 from taichi_disk.lattice import Array, Lattice
 from taichi_disk.physics import BodyForce
 from taichi_disk.physics.law import Capacity, scalar

@@ -15,7 +15,7 @@ from taichi_disk.computation.scenario import Array, Columns, Scenario
 from taichi_disk.config.sections import Section, key
 from taichi_disk.physics import Model
 from taichi_disk.scenes import SCENES
-from taichi_disk.scenes.body import DiskScene
+from taichi_disk.scenes.scene import DiskScene
 
 
 class StretchSection(Section):

@@ -1,19 +1,26 @@
 """Normal restitution of oblique impacts on an elastic wall, after Kuninaka and Hayakawa, PRL 93, 154301 (2004).
 
     python docs/experiments/oblique.py [lattices] > docs/data/oblique.csv
+    python docs/experiments/oblique.py claim [lattices] > docs/data/oblique_claim.csv
 
 Means over lattices, for walls softer and stiffer than the disk, both contact laws, plain and rough surfaces. A run is
 discarded if it does not end, if its energy is off at the end by more than DISCARD, or if the program stops it: it does
 so where the balance of energy is lost, or where a point has gone through the wall.
+
+`claim` takes more lattices where the mean e exceeds 1, and a wall that hardly gives way, and tells why. `tilt` is the
+angle [rad] between the impulse on the disk and the wall's mean normal, positive if the impulse points back to where the
+disk came from. `e_impulse` is the restitution along the direction of the impulse: minus the velocity after the impact
+over the velocity before it, both along that direction.
 """
 
 from __future__ import annotations
 
 import sys
+from collections.abc import Iterator
 from dataclasses import replace
 from functools import cache
 from itertools import product
-from math import atan, sin
+from math import atan, atan2, nan, sin
 from pathlib import Path
 
 import numpy as np
@@ -29,6 +36,9 @@ from taichi_disk.computation.stability import spectrum  # noqa: E402
 SCENE = Path(__file__).with_suffix(".yaml")
 WALLS = (10.0, 1.0, 0.1, 0.02)  # k_a [M c^2/R^2]; the disk's is 1
 TANGENTS = (0.0, 1.5, 3.0, 5.0)  # of the angle between flight and normal
+ROUGH = 0.03  # noise of a rough surface [R]
+LATTICES, CLAIM_LATTICES = 20, 100  # of each row
+CLAIM_WALLS = (("springs", 10.0), ("springs", 1.0), ("smooth", 100.0), ("smooth", 10.0), ("smooth", 1.0))
 DISCARD = 0.02  # of the kinetic energy of the flight towards the wall; the program itself allows 0.001
 ATTEMPTS = 8  # each with a shorter step than the one before that lost the balance of energy or blew up
 
@@ -67,16 +77,22 @@ def area(x: np.ndarray, triangles: np.ndarray) -> np.ndarray:
     return 0.5 * (ax * by - ay * bx)
 
 
-def restitution(scene: Scene, body: Lattice) -> float:
-    """Normal e, not a number if the run is discarded."""
+def impact(scene: Scene, body: Lattice) -> tuple[float, float, float]:
+    """Normal e, e along the impulse, tilt of the impulse [rad]; not numbers if the run is discarded."""
     scenario = scene.scenario(body)
     modes = spectrum(scenario.lattice, scenario.model)
     driver = Driver(scenario, scene.time, shared_kernels(), modes)
     while driver.attempt <= ATTEMPTS and (status := driver.advance(seconds=0.1)) != "failed":
         if status == "finished":
-            lost = (driver.columns["total"][-1] - driver.columns["total"][0]) / scenario.kinetic
-            return scenario.result(driver.columns)["restitution"] if abs(lost) <= DISCARD else np.nan
-    return np.nan
+            columns = driver.columns
+            lost = (columns["total"][-1] - columns["total"][0]) / scenario.kinetic
+            if abs(lost) > DISCARD:
+                break
+            before, after = (np.array([columns["com_vx"][k], columns["com_vy"][k]]) for k in (0, -1))
+            impulse = after - before
+            along = -float(after @ impulse) / float(before @ impulse)
+            return scenario.result(columns)["restitution"], along, atan2(-impulse[0], impulse[1])
+    return nan, nan, nan
 
 
 @cache
@@ -85,14 +101,37 @@ def body(k_a: float, roughness: float, seed: int) -> Lattice:
     return roughened(plain, roughness, seed) if roughness else plain
 
 
+def rows() -> Iterator[tuple[float, str, float, float]]:
+    """Wall's k_a, contact, roughness [R] and tan gamma of each row of the table."""
+    for tangent, roughness, contact, k_a in product(TANGENTS, (0.0, ROUGH), ("springs", "smooth"), WALLS):
+        yield k_a, contact, roughness, tangent
+
+
+def claim_rows() -> Iterator[tuple[float, str, float, float]]:
+    """The same of rough walls at the largest angle."""
+    for contact, k_a in CLAIM_WALLS:
+        yield k_a, contact, ROUGH, TANGENTS[-1]
+
+
+def statistics(found: np.ndarray, claim: bool) -> list[str]:
+    """Columns of a row from `found` (lattices, 3), what `impact` returned."""
+    kept = found[np.isfinite(found[:, 0])]
+    e, along, tilt = kept.T
+    numbers: list[float] = []
+    if len(kept) > 1:
+        numbers = [e.mean(), e.std(ddof=1) / len(e) ** 0.5, e.min(), e.max()]
+        numbers += [e.std(ddof=1), along.mean(), along.max(), tilt.mean(), tilt.std(ddof=1)] if claim else []
+    written = [f"{number:.4f}" for number in numbers] or [""] * (9 if claim else 4)
+    return [str(len(found)), str(len(found) - len(kept)), *written, str(np.count_nonzero(e > 1.0))]
+
+
 if __name__ == "__main__":
-    lattices = int(sys.argv[1]) if len(sys.argv) > 1 else 20
-    print("wall_k_a,contact,roughness,tan_gamma,lattices,discarded,e,error,lowest,highest,above_1")
-    for tangent, roughness, contact, k_a in product(TANGENTS, (0.0, 0.03), ("springs", "smooth"), WALLS):
+    claim = "claim" in sys.argv
+    numbers = [int(word) for word in sys.argv[1:] if word != "claim"]
+    lattices = numbers[0] if numbers else CLAIM_LATTICES if claim else LATTICES
+    more = "deviation,e_impulse,highest_e_impulse,tilt,tilt_deviation," if claim else ""
+    print(f"wall_k_a,contact,roughness,tan_gamma,lattices,discarded,e,error,lowest,highest,{more}above_1")
+    for k_a, contact, roughness, tangent in claim_rows() if claim else rows():
         scene = thrown(tangent, k_a=k_a, contact=contact)
-        found = np.array([restitution(scene, body(k_a, roughness, seed)) for seed in range(lattices)])
-        e = found[np.isfinite(found)]
-        row = [k_a, contact, roughness, tangent, lattices, lattices - len(e)]
-        numbers = (e.mean(), e.std(ddof=1) / len(e) ** 0.5, e.min(), e.max()) if len(e) > 1 else ("",) * 4
-        row += [f"{one:.4f}" if one != "" else "" for one in numbers]
-        print(*row, np.count_nonzero(e > 1.0), sep=",", flush=True)
+        found = np.array([impact(scene, body(k_a, roughness, seed)) for seed in range(lattices)])
+        print(k_a, contact, roughness, tangent, *statistics(found, claim), sep=",", flush=True)

@@ -44,7 +44,7 @@ class Change:
     Attributes:
         source: of error.
         change: in words.
-        keys: the same, as `SceneBase.with_` takes it.
+        keys: the same, as `DiskScene.with_` takes it.
         finer: times as many points.
         remark: why there is no result, which is then NaN.
     """
@@ -131,7 +131,7 @@ def assess(scene: Scene, progress: Progress, note: Callable[[str], None]) -> Fin
     """The measurements of `study`. Taichi has to be started."""
     kernels, scenario, study = KernelCache(), scene.scenario(), None
     progress("simulate", 0, None)
-    if scenario.model.rough:
+    if scenario.model.has_friction:
         raise InputError(
             "wall.friction: the reference solution of `accuracy` needs smooth forces; `run` estimates the error"
         )

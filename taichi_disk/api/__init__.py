@@ -23,7 +23,7 @@ from taichi_disk.output.plot import plotting_beside
 from taichi_disk.output.run_folder import run_folder
 from taichi_disk.progress import Progress, reported, rows, shown, silent
 from taichi_disk.scenes import Scene, load_scene
-from taichi_disk.scenes.body import DiskScene
+from taichi_disk.scenes.scene import DiskScene
 from taichi_disk.signals import raise_if_interrupted
 from taichi_disk.statics.modes import Modes, modes
 
@@ -350,7 +350,7 @@ def run(
             process chooses it, else the environment variable TAICHI_DISK_THREADS.
         progress: called as progress(stage, done, total): "simulate" with the time [R/c] or the number of equilibria,
             "render" with the number of pictures. It must not run, film or look at a result.
-        say: told what a person should know: that the run goes elsewhere, and why.
+        say: told what a person should know: that the run goes elsewhere and why, or what a long run will cost.
         started: seconds that the process has taken before this, for the wall clock of the summary.
 
     Raises InputError, with nothing written, for what cannot be computed as asked; SimulationError when the computation
@@ -359,7 +359,7 @@ def run(
     raise_if_interrupted()  # while all was imported
     scene = scene if isinstance(scene, DiskScene) else load_scene(scene)
     clock = Clock({"start": started} if started else {})
-    job = Job(scene, progress or silent, lattice, velocities, force, threads, clock=clock)
+    job = Job(scene, progress or silent, lattice, velocities, force, threads, clock=clock, say=say)
     if out is None:
         if export:
             raise InputError("export: needs a folder, `out`")

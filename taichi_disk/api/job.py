@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import lru_cache
 from pathlib import Path
@@ -53,6 +54,7 @@ class Job:
     threads: int | None = None
     estimate: bool = True
     clock: Clock = field(default_factory=Clock)
+    say: Callable[[str], None] = lambda text: None
 
     def __post_init__(self) -> None:
         # Read once, before a folder is chosen: files may change while the run is computed.
@@ -71,7 +73,9 @@ class Job:
         self.clock.lap("build")
         self.scenario = scenario
         time, kernels = self.scene.time, shared_kernels()
-        outcome = compute(scenario, time, self.progress, kernels, force=self.force, estimate=self.estimate)
+        outcome = compute(
+            scenario, time, self.progress, kernels, force=self.force, estimate=self.estimate, say=self.say
+        )
         self.clock.lap("simulate", compile=outcome.compile_seconds)
         numbers = scenario.result(outcome.columns)
         measured = {name: note for name, note in scenario.notes.items() if name in numbers}

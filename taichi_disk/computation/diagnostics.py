@@ -6,14 +6,15 @@ from typing import Any
 
 import numpy as np
 
+from taichi_disk.computation.contact import contact_interval, results_time, vibration_left
 from taichi_disk.computation.scenario import Scenario
 from taichi_disk.errors import SimulationError
 from taichi_disk.lattice import Array, Lattice
 from taichi_disk.physics import Model
-from taichi_disk.simulation.observables import INDEX, Columns, of_kind, total_energy, vibration_left
+from taichi_disk.simulation.observables import INDEX, Columns, of_kind, total_energy
 
-CLOSING, WORST = 2e-5, 1e-4  # largest imbalance, at the end and ever, that an automatic step may leave
-LARGEST = 1e-3  # imbalance at the end that no result may have: it would show in the third digit of e
+MAX_CLOSING, MAX_WORST = 2e-5, 1e-4  # largest imbalance, at the end and ever, that an automatic step may leave
+MAX_IMBALANCE = 1e-3  # imbalance at the end that no result may have: it would show in the third digit of e
 SPIN, LOST_SPIN = 1e-9, 0.01  # angular momentum of a disk that spins [M R c]; part that its flight may cost unnoticed
 BLOW_UP = 0.1  # imbalance, relative to the largest energy so far, that ends a run
 
@@ -39,7 +40,7 @@ def unacceptable(scenario: Scenario, columns: Columns) -> str | None:
     """Why a run has no result: its energy imbalance at the end is too large; None where it is not."""
     lost, _ = relative_imbalance(scenario, columns)
     tolerance = scenario.scene.time.tolerance
-    allowed = LARGEST if tolerance == "none" else max(LARGEST, tolerance)
+    allowed = MAX_IMBALANCE if tolerance == "none" else max(MAX_IMBALANCE, tolerance)
     if abs(lost) <= allowed:
         return None
     return (
@@ -52,20 +53,32 @@ def warnings(scenario: Scenario, columns: Columns) -> list[str]:
     """What makes the result of a run doubtful, as sentences."""
     found = [unacceptable(scenario, columns)]
     slid = float(np.abs(columns["sliding"]).max()) / scenario.energy_scale(columns)
-    if slid > LARGEST:
+    if slid > MAX_IMBALANCE:
         found.append(
             f"points of the disk slid from spring to spring of the dented wall, which changed the energy by {slid:.2g} "
             "of the kinetic energy: that is the contact law's own doing, at any step, and e is as uncertain; "
             "wall.contact: smooth has no such jumps, a lower impact.velocity or a higher material.k_a fewer"
         )
-    spin, force = columns["angular_momentum"], columns["wall_force"]
-    left = float(spin[int((force >= 0.01 * force.max()).argmax())])  # at the first contact
-    if abs(spin[0]) > SPIN and abs(left - spin[0]) > LOST_SPIN * abs(spin[0]):
-        found.append(
-            f"of the angular momentum {1.0 - left / spin[0]:.0%} was lost before the contact: the paper's dashpots "
-            "resist rotation, too; material.dashpot: axial leaves it as it is"
-        )
-    return [text for text in found if text]
+    return [text for text in (*found, _rotation_lost(scenario, columns)) if text]
+
+
+def _rotation_lost(scenario: Scenario, columns: Columns) -> str:
+    """What dashpots took of the rotation before the contact and, if the scene's results have a spin, after it."""
+    t, spin = columns["t"], columns["angular_momentum"]
+    start, _ = contact_interval(t, columns["wall_force"], columns["com_vy"])
+    flights = [(spin[0], float(np.interp(start, t, spin)), "before the contact")]
+    if "spin_after" in scenario.result(columns):
+        after = float(np.interp(results_time(columns), t, spin))
+        flights.append((after, spin[-1], "after the contact, at whose end results are read"))
+    lost = [
+        f"{1.0 - last / first:.0%} of the angular momentum {when}"
+        for first, last, when in flights
+        if abs(first) > SPIN and abs(last - first) > LOST_SPIN * abs(first)
+    ]
+    if not lost:
+        return ""
+    remedy = "the paper's dashpots resist rotation, too; material.dashpot: axial leaves it as it is"
+    return f"dashpots took {' and '.join(lost)}: {remedy}"
 
 
 class EnergyBalance:

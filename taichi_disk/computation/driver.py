@@ -39,7 +39,8 @@ class Driver:
         state, row: the last state that was good, and the observables (columns,) there.
         status: what `advance` returned last.
         failure: why there is no result, once the status is "failed".
-        end: the state at the end, once the status is "finished".
+        end, final: the state at the end, and its time, positions and velocities, once the status is "finished".
+        largest_force: of the wall on one point until the end [M c^2/R].
         can_end: whether the scene may end, and begin again with a shorter step.
 
     Raises InputError for a step by hand that is too long.
@@ -164,16 +165,17 @@ class Driver:
 
     def _at_end(self) -> None:
         """At the scene's end: finish, or begin again if a shorter step does better."""
-        columns, scenario = self.columns, self.scenario
-        if self.control.shorten_after_run(self.simulation.peak_point_force(self.state), columns):
+        columns, simulation, state = self.columns, self.simulation, self.state
+        self.largest_force = simulation.peak_point_force(state)
+        if self.control.shorten_after_run(self.largest_force, columns):
             self._restart()
             return
-        reason = unacceptable(scenario, columns) if self.control.time.dt == "auto" else None
-        reason = reason or self.control.out_of_tolerance(columns)
+        reason = unacceptable(self.scenario, columns) if self.control.time.dt == "auto" else None
         if reason:
             self._fail(SimulationError(reason))
-        else:
-            self.status, self.end = "finished", self.state
+            return
+        self.status, self.end = "finished", state
+        self.final = simulation.time, simulation.positions(state), simulation.velocities(state)
 
     def _blown_up(self, lost: str) -> None:
         """After the last row something was `lost`: begin again if a shorter step may do better."""

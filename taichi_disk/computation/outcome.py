@@ -9,11 +9,12 @@ from typing import Any
 import numpy as np
 
 from taichi_disk.computation import diagnostics
+from taichi_disk.computation.contact import greatest_compression
 from taichi_disk.computation.driver import Driver, Moment
+from taichi_disk.computation.error_estimate import SecondRun, second_run, within_tolerance
 from taichi_disk.computation.scenario import Scenario
 from taichi_disk.computation.stability import Spectrum, spectrum, step_limit
-from taichi_disk.computation.step_control import error_estimate
-from taichi_disk.errors import TaichiDiskError
+from taichi_disk.computation.workload import announcement
 from taichi_disk.lattice import Array, Lattice
 from taichi_disk.lattice.lattice import double_area
 from taichi_disk.physics import Load, Model
@@ -25,7 +26,6 @@ from taichi_disk.statics.equilibrium import depth, roll_angle, solve_equilibrium
 ESTIMATE_UP_TO = 1.3e9  # spring evaluations of a run, some 5 s, up to which a second run for the error is made unasked
 REST_CAUTION = 1.1  # by which the distance from Newton's rest is enlarged
 ROUNDING = 1e-11  # of xi [R], about, and of where the solver stops
-STRETCHED = 0.1  # of the contact's elastic energy: a disk that stores more before it touches the wall is stretched
 LOADS = 24  # of a quasi-static loading: from one to the next a film hardly changes
 
 
@@ -63,6 +63,7 @@ def compute(
     force: bool = False,
     estimate: bool = True,
     loads: int = LOADS,
+    say: Callable[[str], None] = lambda text: None,
 ) -> Outcome:
     """Compute `scenario` to its end.
 
@@ -73,6 +74,7 @@ def compute(
         estimate: whether to estimate the error and to count triangles turned inside out, by running again, unless that
             would take long.
         loads: how many equilibria a quasi-static loading goes through; 1: the last alone, bitwise the same.
+        say: told what a long run will cost, before it begins.
 
     Raises InputError for a step by hand that is too long, SimulationError when the scene does not end in time or its
     energy balance is lost, BlowUp when the state becomes meaningless.
@@ -81,23 +83,31 @@ def compute(
         return quasistatic(scenario, loads, progress)
     kernels = kernels or KernelCache()
     modes = modes or spectrum(scenario.lattice, scenario.model)
-    driver = Driver(scenario, time, kernels, modes, force=force)
-    progress("simulate", 0.0, scenario.max_time)
-    while driver.advance(seconds=0.1) in ("running", "restarted"):
-        progress("simulate", driver.simulation.time, scenario.max_time)
-    if driver.failure:
-        raise driver.failure
-    return _described(driver, time, estimate)
+
+    def finished(time: Any) -> Driver:
+        driver = Driver(scenario, time, kernels, modes, force=force)
+        if text := announcement(driver):
+            say(text)
+        progress("simulate", 0.0, scenario.max_time)
+        while driver.advance(seconds=0.1) in ("running", "restarted"):
+            progress("simulate", driver.simulation.time, scenario.max_time)
+        if driver.failure:
+            raise driver.failure
+        return driver
+
+    driver, second = finished(time), None
+    if time.tolerance != "none" and scenario.step_dependent:
+        driver, second = within_tolerance(driver, finished)
+    return _described(driver, second, estimate)
 
 
-def _described(driver: Driver, time: Any, estimate: bool) -> Outcome:
+def _described(driver: Driver, second: SecondRun | None, estimate: bool) -> Outcome:
     scenario, step, end = driver.scenario, driver.step, driver.end
     columns = split(driver.columns, scenario.lattice.inertia)
     assert end is not None
-    simulation = driver.simulation
-    positions, velocities = simulation.positions(end), simulation.velocities(end)
+    _, positions, velocities = driver.final
     warnings = diagnostics.warnings(scenario, columns)
-    peak = simulation.peak_point_force(end)
+    peak = driver.largest_force
     limit = step_limit(driver.control.spectrum, scenario.model, step.integrator, peak)
     if step.dt > limit:
         warnings.insert(
@@ -105,16 +115,17 @@ def _described(driver: Driver, time: Any, estimate: bool) -> Outcome:
             f"the step {step.dt:.6g} R/c is beyond the stability limit that the measured force of the wall leaves, "
             f"{limit:.6g} R/c: set time.dt: auto, or a shorter one",
         )
-    error, inverted = driver.control.error(columns), None
-    if error is not None and not scenario.step_dependent:
-        error = REST_CAUTION * error + ROUNDING
-    work = end.step * step.integrator.forces * len(scenario.lattice.bonds)
-    if estimate and work <= ESTIMATE_UP_TO:
-        if scenario.step_dependent and time.tolerance == "none":
-            error, x = _second_opinion(driver, time, limit)
-        else:
-            _, x, _ = next(driver.replay(np.array([greatest_compression(columns)])))
-        inverted = inverted_triangles(scenario, x)
+    errors: dict[str, float] = {}
+    compressed = None
+    if not scenario.step_dependent:
+        errors[scenario.primary(columns)[0]] = REST_CAUTION * scenario.end_truncation_error(columns) + ROUNDING
+    small = estimate and end.step * step.integrator.forces * len(scenario.lattice.bonds) <= ESTIMATE_UP_TO
+    if second or (small and scenario.step_dependent):
+        second = second or second_run(driver)
+        errors, compressed = second.errors, second.compressed
+    elif small:
+        _, compressed, _ = next(driver.replay(np.array([greatest_compression(columns)])))
+    inverted = inverted_triangles(scenario, compressed) if small and compressed is not None else None
     warnings += _inversion_warnings(inverted or 0)
     facts = {
         "warnings": warnings,
@@ -123,41 +134,13 @@ def _described(driver: Driver, time: Any, estimate: bool) -> Outcome:
         "dt_limit": limit,
         "attempts": driver.attempt,
         "integrator": step.integrator.name,
-        "error_estimate": {} if error is None else {scenario.primary(columns)[0]: error},
+        "error_estimate": errors,
         "error_source": "time step" if scenario.step_dependent else "end of the run",
         "energy": diagnostics.summary(scenario, columns),
     }
     if inverted is not None:
         facts["inverted_triangles"] = inverted
     return Outcome(columns, positions, velocities, peak, driver.replay, driver.replay, facts, driver.compile_seconds)
-
-
-def greatest_compression(columns: Columns) -> float:
-    """When the elastic energy is largest while the wall pushes [R/c].
-
-    Where a spin stretches the disk before it touches the wall: when the centre of mass is nearest to the wall.
-    """
-    force, elastic = columns["wall_force"], columns["elastic"]
-    touches = force >= 0.01 * force.max()
-    stored = elastic * touches
-    stretched = elastic[: int(touches.argmax())].max(initial=0.0) > STRETCHED * stored.max()
-    return float(columns["t"][int(columns["com_y"].argmin() if stretched else stored.argmax())])
-
-
-def _second_opinion(driver: Driver, time: Any, limit: float) -> tuple[float | None, Array]:
-    """The estimated error of the result, by another run, None where that has no result; (n, 2) its most compressed."""
-    scenario, columns = driver.scenario, driver.columns
-    time = replace(time, dt=driver.control.other_step(limit), integrator=driver.step.integrator.name)
-    other = Driver(scenario, time, driver.kernels, driver.control.spectrum, force=True)
-    other.advance(steps=round(greatest_compression(columns) / other.step.dt))
-    x = other.state.vectors[0]
-    try:
-        if other.advance() == "failed":
-            return None, x
-        error = error_estimate(other.control.record(other.columns), driver.control.record(columns))
-    except TaichiDiskError:  # no result
-        return None, x
-    return error + scenario.end_truncation_error(columns), x
 
 
 def inverted_triangles(scenario: Scenario, x: Array) -> int:

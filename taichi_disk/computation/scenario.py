@@ -33,7 +33,7 @@ class Scenario(ABC):
         view: (xmin, xmax, ymin, ymax) that the film keeps in sight [R].
         spoke: the point to which pictures draw a line from the disk's centre, so that a rotation is seen; -1: none.
         step_dependent: whether the primary result depends on the time step, beyond where the run happens to end.
-        resolving_step: the longest step that resolves the wall, where the result depends on the step [R/c].
+        wall_step: the longest step that resolves the wall, where the result depends on the step [R/c].
         truncation_remedy: which keys make `end_truncation_error` smaller.
         own_velocities: whether those at t = 0 were given, see `start_with`.
         static: whether nothing moves: equilibria under growing loads take the place of time, and the last is `rest`.
@@ -54,7 +54,7 @@ class Scenario(ABC):
     view: tuple[float, float, float, float]
     spoke: int = -1
     step_dependent: bool = True
-    resolving_step: float = float("inf")
+    wall_step: float = float("inf")
     truncation_remedy: str = ""
     rest: Equilibrium | None = None
     quiet_time: float = 0.0
@@ -112,6 +112,10 @@ class Scenario(ABC):
     def result(self, columns: Columns) -> dict[str, float]:
         """The numbers that the scene is run for, the primary result first, from the time series of an ended scene."""
 
+    def result_scales(self, columns: Columns) -> dict[str, float]:
+        """By how much each result that has an error estimate is off for a relative energy imbalance of 1, about."""
+        return {self.primary(columns)[0]: 1.0}
+
     def primary(self, columns: Columns) -> tuple[str, float]:
         """Name and value of the primary result, the one that a tolerance is for."""
         return next(iter(self.result(columns).items()))
@@ -164,7 +168,7 @@ class Scenario(ABC):
         return (f"t = {row['t']:7.3f} R/c",)
 
 
-def spread(times: list[float], shares: list[float], frames: int) -> Array:
-    """`frames` times from times[0] to times[-1], of which the share shares[i] lies in times[i]..times[i+1]."""
+def distribute(times: list[float], shares: list[float], frames: int) -> Array:
+    """Return `frames` times from times[0] to times[-1], of which the share shares[i] lies in times[i]..times[i+1]."""
     marks = np.concatenate([[0.0], np.cumsum(shares)]) / np.sum(shares)
     return np.interp(np.linspace(0.0, 1.0, frames), marks, times)

@@ -65,7 +65,7 @@ def explicit_limit(omega: float, damping: float) -> float:
     return float(2.0 / (damping + np.sqrt(damping**2 + omega**2)))
 
 
-def resolving_step(spectrum: Spectrum, model: Model, integrator: Integrator, error: float) -> float:
+def reset_step(spectrum: Spectrum, model: Model, integrator: Integrator, error: float) -> float:
     """Longest step [R/c] at which dashpots beside a `reset` boundary put e off by no more than `error`, about.
 
     A reset stirs up the lattice's fastest vibration omega, on which dashpots of the highest rate r act. Measured, with

@@ -1,11 +1,10 @@
-"""A wall's potential V0 exp(-a y), and what follows from its two numbers.
-
-NumPy is imported when it is used: scene files, whose sections have these numbers, are read without it.
-"""
+"""A wall's potential V0 exp(-a y), and what follows from its two numbers."""
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING
+
+import numpy as np
 
 if TYPE_CHECKING:
     from taichi_disk.lattice import Array
@@ -24,8 +23,6 @@ class ExponentialPotential:
 
     def potential(self, y: Array | float) -> Array:
         """V0 exp(-a y) [M c^2]; infinite far inside the wall."""
-        import numpy as np
-
         with np.errstate(over="ignore"):
             return np.asarray(self.V0 * np.exp(-self.a * y))
 
@@ -38,15 +35,11 @@ class ExponentialPotential:
 
         `heights` (k,) are those of the points above the lowest [R].
         """
-        import numpy as np
-
         total = np.log(np.exp(-self.a * heights).sum()) + np.log(self.V0)
         return float((total - np.log(energy)) / self.a)
 
     def height_of_force(self, force: float, heights: Array | float = 0.0) -> float:
         """Distance at which the wall pushes with `force` [M c^2/R], else as `height_of`."""
-        import numpy as np
-
         return float(np.log(self.a * self.V0 * np.exp(-self.a * heights).sum() / force) / self.a)
 
     def added_stiffness(self, force: float) -> float:

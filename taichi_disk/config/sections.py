@@ -151,7 +151,7 @@ class WallSection(ExponentialPotential, Section):
 
 
 class RoughWallSection(WallSection):
-    friction: float = key(0.0, "Coulomb's coefficient of friction on every point that the wall pushes", low=0, high=100)
+    friction: float = key(0.0, "Coulomb's coefficient of friction on every point that the wall pushes", low=0, high=10)
 
 
 class ElasticWallSection(ExponentialPotential, Section):

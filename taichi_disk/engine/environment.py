@@ -18,7 +18,7 @@ DEFAULTS = {
 def cache_folder() -> Path:
     """Return the folder in which the engine keeps compiled kernels."""
     home = os.environ.get("HOME") or os.environ.get("USERPROFILE") or "/nonexistent"
-    return Path(os.environ.get(CACHE) or Path(home, ".cache", "taichi", "ticache"))
+    return Path(os.environ.get(CACHE) or Path(home, ".cache/taichi/ticache"))
 
 
 def is_writable(folder: Path) -> bool:

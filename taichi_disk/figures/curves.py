@@ -15,8 +15,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.lines import Line2D
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
-from taichi_disk.config.scene_base import dashpots
-from taichi_disk.config.sweep_axes import Sweep, target_of
+from taichi_disk.config.conflicts import dashpots
 from taichi_disk.figures import theory
 from taichi_disk.figures.theory import Fit
 from taichi_disk.lattice import Array
@@ -24,6 +23,7 @@ from taichi_disk.output.files import atomic_write
 from taichi_disk.output.inline import Plot
 from taichi_disk.output.plot import STYLE, SUM, matplotlib_style
 from taichi_disk.scenes import Scene
+from taichi_disk.scenes.sweep_axes import Sweep, target_of
 
 Row = dict[str, Any]
 OF_CURVE = ("lattices", "young", "poisson", "x", "mean", "standard_deviation", "fits")  # in a summary, beside the label

@@ -14,9 +14,9 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import taichi as ti
 from numpy.typing import NDArray
 
+from taichi_disk.engine import ti
 from taichi_disk.lattice import Array, Lattice
 from taichi_disk.lattice.network import laplacian, symmetric_factors
 from taichi_disk.physics import MatchedBoundary, Model, PinnedBoundary
@@ -104,13 +104,13 @@ class DashpotSolver:
                 self.values[c][e] = values[e, c]
 
     @ti.func
-    def solve(self, state: ti.template(), v: ti.template()):
+    def solve(self, state: ti.template()):
         """Solve for v + h/2 f/m on the right-hand side; the result is left in `z`, in the order of elimination."""
         y = ti.static(self.components - 1)
         free, half = self.free[0], state.closing[None]
         for k in range(free):
             i = self.order[k]
-            put(self.z, k, state.mass[i] * get(v, i) + half * get(state.f, i))
+            put(self.z, k, state.mass[i] * get(state.v, i) + half * get(state.f, i))
         for k in range(free):
             zk = get(self.z, k)
             for e in range(self.column[k], self.column[k + 1]):
@@ -131,7 +131,7 @@ class DashpotSolver:
     @ti.func
     def solve_velocities(self, state: ti.template()):
         """The velocities u at this step into `state.u`; returns u.D u, u.D u_before, u.D v; D is all dashpots."""
-        self.solve(state, state.v)
+        self.solve(state)
         half = state.closing[None]
         power, cross, late = 0.0, 0.0, 0.0
         for k in range(self.free[0]):
@@ -147,37 +147,25 @@ class DashpotSolver:
 
     @ti.func
     def take_damped_force(self, state: ti.template()):
-        """The force that the solved velocities imply, so that v + h/2 f/m = u and v + h f/m = 2 u - v."""
+        """Put the force that the solved velocities imply into `f`: v + h/2 f/m = u, v + h f/m = 2 u - v.
+
+        At t = 0, where v is v_0, that is the implicit half step of which stiff dashpots overshoot nothing. The energy
+        balance then begins with what is returned: h^2/(8 m) F.(F - D u), F the force without dashpots.
+        """
+        half, stored = state.closing[None], 0.0
         for k in range(self.free[0]):
             i = self.order[k]
-            put(state.f, i, state.mass[i] * (get(state.u, i) - get(state.v, i)) / state.closing[None])
-
-    @ti.func
-    def begin(self, state: ti.template()):
-        """From v_0 in `u` and the force F_0 without dashpots in `f`: a first half step that takes them implicitly.
-
-        (1 + h/2 D/m) w = v_0 + h/2 F_0/m, or stiff dashpots would overshoot. Returns w.D w, w.D v_0 and what the
-        energy balance begins with, h^2/(8 m) F_0.(F_0 - D w).
-        """
-        self.solve(state, state.u)
-        half = state.closing[None]
-        power, late, stored = 0.0, 0.0, 0.0
-        for k in range(self.free[0]):
-            i, w = self.order[k], get(self.z, k)
-            force, v = get(state.f, i), get(state.u, i)
-            left = state.mass[i] * (w - v) / half
-            loss = force - left
-            power += w[0] * loss[0] + w[1] * loss[1]
-            late += v[0] * loss[0] + v[1] * loss[1]
-            stored += 0.5 * half * half * state.inverse_mass[i] * (force[0] * left[0] + force[1] * left[1])
-            put(state.f, i, left)
-            put(state.u, i, w)
-        return power, late, stored
+            force, damped = get(state.f, i), state.mass[i] * (get(state.u, i) - get(state.v, i)) / half
+            stored += 0.5 * half * half * state.inverse_mass[i] * (force[0] * damped[0] + force[1] * damped[1])
+            put(state.f, i, damped)
+        return stored
 
     @ti.func
     def restart(self, state: ti.template()):
         """From `u`, the velocities after a loss, and `f` without dashpots: solve for the half step to come."""
-        self.solve(state, state.u)
+        for k in range(self.free[0]):
+            put(state.v, self.order[k], get(state.u, self.order[k]))
+        self.solve(state)
         half = state.closing[None]
         for k in range(self.free[0]):
             i, z = self.order[k], get(self.z, k)

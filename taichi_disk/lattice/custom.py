@@ -23,6 +23,8 @@ _SMALLEST, _LARGEST = 0.5, 2.0  # half the larger extent [R]
 _OFF_CENTRE = 0.1  # of the points' mean from x = 0 [R]
 _COINCIDENT = 1e-6  # distance of two points, in hexagonal spacings
 _BROKEN = RuntimeError, EOFError, zipfile.BadZipFile, zlib.error  # what zip files raise
+MASSES = 1e-150, 1e150, 1e15  # least, most, and largest ratio: beyond it a step or a sum is no number any more
+STIFFNESS, REST_LENGTHS = (1e-12, 1e12), (1e-9, 1e3)
 LARGEST = 500_000_000  # bytes of a file: 2,000,000 points over as large a wall take 430,000,000
 
 
@@ -79,12 +81,18 @@ def checked_triangles(triangles: ArrayLike, x: Array, springs: Long | None) -> L
     return corners
 
 
-def positive(values: ArrayLike, count: int, name: str) -> Array:
+def positive(values: ArrayLike, count: int, name: str, low: float, high: float, ratio: float = np.inf) -> Array:
+    """`values` (count,), from `low` to `high`, the largest at most `ratio` times the smallest. Raises InputError."""
     array = numbers(values, name)
     if array.shape != (count,):
         raise InputError(f"{name} must have the shape ({count},), not {array.shape}")
-    for k in np.flatnonzero(~(np.isfinite(array) & (array > 0.0))):
-        raise InputError(f"{name}[{k}] is {array[k]:g}: it must be positive")
+    for k in np.flatnonzero(~((low <= array) & (array <= high))):
+        raise InputError(f"{name}[{k}] is {array[k]:g}: it must be a positive number, from {low:g} to {high:g}")
+    least = int(array.argmin())
+    if array.max() > ratio * array[least]:
+        raise InputError(
+            f"{name}[{least}] is {array[least]:g}, less than {1 / ratio:g} of the largest, {array.max():g}"
+        )
     return array
 
 

@@ -173,11 +173,12 @@ class Lattice:
                 4 R, the mean within 0.1 R of x = 0. Any y: the scene chooses the height.
             springs: (m, 2) whole numbers, pairs of rows of `points` from 0, each pair once. Every point is a corner of
                 a triangle of springs.
-            rest_lengths: (m,) [R], above 0, in the order of `springs`; without, the springs are at rest at `points`.
+            rest_lengths: (m,) [R], 1e-9 to 1000, in the order of `springs`; without, these are at rest at `points`.
             triangles: (t, 3) rows of `points`; their sides are springs, all of them where `springs` are not given.
-            stiffness: (m,) above 0, in the order of `springs`: by which k_a, k_b and eta of each are multiplied. Let
-                that be 1 for most: times and forces are estimated from k_a.
-            masses: (n,) above 0, in any unit: they are scaled to 1 M in all. Without, all are equal.
+            stiffness: (m,) 1e-12 to 1e12, in the order of `springs`: by which k_a, k_b and eta of each are multiplied.
+                Let that be 1 for most: times and forces are estimated from k_a.
+            masses: (n,) 1e-150 to 1e150, in any unit, none below 1e-15 of the largest: they are scaled to 1 M in all.
+                Without, all are equal.
 
         Returns a lattice without a wall. Its springs are sorted by their points.
 
@@ -194,13 +195,16 @@ class Lattice:
             lattice, order = _meshed(x)
         given: dict[str, Any] = {"masses": lattice.masses}
         if masses is not None:
-            given["masses"] = custom.positive(masses, len(x), "masses")[order]
-        for name, values in (("rest_lengths", rest_lengths), ("stiffness", stiffness)):
+            given["masses"] = custom.positive(masses, len(x), "masses", *custom.MASSES)[order]
+        for name, values, limits in (
+            ("rest_lengths", rest_lengths, custom.REST_LENGTHS),
+            ("stiffness", stiffness, custom.STIFFNESS),
+        ):
             if values is not None and bonds is None:
                 raise InputError(f"{name} need the springs that they belong to")
             if values is not None and bonds is not None:
                 rank = np.argsort(pair_keys(np.argsort(order)[bonds], len(x)))
-                given[name] = custom.positive(values, len(bonds), name)[rank]
+                given[name] = custom.positive(values, len(bonds), name, *limits)[rank]
         return replace(lattice, **given | _unlike(given["masses"], given.get("stiffness")))
 
 
@@ -241,7 +245,10 @@ def tiled(points: Array, triangles: Long, bonds: Long | None = None) -> tuple[La
     side, first, count = distinct_sides(triangles, n)
     area = 0.5 * float(double_area(points[triangles]).sum())
     # Round each hole there is one more chain, clockwise.
-    outline, *holes = sorted(chains(side[first[count == 1]]), key=lambda one: -polygon_area(points[one]))
+    rings = sorted(chains(side[first[count == 1]]), key=lambda one: -polygon_area(points[one]))
+    if not rings:  # no triangles, or each of them given twice
+        raise SimulationError("the triangulation has no outline: choose another lattice seed")
+    outline, *holes = rings
     open_ = all(polygon_area(points[hole]) < -1e-9 * area for hole in holes)
     whole = abs(area - sum(polygon_area(points[one]) for one in (outline, *holes))) <= 1e-9 * area
     euler = n - len(first) + len(triangles) == 1 - len(holes)

@@ -25,8 +25,8 @@ from taichi_disk.output.files import PROGRAM, atomic_write, check_pictures, orig
 if TYPE_CHECKING:
     from taichi_disk.computation.driver import Moment
     from taichi_disk.computation.scenario import Scenario
-    from taichi_disk.config.scene_base import SceneBase
     from taichi_disk.physics.model import Model
+    from taichi_disk.scenes.scene import DiskScene
 
 
 @dataclass(frozen=True)
@@ -67,13 +67,13 @@ def _frames(lattice: Lattice, model: Model, moments: Iterable[Moment]) -> Iterat
 # ---- the formats: each writer takes a path, the scene to tell of, the lattice, and the frames one after the other
 
 
-def _in_a_line(scene: SceneBase) -> str:
+def _in_a_line(scene: DiskScene) -> str:
     """The scene without comments, as YAML in one line without a double quote."""
     text = yaml.safe_dump(yaml.safe_load(scene.to_yaml()), default_flow_style=True, sort_keys=False, width=inf)
     return str(text).strip().replace('"', "'")
 
 
-def _write_xyz(path: Path, scene: SceneBase, lattice: Lattice, frames: Iterator[Frame]) -> None:
+def _write_xyz(path: Path, scene: DiskScene, lattice: Lattice, frames: Iterator[Frame]) -> None:
     """Extended XYZ: text, a line for each point, with 12 digits. It knows no springs.
 
     Strain and tension are means over the springs of a point, energy is half of theirs, so that it adds up. ASE takes no
@@ -106,7 +106,7 @@ def _write_xyz(path: Path, scene: SceneBase, lattice: Lattice, frames: Iterator[
             file.writelines(line % (kind, *row) for kind, row in zip(species, table.tolist(), strict=True))
 
 
-def _write_gsd(path: Path, scene: SceneBase, lattice: Lattice, frames: Iterator[Frame]) -> None:
+def _write_gsd(path: Path, scene: DiskScene, lattice: Lattice, frames: Iterator[Frame]) -> None:
     """GSD in HOOMD's schema: positions in single precision, our quantities as logged arrays in double."""
     import gsd.hoomd
 
@@ -132,7 +132,7 @@ def _write_gsd(path: Path, scene: SceneBase, lattice: Lattice, frames: Iterator[
             file.append(shot)
 
 
-def _write_vtu(path: Path, scene: SceneBase, lattice: Lattice, frames: Iterator[Frame]) -> None:
+def _write_vtu(path: Path, scene: DiskScene, lattice: Lattice, frames: Iterator[Frame]) -> None:
     """VTK's unstructured grids: a .pvd that lists the .vtu files, which are in a folder of its name.
 
     Each frame is two files, one of springs (lines), one of triangles: each has its own quantities, and can be hidden.
@@ -162,7 +162,7 @@ def _write_vtu(path: Path, scene: SceneBase, lattice: Lattice, frames: Iterator[
     write_text(path, "\n".join([*lines, "</Collection>", "</VTKFile>", ""]))
 
 
-def _write_npz(path: Path, scene: SceneBase, lattice: Lattice, frames: Iterator[Frame]) -> None:
+def _write_npz(path: Path, scene: DiskScene, lattice: Lattice, frames: Iterator[Frame]) -> None:
     """t (T,), positions and velocities (T, n, 2), points_…, springs_…, triangles_… as in `Frame`, energies, lattice.
 
     As `np.savez` writes it, but with one frame in memory: a file for each array holds its frames until all are there.
@@ -212,7 +212,7 @@ def _in_space(values: Array) -> Array:
 
 class Format(NamedTuple):
     suffix: str
-    write: Callable[[Path, SceneBase, Lattice, Iterator[Frame]], None]
+    write: Callable[[Path, DiskScene, Lattice, Iterator[Frame]], None]
     package: str = ""  # that it needs
 
 

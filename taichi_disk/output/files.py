@@ -28,7 +28,7 @@ from taichi_disk.simulation.observables import COLUMNS
 from taichi_disk.version import __version__
 
 if TYPE_CHECKING:
-    from taichi_disk.config.scene_base import SceneBase
+    from taichi_disk.scenes.scene import DiskScene
 
 PROGRAM = f"taichi-disk {__version__}"
 FILMS = ("video.mp4", "video.webm", "video.gif", "frames")
@@ -312,7 +312,7 @@ def provenance() -> dict[str, str]:
     return found
 
 
-def origin(*scenes: SceneBase) -> str:
+def origin(*scenes: DiskScene) -> str:
     """What films, pictures and trajectories carry: version and scenes, as YAML that `load_scene` takes, and no date."""
     return f"# {PROGRAM}\n" + "---\n".join(scene.to_yaml() for scene in scenes)
 

@@ -19,9 +19,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from taichi_disk.computation.contact import results_time, vibration_left
 from taichi_disk.output.files import Array, atomic_write, origin
 from taichi_disk.signals import ignored_by_children
-from taichi_disk.simulation.observables import BLUE, BY_NAME, SKY, of_kind, vibration_left
+from taichi_disk.simulation.observables import BLUE, BY_NAME, SKY, of_kind
 
 if TYPE_CHECKING:
     from taichi_disk.computation.scenario import Scenario
@@ -89,7 +90,7 @@ def draw_curves(axes: list[Any], scenario: Scenario, columns: Columns, **look: A
         left = vibration_left(columns)
         dot: dict[str, Any] = {"color": SKY, "marker": "o", "markersize": 4, "clip_on": False}
         name = f"vibration left {100.0 * left:.2g} %"
-        lines += axes[2].plot(t[-1:], [left * flight], label=name, **dot, **look)
+        lines += axes[2].plot([results_time(columns)], [left * flight], label=name, **dot, **look)
     return lines
 
 

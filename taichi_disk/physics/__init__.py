@@ -1,6 +1,5 @@
 """The laws of motion: each with its numbers, its Taichi functions, and its energy and forces in NumPy."""
 
-from taichi_disk.engine import ti  # in an environment that suits it, before the laws import it
 from taichi_disk.physics.body_forces import ExponentialWall, Load, MouseSpring
 from taichi_disk.physics.boundaries import Boundary, MatchedBoundary, PinnedBoundary, ResetBoundary, matched_impedance
 from taichi_disk.physics.elastic_wall import ElasticWall

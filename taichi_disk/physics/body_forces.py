@@ -2,13 +2,13 @@
 
 from dataclasses import dataclass
 from math import exp
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
-import taichi as ti
 from numpy.typing import NDArray
 
 from taichi_disk.config.potential import ExponentialPotential
+from taichi_disk.engine import ti
 from taichi_disk.lattice import Array, Lattice
 from taichi_disk.physics.law import BodyForce, Capacity, array, get, pair_of, put, scalar
 
@@ -25,14 +25,12 @@ class ExponentialWall(ExponentialPotential, BodyForce):
     V0: float  # potential at y = 0 [M c^2]; another V0 shifts the wall by ln(ratio)/a and changes no result
     friction: float = 0.0  # coefficient mu of Coulomb's friction; 0: none
 
-    column: ClassVar[str] = "wall"
-
     def __post_init__(self) -> None:
-        self.rough = self.friction != 0.0
+        self.has_friction = self.friction != 0.0
 
     @property
     def signature(self) -> tuple[Any, ...]:
-        return (self.rough,)
+        return (self.has_friction,)
 
     @property
     def reach(self) -> float:
@@ -41,21 +39,21 @@ class ExponentialWall(ExponentialPotential, BodyForce):
 
     def make_fields(self, builder: Any, capacity: Capacity) -> None:
         self.a_now, self.V0_now, self.reach_now = (scalar(builder) for _ in range(3))
-        if self.rough:
+        if self.has_friction:
             self.friction_now = scalar(builder)
 
     def numbers(self) -> list[tuple[Any, float]]:
         numbers = [(self.a_now, self.a), (self.V0_now, self.V0), (self.reach_now, self.reach)]
-        return [*numbers, (self.friction_now, self.friction)] if self.rough else numbers
+        return [*numbers, (self.friction_now, self.friction)] if self.has_friction else numbers
 
     @ti.func
     def at(self, state: ti.template(), i):
         y = state.x[1][i]
-        push = 0.0
+        point_force = 0.0
         if y < self.reach_now[None]:
             a, V0 = self.a_now[None], self.V0_now[None]
-            push = a * V0 * ti.exp(-a * y)
-        return ti.Vector([0.0, push])
+            point_force = a * V0 * ti.exp(-a * y)
+        return ti.Vector([0.0, point_force])
 
     @ti.func
     def potential_at(self, state: ti.template(), i):
@@ -76,9 +74,9 @@ class ExponentialWall(ExponentialPotential, BodyForce):
         """
         power = 0.0
         for i in range(state.n_disk[None]):
-            push = self.at(state, i)[1]
-            if push > 0.0:
-                most = self.friction_now[None] * push
+            point_force = self.at(state, i)[1]
+            if point_force > 0.0:
+                most = self.friction_now[None] * point_force
                 v, f = state.v[0][i], state.f[0][i]
                 force = ti.max(-most, ti.min(most, -(v * state.mass[i] / kick + f)))
                 state.f[0][i] = f + force
@@ -114,7 +112,7 @@ class ExponentialWall(ExponentialPotential, BodyForce):
         `moving`: the velocities (n, 2) [c] and the springs, where friction counts.
         """
         points, force = np.flatnonzero(x[: lattice.disk_points, 1] < self.reach), self.forces(lattice, x)
-        if moving and self.rough:
+        if moving and self.has_friction:
             v, springs = moving
             others = springs.forces(lattice, x) + springs.damping_forces(lattice, x, v)
             force[:, 0] = self.friction_on(lattice, x, v, others)
@@ -136,10 +134,10 @@ class Load(BodyForce):
 
     @ti.func
     def at(self, state: ti.template(), i):
-        push = 0.0
+        load = 0.0
         if i < state.n_disk[None]:
-            push = self.force_now[None] * state.mass[i]
-        return ti.Vector([0.0, -push])
+            load = self.force_now[None] * state.mass[i]
+        return ti.Vector([0.0, -load])
 
     @ti.func
     def potential_at(self, state: ti.template(), i):

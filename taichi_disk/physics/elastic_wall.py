@@ -9,10 +9,10 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import taichi as ti
 from numpy.typing import NDArray
 
 from taichi_disk.config.potential import ExponentialPotential
+from taichi_disk.engine import ti
 from taichi_disk.lattice import Array, Lattice
 from taichi_disk.physics.law import Capacity, Integers1, Law, array, get, put, scalar
 
@@ -26,7 +26,7 @@ class Contacts:
     shares: Array  # (k, w) in which parts
     distance: Array  # (k,) l [R]
     energy: Array  # (k,) V0 exp(-a l), not shifted [M c^2]
-    push: Array  # (k, 2) force on each [M c^2/R]
+    force: Array  # (k, 2) on each [M c^2/R]
 
 
 @ti.data_oriented
@@ -80,9 +80,9 @@ class ElasticWall(ExponentialPotential, Law):
         """
         a, V0, threshold = self.a_now[None], self.V0_now[None], self.threshold_now[None]
         x, y = ti.static(state.x[0], state.x[1])
-        upward, potential, highest, slid = 0.0, 0.0, 0.0, 0.0
+        upward, potential, peak_point_force, slid = 0.0, 0.0, 0.0, 0.0
         last = self.count[1] - 1
-        top, left = self.highest_and_left(state)
+        top, left = self.top_and_left(state)
         pitch = (x[self.wall_surface[last]] - left) / last
         for n in range(self.count[0]):
             i = self.disk_surface[n]
@@ -95,18 +95,18 @@ class ElasticWall(ExponentialPotential, Law):
                     distance, lever, normal = self.over(state, i, k, 0.0)
                     if distance < threshold:
                         energy = V0 * ti.exp(-a * distance)
-                        push = (a * energy) * normal
-                        put(state.f, i, get(state.f, i) + push)
-                        put(state.f, p, get(state.f, p) - (1.0 - lever) * push)
-                        put(state.f, q, get(state.f, q) - lever * push)
-                        upward += push[1]
+                        point_force = (a * energy) * normal
+                        put(state.f, i, get(state.f, i) + point_force)
+                        put(state.f, p, get(state.f, p) - (1.0 - lever) * point_force)
+                        put(state.f, q, get(state.f, q) - lever * point_force)
+                        upward += point_force[1]
                         potential += energy - self.shift_now[None]
-                        highest = ti.max(highest, a * energy)
+                        peak_point_force = ti.max(peak_point_force, a * energy)
                         slid += self.slid(state, i, k, move)
-        return upward, potential, highest, slid
+        return upward, potential, peak_point_force, slid
 
     @ti.func
-    def highest_and_left(self, state: ti.template()):
+    def top_and_left(self, state: ti.template()):
         """y of the wall's highest surface point, x of its first."""
         top = state.x[1][self.wall_surface[0]]
         for k in range(1, self.count[1]):
@@ -179,21 +179,21 @@ class ElasticWall(ExponentialPotential, Law):
     ) -> Contacts:
         """Those within the threshold, each pushed along its `direction` (k, 2)."""
         with np.errstate(over="ignore", invalid="ignore"):  # after a blow-up
-            energy, push = self.potential(distance), self.force_at(distance)[:, None] * direction
+            energy, force = self.potential(distance), self.force_at(distance)[:, None] * direction
         near = distance < self.threshold
-        return Contacts(points[near], carriers[near], shares[near], distance[near], energy[near], push[near])
+        return Contacts(points[near], carriers[near], shares[near], distance[near], energy[near], force[near])
 
     def energy(self, lattice: Lattice, x: Array) -> float:
         return float((self.contacts(lattice, x).energy - self.shift).sum())
 
     def forces(self, lattice: Lattice, x: Array) -> Array:
         found, force = self.contacts(lattice, x), np.zeros_like(x)
-        np.add.at(force, found.points, found.push)
+        np.add.at(force, found.points, found.force)
         for carrier, share in zip(found.carriers.T, found.shares.T, strict=True):
-            np.add.at(force, lattice.wall_surface[carrier], -share[:, None] * found.push)
+            np.add.at(force, lattice.wall_surface[carrier], -share[:, None] * found.force)
         return force
 
     def contact_forces(self, lattice: Lattice, x: Array, *_moving: Any) -> tuple[NDArray[np.intp], Array]:
         """(points (k,), forces (k, 2) [M c^2/R]) of the wall on the disk's surface points within the threshold."""
         found = self.contacts(lattice, x)
-        return found.points, found.push
+        return found.points, found.force

@@ -9,11 +9,11 @@ field, so fields of vectors are pairs of scalar fields, side by side in memory; 
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
-import taichi as ti
 
+from taichi_disk.engine import ti
 from taichi_disk.lattice import Array, Lattice
 
 # NumPy arrays that kernels take.
@@ -72,8 +72,14 @@ class Capacity:
 class Law:
     """A force or a constraint: numbers, Taichi functions, and energy and forces in NumPy.
 
-    An object of its own is a value: numbers and NumPy. A `Simulation` takes a copy, has it make fields, and fills them.
+    Outside a `Simulation` a law is a plain value: numbers and NumPy. A simulation copies the law and gives the copy
+    fields, which kernels read.
+
+    Attributes:
+        has_friction: whether the law, a wall, also resists sliding, by a function `rub`.
     """
+
+    has_friction: bool = False
 
     @property
     def signature(self) -> tuple[Any, ...]:
@@ -82,6 +88,11 @@ class Law:
 
     def make_fields(self, builder: Any, capacity: Capacity) -> None:
         """Make the law's fields; those of numbers by `scalar`."""
+
+    def take_values(self, other: "Law") -> None:
+        """Become the value that `other`, a law with the same `signature`, is; the fields stay."""
+        for name, value in vars(other).items():
+            setattr(self, name, value)
 
     def numbers(self) -> list[tuple[Any, float]]:
         """The 0-D fields, each with the number that it holds. (A simulation writes all of them with one kernel.)"""
@@ -117,10 +128,8 @@ class Law:
 class BodyForce(Law):
     """A force on each point that depends on nothing but the point. Kernels add it while they move the point.
 
-    Class attributes:
-        column: the energy column of the time series that its potential is added to, "wall" or "load".
+    Its potential counts as `wall` in the time series if it is the model's wall, else as `load`.
     """
 
-    column: ClassVar[str] = "load"
     at: Callable[..., Any]  # ti.func (state, i) -> force vector on point i [M c^2/R]
     potential_at: Callable[..., Any]  # ti.func (state, i) -> energy of point i [M c^2]

@@ -41,19 +41,18 @@ class Model:
         return self.wall if isinstance(self.wall, ElasticWall) else None
 
     @property
-    def rough(self) -> bool:
-        """Whether there is friction."""
-        return isinstance(self.wall, ExponentialWall) and self.wall.rough
+    def has_friction(self) -> bool:
+        return self.wall is not None and self.wall.has_friction
 
     @property
     def solvable(self) -> bool:
         """Whether `trapezoidal` serves: it takes no axial dashpots, and is of order 1 beside friction."""
-        return self.springs.damped and not (self.springs.axial or self.rough)
+        return self.springs.damped and not (self.springs.axial or self.has_friction)
 
     @property
     def velocity_dependent(self) -> bool:
         """Whether any force depends on velocity."""
-        return self.springs.damped or self.rough or isinstance(self.boundary, MatchedBoundary)
+        return self.springs.damped or self.has_friction or isinstance(self.boundary, MatchedBoundary)
 
     @property
     def reset_interval(self) -> float:
@@ -77,7 +76,7 @@ class Model:
     def forces_moving(self, lattice: Lattice, x: Array, v: Array) -> Array:
         """Force (n, 2) on each point that moves with the velocity `v` (n, 2) [c]; 0 on those held fast."""
         force = self.forces(lattice, x) + sum(law.damping_forces(lattice, x, v) for law in self.laws)
-        if isinstance(self.wall, ExponentialWall) and self.wall.rough:
+        if isinstance(self.wall, ExponentialWall) and self.wall.has_friction:
             force[:, 0] += self.wall.friction_on(lattice, x, v, force)
         if isinstance(self.boundary, PinnedBoundary):
             force[lattice.wall_boundary] = 0.0

@@ -1,4 +1,4 @@
-"""An order of the springs in which neighbours in the list share no point, and large lattices cut into subdomains.
+"""Order the springs so that consecutive ones share no point, and split large lattices into subdomains.
 
 The points come in an order in which the ends of a spring are no further apart in the list than some `reach`, about
 1.5 sqrt(N). Subdomains of consecutive points, several times that long, can be moved in parallel: the springs inside one
@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 BLOCK = 8  # springs handled together, so that their square roots and divisions become one vector instruction
 WINDOW = 16  # points whose springs are shuffled among themselves: few enough to stay in the first-level cache
 PARALLEL_FROM = 50_000  # points from which two cores gain clearly; they break even near 35,000
-SUBDOMAINS = 8  # of a large lattice: each more leaves another seam to one core
-LEAST_REACHES = 4  # of a subdomain, so that seams are short beside it
+MAX_SUBDOMAINS = 8  # of a large lattice: each more leaves another seam to one core
+MIN_REACHES = 4  # in a subdomain, so that few of its springs cross a seam
 
 
 @dataclass(frozen=True)
@@ -51,9 +51,9 @@ def arrange(bonds: NDArray[np.int32], points: int) -> Arrangement:
     count = 1
     if points >= PARALLEL_FROM:
         reach = int((bonds[:, 1] - bonds[:, 0]).max())
-        count = max(1, min(SUBDOMAINS, points // (LEAST_REACHES * reach)))
+        count = max(1, min(MAX_SUBDOMAINS, points // (MIN_REACHES * reach)))
     size = -(-points // count)
-    count, order = -(-points // size), spread(bonds, points)
+    count, order = -(-points // size), interleave_springs(bonds, points)
     first, last = bonds[order].T // size
     within = [(first == c) & (last == c) for c in range(count)]
     sources, ends = [], []
@@ -67,7 +67,7 @@ def arrange(bonds: NDArray[np.int32], points: int) -> Arrangement:
     return Arrangement(np.concatenate(ends), np.concatenate(sources), size, ends_at)
 
 
-def spread(bonds: NDArray[np.int32], points: int) -> NDArray[np.int64]:
+def interleave_springs(bonds: NDArray[np.int32], points: int) -> NDArray[np.int64]:
     """Order (m,) of `bonds` (m, 2), which are sorted by their first point.
 
     Adding to a point's force right after another spring has added to it waits for the store before. Springs of one

@@ -12,8 +12,8 @@ torque that is left is l times the horizontal force. Beyond the middles of the o
 """
 
 import numpy as np
-import taichi as ti
 
+from taichi_disk.engine import ti
 from taichi_disk.lattice import Array, Lattice
 from taichi_disk.physics.elastic_wall import Contacts, ElasticWall
 from taichi_disk.physics.law import get, put
@@ -31,9 +31,9 @@ class SmoothElasticWall(ElasticWall):
         nothing is lost by sliding.
         """
         a, V0, threshold = self.a_now[None], self.V0_now[None], self.threshold_now[None]
-        upward, potential, highest = 0.0, 0.0, 0.0
+        upward, potential, peak_point_force = 0.0, 0.0, 0.0
         last = self.count[1] - 1
-        top, left = self.highest_and_left(state)
+        top, left = self.top_and_left(state)
         pitch = (state.x[0][self.wall_surface[last]] - left) / last
         for n in range(self.count[0]):
             i = self.disk_surface[n]
@@ -55,15 +55,15 @@ class SmoothElasticWall(ElasticWall):
                     if height < threshold:
                         slope = (p[1] + t * (q[1] - p[1])) / (p[0] + t * (q[0] - p[0]))
                         energy = V0 * ti.exp(-a * height)
-                        push = (a * energy) * ti.Vector([-slope, 1.0])
-                        put(state.f, i, get(state.f, i) + push)
-                        put(state.f, before, get(state.f, before) - (0.5 * (1.0 - t) * (1.0 - t)) * push)
-                        put(state.f, middle, get(state.f, middle) - (0.5 + t - t * t) * push)
-                        put(state.f, after, get(state.f, after) - (0.5 * t * t) * push)
-                        upward += push[1]
+                        point_force = (a * energy) * ti.Vector([-slope, 1.0])
+                        put(state.f, i, get(state.f, i) + point_force)
+                        put(state.f, before, get(state.f, before) - (0.5 * (1.0 - t) * (1.0 - t)) * point_force)
+                        put(state.f, middle, get(state.f, middle) - (0.5 + t - t * t) * point_force)
+                        put(state.f, after, get(state.f, after) - (0.5 * t * t) * point_force)
+                        upward += point_force[1]
                         potential += energy - self.shift_now[None]
-                        highest = ti.max(highest, push.norm())
-        return upward, potential, highest, 0.0
+                        peak_point_force = ti.max(peak_point_force, point_force.norm())
+        return upward, potential, peak_point_force, 0.0
 
     # ---- in NumPy
 

@@ -11,8 +11,8 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import taichi as ti
 
+from taichi_disk.engine import ti
 from taichi_disk.lattice import Array, Lattice
 from taichi_disk.lattice.network import assemble, network_stiffness
 from taichi_disk.physics.law import Capacity, Law, Reals1, get, put, scalar, side_by_side
@@ -31,10 +31,10 @@ class Springs(Law):
     k_b: float = 0.0  # cubic spring constant [M c^2/R^4]; 0: no cubic term is computed
     eta: float = 0.0  # dashpot constant eta_dis = eta* m c/R of every spring [M c/R]; 0: no dashpots
     axial: bool = False  # whether dashpots resist the part of a velocity along their spring alone
+    unlike = False  # whether the springs have a `Lattice.stiffness`: a simulation sets it on its copy
 
     def __post_init__(self) -> None:
         self.cubic, self.damped = self.k_b != 0.0, self.eta != 0.0
-        self.unlike = False  # whether the springs have a `Lattice.stiffness`: a `Simulation` sets it
 
     @property
     def modulus(self) -> float:

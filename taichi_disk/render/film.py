@@ -10,7 +10,8 @@ from pathlib import Path
 
 import numpy as np
 
-from taichi_disk.computation.outcome import Outcome, greatest_compression
+from taichi_disk.computation.contact import greatest_compression
+from taichi_disk.computation.outcome import Outcome
 from taichi_disk.computation.scenario import Scenario
 from taichi_disk.config.sections import VideoSection
 from taichi_disk.errors import InputError
@@ -31,6 +32,7 @@ _LONGEST = 4.0  # arrows of the full force that an arrow may be as long as: it e
 _BESIDE = 0.05  # what is seen at the least on either side of the disk, whose flight may take it out of the view [R]
 _HIGHEST = 4.0  # where a disk is still seen that flies on while the one beside it is not yet done [R]
 _BELOW = 0.16  # what is seen of the rigid wall below its edge [R]
+_LABEL = 1.5  # times as large as a title is what sets a run apart from those beside it
 _PANEL = 360  # pixels of a picture from which curves beside it have room for their words
 
 
@@ -103,10 +105,10 @@ def _pictures(runs: Sequence[Run], video: VideoSection, shots: Sequence[Cue]) ->
     limit, full_force = max(one.limit for one in painters), max(one.full_force for one in painters)
     ends = [each for run in runs for each in lines(*run, (shots[0], (shots[-1][0], None)))]
     samples = [*(line for each in ends for line in each), *dict.fromkeys(note or "" for _, note in shots)]
-    legends = []
+    legends, enlarged = [], _LABEL if len(runs) > 1 else 1.0
     for painter, title in zip(painters, titles(runs), strict=True):
         painter.limit, painter.full_force = limit, full_force
-        legends.append(Legend(painter, video.size, video.size, title, samples, len(ends[0])))
+        legends.append(Legend(painter, video.size, video.size, title, samples, len(ends[0]), enlarged))
     (xmin, _, ymin, _), (_, xmax, _, ymax) = np.min(views, axis=0), np.max(views, axis=0)
     panel = None
     if video.panel and video.size >= _PANEL:

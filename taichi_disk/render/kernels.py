@@ -5,8 +5,9 @@ iterations cost less than waking a second thread.
 """
 
 import numpy as np
-import taichi as ti
 from numpy.typing import NDArray
+
+from taichi_disk.engine import ti
 
 VERTEX = 12  # numbers of a vertex as GGUI takes it: position (3), normal (3), texture (2), colour (4)
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from copy import copy
 from functools import lru_cache
 from importlib.util import find_spec
 from pathlib import Path
@@ -90,15 +91,30 @@ class Legend:
     """
 
     def __init__(
-        self, painter: Painter, width: int, height: int, title: Sequence[str], samples: Sequence[str], rows: int
+        self,
+        painter: Painter,
+        width: int,
+        height: int,
+        title: Sequence[str],
+        samples: Sequence[str],
+        rows: int,
+        enlarged: float = 1.0,
     ) -> None:
-        """`samples`: of the lines that change, the longest among them; `rows`: how many of those there are at once."""
-        size = min(width, height)
+        """Lay out the text.
+
+        Args:
+            title: lines that stay.
+            samples: of the lines that change, the longest among them.
+            rows: how many of these there are at once.
+            enlarged: how many times as large as usual the title's first line is.
+        """
+        self._size = size = min(width, height)
         title = [*title[:-1], "    ".join([title[-1], *painter.remarks])]
         self.painter, self.unit, self._width, self._height = painter, size / 720, width, height
         theme = THEMES[painter.theme]
         self._ground, self._ink, self._faint, self._rule = map(ink, (theme.ground, theme.ink, theme.faint, theme.rule))
         self._small, self._heading = max(_SMALL * self.unit, LEAST), max(_HEADING * self.unit, LEAST + 1)
+        self._first = enlarged * self._heading
         self._margin, self._leading = max(_MARGIN * self.unit, 7.0), round(1.5 * self._small)
         self._column = math.ceil(max(text_width(*self._set(line)) for line in samples) + self._margin)
         fits = int((_MOST * size - self._margin) / self._leading) if size >= _LABELLED else 0
@@ -111,7 +127,7 @@ class Legend:
         """The lines of a title as they are set, broken where they do not fit beside the column, between parts first."""
         width, lines = self._width - self._column - 2.0 * self._margin, []
         for k, line in enumerate(title):
-            size, bold, now = (self._small, False, "") if k else (self._heading, True, "")
+            size, bold, now = (self._small, False, "") if k else (self._first, True, "")
             for part in line.split("    "):
                 words = [part] if text_width(part, size, bold) <= width else part.split(" ")
                 for n, word in enumerate(words):
@@ -128,13 +144,19 @@ class Legend:
         return line.removeprefix("*"), self._heading if line.startswith("*") else self._small, line.startswith("*")
 
     def _baseline(self, k: int) -> float:
-        return self._margin + 0.72 * self._heading + self._leading * k
+        return self._margin + 0.72 * self._first + self._leading * k
 
     def still(self, scale: float) -> NDArray[np.uint8]:
         """(height, width, 3) what does not change; `scale`: pixels per R."""
         image = Image.new("RGB", (self._width, self._height), self._ground)
         self.draw(ImageDraw.Draw(image), scale)
         return np.array(image)
+
+    def below(self, width: int, scale: float) -> NDArray[np.uint8]:
+        """(footer, width, 3) the scales alone, below several disks together `width` pixels wide."""
+        wide = copy(self)
+        wide._width, wide._title = width, []
+        return wide.still(scale)[self._height - self.footer :]
 
     def draw(self, draw: Any, scale: float) -> None:
         """What does not change: title, scales of colours, lengths, arrows; `scale`: pixels per R."""
@@ -167,10 +189,10 @@ class Legend:
         left, right, row = self._margin, self._width - self._margin, top + height / 2
         if full := self.painter.full_force:
             pixels = ARROW * scale / full  # of a force of 1 Mc²/R
-            force = round_below(_ARROW * self._width / pixels)
+            force = round_below(_ARROW * self._size / pixels)
             ends, line = (left, left + force * pixels), f"{label(force)} Mc²/R"
             _, left = self._draw_length(draw, ends, row, line, numbers, arrow=True)
-        length = round_below(_LENGTH * self._width / scale)
+        length = round_below(_LENGTH * self._size / scale)
         line = f"{length:g} R".removeprefix("1 ")
         right, _ = self._draw_length(draw, (right - length * scale, right), row, line, numbers)
         free = 2.0 * (self._width / 2 - max(left, self._width - right) - 3.0 * self._small)

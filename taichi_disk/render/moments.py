@@ -64,21 +64,23 @@ def cues(runs: Sequence[Run], frames: int, fps: int, span: Span) -> list[Cue]:
     count = max(3, frames)
     scenario, outcome = max(runs, key=lambda run: float(run[1].columns["t"][-1]))
     columns = outcome.columns
-    first, last = (time_of(0.0 if span.start is None else span.start, columns), time_of(span.end or "end", columns))
+    first = 0.0 if span.start is None else time_of(span.start, columns)
+    last = time_of("end" if span.end is None else span.end, columns)
     if not first < last:
         raise InputError(f"a film has to end after it begins, not from {first:.6g} to {last:.6g} R/c")
     peak, whole = greatest_compression(columns), last == columns["t"][-1]
-    pause = round(_PAUSE * count) if first <= peak <= last else 0
+    has_peak = first <= peak <= last
+    pause = round(_PAUSE * count) if has_peak else 0
     end = max(round(_END * count), 1) if whole else 0
     times = scenario.frame_times(columns, count - pause - end)
     if first > 0.0 or not whole:  # at the pace of the whole film
         every, number = scenario.frame_times(columns, _FINE), np.arange(_FINE)
-        ends = np.interp([first, last], every, number)
-        times = np.interp(np.linspace(*ends, count - pause - end), number, every)
+        begin, stop = np.interp([first, last], every, number)
+        times = np.asarray(np.interp(np.linspace(begin, stop, count - pause - end), number, every))
     greatest = int(np.abs(times - peak).argmin())
-    if greatest == len(times) - 1:
+    if has_peak and greatest == len(times) - 1:
         pause, end = 0, pause + end
-    elif greatest > 0:
+    elif has_peak and greatest > 0:
         times[greatest] = peak
     paces = [scenario.pace.format(float(f"{pace:.2g}")) for pace in fps * np.diff(times)]
     found: list[Cue] = list(zip(times.tolist(), [*paces, *paces[-1:]], strict=True))
@@ -137,7 +139,5 @@ def titles(runs: Sequence[Run]) -> list[tuple[str, ...]]:
                 for part, value in zip(parts, values, strict=True):
                     number = f"{value:g}{unit}" if isinstance(value, float) else f"{value}"
                     part.append(f"{_SYMBOLS.get(one, one.replace('_', ' '))} = {number}")
-    labels = ["    ".join(part) for part in parts]
-    return [
-        (label or scenario.title()[0], *scenario.title()[1:]) for label, (scenario, _) in zip(labels, runs, strict=True)
-    ]
+    names = [scenario.title() for scenario, _ in runs]
+    return [("    ".join(part) or name[0], *name[1:]) for part, name in zip(parts, names, strict=True)]

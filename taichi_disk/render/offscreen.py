@@ -8,9 +8,8 @@ import tempfile
 from collections.abc import Iterator
 from typing import Any
 
-import taichi as ti
-
 from taichi_disk import engine
+from taichi_disk.engine import ti
 from taichi_disk.errors import TaichiDiskError
 
 _taken: tuple[Any, tuple[int, int], Any] | None = None  # by whom, its size, the window

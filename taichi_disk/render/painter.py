@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from importlib import import_module
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from taichi.ui.utils import get_field_info
 
+from taichi_disk.engine import ti
 from taichi_disk.fields import QUANTITIES, Triangles, at_points
 from taichi_disk.lattice import Array, Lattice
 from taichi_disk.physics import Springs
@@ -17,6 +18,7 @@ from taichi_disk.render.palette import THEMES, colour_map, full_scale, map_kind
 from taichi_disk.statics.equilibrium import roll_angle, turned
 
 Vertices = NDArray[np.float32]
+get_field_info = import_module(f"{ti.__name__}.ui.utils").get_field_info
 
 _SPRING, _OUTLINE = 0.65, 1.3  # half the width of a spring on the field, and of an outline: pixels in a picture of 720
 _ARROW, _HEAD, _RIM, _NEXT = 1.8, 4.5, 1.0, 10.0  # an arrow's shaft, half its head, its rim, its distance to the next

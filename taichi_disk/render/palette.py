@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from functools import lru_cache
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -127,7 +128,7 @@ FULL_COLOUR = 98.0  # percentile of the values that has the full colour
 _STEPS = (1.0, 1.5, 2.0, 3.0, 4.0, 5.0, 6.0, 8.0, 10.0)
 
 
-def full_scale(values: NDArray[np.float64], colour: str) -> float:
+def full_scale(values: NDArray[np.floating[Any]], colour: str) -> float:
     """A round number near the largest |value| but for a few; of fringes: the difference that makes FRINGES of them."""
     largest = float(np.percentile(np.abs(values), FULL_COLOUR))
     return round_near(largest / FRINGES if colour == "fringes" else largest)

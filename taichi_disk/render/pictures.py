@@ -50,7 +50,12 @@ class Pictures:
         self._beside = int((width - seen) / (2.0 * supersample))
         drawn = round((size - 2 * self._beside) * supersample), height
         self._camera = Camera.fit(view, *drawn, margin)
-        parts = [legend.still(self._camera.scale / supersample) for legend in legends]
+        scale = self._camera.scale / supersample
+        parts = [legend.still(scale) for legend in legends]
+        if len(legends) > 1:  # the scales are the same: they stand below all of them, once
+            scales = np.hsplit(legends[0].below(len(legends) * size, scale), len(legends))
+            for part, below in zip(parts, scales, strict=True):
+                part[self._bottom :] = below
         self._blank = np.concatenate([*parts, panel.full] if panel else parts, axis=1)
         self.width = self._blank.shape[1]
         self._window = take(self, drawn)

@@ -8,9 +8,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TypeAlias, cast, get_args
 
-from taichi_disk.config.scene_base import SceneBase, check
+from taichi_disk.computation import workload
 from taichi_disk.config.sections import ElasticWallSection
-from taichi_disk.config.sweep_axes import Sweep, check_sweep
 from taichi_disk.config.tree import Source, read_tree
 from taichi_disk.config.tree import shipped_scenes as shipped_scenes
 from taichi_disk.errors import InputError
@@ -19,10 +18,11 @@ from taichi_disk.machine import free_memory
 from taichi_disk.scenes.absorbing_wall import AbsorbingWallScene
 from taichi_disk.scenes.compression import CompressionScene
 from taichi_disk.scenes.exponential_wall import ExponentialWallScene
+from taichi_disk.scenes.scene import DiskScene, check
+from taichi_disk.scenes.sweep_axes import Sweep, check_sweep
 
 Scene: TypeAlias = CompressionScene | ExponentialWallScene | AbsorbingWallScene
-BYTES = 3e8, 2e3  # of a process, and of each point; measured with 1,099 to 2,000,000 points
-SCENES: dict[str, type[SceneBase]] = {kind.scene: kind for kind in get_args(Scene)}
+SCENES: dict[str, type[DiskScene]] = {kind.scene: kind for kind in get_args(Scene)}
 
 
 def load_scene(source: Source, overrides: Sequence[str] = ()) -> Scene:
@@ -51,7 +51,7 @@ def load_any(source: Source, overrides: Sequence[str] = ()) -> Scene | Sweep:
     return cast("Scene | Sweep", _load(source, overrides))
 
 
-def _load(source: Source, overrides: Sequence[str], want: str = "any") -> SceneBase | Sweep:
+def _load(source: Source, overrides: Sequence[str], want: str = "any") -> DiskScene | Sweep:
     tree = read_tree(source, overrides)
     has_sweep = "sweep" in tree.value
     if has_sweep and want == "scene":
@@ -87,14 +87,14 @@ def check_feasible(scene: Scene | Sweep) -> None:
         StepControl(scenario, scene.time, spectrum(scenario.lattice, scenario.model))
 
 
-def check_memory(scene: SceneBase) -> None:
+def check_memory(scene: DiskScene) -> None:
     """Raises InputError for more points than there is free memory for."""
     wall = getattr(scene, "wall", None)
     points = scene.lattice.points + (wall.points if isinstance(wall, ElasticWallSection) else 0)
-    needed, free = BYTES[0] + BYTES[1] * points, free_memory()
+    needed, free = workload.memory(points), free_memory()
     if points > 20_000 and needed > free:
+        most = max(3, int((free - workload.PROCESS) / workload.POINT))
         raise InputError(
-            f"lattice.points: {points:,} points need about {needed / 1e9:.1f} GB of memory, "
-            f"{free / 1e9:.1f} GB are free: take at most {max(3, int((free - BYTES[0]) / BYTES[1])):,}, or stop other "
-            "programs"
+            f"lattice.points: {points:,} points need about {needed / 1e9:.1f} GB of memory, {free / 1e9:.1f} GB are "
+            f"free: take at most {most:,}, or stop other programs"
         )

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, ClassVar, Literal
 
 import numpy as np
 
-from taichi_disk.config.scene_base import (
+from taichi_disk.config.conflicts import (
     Conflicts,
     gap_conflicts,
     least_threshold,
@@ -18,8 +18,8 @@ from taichi_disk.config.scene_base import (
 from taichi_disk.config.sections import ElasticImpactSection, ElasticWallSection, MaterialSection
 from taichi_disk.lattice import Lattice, with_wall
 from taichi_disk.scenes import oblique
-from taichi_disk.scenes.body import DiskScene
 from taichi_disk.scenes.impact import ImpactScenario
+from taichi_disk.scenes.scene import DiskScene
 from taichi_disk.simulation.observables import Columns
 
 if TYPE_CHECKING:

@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING, ClassVar, Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-from taichi_disk.computation.scenario import Array, Scenario, spread
-from taichi_disk.config.scene_base import Conflicts, time_conflicts
+from taichi_disk.computation.scenario import Array, Scenario, distribute
+from taichi_disk.config.conflicts import Conflicts, time_conflicts
 from taichi_disk.config.sections import CompressionSection, MaterialSection, WallSection
 from taichi_disk.lattice import Lattice
-from taichi_disk.scenes.body import DiskScene
+from taichi_disk.scenes.scene import DiskScene
 from taichi_disk.simulation.observables import Columns
 
 if TYPE_CHECKING:
@@ -166,7 +166,7 @@ class Compression(Scenario):
     def frame_times(self, columns: Columns, frames: int) -> Array:
         t, kinetic = columns["t"], columns["kinetic"]
         visible = t[np.flatnonzero(kinetic >= 1e-4 * kinetic.max())[-1]]
-        return spread([0.0, min(visible, 0.5 * t[-1]), t[-1]], [0.85, 0.15], frames)
+        return distribute([0.0, min(visible, 0.5 * t[-1]), t[-1]], [0.85, 0.15], frames)
 
     def title(self) -> tuple[str, ...]:
         scene = self.scene

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, ClassVar, Literal
 
-from taichi_disk.config.scene_base import Conflicts, gap_conflicts, time_conflicts
+from taichi_disk.config.conflicts import Conflicts, gap_conflicts, time_conflicts
 from taichi_disk.config.sections import ImpactSection, RoughWallSection
 from taichi_disk.lattice import Lattice
 from taichi_disk.scenes import oblique
-from taichi_disk.scenes.body import DiskScene
 from taichi_disk.scenes.impact import ImpactScenario
+from taichi_disk.scenes.scene import DiskScene
 
 if TYPE_CHECKING:
     from taichi_disk.physics import Model

@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
-from taichi_disk.computation.scenario import Array, Scenario, spread
+from taichi_disk.computation.contact import CONTACT_LEVEL, contact_interval
+from taichi_disk.computation.scenario import Array, Scenario, distribute
 from taichi_disk.errors import InputError
 from taichi_disk.lattice import Lattice, disk_of
 from taichi_disk.lattice.network import bending_compliance
@@ -26,7 +27,6 @@ POTENTIAL_CAUTION = 0.2
 DECAY_TIMES_PER_ROW = 0.3
 LONGEST = 0.05  # between two rows, of the disk's own time: some 100 rows of contact
 HALVINGS = 8  # of that at the most: some 30,000 rows
-CONTACT_LEVEL = 0.01  # contact lasts while the wall's force exceeds this fraction of its peak
 NOT_ROUND = 0.2  # of the radius: a body whose outline dips deeper bends more easily than a disk
 # Of the wall at the start and the end of such a body, over the kinetic energy: its ends come back to the wall, and at a
 # potential of 1e-7 that pushed e of a rod by 1.5e-6.
@@ -80,7 +80,7 @@ class ImpactScenario(Scenario):
         longest, decay_time = LONGEST * self.springs.time_unit, scene.wall.decay_length / velocity
         halvings = np.ceil(np.log2(longest / (DECAY_TIMES_PER_ROW * decay_time)) - 1e-9)
         self.sample_interval = float(longest * 0.5 ** np.clip(halvings, 0, HALVINGS))
-        self.resolving_step = RESOLVED * decay_time
+        self.wall_step = RESOLVED * decay_time
         self._put_at_start()
         self.model = self._model()
         assert self.model.wall is not None
@@ -181,6 +181,10 @@ class ImpactScenario(Scenario):
         found = {"restitution": self._speed_after(columns) / self._speed_before, "contact_time": end - start}
         return found | (oblique.along_the_wall(columns, self._radius, self._inertia) if self.oblique else {})
 
+    def result_scales(self, columns: Columns) -> dict[str, float]:
+        scales = {"restitution": 1.0, "contact_time": 0.0}
+        return scales | (oblique.scales_along_the_wall(columns, self._radius, self._inertia) if self.oblique else {})
+
     def _speed_after(self, columns: Columns) -> float:
         """Speed far from the wall [c], once the wall's last potential is energy of the flight."""
         return float(np.sqrt(columns["com_vy"][-1] ** 2 + 2.0 * max(columns["wall"][-1], 0.0)))
@@ -219,7 +223,7 @@ class ImpactScenario(Scenario):
         first, second = max(start - margin, 0.1 * start), min(end + margin, 0.9 * last + 0.1 * end)
         # The contact in slow motion: the flights before and after take half the time, and little of the film.
         flights = [min(0.5 * flight, 0.2 * (second - first)) for flight in (first, last - second)]
-        return spread([0.0, first, second, last], [flights[0], second - first, flights[1]], frames)
+        return distribute([0.0, first, second, last], [flights[0], second - first, flights[1]], frames)
 
     def title(self) -> tuple[str, ...]:
         scene = self.scene
@@ -241,24 +245,3 @@ class ImpactScenario(Scenario):
             return time, f"velocity {row['com_vy'] / self.velocity:+.3f} v"
         spin = row["angular_momentum"] / self._inertia
         return time, f"v {row['com_vx']:+.4f}, {row['com_vy']:+.4f} c", f"spin {spin:+.4f} c/R"
-
-
-def contact_interval(t: Array, force: Array, velocity: Array) -> tuple[float, float]:
-    """First and last time that `force` crosses CONTACT_LEVEL of its peak; log-linear between samples.
-
-    Where a hit was so short that no sample has seen a force: the samples between which the disk turned.
-    """
-    if not force.any():
-        turned = int(np.argmax(velocity > 0.0))
-        return float(t[turned - 1]), float(t[turned])
-    level = CONTACT_LEVEL * force.max()
-    inside = np.flatnonzero(force >= level)
-    log = np.log(np.maximum(force, 1e-300)) - np.log(level)
-
-    def crossing(i: int, j: int) -> float:
-        return float(t[i] + (t[j] - t[i]) * log[i] / (log[i] - log[j])) if log[i] != log[j] else float(t[i])
-
-    first, last = int(inside[0]), int(inside[-1])
-    start = crossing(first - 1, first) if first > 0 else float(t[0])
-    end = crossing(last, last + 1) if last + 1 < len(t) else float(t[-1])
-    return start, end

@@ -4,6 +4,9 @@ from __future__ import annotations
 
 from math import log, pi, sqrt, tan
 
+import numpy as np
+
+from taichi_disk.computation.contact import results_time
 from taichi_disk.config.sections import (
     ElasticImpactSection,
     ElasticWallSection,
@@ -21,7 +24,11 @@ RESULTS = {
         "",
         "-(v_t + omega R) after over before, of the disk's lowest point; v_t to the right, omega counter-clockwise",
     ),
-    "spin_after": ("spin after", "c/R", "angular momentum at the end over the unloaded disk's moment of inertia"),
+    "spin_after": (
+        "spin after",
+        "c/R",
+        "angular momentum at the end of the last contact over the unloaded moment of inertia",
+    ),
     "tangential_impulse": ("tangential impulse", "M c", "of the wall on the disk, to the right: change of v_t times M"),
     "normal_impulse": ("normal impulse", "M c", "of the wall on the disk, upwards: change of v_n times M"),
 }
@@ -36,7 +43,10 @@ def along_the_wall(columns: Columns, radius: float, inertia: float) -> dict[str,
         columns: the time series of an ended impact.
         radius, inertia: of the unloaded disk [R], [M R^2].
     """
+    end, t = results_time(columns), columns["t"]
     vx, vy, spin = (columns[name][[0, -1]] for name in ("com_vx", "com_vy", "angular_momentum"))
+    # What the wall still does to the rotation afterwards is the moment of its tangential impulse.
+    spin[1] = np.interp(end, t, columns["angular_momentum"]) + radius * (vx[1] - np.interp(end, t, columns["com_vx"]))
     before, after = (vx + spin / inertia * radius).tolist()
     found = {} if abs(before) <= STILL * abs(vy[0]) else {"tangential_restitution": -after / before}
     return found | {
@@ -44,6 +54,16 @@ def along_the_wall(columns: Columns, radius: float, inertia: float) -> dict[str,
         "tangential_impulse": float(vx[1] - vx[0]),
         "normal_impulse": float(vy[1] - vy[0]),
     }
+
+
+def scales_along_the_wall(columns: Columns, radius: float, inertia: float) -> dict[str, float]:
+    """By how much each of RESULTS is off if an impulse of the wall is off by the momentum of the flight towards it."""
+    vx, vy, spin = (float(columns[name][0]) for name in ("com_vx", "com_vy", "angular_momentum"))
+    turned, lowest = radius / inertia, abs(vx + spin / inertia * radius)
+    scales = {"tangential_impulse": 1.0, "normal_impulse": 1.0, "spin_after": turned}
+    if lowest:
+        scales["tangential_restitution"] = (1.0 + turned * radius) / lowest
+    return {name: abs(vy) * scale for name, scale in scales.items()}
 
 
 def start_gap(

@@ -9,20 +9,19 @@ contact, boundary, implicit dashpots. So its bits are those of one core.
 from typing import Any
 
 import numpy as np
-import taichi as ti
 from numpy.typing import NDArray
 
+from taichi_disk.engine import ti
 from taichi_disk.integrators import Integrator
 from taichi_disk.integrators.trapezoidal import DashpotSolver, Factor
 from taichi_disk.lattice import Array
 from taichi_disk.physics import Model
-from taichi_disk.physics.law import Integers1, Reals2, array, get, put, side_by_side
+from taichi_disk.physics.law import Integers1, Reals2, array, get, side_by_side
 from taichi_disk.physics.ordering import Arrangement
 from taichi_disk.simulation.observables import (
     ABSORBED,
     DISSIPATED,
     FRICTION,
-    FRICTION_POWER,
     INDEX,
     SLIDING,
     within,
@@ -46,7 +45,7 @@ class Kernels(Stepping):
 
     @ti.kernel
     def advance(self, first: ti.i32, steps: ti.i32, stride: ti.i32, rows: Reals2, bounds: Reals2, counts: Integers1):
-        """Make `steps` steps after step `first`, fewer if the rows meet the bounds of a scene's end.
+        """Make `steps` steps after step `first`, fewer if the rows meet the bounds of a scene's end; -1 is the start.
 
         `rows` is filled at every multiple of `stride`, and after the last step. `bounds` (2, columns): least and
         largest value of every column. `counts`: how many rows running have to be within them; how many are; then what
@@ -71,30 +70,6 @@ class Kernels(Stepping):
                     quiet = (quiet + 1) * inside
                     row += 1
             counts[1], counts[2], counts[3] = quiet, made, row
-            for k in ti.static(range(self.state.summed)):
-                self.state.sums[k] = sums[k]
-
-    @ti.kernel
-    def initialise(self, rows: Reals2):
-        """From x_0 and v_0 (in `v`): the forces at t = 0, the velocities before the last kick, the first row."""
-        ti.loop_config(serialize=True)
-        for _ in range(1):
-            sums, highest = ti.Vector([0.0 for k in range(self.state.summed)]), 0.0
-            for i in range(self.state.n[None]):
-                highest = ti.max(highest, self.body_force(i))
-                if ti.static(self.damped):
-                    put(self.state.u, i, get(self.state.v, i))
-            elastic, products = self.springs.add(self.state, self.explicit, 0, self.state.blocks[None])
-            upward, potential, stored = 0.0, 0.0, 0.0
-            sums, upward, potential = self.touch(0.0, sums, highest)
-            sums, stored = self.begin_account(sums, products)
-            if ti.static(self.rough):  # u is the velocity at t = 0, and the first kick half a step's
-                sums[FRICTION_POWER] = self.wall.rub(self.state, self.state.closing[None], 0.0)
-            for i in range(self.state.n[None]):
-                kick = self.state.closing[None] * self.state.inverse_mass[i]
-                put(self.state.v, i, get(self.state.v, i) - kick * get(self.state.f, i))
-            self.observe(rows, 0, sums, elastic, upward, potential)
-            sums[DISSIPATED] = stored
             for k in ti.static(range(self.state.summed)):
                 self.state.sums[k] = sums[k]
 
@@ -127,14 +102,13 @@ class Kernels(Stepping):
                 spin += m * (x * vy - y * vx)
                 lowest = ti.min(lowest, y)
                 residual2 = ti.max(residual2, f[0] * f[0] + f[1] * f[1])
-                for law in ti.static(self.body_forces):
-                    if ti.static(law.column == "wall"):
-                        push = law.at(self.state, i)
-                        if push[0] != 0.0 or push[1] != 0.0:  # out of reach there is no potential either
-                            energy += law.potential_at(self.state, i)
-                            force += push[1]
-                    else:
-                        load += law.potential_at(self.state, i)
+                if ti.static(self.rigid):
+                    point_force = self.wall.at(self.state, i)
+                    if point_force[0] != 0.0 or point_force[1] != 0.0:  # out of reach there is no potential either
+                        energy += self.wall.potential_at(self.state, i)
+                        force += point_force[1]
+                for law in ti.static(self.loads):
+                    load += law.potential_at(self.state, i)
             kinetic2 += m * (vx * vx + vy * vy)
         rows[s, INDEX["com_x"]] = sx / mass
         rows[s, INDEX["com_y"]] = sy / mass
@@ -151,7 +125,7 @@ class Kernels(Stepping):
         rows[s, INDEX["load"]] = load
         rows[s, INDEX["sliding"]] = sums[SLIDING]
         rows[s, INDEX["residual"]] = ti.sqrt(residual2)
-        rows[s, INDEX["friction"]] = sums[FRICTION] if ti.static(self.rough) else 0.0
+        rows[s, INDEX["friction"]] = sums[FRICTION] if ti.static(self.has_friction) else 0.0
 
 
 @ti.data_oriented
@@ -165,7 +139,7 @@ class SubdomainKernels(Kernels):
         self.count = count
         self.steps_per_launch = max(1, STAGES // integrator.forces)
         self.ends = array(builder, count)
-        self.parts = side_by_side(builder, count, 3)  # largest force, elastic energy, products
+        self.parts = side_by_side(builder, count, 3)  # largest wall force on a point, elastic energy, products
         self.latest = array(builder, 3, ti.f64)  # elastic energy, contact force, contact potential
 
     def fill(self, arrangement: Arrangement, factor: Factor | None) -> None:
@@ -180,8 +154,6 @@ class SubdomainKernels(Kernels):
     def advance(self, first: int, steps: int, stride: int, rows: Array, bounds: Array, counts: Counts) -> None:
         """As that of one core, in many short launches."""
         needed, quiet, made, count = (int(number) for number in counts)
-        if steps == 0:
-            self.advance_few(first, 0)  # compiles the kernel
         while made < steps and quiet < needed:
             few = min(steps - made, stride - (first + made) % stride, self.steps_per_launch)
             self.advance_few(first + made, few)
@@ -195,7 +167,7 @@ class SubdomainKernels(Kernels):
         counts[1:] = quiet, made, count
 
     @ti.func
-    def move_subdomain(self, stage: ti.template(), c):
+    def move_subdomain(self, stage: ti.template(), number, c):
         """Drift and inner springs of subdomain c."""
         begin = 0
         if c > 0:
@@ -203,10 +175,10 @@ class SubdomainKernels(Kernels):
         first = c * self.state.subdomain_points[None]
         last = ti.min(first + self.state.subdomain_points[None], self.state.n[None])
         kick, move = ti.static(self.integrator.joined_kicks[stage], self.integrator.moves[stage])
-        h = self.state.h[None]
-        highest = self.drift(kick * h, move * h, first, last)
+        h = self.passed(number, self.state.h[None])
+        peak_point_force = self.drift(kick * h, move * h, first, last)
         elastic, products = self.springs.add(self.state, self.explicit, begin, self.ends[c])
-        self.parts[0][c], self.parts[1][c], self.parts[2][c] = highest, elastic, products
+        self.parts[0][c], self.parts[1][c], self.parts[2][c] = peak_point_force, elastic, products
 
     @ti.func
     def join(self, stage: ti.template(), number):
@@ -214,13 +186,13 @@ class SubdomainKernels(Kernels):
         sums = ti.Vector([self.state.sums[k] for k in range(self.state.summed)])
         seams = self.ends[self.count - 1]
         elastic, products = self.springs.add(self.state, self.explicit, seams, self.state.blocks[None])
-        highest = 0.0
+        peak_point_force = 0.0
         for c in range(self.count):
-            highest = ti.max(highest, self.parts[0][c])
+            peak_point_force = ti.max(peak_point_force, self.parts[0][c])
             elastic += self.parts[1][c]
             products += self.parts[2][c]
-        move = ti.static(self.integrator.moves[stage]) * self.state.h[None]
-        sums, upward, potential = self.touch(move, sums, highest)
+        move = ti.static(self.integrator.moves[stage]) * self.passed(number, self.state.h[None])
+        sums, upward, potential = self.touch(move, sums, peak_point_force)
         if ti.static(stage == self.integrator.forces - 1):
             sums = self.account(number, sums, products)
         for k in ti.static(range(self.state.summed)):
@@ -232,12 +204,17 @@ class SubdomainKernels(Kernels):
         """Make `steps` steps after step `number`, at most `steps_per_launch`."""
         for k in ti.static(range(self.steps_per_launch)):
             for stage in ti.static(range(self.integrator.forces)):
-                for q in range(GRAIN * self.count * ti.cast(k < steps, ti.i32)):
+                for q in range(GRAIN * self.count * self.is_due(stage, number + k + 1, k < steps)):
                     if q % GRAIN == 0:
-                        self.move_subdomain(stage, q // GRAIN)
+                        self.move_subdomain(stage, number + k + 1, q // GRAIN)
                 ti.loop_config(serialize=True)
-                for _ in range(ti.cast(k < steps, ti.i32)):
+                for _ in range(self.is_due(stage, number + k + 1, k < steps)):
                     self.join(stage, number + k + 1)
+
+    @ti.func
+    def is_due(self, stage: ti.template(), number, asked):
+        """Return 1 if `stage` of step `number` is to be made, else 0: of step 0 only the last is."""
+        return ti.cast(asked and (number > 0 or stage == self.integrator.forces - 1), ti.i32)
 
     @ti.kernel
     def look(self, rows: Reals2, s: ti.i32):

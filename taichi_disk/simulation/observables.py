@@ -80,8 +80,8 @@ ENERGY_INDICES = sorted(INDEX[name] for name in of_kind("energy", "loss"))
 # The sums travel through a kernel as a local vector and are stored once, at its end. Taichi 1.7.4 keeps 0-D fields in
 # registers across loops and hands later readers in the same kernel the value from before: an energy kept in such a
 # field comes out one launch late.
-SUMS = 7
-DISSIPATED, POWER, ABSORBED, BOUNDARY_POWER, PEAK, SLIDING, LEAVING = range(SUMS)
+SUMS = 8
+DISSIPATED, POWER, ABSORBED, BOUNDARY_POWER, PEAK_POINT_FORCE, SLIDING, LEAVING, INITIAL_LOSS = range(SUMS)
 FRICTION, FRICTION_POWER = range(SUMS, SUMS + 2)  # where there is friction
 
 
@@ -115,12 +115,6 @@ def split(columns: Columns, inertia: float) -> Columns:
     rotation = columns["angular_momentum"] ** 2 / (2.0 * inertia)
     vibration = columns["kinetic"] - translation - rotation
     return columns | dict(zip(of_kind("part"), (translation, rotation, vibration), strict=True))
-
-
-def vibration_left(columns: Columns) -> float:
-    """Energy of all vibration at the end, kinetic and elastic, over that of the flight at t = 0."""
-    stored = columns["vibration"] + columns["elastic"]
-    return float((stored[-1] - stored[0]) / columns["translation"][0])
 
 
 def bounds_array(bounds: dict[str, tuple[float, float]]) -> Array:

@@ -8,9 +8,9 @@ from dataclasses import astuple
 from typing import Any
 
 import numpy as np
-import taichi as ti
 
 from taichi_disk import engine
+from taichi_disk.engine import ti
 from taichi_disk.errors import TaichiDiskError
 from taichi_disk.integrators import Integrator
 from taichi_disk.integrators.trapezoidal import DashpotSolver, Factor, factorise
@@ -20,14 +20,14 @@ from taichi_disk.physics.law import Capacity
 from taichi_disk.physics.ordering import BLOCK, Arrangement, arrange
 from taichi_disk.signals import raise_if_interrupted
 from taichi_disk.simulation.kernels import Kernels, SubdomainKernels
-from taichi_disk.simulation.observables import INDEX, PEAK, bounds_array
+from taichi_disk.simulation.observables import INDEX, PEAK_POINT_FORCE, bounds_array
 from taichi_disk.simulation.stepping import Snapshot, State
 
 # Of any simulation: kernels of one size serve all lattices of usual size.
 POINTS = 12_000
 SPRINGS_PER_POINT = 3  # a triangulation has fewer
 ENTRIES_PER_POINT = 27  # of the dashpots' factor, enough up to some 12,000 points
-LEAST = Capacity(POINTS, SPRINGS_PER_POINT * POINTS // BLOCK, ENTRIES_PER_POINT * POINTS)
+MIN_CAPACITY = Capacity(POINTS, SPRINGS_PER_POINT * POINTS // BLOCK, ENTRIES_PER_POINT * POINTS)
 NEVER = 2**30
 CONTACT = 1e-3  # of the kinetic energy of the flight, in the wall's potential: from there on there is contact
 
@@ -49,7 +49,7 @@ class Simulation:
         self.model.springs.unlike = lattice.stiffness is not None
         arrangement, factor = arrange(lattice.bonds, len(lattice.positions)), self._factor(lattice, model, dt)
         self.subdomains = arrangement.subdomains
-        self._capacity = Capacity(*map(_doubled, _needed(lattice, arrangement, factor), astuple(LEAST)))
+        self._capacity = Capacity(*map(_doubled, _needed(lattice, arrangement, factor), astuple(MIN_CAPACITY)))
         builder = ti.FieldsBuilder()
         for law in self.model.laws:
             law.make_fields(builder, self._capacity)
@@ -88,8 +88,7 @@ class Simulation:
         self, lattice: Lattice, model: Model, velocities: Array, dt: float, arranged: Arrangement, factor: Factor | None
     ) -> None:
         for own, given in zip(self.model.laws, model.laws, strict=True):
-            vars(own).update(vars(given))  # which is a value: its own fields stay
-        self.model.springs.unlike = lattice.stiffness is not None
+            own.take_values(given)
         self.lattice, self.dt, self._arrangement, self.step_number = lattice, dt, arranged, 0
         self.generation += 1
         state = self.state
@@ -112,8 +111,8 @@ class Simulation:
         self.kernels.fill(arranged, factor)
         for law in self.model.laws:
             law.fill(lattice)
-        rows = np.zeros((1, len(INDEX)))
-        self.kernels.initialise(rows)
+        rows = np.empty((1, len(INDEX)))
+        self.kernels.advance(-1, 1, 1, rows, bounds_array({}), np.array([NEVER, 0, 0, 0], np.int32))
         self.first_row = self.now = rows[0]
 
     # ---- time
@@ -121,7 +120,7 @@ class Simulation:
     def advance(
         self, steps: int, stride: int = 1, bounds: Array | None = None, needed: int = NEVER, quiet: int = 0
     ) -> tuple[Array, int]:
-        """Make `steps` steps, fewer if the scene's end is met; none at all compile the kernel.
+        """Make `steps` steps, fewer if the scene's end is met.
 
         Args:
             stride: a row of observables is returned for every step whose number is a multiple of it.
@@ -167,7 +166,7 @@ class Simulation:
 
     def peak_point_force(self, snapshot: Snapshot | None = None) -> float:
         """Largest force of the wall on one point since t = 0 [M c^2/R]."""
-        return float((snapshot or self.snapshot()).sums[PEAK])
+        return float((snapshot or self.snapshot()).sums[PEAK_POINT_FORCE])
 
     def set_mouse_target(self, point: int, target: tuple[float, float] = (0.0, 0.0)) -> float:
         """Tie `point` (-1: none any more) to the mouse at `target` [R] from now on; the model needs a `mouse`.
@@ -213,7 +212,6 @@ class KernelCache:
             if known is not None:
                 known.destroy()
             known = self._known[key] = Simulation(*arguments)
-            known.advance(0)
         return known
 
 

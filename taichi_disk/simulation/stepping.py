@@ -9,21 +9,22 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import taichi as ti
 
+from taichi_disk.engine import ti
 from taichi_disk.integrators import Integrator
 from taichi_disk.integrators.trapezoidal import DashpotSolver
 from taichi_disk.lattice import Array, Lattice
 from taichi_disk.physics import MatchedBoundary, Model, PinnedBoundary, ResetBoundary
-from taichi_disk.physics.law import Capacity, Reals1, Reals3, array, get, pair_of, put, scalar
+from taichi_disk.physics.law import BodyForce, Capacity, Reals1, Reals3, array, get, pair_of, put, scalar
 from taichi_disk.simulation.observables import (
     ABSORBED,
     BOUNDARY_POWER,
     DISSIPATED,
     FRICTION,
     FRICTION_POWER,
+    INITIAL_LOSS,
     LEAVING,
-    PEAK,
+    PEAK_POINT_FORCE,
     POWER,
     SLIDING,
     SUMS,
@@ -37,8 +38,9 @@ class Snapshot:
     Attributes:
         vectors: (3 or 4, n, 2) positions [R], velocities before the last kick [c], forces [M c^2/R]; with dashpots
             also the velocities at the step, predicted or solved for.
-        sums: (SUMS,) dissipated, its power, absorbed, its power, largest force of the wall on a point, sliding,
-            what the next step is to lose at its start (see `account`); (SUMS + 2,) also what friction took, its power.
+        sums: (SUMS,) dissipated, its power, absorbed, its power, largest force of the wall on a point, sliding, what
+            the next step is to lose at its start, and in all (see `account`); (SUMS + 2,) also what friction took, its
+            power.
     """
 
     step: int
@@ -73,7 +75,7 @@ class State:
         self.n, self.n_disk, self.blocks, self.subdomain_points, self.reset_steps = (
             scalar(builder, ti.i32) for _ in range(5)
         )
-        self.summed = SUMS + 2 * model.rough
+        self.summed = SUMS + 2 * model.has_friction
         self.sums = array(builder, self.summed, ti.f64)
 
     # ---- in and out
@@ -83,7 +85,7 @@ class State:
         self.scalars = [field for field, _ in numbers]
         n = len(velocities)
         vectors = np.zeros((len(self.vectors), n + self.fillers, 2))
-        vectors[0, :n], vectors[1, :n] = lattice.positions, velocities
+        vectors[0, :n], vectors[1::2, :n] = lattice.positions, velocities  # and the velocities `u` of dashpots
         vectors[0, n + 1 :: 2, 0] = 1.0  # springs that fill up blocks lie at rest between (0, 0) and (1, 0)
         values = np.array([value for _, value in numbers], np.float64)
         self._begin(values, lattice.masses, vectors, np.zeros(self.summed))
@@ -142,10 +144,11 @@ class Stepping:
 
     def __init__(self, state: State, model: Model, integrator: Integrator, solver: DashpotSolver | None) -> None:
         self.state, self.integrator, self.solver = state, integrator, solver
-        self.springs, self.body_forces = model.springs, model.body_forces
         laws: Any = model  # where a law is absent, no kernel asks for it
-        self.elastic_wall, self.mouse, self.boundary = laws.elastic, laws.mouse, laws.boundary
-        self.contact, self.wall, self.rough = model.elastic is not None, laws.wall, model.rough
+        self.springs, self.wall, self.mouse, self.boundary = laws.springs, laws.wall, laws.mouse, laws.boundary
+        self.rigid = isinstance(model.wall, BodyForce)
+        self.contact, self.has_friction = model.wall is not None and not self.rigid, model.has_friction
+        self.loads = tuple(law for law in model.body_forces if law is not model.wall)
         self.damped, self.implicit = model.springs.damped, solver is not None
         self.explicit = self.damped and not self.implicit
         self.pinned = isinstance(model.boundary, PinnedBoundary)
@@ -160,7 +163,7 @@ class Stepping:
 
         Returns the rigid wall's largest force on a point.
         """
-        highest = 0.0
+        peak_point_force = 0.0
         half = 0.5 * self.state.h[None]
         for i in range(first, last):
             acceleration = self.state.inverse_mass[i] * get(self.state.f, i)
@@ -169,88 +172,74 @@ class Stepping:
             put(self.state.x, i, get(self.state.x, i) + move * v)
             if ti.static(self.explicit):
                 put(self.state.u, i, v + half * acceleration)
-            highest = ti.max(highest, self.body_force(i))
-        return highest
+            peak_point_force = ti.max(peak_point_force, self.body_force(i))
+        return peak_point_force
 
     @ti.func
     def body_force(self, i):
-        """Set `f` of point i to the forces on single points; returns the wall's upward share."""
-        force = ti.Vector([0.0, 0.0])
-        push = 0.0
-        for law in ti.static(self.body_forces):
-            one = law.at(self.state, i)
-            force = force + one
-            if ti.static(law.column == "wall"):
-                push += one[1]
+        """Set `f` of point i to the forces on single points; returns the rigid wall's upward force on it."""
+        force, point_force = ti.Vector([0.0, 0.0]), 0.0
+        if ti.static(self.rigid):
+            force = self.wall.at(self.state, i)
+            point_force = force[1]
+        for law in ti.static(self.loads):
+            force = force + law.at(self.state, i)
         put(self.state.f, i, force)
-        return push
+        return point_force
 
     @ti.func
     def stage(self, kick, move, sums):
         """Kick, move and compute the forces there. Returns as `touch`, with what `Springs.add` gives in between."""
-        h = self.state.h[None]
-        highest = self.drift(kick * h, move * h, 0, self.state.n[None])
+        peak_point_force = self.drift(kick, move, 0, self.state.n[None])
         elastic, products = self.springs.add(self.state, self.explicit, 0, self.state.blocks[None])
-        result, upward, potential = self.touch(move * h, sums, highest)
+        result, upward, potential = self.touch(move, sums, peak_point_force)
         return result, elastic, products, upward, potential
 
     @ti.func
-    def touch(self, move, sums, top):
+    def touch(self, move, sums, rigid_peak):
         """After the springs' forces those of the elastic wall, and what holds points.
 
-        The points have just moved by `move` times the velocity; `top` is the rigid wall's largest force on one point.
-        Returns `sums`, force and potential of the contact with the elastic wall.
+        The points have just moved by `move` times the velocity; `rigid_peak` is the rigid wall's largest force on one
+        point. Returns `sums`, force and potential of the contact with the elastic wall.
         """
-        result, highest = sums, top
+        result, peak_point_force = sums, rigid_peak
         upward, potential = 0.0, 0.0
         if ti.static(self.contact):
             slid = 0.0
-            upward, potential, highest, slid = self.elastic_wall.add(self.state, move)
+            upward, potential, peak_point_force, slid = self.wall.add(self.state, move)
             result[SLIDING] += slid
         if ti.static(self.pinned):
             self.boundary.hold(self.state)
-        result[PEAK] = ti.max(result[PEAK], highest)
+        result[PEAK_POINT_FORCE] = ti.max(result[PEAK_POINT_FORCE], peak_point_force)
         return result, upward, potential
 
     # ---- a step
 
     @ti.func
     def step(self, number, before):
-        """Make step `number`; returns `sums`, and elastic energy, contact force and contact potential after it."""
-        sums = before
+        """Make step `number`; returns `sums`, and elastic energy, contact force and contact potential after it.
+
+        Step 0 moves nothing: from x_0 and v_0 (in `v` and `u`) it computes the forces at t = 0, and takes back the
+        last kick of a step before.
+        """
+        sums, h = before, self.passed(number, self.state.h[None])
         elastic, products, upward, potential = 0.0, 0.0, 0.0, 0.0
         if ti.static(self.integrator.forces == 1):
-            sums, elastic, products, upward, potential = self.stage(1.0, 1.0, sums)
+            sums, elastic, products, upward, potential = self.stage(h, h, sums)
         else:
-            for k in range(self.integrator.forces):  # a loop: what is inlined four times takes long to compile
+            last = ti.static(self.integrator.forces - 1)
+            for k in range(ti.select(number > 0, 0, last), last + 1):  # a loop: four inlined stages compile slowly
                 kick, move = 0.0, 0.0
                 for s in ti.static(range(self.integrator.forces)):
                     if k == s:
                         kick, move = self.integrator.joined_kicks[s], self.integrator.moves[s]
-                sums, elastic, products, upward, potential = self.stage(kick, move, sums)
+                sums, elastic, products, upward, potential = self.stage(kick * h, move * h, sums)
         return self.account(number, sums, products), elastic, upward, potential
 
     @ti.func
-    def begin_account(self, before, products):
-        """At t = 0: dashpots that act on points, the power of all. Returns `sums`, and the loss that they begin with.
-
-        `products` is that of the springs.
-        """
-        sums, loss = before, 0.0
-        if ti.static(self.implicit):
-            power, late = 0.0, 0.0
-            power, late, loss = self.solver.begin(self.state)
-            if sums[PEAK] >= self.state.contact[None]:  # the sum of the flight alone begins so, see `account`
-                loss = 0.0
-            sums[POWER], sums[LEAVING] = power, power + late
-            if ti.static(self.matched):
-                sums[BOUNDARY_POWER] = self.boundary.solved_power(self.state)
-        else:
-            if ti.static(self.explicit):
-                sums[POWER] = self.springs.eta_now[None] * products
-            if ti.static(self.matched):
-                sums[BOUNDARY_POWER] = self.boundary.damp(self.state, 0.0)
-        return sums, loss
+    def passed(self, number, time):
+        """Return `time` [R/c] of step `number`, but 0 of step 0, in which no time passes."""
+        return time * ti.cast(number > 0, ti.f64)
 
     @ti.func
     def account(self, number, sums, products):
@@ -258,7 +247,7 @@ class Stepping:
 
         `products` is that of the springs. Returns `sums`.
         """
-        h = self.state.h[None]
+        h, closing = self.passed(number, self.state.h[None]), self.passed(number, self.state.closing[None])
         power, cross, late, boundary_power = 0.0, 0.0, 0.0, 0.0
         if ti.static(self.explicit):
             power = self.springs.eta_now[None] * products
@@ -280,23 +269,35 @@ class Stepping:
             # Where velocities are solved for, the sum for c = -1/6 holds only while h times the fastest rate is small.
             # In flight another sum is exact for linear springs at any rate. In contact that one would drift as h^2.
             loss = 0.25 * h * (sums[LEAVING] + p1 + late)
-            if sums[PEAK] >= self.state.contact[None]:
+            if sums[PEAK_POINT_FORCE] >= self.state.contact[None]:
                 loss = h * (2.0 / 3.0 * (p0 + p1) - 1.0 / 3.0 * cross)
             loss -= boundary_loss
-            result[LEAVING] = 3.0 * p1 - late
-        result[DISSIPATED] += loss
+            result[LEAVING] = ti.select(number > 0, 3.0 * p1 - late, p1 + late)
+        result[DISSIPATED] += loss + sums[INITIAL_LOSS]
+        result[INITIAL_LOSS] = 0.0
         result[POWER] = p1
         result[ABSORBED] += boundary_loss
         result[BOUNDARY_POWER] = b1
         if ti.static(self.reset):
             result = self.reset_boundary(number, sums, result)
         elif ti.static(self.implicit):
-            self.solver.take_damped_force(self.state)
-        if ti.static(self.rough):
-            rubbing = self.wall.rub(self.state, h, self.state.closing[None])
-            result[FRICTION] += 0.5 * h * (sums[FRICTION_POWER] + rubbing)
-            result[FRICTION_POWER] = rubbing
+            result[INITIAL_LOSS] = self.take_damped_force(number, sums)
+        if ti.static(self.has_friction):
+            friction_power = self.wall.rub(self.state, closing + self.state.closing[None], closing)
+            result[FRICTION] += 0.5 * h * (sums[FRICTION_POWER] + friction_power)
+            result[FRICTION_POWER] = friction_power
+        if number == 0:
+            for i in range(self.state.n[None]):
+                kick = self.state.closing[None] * self.state.inverse_mass[i]
+                put(self.state.v, i, get(self.state.v, i) - kick * get(self.state.f, i))
         return result
+
+    @ti.func
+    def take_damped_force(self, number, sums):
+        """Put the force that the solved velocities imply into `f`; returns the loss that step 0 leaves to the next."""
+        stored = self.solver.take_damped_force(self.state)
+        # Only the sum of the flight begins with it.
+        return ti.select(number == 0 and sums[PEAK_POINT_FORCE] < self.state.contact[None], stored, 0.0)
 
     @ti.func
     def reset_boundary(self, number, before, sums):
@@ -306,13 +307,16 @@ class Stepping:
         dashpots' force at either end as it acted.
         """
         result = sums
+        h = self.passed(number, self.state.h[None])
         if ti.static(self.damped):
             power = self.boundary.dashpot_work(self.state, self.springs, 0.0)
-            result[DISSIPATED] = before[DISSIPATED] + 0.5 * self.state.h[None] * (before[POWER] + power)
-        if number % self.state.reset_steps[None] == 0:
+            loss = 0.5 * h * (before[POWER] + power) + before[INITIAL_LOSS]
+            result[DISSIPATED] = before[DISSIPATED] + loss
+        if number > 0 and number % self.state.reset_steps[None] == 0:
             result[ABSORBED] += self.boundary.stop(self.state, self.springs, self.solver, self.implicit)
         elif ti.static(self.implicit):
-            self.solver.take_damped_force(self.state)
+            result[INITIAL_LOSS] = self.take_damped_force(number, before)
         if ti.static(self.damped):
-            result[POWER] = self.boundary.dashpot_work(self.state, self.springs, self.state.h[None])
+            next_kick = self.passed(number, self.state.closing[None]) + self.state.closing[None]
+            result[POWER] = self.boundary.dashpot_work(self.state, self.springs, next_kick)
         return result

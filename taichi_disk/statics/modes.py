@@ -28,7 +28,8 @@ class Modes:
         shapes: (count, n, 2) displacements of the disk's points, as it lies at t = 0; the sum of m shape^2 is 1 M.
         energies: (count,) of each mode, kinetic and elastic [M c^2].
         rest: of all higher modes [M c^2].
-        anharmonic: by which the energy differs from that of all modes: the springs' directions, and k_b [M c^2].
+        anharmonic: by which the energy differs from that of all modes [M c^2]: the springs' directions, and k_b. Of a
+            disk that spins most of it is centrifugal, because the modes are those of the disk at rest.
     """
 
     frequencies: Array

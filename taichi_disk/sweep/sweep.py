@@ -15,13 +15,13 @@ from uuid import uuid4
 
 from filelock import FileLock, Timeout
 
-from taichi_disk.config.sweep_axes import Sweep, value_of
 from taichi_disk.errors import InputError, TaichiDiskError
 from taichi_disk.lattice import file_digest
 from taichi_disk.output.files import prepare_output, reason, remove, versions, write_csv, write_summary, write_text
 from taichi_disk.output.run_folder import refuse_run
 from taichi_disk.progress import Progress, reported, silent
 from taichi_disk.scenes import Scene
+from taichi_disk.scenes.sweep_axes import Sweep, value_of
 from taichi_disk.sweep import executors
 from taichi_disk.sweep.work import PointResult
 from taichi_disk.version import __version__

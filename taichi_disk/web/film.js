@@ -88,13 +88,11 @@ async function play() {
     const at = film.cues[from] + (place - from) * (film.cues[to] - film.cues[from]);
     drawings.forEach((drawing, n) => {
       drawing.draw(recordings[n].state(at, drawing.options.quantity));
-      const lines = film.runs[n].captions[k].filter(Boolean);
-      if (drawing.options.magnify > 1) lines.push(`displacements ${times(drawing.options.magnify)}`);
-      drawing.caption.innerHTML = "";
-      for (const line of lines) {
+      const { magnify } = drawing.options, remark = magnify > 1 ? `displacements ${times(magnify)}` : "";
+      drawing.caption.replaceChildren(...[...film.runs[n].captions[k], remark].map((line) => {
         const shown = document.createElement(line.startsWith("*") ? "b" : "span");
-        drawing.caption.append(Object.assign(shown, { textContent: line.replace(/^\*/, "") }), "\n");
-      }
+        return Object.assign(shown, { textContent: `${line.replace(/^\*/, "")}\u00a0\n` }); // a blank line keeps its height
+      }));
     });
     moment.value = place;
     moment.setAttribute("aria-valuetext", film.runs[0].captions[k].join(", "));

@@ -13,6 +13,7 @@ from string import Template
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from taichi_disk.config.sections import VideoSection
 from taichi_disk.fields import QUANTITIES, Triangles
@@ -50,7 +51,10 @@ def film(path: Path, runs: Sequence[Run], video: VideoSection, progress: Progres
         progress("render", k, len(runs))
         recorded.append(_recorded(*run, times))
     limits = {name: max(one.limits[name] for one in recorded) for name in QUANTITIES}
-    force = max(one.largest_force for one in recorded)
+    views = np.array([one.view for one in recorded])
+    view = [*views[:, 0::2].min(axis=0), *views[:, 1::2].max(axis=0)]
+    largest = max(one.largest_force for one in recorded)
+    force = round_near(largest) if largest else 0.0
     data, packed = b"", []
     for (scenario, outcome), one, title in zip(runs, recorded, titles(runs), strict=True):
         curves = {"velocity": scenario.motion(outcome.columns)[0], "force": outcome.columns["wall_force"]}
@@ -64,7 +68,7 @@ def film(path: Path, runs: Sequence[Run], video: VideoSection, progress: Progres
         packed.append(
             {
                 "scene": message
-                | {"title": list(title), "view": one.view, "full_force": round_near(force) if force else 0.0},
+                | {"title": list(title), "view": [float(view[k]) for k in (0, 2, 1, 3)], "full_force": force},
                 "states": len(times),
                 "unit": one.unit,
                 "first": np.cumsum([0, *(len(each) for each in one.forces)]).tolist(),
@@ -105,8 +109,8 @@ class _Recorded:
 
     motion: Array
     displacements: Array
-    forces: list[Array]
-    values: dict[str, Array]
+    forces: list[NDArray[np.float32]]
+    values: dict[str, NDArray[np.float32]]
     limits: dict[str, float]
     largest_force: float
     centres: Array
@@ -141,7 +145,7 @@ def _recorded(scenario: Any, outcome: Any, times: Array) -> _Recorded:
     triangles, n, columns = Triangles(lattice), lattice.disk_points, outcome.columns
     rest, looks = lattice.positions, scale_times(scenario, columns)
     motion, displacements, forces = [], [], []
-    values: dict[str, list[Array]] = {name: [] for name in QUANTITIES}
+    values: dict[str, list[NDArray[np.float32]]] = {name: [] for name in QUANTITIES}
     limits, largest = dict.fromkeys(QUANTITIES, 0.0), 0.0
     left, right, low, high = scenario.view
     every = np.unique([*times, *looks])

@@ -12,7 +12,7 @@ import numpy as np
 
 from taichi_disk.computation.scenario import Scenario
 from taichi_disk.computation.stability import Spectrum, spectrum
-from taichi_disk.config.scene_base import least_threshold
+from taichi_disk.config.conflicts import least_threshold
 from taichi_disk.errors import TaichiDiskError
 from taichi_disk.lattice import Array, Lattice
 from taichi_disk.output.files import write_text

@@ -12,8 +12,8 @@ from time import perf_counter
 from typing import Any
 
 import numpy as np
-import taichi as ti
 
+from taichi_disk.engine import ti
 from taichi_disk.errors import TaichiDiskError
 from taichi_disk.fields import QUANTITIES
 from taichi_disk.output.files import prepare_output

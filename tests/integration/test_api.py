@@ -204,7 +204,7 @@ def test_threads_are_a_whole_number_up_to_the_cores(threads):
 
 @pytest.mark.parametrize("number", ["1", "0", "-1", "many", ""])
 def test_the_environment_says_how_many_threads_where_nobody_else_does(number):
-    code = "from taichi_disk import runtime; runtime.start(); import taichi as ti; print(ti.cfg.cpu_max_num_threads)"
+    code = "from taichi_disk import engine, runtime; runtime.start(); print(engine.ti.cfg.cpu_max_num_threads)"
     environment = os.environ | {"TAICHI_DISK_THREADS": number}
     told = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, env=environment)
     assert told.stdout == ("1\n" if number == "1" else "")

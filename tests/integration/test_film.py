@@ -16,12 +16,15 @@ import pytest
 from PIL import Image
 
 from taichi_disk import Lattice, api, load_scene, runtime
-from taichi_disk.computation.outcome import compute, greatest_compression, quasistatic
+from taichi_disk.computation.contact import greatest_compression
+from taichi_disk.computation.outcome import compute, quasistatic
 from taichi_disk.errors import InputError, SimulationError, TaichiDiskError
 from taichi_disk.progress import silent as QUIET
 from taichi_disk.render import film_problem
 from taichi_disk.render.film import film
 from taichi_disk.render.legend import Legend
+from taichi_disk.render.moments import Span, titles
+from taichi_disk.render.moments import time_of as time_in
 from taichi_disk.render.palette import THEMES
 
 needs_vulkan = pytest.mark.skipif(film_problem() is not None, reason=str(film_problem()))
@@ -32,7 +35,8 @@ COUNT, SIZE = 10, 240
 @pytest.fixture(scope="module")
 def run():
     runtime.start()
-    scene = load_scene("exponential_wall", ["lattice.points=150", "impact.velocity=0.05", "material.eta_star=5"])
+    settings = ["lattice.points=150", "impact.velocity=0.05", "material.eta_star=5", "impact.gap=0.2"]  # with a flight
+    scene = load_scene("exponential_wall", settings)
     scenario = scene.scenario()
     outcome = compute(scenario, scene.time)
     # Its states are kept, so that tests may start Taichi anew.
@@ -208,7 +212,44 @@ def test_a_comparison_shows_both_runs_at_the_same_times_in_the_same_colours(run,
     film(tmp_path / "both", [run, run], video(), QUIET)
     left, right = np.split(pictures_in(tmp_path / "both"), 2, axis=2)
     assert left.shape == (COUNT, SIZE, SIZE, 3)
-    assert np.array_equal(left, right) and captions[0::2] == captions[1::2]
+    below = SIZE - 60  # where the scales stand, once for both
+    assert np.array_equal(left[:, :below], right[:, :below]) and captions[0::2] == captions[1::2]
+
+
+def test_runs_side_by_side_are_named_by_what_sets_them_apart():
+    def named(*changes):
+        scenes = [load_scene("exponential_wall", ["lattice.points=20", *change]) for change in changes]
+        return [title[0] for title in titles([(scene.scenario(), None) for scene in scenes])]
+
+    assert named(["material.eta_star=0"], ["material.eta_star=100"]) == ["η* = 0", "η* = 100"]
+    assert named(["wall.a=50", "impact.velocity=0.1"], []) == ["a = 50/R    v = 0.1 c", "a = 300/R    v = 0.02 c"]
+    assert named([], []) == ["Impact on a rigid wall"] * 2  # nothing does
+
+
+@needs_vulkan
+@pytest.mark.parametrize(("at", "t"), [("contact", None), ("end", None), (1.5, 1.5)])
+def test_a_picture_is_of_the_moment_asked_for(run, tmp_path, captions, at, t):
+    series = run[1].columns
+    touches = series["t"][np.argmax(series["wall_force"] > 0.01 * series["wall_force"].max())]
+    film(tmp_path / "picture.png", [run], video(), QUIET, Span(at=at))
+    expected = {"contact": touches, "end": series["t"][-1]}.get(at, t)
+    assert time_of(captions[0]) == pytest.approx(expected, abs=1e-3)
+    assert captions[0][-1] == {"contact": "first contact", "end": captions[0][-1]}.get(at, "")
+
+
+@needs_vulkan
+def test_a_part_of_a_film_begins_and_ends_where_asked_at_the_pace_of_the_whole(run, tmp_path, captions):
+    film(tmp_path / "part", [run], video(seconds=2), QUIET, Span(start="contact", end="greatest"))
+    times = [time_of(lines) for lines in captions]
+    series = run[1].columns
+    assert times[0] == pytest.approx(time_in("contact", series), abs=1e-3)
+    assert times[-1] == pytest.approx(greatest_compression(series), abs=1e-3) and len(times) == 20
+
+
+@pytest.mark.parametrize("span", [Span(at="later"), Span(at=-1.0), Span(at=1e9), Span(at=float("nan"))])
+def test_a_moment_that_is_none_is_told_with_those_that_are(run, tmp_path, span):
+    with pytest.raises(InputError, match=r"write greatest, contact, end, or a time within the run, 0 to \d"):
+        film(tmp_path / "picture.png", [run], video(), QUIET, span)
 
 
 @needs_vulkan
@@ -317,7 +358,7 @@ def test_a_full_disk_is_told_and_leaves_nothing(run, tmp_path, suffix, room):
 
 @needs_vulkan
 def test_a_vulkan_that_does_not_work_is_reported(run, tmp_path, monkeypatch):
-    import taichi as ti
+    from taichi_disk.engine import ti
 
     def broken(*_, **__):
         raise RuntimeError("device lost")

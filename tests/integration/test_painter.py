@@ -7,11 +7,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-import taichi as ti
 from bodies import RIGID, shaken
 from scipy.spatial import cKDTree
 
 from taichi_disk import runtime
+from taichi_disk.engine import ti
 from taichi_disk.fields import QUANTITIES, Triangles, at_points, fringes
 from taichi_disk.lattice import Lattice, disk_lattice, with_wall
 from taichi_disk.physics import ElasticWall, ExponentialWall, Springs

@@ -12,12 +12,13 @@ from concurrent.futures import ThreadPoolExecutor
 
 import pytest
 
+from taichi_disk import engine
 from taichi_disk.signals import AT_ONCE, INTERRUPTED, deferred_interrupts, ignored_by_children, raise_if_interrupted
 
 COMMAND = [sys.executable, "-m", "taichi_disk", "run", "exponential_wall", "--set=video.seconds=20"]
 FIRST_PICTURE = """
 import builtins, signal
-import taichi as ti
+from taichi_disk.engine import ti
 from taichi_disk import load_scene, run
 
 def drawn(window, first=ti.ui.Window.get_image_buffer_as_numpy, imported=builtins.__import__):
@@ -156,7 +157,7 @@ def test_an_interrupt_while_the_first_picture_is_read_is_one_like_others(tmp_pat
     assert subprocess.run([sys.executable, "-c", FIRST_PICTURE], cwd=tmp_path).returncode == 7
 
 
-@pytest.mark.parametrize("module", ["argparse", "taichi"])
+@pytest.mark.parametrize("module", ["argparse", engine.NAME])
 def test_an_interrupt_during_imports_ends_with_130_and_no_traceback(tmp_path, module):
     script = [sys.executable, "-c", IMPORTING, module, *COMMAND[3:], "--out", str(tmp_path / "o")]
     done = subprocess.run(script, capture_output=True, text=True)

@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from taichi_disk import Lattice, load_scene, load_sweep, run, run_sweep
+from taichi_disk import Lattice, engine, load_scene, load_sweep, run, run_sweep
 from taichi_disk.cli import main
 from taichi_disk.errors import InputError, SimulationError
 from taichi_disk.sweep import executors
@@ -286,7 +286,7 @@ def test_rows_of_different_versions_are_told_once(small: SweepResult, tmp_path: 
     shutil.copytree(small.out, tmp_path / "out")
     for path in points(tmp_path / "out")[:2]:
         record = json.loads(path.read_bytes())
-        assert set(record["versions"]) == {"python", "taichi-disk", "taichi", "numpy", "scipy"}
+        assert set(record["versions"]) == {"python", "taichi-disk", engine.PACKAGE, "numpy", "scipy"}
         record["versions"] |= {"python": "2.7.18", "numpy": "1.6.0"}
         path.write_text(json.dumps(record))
     said: list[str] = []
@@ -353,7 +353,7 @@ def test_any_executor_gives_the_same_bytes(small: SweepResult, tmp_path: Path) -
 
 
 def test_other_versions_on_a_worker_are_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    here = executors.relevant_versions() | {"taichi": "1.7.3", "taichi-disk": "0.0"}
+    here = executors.relevant_versions() | {engine.PACKAGE: "1.7.3", "taichi-disk": "0.0"}
     monkeypatch.setattr(executors, "relevant_versions", lambda: here)
     with (
         ThreadPoolExecutor(1) as threads,

@@ -238,7 +238,7 @@ def test_a_compression_within_a_tolerance_ends_as_near_to_newtons_rest(kernels):
     settings += ["material.k_a=0.76", "material.eta_star=68"]
     loose, early = computed(kernels, "compression", *settings)
     off = loose.end_truncation_error(early.columns)
-    assert 1e-7 < off <= early.facts["error_estimate"]["xi"] < 1.5 * off
+    assert off > 1e-7 and 1.05 * off < early.facts["error_estimate"]["xi"] < 1.5 * off  # Newton's rest is rounded, too
     scenario, outcome = computed(kernels, "compression", *settings, "time.tolerance=1e-7")
     assert 0.0 < outcome.facts["error_estimate"]["xi"] <= 1e-7
     rest = solve_equilibrium(scenario.lattice, scenario.model, scenario.lattice.positions).positions

@@ -10,11 +10,11 @@ import reference
 from bodies import SMALL, WALL, advance, computed
 from numpy.testing import assert_array_equal
 
+from taichi_disk.computation.contact import contact_interval
 from taichi_disk.computation.outcome import compute
 from taichi_disk.integrators import INTEGRATORS, TRAPEZOIDAL, VELOCITY_VERLET
 from taichi_disk.lattice import Lattice, bulk_moduli
 from taichi_disk.scenes import load_scene
-from taichi_disk.scenes.impact import contact_interval
 
 LONG = pytest.mark.validate
 TURNING = ("lattice.points=5", "lattice.seed=2", "impact.turn=0.51")  # a corner of it hits again
@@ -164,6 +164,19 @@ def test_the_disk_starts_out_of_the_walls_reach(name, settings):
 def test_when_it_ends_the_disk_has_left_for_good(name, settings, kernels):
     # (Without dashpots the disk vibrates on, which is the hard case.)
     assert_has_left(kernels, name, *settings)
+
+
+def test_a_body_that_turns_faster_than_it_rises_ends_no_sooner_than_its_corners_are_clear():
+    scenario = load_scene("exponential_wall", [*TURNING, "material.eta_star=0"]).scenario()
+    x, masses = scenario.lattice.positions, scenario.lattice.masses
+    arm = x - masses @ x
+    radius, inertia = np.hypot(*arm.T).max(), masses @ (arm**2).sum(axis=1)
+    height, speed = scenario.gap + 0.1, 0.01
+    for spin in (0.0, 1.0, -1.0):
+        energy = 0.5 * (speed**2 + inertia * spin**2)
+        row = {"com_vx": 0.0, "com_vy": speed, "com_y": scenario.gap + radius - 0.1, "lowest_y": height}
+        row |= {"angular_momentum": inertia * spin, "kinetic": energy, "elastic": 0.0}
+        assert scenario.ended({name: np.array([value]) for name, value in row.items()}) == (spin == 0.0)
 
 
 def test_when_it_ends_a_rod_that_bends_has_left_for_good(tmp_path, kernels):

@@ -52,7 +52,7 @@ def faults(path: Path, text: str | bytes, *overrides: str) -> list[str]:
         ),
         ("impact: {slant: 3}\n", "2:10: impact.slant: unknown key; impact has velocity, angle, spin, turn, gap, max_time"),
         ("impact: {angle: 90}\n", "2:17: impact.angle: must be a number from -1.5 to 1.5 [rad], not 90 (between the flight and the wall's normal, positive to the right)"),
-        ("wall: {friction: -0.1}\n", "2:18: wall.friction: must be a number from 0 to 100, not -0.1 (Coulomb's coefficient of friction on every point that the wall pushes)"),
+        ("wall: {friction: -0.1}\n", "2:18: wall.friction: must be a number from 0 to 10, not -0.1 (Coulomb's coefficient of friction on every point that the wall pushes)"),
         ("impact: {offset: 1}\n", "2:10: impact.offset: belongs to scene: absorbing_wall, not to scene: exponential_wall"),
         ("wall: {friction: 0.1}\ntime: {integrator: trapezoidal}\n", "3:20: time.integrator: trapezoidal has errors of order 1 beside friction: write auto, or velocity_verlet"),
         ("wall: {friction: 0.1}\nmaterial: {eta_star: 0}\ntime: {integrator: vefrl}\n", "4:20: time.integrator: vefrl cannot take forces that depend on velocity (wall.friction = 0.1): write auto, or velocity_verlet"),

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import re
+
 import numpy as np
 import pytest
 from bodies import SMALL, computed, driver_of
 from numpy.testing import assert_array_equal
 
 from taichi_disk.computation.outcome import inverted_triangles
+from taichi_disk.computation.workload import announcement
 from taichi_disk.errors import InputError, SimulationError
 
 IMPACT = ("exponential_wall", "lattice.points=60", "material.eta_star=0", "time.safety=0.3")
@@ -96,3 +99,11 @@ def test_triangles_turned_inside_out_are_counted_and_told(kernels):
         kernels, "compression", "lattice.points=60", "compression.method=newton", "compression.pressure=3"
     )
     assert pressed.facts["inverted_triangles"] > 0 and "turned inside out" in pressed.facts["warnings"][0]
+
+
+def test_a_run_of_many_steps_or_minutes_is_announced_with_time_and_memory_and_no_other(kernels):
+    assert announcement(driver_of(kernels, *IMPACT)) is None
+    told = announcement(driver_of(kernels, *IMPACT, "time.dt=1e-6"))
+    assert re.fullmatch(r"this will take about \d+ s and 0\.3 GB of memory: some \de7 steps of 1e-06 R/c .*", told)
+    told = announcement(driver_of(kernels, *IMPACT, "time.dt=1e-8"))
+    assert re.match(r"this will take about \d+ (min|h) and", told)

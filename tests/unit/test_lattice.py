@@ -60,11 +60,8 @@ def test_rim_points_are_evenly_spaced_on_the_unit_circle_and_are_the_surface(poi
 def test_a_hole_is_round_and_empty_and_the_points_are_as_many_as_asked(points, seed, rim, min_spacing, hole):
     disk = disk_lattice(points, seed, rim, min_spacing, hole)
     r = np.hypot(*disk.positions.T)
-    assert (
-        disk.positions.shape == (points, 2)
-        and np.ptp(disk.masses) == 0.0
-        and disk.masses.sum() == pytest.approx(1.0, abs=1e-14)
-    )
+    assert disk.positions.shape == (points, 2) and np.ptp(disk.masses) == 0.0
+    assert disk.masses.sum() == pytest.approx(1.0, abs=1e-14)
     assert r.min() == pytest.approx(hole, abs=1e-15)
     edge = np.flatnonzero(r < hole * (1 + 1e-9))
     turn = np.sort(np.arctan2(*disk.positions[edge].T))

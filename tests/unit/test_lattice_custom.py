@@ -21,6 +21,7 @@ COLUMN, ROW = (one.ravel() for one in np.meshgrid(np.arange(-12, 13), np.arange(
 HEXAGONAL = np.stack([COLUMN + 0.5 * ROW, np.sqrt(0.75) * ROW], axis=1) / 8
 ROUND = HEXAGONAL[np.hypot(*HEXAGONAL.T) < 1 + 1e-9]
 GRID = np.stack(np.meshgrid(np.arange(-4, 5), np.arange(-4, 5)), axis=-1).reshape(-1, 2) / 4
+RIM = np.stack([np.cos(np.arange(24) * np.pi / 12), np.sin(np.arange(24) * np.pi / 12)], axis=1)
 NEAREST = cKDTree(GRID).query_pairs(0.26, output_type="ndarray")
 CROSSED = cKDTree(GRID).query_pairs(0.36, output_type="ndarray")
 RISE = np.prod(GRID[CROSSED[:, 1]] - GRID[CROSSED[:, 0]], axis=1)
@@ -312,3 +313,24 @@ def test_a_file_s_number_of_points_is_one_it_has(tmp_path, number):
     np.savez(tmp_path / "a.npz", positions=ROUND, disk_points=number)
     with pytest.raises(InputError, match=r"a\.npz: disk_points must be a whole number up to 241"):
         read_lattice(tmp_path / "a.npz")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ({"points": RIM}, "would cross a gap"),
+        ({"points": GRID, "triangles": np.empty((0, 3), int)}, "do not make one piece"),
+        ({"points": GRID, "triangles": [[0, 0, 0]]}, "do not make one piece"),
+        ({"points": GRID, "triangles": 3 * [[0, 1, 9], [1, 10, 9]]}, "do not make one piece"),
+        ({"points": GRID, "masses": changed(np.ones(81), 5, 1e300)}, "masses[5] is 1e+300"),
+        ({"points": GRID, "masses": changed(np.ones(81), 5, 1e-20)}, "masses[5] is 1e-20, less than 1e-15 of"),
+        ({"points": GRID, "springs": CROSSED, "stiffness": changed(np.ones(len(CROSSED)), 7, 1e-300)}, "stiffness[7]"),
+        (
+            {"points": GRID, "springs": CROSSED, "rest_lengths": changed(np.ones(len(CROSSED)), 7, 1e300)},
+            "rest_lengths[7]",
+        ),
+    ],
+)
+def test_a_body_that_no_step_could_move_is_refused_in_a_sentence(arguments, message):
+    with pytest.raises(InputError, match=re.escape(message)):
+        Lattice.from_points(**arguments)

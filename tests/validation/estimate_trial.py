@@ -1,30 +1,35 @@
 """Random scenes whose truth is known: does the error estimate that every run reports hold, is `time.tolerance` kept?
 
-    python -m tests.validation.estimate_trial [--tolerance | --hard | ] [--first 0] [--scenes 100]
+    python -m tests.validation.estimate_trial [--tolerance | --hard | --features] [--first 0] [--scenes 100]
 
-Scenes are drawn by number (`trial_scene`, `hard_scene`), truths are those of `truth`. A scene
-whose truth is in doubt by more than a tenth of what is claimed cannot be judged.
+Scenes are drawn by number (`trial_scene`, `hard_scene`, `feature_scene`), truths are those of `truth`. A scene whose
+truth is in doubt by more than a tenth of what is claimed cannot be judged. With `--features` every result is judged,
+and `--log FILE` keeps what was judged: the same command goes on from there.
 """
 
 from __future__ import annotations
 
 import argparse
+import json
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
 
 import numpy as np
 
 from taichi_disk import runtime
 from taichi_disk.computation.outcome import compute
-from taichi_disk.errors import SimulationError
+from taichi_disk.errors import SimulationError, TaichiDiskError
 from taichi_disk.scenes import load_scene
 from taichi_disk.simulation.simulation import KernelCache
 
-from .random_scenes import hard_scene, trial_scene
-from .truth import true_result
+from .random_scenes import custom_body, feature_scene, hard_scene, trial_scene
+from .truth import refined, true_result
 
 FINEST = 1e-8  # error of an estimate that a truth is made for
+ROUNDING = 1e-13  # of a result: an impulse along a wall without friction is 0 but for that
+MOST_WORK = 3e9  # spring evaluations of a truth: scenes that take longer are left out
 
 
 @dataclass(frozen=True)
@@ -33,7 +38,7 @@ class Judgement:
 
     `end`: held or exceeded; warned: exceeded, and the run warns; untold: no truth to judge by; ended: the scene has no
     result, or none within the tolerance.
-    `claim`: the estimate or the tolerance.
+    `claim`: the estimate or the tolerance. `result`: its name, if it is not the primary one.
     """
 
     number: int
@@ -42,6 +47,7 @@ class Judgement:
     error: float = math.nan
     claim: float = math.nan
     doubt: float = 0.0
+    result: str = ""
 
 
 def judge(number: int, kernels: KernelCache, tolerance: bool = False, hard: bool = False) -> Judgement:
@@ -75,6 +81,38 @@ def judge(number: int, kernels: KernelCache, tolerance: bool = False, hard: bool
     return Judgement(number, end, text, off, claim, doubt)
 
 
+def judge_features(number: int, kernels: KernelCache) -> list[Judgement]:
+    """Run scene `number` as `run` does, and hold the estimate of each result against shorter steps."""
+    name, settings, aspect = feature_scene(number)
+    text = " ".join((name, *settings, f"aspect={aspect:.3f}" * (aspect > 0.0)))
+    try:
+        scene = load_scene(name, settings)
+        body = custom_body(scene.body(), aspect, number) if aspect else scene.body()
+        scenario = scene.scenario(body)
+        outcome = compute(scenario, scene.time, kernels=kernels)
+        claims, found = outcome.facts["error_estimate"], scenario.result(outcome.columns)
+        if not claims:
+            return [Judgement(number, "ended", f"{text}: no estimate")]
+        primary, truth, work = scenario.primary(outcome.columns)[0], {}, outcome.facts["steps"] * len(body.bonds)
+        for finest in (32, 128):
+            if finest * work > MOST_WORK:
+                break
+            truth = refined(scenario, outcome.facts, kernels, finest)
+            if truth[primary][1] <= 0.1 * claims[primary]:
+                break
+        if not truth:
+            return [Judgement(number, "untold", f"{text}: too long")]
+    except TaichiDiskError as error:
+        return [Judgement(number, "ended", f"{text}: {error}")]
+    judged = []
+    for result in [result for result in claims if result in truth]:
+        (true, doubt), claim = truth[result], claims[result] + ROUNDING
+        off = abs(found[result] - true)
+        end = "untold" if doubt > 0.1 * claim else "held" if off <= claim else "exceeded"
+        judged.append(Judgement(number, end, text, off, claim, doubt, "" if result == primary else result))
+    return judged
+
+
 def report(found: list[Judgement]) -> Iterator[str]:
     """The figures in Markdown, then every scene whose claim did not hold."""
     from scipy.stats import binomtest
@@ -99,14 +137,33 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--tolerance", action="store_true", help="judge time.tolerance instead of the estimate")
     parser.add_argument("--hard", action="store_true", help="spins, strained springs, strong dashpots, both contacts")
+    parser.add_argument("--features", action="store_true", help="all features of bodies, throws and walls, all results")
     parser.add_argument("--first", type=int, default=0, help="number of the first scene")
     parser.add_argument("--scenes", type=int, default=100, help="how many")
+    parser.add_argument("--log", type=Path, help="with --features: a file that keeps what was judged")
     given = parser.parse_args()
     runtime.start(threads=1)
     kernels = KernelCache()
     numbers = range(given.first, given.first + given.scenes)
-    for line in report([judge(number, kernels, given.tolerance, given.hard) for number in numbers]):
-        print(line)
+    if not given.features:
+        print(*report([judge(number, kernels, given.tolerance, given.hard) for number in numbers]), sep="\n")
+        return
+    found = logged(given.log)
+    for number in [number for number in numbers if number not in {one.number for one in found}]:
+        judged = judge_features(number, kernels)
+        found += judged
+        if given.log:
+            with given.log.open("a", encoding="utf-8") as file:
+                file.writelines(json.dumps(asdict(one)) + "\n" for one in judged)
+    found = [one for one in found if one.number in numbers]
+    for result in dict.fromkeys(one.result for one in found):
+        print(f"\n{result or 'primary result'}:", *report([one for one in found if one.result == result]), sep="\n")
+
+
+def logged(path: Path | None) -> list[Judgement]:
+    if not (path and path.exists()):
+        return []
+    return [Judgement(**json.loads(line)) for line in path.read_text(encoding="utf-8").splitlines()]
 
 
 if __name__ == "__main__":

@@ -18,7 +18,7 @@ from typing import Any, Literal
 import numpy as np
 
 from taichi_disk import runtime
-from taichi_disk.computation.diagnostics import LARGEST
+from taichi_disk.computation.diagnostics import MAX_IMBALANCE
 from taichi_disk.computation.outcome import compute
 from taichi_disk.computation.scenario import Scenario
 from taichi_disk.errors import InputError, SimulationError
@@ -89,7 +89,7 @@ class Case:
         if bool(self.tells) != bool(verdict.text) or not re.search(self.tells, verdict.text, re.DOTALL):
             found.append(f"told {verdict.text!r}, not {self.tells!r}")
         energy = verdict.facts.get("energy")
-        if energy and "imbalance" not in self.tells and not energy["worst_imbalance"] <= LARGEST:
+        if energy and "imbalance" not in self.tells and not energy["worst_imbalance"] <= MAX_IMBALANCE:
             found.append(f"the energy imbalance is {energy['worst_imbalance']:.1e}")
         return found
 

@@ -9,9 +9,10 @@ from typing import Any
 
 import numpy as np
 
-from taichi_disk.computation.diagnostics import LARGEST
+from taichi_disk.computation.diagnostics import MAX_IMBALANCE
 from taichi_disk.computation.scenario import Scenario
 from taichi_disk.errors import SimulationError
+from taichi_disk.lattice import Lattice
 from taichi_disk.scenes import Scene, load_scene
 from taichi_disk.simulation.simulation import KernelCache, Simulation
 
@@ -146,6 +147,62 @@ def hard_scene(number: int) -> tuple[str, tuple[str, ...], float]:
     return name, tuple(settings), between(1e-3, 3e-2) if rng.random() < 0.33 else 0.0
 
 
+def feature_scene(number: int) -> tuple[str, tuple[str, ...], float]:
+    """Name and settings of an impact over all features of bodies, throws and walls, and the aspect of a custom body.
+
+    N 30 to 400 with holes and cores, angles, spins, friction 0.05 to 5, both dashpots, all boundaries and contacts of
+    the elastic wall, v 5e-3 to 0.2, a 30 to 3000. The aspect is 0 of a disk from the settings; otherwise the body is an
+    ellipse as high or wide as that, with unequal masses and springs (`custom_body`).
+    """
+    draw = Draw(35, number)
+    rng, between = draw.rng, draw.between
+    chance = lambda part: bool(rng.random() < part)  # noqa: E731
+    rigid = chance(0.65)
+    name = "exponential_wall" if rigid else "absorbing_wall"
+    body = draw.one_of(("plain", "plain", "hole", "core", "custom"))
+    points = max(int(rng.choice(TRIAL_POINTS, p=SHARES)), 100 if body in ("hole", "core") else 0)
+    a, v = between(30.0, 3000.0), between(5e-3, 0.2)
+    angle = float(f"{rng.uniform(-1.3, 1.3) if rigid else rng.uniform(-0.6, 0.6):.4f}") if chance(0.6) else 0.0
+    spin = between(0.01, 0.3) * draw.one_of((-1.0, 1.0)) if chance(0.4) else 0.0
+    settings = [
+        *(f"lattice.points={points}", f"lattice.seed={rng.integers(10000)}", f"impact.velocity={v}"),
+        *(f"wall.a={a}", f"wall.V0={0.5 * a}", f"impact.angle={angle}", f"impact.spin={spin}"),
+        f"impact.turn={rng.uniform(-3.14, 3.14):.4f}",
+    ]
+    eta = 0.0 if chance(0.4) else between(0.1, 100.0)
+    settings.append(f"material.viscosity={eta / points:.4g}" if chance(0.5) else f"material.eta_star={eta}")
+    axial = eta > 0.0 and chance(0.4)
+    settings += ["material.dashpot=axial"] * axial
+    if body == "hole":
+        settings.append(f"lattice.hole={rng.uniform(0.3, 0.4):.3f}")
+    if body == "core":
+        settings += [f"lattice.core_radius={rng.uniform(0.4, 0.6):.3f}", f"lattice.core_stiffness={between(0.3, 4.0)}"]
+        settings.append(f"lattice.core_density={between(0.3, 4.0)}")
+    if rigid:
+        settings.append(f"wall.friction={between(0.05, 5.0) if chance(0.6) else 0.0}")
+    else:
+        reach = (math.log(0.5 * a) - math.log(5e-6) - 2.0 * math.log(v)) / a
+        settings += [
+            *(f"wall.points={3 * points}", "wall.width=8.0", f"wall.boundary={draw.one_of(BOUNDARIES)}"),
+            *(f"wall.threshold={max(1.5 * reach, 1e-3):.4g}", f"wall.reset_interval={between(0.03, 0.3)}"),
+            *(f"wall.contact={draw.one_of(('springs', 'smooth'))}", f"wall.k_a={between(0.5, 20.0)}"),
+        ]
+    return name, tuple(settings), float(rng.uniform(0.5, 1.0)) if body == "custom" else 0.0
+
+
+def custom_body(disk: Lattice, aspect: float, seed: int) -> Lattice:
+    """An ellipse from a disk's lattice, its masses and springs unequal by up to a factor of 2; a wall stays."""
+    rng, n = np.random.default_rng([36, seed]), disk.disk_points
+    x, inside = disk.positions.copy(), (disk.bonds < n).all(axis=1)
+    x[:n, 1] *= aspect
+    masses, stiffness = disk.masses.copy(), np.where(inside, rng.uniform(0.7, 1.4, len(disk.bonds)), 1.0)
+    masses[:n] *= rng.uniform(0.7, 1.4, n)
+    masses[:n] /= masses[:n].sum()
+    i, j = disk.bonds.T
+    lengths = np.where(inside, np.hypot(*(x[i] - x[j]).T), disk.rest_lengths)
+    return replace(disk, positions=x, masses=masses, stiffness=stiffness, rest_lengths=lengths)
+
+
 class ShortOnly:
     """Gives up scenes that might take more than `most_work`, springs times steps up to the scene's `max_time`."""
 
@@ -182,7 +239,7 @@ def _fault(facts: dict[str, Any]) -> str:
         return f"the result is {value}"
     if energy is None:
         return ""
-    if not abs(energy["closing_imbalance"]) <= LARGEST:
+    if not abs(energy["closing_imbalance"]) <= MAX_IMBALANCE:
         return f"the energy imbalance is {energy['closing_imbalance']:.2g}"
     gain = max(0.0, -energy["sliding"] / energy["scale"]) + 2e-3
     if "restitution" in facts and not 0.0 < value <= math.sqrt(1.0 + gain):

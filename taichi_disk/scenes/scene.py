@@ -5,35 +5,55 @@ from __future__ import annotations
 import json
 import os
 import re
+from abc import abstractmethod
 from collections.abc import Collection, Mapping
 from dataclasses import asdict, fields, replace
 from typing import TYPE_CHECKING, Any, ClassVar, TypeAlias, cast
 
-from taichi_disk.config.sections import (
-    ElasticWallSection,
-    Frozen,
-    ImpactSection,
-    LatticeSection,
-    MaterialSection,
-    Section,
-    TimeSection,
-    VideoSection,
-    WallSection,
-)
+from taichi_disk.config.conflicts import Conflicts
+from taichi_disk.config.sections import Frozen, LatticeSection, MaterialSection, Section, TimeSection, VideoSection
 from taichi_disk.config.tree import Keys, Tree, tree_of
 from taichi_disk.errors import InputError, did_you_mean, either, nearest
+from taichi_disk.lattice import (
+    Array,
+    Lattice,
+    Moduli,
+    bulk_moduli,
+    circle_faults,
+    disk_lattice,
+    own_start,
+    read_lattice,
+)
 
 if TYPE_CHECKING:
     from typing_extensions import Self
 
+    from taichi_disk.computation.scenario import Scenario
+    from taichi_disk.physics import Springs
+
 Value: TypeAlias = bool | int | float | str
-Conflicts: TypeAlias = list[tuple[str, str]]  # (dotted key, what is wrong with it)
 
 
-class SceneBase(Frozen):
-    """What every kind of scene has. A kind narrows `scene` to its name and adds sections of its own."""
+class DiskScene(Frozen):
+    """What every kind of scene has.
 
-    title: ClassVar[str] = ""  # the kind in words
+    A kind narrows `scene` to its name, adds sections of its own, and `of_body`, which makes the scene ready to be
+    stepped.
+
+    Attributes:
+        title: the kind in words.
+        lattice_keys: the sections and keys on which `body` depends.
+        abscissa, results: of a sweep, the key that curves are drawn against, the numbers of each scene.
+        optional_results: numbers that only some scenes have.
+        scatter: standard deviation of the first result over 8 lattices, by `taichi-disk accuracy` on the shipped scene.
+    """
+
+    title: ClassVar[str] = ""
+    lattice_keys: ClassVar[tuple[str, ...]] = ("lattice",)
+    abscissa: ClassVar[tuple[str, str]]
+    results: ClassVar[tuple[str, ...]] = ()
+    optional_results: ClassVar[tuple[str, ...]] = ()
+    scatter: ClassVar[float]
 
     scene: str = ""
     lattice: LatticeSection = LatticeSection()
@@ -55,11 +75,21 @@ class SceneBase(Frozen):
 
     def conflicts(self) -> Conflicts:
         """Disagreements between keys that are valid by themselves; a kind adds its own."""
-        material, usual = self.material, self.usual_eta_star()
-        if material.viscosity == "auto" or material.eta_star == usual:
-            return []
-        both = f"{material.viscosity:g} and material.eta_star = {material.eta_star:g} both set the dashpots"
-        return [("material.viscosity", f"{both}: write auto, or leave material.eta_star at its default, {usual:g}")]
+        spec, material, usual = self.lattice, self.material, self.usual_eta_star()
+        found: Conflicts = []
+        if material.viscosity != "auto" and material.eta_star != usual:
+            both = f"{material.viscosity:g} and material.eta_star = {material.eta_star:g} both set the dashpots"
+            found.append(
+                ("material.viscosity", f"{both}: write auto, or leave material.eta_star at its default, {usual:g}")
+            )
+        if spec.file != "none":  # which says all of the lattice
+            return found
+        faults = circle_faults(spec.points, spec.hole, spec.core_radius)
+        found += [(f"lattice.{key}", fault) for key, fault in faults]
+        for key in ("core_stiffness", "core_density"):
+            if not spec.core_radius and getattr(spec, key) != 1.0:
+                found.append((f"lattice.{key}", "there is no core: write lattice.core_radius, too, or leave this out"))
+        return found
 
     @classmethod
     def usual_eta_star(cls) -> float:
@@ -68,7 +98,9 @@ class SceneBase(Frozen):
 
     def unused(self) -> Collection[tuple[str, str]]:
         """(section, key) that change nothing beside `lattice.file`, and so cannot be swept."""
-        return ()
+        if self.lattice.file == "none":
+            return []
+        return [("lattice", key) for key in self.lattice.schema() if key not in ("file", "velocities")]
 
     def with_(self, changes: Mapping[str, Any] | None = None, /, **keys: Any) -> Self:
         """The scene with some keys changed: `scene.with_(eta_star=30)`, `scene.with_({"wall.a": 3000})`.
@@ -104,6 +136,81 @@ class SceneBase(Frozen):
                     lines.append(f"{entry:<32} # {f'[{key.unit}] ' if key.unit else ''}{key.meaning}")
         return "\n".join(lines) + "\n"
 
+    # ---- what there is to compute
+
+    def body(self) -> Lattice:
+        """The unloaded lattice. Raises InputError for a file that holds no disk, SimulationError as `disk_lattice`."""
+        spec = self.lattice
+        if spec.file != "none":
+            return read_lattice(spec.file)
+        core = spec.core_radius, spec.core_stiffness, spec.core_density
+        return disk_lattice(spec.points, spec.seed, spec.rim, spec.min_spacing, spec.hole, *core)
+
+    @abstractmethod
+    def of_body(self, body: Lattice) -> Scenario:
+        """The scene of the unloaded lattice `body`, as the method `body` gives it or without its wall."""
+
+    def scenario(self, lattice: Lattice | None = None, velocities: Array | None = None) -> Scenario:
+        """The scene ready to be stepped.
+
+        Args:
+            lattice: an unloaded disk to take instead of the scene's own, or one with its wall as `body` gives it.
+            velocities: (N, 2) [c] of the disk's points at t = 0 instead of the scene's own.
+        """
+        body = lattice or self.body()
+        scenario, own = self.of_body(body), own_start(self.lattice, body, velocities)
+        if own.velocities is not None:
+            scenario.start_with(own.velocities)
+        return scenario
+
+    def moduli(self, points: int) -> Moduli:
+        """Of the material of a disk of `points` random points."""
+        spec = self.lattice
+        return bulk_moduli(points, spec.seed, self.material.k_a, spec.min_spacing)
+
+    def springs(self, lattice: Lattice) -> Springs:
+        """Springs and dashpots of the scene's material."""
+        from taichi_disk.physics import Springs
+
+        material = self.material
+        eta = material.eta(lattice.disk_points)
+        return Springs(material.k_a, material.k_b, eta, axial=material.dashpot == "axial")
+
+    def keeping_the_body(self) -> dict[str, Any]:
+        """Keys, as `with_` takes them, with which another `lattice.points` leaves the body as viscous as it is."""
+        name, value = self.material.dashpots
+        if name == "viscosity" or not value or self.lattice.file != "none":
+            return {}
+        eta = self.material.eta(self.lattice.points)
+        return {"material.viscosity": eta, "material.eta_star": self.usual_eta_star()}
+
+    def notes(self, points: int) -> list[str]:
+        """What a person should know of a result that depends on the dashpots of a disk of so many points."""
+        (name, value), paper = self.material.dashpots, LatticeSection.points
+        if name == "viscosity" or not value or points == paper:
+            return []
+        compared = (
+            f"with {points:,} points the body is {paper / points:.3g} times as viscous as with the paper's {paper}"
+        )
+        remedy = f"material.viscosity = {value / paper:.3g} makes it the same"
+        return [f"material.eta_star = {value:g} is per point: {compared}; {remedy}"]
+
+    def lattice_scatter(self) -> dict[str, float]:
+        """By how much the first result differs from lattice to lattice, where that is known: in the shipped scene."""
+        lattice = replace(self.lattice, seed=LatticeSection.seed)
+        plain = replace(self, lattice=lattice, time=TimeSection(), video=VideoSection())
+        return {self.results[0]: self.scatter} if plain == type(self)() else {}
+
+    @property
+    def damping(self) -> str:
+        """The viscosity in a few words, for titles."""
+        name, value = self.material.dashpots
+        return f"η* = {value:g}" if name == "eta_star" else f"η = {value:g} Mc/R"
+
+    def described(self, lattice: Lattice) -> str:
+        """The lattice in a few words, for titles."""
+        return f"N = {lattice.disk_points:,}    {lattice.origin}"
+
 
 def yaml_scalar(value: Value) -> str:
     """YAML text that reads back as the same value, in YAML 1.1 as in 1.2."""
@@ -114,57 +221,12 @@ def yaml_scalar(value: Value) -> str:
     return text.replace("e", ".0e") if isinstance(value, float) and "." not in text else text
 
 
-def time_conflicts(time: TimeSection, material: MaterialSection, *others: str, friction: float = 0.0) -> Conflicts:
-    """Those of the section `time`; `others` are keys, with values, that make forces depend on velocity, too."""
-    conflicts, damping = [], [*dashpots(material), *others, *[f"wall.friction = {friction:g}"] * bool(friction)]
-    if time.tolerance != "none" and time.dt != "auto":
-        conflicts.append(("time.tolerance", f"finds the step itself: write time.dt: auto, not {time.dt:g}"))
-    if time.integrator == "vefrl" and damping:
-        text = f"vefrl cannot take forces that depend on velocity ({damping[0]}): write auto, or velocity_verlet"
-        conflicts.append(("time.integrator", text))
-    if time.integrator == "trapezoidal" and friction:
-        text = "trapezoidal has errors of order 1 beside friction: write auto, or velocity_verlet"
-        conflicts.append(("time.integrator", text))
-    if time.integrator == "trapezoidal" and material.dashpot == "axial" and dashpots(material):
-        text = "trapezoidal solves for dashpots whose matrix stays the same, not for axial ones: write auto"
-        conflicts.append(("time.integrator", text))
-    return conflicts
-
-
-def dashpots(material: MaterialSection) -> list[str]:
-    """The key, with its value, that makes the springs' forces depend on velocity; empty where none does."""
-    name, value = material.dashpots
-    return [f"material.{name} = {value:g}"] if value else []
-
-
-def gap_conflicts(wall: WallSection | ElasticWallSection, impact: ImpactSection) -> Conflicts:
-    """A start within the wall's reach: the disk would be shot away by potential energy to spare, e > 1."""
-    least = wall.height_of(1e-3 * 0.5 * impact.towards**2)  # M = 1
-    if impact.gap == "auto" or impact.gap >= least:
-        return []
-    what = f"at {impact.gap:g} R the wall's potential exceeds 1e-3 of the kinetic energy"
-    return [("impact.gap", f"{what}: start at {rounded_up(least)} R or farther, or write auto")]
-
-
-def least_threshold(wall: ElasticWallSection, velocity: float) -> float:
-    """Distance at which the contact may be cut off: farther away its potential is 1e-5 of v^2/2 or less [R].
-
-    `velocity` is that towards the wall.
-    """
-    return wall.height_of(1e-5 * 0.5 * velocity**2)
-
-
-def rounded_up(value: float) -> str:
-    """Four digits, above the value."""
-    return f"{value * 1.001:.4g}"
-
-
 # ---- from a tree of values to a scene, or every fault in words, with the nearest name
 
-Kinds: TypeAlias = Mapping[str, type[SceneBase]]  # of scenes, by the name that `scene:` takes
+Kinds: TypeAlias = Mapping[str, type[DiskScene]]  # of scenes, by the name that `scene:` takes
 
 
-def check(tree: Tree, kinds: Kinds) -> SceneBase | None:
+def check(tree: Tree, kinds: Kinds) -> DiskScene | None:
     """The scene that the tree describes; None where it has faults, which are added to the tree's."""
     kind = tree.value.get("scene")
     if isinstance(kind, str) and kind in kinds:
@@ -185,7 +247,7 @@ def check(tree: Tree, kinds: Kinds) -> SceneBase | None:
     return None
 
 
-def _read(kind: str, tree: Tree, kinds: Kinds) -> SceneBase | None:
+def _read(kind: str, tree: Tree, kinds: Kinds) -> DiskScene | None:
     sections, read = kinds[kind].sections(), dict[str, Any]()
     for name, given in tree.value.items():
         entry = tree.entry((name,))
@@ -203,7 +265,7 @@ def _read(kind: str, tree: Tree, kinds: Kinds) -> SceneBase | None:
             read[name] = (sections[name], values)
     if tree.faults:
         return None
-    scene: SceneBase = kinds[kind](**{name: replace(section, **values) for name, (section, values) in read.items()})
+    scene: DiskScene = kinds[kind](**{name: replace(section, **values) for name, (section, values) in read.items()})
     for key, what in scene.conflicts():
         path = tuple(key.split("."))
         tree.fault(tree.entry(path).value, path, what)

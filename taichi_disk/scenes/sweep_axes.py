@@ -12,9 +12,9 @@ from dataclasses import dataclass
 from math import prod
 from typing import Any, TypeAlias
 
-from taichi_disk.config.scene_base import Kinds, SceneBase, Value, check, yaml_scalar
 from taichi_disk.config.tree import Entry, Keys, Tree, printable
 from taichi_disk.errors import did_you_mean
+from taichi_disk.scenes.scene import DiskScene, Kinds, Value, check, yaml_scalar
 
 MAX_SCENES = 100_000
 FORMS = "a list of values, {lin: [from, to, count]}, {geom: [from, to, count]} or {range: count}"
@@ -48,12 +48,12 @@ class Sweep:
         return self.scenes[0].to_yaml(leave_out=swept) + "\n".join(lines) + "\n"
 
 
-def target_of(scene: SceneBase | type[SceneBase], name: str) -> tuple[str, str] | None:
+def target_of(scene: DiskScene | type[DiskScene], name: str) -> tuple[str, str] | None:
     """(section, key) of the axis `name`: dotted, or the first section's key of that name; None where there is none."""
     return next((home for home in scene.homes(name) if home[0] != "video"), None)
 
 
-def value_of(scene: SceneBase, name: str) -> Any:
+def value_of(scene: DiskScene, name: str) -> Any:
     """What `scene` has at the axis `name`."""
     section, key = target_of(scene, name) or ("", "")
     return getattr(getattr(scene, section), key)
@@ -78,7 +78,7 @@ def check_sweep(tree: Tree, kinds: Kinds) -> Sweep | None:
     return None
 
 
-def _axes(kind: type[SceneBase], block: dict[str, Any], prefix: Keys, tree: Tree) -> Axes:
+def _axes(kind: type[DiskScene], block: dict[str, Any], prefix: Keys, tree: Tree) -> Axes:
     axes: Axes = {}
     taken: dict[Keys, str] = {}
     for name, spec in block.items():
@@ -121,7 +121,7 @@ def _values(spec: Any, path: Keys, whole: bool, tree: Tree) -> list[tuple[Value,
     return [(one, entry._replace(key=entry.value, shown=f"{one:g}")) for one in numbers]
 
 
-def _combine(kind: type[SceneBase], blocks: list[Axes], tree: Tree, kinds: Kinds) -> Sweep | None:
+def _combine(kind: type[DiskScene], blocks: list[Axes], tree: Tree, kinds: Kinds) -> Sweep | None:
     total = sum(prod(map(len, block.values())) for block in blocks)
     if total > MAX_SCENES:
         tree.fault(tree.entries[("sweep",)].key, ("sweep",), f"{total} combinations: at most {MAX_SCENES}")
@@ -142,7 +142,7 @@ def _combine(kind: type[SceneBase], blocks: list[Axes], tree: Tree, kinds: Kinds
         swept.append({name: tuple(values) for name, values in taken.items()})
     if tree.faults:
         return None
-    scenes: dict[SceneBase, None] = {}
+    scenes: dict[DiskScene, None] = {}
     for chosen in (
         dict(zip(block, each, strict=True)) for block in blocks for each in itertools.product(*block.values())
     ):
@@ -156,7 +156,7 @@ def _combine(kind: type[SceneBase], blocks: list[Axes], tree: Tree, kinds: Kinds
     return Sweep(tuple(swept), tuple(scenes))
 
 
-def _with(kind: type[SceneBase], tree: Tree, chosen: dict[str, tuple[Value, Entry]]) -> Tree:
+def _with(kind: type[DiskScene], tree: Tree, chosen: dict[str, tuple[Value, Entry]]) -> Tree:
     """The tree of one scene: `chosen` written where the axes point."""
     scene = Tree({**tree.value}, {**tree.entries}, folder=tree.folder)
     for name, (one, entry) in chosen.items():

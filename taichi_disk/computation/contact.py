@@ -1,0 +1,62 @@
+"""When wall and disk touch, and what there is to read at the end of their contact."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from taichi_disk.lattice import Array
+from taichi_disk.simulation.observables import Columns
+
+CONTACT_LEVEL = 0.01  # contact lasts while the wall's force exceeds this fraction of its peak
+STRETCHED = 0.1  # of the contact's elastic energy: a disk that stores more before it touches the wall is stretched
+
+
+def contact_interval(t: Array, force: Array, velocity: Array) -> tuple[float, float]:
+    """First and last time that `force` crosses CONTACT_LEVEL of its peak; log-linear between samples.
+
+    Where a hit was so short that no sample has seen a force: the samples between which the disk turned.
+    """
+    if not force.any():
+        turned = int(np.argmax(velocity > 0.0))
+        return float(t[turned - 1]), float(t[turned])
+    level = CONTACT_LEVEL * force.max()
+    inside = np.flatnonzero(force >= level)
+    log = np.log(np.maximum(force, 1e-300)) - np.log(level)
+
+    def crossing(i: int, j: int) -> float:
+        return float(t[i] + (t[j] - t[i]) * log[i] / (log[i] - log[j])) if log[i] != log[j] else float(t[i])
+
+    first, last = int(inside[0]), int(inside[-1])
+    start = crossing(first - 1, first) if first > 0 else float(t[0])
+    end = crossing(last, last + 1) if last + 1 < len(t) else float(t[-1])
+    return start, end
+
+
+def results_time(columns: Columns) -> float:
+    """Return when spin and vibration are read [R/c]: at the end of the last contact.
+
+    After it dashpots take both, as long as the run lasts. Without a loss both are read at the end of the run, when no
+    tail of the wall's force is left.
+    """
+    t = columns["t"]
+    if not (columns["dissipated"][-1] or columns["absorbed"][-1]):
+        return float(t[-1])
+    return contact_interval(t, columns["wall_force"], columns["com_vy"])[1]
+
+
+def vibration_left(columns: Columns) -> float:
+    """Return the energy of all vibration, kinetic and elastic, at `results_time`, over that of the flight at t = 0."""
+    stored = columns["vibration"] + columns["elastic"]
+    return float((np.interp(results_time(columns), columns["t"], stored) - stored[0]) / columns["translation"][0])
+
+
+def greatest_compression(columns: Columns) -> float:
+    """When the elastic energy is largest while the wall pushes [R/c].
+
+    Where a spin stretches the disk before it touches the wall: when the centre of mass is nearest to the wall.
+    """
+    force, elastic = columns["wall_force"], columns["elastic"]
+    touches = force >= 0.01 * force.max()
+    stored = elastic * touches
+    stretched = elastic[: int(touches.argmax())].max(initial=0.0) > STRETCHED * stored.max()
+    return float(columns["t"][int(columns["com_y"].argmin() if stretched else stored.argmax())])

@@ -1,0 +1,140 @@
+"""The errors of results that the time step causes, from a second run; and the search for a step within a tolerance."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from taichi_disk.computation.contact import greatest_compression
+from taichi_disk.computation.diagnostics import relative_imbalance
+from taichi_disk.computation.driver import Driver
+from taichi_disk.computation.scenario import Scenario
+from taichi_disk.computation.step_control import fitted
+from taichi_disk.errors import SimulationError, TaichiDiskError
+from taichi_disk.lattice import Array
+from taichi_disk.simulation.observables import Columns
+
+# Measured on scenes whose truth is known: `python -m tests.validation.estimate_trial`.
+STEP_RATIO = 1.25  # by which the step of a second run is shorter
+HALF_STEP = 2.0  # the same, if friction held a point, or if the step crosses much of the wall's decay length
+LONGER_STEP, LONGER_FROM = 0.95, 0.75  # of the stability limit: a longer one instead, if the step itself is above that
+ERROR_SAFETY = 1.5  # over the difference that Richardson's extrapolation finds
+UNRESOLVED_PART = 0.5  # of the worst imbalance, which the error may be where a step does not resolve the wall
+STUCK_PART = 0.02  # of the worst imbalance, which the error may be if friction held a point
+HALF_FROM = 0.51  # of the step that resolves the wall: a quarter of the decay length
+SLIDING_PART = 1.0 - 1e-9  # of friction's largest impulse: below that, a point did not slide throughout
+
+SEARCH = 12  # steps tried for a tolerance, which may be far from a first coarse step
+TOLERANCE_PART = 0.75  # of the tolerance, at which the next step is aimed
+LEAST_RATIO, MOST_RATIO = 1.15, 3.0  # by which that step is shorter: a longer leap would trust the power too far
+
+
+@dataclass(frozen=True)
+class SecondRun:
+    """The errors of results by their names, none if the second run has no result; (n, 2) its most compressed state."""
+
+    errors: dict[str, float]
+    compressed: Array
+
+
+def richardson(result: float, dt: float, other_result: float, other_dt: float, order: int) -> float:
+    """Return the error of `result` at the step `dt`, if errors are C dt^order, from another run."""
+    return abs(result - other_result) / abs((other_dt / dt) ** order - 1.0)
+
+
+def second_run(driver: Driver) -> SecondRun:
+    """Run the finished scene of `driver` again with another step.
+
+    Two results cannot tell whether the error is a power of the step, so it is taken as larger. While a step crosses
+    much of the wall's decay length 1/a at the speed of the impact, the error stands at a plateau that differences do
+    not show, and if friction holds a point, errors fall in jumps. There the error is not taken for less than a part of
+    the worst energy imbalance.
+    """
+    scenario, columns, step = driver.scenario, driver.columns, driver.step
+    time = replace(driver.control.time, dt=_other_step(driver), integrator=step.integrator.name)
+    other = Driver(scenario, time, driver.kernels, driver.control.spectrum, force=True)
+    other.advance(steps=round(greatest_compression(columns) / other.step.dt))
+    x = other.state.vectors[0]
+    try:
+        if other.advance() == "failed":
+            return SecondRun({}, x)
+        found, others = scenario.result(columns), scenario.result(other.columns)
+    except TaichiDiskError:  # no result
+        return SecondRun({}, x)
+    part = UNRESOLVED_PART if step.dt > scenario.wall_step else STUCK_PART if _has_stuck(driver) else 0.0
+    least = part * scenario.sensitivity * relative_imbalance(scenario, columns)[1]
+    errors, scales, sampling = {}, scenario.result_scales(columns), _sampling_errors(scenario, columns)
+    for name in [name for name in scales if name in found and name in others]:
+        difference = richardson(found[name], step.dt, others[name], other.step.dt, _order(driver))
+        errors[name] = max(ERROR_SAFETY * difference, least * scales[name]) + sampling.get(name, 0.0)
+    errors[scenario.primary(columns)[0]] += scenario.end_truncation_error(columns)
+    return SecondRun(errors, x)
+
+
+def _sampling_errors(scenario: Scenario, columns: Columns) -> dict[str, float]:
+    """What the distance between rows may do to each result, such as a time: as much as leaving out every other row."""
+    found, rows = scenario.result(columns), np.arange(len(columns["t"]))
+    ends = (rows == 0) | (rows == rows[-1])
+    thinned = [scenario.result({key: one[ends | (rows % 2 == k)] for key, one in columns.items()}) for k in (0, 1)]
+    return {name: max(abs(one.get(name, value) - value) for one in thinned) for name, value in found.items()}
+
+
+def _has_stuck(driver: Driver) -> bool:
+    """Whether friction held a point: its impulse is less than that of points that all slide one way."""
+    wall, columns = driver.scenario.model.wall, driver.columns
+    along, away = (abs(float(columns[name][-1] - columns[name][0])) for name in ("com_vx", "com_vy"))
+    friction = getattr(wall, "friction", 0.0)
+    return bool(friction) and along < SLIDING_PART * friction * away
+
+
+def _other_step(driver: Driver) -> float:
+    """Step [R/c] of the second run: a longer one, which costs less, where that is stable and errors are regular."""
+    step, interval = driver.step, driver.scenario.model.reset_interval
+    if _has_stuck(driver) or step.dt > HALF_FROM * driver.scenario.wall_step:
+        return fitted(step.dt / HALF_STEP, interval)
+    limit = driver.control.limit(step.integrator, driver.largest_force)
+    longer = fitted(LONGER_STEP * limit, interval)
+    return longer if step.dt > LONGER_FROM * limit and longer > step.dt else fitted(step.dt / STEP_RATIO, interval)
+
+
+def _order(driver: Driver) -> int:
+    """Order of the error: 1 where forces jump, of friction and where points slide between springs of a wall."""
+    jumps = driver.columns["sliding"].any() or _has_stuck(driver)
+    return 1 if jumps else driver.step.integrator.order
+
+
+def within_tolerance(driver: Driver, run: Callable[[Any], Driver]) -> tuple[Driver, SecondRun]:
+    """Shorten the step of the finished `driver` until the estimated error of its result is within `time.tolerance`.
+
+    `run` runs the scene to its end with a section `time`. Raises SimulationError if no step is found.
+    """
+    scenario, time = driver.scenario, driver.control.time
+    for tried in range(1, SEARCH + 1):
+        second, left = second_run(driver), scenario.end_truncation_error(driver.columns)
+        error, allowed = second.errors.get(scenario.primary(driver.columns)[0]), time.tolerance - left
+        if error is not None and error <= time.tolerance:
+            return driver, second
+        if allowed <= 0.0 or tried == SEARCH:
+            break
+        ratio = STEP_RATIO
+        if error is not None:
+            excess = (error - left) / (TOLERANCE_PART * allowed)
+            ratio = float(np.clip(excess ** (1.0 / _order(driver)), LEAST_RATIO, MOST_RATIO))
+        runs, step = driver.attempt, driver.step
+        shorter = fitted(step.dt / ratio, scenario.model.reset_interval)
+        driver = run(replace(time, dt=shorter, integrator=step.integrator.name))
+        driver.attempt += runs
+    raise SimulationError(_out_of_tolerance(scenario, time.tolerance, driver, error, left))
+
+
+def _out_of_tolerance(scenario: Scenario, tolerance: float, driver: Driver, error: float | None, left: float) -> str:
+    found = "cannot be estimated" if error is None else f"is estimated at {error:.3g}"
+    text = f"time.tolerance is {tolerance:g}, and the error of the result after {driver.attempt} runs {found}"
+    if left > 0.5 * tolerance:
+        text += f": {left:.2g} of it is due to where the run ends, at any step; {scenario.truncation_remedy}"
+    else:
+        text += "; write a smaller time.safety, or another time.integrator"
+    return f"{text}; or write a larger time.tolerance, or none"

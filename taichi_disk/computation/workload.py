@@ -1,0 +1,35 @@
+"""What a computation will cost, told before it begins."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from taichi_disk.machine import cores
+
+if TYPE_CHECKING:
+    from taichi_disk.computation.driver import Driver
+
+PROCESS, POINT = 3e8, 2e3  # bytes of a process, and of each point; measured with 1,099 to 2,000,000 points
+LONG_RUN = 60.0, 1e7  # seconds, steps: from either on a run is announced
+EXPLICIT, IMPLICIT = 4e-9, 20e-9  # [s] of one force of one spring on one core; the latter with the dashpots' factor
+PART_OF_LIMIT = 0.1  # of the default time limit, after which scenes usually end
+
+
+def memory(points: int) -> float:
+    """Return the bytes that a process needs for so many points, those of a wall included."""
+    return PROCESS + POINT * points
+
+
+def announcement(driver: Driver) -> str | None:
+    """Return what a long run will cost, in a sentence; None for a short one, and for one without an end of its own."""
+    scenario, step = driver.scenario, driver.step
+    steps, springs = PART_OF_LIMIT * scenario.max_time / step.dt, len(scenario.lattice.bonds)
+    implicit = step.integrator.dashpots == "implicit" and scenario.model.springs.damped
+    parallel = cores() if driver.simulation.subdomains > 1 else 1
+    seconds = steps * springs * step.integrator.forces * (IMPLICIT if implicit else EXPLICIT) / parallel
+    if seconds < LONG_RUN[0] and steps < LONG_RUN[1]:
+        return None
+    size = memory(len(scenario.lattice.positions)) / 1e9
+    unit, name = next(((one, name) for one, name in ((3600, "h"), (60, "min")) if seconds >= 2 * one), (1, "s"))
+    text = f"this will take about {seconds / unit:.0f} {name} and {size:.1f} GB of memory"
+    return f"{text}: some {steps:.0e} steps of {step.dt:.2g} R/c for {springs:,} springs".replace("e+0", "e")
