@@ -2,7 +2,7 @@
 
 import { label, roundBelow } from "./legend.js";
 
-const FONT = "12px system-ui, sans-serif";
+const AXIS_FONT = "12px system-ui, sans-serif";
 const above = (value) => [1, 1.5, 2, 3, 5, 7, 10].find((step) => step >= value / 10 ** Math.floor(Math.log10(value)) - 1e-9)
   * 10 ** Math.floor(Math.log10(value));
 
@@ -22,7 +22,7 @@ class Axes {
     Object.assign(canvas, { width: width * ratio, height: height * ratio });
     this.ctx = canvas.getContext("2d");
     this.ctx.scale(ratio, ratio);
-    this.ctx.font = FONT;
+    this.ctx.font = AXIS_FONT;
     Object.assign(this, { theme, box: [54, 8, width - 54, height - 22] });
   }
 

@@ -8,6 +8,7 @@ from dataclasses import replace
 from functools import partial
 from math import atan2, hypot
 from pathlib import Path
+from textwrap import wrap
 from time import perf_counter
 from typing import Any
 
@@ -155,7 +156,8 @@ class Viewer:
 
             def write(*lines: str) -> None:
                 for line in lines:
-                    panel.text(line.translate(_ASCII))
+                    for part in wrap(line.translate(_ASCII), PANEL // 7 - 2) or [""]:
+                        panel.text(part)
 
             write(entry.name, *seen.segment.scenario.title(), "")
             for key, label in _BUTTONS:
@@ -163,7 +165,7 @@ class Viewer:
                     controls.press(key)
             for key in [key for key in _SLIDERS if key in controls.ranges]:
                 one, value = controls.ranges[key], float(controls.value(key))
-                name = f"{one.name.split()[0]} {one.name.split()[-1]}".translate(_ASCII)
+                name = one.name.split()[-1].translate(_ASCII)
                 new = panel.slider_float(name, value, one.low, one.high)
                 if abs(new - value) > 1e-6 * (one.high - one.low):
                     controls.set(key, float(f"{new:.3g}"))
