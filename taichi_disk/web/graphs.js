@@ -78,7 +78,7 @@ export class Graphs {
   replace(data) {
     const same = this.data && data.began === this.data.began && data.t.length > 2;
     this.data = data;
-    if (!same) this.full = { t: 1e-9, energy: 1e-30, force: 1e-30, motion: 1e-30 };
+    if (!same) this.full = { t: 1, energy: 1e-30, force: 1e-30, motion: 1e-30 };
     this.grow(data.t.at(-1), data.values.map((curve) => curve.reduce((most, one) => Math.max(most, Math.abs(one)), 0)));
   }
 

@@ -7,7 +7,7 @@ export default {
       <div class="frame">${PAGE}</div>`;
     const visitor = Math.random();
     const send = (message) => model.send({ visitor, ...message });
-    const sandbox = new Sandbox(shadow.querySelector(".sandbox"), shadow, send);
+    const sandbox = (el.sandbox = new Sandbox(shadow.querySelector(".sandbox"), shadow, send));
     const hear = (message, buffers) => {
       if (message.to !== visitor) return;
       if (message.text) sandbox.receive(message.text);
