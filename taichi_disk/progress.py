@@ -15,6 +15,7 @@ from typing import Any, TextIO, TypeAlias, TypeVar
 from taichi_disk.errors import InputError
 
 Progress: TypeAlias = Callable[[str, float, "float | None"], object]  # told a stage, how much is done, of how much
+ROUNDING = 1e-12  # an error that only rounding makes
 DIGITS = 8  # of a result that does not depend on a time step
 UNSURE_DIGITS = 4  # of one that does, by an amount that nobody has estimated
 SOON, EVERY = 0.5, 0.1  # [s] a notebook shows a bar for what takes longer, and draws it so often
@@ -157,9 +158,10 @@ def rows(summary: Mapping[str, Any], labels: Mapping[str, tuple[str, str]]) -> I
     for key, (name, unit) in labels.items():
         if key in summary:
             value, error = shown(summary[key], errors.get(key), exact="dt" not in summary, source=source)
-            unsure, scatter = "dt" in summary and not errors, summary.get("lattice_scatter", {}).get(key)
-            others = f", ± {Decimal(repr(scatter)):.1e} (from lattice to lattice)" if scatter else ""
-            yield name, value, f"{unit} {error or UNSURE * unsure}{others}".strip(" ,")
+            if mean := over_lattices(summary, key):
+                yield name, mean[0], f"{unit} {mean[1]}".strip()
+                name = f"  of this lattice, seed {summary['seed']}"
+            yield name, value, f"{unit} {error or UNSURE * ('dt' in summary and not errors)}".strip()
     if "dt" in summary:
         yield "time step", f"{summary['dt']:.6g}", "R/c"
         yield "steps", f"{summary['steps']:,}", f"({summary['integrator']})"
@@ -169,6 +171,22 @@ def rows(summary: Mapping[str, Any], labels: Mapping[str, tuple[str, str]]) -> I
     seconds = summary["wall_clock"]
     parts = ", ".join(f"{name} {one:.1f}" for name, one in seconds.items())
     yield "wall clock", f"{sum(seconds.values()):.1f}", f"s ({parts})"
+
+
+def over_lattices(summary: Mapping[str, Any], key: str) -> tuple[str, str] | None:
+    """The mean of a result over lattices and "± its scatter"; None if there is one lattice alone."""
+    lattices = summary.get("lattices", {})
+    if key not in lattices:
+        return None
+    source = f"mean and scatter of {len(lattices['seeds'])} lattices"
+    return shown(lattices[key]["mean"], lattices[key]["standard_deviation"], source=source)
+
+
+def headline(summary: Mapping[str, Any], labels: Mapping[str, tuple[str, str]]) -> str:
+    """The primary result over lattices in a few words; empty if there is one lattice alone."""
+    key, (name, unit) = next(iter(labels.items()))
+    value, scatter = over_lattices(summary, key) or ("", "")
+    return " ".join(f"{name} {value} {unit} {scatter}".split()) if value else ""
 
 
 def shown(value: float, error: float | None, exact: bool = False, source: str = "time step") -> tuple[str, str]:
@@ -184,4 +202,6 @@ def shown(value: float, error: float | None, exact: bool = False, source: str = 
     rounded = bound.quantize(Decimal(1).scaleb(min(0, bound.adjusted() - 1)), ROUND_CEILING)
     number = Decimal(repr(value)).quantize(rounded)
     text = f"{number:f}" if abs(value) >= 1e-4 or not value else f"{number:e}"
+    if not number and error < ROUNDING:  # an impulse along a wall without friction
+        text = "0"
     return text, f"± {rounded:{'f' if error >= 1e-3 else 'e'}} ({source})"

@@ -59,7 +59,21 @@ def warnings(scenario: Scenario, columns: Columns) -> list[str]:
             "of the kinetic energy: that is the contact law's own doing, at any step, and e is as uncertain; "
             "wall.contact: smooth has no such jumps, a lower impact.velocity or a higher material.k_a fewer"
         )
-    return [text for text in (*found, _rotation_lost(scenario, columns)) if text]
+    return [text for text in (*found, _faster_than_before(columns), _rotation_lost(scenario, columns)) if text]
+
+
+def _faster_than_before(columns: Columns) -> str:
+    """Where the energy of a flight comes from that leaves the wall faster than it came; a compression has none."""
+    before, after = (float(columns["com_vy"][k] ** 2) for k in (0, -1))
+    if not before or after <= (1.0 + MAX_IMBALANCE) * before:
+        return ""
+    spin, along = 2.0 * columns["rotation"], columns["com_vx"] ** 2
+    spin_part, along_part = (round(float(one[0] - one[-1]) / before, 4) + 0.0 for one in (spin, along))
+    return (
+        "e is above 1 because the impact turned other energy into flight away from the wall: "
+        f"{spin_part:+g} of the energy of the flight towards it came from the spin, {along_part:+g} from the flight "
+        "along it; a slower impact.spin leaves e to the flight alone"
+    )
 
 
 def _rotation_lost(scenario: Scenario, columns: Columns) -> str:

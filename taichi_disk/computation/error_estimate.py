@@ -21,9 +21,11 @@ from taichi_disk.simulation.observables import Columns
 STEP_RATIO = 1.25  # by which the step of a second run is shorter
 HALF_STEP = 2.0  # the same, if friction held a point, or if the step crosses much of the wall's decay length
 LONGER_STEP, LONGER_FROM = 0.95, 0.75  # of the stability limit: a longer one instead, if the step itself is above that
-ERROR_SAFETY = 1.5  # over the difference that Richardson's extrapolation finds
+# Over the difference that Richardson's extrapolation finds, by the order taken. At order 1 there is a reserve already.
+ERROR_SAFETY = {1: 1.5, 2: 2.0, 4: 2.0}
 UNRESOLVED_PART = 0.5  # of the worst imbalance, which the error may be where a step does not resolve the wall
 STUCK_PART = 0.02  # of the worst imbalance, which the error may be if friction held a point
+ROUNDING = 1e-14  # of sums over many steps
 HALF_FROM = 0.51  # of the step that resolves the wall: a quarter of the decay length
 SLIDING_PART = 1.0 - 1e-9  # of friction's largest impulse: below that, a point did not slide throughout
 
@@ -65,11 +67,12 @@ def second_run(driver: Driver) -> SecondRun:
     except TaichiDiskError:  # no result
         return SecondRun({}, x)
     part = UNRESOLVED_PART if step.dt > scenario.wall_step else STUCK_PART if _has_stuck(driver) else 0.0
-    least = part * scenario.sensitivity * relative_imbalance(scenario, columns)[1]
+    least = ROUNDING + part * scenario.sensitivity * relative_imbalance(scenario, columns)[1]
     errors, scales, sampling = {}, scenario.result_scales(columns), _sampling_errors(scenario, columns)
+    order = _order(driver)
     for name in [name for name in scales if name in found and name in others]:
-        difference = richardson(found[name], step.dt, others[name], other.step.dt, _order(driver))
-        errors[name] = max(ERROR_SAFETY * difference, least * scales[name]) + sampling.get(name, 0.0)
+        difference = richardson(found[name], step.dt, others[name], other.step.dt, order)
+        errors[name] = max(ERROR_SAFETY[order] * difference, least * scales[name]) + sampling.get(name, 0.0)
     errors[scenario.primary(columns)[0]] += scenario.end_truncation_error(columns)
     return SecondRun(errors, x)
 

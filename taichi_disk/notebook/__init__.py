@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from taichi_disk import runtime
-from taichi_disk.errors import TaichiDiskError
+from taichi_disk.errors import TaichiDiskError, pip_install
 from taichi_disk.scenes import Scene, load_scene
 from taichi_disk.web.drawing import DRAWING, bundle, source
 
@@ -17,7 +17,7 @@ try:
     import traitlets
     from anywidget import AnyWidget
 except ImportError as error:
-    raise TaichiDiskError(f"no widget, because of {error}: pip install 'taichi-disk[notebook]'") from None
+    raise TaichiDiskError(f"no widget, because of {error}: {pip_install('taichi-disk[notebook]')}") from None
 
 if TYPE_CHECKING:
     from taichi_disk.window.audience import Visitor
