@@ -23,6 +23,7 @@ HALF_STEP = 2.0  # the same, if friction held a point, or if the step crosses mu
 LONGER_STEP, LONGER_FROM = 0.95, 0.75  # of the stability limit: a longer one instead, if the step itself is above that
 # Over the difference that Richardson's extrapolation finds, by the order taken. At order 1 there is a reserve already.
 ERROR_SAFETY = {1: 1.5, 2: 2.0, 4: 2.0}
+JUMPS_SAFETY = 2.0  # besides, at order 1, for results other than the primary one: jumps meet those along the wall
 UNRESOLVED_PART = 0.5  # of the worst imbalance, which the error may be where a step does not resolve the wall
 STUCK_PART = 0.02  # of the worst imbalance, which the error may be if friction held a point
 ROUNDING = 1e-14  # of sums over many steps
@@ -69,11 +70,12 @@ def second_run(driver: Driver) -> SecondRun:
     part = UNRESOLVED_PART if step.dt > scenario.wall_step else STUCK_PART if _has_stuck(driver) else 0.0
     least = ROUNDING + part * scenario.sensitivity * relative_imbalance(scenario, columns)[1]
     errors, scales, sampling = {}, scenario.result_scales(columns), _sampling_errors(scenario, columns)
-    order = _order(driver)
+    order, primary = _order(driver), scenario.primary(columns)[0]
     for name in [name for name in scales if name in found and name in others]:
         difference = richardson(found[name], step.dt, others[name], other.step.dt, order)
-        errors[name] = max(ERROR_SAFETY[order] * difference, least * scales[name]) + sampling.get(name, 0.0)
-    errors[scenario.primary(columns)[0]] += scenario.end_truncation_error(columns)
+        safety = ERROR_SAFETY[order] * (JUMPS_SAFETY if order == 1 and name != primary else 1.0)
+        errors[name] = max(safety * difference, least * scales[name]) + sampling.get(name, 0.0)
+    errors[primary] += scenario.end_truncation_error(columns)
     return SecondRun(errors, x)
 
 

@@ -164,7 +164,11 @@ class Painter:
         points, forces = self.wall.contact_forces(self.lattice, x, v, self.springs)
         forces = forces / self.full_force
         strong = np.hypot(*forces.T) > _WEAK
-        feet, forces = self.placed(x)[points[strong]], forces[strong]
+        placed = self.placed(x)
+        feet, forces = placed[points[strong]], forces[strong]
+        chain = placed[self.lattice.wall_surface] if len(self.lattice.wall_surface) else np.zeros((1, 2))
+        # Magnified displacements put points into the wall, which hides them.
+        feet[:, 1] = np.maximum(feet[:, 1], np.interp(feet[:, 0], *chain.T) + self.edge)
         if self._spacing > 0.8 * distance and self._spacing > self.wall.decay_length:
             return feet, forces
         _, group = np.unique(np.floor(feet[:, 0] / distance), return_inverse=True)

@@ -33,6 +33,7 @@ RESULTS = {
     "normal_impulse": ("normal impulse", "M c", "of the wall on the disk, upwards: change of v_n times M"),
 }
 START_POTENTIAL = 1e-7  # of the wall at the start, as a fraction of the kinetic energy
+ALONG = 10.0  # errors along the wall, where friction jumps, over those away from it, at most, about
 STILL = 1e-9  # of the speed: a slower lowest point has no restitution
 
 
@@ -57,12 +58,12 @@ def along_the_wall(columns: Columns, radius: float, inertia: float) -> dict[str,
 
 
 def scales_along_the_wall(columns: Columns, radius: float, inertia: float) -> dict[str, float]:
-    """By how much each of RESULTS is off if an impulse of the wall is off by the momentum of the flight towards it."""
+    """By how much each of RESULTS is off if the normal impulse is off by the momentum of the flight to the wall."""
     vx, vy, spin = (float(columns[name][0]) for name in ("com_vx", "com_vy", "angular_momentum"))
     turned, lowest = radius / inertia, abs(vx + spin / inertia * radius)
-    scales = {"tangential_impulse": 1.0, "normal_impulse": 1.0, "spin_after": turned}
+    scales = {"normal_impulse": 1.0, "tangential_impulse": ALONG, "spin_after": ALONG * turned}
     if lowest:
-        scales["tangential_restitution"] = (1.0 + turned * radius) / lowest
+        scales["tangential_restitution"] = ALONG * (1.0 + turned * radius) / lowest
     return {name: abs(vy) * scale for name, scale in scales.items()}
 
 

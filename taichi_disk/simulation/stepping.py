@@ -51,7 +51,7 @@ class Snapshot:
     def velocities(self, integrator: Integrator, dt: float, lattice: Lattice) -> Array:
         """(n, 2) at the step, after its last kick [c]."""
         _, v, f = self.vectors[:3]
-        return np.asarray(v + integrator.kicks[-1] * dt / lattice.masses[:, None] * f)
+        return np.asarray(v + integrator.kicks[-1] * dt * (1.0 / lattice.masses[:, None]) * f)  # as kernels round it
 
 
 @ti.data_oriented

@@ -149,11 +149,11 @@ def test_a_run_with_e_above_1_says_which_energy_became_flight(kernels):
     throw = (*SMALL, "lattice.points=150")  # whose rim is not quite round the centre of mass
     scenario, outcome, found = impact(kernels, *throw, "impact.spin=0.3")
     assert found["restitution"] > 1.01
-    (text,) = outcome.facts["warnings"]
+    (text,) = outcome.summary["warnings"]
     rotation = inertia(scenario) * (0.3**2 - found["spin_after"] ** 2) / 0.05**2
     assert text.startswith("e is above 1") and f"{rotation:+.3f}" in text and "+0 from the flight along" in text
     _, outcome, found = impact(kernels, *throw)
-    assert found["restitution"] < 1.0 and not outcome.facts["warnings"]
+    assert found["restitution"] < 1.0 and not outcome.summary["warnings"]
 
 
 THROWS = [(angle, mu, spin) for angle in (0.2, 0.6, 1.0, 1.3) for mu in (0.1, 0.3, 0.8) for spin in (0.0, 0.03)]
