@@ -9,11 +9,13 @@ def process() -> None:
     """Carry out the command that was given, and end with its exit status."""
     listen()
     import gc
+    import os
     import sys
 
     from taichi_disk.cli import main
     from taichi_disk.runtime import leave
 
+    os.environ["MPLBACKEND"] = "agg"  # curves go into files; another one, or one that is none, would fail on import
     gc.set_threshold(100_000)  # by default 3 % of a run's time goes into searches for garbage that is not there
     for stream in (sys.stdout, sys.stderr):
         if stream is not None:  # it may be closed

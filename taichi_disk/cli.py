@@ -19,11 +19,11 @@ from typing import Any, NoReturn
 
 from taichi_disk import BEGAN, __version__
 from taichi_disk.config.sections import VideoSection
+from taichi_disk.config.tree import shipped_scenes
 from taichi_disk.errors import InputError, TaichiDiskError
 from taichi_disk.progress import print_result, terminal
 from taichi_disk.signals import INTERRUPTED, raise_if_interrupted
 
-_SCENES = "compression, exponential_wall, absorbing_wall"
 _TRAJECTORIES = ("xyz", "gsd", "vtu", "npz")
 
 
@@ -64,6 +64,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 def _print_error(text: str) -> None:
     """On stderr, if there is one; the library speaks of arguments, which are options here."""
     text = text.replace("as `out`", "with --out").replace("overwrite=True", "--overwrite")
+    text = text.replace("lattices=", "--lattices ")
     with suppress(OSError, ValueError, AttributeError):
         print(text, file=sys.stderr, flush=True)
 
@@ -119,6 +120,7 @@ def _run(arguments: argparse.Namespace) -> int:
             count_on=arguments.out is None,
             force=arguments.force,
             threads=arguments.threads,
+            lattices=arguments.lattices,
             progress=progress,
             say=_note,
             started=perf_counter() - BEGAN,
@@ -256,9 +258,15 @@ def _parser() -> argparse.ArgumentParser:
         help="CPU threads, of 50,000 points and more (default: TAICHI_DISK_THREADS, else all cores)",
     )
     add("--force", action="store_true", help="take a time step even beyond the stable limit")
+    add(
+        "--lattices",
+        type=partial(_count, most=10_000),
+        metavar="K",
+        help="random lattices for the result's mean and scatter; 1: the scene's alone (default: 8 if quick)",
+    )
 
     add = command("sweep", _sweep, "compute every scene of a sweep: table, fits and figure; resumable").add_argument
-    _add_scene(add, "figure2, figure3, figure6")
+    _add_scene(add, _shipped(swept=True))
     add("--out", type=_path, metavar="DIR", help="where the results go (default: out/SCENE)")
     add("--jobs", type=_count, metavar="N", help="processes (default: one for each core)")
     add("--scheduler", metavar="ADDRESS", help="of a Dask cluster that computes instead, tcp://HOST:8786")
@@ -266,7 +274,7 @@ def _parser() -> argparse.ArgumentParser:
     add("--estimate", action="store_true", help="estimate each result's time-step error: twice the work")
 
     add = command("view", _view, "play with a scene in a window, or on a page in a browser").add_argument
-    _add_scene(add, f"{_SCENES}; or a folder of scenes", nargs="?", default="exponential_wall")
+    _add_scene(add, f"{_shipped()}; or a folder of scenes", nargs="?", default="exponential_wall")
     add("--out", type=_path, metavar="DIR", help="for saved scenes, films, pictures (default: out/view)")
     add("--browser", action="store_true", help="serve a page for a browser, as where there is no display")
     add("--host", help="where to serve it (default: 127.0.0.1, for this machine alone)")
@@ -310,7 +318,14 @@ def _parser() -> argparse.ArgumentParser:
     return parser
 
 
-def _add_scene(add: Callable[..., Any], shipped: str = _SCENES, **options: Any) -> None:
+def _shipped(swept: bool = False) -> str:
+    """The names of the shipped scenes, with a sweep or without."""
+    texts = {name: path.read_text(encoding="utf-8") for name, path in shipped_scenes().items()}
+    return ", ".join(name for name, text in texts.items() if ("\nsweep:" in text) == swept)
+
+
+def _add_scene(add: Callable[..., Any], shipped: str = "", **options: Any) -> None:
+    shipped = shipped or _shipped()
     add("scene", metavar="SCENE", help=f"a YAML file, or a shipped one: {shipped}", **options)
     what = "change one key of the scene, e.g. material.eta_star=100 (repeatable)"
     add("--set", dest="overrides", action="append", default=[], metavar="SECTION.KEY=VALUE", help=what)

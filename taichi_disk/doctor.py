@@ -11,6 +11,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from time import monotonic, sleep
 
+from taichi_disk import engine
 from taichi_disk.engine.environment import CACHE, cache_folder, keeps_kernels
 from taichi_disk.machine import cores, free_memory, processor
 from taichi_disk.signals import raise_if_interrupted
@@ -27,6 +28,7 @@ def examine() -> bool:
     cache = cache_folder()
     found = {
         "Python": platform.python_version(),
+        "engine": " ".join(" ".join(one) for one in engine.versions().items()) or "none: install this package again",
         "processor": processor(),
         "processor cores": cores(),
         "free memory": f"{free_memory() / 1e9:.1f} GB",

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import difflib
+import sys
 from collections.abc import Iterable
 from typing import Any
 
@@ -21,6 +22,11 @@ class InputError(TaichiDiskError):
 
 class SimulationError(TaichiDiskError):
     """The computation was begun and could not be finished: a blow-up, no convergence, no separation in time."""
+
+
+def pip_install(what: str) -> str:
+    """Return the command that installs `what`, in quotes, into the environment that runs this program."""
+    return f"{sys.executable or 'python'} -m pip install '{what}'"
 
 
 def nearest(word: Any, names: Iterable[str]) -> list[str]:

@@ -158,9 +158,10 @@ def rows(summary: Mapping[str, Any], labels: Mapping[str, tuple[str, str]]) -> I
     for key, (name, unit) in labels.items():
         if key in summary:
             value, error = shown(summary[key], errors.get(key), exact="dt" not in summary, source=source)
-            unsure, scatter = "dt" in summary and not errors, summary.get("lattice_scatter", {}).get(key)
-            others = f", ± {Decimal(repr(scatter)):.1e} (from lattice to lattice)" if scatter else ""
-            yield name, value, f"{unit} {error or UNSURE * unsure}{others}".strip(" ,")
+            if mean := over_lattices(summary, key):
+                yield name, mean[0], f"{unit} {mean[1]}".strip()
+                name = f"  of this lattice, seed {summary['seed']}"
+            yield name, value, f"{unit} {error or UNSURE * ('dt' in summary and not errors)}".strip()
     if "dt" in summary:
         yield "time step", f"{summary['dt']:.6g}", "R/c"
         yield "steps", f"{summary['steps']:,}", f"({summary['integrator']})"
@@ -170,6 +171,22 @@ def rows(summary: Mapping[str, Any], labels: Mapping[str, tuple[str, str]]) -> I
     seconds = summary["wall_clock"]
     parts = ", ".join(f"{name} {one:.1f}" for name, one in seconds.items())
     yield "wall clock", f"{sum(seconds.values()):.1f}", f"s ({parts})"
+
+
+def over_lattices(summary: Mapping[str, Any], key: str) -> tuple[str, str] | None:
+    """The mean of a result over lattices and "± its scatter"; None if there is one lattice alone."""
+    lattices = summary.get("lattices", {})
+    if key not in lattices:
+        return None
+    source = f"mean and scatter of {len(lattices['seeds'])} lattices"
+    return shown(lattices[key]["mean"], lattices[key]["standard_deviation"], source=source)
+
+
+def headline(summary: Mapping[str, Any], labels: Mapping[str, tuple[str, str]]) -> str:
+    """The primary result over lattices in a few words; empty if there is one lattice alone."""
+    key, (name, unit) = next(iter(labels.items()))
+    value, scatter = over_lattices(summary, key) or ("", "")
+    return " ".join(f"{name} {value} {unit} {scatter}".split()) if value else ""
 
 
 def shown(value: float, error: float | None, exact: bool = False, source: str = "time step") -> tuple[str, str]:

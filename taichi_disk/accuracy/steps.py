@@ -62,9 +62,8 @@ class StepStudy:
         self.end = float(outcome.columns["t"][-1])
         if model.reset_interval:
             self.end = max(1, round(self.end / model.reset_interval)) * model.reset_interval
-        self.own = INTEGRATORS[outcome.facts["integrator"]], self._steps(outcome.facts["dt"] * (1.0 + 1e-9))
-        needed = {"explicit": True, "implicit": model.solvable, "none": not model.velocity_dependent}
-        integrators = [one for one in INTEGRATORS.values() if needed[one.dashpots]]
+        self.own = INTEGRATORS[outcome.summary["integrator"]], self._steps(outcome.summary["dt"] * (1.0 + 1e-9))
+        integrators = [one for one in INTEGRATORS.values() if one.takes(model)]
         runs = {(one, self._steps(part * self._limit(one))) for one in integrators for part in FRACTIONS}
         self.runs = sorted({*runs, self.own}, key=lambda run: (run[0].order, run[0].name, run[1]))
         self.reference = Reference(scenario.lattice, model)

@@ -16,13 +16,13 @@ from taichi_disk import runtime
 from taichi_disk.accuracy.steps import StepError, StepStudy
 from taichi_disk.computation.outcome import compute, quasistatic
 from taichi_disk.computation.stability import spectrum
-from taichi_disk.config.sections import ElasticWallSection
+from taichi_disk.config.sections import DASHPOTS, ElasticWallSection
 from taichi_disk.errors import InputError, TaichiDiskError
 from taichi_disk.output.files import atomic_write, prepare_output, remove_empty, write_csv, write_text
 from taichi_disk.output.run_folder import refuse_run
 from taichi_disk.progress import Progress, duration, terminal
 from taichi_disk.scenes import Scene
-from taichi_disk.simulation.observables import BLUE, GREEN, RED
+from taichi_disk.simulation.observables import BLUE, GREEN, ORANGE, PINK, RED
 from taichi_disk.simulation.simulation import KernelCache
 
 SEEDS = 8
@@ -33,7 +33,7 @@ VISCOSITY = "material.viscosity"
 SAMPLE, POINTS, WALL = "lattice sample", "points", "wall hardness"
 CLEAR = 2.0  # times the lattice scatter, from which a finer lattice is more than another sample
 COMPILING = 5.0  # [s] of kernels, about
-COLOURS = {"velocity_verlet": BLUE, "trapezoidal": RED, "vefrl": GREEN}
+COLOURS = dict(zip(DASHPOTS, (BLUE, RED, GREEN, ORANGE, PINK), strict=False))  # of the integrators
 WIDTH = 120  # of tables where there is no terminal
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -12,16 +12,17 @@ from warnings import warn
 import numpy as np
 
 from taichi_disk import runtime
-from taichi_disk.api.job import FRAMES, Clock, Job, shared_kernels, write_run
+from taichi_disk.api.lattices import MOST_LATTICES
+from taichi_disk.api.work import FRAMES, Clock, built, compute_into, shared_kernels, solved, write_run
 from taichi_disk.computation.outcome import Outcome
 from taichi_disk.computation.scenario import Scenario
 from taichi_disk.config.tree import Source, as_path
 from taichi_disk.errors import InputError
-from taichi_disk.lattice import Array, Lattice, OwnStart, disk_of, numbers
+from taichi_disk.lattice import Array, Lattice, OwnStart, disk_of, numbers, own_start
 from taichi_disk.output import files
 from taichi_disk.output.plot import plotting_beside
 from taichi_disk.output.run_folder import run_folder
-from taichi_disk.progress import Progress, reported, rows, shown, silent
+from taichi_disk.progress import Progress, headline, reported, rows, shown, silent
 from taichi_disk.scenes import Scene, load_scene
 from taichi_disk.scenes.scene import DiskScene
 from taichi_disk.signals import raise_if_interrupted
@@ -47,16 +48,12 @@ class Result:
 
     Attributes:
         scene: what was computed.
-        scenario: the same with its lattice, laws and start.
-        summary: what summary.json holds.
-        outcome: the time series, the states, how they were computed.
+        outcome: the scene ready to be stepped, the time series, the states, how they were computed.
         out: the folder that the run went into, if there is one.
         own: the lattice and the velocities that are not the scene's.
     """
 
     scene: Scene
-    scenario: Scenario
-    summary: dict[str, Any]
     outcome: Outcome = field(repr=False)
     out: Path | None = None
     own: OwnStart = field(default=OwnStart(), repr=False)
@@ -74,6 +71,16 @@ class Result:
             rows(self.summary, self.scenario.labels),
             self.plot(),
         )
+
+    @property
+    def scenario(self) -> Scenario:
+        """The scene with its lattice, laws and start."""
+        return self.outcome.scenario
+
+    @property
+    def summary(self) -> dict[str, Any]:
+        """What summary.json holds."""
+        return self.outcome.summary
 
     # ---- numbers
 
@@ -105,7 +112,13 @@ class Result:
     @property
     def error(self) -> float | None:
         """Estimated error of the primary result due to the time step and to where the run ends; None if unknown."""
-        return next(iter(self.outcome.facts["error_estimate"].values()), None)
+        return next(iter(self.summary["error_estimate"].values()), None)
+
+    @property
+    def scatter(self) -> float | None:
+        """Standard deviation of the primary result over lattices; None if only this one was computed."""
+        name = next(iter(self.numbers))
+        return self.summary.get("lattices", {}).get(name, {}).get("standard_deviation")
 
     @property
     def series(self) -> dict[str, Array]:
@@ -200,7 +213,7 @@ class Result:
         """The curves of plot.png as a Matplotlib figure, which may be changed and saved."""
         from taichi_disk.output.plot import run_figure
 
-        return run_figure(self.scenario, self.series)
+        return run_figure(self.scenario, self.series, headline(self.summary, self.scenario.labels))
 
     def show(
         self, beside: Result | Sequence[Result] | None = None, progress: Progress | None = None, **video: Any
@@ -252,7 +265,7 @@ class Result:
         check_target(path)
         files.prepare_output(path.parent)
         others = [beside] if isinstance(beside, Result) else beside or ()
-        runs = [(one.scenario, one.outcome) for one in (self, *others)]
+        runs = [one.outcome for one in (self, *others)]
         film(path, runs, section, progress or silent, Span(at, start, end))
         return path
 
@@ -269,9 +282,9 @@ class Result:
         """
         out, text = as_path(out, "out"), self.own.repeating(self.scene).to_yaml()
         with run_folder(out, text, True, overwrite, lattice=self.own.digest) as folder:
-            computed = self.scenario, self.summary | {"video": folder.film}, self.outcome
+            outcome = replace(self.outcome, summary=dict(self.summary))
             with plotting_beside(video) as plot:
-                write_run(folder.path, computed, self.own, video, plot, silent, Clock())
+                write_run(folder, outcome, self.own, video, plot, silent, Clock())
         return folder.out
 
     @classmethod
@@ -308,11 +321,12 @@ class Result:
         for name in changed:
             say(f"{folder / name} has been changed since the run; all is computed again from scene.yaml")
         # What the run took, also a step by force, is taken again.
-        scene = load_scene(path, overrides)
-        job = Job(scene, progress or silent, force=True, estimate=estimate)
-        if summary.get("lattice_digest", "") != job.own.digest:
+        scene, clock = load_scene(path, overrides), Clock()
+        own = own_start(scene.lattice, None, None)
+        if summary.get("lattice_digest", "") != own.digest:
             raise InputError(f"{folder}: the lattice or the velocities in lattice.npz have changed since the run")
-        return cls(scene, *job.compute(), own=job.own)
+        scenario = built(scene, own, clock)
+        return cls(scene, solved(scene, scenario, own, clock, progress or silent, True, estimate, 1), own=own)
 
 
 @reported
@@ -329,6 +343,7 @@ def run(
     count_on: bool = False,
     force: bool = False,
     threads: int | None = None,
+    lattices: int | None = None,
     progress: Progress | None = None,
     say: Callable[[str], None] = lambda text: None,
     started: float = 0.0,
@@ -348,8 +363,11 @@ def run(
         force: take a time step even beyond the stability limit.
         threads: of parallel loops, from 1 to the number of cores; results do not depend on it. The first run of a
             process chooses it, else the environment variable TAICHI_DISK_THREADS.
+        lattices: on how many random lattices the result is computed, the scene's and those of the next seeds, so that
+            its mean and scatter are known; 1: the scene's alone. By default 8 where that takes about a second or less.
         progress: called as progress(stage, done, total): "simulate" with the time [R/c] or the number of equilibria,
-            "render" with the number of pictures. It must not run, film or look at a result.
+            "lattices" with the number of lattices, "render" with the number of pictures. It must not run, film or look
+            at a result.
         say: told what a person should know: that the run goes elsewhere and why, or what a long run will cost.
         started: seconds that the process has taken before this, for the wall clock of the summary.
 
@@ -358,13 +376,16 @@ def run(
     """
     raise_if_interrupted()  # while all was imported
     scene = scene if isinstance(scene, DiskScene) else load_scene(scene)
-    clock = Clock({"start": started} if started else {})
-    job = Job(scene, progress or silent, lattice, velocities, force, threads, clock=clock, say=say)
+    if lattices is not None and not (isinstance(lattices, (int, np.integer)) and 1 <= lattices <= MOST_LATTICES):
+        raise InputError(f"lattices: must be a whole number from 1 to {MOST_LATTICES:,}, not {lattices!r}")
+    clock, progress = Clock(**{"start": started} if started else {}), progress or silent
+    own = own_start(scene.lattice, lattice, velocities)  # read once, before a folder is chosen: files may change
     if out is None:
         if export:
             raise InputError("export: needs a folder, `out`")
-        return Result(scene, *job.compute(), own=job.own)
-    out, text = as_path(out, "out"), job.own.repeating(scene).to_yaml()
-    with run_folder(out, text, not count_on, overwrite, say, job.own.digest) as folder:
-        computed = job.into(folder.path, video, folder.film, export)
-    return Result(scene, *computed, folder.out, job.own)
+        scenario = built(scene, own, clock, threads)
+        return Result(scene, solved(scene, scenario, own, clock, progress, force, lattices=lattices, say=say), own=own)
+    out, text = as_path(out, "out"), own.repeating(scene).to_yaml()
+    with run_folder(out, text, not count_on, overwrite, say, own.digest) as folder:
+        outcome = compute_into(folder, scene, own, clock, progress, video, export, force, threads, lattices, say)
+    return Result(scene, outcome, folder.out, own)

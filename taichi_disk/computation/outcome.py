@@ -34,22 +34,24 @@ class Outcome:
     """A scenario computed to its end.
 
     Attributes:
+        scenario: what was computed.
         columns: the time series.
         positions, velocities: (n, 2) at the end.
         largest_push: of the wall on one point, ever [M c^2/R].
         replay: the moments at given ascending times, computed when asked for, bitwise those of the run.
         frames: the same for pictures: of a quasi-static loading, interpolated between its equilibria.
-        facts: how it was computed, for summary.json: steps, dt, integrator, error estimate, energy balance, warnings.
+        summary: what summary.json holds of it: results, and how they were computed.
         compile_seconds: wall-clock time spent on compiling.
     """
 
+    scenario: Scenario
     columns: Columns
     positions: Array
     velocities: Array
     largest_push: float
     replay: Callable[[Array], Iterator[Moment]]
     frames: Callable[[Array], Iterator[Moment]]
-    facts: dict[str, Any]
+    summary: dict[str, Any]
     compile_seconds: float = 0.0
 
 
@@ -127,7 +129,7 @@ def _described(driver: Driver, second: SecondRun | None, estimate: bool) -> Outc
         _, compressed, _ = next(driver.replay(np.array([greatest_compression(columns)])))
     inverted = inverted_triangles(scenario, compressed) if small and compressed is not None else None
     warnings += _inversion_warnings(inverted or 0)
-    facts = {
+    summary = _results(scenario, columns) | {
         "warnings": warnings,
         "steps": end.step,
         "dt": step.dt,
@@ -139,8 +141,15 @@ def _described(driver: Driver, second: SecondRun | None, estimate: bool) -> Outc
         "energy": diagnostics.summary(scenario, columns),
     }
     if inverted is not None:
-        facts["inverted_triangles"] = inverted
-    return Outcome(columns, positions, velocities, peak, driver.replay, driver.replay, facts, driver.compile_seconds)
+        summary["inverted_triangles"] = inverted
+    moments = driver.replay
+    return Outcome(scenario, columns, positions, velocities, peak, moments, moments, summary, driver.compile_seconds)
+
+
+def _results(scenario: Scenario, columns: Columns) -> dict[str, Any]:
+    """The numbers of the result, and how each is measured."""
+    numbers = scenario.result(columns)
+    return {**numbers, "measured": {name: note for name, note in scenario.notes.items() if name in numbers}}
 
 
 def inverted_triangles(scenario: Scenario, x: Array) -> int:
@@ -214,7 +223,8 @@ def quasistatic(scenario: Scenario, loads: int, progress: Progress = silent) -> 
     columns["load"] = parts * full * columns["com_y"]
     columns["total"] = columns["elastic"] + columns["wall"] + columns["load"]
     inverted = inverted_triangles(scenario, rest.positions)
-    facts = {"warnings": _inversion_warnings(inverted), "steps": rest.iterations, "integrator": "newton"}
-    facts |= {"error_estimate": {}, "residual": rest.residual, "roll": rest.roll, "inverted_triangles": inverted}
+    summary = _results(scenario, columns)
+    summary |= {"warnings": _inversion_warnings(inverted), "steps": rest.iterations, "integrator": "newton"}
+    summary |= {"error_estimate": {}, "residual": rest.residual, "roll": rest.roll, "inverted_triangles": inverted}
     largest = float(np.hypot(*model.wall.contact_forces(lattice, rest.positions)[1].T).max(initial=0.0))
-    return Outcome(columns, rest.positions, still, largest, loading.replay, loading.frames, facts)
+    return Outcome(scenario, columns, rest.positions, still, largest, loading.replay, loading.frames, summary)

@@ -18,7 +18,7 @@ from taichi_disk.computation.diagnostics import MAX_CLOSING, MAX_WORST, relative
 from taichi_disk.computation.scenario import Scenario
 from taichi_disk.computation.stability import Spectrum, reset_step, step_limit
 from taichi_disk.errors import InputError
-from taichi_disk.integrators import INTEGRATORS, TRAPEZOIDAL, VELOCITY_VERLET, Integrator
+from taichi_disk.integrators import AUTOMATIC, INTEGRATORS, Integrator
 from taichi_disk.simulation.observables import Columns
 
 LIMIT_MARGIN = 0.95  # of the limit that the measured force of the wall leaves: a longer automatic step is made again
@@ -73,9 +73,8 @@ class StepControl:
     def _choice(self) -> TimeStep:
         name, model = self.time.integrator, self.scenario.model
         if name == "auto":
-            ratio = self._longest(TRAPEZOIDAL) / self._longest(VELOCITY_VERLET)
-            implicit = ratio > implicit_cost(self.spectrum.points) and model.solvable
-            name = (TRAPEZOIDAL if implicit else VELOCITY_VERLET).name
+            candidates = [one for one in AUTOMATIC if one.takes(model)]
+            name = min(candidates, key=lambda one: one.cost(self.spectrum.points) / self._longest(one)).name
         integrator = INTEGRATORS[name]
         dt = self._longest(integrator) if self.time.dt == "auto" else self.time.dt
         return TimeStep(integrator, self.limit(integrator, self._point_force), fitted(dt, model.reset_interval))
@@ -135,15 +134,6 @@ class StepControl:
             self._safety = part * self.step.dt / self.step.limit
         self.step, self.attempt = self._choice(), self.attempt + 1
         return True
-
-
-def implicit_cost(points: int) -> float:
-    """Of a step with implicit dashpots, in force evaluations.
-
-    Their factor has about 2.5 n^(1/4) entries for each point. Measured on one core: 2.8 at n = 1,099, 4.0 at 10,000,
-    6.3 at 40,000, where it fits no cache.
-    """
-    return max(2.8, 0.9 + 1.9 * (points / 1000.0) ** 0.25)
 
 
 def fitted(dt: float, interval: float) -> float:

@@ -4,7 +4,14 @@ from __future__ import annotations
 
 from typing import TypeAlias
 
-from taichi_disk.config.sections import ElasticWallSection, ImpactSection, MaterialSection, TimeSection, WallSection
+from taichi_disk.config.sections import (
+    DASHPOTS,
+    ElasticWallSection,
+    ImpactSection,
+    MaterialSection,
+    TimeSection,
+    WallSection,
+)
 
 Conflicts: TypeAlias = list[tuple[str, str]]  # (dotted key, what is wrong with it)
 
@@ -14,14 +21,15 @@ def time_conflicts(time: TimeSection, material: MaterialSection, *others: str, f
     conflicts, damping = [], [*dashpots(material), *others, *[f"wall.friction = {friction:g}"] * bool(friction)]
     if time.tolerance != "none" and time.dt != "auto":
         conflicts.append(("time.tolerance", f"finds the step itself: write time.dt: auto, not {time.dt:g}"))
-    if time.integrator == "vefrl" and damping:
-        text = f"vefrl cannot take forces that depend on velocity ({damping[0]}): write auto, or velocity_verlet"
+    name, way = time.integrator, DASHPOTS.get(time.integrator)
+    if way == "none" and damping:
+        text = f"{name} cannot take forces that depend on velocity ({damping[0]}): write auto, or velocity_verlet"
         conflicts.append(("time.integrator", text))
-    if time.integrator == "trapezoidal" and friction:
-        text = "trapezoidal has errors of order 1 beside friction: write auto, or velocity_verlet"
+    if way == "implicit" and friction:
+        text = f"{name} has errors of order 1 beside friction: write auto, or velocity_verlet"
         conflicts.append(("time.integrator", text))
-    if time.integrator == "trapezoidal" and material.dashpot == "axial" and dashpots(material):
-        text = "trapezoidal solves for dashpots whose matrix stays the same, not for axial ones: write auto"
+    if way == "implicit" and material.dashpot == "axial" and dashpots(material):
+        text = f"{name} solves for dashpots whose matrix stays the same, not for axial ones: write auto"
         conflicts.append(("time.integrator", text))
     return conflicts
 

@@ -234,6 +234,11 @@ class CompressionSection(Section):
     )
 
 
+# How each integrator takes dashpots: from a predicted velocity, solved for (the paper's only), or not at all.
+Dashpots: TypeAlias = Literal["explicit", "implicit", "none"]
+DASHPOTS: dict[str, Dashpots] = {"velocity_verlet": "explicit", "trapezoidal": "implicit", "vefrl": "none"}
+
+
 class TimeSection(Section):
     integrator: Literal["auto", "velocity_verlet", "trapezoidal", "vefrl"] = key(
         "auto", "trapezoidal takes dashpots implicitly; vefrl: order 4, no dashpots; auto: what reaches the end first"

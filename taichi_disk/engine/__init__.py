@@ -8,8 +8,9 @@ moment, in an environment that suits it.
 from __future__ import annotations
 
 import sys
+from contextlib import suppress
 from importlib import import_module
-from importlib.metadata import version
+from importlib.metadata import PackageNotFoundError, version
 from importlib.util import find_spec
 from typing import TYPE_CHECKING, Any
 
@@ -48,4 +49,6 @@ def program() -> Any:
 
 def versions() -> dict[str, str]:
     """Return the version of the installed engine, by the name of its package, without importing it."""
-    return {PACKAGE: version(PACKAGE)}
+    with suppress(PackageNotFoundError):
+        return {PACKAGE: version(PACKAGE)}
+    return {}

@@ -85,7 +85,7 @@ class DashpotSolver:
         self.values = side_by_side(builder, capacity.entries, components)
         self.inverse_diagonal = side_by_side(builder, capacity.points, components)
 
-    def fill(self, factor: Factor) -> None:
+    def fill(self, factor: Any) -> None:
         self._fill(factor.order, factor.column, factor.row, factor.values, factor.inverse_diagonal)
 
     @ti.kernel
@@ -104,8 +104,11 @@ class DashpotSolver:
                 self.values[c][e] = values[e, c]
 
     @ti.func
-    def solve(self, state: ti.template()):
-        """Solve for v + h/2 f/m on the right-hand side; the result is left in `z`, in the order of elimination."""
+    def solve(self, state: ti.template(), age):
+        """Solve for v + h/2 f/m on the right-hand side; the result is left in `z`, in the order of elimination.
+
+        `age`: how many steps ago the velocities jumped last, for solvers that begin with those before.
+        """
         y = ti.static(self.components - 1)
         free, half = self.free[0], state.closing[None]
         for k in range(free):
@@ -129,9 +132,9 @@ class DashpotSolver:
             put(self.z, k, zk)
 
     @ti.func
-    def solve_velocities(self, state: ti.template()):
+    def solve_velocities(self, state: ti.template(), age):
         """The velocities u at this step into `state.u`; returns u.D u, u.D u_before, u.D v; D is all dashpots."""
-        self.solve(state)
+        self.solve(state, age)
         half = state.closing[None]
         power, cross, late = 0.0, 0.0, 0.0
         for k in range(self.free[0]):
@@ -165,7 +168,7 @@ class DashpotSolver:
         """From `u`, the velocities after a loss, and `f` without dashpots: solve for the half step to come."""
         for k in range(self.free[0]):
             put(state.v, self.order[k], get(state.u, self.order[k]))
-        self.solve(state)
+        self.solve(state, 0)
         half = state.closing[None]
         for k in range(self.free[0]):
             i, z = self.order[k], get(self.z, k)

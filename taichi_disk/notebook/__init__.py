@@ -7,13 +7,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from taichi_disk import runtime
-from taichi_disk.errors import TaichiDiskError
+from taichi_disk.errors import TaichiDiskError, pip_install
 from taichi_disk.scenes import Scene, load_scene
 
 try:
     from rendercanvas.anywidget import AnywidgetRenderCanvas
 except ImportError as error:
-    raise TaichiDiskError(f"no widget, because of {error}: pip install 'taichi-disk[notebook]'") from None
+    raise TaichiDiskError(f"no widget, because of {error}: {pip_install('taichi-disk[notebook]')}") from None
 
 if TYPE_CHECKING:
     from taichi_disk.window.sandbox import Result

@@ -13,6 +13,7 @@ import shutil
 import subprocess
 from collections.abc import Callable, Mapping, Sequence
 from datetime import datetime, timezone
+from functools import lru_cache
 from importlib.metadata import version
 from io import StringIO
 from pathlib import Path
@@ -34,7 +35,7 @@ PROGRAM = f"taichi-disk {__version__}"
 FILMS = ("video.mp4", "video.webm", "video.gif", "frames")
 RESULTS = ("timeseries.csv", "lattice.npz", "final.npz", "failure.npz", "plot.png")
 # What `render` and `export` put beside a run if nobody says where.
-_MADE = re.compile(r"(render|comparison)(\.(mp4|webm|gif|png))?|trajectory(\.(xyz|gsd|pvd|npz))?")
+MADE = re.compile(r"(render|comparison)(\.(mp4|webm|gif|png))?|trajectory(\.(xyz|gsd|pvd|npz))?")
 NUMBERED = re.compile(r"\d+(_[a-z]+)?\.(png|vtu)")  # files of a folder that holds a film's pictures, or a trajectory
 
 
@@ -50,7 +51,7 @@ def prepare_output(out: Path) -> list[Path]:
             if not folder.exists():
                 folder.mkdir()
                 created.append(folder)
-        probe = beside(out / "probe")
+        probe = hidden(out / "probe")
         probe.touch(exist_ok=False)
         probe.unlink()
         clear(out)
@@ -68,25 +69,40 @@ def remove_empty(folders: list[Path]) -> None:
 
 
 def cannot_write(out: Path, error: BaseException) -> InputError:
-    """What to tell of a folder that cannot be written."""
+    """The refusal of a folder that cannot be written."""
     why = reason(error)
-    try:
-        os.getcwd()
-    except OSError:
-        why = "the working directory no longer exists"
     with contextlib.suppress(OSError, ValueError):
         if blocker := next((path for path in (out, *out.parents) if path.is_file()), None):
             why = f"{blocker} is a file"
+    try:
+        out.absolute()
+    except OSError:
+        why = "the working directory no longer exists"
     return InputError(f"cannot write into the output folder {out}: {why}; choose another as `out`")
 
 
-def atomic_write(path: Path, writer: Callable[[Path], object]) -> None:
-    """Let `writer` fill a file (or a folder of numbered files) beside `path`, same suffix, then rename it to `path`.
+def holds_working_directory(folder: Path) -> bool:
+    """Whether the working directory is `folder`, or lies in it."""
+    with contextlib.suppress(OSError):  # it has been deleted
+        return Path.cwd().is_relative_to(folder.resolve())
+    return False
 
-    If the writer fails or is interrupted, what is beside is removed and `path` stays as it was. Raises SimulationError
+
+# ---- whole or not at all: what is written under a hidden name, and then renamed
+
+
+def hidden(path: Path, role: str = "new") -> Path:
+    """A hidden name of this process's next to `path`, with its suffix, which NumPy and encoders go by."""
+    return path.with_name(f".{platform.node()}-{os.getpid()}.{role}.{path.name}")
+
+
+def atomic_write(path: Path, writer: Callable[[Path], object]) -> None:
+    """Let `writer` fill a file (or a folder of numbered files) under a hidden name, then rename it to `path`.
+
+    If the writer fails or is interrupted, what it wrote is removed and `path` stays as it was. Raises SimulationError
     if the disk is full or the folder has become read-only; the writer's other errors pass.
     """
-    new = beside(path)
+    new = hidden(path)
     remove(new)  # of an earlier process of this number
     try:
         writer(new)
@@ -101,20 +117,14 @@ def atomic_write(path: Path, writer: Callable[[Path], object]) -> None:
         remove(new)
 
 
-def beside(path: Path, role: str = "new") -> Path:
-    """A hidden name of this process's next to `path`, with its suffix, which NumPy and encoders go by."""
-    return path.with_name(f".{platform.node()}-{os.getpid()}.{role}.{path.name}")
-
-
 def replace(new: Path, path: Path) -> None:
-    """Rename `new` to `path`. A folder that is there makes room by a rename, and goes last.
-
-    Hidden files in it move along; from one run to another of the same scene also what `render` and `export` made of it,
-    and its film, unless the new one has its own.
-    """
-    old = beside(path, "old")
+    """Rename `new` to `path`. A folder that is there gives mode and owner, makes room, and goes last."""
+    old = hidden(path, "old")
     _settle(old, path)  # of an earlier process of this number: in a container all have the same
     if new.is_dir() and path.is_dir():
+        shutil.copymode(path, new)
+        with contextlib.suppress(OSError, AttributeError):  # not root, Windows
+            os.chown(new, path.stat().st_uid, path.stat().st_gid)
         os.rename(path, old)
     try:
         os.replace(new, path)
@@ -123,37 +133,24 @@ def replace(new: Path, path: Path) -> None:
 
 
 def clear(folder: Path) -> None:
-    """Remove what killed processes left in `folder` under hidden names, and end the replacements that they had begun.
+    """Remove what killed processes left in `folder` under hidden names, and put back what they were about to replace.
 
     What belongs to a process that may still live, or to another machine, stays.
     """
-    hidden = re.compile(rf"\.{re.escape(platform.node())}-(\d+)\.(new|old)\.(.+)", re.DOTALL)
+    ours = re.compile(rf"\.{re.escape(platform.node())}-(\d+)\.(new|old)\.(.+)", re.DOTALL)
     for left in [*folder.glob(".*")]:
-        if (found := hidden.fullmatch(left.name)) and _ended(int(found[1])):
-            if found[2] == "old":
-                _settle(left, folder / found[3])
-            else:
-                remove(left)
+        if (found := ours.fullmatch(left.name)) and _has_ended(int(found[1])):
+            _settle(left, folder / found[3]) if found[2] == "old" else remove(left)
 
 
 def _settle(old: Path, path: Path) -> None:
-    """End a replacement, wherever it has stopped: where nothing has come to `path`, `old` is there again."""
-    if old.is_symlink():  # somebody has put it here: nothing that it leads to is a run's
-        remove(old)
-    if not old.exists():
-        return
-    if not os.path.lexists(path):
+    """End a replacement, wherever it has stopped: if nothing has come to `path`, `old` is there again."""
+    if old.is_dir() and not old.is_symlink() and not os.path.lexists(path):
         os.rename(old, path)
-        return
-    same = (run := look(old).run) is not None and run == look(path).run
-    for name in os.listdir(old):
-        stays = name.startswith(".") or (same and name not in RESULTS)
-        if stays and not os.path.lexists(path / name):
-            os.rename(old / name, path / name)
     remove(old)
 
 
-def _ended(pid: int) -> bool:
+def _has_ended(pid: int) -> bool:
     """Whether a process of this machine is known to have ended."""
     if os.name != "posix":  # where to ask a process would be to send it Ctrl-C
         return False
@@ -164,11 +161,18 @@ def _ended(pid: int) -> bool:
     return False
 
 
+def remove(path: Path) -> None:
+    """Remove a file or folder if that can be done."""
+    shutil.rmtree(path, ignore_errors=True)
+    with contextlib.suppress(OSError):
+        path.unlink()
+
+
 # ---- what a folder holds
 
 
 class Contents(NamedTuple):
-    """What a folder holds, hidden files apart."""
+    """What a folder holds."""
 
     names: Sequence[str] = ()  # of files and folders
     foreign: str = ""  # the first name that no run wrote
@@ -178,15 +182,13 @@ class Contents(NamedTuple):
 
 def look(folder: Path) -> Contents:
     """What `folder` holds; nothing if it does not exist. Raises OSError if it cannot be read or is no folder."""
-    names = os.listdir(folder) if os.path.lexists(folder) else []
-    names = sorted(name for name in names if not name.startswith("."))
+    names = sorted(set(os.listdir(folder)) - {".DS_Store"}) if os.path.lexists(folder) else []
     if not names:
         return Contents()
-    known = {"scene.yaml", "summary.json", *RESULTS, *FILMS}
+    summary, known = read_summary(folder), {"scene.yaml", "summary.json", *RESULTS, *FILMS}
     # A run has no links, and its folders hold nothing but pictures or frames of a trajectory.
     plain = [name for name in names if is_plain(folder / name) or only_numbered(folder / name)]
-    foreign = [name for name in names if name not in plain or not (name in known or _MADE.fullmatch(name))]
-    summary = read_summary(folder)
+    foreign = [name for name in names if name not in plain or not (name in known or MADE.fullmatch(name))]
     if "scene.yaml" not in names or "status" not in summary:
         foreign += names
     if foreign:
@@ -216,13 +218,6 @@ def digests(folder: Path, summary: dict[str, Any]) -> dict[str, str]:
     data = {path.name: path.read_bytes() if is_plain(path) else b"" for path in paths}
     data["summary.json"] = json.dumps({**summary, "digests": None}).encode()
     return {name: hashlib.sha256(one).hexdigest() for name, one in data.items()}
-
-
-def remove(path: Path) -> None:
-    """Remove a file or folder if that can be done."""
-    shutil.rmtree(path, ignore_errors=True)
-    with contextlib.suppress(OSError):
-        path.unlink()
 
 
 def check_pictures(folder: Path) -> None:
@@ -296,6 +291,11 @@ def write_lattice(path: Path, lattice: Lattice, velocities: Array, impedance: An
 
 def versions() -> dict[str, str]:
     """What computed the numbers."""
+    return dict(_versions())
+
+
+@lru_cache(maxsize=1)
+def _versions() -> dict[str, str]:
     own = {"python": platform.python_version(), "taichi-disk": __version__}
     return own | engine.versions() | {name: version(name) for name in ("numpy", "scipy")}
 
@@ -303,13 +303,19 @@ def versions() -> dict[str, str]:
 def provenance() -> dict[str, str]:
     """What summary.json, which alone may differ between two runs of a scene, says of this one."""
     found = {"date": datetime.now(timezone.utc).isoformat(timespec="seconds"), "processor": processor()}
+    return found | ({"git_commit": commit} if (commit := _git_commit()) else {})
+
+
+@lru_cache(maxsize=1)
+def _git_commit() -> str:
+    """Of the program when this process asked first; empty if it runs from no checkout."""
     root = Path(__file__).parents[2]
     if (root / ".git").exists():
         command = ["git", "-C", str(root), "describe", "--always", "--dirty", "--exclude=*", "--abbrev=40"]
         with contextlib.suppress(OSError, subprocess.CalledProcessError):  # no git, or another user's folder
             told = subprocess.run(command, capture_output=True, text=True, check=True, stdin=subprocess.DEVNULL)
-            found["git_commit"] = told.stdout.strip()
-    return found
+            return told.stdout.strip()
+    return ""
 
 
 def origin(*scenes: DiskScene) -> str:

@@ -5,6 +5,7 @@ matplotlib takes 0.3 s to import: it is when something is drawn.
 
 from __future__ import annotations
 
+import os
 import pickle
 import subprocess
 import sys
@@ -59,10 +60,12 @@ os._exit(0)"""
 
 @contextmanager
 def matplotlib_style(style: dict[Any, Any]) -> Iterator[None]:
-    """Within, Matplotlib draws so. Its settings are global, so that threads take turns."""
-    from matplotlib import rc_context
+    """Within, Matplotlib draws so, whatever a user's matplotlibrc says. Its settings are global: threads take turns."""
+    import matplotlib
 
-    with _LOCK, rc_context(style):
+    with _LOCK, matplotlib.rc_context():
+        matplotlib.rcdefaults()
+        matplotlib.rcParams.update(style)
         yield
 
 
@@ -94,32 +97,33 @@ def draw_curves(axes: list[Any], scenario: Scenario, columns: Columns, **look: A
     return lines
 
 
-def plot_run(path: Path, scenario: Scenario, columns: Columns) -> None:
-    """Draw a run's time series, named as in timeseries.csv, into a PNG, bitwise reproducibly.
+def plot_run(path: Path, scenario: Scenario, columns: Columns, headline: str = "") -> None:
+    """Draw a run's time series, named as in timeseries.csv, into a PNG under a headline, bitwise reproducibly.
 
     Raises SimulationError if the file cannot be written.
     """
     with matplotlib_style(STYLE):
-        figure, told = _drawn(scenario, columns), {"Software": None, "Description": origin(scenario.scene)}
+        figure, told = _drawn(scenario, columns, headline), {"Software": None, "Description": origin(scenario.scene)}
         atomic_write(path, lambda new: figure.savefig(new, metadata=told, pil_kwargs={"compress_level": 3}))
 
 
-def run_figure(scenario: Scenario, columns: Columns) -> Plot:
+def run_figure(scenario: Scenario, columns: Columns, headline: str = "") -> Plot:
     """The same as a figure to look at, or to change."""
     with matplotlib_style(STYLE):
-        figure = _drawn(scenario, columns)
+        figure = _drawn(scenario, columns, headline)
         figure.draw_without_rendering()  # ticks and grid have the style from here on
     return figure
 
 
-def _drawn(scenario: Scenario, columns: Columns) -> Plot:
+def _drawn(scenario: Scenario, columns: Columns, headline: str) -> Plot:
     from matplotlib.backends.backend_agg import FigureCanvasAgg
 
     from taichi_disk.output.inline import Plot
 
     figure = Plot(figsize=(7.6, 9.2), dpi=120)
     FigureCanvasAgg(figure)
-    figure.suptitle(fill("    ".join(scenario.title()[1:]), 95), y=0.99, fontsize=9.5, fontweight="bold")
+    title = fill("    ".join([*scenario.title()[1:], headline]).strip(), 95)
+    figure.suptitle(title, y=0.99, fontsize=9.5, fontweight="bold")
     (_draw_loading if scenario.static else _draw_run)(figure, scenario, columns)
     for ax in figure.axes:
         ax.yaxis.set_label_coords(-0.11, 0.5)
@@ -136,18 +140,19 @@ def plotting_beside(film: bool) -> Iterator[Begin]:
     child = None
     if film or "matplotlib" not in sys.modules:
         with suppress(OSError), ignored_by_children():
-            child = subprocess.Popen([sys.executable, "-c", _DRAW], stdin=subprocess.PIPE, stderr=subprocess.DEVNULL)
+            command, environment = [sys.executable, "-c", _DRAW], {**os.environ, "MPLBACKEND": "agg"}
+            child = subprocess.Popen(command, stdin=subprocess.PIPE, stderr=subprocess.DEVNULL, env=environment)
 
-    def begin(path: Path, scenario: Scenario, columns: Columns) -> Callable[[], None]:
+    def begin(path: Path, scenario: Scenario, columns: Columns, headline: str = "") -> Callable[[], None]:
         if child:
             with suppress(OSError), child.stdin as pipe:  # type: ignore[union-attr]
-                pickle.dump((path, _answering(scenario, columns), columns), pipe)
+                pickle.dump((path, _answering(scenario, columns), columns, headline), pipe)
 
         def end() -> None:
             if child:
                 child.wait()
             if not path.exists():
-                plot_run(path, scenario, columns)
+                plot_run(path, scenario, columns, headline)
 
         return end
 

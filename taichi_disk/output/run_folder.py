@@ -6,6 +6,7 @@ Until then the run is built in a hidden folder beside it. docs/output.md says wh
 from __future__ import annotations
 
 import os
+import shutil
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
@@ -14,19 +15,24 @@ from pathlib import Path
 
 from taichi_disk.errors import InputError, SimulationError
 from taichi_disk.output import files
-from taichi_disk.output.files import look
+from taichi_disk.output.files import Contents, look
 
 
 @dataclass
 class RunFolder:
-    """Where a run goes: into `path`, a hidden folder, until it becomes `out`.
-
-    `film` is the name of a film of the same scene that is there, and stays unless the run brings one.
-    """
+    """Where a run goes: into `path`, a hidden folder, until it becomes `out`. `made`: what stays of the same run."""
 
     out: Path
     path: Path
-    film: str | None
+    made: list[str]
+
+    def take_over(self) -> str | None:
+        """Copy films and trajectories of the same run that are not here yet; return the name of the film, if any."""
+        for name in self.made:
+            old, new = self.out / name, self.path / name
+            if not new.exists():
+                shutil.copytree(old, new) if old.is_dir() else shutil.copy2(old, new)
+        return next((name for name in files.FILMS if (self.path / name).exists()), None)
 
 
 @contextmanager
@@ -55,16 +61,16 @@ def run_folder(
     cannot be written; SimulationError on leaving if the run cannot be renamed: it stays in `path`.
     """
     run = scene_yaml, lattice
-    found: files.Contents | None = None  # in the folder, before the run
+    before: Contents | None = None  # what the folder held when the run began
 
-    def refusal(held: files.Contents, status: str) -> str:
+    def refusal(held: Contents, status: str) -> str:
         """Why a run of this status may not be written into a folder; empty if it may."""
         if held.foreign:
             return f"holds {held.foreign}, which no run wrote"
         if held.status == "done" and status != "done":
             return "holds a finished run"
         # What has come while the run was computed is not what a person wanted to be replaced.
-        if not held.names or run == held.run or (overwrite and found in (None, held)):
+        if not held.names or run == held.run or (overwrite and before in (None, held)):
             return ""
         return "holds another run" + " (overwrite=True replaces it)" * explicit
 
@@ -79,22 +85,19 @@ def run_folder(
             why = why or f"{folder} {no}"
         raise InputError(f"{why}; choose another folder as `out`")
 
-    asked = Path(out).expanduser()
-    made: list[Path] = []
+    asked, made = Path(out).expanduser(), list[Path]()
     try:
         if asked.name in ("", "..") or asked.is_symlink():  # a folder cannot be renamed to these
-            asked = asked.resolve()
-        if (here := Path.cwd().is_relative_to(asked.resolve())) or os.path.ismount(asked):
-            what = "the folder you are in" if here else "where a file system is mounted"
-            raise InputError(f"{asked} is {what}, which no run can replace: name a folder in it as `out`")
+            asked = asked.resolve(strict=asked.is_symlink())
+        refuse_place(asked)
         made = files.prepare_output(asked.parent)
         chosen = choose([asked] if explicit else _counted(asked), "done")
-        found = look(chosen)
-        film = next((name for name in files.FILMS if name in found.names and run and run == found.run), None)
-        folder = RunFolder(chosen, files.beside(chosen), film)
+        before = look(chosen)
+        kept = [name for name in before.names if name in files.FILMS or files.MADE.fullmatch(name)]
+        folder = RunFolder(chosen, files.hidden(chosen), kept if run == before.run else [])
         files.remove(folder.path)  # of an earlier process of this number: in a container all have the same
         folder.path.mkdir()
-    except (OSError, ValueError) as error:
+    except (OSError, RuntimeError, ValueError) as error:  # RuntimeError: a link to itself, before Python 3.13
         files.remove_empty(made)
         raise files.cannot_write(asked, error) from None
     try:
@@ -113,6 +116,19 @@ def run_folder(
         else:
             files.remove(folder.path)
             files.remove_empty(made)
+
+
+def refuse_place(out: Path) -> None:
+    """Raise InputError if `out` is a folder that no run can replace."""
+    what = ""
+    with suppress(RuntimeError):  # nobody has a home
+        what = "your home" if Path.home().resolve().is_relative_to(out.resolve()) else what
+    if files.holds_working_directory(out):
+        what = "the folder you are in"
+    elif os.path.ismount(out):
+        what = "where a file system is mounted"
+    if what:
+        raise InputError(f"{out} is {what}, which no run can replace: name a folder in it as `out`")
 
 
 def refuse_run(out: Path) -> None:

@@ -2,20 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import closing
 from dataclasses import replace
 from functools import partial
+from itertools import chain
 from pathlib import Path
 
 import numpy as np
 
 from taichi_disk.computation.contact import greatest_compression
-from taichi_disk.computation.outcome import Outcome
-from taichi_disk.computation.scenario import Scenario
+from taichi_disk.computation.driver import Moment
 from taichi_disk.config.sections import VideoSection
 from taichi_disk.errors import InputError
-from taichi_disk.output.files import atomic_write, check_pictures, origin
+from taichi_disk.lattice import Array
+from taichi_disk.output.files import atomic_write, check_pictures, holds_working_directory, origin
 from taichi_disk.progress import Progress
 from taichi_disk.render import require_film
 from taichi_disk.render.geometry import View, edge_height
@@ -33,6 +34,7 @@ _BESIDE = 0.05  # what is seen at the least on either side of the disk, whose fl
 _HIGHEST = 4.0  # where a disk is still seen that flies on while the one beside it is not yet done [R]
 _BELOW = 0.16  # what is seen of the rigid wall below its edge [R]
 _LABEL = 1.5  # times as large as a title is what sets a run apart from those beside it
+MOST_BYTES = 5e8  # of positions that are kept between the choice of the scales and the pictures
 _PANEL = 360  # pixels of a picture from which curves beside it have room for their words
 
 
@@ -44,7 +46,7 @@ def check_target(path: Path) -> None:
             "with, with .png for one picture, or with nothing for a folder of numbered pictures"
         )
     if not path.suffix:
-        if Path.cwd().is_relative_to(path.resolve()):
+        if holds_working_directory(path):
             raise InputError(f"cannot film into {path}: pictures would replace the folder you are in; name another")
         check_pictures(path)
 
@@ -73,13 +75,13 @@ def film(path: Path, runs: Sequence[Run], video: VideoSection, progress: Progres
     progress("render", 0, len(shots))
 
     def write(new: Path) -> None:
+        states = [_States(run, video, shots) for run in runs]
         with (
-            closing(_pictures(runs, video, shots)) as pictures,
+            closing(_pictures(states, video, shots)) as pictures,
             encoded(new, path.suffix, pictures.width, video.size, video.fps, film_origin(runs, video)) as append,
         ):
-            times = np.array(list(dict.fromkeys(t for t, _ in shots)))
-            moments = zip(*(outcome.frames(times) for _, outcome in runs), strict=True)
-            words = zip(*(lines(*run, shots) for run in runs), strict=True)
+            moments = zip(*(one.moments() for one in states), strict=True)
+            words = zip(*(lines(run, shots) for run in runs), strict=True)
             shown = None
             for k, ((t, _), each) in enumerate(zip(shots, words, strict=True)):
                 raise_if_interrupted()
@@ -93,17 +95,16 @@ def film(path: Path, runs: Sequence[Run], video: VideoSection, progress: Progres
 
 def film_origin(runs: Sequence[Run], video: VideoSection) -> str:
     """Return what the file of a film carries: its scenes."""
-    return origin(*(replace(scenario.scene, video=video) for scenario, _ in runs))
+    return origin(*(replace(run.scenario.scene, video=video) for run in runs))
 
 
 # ---- how to draw
 
 
-def _pictures(runs: Sequence[Run], video: VideoSection, shots: Sequence[Cue]) -> Pictures:
-    still = shots[0][0] if len(shots) == 1 else None
-    painters, views = zip(*(_painter(*run, video, still, shots[-1][0]) for run in runs), strict=True)
+def _pictures(states: Sequence[_States], video: VideoSection, shots: Sequence[Cue]) -> Pictures:
+    runs, painters, views = zip(*((one.run, one.painter, one.view) for one in states), strict=True)
     limit, full_force = max(one.limit for one in painters), max(one.full_force for one in painters)
-    ends = [each for run in runs for each in lines(*run, (shots[0], (shots[-1][0], None)))]
+    ends = [each for run in runs for each in lines(run, (shots[0], (shots[-1][0], None)))]
     samples = [*(line for each in ends for line in each), *dict.fromkeys(note or "" for _, note in shots)]
     legends, enlarged = [], _LABEL if len(runs) > 1 else 1.0
     for painter, title in zip(painters, titles(runs), strict=True):
@@ -116,37 +117,55 @@ def _pictures(runs: Sequence[Run], video: VideoSection, shots: Sequence[Cue]) ->
     return Pictures(legends, video.size, (xmin, xmax, ymin, ymax), video.supersample, panel)
 
 
-def _painter(
-    scenario: Scenario, outcome: Outcome, video: VideoSection, still: float | None, end: float
-) -> tuple[Painter, View]:
-    """Colours, arrows, the wall's edge and the view fit the greatest compression and, of a film, moments before it.
+class _States:
+    """The moments of a run that its pictures show, and how to draw them: both from one replay.
 
-    The view holds the `end` of a film, too, up to which a disk flies on, or the moment of a `still` picture [R/c].
+    Colours, arrows, the wall's edge and the view fit the greatest compression and, of a film, moments before it. The
+    view holds the end of a film, too, up to which a disk flies on.
     """
-    painter = Painter(scenario.lattice, scenario.model.springs, scenario.model.wall)
-    painter.colour, painter.draw, painter.theme, painter.limit = video.colour, video.draw, video.theme, 0.0
-    painter.spoke, painter.magnify = scenario.spoke, video.magnify
-    columns, (xmin, xmax, ymin, ymax) = outcome.columns, scenario.view
-    peak = greatest_compression(columns)
-    if still is None:
-        looks = scale_times(scenario, columns)
-        positions = [painter.placed(outcome.positions)]
-        if end > columns["t"][-1]:
-            positions += (painter.placed(x) for _, x, _ in outcome.frames(np.array([end])) if x[:, 1].max() < _HIGHEST)
-    else:
-        looks, positions = [still], []
-    times = sorted({*looks, peak})
-    for t, (_, x, v) in zip(times, outcome.frames(np.array(times)), strict=True):
-        positions.append(painter.placed(x))
-        if t <= peak:
-            painter.limit, greatest = max(painter.limit, painter.scale(painter.values(x, v))), x
-    _, forces = painter.wall.contact_forces(painter.lattice, greatest)
-    largest = float(np.hypot(*forces.T).max(initial=0.0))
-    full = max(largest, outcome.largest_push / _LONGEST)
-    painter.full_force = round_near(full) if full else 0.0
-    painter.edge = edge_height(painter.wall, largest)
-    if not len(scenario.lattice.wall_surface):  # of a rigid wall no more is seen than its uppermost part
-        ymin = painter.edge - _BELOW
-    disk = np.concatenate([x[: scenario.lattice.disk_points] for x in positions])
-    (left, _), (right, top) = disk.min(axis=0), disk.max(axis=0)
-    return painter, (min(xmin, left - _BESIDE), max(xmax, right + _BESIDE), ymin, max(ymax, top))
+
+    def __init__(self, run: Run, video: VideoSection, shots: Sequence[Cue]) -> None:
+        scenario, columns = run.scenario, run.columns
+        self.run, self._times = run, np.unique([t for t, _ in shots])
+        self.painter = Painter(scenario.lattice, scenario.model.springs, scenario.model.wall)
+        self.painter.colour, self.painter.draw, self.painter.theme = video.colour, video.draw, video.theme
+        self.painter.spoke, self.painter.magnify = scenario.spoke, video.magnify
+        peak, is_film, looks, positions = greatest_compression(columns), len(shots) > 1, self._times, []
+        flies_on = is_film and shots[-1][0] > columns["t"][-1]
+        if is_film:
+            looks = np.array(scale_times(scenario, columns))
+            positions = [run.positions]
+        looks = np.union1d(looks, [peak, *self._times[-1:]] if flies_on else [peak])
+        times = np.union1d(looks, self._times)
+        until_scale = times[times <= looks[-1]]
+        # A film of millions of points is replayed twice: not all of these moments fit into memory.
+        self._is_twice = len(until_scale) * run.positions.nbytes > MOST_BYTES
+        times, until_scale = (looks, looks) if self._is_twice else (times, until_scale)
+        replay = run.frames(times)
+        kept = [moment for _, moment in zip(until_scale, replay, strict=False)]
+        self._replay = zip(times, chain(kept, replay), strict=True)
+        at_looks = [(t, x, v) for t, (_, x, v) in zip(until_scale, kept, strict=True) if t in looks]
+        positions += [x for t, x, _ in at_looks if t <= peak or not is_film or x[:, 1].max() < _HIGHEST]
+        self._fit([(x, v) for t, x, v in at_looks if t <= peak], [self.painter.placed(x) for x in positions])
+
+    def _fit(self, states: Sequence[tuple[Array, Array]], positions: Sequence[Array]) -> None:
+        """Choose the scales after `states`, the last one the most compressed, and the view after `positions`."""
+        painter, scenario = self.painter, self.run.scenario
+        painter.limit = max(painter.scale(painter.values(x, v)) for x, v in states)
+        _, forces = painter.wall.contact_forces(painter.lattice, states[-1][0])
+        largest = float(np.hypot(*forces.T).max(initial=0.0))
+        full = max(largest, self.run.largest_push / _LONGEST)
+        painter.full_force = round_near(full) if full else 0.0
+        painter.edge = edge_height(painter.wall, largest)
+        xmin, xmax, ymin, ymax = scenario.view
+        if not len(scenario.lattice.wall_surface):  # of a rigid wall no more is seen than its uppermost part
+            ymin = painter.edge - _BELOW
+        disk = np.concatenate([x[: scenario.lattice.disk_points] for x in positions])
+        (left, _), (right, top) = disk.min(axis=0), disk.max(axis=0)
+        self.view: View = min(xmin, left - _BESIDE), max(xmax, right + _BESIDE), ymin, max(ymax, top)
+
+    def moments(self) -> Iterator[Moment]:
+        """The moments of the pictures, in their order."""
+        if self._is_twice:
+            return self.run.frames(self._times)
+        return (moment for t, moment in self._replay if t in self._times)

@@ -13,7 +13,7 @@ from taichi_disk.computation.scenario import Scenario
 from taichi_disk.errors import InputError
 from taichi_disk.lattice import Array
 
-Run = tuple[Scenario, Outcome]
+Run = Outcome
 Cue = tuple[float, str | None]  # t [R/c] and the last line, None for the result
 
 MOMENTS = {"greatest": "greatest compression", "contact": "first contact", "end": None}
@@ -62,8 +62,8 @@ def cues(runs: Sequence[Run], frames: int, fps: int, span: Span) -> list[Cue]:
     Raises InputError for a span that is none.
     """
     count = max(3, frames)
-    scenario, outcome = max(runs, key=lambda run: float(run[1].columns["t"][-1]))
-    columns = outcome.columns
+    longest = max(runs, key=lambda run: float(run.columns["t"][-1]))
+    scenario, columns = longest.scenario, longest.columns
     first = 0.0 if span.start is None else time_of(span.start, columns)
     last = time_of("end" if span.end is None else span.end, columns)
     if not first < last:
@@ -90,12 +90,13 @@ def cues(runs: Sequence[Run], frames: int, fps: int, span: Span) -> list[Cue]:
 
 def still_cue(run: Run, span: Span) -> Cue:
     """Return the only picture of a still."""
-    return time_of(span.at, run[1].columns), MOMENTS.get(str(span.at), "")
+    return time_of(span.at, run.columns), MOMENTS.get(str(span.at), "")
 
 
-def lines(scenario: Scenario, outcome: Outcome, cues: Sequence[Cue]) -> Iterator[tuple[str, ...]]:
+def lines(run: Run, cues: Sequence[Cue]) -> Iterator[tuple[str, ...]]:
     """Yield the lines for each cue; after the end of the run the observables are those of its end."""
-    columns, times, peak = outcome.columns, [t for t, _ in cues], greatest_compression(outcome.columns)
+    scenario, columns, times = run.scenario, run.columns, [t for t, _ in cues]
+    peak = greatest_compression(columns)
     rows = {name: np.interp(times, columns["t"], values) for name, values in columns.items()} | {"t": times}
     for k, (t, note) in enumerate(cues):
         last = f"*{scenario.marks(columns)[0]}" if note is None else note
@@ -121,15 +122,15 @@ def check_runs(runs: Sequence[Run]) -> None:
     """Raise InputError unless `runs` can be shown side by side."""
     if len(runs) > MOST_RUNS:
         raise InputError(f"{len(runs)} runs side by side: compare {MOST_RUNS} at most")
-    if len({(scenario.time_label, *scenario.labels) for scenario, _ in runs}) > 1:
+    if len({(run.scenario.time_label, *run.scenario.labels) for run in runs}) > 1:
         raise InputError("these runs cannot be compared: they have no time, or no result, in common")
 
 
 def titles(runs: Sequence[Run]) -> list[tuple[str, ...]]:
     """Return the lines above each run; side by side they begin with what sets the runs apart."""
-    scenes = [scenario.scene for scenario, _ in runs]
+    scenes = [run.scenario.scene for run in runs]
     if len(runs) == 1 or len({scene.scene for scene in scenes}) > 1:
-        return [scenario.title() for scenario, _ in runs]
+        return [run.scenario.title() for run in runs]
     parts: list[list[str]] = [[] for _ in runs]
     for name, section in scenes[0].sections().items():
         for one, key in section.schema().items():
@@ -139,5 +140,5 @@ def titles(runs: Sequence[Run]) -> list[tuple[str, ...]]:
                 for part, value in zip(parts, values, strict=True):
                     number = f"{value:g}{unit}" if isinstance(value, float) else f"{value}"
                     part.append(f"{_SYMBOLS.get(one, one.replace('_', ' '))} = {number}")
-    names = [scenario.title() for scenario, _ in runs]
+    names = [run.scenario.title() for run in runs]
     return [("    ".join(part) or name[0], *name[1:]) for part, name in zip(parts, names, strict=True)]

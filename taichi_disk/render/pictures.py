@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 
 from taichi_disk.computation.outcome import Outcome
-from taichi_disk.computation.scenario import Scenario
 from taichi_disk.lattice import Array
 from taichi_disk.output.plot import HEIGHTS, LINE, MARK, STYLE, draw_curves, matplotlib_style
 from taichi_disk.render import kernels
@@ -110,7 +109,7 @@ class Panel:
             picture[top:bottom, now] = self.ink
 
 
-def side_panel(runs: Sequence[tuple[Scenario, Outcome]], size: int, theme: Theme) -> Panel:
+def side_panel(runs: Sequence[Outcome], size: int, theme: Theme) -> Panel:
     """The panel of one run, or of two in the same axes, `size` pixels high; with one disk the film is 16 : 9."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
@@ -123,11 +122,11 @@ def side_panel(runs: Sequence[tuple[Scenario, Outcome]], size: int, theme: Theme
         canvas = FigureCanvasAgg(figure)
         axes = list(figure.subplots(3, 1, sharex=True, height_ratios=HEIGHTS))
         lines = []
-        for (scenario, outcome), style in zip(runs, _LINES.values(), strict=False):
-            lines += draw_curves(axes, scenario, outcome.columns, linestyle=style)
-            result = scenario.motion(outcome.columns)[0][-1]
+        for run, style in zip(runs, _LINES.values(), strict=False):
+            lines += draw_curves(axes, run.scenario, run.columns, linestyle=style)
+            result = run.scenario.motion(run.columns)[0][-1]
             axes[0].axhline(result, color=MARK, linewidth=1.0, linestyle=(0, (5, 4)), zorder=1)  # below the curve
-        end = max(scenario.last_motion(outcome.columns) for scenario, outcome in runs)
+        end = max(run.scenario.last_motion(run.columns) for run in runs)
         axes[-1].set_xlim(0.0, end)
         for ax in axes:
             ax.margins(y=0.06)

@@ -34,7 +34,6 @@ class AbsorbingWallScene(DiskScene):
     abscissa: ClassVar[tuple[str, str]] = ("impact", "velocity")
     results: ClassVar[tuple[str, ...]] = ("restitution", "contact_time")
     optional_results: ClassVar[tuple[str, ...]] = tuple(oblique.RESULTS)
-    scatter: ClassVar[float] = 1.1e-3
 
     scene: Literal["absorbing_wall"] = "absorbing_wall"
     material: MaterialSection = MaterialSection(eta_star=0.0)  # the boundary absorbs the energy

@@ -29,7 +29,6 @@ class CompressionScene(DiskScene):
     title: ClassVar[str] = "compression on a rigid wall"
     abscissa: ClassVar[tuple[str, str]] = ("compression", "pressure")
     results: ClassVar[tuple[str, ...]] = ("xi", "xi_nominal", "xi_extrapolated")
-    scatter: ClassVar[float] = 8.0e-4
 
     scene: Literal["compression"] = "compression"
     material: MaterialSection = MaterialSection(eta_star=100.0)  # so that the vibration dies out

@@ -22,7 +22,6 @@ class ExponentialWallScene(DiskScene):
     abscissa: ClassVar[tuple[str, str]] = ("impact", "velocity")
     results: ClassVar[tuple[str, ...]] = ("restitution", "contact_time")
     optional_results: ClassVar[tuple[str, ...]] = tuple(oblique.RESULTS)
-    scatter: ClassVar[float] = 5.8e-4
 
     scene: Literal["exponential_wall"] = "exponential_wall"
     wall: RoughWallSection = RoughWallSection()

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, TypeAlias, cast
 from taichi_disk.config.conflicts import Conflicts
 from taichi_disk.config.sections import Frozen, LatticeSection, MaterialSection, Section, TimeSection, VideoSection
 from taichi_disk.config.tree import Keys, Tree, tree_of
+from taichi_disk.config.words import ALIASES, UNITS, number_hint
 from taichi_disk.errors import InputError, did_you_mean, either, nearest
 from taichi_disk.lattice import (
     Array,
@@ -45,7 +46,6 @@ class DiskScene(Frozen):
         lattice_keys: the sections and keys on which `body` depends.
         abscissa, results: of a sweep, the key that curves are drawn against, the numbers of each scene.
         optional_results: numbers that only some scenes have.
-        scatter: standard deviation of the first result over 8 lattices, by `taichi-disk accuracy` on the shipped scene.
     """
 
     title: ClassVar[str] = ""
@@ -53,7 +53,6 @@ class DiskScene(Frozen):
     abscissa: ClassVar[tuple[str, str]]
     results: ClassVar[tuple[str, ...]] = ()
     optional_results: ClassVar[tuple[str, ...]] = ()
-    scatter: ClassVar[float]
 
     scene: str = ""
     lattice: LatticeSection = LatticeSection()
@@ -195,12 +194,6 @@ class DiskScene(Frozen):
         remedy = f"material.viscosity = {value / paper:.3g} makes it the same"
         return [f"material.eta_star = {value:g} is per point: {compared}; {remedy}"]
 
-    def lattice_scatter(self) -> dict[str, float]:
-        """By how much the first result differs from lattice to lattice, where that is known: in the shipped scene."""
-        lattice = replace(self.lattice, seed=LatticeSection.seed)
-        plain = replace(self, lattice=lattice, time=TimeSection(), video=VideoSection())
-        return {self.results[0]: self.scatter} if plain == type(self)() else {}
-
     @property
     def damping(self) -> str:
         """The viscosity in a few words, for titles."""
@@ -277,8 +270,11 @@ def _value(kind: str, path: Keys, value: Any, tree: Tree, kinds: Kinds) -> Any:
     key, entry = kinds[kind].sections()[path[0]].schema().get(path[1]), tree.entry(path)
     if key is None:
         tree.fault(entry.key, path, _unknown(kind, path, kinds))
+    elif key.kind is int and isinstance(value, float) and value.is_integer() and key.accepts(int(value)):
+        return int(value)  # 1e3
     elif not key.accepts(value):
-        what = f"must be {key.allowed()}, not {entry.shown}{did_you_mean(value, key.words)} ({key.meaning})"
+        hint = did_you_mean(value, key.words) or number_hint(value, key.unit, path[-1])
+        what = f"must be {key.allowed()}, not {entry.shown}{hint} ({key.meaning})"
         tree.fault(entry.value, path, what)
     elif path in (("lattice", "file"), ("lattice", "velocities")) and value != "none":
         # On the command line a name counts from the working directory, in a scene file from the file's folder.
@@ -292,10 +288,14 @@ def _value(kind: str, path: Keys, value: Any, tree: Tree, kinds: Kinds) -> Any:
 def _unknown(kind: str, path: Keys, kinds: Kinds) -> str:
     """Why the key at `path` is not one of this kind of scene, and what was probably meant."""
     section, *keys = path
+    if path[-1].lower() in UNITS:
+        return f"no key: {UNITS[path[-1].lower()]}"
     having = {name: one.sections()[section].schema() for name, one in kinds.items() if section in one.sections()}
     if others := [name for name, known in having.items() if known.keys() >= set(keys)]:
         return f"belongs to scene: {either(others)}, not to scene: {kind}"
-    if homes := kinds[kind].homes(path[-1]):  # another section's key only where it bears exactly this name
+    if homes := kinds[kind].homes(
+        ALIASES.get(path[-1].lower(), path[-1])
+    ):  # another section's key only where it bears exactly this name
         return f"unknown key; did you mean {either('.'.join(home) for home in homes)}?"
     siblings = list(having[kind]) if keys else ["scene", *kinds[kind].sections()]
     listed = f"; {section if keys else f'scene: {kind}'} has {', '.join(siblings)}"

@@ -13,6 +13,7 @@ from math import prod
 from typing import Any, TypeAlias
 
 from taichi_disk.config.tree import Entry, Keys, Tree, printable
+from taichi_disk.config.words import ALIASES
 from taichi_disk.errors import did_you_mean
 from taichi_disk.scenes.scene import DiskScene, Kinds, Value, check, yaml_scalar
 
@@ -86,7 +87,8 @@ def _axes(kind: type[DiskScene], block: dict[str, Any], prefix: Keys, tree: Tree
         mark, target = tree.entries[path].key, target_of(kind, name)
         if target is None:
             names = [key for section, one in kind.sections().items() if section != "video" for key in one.schema()]
-            hint = did_you_mean(name.split(".")[-1], names)
+            word = name.split(".")[-1]
+            hint = did_you_mean(ALIASES.get(word.lower(), word), names)
             tree.fault(mark, path, f"no key of scene: {tree.value['scene']} that can be swept{hint}")
             continue
         if target in tree.entries or target in taken:

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from taichi_disk.engine import ti
 from taichi_disk.integrators import Integrator
+from taichi_disk.integrators.conjugate_gradients import Diagonal
 from taichi_disk.integrators.trapezoidal import DashpotSolver, Factor
 from taichi_disk.lattice import Array
 from taichi_disk.physics import Model
@@ -38,7 +39,7 @@ STAGES = 2  # forces computed in one launch; more take long to compile
 class Kernels(Stepping):
     """Moves the points on one core."""
 
-    def fill(self, arrangement: Arrangement, factor: Factor | None) -> None:
+    def fill(self, arrangement: Arrangement, factor: Factor | Diagonal | None) -> None:
         """Take what follows from another lattice or step."""
         if self.solver is not None and factor is not None:
             self.solver.fill(factor)
@@ -142,7 +143,7 @@ class SubdomainKernels(Kernels):
         self.parts = side_by_side(builder, count, 3)  # largest wall force on a point, elastic energy, products
         self.latest = array(builder, 3, ti.f64)  # elastic energy, contact force, contact potential
 
-    def fill(self, arrangement: Arrangement, factor: Factor | None) -> None:
+    def fill(self, arrangement: Arrangement, factor: Factor | Diagonal | None) -> None:
         super().fill(arrangement, factor)
         self.fill_ends(arrangement.subdomain_ends)
 

@@ -12,7 +12,8 @@ import numpy as np
 from taichi_disk import engine
 from taichi_disk.engine import ti
 from taichi_disk.errors import TaichiDiskError
-from taichi_disk.integrators import Integrator
+from taichi_disk.integrators import LARGEST_FACTORISED, Integrator
+from taichi_disk.integrators.conjugate_gradients import Diagonal, IterativeSolver, diagonal
 from taichi_disk.integrators.trapezoidal import DashpotSolver, Factor, factorise
 from taichi_disk.lattice import Array, Lattice
 from taichi_disk.physics import MatchedBoundary, Model
@@ -55,7 +56,12 @@ class Simulation:
             law.make_fields(builder, self._capacity)
         self.state = State(builder, self._capacity, self.subdomains, self.model)
         both = 2 if isinstance(model.boundary, MatchedBoundary) else 1
-        solver = DashpotSolver(builder, self._capacity, both) if factor is not None else None
+        solver: DashpotSolver | None = None
+        if isinstance(factor, Diagonal):
+            solver = IterativeSolver(builder, self._capacity, both, self.state.fillers, self.model.springs)
+            self.state.vectors += solver.previous
+        elif factor is not None:
+            solver = DashpotSolver(builder, self._capacity, both)
         parts = self.state, self.model, integrator, solver
         large = self.subdomains > 1
         self.kernels = SubdomainKernels(*parts, builder, self.subdomains) if large else Kernels(*parts)
@@ -80,12 +86,19 @@ class Simulation:
         self._start(lattice, model, velocities, dt, arrangement, factor)
         return True
 
-    def _factor(self, lattice: Lattice, model: Model, dt: float) -> Factor | None:
-        implicit = model.springs.damped and self.integrator.dashpots == "implicit"
-        return factorise(lattice, model, dt) if implicit else None
+    def _factor(self, lattice: Lattice, model: Model, dt: float) -> Factor | Diagonal | None:
+        if not (model.springs.damped and self.integrator.dashpots == "implicit"):
+            return None
+        return (diagonal if iterates(lattice, model) else factorise)(lattice, model, dt)
 
     def _start(
-        self, lattice: Lattice, model: Model, velocities: Array, dt: float, arranged: Arrangement, factor: Factor | None
+        self,
+        lattice: Lattice,
+        model: Model,
+        velocities: Array,
+        dt: float,
+        arranged: Arrangement,
+        factor: Factor | Diagonal | None,
     ) -> None:
         for own, given in zip(self.model.laws, model.laws, strict=True):
             own.take_values(given)
@@ -216,13 +229,18 @@ class KernelCache:
 
 
 def compiled_for(lattice: Lattice, model: Model) -> tuple[Any, ...]:
-    """All that kernels are compiled for: laws, and whether springs are unlike."""
-    return model.signature(), lattice.stiffness is None
+    """All that kernels are compiled for: laws, whether springs are unlike, how implicit dashpots are solved for."""
+    return model.signature(), lattice.stiffness is None, iterates(lattice, model)
 
 
-def _needed(lattice: Lattice, arrangement: Arrangement, factor: Factor | None) -> tuple[int, int, int]:
+def iterates(lattice: Lattice, model: Model) -> bool:
+    """Whether implicit dashpots are solved for by conjugate gradients: without a factor, of a large lattice."""
+    return model.springs.damped and len(lattice.positions) > LARGEST_FACTORISED
+
+
+def _needed(lattice: Lattice, arrangement: Arrangement, factor: Factor | Diagonal | None) -> tuple[int, int, int]:
     """Points, blocks and entries of the factor, as in `Capacity`."""
-    return len(lattice.positions), arrangement.blocks, len(factor.row) if factor else 0
+    return len(lattice.positions), arrangement.blocks, len(factor.row) if isinstance(factor, Factor) else 0
 
 
 def _doubled(needed: int, least: int) -> int:

@@ -36,8 +36,9 @@ class Snapshot:
     """All that a simulation needs to go on from step `step`, bitwise as it would have.
 
     Attributes:
-        vectors: (3 or 4, n, 2) positions [R], velocities before the last kick [c], forces [M c^2/R]; with dashpots
-            also the velocities at the step, predicted or solved for.
+        vectors: (3 to 7, n, 2) positions [R], velocities before the last kick [c], forces [M c^2/R]; with dashpots
+            also the velocities at the step, predicted or solved for; where they are iterated, those of three steps
+            before.
         sums: (SUMS,) dissipated, its power, absorbed, its power, largest force of the wall on a point, sliding, what
             the next step is to lose at its start, and in all (see `account`); (SUMS + 2,) also what friction took, its
             power.
@@ -50,7 +51,7 @@ class Snapshot:
     def velocities(self, integrator: Integrator, dt: float, lattice: Lattice) -> Array:
         """(n, 2) at the step, after its last kick [c]."""
         _, v, f = self.vectors[:3]
-        return np.asarray(v + integrator.kicks[-1] * dt / lattice.masses[:, None] * f)
+        return np.asarray(v + integrator.kicks[-1] * dt * (1.0 / lattice.masses[:, None]) * f)  # as kernels round it
 
 
 @ti.data_oriented
@@ -85,7 +86,7 @@ class State:
         self.scalars = [field for field, _ in numbers]
         n = len(velocities)
         vectors = np.zeros((len(self.vectors), n + self.fillers, 2))
-        vectors[0, :n], vectors[1::2, :n] = lattice.positions, velocities  # and the velocities `u` of dashpots
+        vectors[0, :n], vectors[1:4:2, :n] = lattice.positions, velocities  # and the velocities `u` of dashpots
         vectors[0, n + 1 :: 2, 0] = 1.0  # springs that fill up blocks lie at rest between (0, 0) and (1, 0)
         values = np.array([value for _, value in numbers], np.float64)
         self._begin(values, lattice.masses, vectors, np.zeros(self.summed))
@@ -242,6 +243,15 @@ class Stepping:
         return time * ti.cast(number > 0, ti.f64)
 
     @ti.func
+    def age(self, number):
+        """How many steps ago velocities jumped last: at t = 0, or when the boundary was reset."""
+        age = number
+        if ti.static(self.reset):
+            if number > 0:
+                age = (number - 1) % self.state.reset_steps[None] + 1
+        return age
+
+    @ti.func
     def account(self, number, sums, products):
         """End step `number`: dashpots that act on points, the energy that all dashpots took, the boundary's reset.
 
@@ -252,7 +262,7 @@ class Stepping:
         if ti.static(self.explicit):
             power = self.springs.eta_now[None] * products
         if ti.static(self.implicit):
-            power, cross, late = self.solver.solve_velocities(self.state)
+            power, cross, late = self.solver.solve_velocities(self.state, self.age(number))
             if ti.static(self.matched):
                 boundary_power = self.boundary.solved_power(self.state)
         elif ti.static(self.matched):

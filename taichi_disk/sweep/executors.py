@@ -16,11 +16,12 @@ from queue import Empty, SimpleQueue
 from typing import Any
 
 from taichi_disk import runtime
-from taichi_disk.errors import InputError, SimulationError, TaichiDiskError
+from taichi_disk.errors import InputError, SimulationError, TaichiDiskError, pip_install
 from taichi_disk.machine import cores
 from taichi_disk.scenes import Scene
+from taichi_disk.scenes.setup import lattice_key
 from taichi_disk.signals import ignored_by_children, raise_if_interrupted
-from taichi_disk.sweep.work import PointResult, compute_points, compute_task, lattice_key, relevant_versions
+from taichi_disk.sweep.work import PointResult, compute_points, compute_task, relevant_versions
 
 Scenes = dict[str, Scene]  # by key
 Results = Generator[tuple[str, PointResult], None, None]
@@ -150,7 +151,7 @@ def _dask(address: str, say: Say) -> Iterator[Executor]:
         from distributed import Client, Security
         from distributed.core import rpc
     except ImportError:
-        raise InputError("--scheduler needs the package distributed: pip install 'taichi-disk[cluster]'") from None
+        raise InputError(f"--scheduler needs the package distributed: {pip_install('taichi-disk[cluster]')}") from None
 
     async def identity() -> Any:
         async with rpc(address, connection_args=Security().get_connection_args("client")) as scheduler:

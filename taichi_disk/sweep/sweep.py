@@ -15,7 +15,7 @@ from uuid import uuid4
 
 from filelock import FileLock, Timeout
 
-from taichi_disk.errors import InputError, TaichiDiskError
+from taichi_disk.errors import InputError, TaichiDiskError, pip_install
 from taichi_disk.lattice import file_digest
 from taichi_disk.output.files import prepare_output, reason, remove, versions, write_csv, write_summary, write_text
 from taichi_disk.output.run_folder import refuse_run
@@ -84,7 +84,7 @@ class SweepResult:
         try:
             from pandas import DataFrame
         except ImportError as error:
-            raise TaichiDiskError(f"no table, because of {error}: pip install pandas; or use `rows`") from None
+            raise TaichiDiskError(f"no table, because of {error}: {pip_install('pandas')}; or use `rows`") from None
         return DataFrame(self.rows)
 
     @property

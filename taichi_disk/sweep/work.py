@@ -5,20 +5,17 @@ from __future__ import annotations
 import atexit
 import pickle
 import socket
-from collections.abc import Hashable, Iterable, Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 from functools import lru_cache
 from math import isfinite
-from operator import attrgetter
 from typing import Any
 
 from taichi_disk import engine, runtime
 from taichi_disk.errors import InputError, TaichiDiskError
-from taichi_disk.lattice import file_digest
 from taichi_disk.output.files import versions
 from taichi_disk.scenes import Scene, check_memory
-
-KEPT = 4  # lattices that a worker remembers, with what takes long to compute of them
+from taichi_disk.scenes.setup import setup_of
 
 
 @dataclass(frozen=True)
@@ -42,12 +39,9 @@ class PointResult:
     versions: dict[str, str] = field(default_factory=dict)
 
 
-_versions = lru_cache(maxsize=1)(versions)  # to look them up takes some milliseconds
-
-
 def relevant_versions() -> dict[str, str]:
     """The packages that numbers follow from."""
-    return {name: version for name, version in _versions().items() if name != "python"}
+    return {name: version for name, version in versions().items() if name != "python"}
 
 
 def compute_task(expected: dict[str, str], scenes: bytes, estimate: bool) -> list[PointResult]:
@@ -95,62 +89,16 @@ def _computed(scene: Scene, estimate: bool) -> PointResult:
     from taichi_disk.computation.outcome import compute
 
     check_memory(scene)
-    setup = _setup_of(scene)
+    setup = setup_of(scene)
     scenario = scene.scenario(setup.body)
     modes = None if scenario.static else setup.modes(scenario.model)
     outcome = compute(scenario, scene.time, kernels=shared_kernels(), modes=modes, estimate=estimate, loads=1)
-    facts = outcome.facts
+    summary = outcome.summary
     numbers: dict[str, Any] = scenario.result(outcome.columns) | setup.moduli
     if not all(map(isfinite, numbers.values())):
         return PointResult("failed", "a result is not a finite number")
-    numbers["error_estimate"] = next(iter(facts["error_estimate"].values()), None)
-    if "energy" in facts:
-        numbers["energy_imbalance"] = facts["energy"]["closing_imbalance"]
-    numbers |= {name: facts[name] for name in ("residual", "dt", "steps", "integrator") if name in facts}
-    return PointResult("done", None, numbers, facts["warnings"], estimate, _versions())
-
-
-# ---- what scenes share
-
-
-def lattice_key(scene: Scene) -> Hashable:
-    """Equal for scenes that share their lattice and the stiffness of its springs."""
-    of_lattice = (attrgetter(name)(scene) for name in scene.lattice_keys)
-    return (type(scene), scene.material.k_a, file_digest(scene.lattice.file), *of_lattice)
-
-
-class LatticeSetup:
-    """What the scenes of one lattice share, which takes longer to find than a run on it.
-
-    Attributes:
-        body: the unloaded lattice.
-        moduli: E [M c^2/R^2] and nu of its material, under the names of the table; empty for a lattice from a file.
-    """
-
-    def __init__(self, scene: Scene) -> None:
-        self.body, self.moduli = scene.body(), {}
-        self._modes: dict[tuple[bool, float], Any] = {}
-        if scene.lattice.file == "none":
-            found = scene.moduli(scene.lattice.points)
-            self.moduli = {"young": found.young, "poisson": found.poisson}
-
-    def modes(self, model: Any) -> Any:
-        """Its spectrum, with the dashpots of `model` if there are any."""
-        from taichi_disk.computation.stability import spectrum
-
-        key = model.springs.damped, model.springs.k_b  # which stiffens springs that are strained at rest
-        if key not in self._modes:
-            self._modes[key] = spectrum(self.body, model)
-        return self._modes[key]
-
-
-_SETUPS: dict[Hashable, LatticeSetup] = {}  # of this process: nothing else outlives a task
-
-
-def _setup_of(scene: Scene) -> LatticeSetup:
-    """Raises TaichiDiskError where there is no such lattice."""
-    key = lattice_key(scene)
-    _SETUPS[key] = _SETUPS.pop(key) if key in _SETUPS else LatticeSetup(scene)
-    if len(_SETUPS) > KEPT:
-        del _SETUPS[next(iter(_SETUPS))]
-    return _SETUPS[key]
+    numbers["error_estimate"] = next(iter(summary["error_estimate"].values()), None)
+    if "energy" in summary:
+        numbers["energy_imbalance"] = summary["energy"]["closing_imbalance"]
+    numbers |= {name: summary[name] for name in ("residual", "dt", "steps", "integrator") if name in summary}
+    return PointResult("done", None, numbers, summary["warnings"], estimate, versions())

@@ -41,7 +41,7 @@ def film(path: Path, runs: Sequence[Run], video: VideoSection, progress: Progres
     if path.suffix != ".html":
         return pictures.film(path, runs, video, progress, span)
     check_runs(runs)
-    most = max(_STATES // max(len(scenario.lattice.positions) for scenario, _ in runs), _FEWEST)
+    most = max(_STATES // max(len(run.scenario.lattice.positions) for run in runs), _FEWEST)
     frames = min(round(video.fps * video.seconds), most)
     shots = cues(runs, frames, video.fps, span)
     at = np.array([t for t, _ in shots])
@@ -49,15 +49,16 @@ def film(path: Path, runs: Sequence[Run], video: VideoSection, progress: Progres
     recorded = []
     for k, run in enumerate(runs):
         progress("render", k, len(runs))
-        recorded.append(_recorded(*run, times))
+        recorded.append(_recorded(run, times))
     limits = {name: max(one.limits[name] for one in recorded) for name in QUANTITIES}
     views = np.array([one.view for one in recorded])
     view = [*views[:, 0::2].min(axis=0), *views[:, 1::2].max(axis=0)]
     largest = max(one.largest_force for one in recorded)
     force = round_near(largest) if largest else 0.0
     data, packed = b"", []
-    for (scenario, outcome), one, title in zip(runs, recorded, titles(runs), strict=True):
-        curves = {"velocity": scenario.motion(outcome.columns)[0], "force": outcome.columns["wall_force"]}
+    for run, one, title in zip(runs, recorded, titles(runs), strict=True):
+        scenario, columns = run.scenario, run.columns
+        curves = {"velocity": scenario.motion(columns)[0], "force": columns["wall_force"]}
         message = scene_message(scenario, video, largest_force=one.largest_force)
         arrays, scales = one.arrays(limits)
         places = {}
@@ -73,8 +74,8 @@ def film(path: Path, runs: Sequence[Run], video: VideoSection, progress: Progres
                 "unit": one.unit,
                 "first": np.cumsum([0, *(len(each) for each in one.forces)]).tolist(),
                 "limits": scales,
-                "captions": [list(each) for each in lines(scenario, outcome, shots)],
-                "curves": {name: _in_unit_range(np.interp(at, outcome.columns["t"], y)) for name, y in curves.items()},
+                "captions": [list(each) for each in lines(run, shots)],
+                "curves": {name: _in_unit_range(np.interp(at, columns["t"], y)) for name, y in curves.items()},
                 "arrays": places,
             }
         )
@@ -140,7 +141,8 @@ class _Recorded:
         return found, scales
 
 
-def _recorded(scenario: Any, outcome: Any, times: Array) -> _Recorded:
+def _recorded(run: Run, times: Array) -> _Recorded:
+    scenario, outcome = run.scenario, run
     lattice, springs, wall = scenario.lattice, scenario.model.springs, scenario.model.wall
     triangles, n, columns = Triangles(lattice), lattice.disk_points, outcome.columns
     rest, looks = lattice.positions, scale_times(scenario, columns)

@@ -16,7 +16,7 @@ from pathlib import Path
 from time import time
 from typing import Any
 
-from taichi_disk.errors import TaichiDiskError
+from taichi_disk.errors import TaichiDiskError, pip_install
 from taichi_disk.simulation.simulation import KernelCache
 from taichi_disk.window.canvas import SessionCanvas
 from taichi_disk.window.controls import Entry
@@ -46,7 +46,7 @@ def serve(playlist: list[Entry], out: Path, host: str = LOCAL[0], port: int = 0)
         import uvicorn
         from rendercanvas import http
     except ImportError as error:
-        text = "pip install 'taichi-disk[browser]'; or give the window a display: `ssh -X`, `xvfb-run taichi-disk view`"
+        text = f"{pip_install('taichi-disk[browser]')}; or give a display: `ssh -X`, `xvfb-run taichi-disk view`"
         raise TaichiDiskError(f"no page in a browser, because of {error}: {text}") from None
     session = Session(playlist, out, KernelCache())
     try:

@@ -12,7 +12,7 @@ from PIL import Image
 from PIL.PngImagePlugin import PngInfo
 
 from taichi_disk.errors import TaichiDiskError
-from taichi_disk.output.files import atomic_write, beside, origin, reason, remove
+from taichi_disk.output.files import atomic_write, hidden, origin, reason, remove
 from taichi_disk.render import kernels
 from taichi_disk.render.video import Picture, video
 from taichi_disk.window.controls import Controls
@@ -67,7 +67,7 @@ class Recorder:
     def _film(self, picture: Picture, count: int) -> None:
         """Let `count` frames of the film show a picture; it ends where the window gets another size."""
         if self._write is None:
-            self._new, self._shape = beside(self._controls.next_file(".mp4")), picture.shape
+            self._new, self._shape = hidden(self._controls.next_file(".mp4")), picture.shape
             told = origin(self._controls.sandbox.scene)
             film = video(self._new, ".mp4", picture.shape[1], picture.shape[0], FPS, told)
             self._write = self._open.enter_context(film)

@@ -41,9 +41,9 @@ def main() -> None:
     given = parser.parse_args()
     if unknown := set(given.parts) - set(PARTS):
         parser.error(f"no part {', '.join(sorted(unknown))}: choose from {', '.join(PARTS)}")
-    facts = {"processor": processor(), "cores": os.cpu_count(), **versions()}
+    summary = {"processor": processor(), "cores": os.cpu_count(), **versions()}
     load = f", load average {os.getloadavg()[0]:.1f}" if hasattr(os, "getloadavg") else ""
-    print(", ".join(f"{name} {value}" for name, value in facts.items()) + load)
+    print(", ".join(f"{name} {value}" for name, value in summary.items()) + load)
     print(f"Runs take turns, {given.repeats} times; ratio: median over the turns, to the first row of a table.\n")
     runtime.start(threads=1)
     for part in given.parts or [name for name in PARTS if name != "sweep"]:

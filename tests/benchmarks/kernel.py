@@ -39,9 +39,9 @@ class Impact:
         loaded = load_scene(scene, settings)
         self.kernels, self.time, self.scenario = kernels, loaded.time, loaded.scenario()
         outcome = compute(self.scenario, self.time, kernels=kernels, estimate=False)
-        facts, self.velocities = outcome.facts, outcome.velocities
-        self.integrator = INTEGRATORS[facts["integrator"]]
-        self.dt, self.steps, self.attempts = facts["dt"], facts["steps"], facts["attempts"]
+        summary, self.velocities = outcome.summary, outcome.velocities
+        self.integrator = INTEGRATORS[summary["integrator"]]
+        self.dt, self.steps, self.attempts = summary["dt"], summary["steps"], summary["attempts"]
         self.work = 1e-9 * len(self.scenario.lattice.bonds) * self.steps
         self.modes = spectrum(self.scenario.lattice, self.scenario.model)
 

@@ -59,7 +59,7 @@ def precision(repeats: int, settings: tuple[str, ...], figure: Path | None = Non
     whole = load_scene(RIGID, (*scene, gap))
     scenario = whole.scenario()
     outcome = compute(scenario, whole.time, estimate=False)
-    end, limit = float(outcome.columns["t"][-1]), outcome.facts["dt_limit"]
+    end, limit = float(outcome.columns["t"][-1]), outcome.summary["dt_limit"]
     # On until the wall's last potential, too, is energy of the flight.
     times = [0.0, end + 3.0 / (scenario.model.wall.a * scenario.velocity)]
     solver = reference.Model(scenario.lattice, scenario.model)

@@ -43,7 +43,7 @@ def run():
     times = np.linspace(0.0, outcome.columns["t"][-1], 400)
     states = list(outcome.replay(times))
     replay = lambda wanted: (states[int(np.abs(times - t).argmin())] for t in wanted)  # noqa: E731
-    return scenario, replace(outcome, replay=replay, frames=replay)
+    return replace(outcome, replay=replay, frames=replay)
 
 
 def video(**keys):
@@ -121,9 +121,24 @@ def test_the_bytes_of_a_film_do_not_depend_on_what_lay_in_memory(tmp_path, suffi
 
 
 @needs_vulkan
+def test_scales_and_pictures_come_from_one_replay(run, tmp_path, monkeypatch):
+    asked = []
+
+    def frames(times):
+        asked.append(len(times))
+        return run.frames(times)
+
+    film(tmp_path / "once.gif", [replace(run, frames=frames)], video(), QUIET)
+    assert len(asked) == 1
+    monkeypatch.setattr("taichi_disk.render.film.MOST_BYTES", 0)  # of a lattice too large to keep states of
+    film(tmp_path / "twice.gif", [replace(run, frames=frames)], video(), QUIET)
+    assert len(asked) == 3 and (tmp_path / "once.gif").read_bytes() == (tmp_path / "twice.gif").read_bytes()
+
+
+@needs_vulkan
 def test_the_disk_in_the_film_moves_as_its_centre_of_mass_does(run, tmp_path, captions):
     film(tmp_path / "film.mp4", [run], video(draw="field", colour="strain", theme="dark", size=360), QUIET)
-    times, series, theme = np.array([time_of(lines) for lines in captions]), run[1].columns, THEMES["dark"]
+    times, series, theme = np.array([time_of(lines) for lines in captions]), run.columns, THEMES["dark"]
     assert len(times) == COUNT and (np.diff(times) >= 0.0).all() and times[0] == 0.0
     assert times[-1] == pytest.approx(series["t"][-1], abs=1e-3)
     rows, areas = [], []
@@ -178,7 +193,7 @@ def test_an_arrow_of_any_push_ends_in_the_picture(tmp_path, monkeypatch):
 
 @needs_vulkan
 def test_the_film_holds_at_the_greatest_compression_ends_with_the_result_and_tells_its_pace(run, tmp_path, captions):
-    scenario, outcome = run
+    scenario, outcome = run.scenario, run
     film(tmp_path / "film.mp4", [run], video(seconds=4), QUIET)
     result = f"*e = {scenario.result(outcome.columns)['restitution']:.5f}"
     assert len(captions) == 40 and [lines[-1] == result for lines in captions] == [False] * 36 + [True] * 4
@@ -199,7 +214,7 @@ def test_the_film_holds_at_the_greatest_compression_ends_with_the_result_and_tel
 @pytest.mark.parametrize(("colour", "theme"), [("pressure", "light"), ("fringes", "dark"), ("force", "dark")])
 def test_a_single_picture_is_of_the_greatest_compression(run, tmp_path, captions, colour, theme):
     film(tmp_path / "picture.png", [run], video(colour=colour, theme=theme), QUIET)
-    series = run[1].columns
+    series = run.columns
     assert time_of(captions[0]) == pytest.approx(series["t"][series["elastic"].argmax()], abs=0.1)
     picture = np.asarray(Image.open(tmp_path / "picture.png")).astype(float)
     assert picture.shape == (SIZE, SIZE, 3)
@@ -293,7 +308,7 @@ def test_a_compression_begins_with_no_minus_before_its_zero():
 @needs_vulkan
 def test_a_comparison_tells_the_greatest_compression_of_that_run_only_whose_it_is(run, tmp_path, captions):
     other = api.run(load_scene("exponential_wall", ["lattice.points=20", "impact.velocity=0.2"]))
-    film(tmp_path / "both.png", [run, (other.scenario, other.outcome)], video(), QUIET)
+    film(tmp_path / "both.png", [run, other.outcome], video(), QUIET)
     assert [lines[-1] for lines in captions] == ["greatest compression", ""]
 
 
@@ -306,7 +321,7 @@ def test_the_panel_s_curves_end_where_the_time_series_is(run, tmp_path, captions
     ends = [np.argwhere(np.abs(frame[:205, 740:] - (0, 114, 178)).sum(axis=-1) < 60) for frame in frames[1:]]
     columns = np.array([one[:, 1].max() for one in ends])
     rows = np.array([one[one[:, 1] >= one[:, 1].max() - 1, 0].mean() for one in ends])
-    times, series = np.array([time_of(lines) for lines in captions[1:]]), run[1].columns
+    times, series = np.array([time_of(lines) for lines in captions[1:]]), run.columns
     slope, _ = np.polyfit(times, columns, 1)
     assert columns == pytest.approx(columns[-1] + slope * (times - times[-1]), abs=2.0) and np.ptp(columns) > 300
     v = np.interp(times, series["t"], series["com_vy"])
@@ -403,7 +418,7 @@ def test_a_loading_is_not_compared_with_a_relaxation_which_takes_time(tmp_path):
     runs = []
     for method in ("newton", "relaxation"):
         scenario = load_scene("compression", ["lattice.points=20", f"compression.method={method}"]).scenario()
-        runs.append((scenario, quasistatic(scenario, loads=2)))
+        runs.append(quasistatic(scenario, loads=2))
     with pytest.raises(InputError, match="no time, or no result, in common"):
         film(tmp_path / "film.mp4", runs, video(), QUIET)
 

@@ -121,7 +121,7 @@ def test_a_sweep_shows_its_fits_and_gives_a_figure_and_a_table(tmp_path: Path, m
     with pytest.raises(InputError, match=r"no figure of exponential_wall over seed; see dataframe"):
         other.plot()
     monkeypatch.setitem(sys.modules, "pandas", None)
-    with pytest.raises(TaichiDiskError, match="pip install pandas"):
+    with pytest.raises(TaichiDiskError, match="-m pip install 'pandas'"):
         done.dataframe()
 
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import re
 import subprocess
-from dataclasses import replace
 from datetime import datetime, timedelta, timezone
 from pathlib import Path
 
@@ -91,23 +90,3 @@ def test_the_summary_says_when_on_what_and_from_which_commit_a_run_came(result):
     if (ROOT / ".git").exists():
         head = subprocess.run(["git", "rev-parse", "HEAD"], cwd=ROOT, capture_output=True, text=True, check=True)
         assert told["git_commit"].removesuffix("-dirty") == head.stdout.strip()
-
-
-def test_the_lattice_s_scatter_is_told_where_it_is_known():
-    for kind, name in (("exponential_wall", "restitution"), ("absorbing_wall", "restitution"), ("compression", "xi")):
-        scene = load_scene(kind)
-        known = scene.lattice_scatter()
-        assert list(known) == [name] and known[name] > 0.0
-        assert scene.with_({"lattice.seed": 5, "video.size": 360, "time.safety": 0.5}).lattice_scatter() == known
-        for change in ({"lattice.points": 300}, {"material.eta_star": 3.0}, {"wall.a": 301.0}):
-            assert scene.with_(change).lattice_scatter() == {}
-
-
-@pytest.mark.validate
-@pytest.mark.parametrize("kind", ["exponential_wall", "absorbing_wall", "compression"])
-def test_the_scatter_that_is_told_is_that_of_eight_lattices(kind):
-    scene = load_scene(kind)
-    if kind == "compression":  # the same ξ by Newton's method, sooner
-        scene = replace(scene, compression=replace(scene.compression, method="newton"))
-    found = [next(iter(run(scene.with_(seed=seed)).numbers.values())) for seed in range(8)]
-    assert float(np.std(found, ddof=1)) == pytest.approx(scene.scatter, rel=0.05)

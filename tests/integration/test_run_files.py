@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+import sys
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any, NamedTuple
@@ -88,6 +89,26 @@ def test_the_columns_are_described_as_they_are_declared():
     assert table in described
 
 
+def test_a_picture_that_fails_takes_no_result_with_it(tmp_path, monkeypatch):
+    def fails(*_):
+        raise RuntimeError("latex could not be found")
+
+    monkeypatch.setattr("taichi_disk.output.plot.plot_run", fails)
+    monkeypatch.setattr("taichi_disk.render.film.film", fails)
+    monkeypatch.setattr(sys, "executable", "/nowhere/python")  # which would draw the plot
+    result = run(load_scene("exponential_wall", SMALL), tmp_path / "o", lattices=1)
+    one = Run(result, tmp_path / "o")
+    assert {path.name for path in one.out.iterdir()} == {
+        "scene.yaml",
+        "summary.json",
+        "timeseries.csv",
+        "lattice.npz",
+        "final.npz",
+    }
+    assert one.summary["status"] == "done" and one.summary["video_error"] == "latex could not be found"
+    assert one.summary["warnings"] == ["there is no plot.png: latex could not be found"]
+
+
 @pytest.mark.parametrize("kind", ["exponential_wall", "absorbing_wall"])
 def test_first_and_last_row_are_the_states_in_the_npz_files(runs, kind):
     one = runs[kind]
@@ -151,6 +172,8 @@ def test_the_spectrum_is_looked_for_once_and_rows_are_as_far_apart_as_asked(monk
         return plain(*given)
 
     monkeypatch.setattr(stability, "largest_eigenvalue", counted)
-    result = run(load_scene("exponential_wall", (*SMALL, "time.sample_interval=1.0")), tmp_path / "o", video=False)
+    scene = load_scene("exponential_wall", (*SMALL, "lattice.seed=77", "time.sample_interval=1.0"))
+    for name in ("o", "again"):
+        result = run(scene, tmp_path / name, video=False, lattices=1)
     assert len(asked) == 2  # of the springs, and of the dashpots
     assert Run(result, tmp_path / "o").table["t"][1] == pytest.approx(1.0, abs=0.02)  # the rows asked for

@@ -184,7 +184,7 @@ def test_the_window_opens_obeys_and_shows_the_disk_where_it_is(
         assert 0.1 * end < there < 0.9 * end
         hand.key("Left", 1.0)
         _, numbers, _ = hand.picture()
-        assert numbers["t"] < there - 3 * outcome.facts["dt"]
+        assert numbers["t"] < there - 3 * outcome.summary["dt"]
         for name in ("com_vy", "wall_force", "kinetic"):
             value = np.interp(numbers["t"], outcome.columns["t"], outcome.columns[name])
             assert value == pytest.approx(numbers[name], abs=2e-2 * np.abs(outcome.columns[name]).max())

@@ -43,7 +43,7 @@ def imbalance(columns):
 )
 def test_energy_is_accounted_for_at_the_automatic_step(scene, kernels):
     _, outcome = computed(kernels, *scene, estimate=False)
-    columns, energy = outcome.columns, outcome.facts["energy"]
+    columns, energy = outcome.columns, outcome.summary["energy"]
     assert_allclose(columns["total"], np.sum([columns[one] for one in ENERGIES], axis=0), rtol=1e-13)
     work = 0.01 * np.ptp(columns["com_y"])  # of the load of a compression, where nothing moves at first
     scale = work if scene[0] == "compression" else columns["kinetic"][0]

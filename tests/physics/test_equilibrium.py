@@ -190,7 +190,7 @@ def test_a_state_at_any_load_is_an_equilibrium_and_a_film_s_is_near_it(loading):
 def test_the_rest_under_the_full_load_alone_is_bitwise_that_of_the_loading(loading):
     scene, scenario, outcome = loading
     alone = compute(scene.scenario(), scene.time, loads=1)
-    assert np.array_equal(alone.positions, outcome.positions) and alone.facts == outcome.facts
+    assert np.array_equal(alone.positions, outcome.positions) and alone.summary == outcome.summary
     assert scenario.result(alone.columns) == scenario.result(outcome.columns)
     assert {name: values[-1] for name, values in outcome.columns.items()} == {
         name: values[0] for name, values in alone.columns.items()
@@ -238,9 +238,11 @@ def test_a_compression_within_a_tolerance_ends_as_near_to_newtons_rest(kernels):
     settings += ["material.k_a=0.76", "material.eta_star=68"]
     loose, early = computed(kernels, "compression", *settings)
     off = loose.end_truncation_error(early.columns)
-    assert off > 1e-7 and 1.05 * off < early.facts["error_estimate"]["xi"] < 1.5 * off  # Newton's rest is rounded, too
+    assert (
+        off > 1e-7 and 1.05 * off < early.summary["error_estimate"]["xi"] < 1.5 * off
+    )  # Newton's rest is rounded, too
     scenario, outcome = computed(kernels, "compression", *settings, "time.tolerance=1e-7")
-    assert 0.0 < outcome.facts["error_estimate"]["xi"] <= 1e-7
+    assert 0.0 < outcome.summary["error_estimate"]["xi"] <= 1e-7
     rest = solve_equilibrium(scenario.lattice, scenario.model, scenario.lattice.positions).positions
     assert scenario.result(outcome.columns)["xi"] == pytest.approx(xi(scenario.lattice, rest), abs=1e-7)
     assert scenario.ended(outcome.columns) and not scenario.ended(early.columns)

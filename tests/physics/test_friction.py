@@ -49,7 +49,7 @@ def test_spin_and_sideways_velocity_change_by_just_what_the_wall_does(throw, ker
     # the sum of m a is the wall's force, and its torque about the centre changes the angular momentum. (It starts so
     # far away that the half force of the first step counts for nothing.)
     scenario, outcome, found = impact(kernels, *throw, *ROWS, "impact.gap=0.11")
-    columns, h = outcome.columns, outcome.facts["dt"]
+    columns, h = outcome.columns, outcome.summary["dt"]
     wall, torque, push = scenario.model.wall, 0.0, 0.0
     for _, x, v in outcome.replay(columns["t"]):
         normal = wall.a * wall.V0 * np.exp(-wall.a * x[:, 1])
@@ -149,11 +149,11 @@ def test_a_run_with_e_above_1_says_which_energy_became_flight(kernels):
     throw = (*SMALL, "lattice.points=150")  # whose rim is not quite round the centre of mass
     scenario, outcome, found = impact(kernels, *throw, "impact.spin=0.3")
     assert found["restitution"] > 1.01
-    (text,) = outcome.facts["warnings"]
+    (text,) = outcome.summary["warnings"]
     rotation = inertia(scenario) * (0.3**2 - found["spin_after"] ** 2) / 0.05**2
     assert text.startswith("e is above 1") and f"{rotation:+.3f}" in text and "+0 from the flight along" in text
     _, outcome, found = impact(kernels, *throw)
-    assert found["restitution"] < 1.0 and not outcome.facts["warnings"]
+    assert found["restitution"] < 1.0 and not outcome.summary["warnings"]
 
 
 THROWS = [(angle, mu, spin) for angle in (0.2, 0.6, 1.0, 1.3) for mu in (0.1, 0.3, 0.8) for spin in (0.0, 0.03)]
@@ -208,9 +208,9 @@ def test_a_disk_that_spins_fast_enough_leaves_the_other_way(kernels):
 
 def test_dashpots_beside_friction_are_taken_explicitly(kernels):
     _, outcome, found = impact(kernels, *SLIDING, "material.eta_star=100")
-    assert outcome.facts["integrator"] == "velocity_verlet"
+    assert outcome.summary["integrator"] == "velocity_verlet"
     assert found["tangential_impulse"] == pytest.approx(-0.1 * found["normal_impulse"], rel=1e-12)
-    assert abs(outcome.facts["energy"]["closing_imbalance"]) < 1e-4
+    assert abs(outcome.summary["energy"]["closing_imbalance"]) < 1e-4
 
 
 def test_friction_alone_brakes_no_straight_throw_and_has_no_restitution_of_its_own(kernels):
@@ -231,7 +231,7 @@ def test_a_disk_flying_sideways_meets_the_middle_of_an_elastic_wall(angle, kerne
     # It is level and has no friction: what pushes sideways is its dent.
     assert 0.0 < abs(found["tangential_impulse"]) < 0.02 * found["normal_impulse"]
     assert found["normal_impulse"] == pytest.approx((1.0 + found["restitution"]) * 0.02 * np.cos(0.9), rel=1e-12)
-    assert abs(outcome.facts["energy"]["closing_imbalance"]) < 1e-4
+    assert abs(outcome.summary["energy"]["closing_imbalance"]) < 1e-4
 
 
 def test_on_an_elastic_wall_a_disk_may_start_anywhere(kernels):

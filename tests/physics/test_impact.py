@@ -46,7 +46,7 @@ def test_restitution_and_contact_time_equal_those_of_dop853(eta_star, velocity, 
     e, duration = reference_impact(scenario, end)
     # The error that 1099 points have at the automatic step is below 2e-5, and estimated to be.
     off = abs(values["restitution"] - e)
-    assert off < 2e-5 and off <= 1.5 * outcome.facts["error_estimate"]["restitution"] < 5e-5
+    assert off < 2e-5 and off <= 1.5 * outcome.summary["error_estimate"]["restitution"] < 5e-5
     # The reference's times stand on a grid of 1/4000 of the whole.
     assert values["contact_time"] == pytest.approx(duration, abs=2 * end / 4000)
     assert values["restitution"] == pytest.approx(outcome.columns["com_vy"][-1] / velocity, abs=1e-5)
@@ -85,12 +85,12 @@ def test_an_automatic_step_resolves_what_resets_stir_up_beside_dashpots(points, 
             _, v = model.solve_with_resets(start, scenario.velocities, end, 0.02, rtol=1e-8)
             e = v[:points, 1].mean() / scenario.velocity
             # The energy balance, with the kicks that a reset cuts in half, asks for no shorter step.
-            assert outcome.facts["attempts"] == 1
+            assert outcome.summary["attempts"] == 1
         else:  # by the other integrator, with a step that is a tenth of what strong dashpots let it take
             explicit = (own[0], "time.integrator=velocity_verlet", "time.dt=1e-4")
             e = reset_impact(kernels, points, *explicit)[2]
         assert abs(found - e) < 3e-5
-        assert abs(found - e) <= 1.5 * outcome.facts["error_estimate"]["restitution"] < 6e-5
+        assert abs(found - e) <= 1.5 * outcome.summary["error_estimate"]["restitution"] < 6e-5
 
 
 @pytest.mark.validate
@@ -98,9 +98,9 @@ def test_a_spin_that_strong_dashpots_damp_is_no_blow_up_and_e_is_that_of_dop853(
     settings = ("lattice.points=20", "material.eta_star=40", "impact.spin=0.5", "impact.velocity=0.02")
     scenario, outcome = computed(kernels, "exponential_wall", *settings)
     e, _ = reference_impact(scenario, outcome.columns["t"][-1])
-    error = outcome.facts["error_estimate"]["restitution"]
+    error = outcome.summary["error_estimate"]["restitution"]
     assert abs(scenario.result(outcome.columns)["restitution"] - e) < error < 1e-4
-    assert outcome.facts["energy"]["scale"] == pytest.approx(0.5 * (scenario.velocities**2).sum() / 20, rel=1e-12)
+    assert outcome.summary["energy"]["scale"] == pytest.approx(0.5 * (scenario.velocities**2).sum() / 20, rel=1e-12)
 
 
 def test_velocities_of_ones_own_are_those_of_a_scene_with_their_speed(kernels):
@@ -202,9 +202,9 @@ def test_a_flight_along_the_rigid_wall_changes_nothing(kernels):
 def assert_has_left(kernels, name, *settings):
     """Run on for as long again: the wall never touches the disk again, which flies on as fast as `run` says it will."""
     scenario, outcome = computed(kernels, name, *settings)
-    columns, steps, integrator = outcome.columns, outcome.facts["steps"], INTEGRATORS[outcome.facts["integrator"]]
+    columns, steps, integrator = outcome.columns, outcome.summary["steps"], INTEGRATORS[outcome.summary["integrator"]]
     end = replace(scenario.lattice, positions=outcome.positions)
-    simulation = kernels.simulation(end, scenario.model, integrator, outcome.velocities, outcome.facts["dt"])
+    simulation = kernels.simulation(end, scenario.model, integrator, outcome.velocities, outcome.summary["dt"])
     later = advance(simulation, steps, max(1, steps // 2000))
     assert later["wall_force"].max() < 1.01 * columns["wall_force"][-1] + 1e-5 * columns["wall_force"].max()
     assert later["wall_force"][-1] < 1e-7 * columns["wall_force"].max()

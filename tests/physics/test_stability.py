@@ -117,8 +117,8 @@ def test_a_hard_wall_is_expected_to_stop_the_heaviest_point_by_itself(body):
 def test_the_force_on_a_point_is_foreseen_as_well_as_the_margin_of_the_step_asks(a, speed, kernels):
     settings = ("lattice.points=300", "time.safety=0.5", f"wall.a={a}", f"impact.velocity={speed}")
     scenario, outcome = computed(kernels, "exponential_wall", *settings, estimate=False)
-    integrator = INTEGRATORS[outcome.facts["integrator"]]
+    integrator = INTEGRATORS[outcome.summary["integrator"]]
     # The wall's stiffness a F makes up at most all of omega^2, and the step goes as its root.
     peak, modes = outcome.largest_push, spectrum(scenario.lattice, scenario.model)
     assert 0.4 < peak / scenario.point_force < (MARGIN / 0.8) ** 2
-    assert outcome.facts["dt_limit"] == step_limit(modes, scenario.model, integrator, peak)
+    assert outcome.summary["dt_limit"] == step_limit(modes, scenario.model, integrator, peak)

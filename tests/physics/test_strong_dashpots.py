@@ -24,11 +24,11 @@ def test_a_disk_that_spins_beside_strong_dashpots_meets_its_estimate(points, eta
     settings = f"lattice.points={points}", f"material.eta_star={eta_star}", f"impact.spin={spin}"
     scenario, outcome = computed(kernels, "exponential_wall", "impact.velocity=0.05", *settings)
     lattice, end = scenario.lattice, outcome.columns["t"][-1]
-    assert outcome.facts["integrator"] == "trapezoidal" and outcome.facts["steps"] < 2000
+    assert outcome.summary["integrator"] == "trapezoidal" and outcome.summary["steps"] < 2000
     _, (_, v) = Model(lattice, scenario.model).solve(lattice.positions, scenario.velocities, (0.0, end), 1e-8)
     e = scenario.result(outcome.columns)["restitution"]
-    assert abs(e - v[:, 1].mean() / 0.05) < outcome.facts["error_estimate"]["restitution"] < 2e-3
-    assert abs(outcome.facts["energy"]["worst_imbalance"]) < 1e-3
+    assert abs(e - v[:, 1].mean() / 0.05) < outcome.summary["error_estimate"]["restitution"] < 2e-3
+    assert abs(outcome.summary["energy"]["worst_imbalance"]) < 1e-3
 
 
 @pytest.mark.parametrize(
@@ -49,13 +49,13 @@ def test_a_spin_that_dashpots_brake_in_flight_is_told_and_axial_ones_keep_it(ker
     settings = "lattice.points=60", "impact.spin=0.05", "material.eta_star=10"
     _, vector = computed(kernels, "exponential_wall", *settings, estimate=False)
     _, axial = computed(kernels, "exponential_wall", *settings, "material.dashpot=axial", estimate=False)
-    (text,) = vector.facts["warnings"]
-    assert "angular momentum" in text and "material.dashpot: axial" in text and not axial.facts["warnings"]
+    (text,) = vector.summary["warnings"]
+    assert "angular momentum" in text and "material.dashpot: axial" in text and not axial.summary["warnings"]
     force, spin = axial.columns["wall_force"], axial.columns["angular_momentum"]
     before = force < 1e-6 * force.max()
     before[int(force.argmax()) :] = False
     # Round to where the wall's torque begins.
     assert np.ptp(spin[before]) < 1e-6 * abs(spin[0]) and before.sum() > 10
-    assert axial.facts["integrator"] == "velocity_verlet"
+    assert axial.summary["integrator"] == "velocity_verlet"
     with pytest.raises(InputError, match=r"time\.integrator: trapezoidal .* axial"):
         load_scene("exponential_wall", ["material.dashpot=axial", "time.integrator=trapezoidal"])

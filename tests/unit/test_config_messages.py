@@ -12,7 +12,7 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from taichi_disk.errors import InputError
-from taichi_disk.scenes import SCENES, load_any, load_scene
+from taichi_disk.scenes import SCENES, load_any, load_scene, load_sweep
 
 IMPACT = "scene: exponential_wall\n"
 KINDS = "compression, exponential_wall or absorbing_wall"
@@ -250,3 +250,32 @@ def test_any_text_and_any_bytes_give_a_scene_or_an_input_error(path: Path, text:
     try_to_load("\n" + text)
     path.write_bytes(IMPACT.encode() + data)
     try_to_load(path)
+
+
+@pytest.mark.parametrize(
+    ("override", "hint"),
+    [
+        ("material.eta=3", "did you mean material.eta_star?"),
+        ("material.η*=3", "did you mean material.eta_star?"),
+        ("impact.speed=0.03", "did you mean impact.velocity?"),
+        ("impact.v=0.03", "did you mean impact.velocity?"),
+        ("mu=0.3", "did you mean wall.friction?"),
+        ("lattice.N=300", "did you mean lattice.points?"),
+        ("lattice.radius=2", "the disk's radius R is the unit of length"),
+        ("impact.angle=45deg", "in radians that is 0.785398"),
+        ("impact.angle=45°", "in radians that is 0.785398"),
+        ("impact.velocity=0,02", "did you mean 0.02?"),
+        ("impact.velocity=[0.01, 0.02]", "sweep: {velocity: [0.01, 0.02]}"),
+        ("sweep.speed=[0.01, 0.02]", "did you mean velocity?"),
+    ],
+)
+def test_words_of_papers_and_numbers_as_people_write_them_are_understood_well_enough_for_a_hint(override, hint):
+    with pytest.raises(InputError) as caught:
+        (load_sweep if override.startswith("sweep") else load_scene)("exponential_wall", [override])
+    assert hint in str(caught.value)
+
+
+def test_a_whole_number_may_be_written_with_a_power_of_ten():
+    assert load_scene("exponential_wall", ["lattice.points=1e3"]).lattice.points == 1000
+    with pytest.raises(InputError, match="whole number"):
+        load_scene("exponential_wall", ["lattice.points=1.5e-1"])

@@ -24,7 +24,7 @@ def test_scenes_give_the_same_bits_again_in_any_order(kernels):
         _, other = computed(kernels, *scene)
         assert_array_equal(one.positions, other.positions)
         assert_array_equal(one.velocities, other.velocities)
-        assert one.facts == other.facts
+        assert one.summary == other.summary
         for name, column in one.columns.items():
             assert_array_equal(column, other.columns[name], err_msg=name)
 
@@ -33,7 +33,7 @@ def test_replayed_moments_are_those_of_the_run_whatever_the_kernels_do_meanwhile
     _, outcome = computed(kernels, *IMPACT)
     columns = outcome.columns
     rows = np.array([0, 3, 3, len(columns["t"]) // 2, len(columns["t"]) - 1])
-    times = columns["t"][rows] - 0.4 * outcome.facts["dt"]  # the nearest steps are taken
+    times = columns["t"][rows] - 0.4 * outcome.summary["dt"]  # the nearest steps are taken
     for row, (t, x, v) in zip(rows, outcome.replay(times), strict=True):
         computed(kernels, *IMPACT, "lattice.points=50")  # with the same kernels
         assert t == pytest.approx(columns["t"][row], rel=1e-12)

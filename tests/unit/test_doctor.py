@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import re
 import sys
 
 import pytest
 
-from taichi_disk import doctor
+from taichi_disk import doctor, engine
 from taichi_disk.cli import main
 
 
@@ -14,7 +15,9 @@ def test_a_machine_that_is_ready_is_told_so_and_nothing_is_left_behind(tmp_path,
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("TMPDIR", str(tmp_path))
     assert main(["doctor"]) == 0
-    assert capsys.readouterr().out.endswith("\nReady: scenes can be run and filmed here.\n")
+    told = capsys.readouterr().out
+    assert told.endswith("\nReady: scenes can be run and filmed here.\n")
+    assert re.search(rf"^engine +{engine.PACKAGE} \d+\.\d+\.\d+$", told, re.MULTILINE)
     assert list(tmp_path.iterdir()) == []
 
 

@@ -27,8 +27,8 @@ def test_the_steps_are_those_reported_and_launches_leave_no_trace(name, kernels,
     assert driver.advance() == "finished" and driver.attempt == 1
     columns, state = driver.columns, driver.end
     assert state.step == driver.stride * (len(columns["t"]) - 1)
-    facts = computed(kernels, *SCENES[name], estimate=False)[1].facts
-    assert (facts["steps"], facts["dt"], facts["attempts"]) == (state.step, driver.step.dt, 1)
+    summary = computed(kernels, *SCENES[name], estimate=False)[1].summary
+    assert (summary["steps"], summary["dt"], summary["attempts"]) == (state.step, driver.step.dt, 1)
     # Launches of a few steps come to the same end, bit for bit.
     monkeypatch.setattr("taichi_disk.computation.driver.SPRINGS_PER_LAUNCH", 20_000)
     short = driver_of(kernels, *SCENES[name])
@@ -52,10 +52,10 @@ def test_a_wall_harder_than_foreseen_makes_the_step_shorter_until_it_holds(kerne
         statuses.append(driver.advance())
     assert statuses[-1] == "finished" and set(statuses[:-1]) == {"restarted"}
     assert driver.attempt == len(statuses) > 1 and driver.step.dt < first
-    facts = computed(kernels, *hard, estimate=False)[1].facts
-    assert (facts["attempts"], facts["steps"]) == (driver.attempt, driver.end.step)
-    assert facts["dt"] <= 0.95 * facts["dt_limit"] and facts["warnings"] == []
-    assert abs(facts["energy"]["closing_imbalance"]) < 2e-5 and facts["energy"]["worst_imbalance"] < 1e-4
+    summary = computed(kernels, *hard, estimate=False)[1].summary
+    assert (summary["attempts"], summary["steps"]) == (driver.attempt, driver.end.step)
+    assert summary["dt"] <= 0.95 * summary["dt_limit"] and summary["warnings"] == []
+    assert abs(summary["energy"]["closing_imbalance"]) < 2e-5 and summary["energy"]["worst_imbalance"] < 1e-4
 
 
 @pytest.mark.parametrize(
@@ -85,20 +85,20 @@ def test_triangles_turned_inside_out_are_counted_and_told(kernels):
     small = (*IMPACT, "lattice.points=30")
     scenario, gentle = computed(kernels, *small)
     lattice, x = scenario.lattice, scenario.lattice.positions.copy()
-    assert gentle.facts["inverted_triangles"] == inverted_triangles(scenario, x) == 0
+    assert gentle.summary["inverted_triangles"] == inverted_triangles(scenario, x) == 0
     inner = np.setdiff1d(np.arange(lattice.disk_points), lattice.disk_surface)[0]
     x[inner] += 5.0
     assert 0 < inverted_triangles(scenario, x) < (lattice.triangles == inner).sum()
     _, crushed = computed(kernels, *small, "time.dt=0.005", "impact.velocity=0.7")
-    assert crushed.facts["inverted_triangles"] > 0
-    assert any("turned inside out" in text for text in crushed.facts["warnings"])
+    assert crushed.summary["inverted_triangles"] > 0
+    assert any("turned inside out" in text for text in crushed.summary["warnings"])
     _, within = computed(kernels, *small, "time.tolerance=1e-2", "impact.velocity=0.7")
-    assert within.facts["inverted_triangles"] > 0
-    assert "inverted_triangles" not in computed(kernels, *small, estimate=False)[1].facts
+    assert within.summary["inverted_triangles"] > 0
+    assert "inverted_triangles" not in computed(kernels, *small, estimate=False)[1].summary
     _, pressed = computed(
         kernels, "compression", "lattice.points=60", "compression.method=newton", "compression.pressure=3"
     )
-    assert pressed.facts["inverted_triangles"] > 0 and "turned inside out" in pressed.facts["warnings"][0]
+    assert pressed.summary["inverted_triangles"] > 0 and "turned inside out" in pressed.summary["warnings"][0]
 
 
 def test_a_run_of_many_steps_or_minutes_is_announced_with_time_and_memory_and_no_other(kernels):

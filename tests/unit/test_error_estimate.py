@@ -41,9 +41,9 @@ def truth(kernels, *settings):
 def test_every_result_has_an_estimate_that_holds_where_errors_are_no_power_of_the_step(settings, kernels):
     # With 1.25 between the steps, and order 2, the error of e was 9 and 1.9 times its estimate.
     scenario, outcome = computed(kernels, *settings)
-    found, errors = scenario.result(outcome.columns), outcome.facts["error_estimate"]
+    found, errors = scenario.result(outcome.columns), outcome.summary["error_estimate"]
     assert next(iter(errors)) == "restitution" and set(errors) == set(found)
-    fine = (f"time.dt={outcome.facts['dt'] / 16}", f"time.integrator={outcome.facts['integrator']}")
+    fine = (f"time.dt={outcome.summary['dt'] / 16}", f"time.integrator={outcome.summary['integrator']}")
     scenario, outcome = computed(kernels, *settings, *fine, estimate=False)
     for name, value in scenario.result(outcome.columns).items():
         assert abs(found[name] - value) <= errors[name] + 1e-13, name
@@ -54,8 +54,8 @@ def test_an_error_where_friction_holds_points_is_at_least_a_fiftieth_of_the_wors
     # By chance two results may agree. The impulse along the wall tells whether points were held: sliding, it is mu
     # times that away from it, and the second run costs no more than without friction.
     scenario, outcome = computed(kernels, *HELD)
-    lost = outcome.facts["energy"]["worst_imbalance"] * scenario.sensitivity
-    errors, speed = outcome.facts["error_estimate"], scenario.velocity
+    lost = outcome.summary["energy"]["worst_imbalance"] * scenario.sensitivity
+    errors, speed = outcome.summary["error_estimate"], scenario.velocity
     assert errors["restitution"] >= 0.0199 * lost and errors["normal_impulse"] >= 0.0199 * lost * speed
     assert errors["spin_after"] >= 0.199 * lost * speed / scenario.lattice.inertia
     for friction, ratio in ((0.05, 1.25), (0.6, 2.0)):
@@ -69,7 +69,7 @@ def test_a_step_as_long_as_the_wall_is_soft_is_not_told_to_be_better_than_it_is(
     # chance: Richardson's estimate, enlarged by ERROR_SAFETY, is three quarters of the true error here.
     scenario, outcome = computed(kernels, *HARD, "time.dt=0.00327")
     off = abs(scenario.result(outcome.columns)["restitution"] - truth(kernels, *HARD))
-    assert off <= outcome.facts["error_estimate"]["restitution"] < 5e-3
+    assert off <= outcome.summary["error_estimate"]["restitution"] < 5e-3
 
 
 @pytest.mark.parametrize("spin", [0.0, 0.3])
@@ -78,7 +78,7 @@ def test_where_a_step_does_not_resolve_the_wall_the_estimate_is_half_the_worst_i
     scenario, outcome = computed(kernels, *HARD, f"impact.spin={spin}", "time.dt=0.00327")
     flight, whole = 0.5 * 0.1**2, 0.5 * (scenario.velocities**2).sum() / 30
     lost = np.abs(outcome.columns["total"] - outcome.columns["total"][0]).max()
-    assert outcome.facts["error_estimate"]["restitution"] >= 0.499 * lost / np.sqrt(whole * flight)
+    assert outcome.summary["error_estimate"]["restitution"] >= 0.499 * lost / np.sqrt(whole * flight)
 
 
 def test_a_fast_spin_leaves_the_restitution_as_good_as_none(kernels):

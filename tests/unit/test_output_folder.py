@@ -32,6 +32,8 @@ def compute(out, scene=SCENE, status="done", explicit=True, mark="", files=(), *
         for name in ("timeseries.csv", "plot.png", *files):
             (folder.path / name).parent.mkdir(exist_ok=True)
             (folder.path / name).write_text(mark)
+        if status == "done":
+            folder.take_over()
         summary = {"status": status, "mark": mark, "lattice_digest": options.get("lattice", "")}
         (folder.path / "summary.json").write_text(json.dumps(summary))
         if status == "failed":
@@ -94,6 +96,8 @@ def test_a_folder_that_was_named_is_refused_if_it_holds_another_run_unless_overw
     ("name", "text"),
     [
         ("thesis.tex", "x"),
+        (".git/HEAD", "x"),
+        (".profile", "x"),
         ("scene.yaml", SCENE),
         ("plot.png", "x"),
         ("summary.json", "{}"),
@@ -132,20 +136,56 @@ def test_a_folder_that_cannot_be_renamed_is_refused_with_advice_and_an_empty_one
     assert compute(Path("out/run"), OTHER, explicit=False) == Path("out/run-2")  # told as a relative name
 
 
+def test_a_home_is_refused_even_if_it_is_empty(tmp_path, monkeypatch):
+    monkeypatch.setenv("HOME", str(tmp_path / "home"))
+    (tmp_path / "home").mkdir(mode=0o700)
+    before = os.stat(tmp_path / "home")
+    for out in ("~", tmp_path / "home", "~/../home"):
+        with pytest.raises(InputError, match="is your home, which no run can replace: name a folder in it as `out`"):
+            compute(out)
+    assert os.stat(tmp_path / "home") == before and content(tmp_path) == {}
+    assert compute("~/run") == tmp_path / "home" / "run"
+
+
+@pytest.mark.skipif(os.name != "posix", reason="needs modes and owners")
+def test_a_folder_that_is_replaced_keeps_mode_and_owner(tmp_path, monkeypatch):
+    owners = []
+    monkeypatch.setattr(os, "chown", lambda path, *owner: owners.append(owner))
+    out = tmp_path / "run"
+    out.mkdir(mode=0o700)
+    (out / ".DS_Store").write_text("x")  # which macOS makes by itself
+    for mark in ("first", "second"):
+        compute(out, mark=mark)
+        assert content(out)["plot.png"] == mark and out.stat().st_mode & 0o777 == 0o700
+    assert owners == 2 * [(out.stat().st_uid, out.stat().st_gid)]
+
+
+def test_a_link_to_itself_is_refused_and_a_deleted_working_directory_is_no_obstacle(tmp_path, monkeypatch):
+    (tmp_path / "loop").symlink_to("loop")
+    with pytest.raises(InputError, match=r"cannot write into the output folder .*loop: .*; choose another as `out`"):
+        compute(tmp_path / "loop")
+    (tmp_path / "gone").mkdir()
+    monkeypatch.chdir(tmp_path / "gone")
+    (tmp_path / "gone").rmdir()
+    assert compute(tmp_path / "run") == tmp_path / "run"
+    with pytest.raises(InputError, match="run: the working directory no longer exists; choose another as `out`"):
+        compute("run")
+
+
 def test_films_and_trajectories_made_from_a_run_stay_beside_it(tmp_path):
     out = compute(tmp_path / "run", files=("video.mp4",), mark="first")
-    made = {"render.mp4", "trajectory.xyz", ".DS_Store"}
+    made = {"render.mp4", "trajectory.xyz"}
     for name in made:
         (out / name).write_text("x")
     with run_folder(out, SCENE, explicit=True) as folder:
-        assert folder.film == "video.mp4"
+        assert folder.take_over() == "video.mp4"
         (folder.path / "summary.json").write_text('{"status": "done"}')
     assert set(content(out)) == {"scene.yaml", "summary.json", "video.mp4", *made}
     for mark in ("old", "new"):
         compute(out, mark=mark, files=("trajectory/0_springs.vtu", "trajectory.pvd"))
         assert content(out)["trajectory/0_springs.vtu"] == mark
     compute(out, OTHER, overwrite=True)
-    assert set(content(out)) == {*RUN, ".DS_Store"} and os.listdir(tmp_path) == ["run"]
+    assert set(content(out)) == RUN and os.listdir(tmp_path) == ["run"]
 
 
 def test_runs_that_began_with_arrays_of_a_person_are_no_runs_of_the_same_scene(tmp_path):
@@ -214,24 +254,25 @@ def test_a_run_that_cannot_be_moved_is_kept_where_it_is(tmp_path, monkeypatch):
 
 
 KILLED = """
-import os, sys
+import os, shutil, sys
 from pathlib import Path
 from taichi_disk.output import files
 from taichi_disk.output.run_folder import run_folder
 moves = []
 def counted(move):
-    def moved(old, new):
-        if Path(old).parent == Path(new).parent == Path(sys.argv[1]).parent or Path(new).name == "render.mp4":
+    def moved(old, *new, **options):
+        if Path(old).parent == Path(sys.argv[1]).parent and Path(old).exists():
             if len(moves) == int(sys.argv[3]):
                 print("ready", flush=True)
                 sys.stdin.read()
-            moves.append(new)
-        move(old, new)
+            moves.append(old)
+        move(old, *new, **options)
     return moved
-os.rename, os.replace = counted(os.rename), counted(os.replace)
+os.rename, os.replace, shutil.rmtree = counted(os.rename), counted(os.replace), counted(shutil.rmtree)
 with run_folder(sys.argv[1], sys.argv[2], True, True) as folder:
     for name in ("timeseries.csv", "plot.png"):
         (folder.path / name).write_text("new")
+    folder.take_over()
     (folder.path / "summary.json").write_text('{"status": "done", "mark": "new"}')
 """
 

@@ -8,6 +8,7 @@ import sys
 import time
 from concurrent.futures import ThreadPoolExecutor
 
+import matplotlib
 import numpy as np
 import pytest
 from bodies import computed, disk
@@ -98,8 +99,12 @@ def test_of_points_of_one_s_own_whose_moduli_nobody_knows_no_law_is_drawn(kernel
     assert [text.get_text() for text in figures[0].axes[0].get_legend().get_texts()] == ["equilibria"]
 
 
-def test_plots_drawn_by_threads_beside_other_styles_have_the_same_bytes(kernels, tmp_path):
+def test_plots_drawn_by_threads_beside_other_styles_have_the_same_bytes(kernels, tmp_path, monkeypatch):
     scenario, outcome = computed(kernels, "exponential_wall", "lattice.points=100")
+
+    # Also of a user, whose settings would need LaTeX, or make a plot of 36 MB.
+    monkeypatch.setitem(matplotlib.rcParams, "text.usetex", True)
+    monkeypatch.setitem(matplotlib.rcParams, "savefig.dpi", 900)
 
     def draw(name: str) -> bytes:
         with matplotlib_style({"font.size": 5.0, "lines.linewidth": 9.0}):
@@ -108,6 +113,7 @@ def test_plots_drawn_by_threads_beside_other_styles_have_the_same_bytes(kernels,
         return (tmp_path / name).read_bytes()
 
     alone = draw("a.png")
+    assert len(alone) < 500_000
     with ThreadPoolExecutor(3) as threads:
         assert set(threads.map(draw, ("b.png", "c.png", "d.png"))) == {alone}
 

@@ -68,7 +68,7 @@ def judge(number: int, kernels: KernelCache, tolerance: bool = False, hard: bool
     try:
         outcome = compute(scenario, scene.time, kernels=kernels)
         key, found = scenario.primary(outcome.columns)
-        claim, dt = wanted if tolerance else outcome.facts["error_estimate"].get(key), outcome.facts["dt"]
+        claim, dt = wanted if tolerance else outcome.summary["error_estimate"].get(key), outcome.summary["dt"]
         if claim is None:
             return Judgement(number, "ended", f"{text}: no estimate")
         truth, doubt = true_result(scenario, outcome.columns, outcome.positions, dt, max(claim, FINEST))
@@ -76,7 +76,7 @@ def judge(number: int, kernels: KernelCache, tolerance: bool = False, hard: bool
         return Judgement(number, "ended", f"{text}: {error}")
     off = abs(found - truth)
     end = "untold" if doubt > 0.1 * claim else "held" if off <= claim else "exceeded"
-    if end == "exceeded" and outcome.facts["warnings"]:
+    if end == "exceeded" and outcome.summary["warnings"]:
         end = "warned"
     return Judgement(number, end, text, off, claim, doubt)
 
@@ -90,14 +90,14 @@ def judge_features(number: int, kernels: KernelCache) -> list[Judgement]:
         body = custom_body(scene.body(), aspect, number) if aspect else scene.body()
         scenario = scene.scenario(body)
         outcome = compute(scenario, scene.time, kernels=kernels)
-        claims, found = outcome.facts["error_estimate"], scenario.result(outcome.columns)
+        claims, found = outcome.summary["error_estimate"], scenario.result(outcome.columns)
         if not claims:
             return [Judgement(number, "ended", f"{text}: no estimate")]
-        primary, truth, work = scenario.primary(outcome.columns)[0], {}, outcome.facts["steps"] * len(body.bonds)
+        primary, truth, work = scenario.primary(outcome.columns)[0], {}, outcome.summary["steps"] * len(body.bonds)
         for finest in (32, 128):
             if finest * work > MOST_WORK:
                 break
-            truth = refined(scenario, outcome.facts, kernels, finest)
+            truth = refined(scenario, outcome.summary, kernels, finest)
             if truth[primary][1] <= 0.1 * claims[primary]:
                 break
         if not truth:

@@ -33,11 +33,11 @@ End = Literal["done", "stopped", "refused", "long"]
 
 @dataclass(frozen=True)
 class Verdict:
-    """How a scene ended: `text` is the error's message or the warnings, `facts` the outcome's with the result."""
+    """How a scene ended: `text` is the error's message or the warnings, `summary` the outcome's with the result."""
 
     end: End
     text: str
-    facts: dict[str, Any] = field(default_factory=dict)
+    summary: dict[str, Any] = field(default_factory=dict)
 
 
 def judge(prepare: Callable[[], tuple[Scene, Scenario]], kernels: KernelCache, **options: bool) -> Verdict:
@@ -49,8 +49,8 @@ def judge(prepare: Callable[[], tuple[Scene, Scenario]], kernels: KernelCache, *
         return Verdict("refused", str(error))
     except SimulationError as error:
         return Verdict("stopped", str(error))
-    facts = outcome.facts | scenario.result(outcome.columns)
-    return Verdict("done", "; ".join(facts["warnings"]), facts)
+    summary = outcome.summary | scenario.result(outcome.columns)
+    return Verdict("done", "; ".join(summary["warnings"]), summary)
 
 
 @dataclass(frozen=True)
@@ -88,7 +88,7 @@ class Case:
             found.append(f"{verdict.end}, not {self.end}: {verdict.text}")
         if bool(self.tells) != bool(verdict.text) or not re.search(self.tells, verdict.text, re.DOTALL):
             found.append(f"told {verdict.text!r}, not {self.tells!r}")
-        energy = verdict.facts.get("energy")
+        energy = verdict.summary.get("energy")
         if energy and "imbalance" not in self.tells and not energy["worst_imbalance"] <= MAX_IMBALANCE:
             found.append(f"the energy imbalance is {energy['worst_imbalance']:.1e}")
         return found
@@ -202,20 +202,20 @@ CASES = (
 def row(case: Case, kernels: KernelCache) -> dict[str, Any]:
     """Of the table: the case, and what the program does."""
     verdict = case.judge(kernels)
-    facts, energy = verdict.facts, verdict.facts.get("energy", {})
-    name = "restitution" if "restitution" in facts else "xi"
+    summary, energy = verdict.summary, verdict.summary.get("energy", {})
+    name = "restitution" if "restitution" in summary else "xi"
     told = {
         "case": case.name,
         "scene": case.scene,
         "settings": " ".join(case.settings.split()) + (" --force" if case.force else ""),
         "end": verdict.end,
-        "result": facts.get(name),
-        "error_estimate": facts.get("error_estimate", {}).get(name),
+        "result": summary.get(name),
+        "error_estimate": summary.get("error_estimate", {}).get(name),
         "closing_imbalance": energy.get("closing_imbalance"),
         "worst_imbalance": energy.get("worst_imbalance"),
         "sliding": energy["sliding"] / energy["scale"] if energy.get("sliding") else None,
-        "steps": facts.get("steps"),
-        "attempts": facts.get("attempts"),
+        "steps": summary.get("steps"),
+        "attempts": summary.get("attempts"),
         "message": re.sub(r"\s+", " ", verdict.text),
         "not_as_it_should_be": "; ".join(case.failings(verdict)),
     }

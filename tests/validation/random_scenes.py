@@ -230,11 +230,11 @@ def fate(number: int, kernels: ShortOnly) -> tuple[Verdict, str]:
         return replace(verdict, end="long", text=""), ""
     if verdict.end == "stopped" and not KEY.search(verdict.text):
         return verdict, f"no remedy: {verdict.text}"
-    return verdict, _fault(verdict.facts) if verdict.end == "done" else ""
+    return verdict, _fault(verdict.summary) if verdict.end == "done" else ""
 
 
-def _fault(facts: dict[str, Any]) -> str:
-    value, energy = facts.get("restitution", facts.get("xi", math.nan)), facts.get("energy")
+def _fault(summary: dict[str, Any]) -> str:
+    value, energy = summary.get("restitution", summary.get("xi", math.nan)), summary.get("energy")
     if not math.isfinite(value):
         return f"the result is {value}"
     if energy is None:
@@ -242,6 +242,6 @@ def _fault(facts: dict[str, Any]) -> str:
     if not abs(energy["closing_imbalance"]) <= MAX_IMBALANCE:
         return f"the energy imbalance is {energy['closing_imbalance']:.2g}"
     gain = max(0.0, -energy["sliding"] / energy["scale"]) + 2e-3
-    if "restitution" in facts and not 0.0 < value <= math.sqrt(1.0 + gain):
+    if "restitution" in summary and not 0.0 < value <= math.sqrt(1.0 + gain):
         return f"e = {value}"
     return ""

@@ -71,11 +71,13 @@ def true_result(scenario: Scenario, columns: Columns, end: Array, dt: float, tol
 
 
 def refined(
-    scenario: Scenario, facts: dict[str, Any], kernels: KernelCache, finest: int
+    scenario: Scenario, summary: dict[str, Any], kernels: KernelCache, finest: int
 ) -> dict[str, tuple[float, float]]:
-    """Each result with the step of `facts` over `finest`, and how far it is from that with twice this step."""
+    """Each result with the step of `summary` over `finest`, and how far it is from that with twice this step."""
     found = []
     for finer in (finest // 2, finest):
-        time = replace(scenario.scene.time, dt=facts["dt"] / finer, integrator=facts["integrator"], tolerance="none")
+        time = replace(
+            scenario.scene.time, dt=summary["dt"] / finer, integrator=summary["integrator"], tolerance="none"
+        )
         found.append(scenario.result(compute(scenario, time, kernels=kernels, estimate=False).columns))
     return {name: (value, abs(value - found[0][name])) for name, value in found[1].items() if name in found[0]}

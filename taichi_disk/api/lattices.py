@@ -1,0 +1,90 @@
+"""How far results depend on the lattice: the same scene on other random lattices."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from taichi_disk.computation.outcome import Outcome, compute
+from taichi_disk.errors import TaichiDiskError
+from taichi_disk.integrators import INTEGRATORS
+from taichi_disk.lattice import OwnStart
+from taichi_disk.progress import Progress
+from taichi_disk.scenes import Scene
+from taichi_disk.scenes.setup import setup_of
+from taichi_disk.simulation.simulation import KernelCache
+
+MOST_LATTICES = 10_000
+LATTICES, FEWEST = 8, 3  # computed unasked; fewer do not tell how much their results differ
+EVALUATIONS = 3e8  # of springs, that other lattices may cost unasked: some 1 s on one core
+BUILDING = 1500  # evaluations of each spring that it takes as long to build a lattice, and to find its spectrum
+EQUILIBRIUM = 3000  # the same for Newton's method
+
+
+def lattice_count(own: OwnStart, outcome: Outcome, asked: int | None) -> tuple[int, list[str]]:
+    """How many lattices to compute in all, and what a person should know of that, if anything.
+
+    Args:
+        own: the lattice and the velocities that are not the scene's.
+        outcome: that of the scene.
+        asked: how many were asked for.
+    """
+    if own.digest:
+        text = "a lattice or velocities of your own have no seed: how far the result depends on the points is not known"
+        return 1, [] if asked == 1 else [text]
+    if asked is not None:
+        return asked, []
+    count = affordable(outcome)
+    if count == LATTICES:
+        return count, []
+    found = f"only {count} lattices were computed" if count > 1 else "no other lattices were computed"
+    return count, [f"{found}, which takes long here: lattices={LATTICES} shows how far the result depends on them"]
+
+
+def affordable(outcome: Outcome) -> int:
+    """How many lattices are computed unasked: 1 if others would take long beside the command."""
+    summary, lattice = outcome.summary, outcome.scenario.lattice
+    if outcome.scenario.static:
+        evaluations = EQUILIBRIUM
+    else:
+        step_cost = INTEGRATORS[summary["integrator"]].cost(len(lattice.positions))
+        evaluations = summary["steps"] * summary["attempts"] * step_cost
+    count = 1 + int(EVALUATIONS / (len(lattice.bonds) * (evaluations + BUILDING)))
+    return min(count, LATTICES) if count >= FEWEST else 1
+
+
+def compare_lattices(
+    scene: Scene, outcome: Outcome, count: int, kernels: KernelCache, progress: Progress, force: bool
+) -> dict[str, Any]:
+    """The results on `count` lattices, the scene's first, then those of the next seeds: for summary.json.
+
+    Returns `seeds`, and for each result its `values`, `mean` and `standard_deviation`. Seeds that give no result are
+    left out, and told of in the warnings of the outcome's summary.
+    """
+    seeds, found = [scene.lattice.seed], [outcome.scenario.result(outcome.columns)]
+    for number in range(1, count):
+        progress("lattices", number, count)
+        seed = (scene.lattice.seed + number) % 2**32
+        try:
+            found.append(results_on(replace(scene, lattice=replace(scene.lattice, seed=seed)), kernels, force))
+            seeds.append(seed)
+        except TaichiDiskError as error:
+            outcome.summary["warnings"].append(f"there is no result on the lattice of seed {seed}: {error}")
+    comparison: dict[str, Any] = {"seeds": seeds}
+    for name in found[0]:
+        values = [one[name] for one in found if name in one]
+        if 1 < len(values) == len(found):
+            deviation = float(np.std(values, ddof=1))
+            comparison[name] = {"values": values, "mean": float(np.mean(values)), "standard_deviation": deviation}
+    return comparison
+
+
+def results_on(scene: Scene, kernels: KernelCache, force: bool = False) -> dict[str, float]:
+    """The numbers of the scene's result. Raises what `compute` raises."""
+    setup = setup_of(scene)
+    scenario = scene.scenario(setup.body)
+    modes = None if scenario.static else setup.modes(scenario.model)
+    outcome = compute(scenario, scene.time, kernels=kernels, modes=modes, force=force, estimate=False, loads=1)
+    return scenario.result(outcome.columns)
