@@ -59,6 +59,10 @@ def on_page_markdown(markdown: str, page: Any, **_: Any) -> str:
     text = text.replace("](../CONTRIBUTING.md", "](contributing.md").replace("](CONTRIBUTING.md", "](contributing.md")
     text = text.replace("](docs/", "](") if at_top else text.replace("](../", "](")
     text = text.replace(".ipynb)", ".md)")
+    # A link to a film, alone in its line, is the film: a forge shows no frames.
+    style, folder = "width: 100%; height: 640px; border: 0", "" if at_top else "../"
+    frame = f'<iframe style="{style}" title="\\1" src="{folder}\\2" loading="lazy"></iframe>'
+    text = re.sub(r"^\[(Play with [^]]+)\]\((films/\w+\.html)\)$", frame, text, flags=re.MULTILINE)
     return re.sub(r"\[`?([^]\n`]*)`?\]\((?:scenes|examples|experiments|data)\)", r"`\1`", text)  # a folder has no page
 
 

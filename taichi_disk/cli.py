@@ -155,9 +155,9 @@ def _view(arguments: argparse.Namespace) -> int:
     folder = Path(arguments.scene).is_dir() and arguments.scene not in shipped_scenes()
     if folder and arguments.overrides:
         raise InputError("--set: a folder's scenes are viewed as they are; name one of them")
-    browser = arguments.browser or bool(arguments.host) or bool(arguments.port)
     scene = Path(arguments.scene) if folder else _load(arguments)
-    view(scene, arguments.out or Path("out/view"), browser, arguments.host or "127.0.0.1", arguments.port or 0)
+    out, host = arguments.out or Path("out/view"), arguments.host or "127.0.0.1"
+    view(scene, out, arguments.window, host, arguments.port or 0, arguments.open)
     return 0
 
 
@@ -273,12 +273,15 @@ def _parser() -> argparse.ArgumentParser:
     add("--part", metavar="K/N", help="compute the K-th of N shares only, and no table")
     add("--estimate", action="store_true", help="estimate each result's time-step error: twice the work")
 
-    add = command("view", _view, "play with a scene in a window, or on a page in a browser").add_argument
+    add = command("view", _view, "play with a scene on a page in the browser, or in a window").add_argument
     _add_scene(add, f"{_shipped()}; or a folder of scenes", nargs="?", default="exponential_wall")
-    add("--out", type=_path, metavar="DIR", help="for saved scenes, films, pictures (default: out/view)")
-    add("--browser", action="store_true", help="serve a page for a browser, as where there is no display")
-    add("--host", help="where to serve it (default: 127.0.0.1, for this machine alone)")
+    add("--no-open", dest="open", action="store_false", help="print the address of the page only")
+    add("--host", help="where to serve the page (default: 127.0.0.1, for this machine alone)")
     add("--port", type=partial(_count, most=65_535), metavar="P", help="of the server (default: one that is free)")
+    where = commands.choices["view"].add_mutually_exclusive_group()
+    where.add_argument("--browser", action="store_true", help="serve the page, as is the default")
+    where.add_argument("--window", action="store_true", help="open a window of the desktop instead; needs Vulkan")
+    add("--out", type=_path, metavar="DIR", help="for files that the window saves (default: out/view)")
 
     add = command("render", _render, "film a finished run again, or up to four of them side by side").add_argument
     add("folder", type=_path, metavar="DIR", help="what `run` wrote")

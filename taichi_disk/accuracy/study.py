@@ -19,6 +19,7 @@ from taichi_disk.computation.stability import spectrum
 from taichi_disk.config.sections import DASHPOTS, ElasticWallSection
 from taichi_disk.errors import InputError, TaichiDiskError
 from taichi_disk.output.files import atomic_write, prepare_output, remove_empty, write_csv, write_text
+from taichi_disk.output.plot import matplotlib_style
 from taichi_disk.output.run_folder import refuse_run
 from taichi_disk.progress import Progress, duration, terminal
 from taichi_disk.scenes import Scene
@@ -247,19 +248,20 @@ def draw(findings: Findings, path: Path, title: str) -> None:
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
-    figure = Figure(figsize=(6.4, 4.4), dpi=120, layout="constrained")
-    FigureCanvasAgg(figure)
-    axes = figure.subplots()
-    for name, colour in COLOURS.items():
-        curve = [p for p in findings.steps if p.integrator == name and math.isfinite(p.error)]
-        if curve:
-            axes.loglog([p.seconds for p in curve], [p.error for p in curve], "o-", color=colour, ms=4, label=name)
-        for p in curve:
-            if p.own:
-                axes.loglog(p.seconds, p.error, "o", ms=12, mfc="none", color=colour)
-    axes.set_xlabel("time to solution  [s]")
-    axes.set_ylabel(f"error of {findings.name}")
-    axes.set_title(title, fontsize=10)
-    axes.grid(True, which="both", color="0.92")
-    axes.legend(frameon=False, title="ring: the step that run takes", fontsize=8, title_fontsize=8)
-    atomic_write(path, lambda new: figure.savefig(new, metadata={"Software": None}))
+    with matplotlib_style({}):
+        figure = Figure(figsize=(6.4, 4.4), dpi=120, layout="constrained")
+        FigureCanvasAgg(figure)
+        axes = figure.subplots()
+        for name, colour in COLOURS.items():
+            curve = [p for p in findings.steps if p.integrator == name and math.isfinite(p.error)]
+            if curve:
+                axes.loglog([p.seconds for p in curve], [p.error for p in curve], "o-", color=colour, ms=4, label=name)
+            for p in curve:
+                if p.own:
+                    axes.loglog(p.seconds, p.error, "o", ms=12, mfc="none", color=colour)
+        axes.set_xlabel("time to solution  [s]")
+        axes.set_ylabel(f"error of {findings.name}")
+        axes.set_title(title, fontsize=10)
+        axes.grid(True, which="both", color="0.92")
+        axes.legend(frameon=False, title="ring: the step that run takes", fontsize=8, title_fontsize=8)
+        atomic_write(path, lambda new: figure.savefig(new, metadata={"Software": None}))

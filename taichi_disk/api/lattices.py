@@ -65,7 +65,7 @@ def compare_lattices(
     """
     seeds, found = [scene.lattice.seed], [outcome.scenario.result(outcome.columns)]
     for number in range(1, count):
-        progress("lattices", number, count)
+        progress("lattices", number - 1, count - 1)
         seed = (scene.lattice.seed + number) % 2**32
         try:
             found.append(results_on(replace(scene, lattice=replace(scene.lattice, seed=seed)), kernels, force))

@@ -8,15 +8,12 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
-from taichi_disk.errors import InputError
 from taichi_disk.lattice import Array, Lattice
 from taichi_disk.simulation.observables import Columns
 
 if TYPE_CHECKING:  # scene files are checked without Taichi
     from taichi_disk.physics import Model
     from taichi_disk.statics.equilibrium import Equilibrium
-
-FASTEST = 100.0  # of the velocities that a run may begin with [c]
 
 
 class Scenario(ABC):
@@ -75,15 +72,8 @@ class Scenario(ABC):
         return self.sample_interval if asked == "auto" else min(asked, self.sample_interval)
 
     def start_with(self, velocities: Array) -> None:
-        """Begin with the disk's points at `velocities` (N, 2) [c], in the order of the lattice.
-
-        Raises InputError where they do not fit.
-        """
+        """Begin with the disk's points at `velocities` (N, 2) [c], in the order of the lattice."""
         n = self.lattice.disk_points
-        if velocities.shape != (n, 2):
-            raise InputError(f"velocities: must have the shape ({n}, 2), not {velocities.shape}")
-        if not (np.abs(velocities) <= FASTEST).all():
-            raise InputError(f"velocities: must be numbers from {-FASTEST:g} to {FASTEST:g} c")
         self.velocities = self.velocities.copy()
         self.velocities[:n] = velocities
         self.own_velocities = True

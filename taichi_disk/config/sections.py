@@ -261,9 +261,14 @@ class VideoSection(Section):
     colour: Colour = key("shear", "what the colours show")
     draw: Draw = key("both", "the field between the points, the springs, both, or the points alone")
     theme: Theme = key("light", "light or dark background")
-    magnify: float = key(1.0, "displacements are drawn so many times as large; the film says so", low=1, high=1000)
+    magnify: Auto | float = key(
+        "auto",
+        "displacements are drawn so many times as large, and the film says so; auto: as flattened by 0.05 R, about",
+        low=1,
+        high=1000,
+    )
     panel: bool = key(
-        False, "curves of v_cm, wall's force and energies at the right, from a size of 360 on; the film is then 16 : 9"
+        True, "curves of v_cm, wall's force and energies at the right, from a size of 360 on; the film is then 16 : 9"
     )
     supersample: float = key(1.0, "samples across a pixel: 2 is smoothest and slowest", low=1, high=2, step=0.5)
     format: Literal["mp4", "webm", "gif", "html", "png"] = key(

@@ -77,11 +77,12 @@ def _write_xyz(path: Path, scene: DiskScene, lattice: Lattice, frames: Iterator[
     """Extended XYZ: text, a line for each point, with 12 digits. It knows no springs.
 
     Strain and tension are means over the springs of a point, energy is half of theirs, so that it adds up. ASE takes no
-    species but the elements: points of the disk are C, those of an elastic wall Si. It takes `stress` and `energy` for
-    those of all atoms, OVITO `strain` for a tensor; `Stress` is one to OVITO, and nothing to ASE.
+    species but the elements and X, which is none: points of the disk are X, those of an elastic wall Si. ASE finds
+    velocities in `momenta` and `masses`, OVITO finds them in `velo` and masses in `mass`. ASE takes `stress` and
+    `energy` for those of all atoms, OVITO `strain` for a tensor; `Stress` is one to OVITO, and nothing to ASE.
     """
     n, side = len(lattice.positions), 0.0
-    species = np.where(np.arange(n) < lattice.disk_points, "C", "Si")
+    species = np.where(np.arange(n) < lattice.disk_points, "X", "Si")
     size = np.full(n, _radius(lattice))
     ends = lattice.bonds.ravel()
     springs = np.maximum(np.bincount(ends, minlength=n), 1)
@@ -89,6 +90,7 @@ def _write_xyz(path: Path, scene: DiskScene, lattice: Lattice, frames: Iterator[
     with path.open("w", encoding="utf-8", newline="\n") as file:
         for frame in frames:
             columns = {"pos": frame.positions, "velo": frame.velocities, "mass": lattice.masses, "radius": size}
+            columns |= {"masses": lattice.masses, "momenta": lattice.masses[:, None] * frame.velocities}
             columns |= {"Stress" if name == "stress" else name: values for name, values in frame.points.items()}
             for name, each in frame.springs.items():
                 columns[f"springs_{name}"] = np.bincount(ends, np.repeat(each, 2), n) / springs
@@ -111,6 +113,7 @@ def _write_gsd(path: Path, scene: DiskScene, lattice: Lattice, frames: Iterator[
     import gsd.hoomd
 
     n, m, reach = len(lattice.positions), len(lattice.bonds), 0.0
+    path.touch()  # in the user's mode: gsd would make a file that nobody else may read
     with gsd.hoomd.open(name=str(path), mode="w") as file:
         file.file.write_chunk("taichi_disk/scene", np.frombuffer(origin(scene).encode(), np.uint8))
         for number, frame in enumerate(frames):

@@ -19,7 +19,7 @@ from taichi_disk.lattice import Array
 from taichi_disk.output.files import atomic_write, check_pictures, holds_working_directory, origin
 from taichi_disk.progress import Progress
 from taichi_disk.render import require_film
-from taichi_disk.render.geometry import View, edge_height
+from taichi_disk.render.geometry import View, edge_height, flattening, magnification
 from taichi_disk.render.legend import Legend
 from taichi_disk.render.moments import WHOLE, Cue, Run, Span, check_runs, cues, lines, scale_times, still_cue, titles
 from taichi_disk.render.painter import Painter
@@ -102,6 +102,9 @@ def film_origin(runs: Sequence[Run], video: VideoSection) -> str:
 
 
 def _pictures(states: Sequence[_States], video: VideoSection, shots: Sequence[Cue]) -> Pictures:
+    magnify = magnification(video.magnify, max(one.flattest for one in states))
+    for one in states:
+        one.painter.magnify = magnify
     runs, painters, views = zip(*((one.run, one.painter, one.view) for one in states), strict=True)
     limit, full_force = max(one.limit for one in painters), max(one.full_force for one in painters)
     ends = [each for run in runs for each in lines(run, (shots[0], (shots[-1][0], None)))]
@@ -113,7 +116,8 @@ def _pictures(states: Sequence[_States], video: VideoSection, shots: Sequence[Cu
     (xmin, _, ymin, _), (_, xmax, _, ymax) = np.min(views, axis=0), np.max(views, axis=0)
     panel = None
     if video.panel and video.size >= _PANEL:
-        panel = side_panel(runs, video.size, THEMES[video.theme])
+        names = [title[0] for title in titles(runs)]
+        panel = side_panel(runs, names, video.size, THEMES[video.theme])
     return Pictures(legends, video.size, (xmin, xmax, ymin, ymax), video.supersample, panel)
 
 
@@ -129,7 +133,7 @@ class _States:
         self.run, self._times = run, np.unique([t for t, _ in shots])
         self.painter = Painter(scenario.lattice, scenario.model.springs, scenario.model.wall)
         self.painter.colour, self.painter.draw, self.painter.theme = video.colour, video.draw, video.theme
-        self.painter.spoke, self.painter.magnify = scenario.spoke, video.magnify
+        self.painter.spoke = scenario.spoke
         peak, is_film, looks, positions = greatest_compression(columns), len(shots) > 1, self._times, []
         flies_on = is_film and shots[-1][0] > columns["t"][-1]
         if is_film:
@@ -146,23 +150,30 @@ class _States:
         self._replay = zip(times, chain(kept, replay), strict=True)
         at_looks = [(t, x, v) for t, (_, x, v) in zip(until_scale, kept, strict=True) if t in looks]
         positions += [x for t, x, _ in at_looks if t <= peak or not is_film or x[:, 1].max() < _HIGHEST]
-        self._fit([(x, v) for t, x, v in at_looks if t <= peak], [self.painter.placed(x) for x in positions])
+        self._seen = positions
+        self._fit([(x, v) for t, x, v in at_looks if t <= peak])
 
-    def _fit(self, states: Sequence[tuple[Array, Array]], positions: Sequence[Array]) -> None:
-        """Choose the scales after `states`, the last one the most compressed, and the view after `positions`."""
-        painter, scenario = self.painter, self.run.scenario
+    def _fit(self, states: Sequence[tuple[Array, Array]]) -> None:
+        """Choose the scales after `states`, the last one the most compressed."""
+        painter = self.painter
         painter.limit = max(painter.scale(painter.values(x, v)) for x, v in states)
         _, forces = painter.wall.contact_forces(painter.lattice, states[-1][0])
         largest = float(np.hypot(*forces.T).max(initial=0.0))
         full = max(largest, self.run.largest_push / _LONGEST)
         painter.full_force = round_near(full) if full else 0.0
         painter.edge = edge_height(painter.wall, largest)
+        self.flattest = flattening(painter.lattice, states[-1][0])
+
+    @property
+    def view(self) -> View:
+        """What holds the disk as it is drawn [R]."""
+        painter, scenario = self.painter, self.run.scenario
         xmin, xmax, ymin, ymax = scenario.view
         if not len(scenario.lattice.wall_surface):  # of a rigid wall no more is seen than its uppermost part
             ymin = painter.edge - _BELOW
-        disk = np.concatenate([x[: scenario.lattice.disk_points] for x in positions])
+        disk = np.concatenate([painter.placed(x)[: scenario.lattice.disk_points] for x in self._seen])
         (left, _), (right, top) = disk.min(axis=0), disk.max(axis=0)
-        self.view: View = min(xmin, left - _BESIDE), max(xmax, right + _BESIDE), ymin, max(ymax, top)
+        return min(xmin, left - _BESIDE), max(xmax, right + _BESIDE), ymin, max(ymax, top)
 
     def moments(self) -> Iterator[Moment]:
         """The moments of the pictures, in their order."""

@@ -15,14 +15,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from taichi_disk.lattice import Array
-from taichi_disk.render.palette import Colour, Theme
+from taichi_disk.lattice import Array, Lattice
+from taichi_disk.render.palette import Colour, Theme, round_near
+from taichi_disk.statics.equilibrium import roll_angle, turned
 
 View = tuple[float, float, float, float]
 Shape = tuple[Array, Array]  # corners of triangles (3 k, 2) [R] and their colours (3 k, 3)
 
 ARROW = 0.35  # length of the arrow of the full force [R]
 _FADES = np.array([0.0, 0.4, 1.0, 1.8, 3.0, 5.0])  # decay lengths between which colours are mixed, 2 % off at most
+FLATTENING = 0.05  # of the disk, as it is drawn, where displacements are magnified so that it is seen [R]
 NOTHING: Shape = np.zeros((0, 2)), np.zeros((0, 3))
 
 
@@ -93,6 +95,26 @@ class Camera:
         factor = self.scale / size
         origin = np.array([self.middle[0], self.height - self.middle[1]]) / size
         return factor, origin - factor * np.asarray(self.look_at)
+
+
+# ---- displacements
+
+
+def flattening(lattice: Lattice, x: Array) -> float:
+    """Return by how much the lowest of the points at `x` (n, 2) is nearer to the disk's centre than unloaded [R].
+
+    On an elastic wall 1, as if the flattening were seen: disk and dent would be drawn apart.
+    """
+    if len(lattice.wall_surface):
+        return 1.0
+    rest, now = lattice.positions[: lattice.disk_points], x[: lattice.disk_points]
+    unloaded = turned(rest, roll_angle(rest, now))
+    return float(np.ptp([unloaded[:, 1].mean(), unloaded[:, 1].min()]) - np.ptp([now[:, 1].mean(), now[:, 1].min()]))
+
+
+def magnification(wanted: float | str, flattest: float) -> float:
+    """Return how many times as large displacements are drawn; "auto": so that `flattest` [R] is seen as FLATTENING."""
+    return max(1.0, round_near(FLATTENING / max(flattest, 1e-9))) if wanted == "auto" else float(wanted)
 
 
 # ---- shapes

@@ -132,7 +132,7 @@ class Painter:
                 chain, depth = np.array([(left - pixel, 0.0), (right + pixel, 0.0)]), max(pixel - bottom, -self.edge)
             decay = max(self.wall.decay_length, 0.4 * pixel)
             haze, solid = geometry.wall_body(chain, depth, self.edge, decay, theme)
-            self._draw_shape(canvas, haze, camera)
+            self.draw_shape(canvas, haze, camera)
         if filled:
             self._fill(canvas, camera, placed, values, unit)
             start, end = self._triangles.outline.T
@@ -152,7 +152,7 @@ class Painter:
         if self.full_force and self.wall is not None:
             sizes = (_HEAD * unit * pixel, max(_ARROW * unit, 1.0) * pixel, _RIM * unit * pixel)
             above.append(geometry.arrows(*self.pushes(x, v, max(_NEXT * unit, 9.0) * pixel), *sizes, theme))
-        self._draw_shape(canvas, geometry.joined(*above), camera)
+        self.draw_shape(canvas, geometry.joined(*above), camera)
         if self.draw == "points":
             self._points(canvas, camera, placed, values, unit)
 
@@ -164,7 +164,11 @@ class Painter:
         points, forces = self.wall.contact_forces(self.lattice, x, v, self.springs)
         forces = forces / self.full_force
         strong = np.hypot(*forces.T) > _WEAK
-        feet, forces = self.placed(x)[points[strong]], forces[strong]
+        placed = self.placed(x)
+        feet, forces = placed[points[strong]], forces[strong]
+        chain = placed[self.lattice.wall_surface] if len(self.lattice.wall_surface) else np.zeros((1, 2))
+        # Magnified displacements put points into the wall, which hides them.
+        feet[:, 1] = np.maximum(feet[:, 1], np.interp(feet[:, 0], *chain.T) + self.edge)
         if self._spacing > 0.8 * distance and self._spacing > self.wall.decay_length:
             return feet, forces
         _, group = np.unique(np.floor(feet[:, 0] / distance), return_inverse=True)
@@ -190,7 +194,7 @@ class Painter:
         if ink and not fringes:
             across = self._triangles.across
             ends, seen = x[across], (1.0 - ink) * self.colours(values)[across]
-            self._draw_shape(canvas, geometry.strokes(ends[:, 0], ends[:, 1], inset, seen), camera)
+            self.draw_shape(canvas, geometry.strokes(ends[:, 0], ends[:, 1], inset, seen), camera)
 
     def _of_springs(self, x: Array, values: Array) -> Array:
         """(springs,) what the colours of springs show; `values` (n,) are those of the points, both in the map."""
@@ -210,7 +214,7 @@ class Painter:
         out = _put(camera, x, self.colours(values))
         canvas.canvas.circles(get_field_info(out), True, False, (0.0, 0.0, 0.0), radius)
 
-    def _draw_shape(self, canvas: Any, shape: geometry.Shape, camera: Camera) -> None:
+    def draw_shape(self, canvas: Any, shape: geometry.Shape, camera: Camera) -> None:
         if len(shape[0]):
             draw_triangles(canvas, _put(camera, *shape))
 

@@ -21,7 +21,7 @@ from taichi_disk.render.video import Picture
 _MARGIN = 8.0  # around the view: pixels in a picture of 720
 _LETTER = 13.2  # pixels of letters in a picture of 720
 _FAINT = 0.2  # of its contrast is left to what is still to come
-_LINES: dict[str, Any] = {"left": "solid", "right": (0, (3, 1.5))}  # a single run has the first
+_LINES: tuple[Any, ...] = ("solid", (0, (3, 1.5)), (0, (1, 1.2)), (0, (5, 1.5, 1, 1.5)))  # of the runs, in turn
 
 
 class Pictures:
@@ -109,8 +109,8 @@ class Panel:
             picture[top:bottom, now] = self.ink
 
 
-def side_panel(runs: Sequence[Outcome], size: int, theme: Theme) -> Panel:
-    """The panel of one run, or of two in the same axes, `size` pixels high; with one disk the film is 16 : 9."""
+def side_panel(runs: Sequence[Outcome], names: Sequence[str], size: int, theme: Theme) -> Panel:
+    """The panel of runs in the same axes, with their `names`, `size` pixels high; with one disk the film is 16 : 9."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
     from matplotlib.lines import Line2D
@@ -122,7 +122,7 @@ def side_panel(runs: Sequence[Outcome], size: int, theme: Theme) -> Panel:
         canvas = FigureCanvasAgg(figure)
         axes = list(figure.subplots(3, 1, sharex=True, height_ratios=HEIGHTS))
         lines = []
-        for run, style in zip(runs, _LINES.values(), strict=False):
+        for run, style in zip(runs, _LINES, strict=False):
             lines += draw_curves(axes, run.scenario, run.columns, linestyle=style)
             result = run.scenario.motion(run.columns)[0][-1]
             axes[0].axhline(result, color=MARK, linewidth=1.0, linestyle=(0, (5, 4)), zorder=1)  # below the curve
@@ -139,7 +139,8 @@ def side_panel(runs: Sequence[Outcome], size: int, theme: Theme) -> Panel:
         energies = {line.get_label(): line for line in lines[::-1] if line.axes is axes[2]}  # the first run's
         handles = list(energies.values())[::-1]
         if len(runs) > 1:
-            handles += [Line2D([], [], color=LINE, linestyle=style, label=side) for side, style in _LINES.items()]
+            named = zip(names, _LINES, strict=False)
+            handles += [Line2D([], [], color=LINE, linestyle=style, label=name) for name, style in named]
         across, down, rows = letter / width, letter / size, (len(handles) + 1) // 2
         figure.subplots_adjust(
             5.0 * across, (4.2 + 1.7 * rows) * down, 1.0 - across, 1.0 - 2.0 * down, hspace=9.0 * down

@@ -16,9 +16,9 @@ from taichi_disk.config.conflicts import (
     time_conflicts,
 )
 from taichi_disk.config.sections import ElasticImpactSection, ElasticWallSection, MaterialSection
-from taichi_disk.lattice import Lattice, with_wall
+from taichi_disk.lattice import Array, Lattice, with_wall
 from taichi_disk.scenes import oblique
-from taichi_disk.scenes.impact import ImpactScenario
+from taichi_disk.scenes.impact import ImpactScenario, thrown_with
 from taichi_disk.scenes.scene import DiskScene
 from taichi_disk.simulation.observables import Columns
 
@@ -62,13 +62,16 @@ class AbsorbingWallScene(DiskScene):
         dt, interval = self.time.dt, self.wall.reset_interval
         if self.wall.boundary == "reset" and dt != "auto" and dt > interval:
             conflicts.append(("time.dt", f"{dt:g} is longer than wall.reset_interval = {interval:g} [R/c]"))
-        if self.video.magnify > 1.0:
+        if self.video.magnify not in ("auto", 1.0):
             conflicts.append(("video.magnify", "disk and dent would be drawn apart: leave it 1 with an elastic wall"))
         return conflicts
 
     def unused(self) -> Collection[tuple[str, str]]:
         of_wall = ("seed", "rim", "min_spacing")  # which is random, too
         return [key for key in super().unused() if key[1] not in of_wall]
+
+    def thrown_with(self, body: Lattice, velocities: Array) -> AbsorbingWallScene:
+        return thrown_with(self, body, velocities)
 
     def body(self) -> Lattice:
         """The unloaded disk over its wall, just touching."""
@@ -94,14 +97,12 @@ class AbsorbingWallImpact(ImpactScenario):
     scene: AbsorbingWallScene
     kind = "Impact on an elastic wall"
 
-    def _set_out(self) -> None:
-        self._compliance = max(self._compliance, 1.0 / self.scene.wall_k_a)
-        super()._set_out()
+    def _wall_compliance(self) -> float:
+        return 1.0 / self.scene.wall_k_a
 
-    def _put_at_start(self) -> None:
-        super()._put_at_start()
-        offset, n = self.scene.impact.offset, self.lattice.disk_points
-        self.lattice.positions[:n, 0] += -self.gap * tan(self.scene.impact.angle) if offset == "auto" else offset
+    def _shift(self) -> float:
+        impact = self.scene.impact
+        return -self.gap * tan(impact.angle) if impact.offset == "auto" else impact.offset
 
     def _view(self) -> tuple[float, float, float, float]:
         half, bottom = max(0.5 * self.scene.wall.width, 1.1), float(self.lattice.positions[:, 1].min())

@@ -6,9 +6,9 @@ from typing import TYPE_CHECKING, ClassVar, Literal
 
 from taichi_disk.config.conflicts import Conflicts, gap_conflicts, time_conflicts
 from taichi_disk.config.sections import ImpactSection, RoughWallSection
-from taichi_disk.lattice import Lattice
+from taichi_disk.lattice import Array, Lattice
 from taichi_disk.scenes import oblique
-from taichi_disk.scenes.impact import ImpactScenario
+from taichi_disk.scenes.impact import ImpactScenario, thrown_with
 from taichi_disk.scenes.scene import DiskScene
 
 if TYPE_CHECKING:
@@ -30,6 +30,9 @@ class ExponentialWallScene(DiskScene):
     def conflicts(self) -> Conflicts:
         conflicts = super().conflicts() + time_conflicts(self.time, self.material, friction=self.wall.friction)
         return conflicts + gap_conflicts(self.wall, self.impact)
+
+    def thrown_with(self, body: Lattice, velocities: Array) -> ExponentialWallScene:
+        return thrown_with(self, body, velocities)
 
     def of_body(self, body: Lattice) -> ExponentialWallImpact:
         return ExponentialWallImpact(self, body)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar, TypeVar
 
 import numpy as np
 
@@ -14,6 +14,7 @@ from taichi_disk.errors import InputError
 from taichi_disk.lattice import Lattice, disk_of
 from taichi_disk.lattice.network import bending_compliance
 from taichi_disk.scenes import oblique
+from taichi_disk.scenes.scene import DiskScene
 from taichi_disk.simulation.observables import Columns
 
 if TYPE_CHECKING:
@@ -32,6 +33,9 @@ NOT_ROUND = 0.2  # of the radius: a body whose outline dips deeper bends more ea
 # potential of 1e-7 that pushed e of a rod by 1.5e-6.
 BENDING_POTENTIAL = 1e-10
 RESOLVED = 0.49  # of the wall's decay length that a step may cross, for another step to show its error
+
+
+SceneOfImpact = TypeVar("SceneOfImpact", bound=DiskScene)
 
 
 class ImpactScenario(Scenario):
@@ -59,39 +63,42 @@ class ImpactScenario(Scenario):
 
     def __init__(self, scene: Any, body: Lattice) -> None:
         """`body`: the unloaded lattice, the elastic wall's surface at y = 0 if there is one."""
-        self.scene, self._body = scene, body
+        from taichi_disk.computation.stability import impact_point_force
+
+        impact, springs = scene.impact, scene.springs(body)
+        self.scene, self.springs = scene, springs
+        self.velocity, self.kinetic = impact.towards, 0.5 * impact.towards**2
+        self.oblique = bool(impact.angle or impact.spin or getattr(scene.wall, "friction", 0.0))
+
         disk = disk_of(body)
         distance = np.hypot(*(disk.positions - disk.mean(disk.positions)).T)
         self._radius, self._inertia = float(distance.max()), float(disk.mean(distance**2))
         self._dip = self._radius - float(distance[disk.disk_surface].min())
-        self.springs = scene.springs(body)
-        self._compliance = 1.0 / self.springs.modulus
-        if self._dip > NOT_ROUND * self._radius or not (disk.whole and disk.stiffness is None):
-            self._compliance = max(self._compliance, bending_compliance(self.springs.stiffness_at_rest(disk)))
-        self._set_out()
+        is_round = self._dip <= NOT_ROUND * self._radius
+        self._compliance = max(1.0 / springs.modulus, self._wall_compliance())
+        if not (is_round and disk.whole and disk.stiffness is None):
+            self._compliance = max(self._compliance, bending_compliance(springs.stiffness_at_rest(disk)))
 
-    def _set_out(self) -> None:
-        """Everything that follows from the scene's velocity."""
-        from taichi_disk.computation.stability import impact_point_force
+        positions, potential = self._turned(body), oblique.START_POTENTIAL if is_round else BENDING_POTENTIAL
+        heights = positions[body.disk_surface, 1]
+        self.gap = oblique.start_gap(scene.wall, impact, scene.time, heights - heights.min(), potential)
+        positions[: body.disk_points] += [self._shift(), self.gap - heights.min()]
+        self.lattice = replace(body, positions=positions)
+        self.velocities = self._start_velocities()
+        self.model = self._model()
+        assert self.model.wall is not None
+        stored = max(self.model.wall.energy(self.lattice, positions), 0.0)
+        self._speed_before = float(np.sqrt(self.velocity**2 + 2.0 * stored))  # far from the wall
 
-        scene, velocity = self.scene, self.scene.impact.towards
-        self.velocity, self.kinetic = velocity, 0.5 * velocity**2
-        self.oblique = bool(scene.impact.angle or scene.impact.spin or getattr(scene.wall, "friction", 0.0))
-        longest, decay_time = LONGEST * self.springs.time_unit, scene.wall.decay_length / velocity
+        longest, decay_time = LONGEST * springs.time_unit, scene.wall.decay_length / self.velocity
         halvings = np.ceil(np.log2(longest / (DECAY_TIMES_PER_ROW * decay_time)) - 1e-9)
         self.sample_interval = float(longest * 0.5 ** np.clip(halvings, 0, HALVINGS))
         self.wall_step = RESOLVED * decay_time
-        self._put_at_start()
-        self.model = self._model()
-        assert self.model.wall is not None
-        potential = self.model.wall.energy(self.lattice, self.lattice.positions)
-        self._speed_before = float(np.sqrt(velocity**2 + 2.0 * max(potential, 0.0)))  # far from the wall
-        self.point_force = impact_point_force(self.lattice, self.model, velocity)
-        limit = scene.impact.max_time
-        self.max_time = self._default_max_time() if limit == "auto" else limit
+        self.point_force = impact_point_force(self.lattice, self.model, self.velocity)
+        self.max_time = self._default_max_time() if impact.max_time == "auto" else impact.max_time
         self.view = self._view()
         if self.oblique:
-            self.spoke = int(self.lattice.positions[: self.lattice.disk_points, 1].argmax())
+            self.spoke = int(positions[: body.disk_points, 1].argmax())
 
     @abstractmethod
     def _model(self) -> Model:
@@ -101,25 +108,30 @@ class ImpactScenario(Scenario):
         along = 3.0 * self.gap * float(np.tan(self.scene.impact.angle))  # to the wall and away, about
         return min(along, 0.0) - 1.1, max(along, 0.0) + 1.1, -0.1, 2.0 + self.gap
 
-    def _put_at_start(self) -> None:
-        """Turn the disk, lift it by the gap, give it velocity and spin."""
+    def _turned(self, body: Lattice) -> Array:
         from taichi_disk.statics.equilibrium import turned
 
-        impact, body, n = self.scene.impact, self._body, self._body.disk_points
-        positions = body.positions.copy()
-        if impact.turn:
-            positions[:n] = turned(positions[:n], impact.turn)
-        surface = positions[body.disk_surface, 1]
-        potential = BENDING_POTENTIAL if self._dip > NOT_ROUND * self._radius else oblique.START_POTENTIAL
-        heights = surface - surface.min()
-        self.gap = oblique.start_gap(self.scene.wall, impact, self.scene.time, heights, potential)
-        positions[:n, 1] += self.gap - surface.min()
-        self.lattice = replace(body, positions=positions)
-        self.velocities = np.zeros_like(positions)
-        self.velocities[:n] = impact.along, -self.velocity
+        positions, n, turn = body.positions.copy(), body.disk_points, self.scene.impact.turn
+        if turn:
+            positions[:n] = turned(positions[:n], turn)
+        return positions
+
+    def _wall_compliance(self) -> float:
+        """Of an elastic wall, over its thickness [R^2/(M c^2)]."""
+        return 0.0
+
+    def _shift(self) -> float:
+        """By how much the disk is moved along the wall before the start [R]."""
+        return 0.0
+
+    def _start_velocities(self) -> Array:
+        impact, lattice, n = self.scene.impact, self.lattice, self.lattice.disk_points
+        velocities = np.zeros_like(lattice.positions)
+        velocities[:n] = impact.along, -self.velocity
         if impact.spin:
-            arm = positions[:n] - body.mean(positions)
-            self.velocities[:n] += impact.spin * np.stack([-arm[:, 1], arm[:, 0]], axis=1)
+            arm = lattice.positions[:n] - lattice.mean(lattice.positions)
+            velocities[:n] += impact.spin * np.stack([-arm[:, 1], arm[:, 0]], axis=1)
+        return velocities
 
     def _default_max_time(self) -> float:
         """Time to come, ten contacts after Hertz, pi sqrt(ln(4 c/v)) R/c, and to leave with e = 0.05 [R/c].
@@ -189,17 +201,6 @@ class ImpactScenario(Scenario):
         """Speed far from the wall [c], once the wall's last potential is energy of the flight."""
         return float(np.sqrt(columns["com_vy"][-1] ** 2 + 2.0 * max(columns["wall"][-1], 0.0)))
 
-    def start_with(self, velocities: Array) -> None:
-        super().start_with(velocities)
-        along, up = (float(self.lattice.mean(one)) for one in velocities.T)
-        velocity = -up
-        if not velocity > 0.0:
-            raise InputError(f"velocities: their mean has to point down, at the wall, not {-velocity:+g} c")
-        angle = round(float(np.arctan2(along, velocity)), 12)  # 0 of a throw straight down, however the mean is rounded
-        self.scene = self.scene.with_({"impact.velocity": float(np.hypot(along, velocity)), "impact.angle": angle})
-        self._set_out()
-        super().start_with(velocities)  # the start at that speed has others
-
     def marks(self, columns: Columns) -> tuple[str, str]:
         found = self.result(columns)
         return f"e = {found['restitution']:.5f}", f"contact time {found['contact_time']:.4g} R/c"
@@ -245,3 +246,12 @@ class ImpactScenario(Scenario):
             return time, f"velocity {row['com_vy'] / self.velocity:+.3f} v"
         spin = row["angular_momentum"] / self._inertia
         return time, f"v {row['com_vx']:+.4f}, {row['com_vy']:+.4f} c", f"spin {spin:+.4f} c/R"
+
+
+def thrown_with(scene: SceneOfImpact, body: Lattice, velocities: Array) -> SceneOfImpact:
+    """Return the scene with the speed and the angle that the points of `body` have in the mean of `velocities` [c]."""
+    along, up = (float(body.mean(one)) for one in velocities.T)
+    if not up < 0.0:
+        raise InputError(f"velocities: their mean has to point down, at the wall, not {up:+g} c")
+    angle = round(float(np.arctan2(along, -up)), 12)  # 0 of a throw straight down, however the mean is rounded
+    return scene.with_({"impact.velocity": float(np.hypot(along, up)), "impact.angle": angle})

@@ -10,6 +10,8 @@ from collections.abc import Collection, Mapping
 from dataclasses import asdict, fields, replace
 from typing import TYPE_CHECKING, Any, ClassVar, TypeAlias, cast
 
+import numpy as np
+
 from taichi_disk.config.conflicts import Conflicts
 from taichi_disk.config.sections import Frozen, LatticeSection, MaterialSection, Section, TimeSection, VideoSection
 from taichi_disk.config.tree import Keys, Tree, tree_of
@@ -33,6 +35,8 @@ if TYPE_CHECKING:
     from taichi_disk.physics import Springs
 
 Value: TypeAlias = bool | int | float | str
+
+MAX_VELOCITY = 100.0  # of a point at the start [c]
 
 
 class DiskScene(Frozen):
@@ -157,10 +161,16 @@ class DiskScene(Frozen):
             velocities: (N, 2) [c] of the disk's points at t = 0 instead of the scene's own.
         """
         body = lattice or self.body()
-        scenario, own = self.of_body(body), own_start(self.lattice, body, velocities)
-        if own.velocities is not None:
-            scenario.start_with(own.velocities)
+        own = own_start(self.lattice, body, velocities).velocities
+        if own is None:
+            return self.of_body(body)
+        scenario = self.thrown_with(body, checked_velocities(own, body.disk_points)).of_body(body)
+        scenario.start_with(own)
         return scenario
+
+    def thrown_with(self, body: Lattice, velocities: Array) -> Self:
+        """Return the scene to which these `velocities` (N, 2) [c] of the points of `body` belong."""
+        return self
 
     def moduli(self, points: int) -> Moduli:
         """Of the material of a disk of `points` random points."""
@@ -203,6 +213,15 @@ class DiskScene(Frozen):
     def described(self, lattice: Lattice) -> str:
         """The lattice in a few words, for titles."""
         return f"N = {lattice.disk_points:,}    {lattice.origin}"
+
+
+def checked_velocities(velocities: Array, points: int) -> Array:
+    """Return `velocities` [c]. Raises InputError if they are not those of so many points."""
+    if velocities.shape != (points, 2):
+        raise InputError(f"velocities: must have the shape ({points}, 2), not {velocities.shape}")
+    if not (np.abs(velocities) <= MAX_VELOCITY).all():
+        raise InputError(f"velocities: must be numbers from {-MAX_VELOCITY:g} to {MAX_VELOCITY:g} c")
+    return velocities
 
 
 def yaml_scalar(value: Value) -> str:

@@ -50,7 +50,12 @@ def scene_message(
         "spoke": scenario.spoke,
         "view": [float(one) for one in scenario.view],
         "full_force": round_near(force) if force else 0.0,
-        "options": {name: getattr(video, name) for name in ("draw", "theme", "magnify")} | {"quantity": video.colour},
+        "options": {
+            "draw": video.draw,
+            "theme": video.theme,
+            "quantity": video.colour,
+            "magnify": 1.0 if video.magnify == "auto" else video.magnify,
+        },
         "quantities": [
             {
                 "name": name,

@@ -6,7 +6,7 @@ import json
 import zlib
 from base64 import b64encode
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from html import escape
 from pathlib import Path
 from string import Template
@@ -21,6 +21,7 @@ from taichi_disk.lattice import Array
 from taichi_disk.output.files import write_text
 from taichi_disk.progress import Progress
 from taichi_disk.render import film as pictures
+from taichi_disk.render.geometry import flattening, magnification
 from taichi_disk.render.moments import WHOLE, Run, Span, check_runs, cues, lines, scale_times, titles
 from taichi_disk.render.palette import full_scale, round_near
 from taichi_disk.signals import raise_if_interrupted
@@ -54,12 +55,13 @@ def film(path: Path, runs: Sequence[Run], video: VideoSection, progress: Progres
     views = np.array([one.view for one in recorded])
     view = [*views[:, 0::2].min(axis=0), *views[:, 1::2].max(axis=0)]
     largest = max(one.largest_force for one in recorded)
+    shown = replace(video, magnify=magnification(video.magnify, max(one.flattest for one in recorded)))
     force = round_near(largest) if largest else 0.0
     data, packed = b"", []
     for run, one, title in zip(runs, recorded, titles(runs), strict=True):
         scenario, columns = run.scenario, run.columns
         curves = {"velocity": scenario.motion(columns)[0], "force": columns["wall_force"]}
-        message = scene_message(scenario, video, largest_force=one.largest_force)
+        message = scene_message(scenario, shown, largest_force=one.largest_force)
         arrays, scales = one.arrays(limits)
         places = {}
         for name, array in arrays.items():
@@ -103,6 +105,7 @@ class _Recorded:
         forces: of each state, see `contact_forces`.
         values: (T, n) of each quantity.
         limits: of each quantity's colours.
+        flattest: the disk at the greatest compression [R].
         largest_force: of the wall on one point at the greatest compression [M c^2/R].
         centres: (T, 2) of mass [R].
         view: what holds all states [R].
@@ -113,6 +116,7 @@ class _Recorded:
     forces: list[NDArray[np.float32]]
     values: dict[str, NDArray[np.float32]]
     limits: dict[str, float]
+    flattest: float
     largest_force: float
     centres: Array
     view: list[float]
@@ -158,6 +162,7 @@ def _recorded(run: Run, times: Array) -> _Recorded:
         if t in looks:
             limits = {name: max(limits[name], full_scale(shown[name][:n], name)) for name in QUANTITIES}
             if t == looks[-1]:
+                flattest = flattening(lattice, x)
                 largest = float(np.hypot(*pushes[:, 1:].T).max(initial=0.0))
         if t in times:
             centre, angle = x[:n].mean(axis=0), roll_angle(rest[:n], x[:n])
@@ -175,7 +180,7 @@ def _recorded(run: Run, times: Array) -> _Recorded:
     centres = np.column_stack([np.interp(times, columns["t"], columns[name]) for name in ("com_x", "com_y")])
     stacked = {name: np.array(states) for name, states in values.items()}
     view = [float(one) for one in (left, right, low, high)]
-    return _Recorded(moves, np.array(displacements), forces, stacked, limits, largest, centres, view)
+    return _Recorded(moves, np.array(displacements), forces, stacked, limits, flattest, largest, centres, view)
 
 
 def _differences(states: Array) -> Array:

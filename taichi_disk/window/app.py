@@ -1,4 +1,4 @@
-"""From a scene, or a folder of scenes, to its window, where there can be one; what two keys step through there."""
+"""From a scene, or a folder of scenes, to its page or its window; the list of scenes to choose from."""
 
 from __future__ import annotations
 
@@ -9,59 +9,67 @@ import sys
 from ctypes import CDLL, c_void_p
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import yaml
 
 from taichi_disk.errors import InputError, TaichiDiskError
 from taichi_disk.render import film_problem
 from taichi_disk.scenes import Scene, load_scene
-
-if TYPE_CHECKING:
-    from taichi_disk.window.controls import Entry
+from taichi_disk.window.controls import Entry
 
 _X11 = sys.platform.startswith("linux")
 
 
 def view(
-    scene_or_folder: Scene | Path, out: Path, browser: bool = False, host: str = "127.0.0.1", port: int = 0
+    scene_or_folder: Scene | Path,
+    out: Path,
+    window: bool = False,
+    host: str = "127.0.0.1",
+    port: int = 0,
+    open_browser: bool = True,
 ) -> None:
-    """Open the sandbox; returns when its window has been closed. Files go into `out`.
+    """Serve the sandbox as a page until Ctrl-C, or open it in a window until that has been closed.
 
-    Where no window can be opened it is a page for a browser, served at `host` and `port` (0: one that is free), as it
-    is where `browser` is asked for.
-    Raises TaichiDiskError, with the remedy, where there is neither; InputError for a folder without scenes.
+    Args:
+        scene_or_folder: the first scene of the list, or a folder of scenes.
+        out: folder for the files that the window writes; the page writes none.
+        window: whether to open a window.
+        host, port: where to serve the page; 0: a port that is free.
+        open_browser: whether to open the page in the user's browser, if there is one.
+
+    Raises TaichiDiskError, with the remedy, if the page cannot be served or no window can be opened; InputError for a
+    folder without scenes.
     """
     from taichi_disk import runtime
 
     playlist = folder(scene_or_folder) if isinstance(scene_or_folder, Path) else presets(scene_or_folder)
-    problem = film_problem() if browser else window_problem()
-    if film_problem():
-        raise TaichiDiskError(f"no window: {film_problem()}")
-    runtime.start()
-    if browser or problem:
-        from taichi_disk.window.browser import serve
+    if not window:
+        from taichi_disk.window.server import serve
 
-        if problem:
-            print(f"note: no window: {problem}; here is a page for a browser", file=sys.stderr)
-        serve(playlist, out, host, port)
+        runtime.start()
+        serve(playlist, host, port, open_browser and has_browser())
         return
+    if problem := window_problem():
+        raise TaichiDiskError(f"no window: {problem}; `taichi-disk view` without --window serves a page instead")
     from taichi_disk.window.viewer import Viewer
 
+    runtime.start()
     for _ in Viewer(playlist, out, screen()).pictures():
         pass
 
 
 def presets(first: Scene) -> list[Entry]:
-    """`first`, then the shipped scenes and changes to try: those of playlist.yaml."""
-    entries: list[Entry] = [(first.title, lambda: first)]
-    for name, *change in yaml.safe_load(Path(__file__).with_name("playlist.yaml").read_text(encoding="utf-8")):
-        if change:
-            setting, what = change
-            entries.append((f"{setting}: {what}", partial(load_scene, name, [setting])))
-        elif name != first.scene:
-            entries.append((name, partial(load_scene, name)))
-    return entries
+    """Return `first`, then the scenes of playlist.yaml, which has name and sentence of `first` if it is shipped."""
+    text = Path(__file__).with_name("playlist.yaml").read_text(encoding="utf-8")
+    entries = []
+    opened = Entry(first.title[0].upper() + first.title[1:], "The scene that you opened.", lambda: first)
+    for shipped, change, name, sentence in yaml.safe_load(text):
+        entry = Entry(name, sentence, partial(load_scene, shipped, [change] if change else []))
+        if not change and entry.load() == first:
+            opened = entry
+        else:
+            entries.append(entry)
+    return [opened, *entries]
 
 
 def folder(path: Path) -> list[Entry]:
@@ -72,15 +80,22 @@ def folder(path: Path) -> list[Entry]:
     path = path.resolve()  # an open window works in another folder
     table = path / "points.csv"
     if table.is_file():
-        rows = csv.DictReader(table.read_text(encoding="utf-8").splitlines())
+        rows = list(csv.DictReader(table.read_text(encoding="utf-8").splitlines()))
         files = [path / "points" / f"{row.get('key')}.yaml" for row in rows]
     else:
         files = sorted(path.glob("[!.]*.yaml"))
     files = [file for file in files if file.is_file() and not re.search(rb"^sweep:", file.read_bytes(), re.MULTILINE)]
-    entries: list[Entry] = [(file.stem, partial(load_scene, file)) for file in files]
+    entries = [Entry(file.stem, f"From {path}.", partial(load_scene, file)) for file in files]
     if not entries:
         raise InputError(f"{path}: there is no scene in this folder (*.yaml, or points.csv with points/*.yaml)")
     return entries
+
+
+def has_browser() -> bool:
+    """Whether a browser can be opened before the user's eyes: not over SSH, and on Linux not without a display."""
+    if os.environ.get("SSH_CONNECTION") or os.environ.get("SSH_TTY"):
+        return False
+    return not _X11 or bool(os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"))
 
 
 def window_problem() -> str | None:

@@ -136,6 +136,7 @@ class Timeline:
 
     Attributes:
         last: the segment that moves.
+        spacing: time between two remembered states [R/c]; to remember one takes longer than a few steps.
         checkpoints: that are remembered, the latest last.
         seen: what there is to see: the present, something past, or the latest that was reached while all is computed
             again with a shorter step.
@@ -143,7 +144,7 @@ class Timeline:
 
     def __init__(self, first: Segment) -> None:
         self.checkpoints: list[Checkpoint] = []
-        self._spacing = SPACING * first.scenario.model.springs.time_unit
+        self.spacing = SPACING * first.scenario.model.springs.time_unit
         self.follow(first)
 
     def follow(self, segment: Segment) -> None:
@@ -173,7 +174,7 @@ class Timeline:
     def due(self) -> int:
         """Steps until another state is to be remembered."""
         dt = self.last.step.dt
-        return round((self.checkpoints[-1].t + max(self._spacing, dt) - self.last.now) / dt)
+        return round((self.checkpoints[-1].t + max(self.spacing, dt) - self.last.now) / dt)
 
     def go(self, steps: int, seconds: float) -> int:
         """Make `steps` steps, or fewer: not much longer than `seconds` of the clock, and not past the scene's end.
@@ -201,7 +202,7 @@ class Timeline:
         self.checkpoints.append(now)
         if len(self.checkpoints) >= min(MOST, BYTES / now.snapshot.vectors.nbytes):
             self.checkpoints = self.checkpoints[::2]
-            self._spacing = (self.checkpoints[-1].t - self.checkpoints[0].t) / (len(self.checkpoints) - 1)
+            self.spacing = (self.checkpoints[-1].t - self.checkpoints[0].t) / (len(self.checkpoints) - 1)
 
     # ---- what is seen
 

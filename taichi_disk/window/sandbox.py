@@ -32,11 +32,12 @@ AIM = 0.05  # velocity of a throw for each R that it is drawn with [c/R]
 PATIENCE = 0.025  # time spent computing between two pictures, at most [s]
 SLOW = 0.2  # part of the speed at which a contact passes in slow motion
 CONTACT = 0.01  # of M v over the time unit of the springs, about the largest force of an impact, is contact
-RESULTS = 5  # in the table
+MAX_RESULTS = 200  # in the table
+COLLECTING = 50.0  # simulated time per second of the clock while a curve is collected [R/c per s]
 
 
-def push_of(scene: Scene) -> float:
-    """The velocity of an impact [c], the force of a compression [M c^2/R]."""
+def load_of(scene: Scene) -> float:
+    """Return the swept quantity of a scene: speed [c] of an impact, pressure [M c^2/R] of a compression."""
     return float(attrgetter(".".join(scene.abscissa))(scene))
 
 
@@ -99,11 +100,21 @@ def with_mouse(scene: Scene, body: Lattice) -> Scenario:
 
 
 class Result(NamedTuple):
-    """Restitution, or xi [R]; the scenario with its numbers; what hands have done, "" if nothing."""
+    """One finished experiment.
+
+    Attributes:
+        value: restitution e, or compression xi [R].
+        scene: what was computed.
+        points: number of the disk's mass points.
+        numbers: all results by name.
+        disturbance: "" if the user did not interfere, else "hit again" or "disturbed".
+    """
 
     value: float
-    scenario: Any
-    label: str
+    scene: Any
+    points: int
+    numbers: dict[str, float]
+    disturbance: str
 
 
 class Sandbox:
@@ -118,7 +129,8 @@ class Sandbox:
         slow: whether contacts pass in slow motion.
         paused: whether `advance` lets no time pass.
         message: what happened last, for the person at the window.
-        results: of the last scenes that came to their end, the newest last.
+        results: of the last experiments that came to their end, the newest last.
+        collected: loads that a curve still needs, the next one first: see `collect`.
         dragged: the point tied to the mouse and where the mouse is [R], or None.
         aimed: velocity [c] and angle [rad] of the throw that is being drawn, or None.
     """
@@ -127,6 +139,7 @@ class Sandbox:
         """Raises TaichiDiskError."""
         self.kernels, self.speed, self.slow, self.starts = kernels, 1.0, False, 0
         self.results: list[Result] = []
+        self.collected: list[float] = []
         self._begin(start_of(scene))
 
     # ---- the start
@@ -136,6 +149,7 @@ class Sandbox:
 
         Raises TaichiDiskError, with everything left as it was.
         """
+        self.collected = []
         self._begin(start_of(scene or self.scene, self.start))
 
     def _begin(self, start: Start) -> None:
@@ -174,9 +188,17 @@ class Sandbox:
         return float(self.segment.imbalance / scale)
 
     @property
+    def warnings(self) -> list[str]:
+        """What `run` would print about the result of this scene."""
+        scenario = self.segment.scenario
+        return self.scene.notes(scenario.lattice.disk_points) if scenario.step_dependent else []
+
+    @property
     def pace(self) -> float:
         """Simulated time per second of the clock now [R/c per s]."""
         scenario = self.segment.scenario
+        if self.collected:
+            return COLLECTING
         if not (self.slow and isinstance(scenario, ImpactScenario)):
             return self.speed
         force = CONTACT * scenario.velocity / scenario.model.springs.time_unit
@@ -207,20 +229,46 @@ class Sandbox:
             self.message = f"computed again with a shorter step, {segment.step.dt:.2g} R/c"
         elif segment.status == "failed":
             self.paused = True
-            self.message = f"{segment.failure} (r: back to the start; Left: back in time)"
+            self.message = f"{segment.failure} (go back to the start or back in time, or change something)"
+            self.collected = []
         elif segment.status == "finished" != before:
-            _, value = segment.scenario.primary(segment.columns)
-            self.results = [*self.results, Result(value, segment.scenario, self.segment.label)][-RESULTS:]
-            self.paused = True
-            text = f"the disk has left: e = {value:.6f}" if self.is_impact else f"at rest: xi = {value:.6f} R"
-            self.message = f"{text}, {segment.label}" if segment.label else text
+            self._finish(segment)
         return made
+
+    def _finish(self, segment: Segment) -> None:
+        """Enter the result into the table, and begin the next experiment of a curve that is being collected."""
+        scenario = segment.scenario
+        numbers = scenario.result(segment.columns)
+        value = next(iter(numbers.values()))
+        found = Result(value, scenario.scene, scenario.lattice.disk_points, numbers, segment.label)
+        self.results = [*self.results, found][-MAX_RESULTS:]
+        self.paused = True
+        text = f"the disk has left: e = {value:.6f}" if self.is_impact else f"at rest: ξ = {value:.6f} R"
+        self.message = f"{text}, {segment.label}" if segment.label else text
+        self.collected = self.collected[1:]
+        if self.collected:
+            self._begin_collected()
+
+    def collect(self, loads: list[float]) -> None:
+        """Run the present scene with each of `loads` (speeds [c] or pressures [M c^2/R]) in turn; [] ends that.
+
+        Raises TaichiDiskError, with everything left as it was.
+        """
+        self.collected = loads
+        if loads:
+            self._begin_collected()
+
+    def _begin_collected(self) -> None:
+        scene = with_key(self.scene, ".".join(self.scene.abscissa), self.collected[0])
+        self._begin(start_of(scene, self.start))
+        self.time.spacing *= 20.0
+        self.paused = False
 
     def pause(self) -> None:
         """Pause, or go on from what there is to see."""
         if self.paused and self.segment.status == "failed" and not self.time.past:
             return
-        self.paused = not self.paused
+        self.paused, self.collected = not self.paused, []
         if not self.paused:
             self._settle()
             self.message = ""
@@ -239,7 +287,7 @@ class Sandbox:
         self.let_go()
         if self.time.behind:
             return False
-        self.paused, self._due = True, 0.0
+        self.paused, self._due, self.collected = True, 0.0, []
         return True
 
     def _settle(self) -> None:
@@ -250,7 +298,7 @@ class Sandbox:
             self.time.cut()
             self.scene = replace(scene, video=self.scene.video)
             if seen.pulled:  # the mouse cannot pull again as it did
-                self._carry_on(self.scene, "by hand")
+                self._carry_on(self.scene, "disturbed")
 
     # ---- changes by hand
 
@@ -269,11 +317,12 @@ class Sandbox:
                 self.begin(scene)
             elif key in AIMED:
                 self.scene = scene
-                self.message = "the velocity counts from the next hit (h) or start (r) on"
+                self.message = "the velocity counts from the next hit or start on"
             else:
+                self.collected = []
                 self.let_go()
                 self._settle()
-                self._carry_on(with_key(self.scene, key, value), "by hand")
+                self._carry_on(with_key(self.scene, key, value), "disturbed")
                 self.message = ""
         except TaichiDiskError as error:
             self.message = str(error)
@@ -365,11 +414,11 @@ class Sandbox:
             self.dragged = None
             if self.segment.status != "failed":
                 self.segment.pull(-1, (0.0, 0.0))
-                self._carry_on(self.scene, "by hand")
+                self._carry_on(self.scene, "disturbed")
 
     # ---- out
 
     def save(self, path: Path) -> None:
         """Write the scene: `run` computes from it, bit for bit, what is seen after a start. Raises SimulationError."""
         write_text(path, self.scene.to_yaml())
-        self.message = f"saved {path}{'; what hands did on the way is not in it' if self.seen.by_hand else ''}"
+        self.message = f"saved {path}{'; what was changed on the way is not in it' if self.seen.by_hand else ''}"

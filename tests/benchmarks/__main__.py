@@ -21,7 +21,7 @@ PARTS: dict[str, tuple[Part, str]] = {
     "start-up": (commands.start_up, "commands that compute nothing"),
     "film": (commands.film, "`run` to its film, caches empty and warm"),
     "window": (window.window, "pictures and steps a second in the window"),
-    "page": (window.page, "pictures a second of the page in Chromium"),
+    "page": (window.page, "processor time of a state, states a second of the page in Chromium"),
     "precision": (precision.precision, "error and wall clock of `run`, SciPy, LAMMPS and Numba"),
     "sweep": (commands.sweep, "sweeps beside the bare stepping of their impacts, one process and two (long)"),
 }

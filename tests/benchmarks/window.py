@@ -1,4 +1,4 @@
-"""How smoothly the window of `taichi-disk view` moves, and its page in a browser: the real ones, nobody at them."""
+"""How smoothly page and window of `taichi-disk view` move: the real ones, nobody at them."""
 
 from __future__ import annotations
 
@@ -24,6 +24,7 @@ SCENES = (
 )
 WARM_UP, WATCHED = 2.0, 6.0  # seconds
 BROWSED = 4.0  # the same of the page: no scene ends so soon
+COUNTED = 200  # states
 
 
 def window(_repeats: int, settings: tuple[str, ...]) -> Iterator[str]:
@@ -76,46 +77,78 @@ def watch(scene: str, settings: tuple[str, ...]) -> tuple[list[float], int]:
 
 
 def page(_repeats: int, settings: tuple[str, ...]) -> Iterator[str]:
-    """Pictures a second that a Chromium beside the program shows, of the same scenes."""
-    from tests.integration.test_browser import MISSING
+    """States a second that a Chromium beside the program draws, and the server's processor time for each."""
+    from tests.browser import MISSING
 
-    if MISSING:
-        yield f"the page: not measured: {MISSING}"
-        return
-    yield f"{'the page, 1400 x 900':<46}{'pictures/s':>12}{'slowest 1 %':>13}"
+    yield f"{'the page, 1400 x 900':<46}{'ms/state':>10}{'kB/state':>10}{'states/s':>10}{'slowest 1 %':>13}"
     for scene, *own in SCENES:
         given = (*own, *settings)
-        seconds = browse(scene, given)
-        slowest = quantiles(seconds, n=100)[-1]
-        yield f"  {' '.join((scene, *given)):<44}{1 / median(seconds):12.1f}{1 / slowest:13.1f}"
+        with ProcessPoolExecutor(1, multiprocessing.get_context("spawn")) as process:
+            seconds, size = process.submit(states, scene, given).result()
+        line = f"  {' '.join((scene, *given)):<44}{1e3 * seconds:10.2f}{1e-3 * size:10.1f}"
+        if not MISSING:
+            apart = browse(scene, given)
+            line += f"{1 / median(apart):10.1f}{1 / quantiles(apart, n=100)[-1]:13.1f}"
+        yield line
+    if MISSING:
+        yield f"states a second: not measured: {MISSING}"
+
+
+def states(scene: str, settings: tuple[str, ...]) -> tuple[float, int]:
+    """Processor seconds of the server for a state beyond those of the computation, and the bytes of a state."""
+    from taichi_disk import runtime
+
+    runtime.start()
+    from taichi_disk.scenes import load_scene
+    from taichi_disk.simulation.simulation import KernelCache
+    from taichi_disk.window.app import presets
+    from taichi_disk.window.session import Session
+
+    session, stepping = Session(presets(load_scene(scene, settings)), KernelCache()), 0.0
+    advance = session.sandbox.advance
+
+    def stepped(*given: float) -> int:
+        nonlocal stepping
+        began = time.process_time()
+        made = advance(*given)
+        stepping += time.process_time() - began
+        return made
+
+    session.sandbox.advance = stepped  # type: ignore[method-assign]
+    session.hear({"do": "press", "key": "space"})
+    for _ in range(COUNTED // 4):
+        session.advance()
+    stepping, began = 0.0, time.process_time()
+    for _ in range(COUNTED):
+        session.advance()
+    return (time.process_time() - began - stepping) / COUNTED, len(session.state)
 
 
 def browse(scene: str, settings: tuple[str, ...]) -> list[float]:
     """Seconds between the pictures of a page, while its scene moves."""
-    from tests.integration.test_browser import Visitor
+    from tests.browser import Browser
 
-    with tempfile.TemporaryDirectory() as folder:
-        command = [sys.executable, "-m", "taichi_disk", "view", scene, "--browser", "--out", folder]
-        command += [f"--set={setting}" for setting in settings]
-        program = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
-        assert program.stdout
+    command = [sys.executable, "-m", "taichi_disk", "view", scene, "--no-open"]
+    command += [f"--set={setting}" for setting in settings]
+    program = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
+    assert program.stdout
+    try:
+        found = re.search(r"http://\S+/", program.stdout.readline())
+        assert found, "the page is not served"
+        browser = Browser((1400, 900))
         try:
-            found = re.search(r"http://\S+/", program.stdout.readline())
-            assert found, "the page is not served"
-            visitor = Visitor(found[0])
-            try:
-                visitor.key(" ")
-                time.sleep(WARM_UP)
-                visitor.script(
-                    "window.shown = []; document.querySelector('#canvas img')"
-                    ".addEventListener('load', () => window.shown.push(performance.now()))"
-                )
-                time.sleep(BROWSED)
-                shown = visitor.script("return window.shown")
-                visitor.key("q")
-                program.wait(20.0)
-            finally:
-                visitor.driver.quit()
+            browser.open(found[0])
+            browser.click("drop")
+            time.sleep(WARM_UP)
+            browser.script(
+                "window.shown = []; const { sandbox } = window, draw = sandbox.draw;"
+                "sandbox.draw = function () { window.shown.push(performance.now()); draw.call(this); }"
+            )
+            time.sleep(BROWSED)
+            shown = browser.script("return window.shown")
         finally:
-            program.kill()
+            browser.driver.quit()
+    finally:
+        program.terminate()
+        program.wait()
     return [(later - one) / 1000 for one, later in pairwise(shown)]

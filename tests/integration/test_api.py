@@ -220,7 +220,9 @@ def test_a_progress_is_told_of_each_stage_from_its_beginning(scene, tmp_path):
     told = []
     keys = {"lattice.points": 60, "video.seconds": 0.3, "video.size": 64}
     keys |= {"compression.method": "newton"} if scene == "compression" else {"impact.velocity": 2e-3}
-    done = run(load_scene(scene).with_(keys), tmp_path / "o", progress=lambda *what: told.append(what), video=False)
+    scene = load_scene(scene).with_(keys)
+    done = run(scene, tmp_path / "o", progress=lambda *what: told.append(what), video=False, lattices=2)
+    assert told.pop() == ("lattices", 0, 1)
     assert {stage for stage, _, _ in told} == {"simulate"} and told[0][1] == 0
     assert [now for _, now, _ in told] == sorted(now for _, now, _ in told) and told[-1][1] <= told[-1][2]
     told.clear()

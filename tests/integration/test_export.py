@@ -100,7 +100,10 @@ def test_npz_takes_no_more_memory_for_more_frames(tmp_path):
 
 def test_gsd_read_by_gsd(tmp_path):
     hoomd = pytest.importorskip("gsd.hoomd")
-    with hoomd.open(name=str(exported(tmp_path, "gsd")), mode="r") as file:
+    path = exported(tmp_path, "gsd")
+    (other := tmp_path / "other").touch()
+    assert path.stat().st_mode == other.stat().st_mode
+    with hoomd.open(name=str(path), mode="r") as file:
         assert len(file) == len(TIMES)
         for shot, t in zip(file, TIMES, strict=True):
             (x, v), true = state(t), truth(t)
@@ -155,7 +158,10 @@ def test_xyz_and_gsd_read_by_ovito(tmp_path, format):
     (x, v), true, data = state(1.0), truth(1.0), pipeline.compute(len(TIMES) - 1)
     # All that it takes for a property that it knows, and our own.
     known = {"Particle Type", "Position", "Velocity", "Velocity Magnitude", "Mass", "Radius"}
-    ours = {"gsd": {"stress"}, "xyz": {"Stress Tensor", "springs_strain", "springs_tension", "springs_energy"}}
+    ours = {
+        "gsd": {"stress"},
+        "xyz": {"Stress Tensor", "masses", "momenta", "springs_strain", "springs_tension", "springs_energy"},
+    }
     assert set(data.particles.keys()) == known | {"contact_force", "pressure"} | ours[format]
     stress = data.particles["Stress Tensor" if format == "xyz" else "stress"]
     np.testing.assert_allclose(stress, tensor(x), rtol=1e-9, atol=1e-12)
@@ -181,10 +187,11 @@ def test_xyz_read_by_ase(tmp_path):
     frames = read(exported(tmp_path, "xyz"), index=":")
     assert [atoms.info["Time"] for atoms in frames] == TIMES.tolist()
     (x, v), atoms = state(1.0), frames[-1]
-    assert atoms.get_chemical_symbols() == ["C"] * 40 + ["Si"] * (len(x) - 40) and not atoms.pbc.any()
+    assert atoms.get_chemical_symbols() == ["X"] * 40 + ["Si"] * (len(x) - 40) and not atoms.pbc.any()
     assert (np.abs(x) <= 0.5 * atoms.cell[0, 0]).all()
     np.testing.assert_allclose(atoms.positions[:, :2], x, rtol=1e-10)
-    np.testing.assert_allclose(atoms.arrays["velo"][:, :2], v, rtol=1e-10)
+    np.testing.assert_allclose(atoms.get_velocities()[:, :2], v, rtol=1e-9, atol=1e-15)
+    np.testing.assert_allclose(atoms.get_masses(), LATTICE.masses, rtol=1e-10)
     np.testing.assert_allclose(atoms.arrays["Stress"], tensor(x), rtol=1e-10, atol=1e-12)
     assert atoms.calc is None  # nothing is taken for what a calculator of atoms has found
     assert atoms.info["elastic_energy"] == pytest.approx(truth(1.0)["energy"].sum(), rel=1e-9)
@@ -193,26 +200,37 @@ def test_xyz_read_by_ase(tmp_path):
 def test_xyz_is_lines_that_can_be_read_without_a_library(tmp_path):
     lines, n = exported(tmp_path, "xyz").read_text().splitlines(), len(LATTICE.positions)
     assert len(lines) == len(TIMES) * (n + 2) and lines[0] == str(n)
-    assert [line.split()[0] for line in lines[2 : n + 2]] == ["C"] * 40 + ["Si"] * (n - 40)
+    assert [line.split()[0] for line in lines[2 : n + 2]] == ["X"] * 40 + ["Si"] * (n - 40)
     header = lines[1].partition("Properties=")[2].split()[0].split(":")
     assert header[:6] == ["species", "S", "1", "pos", "R", "3"]
     names, widths = header[3::3], [int(width) for width in header[5::3]]
     # Species are elements, and no column has a name that OVITO or ASE takes for something else.
     springs = ["springs_strain", "springs_tension", "springs_energy"]
-    assert names == ["pos", "velo", "mass", "radius", "contact_force", "Stress", "pressure", *springs]
+    assert names == [
+        "pos",
+        "velo",
+        "mass",
+        "radius",
+        "masses",
+        "momenta",
+        "contact_force",
+        "Stress",
+        "pressure",
+        *springs,
+    ]
     rows = np.array([line.split()[1:] for line in lines[-n:]], dtype=float)
     last = dict(zip(names, np.split(rows, np.cumsum(widths)[:-1], axis=1), strict=True))
     (x, v), true = state(1.0), truth(1.0)
     for name, expected in (
         ("pos", np.pad(x, ((0, 0), (0, 1)))),
         ("velo", np.pad(v, ((0, 0), (0, 1)))),
-        ("mass", LATTICE.masses[:, None]),
+        ("masses", LATTICE.masses[:, None]),
         ("radius", np.full((n, 1), BALL)),
         ("contact_force", np.pad(true["contact_force"], ((0, 0), (0, 1)))),
         ("Stress", tensor(x)),
     ):
         np.testing.assert_allclose(last[name], expected, rtol=1e-10, atol=1e-12)
-    assert last["mass"][:40].sum() == pytest.approx(1.0, rel=1e-9)  # M
+    assert last["masses"][:40].sum() == pytest.approx(1.0, rel=1e-9)  # M
     assert last["springs_energy"].sum() == pytest.approx(true["energy"].sum(), rel=1e-6)
     at = (LATTICE.bonds == 7).any(axis=1)
     assert last["springs_strain"][7, 0] == pytest.approx(true["strain"][at].mean(), rel=1e-9)

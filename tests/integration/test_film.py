@@ -47,7 +47,7 @@ def run():
 
 
 def video(**keys):
-    keys = {"size": SIZE, "fps": 10, "seconds": 1} | keys
+    keys = {"size": SIZE, "fps": 10, "seconds": 1, "panel": "false", "magnify": 1} | keys
     return load_scene("exponential_wall", [f"video.{key}={value}" for key, value in keys.items()]).video
 
 
@@ -270,7 +270,7 @@ def test_a_moment_that_is_none_is_told_with_those_that_are(run, tmp_path, span):
 @needs_vulkan
 def test_a_single_picture_of_a_comparison_shows_the_whole_of_a_disk_that_has_left_already(tmp_path):
     slow, fast = (api.run(load_scene("exponential_wall").with_(points=60, velocity=v, eta_star=0)) for v in (0.02, 0.3))
-    slow.film(tmp_path / "both.png", beside=fast, size=360, draw="field")
+    slow.film(tmp_path / "both.png", beside=fast, size=360, draw="field", panel=False)
     picture = np.asarray(Image.open(tmp_path / "both.png")).astype(float)[76:280, 360:]  # between the words
     inked = (np.abs(picture - 255 * np.array(THEMES["light"].ground)).max(axis=2) > 20).sum(axis=1)
     assert 0 < inked[np.flatnonzero(inked)[0]] < 120  # its top, no cut through its middle
@@ -292,11 +292,27 @@ def test_a_compression_that_looks_like_nothing_is_seen_where_displacements_are_d
     pressed = api.run(load_scene("compression", ["lattice.points=60", "compression.method=newton"]))
     flatness = []
     for factor in (1.0, 30.0):
-        file = pressed.film(tmp_path / f"{factor}.png", magnify=factor, draw="field", size=360)
+        file = pressed.film(tmp_path / f"{factor}.png", magnify=factor, draw="field", size=360, panel=False)
         disk = np.asarray(Image.open(file).convert("RGB")).astype(int)[110:-72]  # above the wall
         inked = np.abs(disk - disk[0, 0]).sum(axis=2) > 60
         flatness.append(inked.any(axis=1).sum() / inked.any(axis=0).sum())
     assert flatness[1] < 0.9 * flatness[0]
+
+
+@needs_vulkan
+def test_by_itself_a_film_shows_a_flattening_of_a_twentieth_of_r_and_says_how(tmp_path, monkeypatch):
+    said, pictures = [], Legend.__init__
+    monkeypatch.setattr(
+        Legend, "__init__", lambda self, painter, *rest: said.append(painter) or pictures(self, painter, *rest)
+    )
+    pressed = api.run(load_scene("compression", ["lattice.points=60", "compression.method=newton"]))
+    pressed.film(tmp_path / "picture.png", size=240)
+    (painter,) = said
+    x, n = pressed.state(1.0).positions, 60
+    low = lambda y: y.mean() - y.min()  # noqa: E731
+    seen = low(pressed.lattice.positions[:n, 1]) - low(painter.placed(x)[:n, 1])
+    assert painter.magnify > 1.0 and f"displacements × {painter.magnify:g}" in painter.remarks
+    assert seen == pytest.approx(0.05, rel=0.35)  # the factor is a round number
 
 
 def test_a_compression_begins_with_no_minus_before_its_zero():

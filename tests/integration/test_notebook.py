@@ -3,73 +3,116 @@
 from __future__ import annotations
 
 import asyncio
+import base64
 import builtins
-import io
+import json
 import re
-import signal
 import subprocess
 import sys
+from collections.abc import Awaitable, Callable
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-from PIL import Image
 
 from taichi_disk import load_sweep, run, run_sweep
 from taichi_disk.errors import InputError, TaichiDiskError
 from taichi_disk.progress import reported
 from taichi_disk.render import film_problem
+from taichi_disk.window.session import HEADER
+from tests.browser import MISSING, Browser
 
 SETTINGS = ["lattice.points=60", "impact.velocity=0.05"]
 
 
-@pytest.mark.skipif(film_problem() is not None, reason="no Vulkan driver")
-def test_a_widget_is_played_with_while_cells_make_films(tmp_path: Path) -> None:
+def played(settings: list[str], act: Callable[[Any, Callable[..., None], list[Any]], Awaitable[None]]) -> None:
+    """Let `act` play with a widget as its view does: it is given the widget, what says something, what was sent."""
     from taichi_disk.notebook import Sandbox
 
-    sent: list[bytes] = []
-
     async def notebook() -> None:
-        sandbox = Sandbox("exponential_wall", SETTINGS, tmp_path / "out")
+        sandbox, sent = Sandbox("exponential_wall", settings), list[Any]()
+
+        def say(kind: str, **more: Any) -> None:
+            sandbox._hear(sandbox, {"visitor": 0.5, "do": kind} | more, [])
 
         def send(message: dict[str, Any], buffers: list[bytes]) -> None:
-            sent.extend(buffers)
-            sandbox._frame_feedback = {"index": message["index"], "timestamp": 0.0, "localtime": 0.0}
+            sent.append(message.get("text") or buffers[0])
+            if buffers:
+                say("seen", number=HEADER.unpack(buffers[0][: HEADER.size])[0])
 
-        async def until(condition: Any) -> None:
-            for _ in range(600):
-                if condition():
-                    return
-                await asyncio.sleep(0.05)
-            raise AssertionError("it does not come to that")
-
-        def tell(kind: str, **more: Any) -> None:
-            sandbox._rfb_handle_msg(sandbox, {"type": kind, "timestamp": 0.0} | more, [])
-
-        sandbox.send, sandbox._has_visible_views = send, True
-        tell("resize", pwidth=900, pheight=700, ratio=1)
-        await until(lambda: sent)
-        for kind in ("key_down", "key_up") * 30:  # faster
-            tell(kind, key="f", modifiers=[])
-        tell("key_down", key=" ", modifiers=[])
-        await until(lambda: sandbox.results)
-        # A cell takes the window for a film; the widget has it again afterwards.
-        result = run(sandbox.scene, video=False)
-        result.film(tmp_path / "one.png")
-        shown = len(sent)
-        tell("key_down", key="t", modifiers=[])
-        await until(lambda: len(sent) > shown + 1)
-        assert sandbox.results[0].value == result.summary["restitution"]
-        assert sandbox.scene.video.theme == "dark" and (tmp_path / "one.png").exists()
+        sandbox.send = send
+        say("open")
+        await act(sandbox, say, sent)
         sandbox.close()
-        assert sandbox.get_closed()
 
-    handler = signal.getsignal(signal.SIGINT)
     asyncio.run(notebook())
-    signal.signal(signal.SIGINT, handler)  # rendercanvas takes Ctrl-C, and gives it back to a loop that has ended
-    picture = np.asarray(Image.open(io.BytesIO(sent[-1])).convert("RGB"))
-    assert picture.shape == (700, 900, 3) and picture[2, 500].max() < 40  # dark
+
+
+async def until(condition: Callable[[], object]) -> None:
+    for _ in range(1200):
+        if condition():
+            return
+        await asyncio.sleep(0.05)
+    raise AssertionError("it does not come to that")
+
+
+def test_a_widget_is_played_with_while_cells_compute(tmp_path: Path) -> None:
+    async def act(sandbox: Any, say: Callable[..., None], sent: list[Any]) -> None:
+        say("speed", value=10.0)
+        say("press", key="space")
+        await until(lambda: sandbox.results)
+        result = run(sandbox.scene, video=False)  # a cell
+        assert sandbox.results[0].value == result.summary["restitution"]
+        say("press", key="t")
+        await until(lambda: sandbox.scene.video.theme == "dark")
+        say("unheard of")
+        states = len(sent)
+        say("close")
+        say("press", key="t")
+        await asyncio.sleep(0.2)
+        assert len(sent) <= states + 1 and sandbox.scene.video.theme == "dark"
+
+    played(SETTINGS, act)
+
+
+@pytest.mark.validate
+@pytest.mark.skipif(bool(MISSING), reason=MISSING)
+def test_the_widget_s_module_shows_the_sandbox_in_a_browser(tmp_path: Path) -> None:
+    async def act(sandbox: Any, say: Callable[..., None], sent: list[Any]) -> None:
+        await until(lambda: any(isinstance(one, bytes) for one in sent))
+        # A page that does what a notebook's front end does with the module: it loads it, and hands messages on.
+        messages = [one if isinstance(one, str) else {"bytes": base64.b64encode(one).decode()} for one in sent]
+        module = base64.b64encode(sandbox._esm.encode()).decode()
+        (tmp_path / "cell.html").write_text(
+            f"""<body style="margin: 0"><div id="cell"></div><script type="module">
+            const bytes = (text) => Uint8Array.from(atob(text), (letter) => letter.charCodeAt(0));
+            const module = URL.createObjectURL(new Blob([bytes("{module}")], {{ type: "text/javascript" }}));
+            const widget = (await import(module)).default, said = window.said = [];
+            let hear;
+            const send = (message) => said.push(message);
+            const model = {{ get: () => 700, send, on: (_, act) => (hear = act), off() {{}} }};
+            widget.render({{ model, el: document.getElementById("cell") }});
+            for (const one of {json.dumps(messages)}) {{
+              const to = said[0].visitor;
+              if (typeof one === "string") hear({{ to, text: one }}, []);
+              else hear({{ to }}, [new DataView(bytes(one.bytes).buffer)]);
+            }}
+            </script>""",
+            encoding="utf-8",
+        )
+        browser = Browser((800, 720))
+        try:
+            browser.driver.get(f"file://{tmp_path}/cell.html")
+            browser.wait(lambda: browser.script("return window.said?.some((one) => one.do === 'seen')"))
+            inside = "document.getElementById('cell').shadowRoot.getElementById"
+            assert browser.script(f"return {inside}('drop').textContent") == "Drop"
+            browser.script(f"{inside}('drop').click()")
+            assert browser.script("return window.said.at(-1).key") == "space" and browser.errors() == []
+        finally:
+            browser.driver.quit()
+
+    played(SETTINGS, act)
 
 
 def test_without_the_extra_the_message_names_it() -> None:

@@ -105,8 +105,8 @@ def test_a_spin_that_strong_dashpots_damp_is_no_blow_up_and_e_is_that_of_dop853(
 
 def test_velocities_of_ones_own_are_those_of_a_scene_with_their_speed(kernels):
     fast = load_scene("exponential_wall", ["lattice.points=40", "impact.velocity=0.5"])
-    own, scene = fast.with_(velocity=0.01).scenario(), fast.scenario()
-    own.start_with(scene.velocities.copy())
+    scene = fast.scenario()
+    own = fast.with_(velocity=0.01).scenario(velocities=scene.velocities.copy())
     columns = [compute(one, fast.time, kernels=kernels, estimate=False).columns for one in (own, scene)]
     assert own.result(columns[0]) == scene.result(columns[1])
     assert_array_equal(columns[0]["wall_force"], columns[1]["wall_force"])
@@ -192,8 +192,7 @@ def test_a_flight_along_the_rigid_wall_changes_nothing(kernels):
     scene = load_scene("exponential_wall", ["lattice.points=60"])
     ends = []
     for along in (0.0, 0.2):
-        scenario = scene.scenario()
-        scenario.start_with(scenario.velocities + [along, 0.0])
+        scenario = scene.scenario(velocities=scene.scenario().velocities + [along, 0.0])
         columns = compute(scenario, scene.time, kernels=kernels, estimate=False).columns
         ends.append((columns["t"][-1], columns["com_vy"][-1]))
     assert ends[1] == pytest.approx(ends[0], rel=1e-6)

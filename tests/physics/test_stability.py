@@ -11,7 +11,7 @@ from bodies import ELASTIC, FREE, RIGID, computed, disk, disk_and_wall, unlike
 from scipy.integrate import solve_ivp
 
 from taichi_disk.computation.stability import explicit_limit, impact_point_force, spectrum, step_limit
-from taichi_disk.computation.step_control import MARGIN
+from taichi_disk.computation.step_control import LIMIT_MARGIN
 from taichi_disk.integrators import INTEGRATORS, VELOCITY_VERLET
 from taichi_disk.physics import ExponentialWall, Model, Springs
 
@@ -120,5 +120,5 @@ def test_the_force_on_a_point_is_foreseen_as_well_as_the_margin_of_the_step_asks
     integrator = INTEGRATORS[outcome.summary["integrator"]]
     # The wall's stiffness a F makes up at most all of omega^2, and the step goes as its root.
     peak, modes = outcome.largest_push, spectrum(scenario.lattice, scenario.model)
-    assert 0.4 < peak / scenario.point_force < (MARGIN / 0.8) ** 2
+    assert 0.4 < peak / scenario.point_force < (LIMIT_MARGIN / 0.8) ** 2
     assert outcome.summary["dt_limit"] == step_limit(modes, scenario.model, integrator, peak)

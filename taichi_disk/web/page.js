@@ -1,0 +1,23 @@
+// The page that `taichi-disk view` serves: the sandbox over a websocket, which opens again after a sleep.
+
+import { Sandbox } from "./sandbox.js";
+
+let socket, wait = 250;
+
+const send = (message) => socket.readyState === WebSocket.OPEN && socket.send(JSON.stringify(message));
+const sandbox = (window.sandbox = new Sandbox(document.querySelector(".sandbox"), document, send));
+
+function open() {
+  socket = new WebSocket(location.href.replace(/^http/, "ws").replace(/[?#].*/, "") + "socket");
+  socket.binaryType = "arraybuffer";
+  socket.onmessage = ({ data }) => sandbox.receive(data);
+  socket.onopen = () => {
+    wait = 250;
+    sandbox.connected(true);
+  };
+  socket.onclose = () => {
+    sandbox.connected(false);
+    setTimeout(open, (wait = Math.min(2 * wait, 4000)));
+  };
+}
+open();

@@ -1,0 +1,629 @@
+"""The page: who may come, what may be said, how fast states are sent; and the real one, played with in Chromium."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import os
+import random
+import re
+import shutil
+import signal
+import socket
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from taichi_disk.cli import main
+from taichi_disk.computation.outcome import compute
+from taichi_disk.scenes import load_scene
+from taichi_disk.simulation.observables import INDEX
+from taichi_disk.simulation.simulation import KernelCache
+from taichi_disk.window.audience import Audience, Visitor
+from taichi_disk.window.commands import understood
+from taichi_disk.window.controls import CHOICES, RANGES, Entry
+from taichi_disk.window.graphs import CURVES
+from taichi_disk.window.server import Page
+from taichi_disk.window.session import HEADER, Session
+from tests.browser import MISSING, Browser
+
+WEB = Path(__file__).parents[2] / "taichi_disk" / "web"
+SETTINGS = ["lattice.points=120", "impact.velocity=0.05", "material.eta_star=1"]
+WALL = ["lattice.points=120", "impact.velocity=0.05", "wall.points=160", "wall.threshold=0.11"]
+
+
+@pytest.fixture
+def session(kernels: KernelCache) -> Session:
+    scenes = [("exponential_wall", SETTINGS), ("absorbing_wall", WALL), ("compression", SETTINGS[:1])]
+    return Session([Entry(name, "Look.", partial(load_scene, name, own)) for name, own in scenes], kernels)
+
+
+def say(session: Session, kind: str, **more: Any) -> None:
+    """As a page does, through the check of messages."""
+    message = understood(json.dumps({"do": kind} | more))
+    assert message
+    session.hear(message)
+    session.advance()
+
+
+def panel(session: Session) -> dict[str, Any]:
+    return dict(json.loads(session.texts["panel"]))
+
+
+# ---- the door
+
+
+class Request:
+    """What `websockets` knows of a request."""
+
+    def __init__(self, path: str, **headers: str) -> None:
+        self.path, self.headers = path, headers
+
+
+def knock(page: Page, path: str, **headers: str) -> int:
+    """The status of the answer; 101 where a websocket is opened."""
+    answer = page.answer(None, Request(path, **headers))  # type: ignore[arg-type]
+    return answer.status_code if answer else 101
+
+
+@pytest.fixture
+def page(session: Session) -> Page:
+    return Page(session, "secret")
+
+
+@pytest.mark.parametrize(
+    "path", ["/", "//", "/secre/", "/secret2/", "/SECRET/", "//secret/", "/ü/", "/index.html", "*", "/secre%74/", ""]
+)
+def test_without_the_token_nothing_is_served(page: Page, path: str) -> None:
+    assert knock(page, path) == 403
+    socket_headers = {"Upgrade": "websocket", "Host": "127.0.0.1:1", "Origin": "http://127.0.0.1:1"}
+    assert knock(page, path, **socket_headers) == 403
+
+
+@pytest.mark.parametrize(
+    ("path", "origin", "status"),
+    [
+        ("/secret/socket", "http://127.0.0.1:1", 101),
+        ("/secret/socket", "http://evil.example", 403),
+        ("/secret/socket", "http://127.0.0.1:12", 403),
+        ("/secret/socket", "null", 403),
+        ("/secret/socket", "", 403),
+        ("/secret/", "http://127.0.0.1:1", 403),
+    ],
+)
+def test_a_websocket_is_for_the_page_s_own_origin(page: Page, path: str, origin: str, status: int) -> None:
+    assert knock(page, path, Upgrade="websocket", Host="127.0.0.1:1", Origin=origin) == status
+
+
+def test_the_page_s_own_files_are_served_and_no_others(page: Page) -> None:
+    answer = page.answer(None, Request("/secret/"))  # type: ignore[arg-type]
+    assert answer and answer.status_code == 200 and answer.body == (WEB / "index.html").read_bytes()
+    names = set(re.findall(r'(?:from |src=|href=)"(?:\./)?([\w.]+)"', (WEB / "index.html").read_text()))
+    for name in names | {one.name for one in WEB.glob("*.js")}:
+        assert knock(page, f"/secret/{name}") == 200
+    assert knock(page, "/secret") == 307
+    for name in ("drawing.py", "../cli.py", "%2e%2e/cli.py", "a" * 4000 + ".js", "9" * 4000, "socket", "./page.js"):
+        assert knock(page, f"/secret/{name}") == 404
+
+
+# ---- messages
+
+
+def test_messages_that_no_page_sends_are_ignored_and_counted(session: Session) -> None:
+    audience = Audience(session)
+    bad = ["", "{", "[1]", "null", "[" * 1000, '{"do": "close"}', '{"do": ["press"]}', b"\0", '{"do": "press"}']
+    for pull in ({"x": 1}, {"x": 1, "y": None}, {"x": 1, "y": 1e9}, {"x": 1, "y": float("nan")}):
+        bad.append(json.dumps({"do": "pull"} | pull))
+    for key, value in (
+        ("impact.gap", 1.0),
+        ("wall.a", "soft"),
+        ("video.colour", 3),
+        ("lattice.seed", 3),
+        ("wall.a", 1e99),
+    ):
+        bad.append(json.dumps({"do": "set", "key": key, "value": value}))
+    bad.append(json.dumps({"do": "press", "key": "x" * 50}))
+
+    async def visit() -> None:
+        visitor = Visitor(lambda message: asyncio.sleep(0))
+        audience.join(visitor)
+        for text in bad:
+            audience.hear(visitor, text)
+        audience.leave(visitor)
+
+    before = session.sandbox.scene
+    asyncio.run(visit())
+    session.advance()
+    assert audience.ignored == len(bad) and session.sandbox.scene is before
+
+
+def test_no_message_makes_an_error(session: Session) -> None:
+    choose = random.Random(2)
+    values = [None, True, -1, 1e300, 0.3, 2, "x", "", [], {}, float("nan"), "\ud800", 2**70, "axial", "shear", "pinned"]
+    keys = [*RANGES, *CHOICES, "video.magnify", "impact.gap", "", *session.controls.actions]
+    kinds = (
+        "play",
+        "speed",
+        "scrub",
+        "turn",
+        "aim",
+        "throw",
+        "pull",
+        "release",
+        "rescale",
+        "collect",
+        "clear",
+        "press",
+    )
+    heard = 0
+    end = time.monotonic() + 2.0
+    while time.monotonic() < end:
+        message: dict[str, Any] = {"do": choose.choice([*kinds, "set", "set", "what"]), "key": choose.choice(keys)}
+        for name in ("value", "number", "t", "angle", "final", "dx", "dy", "x", "y"):
+            message[name] = choose.choice([choose.uniform(-2.0, 3.0), choose.choice(values)])
+        understood(json.dumps(message)[: choose.randrange(60)])
+        if found := understood(json.dumps(message)):
+            message_points = found.get("key") == "lattice.points"
+            found |= {"value": 60 + abs(found["value"]) % 60} if message_points and found["do"] == "set" else {}
+            session.hear(found)
+            heard += 1
+            if choose.random() < 0.5:
+                session.advance()
+    assert heard > 20 and len(session.state) > HEADER.size
+
+
+def test_a_slider_that_is_held_while_the_scene_changes_is_let_be(session: Session) -> None:
+    say(session, "play", number=2)  # a compression
+    say(session, "set", key="impact.velocity", value=0.03)
+    say(session, "set", key="wall.boundary", value="pinned")
+    assert panel(session)["name"] == "compression" and not panel(session)["message"]
+    say(session, "set", key="compression.pressure", value=0.0123456)  # a number that was typed keeps its digits
+    assert session.sandbox.scene.compression.pressure == 0.0123456  # type: ignore[attr-defined]
+
+
+# ---- states
+
+
+def unpacked(session: Session) -> tuple[tuple[Any, ...], np.ndarray]:
+    header = HEADER.unpack(session.state[: HEADER.size])
+    points, forces, values = header[3], header[4], header[6]
+    count = len(INDEX) + len(CURVES) + 2 * points + values + 3 * forces
+    return header, np.frombuffer(session.state, "<f4", count, HEADER.size)
+
+
+def test_a_state_holds_what_the_sandbox_sees(session: Session) -> None:
+    say(session, "press", key="space")
+    while session.sandbox.seen.values["wall_force"] < 1e-3:
+        session.advance()
+    (number, _, t, points, forces, pulled, *_), floats = unpacked(session)
+    seen = session.sandbox.seen
+    assert number == session.number and t == seen.t and points == len(seen.x) and forces > 0 and pulled == -1
+    np.testing.assert_allclose(floats[: len(INDEX)], seen.row, rtol=1e-6)
+    x = floats[len(INDEX) + len(CURVES) :][: 2 * points].reshape(-1, 2)
+    np.testing.assert_allclose(x, seen.x, rtol=1e-6, atol=1e-6)
+    energies = floats[len(INDEX) :][:5]
+    assert energies.sum() == pytest.approx(session.sandbox.segment.scenario.energy, rel=1e-4)
+    graphs = json.loads(session.texts["graphs"])
+    assert len(graphs["values"]) == len(CURVES) and graphs["t"][0] == 0.0
+
+
+@pytest.mark.skipif(not shutil.which("node"), reason="no node")
+def test_the_page_s_modules_parse_and_read_a_state_as_it_was_packed(session: Session, tmp_path: Path) -> None:
+    for module in WEB.glob("*.js"):
+        done = subprocess.run(["node", "--check", module], capture_output=True, text=True)
+        assert done.returncode == 0, done.stderr
+    (tmp_path / "state").write_bytes(session.state)
+    (tmp_path / "message.mjs").write_text((WEB / "message.js").read_text(encoding="utf-8"), encoding="utf-8")
+    (tmp_path / "read.mjs").write_text(
+        "import { readFileSync } from 'fs'; import { unpacked } from './message.mjs';"
+        "const bytes = readFileSync('state');"
+        "const buffer = bytes.buffer.slice(bytes.byteOffset, bytes.byteOffset + bytes.length);"
+        f"const state = unpacked(buffer, {json.dumps([*INDEX])}, {len(CURVES)});"
+        "console.log(JSON.stringify([state.number, state.t, state.row.com_y, state.x.length, state.caption]))"
+    )
+    read = subprocess.run(["node", "read.mjs"], cwd=tmp_path, capture_output=True, text=True, check=True).stdout
+    number, t, com_y, length, caption = json.loads(read)
+    seen = session.sandbox.seen
+    assert (number, t, length) == (session.number, seen.t, 2 * len(seen.x)) and com_y == pytest.approx(
+        seen.values["com_y"]
+    )
+    assert caption.startswith("t = ")
+
+
+def test_the_panel_shows_every_warning_of_a_run_and_whether_the_user_interfered(session: Session) -> None:
+    assert any("per point" in one for one in panel(session)["warnings"])  # 120 points with the paper's eta*
+    assert panel(session)["status"] == "same as taichi-disk run"
+    say(session, "press", key="space")
+    while session.sandbox.at_start:
+        session.advance()
+    say(session, "set", key="material.eta_star", value=3.0)
+    assert panel(session)["status"] == "disturbed"
+    dashpot = next(one for one in panel(session)["choices"] if one["key"] == "material.dashpot")
+    assert dashpot["options"] == ["vector", "axial"]
+    say(session, "set", key="material.dashpot", value="axial")
+    assert session.sandbox.segment.scenario.model.springs.axial and panel(session)["status"].startswith("same")
+
+
+def test_a_curve_is_collected_by_itself_and_stops_when_asked(session: Session) -> None:
+    say(session, "collect")
+    while len(session.sandbox.results) < 2:
+        session.advance()
+    first, second = panel(session)["results"]
+    assert first["load"] > second["load"] and not first["disturbance"]
+    scene = load_scene("exponential_wall", [*SETTINGS, f"impact.velocity={first['load']}"])
+    scenario = scene.scenario()
+    outcome = compute(scenario, scene.time, kernels=session.sandbox.kernels)
+    assert first["value"] == scenario.primary(outcome.columns)[1]  # in all digits
+    say(session, "collect")
+    assert not session.sandbox.collected
+    say(session, "clear")
+    assert panel(session)["results"] == []
+
+
+def test_the_colour_scale_grows_and_is_taken_anew_when_asked(session: Session) -> None:
+    say(session, "press", key="space")
+    grown = []
+    while not session.sandbox.paused:
+        session.advance()
+        grown.append(session.scales.colour)
+    assert (np.diff(grown) >= 0.0).all() and grown[-1] > grown[0]
+    say(session, "rescale")
+    for _ in range(5):
+        session.advance()
+    assert session.scales.colour < grown[-1]
+
+
+# ---- visitors
+
+
+class Reader:
+    """A page without a browser: keeps what it is sent, and draws when it is told to."""
+
+    def __init__(self, audience: Audience) -> None:
+        self.audience, self.texts, self.numbers = audience, dict[str, Any](), list[int]()
+        self.visitor = Visitor(self.take)
+        audience.join(self.visitor)
+
+    async def take(self, message: str | bytes) -> None:
+        if isinstance(message, bytes):
+            self.numbers.append(HEADER.unpack(message[: HEADER.size])[0])
+        else:
+            content = json.loads(message)
+            self.texts[content["kind"]] = content
+
+    def say(self, kind: str, **more: Any) -> None:
+        self.audience.hear(self.visitor, json.dumps({"do": kind} | more))
+
+    async def draw(self, pictures: int) -> None:
+        for _ in range(pictures):
+            await asyncio.sleep(0.01)
+            if self.numbers:
+                self.say("seen", number=self.numbers[-1])
+
+    @property
+    def plays(self) -> bool:
+        return bool(self.texts["role"]["plays"])
+
+
+def test_a_page_gets_no_more_states_than_it_draws_and_holds_up_nobody(session: Session) -> None:
+    async def visit() -> None:
+        audience = Audience(session)
+        player, sleeper = Reader(audience), Reader(audience)
+        player.say("press", key="space")
+        await player.draw(60)
+        assert len(player.numbers) > 10 and len(sleeper.numbers) <= 2
+        sleeper.say("seen", number=sleeper.numbers[-1])
+        await asyncio.sleep(0.05)
+        assert (
+            len(sleeper.numbers) <= 4 and sleeper.numbers[-1] >= player.numbers[-3]
+        )  # the latest, not the missed ones
+        t = session.sandbox.seen.t
+        await asyncio.sleep(0.3)  # the player's page is hidden
+        assert session.sandbox.seen.t == t
+        for one in (sleeper, player):
+            audience.leave(one.visitor)
+
+    asyncio.run(visit())
+
+
+def test_the_first_visitor_plays_the_next_one_follows_and_the_last_one_pauses(session: Session) -> None:
+    async def visit() -> None:
+        audience, sandbox = Audience(session), session.sandbox
+        player, watcher, guest = (Reader(audience) for _ in range(3))
+        player.say("press", key="space")
+        for _ in range(3):
+            await player.draw(2)
+        player.say("pull", x=0.0, y=2.5)
+        await player.draw(3)
+        assert sandbox.dragged and not sandbox.paused and player.plays and not watcher.plays
+        watcher.say("press", key="n")
+        watcher.say("release")
+        audience.leave(guest.visitor)
+        await player.draw(3)
+        assert sandbox.dragged and session.controls.number == 0  # a watcher changes nothing, nor by leaving
+        audience.leave(player.visitor)
+        assert not sandbox.dragged and not sandbox.paused
+        await watcher.draw(3)
+        assert watcher.plays
+        watcher.say("press", key="n")
+        await watcher.draw(3)
+        assert session.controls.number == 1
+        watcher.say("press", key="space")
+        await watcher.draw(3)
+        assert not sandbox.paused
+        audience.leave(watcher.visitor)
+        assert sandbox.paused
+
+    asyncio.run(visit())
+
+
+def test_a_port_that_is_taken_is_told(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    with socket.create_server(("127.0.0.1", 0)) as taken:
+        port = str(taken.getsockname()[1])
+        assert main(["view", "--set", "lattice.points=60", "--no-open", "--port", port]) == 1
+    assert f"port {port}" in (said := capsys.readouterr().err) and "--port" in said
+
+
+# ---- the real one
+
+
+@pytest.fixture
+def served(tmp_path: Path) -> Iterator[tuple[subprocess.Popen[str], str]]:
+    """The program, on a machine without display and Vulkan, and its address."""
+    environment = {name: value for name, value in os.environ.items() if name != "DISPLAY"}
+    environment |= {"PYTHONPATH": str(WEB.parents[1]), "VK_ICD_FILENAMES": "/nonexistent"}
+    command = [sys.executable, "-m", "taichi_disk", "view", *(f"--set={one}" for one in SETTINGS)]
+    pipes: dict[str, Any] = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
+    program = subprocess.Popen(command, env=environment, cwd=tmp_path, **pipes)
+    assert program.stdout
+    try:
+        found = re.search(r"http://\S+/", program.stdout.readline())
+        assert found, program.communicate()[1]
+        yield program, found[0]
+    finally:
+        program.kill()
+        program.communicate()
+
+
+@pytest.fixture
+def browser() -> Iterator[Browser]:
+    if MISSING:
+        if os.environ.get("CI"):
+            pytest.fail(f"the page cannot be tested: {MISSING}")
+        pytest.skip(f"the page is not tested: {MISSING}")
+    one = Browser()
+    yield one
+    one.driver.quit()
+
+
+def ended(program: subprocess.Popen[str], number: int = signal.SIGTERM) -> str:
+    """End the program by a signal; what it said on stderr."""
+    program.send_signal(number)
+    said = program.communicate(timeout=30)[1]
+    assert program.returncode == 130 and "Traceback" not in said
+    return said
+
+
+def test_a_signal_right_after_the_address_ends_the_program(served: tuple[subprocess.Popen[str], str]) -> None:
+    ended(served[0])
+
+
+def test_the_page_opens_obeys_and_computes_what_run_does(
+    served: tuple[subprocess.Popen[str], str], browser: Browser, kernels: KernelCache, tmp_path: Path
+) -> None:
+    program, url = served
+    browser.open(url)
+    assert browser.colours() > 50  # field, wall, scale
+
+    # A slider, a number that is typed, degrees, a drag that turns the disk, one that aims.
+    browser.lead("material.eta_star", 300)
+    assert browser.wait(lambda: browser.number("material.eta_star") == 30)
+    browser.type("material.eta_star", "2,5")
+    assert browser.wait(lambda: browser.setting("eta_star") == 2.5)
+    (left, top), disk = browser.disk()
+    browser.drag((left, top - 60), (left + 70, top - 20))
+    assert browser.wait(lambda: 0.1 < abs(browser.setting("turn")) < 3.0)
+    browser.drag((left + disk + 60, top), (left + disk + 90, top + 60))
+    assert browser.wait(lambda: browser.setting("angle") == pytest.approx(np.arctan2(30, 60), abs=0.02))
+    browser.type("impact.angle", "0")
+    browser.wait(lambda: browser.setting("angle") == 0.0)
+
+    # It comes to the end that `run` computes, in all digits.
+    scene = load_scene(browser.yaml(tmp_path / "scene.yaml"))
+    browser.click("drop")
+    scenario = scene.scenario()
+    e = scenario.primary(compute(scenario, scene.time, kernels=kernels).columns)[1]
+    result = browser.wait(lambda: (found := browser.results()) and found[0], 60.0)
+    assert result["value"] == e and result["disturbance"] == ""
+
+    # Back in time by a graph and by a key; pulling from there is a disturbance.
+    end = browser.state("t")
+    browser.drag_in("energy", 0.4, 0.3)
+    assert browser.wait(lambda: 0.0 < browser.state("t") < 0.8 * end)
+    there = browser.state("t")
+    browser.key("\ue012")  # the left arrow
+    assert browser.wait(lambda: browser.state("t") < there)
+    browser.drag((left, top), (left + 80, top - 60))
+    assert browser.wait(lambda: "disturbed" in browser.text("status"))
+    assert browser.errors() == []
+    assert "ignored" not in ended(program)
+
+
+@pytest.mark.validate
+def test_every_control_of_the_page_does_what_it_says(
+    served: tuple[subprocess.Popen[str], str], browser: Browser
+) -> None:
+    program, url = served
+    browser.open(url)
+    for key in browser.script("return [...document.querySelectorAll('.slider')].map(one => one.dataset.key)"):
+        before = browser.number(key)
+        browser.lead(key, 700)
+        assert browser.wait(lambda key=key, before=before: browser.number(key) != before), key
+    browser.click("start")
+    for key, choice in (
+        ("video.colour", "pressure"),
+        ("video.draw", "springs"),
+        ("video.theme", "dark"),
+        ("material.dashpot", "axial"),
+    ):
+        browser.choose(key, choice)
+        assert browser.wait(
+            lambda key=key, choice=choice: f" {choice}" in browser.setting(key.split(".")[1], word=True)
+        )
+    for identity in ("forces", "outline", "path", "arrow", "follow", "slow"):
+        browser.click(identity)
+        browser.click(identity)
+    looks = ["closer", "farther", "contact", "all", "rescale"]
+    for identity in (*looks, "lattice", "hit", "back", "forth", "picture", "film", "film", "yaml"):
+        browser.click(identity)
+        time.sleep(0.3)
+    for name in ("disk.png", "scene.yaml"):
+        browser.wait(lambda name=name: browser.downloaded(name))
+    browser.wait(lambda: browser.downloaded("disk.webm") or browser.downloaded("disk.mp4"))
+    assert browser.downloaded("disk.png").read_bytes()[:4] == b"\x89PNG"
+    browser.click("scenes")
+    entries = browser.script("return [...document.querySelectorAll('#entries button')].map(one => one.textContent)")
+    assert len(entries) >= 21 and all(len(one) > 30 for one in entries)
+    browser.script("document.querySelectorAll('#entries button')[7].click()")
+    assert browser.wait(lambda: "flattens" in browser.text("sentence"), 60.0)
+    browser.wait(lambda: browser.script("return document.getElementById('drop').textContent") == "Load")
+    browser.key("?")
+    assert browser.script("return document.getElementById('keys').open")
+    assert browser.errors() == []
+    ended(program)
+
+
+@pytest.mark.validate
+def test_the_page_reloads_a_second_visitor_watches_and_it_connects_again(
+    served: tuple[subprocess.Popen[str], str], browser: Browser
+) -> None:
+    program, url = served
+    browser.open(url)
+    browser.click("drop")
+    browser.wait(lambda: browser.state("t") > 1.0)
+    browser.open(url)  # again
+    assert browser.state("t") > 1.0 and browser.text("drop") == "Go on"  # paused: nobody was there
+    watcher = Browser((800, 700))
+    try:
+        watcher.open(url)
+        assert "watching" in watcher.text("role")
+        watcher.key("n")
+        assert browser.wait(lambda: browser.text("role") == "")
+        browser.driver.get("about:blank")
+        watcher.wait(lambda: watcher.text("role") == "")  # who watched plays now
+        wrong = url.rstrip("/")[:-3] + "/"
+        browser.driver.get(wrong)
+        assert "whole address" in browser.script("return document.body.textContent")
+        program.send_signal(signal.SIGTERM)
+        watcher.wait(lambda: "does not answer" in watcher.text("role"))
+    finally:
+        watcher.driver.quit()
+
+
+LAYOUTS = [(1400, 900), (1024, 768), (768, 1024), (390, 844)]
+
+
+@pytest.mark.validate
+def test_every_layout_is_free_of_overlaps_small_letters_and_small_targets(
+    served: tuple[subprocess.Popen[str], str], browser: Browser
+) -> None:
+    from axe_selenium_python import Axe
+
+    program, url = served
+    browser.open(url)
+    for theme in ("light", "dark"):
+        browser.choose("video.theme", theme)
+        for size in LAYOUTS:
+            browser.resize(size)
+            for tab in ("experiment", "view", "graphs", "results"):
+                browser.script(f"document.querySelector('.tabs [data-tab={tab}]').click()")
+                time.sleep(0.3)
+                assert browser.script(FAULTS) == [], (theme, size, tab)
+    axe = Axe(browser.driver)
+    axe.inject()
+    for opening in ("", "scenes", "help"):
+        if opening:
+            browser.click(opening)
+        found = [one for one in axe.run()["violations"] if one["impact"] in ("serious", "critical")]
+        assert found == [], [(one["id"], one["nodes"][0]["html"][:200]) for one in found]
+        browser.script("for (const one of document.querySelectorAll('dialog')) one.close()")
+    ended(program)
+
+
+FAULTS = """
+const found = [], box = (one) => one.getBoundingClientRect(), root = document.documentElement;
+const start = (one) => one.outerHTML.slice(0, 80);
+if (root.scrollWidth > innerWidth || root.scrollHeight > innerHeight) found.push("the page scrolls");
+const seen = [...document.querySelectorAll("main *")].filter((one) =>
+  one.checkVisibility({ visibilityProperty: true }) && !one.closest("dialog"));
+for (const one of seen) {
+  const words = [...one.childNodes].some((node) => node.nodeType === 3 && node.data.trim());
+  if (words && parseFloat(getComputedStyle(one).fontSize) < 12) found.push("small letters: " + start(one));
+}
+const controls = seen.filter((one) => one.matches("button, select, input"));
+for (const one of controls) {
+  const { width, height } = box(one.closest("label.check") ?? one);
+  if (width < 43.9 || height < 43.9) found.push(`small target ${width} x ${height}: ${start(one)}`);
+}
+const across = (a, b) => Math.min(a.right, b.right) - Math.max(a.left, b.left);
+const down = (a, b) => Math.min(a.bottom, b.bottom) - Math.max(a.top, b.top);
+const place = (one) => one.closest("section, nav, header");
+const texts = ["title", "caption", "message", "sentence", "role", "status"].map((id) => document.getElementById(id));
+const things = [...controls, ...texts.filter((one) => seen.includes(one) && one.textContent)];
+things.forEach((one, k) => things.slice(0, k).forEach((other) => {
+  if (place(one) === place(other) && across(box(one), box(other)) >= 1 && down(box(one), box(other)) >= 1)
+    found.push("overlap: " + start(one) + " and " + start(other));
+}));
+return found;
+"""
+# A control by chance: a slider is led, a choice made, a button pressed unless it saves a file.
+ANY_CONTROL = """
+const controls = [...document.querySelectorAll("main button, main input, main select")];
+const all = controls.filter((one) => one.checkVisibility());
+const one = all[Math.floor(arguments[0] * all.length)];
+if (one.type === "range") {
+  one.value = 600 * Math.random();
+  one.dispatchEvent(new Event("change"));
+} else if (one.matches("select")) {
+  one.selectedIndex = Math.floor(Math.random() * one.length);
+  one.onchange();
+} else if (!/picture|film|yaml|csv/.test(one.id)) one.click();
+"""
+
+
+@pytest.mark.parametrize("seconds", [4.0, pytest.param(120.0, marks=pytest.mark.validate)])
+def test_anything_that_a_user_does_leaves_the_page_alive(
+    served: tuple[subprocess.Popen[str], str], browser: Browser, seconds: float
+) -> None:
+    program, url = served
+    browser.open(url)
+    choose = random.Random(3)
+    keys = [*"rhbnlxedazjksfycotiug ", "\ue003", "\ue006", "\ue00c", "\ue012", "\ue013", "\ue014", "\ue015", "?", "5"]
+    end = time.monotonic() + seconds
+    while time.monotonic() < end:
+        what, place = choose.random(), lambda: (choose.randrange(1, 990), choose.randrange(60, 750))
+        if what < 0.3:
+            browser.key(choose.choice(keys), choose.choice([0.02, 0.4]))
+        elif what < 0.6:
+            browser.drag(place(), place(), pause=0.05, button=choose.choice([0, 0, 2]), touch=choose.random() < 0.3)
+        elif what < 0.8:
+            browser.driver.execute_script(ANY_CONTROL, choose.random())
+        elif what < 0.85:
+            browser.resize((choose.randrange(200, 1600), choose.randrange(200, 1100)))
+            browser.resize((1000, 760))
+        else:
+            browser.script("for (const one of document.querySelectorAll('dialog')) one.close()")
+        assert program.poll() is None
+    browser.script("for (const one of document.querySelectorAll('dialog')) one.close()")
+    number = browser.state("number")
+    browser.click("start")
+    assert browser.wait(lambda: browser.state("number") > number, 60.0)
+    assert browser.errors() == []
+    ended(program, signal.SIGINT)
