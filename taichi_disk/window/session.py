@@ -201,7 +201,7 @@ class Session:
     def _write_panel(self) -> None:
         sandbox, controls = self.sandbox, self.controls
         segment, entry = sandbox.segment, controls.playlist[controls.number]
-        slow = sandbox.at_start and (sandbox.scene.lattice.points > LARGE or not sandbox.is_impact)
+        slow = sandbox.at_start and (sandbox.scene.lattice.points > LARGE or not sandbox.is_thrown)
         video = sandbox.scene.video
         sliders = [
             {"key": key, "value": controls.value(key), "live": not slow and key != "lattice.points"} | one._asdict()
@@ -228,7 +228,7 @@ class Session:
                 "solver": f"{segment.step.integrator.name}, step {segment.step.dt:.3g} R/c",
                 "paused": sandbox.paused,
                 "atStart": sandbox.at_start,
-                "isImpact": sandbox.is_impact,
+                "isImpact": sandbox.is_thrown,
                 "slow": sandbox.slow,
                 "sliders": sliders,
                 "choices": choices,
@@ -245,7 +245,7 @@ class Session:
             return "this is past: Go on continues from here"
         if sandbox.message or not sandbox.at_start:
             return ""
-        return "drag the disk to turn it, or from beside it to aim" if sandbox.is_impact else ""
+        return "drag the disk to turn it, or from beside it to aim" if sandbox.is_thrown else ""
 
     def _status(self) -> str:
         if self.sandbox.time.behind:

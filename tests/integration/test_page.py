@@ -209,7 +209,7 @@ def test_a_state_holds_what_the_sandbox_sees(session: Session) -> None:
     x = floats[len(INDEX) + len(CURVES) :][: 2 * points].reshape(-1, 2)
     np.testing.assert_allclose(x, seen.x, rtol=1e-6, atol=1e-6)
     energies = floats[len(INDEX) :][:5]
-    assert energies.sum() == pytest.approx(session.sandbox.segment.scenario.energy, rel=1e-4)
+    assert energies.sum() == pytest.approx(session.sandbox.segment.scenario.reference_energy, rel=1e-4)
     graphs = json.loads(session.texts["graphs"])
     assert len(graphs["values"]) == len(CURVES) and graphs["t"][0] == 0.0
 
