@@ -18,10 +18,6 @@ class ExponentialPotential:
     friction = 0.0  # coefficient mu of Coulomb's friction; 0: none
 
     @property
-    def has_friction(self) -> bool:
-        return self.friction != 0.0
-
-    @property
     def decay_length(self) -> float:
         """Over which potential and force fall to 1/e [R]."""
         return 1.0 / self.a

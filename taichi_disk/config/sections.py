@@ -129,8 +129,7 @@ class MaterialSection(Section):
         "auto", "dashpot constant eta of one spring, the same body at any N; auto: eta_star/N", "M c/R", low=0, high=1e6
     )
     dashpot: Dashpot = key(
-        "vector",
-        "resists all relative velocity of its ends, a rotation's too (the paper); axial: along the spring",
+        "vector", "resists all relative velocity of its ends, a rotation's too (the paper); axial: along the spring"
     )
 
     def eta(self, points: int) -> float:
