@@ -143,7 +143,7 @@ FITS = {
     "eq4": FitRule(
         "eq. (4) integrated",
         lambda c: theory.fit_tau0(c.x, c.y, c.young),
-        3,
+        min_points=3,
         needs_moduli=True,
         needs_damping=True,
         max_speed=2.2,
