@@ -218,7 +218,7 @@ def test_a_folder_of_a_run_or_of_a_person_is_not_touched(tmp_path: Path) -> None
         swept(SMALL, tmp_path / "run")
     (tmp_path / "mine").mkdir()
     (tmp_path / "mine" / "scene.yaml").write_text("# mine\n" + SMALL)
-    with pytest.raises(InputError, match=r"holds scene\.yaml, which no sweep wrote"):
+    with pytest.raises(InputError, match=r"holds scene\.yaml, which is not from a sweep"):
         swept(SMALL, tmp_path / "mine")
     assert [path.name for path in (tmp_path / "mine").iterdir()] == ["scene.yaml"]
     (tmp_path / "file").touch()
@@ -233,7 +233,7 @@ def test_another_sweep_in_a_folder_keeps_its_points_and_says_that_its_table_is_r
         assert (tmp_path / "figure.svg").exists() == before  # the picture of another table goes with it
         (tmp_path / "figure.svg").touch()
     assert [text for text in said if "table" in text] == [
-        f"{tmp_path} held another sweep: its points stay, its table is replaced"
+        f"{tmp_path} held another sweep: its points are kept, its table is replaced"
     ]
     assert result.summary["computed_now"] == 1
 
@@ -252,7 +252,7 @@ def test_another_sweep_into_a_folder_in_use_is_refused_and_a_part_of_the_same_is
 
     def meanwhile(stage: str, done: float, total: float | None) -> None:
         for part in (None, "1/1"):
-            with pytest.raises(InputError, match="another sweep is being computed into this folder") as told:
+            with pytest.raises(InputError, match="another sweep is writing to this folder") as told:
                 swept(other, out, part=part)
             refused.append(str(told.value))
         beside.append(swept(one, out, part="1/2"))
