@@ -162,7 +162,7 @@ def _dask(address: str, say: Say) -> Iterator[Executor]:
             return await asyncio.wait_for(scheduler.identity(), CONNECT_TIMEOUT)
 
     try:
-        # Ask first, because a client waits for ever for a silent server. The thread avoids the event loop of a notebook.
+        # Ask first: a client waits for ever for a silent server. The thread avoids the event loop of a notebook.
         with ThreadPoolExecutor(1) as thread:
             workers = len(thread.submit(asyncio.run, identity()).result()["workers"])
         client = Client(address, timeout=CONNECT_TIMEOUT, set_as_default=False)

@@ -387,7 +387,7 @@ def test_what_was_done_is_kept_when_the_workers_fail(small: SweepResult, tmp_pat
 
 def test_without_a_scheduler_the_error_says_so(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     pytest.importorskip("distributed")
-    monkeypatch.setattr(executors, "CONNECT", 0.3)
+    monkeypatch.setattr(executors, "CONNECT_TIMEOUT", 0.3)
     for address in ("tcp://127.0.0.1:9", "nonsense://x"):
         with pytest.raises(InputError, match="no Dask scheduler answers at"):
             run_sweep(load_sweep(SMALL), tmp_path / "out", scheduler=address)
@@ -396,7 +396,7 @@ def test_without_a_scheduler_the_error_says_so(tmp_path: Path, monkeypatch: pyte
 @pytest.mark.parametrize("says", [b"", b"HTTP/1.1 400 Bad Request\r\n\r\n" * 10, b"\x01" + bytes(1000)])
 def test_what_is_no_scheduler_is_told_soon(says: bytes, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     pytest.importorskip("distributed")
-    monkeypatch.setattr(executors, "CONNECT", 1.0)
+    monkeypatch.setattr(executors, "CONNECT_TIMEOUT", 1.0)
 
     def answer(connection: socket.socket) -> None:
         with suppress(OSError):
