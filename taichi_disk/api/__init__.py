@@ -251,7 +251,8 @@ class Result:
             beside: up to three other runs, to be shown at the right.
             progress: called as for `run`.
             at: the moment of a picture: a time [R/c], "greatest" (compression), "contact" (the first) or "end".
-            start, end: of a film, by default of the run; moments like `at`.
+            start: where a film begins, a moment like `at`; by default with the run.
+            end: where it ends; by default with the run.
             video: keys of a scene's `video` section in place of the scene's own, as `colour="shear"`.
 
         Raises InputError for a wrong key or moment, TaichiDiskError if no film can be drawn or written.

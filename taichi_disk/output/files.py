@@ -32,10 +32,10 @@ if TYPE_CHECKING:
     from taichi_disk.scenes.scene import DiskScene
 
 PROGRAM = f"taichi-disk {__version__}"
-FILMS = ("video.mp4", "video.webm", "video.gif", "frames")
+FILMS = ("video.mp4", "video.webm", "video.gif", "video.html", "frames")
 RESULTS = ("timeseries.csv", "lattice.npz", "final.npz", "failure.npz", "plot.png")
 # What `render` and `export` put beside a run if nobody says where.
-MADE = re.compile(r"(render|comparison)(\.(mp4|webm|gif|png))?|trajectory(\.(xyz|gsd|pvd|npz))?")
+MADE = re.compile(r"(render|comparison)(\.(mp4|webm|gif|html|png))?|trajectory(\.(xyz|gsd|pvd|npz))?")
 NUMBERED = re.compile(r"\d+(_[a-z]+)?\.(png|vtu)")  # files of a folder that holds a film's pictures, or a trajectory
 
 

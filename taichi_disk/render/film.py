@@ -35,6 +35,7 @@ _HIGHEST = 4.0  # where a disk is still seen that flies on while the one beside 
 _BELOW = 0.16  # what is seen of the rigid wall below its edge [R]
 _LABEL = 1.5  # times as large as a title is what sets a run apart from those beside it
 MOST_BYTES = 5e8  # of positions that are kept between the choice of the scales and the pictures
+_LONGEST_NAME = 16  # letters
 _PANEL = 360  # pixels of a picture from which curves beside it have room for their words
 
 
@@ -116,9 +117,15 @@ def _pictures(states: Sequence[_States], video: VideoSection, shots: Sequence[Cu
     (xmin, _, ymin, _), (_, xmax, _, ymax) = np.min(views, axis=0), np.max(views, axis=0)
     panel = None
     if video.panel and video.size >= _PANEL:
-        names = [title[0] for title in titles(runs)]
-        panel = side_panel(runs, names, video.size, THEMES[video.theme])
+        panel = side_panel(runs, _names(titles(runs)), video.size, THEMES[video.theme])
     return Pictures(legends, video.size, (xmin, xmax, ymin, ymax), video.supersample, panel)
+
+
+def _names(titles: Sequence[tuple[str, ...]]) -> list[str]:
+    """Return what the curves of each run are called: its title, or its place where titles are long or the same."""
+    names = [title[0] for title in titles]
+    fit = len(set(names)) == len(names) and max(map(len, names)) <= _LONGEST_NAME
+    return names if fit else [f"{k}. from the left" for k in range(1, len(names) + 1)]
 
 
 class _States:

@@ -62,7 +62,7 @@ async function play() {
   const length = new Uint32Array(bytes, 0, 1)[0], film = JSON.parse(new TextDecoder().decode(new Uint8Array(bytes, 4, length)));
   const recordings = film.runs.map((run) => new Recording(run, bytes.slice(4 + length)));
   const { scene } = film.runs[0], last = film.cues.length - 1, moment = element("moment");
-  let place = 0, playing = !matchMedia("(prefers-reduced-motion: reduce)").matches, before = 0, used = window.top === window;
+  let place = 0, playing = !matchMedia("(prefers-reduced-motion: reduce)").matches, before = 0, visible = true, used = window.top === window;
 
   const drawings = film.runs.map((run) => {
     const figure = document.createElement("figure"), text = document.createElement("figcaption"), title = document.createElement("div");
@@ -176,11 +176,12 @@ async function play() {
     else return;
     event.preventDefault();
   };
+  new IntersectionObserver(([entry]) => (visible = entry.isIntersecting)).observe(document.body); // in a frame
   new ResizeObserver(show).observe(element("disks"));
   pause(!playing);
   apply();
   requestAnimationFrame(function next(now) {
-    if (playing) {
+    if (playing && visible) {
       place += Math.min((now - before) / 1000, 0.1) * film.fps * element("speed").value;
       if (place > last) place = 0;
       show();

@@ -8,6 +8,7 @@ import { unpacked } from "./message.js";
 
 const KEYS = { " ": "space", ArrowLeft: "Left", ArrowRight: "Right", ArrowUp: "Up", ArrowDown: "Down" };
 const REPEATED = "Left Right Up Down e d a z s f i u".split(" ");
+const ALL = 9e6; // the number of no state: all are seen
 const WATCHED = "Somebody else plays; you are watching.";
 
 export class Sandbox {
@@ -27,6 +28,8 @@ export class Sandbox {
     this.bind();
     this.showTab(node.clientWidth > 640 ? "graphs" : "experiment"); // on a narrow page one panel is seen at a time
     new ResizeObserver(() => this.redraw()).observe(node);
+    // A state may be lost on its way: the program waits for none that is has not come for 2 s.
+    setInterval(() => performance.now() - this.arrived > 2000 && this.redraw(ALL), 2000);
   }
 
   find(id) {
@@ -129,6 +132,7 @@ export class Sandbox {
 
   showState(buffer) {
     this.state = unpacked(buffer, this.hello.columns, this.hello.curves.length);
+    this.arrived = performance.now();
     this.graphs.add(this.state);
     this.find("caption").textContent = this.state.caption;
     this.waiting = clearTimeout(this.waiting);

@@ -268,8 +268,7 @@ def test_a_folder_of_that_name_hides_no_shipped_scene(tmp_path, monkeypatch, cap
     monkeypatch.chdir(tmp_path)
     monkeypatch.delenv("DISPLAY", raising=False)
     assert main(["check", "exponential_wall"]) == 0
-    monkeypatch.setitem(sys.modules, "rendercanvas", None)  # there is no page either
-    main(["view"])
+    main(["view", "exponential_wall", "--window"])
     assert "no window: " in capsys.readouterr().err
 
 

@@ -9,6 +9,7 @@ import subprocess
 import sys
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import imageio.v3 as iio
 import numpy as np
@@ -234,7 +235,7 @@ def test_a_comparison_shows_both_runs_at_the_same_times_in_the_same_colours(run,
 def test_runs_side_by_side_are_named_by_what_sets_them_apart():
     def named(*changes):
         scenes = [load_scene("exponential_wall", ["lattice.points=20", *change]) for change in changes]
-        return [title[0] for title in titles([(scene.scenario(), None) for scene in scenes])]
+        return [title[0] for title in titles([SimpleNamespace(scenario=scene.scenario()) for scene in scenes])]
 
     assert named(["material.eta_star=0"], ["material.eta_star=100"]) == ["η* = 0", "η* = 100"]
     assert named(["wall.a=50", "impact.velocity=0.1"], []) == ["a = 50/R    v = 0.1 c", "a = 300/R    v = 0.02 c"]
@@ -244,7 +245,7 @@ def test_runs_side_by_side_are_named_by_what_sets_them_apart():
 @needs_vulkan
 @pytest.mark.parametrize(("at", "t"), [("contact", None), ("end", None), (1.5, 1.5)])
 def test_a_picture_is_of_the_moment_asked_for(run, tmp_path, captions, at, t):
-    series = run[1].columns
+    series = run.columns
     touches = series["t"][np.argmax(series["wall_force"] > 0.01 * series["wall_force"].max())]
     film(tmp_path / "picture.png", [run], video(), QUIET, Span(at=at))
     expected = {"contact": touches, "end": series["t"][-1]}.get(at, t)
@@ -256,7 +257,7 @@ def test_a_picture_is_of_the_moment_asked_for(run, tmp_path, captions, at, t):
 def test_a_part_of_a_film_begins_and_ends_where_asked_at_the_pace_of_the_whole(run, tmp_path, captions):
     film(tmp_path / "part", [run], video(seconds=2), QUIET, Span(start="contact", end="greatest"))
     times = [time_of(lines) for lines in captions]
-    series = run[1].columns
+    series = run.columns
     assert times[0] == pytest.approx(time_in("contact", series), abs=1e-3)
     assert times[-1] == pytest.approx(greatest_compression(series), abs=1e-3) and len(times) == 20
 
@@ -309,10 +310,10 @@ def test_by_itself_a_film_shows_a_flattening_of_a_twentieth_of_r_and_says_how(tm
     pressed.film(tmp_path / "picture.png", size=240)
     (painter,) = said
     x, n = pressed.state(1.0).positions, 60
-    low = lambda y: y.mean() - y.min()  # noqa: E731
-    seen = low(pressed.lattice.positions[:n, 1]) - low(painter.placed(x)[:n, 1])
+    rest, drawn, floor = pressed.lattice.positions[:n, 1], painter.placed(x)[:n, 1], x[:n, 1].min()
+    seen = (rest.mean() - rest.min()) - (drawn.mean() - floor)  # the wall hides what lies below
     assert painter.magnify > 1.0 and f"displacements × {painter.magnify:g}" in painter.remarks
-    assert seen == pytest.approx(0.05, rel=0.35)  # the factor is a round number
+    assert seen == pytest.approx(0.05, rel=0.2)  # the factor is a round number
 
 
 def test_a_compression_begins_with_no_minus_before_its_zero():

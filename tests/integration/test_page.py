@@ -327,6 +327,10 @@ def test_a_page_gets_no_more_states_than_it_draws_and_holds_up_nobody(session: S
         t = session.sandbox.seen.t
         await asyncio.sleep(0.3)  # the player's page is hidden
         assert session.sandbox.seen.t == t
+        player.numbers.clear()  # or its states were lost: it says that it waits for none
+        player.say("seen", number=9e6)
+        await asyncio.sleep(0.05)
+        assert player.numbers
         for one in (sleeper, player):
             audience.leave(one.visitor)
 

@@ -152,6 +152,16 @@ def test_arrows_that_would_touch_become_one_with_the_mean_force_and_weak_ones_ar
     assert len(one.pushes(x, 0 * x, 1e-3)[0]) == 3
 
 
+def test_arrows_begin_above_the_wall_s_edge_however_much_displacements_are_magnified():
+    one = painter(magnify=20.0)
+    lowest = np.argsort(one.lattice.positions[:, 1])[:6]
+    one.wall = SimpleNamespace(decay_length=1e-9, contact_forces=lambda *state: (lowest, np.full((6, 2), 0.01)))
+    x = np.maximum(one.lattice.positions, [-9.0, 0.1])  # flat below
+    assert one.placed(x)[lowest, 1].min() < 0.0 < one.edge
+    feet, _ = one.pushes(x, 0 * x, 1e-3)
+    assert feet[:, 1].min() == one.edge
+
+
 def test_the_head_of_a_short_arrow_is_in_proportion_and_never_longer_than_the_arrow():
     force, head = np.array([1.0, 0.3, 0.02]), 0.06
     forces = np.stack([np.zeros(3), force], axis=1)
