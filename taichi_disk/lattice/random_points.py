@@ -144,7 +144,7 @@ def _adsorb(
     covers wholly are dropped and the rest are quartered (Ebeida et al., ACM Trans. Graph. 30, 49, 2011).
     Each dart remains uniform in the free area: random sequential adsorption with few misses.
     """
-    from scipy.spatial import cKDTree
+    from taichi_disk.lattice.spatial import cKDTree
 
     side = float(np.sqrt(np.prod(high - low) / (4 * count)))
     nx, ny = np.maximum(np.ceil((high - low) / side), 1).astype(int)
@@ -173,7 +173,7 @@ def _adsorb(
 
 def _first_come(darts: Array, spacing: float) -> Array:
     """The darts that remain when each, in turn, is dropped if too close to one that remained before it."""
-    from scipy.spatial import cKDTree
+    from taichi_disk.lattice.spatial import cKDTree
 
     pairs = np.sort(cKDTree(darts).query_pairs(spacing, output_type="ndarray"), axis=1)
     dropped = np.zeros(len(darts), dtype=bool)
