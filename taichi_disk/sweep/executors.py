@@ -113,6 +113,7 @@ def computed(
 def _pool(jobs: int) -> Iterator[Executor]:
     """Processes that end with this one, and at once when the block is left by an error."""
     context = multiprocessing.get_context("spawn")  # a forked Taichi hangs
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # of the workers: this process has imported NumPy
     until, alive = context.Pipe(duplex=False)
     pool = ProcessPoolExecutor(jobs, context, _begin_worker, (until,))
     try:
