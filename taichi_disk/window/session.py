@@ -202,13 +202,12 @@ class Session:
         sandbox, controls = self.sandbox, self.controls
         segment, entry = sandbox.segment, controls.playlist[controls.number]
         slow = sandbox.at_start and (sandbox.scene.lattice.points > LARGE or not sandbox.is_thrown)
-        video = sandbox.scene.video
         sliders = [
             {"key": key, "value": controls.value(key), "live": not slow and key != "lattice.points"} | one._asdict()
             for key, one in controls.ranges.items()
         ]
         sliders.append({"key": "speed", "value": sandbox.speed, "live": True} | SPEED._asdict())
-        sliders.append({"key": "video.magnify", "value": video.magnify, "live": True} | MAGNIFY._asdict())
+        sliders.append({"key": "video.magnify", "value": controls.magnification, "live": True} | MAGNIFY._asdict())
         choices = [
             {"key": key, "name": name, "value": controls.value(key), "options": get_args(options)}
             for key, (name, options) in CHOICES.items()

@@ -119,7 +119,7 @@ class Viewer:
         painter.springs, painter.wall, painter.spoke = springs, wall, scenario.spoke
         painter.edge = edge_height(wall, scenario.point_force)
         painter.colour, painter.draw, painter.theme = video.colour, video.draw, video.theme
-        painter.magnify = video.magnify
+        painter.magnify = self.controls.magnification
         size = tuple(self._window.get_window_shape())
         if fresh or size != (self.camera.width, self.camera.height):
             self.see_all()

@@ -123,7 +123,7 @@ def test_the_compression_of_an_unlike_body_counts_from_its_centre_of_mass(kernel
 
 def without_skin(lattice):
     """The same with half as stiff an outline: a spring there stands for one triangle, not for two, as in a sheet."""
-    return replace(lattice, stiffness=lattice.stiffened(np.where(Triangles(lattice).part == 1.0, 0.5, 1.0)))
+    return replace(lattice, stiffness=lattice.stiffened(np.where(Triangles(lattice).fraction == 1.0, 0.5, 1.0)))
 
 
 @pytest.mark.parametrize(
