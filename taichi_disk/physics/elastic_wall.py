@@ -38,6 +38,8 @@ class ElasticWall(ExponentialPotential, Law):
     V0: float  # potential at distance 0 [M c^2]
     threshold: float  # distance beyond which there is no contact [R]
 
+    has_jumps = True  # of the force, where a point passes from one spring of the wall to the next
+
     @property
     def shift(self) -> float:
         """Of the potential, which is 0 at the threshold [M c^2]."""

@@ -42,7 +42,8 @@ class AbsorbingWallScene(DiskScene):
 
     def conflicts(self) -> Conflicts:
         matched = ["wall.boundary = dashpot"] * (self.wall.boundary == "dashpot")
-        conflicts = super().conflicts() + time_conflicts(self.time, self.material, *matched)
+        resets = self.wall.boundary == "reset"
+        conflicts = super().conflicts() + time_conflicts(self.time, self.material, *matched, resets=resets)
         conflicts += gap_conflicts(self.wall, self.impact)
         least = least_threshold(self.wall, self.impact.towards)
         if self.wall.threshold < least:
