@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TypeAlias
 
 from taichi_disk.config.sections import (
+    CORRECTED,
     DASHPOTS,
     ElasticWallSection,
     ImpactSection,
@@ -16,14 +17,22 @@ from taichi_disk.config.sections import (
 Conflicts: TypeAlias = list[tuple[str, str]]  # (dotted key, what is wrong with it)
 
 
-def time_conflicts(time: TimeSection, material: MaterialSection, *others: str, friction: float = 0.0) -> Conflicts:
-    """Those of the section `time`; `others` are keys, with values, that make forces depend on velocity, too."""
+def time_conflicts(
+    time: TimeSection, material: MaterialSection, *others: str, friction: float = 0.0, resets: bool = False
+) -> Conflicts:
+    """Those of the section `time`; `others` are keys, with values, that make forces depend on velocity, too.
+
+    `resets`: whether the wall's boundary is stopped again and again.
+    """
     conflicts, damping = [], [*dashpots(material), *others, *[f"wall.friction = {friction:g}"] * bool(friction)]
     if time.tolerance != "none" and time.dt != "auto":
         conflicts.append(("time.tolerance", f"finds the step itself: write time.dt: auto, not {time.dt:g}"))
     name, way = time.integrator, DASHPOTS.get(time.integrator)
     if way == "none" and damping:
         text = f"{name} cannot take forces that depend on velocity ({damping[0]}): write auto, or velocity_verlet"
+        conflicts.append(("time.integrator", text))
+    if name in CORRECTED and resets:
+        text = f"{name} has errors of order 2 beside wall.boundary = reset: write auto, or vefrl for order 4"
         conflicts.append(("time.integrator", text))
     if way == "implicit" and friction:
         text = f"{name} has errors of order 1 beside friction: write auto, or velocity_verlet"

@@ -235,12 +235,21 @@ class CompressionSection(Section):
 
 # How each integrator takes dashpots: from a predicted velocity, solved for (the paper's only), or not at all.
 Dashpots: TypeAlias = Literal["explicit", "implicit", "none"]
-DASHPOTS: dict[str, Dashpots] = {"velocity_verlet": "explicit", "trapezoidal": "implicit", "vefrl": "none"}
+DASHPOTS: dict[str, Dashpots] = {
+    "velocity_verlet": "explicit",
+    "trapezoidal": "implicit",
+    "takahashi_imada": "none",
+    "vefrl": "none",
+}
+
+CORRECTED = ("takahashi_imada",)  # integrators whose velocities are not those of the points, which a reset stops
 
 
 class TimeSection(Section):
-    integrator: Literal["auto", "velocity_verlet", "trapezoidal", "vefrl"] = key(
-        "auto", "trapezoidal takes dashpots implicitly; vefrl: order 4, no dashpots; auto: what reaches the end first"
+    integrator: Literal["auto", "velocity_verlet", "trapezoidal", "takahashi_imada", "vefrl"] = key(
+        "auto",
+        "trapezoidal takes dashpots implicitly; takahashi_imada and vefrl: order 4, no dashpots; auto: order 4 if the "
+        "forces allow it, else what reaches the end first",
     )
     dt: Auto | float = key("auto", "time step; auto: safety times the largest stable one", "R/c", low=1e-9, high=1e3)
     safety: float = key(0.8, "fraction of the largest stable step", low=1e-6, high=1)
