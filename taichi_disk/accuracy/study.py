@@ -178,13 +178,12 @@ def changes(scene: Scene) -> Iterator[Change]:
         for factor in REFINEMENTS:
             if factor > REFINEMENTS[0] and factor * lattice.points > MAX_POINTS:
                 break
-            keys = {f"{home}.points": factor * getattr(scene, home).points for home, _ in scene.homes("points")}
-            more = scene.keeping_the_body()
+            keys = scene.changes_with("lattice.points", factor * lattice.points)
             # A reset acts on each boundary point like a drag of 2 m/interval.
             if isinstance(wall, ElasticWallSection) and wall.boundary == "reset":
-                more["wall.reset_interval"] = wall.reset_interval / math.sqrt(factor)
+                keys["wall.reset_interval"] = wall.reset_interval / math.sqrt(factor)
             same = ", same η" * bool(scene.material.dashpots[1])
-            yield Change(POINTS, f"N = {factor * lattice.points:,}{same}", keys | more, factor)
+            yield Change(POINTS, f"N = {factor * lattice.points:,}{same}", keys, factor)
     for multiple in HARDNESS_FACTORS:
         yield Change(WALL, f"a = {multiple * wall.a:g}/R", {"wall.a": multiple * wall.a})
 

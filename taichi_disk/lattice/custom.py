@@ -29,7 +29,7 @@ MAX_BYTES = 500_000_000  # of a file; a disk and a wall of 2,000,000 points each
 
 
 def checked_points(points: ArrayLike) -> Array:
-    from scipy.spatial import cKDTree
+    from taichi_disk.lattice.spatial import cKDTree
 
     x = numbers(points, "points")
     if x.ndim != 2 or x.shape[1] != 2:
