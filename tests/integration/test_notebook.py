@@ -189,7 +189,7 @@ def test_long_work_shows_a_bar_by_itself_in_a_notebook_which_goes_at_the_end(mon
     work()
     assert not told  # too soon
     monkeypatch.setattr("taichi_disk.progress.BAR_DELAY", 0.0)
-    with pytest.raises(InputError, match="progress: must be callable"):
+    with pytest.raises(InputError, match="progress: must be a function"):
         work(3)
     work(lambda stage, done, total: None)
     assert not told
