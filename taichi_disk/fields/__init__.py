@@ -123,6 +123,12 @@ def at_points(name: str, triangles: Triangles, springs: Springs, x: Array, v: Ar
     return values
 
 
+def point_field(name: str, lattice: Lattice, springs: Springs, x: Array, v: Array) -> Field:
+    """Return the quantity `name` at the points, as pictures show it, see `at_points`. Arguments as for `field`."""
+    values, kind = at_points(name, Triangles(lattice), springs, x, v), QUANTITIES[name]
+    return Field(fringes(0.5 * values) if name == "fringes" else values, "points", kind.unit)
+
+
 def fringes(largest_shear: Array, fringe: float = 0.0) -> Array:
     """Brightness sin^2(pi * 2 shear/fringe) of largest shear stresses [M c^2/R^2]: a circular polariscope's dark field.
 

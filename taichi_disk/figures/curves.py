@@ -153,8 +153,8 @@ def analyse(base: Scene, axes: Sequence[str], rows: Sequence[Row]) -> list[Curve
         return []
     others = [name for name in axes if name not in (abscissa, seed)]
     of_material = [name for name in others if target_of(base, name) in MATERIAL]
-    alike, curves = _grouped([row for row in rows if row["status"] == "done"], of_material), []
-    for values, members in _grouped(rows, others).items():
+    alike, curves = grouped([row for row in rows if row["status"] == "done"], of_material), []
+    for values, members in grouped(rows, others).items():
         label = dict(zip(others, values, strict=True))
         done = {(row[seed] if seed else 0, row[abscissa]): row for row in members if row["status"] == "done"}
         x = sorted({row[abscissa] for row in members})
@@ -175,8 +175,8 @@ def analyse(base: Scene, axes: Sequence[str], rows: Sequence[Row]) -> list[Curve
     return curves
 
 
-def _grouped(rows: Sequence[Row], names: Sequence[str]) -> dict[tuple[Any, ...], list[Row]]:
-    """The rows by their values of `names`."""
+def grouped(rows: Sequence[Row], names: Sequence[str]) -> dict[tuple[Any, ...], list[Row]]:
+    """Return the rows by their values of `names`."""
     groups: dict[tuple[Any, ...], list[Row]] = {}
     for row in rows:
         groups.setdefault(tuple(row[name] for name in names), []).append(row)
@@ -239,29 +239,44 @@ def draw(scene: Scene, curves: list[Curve], out: Path) -> None:
 def curves_figure(scene: Scene, curves: list[Curve]) -> Plot:
     """The same as a figure to look at, or to change."""
     with matplotlib_style({**STYLE, **FONT}):
-        figure = _drawn(scene, curves)
+        return to_change(_drawn(scene, curves))
+
+
+def to_change(figure: Plot) -> Plot:
+    """Give ticks that are made later the style, too, and lay the figure out whenever it is drawn."""
+    figure.set_layout_engine("constrained")
+    for ax in figure.axes:
+        look = {"grid_color": STYLE["grid.color"], "grid_linewidth": STYLE["grid.linewidth"]}
+        ax.tick_params(which="both", labelsize=FONT["font.size"], **look)
+    figure.draw_without_rendering()
     figure.set_dpi(200)
     return figure
 
 
-def _drawn(scene: Scene, curves: list[Curve]) -> Plot:
-    figure = Plot(figsize=(3.4, 2.9 + 0.09 * len(curves)), layout="constrained")
+def one_plot(height: float) -> tuple[Plot, Axes]:
+    """Return a figure as wide as a column of a journal, `height` [inch] high, and its axes."""
+    figure = Plot(figsize=(3.4, height), layout="constrained")
     FigureCanvasAgg(figure)
-    ax = figure.subplots()
+    return figure, figure.subplots()
+
+
+def _drawn(scene: Scene, curves: list[Curve]) -> Plot:
+    figure, ax = one_plot(2.9 + 0.09 * len(curves))
     known = FIGURES[scene.scene]
     known.draw(ax, known.paper, curves)
     # Points before lines: their curves in order, then the laws.
-    named = sorted(zip(*ax.get_legend_handles_labels(), strict=True), key=lambda one: isinstance(one[0], Line2D))
-    if named:  # no force over E without an E, as of a lattice from a file
-        figure.legend(*zip(*named, strict=True), loc="outside upper center", ncols=2)
+    entries = sorted(zip(*ax.get_legend_handles_labels(), strict=True), key=lambda one: isinstance(one[0], Line2D))
+    if entries:  # no force over E without an E, as of a lattice from a file
+        figure.legend(*zip(*entries, strict=True), loc="outside upper center", ncols=2)
     figure.draw_without_rendering()
     figure.set_layout_engine("none")  # laid out once for all formats
     return figure
 
 
-def _named(curve: Curve) -> str:
+def named(label: dict[str, Any]) -> str:
+    """Return what a curve is called in a legend, from the values of its axes."""
     parts = []
-    for name, value in curve.label.items():
+    for name, value in label.items():
         short = NAMES.get(name.split(".")[-1], name)
         shown = f"{value:g}" if isinstance(value, (int, float)) and not isinstance(value, bool) else str(value)
         parts.append(f"{short} = {shown}" if short else shown)
@@ -278,7 +293,7 @@ def _points(ax: Axes, curves: list[Curve], upright: bool) -> list[Any]:
         force = curve.x / (np.pi * curve.young)
         values = (curve.x, curve.mean, curve.deviation) if upright else (curve.mean, force, None, curve.deviation)
         style = {"color": colour, "marker": MARKS[k % len(MARKS)], "markersize": 3.5 if upright else 4.0}
-        ax.errorbar(*values, **style, linestyle="none", elinewidth=0.8, label=_named(curve))
+        ax.errorbar(*values, **style, linestyle="none", elinewidth=0.8, label=named(curve.label))
     if counts := sorted({len(curve.y) for curve in curves if len(curve.y) > 1}):
         text = f"bars: {' or '.join(map(str, counts))} lattices"
         ax.errorbar([], [], [], color="0.45", linestyle="none", elinewidth=0.8, label=text)
@@ -323,13 +338,18 @@ def _impact(ax: Axes, paper: dict[str, float], curves: list[Curve]) -> None:
         v = np.geomspace(x.min(), x.max(), 80)
         text = f"eq. (5), paper: d₁ = {paper['d1']}, d₂ = {paper['d2']}"
         ax.plot(v, theory.paper_restitution(v, paper["d1"], paper["d2"]), "--", color=SUM, label=text)
-    if x.max() >= 4.0 * x.min():  # slow points would crowd; on a shorter axis labels would
+    log_if_wide(ax, x)
+    ax.set_xlabel("impact speed  v/c")
+    ax.set_ylabel("coefficient of restitution  e")
+
+
+def log_if_wide(ax: Axes, x: Array) -> None:
+    """Make the axis of positive `x` logarithmic if they span a factor of 4; on a shorter axis labels would crowd."""
+    if x.max() >= 4.0 * x.min() > 0.0:
         ax.set_xscale("log")
         ax.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
         ax.xaxis.set_major_formatter(FuncFormatter(lambda v, _: f"{v:g}"))
         ax.xaxis.set_minor_formatter(NullFormatter())
-    ax.set_xlabel("impact speed  v/c")
-    ax.set_ylabel("coefficient of restitution  e")
 
 
 class PaperFigure(NamedTuple):
