@@ -278,7 +278,7 @@ def named(label: dict[str, Any]) -> str:
     parts = []
     for name, value in label.items():
         short = NAMES.get(name.split(".")[-1], name)
-        shown = f"{value:g}" if isinstance(value, (int, float)) and not isinstance(value, bool) else str(value)
+        shown = f"{value:.4g}" if isinstance(value, float) else str(value)
         parts.append(f"{short} = {shown}" if short else shown)
     return ", ".join(parts) or "simulated"
 

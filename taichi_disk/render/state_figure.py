@@ -41,7 +41,8 @@ def draw_state(run: Run, video: VideoSection, t: float | str, ax: Axes | None = 
             figure = Plot(figsize=(5.2, 4.2), dpi=160, layout="constrained")
             FigureCanvasAgg(figure)
             ax = figure.subplots()
-        _draw(ax, states, video, x, v, f"{run.scenario.time_label.split('  ')[0]} = {cue[0]:.4g}")
+        name, _, unit = run.scenario.time_label.partition("  ")
+        _draw(ax, states, video, x, v, f"{name} = {cue[0]:.4g} {unit.strip('[]')}".strip())
         whole: Any = ax.figure
         whole.draw_without_rendering()
     return whole
