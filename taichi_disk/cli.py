@@ -6,9 +6,7 @@ Exit status: 0 done; 1 the computation or the film failed; 2 bad input or usage;
 from __future__ import annotations
 
 import argparse
-import os
 import sys
-import tempfile
 import warnings
 from collections.abc import Callable, Sequence
 from contextlib import suppress
@@ -39,7 +37,6 @@ def main(argv: Sequence[str] | None = None) -> int:
             return 0
         arguments = parser.parse_args(given)
         raise_if_interrupted()
-        _leave_deleted_directory(arguments)
         status: int = arguments.command(arguments)
         if sys.stdout is not None:  # it may be closed
             sys.stdout.flush()
@@ -71,20 +68,6 @@ def _print_error(text: str) -> None:
 
 def _note(text: str) -> None:
     _print_error(f"note: {text}")
-
-
-def _leave_deleted_directory(arguments: argparse.Namespace) -> None:
-    """Work in another directory if the present one has been deleted, and no path counts from it. Else InputError."""
-    try:
-        os.getcwd()
-    except FileNotFoundError:
-        given = vars(arguments)
-        paths = [one for one in given.values() if isinstance(one, Path)]
-        has_default = "scene" in given and "out" in given and given["out"] is None
-        if has_default or not all(one.is_absolute() for one in paths):
-            text = "the working directory no longer exists: change to another, or write whole paths (--out /...)"
-            raise InputError(text) from None
-        os.chdir(tempfile.gettempdir())
 
 
 def _load(arguments: argparse.Namespace, what: str = "scene") -> Any:

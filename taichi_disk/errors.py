@@ -1,4 +1,4 @@
-"""What can go wrong, as values that carry their advice; the command line turns each into an exit status."""
+"""Exceptions with user-facing messages. The command line turns each into an exit status."""
 
 from __future__ import annotations
 
@@ -9,19 +9,19 @@ from typing import Any
 
 
 class TaichiDiskError(Exception):
-    """Base of every error that a user is meant to read."""
+    """Base class of all errors with a message for the user."""
 
     exit_status = 1
 
 
 class InputError(TaichiDiskError):
-    """A scene, an option or a path that cannot be used. Nothing has been computed or written."""
+    """A scene, option or path is invalid. Nothing has been computed or written."""
 
     exit_status = 2
 
 
 class SimulationError(TaichiDiskError):
-    """The computation was begun and could not be finished: a blow-up, no convergence, no separation in time."""
+    """The computation could not be finished: a blow-up, no convergence, or no separation within the time limit."""
 
 
 def pip_install(what: str) -> str:
@@ -30,18 +30,18 @@ def pip_install(what: str) -> str:
 
 
 def nearest(word: Any, names: Iterable[str]) -> list[str]:
-    """The nearest of `names`, whatever its case; empty if none is near."""
+    """Return a list of the most similar of `names`, ignoring case; empty if none is similar."""
     by_lower = {name.lower(): name for name in names}
-    near = difflib.get_close_matches(str(word).lower(), by_lower, n=1) if isinstance(word, str) else []
-    return [by_lower[one] for one in near]
+    matches = difflib.get_close_matches(str(word).lower(), by_lower, n=1) if isinstance(word, str) else []
+    return [by_lower[match] for match in matches]
 
 
 def did_you_mean(word: Any, names: Iterable[str]) -> str:
-    """The end of a message: the nearest of `names`, or nothing."""
-    return "".join(f"; did you mean {near}?" for near in nearest(word, names))
+    """Return the end of a message that suggests the most similar of `names`, or an empty string."""
+    return "".join(f"; did you mean {name}?" for name in nearest(word, names))
 
 
 def either(names: Iterable[str]) -> str:
-    """The names in words: a, b or c."""
+    """Join names to "a, b or c"."""
     *first, last = names
     return f"{', '.join(first)} or {last}" if first else last

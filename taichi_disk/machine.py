@@ -1,4 +1,4 @@
-"""What this machine offers to a computation: processor, cores and free memory."""
+"""Processor, cores and free memory of this machine."""
 
 from __future__ import annotations
 
@@ -9,12 +9,12 @@ from pathlib import Path
 
 
 def cores() -> int:
-    """Return how many processor cores this process may use."""
+    """Return the number of processor cores that this process may use."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 def processor() -> str:
-    """Return the processor's name, as far as the operating system knows it."""
+    """Return the processor's name as reported by the operating system."""
     with suppress(OSError, StopIteration):
         lines = Path("/proc/cpuinfo").read_text(encoding="utf-8", errors="replace").splitlines()
         return next(line for line in lines if line.startswith("model name")).partition(":")[2].strip()
@@ -22,12 +22,12 @@ def processor() -> str:
 
 
 def free_memory() -> float:
-    """Return how many bytes a process may still take; infinity if the operating system does not tell."""
+    """Return the free memory [bytes], or infinity if the operating system does not report it."""
     free = float("inf")
     with suppress(OSError, ValueError, IndexError):
         lines = Path("/proc/meminfo").read_text().splitlines()
         free = 1024.0 * float(next(line for line in lines if line.startswith("MemAvailable")).split()[1])
-    with suppress(OSError, ValueError):  # in a container the limit of its control group counts ("max": none)
+    with suppress(OSError, ValueError):  # a container is limited by its control group ("max": unlimited)
         group = Path("/sys/fs/cgroup")
         used = float((group / "memory.current").read_text())
         free = min(free, float((group / "memory.max").read_text()) - used)

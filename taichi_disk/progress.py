@@ -1,4 +1,4 @@
-"""What a terminal shows: how far a stage has come, as a bar, and the result of a run."""
+"""Progress bars in terminals and notebooks, and printed results."""
 
 from __future__ import annotations
 
@@ -14,48 +14,48 @@ from typing import Any, TextIO, TypeAlias, TypeVar
 
 from taichi_disk.errors import InputError
 
-Progress: TypeAlias = Callable[[str, float, "float | None"], object]  # told a stage, how much is done, of how much
-ROUNDING = 1e-12  # an error that only rounding makes
+Progress: TypeAlias = Callable[[str, float, "float | None"], object]  # callback(stage, done, total)
+MAX_ROUNDING = 1e-12  # smaller errors are rounding errors
 DIGITS = 8  # of a result that does not depend on a time step
-UNSURE_DIGITS = 4  # of one that does, by an amount that nobody has estimated
-SOON, EVERY = 0.5, 0.1  # [s] a notebook shows a bar for what takes longer, and draws it so often
+UNESTIMATED_DIGITS = 4  # of a result whose error has not been estimated
+BAR_DELAY, BAR_INTERVAL = 0.5, 0.1  # [s]; first appearance and updates of a bar in a notebook
 F = TypeVar("F", bound=Callable[..., Any])
-UNSURE = "(error of the time step not estimated)"
+UNESTIMATED = "(error of the time step not estimated)"
 
 
 def silent(stage: str, done: float, total: float | None) -> None:
-    """A progress that nobody looks at."""
+    """Show nothing: the default callback."""
 
 
 def reporter(progress: Progress | None) -> Progress:
-    """`progress`, for None `silent`. Raises InputError for what cannot be called as progress(stage, done, total)."""
+    """Return `progress`, or `silent` for None. Raises InputError if its arguments cannot be (stage, done, total)."""
     if progress is None:
         return silent
     try:
         signature(progress).bind("simulate", 0.0, None)
-    except (TypeError, ValueError):  # ValueError: of some built-in functions it is not known
+    except (TypeError, ValueError):  # ValueError: some built-in functions have no signature
         name = getattr(progress, "__name__", type(progress).__name__)
-        raise InputError(f"progress: must be callable as progress(stage, done, total), which {name} is not") from None
+        raise InputError(f"progress: must be a function of (stage, done, total), which {name} is not") from None
     return progress
 
 
 def reported(function: F) -> F:
-    """Give `function` a `progress` that can be called: for None a bar in a notebook, which goes when it returns."""
+    """Decorate `function` so that `progress=None` shows a bar in a notebook while the function runs."""
     arguments = signature(function)
 
     @wraps(function)
     def wrapped(*args: Any, **kwargs: Any) -> Any:
-        given = arguments.bind(*args, **kwargs)
-        progress = given.arguments.get("progress")
-        with _notebook() if progress is None else nullcontext(reporter(progress)) as given.arguments["progress"]:
-            return function(*given.args, **given.kwargs)
+        call = arguments.bind(*args, **kwargs)
+        progress = call.arguments.get("progress")
+        with _notebook() if progress is None else nullcontext(reporter(progress)) as call.arguments["progress"]:
+            return function(*call.args, **call.kwargs)
 
     return wrapped  # type: ignore[return-value]
 
 
 @contextmanager
 def _notebook() -> Iterator[Progress]:
-    """Within, a progress that a notebook's cell shows; silent elsewhere."""
+    """Context with a callback that shows a bar in a notebook's cell, and nothing elsewhere."""
     if "IPython" not in sys.modules:
         yield silent
         return
@@ -65,15 +65,15 @@ def _notebook() -> Iterator[Progress]:
     if not (console := Console()).is_jupyter:
         yield silent
         return
-    bars, handle, due = _Bars(console), None, monotonic() + SOON
+    bars, handle, due = _Bars(console), None, monotonic() + BAR_DELAY
 
     def show(stage: str, done: float, total: float | None) -> None:
         nonlocal handle, due
         bars.show(stage, done, total)
-        if monotonic() > due:  # rich's own thread, which would draw the bars as a widget, writes to no cell
+        if monotonic() > due:  # rich's thread would need a widget, because it cannot write to a cell
             handle = handle or display(bars.progress, display_id=True)
             handle.update(bars.progress)
-            due = monotonic() + EVERY
+            due = monotonic() + BAR_INTERVAL
 
     try:
         yield show
@@ -84,7 +84,7 @@ def _notebook() -> Iterator[Progress]:
 
 @contextmanager
 def terminal(stream: TextIO | None) -> Iterator[Progress]:
-    """Within, a progress that is shown on `stream`, a line for each stage; silent where that is no terminal."""
+    """Context with a callback that shows a bar for each stage if `stream` is a terminal."""
     if stream is None or not stream.isatty():
         yield silent
         return
@@ -103,7 +103,7 @@ def terminal(stream: TextIO | None) -> Iterator[Progress]:
 
 
 class _Bars:
-    """A line for each stage; `progress` is rich's."""
+    """Bars of rich, one for each stage."""
 
     def __init__(self, console: Any) -> None:
         from rich import progress
@@ -115,13 +115,13 @@ class _Bars:
             progress.TimeElapsedColumn(),
             progress.TimeRemainingColumn(),
             console=console,
-            redirect_stdout=False,  # what is printed goes to stdout, not to the stream of the bar
+            redirect_stdout=False,  # printed text goes to stdout, not to the stream of the bar
         )
 
     def show(self, stage: str, done: float, total: float | None) -> None:
         bars = self.progress
         if not bars.tasks or bars.tasks[-1].description != stage:
-            # A stage may end before its total, an impact before its time limit: what is done is then all of it.
+            # A stage may end before its total, as an impact before its time limit; its bar is then completed.
             for task in bars.tasks:
                 bars.update(task.id, completed=1.0, total=1.0)
             bars.add_task(stage, total=total)
@@ -129,21 +129,19 @@ class _Bars:
 
 
 def duration(seconds: float) -> str:
-    """A time that is still to come, rounded to what such an estimate is worth."""
+    """Format an estimated time, rounded to its accuracy."""
     if seconds < 90.0:
         return f"{max(10, 10 * round(seconds / 10)):g} s"
     return f"{round(seconds / 60)} min" if seconds < 6000.0 else f"{seconds / 3600:.1f} h"
 
 
-# ---- a result
+# ---- results
 
 
 def print_result(summary: Mapping[str, Any], labels: Mapping[str, tuple[str, str]], out: Path) -> None:
-    """Print the result, how it was computed, how long that took, where the files are; warnings on stderr.
+    """Print the result, its computation, its time and the folder `out`, and warnings on stderr.
 
-    It is plain text: a path must not be wrapped.
-
-    `labels` are name and unit of each number of the result, by its key in the summary.
+    `labels` maps keys of the summary to (name, unit). The text is plain, because paths must not be wrapped.
     """
     for name, value, unit in rows(summary, labels):
         print(f"{name:<36}{value:>16} {unit}".rstrip())
@@ -153,7 +151,7 @@ def print_result(summary: Mapping[str, Any], labels: Mapping[str, tuple[str, str
 
 
 def rows(summary: Mapping[str, Any], labels: Mapping[str, tuple[str, str]]) -> Iterator[tuple[str, str, str]]:
-    """(name, value, unit and remarks) of each line."""
+    """Yield (name, value, unit and remarks) for each line."""
     errors, source = summary.get("error_estimate") or {}, summary.get("error_source", "time step")
     for key, (name, unit) in labels.items():
         if key in summary:
@@ -161,7 +159,7 @@ def rows(summary: Mapping[str, Any], labels: Mapping[str, tuple[str, str]]) -> I
             if mean := over_lattices(summary, key):
                 yield name, mean[0], f"{unit} {mean[1]}".strip()
                 name = f"  of this lattice, seed {summary['seed']}"
-            yield name, value, f"{unit} {error or UNSURE * ('dt' in summary and not errors)}".strip()
+            yield name, value, f"{unit} {error or UNESTIMATED * ('dt' in summary and not errors)}".strip()
     if "dt" in summary:
         yield "time step", f"{summary['dt']:.6g}", "R/c"
         yield "steps", f"{summary['steps']:,}", f"({summary['integrator']})"
@@ -169,12 +167,12 @@ def rows(summary: Mapping[str, Any], labels: Mapping[str, tuple[str, str]]) -> I
     else:
         yield "iterations", str(summary["steps"]), f"({summary['integrator']})"
     seconds = summary["wall_clock"]
-    parts = ", ".join(f"{name} {one:.1f}" for name, one in seconds.items())
+    parts = ", ".join(f"{name} {time:.1f}" for name, time in seconds.items())
     yield "wall clock", f"{sum(seconds.values()):.1f}", f"s ({parts})"
 
 
 def over_lattices(summary: Mapping[str, Any], key: str) -> tuple[str, str] | None:
-    """The mean of a result over lattices and "± its scatter"; None if there is one lattice alone."""
+    """Return the mean of a result over lattices and "± scatter", or None for a single lattice."""
     lattices = summary.get("lattices", {})
     if key not in lattices:
         return None
@@ -183,25 +181,24 @@ def over_lattices(summary: Mapping[str, Any], key: str) -> tuple[str, str] | Non
 
 
 def headline(summary: Mapping[str, Any], labels: Mapping[str, tuple[str, str]]) -> str:
-    """The primary result over lattices in a few words; empty if there is one lattice alone."""
+    """Return the primary result over lattices as a line of text; empty for a single lattice."""
     key, (name, unit) = next(iter(labels.items()))
     value, scatter = over_lattices(summary, key) or ("", "")
     return " ".join(f"{name} {value} {unit} {scatter}".split()) if value else ""
 
 
 def shown(value: float, error: float | None, exact: bool = False, source: str = "time step") -> tuple[str, str]:
-    """A result with no more digits than are meant, and "± its error"; empty if that is not known.
+    """Format a result and "± error"; the latter is empty if the error is not known.
 
-    The error, None if not estimated, is rounded up to two digits, and the value ends where it does: 0.967234 ± 1.4e-5.
-    No value has more than 12 digits. A result without estimate that is `exact`, as that of Newton's method, is good to
-    rounding.
+    The error (None: not estimated) is rounded up to two digits, and the value has the same last digit: 0.967234 ±
+    1.4e-5. A value has at most 12 digits. `exact`: only rounding limits the result, as with Newton's method.
     """
-    if error is None or not error < 1e9:  # NaN, too
-        return f"{value:.{DIGITS if exact else UNSURE_DIGITS}g}", ""
+    if error is None or not error < 1e9:  # also if NaN
+        return f"{value:.{DIGITS if exact else UNESTIMATED_DIGITS}g}", ""
     bound = Decimal(repr(max(error, 1e-10 * abs(value), 1e-300)))
     rounded = bound.quantize(Decimal(1).scaleb(min(0, bound.adjusted() - 1)), ROUND_CEILING)
     number = Decimal(repr(value)).quantize(rounded)
     text = f"{number:f}" if abs(value) >= 1e-4 or not value else f"{number:e}"
-    if not number and error < ROUNDING:  # an impulse along a wall without friction
+    if not number and error < MAX_ROUNDING:  # for example an impulse along a wall without friction
         text = "0"
     return text, f"± {rounded:{'f' if error >= 1e-3 else 'e'}} ({source})"

@@ -1,7 +1,7 @@
-"""Ctrl-C and SIGTERM set a flag, which is read where a program can stop: between kernel launches, frames, rows.
+"""Interrupts by Ctrl-C and SIGTERM. They set a flag, which the program checks between kernel launches, frames and rows.
 
-A handler that raises would do so between any two bytecodes: Taichi 1.7.4 swallows that in a bare `except` while it
-compiles, and an extension module that is just importing another one aborts the process.
+A handler must not raise: Taichi 1.7.4 swallows exceptions in a bare `except` while it compiles, and an extension module
+that is importing another one aborts the process.
 """
 
 from __future__ import annotations
@@ -18,57 +18,57 @@ from types import FrameType
 Handler = Callable[[int, FrameType | None], object]
 
 INTERRUPTED = 130  # exit status
-AT_ONCE = 0.5  # [s] within which two signals are one: `timeout` sends its to the process, and again to its group
-SHOW_CURSOR = b"\x1b[?25h"  # a bar hides it
+REPEAT_TIME = 0.5  # [s]; a repeated signal is ignored: `timeout` signals the process and then its group
+SHOW_CURSOR = b"\x1b[?25h"  # progress bars hide the cursor
 
-_unread: list[int] = []  # signals that have come; a process has one place for them, as it has one handler
+_pending: list[int] = []  # signals received; global, because a process has one handler per signal
 
 
 def raise_if_interrupted() -> None:
-    """Raise KeyboardInterrupt, once, in the main thread, if a signal has come."""
-    if _unread and threading.current_thread() is threading.main_thread():
-        _unread.clear()
+    """Raise KeyboardInterrupt once in the main thread after a signal."""
+    if _pending and threading.current_thread() is threading.main_thread():
+        _pending.clear()
         raise KeyboardInterrupt
 
 
 def listen() -> None:
-    """From now on SIGINT and SIGTERM set the flag, and a second one ends the process at once."""
-    handler = _flagging(_end)
+    """Let SIGINT and SIGTERM set the flag, and a second signal end the process."""
+    handler = _flagging(_exit)
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, handler)
 
 
 @contextmanager
 def deferred_interrupts() -> Iterator[None]:
-    """Within, Ctrl-C sets the flag where Python would raise KeyboardInterrupt; a second one is raised at once."""
-    usual = signal.default_int_handler
-    if threading.current_thread() is not threading.main_thread() or signal.getsignal(signal.SIGINT) is not usual:
+    """Context in which Ctrl-C sets the flag instead of raising KeyboardInterrupt; a second Ctrl-C raises it."""
+    default = signal.default_int_handler
+    if threading.current_thread() is not threading.main_thread() or signal.getsignal(signal.SIGINT) is not default:
         yield
         return
-    signal.signal(signal.SIGINT, _flagging(usual))
+    signal.signal(signal.SIGINT, _flagging(default))
     try:
         yield
     finally:
-        signal.signal(signal.SIGINT, usual)
+        signal.signal(signal.SIGINT, default)
         raise_if_interrupted()
 
 
 def _flagging(second: Handler) -> Handler:
-    """A handler that sets the flag, and leaves a second signal to another one."""
+    """Return a handler that sets the flag and passes later signals to `second`."""
     first = inf
 
     def handler(number: int, frame: FrameType | None) -> None:
         nonlocal first
         if first == inf:
             first = monotonic()
-            _unread.append(number)
-        elif monotonic() > first + AT_ONCE:
+            _pending.append(number)
+        elif monotonic() > first + REPEAT_TIME:
             second(number, frame)
 
     return handler
 
 
-def _end(number: int, frame: FrameType | None) -> None:
+def _exit(number: int, frame: FrameType | None) -> None:
     if os.isatty(2):
         os.write(2, SHOW_CURSOR)
     os._exit(INTERRUPTED)
@@ -76,7 +76,7 @@ def _end(number: int, frame: FrameType | None) -> None:
 
 @contextmanager
 def ignored_by_children() -> Iterator[None]:
-    """Processes that are started within hear no Ctrl-C, which is their parent's to handle: they inherit the mask."""
+    """Context in which started processes inherit a mask that blocks Ctrl-C, so that only the parent handles it."""
     if not hasattr(signal, "pthread_sigmask"):  # Windows
         yield
         return

@@ -1,1 +1,1 @@
-"""What limits the accuracy of a scene's result: the time step, the lattice or the wall. `taichi-disk accuracy`."""
+"""Sources of error of a scene's result: time step, lattice, number of points and wall (`taichi-disk accuracy`)."""

@@ -1,4 +1,4 @@
-"""Work against error: every integrator at several time steps, compared with a reference solution."""
+"""Cost and error of every integrator at several time steps, compared with a reference solution."""
 
 from __future__ import annotations
 
@@ -24,25 +24,25 @@ from taichi_disk.simulation.simulation import KernelCache
 
 FRACTIONS = (0.95, 0.8, 0.6, 0.4, 0.2, 0.1, 0.05)  # of the stability limit
 REPEATS = 3
-ROWS = 200  # at which the energy is looked at
-RTOL = 1e-11  # of the reference
+ENERGY_SAMPLES = 200  # over which the imbalance is judged
+REFERENCE_RTOL = 1e-11
 
 
 @dataclass(frozen=True)
 class StepError:
-    """One integrator at one step. Errors are absolute: e is of the order 1, positions are in R.
+    """Cost and absolute errors of one integrator at one step.
 
     Attributes:
-        own: whether it is the step that `run` takes.
-        fraction: of the stability limit.
-        seconds: of all steps, without compilation, the best of REPEATS.
-        error: of the primary result.
-        trajectory_error: largest of any coordinate at the end [R].
-        closing_imbalance, worst_imbalance: of the energy, over the scene's scale.
+        is_default: whether `run` would choose this step.
+        fraction: step over the stability limit.
+        seconds: shortest of REPEATS runs, without compilation.
+        error: error of the primary result.
+        trajectory_error: largest error of a coordinate at the end [R].
+        closing_imbalance, worst_imbalance: energy imbalance over the energy scale of the scene.
     """
 
     integrator: str
-    own: bool
+    is_default: bool
     fraction: float
     dt: float  # [R/c]
     steps: int
@@ -55,93 +55,93 @@ class StepError:
 
 
 class StepStudy:
-    """The runs to be made for one scenario. They end when `outcome`, that of `run`, does."""
+    """Runs of one scenario with several integrators and steps. All end at the time at which `outcome` ends."""
 
     def __init__(self, scenario: Scenario, modes: Spectrum, outcome: Outcome) -> None:
         self.scenario, self.modes, model = scenario, modes, scenario.model
         self.end = float(outcome.columns["t"][-1])
         if model.reset_interval:
             self.end = max(1, round(self.end / model.reset_interval)) * model.reset_interval
-        self.own = INTEGRATORS[outcome.summary["integrator"]], self._steps(outcome.summary["dt"] * (1.0 + 1e-9))
-        integrators = [one for one in INTEGRATORS.values() if one.takes(model)]
-        runs = {(one, self._steps(part * self._limit(one))) for one in integrators for part in FRACTIONS}
-        self.runs = sorted({*runs, self.own}, key=lambda run: (run[0].order, run[0].name, run[1]))
+        self.default = INTEGRATORS[outcome.summary["integrator"]], self._steps(outcome.summary["dt"] * (1.0 + 1e-9))
+        integrators = [integrator for integrator in INTEGRATORS.values() if integrator.takes(model)]
+        runs = {(method, self._steps(part * self._limit(method))) for method in integrators for part in FRACTIONS}
+        self.runs = sorted({*runs, self.default}, key=lambda run: (run[0].order, run[0].name, run[1]))
         self.reference = Reference(scenario.lattice, model)
 
     def _limit(self, integrator: Integrator) -> float:
         return step_limit(self.modes, self.scenario.model, integrator, self.scenario.point_force)
 
     def _steps(self, longest: float) -> int:
-        """The fewest steps to the end that are not longer than `longest` [R/c], a whole number to each reset."""
+        """Return the smallest number of steps not longer than `longest` [R/c], a multiple of the number of resets."""
         interval = self.scenario.model.reset_interval or self.end
         return round(self.end / interval) * ceil(interval / longest)
 
     def seconds(self, run: float) -> float:
-        """About how long all will take if the run with the own step takes `run` [s]."""
-        integrator, own_steps = self.own
-        work = sum(steps * one.forces for one, steps in self.runs) / (own_steps * integrator.forces)
+        """Estimate the time [s] that `measure` takes if a run with the default step takes `run` [s]."""
+        integrator, default_steps = self.default
+        work = sum(steps * method.forces for method, steps in self.runs) / (default_steps * integrator.forces)
         state = np.concatenate([self.scenario.lattice.positions, self.scenario.velocities]).ravel()
-        began = perf_counter()
+        started = perf_counter()
         self.reference.rate(0.0, state)
-        evaluation = perf_counter() - began
-        # Force evaluations of DOP853: some 10 for each radian of the fastest vibration, fewer where dashpots bind it.
+        evaluation = perf_counter() - started
+        # DOP853 evaluates forces about 10 times per radian of the fastest vibration, less often if dashpots limit it.
         springs, interval = self.scenario.model.springs, self.scenario.model.reset_interval
         rate = 9.0 * self.modes.omega + 3.0 * springs.eta * self.modes.damping + (12.0 / interval if interval else 0.0)
         return (1 + REPEATS) * work * run + self.end * rate * evaluation
 
     def measure(self, kernels: KernelCache, done: Callable[[int], object]) -> list[StepError]:
-        """Compute the reference and all runs; `done` gets the number of those that are."""
-        scenario, (integrator, steps), found = self.scenario, self.own, []
+        """Compute the reference and all runs, calling `done` with the number of finished ones."""
+        scenario, (integrator, steps), errors = self.scenario, self.default, []
         x, v = self.reference.solve(scenario.velocities, self.end)
         end = replace(scenario.lattice, positions=x)
-        # Where a simulation begins it measures what it is given, as it does for the runs.
+        # A simulation started from the reference solution measures it in the same way as it measures the runs.
         first = kernels.simulation(end, scenario.model, integrator, v, self.end / steps).first_row
         truth = scenario.primary(as_columns(first[None], 0.0))[1]
         for number, (integrator, steps) in enumerate(self.runs):
             done(1 + number)
-            found.append(self._measured(kernels, integrator, steps, x, truth))
-        return found
+            errors.append(self._measured(kernels, integrator, steps, x, truth))
+        return errors
 
     def _measured(self, kernels: KernelCache, integrator: Integrator, steps: int, x: Array, truth: float) -> StepError:
-        """`x` (n, 2) [R] and `truth`: positions and primary result at the end of the reference."""
-        scenario, dt, stride = self.scenario, self.end / steps, max(1, steps // ROWS)
+        """Measure one run against the reference, which ends at the positions `x` (n, 2) [R] with the result `truth`."""
+        scenario, dt, stride = self.scenario, self.end / steps, max(1, steps // ENERGY_SAMPLES)
         simulation = kernels.simulation(scenario.lattice, scenario.model, integrator, scenario.velocities, dt)
         start = simulation.snapshot()
         rows, _ = simulation.advance(steps, stride)
         columns = as_columns(np.vstack([simulation.first_row, rows, simulation.now]), stride * dt)
         closing, worst = relative_imbalance(scenario, columns)
-        off = np.abs(simulation.positions() - x).max()
+        trajectory_error = float(np.abs(simulation.positions() - x).max())
         times = []
         for _ in range(REPEATS):
             simulation.restore(start)
-            began = perf_counter()
+            started = perf_counter()
             simulation.advance(steps, steps)
-            times.append(perf_counter() - began)
+            times.append(perf_counter() - started)
         return StepError(
             integrator=integrator.name,
-            own=(integrator, steps) == self.own,
+            is_default=(integrator, steps) == self.default,
             fraction=dt / self._limit(integrator),
             dt=dt,
             steps=steps,
             seconds=min(times),
             ns_per_spring_and_step=1e9 * min(times) / steps / len(scenario.lattice.bonds),
             error=abs(scenario.primary(columns)[1] - truth),
-            trajectory_error=float(off),
+            trajectory_error=trajectory_error,
             closing_imbalance=closing,
             worst_imbalance=worst,
         )
 
 
 class Reference:
-    """The motion of a `model` on a `lattice` by SciPy's DOP853 on the laws in NumPy: nothing that the kernels use."""
+    """Reference solution by SciPy's DOP853 and the laws in NumPy, independent of the Taichi kernels."""
 
     def __init__(self, lattice: Lattice, model: Model) -> None:
         self.lattice, self.model = lattice, model
 
-    def solve(self, velocities: Array, end: float, rtol: float = RTOL) -> Array:
-        """(2, n, 2): positions and velocities at time `end` [R/c], from the lattice's positions at t = 0.
+    def solve(self, velocities: Array, end: float, rtol: float = REFERENCE_RTOL) -> Array:
+        """Return positions and velocities (2, n, 2) at time `end` [R/c].
 
-        Raises SimulationError where SciPy gives up.
+        It starts from the lattice's positions with `velocities` (n, 2) [c]. Raises SimulationError if SciPy fails.
         """
         from scipy.integrate import solve_ivp
 
@@ -152,19 +152,19 @@ class Reference:
         y: Array = np.concatenate([self.lattice.positions, velocities]).ravel()
         for stop in stops:
             if stop > t:
-                # Between resets a step or two do; of a whole motion the end alone is kept.
-                how: dict[str, Any] = {"first_step": stop - t} if interval else {"t_eval": [stop]}
-                with np.errstate(all="ignore"):  # it tries steps that crush the disk, and takes them back
-                    found = solve_ivp(self.rate, (t, stop), y, "DOP853", rtol=rtol, atol=1e-3 * rtol, **how)
-                if not found.success:
-                    raise SimulationError(f"the reference solution ends before t = {stop:.6g} R/c: {found.message}")
-                y, t = np.array(found.y[:, -1]), stop
+                # One or two steps suffice between resets. Without resets, only the end of the motion is stored.
+                options: dict[str, Any] = {"first_step": stop - t} if interval else {"t_eval": [stop]}
+                with np.errstate(all="ignore"):  # trial steps that crush the disk are rejected later
+                    solution = solve_ivp(self.rate, (t, stop), y, "DOP853", rtol=rtol, atol=1e-3 * rtol, **options)
+                if not solution.success:
+                    raise SimulationError(f"the reference solution ends before t = {stop:.6g} R/c: {solution.message}")
+                y, t = np.array(solution.y[:, -1]), stop
             if interval and stop is not stops[-1]:
                 y.reshape(2, -1, 2)[1, self.lattice.wall_boundary] = 0.0
         return y.reshape(2, -1, 2)
 
     def rate(self, _t: float, y: Array) -> Array:
-        """Velocities and accelerations of the state `y`: x0, y0, x1 ... and the velocities likewise."""
+        """Return the time derivative of the state `y`, which holds positions x0, y0, x1, … and then velocities."""
         raise_if_interrupted()
         x, v = y.reshape(2, -1, 2)
         force = self.model.forces_moving(self.lattice, x, v)

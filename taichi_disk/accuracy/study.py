@@ -1,4 +1,4 @@
-"""The error of the time step beside the others: how the result changes with lattice, number of points and wall."""
+"""Comparison of the time step's error with the effects of lattice, number of points and wall on the result."""
 
 from __future__ import annotations
 
@@ -27,33 +27,34 @@ from taichi_disk.simulation.observables import BLUE, GREEN, ORANGE, PINK, RED
 from taichi_disk.simulation.simulation import KernelCache
 
 SEEDS = 8
-FINER = (4, 16, 64)  # times the points; same mass, stiffness and viscosity of the whole disk
-MOST_POINTS = 200_000  # of the disk, beyond which only the first of these is tried
-HARDER = (3.0, 10.0)  # times the wall's a
+REFINEMENTS = (4, 16, 64)  # factors of the number of points, at equal mass, stiffness and viscosity of the disk
+MAX_POINTS = 200_000  # of the disk; larger lattices are computed for the first refinement only
+HARDNESS_FACTORS = (3.0, 10.0)  # of wall.a
 VISCOSITY = "material.viscosity"
 SAMPLE, POINTS, WALL = "lattice sample", "points", "wall hardness"
-CLEAR = 2.0  # times the lattice scatter, from which a finer lattice is more than another sample
-COMPILING = 5.0  # [s] of kernels, about
+SIGNIFICANCE = 2.0  # lattice scatters; a larger difference is an effect of the number of points
+COMPILE_TIME = 5.0  # [s], typical
 COLOURS = dict(zip(DASHPOTS, (BLUE, RED, GREEN, ORANGE, PINK), strict=False))  # of the integrators
-WIDTH = 120  # of tables where there is no terminal
+TABLE_WIDTH = 120  # without a terminal
 
 
 @dataclass(frozen=True)
 class Change:
-    """A change to the scene: the primary result with it, and how far that is from the result without.
+    """A change of the scene and its effect on the primary result.
 
     Attributes:
-        source: of error.
-        change: in words.
-        keys: the same, as `DiskScene.with_` takes it.
-        finer: times as many points.
-        remark: why there is no result, which is then NaN.
+        source: source of error.
+        change: description.
+        keys: changed keys, as `DiskScene.with_` takes them.
+        refinement: factor of the number of points.
+        result, difference: primary result, and its difference from the unchanged scene; NaN if the run failed.
+        remark: why the run failed.
     """
 
     source: str
     change: str
     keys: dict[str, Any] = field(default_factory=dict)
-    finer: int = 1
+    refinement: int = 1
     result: float = math.nan
     difference: float = math.nan
     remark: str = ""
@@ -61,7 +62,12 @@ class Change:
 
 @dataclass(frozen=True)
 class Findings:
-    """`name`: of the primary result; `steps`: empty for an equilibrium; `sources`: the scene itself first."""
+    """Measured errors of the primary result `name`.
+
+    Attributes:
+        steps: empty for an equilibrium.
+        sources: the unchanged scene first.
+    """
 
     name: str
     steps: list[StepError]
@@ -69,51 +75,53 @@ class Findings:
 
     @property
     def step(self) -> float:
-        """The error of the primary result at the step that `run` takes; 0 for an equilibrium."""
-        return next((one.error for one in self.steps if one.own), 0.0)
+        """Error of the primary result at the default step of `run`; 0 for an equilibrium."""
+        return next((step.error for step in self.steps if step.is_default), 0.0)
 
     @property
     def samples(self) -> list[float]:
-        """The primary result of the scene on one lattice after the other."""
-        return [one.result for one in self.sources[:1] + [one for one in self.sources if one.source == SAMPLE]]
+        """Primary result for each seed."""
+        return [self.sources[0].result, *(change.result for change in self.sources if change.source == SAMPLE)]
 
     @property
     def scatter(self) -> float:
-        """Standard deviation over lattices; NaN where there is but one."""
-        found = [one for one in self.samples if math.isfinite(one)]
-        return float(np.std(found, ddof=1)) if len(found) > 1 else math.nan
+        """Standard deviation over lattices; NaN for a single lattice."""
+        results = [result for result in self.samples if math.isfinite(result)]
+        return float(np.std(results, ddof=1)) if len(results) > 1 else math.nan
 
     def last_difference(self, source: str) -> float:
-        """What the last change of that kind does; NaN without one."""
-        found = [one.difference for one in self.sources if one.source == source and not one.remark]
-        return found[-1] if found else math.nan
+        """Return the difference made by the last successful change of `source`; NaN without one."""
+        differences = [change.difference for change in self.sources if change.source == source and not change.remark]
+        return differences[-1] if differences else math.nan
 
     @property
     def sentence(self) -> str:
-        """What matters, and so what to do."""
+        """Summary of the errors, with advice on the largest."""
         finest, scatter = self.last_difference(POINTS), self.scatter
         parts = [f"time step {self.step:.1g}" if self.steps else "time step none (an equilibrium)"]
-        known = (("lattice scatter", scatter), ("finest lattice", finest), ("hardest wall", self.last_difference(WALL)))
-        parts += [f"{name} {value:.1g}" for name, value in known if math.isfinite(value)]
-        more = ["seeds"] * (scatter > self.step) + ["points"] * (abs(finest) > max(CLEAR * scatter, self.step))
+        others = (
+            ("lattice scatter", scatter),
+            ("finest lattice", finest),
+            ("hardest wall", self.last_difference(WALL)),
+        )
+        parts += [f"{name} {value:.1g}" for name, value in others if math.isfinite(value)]
+        more = ["seeds"] * (scatter > self.step) + ["points"] * (abs(finest) > max(SIGNIFICANCE * scatter, self.step))
         advice = "use smaller steps (time.tolerance)" if self.steps else "nothing to gain"
         if more:
             advice = f"use more {' and '.join(more)}, not smaller steps"
-            eta = next((one.keys[VISCOSITY] for one in self.sources if VISCOSITY in one.keys), None)
+            eta = next((change.keys[VISCOSITY] for change in self.sources if VISCOSITY in change.keys), None)
             if eta and self.steps and "points" in more:
-                advice += f"; {VISCOSITY} = {eta:.4g} keeps the body the same"
+                advice += f"; {VISCOSITY} = {eta:.4g} keeps the damping the same"
         return f"{self.name}: {', '.join(parts)}: {advice}"
 
 
 def study(scene: Scene, out: Path, title: str, note: Callable[[str], None]) -> None:
-    """Measure the errors of a scene's primary result, print them, and leave tables and a picture in `out`.
+    """Measure the errors of a scene's primary result, print them, and write tables and a picture to `out`.
 
-    Args:
-        note: gets one line after the first runs: how many there are, and about how long they will take.
+    `note` is called once with the number of runs and their estimated time.
 
-    Raises InputError for a folder that holds a run or cannot be written, a step by hand beyond the stability limit, or
-    friction;
-    SimulationError where the scene has no result.
+    Raises InputError if `out` holds a run or cannot be written, if the scene's dt exceeds the stability limit, or for a
+    wall with friction; SimulationError if the scene has no result.
     """
     refuse_run(out)
     made = prepare_output(out)
@@ -129,26 +137,26 @@ def study(scene: Scene, out: Path, title: str, note: Callable[[str], None]) -> N
 
 
 def assess(scene: Scene, progress: Progress, note: Callable[[str], None]) -> Findings:
-    """The measurements of `study`. Taichi has to be started."""
+    """Measure what `study` reports. Taichi must have been started."""
     kernels, scenario, study = KernelCache(), scene.scenario(), None
     progress("simulate", 0, None)
     if scenario.model.has_friction:
         raise InputError(
-            "wall.friction: the reference solution of `accuracy` needs smooth forces; `run` estimates the error"
+            "wall.friction: must be 0, because the reference solution needs smooth forces; `run` estimates errors, too"
         )
     if scenario.step_dependent:
         modes = spectrum(scenario.lattice, scenario.model)
         outcome = compute(scenario, scene.time, kernels=kernels, modes=modes, estimate=False)
         study = StepStudy(scenario, modes, outcome)
-    others, began = list(changes(scene)), perf_counter()
+    others, started = list(changes(scene)), perf_counter()
     base = result_of(scene, kernels)
-    each = perf_counter() - began
-    growth = 1.4 if study else 1.1  # of time with the number of points: steps are shorter, too
-    expected = COMPILING + each * sum(one.finer**growth for one in others)
+    run_time = perf_counter() - started
+    exponent = 1.4 if study else 1.1  # of time against points; finer lattices also need shorter steps
+    expected = COMPILE_TIME + run_time * sum(change.refinement**exponent for change in others)
     runs, steps = f"{len(others)} runs", []
     if study:
         runs = f"{len(others) + len(study.runs)} runs and a reference solution"
-        expected += study.seconds(each)
+        expected += study.seconds(run_time)
     note(f"{runs}, about {duration(expected)}")
     if study:
         count = 1 + len(study.runs)
@@ -162,27 +170,26 @@ def assess(scene: Scene, progress: Progress, note: Callable[[str], None]) -> Fin
 
 
 def changes(scene: Scene) -> Iterator[Change]:
-    """Other lattices, finer lattices and harder walls."""
+    """Yield other seeds, finer lattices and harder walls."""
     lattice, wall = scene.lattice, scene.wall
-    if lattice.file == "none":  # of points of one's own there is no other sample
+    if lattice.file == "none":  # user-supplied points have no other sample
         for seed in range(lattice.seed + 1, lattice.seed + SEEDS):
             yield Change(SAMPLE, f"seed {seed}", {"lattice.seed": seed})
-        for factor in FINER:
-            if factor > FINER[0] and factor * lattice.points > MOST_POINTS:
+        for factor in REFINEMENTS:
+            if factor > REFINEMENTS[0] and factor * lattice.points > MAX_POINTS:
                 break
-            keys = {f"{home}.points": factor * getattr(scene, home).points for home, _ in scene.homes("points")}
-            more = scene.keeping_the_body()
-            # A reset is a drag of 2 m/interval on each point of the boundary.
+            keys = scene.changes_with("lattice.points", factor * lattice.points)
+            # A reset acts on each boundary point like a drag of 2 m/interval.
             if isinstance(wall, ElasticWallSection) and wall.boundary == "reset":
-                more["wall.reset_interval"] = wall.reset_interval / math.sqrt(factor)
+                keys["wall.reset_interval"] = wall.reset_interval / math.sqrt(factor)
             same = ", same η" * bool(scene.material.dashpots[1])
-            yield Change(POINTS, f"N = {factor * lattice.points:,}{same}", keys | more, factor)
-    for multiple in HARDER:
+            yield Change(POINTS, f"N = {factor * lattice.points:,}{same}", keys, factor)
+    for multiple in HARDNESS_FACTORS:
         yield Change(WALL, f"a = {multiple * wall.a:g}/R", {"wall.a": multiple * wall.a})
 
 
 def measured(scene: Scene, base: float, change: Change, kernels: KernelCache) -> Change:
-    """`change` with what it does to the result `base` of the scene."""
+    """Compute the changed scene and return `change` with the result, or with the reason why there is none."""
     try:
         result = result_of(scene.with_(change.keys), kernels)
     except TaichiDiskError as error:
@@ -191,9 +198,9 @@ def measured(scene: Scene, base: float, change: Change, kernels: KernelCache) ->
 
 
 def result_of(scene: Scene, kernels: KernelCache) -> float:
-    """The primary result by the automatic step, because a step by hand seldom suits a finer lattice.
+    """Compute the primary result, by Newton's method if it does not depend on the step.
 
-    At once by Newton's method where the result does not depend on the step. Raises TaichiDiskError.
+    The step is automatic, because a user's dt seldom suits a finer lattice.
     """
     scenario = scene.scenario()
     if not scenario.step_dependent:
@@ -206,9 +213,9 @@ def result_of(scene: Scene, kernels: KernelCache) -> float:
 
 
 def report(findings: Findings, out: Path, title: str) -> None:
-    """Write accuracy.md and error_sources.csv into `out`; where there are time steps, accuracy.csv and accuracy.png.
+    """Print the findings and write accuracy.md, error_sources.csv and, of impacts, accuracy.csv and accuracy.png.
 
-    The sentence and the tables are shown on stdout, too. Raises SimulationError for a full disk.
+    Raises SimulationError if a file cannot be written.
     """
     from rich.console import Console
     from rich.markdown import Markdown
@@ -216,27 +223,32 @@ def report(findings: Findings, out: Path, title: str) -> None:
     text = tables(findings)
     write_text(out / "accuracy.md", f"# {title}\n\n{findings.sentence}.\n\n{text}\n")
     columns = ("source", "change", "result", "difference", "remark")
-    write_csv(out / "error_sources.csv", [{name: getattr(one, name) for name in columns} for one in findings.sources])
+    write_csv(
+        out / "error_sources.csv", [{name: getattr(change, name) for name in columns} for change in findings.sources]
+    )
     if findings.steps:
-        write_csv(out / "accuracy.csv", [asdict(one) for one in findings.steps])
+        own = {"is_default": "own"}  # a column keeps its name
+        write_csv(
+            out / "accuracy.csv", [{own.get(k, k): v for k, v in asdict(step).items()} for step in findings.steps]
+        )
         draw(findings, out / "accuracy.png", title)
     print(findings.sentence)
-    Console(width=None if sys.stdout.isatty() else WIDTH).print(Markdown(text))
+    Console(width=None if sys.stdout.isatty() else TABLE_WIDTH).print(Markdown(text))
 
 
 def tables(findings: Findings) -> str:
-    """In Markdown: of the time steps, where there are any, and of the other sources of error."""
+    """Return Markdown tables of the time steps, if any, and of the other sources of error."""
     lines = []
     if findings.steps:
         lines += ["| integrator | step/limit | steps | ms | ns/spring | error | position | energy |", "|---" * 8 + "|"]
     for p in findings.steps:
-        name, cost = p.integrator + " (run)" * p.own, f"{1e3 * p.seconds:.1f} | {p.ns_per_spring_and_step:.1f}"
+        name, cost = p.integrator + " (run)" * p.is_default, f"{1e3 * p.seconds:.1f} | {p.ns_per_spring_and_step:.1f}"
         errors = f"{p.error:.1e} | {p.trajectory_error:.1e} | {p.closing_imbalance:+.1e}"
         lines.append(f"| {name} | {p.fraction:.2g} | {p.steps:,} | {cost} | {errors} |")
     lines += ["", f"| source of error | change | {findings.name} | difference |", "|---" * 4 + "|"]
-    for one in findings.sources:
-        difference = one.remark.replace("|", "/") or f"{one.difference:+.1e}"
-        lines.append(f"| {one.source} | {one.change} | {one.result:.7g} | {difference} |")
+    for change in findings.sources:
+        difference = change.remark.replace("|", "/") or f"{change.difference:+.1e}"
+        lines.append(f"| {change.source} | {change.change} | {change.result:.7g} | {difference} |")
     if math.isfinite(findings.scatter):
         name = f"mean and standard deviation of {len(findings.samples)}"
         lines.append(f"| lattice sample | {name} | {np.nanmean(findings.samples):.7g} | ± {findings.scatter:.1e} |")
@@ -244,7 +256,7 @@ def tables(findings: Findings) -> str:
 
 
 def draw(findings: Findings, path: Path, title: str) -> None:
-    """Error (y) against cost (x): lower and farther left is better. A ring: the step that `run` takes."""
+    """Draw error (y) against cost (x); a ring marks the default step of `run`."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
@@ -257,11 +269,11 @@ def draw(findings: Findings, path: Path, title: str) -> None:
             if curve:
                 axes.loglog([p.seconds for p in curve], [p.error for p in curve], "o-", color=colour, ms=4, label=name)
             for p in curve:
-                if p.own:
+                if p.is_default:
                     axes.loglog(p.seconds, p.error, "o", ms=12, mfc="none", color=colour)
         axes.set_xlabel("time to solution  [s]")
         axes.set_ylabel(f"error of {findings.name}")
         axes.set_title(title, fontsize=10)
         axes.grid(True, which="both", color="0.92")
-        axes.legend(frameon=False, title="ring: the step that run takes", fontsize=8, title_fontsize=8)
+        axes.legend(frameon=False, title="ring: default step of run", fontsize=8, title_fontsize=8)
         atomic_write(path, lambda new: figure.savefig(new, metadata={"Software": None}))

@@ -91,8 +91,7 @@ def _has_stuck(driver: Driver) -> bool:
     """Whether friction held a point: its impulse is less than that of points that all slide one way."""
     wall, columns = driver.scenario.model.wall, driver.columns
     along, away = (abs(float(columns[name][-1] - columns[name][0])) for name in ("com_vx", "com_vy"))
-    friction = getattr(wall, "friction", 0.0)
-    return bool(friction) and along < SLIDING_PART * friction * away
+    return wall is not None and along < SLIDING_PART * wall.friction * away
 
 
 def _other_step(driver: Driver) -> float:

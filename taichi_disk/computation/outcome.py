@@ -180,7 +180,7 @@ class _Loading:
         return replace(self.model, load=Load(part * self.model.load.force))
 
     def under(self, part: float, start: Array) -> Array:
-        return solve_equilibrium(self.lattice, self.pressed(part), start, near=True).positions
+        return solve_equilibrium(self.lattice, self.pressed(part), start, is_close=True).positions
 
     def frames(self, times: Array) -> Iterator[Moment]:
         parts, states = self.parts, self.states

@@ -36,6 +36,10 @@ class Scenario(ABC):
         static: whether nothing moves: equilibria under growing loads take the place of time, and the last is `rest`.
         rest: the equilibrium under the load, by Newton's method, if there is a load.
         quiet_time: how long rows have to stay within `end_bounds` [R/c]; 0: one row is enough.
+        is_thrown: whether the disk flies at a wall: it can be aimed, and a contact passes in slow motion.
+        symbol: of the primary result.
+        end_words: what has happened at the end, for messages.
+        momentary_label: name and unit of `momentary_motion`.
         time_label, pace: what `t` is, for the axes of curves; how much of it a film shows, to be filled in.
         labels: name and unit of each number of `result` that is shown.
         notes: how each number of `result` was measured.
@@ -57,6 +61,10 @@ class Scenario(ABC):
     quiet_time: float = 0.0
     own_velocities: bool = False
     static: ClassVar[bool] = False
+    is_thrown: ClassVar[bool] = False
+    symbol: ClassVar[str] = ""
+    end_words: ClassVar[str] = ""
+    momentary_label: ClassVar[tuple[str, str]] = ("velocity upwards", "c")
     time_label: ClassVar[str] = "time  [R/c]"
     pace: ClassVar[str] = "1 s shows {:g} R/c"
     labels: ClassVar[dict[str, tuple[str, str]]]
@@ -114,9 +122,14 @@ class Scenario(ABC):
         """By how much the primary result would still change if an ended scene went on, at any step."""
         return 0.0
 
-    @abstractmethod
     def energy_scale(self, columns: Columns) -> float:
         """What the energy imbalance is divided by [M c^2]."""
+        return self.reference_energy
+
+    @property
+    def reference_energy(self) -> float:
+        """What the energy imbalance is divided by before the end is known [M c^2]."""
+        return 1.0
 
     @property
     def sensitivity(self) -> float:
@@ -132,6 +145,10 @@ class Scenario(ABC):
     @abstractmethod
     def motion(self, columns: Columns) -> tuple[Array, str]:
         """The curve that the scene is about, (rows,), and the label of its axis."""
+
+    def momentary_motion(self, row: Any) -> Any:
+        """Return the quantity of `momentary_label` from observables, numbers or arrays (rows,), of any moment."""
+        return row["com_vy"]
 
     def continuum(self, columns: Columns) -> dict[str, Array]:
         """What laws of the continuum say of `motion`, by their names."""

@@ -15,6 +15,11 @@ class ExponentialPotential:
 
     a: float  # hardness [1/R]
     V0: float  # potential at distance 0 [M c^2]
+    friction = 0.0  # coefficient mu of Coulomb's friction; 0: none
+
+    @property
+    def has_friction(self) -> bool:
+        return self.friction != 0.0
 
     @property
     def decay_length(self) -> float:

@@ -1,16 +1,14 @@
-"""What a state means to an eye: stress, rates, strains and energies. NumPy in, NumPy out.
+"""Quantities that pictures show: stress, rates, strains and energies, as NumPy arrays.
 
-The stress is the virial stress of the springs (Irving and Kirkwood 1950; Born and Huang 1954). A spring of tension T
-along r = r_j - r_i transmits T r between its ends. The triangles beside it carry that in equal parts, so that a
-triangle of area A has the symmetric stress
+The stress is the virial stress of the springs (Irving and Kirkwood 1950; Born and Huang 1954). The force T of a
+spring along r = r_j - r_i is divided equally among its adjacent triangles, so that a triangle of area A has the stress
 
-    sigma = 1/A * sum over its sides of part * T/|r| * r r^T        [M c^2/R^2: force per length in two dimensions]
+    sigma = 1/A * sum over its sides of fraction * T/|r| * r r^T    [M c^2/R^2: force per length in two dimensions]
 
-with part 1/2 for an inner spring and 1 for one on the outline. A spring of one's own that is no triangle's side counts
-half for the triangles around either of its ends, in equal parts. A and r are those of the deformed state (Cauchy
-stress). The integral of sigma over the area is then exactly the virial of the springs, sum of T/|r| r r^T, which
-equals -sum of x_i f_i^T for the springs' forces f_i on the points at x_i. Dashpots are left out: their force is not
-along r, and what light sees in a loaded plate is its strain.
+with the fraction 1/2 for inner springs and 1 for springs on the outline. Half of a spring that is no side of a triangle
+is divided equally among the triangles around each of its ends. A and r belong to the deformed state (Cauchy stress).
+The integral of sigma over the area equals the virial of the springs, sum of T/|r| r r^T = -sum of x_i f_i^T for forces
+f_i on points x_i. Dashpots do not contribute: their force is not along r, and photoelasticity shows strain.
 """
 
 from __future__ import annotations
@@ -29,17 +27,16 @@ if TYPE_CHECKING:
 
 Support = Literal["triangles", "springs", "points"]
 
-# Of its unloaded area: a triangle that a violent hit has folded is not taken for smaller, so that stress stays finite.
-LEAST_AREA = 0.1
-SMOOTHING, PASSES = 0.06, 12  # [R]
-ROUNDING = 1e-13  # of stresses [M c^2/R^2], which makes no fringes
-KINDS = 8  # of springs, up to which a line is drawn between them
-FRINGES = 5  # in a picture whose fringe constant nobody gave
+MIN_AREA = 0.1  # over the unloaded area; keeps the stress of triangles folded by a violent impact finite
+SMOOTHING, MAX_PASSES = 0.06, 12  # standard deviation [R] of averaged stress; number of averages
+STRESS_ROUNDING = 1e-13  # [M c^2/R^2]; smaller stresses are rounding errors and show no fringes
+MAX_MATERIALS = 8  # stiffnesses; with more, no interfaces are drawn
+FRINGES = 5  # number in a picture if the scene gives no fringe constant
 
 
 @dataclass(frozen=True)
 class Field:
-    """Values (k,) of a quantity in `unit`, one for each of the lattice's triangles, springs or points."""
+    """Values (k,) of a quantity [`unit`] for each triangle, spring or point of a lattice."""
 
     values: Array
     on: Support
@@ -48,7 +45,7 @@ class Field:
 
 @dataclass(frozen=True)
 class Quantity:
-    """What is said about a quantity: its label, the meaning of a low and of a high value, whether it has a sign."""
+    """Label of a quantity, labels of low and high values, and whether the quantity has a sign."""
 
     label: str
     unit: str
@@ -71,15 +68,13 @@ QUANTITIES: dict[str, Quantity] = {
 
 
 def field(name: str, lattice: Lattice, springs: Springs, x: Array, v: Array) -> Field:
-    """The quantity `name` of QUANTITIES of `lattice` and its `springs`.
+    """Compute the quantity `name` of QUANTITIES for points at `x` (n, 2) [R] with velocities `v` (n, 2) [c].
 
-    The points are at `x` (n, 2) [R] and have the velocities `v` (n, 2) [c].
-
-    - pressure, shear: of the stress of each triangle, see `stress`; pressure is positive under compression.
+    - pressure, shear: from the `stress` of each triangle; pressure is positive under compression.
     - fringes: brightness from 0 to 1 at the points, see `fringes` and `smooth_stress`.
-    - rate: -div v of each triangle: positive while it is being compressed.
-    - strain, force: of each spring, positive where it is stretched.
-    - speed, kinetic: of each point of the disk in the frame of the disk's centre of mass; of a wall, as it is.
+    - rate: -div v of each triangle, positive under compression.
+    - strain, force: of each spring, positive if stretched.
+    - speed, kinetic: of each point; for the disk, relative to its centre of mass.
     """
     values, kind = _values(name, Triangles(lattice), springs, x, v), QUANTITIES[name]
     return Field(fringes(0.5 * values) if name == "fringes" else values, kind.on, kind.unit)
@@ -94,7 +89,7 @@ def _values(name: str, triangles: Triangles, springs: Springs, x: Array, v: Arra
     if name == "fringes":
         return 2.0 * shear(smooth_stress(triangles, springs, x))
     if name == "rate":
-        return -triangles.growth(x, v) / triangles.areas(x)
+        return -triangles.area_rates(x, v) / triangles.areas(x)
     if name == "strain":
         return springs.strain(lattice, x)
     if name == "force":
@@ -106,10 +101,10 @@ def _values(name: str, triangles: Triangles, springs: Springs, x: Array, v: Arra
 
 
 def at_points(name: str, triangles: Triangles, springs: Springs, x: Array, v: Array) -> Array:
-    """(n,) what pictures show between the points: `field`, brought to the points.
+    """Return the quantity `name` averaged to the points (n,), between which pictures interpolate.
 
-    Of triangles the mean around each point, weighted with their areas (of the shear: that of the mean stress); of
-    springs the mean over those that meet in a point. "fringes": twice the shear, the fringes' argument.
+    Triangles around a point are weighted with their areas, springs at a point equally. Shear is that of the mean
+    stress; for "fringes" the result is twice the shear, the argument of the fringes.
     """
     if name == "shear":
         return shear(point_stress(triangles, springs, x))
@@ -130,12 +125,12 @@ def point_field(name: str, lattice: Lattice, springs: Springs, x: Array, v: Arra
 
 
 def fringes(largest_shear: Array, fringe: float = 0.0) -> Array:
-    """Brightness sin^2(pi * 2 shear/fringe) of largest shear stresses [M c^2/R^2]: a circular polariscope's dark field.
+    """Return the brightness sin^2(pi * 2 shear/fringe) in a dark-field circular polariscope.
 
-    `fringe`: stress difference from one fringe to the next; 0: the largest difference makes FRINGES.
+    `largest_shear`, `fringe` [M c^2/R^2]: maximum shear stress, and stress difference per fringe; 0: FRINGES in all.
     """
-    most = float(largest_shear.max(initial=0.0))
-    fringe = fringe or (2.0 * most / FRINGES if most > ROUNDING else 1.0)
+    maximum = float(largest_shear.max(initial=0.0))
+    fringe = fringe or (2.0 * maximum / FRINGES if maximum > STRESS_ROUNDING else 1.0)
     return np.asarray(np.sin(2.0 * np.pi * largest_shear / fringe) ** 2)
 
 
@@ -146,12 +141,12 @@ class Triangles:
     """The triangles of a lattice and their sides.
 
     Attributes:
-        triangles: (t, 3) int32, points, counter-clockwise in the unloaded lattice.
-        part: (m,) of each spring's force that one triangle beside it carries: 1/2 between two triangles, 1 on an
-            outline; 0 where there is none.
-        outline: (k, 2) int32, the sides that belong to one triangle, with that triangle on their left.
-        across: (k, 2) int32, the springs that are no triangle's side.
-        interfaces: (k, 2) int32, the sides at which the springs' stiffness changes, where there are but a few kinds.
+        triangles: (t, 3) int32 points, counter-clockwise in the unloaded lattice.
+        fraction: (m,) of each spring's force carried by one adjacent triangle: 1/2 between two triangles, 1 on an
+            outline, 0 without a triangle.
+        outline: (k, 2) int32 sides of a single triangle, which lies on their left.
+        crossing: (k, 2) int32 springs that are no side of a triangle.
+        interfaces: (k, 2) int32 sides between materials of different stiffness; empty beyond MAX_MATERIALS.
     """
 
     def __init__(self, lattice: Lattice) -> None:
@@ -161,58 +156,58 @@ class Triangles:
         ends = np.stack([self.triangles, np.roll(self.triangles, -1, axis=1)], axis=-1).reshape(-1, 2)
         sides = np.searchsorted(pair_keys(lattice.bonds, n), pair_keys(ends, n))  # bonds are sorted
         count = np.bincount(sides, minlength=m)
-        self.part = np.where(count > 0, 1.0 / np.maximum(count, 1), 0.0)
-        self.outline, self.across = ends[count[sides] == 1], lattice.bonds[count == 0]
-        self.interfaces = self.across[:0]
+        self.fraction = np.where(count > 0, 1.0 / np.maximum(count, 1), 0.0)
+        self.outline, self.crossing = ends[count[sides] == 1], lattice.bonds[count == 0]
+        self.interfaces = self.crossing[:0]
         if lattice.stiffness is not None:
-            kind = np.median(lattice.stiffness[sides].reshape(-1, 3), axis=1)  # of a triangle: what two of three are
-            least, most = np.full(m, np.inf), np.zeros(m)
-            np.minimum.at(least, sides, np.repeat(kind, 3))
-            np.maximum.at(most, sides, np.repeat(kind, 3))
-            if len(np.unique(kind)) <= KINDS:
-                self.interfaces = lattice.bonds[most > least]
-        self._least_area = 0.5 * LEAST_AREA * np.abs(double_area(lattice.positions[self.triangles]))
-        # Sums over what each triangle carries, over the triangles around each point, over a point and its neighbours.
+            stiffness = np.median(lattice.stiffness[sides].reshape(-1, 3), axis=1)  # of a triangle
+            minimum, maximum = np.full(m, np.inf), np.zeros(m)
+            np.minimum.at(minimum, sides, np.repeat(stiffness, 3))
+            np.maximum.at(maximum, sides, np.repeat(stiffness, 3))
+            if len(np.unique(stiffness)) <= MAX_MATERIALS:
+                self.interfaces = lattice.bonds[maximum > minimum]
+        self._min_area = 0.5 * MIN_AREA * np.abs(double_area(lattice.positions[self.triangles]))
+        # Matrices that sum over the springs of a triangle, the triangles around a point, a point and its neighbours.
         owner, ones = np.repeat(np.arange(t), 3), np.ones(3 * t)
-        self._carried = csr_array((self.part[sides], (owner, sides)), (t, m))
+        self._carried = csr_array((self.fraction[sides], (owner, sides)), (t, m))
         self._around = csr_array((ones, (self.triangles.ravel(), owner)), (n, t))
-        if len(across := np.flatnonzero(count == 0)):
-            point = lattice.bonds[across].ravel()
-            part = 0.5 / self._around.sum(axis=1)[point]
-            ends = csr_array((part, (point, np.repeat(across, 2))), (n, m))
+        if len(crossing := np.flatnonzero(count == 0)):
+            point = lattice.bonds[crossing].ravel()
+            fraction = 0.5 / self._around.sum(axis=1)[point]
+            ends = csr_array((fraction, (point, np.repeat(crossing, 2))), (n, m))
             self._carried = csr_array(self._carried + self._around.T @ ends)
-        own, (i, j) = np.arange(n), lattice.bonds.T
-        pairs = np.concatenate([own, i, j]), np.concatenate([own, j, i])
+        points, (i, j) = np.arange(n), lattice.bonds.T
+        pairs = np.concatenate([points, i, j]), np.concatenate([points, j, i])
         self._neighbours = csr_array((np.ones(n + 2 * m), pairs), (n, n))
 
     def _edges(self, x: Array) -> tuple[Array, Array]:
-        """(2, t) from the first corner to the second, and to the third."""
+        """Vectors (2, t) from the first corner of each triangle to the second and to the third."""
         a, b, c = self.triangles.T
         return np.stack([y[b] - y[a] for y in x.T]), np.stack([y[c] - y[a] for y in x.T])
 
     def areas(self, x: Array) -> Array:
-        """(t,) [R^2] with the points at `x` (n, 2) [R], at least LEAST_AREA of the unloaded ones."""
-        return np.asarray(np.maximum(0.5 * double_area(x[self.triangles]), self._least_area))
+        """Return the areas (t,) [R^2] with points at `x` (n, 2) [R], at least MIN_AREA of the unloaded areas."""
+        return np.asarray(np.maximum(0.5 * double_area(x[self.triangles]), self._min_area))
 
-    def growth(self, x: Array, v: Array) -> Array:
-        """(t,) rate of change of the areas [R c] at velocities `v` (n, 2) [c]: div v times the area."""
+    def area_rates(self, x: Array, v: Array) -> Array:
+        """Return the rates of change (t,) of the areas [R c] at velocities `v` (n, 2) [c]: div v times the area."""
         (u, w), (du, dw) = self._edges(x), self._edges(v)
         return np.asarray(0.5 * (du[0] * w[1] - du[1] * w[0] + u[0] * dw[1] - u[1] * dw[0]))
 
     def virial(self, springs: Springs, x: Array) -> Array:
-        """(t, 3) xx, yy and xy of the stress times the area [M c^2]."""
+        """Return the stress of each triangle times its area: xx, yy and xy (t, 3) [M c^2]."""
         rx, ry = between = springs.ends_apart(self.lattice, x)
         length = springs.lengths(between)
         pull = springs.pull(self.lattice, length - self.lattice.rest_lengths) / length
         return np.asarray(self._carried @ np.stack([pull * rx * rx, pull * ry * ry, pull * rx * ry], axis=1))
 
     def point_means(self, integrals: Array, areas: Array) -> Array:
-        """(n, ...) means over the triangles around each point, from `integrals` (t, ...) over each and `areas` (t,)."""
+        """Return means (n, ...) over the triangles around each point, from `integrals` (t, ...) and `areas` (t,)."""
         sums: Any = self._around @ integrals
         return np.asarray((sums.T / np.maximum(self._around @ areas, 1e-300)).T)
 
     def smoothed(self, values: Array, passes: int) -> Array:
-        """(n, k) point values, each replaced `passes` times by the mean of itself and its neighbours."""
+        """Replace point values (n, k) by their mean with the neighbours' values, `passes` times."""
         weight = 1.0 / self._neighbours.sum(axis=1)[:, None]
         for _ in range(passes):
             values = weight * (self._neighbours @ values)
@@ -220,31 +215,31 @@ class Triangles:
 
 
 def stress(triangles: Triangles, springs: Springs, x: Array) -> Array:
-    """(t, 3) xx, yy and xy of each triangle [M c^2/R^2], positive under tension, with the points at `x` (n, 2) [R]."""
+    """Return the stress of each triangle: xx, yy and xy (t, 3) [M c^2/R^2], positive under tension; `x` (n, 2) [R]."""
     return triangles.virial(springs, x) / triangles.areas(x)[:, None]
 
 
 def point_stress(triangles: Triangles, springs: Springs, x: Array) -> Array:
-    """(n, 3) like `stress`, at the points: the mean over the triangles around each, weighted with their areas."""
+    """Return the stress at the points (n, 3): the area-weighted mean over the triangles around each."""
     return triangles.point_means(triangles.virial(springs, x), triangles.areas(x))
 
 
 def smooth_stress(triangles: Triangles, springs: Springs, x: Array) -> Array:
-    """(n, 3) `point_stress`, averaged over neighbours to a standard deviation of SMOOTHING: what fringes show.
+    """Return `point_stress` (n, 3) smoothed with a standard deviation of SMOOTHING, for fringes.
 
-    The stress of a random lattice scatters from point to point by more than one fringe is worth. Each average over six
-    neighbours adds the variance 3/7 of the spacing's square along x and y; there are PASSES of them at most.
+    Without smoothing, the scatter between points of a random lattice exceeds one fringe. Each average over six
+    neighbours adds 3/7 of the squared spacing to the variance along x and y.
     """
     spacing = float(np.median(triangles.lattice.rest_lengths))
-    passes = int(np.clip(round(SMOOTHING**2 / (3.0 / 7.0 * spacing**2)), 1, PASSES))
+    passes = int(np.clip(round(SMOOTHING**2 / (3.0 / 7.0 * spacing**2)), 1, MAX_PASSES))
     return triangles.smoothed(point_stress(triangles, springs, x), passes)
 
 
 def pressure(sigma: Array) -> Array:
-    """Minus half the trace of stresses (..., 3) [M c^2/R^2]: positive where the material is compressed."""
+    """Return minus half the trace of stresses (..., 3) [M c^2/R^2], which is positive under compression."""
     return np.asarray(-0.5 * (sigma[..., 0] + sigma[..., 1]))
 
 
 def shear(sigma: Array) -> Array:
-    """The largest shear stress, half the difference of the principal stresses of (..., 3) [M c^2/R^2]."""
+    """Return the maximum shear stress, half the difference of the principal stresses, of (..., 3) [M c^2/R^2]."""
     return np.hypot(0.5 * (sigma[..., 0] - sigma[..., 1]), sigma[..., 2])

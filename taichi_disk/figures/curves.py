@@ -1,4 +1,4 @@
-"""From the table of a sweep to curves, the fits that its kind of scene asks for, and the paper's figures 2, 3 and 6."""
+"""Curves of a sweep, fits of the laws for its kind of scene, and the paper's figures 2, 3 and 6."""
 
 from __future__ import annotations
 
@@ -26,12 +26,13 @@ from taichi_disk.scenes import Scene
 from taichi_disk.scenes.sweep_axes import Sweep, target_of
 
 Row = dict[str, Any]
-OF_CURVE = ("lattices", "young", "poisson", "x", "mean", "standard_deviation", "fits")  # in a summary, beside the label
-# What the moduli depend on.
+# Keys of a curve's summary in addition to its label.
+CURVE_KEYS = ("lattices", "young", "poisson", "x", "mean", "standard_deviation", "fits")
+# Keys on which the moduli depend.
 MATERIAL = {("material", "k_a"), ("lattice", "points"), ("lattice", "min_spacing"), ("lattice", "file")}
 
-MARKS = "osD^vPX"
-NAMES = {"eta_star": "η*", "viscosity": "η", "points": "N", "boundary": "", "method": ""}
+MARKERS = "osD^vPX"
+SYMBOLS = {"eta_star": "η*", "viscosity": "η", "points": "N", "boundary": "", "method": ""}
 FONT: dict[Any, Any] = {
     "font.size": 9,
     "legend.fontsize": 8,
@@ -46,15 +47,15 @@ METADATA: dict[str, dict[str, Any]] = {"png": {"Software": None}, "svg": {"Date"
 
 @dataclass(frozen=True)
 class Curve:
-    """One line of a figure: everything but speed (or pressure) and seed is the same along it.
+    """A curve of a figure: results against speed or pressure for several lattices, all other keys being equal.
 
     Attributes:
-        label: the values of the other axes.
-        x: (points,) speed [c], or pressure [M c^2/R].
-        results: (lattices, points) of each result; lattices of which a point failed are left out.
-        young, poisson: of the material [M c^2/R^2], mean over its lattices in the sweep: each lattice's are those of a
-            sample of its own, not of its disk. NaN for lattices from a file.
-        damped: whether there are dashpots.
+        label: values of the other axes.
+        x: (points,) speeds [c] or pressures [M c^2/R].
+        results: (lattices, points) of each result, without lattices with failed points.
+        young, poisson: moduli of the material [M c^2/R^2], mean over samples with the seeds of the sweep; NaN for
+            lattices from a file.
+        is_damped: whether there are dashpots.
     """
 
     label: dict[str, Any]
@@ -62,12 +63,12 @@ class Curve:
     results: dict[str, Array]
     young: float
     poisson: float
-    damped: bool
+    is_damped: bool
     fits: dict[str, Fit] = field(default_factory=dict)
 
     @property
     def y(self) -> Array:
-        """(lattices, points) the primary result."""
+        """Primary result (lattices, points)."""
         return next(iter(self.results.values()))
 
     @property
@@ -76,11 +77,11 @@ class Curve:
 
     @property
     def deviation(self) -> Array | None:
-        """(points,) standard deviation over lattices; one alone has none."""
+        """Standard deviation over lattices (points,), or None for a single lattice."""
         return np.asarray(self.y.std(0, ddof=1)) if len(self.y) > 1 else None
 
     def summary(self) -> dict[str, Any]:
-        """For summary.json: fits with intervals and residuals, and the moduli."""
+        """Return the entry of summary.json: label, moduli, mean and scatter, and fits with intervals and residuals."""
         return {
             **self.label,
             "lattices": len(self.y),
@@ -102,49 +103,59 @@ class Curve:
 
 
 def _number(value: float) -> float | None:
-    return float(value) if np.isfinite(value) else None  # a law that does not fit at all
+    return float(value) if np.isfinite(value) else None  # None: the law does not fit at all
 
 
 class FitRule(NamedTuple):
-    """What is fitted to curves of so many `points`, only to those with moduli, or with dashpots, if that is needed.
+    """A law and the curves to which it can be fitted.
 
-    `fastest`: speed up to which the law has a meaning [c], with moduli [sqrt(E/M) R].
+    Attributes:
+        min_points: number of points that a curve needs.
+        needs_moduli, needs_damping: whether the curve needs known moduli, or dashpots.
+        max_speed: speed up to which the law has a meaning [c], or [sqrt(E/M) R] if it needs moduli.
     """
 
     title: str
     fit: Callable[[Curve], Fit]
-    points: int = 1
-    moduli: bool = False
-    damped: bool = False
-    fastest: float = np.inf
+    min_points: int = 1
+    needs_moduli: bool = False
+    needs_damping: bool = False
+    max_speed: float = np.inf
 
     def applies(self, curve: Curve) -> bool:
-        unit = curve.young**0.5 if self.moduli else 1.0
-        known = bool(np.isfinite(unit)) and bool(curve.x.max() <= self.fastest * unit)
-        return known and len(curve.x) >= self.points and (curve.damped or not self.damped)
+        unit = curve.young**0.5 if self.needs_moduli else 1.0
+        is_valid = bool(np.isfinite(unit)) and bool(curve.x.max() <= self.max_speed * unit)
+        return is_valid and len(curve.x) >= self.min_points and (curve.is_damped or not self.needs_damping)
 
 
 FITS = {
-    "eq2": FitRule("eq. (2)", lambda c: theory.fit_b(c.x, c.y, c.young, c.poisson), moduli=True),
+    "eq2": FitRule("eq. (2)", lambda c: theory.fit_b(c.x, c.y, c.young, c.poisson), needs_moduli=True),
     "eq2_nominal": FitRule(
-        "eq. (2), xi = |R - R'|", lambda c: theory.fit_b(c.x, c.results["xi_nominal"], c.young, c.poisson), moduli=True
+        "eq. (2), xi = |R - R'|",
+        lambda c: theory.fit_b(c.x, c.results["xi_nominal"], c.young, c.poisson),
+        needs_moduli=True,
     ),
-    "eq5": FitRule("eq. (5)", lambda c: theory.fit_restitution(c.x, c.y), points=3, fastest=3.9),
+    "eq5": FitRule("eq. (5)", lambda c: theory.fit_restitution(c.x, c.y), min_points=3, max_speed=3.9),
     "eq5_d1_is_1": FitRule(
-        "eq. (5), d1 = 1", lambda c: theory.fit_restitution(c.x, c.y, d1_is_1=True), points=3, fastest=3.9
+        "eq. (5), d1 = 1", lambda c: theory.fit_restitution(c.x, c.y, d1_is_1=True), min_points=3, max_speed=3.9
     ),
-    "curvature": FitRule("curvature of e(v)", lambda c: theory.fit_curvature(c.x, c.y), points=8),
+    "curvature": FitRule("curvature of e(v)", lambda c: theory.fit_curvature(c.x, c.y), min_points=8),
     "eq4": FitRule(
-        "eq. (4) integrated", lambda c: theory.fit_tau0(c.x, c.y, c.young), 3, moduli=True, damped=True, fastest=2.2
+        "eq. (4) integrated",
+        lambda c: theory.fit_tau0(c.x, c.y, c.young),
+        min_points=3,
+        needs_moduli=True,
+        needs_damping=True,
+        max_speed=2.2,
     ),
 }
 
 
 def analyse(base: Scene, axes: Sequence[str], rows: Sequence[Row]) -> list[Curve]:
-    """Curves and fits of the rows of points.csv; none where neither speed nor pressure is swept, or without a figure.
+    """Return curves with fits from the rows of points.csv; none if the sweep has no figure or varies no abscissa.
 
     Args:
-        base: a scene of the sweep, for what is not swept.
+        base: a scene of the sweep; its other keys are not swept.
         axes: the swept keys.
     """
     figure, names = FIGURES.get(base.scene), {target_of(base, name): name for name in axes}
@@ -153,24 +164,24 @@ def analyse(base: Scene, axes: Sequence[str], rows: Sequence[Row]) -> list[Curve
         return []
     others = [name for name in axes if name not in (abscissa, seed)]
     of_material = [name for name in others if target_of(base, name) in MATERIAL]
-    alike, curves = grouped([row for row in rows if row["status"] == "done"], of_material), []
+    by_material, curves = grouped([row for row in rows if row["status"] == "done"], of_material), []
     for values, members in grouped(rows, others).items():
         label = dict(zip(others, values, strict=True))
         done = {(row[seed] if seed else 0, row[abscissa]): row for row in members if row["status"] == "done"}
         x = sorted({row[abscissa] for row in members})
-        lattices = [one for one in sorted({one for one, _ in done}) if all((one, at) in done for at in x)]
+        lattices = [k for k in sorted({k for k, _ in done}) if all((k, value) in done for value in x)]
         if not lattices:
             continue
-        y = {name: np.array([[done[one, at][name] for at in x] for one in lattices], float) for name in base.results}
-        # Of each lattice once: they need not have the same number of rows. None becomes NaN.
-        same = alike[tuple(label[name] for name in of_material)]
-        moduli = {row[seed] if seed else 0: (row["young"], row["poisson"]) for row in same}
+        y = {name: np.array([[done[k, value][name] for value in x] for k in lattices], float) for name in base.results}
+        # Each lattice counts once, however many rows it has. None becomes NaN.
+        same_material = by_material[tuple(label[name] for name in of_material)]
+        moduli = {row[seed] if seed else 0: (row["young"], row["poisson"]) for row in same_material}
         young, poisson = np.array(list(moduli.values()), float).mean(axis=0)
         swept = {to[1]: label[name] for to, name in names.items() if to and to[0] == "material" and name in label}
-        damped = bool(dashpots(replace(base.material, **swept)))
-        curve = Curve(label, np.array(x, float), y, float(young), float(poisson), damped)
-        wanted = {name: FITS[name] for name in figure.fits}
-        curve.fits.update({name: rule.fit(curve) for name, rule in wanted.items() if rule.applies(curve)})
+        is_damped = bool(dashpots(replace(base.material, **swept)))
+        curve = Curve(label, np.array(x, float), y, float(young), float(poisson), is_damped)
+        rules = {name: FITS[name] for name in figure.fits}
+        curve.fits.update({name: rule.fit(curve) for name, rule in rules.items() if rule.applies(curve)})
         curves.append(curve)
     return curves
 
@@ -184,40 +195,40 @@ def grouped(rows: Sequence[Row], names: Sequence[str]) -> dict[tuple[Any, ...], 
 
 
 def print_curves(curves: Sequence[dict[str, Any]]) -> None:
-    """Print the fits of curves, given as their `summary`, with 95 % intervals."""
+    """Print the fits with 95 % intervals of `curves`, which are results of `Curve.summary`."""
     for label, fits in curve_rows(curves):
         print(label)
-        for title, shown in fits:
-            print(f"  {title:<24}{shown}")
+        for title, parameters in fits:
+            print(f"  {title:<24}{parameters}")
 
 
 def curve_rows(curves: Sequence[dict[str, Any]]) -> Iterator[tuple[str, list[tuple[str, str]]]]:
-    """What a curve is, and the law and parameters of each of its fits, in words."""
+    """Yield for each curve its label and a list of (law, fitted parameters), as text."""
     for curve in curves:
-        swept = {name: value for name, value in curve.items() if name not in OF_CURVE}
-        given = [
+        swept = {name: value for name, value in curve.items() if name not in CURVE_KEYS}
+        keys = [
             f"{name}: {value:g}" if isinstance(value, float) else f"{name}: {value}" for name, value in swept.items()
         ]
-        label = ", ".join([*given, f"{curve['lattices']} lattice{'s' if curve['lattices'] > 1 else ''}"])
-        found = {
+        label = ", ".join([*keys, f"{curve['lattices']} lattice{'s' if curve['lattices'] > 1 else ''}"])
+        fits = {
             name: [f"{key} = {_parameter(fit, key)}" for key in fit["values"]] for name, fit in curve["fits"].items()
         }
-        yield label, [(FITS[name].title, "   ".join(parts)) for name, parts in found.items()]
+        yield label, [(FITS[name].title, "   ".join(values)) for name, values in fits.items()]
 
 
 def _parameter(fit: dict[str, Any], name: str) -> str:
-    """A fitted parameter with its interval; "none" where the law does not fit."""
+    """Return a fitted parameter with its interval, or "none" if the law does not fit."""
     value, pair = fit["values"][name], fit["intervals_95"].get(name)
     if value is None:
         return "none"
     return f"{value:.4g}" + (f" [{pair[0]:.4g}, {pair[1]:.4g}]" if pair and None not in pair else "")
 
 
-# ---- drawing: as wide as a column of a journal
+# ---- drawing, as wide as a column of a journal
 
 
 def figure_of(sweep: Sweep, rows: Sequence[Row], out: Path) -> list[dict[str, Any]]:
-    """Draw the rows of points.csv, where their kind of scene has a figure; the curves, as in summary.json."""
+    """Draw the rows of points.csv into `out` if the sweep has a figure, and return the curves for summary.json."""
     curves = analyse(sweep.scenes[0], sweep.axes, rows)
     if curves:
         draw(sweep.scenes[0], curves, out)
@@ -225,11 +236,8 @@ def figure_of(sweep: Sweep, rows: Sequence[Row], out: Path) -> list[dict[str, An
 
 
 def draw(scene: Scene, curves: list[Curve], out: Path) -> None:
-    """Write figure.png, figure.svg and figure.pdf into `out`; the same values give the same bytes.
-
-    `scene` is one of the sweep.
-    """
-    # The salt makes the ids in the SVG the same every time.
+    """Write figure.png, figure.svg and figure.pdf of a sweep with `scene`; the same values give the same bytes."""
+    # The salt makes the ids in the SVG reproducible.
     with matplotlib_style({**STYLE, **FONT, "svg.hashsalt": "taichi-disk"}):
         figure = _drawn(scene, curves)
         for kind, metadata in METADATA.items():
@@ -237,7 +245,7 @@ def draw(scene: Scene, curves: list[Curve], out: Path) -> None:
 
 
 def curves_figure(scene: Scene, curves: list[Curve]) -> Plot:
-    """The same as a figure to look at, or to change."""
+    """Return the figure that `draw` writes, for display in a notebook or further changes."""
     with matplotlib_style({**STYLE, **FONT}):
         return to_change(_drawn(scene, curves))
 
@@ -262,38 +270,38 @@ def one_plot(height: float) -> tuple[Plot, Axes]:
 
 def _drawn(scene: Scene, curves: list[Curve]) -> Plot:
     figure, ax = one_plot(2.9 + 0.09 * len(curves))
-    known = FIGURES[scene.scene]
-    known.draw(ax, known.paper, curves)
-    # Points before lines: their curves in order, then the laws.
-    entries = sorted(zip(*ax.get_legend_handles_labels(), strict=True), key=lambda one: isinstance(one[0], Line2D))
-    if entries:  # no force over E without an E, as of a lattice from a file
+    layout = FIGURES[scene.scene]
+    layout.draw(ax, layout.paper, curves)
+    # The legend lists simulated points before the lines of the laws.
+    entries = sorted(zip(*ax.get_legend_handles_labels(), strict=True), key=lambda entry: isinstance(entry[0], Line2D))
+    if entries:  # empty if E is unknown, as for lattices from a file
         figure.legend(*zip(*entries, strict=True), loc="outside upper center", ncols=2)
     figure.draw_without_rendering()
-    figure.set_layout_engine("none")  # laid out once for all formats
+    figure.set_layout_engine("none")  # keeps the layout the same in all formats
     return figure
 
 
-def named(label: dict[str, Any]) -> str:
+def curve_label(label: dict[str, Any]) -> str:
     """Return what a curve is called in a legend, from the values of its axes."""
     parts = []
     for name, value in label.items():
-        short = NAMES.get(name.split(".")[-1], name)
-        shown = f"{value:.4g}" if isinstance(value, float) else str(value)
-        parts.append(f"{short} = {shown}" if short else shown)
+        symbol = SYMBOLS.get(name.split(".")[-1], name)
+        text = f"{value:.4g}" if isinstance(value, float) else str(value)
+        parts.append(f"{symbol} = {text}" if symbol else text)
     return ", ".join(parts) or "simulated"
 
 
 def _points(ax: Axes, curves: list[Curve], upright: bool) -> list[Any]:
-    """The mean of each curve with the scatter of its lattices; `upright`: against x, else x against it.
+    """Draw the mean and scatter over lattices of each curve, and return the curves' colours.
 
-    Returns their colours, along a scale in the order of the curves.
+    `upright`: results on the y axis against speed; otherwise force on the y axis against results.
     """
     colours = list(matplotlib.colormaps["viridis"](np.linspace(0.0, 0.88, len(curves))))
     for k, (curve, colour) in enumerate(zip(curves, colours, strict=True)):
         force = curve.x / (np.pi * curve.young)
         values = (curve.x, curve.mean, curve.deviation) if upright else (curve.mean, force, None, curve.deviation)
-        style = {"color": colour, "marker": MARKS[k % len(MARKS)], "markersize": 3.5 if upright else 4.0}
-        ax.errorbar(*values, **style, linestyle="none", elinewidth=0.8, label=named(curve.label))
+        style = {"color": colour, "marker": MARKERS[k % len(MARKERS)], "markersize": 3.5 if upright else 4.0}
+        ax.errorbar(*values, **style, linestyle="none", elinewidth=0.8, label=curve_label(curve.label))
     if counts := sorted({len(curve.y) for curve in curves if len(curve.y) > 1}):
         text = f"bars: {' or '.join(map(str, counts))} lattices"
         ax.errorbar([], [], [], color="0.45", linestyle="none", elinewidth=0.8, label=text)
@@ -301,7 +309,7 @@ def _points(ax: Axes, curves: list[Curve], upright: bool) -> list[Any]:
 
 
 def _compression(ax: Axes, paper: dict[str, float], curves: list[Curve]) -> None:
-    """Figure 2: P/(pi R E) against xi/R, with the laws for the first curve of several pressures."""
+    """Draw figure 2: P/(pi R E) against xi/R, with the laws for the first curve of several pressures."""
     curves = [curve for curve in curves if np.isfinite(curve.young)]
     _points(ax, curves, upright=False)
     first = next((curve for curve in curves if len(curve.x) > 1), None)
@@ -319,7 +327,7 @@ def _compression(ax: Axes, paper: dict[str, float], curves: list[Curve]) -> None
 
 
 def _impact(ax: Axes, paper: dict[str, float], curves: list[Curve]) -> None:
-    """Figures 3 and 6: e against v/c, with eq. (5) as fitted, and eq. (4) with its tau0 fitted."""
+    """Draw figures 3 and 6: e against v/c, with fits of eqs. (4) and (5)."""
     colours = _points(ax, curves, upright=True)
     for curve, colour in zip(curves, colours, strict=True):
         fit = curve.fits.get("eq5")
@@ -353,7 +361,7 @@ def log_if_wide(ax: Axes, x: Array) -> None:
 
 
 class PaperFigure(NamedTuple):
-    """The figure of one kind of scene: names of fits, what the paper found by them, what draws its axes."""
+    """Layout of the figure for one kind of scene: names of fits, the paper's parameters, and the drawing function."""
 
     fits: tuple[str, ...]
     paper: dict[str, float]

@@ -9,7 +9,17 @@ import matplotlib
 import numpy as np
 
 from taichi_disk.errors import InputError
-from taichi_disk.figures.curves import FONT, MARKS, NAMES, Row, grouped, log_if_wide, named, one_plot, to_change
+from taichi_disk.figures.curves import (
+    FONT,
+    MARKERS,
+    SYMBOLS,
+    Row,
+    curve_label,
+    grouped,
+    log_if_wide,
+    one_plot,
+    to_change,
+)
 from taichi_disk.output.inline import Plot
 from taichi_disk.output.plot import STYLE, matplotlib_style
 from taichi_disk.scenes import Scene
@@ -48,8 +58,8 @@ def result_figure(base: Scene, axes: Sequence[str], rows: Sequence[Row], x: str,
             counts |= {len(at[place]) for place in places}
             means = [np.mean(at[place]) for place in places]
             bars = [np.std(at[place], ddof=1) if len(at[place]) > 1 else np.nan for place in places]
-            label = named(dict(zip(others, values, strict=True))) if others else None
-            mark: dict[str, Any] = {"color": colours[k], "fmt": MARKS[k % len(MARKS)] + "-", "markersize": 3.5}
+            label = curve_label(dict(zip(others, values, strict=True))) if others else None
+            mark: dict[str, Any] = {"color": colours[k], "fmt": MARKERS[k % len(MARKERS)] + "-", "markersize": 3.5}
             ax.errorbar(places, means, bars, **mark, elinewidth=0.8, label=label)
         if counts := {count for count in counts if count > 1}:
             text = f"bars: {' or '.join(map(str, sorted(counts)))} lattices"
@@ -58,7 +68,7 @@ def result_figure(base: Scene, axes: Sequence[str], rows: Sequence[Row], x: str,
             log_if_wide(ax, np.array([row[axis] for row in done]))
         section, key = target_of(base, axis) or ("", "")
         unit = base.sections()[section].schema()[key].unit
-        ax.set_xlabel(_label(NAMES.get(key) or key.replace("_", " "), unit))
+        ax.set_xlabel(_label(SYMBOLS.get(key) or key.replace("_", " "), unit))
         ax.set_ylabel(_label(*LABELS.get(y, (y.replace("_", " "), ""))))
         if ax.get_legend_handles_labels()[1]:
             figure.legend(loc="outside upper center", ncols=2)

@@ -1,4 +1,4 @@
-"""Points and springs: the disk, the elastic wall, their moduli. NumPy and SciPy only; SciPy is imported when used."""
+"""Lattices of mass points and springs, for the disk and the elastic wall. NumPy only; SciPy is imported when used."""
 
 from taichi_disk.lattice.custom import file_digest, numbers
 from taichi_disk.lattice.lattice import Lattice, OwnStart, disk_of, own_start, read_lattice

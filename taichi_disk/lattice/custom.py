@@ -29,7 +29,7 @@ LARGEST = 500_000_000  # bytes of a file: 2,000,000 points over as large a wall 
 
 
 def checked_points(points: ArrayLike) -> Array:
-    from scipy.spatial import cKDTree
+    from taichi_disk.lattice.spatial import cKDTree
 
     x = numbers(points, "points")
     if x.ndim != 2 or x.shape[1] != 2:

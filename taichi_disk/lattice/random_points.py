@@ -1,6 +1,6 @@
-"""Mass points at random, in the unit circle for the disk, in a rectangle for the elastic wall.
+"""Random mass points with a minimum distance: in the unit circle for the disk, in a rectangle for the elastic wall.
 
-Points with a minimum distance come by random sequential adsorption, exactly, in whole-array steps.
+They are placed by exact random sequential adsorption with array operations.
 """
 
 from __future__ import annotations
@@ -14,20 +14,20 @@ from taichi_disk.errors import InputError, SimulationError
 from taichi_disk.lattice.triangles import Array
 
 MIN_POINTS, MAX_POINTS = 3, 2_000_000
-MIN_ROWS = 3  # of springs across a wall or a ring, below which it is a truss rather than a lattice
+MIN_ROWS = 3  # of springs across a wall or a ring; with fewer it is a truss rather than a lattice
 MIN_EDGE = 6  # points on the edge of a hole
 Depth = Callable[[Array], Array]
 """Signed distance of points (n, 2) to the edge of a region, positive inside."""
 
-# Random sequential adsorption jams where disks as wide as the minimum distance cover 0.547 of the plane,
-# that is at 0.777 hexagonal spacings (Feder, J. Theor. Biol. 87, 237, 1980). Small bodies scatter about that.
+# Random sequential adsorption jams at a minimum distance of 0.777 hexagonal spacings: disks of that diameter then
+# cover 0.547 of the plane (Feder, J. Theor. Biol. 87, 237, 1980). In small bodies the limit scatters.
 MAX_SPACING = 0.75
-_RESTARTS = 1000
-_CROWDED = 0.04  # below this share of hits, darts are aimed at the uncovered part of the region only
+_MAX_ATTEMPTS = 1000
+_MIN_HIT_RATE = 0.04  # at a lower rate, covered cells are dropped and the others quartered
 
 
 def circle_points(points: int, seed: int, rim: bool, min_spacing: float, hole: float = 0.0, core: float = 0.0) -> Array:
-    """The points (points, 2) [R] of `Lattice.disk`, with its arguments. Raises what it raises, but for meshing."""
+    """Return the points (points, 2) [R] of `Lattice.disk`. Raises InputError or SimulationError as it does."""
     if not MIN_POINTS <= points <= MAX_POINTS:
         raise InputError(f"lattice.points must be between {MIN_POINTS} and {MAX_POINTS}, not {points}")
     for key, fault in circle_faults(points, hole, core):
@@ -40,10 +40,10 @@ def circle_points(points: int, seed: int, rim: bool, min_spacing: float, hole: f
     if rim:
         circle = _unit_circle((np.arange(count) + rng.random()) / count)
         apothem = float(_unit_circle(np.array([0.5 / count]))[0, 0])
-        # No triangle on a rim chord is flatter than an equilateral one. (Four points have no room for so much.)
+        # No triangle on a rim chord is flatter than an equilateral one. The minimum is for disks of four points.
         radius = max(apothem - spacing * np.sqrt(0.75), 0.2 * apothem)
     corner = np.full(2, radius)
-    # So far from other circles, or not all of their chords would be springs.
+    # Closer points would prevent some chords of the inner circles from becoming springs.
     clear = max(spacing * np.sqrt(0.75), 1.1 * np.pi / count)
     for inner in filter(None, (hole, core)):
         turns = np.arange(round(inner * count)) + rng.random()
@@ -51,21 +51,21 @@ def circle_points(points: int, seed: int, rim: bool, min_spacing: float, hole: f
 
     def depth(p: Array) -> Array:
         r = np.sqrt(p[:, 0] ** 2 + p[:, 1] ** 2)
-        found = radius - r
+        distance = radius - r
         if hole:
-            found = np.minimum(found, r - hole - clear)
-        return np.minimum(found, np.abs(r - core) - clear) if core else found
+            distance = np.minimum(distance, r - hole - clear)
+        return np.minimum(distance, np.abs(r - core) - clear) if core else distance
 
     inside = scatter(rng, points - len(circle), -corner, corner, depth, spacing, circle)
     return np.concatenate([circle, inside])
 
 
 def rim_points(points: int, hole: float = 0.0) -> int:
-    """How many of a disk's points lie on its rim: so many that their spacing is that of the points inside.
+    """Return the number of points on the rim for which their spacing equals that of the inner points.
 
-    A point on the rim owns half the area of one inside, so the points stand for n = points - rim/2 whole
-    ones; hexagonal_spacing(n) = 2 pi/rim is a quadratic equation for rim. At least one point stays inside.
-    With a `hole` [R] the rim and its edge together own the half.
+    A rim point has half the area of an inner one, so the disk counts n = points - rim/2; hexagonal_spacing(n) =
+    2 pi/rim is then quadratic in rim. With a `hole` [R], the points on its edge count half as well.
+    At least one point stays inside.
     """
     k = 2.0 * np.pi * np.sqrt(3.0) * (1.0 + hole) / (1.0 - hole)
     even = round(float(np.sqrt(k * points + k * k / 16.0) - k / 4.0) / (1.0 + hole))
@@ -73,24 +73,24 @@ def rim_points(points: int, hole: float = 0.0) -> int:
 
 
 def circle_faults(points: int, hole: float, core: float) -> list[tuple[str, str]]:
-    """(key, what is wrong) of a hole or a core [R] that so many points cannot make."""
+    """Return (key, message) for a hole or a core radius [R] that `points` points cannot resolve."""
     row = 2.0 * np.pi / rim_points(points, min(hole, 0.99))
     least, faults = MIN_EDGE * row / (2.0 * np.pi), []
     limits = {"hole": (hole, least, 1.0 - MIN_ROWS * row), "core_radius": (core, max(least, hole + row), 1.0 - row)}
     for key, (radius, low, high) in limits.items():
         if radius and not low <= radius <= high:
-            beside = f" and a hole of {hole:g} R" if hole and key != "hole" else ""
+            given = f"{points} points" + (f" and a hole of {hole:g} R" if hole and key != "hole" else "")
             bound = f"at least {low:.3g}" if radius < low else f"at most {high:.3g}"
-            need = f"{MIN_EDGE} springs round it and {MIN_ROWS if key == 'hole' else 1} between it and the rim"
-            text = f"must be {bound}, about, with {points} points{beside}, not {radius:g}: there have to be {need}"
-            faults.append((key, f"{text}, so write another, or more lattice.points"))
+            need = f"{MIN_EDGE} springs round its edge and {MIN_ROWS if key == 'hole' else 1} from there to the rim"
+            text = f"must be {bound} with {given}, not {radius:g}, because there must be at least {need}"
+            faults.append((key, f"{text}: change the radius or increase lattice.points"))
     return faults
 
 
 def _unit_circle(turns: Array) -> Array:
-    """(cos, sin) of 2 pi `turns`, turns in [0, 1), by Taylor's series in sums and products alone.
+    """Return (cos, sin) of 2 pi `turns`, 0 <= turns < 1, by Taylor series.
 
-    These round alike everywhere, whereas the last bit of NumPy's cos and sin depends on the processor.
+    Sums and products round alike on every machine; the last bit of NumPy's cos and sin depends on the processor.
     """
     angle = np.pi * (2.0 * turns - 1.0)
     square = angle * angle
@@ -103,12 +103,12 @@ def _unit_circle(turns: Array) -> Array:
 
 
 def hexagonal_spacing(points: int) -> float:
-    """Neighbour distance [R] of a triangular lattice with `points` points in the area of the unit circle."""
+    """Return the neighbour distance [R] of a hexagonal lattice with `points` points in the area of the unit circle."""
     return float(np.sqrt(2.0 * np.pi / (np.sqrt(3.0) * points)))
 
 
 def least_distance(points: int, min_spacing: float) -> float:
-    """`min_spacing` hexagonal spacings [R]. Raises InputError if random points cannot keep that distance."""
+    """Return the smallest allowed distance [R]. Raises InputError if random points cannot keep it."""
     if not 0.0 <= min_spacing <= MAX_SPACING:
         raise InputError(f"lattice.min_spacing must be between 0 and {MAX_SPACING}, not {min_spacing}")
     return min_spacing * hexagonal_spacing(points)
@@ -117,10 +117,10 @@ def least_distance(points: int, min_spacing: float) -> float:
 def scatter(
     rng: np.random.Generator, count: int, low: Array, high: Array, depth: Depth, spacing: float, fixed: Array
 ) -> Array:
-    """(count, 2) points [R], uniform in a region, at least `spacing` from one another and from the points `fixed`.
+    """Return uniform random points (count, 2) [R] that keep the distance `spacing` from one another and from `fixed`.
 
-    The region is where `depth` is positive, within the box `low`..`high` (2,).
-    Raises SimulationError if the region has no room for so many points.
+    The region is where `depth` is positive inside the box `low`..`high` (2,).
+    Raises SimulationError if the region has no room for `count` points.
     """
     if spacing == 0.0 or count == 0:
         points: Array = np.empty((0, 2))
@@ -128,7 +128,7 @@ def scatter(
             darts = low + (high - low) * rng.random((count + 16, 2))
             points = np.concatenate([points, darts[depth(darts) >= 0.0]])
         return points[:count]
-    for _ in range(_RESTARTS):
+    for _ in range(_MAX_ATTEMPTS):
         points = _adsorb(rng, count, low, high, depth, spacing, fixed)
         if len(points) == count:
             return points
@@ -138,13 +138,12 @@ def scatter(
 def _adsorb(
     rng: np.random.Generator, count: int, low: Array, high: Array, depth: Depth, spacing: float, fixed: Array
 ) -> Array:
-    """As `scatter`, but returns fewer points than asked where it has jammed.
+    """Try once what `scatter` does; return fewer points if the region jams.
 
-    Darts are thrown into square cells of equal size. As the region fills up, cells that a single point
-    covers wholly are dropped and the rest are quartered (Ebeida et al., ACM Trans. Graph. 30, 49, 2011).
-    Each dart remains uniform in the free area: random sequential adsorption with few misses.
+    Darts are thrown into square cells. As the region fills up, cells covered by one point are dropped and the others
+    quartered (Ebeida et al., ACM Trans. Graph. 30, 49, 2011), so darts remain uniform in the free area but rarely miss.
     """
-    from scipy.spatial import cKDTree
+    from taichi_disk.lattice.spatial import cKDTree
 
     side = float(np.sqrt(np.prod(high - low) / (4 * count)))
     nx, ny = np.maximum(np.ceil((high - low) / side), 1).astype(int)
@@ -157,10 +156,10 @@ def _adsorb(
         darts = darts[depth(darts) >= 0.0]
         if len(points):
             darts = darts[cKDTree(points).query(darts, distance_upper_bound=spacing)[0] >= spacing]
-        darts = _first_come(darts, spacing)
+        darts = _accepted(darts, spacing)
         points = np.concatenate([points, darts[: total - len(points)]])
-        if len(darts) < _CROWDED * aimed:
-            # Only cells remain of which some part may lie in the region and `spacing` away from every point.
+        if len(darts) < _MIN_HIT_RATE * aimed:
+            # Keep only cells that may extend into the region beyond the distance `spacing` from all points.
             half_diagonal = side * np.sqrt(0.5)
             reach = max(spacing - half_diagonal, 0.0)
             cells = cells[depth(cells + side / 2) >= -half_diagonal]
@@ -171,9 +170,9 @@ def _adsorb(
     return points[len(fixed) :]
 
 
-def _first_come(darts: Array, spacing: float) -> Array:
-    """The darts that remain when each, in turn, is dropped if too close to one that remained before it."""
-    from scipy.spatial import cKDTree
+def _accepted(darts: Array, spacing: float) -> Array:
+    """Return the darts without those that are closer than `spacing` to an earlier accepted dart."""
+    from taichi_disk.lattice.spatial import cKDTree
 
     pairs = np.sort(cKDTree(darts).query_pairs(spacing, output_type="ndarray"), axis=1)
     dropped = np.zeros(len(darts), dtype=bool)
@@ -188,10 +187,10 @@ def _first_come(darts: Array, spacing: float) -> Array:
 def rectangle_points(
     rng: np.random.Generator, points: int, low: Array, high: Array, row: float, spacing: float
 ) -> Array:
-    """`points` points (points, 2) in the box `low`..`high`, at least `spacing` apart.
+    """Return points (points, 2) [R] in the box `low`..`high` (2,), at least `spacing` apart.
 
-    They include evenly spaced rows, about `row` apart, along the four sides; none if `row` is infinite.
-    Raises InputError if the rows alone take all the points.
+    Along the four sides they are evenly spaced by about `row`; an infinite `row` leaves out these points.
+    Raises InputError if the sides need all the points.
     """
     frame: Array = np.empty((0, 2))
     clear = 0.0
@@ -202,7 +201,7 @@ def rectangle_points(
         frame = np.concatenate(rows + [np.stack([np.full_like(y, at), y], axis=1) for at in (low[0], high[0])])
         clear = spacing * math.sqrt(0.75)
     if points <= len(frame):
-        raise InputError(f"{points} points are too few for the rows along the sides of a rectangle: widen it")
+        raise InputError(f"{points} points are too few: the rows along the sides of the rectangle need {len(frame)}")
     low, high = low + clear, high - clear
 
     def depth(p: Array) -> Array:

@@ -21,24 +21,22 @@ def with_wall(
     min_spacing: float = 0.7,
     stiffness: float = 1.0,
 ) -> Lattice:
-    """`disk`, which has no wall yet, just touching an elastic wall of the same material, centred at x = 0 below y = 0.
+    """Return `disk` and below it an elastic wall, whose top side it touches: y = 0, centred at x = 0.
 
-    The wall is of the material of a plain disk of as many points: 1/disk_points M a point, disk_points/pi points per
-    R^2, springs of a `stiffness` of their own. No bond joins disk and wall. `rim` lays rows of points along its sides,
-    spaced as on the disk's rim.
+    The wall has the mass per point, 1/disk_points M, and the point density, disk_points/pi per R^2, of a plain disk.
+    `stiffness` is the factor of its springs. No bond joins disk and wall. `rim`: whether points lie along the
+    wall's sides, spaced as on the disk's rim.
 
-    Raises:
-        InputError: The wall is too thin; the message gives the range allowed.
-        SimulationError: The points cannot be placed or meshed.
+    Raises InputError if the wall is too thin, SimulationError if its points cannot be placed or meshed.
     """
     spacing = least_distance(disk.disk_points, min_spacing)
     check_thickness(disk.disk_points, points, width)
-    # The disk has drawn from the stream of the seed itself.
+    # `seed` alone is the stream of the disk.
     rng = np.random.default_rng([seed, 1])
     row = 2.0 * math.pi / rim_points(disk.disk_points) if rim else math.inf
     low = np.array([-width / 2, -wall_height(disk.disk_points, points, width)])
     mesh = triangulate(rectangle_points(rng, points, low, np.array([width / 2, 0.0]), row, spacing))
-    # Surface and boundary: the outline cut at its top left and top right corner, which belong to both.
+    # The corners at the top left and top right belong to both surface and boundary.
     x, y = mesh.positions[mesh.disk_surface].T
     outline = np.roll(mesh.disk_surface, -int(np.argmax(y - x)))
     x, y = mesh.positions[outline].T
@@ -63,21 +61,21 @@ def with_wall(
 
 
 def wall_height(disk_points: int, points: int, width: float) -> float:
-    """Height [R] of a wall of `points` points at the number density disk_points/pi of the disk."""
+    """Return the height [R] of a wall of `points` points at the disk's density of points, disk_points/pi."""
     return math.pi * points / (disk_points * width)
 
 
 def check_thickness(disk_points: int, points: int, width: float) -> None:
-    """Raises InputError, with the range allowed, for a wall too thin to be a lattice."""
+    """Raise InputError with the allowed range if the wall is too thin to be a lattice."""
     row = 2.0 * math.pi / rim_points(disk_points)
-    # So many that rows along all sides leave some points for the inside, whatever the width allowed.
+    # With fewer, the rows along the sides of the widest or narrowest wall would take all points.
     fewest = math.ceil(20.0 * row**2 * disk_points / math.pi)
     if points < fewest:
-        raise InputError(f"wall.points must be at least {fewest} beside a disk of {disk_points}, not {points}")
+        raise InputError(f"wall.points must be at least {fewest} for a disk of {disk_points} points, not {points}")
     least = MIN_ROWS * row
     most = wall_height(disk_points, points, least)
     if not least <= width <= most:
         raise InputError(
             f"wall.width must be between {least:.4g} and {most:.4g} for {points} points, not {width}:"
-            f" {MIN_ROWS} rows of springs need that thickness"
+            f" the wall must be at least {MIN_ROWS} springs thick"
         )

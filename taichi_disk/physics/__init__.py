@@ -3,7 +3,7 @@
 from taichi_disk.physics.body_forces import ExponentialWall, Load, MouseSpring
 from taichi_disk.physics.boundaries import Boundary, MatchedBoundary, PinnedBoundary, ResetBoundary, matched_impedance
 from taichi_disk.physics.elastic_wall import ElasticWall
-from taichi_disk.physics.law import BodyForce, Law
+from taichi_disk.physics.law import BodyForce, Law, Wall
 from taichi_disk.physics.model import Model
 from taichi_disk.physics.smooth_contact import SmoothElasticWall
 from taichi_disk.physics.springs import Springs

@@ -7,10 +7,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from taichi_disk.config.potential import ExponentialPotential
 from taichi_disk.engine import ti
 from taichi_disk.lattice import Array, Lattice
-from taichi_disk.physics.law import BodyForce, Capacity, array, get, pair_of, put, scalar
+from taichi_disk.physics.law import BodyForce, Capacity, Wall, array, get, pair_of, put, scalar
 
 NEGLIGIBLE = exp(-45.0)  # force of the rigid wall on a point [M c^2/R]
 STOPPING = 1e-9  # in which friction stops a point, in NumPy, if it can [R/c]
@@ -18,7 +17,7 @@ STOPPING = 1e-9  # in which friction stops a point, in NumPy, if it can [R/c]
 
 @ti.data_oriented
 @dataclass(eq=False)
-class ExponentialWall(ExponentialPotential, BodyForce):
+class ExponentialWall(Wall, BodyForce):
     """A flat wall at y = 0 that pushes every point of the disk upwards with a V0 exp(-a y), paper eqs. (3) and (6)."""
 
     a: float  # hardness [1/R]
@@ -26,7 +25,7 @@ class ExponentialWall(ExponentialPotential, BodyForce):
     friction: float = 0.0  # coefficient mu of Coulomb's friction; 0: none
 
     def __post_init__(self) -> None:
-        self.has_friction = self.friction != 0.0
+        self.velocity_dependent = self.has_friction
 
     @property
     def signature(self) -> tuple[Any, ...]:
@@ -86,10 +85,6 @@ class ExponentialWall(ExponentialPotential, BodyForce):
     # ---- in NumPy
 
     def friction_on(self, lattice: Lattice, x: Array, v: Array, others: Array) -> Array:
-        """(n,) friction along the wall [M c^2/R] on points at `x`, with velocities `v` and `others`, all (n, 2).
-
-        `others` are the other forces on them, which friction balances on a point that sticks.
-        """
         most = self.friction * self.forces(lattice, x)[:, 1]
         return np.clip(-(v[:, 0] * lattice.masses / STOPPING + others[:, 0]), -most, most)
 
@@ -107,10 +102,6 @@ class ExponentialWall(ExponentialPotential, BodyForce):
         return diags((np.array([0.0, self.a]) * self.forces(lattice, x)).ravel())
 
     def contact_forces(self, lattice: Lattice, x: Array, *moving: Any) -> tuple[NDArray[np.intp], Array]:
-        """(points (k,), forces (k, 2) [M c^2/R]) of the wall on the points in its reach.
-
-        `moving`: the velocities (n, 2) [c] and the springs, where friction counts.
-        """
         points, force = np.flatnonzero(x[: lattice.disk_points, 1] < self.reach), self.forces(lattice, x)
         if moving and self.has_friction:
             v, springs = moving

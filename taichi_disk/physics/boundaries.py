@@ -20,6 +20,8 @@ from taichi_disk.physics.law import Capacity, Integers1, Law, Reals2, array, get
 class Boundary(Law):
     """The points of `Lattice.wall_boundary`, and what happens to them."""
 
+    interval = 0.0  # between two resets of their velocities [R/c]; 0: none
+
     def make_fields(self, builder: Any, capacity: Capacity) -> None:
         self.point, self.count = array(builder, capacity.points), array(builder, 1)
 
@@ -49,6 +51,7 @@ class PinnedBoundary(Boundary):
 class MatchedBoundary(Boundary):
     """A force -Z v on each point, Z from `matched_impedance`: waves leave without reflection."""
 
+    velocity_dependent = True
     impedance: Array  # (k, 2) Z for x and y: rho c times the length of boundary that a point stands for [M c/R]
 
     def make_fields(self, builder: Any, capacity: Capacity) -> None:

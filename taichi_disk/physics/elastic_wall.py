@@ -11,10 +11,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from taichi_disk.config.potential import ExponentialPotential
 from taichi_disk.engine import ti
 from taichi_disk.lattice import Array, Lattice
-from taichi_disk.physics.law import Capacity, Integers1, Law, array, get, put, scalar
+from taichi_disk.physics.law import Capacity, Integers1, Wall, array, get, put, scalar
 
 
 @dataclass(frozen=True)
@@ -31,12 +30,13 @@ class Contacts:
 
 @ti.data_oriented
 @dataclass(eq=False)
-class ElasticWall(ExponentialPotential, Law):
+class ElasticWall(Wall):
     """The contact law between the disk's surface points and the wall's surface springs."""
 
     a: float  # hardness [1/R]
     V0: float  # potential at distance 0 [M c^2]
     threshold: float  # distance beyond which there is no contact [R]
+    is_elastic = True
 
     @property
     def shift(self) -> float:
@@ -193,7 +193,6 @@ class ElasticWall(ExponentialPotential, Law):
             np.add.at(force, lattice.wall_surface[carrier], -share[:, None] * found.force)
         return force
 
-    def contact_forces(self, lattice: Lattice, x: Array, *_moving: Any) -> tuple[NDArray[np.intp], Array]:
-        """(points (k,), forces (k, 2) [M c^2/R]) of the wall on the disk's surface points within the threshold."""
+    def contact_forces(self, lattice: Lattice, x: Array, *moving: Any) -> tuple[NDArray[np.intp], Array]:
         found = self.contacts(lattice, x)
         return found.points, found.force

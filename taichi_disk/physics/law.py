@@ -12,7 +12,9 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
+from taichi_disk.config.potential import ExponentialPotential
 from taichi_disk.engine import ti
 from taichi_disk.lattice import Array, Lattice
 
@@ -76,10 +78,10 @@ class Law:
     fields, which kernels read.
 
     Attributes:
-        has_friction: whether the law, a wall, also resists sliding, by a function `rub`.
+        velocity_dependent: whether the force depends on velocity.
     """
 
-    has_friction: bool = False
+    velocity_dependent: bool = False
 
     @property
     def signature(self) -> tuple[Any, ...]:
@@ -123,6 +125,32 @@ class Law:
         from scipy.sparse import csr_matrix
 
         return csr_matrix((x.size, x.size))
+
+
+class Wall(ExponentialPotential, Law):
+    """What the disk meets; its energy is the column `wall`.
+
+    A wall with friction has a Taichi function `rub`, too.
+
+    Attributes:
+        is_elastic: whether the wall is a lattice, of points behind those of the disk.
+    """
+
+    is_elastic: bool = False
+
+    def contact_forces(self, lattice: Lattice, x: Array, *moving: Any) -> tuple[NDArray[np.intp], Array]:
+        """Return (points (k,), forces (k, 2) [M c^2/R]) of the wall on the points of the disk in its reach.
+
+        `moving`: the velocities (n, 2) [c] and the springs, where friction counts.
+        """
+        raise NotImplementedError
+
+    def friction_on(self, lattice: Lattice, x: Array, v: Array, others: Array) -> Array:
+        """Return the friction (n,) along the wall [M c^2/R] on points at `x` with velocities `v`, all (n, 2).
+
+        `others` (n, 2) are the other forces on them, which friction balances on a point that sticks.
+        """
+        return np.zeros(len(x))
 
 
 class BodyForce(Law):

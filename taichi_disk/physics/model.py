@@ -8,10 +8,9 @@ from typing import Any
 import numpy as np
 
 from taichi_disk.lattice import Array, Lattice
-from taichi_disk.physics.body_forces import ExponentialWall, Load, MouseSpring
-from taichi_disk.physics.boundaries import Boundary, MatchedBoundary, PinnedBoundary, ResetBoundary
-from taichi_disk.physics.elastic_wall import ElasticWall
-from taichi_disk.physics.law import BodyForce, Law
+from taichi_disk.physics.body_forces import Load, MouseSpring
+from taichi_disk.physics.boundaries import Boundary, PinnedBoundary
+from taichi_disk.physics.law import BodyForce, Law, Wall
 from taichi_disk.physics.springs import Springs
 
 
@@ -20,7 +19,7 @@ class Model:
     """The laws of one scene. A law that is absent has no field, is not compiled and not computed."""
 
     springs: Springs  # of all bodies, with their dashpots
-    wall: ExponentialWall | ElasticWall | None = None
+    wall: Wall | None = None
     load: Load | None = None
     boundary: Boundary | None = None  # what happens at the sides and bottom of the elastic wall
     mouse: MouseSpring | None = None
@@ -37,8 +36,9 @@ class Model:
         return tuple(law for law in self.laws if isinstance(law, BodyForce))
 
     @property
-    def elastic(self) -> ElasticWall | None:
-        return self.wall if isinstance(self.wall, ElasticWall) else None
+    def elastic(self) -> Wall | None:
+        """The wall, if it is a lattice."""
+        return self.wall if self.wall and self.wall.is_elastic else None
 
     @property
     def has_friction(self) -> bool:
@@ -52,12 +52,12 @@ class Model:
     @property
     def velocity_dependent(self) -> bool:
         """Whether any force depends on velocity."""
-        return self.springs.damped or self.has_friction or isinstance(self.boundary, MatchedBoundary)
+        return any(law.velocity_dependent for law in self.laws)
 
     @property
     def reset_interval(self) -> float:
         """Time between two resets of the boundary [R/c]; 0 without one."""
-        return self.boundary.interval if isinstance(self.boundary, ResetBoundary) else 0.0
+        return self.boundary.interval if self.boundary else 0.0
 
     def signature(self) -> tuple[Any, ...]:
         """All of the model that kernels are compiled for."""
@@ -76,7 +76,7 @@ class Model:
     def forces_moving(self, lattice: Lattice, x: Array, v: Array) -> Array:
         """Force (n, 2) on each point that moves with the velocity `v` (n, 2) [c]; 0 on those held fast."""
         force = self.forces(lattice, x) + sum(law.damping_forces(lattice, x, v) for law in self.laws)
-        if isinstance(self.wall, ExponentialWall) and self.wall.has_friction:
+        if self.wall and self.wall.has_friction:
             force[:, 0] += self.wall.friction_on(lattice, x, v, force)
         if isinstance(self.boundary, PinnedBoundary):
             force[lattice.wall_boundary] = 0.0

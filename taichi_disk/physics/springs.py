@@ -35,6 +35,7 @@ class Springs(Law):
 
     def __post_init__(self) -> None:
         self.cubic, self.damped = self.k_b != 0.0, self.eta != 0.0
+        self.velocity_dependent = self.damped
 
     @property
     def modulus(self) -> float:

@@ -202,7 +202,7 @@ class Painter:
             kernels.fill(x, values, corners, pattern, inset, self.map, fringes, *camera.canvas_map(), out)
             draw_triangles(canvas, out)
         if ink and not fringes:
-            across = self._triangles.across
+            across = self._triangles.crossing
             ends, seen = x[across], (1.0 - ink) * self.colours(values)[across]
             self.draw_shape(canvas, geometry.strokes(ends[:, 0], ends[:, 1], inset, seen), camera)
 

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Collection
+from dataclasses import replace
 from math import tan
-from typing import TYPE_CHECKING, ClassVar, Literal
+from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
 import numpy as np
 
@@ -69,6 +70,22 @@ class AbsorbingWallScene(DiskScene):
     def unused(self) -> Collection[tuple[str, str]]:
         of_wall = ("seed", "rim", "min_spacing")  # which is random, too
         return [key for key in super().unused() if key[1] not in of_wall]
+
+    def changes_with(self, key: str, value: Any) -> dict[str, Any]:
+        """As of every scene; a softer contact or a slower approach also needs a farther threshold.
+
+        The wall has as many points on its area as the disk.
+        """
+        changes = super().changes_with(key, value)
+        if key in ("wall.a", "impact.velocity", "impact.angle"):
+            section, name = key.split(".")
+            parts: Any = {"wall": self.wall, "impact": self.impact}
+            parts[section] = replace(parts[section], **{name: value})
+            least = least_threshold(parts["wall"], parts["impact"].towards)
+            changes["wall.threshold"] = max(self.wall.threshold, float(rounded_up(least)))
+        if key == "lattice.points":
+            changes["wall.points"] = max(4, round(self.wall.points * value / self.lattice.points))
+        return changes
 
     def thrown_with(self, body: Lattice, velocities: Array) -> AbsorbingWallScene:
         return thrown_with(self, body, velocities)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING, ClassVar, Literal
+from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -42,6 +42,9 @@ class CompressionScene(DiskScene):
             conflicts.append(("time.tolerance", text))
         return conflicts
 
+    def in_time(self) -> CompressionScene:
+        return self.with_({"compression.method": "relaxation"})
+
     def of_body(self, body: Lattice) -> Compression:
         return (Loading if self.compression.method == "newton" else Compression)(self, body)
 
@@ -59,6 +62,8 @@ class Compression(Scenario):
     rest: Equilibrium
     step_dependent = False
     truncation_remedy = "write compression.method: newton"
+    symbol, end_words = "ξ", "at rest"
+    momentary_label = ("compression ξ", "R")
     labels: ClassVar = {"xi": ("compression xi", "R"), "xi_nominal": ("compression xi, from nominal radius", "R")}
     notes: ClassVar = {
         "xi": "centre of mass to lowest point, unloaded minus loaded [R]",
@@ -132,6 +137,10 @@ class Compression(Scenario):
         # Nothing moves at first: the work of the load on the way to rest takes the kinetic energy's place.
         return float(np.ptp(columns["load"])) or self.pressure**2
 
+    @property
+    def reference_energy(self) -> float:
+        return self.pressure**2 / self.model.springs.modulus
+
     def result(self, columns: Columns) -> dict[str, float]:
         """xi once the roll, too, has come to its end.
 
@@ -157,6 +166,9 @@ class Compression(Scenario):
         height = columns["com_y"] - columns["lowest_y"]
         return self.result(columns)["xi"] + height[-1] - height, "compression ξ  [R]"
 
+    def momentary_motion(self, row: Any) -> Any:
+        return self.unloaded - (row["com_y"] - row["lowest_y"])
+
     def last_motion(self, columns: Columns) -> float:
         t, kinetic = columns["t"], columns["kinetic"]
         moving = np.flatnonzero(kinetic > AT_REST * kinetic.max())
@@ -177,8 +189,7 @@ class Compression(Scenario):
         )
 
     def caption(self, row: dict[str, float]) -> tuple[str, ...]:
-        xi = self.unloaded - (row["com_y"] - row["lowest_y"])
-        return *super().caption(row), _told(xi)
+        return *super().caption(row), _told(self.momentary_motion(row))
 
 
 class Loading(Compression):

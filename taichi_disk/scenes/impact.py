@@ -50,6 +50,8 @@ class ImpactScenario(Scenario):
 
     truncation_remedy = "a larger impact.gap ends it farther from the wall"
     kind = "Impact"
+    is_thrown = True
+    symbol, end_words = "e", "the disk has left"
     labels: ClassVar = {
         "restitution": ("restitution e", ""),
         "contact_time": ("contact time", "R/c"),
@@ -68,7 +70,7 @@ class ImpactScenario(Scenario):
         impact, springs = scene.impact, scene.springs(body)
         self.scene, self.springs = scene, springs
         self.velocity, self.kinetic = impact.towards, 0.5 * impact.towards**2
-        self.oblique = bool(impact.angle or impact.spin or getattr(scene.wall, "friction", 0.0))
+        self.oblique = bool(impact.angle or impact.spin or scene.wall.friction)
 
         disk = disk_of(body)
         distance = np.hypot(*(disk.positions - disk.mean(disk.positions)).T)
@@ -174,19 +176,16 @@ class ImpactScenario(Scenario):
         return POTENTIAL_CAUTION * gained / self.velocity
 
     @property
-    def energy(self) -> float:
+    def reference_energy(self) -> float:
         """Of the flight towards the wall, and of a spin and all else that moves in the disk, at the start [M c^2]."""
         lattice, disk = self.lattice, self.velocities[: self.lattice.disk_points]
         return self.kinetic + 0.5 * float(lattice.mean(((disk - lattice.mean(disk)) ** 2).sum(axis=1)))
-
-    def energy_scale(self, columns: Columns) -> float:
-        return self.energy
 
     @property
     def sensitivity(self) -> float:
         # What is off in a spin reaches the flight by the work of one on the other, which is of the order of the
         # geometric mean of their energies.
-        return float(np.sqrt(self.energy / self.kinetic))
+        return float(np.sqrt(self.reference_energy / self.kinetic))
 
     def result(self, columns: Columns) -> dict[str, float]:
         start, end = contact_interval(columns["t"], columns["wall_force"], columns["com_vy"])
@@ -206,7 +205,7 @@ class ImpactScenario(Scenario):
         return f"e = {found['restitution']:.5f}", f"contact time {found['contact_time']:.4g} R/c"
 
     def quality(self, columns: Columns) -> tuple[Array, str, str]:
-        lost = (columns["total"] - columns["total"][0]) / self.energy
+        lost = (columns["total"] - columns["total"][0]) / self.reference_energy
         return lost, "energy imbalance\n/ initial kinetic", "linear"
 
     def motion(self, columns: Columns) -> tuple[Array, str]:
@@ -228,7 +227,7 @@ class ImpactScenario(Scenario):
 
     def title(self) -> tuple[str, ...]:
         scene = self.scene
-        impact, friction = scene.impact, getattr(scene.wall, "friction", 0.0)
+        impact, friction = scene.impact, scene.wall.friction
         start = f"    {impact.angle:g} rad from the normal" if impact.angle else ""
         start += f"    spin {impact.spin:g} c/R" if impact.spin else ""
         start += f"    μ = {friction:g}" if friction else ""

@@ -185,13 +185,20 @@ class DiskScene(Frozen):
         eta = material.eta(lattice.disk_points)
         return Springs(material.k_a, material.k_b, eta, axial=material.dashpot == "axial")
 
-    def keeping_the_body(self) -> dict[str, Any]:
-        """Keys, as `with_` takes them, with which another `lattice.points` leaves the body as viscous as it is."""
-        name, value = self.material.dashpots
-        if name == "viscosity" or not value or self.lattice.file != "none":
-            return {}
+    def changes_with(self, key: str, value: Any) -> dict[str, Any]:
+        """Return a dotted key with its new value, and the keys that have to follow, for `with_`.
+
+        With other points the body stays as viscous as it is.
+        """
+        name, number = self.material.dashpots
+        if key != "lattice.points" or name == "viscosity" or not number or self.lattice.file != "none":
+            return {key: value}
         eta = self.material.eta(self.lattice.points)
-        return {"material.viscosity": eta, "material.eta_star": self.usual_eta_star()}
+        return {key: value, "material.viscosity": eta, "material.eta_star": self.usual_eta_star()}
+
+    def in_time(self) -> Self:
+        """Return the scene by a method that moves the disk in time."""
+        return self
 
     def notes(self, points: int) -> list[str]:
         """What a person should know of a result that depends on the dashpots of a disk of so many points."""

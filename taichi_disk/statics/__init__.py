@@ -1,1 +1,1 @@
-"""The disk without motion: equilibria under load, and the normal modes about a rest."""
+"""Statics and linear vibrations: equilibria under load, and normal modes about an equilibrium."""

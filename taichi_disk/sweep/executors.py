@@ -1,4 +1,4 @@
-"""Who computes the points of a sweep: this process, a pool of processes, or any `concurrent.futures.Executor`."""
+"""Computation of the points of a sweep by this process, a pool of processes, or a `concurrent.futures.Executor`."""
 
 from __future__ import annotations
 
@@ -28,14 +28,14 @@ Results = Generator[tuple[str, PointResult], None, None]
 Finished = Future[list[PointResult]]
 Say = Callable[[str], None]
 
-SCENES_PER_TASK = 6  # figure 3: 96 tasks of a quarter of a second; to set up a lattice takes a tenth
-LARGE = 2000  # points, from which a scene takes a task of its own
-POLL = 0.2  # [s] between two looks for an interrupt, while workers compute
-CONNECT = 8.0  # seconds within which a scheduler has to answer
+SCENES_PER_TASK = 6  # figure 3: 96 tasks of 0.25 s, of which setting up the lattice takes a tenth
+LARGE_LATTICE = 2000  # points; a scene with more is a task by itself
+POLL_INTERVAL = 0.2  # [s] between checks for an interrupt while workers compute
+CONNECT_TIMEOUT = 8.0  # [s] for the answer of a scheduler
 
 
 def ordered(scenes: Scenes) -> Scenes:
-    """Lattice by lattice, and within a lattice in the order of the keys, which is any: a part is like the whole."""
+    """Sort scenes by lattice, then by key. Keys are hashes, so each part of the order is a fair sample."""
     lattices: dict[object, list[str]] = {}
     for key, scene in scenes.items():
         lattices.setdefault(lattice_key(scene), []).append(key)
@@ -43,7 +43,7 @@ def ordered(scenes: Scenes) -> Scenes:
 
 
 def part_of(part: str, scenes: Scenes) -> Scenes:
-    """The scenes of `part`, written K/N, out of `ordered` ones: neighbours, so that it sets up few lattices."""
+    """Return part K of N, written "K/N", of `ordered` scenes; consecutive scenes share lattices."""
     k, _, n = part.partition("/")
     if not (k.isdecimal() and n.isdecimal() and 1 <= int(k) <= int(n) <= 1_000_000):
         raise InputError(f"--part: must be K/N with 1 <= K <= N, for example 3/16, not {part}")
@@ -52,11 +52,11 @@ def part_of(part: str, scenes: Scenes) -> Scenes:
 
 
 def tasks_of(scenes: Scenes) -> list[list[str]]:
-    """The keys of `ordered` scenes, in tasks of one lattice each."""
+    """Group the keys of `ordered` scenes to tasks of one lattice each."""
     tasks: list[list[str]] = []
     for _, group in groupby(scenes, lambda key: lattice_key(scenes[key])):
         keys = list(group)
-        size = 1 if scenes[keys[0]].lattice.points > LARGE else SCENES_PER_TASK
+        size = 1 if scenes[keys[0]].lattice.points > LARGE_LATTICE else SCENES_PER_TASK
         tasks += [keys[first : first + size] for first in range(0, len(keys), size)]
     return tasks
 
@@ -64,9 +64,9 @@ def tasks_of(scenes: Scenes) -> list[list[str]]:
 def computed(
     scenes: Scenes, estimate: bool, jobs: int | None, executor: Executor | None, scheduler: str | None, say: Say
 ) -> Results:
-    """The results of `ordered` scenes as they come: from a scheduler, else an executor, else so many processes.
+    """Yield (key, result) of `ordered` scenes as they finish, computed by a scheduler, an executor or `jobs` processes.
 
-    Raises InputError where no scheduler answers or workers have other versions, SimulationError when workers fail.
+    Raises InputError if no scheduler answers or workers have other versions, SimulationError if workers fail.
     """
     tasks, futures, finished = tasks_of(scenes), {}, SimpleQueue[Finished]()
     processes = min(jobs or cores(), len(tasks))
@@ -85,13 +85,13 @@ def computed(
         return
     with workers as pool:
         try:
-            with ignored_by_children():  # a pool starts its processes now
+            with ignored_by_children():  # a pool starts its processes here
                 for keys in tasks:
                     packed = pickle.dumps([scenes[key] for key in keys])
                     future = pool.submit(compute_task, relevant_versions(), packed, estimate)
                     futures[future] = keys
                     future.add_done_callback(finished.put)
-            import taichi_disk.figures.curves  # noqa: F401 (which will be drawn, while workers compute)
+            import taichi_disk.figures.curves  # noqa: F401 (takes time, while workers compute)
 
             for _ in tasks:
                 future = _next(finished)
@@ -99,10 +99,14 @@ def computed(
         except TaichiDiskError:
             raise
         except Exception as error:
-            died = isinstance(error, BrokenExecutor)
-            what = "one died: out of memory? Take fewer --jobs" if died else f"{type(error).__name__}: {error}"
+            has_died = isinstance(error, BrokenExecutor)
+            cause = (
+                "one died, perhaps for lack of memory: use fewer --jobs"
+                if has_died
+                else f"{type(error).__name__}: {error}"
+            )
             raise SimulationError(
-                f"the workers failed ({what}); the same command goes on where this stopped"
+                f"the workers failed ({cause}); finished points are kept: repeat the command to go on"
             ) from error
         finally:
             for future in futures:
@@ -111,34 +115,35 @@ def computed(
 
 @contextmanager
 def _pool(jobs: int) -> Iterator[Executor]:
-    """Processes that end with this one, and at once when the block is left by an error."""
+    """Context with a pool whose processes end with this one, and immediately after an error in the block."""
     context = multiprocessing.get_context("spawn")  # a forked Taichi hangs
-    until, alive = context.Pipe(duplex=False)
-    pool = ProcessPoolExecutor(jobs, context, _begin_worker, (until,))
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # of the workers: this process has imported NumPy
+    receiver, sender = context.Pipe(duplex=False)
+    pool = ProcessPoolExecutor(jobs, context, _watch_parent, (receiver,))
     try:
         yield pool
     except BaseException:
-        alive.close()
+        sender.close()
         raise
     finally:
         pool.shutdown(cancel_futures=True)
-        alive.close()
-        until.close()
+        sender.close()
+        receiver.close()
 
 
 def _next(finished: SimpleQueue[Finished]) -> Finished:
     while True:
         raise_if_interrupted()
         with suppress(Empty):
-            return finished.get(timeout=POLL)
+            return finished.get(timeout=POLL_INTERVAL)
 
 
-def _begin_worker(until: Connection) -> None:
-    """End when the other end of `until` closes: processes of `concurrent.futures` outlive a parent that is killed."""
+def _watch_parent(receiver: Connection) -> None:
+    """Exit when the other end of the pipe closes; otherwise workers would survive a parent that is killed."""
 
     def watch() -> None:
         with suppress(EOFError, OSError):
-            until.recv()
+            receiver.recv()
         os._exit(1)
 
     threading.Thread(target=watch, daemon=True).start()
@@ -146,7 +151,7 @@ def _begin_worker(until: Connection) -> None:
 
 @contextmanager
 def _dask(address: str, say: Say) -> Iterator[Executor]:
-    """The workers of the Dask scheduler at `address`. Raises InputError where there is none."""
+    """Context with an executor of the Dask scheduler at `address`. Raises InputError if none answers."""
     try:
         from distributed import Client, Security
         from distributed.core import rpc
@@ -155,16 +160,16 @@ def _dask(address: str, say: Say) -> Iterator[Executor]:
 
     async def identity() -> Any:
         async with rpc(address, connection_args=Security().get_connection_args("client")) as scheduler:
-            return await asyncio.wait_for(scheduler.identity(), CONNECT)
+            return await asyncio.wait_for(scheduler.identity(), CONNECT_TIMEOUT)
 
     try:
-        # Asked first: a client waits for ever where nobody speaks. By a thread: a notebook has a loop of its own.
+        # Ask first: a client waits for ever for a silent server. The thread avoids the event loop of a notebook.
         with ThreadPoolExecutor(1) as thread:
             workers = len(thread.submit(asyncio.run, identity()).result()["workers"])
-        client = Client(address, timeout=CONNECT, set_as_default=False)
-    except Exception as error:  # what answers may be anything
-        why = f" ({error})" if isinstance(error, ValueError) else ""
-        raise InputError(f"no Dask scheduler answers at {address}{why}; `dask scheduler` starts one") from None
+        client = Client(address, timeout=CONNECT_TIMEOUT, set_as_default=False)
+    except Exception as error:  # any server may answer
+        cause = f" ({error})" if isinstance(error, ValueError) else ""
+        raise InputError(f"no Dask scheduler answers at {address}{cause}; start one with `dask scheduler`") from None
     with client:
-        say(f"{workers} Dask workers" if workers else f"{address} has no workers yet: waiting for them")
+        say(f"{workers} Dask workers" if workers else f"waiting: the scheduler at {address} has no workers yet")
         yield client.get_executor()

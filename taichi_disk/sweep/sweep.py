@@ -1,4 +1,4 @@
-"""Computing a sweep: what is missing is computed, what is there is kept, then the table, and what is drawn from it."""
+"""Sweeps: compute the missing points, keep the others, and write the table and its figure."""
 
 from __future__ import annotations
 
@@ -32,8 +32,8 @@ if TYPE_CHECKING:
     from taichi_disk.output.inline import Plot
 
 FILES = ("scene.yaml", "points.csv", "summary.json", "figure.png", "figure.svg", "figure.pdf")
-MOST_FAILURES = 10  # that are printed
-MEASURED = ("young", "poisson", "error_estimate", "energy_imbalance", "residual", "steps", "dt", "integrator")
+MAX_FAILURES = 10  # printed
+DIAGNOSTICS = ("young", "poisson", "error_estimate", "energy_imbalance", "residual", "steps", "dt", "integrator")
 
 Row = dict[str, Any]
 Say = Callable[[str], None]
@@ -41,13 +41,13 @@ Say = Callable[[str], None]
 
 @dataclass(frozen=True)
 class SweepResult:
-    """A finished sweep, or a finished part of one.
+    """A finished sweep or part of a sweep.
 
     Attributes:
-        rows: what points.csv holds: axes, results, how they were computed, status, key.
-        summary: what summary.json holds; of a part, the counts alone.
-        out: the folder.
-        sweep: what was computed.
+        rows: rows of points.csv: axes, results, diagnostics, status, key.
+        summary: contents of summary.json; for a part, only the counts.
+        out: output folder.
+        sweep: the computed sweep.
     """
 
     rows: list[Row]
@@ -98,7 +98,7 @@ class SweepResult:
 
     @property
     def failed(self) -> list[Row]:
-        """The rows without a result; each has a `reason`."""
+        """Rows without a result; each has a `reason`."""
         return [row for row in self.rows if row["status"] != "done"]
 
 
@@ -115,29 +115,29 @@ def run_sweep(
     progress: Progress | None = None,
     say: Say = lambda text: None,
 ) -> SweepResult:
-    """Compute the points of `sweep` that `out` lacks, and write points.csv, summary.json and the figure.
+    """Compute the points of `sweep` that are missing in `out`, and write points.csv, summary.json and the figure.
 
-    May be killed at any time and started again. Results do not depend on who computes them: each row is what `run`
-    gives for points/KEY.yaml. With several processes, a script needs `if __name__ == "__main__":`.
+    An interrupted sweep can be continued. Each row equals the result of `run` for points/KEY.yaml, whoever computes it.
+    With several processes, a script needs `if __name__ == "__main__":`.
 
     Args:
-        sweep: as `load_sweep` gives it.
-        out: the folder.
-        jobs: processes, by default one per core; 1 computes in this process.
-        executor: instead of them, any `concurrent.futures.Executor`, whose workers have the same packages installed.
-        scheduler: instead of both, the address of a Dask scheduler, tcp://HOST:8786.
-        part: "K/N": compute the K-th of N parts only, and write no table. Parts may run at the same time, in one
-            folder or in several whose `points` are then copied together.
-        estimate: whether to estimate each result's error due to the time step, which doubles the work.
-        progress: called as progress("sweep", done, total), with numbers of scenes.
-        say: called with what a person should know: how many scenes, which of them are there.
+        sweep: result of `load_sweep`.
+        out: output folder.
+        jobs: number of processes, by default one per core; 1 computes in this process.
+        executor: a `concurrent.futures.Executor` to use instead, with the same packages installed on its workers.
+        scheduler: address of a Dask scheduler to use instead, tcp://HOST:8786.
+        part: "K/N" computes the K-th of N parts and writes no table. Parts may run at the same time, in the same folder
+            or in several folders whose `points` are merged afterwards.
+        estimate: whether to estimate the time step's error of each result, which doubles the work.
+        progress: called as progress("sweep", done, total) with numbers of scenes.
+        say: receives notices for the user, such as the number of scenes.
 
     Raises:
-        InputError: `out` cannot be written or holds something else; a point's file was changed; no scheduler answers,
-            or its workers have other versions.
-        SimulationError: the workers failed. What was done is kept.
+        InputError: `out` cannot be written or holds something else; a file of a point was changed; no scheduler
+            answers; or workers have other versions.
+        SimulationError: the workers failed. Finished points are kept.
     """
-    out, progress, began = Path(out), progress or silent, perf_counter()
+    out, progress, started = Path(out), progress or silent, perf_counter()
     keys = [point_key(scene) for scene in sweep.scenes]
     scenes = executors.ordered(dict(zip(keys, sweep.scenes, strict=True)))
     scenes = scenes if part is None else executors.part_of(part, scenes)
@@ -146,57 +146,63 @@ def run_sweep(
         if part is None:
             file, text = out / "scene.yaml", sweep.to_yaml()
             if file.exists() and file.read_text(encoding="utf-8", errors="replace") != text:
-                say(f"{out} held another sweep: its points stay, its table is replaced")
+                say(f"{out} held another sweep: its points are kept, its table is replaced")
                 for name in FILES:
                     remove(out / name)
             write_text(file, text)
-        found = {key: kept for key in scenes if (kept := _read_point(out, key)) and (kept.estimated or not estimate)}
-        for key in found:
+        results = {
+            key: point for key in scenes if (point := _read_point(out, key)) and (point.estimated or not estimate)
+        }
+        for key in results:
             _write_scene(out, key, scenes[key])
-        missing, before = {key: scene for key, scene in scenes.items() if key not in found}, len(found)
+        missing, before = {key: scene for key, scene in scenes.items() if key not in results}, len(results)
         of_all = f" (part {part} of {len(keys)})" if part else ""
         say(f"{len(scenes)} scenes{of_all}, {before} of them computed before")
         progress("sweep", before, len(scenes))
-        with closing(executors.computed(missing, estimate, jobs, executor, scheduler, say)) as results:
-            for key, result in results:
+        with closing(executors.computed(missing, estimate, jobs, executor, scheduler, say)) as computed:
+            for key, result in computed:
                 _write_point(out, key, missing[key], result)
-                found[key] = result
-                progress("sweep", len(found), len(scenes))
-        if mixed := _mixed([one.versions for one in found.values() if one.versions]):
-            say(f"these rows come from different versions, {mixed}: delete {out / 'points'} to compute all anew")
-        base, known = sweep.scenes[0], {name for one in found.values() for name in one.numbers}
-        names = (*base.results, *(name for name in base.optional_results if name in known), *MEASURED)
-        rows = [_row(sweep, scenes[key], names, key, found[key]) for key in keys if key in scenes]
-        failed, told = [row for row in rows if row["status"] != "done"], [*sweep.axes, "reason"]
+                results[key] = result
+                progress("sweep", len(results), len(scenes))
+        if mixed := _mixed_versions([result.versions for result in results.values() if result.versions]):
+            say(f"rows come from different versions, {mixed}: delete {out / 'points'} to compute all again")
+        base, known = sweep.scenes[0], {name for result in results.values() for name in result.numbers}
+        names = (*base.results, *(name for name in base.optional_results if name in known), *DIAGNOSTICS)
+        rows = [_row(sweep, scenes[key], names, key, results[key]) for key in keys if key in scenes]
+        failed = [row for row in rows if row["status"] != "done"]
         summary = {
             "scene": sweep.scenes[0].scene,
             "axes": sweep.axes,
             "points": len(rows),
-            "computed_now": len(found) - before,
-            "failed": [{name: row[name] for name in told} for row in failed],
+            "computed_now": len(results) - before,
+            "failed": [{name: row[name] for name in (*sweep.axes, "reason")} for row in failed],
         }
         if part:
-            return SweepResult(rows, summary | {"part": part, "wall_clock": perf_counter() - began}, out, sweep)
+            return SweepResult(rows, summary | {"part": part, "wall_clock": perf_counter() - started}, out, sweep)
         yaml = {True: "true", False: "false"}
         table = [{k: yaml[v] if isinstance(v, bool) else v for k, v in row.items()} for row in rows]
         write_csv(out / "points.csv", table)
 
         from taichi_disk.figures.curves import figure_of
 
-        summary |= {"curves": figure_of(sweep, rows, out), "wall_clock": perf_counter() - began, "versions": versions()}
+        summary |= {
+            "curves": figure_of(sweep, rows, out),
+            "wall_clock": perf_counter() - started,
+            "versions": versions(),
+        }
         write_summary(out / "summary.json", summary)
         return SweepResult(rows, summary, out, sweep)
 
 
 @contextmanager
 def _claimed(folder: Path, sweep: Sweep) -> Iterator[None]:
-    """Within, `folder` takes points of this sweep only, also from other processes: its parts may run at the same time.
+    """Context in which only this sweep, or parts of it in other processes, may write points to `folder`.
 
-    Each holds the lock of a hidden file of its own, which names the sweep; the system frees that of a killed process.
-    Raises InputError where another sweep holds one.
+    Each process locks a hidden file with the hash of the sweep in its name. The system releases the lock of a killed
+    process. Raises InputError if another sweep holds a lock.
     """
     name = hashlib.sha256(sweep.to_yaml().encode()).hexdigest()[:20]
-    mine = FileLock(folder / f".{name}.{uuid4().hex}.lock")
+    own_lock = FileLock(folder / f".{name}.{uuid4().hex}.lock")
     with FileLock(folder / ".lock"):
         for other in folder.glob(".*.lock"):
             try:
@@ -205,29 +211,29 @@ def _claimed(folder: Path, sweep: Sweep) -> Iterator[None]:
                 remove(other)
             except Timeout:
                 if not other.name.startswith(f".{name}."):
-                    text = f"{folder.parent}: another sweep is being computed into this folder"
-                    raise InputError(f"{text}; let it end, or choose another folder") from None
-        mine.acquire()
+                    text = f"{folder.parent}: another sweep is writing to this folder"
+                    raise InputError(f"{text}: wait until it ends, or choose another folder") from None
+        own_lock.acquire()
     try:
         yield
     finally:
-        mine.release()
-        remove(Path(mine.lock_file))
+        own_lock.release()
+        remove(Path(own_lock.lock_file))
 
 
-def _mixed(found: list[dict[str, str]]) -> str:
-    """What differs between versions, in words; empty if nothing does."""
-    known = {name: sorted({one.get(name, "?") for one in found}) for name in found[0]} if found else {}
-    return ", ".join(f"{name} {' and '.join(ones)}" for name, ones in known.items() if len(ones) > 1)
+def _mixed_versions(points: list[dict[str, str]]) -> str:
+    """Describe packages with more than one version; empty if there are none."""
+    packages = {name: sorted({point.get(name, "?") for point in points}) for name in points[0]} if points else {}
+    return ", ".join(f"{name} {' and '.join(used)}" for name, used in packages.items() if len(used) > 1)
 
 
 def _prepare(out: Path) -> None:
-    """Make the folder. Raises InputError where something else would be overwritten."""
+    """Make the folder. Raises InputError if this would overwrite files of another kind."""
     refuse_run(out)
     with suppress(OSError, ValueError):
-        if not (out / "points").is_dir() and (taken := [name for name in FILES if (out / name).exists()]):
-            raise InputError(f"{out} holds {taken[0]}, which no sweep wrote; choose another folder as `out`")
-        (out / "points").mkdir(parents=True, exist_ok=True)  # parts may begin at the same time
+        if not (out / "points").is_dir() and (files := [name for name in FILES if (out / name).exists()]):
+            raise InputError(f"{out} holds {files[0]}, which is not from a sweep: choose another folder as `out`")
+        (out / "points").mkdir(parents=True, exist_ok=True)  # parts may start at the same time
     prepare_output(out / "points")
 
 
@@ -244,62 +250,61 @@ def _counted(result: SweepResult) -> str:
 
 
 def print_sweep(result: SweepResult) -> None:
-    """Print the fits, what failed, and where the files are."""
+    """Print the fits, the failed points and the output folder."""
     from taichi_disk.figures.curves import print_curves
 
     summary, failed = result.summary, result.failed
     part = f"part {summary['part']}: " if "part" in summary else ""
     print_curves(summary.get("curves", ()))
-    for row in failed[:MOST_FAILURES]:
+    for row in failed[:MAX_FAILURES]:
         print(f"failed at {', '.join(f'{name}: {row[name]}' for name in summary['axes'])}: {row['reason']}")
-    if len(failed) > MOST_FAILURES:
-        print(f"... and {len(failed) - MOST_FAILURES} more" + ("" if part else ", see points.csv"))
-    if warned := sum(bool(row["warnings"]) for row in result.rows):
-        print(f"{warned} points with warnings, see points.csv")
+    if len(failed) > MAX_FAILURES:
+        print(f"... and {len(failed) - MAX_FAILURES} more" + ("" if part else ", see points.csv"))
+    if count := sum(bool(row["warnings"]) for row in result.rows):
+        print(f"{count} points with warnings, see points.csv")
     print(f"{part}{_counted(result)}; {summary['wall_clock']:.1f} s")
     print(f"files in {result.out}")
     if part:
-        print("the same command without --part, once all parts are there, writes table, fits and figure")
+        print("when all parts are finished, repeat the command without --part to write table, fits and figure")
 
 
-# ---- the folder `points`: KEY.yaml, a point's resolved scene, and KEY.json, its result
+# ---- the folder `points`: KEY.yaml, the resolved scene of a point, and KEY.json, its result
 
 
 def point_key(scene: Scene) -> str:
-    """Name of a point: a hash of the version and of its resolved scene, the film's settings apart.
+    """Return the name of a point: a hash of the version, the resolved scene without `video`, and the files it names.
 
-    The points of a lattice of one's own are part of it. Raises InputError if their file cannot be read.
+    Raises InputError if a file of the scene cannot be read.
     """
     sections = asdict(scene)
     del sections["video"]
-    known = [__version__, sections, file_digest(scene.lattice.file), file_digest(scene.lattice.velocities)]
-    return hashlib.sha256(json.dumps(known, sort_keys=True).encode()).hexdigest()[:20]
+    hashed = [__version__, sections, file_digest(scene.lattice.file), file_digest(scene.lattice.velocities)]
+    return hashlib.sha256(json.dumps(hashed, sort_keys=True).encode()).hexdigest()[:20]
 
 
 def _read_point(out: Path, key: str) -> PointResult | None:
-    """The result of a point, if it is there. Raises InputError for a file that holds none."""
+    """Return the stored result of a point, or None. Raises InputError if its file is invalid."""
     path = out / "points" / f"{key}.json"
     try:
         record = json.loads(path.read_bytes())
-        result = PointResult(**{one.name: record[one.name] for one in fields(PointResult)})
+        result = PointResult(**{item.name: record[item.name] for item in fields(PointResult)})
         return result if record["key"] == key else None
     except FileNotFoundError:
         return None
     except (ValueError, TypeError, LookupError, RecursionError, OSError) as error:
-        text = f"{path}: not the result of a point ({reason(error)}); delete the file to compute it anew"
+        text = f"{path}: not the result of a point ({reason(error)}): delete the file to compute it again"
         raise InputError(text) from None
 
 
 def _write_point(out: Path, key: str, scene: Scene, result: PointResult) -> None:
-    """Write a point, and its result if there is one. Raises SimulationError if it cannot be written."""
+    """Write a point with its result, if it has one. Raises SimulationError if a file cannot be written."""
     _write_scene(out, key, scene)
-    if result.status == "done":  # what failed is tried again
+    if result.status == "done":  # failed points are tried again
         record = json.dumps(asdict(result) | {"key": key}, indent=1, allow_nan=False)
         write_text(out / "points" / f"{key}.json", record + "\n")
 
 
 def _write_scene(out: Path, key: str, scene: Scene) -> None:
-    """KEY.yaml, unless it is there."""
     path, text = out / "points" / f"{key}.yaml", scene.to_yaml().encode()
     if not (path.is_file() and path.read_bytes() == text):
         write_text(path, text.decode())

@@ -1,4 +1,4 @@
-"""What a worker does: compute a few scenes of one lattice. This module is what other processes import."""
+"""Work of one process of a sweep: computing a few scenes of one lattice. Workers import this module."""
 
 from __future__ import annotations
 
@@ -20,15 +20,15 @@ from taichi_disk.scenes.setup import setup_of
 
 @dataclass(frozen=True)
 class PointResult:
-    """What became of one scene of a sweep.
+    """Result of one scene of a sweep.
 
     Attributes:
         status: "done" or "failed".
-        reason: why it failed.
-        numbers: results, moduli, error estimate, energy imbalance, steps, dt, integrator; empty if it failed.
-        warnings: what a person should know of the run.
-        estimated: whether an error estimate was asked for.
-        versions: what computed it.
+        reason: reason of a failure.
+        numbers: results, moduli, error estimate, energy imbalance, steps, dt, integrator; empty after a failure.
+        warnings: warnings of the run.
+        estimated: whether an error estimate was requested.
+        versions: versions of the packages that computed it.
     """
 
     status: str
@@ -40,42 +40,42 @@ class PointResult:
 
 
 def relevant_versions() -> dict[str, str]:
-    """The packages that numbers follow from."""
+    """Return the versions of the packages that determine the results."""
     return {name: version for name, version in versions().items() if name != "python"}
 
 
 def compute_task(expected: dict[str, str], scenes: bytes, estimate: bool) -> list[PointResult]:
-    """The task that an executor is given: the results of some scenes, in their order.
+    """Compute a task of an executor and return the results of its scenes, in order.
 
     Args:
-        expected: the versions that are installed where the sweep was started.
-        scenes: pickled; they are looked at once the versions are known to agree.
+        expected: versions installed where the sweep was started.
+        scenes: pickled scenes, which are unpickled only if the versions agree.
 
-    Raises:
-        InputError: other versions are installed here.
+    Raises InputError if other versions are installed here.
     """
-    here = relevant_versions()
-    other = [f"{name} {here.get(name)} instead of {one}" for name, one in expected.items() if here.get(name) != one]
-    if other:
-        where = f"a worker on {socket.gethostname()}"
-        raise InputError(f"{where} has {', '.join(other)}: install the same versions everywhere")
-    with runtime.alone():  # an executor's worker may have several threads
+    installed = relevant_versions()
+    mismatches = [
+        f"{name} {installed.get(name)} instead of {version}"
+        for name, version in expected.items()
+        if installed.get(name) != version
+    ]
+    if mismatches:
+        worker = f"a worker on {socket.gethostname()}"
+        raise InputError(f"{worker} has {', '.join(mismatches)}: install the same versions everywhere")
+    with runtime.alone():  # a worker may have several threads
         _start_worker()
     return list(compute_points(pickle.loads(scenes), estimate))
 
 
 @lru_cache(maxsize=1)
 def _start_worker() -> None:
-    """Start Taichi, on one core unless this process uses it already.
-
-    It is ended before the process: only then it keeps what it compiled for the next one.
-    """
+    """Start Taichi on one core unless this process uses it already, and stop it at exit, which saves its cache."""
     runtime.start(None if engine.loaded() else 1)
     atexit.register(engine.loaded().reset)
 
 
 def compute_points(scenes: Iterable[Scene], estimate: bool) -> Iterator[PointResult]:
-    """The results of `scenes`, one by one; Taichi runs."""
+    """Yield the results of `scenes`. Taichi must have been started."""
     for scene in scenes:
         try:
             yield _computed(scene, estimate)

@@ -124,6 +124,12 @@ class Controls:
         return f"material.{self.sandbox.scene.material.dashpots[0]}"
 
     @property
+    def magnification(self) -> float:
+        """How many times as large as they are displacements are drawn; the largest of a run is not known here."""
+        factor = self.sandbox.scene.video.magnify
+        return 1.0 if factor == "auto" else factor
+
+    @property
     def ranges(self) -> dict[str, Range]:
         """The numbers of the present scene by their keys; a value beyond its range widens that."""
         found = {}
@@ -180,7 +186,10 @@ class Controls:
     def play(self, number: int) -> None:
         """Begin with a scene of the playlist; what colours show stays. Raises TaichiDiskError."""
         sandbox = self.sandbox
-        sandbox.begin(replace(self.playlist[number].load(), video=sandbox.scene.video))
+        scene = self.playlist[number].load()
+        # Displacements may not be drawn larger on an elastic wall.
+        video = replace(sandbox.scene.video, magnify=scene.video.magnify)
+        sandbox.begin(replace(scene, video=video))
         self.number = number
 
     def collect(self) -> None:

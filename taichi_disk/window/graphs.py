@@ -28,7 +28,7 @@ class Graphs:
 
     def __init__(self, sandbox: Sandbox) -> None:
         self._sandbox = sandbox
-        self._start, self._inertia, self._height = 0, 1.0, 0.0
+        self._start, self._inertia, self._scenario = 0, 1.0, sandbox.segment.scenario
         self._lost_before = 0.0  # the present segment, since the hit began [M c^2]
 
     def message(self) -> dict[str, Any]:
@@ -39,8 +39,7 @@ class Graphs:
             arm = disk.positions - disk.mean(disk.positions)
             self._start, self._inertia = sandbox.starts, float(disk.mean((arm**2).sum(axis=1)))
         segments = sandbox.time.of_hit(sandbox.seen.segment.hit)
-        first = segments[0].rows[0]
-        self._height, self._lost_before = first[INDEX["com_y"]] - first[INDEX["lowest_y"]], 0.0
+        self._scenario = segments[0].scenario
         times, parts, before = [], [], 0.0
         for one in segments:
             self._lost_before = before
@@ -52,14 +51,13 @@ class Graphs:
         chosen = np.unique(np.linspace(0, len(t) - 1, POINTS).astype(int))
         shown = np.column_stack([t, values])[chosen].T
         curves = [[float(f"{value:.5g}") for value in curve] for curve in shown]
-        motion = ("velocity upwards", "c") if sandbox.is_impact else ("compression ξ", "R")
+        motion = self._scenario.momentary_label
         return {"t": curves[0], "values": curves[1:], "motion": motion, "began": segments[0].began}
 
     def values(self, rows: Array) -> Array:
         """Return energies [M c^2], force [M c^2/R], velocity [c] or ξ [R] (rows, CURVES) of observables (rows, k)."""
         of = split(dict(zip(INDEX, rows.T, strict=True)), self._inertia)
         lost = rows[:, _LOST].sum(axis=1) + self._lost_before
-        height = self._height - (of["com_y"] - of["lowest_y"])
-        motion = of["com_vy"] if self._sandbox.is_impact else height
+        motion = self._scenario.momentary_motion(of)
         curves = *(of[name] for name in of_kind("part")), of["elastic"] + of["wall"], lost, of["wall_force"], motion
         return np.stack(curves, axis=1)

@@ -12,15 +12,11 @@ import numpy as np
 
 from taichi_disk.computation.scenario import Scenario
 from taichi_disk.computation.stability import Spectrum, spectrum
-from taichi_disk.config.conflicts import least_threshold
 from taichi_disk.errors import TaichiDiskError
 from taichi_disk.lattice import Array, Lattice
 from taichi_disk.output.files import write_text
 from taichi_disk.physics import MouseSpring
 from taichi_disk.scenes import Scene
-from taichi_disk.scenes.absorbing_wall import AbsorbingWallScene
-from taichi_disk.scenes.compression import CompressionScene
-from taichi_disk.scenes.impact import ImpactScenario
 from taichi_disk.simulation.observables import INDEX
 from taichi_disk.simulation.simulation import KernelCache
 from taichi_disk.window.history import Checkpoint, Segment, Timeline
@@ -42,23 +38,8 @@ def load_of(scene: Scene) -> float:
 
 
 def with_key(scene: Scene, key: str, value: Any) -> Scene:
-    """`scene` with one dotted key changed, and with it what has to follow.
-
-    A softer contact or a slower approach needs a farther threshold; a wall has as many points on its area as the disk.
-    With other points the body stays as viscous as it is.
-    Raises InputError for a value that the scene refuses.
-    """
-    changes = {key: value} | (scene.keeping_the_body() if key == "lattice.points" else {})
-    if isinstance(scene, AbsorbingWallScene):
-        if key in ("wall.a", *AIMED):
-            section, name = key.split(".")
-            parts: Any = {"wall": scene.wall, "impact": scene.impact}
-            parts[section] = replace(parts[section], **{name: value})
-            least = least_threshold(parts["wall"], parts["impact"].towards)
-            changes["wall.threshold"] = max(scene.wall.threshold, float(f"{1.001 * least:.4g}"))
-        if key == "lattice.points":
-            changes["wall.points"] = max(4, round(scene.wall.points * value / scene.lattice.points))
-    return scene.with_(changes)
+    """`scene` with one dotted key changed, and with it what has to follow. Raises InputError if the scene refuses."""
+    return scene.with_(scene.changes_with(key, value))
 
 
 class Start(NamedTuple):
@@ -71,8 +52,7 @@ class Start(NamedTuple):
 
 def start_of(scene: Scene, before: Start | None = None) -> Start:
     """`before`: what it has in common with the scene is not computed again. Raises TaichiDiskError."""
-    if isinstance(scene, CompressionScene):  # nothing moves in time in Newton's method
-        scene = scene.with_({"compression.method": "relaxation"})
+    scene = scene.in_time()
     if before and _of_the_body(scene) != _of_the_body(before.scenario.scene):
         before = None
     body = before.body if before else scene.body()
@@ -177,15 +157,13 @@ class Sandbox:
         return self.segment.state.step == 0 and not self.segment.label
 
     @property
-    def is_impact(self) -> bool:
-        return isinstance(self.segment.scenario, ImpactScenario)
+    def is_thrown(self) -> bool:
+        return self.segment.scenario.is_thrown
 
     @property
     def imbalance(self) -> float:
         """Energy from nowhere since the last change by hand, over the kinetic energy or about the load's work."""
-        scenario: Any = self.segment.scenario
-        scale = scenario.energy if self.is_impact else scenario.pressure**2 / scenario.model.springs.modulus
-        return float(self.segment.imbalance / scale)
+        return float(self.segment.imbalance / self.segment.scenario.reference_energy)
 
     @property
     def warnings(self) -> list[str]:
@@ -196,10 +174,10 @@ class Sandbox:
     @property
     def pace(self) -> float:
         """Simulated time per second of the clock now [R/c per s]."""
-        scenario = self.segment.scenario
+        scenario: Any = self.segment.scenario
         if self.collected:
             return COLLECTING
-        if not (self.slow and isinstance(scenario, ImpactScenario)):
+        if not (self.slow and scenario.is_thrown):
             return self.speed
         force = CONTACT * scenario.velocity / scenario.model.springs.time_unit
         return self.speed * (SLOW if self.segment.row[INDEX["wall_force"]] > force else 1.0)
@@ -243,7 +221,8 @@ class Sandbox:
         found = Result(value, scenario.scene, scenario.lattice.disk_points, numbers, segment.label)
         self.results = [*self.results, found][-MAX_RESULTS:]
         self.paused = True
-        text = f"the disk has left: e = {value:.6f}" if self.is_impact else f"at rest: ξ = {value:.6f} R"
+        unit = next(iter(scenario.labels.values()))[1]
+        text = f"{scenario.end_words}: {scenario.symbol} = {value:.6f} {unit}".rstrip()
         self.message = f"{text}, {segment.label}" if segment.label else text
         self.collected = self.collected[1:]
         if self.collected:
@@ -332,7 +311,7 @@ class Sandbox:
 
         Raises TaichiDiskError, with everything left as it was.
         """
-        if not self.is_impact:
+        if not self.is_thrown:
             return
         if not self.at_start:
             wanted: Any = self.scene
@@ -369,7 +348,7 @@ class Sandbox:
         Else it is only shown so.
         """
         scene: Any = self.scene
-        if not (self.at_start and self.is_impact):
+        if not (self.at_start and self.is_thrown):
             return
         turn = np.angle(np.exp(1j * (scene.impact.turn + angle)))
         scene = scene.with_({"impact.turn": float(f"{turn:.4f}")})
@@ -384,7 +363,7 @@ class Sandbox:
 
     def aim(self, dx: float, dy: float) -> None:
         """At the start of an impact, draw the throw along (dx, dy) [R]: AIM c for each R, downwards in any case."""
-        if self.at_start and self.is_impact:
+        if self.at_start and self.is_thrown:
             velocity, angle = max(AIM * np.hypot(dx, dy), 1e-3), np.clip(np.arctan2(dx, -dy), -1.5, 1.5)
             self.aimed = float(f"{velocity:.3g}"), float(f"{angle:.3g}")
 

@@ -201,14 +201,13 @@ class Session:
     def _write_panel(self) -> None:
         sandbox, controls = self.sandbox, self.controls
         segment, entry = sandbox.segment, controls.playlist[controls.number]
-        slow = sandbox.at_start and (sandbox.scene.lattice.points > LARGE or not sandbox.is_impact)
-        video = sandbox.scene.video
+        slow = sandbox.at_start and (sandbox.scene.lattice.points > LARGE or not sandbox.is_thrown)
         sliders = [
             {"key": key, "value": controls.value(key), "live": not slow and key != "lattice.points"} | one._asdict()
             for key, one in controls.ranges.items()
         ]
         sliders.append({"key": "speed", "value": sandbox.speed, "live": True} | SPEED._asdict())
-        sliders.append({"key": "video.magnify", "value": video.magnify, "live": True} | MAGNIFY._asdict())
+        sliders.append({"key": "video.magnify", "value": controls.magnification, "live": True} | MAGNIFY._asdict())
         choices = [
             {"key": key, "name": name, "value": controls.value(key), "options": get_args(options)}
             for key, (name, options) in CHOICES.items()
@@ -228,7 +227,7 @@ class Session:
                 "solver": f"{segment.step.integrator.name}, step {segment.step.dt:.3g} R/c",
                 "paused": sandbox.paused,
                 "atStart": sandbox.at_start,
-                "isImpact": sandbox.is_impact,
+                "isImpact": sandbox.is_thrown,
                 "slow": sandbox.slow,
                 "sliders": sliders,
                 "choices": choices,
@@ -245,7 +244,7 @@ class Session:
             return "this is past: Go on continues from here"
         if sandbox.message or not sandbox.at_start:
             return ""
-        return "drag the disk to turn it, or from beside it to aim" if sandbox.is_impact else ""
+        return "drag the disk to turn it, or from beside it to aim" if sandbox.is_thrown else ""
 
     def _status(self) -> str:
         if self.sandbox.time.behind:

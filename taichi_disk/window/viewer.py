@@ -119,7 +119,7 @@ class Viewer:
         painter.springs, painter.wall, painter.spoke = springs, wall, scenario.spoke
         painter.edge = edge_height(wall, scenario.point_force)
         painter.colour, painter.draw, painter.theme = video.colour, video.draw, video.theme
-        painter.magnify = video.magnify
+        painter.magnify = self.controls.magnification
         size = tuple(self._window.get_window_shape())
         if fresh or size != (self.camera.width, self.camera.height):
             self.see_all()
@@ -177,7 +177,7 @@ class Viewer:
             write(f"colours: {quantity.label}", f"up to {self._scales.colour:.3g} {quantity.unit}")
             write("disturbed" if seen.by_hand else "same as taichi-disk run", *sandbox.warnings, sandbox.message)
             for result in sandbox.results[-5:]:
-                write(f"{'e' if sandbox.is_impact else 'xi'} = {result.value:.6f} {result.disturbance}")
+                write(f"{sandbox.segment.scenario.symbol} = {result.value:.6f} {result.disturbance}")
             if self._keys_shown:
                 write(*(f"{keys:<11}{what}" for keys, what in controls.reference))
 
@@ -243,7 +243,7 @@ class Viewer:
         sandbox, (x, y), (cx, cy) = self.sandbox, self.camera.to_scene(self._at), self._centre
         disk = sandbox.seen.x[: self.painter.lattice.disk_points]
         inside = hypot(x - cx, y - cy) <= np.hypot(*(disk - (cx, cy)).T).max()
-        throwing = sandbox.at_start and sandbox.is_impact
+        throwing = sandbox.at_start and sandbox.is_thrown
         self._doing = "pan" if right else "pull" if not throwing else "turn" if inside else "aim"
         self._from = (atan2(y - cy, x - cx), 0.0) if self._doing == "turn" else (float(x), float(y))
 

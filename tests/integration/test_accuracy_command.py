@@ -21,7 +21,7 @@ def few(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(steps, "FRACTIONS", (0.8, 0.4))
     monkeypatch.setattr(steps, "REPEATS", 1)
     monkeypatch.setattr(study, "SEEDS", 3)
-    monkeypatch.setattr(study, "FINER", (4,))
+    monkeypatch.setattr(study, "REFINEMENTS", (4,))
 
 
 def test_a_folder_of_a_run_stays_that(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

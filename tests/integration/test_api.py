@@ -296,7 +296,7 @@ def test_a_progress_is_told_of_each_stage_from_its_beginning(scene, tmp_path):
 @pytest.mark.parametrize("progress", [3, "bar", lambda done: None, object(), []])
 def test_a_progress_of_another_shape_is_refused_by_name(result, progress, tmp_path):
     name = getattr(progress, "__name__", type(progress).__name__)
-    told = rf"progress: must be callable as progress\(stage, done, total\), which {name} is not"
+    told = rf"progress: must be a function of \(stage, done, total\), which {name} is not"
     sweep = load_sweep({"scene": "exponential_wall", "sweep": {"seed": [0]}})
     for call in (
         lambda: run(result.scene, tmp_path / "o", progress=progress),

@@ -179,7 +179,7 @@ def test_long_work_shows_a_bar_by_itself_in_a_notebook_which_goes_at_the_end(mon
     told: list[Any] = []
     monkeypatch.setattr(builtins, "get_ipython", ZMQInteractiveShell, raising=False)
     monkeypatch.setattr("IPython.display.display", lambda shown, display_id: Handle())
-    monkeypatch.setattr("taichi_disk.progress.EVERY", 0.0)
+    monkeypatch.setattr("taichi_disk.progress.BAR_INTERVAL", 0.0)
 
     @reported
     def work(progress: Any = None) -> None:
@@ -188,7 +188,7 @@ def test_long_work_shows_a_bar_by_itself_in_a_notebook_which_goes_at_the_end(mon
 
     work()
     assert not told  # too soon
-    monkeypatch.setattr("taichi_disk.progress.SOON", 0.0)
+    monkeypatch.setattr("taichi_disk.progress.BAR_DELAY", 0.0)
     with pytest.raises(InputError, match="progress: must be callable"):
         work(3)
     work(lambda stage, done, total: None)

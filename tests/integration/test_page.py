@@ -184,6 +184,7 @@ def test_a_slider_that_is_held_while_the_scene_changes_is_let_be(session: Sessio
     say(session, "set", key="impact.velocity", value=0.03)
     say(session, "set", key="wall.boundary", value="pinned")
     assert panel(session)["name"] == "compression" and not panel(session)["message"]
+    assert all(isinstance(one["value"], (int, float)) for one in panel(session)["sliders"])
     say(session, "set", key="compression.pressure", value=0.0123456)  # a number that was typed keeps its digits
     assert session.sandbox.scene.compression.pressure == 0.0123456  # type: ignore[attr-defined]
 
@@ -209,7 +210,7 @@ def test_a_state_holds_what_the_sandbox_sees(session: Session) -> None:
     x = floats[len(INDEX) + len(CURVES) :][: 2 * points].reshape(-1, 2)
     np.testing.assert_allclose(x, seen.x, rtol=1e-6, atol=1e-6)
     energies = floats[len(INDEX) :][:5]
-    assert energies.sum() == pytest.approx(session.sandbox.segment.scenario.energy, rel=1e-4)
+    assert energies.sum() == pytest.approx(session.sandbox.segment.scenario.reference_energy, rel=1e-4)
     graphs = json.loads(session.texts["graphs"])
     assert len(graphs["values"]) == len(CURVES) and graphs["t"][0] == 0.0
 
@@ -454,6 +455,7 @@ def test_the_page_opens_obeys_and_computes_what_run_does(
     there = browser.state("t")
     browser.key("\ue012")  # the left arrow
     assert browser.wait(lambda: browser.state("t") < there)
+    (left, top), _ = browser.disk()
     browser.drag((left, top), (left + 80, top - 60))
     assert browser.wait(lambda: "disturbed" in browser.text("status"))
     assert browser.errors() == []

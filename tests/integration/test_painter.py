@@ -162,9 +162,9 @@ def test_springs_across_triangles_and_the_edge_of_a_core_are_drawn(shoot):
     x = crossed.positions + [0.0, 1.1]
     triangles = Triangles(crossed)
     field, both = (shoot(crossed, x, draw=draw) for draw in ("field", "both"))
-    assert len(triangles.across) == 64  # the other diagonal of each square
+    assert len(triangles.crossing) == 64  # the other diagonal of each square
     darker = (field - both).sum(axis=-1) > 0.02
-    for a, b in x[triangles.across]:
+    for a, b in x[triangles.crossing]:
         part = a + 0.3 * (b - a)
         column, row = CAMERA.to_pixels(part).astype(int)
         assert darker[row - 1 : row + 2, column - 1 : column + 2].any()

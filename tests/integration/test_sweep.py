@@ -219,7 +219,7 @@ def test_a_folder_of_a_run_or_of_a_person_is_not_touched(tmp_path: Path) -> None
         swept(SMALL, tmp_path / "run")
     (tmp_path / "mine").mkdir()
     (tmp_path / "mine" / "scene.yaml").write_text("# mine\n" + SMALL)
-    with pytest.raises(InputError, match=r"holds scene\.yaml, which no sweep wrote"):
+    with pytest.raises(InputError, match=r"holds scene\.yaml, which is not from a sweep"):
         swept(SMALL, tmp_path / "mine")
     assert [path.name for path in (tmp_path / "mine").iterdir()] == ["scene.yaml"]
     (tmp_path / "file").touch()
@@ -234,7 +234,7 @@ def test_another_sweep_in_a_folder_keeps_its_points_and_says_that_its_table_is_r
         assert (tmp_path / "figure.svg").exists() == before  # the picture of another table goes with it
         (tmp_path / "figure.svg").touch()
     assert [text for text in said if "table" in text] == [
-        f"{tmp_path} held another sweep: its points stay, its table is replaced"
+        f"{tmp_path} held another sweep: its points are kept, its table is replaced"
     ]
     assert result.summary["computed_now"] == 1
 
@@ -253,7 +253,7 @@ def test_another_sweep_into_a_folder_in_use_is_refused_and_a_part_of_the_same_is
 
     def meanwhile(stage: str, done: float, total: float | None) -> None:
         for part in (None, "1/1"):
-            with pytest.raises(InputError, match="another sweep is being computed into this folder") as told:
+            with pytest.raises(InputError, match="another sweep is writing to this folder") as told:
                 swept(other, out, part=part)
             refused.append(str(told.value))
         beside.append(swept(one, out, part="1/2"))
@@ -388,7 +388,7 @@ def test_what_was_done_is_kept_when_the_workers_fail(small: SweepResult, tmp_pat
 
 def test_without_a_scheduler_the_error_says_so(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     pytest.importorskip("distributed")
-    monkeypatch.setattr(executors, "CONNECT", 0.3)
+    monkeypatch.setattr(executors, "CONNECT_TIMEOUT", 0.3)
     for address in ("tcp://127.0.0.1:9", "nonsense://x"):
         with pytest.raises(InputError, match="no Dask scheduler answers at"):
             run_sweep(load_sweep(SMALL), tmp_path / "out", scheduler=address)
@@ -397,7 +397,7 @@ def test_without_a_scheduler_the_error_says_so(tmp_path: Path, monkeypatch: pyte
 @pytest.mark.parametrize("says", [b"", b"HTTP/1.1 400 Bad Request\r\n\r\n" * 10, b"\x01" + bytes(1000)])
 def test_what_is_no_scheduler_is_told_soon(says: bytes, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     pytest.importorskip("distributed")
-    monkeypatch.setattr(executors, "CONNECT", 1.0)
+    monkeypatch.setattr(executors, "CONNECT_TIMEOUT", 1.0)
 
     def answer(connection: socket.socket) -> None:
         with suppress(OSError):

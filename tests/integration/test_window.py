@@ -129,8 +129,7 @@ def test_the_window_opens_obeys_and_shows_the_disk(display: dict[str, str], tmp_
         assert hand.saved().impact.angle == pytest.approx(np.arctan2(60, 120), abs=0.05)
         shown = hand.picture()
         inked = np.abs(shown - GROUND).sum(axis=-1) > 100
-        assert inked[:, :PANEL].mean() > 0.5  # GGUI's widgets
-        assert 0.05 < inked[:, PANEL:].mean() < 0.95  # outline, springs and wall
+        assert 0.05 < inked[:, PANEL:].mean() < 0.95  # outline, springs and wall; widgets are not in a picture
 
         # The disk falls, comes back in time, and is pulled; another scene, another size of the window.
         hand.key("space")

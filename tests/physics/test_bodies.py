@@ -58,7 +58,7 @@ def test_a_heavy_core_makes_a_spinning_disk_turn_slower_for_the_same_angular_mom
     assert_allclose(m @ v, [0.0, -0.02], rtol=0, atol=1e-15)
     spin = m @ (arm[:, 0] * v[:, 1] - arm[:, 1] * v[:, 0])
     assert spin == pytest.approx(0.1 * inertia, rel=0.05)  # a rim of whole points
-    assert scenario.energy == pytest.approx(0.5 * m @ (v * v).sum(axis=1), rel=1e-12)
+    assert scenario.reference_energy == pytest.approx(0.5 * m @ (v * v).sum(axis=1), rel=1e-12)
 
 
 def test_the_softest_vibration_of_a_composite_has_the_frequency_of_its_matrices(kernels):
@@ -123,7 +123,7 @@ def test_the_compression_of_an_unlike_body_counts_from_its_centre_of_mass(kernel
 
 def without_skin(lattice):
     """The same with half as stiff an outline: a spring there stands for one triangle, not for two, as in a sheet."""
-    return replace(lattice, stiffness=lattice.stiffened(np.where(Triangles(lattice).part == 1.0, 0.5, 1.0)))
+    return replace(lattice, stiffness=lattice.stiffened(np.where(Triangles(lattice).fraction == 1.0, 0.5, 1.0)))
 
 
 @pytest.mark.parametrize(

@@ -23,7 +23,7 @@ STEP = StepError("velocity_verlet", True, 0.8, 0.01, 100, 0.1, 3.0, 1e-6, 1e-6, 
 def test_finer_lattices_are_of_the_same_material(kind: str) -> None:
     scene = load_scene(kind, ["lattice.points=60", "material.eta_star=5"])
     finer = [one for one in changes(scene) if one.source == POINTS]
-    assert [one.finer for one in finer] == [4, 16, 64]
+    assert [one.refinement for one in finer] == [4, 16, 64]
     changed = scene.with_(finer[0].keys)
     assert changed.lattice.points == 240
     # eta of a spring and mass of the whole stay, so does the shape of a wall, and the drag of its boundary.
@@ -44,8 +44,11 @@ def test_the_advice_to_take_more_points_says_what_keeps_the_body() -> None:
     scene = load_scene("exponential_wall", ["lattice.points=300"])
     finer = [replace(one, result=0.9, difference=0.1) for one in changes(scene) if one.source == POINTS]
     sources = [Change("scene", "as it is", result=0.8), Change(SAMPLE, "seed 1", result=0.81), *finer]
-    told = Findings("restitution", [STEP], sources).sentence
-    assert "use more seeds and points, not smaller steps; material.viscosity = 0.03333 keeps the body" in told
+    advice = Findings("restitution", [STEP], sources).sentence
+    assert (
+        "use more seeds and points, not smaller steps; material.viscosity = 0.03333 keeps the damping the same"
+        in advice
+    )
     own = scene.with_(viscosity=0.01)
     assert all("viscosity" not in key for one in changes(own) for key in one.keys)
 
@@ -79,9 +82,9 @@ def test_errors_fall_with_the_square_of_the_step(kernels: KernelCache, monkeypat
     monkeypatch.setattr(steps, "REPEATS", 1)
     study = study_of(kernels, "exponential_wall", "lattice.points=30", "material.eta_star=20")
     found = study.measure(kernels, lambda number: None)
-    assert sum(one.own for one in found) == 1
+    assert sum(one.is_default for one in found) == 1
     for integrator in ("velocity_verlet", "trapezoidal"):
-        curve = [one for one in found if one.integrator == integrator and not one.own]
+        curve = [one for one in found if one.integrator == integrator and not one.is_default]
         dt, error, off = np.array([(one.dt, one.error, one.trajectory_error) for one in curve]).T
         assert np.polyfit(np.log(dt), np.log(off), 1)[0] == pytest.approx(2.0, abs=0.1)
         assert np.polyfit(np.log(dt), np.log(error), 1)[0] == pytest.approx(2.0, abs=0.2)

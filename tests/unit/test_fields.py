@@ -49,7 +49,7 @@ def strained(xx, yy, xy):
 def test_springs_that_cross_triangles_and_the_edge_of_a_core_are_told():
     ends = [(i, j) for i in range(len(PATCH.masses)) for j in range(i) if PATCH_DISTANCES[i, j] < 1.8 / RINGS]
     crossed = Triangles(Lattice.from_points(PATCH.positions, ends))
-    assert len(crossed.across) == len(ends) - len(PATCH.bonds) and not len(MESH.across) + len(MESH.interfaces)
+    assert len(crossed.crossing) == len(ends) - len(PATCH.bonds) and not len(MESH.crossing) + len(MESH.interfaces)
     core = disk_lattice(300, 0, core_radius=0.5, core_stiffness=3.0)
     edge = Triangles(core).interfaces
     assert np.hypot(*core.positions[edge].reshape(-1, 2).T) == pytest.approx(np.full(2 * len(edge), 0.5), abs=1e-9)
@@ -206,8 +206,8 @@ def test_fringes_show_stress_smoothed_to_a_width_of_0_06_r_whatever_the_spacing(
 
 
 def test_every_spring_of_a_lattice_is_carried_by_one_or_two_triangles():
-    assert set(DISK_MESH.part) == {0.5, 1.0}
-    assert (DISK_MESH.part == 1.0).sum() == len(DISK_MESH.outline) == len(DISK.disk_surface)
+    assert set(DISK_MESH.fraction) == {0.5, 1.0}
+    assert (DISK_MESH.fraction == 1.0).sum() == len(DISK_MESH.outline) == len(DISK.disk_surface)
     # The outline has the body on its left: its polygon's area is that of all triangles.
     a, b = DISK.positions[DISK_MESH.outline].transpose(1, 0, 2)
     area = 0.5 * (a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]).sum()

@@ -98,7 +98,7 @@ RING = ROUND[np.hypot(*ROUND.T) > 0.6]
         ((GRID, np.concatenate([CROSSED[(GRID[CROSSED] * s >= 0).all(axis=(1, 2))] for s in (1, -1)])), "is no corner"),
         ((GRID, CROSSED, np.ones(3)), "shape"),
         ((GRID, CROSSED, np.zeros(len(CROSSED))), "rest_lengths[0] is 0"),
-        ((GRID, None, np.ones(3)), "need the springs"),
+        ((GRID, None, np.ones(3)), "rest_lengths without springs"),
     ],
 )
 def test_what_is_no_disk_is_refused_with_the_place(arguments, message):
@@ -254,13 +254,13 @@ def test_triangles_stiffness_and_masses_of_ones_own_follow_their_points_and_spri
     assert len(again.triangles) == len(corners) == len(by_sides.triangles) and np.ptp(again.masses) == 0.0
     for wrong, message in (
         ({"triangles": corners + 80}, "three points of 0 to 80"),
-        ({"triangles": corners[2:]}, "do not make one piece"),
+        ({"triangles": corners[2:]}, "do not form one connected piece"),
         ({"triangles": corners * 1.0}, "whole numbers"),
         ({"triangles": corners[:, [0, 1]]}, "whole numbers of shape"),
         ({"springs": springs[5:], "triangles": corners}, "has a side that is no spring"),
         ({"springs": springs, "stiffness": -factor}, "stiffness[0] is"),
         ({"springs": springs, "stiffness": factor[1:]}, "stiffness must have the shape"),
-        ({"stiffness": factor}, "stiffness need the springs"),
+        ({"stiffness": factor}, "stiffness without springs"),
         ({"masses": 0 * masses}, "masses[0] is 0"),
         ({"masses": masses[1:]}, "masses must have the shape (81,)"),
     ):
@@ -319,9 +319,9 @@ def test_a_file_s_number_of_points_is_one_it_has(tmp_path, number):
     ("arguments", "message"),
     [
         ({"points": RIM}, "would cross a gap"),
-        ({"points": GRID, "triangles": np.empty((0, 3), int)}, "do not make one piece"),
-        ({"points": GRID, "triangles": [[0, 0, 0]]}, "do not make one piece"),
-        ({"points": GRID, "triangles": 3 * [[0, 1, 9], [1, 10, 9]]}, "do not make one piece"),
+        ({"points": GRID, "triangles": np.empty((0, 3), int)}, "do not form one connected piece"),
+        ({"points": GRID, "triangles": [[0, 0, 0]]}, "do not form one connected piece"),
+        ({"points": GRID, "triangles": 3 * [[0, 1, 9], [1, 10, 9]]}, "do not form one connected piece"),
         ({"points": GRID, "masses": changed(np.ones(81), 5, 1e300)}, "masses[5] is 1e+300"),
         ({"points": GRID, "masses": changed(np.ones(81), 5, 1e-20)}, "masses[5] is 1e-20, less than 1e-15 of"),
         ({"points": GRID, "springs": CROSSED, "stiffness": changed(np.ones(len(CROSSED)), 7, 1e-300)}, "stiffness[7]"),

@@ -39,7 +39,7 @@ def test_moduli_scale_with_the_springs_and_not_with_the_number_of_points():
 
 def test_strip_without_an_inside_is_refused():
     strip = rectangle(1099, 0, 0.7, 3.0, 0.25)
-    with pytest.raises(InputError, match="6 spacings"):
+    with pytest.raises(InputError, match="6 springs"):
         inner_moduli(strip, 1.0, strip.positions)
     with pytest.raises(InputError, match="rows"):
         rectangle(1099, 0, 0.7, 3.0, 0.05)

@@ -105,7 +105,7 @@ def test_what_makes_a_result_doubtful_is_told(finished):
     scenario = finished.scenario
     for part, expected in ((0.8, 0), (1.1, 2)):
         columns = off_by(finished, 0.0, closing=-part * MAX_IMBALANCE)
-        columns["sliding"] = np.full_like(columns["t"], scenario.energy * part * MAX_IMBALANCE)
+        columns["sliding"] = np.full_like(columns["t"], scenario.reference_energy * part * MAX_IMBALANCE)
         told = diagnostics.warnings(scenario, columns)
         assert len(told) == expected
     assert "imbalance is -0.0011 at the end" in told[0] and "slid from spring to spring" in told[1]
