@@ -68,10 +68,10 @@ def test_nothing_is_written_unless_a_folder_is_named(tmp_path, monkeypatch):
 
 def test_states_are_those_of_the_time_series(result):
     series = result.series
-    times, x, v = result.trajectory(series["t"][::40])
+    times, x, v = result.trajectory(series["t"][::20])
     assert x.shape == v.shape == (len(times), 60, 2)
-    np.testing.assert_allclose(x[:, :, 1].mean(axis=1), series["com_y"][::40], rtol=1e-12)
-    np.testing.assert_allclose(v[:, :, 1].mean(axis=1), series["com_vy"][::40], rtol=1e-11, atol=1e-15)
+    np.testing.assert_allclose(x[:, :, 1].mean(axis=1), series["com_y"][::20], rtol=1e-12)
+    np.testing.assert_allclose(v[:, :, 1].mean(axis=1), series["com_vy"][::20], rtol=1e-11, atol=1e-15)
     state = result.state(times[3])
     assert state.t == times[3]
     assert (state.positions == x[3]).all() and (state.velocities == v[3]).all()
