@@ -192,4 +192,6 @@ class MouseSpring(BodyForce):
             energy = factor * self.potential_at(state, i)
             put(state.f, i, get(state.f, i) + force)
             put(state.v, i, get(state.v, i) - state.closing[None] * state.inverse_mass[i] * force)
+            if ti.static(state.corrected):
+                put(state.u, i, get(state.u, i) - state.observed[None] * state.inverse_mass[i] * force)
         return energy

@@ -38,6 +38,8 @@ class ElasticWall(Wall):
     is_elastic = True
     scalars = ("a", "V0", "threshold", "shift")
 
+    has_jumps = True  # of the force, where a point passes from one spring of the wall to the next
+
     @property
     def shift(self) -> float:
         """Of the potential, which is 0 at the threshold [M c^2]."""

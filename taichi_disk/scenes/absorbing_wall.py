@@ -33,7 +33,8 @@ class AbsorbingWallScene(ImpactScene):
 
     def conflicts(self) -> Conflicts:
         matched = ["wall.boundary = dashpot"] * (self.wall.boundary == "dashpot")
-        conflicts = super().conflicts() + time_conflicts(self.time, self.material, *matched)
+        resets = self.wall.boundary == "reset"
+        conflicts = super().conflicts() + time_conflicts(self.time, self.material, *matched, resets=resets)
         least = least_threshold(self.wall, self.impact.towards)
         if self.wall.threshold < least:
             text = (

@@ -24,7 +24,7 @@ RUN = {"scene.yaml", "lattice.npz", "summary.json", "timeseries.csv", "final.npz
 
 
 def arguments(out: Path, *settings: str, scene: str = "exponential_wall") -> list[str]:
-    return ["run", scene, "--out", str(out), "--no-video", *(f"--set={one}" for one in settings)]
+    return ["run", scene, "--out", str(out), "--no-video", "--lattices=1", *(f"--set={one}" for one in settings)]
 
 
 def command(*words: str, **options: Any) -> subprocess.CompletedProcess[str]:
