@@ -12,6 +12,8 @@ def process() -> None:
     import os
     import sys
 
+    # Before NumPy is imported: the idle threads of its OpenBLAS spin, and nothing here has work for them.
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     from taichi_disk.cli import main
     from taichi_disk.runtime import leave
 

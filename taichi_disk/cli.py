@@ -6,9 +6,7 @@ Exit status: 0 done; 1 the computation or the film failed; 2 bad input or usage;
 from __future__ import annotations
 
 import argparse
-import os
 import sys
-import tempfile
 import warnings
 from collections.abc import Callable, Sequence
 from contextlib import suppress
@@ -21,6 +19,7 @@ from taichi_disk import BEGAN, __version__
 from taichi_disk.config.sections import VideoSection
 from taichi_disk.config.tree import shipped_scenes
 from taichi_disk.errors import InputError, TaichiDiskError
+from taichi_disk.machine import cores
 from taichi_disk.progress import print_result, terminal
 from taichi_disk.signals import INTERRUPTED, raise_if_interrupted
 
@@ -39,7 +38,6 @@ def main(argv: Sequence[str] | None = None) -> int:
             return 0
         arguments = parser.parse_args(given)
         raise_if_interrupted()
-        _leave_deleted_directory(arguments)
         status: int = arguments.command(arguments)
         if sys.stdout is not None:  # it may be closed
             sys.stdout.flush()
@@ -71,20 +69,6 @@ def _print_error(text: str) -> None:
 
 def _note(text: str) -> None:
     _print_error(f"note: {text}")
-
-
-def _leave_deleted_directory(arguments: argparse.Namespace) -> None:
-    """Work in another directory if the present one has been deleted, and no path counts from it. Else InputError."""
-    try:
-        os.getcwd()
-    except FileNotFoundError:
-        given = vars(arguments)
-        paths = [one for one in given.values() if isinstance(one, Path)]
-        has_default = "scene" in given and "out" in given and given["out"] is None
-        if has_default or not all(one.is_absolute() for one in paths):
-            text = "the working directory no longer exists: change to another, or write whole paths (--out /...)"
-            raise InputError(text) from None
-        os.chdir(tempfile.gettempdir())
 
 
 def _load(arguments: argparse.Namespace, what: str = "scene") -> Any:
@@ -168,9 +152,8 @@ def _render(arguments: argparse.Namespace) -> int:
     if arguments.out:
         check_target(arguments.out)
         if arguments.format not in (None, arguments.out.suffix[1:] or "png"):
-            raise InputError(
-                f"--format {arguments.format}: {arguments.out} is another format; leave one of the two out"
-            )
+            text = f"--format {arguments.format}: {arguments.out} is another format; leave one of the two out"
+            raise InputError(text)
     given = {name: getattr(arguments, name) for name in VideoSection.schema()}
     overrides = [f"video.{name}={str(value).lower()}" for name, value in given.items() if value is not None]
     with terminal(sys.stderr) as progress:
@@ -251,19 +234,11 @@ def _parser() -> argparse.ArgumentParser:
     add("--overwrite", action="store_true", help="replace another run in DIR")
     add("--no-video", dest="video", action="store_false", help="make no film")
     add("--export", choices=_TRAJECTORIES, help="also write a trajectory")
-    add(
-        "--threads",
-        type=_threads,
-        metavar="N",
-        help="CPU threads, of 50,000 points and more (default: TAICHI_DISK_THREADS, else all cores)",
-    )
+    what = "CPU threads, of 50,000 points and more (default: TAICHI_DISK_THREADS, else all cores)"
+    add("--threads", type=partial(_count, most=cores()), metavar="N", help=what)
     add("--force", action="store_true", help="take a time step even beyond the stable limit")
-    add(
-        "--lattices",
-        type=partial(_count, most=10_000),
-        metavar="K",
-        help="random lattices for the result's mean and scatter; 1: the scene's alone (default: 8 if quick)",
-    )
+    what = "random lattices for the result's mean and scatter; 1: the scene's alone (default: 8 if quick)"
+    add("--lattices", type=partial(_count, most=10_000), metavar="K", help=what)
 
     add = command("sweep", _sweep, "compute every scene of a sweep: table, fits and figure; resumable").add_argument
     _add_scene(add, _shipped(swept=True))
@@ -287,10 +262,8 @@ def _parser() -> argparse.ArgumentParser:
     add("folder", type=_path, metavar="DIR", help="what `run` wrote")
     compare = "other runs, at most three, to be shown at the right; what sets them apart is written above each"
     add("--compare", type=_path, nargs="+", default=[], metavar="DIR", help=compare)
-    files = (
-        ".mp4, .webm, .gif; .html for a page that plays the film, and needs no internet; .png for one picture; or a "
-    )
-    add("--out", type=_path, metavar="FILE", help=files + "folder for many (default: render or comparison in DIR)")
+    what = ".mp4, .webm, .gif; .html for a page that plays the film, and needs no internet; .png for one picture; or a "
+    add("--out", type=_path, metavar="FILE", help=what + "folder for many (default: render or comparison in DIR)")
     at = "moment of a picture: a time in R/c, contact (the first), end, or greatest (compression; the default)"
     add("--at", default="greatest", metavar="T", help=at)
     add("--from", dest="start", metavar="T", help="where a film begins, a moment as for --at (default: the start)")
@@ -343,9 +316,3 @@ def _count(text: str, most: int = 100_000) -> int:
     if not 1 <= value <= most:
         raise argparse.ArgumentTypeError(f"{text!r} is not a whole number from 1 to {most:,}")
     return value
-
-
-def _threads(text: str) -> int:
-    from taichi_disk.machine import cores
-
-    return _count(text, cores())

@@ -4,7 +4,6 @@ python docs/examples/new_force.py
 """
 
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 
@@ -13,21 +12,17 @@ from taichi_disk.computation.outcome import compute
 from taichi_disk.engine import ti
 from taichi_disk.lattice import Array, Lattice
 from taichi_disk.physics import BodyForce
-from taichi_disk.physics.law import Capacity, scalar
 
 
 @ti.data_oriented
 class Trap(BodyForce):
     """A force -(k/n) x on each of n points [M c^2/R]; its potential is k x^2/(2 n)."""
 
+    scalars = ("k",)
+    k_now: Any  # the field that kernels read: another k needs no new compilation
+
     def __init__(self, k: float) -> None:
         self.k = k
-
-    def make_fields(self, builder: Any, capacity: Capacity) -> None:
-        self.k_now = scalar(builder)  # what kernels read: another k needs no new compilation
-
-    def numbers(self) -> list[tuple[Any, float]]:
-        return [(self.k_now, self.k)]
 
     @ti.func
     def at(self, state: ti.template(), i):  # type: ignore

@@ -312,8 +312,8 @@ class Result:
         """
         folder = as_path(folder, "folder")
         path, summary = folder / "scene.yaml", files.read_summary(folder)
-        if not files.is_plain(path) or "status" not in summary:
-            name = "summary.json that can be read" if files.is_plain(path) else "scene.yaml"
+        if not path.is_file() or "status" not in summary:
+            name = "summary.json that can be read" if path.is_file() else "scene.yaml"
             raise InputError(f"{folder}: no run is here (no {name}); `taichi-disk run` makes one")
         kept = given if isinstance(given := summary.get("digests"), dict) else {}
         changed = [name for name, digest in files.digests(folder, summary).items() if kept.get(name, digest) != digest]

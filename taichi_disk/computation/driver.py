@@ -170,8 +170,7 @@ class Driver:
         if self.control.shorten_after_run(self.largest_force, columns):
             self._restart()
             return
-        reason = unacceptable(self.scenario, columns) if self.control.time.dt == "auto" else None
-        if reason:
+        if self.control.time.dt == "auto" and (reason := unacceptable(self.scenario, columns)):
             self._fail(SimulationError(reason))
             return
         self.status, self.end = "finished", state

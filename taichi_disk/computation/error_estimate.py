@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
-from typing import Any
+from dataclasses import replace
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -35,8 +35,7 @@ TOLERANCE_PART = 0.75  # of the tolerance, at which the next step is aimed
 LEAST_RATIO, MOST_RATIO = 1.15, 3.0  # by which that step is shorter: a longer leap would trust the power too far
 
 
-@dataclass(frozen=True)
-class SecondRun:
+class SecondRun(NamedTuple):
     """The errors of results by their names, none if the second run has no result; (n, 2) its most compressed state."""
 
     errors: dict[str, float]
@@ -131,14 +130,10 @@ def within_tolerance(driver: Driver, run: Callable[[Any], Driver]) -> tuple[Driv
         shorter = fitted(step.dt / ratio, scenario.model.reset_interval)
         driver = run(replace(time, dt=shorter, integrator=step.integrator.name))
         driver.attempt += runs
-    raise SimulationError(_out_of_tolerance(scenario, time.tolerance, driver, error, left))
-
-
-def _out_of_tolerance(scenario: Scenario, tolerance: float, driver: Driver, error: float | None, left: float) -> str:
     found = "cannot be estimated" if error is None else f"is estimated at {error:.3g}"
-    text = f"time.tolerance is {tolerance:g}, and the error of the result after {driver.attempt} runs {found}"
-    if left > 0.5 * tolerance:
+    text = f"time.tolerance is {time.tolerance:g}, and the error of the result after {driver.attempt} runs {found}"
+    if left > 0.5 * time.tolerance:
         text += f": {left:.2g} of it is due to where the run ends, at any step; {scenario.truncation_remedy}"
     else:
         text += "; write a smaller time.safety, or another time.integrator"
-    return f"{text}; or write a larger time.tolerance, or none"
+    raise SimulationError(f"{text}; or write a larger time.tolerance, or none")

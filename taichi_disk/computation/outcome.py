@@ -13,7 +13,7 @@ from taichi_disk.computation.contact import greatest_compression
 from taichi_disk.computation.driver import Driver, Moment
 from taichi_disk.computation.error_estimate import SecondRun, second_run, within_tolerance
 from taichi_disk.computation.scenario import Scenario
-from taichi_disk.computation.stability import Spectrum, spectrum, step_limit
+from taichi_disk.computation.stability import Spectrum, spectrum
 from taichi_disk.computation.workload import announcement
 from taichi_disk.lattice import Array, Lattice
 from taichi_disk.lattice.lattice import double_area
@@ -105,30 +105,24 @@ def compute(
 
 def _described(driver: Driver, second: SecondRun | None, estimate: bool) -> Outcome:
     scenario, step, end = driver.scenario, driver.step, driver.end
-    columns = split(driver.columns, scenario.lattice.inertia)
     assert end is not None
+    columns, peak = split(driver.columns, scenario.lattice.inertia), driver.largest_force
     _, positions, velocities = driver.final
+    limit = driver.control.limit(step.integrator, peak)
     warnings = diagnostics.warnings(scenario, columns)
-    peak = driver.largest_force
-    limit = step_limit(driver.control.spectrum, scenario.model, step.integrator, peak)
     if step.dt > limit:
-        warnings.insert(
-            0,
-            f"the step {step.dt:.6g} R/c is beyond the stability limit that the measured force of the wall leaves, "
-            f"{limit:.6g} R/c: set time.dt: auto, or a shorter one",
-        )
-    errors: dict[str, float] = {}
-    compressed = None
+        beyond = "is beyond the stability limit that the measured force of the wall leaves"
+        remedy = "set time.dt: auto, or a shorter one"
+        warnings.insert(0, f"the step {step.dt:.6g} R/c {beyond}, {limit:.6g} R/c: {remedy}")
+    small = estimate and end.step * step.integrator.forces * len(scenario.lattice.bonds) <= ESTIMATE_UP_TO
+    errors, compressed = dict[str, float](), None
     if not scenario.step_dependent:
         errors[scenario.primary(columns)[0]] = REST_CAUTION * scenario.end_truncation_error(columns) + ROUNDING
-    small = estimate and end.step * step.integrator.forces * len(scenario.lattice.bonds) <= ESTIMATE_UP_TO
-    if second or (small and scenario.step_dependent):
-        second = second or second_run(driver)
-        errors, compressed = second.errors, second.compressed
-    elif small:
-        _, compressed, _ = next(driver.replay(np.array([greatest_compression(columns)])))
-    inverted = inverted_triangles(scenario, compressed) if small and compressed is not None else None
-    warnings += _inversion_warnings(inverted or 0)
+        if small:
+            _, compressed, _ = next(driver.replay(np.array([greatest_compression(columns)])))
+    elif second or small:
+        errors, compressed = second or second_run(driver)
+    inverted = {} if compressed is None else _inverted(scenario, compressed, warnings)
     summary = _results(scenario, columns) | {
         "warnings": warnings,
         "steps": end.step,
@@ -140,10 +134,8 @@ def _described(driver: Driver, second: SecondRun | None, estimate: bool) -> Outc
         "error_source": "time step" if scenario.step_dependent else "end of the run",
         "energy": diagnostics.summary(scenario, columns),
     }
-    if inverted is not None:
-        summary["inverted_triangles"] = inverted
-    moments = driver.replay
-    return Outcome(scenario, columns, positions, velocities, peak, moments, moments, summary, driver.compile_seconds)
+    replay, seconds = driver.replay, driver.compile_seconds
+    return Outcome(scenario, columns, positions, velocities, peak, replay, replay, summary | inverted, seconds)
 
 
 def _results(scenario: Scenario, columns: Columns) -> dict[str, Any]:
@@ -157,13 +149,14 @@ def inverted_triangles(scenario: Scenario, x: Array) -> int:
     return int((double_area(x[scenario.lattice.triangles]) < 0.0).sum())
 
 
-def _inversion_warnings(inverted: int) -> list[str]:
-    if not inverted:
-        return []
-    return [
-        f"{inverted} triangle{'s' * (inverted > 1)} of the lattice turned inside out: there springs are no elastic "
-        "body any more, which is the model's own limit; a lower speed or pressure, or fewer points, keep it whole"
-    ]
+def _inverted(scenario: Scenario, x: Array, warnings: list[str]) -> dict[str, int]:
+    """For the summary; a warning is added if there are any."""
+    if inverted := inverted_triangles(scenario, x):
+        warnings.append(
+            f"{inverted} triangle{'s' * (inverted > 1)} of the lattice turned inside out: there springs are no elastic "
+            "body any more, which is the model's own limit; a lower speed or pressure, or fewer points, keep it whole"
+        )
+    return {"inverted_triangles": inverted}
 
 
 @dataclass
@@ -222,9 +215,9 @@ def quasistatic(scenario: Scenario, loads: int, progress: Progress = silent) -> 
         columns["elastic"][k], columns["wall"][k] = model.springs.energy(lattice, x), model.wall.energy(lattice, x)
     columns["load"] = parts * full * columns["com_y"]
     columns["total"] = columns["elastic"] + columns["wall"] + columns["load"]
-    inverted = inverted_triangles(scenario, rest.positions)
-    summary = _results(scenario, columns)
-    summary |= {"warnings": _inversion_warnings(inverted), "steps": rest.iterations, "integrator": "newton"}
-    summary |= {"error_estimate": {}, "residual": rest.residual, "roll": rest.roll, "inverted_triangles": inverted}
+    warnings: list[str] = []
+    summary = _results(scenario, columns) | {"warnings": warnings, "steps": rest.iterations, "integrator": "newton"}
+    summary |= {"error_estimate": {}, "residual": rest.residual, "roll": rest.roll}
+    summary |= _inverted(scenario, rest.positions, warnings)
     largest = float(np.hypot(*model.wall.contact_forces(lattice, rest.positions)[1].T).max(initial=0.0))
     return Outcome(scenario, columns, rest.positions, still, largest, loading.replay, loading.frames, summary)

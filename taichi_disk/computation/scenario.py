@@ -32,7 +32,7 @@ class Scenario(ABC):
         step_dependent: whether the primary result depends on the time step, beyond where the run happens to end.
         wall_step: the longest step that resolves the wall, where the result depends on the step [R/c].
         truncation_remedy: which keys make `end_truncation_error` smaller.
-        own_velocities: whether those at t = 0 were given, see `start_with`.
+        own_velocities: whether those at t = 0 were given.
         static: whether nothing moves: equilibria under growing loads take the place of time, and the last is `rest`.
         rest: the equilibrium under the load, by Newton's method, if there is a load.
         quiet_time: how long rows have to stay within `end_bounds` [R/c]; 0: one row is enough.
@@ -78,13 +78,6 @@ class Scenario(ABC):
         """
         asked = self.scene.time.sample_interval
         return self.sample_interval if asked == "auto" else min(asked, self.sample_interval)
-
-    def start_with(self, velocities: Array) -> None:
-        """Begin with the disk's points at `velocities` (N, 2) [c], in the order of the lattice."""
-        n = self.lattice.disk_points
-        self.velocities = self.velocities.copy()
-        self.velocities[:n] = velocities
-        self.own_velocities = True
 
     def go_on_from(self, positions: Array, velocities: Array) -> None:
         """Begin in another state, (n, 2) [R] and [c], instead."""

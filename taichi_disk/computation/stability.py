@@ -39,9 +39,7 @@ class Spectrum:
 def spectrum(lattice: Lattice, model: Model) -> Spectrum:
     """Largest eigenvalues of the stiffness matrix at rest and, where there are dashpots, of the Laplacian."""
     stiffness = model.springs.stiffness(lattice, lattice.positions)
-    damping = 0.0
-    if model.springs.damped:
-        damping = largest_eigenvalue(laplacian(lattice), lattice.masses)
+    damping = largest_eigenvalue(laplacian(lattice), lattice.masses) if model.springs.damped else 0.0
     omega = float(np.sqrt(largest_eigenvalue(stiffness, lattice.masses)))
     return Spectrum(omega, damping, float(lattice.masses.min()), len(lattice.positions))
 

@@ -1,10 +1,11 @@
-"""Disagreements between keys of a scene that are valid by themselves, and what would mend them."""
+"""Conflicts between keys that are valid by themselves, with advice."""
 
 from __future__ import annotations
 
 from typing import TypeAlias
 
 from taichi_disk.config.sections import (
+    CORRECTED,
     DASHPOTS,
     ElasticWallSection,
     ImpactSection,
@@ -13,50 +14,58 @@ from taichi_disk.config.sections import (
     WallSection,
 )
 
-Conflicts: TypeAlias = list[tuple[str, str]]  # (dotted key, what is wrong with it)
+Conflicts: TypeAlias = list[tuple[str, str]]  # (dotted key, message)
 
 
-def time_conflicts(time: TimeSection, material: MaterialSection, *others: str, friction: float = 0.0) -> Conflicts:
-    """Those of the section `time`; `others` are keys, with values, that make forces depend on velocity, too."""
+def time_conflicts(
+    time: TimeSection, material: MaterialSection, *others: str, friction: float = 0.0, resets: bool = False
+) -> Conflicts:
+    """Return the conflicts of the section `time`; `others`: further keys, with values, of velocity-dependent forces.
+
+    `resets`: whether the wall's boundary is stopped again and again.
+    """
     conflicts, damping = [], [*dashpots(material), *others, *[f"wall.friction = {friction:g}"] * bool(friction)]
     if time.tolerance != "none" and time.dt != "auto":
-        conflicts.append(("time.tolerance", f"finds the step itself: write time.dt: auto, not {time.dt:g}"))
-    name, way = time.integrator, DASHPOTS.get(time.integrator)
-    if way == "none" and damping:
-        text = f"{name} cannot take forces that depend on velocity ({damping[0]}): write auto, or velocity_verlet"
+        conflicts.append(("time.tolerance", f"determines the step: write time.dt: auto, not {time.dt:g}"))
+    name, treatment = time.integrator, DASHPOTS.get(time.integrator)
+    if treatment == "none" and damping:
+        text = f"{name} cannot integrate velocity-dependent forces ({damping[0]}): write auto or velocity_verlet"
         conflicts.append(("time.integrator", text))
-    if way == "implicit" and friction:
-        text = f"{name} has errors of order 1 beside friction: write auto, or velocity_verlet"
+    if name in CORRECTED and resets:
+        text = f"{name} has errors of order 2 beside wall.boundary = reset: write auto, or vefrl for order 4"
         conflicts.append(("time.integrator", text))
-    if way == "implicit" and material.dashpot == "axial" and dashpots(material):
-        text = f"{name} solves for dashpots whose matrix stays the same, not for axial ones: write auto"
+    if treatment == "implicit" and friction:
+        text = f"{name} is only of order 1 with friction: write auto or velocity_verlet"
+        conflicts.append(("time.integrator", text))
+    if treatment == "implicit" and material.dashpot == "axial" and dashpots(material):
+        text = f"{name} needs a constant damping matrix, which axial dashpots do not have: write auto"
         conflicts.append(("time.integrator", text))
     return conflicts
 
 
 def dashpots(material: MaterialSection) -> list[str]:
-    """The key, with its value, that makes the springs' forces depend on velocity; empty where none does."""
+    """Return the key of the dashpots with its value; empty without dashpots."""
     name, value = material.dashpots
     return [f"material.{name} = {value:g}"] if value else []
 
 
 def gap_conflicts(wall: WallSection | ElasticWallSection, impact: ImpactSection) -> Conflicts:
-    """A start within the wall's reach: the disk would be shot away by potential energy to spare, e > 1."""
+    """Return the conflict of a start too close to the wall, whose potential energy would make e > 1."""
     least = wall.height_of(1e-3 * 0.5 * impact.towards**2)  # M = 1
     if impact.gap == "auto" or impact.gap >= least:
         return []
-    what = f"at {impact.gap:g} R the wall's potential exceeds 1e-3 of the kinetic energy"
-    return [("impact.gap", f"{what}: start at {rounded_up(least)} R or farther, or write auto")]
+    reason = f"at {impact.gap:g} R the wall potential exceeds 1e-3 of the kinetic energy"
+    return [("impact.gap", f"{reason}: write at least {rounded_up(least)} R, or auto")]
 
 
 def least_threshold(wall: ElasticWallSection, velocity: float) -> float:
-    """Distance at which the contact may be cut off: farther away its potential is 1e-5 of v^2/2 or less [R].
+    """Return the smallest allowed cut-off distance of the contact [R], where its potential is 1e-5 of v^2/2.
 
-    `velocity` is that towards the wall.
+    `velocity`: velocity component towards the wall [c].
     """
     return wall.height_of(1e-5 * 0.5 * velocity**2)
 
 
 def rounded_up(value: float) -> str:
-    """Four digits, above the value."""
+    """Format `value` with four digits, rounded up."""
     return f"{value * 1.001:.4g}"

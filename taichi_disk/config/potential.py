@@ -1,4 +1,4 @@
-"""A wall's potential V0 exp(-a y), and what follows from its two numbers."""
+"""The wall potential V0 exp(-a y)."""
 
 from __future__ import annotations
 
@@ -11,42 +11,38 @@ if TYPE_CHECKING:
 
 
 class ExponentialPotential:
-    """What a wall's law and a wall's section of a scene file both are. `y`: distance from the wall [R]."""
+    """Base class of wall laws and of the walls' sections in scene files. `y`: distance from the wall [R]."""
 
     a: float  # hardness [1/R]
     V0: float  # potential at distance 0 [M c^2]
     friction = 0.0  # coefficient mu of Coulomb's friction; 0: none
 
     @property
-    def has_friction(self) -> bool:
-        return self.friction != 0.0
-
-    @property
     def decay_length(self) -> float:
-        """Over which potential and force fall to 1/e [R]."""
+        """Length over which potential and force fall to 1/e [R]."""
         return 1.0 / self.a
 
     def potential(self, y: Array | float) -> Array:
-        """V0 exp(-a y) [M c^2]; infinite far inside the wall."""
+        """Return V0 exp(-a y) [M c^2], which is infinite far inside the wall."""
         with np.errstate(over="ignore"):
             return np.asarray(self.V0 * np.exp(-self.a * y))
 
     def force_at(self, y: Array | float) -> Array:
-        """a V0 exp(-a y) [M c^2/R]."""
+        """Return a V0 exp(-a y) [M c^2/R]."""
         return self.a * self.potential(y)
 
     def height_of(self, energy: float, heights: Array | float = 0.0) -> float:
-        """Distance at which a point has the potential `energy` [M c^2]; of the lowest of several, all together.
+        """Return the distance of the lowest point [R] at which all points together have the potential `energy` [M c^2].
 
-        `heights` (k,) are those of the points above the lowest [R].
+        `heights` (k,): heights of the points above the lowest one [R].
         """
         total = np.log(np.exp(-self.a * heights).sum()) + np.log(self.V0)
         return float((total - np.log(energy)) / self.a)
 
     def height_of_force(self, force: float, heights: Array | float = 0.0) -> float:
-        """Distance at which the wall pushes with `force` [M c^2/R], else as `height_of`."""
+        """Return the distance of the lowest point [R] at which the wall's total force is `force` [M c^2/R]."""
         return float(np.log(self.a * self.V0 * np.exp(-self.a * heights).sum() / force) / self.a)
 
     def added_stiffness(self, force: float) -> float:
-        """What the wall adds to the stiffness of a point that it pushes with `force` [M c^2/R^2]: a F."""
+        """Return the wall's contribution a F to the stiffness of a point under the wall force F [M c^2/R^2]."""
         return self.a * force

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Literal, TypeAlias, get_args, g
 from taichi_disk.config.potential import ExponentialPotential
 from taichi_disk.errors import either
 
-if TYPE_CHECKING:  # tells mypy what `Frozen` does; typing has it from Python 3.11 on
+if TYPE_CHECKING:  # tells mypy what `Frozen` does; `typing` has this since Python 3.11
     from typing_extensions import dataclass_transform as _dataclasses
 else:
 
@@ -33,11 +33,11 @@ Theme: TypeAlias = Literal["light", "dark"]
 
 @dataclass(frozen=True)
 class Key:
-    """What a key may be: one of `words`, a number from `low` to `high`, true or false, or the name of a file.
+    """Allowed values of a key: one of `words`, a number from `low` to `high`, true or false, or the name of a file.
 
     Attributes:
-        kind: bool, int, float; str where there are words or names of files alone.
-        step: the number is a multiple of it, unless it is 0.
+        kind: bool, int or float; str if only words or names of files are allowed.
+        step: numbers must be multiples of it, unless it is 0.
     """
 
     kind: type
@@ -49,7 +49,7 @@ class Key:
     step: float = 0
 
     def accepts(self, value: Any) -> bool:
-        """Whether the key may have this value. Nothing is converted, but that a whole number is taken for a float."""
+        """Return whether the key may have this value. A whole number is accepted for a float."""
         if isinstance(value, str):
             return value in self.words or (self.kind is str and not self.words and value != "" and value.isprintable())
         if type(value) is not self.kind and (type(value), self.kind) != (int, float):
@@ -57,7 +57,7 @@ class Key:
         return self.kind is bool or (self.low <= value <= self.high and not (self.step and value % self.step))
 
     def allowed(self) -> str:
-        """The values that the key may have, in words."""
+        """Describe the allowed values."""
         if self.kind is bool:
             return "true or false"
         if self.kind is str:
@@ -73,7 +73,7 @@ class Key:
 
 
 def key(default: Any, meaning: str, unit: str = "", **bounds: float) -> Any:
-    """A key of a section; its annotation says its kind and words. `bounds`: low, high and step of a number."""
+    """Define a key of a section; its annotation gives kind and words. `bounds`: low, high and step of a number."""
     return field(default=default, metadata={"meaning": meaning, "unit": unit, **bounds})
 
 
@@ -88,35 +88,37 @@ class Frozen:
 
 
 class Section(Frozen):
-    """A group of keys. Values are checked where a scene is loaded or changed."""
+    """A group of keys. Values are validated when a scene is loaded or changed."""
 
     @classmethod
     @cache
     def schema(cls) -> dict[str, Key]:
-        """The keys by name, in the order in which they are written."""
-        found = {}
-        for one in fields(cls):
-            hint = get_type_hints(cls)[one.name]
-            parts = get_args(hint) or (hint,)  # of a union, or the words of a Literal
+        """Return the keys by name, in the order in which they are written."""
+        keys = {}
+        for item in fields(cls):
+            hint = get_type_hints(cls)[item.name]
+            parts = get_args(hint) or (hint,)  # members of a union, or words of a Literal
             words = tuple(word for part in parts for word in ([part] if isinstance(part, str) else get_args(part)))
             kind = next((part for part in parts if isinstance(part, type)), str)
-            found[one.name] = Key(kind, words, **one.metadata)
-        return found
+            keys[item.name] = Key(kind, words, **item.metadata)
+        return keys
 
 
 class LatticeSection(Section):
     points: int = key(1099, "number of mass points N of the disk", low=3, high=2_000_000)
     seed: int = key(0, "seed of the random points; the same seed gives the same lattice", low=0, high=2**32 - 1)
-    rim: bool = key(True, "evenly spaced points on the circle; false: the literal random disk")
+    rim: bool = key(True, "whether evenly spaced points lie on the circle; false: random points only")
     min_spacing: float = key(
-        0.7, "least distance of the random points, in spacings of the hexagonal lattice; 0: none", low=0, high=0.75
+        0.7, "smallest distance of random points, in spacings of the hexagonal lattice; 0: none", low=0, high=0.75
     )
-    hole: float = key(0.0, "radius of a concentric hole, evenly spaced points on its edge; 0: none", "R", high=0.95)
+    hole: float = key(
+        0.0, "radius of a concentric hole, with evenly spaced points on its edge; 0: none", "R", high=0.95
+    )
     core_radius: float = key(0.0, "radius of a concentric core of another material; 0: none", "R", high=0.95)
-    core_stiffness: float = key(1.0, "k_a, k_b and eta of the core's springs over the others'", low=1e-3, high=1e3)
-    core_density: float = key(1.0, "density of the core over the rest's; the disk is of 1 M in all", low=1e-3, high=1e3)
-    file: str = key("none", "points of your own, CSV or .npz, instead of random ones; relative to the scene file")
-    velocities: str = key("none", "an .npz file with velocities [c] of the points at the start, instead of the scene's")
+    core_stiffness: float = key(1.0, "factor of k_a, k_b and eta in the core", low=1e-3, high=1e3)
+    core_density: float = key(1.0, "density of the core relative to the rest; the disk has 1 M", low=1e-3, high=1e3)
+    file: str = key("none", ".csv or .npz file with custom points instead of random ones; relative to the scene file")
+    velocities: str = key("none", ".npz file with initial velocities [c] of the points instead of the scene's")
 
 
 class MaterialSection(Section):
@@ -124,34 +126,38 @@ class MaterialSection(Section):
 
     k_a: float = key(1.0, "linear spring constant", "M c^2/R^2", low=1e-9, high=1e6)
     k_b: float = key(1e-3, "cubic spring constant", "M c^2/R^4", low=0, high=1e6)
-    eta_star: float = key(10.0, "viscosity eta R/(m c) of the dashpots; 0: none", low=0, high=1e6)
+    eta_star: float = key(10.0, "viscosity eta R/(m c) per point, as in the paper; 0: no dashpots", low=0, high=1e6)
     viscosity: Auto | float = key(
-        "auto", "dashpot constant eta of one spring, the same body at any N; auto: eta_star/N", "M c/R", low=0, high=1e6
+        "auto",
+        "dashpot constant eta of a spring, for equal damping at any N; auto: eta_star/N",
+        "M c/R",
+        low=0,
+        high=1e6,
     )
     dashpot: Dashpot = key(
         "vector",
-        "resists all relative velocity of its ends, a rotation's too (the paper); axial: along the spring",
+        "vector: resists all relative motion, also rotation (the paper); axial: only motion along the spring",
     )
 
     def eta(self, points: int) -> float:
-        """The dashpot constant of every spring of a disk of so many points [M c/R]."""
+        """Return the dashpot constant of the springs in a disk of `points` points [M c/R]."""
         return self.eta_star / points if self.viscosity == "auto" else self.viscosity
 
     @property
     def dashpots(self) -> tuple[str, float]:
-        """The key that sets the dashpots, and its value, 0 for none."""
+        """Key that sets the dashpots, and its value; 0: no dashpots."""
         return ("eta_star", self.eta_star) if self.viscosity == "auto" else ("viscosity", self.viscosity)
 
 
 class WallSection(ExponentialPotential, Section):
     """Rigid wall: potential V0 exp(-a y) for every point of the disk, eqs. (3) and (6)."""
 
-    a: float = key(300.0, "steepness of the wall's potential V0 exp(-a y)", "1/R", low=0.1, high=1e6)
-    V0: float = key(150.0, "the wall's potential at distance 0", "M c^2", low=1e-12, high=1e12)
+    a: float = key(300.0, "steepness of the wall potential V0 exp(-a y)", "1/R", low=0.1, high=1e6)
+    V0: float = key(150.0, "wall potential at distance 0", "M c^2", low=1e-12, high=1e12)
 
 
 class RoughWallSection(WallSection):
-    friction: float = key(0.0, "Coulomb's coefficient of friction on every point that the wall pushes", low=0, high=10)
+    friction: float = key(0.0, "Coulomb friction coefficient between wall and mass points", low=0, high=10)
 
 
 class ElasticWallSection(ExponentialPotential, Section):
@@ -160,61 +166,63 @@ class ElasticWallSection(ExponentialPotential, Section):
     points: int = key(1269, "number of mass points of the wall", low=4, high=2_000_000)
     k_a: Literal["same"] | float = key(
         "same",
-        "linear spring constant of the wall, to which its k_b and dashpots are in proportion; same: material.k_a",
+        "linear spring constant of the wall; its k_b and dashpots scale with it; same: material.k_a",
         "M c^2/R^2",
         low=1e-9,
         high=1e6,
     )
-    width: float = key(3.8, "width of the wall; its depth follows from equal point density", "R", low=0.1, high=100)
+    width: float = key(
+        3.8, "width of the wall; its depth follows from the disk's point density", "R", low=0.1, high=100
+    )
     a: float = key(300.0, "steepness of the contact potential V0 exp(-a l)", "1/R", low=0.1, high=1e6)
-    V0: float = key(150.0, "the contact potential at distance 0", "M c^2", low=1e-12, high=1e12)
+    V0: float = key(150.0, "contact potential at distance 0", "M c^2", low=1e-12, high=1e12)
     contact: Contact = key(
-        "springs", "distance from the surface spring below a point, as the paper has it, or from a smooth curve"
+        "springs", "springs: distance from the surface spring below a point (the paper); smooth: from a smooth curve"
     )
     threshold: float = key(0.1, "distance l beyond which there is no contact force", "R", low=1e-3, high=1e3)
     boundary: Boundary = key(
-        "reset", "sides and bottom: velocities zeroed at intervals, held fast, or matched (absorbing) dashpots"
+        "reset", "sides and bottom: velocities reset to 0 at intervals, points pinned, or absorbing dashpots"
     )
     reset_interval: float = key(
-        3e-3, "time between two zeroings of the boundary's velocities (boundary: reset)", "R/c", low=1e-6, high=1e3
+        3e-3, "time between two resets of the boundary velocities (boundary: reset)", "R/c", low=1e-6, high=1e3
     )
 
 
 class ImpactSection(Section):
-    """How the disk meets the wall."""
+    """Initial conditions of an impact."""
 
-    velocity: float = key(0.02, "speed at the start", "c", low=1e-6, high=10)
+    velocity: float = key(0.02, "initial speed", "c", low=1e-6, high=10)
     angle: float = key(
-        0.0, "between the flight and the wall's normal, positive to the right", "rad", low=-1.5, high=1.5
+        0.0, "angle of incidence from the normal of the wall, positive to the right", "rad", low=-1.5, high=1.5
     )
-    spin: float = key(0.0, "angular velocity at the start, counter-clockwise", "c/R", low=-10, high=10)
-    turn: float = key(0.0, "angle by which the disk is turned at the start", "rad", low=-3.1416, high=3.1416)
+    spin: float = key(0.0, "initial angular velocity, counter-clockwise", "c/R", low=-10, high=10)
+    turn: float = key(0.0, "initial rotation of the lattice, counter-clockwise", "rad", low=-3.1416, high=3.1416)
     gap: Auto | float = key(
         "auto",
-        "distance of the lowest point from the wall at the start; auto: potential 1e-7 of v^2/2",
+        "initial distance of the lowest point from the wall; auto: wall potential = 1e-7 v^2/2",
         "R",
         low=1e-9,
         high=1e3,
     )
     max_time: Auto | float = key(
-        "auto", "give up when the disk has not left the wall by this time", "R/c", low=1e-6, high=1e6
+        "auto", "time after which an impact without separation is given up", "R/c", low=1e-6, high=1e6
     )
 
     @property
     def towards(self) -> float:
-        """The velocity towards the wall [c]."""
+        """Velocity component towards the wall [c]."""
         return self.velocity * cos(self.angle)
 
     @property
     def along(self) -> float:
-        """The velocity along the wall, to the right [c]."""
+        """Velocity component along the wall, to the right [c]."""
         return self.velocity * sin(self.angle)
 
 
 class ElasticImpactSection(ImpactSection):
     offset: Auto | float = key(
         "auto",
-        "x of the disk's centre at the start; auto: such that it meets the wall in its middle",
+        "initial x of the disk's centre; auto: it hits the middle of the wall",
         "R",
         low=-100,
         high=100,
@@ -222,55 +230,64 @@ class ElasticImpactSection(ImpactSection):
 
 
 class CompressionSection(Section):
-    """A force -P/N on every point, eq. (3), until the disk is at rest."""
+    """Load -P/N on every point, eq. (3), until the disk is at rest."""
 
     pressure: float = key(0.01, "compressing force P", "M c^2/R", low=1e-9, high=10)
     method: Literal["relaxation", "newton"] = key(
-        "relaxation", "wait until the vibration has died out, or solve for the equilibrium"
+        "relaxation", "relaxation: simulate until vibrations have died out; newton: solve for the equilibrium"
     )
-    tolerance: float = key(1e-6, "at rest once no force exceeds this part of P/N", low=1e-9, high=1e-2)
+    tolerance: float = key(1e-6, "convergence threshold on the residual force, relative to P/N", low=1e-9, high=1e-2)
     max_time: Auto | float = key(
-        "auto", "give up when the disk is not at rest by this time (method: relaxation)", "R/c", low=1e-6, high=1e6
+        "auto", "time after which a disk not yet at rest is given up (method: relaxation)", "R/c", low=1e-6, high=1e6
     )
 
 
-# How each integrator takes dashpots: from a predicted velocity, solved for (the paper's only), or not at all.
+# Treatment of dashpots by each integrator: predicted velocity, implicit (vector dashpots only), or no dashpots.
 Dashpots: TypeAlias = Literal["explicit", "implicit", "none"]
-DASHPOTS: dict[str, Dashpots] = {"velocity_verlet": "explicit", "trapezoidal": "implicit", "vefrl": "none"}
+DASHPOTS: dict[str, Dashpots] = {
+    "velocity_verlet": "explicit",
+    "trapezoidal": "implicit",
+    "takahashi_imada": "none",
+    "vefrl": "none",
+}
+
+CORRECTED = ("takahashi_imada",)  # integrators whose velocities are not those of the points, which a reset stops
 
 
 class TimeSection(Section):
-    integrator: Literal["auto", "velocity_verlet", "trapezoidal", "vefrl"] = key(
-        "auto", "trapezoidal takes dashpots implicitly; vefrl: order 4, no dashpots; auto: what reaches the end first"
+    integrator: Literal["auto", "velocity_verlet", "trapezoidal", "takahashi_imada", "vefrl"] = key(
+        "auto",
+        "trapezoidal: implicit dashpots; takahashi_imada, vefrl: order 4, no dashpots; auto: order 4 if the forces "
+        "allow it, else whichever is faster",
     )
-    dt: Auto | float = key("auto", "time step; auto: safety times the largest stable one", "R/c", low=1e-9, high=1e3)
+    dt: Auto | float = key("auto", "time step; auto: safety times the largest stable step", "R/c", low=1e-9, high=1e3)
     safety: float = key(0.8, "fraction of the largest stable step", low=1e-6, high=1)
     tolerance: Literal["none"] | float = key(
         "none",
-        "largest error of e, or of xi [R], absolute; the run finds the step and reports the error estimate",
+        "largest absolute error of e, or of xi [R]; the run adapts the step and reports an error estimate",
         low=1e-10,
         high=1e-2,
     )
-    sample_interval: Auto | float = key("auto", "time between two lines of the time series", "R/c", low=1e-9, high=1e6)
+    sample_interval: Auto | float = key("auto", "time between two rows of timeseries.csv", "R/c", low=1e-9, high=1e6)
 
 
 class VideoSection(Section):
     size: int = key(720, "width and height, even", "px", low=64, high=2160, step=2)
     fps: int = key(30, "frames per second", "1/s", low=1, high=120)
     seconds: float = key(8.0, "length of the film", "s", low=0.1, high=600)
-    colour: Colour = key("shear", "what the colours show")
-    draw: Draw = key("both", "the field between the points, the springs, both, or the points alone")
+    colour: Colour = key("shear", "quantity shown by colours")
+    draw: Draw = key("both", "coloured field, springs, both, or only the points")
     theme: Theme = key("light", "light or dark background")
     magnify: Auto | float = key(
         "auto",
-        "displacements are drawn so many times as large, and the film says so; auto: as flattened by 0.05 R, about",
+        "magnification of displacements, stated in the film; auto: the disk looks flattened by about 0.05 R",
         low=1,
         high=1000,
     )
     panel: bool = key(
-        True, "curves of v_cm, wall's force and energies at the right, from a size of 360 on; the film is then 16 : 9"
+        True, "curves of v_cm, wall force and energies; needs a size of at least 360, makes the film 16:9"
     )
-    supersample: float = key(1.0, "samples across a pixel: 2 is smoothest and slowest", low=1, high=2, step=0.5)
+    supersample: float = key(1.0, "samples per pixel width; 2 is smoothest and slowest", low=1, high=2, step=0.5)
     format: Literal["mp4", "webm", "gif", "html", "png"] = key(
-        "mp4", "of the film; html: a page that plays it; png: a folder of numbered pictures"
+        "mp4", "format of the film; html: page with a player; png: folder of numbered pictures"
     )

@@ -1,7 +1,7 @@
-"""The source of a scene, with its overrides, as a tree that knows where each value was written.
+"""Reading of scenes and overrides into a tree that records where each value was written.
 
 A source is a file, a shipped scene, YAML text or a mapping. Scalars follow the core schema of YAML 1.2: `1e-3` is a
-number, while `yes`, `010` and `1:30` have no second meaning. Nothing but mappings, lists and scalars is ever built.
+number, whereas `yes`, `010` and `1:30` have no special meaning. A tree contains only mappings, lists and scalars.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ _TAG = "tag:yaml.org,2002:"
 
 
 class Mark(NamedTuple):
-    """Where something was written: a file with line and column (both from 1), or the rank-th option."""
+    """Location of text: line and column in a file (both from 1), or the number of an option, `rank`."""
 
     rank: int = 0
     line: int = 0
@@ -35,7 +35,7 @@ class Mark(NamedTuple):
         return f"{self.label}:{self.line}:{self.column}" if self.line else self.label
 
     def moved(self, line: int, column: int) -> Mark:
-        """The mark of a line and column (both from 0) in a file; an option and a Python value have none."""
+        """Return the mark of a line and column (both from 0); options and Python values have neither."""
         return self if self.rank or not self.label else self._replace(line=line + 1, column=column + 1)
 
 
@@ -49,7 +49,7 @@ class Fault(NamedTuple):
 
 
 class Entry(NamedTuple):
-    """Where a key and its value were written, and the value as its author would recognise it."""
+    """Locations of a key and its value, and the value as written."""
 
     key: Mark
     value: Mark
@@ -58,7 +58,7 @@ class Entry(NamedTuple):
 
 @dataclass
 class Tree:
-    """Values, the entry of each path in them, what could not be read, and the folder that file names start from."""
+    """Values of a scene, an entry for each path, faults, and the folder to which file names are relative."""
 
     value: Any = None
     entries: dict[Keys, Entry] = field(default_factory=dict)
@@ -69,38 +69,35 @@ class Tree:
         self.faults.append(Fault(mark, ".".join(path), what))
 
     def refuse(self) -> None:
-        """Raise InputError with every fault, in the order of the file, where there is one."""
-        # The first of several at one mark: a value that could not even be read is not also called unfit.
+        """Raise InputError with all faults in the order of the file, if there are any."""
+        # Only the first fault at a mark is reported, so that an unreadable value is not called invalid as well.
         if faults := sorted({fault[:2]: fault for fault in reversed(self.faults)}.values()):
             head = [] if len(faults) == 1 else [f"{len(faults)} faults in the scene:"]
             raise InputError("\n  ".join(head + [str(fault) for fault in faults]))
 
     def entry(self, path: Keys) -> Entry:
-        """That of the path itself, else of the nearest part of the scene around it that was written."""
+        """Return the entry of `path`, or of its closest ancestor present in the file."""
         while path not in self.entries:
             path = path[:-1]
         return self.entries[path]
 
 
-# What a plain scalar means in lower case. By itself PyYAML takes 1e-3 for a text, and `yes`, 010 and 1:30 for numbers.
+# Plain scalars in lower case. PyYAML itself reads 1e-3 as text, 010 and 1:30 as numbers, and `yes` as true.
 _WORDS = {"": None, "~": None, "null": None, "true": True, "false": False}
 _INTEGER = re.compile("[-+]?[0-9]+|0o[0-7]+|0x[0-9a-f]+")
 _FLOAT = re.compile(r"[-+]?(\.[0-9]+|[0-9]+(\.[0-9]*)?)(e[-+]?[0-9]+)?|[-+]?\.inf|\.nan")
 
 
-class _Loader(yaml.BaseLoader):  # which leaves every scalar a text
+class _Loader(yaml.BaseLoader):  # keeps every scalar as text
     def compose_node(self, parent: yaml.Node | None, index: int) -> yaml.Node | None:
         if self.check_event(yaml.AliasEvent):
-            what = "aliases (*) are not supported: write the value out"  # they may stand for billions of values
+            what = "aliases (*) are not supported: write the value out"  # a few may expand to billions of values
             raise yaml.composer.ComposerError(None, None, what, self.peek_event().start_mark)
         return super().compose_node(parent, index)
 
 
 def parse(text: str, source: Mark, path: Keys = ()) -> Tree:
-    """The values in `text`, as found at `path`.
-
-    Never raises: what cannot be read is in the tree's faults, and its value is then None.
-    """
+    """Parse YAML `text`, whose values belong at `path`. Unreadable values are None and listed in the tree's faults."""
     tree, where = Tree(), source
     try:
         if node := _Loader(text).get_single_node():
@@ -109,37 +106,37 @@ def parse(text: str, source: Mark, path: Keys = ()) -> Tree:
     except yaml.reader.ReaderError as error:
         before = text[: error.position]
         where = source.moved(before.count("\n"), len(before) - before.rfind("\n") - 1)
-        what = f"the character {error.character:#x} may not stand in a YAML file"
+        what = f"the character {error.character:#x} is not allowed in YAML: remove it"
     except yaml.MarkedYAMLError as error:
         if mark := error.problem_mark or error.context_mark:
             where = source.moved(mark.line, mark.column)
         what = f"not readable as YAML: {error.problem or error.context}"
         if "'\\t'" in what:
             what += " (YAML allows no tabs for indentation: use spaces)"
-    except (RecursionError, ValueError, OverflowError):  # the last two of version numbers, and escapes beyond Unicode
+    except (RecursionError, ValueError, OverflowError):  # the last two: version numbers, escapes beyond Unicode
         what = "not readable as YAML: nested too deeply, or a number or an escape is out of range"
     return Tree(faults=[Fault(where, ".".join(path), what)])
 
 
 def _value(node: yaml.Node, path: Keys, key: Mark | None, tree: Tree, source: Mark) -> Any:
     here = source.moved(node.start_mark.line, node.start_mark.column)
-    shown = _shown(node)
+    shown = _as_written(node)
     tree.entries[path] = Entry(key or here, here, shown)
     if isinstance(node, yaml.MappingNode) and node.tag == _TAG + "map":
         values: dict[str, Any] = {}
-        for one, value in node.value:
-            at = source.moved(one.start_mark.line, one.start_mark.column)
-            if not isinstance(one, yaml.ScalarNode) or not one.value.isprintable():
-                tree.fault(at, path, f"a key must be a name, not {_shown(one)}")
+        for item, value in node.value:
+            mark = source.moved(item.start_mark.line, item.start_mark.column)
+            if not isinstance(item, yaml.ScalarNode) or not item.value.isprintable():
+                tree.fault(mark, path, f"a key must be a name, not {_as_written(item)}")
                 continue
-            name = (*path, one.value)
-            if one.value in values:
-                tree.fault(at, name, f"given twice, first in line {tree.entries[name].key.line}")
+            name = (*path, item.value)
+            if item.value in values:
+                tree.fault(mark, name, f"given twice, first in line {tree.entries[name].key.line}")
             else:
-                values[one.value] = _value(value, name, at, tree, source)
+                values[item.value] = _value(value, name, mark, tree, source)
         return values
     if isinstance(node, yaml.SequenceNode) and node.tag == _TAG + "seq":
-        return [_value(one, (*path, str(k)), None, tree, source) for k, one in enumerate(node.value)]
+        return [_value(item, (*path, str(k)), None, tree, source) for k, item in enumerate(node.value)]
     if isinstance(node, yaml.ScalarNode) and node.tag == _TAG + "str":
         if node.style:
             return node.value
@@ -159,24 +156,24 @@ def _meaning(text: str) -> Any:
     return float(word.replace(".inf", "inf").replace(".nan", "nan")) if _FLOAT.fullmatch(word) else text
 
 
-def _shown(node: yaml.Node) -> str:
+def _as_written(node: yaml.Node) -> str:
     if not isinstance(node, yaml.ScalarNode):
         return "a mapping" if isinstance(node, yaml.MappingNode) else "a list"
     return f'the text "{printable(node.value)}"' if node.style else printable(node.value) or "nothing"
 
 
 def tree_of(data: Mapping[str, Any]) -> Tree:
-    """A tree of Python values, which have no places. NumPy's values become Python's; paths become text."""
+    """Make a tree of Python values, which have no locations. NumPy values become Python values; paths become text."""
     tree = Tree()
 
     def plain(value: Any, path: Keys) -> Any:
         if hasattr(value, "tolist"):
             value = value.tolist()
         if isinstance(value, Mapping):
-            names = {printable(str(name)): one for name, one in value.items()}
-            value, shown = {name: plain(one, (*path, name)) for name, one in names.items()}, "a mapping"
+            items = {printable(str(name)): item for name, item in value.items()}
+            value, shown = {name: plain(item, (*path, name)) for name, item in items.items()}, "a mapping"
         elif isinstance(value, (list, tuple)):
-            value, shown = [plain(one, (*path, str(k))) for k, one in enumerate(value)], "a list"
+            value, shown = [plain(item, (*path, str(k))) for k, item in enumerate(value)], "a list"
         elif value is None or isinstance(value, (bool, int, float)):
             shown = printable(str(value))
         else:
@@ -193,16 +190,16 @@ def tree_of(data: Mapping[str, Any]) -> Tree:
 
 
 def printable(text: str, width: int = 40) -> str:
-    """The text with escapes for what a terminal cannot show, cut off at `width` characters."""
+    """Escape characters that a terminal cannot show, and cut the text at `width` characters."""
     text = text if text.isprintable() else ascii(text)[1:-1]
     return text if len(text) <= width else text[: width - 3] + "..."
 
 
 def read_tree(source: Source, overrides: Sequence[str]) -> Tree:
-    """The tree of `source`, with `overrides` ("section.key=value" each) written into it.
+    """Read `source` and apply `overrides` of the form "section.key=value".
 
-    YAML text is a str with a line end or ": ". The source is read once, so that it may be a pipe. Raises InputError
-    where there is no such source or it is no mapping; other faults are in the tree.
+    A str with a line end or ": " is YAML text. The source is read once, so that it may be a pipe. Raises InputError if
+    it does not exist or is no mapping; other faults are listed in the tree.
     """
     start = Mark()
     if isinstance(source, Mapping):
@@ -219,7 +216,7 @@ def read_tree(source: Source, overrides: Sequence[str]) -> Tree:
         entry = tree.entries[()]
         what = f"a scene is a list of lines `key: value` (mind the space after the colon), not {entry.shown}"
         raise InputError(f"{entry.value}: {what}")
-    # Where a key that nobody wrote is at fault, there is no line to name.
+    # Faults of keys that were not written have no line.
     tree.entries[()] = Entry(start, start, "a mapping")
     for rank, override in enumerate(overrides, start=1):
         _override(tree, override, rank)
@@ -227,20 +224,20 @@ def read_tree(source: Source, overrides: Sequence[str]) -> Tree:
 
 
 def _read(source: str | os.PathLike[str]) -> tuple[str, str, str]:
-    """(name for messages, folder that file names start from, text) of a scene."""
+    """Return (name for messages, folder to which file names are relative, text) of a scene."""
     if isinstance(source, str) and ("\n" in source or (": " in source and not os.path.exists(source))):
         return "scene", "", source
     path = as_path(source, "scene")
-    if not os.path.exists(path) or os.path.isdir(path):  # a run leaves a folder of that name
+    if not os.path.exists(path) or os.path.isdir(path):  # runs make folders named after scenes
         path = shipped_scenes().get(str(path), path)
     label = printable(str(path), width=1000)
     try:
         data = path.read_bytes()
-        # What is piped has no folder of its own.
+        # A pipe has no folder.
         return label, str(path.parent) if path.is_file() else "", data.decode("utf-8-sig")
     except UnicodeDecodeError as error:
         line = data.count(b"\n", 0, error.start) + 1
-        raise InputError(f"{label}:{line}: not UTF-8 text (byte {data[error.start]:#x}); save it as UTF-8") from None
+        raise InputError(f"{label}:{line}: not UTF-8 text (byte {data[error.start]:#x}): save it as UTF-8") from None
     except (FileNotFoundError, NotADirectoryError):
         known = shipped_scenes()
         hint = did_you_mean(path.stem, known) or "."
@@ -250,18 +247,18 @@ def _read(source: str | os.PathLike[str]) -> tuple[str, str, str]:
 
 
 def as_path(path: Any, name: str) -> Path:
-    """`path`, ~ written out. Raises InputError, which tells the `name`, for what is no path."""
+    """Return `path` with ~ expanded. Raises InputError with the argument's `name` if it is no path."""
     try:
         return Path(path).expanduser()
-    except (TypeError, RuntimeError):  # the latter of a ~ that is nobody's
+    except (TypeError, RuntimeError):  # the latter if ~ names no user
         raise InputError(f"{name}: must be a path, not {path!r:.60}") from None
 
 
 def _override(tree: Tree, override: str, rank: int) -> None:
-    """Write the value of "section.key=value" into the tree, or add a fault to it."""
+    """Write the value of "section.key=value" into the tree, or add a fault."""
     mark = Mark(rank, label=f"--set {printable(override, width=1000)}")
     name, equals, text = override.partition("=")
-    # The name of an axis may itself be dotted.
+    # The name of a sweep axis may contain dots.
     path = tuple(part.strip() for part in name.split(".", 1 if name.strip().startswith("sweep.") else -1))
     if not equals or not all(part and part.isprintable() for part in path):
         tree.fault(mark, (), "must be KEY=VALUE without spaces around =, for example material.eta_star=30")
@@ -280,17 +277,17 @@ def _override(tree: Tree, override: str, rank: int) -> None:
                 return
         targets = [(parent, path)]
     for parent, where in targets:
-        new, there = parse(text, mark, where), parent.get(where[-1])
+        new, old = parse(text, mark, where), parent.get(where[-1])
         tree.faults += new.faults
-        if len(where) == 1 and isinstance(there, dict) and isinstance(new.value, dict):  # some keys of a section
-            new.value = there | new.value
+        if len(where) == 1 and isinstance(old, dict) and isinstance(new.value, dict):  # some keys of a section
+            new.value = old | new.value
         parent[where[-1]] = new.value
         tree.entries |= {where: Entry(mark, mark)} | new.entries
 
 
 def shipped_scenes() -> dict[str, Path]:
-    """The scenes that come with the package, by bare name."""
+    """Return the paths of the shipped scenes by name."""
     package = Path(__file__).parent.parent
-    # In an installed package the files lie in it; in a source checkout, at the top of the tree.
+    # The files are inside an installed package, but at the top of a source checkout.
     folders = (package / "scene_library", package.parent / "scenes")
     return {path.stem: path for folder in reversed(folders) for path in sorted(folder.glob("[!.]*.yaml"))}

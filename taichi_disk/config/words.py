@@ -1,4 +1,4 @@
-"""What people write in place of a key or a number, and what a message then suggests."""
+"""Common mistakes in keys and numbers, and the suggestions of messages."""
 
 from __future__ import annotations
 

@@ -39,8 +39,8 @@ def keeps_kernels() -> bool:
 def prepare() -> None:
     """Give the engine a home and a cache that it can write; without them it aborts, or crashes at the end.
 
-    If there are none (cron, systemd, a container's user), kernels go into a folder in the temporary directory, and a
-    note on stderr says so. On POSIX this folder is the user's own, and stays for the next run.
+    If there are none (cron, systemd, a container's user), kernels go into a new folder in the temporary directory, and
+    a note on stderr says so.
     """
     for name, value in DEFAULTS.items():
         os.environ.setdefault(name, value)
@@ -48,13 +48,6 @@ def prepare() -> None:
         os.environ.setdefault(CACHE, str(cache_folder()))
     if keeps_kernels():
         return
-    try:
-        user = os.getuid()
-        folder = Path(tempfile.gettempdir(), f"taichi-disk-{user}")
-        folder.mkdir(mode=0o700, exist_ok=True)
-        if folder.is_symlink() or folder.stat().st_uid != user:
-            raise PermissionError
-    except (AttributeError, OSError):  # Windows has no getuid
-        folder = Path(tempfile.mkdtemp(prefix="taichi-disk-"))
-    print(f"note: no writable home; compiled kernels are kept in {folder}", file=sys.stderr)
-    os.environ["HOME"] = str(folder)
+    folder = tempfile.mkdtemp(prefix="taichi-disk-")
+    print(f"note: no writable home; compiled kernels go into {folder}, which no later run uses", file=sys.stderr)
+    os.environ["HOME"] = folder

@@ -8,9 +8,11 @@ from __future__ import annotations
 import inspect
 import os
 import sys
+import textwrap
 import time
 from contextlib import suppress
 from functools import lru_cache
+from types import SimpleNamespace
 from typing import Any
 
 from taichi_disk.engine.environment import cache_folder
@@ -23,8 +25,7 @@ def shorten_searches() -> None:
 
     Taichi asks for the source of the frame outside, which is the import system's own, and `inspect` does not know it.
     """
-    with suppress(OSError):  # the working directory has been deleted
-        inspect.modulesbyfile[os.path.abspath("<frozen importlib._bootstrap>")] = "importlib._bootstrap"
+    inspect.modulesbyfile[os.path.abspath("<frozen importlib._bootstrap>")] = "importlib._bootstrap"
 
 
 def apply(ti: Any) -> None:
@@ -32,7 +33,8 @@ def apply(ti: Any) -> None:
 
     For every node of every function that it inlines, Taichi breaks and underlines the source lines for an error message
     that nobody sees; with the patch its messages show a node's first line. It reads a function's source anew each time,
-    and looks through all modules for the source outside a function to learn whether the function is a method.
+    and looks through all modules for the source outside a function to learn whether the function is a method. It wraps
+    each source line at 9999 characters, which only strips it.
     """
     kernel_impl, transformer = ti.lang.kernel_impl, ti.lang.ast.ast_transformer_utils.ASTTransformerContext
 
@@ -45,6 +47,7 @@ def apply(ti: Any) -> None:
 
     transformer.get_pos_info, kernel_impl._inside_class = position, is_in_class
     kernel_impl.getsourcelines = lru_cache(maxsize=None)(kernel_impl.getsourcelines)
+    kernel_impl.textwrap = SimpleNamespace(dedent=textwrap.dedent, fill=lambda line, **_: line.expandtabs(4).rstrip())
 
 
 def remove_stale_lock() -> None:

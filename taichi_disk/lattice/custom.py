@@ -1,4 +1,4 @@
-"""Points and springs of your own, from arrays or a file: read and checked."""
+"""Reading and validation of user-supplied points and springs, from arrays or files."""
 
 from __future__ import annotations
 
@@ -19,17 +19,17 @@ from taichi_disk.errors import InputError
 from taichi_disk.lattice.random_points import MAX_POINTS, MIN_POINTS, hexagonal_spacing
 from taichi_disk.lattice.triangles import Array, Long, double_area, pair_keys
 
-_SMALLEST, _LARGEST = 0.5, 2.0  # half the larger extent [R]
-_OFF_CENTRE = 0.1  # of the points' mean from x = 0 [R]
-_COINCIDENT = 1e-6  # distance of two points, in hexagonal spacings
-_BROKEN = RuntimeError, EOFError, zipfile.BadZipFile, zlib.error  # what zip files raise
-MASSES = 1e-150, 1e150, 1e15  # least, most, and largest ratio: beyond it a step or a sum is no number any more
+_MIN_EXTENT, _MAX_EXTENT = 1.0, 4.0  # [R], larger of width and height
+_MAX_OFFSET = 0.1  # distance of the points' mean from x = 0 [R]
+_MIN_DISTANCE = 1e-6  # of distinct points, in hexagonal spacings
+_ZIP_ERRORS = RuntimeError, EOFError, zipfile.BadZipFile, zlib.error
+MASSES = 1e-150, 1e150, 1e15  # minimum, maximum and largest ratio; beyond them steps or sums are not finite
 STIFFNESS, REST_LENGTHS = (1e-12, 1e12), (1e-9, 1e3)
-LARGEST = 500_000_000  # bytes of a file: 2,000,000 points over as large a wall take 430,000,000
+MAX_BYTES = 500_000_000  # of a file; a disk and a wall of 2,000,000 points each take 430,000,000
 
 
 def checked_points(points: ArrayLike) -> Array:
-    from scipy.spatial import cKDTree
+    from taichi_disk.lattice.spatial import cKDTree
 
     x = numbers(points, "points")
     if x.ndim != 2 or x.shape[1] != 2:
@@ -40,13 +40,13 @@ def checked_points(points: ArrayLike) -> Array:
     if not np.isfinite(x).all():
         raise InputError(f"point {np.flatnonzero(~np.isfinite(x).all(axis=1))[0]} is not finite")
     width, height = np.ptp(x, axis=0)
-    if not 2 * _SMALLEST <= max(width, height) <= 2 * _LARGEST:
-        limits = f"the larger must be between {2 * _SMALLEST:g} and {2 * _LARGEST:g} R"
+    if not _MIN_EXTENT <= max(width, height) <= _MAX_EXTENT:
+        limits = f"the larger must be between {_MIN_EXTENT:g} and {_MAX_EXTENT:g} R"
         size = f"the points extend over {width:.4g} x {height:.4g} R"
         raise InputError(f"{size}: {limits} (lengths are in units of the disk's radius R)")
-    if abs(x[:, 0].mean()) > _OFF_CENTRE:
-        raise InputError(f"the points' mean lies at x = {x[:, 0].mean():.4g} R: move them to x = 0")
-    for i, j in sorted(cKDTree(x).query_pairs(_COINCIDENT * hexagonal_spacing(n))):
+    if abs(x[:, 0].mean()) > _MAX_OFFSET:
+        raise InputError(f"the points' mean lies at x = {x[:, 0].mean():.4g} R: shift them so that it is at x = 0")
+    for i, j in sorted(cKDTree(x).query_pairs(_MIN_DISTANCE * hexagonal_spacing(n))):
         raise InputError(f"points {i} and {j} are the same, ({x[i, 0]:.6g}, {x[i, 1]:.6g})")
     return x
 
@@ -65,39 +65,40 @@ def checked_springs(springs: ArrayLike, n: int) -> Long:
 
 
 def checked_triangles(triangles: ArrayLike, x: Array, springs: Long | None) -> Long:
-    """Counter-clockwise."""
+    """Validate `triangles` and orient them counter-clockwise."""
     corners, n = np.asarray(triangles), len(x)
     if corners.ndim != 2 or corners.shape[1] != 3 or not np.issubdtype(corners.dtype, np.integer):
         raise InputError(f"triangles must be whole numbers of shape (t, 3), not {corners.dtype} of {corners.shape}")
     corners = corners.astype(np.int64)
     for k in np.flatnonzero((corners < 0).any(axis=1) | (corners >= n).any(axis=1)):
         raise InputError(f"triangle {k} has the corners {corners[k].tolist()}: three points of 0 to {n - 1}")
-    turned = double_area(x[corners]) < 0.0
-    corners[turned] = corners[turned, ::-1]
+    clockwise = double_area(x[corners]) < 0.0
+    corners[clockwise] = corners[clockwise, ::-1]
     if springs is not None:
         side = np.stack([corners, np.roll(corners, -1, axis=1)], axis=2)
         for k in np.flatnonzero(~np.isin(pair_keys(side, n), pair_keys(springs, n)).all(axis=1)):
-            raise InputError(f"triangle {k}, {corners[k].tolist()}, has a side that is no spring")
+            where = f"triangle {k}, {corners[k].tolist()}"
+            raise InputError(f"{where}, has a side that is no spring: add the spring or remove the triangle")
     return corners
 
 
 def positive(values: ArrayLike, count: int, name: str, low: float, high: float, ratio: float = np.inf) -> Array:
-    """`values` (count,), from `low` to `high`, the largest at most `ratio` times the smallest. Raises InputError."""
+    """Validate `values` (count,) between `low` and `high`, the largest at most `ratio` times the smallest."""
     array = numbers(values, name)
     if array.shape != (count,):
         raise InputError(f"{name} must have the shape ({count},), not {array.shape}")
     for k in np.flatnonzero(~((low <= array) & (array <= high))):
         raise InputError(f"{name}[{k}] is {array[k]:g}: it must be a positive number, from {low:g} to {high:g}")
-    least = int(array.argmin())
-    if array.max() > ratio * array[least]:
+    smallest = int(array.argmin())
+    if array.max() > ratio * array[smallest]:
         raise InputError(
-            f"{name}[{least}] is {array[least]:g}, less than {1 / ratio:g} of the largest, {array.max():g}"
+            f"{name}[{smallest}] is {array[smallest]:g}, less than {1 / ratio:g} of the largest, {array.max():g}"
         )
     return array
 
 
 def numbers(values: ArrayLike, name: str) -> Array:
-    """`values` as float64. Raises InputError, which tells the `name`, where they are no numbers."""
+    """Convert `values` to float64. Raises InputError with their `name` if they are not real numbers."""
     with suppress(TypeError, ValueError, OverflowError):
         if not np.iscomplexobj(values):
             return np.array(values, dtype=np.float64, order="C")
@@ -106,21 +107,21 @@ def numbers(values: ArrayLike, name: str) -> Array:
 
 @contextmanager
 def reading(path: Path, key: str) -> Iterator[None]:
-    """What goes wrong within is an InputError with the file's name, and the `key` of `lattice` that names it.
+    """Context in which errors become InputErrors with the path and its `key` in the section `lattice`.
 
-    Raises it, too, for what should not be read at all.
+    Raises InputError for devices, pipes and files larger than MAX_BYTES.
     """
     try:
-        found = path.stat()
-        if not stat.S_ISREG(found.st_mode) or found.st_size > LARGEST:  # to read a device or a pipe might never end
-            raise InputError(f"is no regular file of at most {LARGEST / 1e6:,.0f} MB")
+        status = path.stat()
+        if not stat.S_ISREG(status.st_mode) or status.st_size > MAX_BYTES:  # reading a device or a pipe might never end
+            raise InputError(f"is no regular file of at most {MAX_BYTES / 1e6:,.0f} MB")
         yield
-    except (InputError, OSError, ValueError, TypeError, LookupError, OverflowError, *_BROKEN) as error:
+    except (InputError, OSError, ValueError, TypeError, LookupError, OverflowError, *_ZIP_ERRORS) as error:
         raise InputError(f"lattice.{key}: {path}: {getattr(error, 'strerror', None) or error}") from error
 
 
 def file_digest(file: str) -> str:
-    """A hash of a file that a scene names in `lattice`, "" for `none`. Raises InputError if it cannot be read."""
+    """Return the SHA-256 of a file named in `lattice`, or "" for `none`. Raises InputError if it cannot be read."""
     if file == "none":
         return ""
     with reading(Path(file), "file"):
@@ -133,7 +134,7 @@ class _Arrays(dict[str, Any]):
 
 
 def read_arrays(path: Path) -> dict[str, Any]:
-    """The arrays of an npz file by name; `positions` and perhaps `masses` of a csv file. What it raises has no name."""
+    """Return the arrays of a file by name: all of an npz file, `positions` and possibly `masses` of a csv file."""
     if path.suffix.lower() == ".csv":
         lines = [line.replace('"', "").strip() for line in path.read_text(encoding="utf-8-sig").splitlines()]
         lines = [line for line in lines if line and not line.startswith("#")]
@@ -144,22 +145,22 @@ def read_arrays(path: Path) -> dict[str, Any]:
         return _Arrays(positions=table[:, :2], masses=table[:, 2]) if table.shape[1] == 3 else _Arrays(positions=table)
     if path.suffix.lower() != ".npz":
         raise InputError("a lattice is read from a .csv or .npz file")
-    with zipfile.ZipFile(path) as archive:  # NumPy takes what is no zip file for a pickle, and says so
-        if sum(one.file_size for one in archive.infolist()) > LARGEST:
-            raise InputError(f"unpacked it has more than {LARGEST / 1e6:,.0f} MB")
-        for one in archive.infolist():  # NumPy takes the memory that an array claims before it looks for the numbers
-            with archive.open(one) as member:
-                old = np.lib.format.read_magic(member) == (1, 0)
-                read = np.lib.format.read_array_header_1_0 if old else np.lib.format.read_array_header_2_0
+    with zipfile.ZipFile(path) as archive:  # NumPy would report a broken zip file as a pickle
+        if sum(item.file_size for item in archive.infolist()) > MAX_BYTES:
+            raise InputError(f"unpacked it has more than {MAX_BYTES / 1e6:,.0f} MB")
+        for item in archive.infolist():  # NumPy allocates memory by the header, before it reads any numbers
+            with archive.open(item) as member:
+                is_version_1 = np.lib.format.read_magic(member) == (1, 0)
+                read = np.lib.format.read_array_header_1_0 if is_version_1 else np.lib.format.read_array_header_2_0
                 shape, _, kind = read(member)
-            if prod(shape) * kind.itemsize > one.file_size:
-                raise InputError(f"{one.filename} claims the shape {shape}, for which it has not the numbers")
+            if prod(shape) * kind.itemsize > item.file_size:
+                raise InputError(f"{item.filename} claims the shape {shape} but holds fewer numbers")
     with np.load(path) as data:
         return _Arrays(data)
 
 
 def points_of_disk(data: dict[str, Any], points: int) -> int:
-    """How many of the first `points` points in a file are the disk's; the others are an elastic wall's."""
+    """Return the number of points of the disk, which precede those of an elastic wall in a file of `points` points."""
     n = np.asarray(data.get("disk_points", points))
     if n.shape or n.dtype.kind not in "iu" or not 0 <= n <= points:
         raise InputError(f"disk_points must be a whole number up to {points}, the number of points, not {n}")
@@ -167,7 +168,7 @@ def points_of_disk(data: dict[str, Any], points: int) -> int:
 
 
 def of_disk(data: dict[str, Any]) -> dict[str, Any]:
-    """The arguments of `Lattice.from_points` that a file holds."""
+    """Return the arguments of `Lattice.from_points` from the arrays of a file."""
     arrays = {"points": data["positions"], "springs": data.get("bonds")}
     arrays |= {name: data.get(name) for name in ("rest_lengths", "stiffness", "triangles", "masses")}
     n = points_of_disk(data, len(arrays["points"]))

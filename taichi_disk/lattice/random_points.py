@@ -143,7 +143,7 @@ def _adsorb(
     Darts are thrown into square cells. As the region fills up, cells covered by one point are dropped and the others
     quartered (Ebeida et al., ACM Trans. Graph. 30, 49, 2011), so darts remain uniform in the free area but rarely miss.
     """
-    from scipy.spatial import cKDTree
+    from taichi_disk.lattice.spatial import cKDTree
 
     side = float(np.sqrt(np.prod(high - low) / (4 * count)))
     nx, ny = np.maximum(np.ceil((high - low) / side), 1).astype(int)
@@ -172,7 +172,7 @@ def _adsorb(
 
 def _accepted(darts: Array, spacing: float) -> Array:
     """Return the darts without those that are closer than `spacing` to an earlier accepted dart."""
-    from scipy.spatial import cKDTree
+    from taichi_disk.lattice.spatial import cKDTree
 
     pairs = np.sort(cKDTree(darts).query_pairs(spacing, output_type="ndarray"), axis=1)
     dropped = np.zeros(len(darts), dtype=bool)

@@ -40,7 +40,7 @@ NUMBERED = re.compile(r"\d+(_[a-z]+)?\.(png|vtu)")  # files of a folder that hol
 
 
 def prepare_output(out: Path) -> list[Path]:
-    """Make the folder `out`, or prove that the one that exists can be written, and `clear` it.
+    """Make the folder `out`, or prove that the one that exists can be written.
 
     Returns the folders that were made, outermost first. Raises InputError, and leaves nothing behind, if a file is in
     the way or the place is not writable.
@@ -54,7 +54,6 @@ def prepare_output(out: Path) -> list[Path]:
         probe = hidden(out / "probe")
         probe.touch(exist_ok=False)
         probe.unlink()
-        clear(out)
     except (OSError, ValueError) as error:
         remove_empty(created)
         raise cannot_write(out, error) from None
@@ -70,30 +69,22 @@ def remove_empty(folders: list[Path]) -> None:
 
 def cannot_write(out: Path, error: BaseException) -> InputError:
     """The refusal of a folder that cannot be written."""
-    why = reason(error)
-    with contextlib.suppress(OSError, ValueError):
-        if blocker := next((path for path in (out, *out.parents) if path.is_file()), None):
-            why = f"{blocker} is a file"
-    try:
-        out.absolute()
-    except OSError:
-        why = "the working directory no longer exists"
+    blocker = next((path for path in (out, *out.parents) if os.path.isfile(path)), None)
+    why = f"{blocker} is a file" if blocker else reason(error)
     return InputError(f"cannot write into the output folder {out}: {why}; choose another as `out`")
 
 
 def holds_working_directory(folder: Path) -> bool:
     """Whether the working directory is `folder`, or lies in it."""
-    with contextlib.suppress(OSError):  # it has been deleted
-        return Path.cwd().is_relative_to(folder.resolve())
-    return False
+    return Path.cwd().is_relative_to(folder.resolve())
 
 
 # ---- whole or not at all: what is written under a hidden name, and then renamed
 
 
-def hidden(path: Path, role: str = "new") -> Path:
+def hidden(path: Path) -> Path:
     """A hidden name of this process's next to `path`, with its suffix, which NumPy and encoders go by."""
-    return path.with_name(f".{platform.node()}-{os.getpid()}.{role}.{path.name}")
+    return path.with_name(f".{platform.node()}-{os.getpid()}.new.{path.name}")
 
 
 def atomic_write(path: Path, writer: Callable[[Path], object]) -> None:
@@ -106,8 +97,6 @@ def atomic_write(path: Path, writer: Callable[[Path], object]) -> None:
     remove(new)  # of an earlier process of this number
     try:
         writer(new)
-        if new.is_dir():
-            check_pictures(path)
         replace(new, path)
     except OSError as error:
         # The hidden folder in which a run is built says nothing to a person.
@@ -118,47 +107,25 @@ def atomic_write(path: Path, writer: Callable[[Path], object]) -> None:
 
 
 def replace(new: Path, path: Path) -> None:
-    """Rename `new` to `path`. A folder that is there gives mode and owner, makes room, and goes last."""
-    old = hidden(path, "old")
-    _settle(old, path)  # of an earlier process of this number: in a container all have the same
+    """Rename `new` to `path`. A folder that is there makes room first, and is removed last."""
     if new.is_dir() and path.is_dir():
-        shutil.copymode(path, new)
-        with contextlib.suppress(OSError, AttributeError):  # not root, Windows
-            os.chown(new, path.stat().st_uid, path.stat().st_gid)
-        os.rename(path, old)
+        remove(_displaced(path))
+        os.rename(path, _displaced(path))
     try:
         os.replace(new, path)
     finally:
-        _settle(old, path)
+        restore(path)
 
 
-def clear(folder: Path) -> None:
-    """Remove what killed processes left in `folder` under hidden names, and put back what they were about to replace.
-
-    What belongs to a process that may still live, or to another machine, stays.
-    """
-    ours = re.compile(rf"\.{re.escape(platform.node())}-(\d+)\.(new|old)\.(.+)", re.DOTALL)
-    for left in [*folder.glob(".*")]:
-        if (found := ours.fullmatch(left.name)) and _has_ended(int(found[1])):
-            _settle(left, folder / found[3]) if found[2] == "old" else remove(left)
+def restore(path: Path) -> None:
+    """Put back the folder that a killed process was about to replace by `path`; remove it if `path` has come."""
+    if not path.exists() and _displaced(path).is_dir():
+        os.rename(_displaced(path), path)
+    remove(_displaced(path))
 
 
-def _settle(old: Path, path: Path) -> None:
-    """End a replacement, wherever it has stopped: if nothing has come to `path`, `old` is there again."""
-    if old.is_dir() and not old.is_symlink() and not os.path.lexists(path):
-        os.rename(old, path)
-    remove(old)
-
-
-def _has_ended(pid: int) -> bool:
-    """Whether a process of this machine is known to have ended."""
-    if os.name != "posix":  # where to ask a process would be to send it Ctrl-C
-        return False
-    try:
-        os.kill(pid, 0)
-    except (OSError, OverflowError) as error:
-        return isinstance(error, ProcessLookupError)
-    return False
+def _displaced(path: Path) -> Path:
+    return path.with_name(f".taichi-disk.old.{path.name}")
 
 
 def remove(path: Path) -> None:
@@ -182,13 +149,13 @@ class Contents(NamedTuple):
 
 def look(folder: Path) -> Contents:
     """What `folder` holds; nothing if it does not exist. Raises OSError if it cannot be read or is no folder."""
-    names = sorted(set(os.listdir(folder)) - {".DS_Store"}) if os.path.lexists(folder) else []
+    names = sorted(set(os.listdir(folder)) - {".DS_Store"}) if folder.exists() else []
     if not names:
         return Contents()
     summary, known = read_summary(folder), {"scene.yaml", "summary.json", *RESULTS, *FILMS}
-    # A run has no links, and its folders hold nothing but pictures or frames of a trajectory.
-    plain = [name for name in names if is_plain(folder / name) or only_numbered(folder / name)]
-    foreign = [name for name in names if name not in plain or not (name in known or MADE.fullmatch(name))]
+    # A run's folders hold nothing but pictures or frames of a trajectory.
+    foreign = [name for name in names if not (name in known or MADE.fullmatch(name))]
+    foreign += [name for name in names if not ((folder / name).is_file() or only_numbered(folder / name))]
     if "scene.yaml" not in names or "status" not in summary:
         foreign += names
     if foreign:
@@ -201,34 +168,29 @@ def read_summary(folder: Path) -> dict[str, Any]:
     """The summary.json of a run; empty where there is none that can be read."""
     path = folder / "summary.json"
     try:
-        summary = json.loads(path.read_text(encoding="utf-8")) if is_plain(path) else {}
-    except (OSError, ValueError, RecursionError):
+        summary = json.loads(path.read_text(encoding="utf-8")) if path.is_file() else {}
+    except (OSError, ValueError):
         return {}
     return summary if isinstance(summary, dict) else {}
-
-
-def is_plain(path: Path) -> bool:
-    """Whether `path` is a file, and no link to one: what a link leads to is not a run's."""
-    return path.is_file() and not path.is_symlink()
 
 
 def digests(folder: Path, summary: dict[str, Any]) -> dict[str, str]:
     """SHA-256 of files of a run, and of its summary but for these."""
     paths = folder / "scene.yaml", folder / "timeseries.csv"
-    data = {path.name: path.read_bytes() if is_plain(path) else b"" for path in paths}
+    data = {path.name: path.read_bytes() if path.is_file() else b"" for path in paths}
     data["summary.json"] = json.dumps({**summary, "digests": None}).encode()
     return {name: hashlib.sha256(one).hexdigest() for name, one in data.items()}
 
 
 def check_pictures(folder: Path) -> None:
     """Raise InputError if `folder` is there and is not a folder with nothing but numbered files."""
-    if os.path.lexists(folder) and not only_numbered(folder):
+    if folder.exists() and not only_numbered(folder):
         raise InputError(f"{folder} is not a folder of a film's pictures alone: remove it, or choose another")
 
 
 def only_numbered(folder: Path) -> bool:
     """Whether `folder` is a folder with nothing but numbered pictures or frames of a trajectory."""
-    return folder.is_dir() and not folder.is_symlink() and all(NUMBERED.fullmatch(one.name) for one in folder.iterdir())
+    return folder.is_dir() and all(NUMBERED.fullmatch(one.name) for one in folder.iterdir())
 
 
 def write_text(path: Path, text: str) -> None:
@@ -289,13 +251,9 @@ def write_lattice(path: Path, lattice: Lattice, velocities: Array, impedance: An
     write_arrays(path, velocities=velocities, **arrays)
 
 
+@lru_cache(maxsize=1)
 def versions() -> dict[str, str]:
     """What computed the numbers."""
-    return dict(_versions())
-
-
-@lru_cache(maxsize=1)
-def _versions() -> dict[str, str]:
     own = {"python": platform.python_version(), "taichi-disk": __version__}
     return own | engine.versions() | {name: version(name) for name in ("numpy", "scipy")}
 

@@ -56,6 +56,7 @@ _DRAW = """import os, pickle, sys, matplotlib.figure, matplotlib.backends.backen
 from taichi_disk.output.plot import plot_run
 plot_run(*pickle.load(sys.stdin.buffer))
 os._exit(0)"""
+_ENVIRONMENT = {"MPLBACKEND": "agg", "OPENBLAS_NUM_THREADS": "1"}
 
 
 @contextmanager
@@ -140,7 +141,7 @@ def plotting_beside(film: bool) -> Iterator[Begin]:
     child = None
     if film or "matplotlib" not in sys.modules:
         with suppress(OSError), ignored_by_children():
-            command, environment = [sys.executable, "-c", _DRAW], {**os.environ, "MPLBACKEND": "agg"}
+            command, environment = [sys.executable, "-c", _DRAW], {**os.environ, **_ENVIRONMENT}
             child = subprocess.Popen(command, stdin=subprocess.PIPE, stderr=subprocess.DEVNULL, env=environment)
 
     def begin(path: Path, scenario: Scenario, columns: Columns, headline: str = "") -> Callable[[], None]:

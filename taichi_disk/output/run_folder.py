@@ -78,6 +78,7 @@ def run_folder(
         """The first that a run of this status may be written into; InputError if there is none."""
         why = ""
         for folder in folders:
+            files.restore(folder)
             if not (no := refusal(look(folder), status)):
                 if why:
                     notify(f"{why}; this run goes into {folder}")
@@ -87,8 +88,8 @@ def run_folder(
 
     asked, made = Path(out).expanduser(), list[Path]()
     try:
-        if asked.name in ("", "..") or asked.is_symlink():  # a folder cannot be renamed to these
-            asked = asked.resolve(strict=asked.is_symlink())
+        if asked.name == ".." or asked.is_symlink():  # a folder cannot be renamed to these
+            asked = asked.resolve()
         refuse_place(asked)
         made = files.prepare_output(asked.parent)
         chosen = choose([asked] if explicit else _counted(asked), "done")
@@ -97,7 +98,7 @@ def run_folder(
         folder = RunFolder(chosen, files.hidden(chosen), kept if run == before.run else [])
         files.remove(folder.path)  # of an earlier process of this number: in a container all have the same
         folder.path.mkdir()
-    except (OSError, RuntimeError, ValueError) as error:  # RuntimeError: a link to itself, before Python 3.13
+    except (OSError, ValueError) as error:
         files.remove_empty(made)
         raise files.cannot_write(asked, error) from None
     try:
@@ -133,9 +134,8 @@ def refuse_place(out: Path) -> None:
 
 def refuse_run(out: Path) -> None:
     """Raise InputError if `out` holds a run: other files would spoil it."""
-    with suppress(OSError):  # what cannot be looked at cannot be written either
-        if look(out).status:
-            raise InputError(f"{out} holds a run; choose another folder as `out`")
+    if out.is_dir() and look(out).status:
+        raise InputError(f"{out} holds a run; choose another folder as `out`")
 
 
 def _counted(folder: Path) -> Iterator[Path]:

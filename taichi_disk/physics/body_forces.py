@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from taichi_disk.engine import ti
 from taichi_disk.lattice import Array, Lattice
-from taichi_disk.physics.law import BodyForce, Capacity, Wall, array, get, pair_of, put, scalar
+from taichi_disk.physics.law import BodyForce, Capacity, Wall, array, get, pair_of, put
 
 NEGLIGIBLE = exp(-45.0)  # force of the rigid wall on a point [M c^2/R]
 STOPPING = 1e-9  # in which friction stops a point, in NumPy, if it can [R/c]
@@ -25,7 +25,7 @@ class ExponentialWall(Wall, BodyForce):
     friction: float = 0.0  # coefficient mu of Coulomb's friction; 0: none
 
     def __post_init__(self) -> None:
-        self.velocity_dependent = self.has_friction
+        self.velocity_dependent = self.has_friction = self.friction != 0.0
 
     @property
     def signature(self) -> tuple[Any, ...]:
@@ -36,14 +36,9 @@ class ExponentialWall(Wall, BodyForce):
         """Height beyond which the force is negligible: no exponential is computed there [R]."""
         return max(0.0, self.height_of_force(NEGLIGIBLE))
 
-    def make_fields(self, builder: Any, capacity: Capacity) -> None:
-        self.a_now, self.V0_now, self.reach_now = (scalar(builder) for _ in range(3))
-        if self.has_friction:
-            self.friction_now = scalar(builder)
-
-    def numbers(self) -> list[tuple[Any, float]]:
-        numbers = [(self.a_now, self.a), (self.V0_now, self.V0), (self.reach_now, self.reach)]
-        return [*numbers, (self.friction_now, self.friction)] if self.has_friction else numbers
+    @property
+    def scalars(self) -> tuple[str, ...]:
+        return "a", "V0", "reach", *["friction"] * self.has_friction
 
     @ti.func
     def at(self, state: ti.template(), i):
@@ -116,12 +111,7 @@ class Load(BodyForce):
     """-P m_i/M on every point of the disk, which is the -P/N of paper eq. (3); its potential is P y_cm."""
 
     force: float  # P in all [M c^2/R]
-
-    def make_fields(self, builder: Any, capacity: Capacity) -> None:
-        self.force_now = scalar(builder)
-
-    def numbers(self) -> list[tuple[Any, float]]:
-        return [(self.force_now, self.force)]
+    scalars = ("force",)
 
     @ti.func
     def at(self, state: ti.template(), i):
@@ -160,15 +150,13 @@ class MouseSpring(BodyForce):
 
     k: float  # spring constant [M c^2/R^2]
     strongest: float  # its largest pull F [M c^2/R]
+    scalars = ("k", "strongest")
 
     def make_fields(self, builder: Any, capacity: Capacity) -> None:
-        self.k_now, self.strongest_now = scalar(builder), scalar(builder)
+        super().make_fields(builder, capacity)
         # Written and read in one kernel: Taichi 1.7.4 would hand a later reader of a 0-D field the value from before.
         self.target = pair_of(builder, 1)
         self.point = array(builder, 1)  # -1: none
-
-    def numbers(self) -> list[tuple[Any, float]]:
-        return [(self.k_now, self.k), (self.strongest_now, self.strongest)]
 
     def fill(self, lattice: Lattice) -> None:
         self.point[0] = -1
@@ -204,4 +192,6 @@ class MouseSpring(BodyForce):
             energy = factor * self.potential_at(state, i)
             put(state.f, i, get(state.f, i) + force)
             put(state.v, i, get(state.v, i) - state.closing[None] * state.inverse_mass[i] * force)
+            if ti.static(state.corrected):
+                put(state.u, i, get(state.u, i) - state.observed[None] * state.inverse_mass[i] * force)
         return energy

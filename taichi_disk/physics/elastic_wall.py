@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from taichi_disk.engine import ti
 from taichi_disk.lattice import Array, Lattice
-from taichi_disk.physics.law import Capacity, Integers1, Wall, array, get, put, scalar
+from taichi_disk.physics.law import Capacity, Integers1, Wall, array, get, put
 
 
 @dataclass(frozen=True)
@@ -23,7 +23,6 @@ class Contacts:
     points: NDArray[np.intp]  # (k,) their numbers in the lattice
     carriers: NDArray[np.intp]  # (k, w) which of `wall_surface` take the reaction of each
     shares: Array  # (k, w) in which parts
-    distance: Array  # (k,) l [R]
     energy: Array  # (k,) V0 exp(-a l), not shifted [M c^2]
     force: Array  # (k, 2) on each [M c^2/R]
 
@@ -37,6 +36,9 @@ class ElasticWall(Wall):
     V0: float  # potential at distance 0 [M c^2]
     threshold: float  # distance beyond which there is no contact [R]
     is_elastic = True
+    scalars = ("a", "V0", "threshold", "shift")
+
+    has_jumps = True  # of the force, where a point passes from one spring of the wall to the next
 
     @property
     def shift(self) -> float:
@@ -48,17 +50,9 @@ class ElasticWall(Wall):
         return 2.0 * super().added_stiffness(force)
 
     def make_fields(self, builder: Any, capacity: Capacity) -> None:
-        self.a_now, self.V0_now, self.threshold_now, self.shift_now = (scalar(builder) for _ in range(4))
+        super().make_fields(builder, capacity)
         self.disk_surface, self.wall_surface = (array(builder, capacity.points) for _ in range(2))
         self.count = array(builder, 2)
-
-    def numbers(self) -> list[tuple[Any, float]]:
-        return [
-            (self.a_now, self.a),
-            (self.V0_now, self.V0),
-            (self.threshold_now, self.threshold),
-            (self.shift_now, self.shift),
-        ]
 
     def fill(self, lattice: Lattice) -> None:
         self._fill(lattice.disk_surface, lattice.wall_surface)
@@ -181,7 +175,7 @@ class ElasticWall(Wall):
         with np.errstate(over="ignore", invalid="ignore"):  # after a blow-up
             energy, force = self.potential(distance), self.force_at(distance)[:, None] * direction
         near = distance < self.threshold
-        return Contacts(points[near], carriers[near], shares[near], distance[near], energy[near], force[near])
+        return Contacts(points[near], carriers[near], shares[near], energy[near], force[near])
 
     def energy(self, lattice: Lattice, x: Array) -> float:
         return float((self.contacts(lattice, x).energy - self.shift).sum())

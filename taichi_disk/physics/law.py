@@ -88,8 +88,15 @@ class Law:
         """What kernels are compiled for, beside the class: which parts of the law are absent."""
         return ()
 
+    @property
+    def scalars(self) -> tuple[str, ...]:
+        """Names of the numbers that kernels read, `k` from the 0-D field `k_now`: a new k needs no new compilation."""
+        return ()
+
     def make_fields(self, builder: Any, capacity: Capacity) -> None:
-        """Make the law's fields; those of numbers by `scalar`."""
+        """Make the law's fields, those of `scalars` and others."""
+        for name in self.scalars:
+            setattr(self, f"{name}_now", scalar(builder))
 
     def take_values(self, other: "Law") -> None:
         """Become the value that `other`, a law with the same `signature`, is; the fields stay."""
@@ -98,7 +105,7 @@ class Law:
 
     def numbers(self) -> list[tuple[Any, float]]:
         """The 0-D fields, each with the number that it holds. (A simulation writes all of them with one kernel.)"""
-        return []
+        return [(getattr(self, f"{name}_now"), getattr(self, name)) for name in self.scalars]
 
     def fill(self, lattice: Lattice) -> None:
         """Write what the other fields hold of `lattice`."""
@@ -130,13 +137,13 @@ class Law:
 class Wall(ExponentialPotential, Law):
     """What the disk meets; its energy is the column `wall`.
 
-    A wall with friction has a Taichi function `rub`, too.
-
     Attributes:
         is_elastic: whether the wall is a lattice, of points behind those of the disk.
+        has_friction: whether the wall resists sliding, by a Taichi function `rub`.
     """
 
     is_elastic: bool = False
+    has_friction: bool = False
 
     def contact_forces(self, lattice: Lattice, x: Array, *moving: Any) -> tuple[NDArray[np.intp], Array]:
         """Return (points (k,), forces (k, 2) [M c^2/R]) of the wall on the points of the disk in its reach.

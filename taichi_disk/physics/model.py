@@ -55,6 +55,11 @@ class Model:
         return any(law.velocity_dependent for law in self.laws)
 
     @property
+    def has_jumps(self) -> bool:
+        """Whether a force jumps where points of the disk pass from spring to spring of an elastic wall."""
+        return self.elastic is not None and self.elastic.has_jumps
+
+    @property
     def reset_interval(self) -> float:
         """Time between two resets of the boundary [R/c]; 0 without one."""
         return self.boundary.interval if self.boundary else 0.0

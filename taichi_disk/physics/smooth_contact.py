@@ -23,6 +23,8 @@ from taichi_disk.physics.law import get, put
 class SmoothElasticWall(ElasticWall):
     """The contact law between the disk's surface points and a smooth curve along the wall's."""
 
+    has_jumps = False
+
     @ti.func
     def add(self, state: ti.template(), move):
         """Push every surface point of the disk off the curve below it.

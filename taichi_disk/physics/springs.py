@@ -14,8 +14,8 @@ import numpy as np
 
 from taichi_disk.engine import ti
 from taichi_disk.lattice import Array, Lattice
-from taichi_disk.lattice.network import assemble, network_stiffness
-from taichi_disk.physics.law import Capacity, Law, Reals1, get, put, scalar, side_by_side
+from taichi_disk.lattice.network import assemble
+from taichi_disk.physics.law import Capacity, Law, Reals1, get, put, side_by_side
 from taichi_disk.physics.ordering import BLOCK, Arrangement
 
 
@@ -31,6 +31,7 @@ class Springs(Law):
     k_b: float = 0.0  # cubic spring constant [M c^2/R^4]; 0: no cubic term is computed
     eta: float = 0.0  # dashpot constant eta_dis = eta* m c/R of every spring [M c/R]; 0: no dashpots
     axial: bool = False  # whether dashpots resist the part of a velocity along their spring alone
+    scalars = ("k_a", "k_b", "eta")
     unlike = False  # whether the springs have a `Lattice.stiffness`: a simulation sets it on its copy
 
     def __post_init__(self) -> None:
@@ -52,15 +53,12 @@ class Springs(Law):
         return (self.cubic, self.damped, self.axial)
 
     def make_fields(self, builder: Any, capacity: Capacity) -> None:
-        self.k_a_now, self.k_b_now, self.eta_now = (scalar(builder) for _ in range(3))
+        super().make_fields(builder, capacity)
         self.first, self.second, self.rest = (
             side_by_side(builder, capacity.blocks, BLOCK, kind) for kind in (ti.i32, ti.i32, ti.f64)
         )
         if self.unlike:
             self.factor = side_by_side(builder, capacity.blocks, BLOCK)
-
-    def numbers(self) -> list[tuple[Any, float]]:
-        return [(self.k_a_now, self.k_a), (self.k_b_now, self.k_b), (self.eta_now, self.eta)]
 
     def arrange(self, lattice: Lattice, arrangement: Arrangement) -> None:
         """Write the springs in the order in which kernels take them; `lattice` gives rest lengths and stiffness."""
@@ -221,10 +219,6 @@ class Springs(Law):
         """(n, 2) force on each point where the springs pull their first ends back by `pulls` (2, m)."""
         i, j = lattice.bonds.T
         return np.stack([np.bincount(j, pull, n) - np.bincount(i, pull, n) for pull in pulls], axis=1)
-
-    def stiffness_at_rest(self, lattice: Lattice) -> Any:
-        """As `stiffness`, where no spring is stretched."""
-        return network_stiffness(lattice.positions, lattice.bonds, lattice.stiffened(self.k_a))
 
     def stiffness(self, lattice: Lattice, x: Array, rate: float = 0.0) -> Any:
         """A spring of length r and tension T adds T' e e^T (material) + T/r (1 - e e^T) (geometric).

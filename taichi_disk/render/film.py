@@ -69,6 +69,7 @@ def film(path: Path, runs: Sequence[Run], video: VideoSection, progress: Progres
     check_target(path)
     check_runs(runs)
     require_film()
+    carried = film_origin(runs, video)
     if path.suffix == ".png":
         shots, video = [still_cue(runs[0], span)], replace(video, supersample=2.0)
     else:
@@ -79,7 +80,7 @@ def film(path: Path, runs: Sequence[Run], video: VideoSection, progress: Progres
         states = [_States(run, video, shots) for run in runs]
         with (
             closing(_pictures(states, video, shots)) as pictures,
-            encoded(new, path.suffix, pictures.width, video.size, video.fps, film_origin(runs, video)) as append,
+            encoded(new, path.suffix, pictures.width, video.size, video.fps, carried) as append,
         ):
             moments = zip(*(one.moments() for one in states), strict=True)
             words = zip(*(lines(run, shots) for run in runs), strict=True)

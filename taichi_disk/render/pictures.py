@@ -14,7 +14,7 @@ from taichi_disk.output.plot import HEIGHTS, LINE, MARK, STYLE, draw_curves, mat
 from taichi_disk.render import kernels
 from taichi_disk.render.geometry import Camera, View
 from taichi_disk.render.legend import LEAST, Legend
-from taichi_disk.render.offscreen import give_back, take
+from taichi_disk.render.offscreen import elsewhere, offscreen_window
 from taichi_disk.render.palette import Theme
 from taichi_disk.render.video import Picture
 
@@ -57,7 +57,7 @@ class Pictures:
                 part[self._bottom :] = below
         self._blank = np.concatenate([*parts, panel.full] if panel else parts, axis=1)
         self.width = self._blank.shape[1]
-        self._window = take(self, drawn)
+        self._window = offscreen_window(drawn)
 
     def draw(self, states: Sequence[tuple[float, Array, Array]]) -> Picture:
         """A picture (size, width, 3), rows downwards, with (t, x, v) of each disk and without its changing text."""
@@ -77,7 +77,8 @@ class Pictures:
         return picture
 
     def close(self) -> None:
-        give_back(self)
+        with elsewhere():
+            self._window.destroy()
 
 
 # ---- the curves

@@ -46,7 +46,7 @@ def video(
 
     Yields `write(picture)`: it appends what `picture()` returns (height, width, 3), called in the encoder's thread.
     """
-    encode = {"": _encode_pngs, ".gif": _encode_gif, ".png": _encode_png}.get(form, _encode_stream)
+    encode = {"": _encode_pngs, ".png": _encode_pngs, ".gif": _encode_gif}.get(form, _encode_stream)
     pictures: Queue[Callable[[], Picture] | None] = Queue(maxsize=2)
     # Drawing keeps Python's lock for milliseconds at a time; the encoder should not wait 5 ms more for its turn.
     switch_interval = sys.getswitchinterval()
@@ -127,26 +127,15 @@ def _encode_gif(path: Path, form: str, size: Size, fps: int, origin: str, pictur
 
 
 def _encode_pngs(path: Path, form: str, size: Size, fps: int, origin: str, pictures: Iterator[Picture]) -> None:
-    """A folder of pictures, 00001.png and so on."""
+    """The only picture, or a folder of pictures: 00001.png and so on."""
     import imageio.v3 as iio
-
-    path.mkdir()
-    info = _text(origin)
-    for number, picture in enumerate(pictures, 1):
-        iio.imwrite(path / f"{number:05d}.png", picture, compress_level=6, pnginfo=info)
-
-
-def _encode_png(path: Path, form: str, size: Size, fps: int, origin: str, pictures: Iterator[Picture]) -> None:
-    """The only picture there is."""
-    import imageio.v3 as iio
-
-    iio.imwrite(path, next(pictures), optimize=True, pnginfo=_text(origin))
-
-
-def _text(origin: str) -> Any:
-    """What Pillow takes for the text of a PNG."""
     from PIL.PngImagePlugin import PngInfo
 
     info = PngInfo()
     info.add_itxt("Description", origin)
-    return info
+    if form:
+        iio.imwrite(path, next(pictures), optimize=True, pnginfo=info)
+        return
+    path.mkdir()
+    for number, picture in enumerate(pictures, 1):
+        iio.imwrite(path / f"{number:05d}.png", picture, compress_level=6, pnginfo=info)

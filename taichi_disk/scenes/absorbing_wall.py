@@ -9,32 +9,22 @@ from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
 import numpy as np
 
-from taichi_disk.config.conflicts import (
-    Conflicts,
-    gap_conflicts,
-    least_threshold,
-    rounded_up,
-    time_conflicts,
-)
+from taichi_disk.config.conflicts import Conflicts, least_threshold, rounded_up, time_conflicts
 from taichi_disk.config.sections import ElasticImpactSection, ElasticWallSection, MaterialSection
-from taichi_disk.lattice import Array, Lattice, with_wall
+from taichi_disk.lattice import Lattice, with_wall
 from taichi_disk.scenes import oblique
-from taichi_disk.scenes.impact import ImpactScenario, thrown_with
-from taichi_disk.scenes.scene import DiskScene
+from taichi_disk.scenes.impact import ImpactScenario, ImpactScene
 from taichi_disk.simulation.observables import Columns
 
 if TYPE_CHECKING:
     from taichi_disk.physics import Model
 
 
-class AbsorbingWallScene(DiskScene):
+class AbsorbingWallScene(ImpactScene):
     """What a scene file of this kind may say."""
 
     title: ClassVar[str] = "impact on an elastic, absorbing wall"
     lattice_keys: ClassVar[tuple[str, ...]] = ("lattice", "wall.points", "wall.width", "wall.k_a", "material.k_a")
-    abscissa: ClassVar[tuple[str, str]] = ("impact", "velocity")
-    results: ClassVar[tuple[str, ...]] = ("restitution", "contact_time")
-    optional_results: ClassVar[tuple[str, ...]] = tuple(oblique.RESULTS)
 
     scene: Literal["absorbing_wall"] = "absorbing_wall"
     material: MaterialSection = MaterialSection(eta_star=0.0)  # the boundary absorbs the energy
@@ -43,8 +33,8 @@ class AbsorbingWallScene(DiskScene):
 
     def conflicts(self) -> Conflicts:
         matched = ["wall.boundary = dashpot"] * (self.wall.boundary == "dashpot")
-        conflicts = super().conflicts() + time_conflicts(self.time, self.material, *matched)
-        conflicts += gap_conflicts(self.wall, self.impact)
+        resets = self.wall.boundary == "reset"
+        conflicts = super().conflicts() + time_conflicts(self.time, self.material, *matched, resets=resets)
         least = least_threshold(self.wall, self.impact.towards)
         if self.wall.threshold < least:
             text = (
@@ -52,9 +42,7 @@ class AbsorbingWallScene(DiskScene):
                 f"so that energy would jump there: write {rounded_up(least)} R or more"
             )
             conflicts.append(("wall.threshold", text))
-        if (
-            least := oblique.least_width(self.wall, self.impact, self.time, min(self.material.k_a, self.wall_k_a))
-        ) > self.wall.width:
+        if (least := oblique.least_width(self.wall, self.impact, self.time, self.softer_k_a)) > self.wall.width:
             text = (
                 f"a disk thrown so touches the wall's surface as far as {0.5 * least:.3g} R from its middle: write "
                 f"{rounded_up(least)} R or more, or another impact.offset"
@@ -87,9 +75,6 @@ class AbsorbingWallScene(DiskScene):
             changes["wall.points"] = max(4, round(self.wall.points * value / self.lattice.points))
         return changes
 
-    def thrown_with(self, body: Lattice, velocities: Array) -> AbsorbingWallScene:
-        return thrown_with(self, body, velocities)
-
     def body(self) -> Lattice:
         """The unloaded disk over its wall, just touching."""
         return self._over_wall(super().body())
@@ -104,6 +89,10 @@ class AbsorbingWallScene(DiskScene):
         """Linear spring constant of the wall [M c^2/R^2]."""
         return self.material.k_a if self.wall.k_a == "same" else self.wall.k_a
 
+    @property
+    def softer_k_a(self) -> float:
+        return min(self.material.k_a, self.wall_k_a)
+
     def of_body(self, body: Lattice) -> AbsorbingWallImpact:
         return AbsorbingWallImpact(self, body if len(body.wall_surface) else self._over_wall(body))
 
@@ -114,10 +103,7 @@ class AbsorbingWallImpact(ImpactScenario):
     scene: AbsorbingWallScene
     kind = "Impact on an elastic wall"
 
-    def _wall_compliance(self) -> float:
-        return 1.0 / self.scene.wall_k_a
-
-    def _shift(self) -> float:
+    def _offset(self) -> float:
         impact = self.scene.impact
         return -self.gap * tan(impact.angle) if impact.offset == "auto" else impact.offset
 

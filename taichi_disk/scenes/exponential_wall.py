@@ -4,35 +4,26 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, ClassVar, Literal
 
-from taichi_disk.config.conflicts import Conflicts, gap_conflicts, time_conflicts
+from taichi_disk.config.conflicts import Conflicts, time_conflicts
 from taichi_disk.config.sections import ImpactSection, RoughWallSection
-from taichi_disk.lattice import Array, Lattice
-from taichi_disk.scenes import oblique
-from taichi_disk.scenes.impact import ImpactScenario, thrown_with
-from taichi_disk.scenes.scene import DiskScene
+from taichi_disk.lattice import Lattice
+from taichi_disk.scenes.impact import ImpactScenario, ImpactScene
 
 if TYPE_CHECKING:
     from taichi_disk.physics import Model
 
 
-class ExponentialWallScene(DiskScene):
+class ExponentialWallScene(ImpactScene):
     """What a scene file of this kind may say."""
 
     title: ClassVar[str] = "impact on a rigid wall"
-    abscissa: ClassVar[tuple[str, str]] = ("impact", "velocity")
-    results: ClassVar[tuple[str, ...]] = ("restitution", "contact_time")
-    optional_results: ClassVar[tuple[str, ...]] = tuple(oblique.RESULTS)
 
     scene: Literal["exponential_wall"] = "exponential_wall"
     wall: RoughWallSection = RoughWallSection()
     impact: ImpactSection = ImpactSection()
 
     def conflicts(self) -> Conflicts:
-        conflicts = super().conflicts() + time_conflicts(self.time, self.material, friction=self.wall.friction)
-        return conflicts + gap_conflicts(self.wall, self.impact)
-
-    def thrown_with(self, body: Lattice, velocities: Array) -> ExponentialWallScene:
-        return thrown_with(self, body, velocities)
+        return super().conflicts() + time_conflicts(self.time, self.material, friction=self.wall.friction)
 
     def of_body(self, body: Lattice) -> ExponentialWallImpact:
         return ExponentialWallImpact(self, body)

@@ -4,20 +4,23 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any, ClassVar, TypeVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
 from taichi_disk.computation.contact import CONTACT_LEVEL, contact_interval
 from taichi_disk.computation.scenario import Array, Scenario, distribute
+from taichi_disk.config.conflicts import Conflicts, gap_conflicts
 from taichi_disk.errors import InputError
 from taichi_disk.lattice import Lattice, disk_of
-from taichi_disk.lattice.network import bending_compliance
+from taichi_disk.lattice.network import bending_compliance, network_stiffness
 from taichi_disk.scenes import oblique
 from taichi_disk.scenes.scene import DiskScene
 from taichi_disk.simulation.observables import Columns
 
 if TYPE_CHECKING:
+    from typing_extensions import Self
+
     from taichi_disk.physics import Model
 
 # Part of what the wall's potential at the start and at the end is worth in e, because the wall deforms the disk there:
@@ -35,7 +38,30 @@ BENDING_POTENTIAL = 1e-10
 RESOLVED = 0.49  # of the wall's decay length that a step may cross, for another step to show its error
 
 
-SceneOfImpact = TypeVar("SceneOfImpact", bound=DiskScene)
+class ImpactScene(DiskScene):
+    """What the scene files of both impacts have in common."""
+
+    abscissa: ClassVar[tuple[str, str]] = ("impact", "velocity")
+    results: ClassVar[tuple[str, ...]] = ("restitution", "contact_time")
+    optional_results: ClassVar[tuple[str, ...]] = tuple(oblique.RESULTS)
+
+    wall: Any = None
+    impact: Any = None
+
+    @property
+    def softer_k_a(self) -> float:
+        """Linear spring constant of disk or wall, whichever is softer [M c^2/R^2]."""
+        return self.material.k_a
+
+    def conflicts(self) -> Conflicts:
+        return super().conflicts() + gap_conflicts(self.wall, self.impact)
+
+    def thrown_with(self, body: Lattice, velocities: Array) -> Self:
+        along, up = (float(body.mean(one)) for one in velocities.T)
+        if not up < 0.0:
+            raise InputError(f"velocities: their mean has to point down, at the wall, not {up:+g} c")
+        angle = round(float(np.arctan2(along, -up)), 12)  # 0 of a throw straight down, however the mean is rounded
+        return self.with_({"impact.velocity": float(np.hypot(along, up)), "impact.angle": angle})
 
 
 class ImpactScenario(Scenario):
@@ -66,6 +92,7 @@ class ImpactScenario(Scenario):
     def __init__(self, scene: Any, body: Lattice) -> None:
         """`body`: the unloaded lattice, the elastic wall's surface at y = 0 if there is one."""
         from taichi_disk.computation.stability import impact_point_force
+        from taichi_disk.statics.equilibrium import turned
 
         impact, springs = scene.impact, scene.springs(body)
         self.scene, self.springs = scene, springs
@@ -77,16 +104,23 @@ class ImpactScenario(Scenario):
         self._radius, self._inertia = float(distance.max()), float(disk.mean(distance**2))
         self._dip = self._radius - float(distance[disk.disk_surface].min())
         is_round = self._dip <= NOT_ROUND * self._radius
-        self._compliance = max(1.0 / springs.modulus, self._wall_compliance())
+        self._compliance = 1.0 / scene.softer_k_a
         if not (is_round and disk.whole and disk.stiffness is None):
-            self._compliance = max(self._compliance, bending_compliance(springs.stiffness_at_rest(disk)))
+            stiffness = network_stiffness(disk.positions, disk.bonds, disk.stiffened(springs.k_a))
+            self._compliance = max(self._compliance, bending_compliance(stiffness))
 
-        positions, potential = self._turned(body), oblique.START_POTENTIAL if is_round else BENDING_POTENTIAL
+        positions, n = body.positions.copy(), body.disk_points
+        if impact.turn:
+            positions[:n] = turned(positions[:n], impact.turn)
         heights = positions[body.disk_surface, 1]
+        potential = oblique.START_POTENTIAL if is_round else BENDING_POTENTIAL
         self.gap = oblique.start_gap(scene.wall, impact, scene.time, heights - heights.min(), potential)
-        positions[: body.disk_points] += [self._shift(), self.gap - heights.min()]
-        self.lattice = replace(body, positions=positions)
-        self.velocities = self._start_velocities()
+        positions[:n] += [self._offset(), self.gap - heights.min()]
+        self.lattice, self.velocities = replace(body, positions=positions), np.zeros_like(positions)
+        self.velocities[:n] = impact.along, -self.velocity
+        if impact.spin:
+            arm = positions[:n] - body.mean(positions)
+            self.velocities[:n] += impact.spin * np.stack([-arm[:, 1], arm[:, 0]], axis=1)
         self.model = self._model()
         assert self.model.wall is not None
         stored = max(self.model.wall.energy(self.lattice, positions), 0.0)
@@ -100,40 +134,19 @@ class ImpactScenario(Scenario):
         self.max_time = self._default_max_time() if impact.max_time == "auto" else impact.max_time
         self.view = self._view()
         if self.oblique:
-            self.spoke = int(positions[: body.disk_points, 1].argmax())
+            self.spoke = int(positions[:n, 1].argmax())
 
     @abstractmethod
     def _model(self) -> Model:
         """From `scene` and `lattice`."""
 
-    def _view(self) -> tuple[float, float, float, float]:
-        along = 3.0 * self.gap * float(np.tan(self.scene.impact.angle))  # to the wall and away, about
-        return min(along, 0.0) - 1.1, max(along, 0.0) + 1.1, -0.1, 2.0 + self.gap
-
-    def _turned(self, body: Lattice) -> Array:
-        from taichi_disk.statics.equilibrium import turned
-
-        positions, n, turn = body.positions.copy(), body.disk_points, self.scene.impact.turn
-        if turn:
-            positions[:n] = turned(positions[:n], turn)
-        return positions
-
-    def _wall_compliance(self) -> float:
-        """Of an elastic wall, over its thickness [R^2/(M c^2)]."""
-        return 0.0
-
-    def _shift(self) -> float:
+    def _offset(self) -> float:
         """By how much the disk is moved along the wall before the start [R]."""
         return 0.0
 
-    def _start_velocities(self) -> Array:
-        impact, lattice, n = self.scene.impact, self.lattice, self.lattice.disk_points
-        velocities = np.zeros_like(lattice.positions)
-        velocities[:n] = impact.along, -self.velocity
-        if impact.spin:
-            arm = lattice.positions[:n] - lattice.mean(lattice.positions)
-            velocities[:n] += impact.spin * np.stack([-arm[:, 1], arm[:, 0]], axis=1)
-        return velocities
+    def _view(self) -> tuple[float, float, float, float]:
+        along = 3.0 * self.gap * float(np.tan(self.scene.impact.angle))  # to the wall and away, about
+        return min(along, 0.0) - 1.1, max(along, 0.0) + 1.1, -0.1, 2.0 + self.gap
 
     def _default_max_time(self) -> float:
         """Time to come, ten contacts after Hertz, pi sqrt(ln(4 c/v)) R/c, and to leave with e = 0.05 [R/c].
@@ -245,12 +258,3 @@ class ImpactScenario(Scenario):
             return time, f"velocity {row['com_vy'] / self.velocity:+.3f} v"
         spin = row["angular_momentum"] / self._inertia
         return time, f"v {row['com_vx']:+.4f}, {row['com_vy']:+.4f} c", f"spin {spin:+.4f} c/R"
-
-
-def thrown_with(scene: SceneOfImpact, body: Lattice, velocities: Array) -> SceneOfImpact:
-    """Return the scene with the speed and the angle that the points of `body` have in the mean of `velocities` [c]."""
-    along, up = (float(body.mean(one)) for one in velocities.T)
-    if not up < 0.0:
-        raise InputError(f"velocities: their mean has to point down, at the wall, not {up:+g} c")
-    angle = round(float(np.arctan2(along, -up)), 12)  # 0 of a throw straight down, however the mean is rounded
-    return scene.with_({"impact.velocity": float(np.hypot(along, up)), "impact.angle": angle})

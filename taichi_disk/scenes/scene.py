@@ -164,12 +164,20 @@ class DiskScene(Frozen):
         own = own_start(self.lattice, body, velocities).velocities
         if own is None:
             return self.of_body(body)
-        scenario = self.thrown_with(body, checked_velocities(own, body.disk_points)).of_body(body)
-        scenario.start_with(own)
+        n = body.disk_points
+        if own.shape != (n, 2):
+            raise InputError(f"velocities: must have the shape ({n}, 2), not {own.shape}")
+        if not (np.abs(own) <= MAX_VELOCITY).all():
+            raise InputError(f"velocities: must be numbers from {-MAX_VELOCITY:g} to {MAX_VELOCITY:g} c")
+        scenario = self.thrown_with(body, own).of_body(body)
+        scenario.velocities[:n], scenario.own_velocities = own, True
         return scenario
 
     def thrown_with(self, body: Lattice, velocities: Array) -> Self:
-        """Return the scene to which these `velocities` (N, 2) [c] of the points of `body` belong."""
+        """Return the scene with the speed and the angle of the mean of `velocities` (N, 2) [c] of the points of `body`.
+
+        A scene without a throw stays as it is.
+        """
         return self
 
     def moduli(self, points: int) -> Moduli:
@@ -220,15 +228,6 @@ class DiskScene(Frozen):
     def described(self, lattice: Lattice) -> str:
         """The lattice in a few words, for titles."""
         return f"N = {lattice.disk_points:,}    {lattice.origin}"
-
-
-def checked_velocities(velocities: Array, points: int) -> Array:
-    """Return `velocities` [c]. Raises InputError if they are not those of so many points."""
-    if velocities.shape != (points, 2):
-        raise InputError(f"velocities: must have the shape ({points}, 2), not {velocities.shape}")
-    if not (np.abs(velocities) <= MAX_VELOCITY).all():
-        raise InputError(f"velocities: must be numbers from {-MAX_VELOCITY:g} to {MAX_VELOCITY:g} c")
-    return velocities
 
 
 def yaml_scalar(value: Value) -> str:

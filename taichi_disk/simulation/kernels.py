@@ -92,7 +92,7 @@ class Kernels(Stepping):
         for i in range(self.state.n[None]):
             x, y = self.state.x[0][i], self.state.x[1][i]
             m, f = self.state.mass[i], get(self.state.f, i)
-            v = get(self.state.v, i) + self.state.closing[None] * self.state.inverse_mass[i] * f
+            v = get(self.velocities, i) + self.state.observed[None] * self.state.inverse_mass[i] * f
             vx, vy = v[0], v[1]
             if i < self.state.n_disk[None]:
                 mass += m
@@ -175,9 +175,10 @@ class SubdomainKernels(Kernels):
             begin = self.ends[c - 1]
         first = c * self.state.subdomain_points[None]
         last = ti.min(first + self.state.subdomain_points[None], self.state.n[None])
-        kick, move = ti.static(self.integrator.joined_kicks[stage], self.integrator.moves[stage])
+        kick, move, shift = ti.static(*self.integrator.stages[stage])
         h = self.passed(number, self.state.h[None])
-        peak_point_force = self.drift(kick * h, move * h, first, last)
+        shift_now = shift * self.state.h[None] * self.state.h[None]
+        peak_point_force = self.drift(kick * h, move * h, shift_now, first, last)
         elastic, products = self.springs.add(self.state, self.explicit, begin, self.ends[c])
         self.parts[0][c], self.parts[1][c], self.parts[2][c] = peak_point_force, elastic, products
 
@@ -192,7 +193,7 @@ class SubdomainKernels(Kernels):
             peak_point_force = ti.max(peak_point_force, self.parts[0][c])
             elastic += self.parts[1][c]
             products += self.parts[2][c]
-        move = ti.static(self.integrator.moves[stage]) * self.passed(number, self.state.h[None])
+        move = ti.static(self.integrator.stages[stage][1]) * self.passed(number, self.state.h[None])
         sums, upward, potential = self.touch(move, sums, peak_point_force)
         if ti.static(stage == self.integrator.forces - 1):
             sums = self.account(number, sums, products)

@@ -30,6 +30,7 @@ SPRINGS_PER_POINT = 3  # a triangulation has fewer
 ENTRIES_PER_POINT = 27  # of the dashpots' factor, enough up to some 12,000 points
 MIN_CAPACITY = Capacity(POINTS, SPRINGS_PER_POINT * POINTS // BLOCK, ENTRIES_PER_POINT * POINTS)
 NEVER = 2**30
+DIFFERENCE = 1e-4  # over which the rate of a force at t = 0 is taken [R/c]
 CONTACT = 1e-3  # of the kinetic energy of the flight, in the wall's potential: from there on there is contact
 
 
@@ -54,7 +55,7 @@ class Simulation:
         builder = ti.FieldsBuilder()
         for law in self.model.laws:
             law.make_fields(builder, self._capacity)
-        self.state = State(builder, self._capacity, self.subdomains, self.model)
+        self.state = State(builder, self._capacity, self.subdomains, self.model, integrator.correction != 0.0)
         both = 2 if isinstance(model.boundary, MatchedBoundary) else 1
         solver: DashpotSolver | None = None
         if isinstance(factor, Diagonal):
@@ -110,6 +111,7 @@ class Simulation:
         numbers: list[tuple[Any, float]] = [
             (state.h, dt),
             (state.closing, self.integrator.kicks[-1] * dt),
+            (state.observed, self.integrator.observed_kick * dt),
             (state.contact, contact),
             (state.n, len(lattice.positions)),
             (state.n_disk, lattice.disk_points),
@@ -119,7 +121,7 @@ class Simulation:
         ]
         for law in self.model.laws:
             numbers += law.numbers()
-        state.begin(numbers, lattice, velocities)
+        state.begin(numbers, lattice, self._vectors(lattice, model, velocities))
         self.model.springs.arrange(lattice, arranged)
         self.kernels.fill(arranged, factor)
         for law in self.model.laws:
@@ -127,6 +129,18 @@ class Simulation:
         rows = np.empty((1, len(INDEX)))
         self.kernels.advance(-1, 1, 1, rows, bounds_array({}), np.array([NEVER, 0, 0, 0], np.int32))
         self.first_row = self.now = rows[0]
+
+    def _vectors(self, lattice: Lattice, model: Model, v: Array) -> Array:
+        """(3 to 5, n, 2) what `Snapshot` has, at t = 0; without a correction no forces yet."""
+        x, c = lattice.positions, self.integrator.correction * self.dt**2
+        if not c:
+            return np.stack([x, v, np.zeros_like(x), v][: len(self.state.vectors)])
+        at_rest, mass = np.zeros_like(v), lattice.masses[:, None]
+        a, before, after = (
+            model.forces_moving(lattice, x + t * v, at_rest) / mass for t in (0.0, -DIFFERENCE, DIFFERENCE)
+        )
+        observed = v - self.integrator.observed_kick * self.dt * a
+        return np.stack([x, v + 0.5 * c / DIFFERENCE * (after - before), mass * a, observed, x - c * a])
 
     # ---- time
 

@@ -38,7 +38,7 @@ class Snapshot:
     Attributes:
         vectors: (3 to 7, n, 2) positions [R], velocities before the last kick [c], forces [M c^2/R]; with dashpots
             also the velocities at the step, predicted or solved for; where they are iterated, those of three steps
-            before.
+            before. With a correction: the velocities that are observed, before their last kick; the positions X.
         sums: (SUMS,) dissipated, its power, absorbed, its power, largest force of the wall on a point, sliding, what
             the next step is to lose at its start, and in all (see `account`); (SUMS + 2,) also what friction took, its
             power.
@@ -50,8 +50,10 @@ class Snapshot:
 
     def velocities(self, integrator: Integrator, dt: float, lattice: Lattice) -> Array:
         """(n, 2) at the step, after its last kick [c]."""
-        _, v, f = self.vectors[:3]
-        return np.asarray(v + integrator.kicks[-1] * dt * (1.0 / lattice.masses[:, None]) * f)  # as kernels round it
+        v, f = self.vectors[3 if integrator.correction else 1], self.vectors[2]
+        return np.asarray(
+            v + integrator.observed_kick * dt * (1.0 / lattice.masses[:, None]) * f
+        )  # as kernels round it
 
 
 @ti.data_oriented
@@ -59,20 +61,25 @@ class State:
     """Fields of the points (`x`, `v`, `f`, `u`: see `Snapshot`), and 0-D fields of the numbers that every kernel needs.
 
     `mass`, `inverse_mass`: of each point [M], [1/M]; the disk's add up to 1 M. `h`: time step; `closing`: for how long
-    its last kick acts, h/2 in leapfrog [R/c]; `contact`: the wall's force on a point from which the disk is in contact
-    [M c^2/R]; `n`, `n_disk`: points, those of the disk; `reset_steps`: steps between two resets of the boundary.
+    its last kick acts, h/2 in leapfrog, and `observed`, on the velocities that are observed [R/c]; `contact`: the
+    wall's force on a point from which the disk is in contact [M c^2/R]; `n`, `n_disk`: points, those of the disk;
+    `reset_steps`: steps between two resets of the boundary.
     """
 
-    def __init__(self, builder: Any, capacity: Capacity, subdomains: int, model: Model) -> None:
+    def __init__(self, builder: Any, capacity: Capacity, subdomains: int, model: Model, corrected: bool) -> None:
         self.fillers = 2 * subdomains  # points that carry the springs that fill up blocks
         filled = capacity.points + self.fillers
         self.x, self.v, self.f = (pair_of(builder, filled) for _ in range(3))
         self.vectors = [self.x, self.v, self.f]
-        if model.springs.damped:
+        self.corrected = corrected
+        if model.springs.damped or corrected:
             self.u = pair_of(builder, filled)
             self.vectors.append(self.u)
+        if corrected:
+            self.X = pair_of(builder, filled)
+            self.vectors.append(self.X)
         self.mass, self.inverse_mass = (array(builder, capacity.points, ti.f64) for _ in range(2))
-        self.h, self.closing, self.contact = (scalar(builder) for _ in range(3))
+        self.h, self.closing, self.observed, self.contact = (scalar(builder) for _ in range(4))
         self.n, self.n_disk, self.blocks, self.subdomain_points, self.reset_steps = (
             scalar(builder, ti.i32) for _ in range(5)
         )
@@ -81,12 +88,12 @@ class State:
 
     # ---- in and out
 
-    def begin(self, numbers: Sequence[tuple[Any, float]], lattice: Lattice, velocities: Array) -> None:
-        """Write each number into its 0-D field, the same fields in every call, and the points at t = 0."""
+    def begin(self, numbers: Sequence[tuple[Any, float]], lattice: Lattice, start: Array) -> None:
+        """Write each number into its 0-D field, the same fields in every call, and `start` (3 to 5, n, 2), vectors."""
         self.scalars = [field for field, _ in numbers]
-        n = len(velocities)
+        n = start.shape[1]
         vectors = np.zeros((len(self.vectors), n + self.fillers, 2))
-        vectors[0, :n], vectors[1:4:2, :n] = lattice.positions, velocities  # and the velocities `u` of dashpots
+        vectors[: len(start), :n] = start
         vectors[0, n + 1 :: 2, 0] = 1.0  # springs that fill up blocks lie at rest between (0, 0) and (1, 0)
         values = np.array([value for _, value in numbers], np.float64)
         self._begin(values, lattice.masses, vectors, np.zeros(self.summed))
@@ -150,6 +157,7 @@ class Stepping:
         self.rigid = isinstance(model.wall, BodyForce)
         self.contact, self.has_friction = model.wall is not None and not self.rigid, model.has_friction
         self.loads = tuple(law for law in model.body_forces if law is not model.wall)
+        self.velocities = state.u if state.corrected else state.v  # that are observed, before a last kick
         self.damped, self.implicit = model.springs.damped, solver is not None
         self.explicit = self.damped and not self.implicit
         self.pinned = isinstance(model.boundary, PinnedBoundary)
@@ -159,8 +167,10 @@ class Stepping:
     # ---- forces
 
     @ti.func
-    def drift(self, kick, move, first, last):
+    def drift(self, kick, move, shift, first, last):
         """Kick points first..last for the time `kick`, move them for `move` [R/c]; the forces on single points there.
+
+        With a correction, `shift` [R^2/c^2] times the acceleration is the way from X to x.
 
         Returns the rigid wall's largest force on a point.
         """
@@ -170,7 +180,14 @@ class Stepping:
             acceleration = self.state.inverse_mass[i] * get(self.state.f, i)
             v = get(self.state.v, i) + kick * acceleration
             put(self.state.v, i, v)
-            put(self.state.x, i, get(self.state.x, i) + move * v)
+            if ti.static(self.state.corrected):
+                place = get(self.state.X, i) + move * v
+                put(self.state.X, i, place)
+                put(self.state.x, i, place + shift * acceleration)
+                if shift == 0.0:  # v - h^2/12 da/dt, with the difference of two steps' accelerations
+                    put(self.state.u, i, v + (self.state.closing[None] - self.state.observed[None]) * acceleration)
+            else:
+                put(self.state.x, i, get(self.state.x, i) + move * v)
             if ti.static(self.explicit):
                 put(self.state.u, i, v + half * acceleration)
             peak_point_force = ti.max(peak_point_force, self.body_force(i))
@@ -189,9 +206,9 @@ class Stepping:
         return point_force
 
     @ti.func
-    def stage(self, kick, move, sums):
+    def stage(self, kick, move, shift, sums):
         """Kick, move and compute the forces there. Returns as `touch`, with what `Springs.add` gives in between."""
-        peak_point_force = self.drift(kick, move, 0, self.state.n[None])
+        peak_point_force = self.drift(kick, move, shift, 0, self.state.n[None])
         elastic, products = self.springs.add(self.state, self.explicit, 0, self.state.blocks[None])
         result, upward, potential = self.touch(move, sums, peak_point_force)
         return result, elastic, products, upward, potential
@@ -226,15 +243,16 @@ class Stepping:
         sums, h = before, self.passed(number, self.state.h[None])
         elastic, products, upward, potential = 0.0, 0.0, 0.0, 0.0
         if ti.static(self.integrator.forces == 1):
-            sums, elastic, products, upward, potential = self.stage(h, h, sums)
+            sums, elastic, products, upward, potential = self.stage(h, h, 0.0, sums)
         else:
             last = ti.static(self.integrator.forces - 1)
             for k in range(ti.select(number > 0, 0, last), last + 1):  # a loop: four inlined stages compile slowly
-                kick, move = 0.0, 0.0
+                kick, move, shift = 0.0, 0.0, 0.0
                 for s in ti.static(range(self.integrator.forces)):
                     if k == s:
-                        kick, move = self.integrator.joined_kicks[s], self.integrator.moves[s]
-                sums, elastic, products, upward, potential = self.stage(kick * h, move * h, sums)
+                        kick, move, shift = self.integrator.stages[s]
+                shift *= self.state.h[None] * self.state.h[None]
+                sums, elastic, products, upward, potential = self.stage(kick * h, move * h, shift, sums)
         return self.account(number, sums, products), elastic, upward, potential
 
     @ti.func

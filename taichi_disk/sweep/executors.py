@@ -117,6 +117,7 @@ def computed(
 def _pool(jobs: int) -> Iterator[Executor]:
     """Context with a pool whose processes end with this one, and immediately after an error in the block."""
     context = multiprocessing.get_context("spawn")  # a forked Taichi hangs
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # of the workers: this process has imported NumPy
     receiver, sender = context.Pipe(duplex=False)
     pool = ProcessPoolExecutor(jobs, context, _watch_parent, (receiver,))
     try:

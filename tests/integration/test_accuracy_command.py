@@ -25,7 +25,7 @@ def few(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_a_folder_of_a_run_stays_that(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    run(load_scene("exponential_wall", ["lattice.points=30"]), tmp_path, video=False)
+    run(load_scene("exponential_wall", ["lattice.points=30"]), tmp_path, video=False, lattices=1)
     assert accuracy(tmp_path, "exponential_wall", "lattice.points=30") == 2
     assert "holds a run" in capsys.readouterr().err
     assert accuracy(tmp_path / "summary.json", "exponential_wall", "lattice.points=30") == 2
@@ -52,7 +52,7 @@ def test_a_step_by_hand_that_a_finer_lattice_cannot_take(tmp_path: Path, capsys:
         found = list(csv.DictReader(file))
     assert [row["source"] for row in found] == ["scene", *2 * ["lattice sample"], "points", *2 * ["wall hardness"]]
     # A run with the changed key, by its automatic step, gives the very number.
-    e = run(load_scene("exponential_wall", ["lattice.points=30", "lattice.seed=2"])).restitution
+    e = run(load_scene("exponential_wall", ["lattice.points=30", "lattice.seed=2"]), lattices=1).restitution
     assert float(found[2]["result"]) == pytest.approx(e, rel=1e-12)
     assert float(found[2]["difference"]) == pytest.approx(e - float(found[0]["result"]), rel=1e-9)
 

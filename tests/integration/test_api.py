@@ -26,7 +26,7 @@ SMALL = {"lattice.points": 60, "material.eta_star": 0}
 
 @pytest.fixture(scope="module")
 def result() -> Result:
-    return run(load_scene("exponential_wall").with_(SMALL))
+    return run(load_scene("exponential_wall").with_(SMALL), lattices=1)
 
 
 def test_everything_in_all_is_there():
@@ -50,12 +50,16 @@ def test_a_scene_is_loaded_from_a_name_a_file_text_and_a_mapping(tmp_path):
 def test_a_run_takes_what_load_scene_takes():
     scene = {"scene": "exponential_wall", "lattice": {"points": 20}}
     text = "scene: exponential_wall\nlattice: {points: 20}\n"
-    assert run(scene).restitution == run(text).restitution == run(load_scene(scene)).restitution
+    assert (
+        run(scene, lattices=1).restitution
+        == run(text, lattices=1).restitution
+        == run(load_scene(scene), lattices=1).restitution
+    )
 
 
 def test_nothing_is_written_unless_a_folder_is_named(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    run(load_scene("exponential_wall").with_(SMALL))
+    run(load_scene("exponential_wall").with_(SMALL), lattices=1)
     assert list(tmp_path.iterdir()) == []
 
 
@@ -97,14 +101,14 @@ def test_a_saved_result_is_loaded_bitwise_the_same(result, tmp_path):
 def test_velocities_of_ones_own_are_thrown_and_kept_and_not_mistaken_for_the_scenes(tmp_path):
     scene = load_scene("exponential_wall").with_(SMALL)
     velocities = np.tile([0.01, -0.03], (60, 1))
-    own = run(scene, velocities=velocities, out=tmp_path / "own", video=False)
-    plain = run(scene.with_(velocity=0.03))
+    own = run(scene, velocities=velocities, out=tmp_path / "own", video=False, lattices=1)
+    plain = run(scene.with_(velocity=0.03), lattices=1)
     assert own.restitution == pytest.approx(plain.restitution, abs=1e-7)  # the wall is flat, and has no friction
     assert own.series["com_vx"][-1] == pytest.approx(0.01, rel=1e-12)
     again = Result.load(tmp_path / "own")
     assert all((again.series[name] == values).all() for name, values in own.series.items())
     with pytest.raises(InputError, match=r"another run"):
-        run(scene, out=tmp_path / "own", video=False)
+        run(scene, out=tmp_path / "own", video=False, lattices=1)
 
 
 @pytest.mark.parametrize(
@@ -113,13 +117,13 @@ def test_velocities_of_ones_own_are_thrown_and_kept_and_not_mistaken_for_the_sce
 )
 def test_velocities_that_do_not_fit_are_refused(velocities):
     with pytest.raises(InputError, match="velocities"):
-        run(load_scene("exponential_wall").with_(SMALL), velocities=velocities)
+        run(load_scene("exponential_wall").with_(SMALL), velocities=velocities, lattices=1)
 
 
 def test_a_scene_takes_the_disk_of_a_lattice_that_has_a_wall():
     over_wall = load_scene("absorbing_wall").with_(SMALL | {"wall.points": 100}).scenario().lattice
     pressed = load_scene("compression").with_({"lattice.points": 60, "compression.method": "newton"})
-    assert run(pressed, lattice=over_wall).xi == pytest.approx(run(pressed).xi, rel=1e-9)
+    assert run(pressed, lattice=over_wall, lattices=1).xi == pytest.approx(run(pressed, lattices=1).xi, rel=1e-9)
 
 
 def test_titles_say_where_a_lattice_comes_from(tmp_path):
@@ -140,25 +144,25 @@ def test_what_cannot_be_computed_as_given_is_refused(result):
     heavy = replace(result.lattice, masses=np.linspace(0.5, 1.6, 60) / 60)
     for lattice, told in ((heavy, r"must add up to 1 M, not 1\.05"), (result.lattice.positions, "from_points")):
         with pytest.raises(InputError, match=told):
-            run(result.scene, lattice=lattice)
+            run(result.scene, lattice=lattice, lattices=1)
     for frames in (0, -1, 2.5):
         with pytest.raises(InputError, match="frames: must be a whole number"):
             result.export("never.xyz", frames=frames)
     with pytest.raises(InputError, match="export: needs a folder"):
-        run(result.scene, export="xyz")
+        run(result.scene, export="xyz", lattices=1)
     near = result.scene.with_({"impact.gap": 0.08})
     with pytest.raises(InputError, match=r"impact\.gap.* exceeds 1e-3"):
-        run(near, velocities=np.tile([0.0, -1e-4], (60, 1)))
+        run(near, velocities=np.tile([0.0, -1e-4], (60, 1)), lattices=1)
 
 
 THREADS = """
 from concurrent.futures import ThreadPoolExecutor
 from taichi_disk import load_scene, run
 scene = load_scene("exponential_wall").with_(points=60)
-alone = run(scene)
+alone = run(scene, lattices=1)
 
 def again(k):
-    result = run(scene) if k % 2 else alone
+    result = run(scene, lattices=1) if k % 2 else alone
     state = result.state(5.0)
     return result.restitution, state.positions.tobytes(), result.trajectory([1.0, 4.0])[1].tobytes()
 
@@ -177,13 +181,13 @@ from taichi_disk import load_scene, run
 from taichi_disk.errors import InputError
 scene = load_scene("exponential_wall").with_(points=20)
 try:
-    first = run(scene, threads=-1)
+    first = run(scene, threads=-1, lattices=1)
 except InputError:
-    first = run(scene)
-run(scene.with_(eta_star=0))
-again = run(scene, threads=cores)
+    first = run(scene, lattices=1)
+run(scene.with_(eta_star=0), lattices=1)
+again = run(scene, threads=cores, lattices=1)
 try:
-    run(scene, threads=1 if cores > 1 else 2)
+    run(scene, threads=1 if cores > 1 else 2, lattices=1)
 except InputError as error:
     assert first.state(1.0).positions.tobytes() == again.state(1.0).positions.tobytes()
     print(error)
@@ -200,7 +204,7 @@ def test_the_threads_of_a_process_are_chosen_once_and_all_its_results_live_on():
 @pytest.mark.parametrize("threads", [0, -1, 1.5, "2", 100_000, cores() + 1])
 def test_threads_are_a_whole_number_up_to_the_cores(threads):
     with pytest.raises(InputError, match=f"threads: must be a whole number from 1 to {cores()}, .*not {threads!r}"):
-        run(load_scene("exponential_wall").with_(SMALL), threads=threads)
+        run(load_scene("exponential_wall").with_(SMALL), threads=threads, lattices=1)
 
 
 @pytest.mark.parametrize("number", ["1", "0", "-1", "many", ""])
@@ -237,7 +241,7 @@ def test_a_progress_of_another_shape_is_refused_by_name(result, progress, tmp_pa
     told = rf"progress: must be a function of \(stage, done, total\), which {name} is not"
     sweep = load_sweep({"scene": "exponential_wall", "sweep": {"seed": [0]}})
     for call in (
-        lambda: run(result.scene, tmp_path / "o", progress=progress),
+        lambda: run(result.scene, tmp_path / "o", progress=progress, lattices=1),
         lambda: result.film(tmp_path / "o.mp4", progress=progress),
         lambda: run_sweep(sweep, tmp_path / "o", progress=progress),
     ):
@@ -247,9 +251,9 @@ def test_a_progress_of_another_shape_is_refused_by_name(result, progress, tmp_pa
 
 
 def test_what_a_progress_computes_of_its_own_is_refused_and_spoils_nothing(result):
-    calls, refused = [lambda: run(other), lambda: result.state(1.0), lambda: result.film("never.mp4")], []
+    calls, refused = [lambda: run(other, lattices=1), lambda: result.state(1.0), lambda: result.film("never.mp4")], []
     scene, other = result.scene.with_(velocity=2e-3), result.scene.with_(points=30)
-    expected = run(scene).restitution
+    expected = run(scene, lattices=1).restitution
 
     def curious(stage, done, total):
         for call in calls:
@@ -257,18 +261,18 @@ def test_what_a_progress_computes_of_its_own_is_refused_and_spoils_nothing(resul
                 call()
             refused.append(done)
 
-    assert run(scene, progress=curious).restitution == expected and len(refused) >= len(calls)
+    assert run(scene, progress=curious, lattices=1).restitution == expected and len(refused) >= len(calls)
     with pytest.raises(InputError, match="a progress callback cannot run"):
-        run(scene, progress=lambda stage, done, total: run(other))
-    assert run(scene).restitution == expected
+        run(scene, progress=lambda stage, done, total: run(other), lattices=1)
+    assert run(scene, lattices=1).restitution == expected
 
 
 def test_a_lattice_file_gives_what_the_lattice_gives(tmp_path):
     disk = Lattice.disk(60, seed=3)
     np.savetxt(tmp_path / "points.csv", disk.positions, delimiter=",", header="x,y", comments="")
     (tmp_path / "s.yaml").write_text("scene: exponential_wall\nlattice: {file: points.csv}\nmaterial: {eta_star: 0}\n")
-    by_file = run(load_scene(tmp_path / "s.yaml"))
-    by_array = run(load_scene("exponential_wall").with_(SMALL), lattice=Lattice.from_points(disk.positions))
+    by_file = run(load_scene(tmp_path / "s.yaml"), lattices=1)
+    by_array = run(load_scene("exponential_wall").with_(SMALL), lattice=Lattice.from_points(disk.positions), lattices=1)
     assert by_file.restitution == pytest.approx(by_array.restitution, rel=1e-12)
     assert by_file.lattice.disk_points == 60
     assert "points.csv" in " ".join(by_file.scenario.title())
@@ -277,7 +281,7 @@ def test_a_lattice_file_gives_what_the_lattice_gives(tmp_path):
         (tmp_path / "copy.csv").unlink(missing_ok=True)
 
     shutil.copy(tmp_path / "points.csv", tmp_path / "copy.csv")
-    removed = run(by_file.scene.with_(file=str(tmp_path / "copy.csv")), progress=removes)
+    removed = run(by_file.scene.with_(file=str(tmp_path / "copy.csv")), progress=removes, lattices=1)
     assert removed.summary["lattice_digest"] == by_file.summary["lattice_digest"]
     by_file.save(tmp_path / "r")
     assert Result.load(tmp_path / "r").restitution == by_file.restitution
@@ -285,12 +289,12 @@ def test_a_lattice_file_gives_what_the_lattice_gives(tmp_path):
     np.savetxt(tmp_path / "points.csv", other.positions, delimiter=",")
     assert Result.load(tmp_path / "r").restitution == by_file.restitution  # the run has kept its lattice
     with pytest.raises(InputError, match="holds another run"):
-        run(load_scene(tmp_path / "s.yaml"), tmp_path / "r", video=False)
+        run(load_scene(tmp_path / "s.yaml"), tmp_path / "r", video=False, lattices=1)
 
 
 def test_spin_and_turn_are_those_of_the_start():
-    plain = run(load_scene("exponential_wall").with_(SMALL))
-    spun = run(load_scene("exponential_wall").with_(SMALL | {"impact.spin": 0.05, "impact.turn": 0.5}))
+    plain = run(load_scene("exponential_wall").with_(SMALL), lattices=1)
+    spun = run(load_scene("exponential_wall").with_(SMALL | {"impact.spin": 0.05, "impact.turn": 0.5}), lattices=1)
     x, v = spun.state(0.0)[1:]
     arm = x - x.mean(axis=0)
     turning = (arm[:, 0] * v[:, 1] - arm[:, 1] * v[:, 0]).sum() / (arm**2).sum()
@@ -341,11 +345,11 @@ def assert_same(one: Result, other: Result) -> None:
 )
 def test_scene_yaml_alone_repeats_a_run_of_ones_own_bitwise(tmp_path, name):
     kind, changes, own = OWN[name]
-    first = run(load_scene(kind).with_(changes), tmp_path / "first", video=False, **own)
+    first = run(load_scene(kind).with_(changes), tmp_path / "first", video=False, **own, lattices=1)
     (tmp_path / "first").rename(tmp_path / "moved")  # it needs nothing but its folder
     before = {path.name: path.read_bytes() for path in (tmp_path / "moved").iterdir()}
-    again = run(load_scene(tmp_path / "moved" / "scene.yaml"), tmp_path / "again", video=False)
-    in_place = run(load_scene(tmp_path / "moved" / "scene.yaml"), tmp_path / "moved", video=False)
+    again = run(load_scene(tmp_path / "moved" / "scene.yaml"), tmp_path / "again", video=False, lattices=1)
+    in_place = run(load_scene(tmp_path / "moved" / "scene.yaml"), tmp_path / "moved", video=False, lattices=1)
     loaded = Result.load(tmp_path / "again", estimate=False)
     loaded.save(tmp_path / "saved")
     for other in (again, in_place, loaded):
@@ -354,7 +358,7 @@ def test_scene_yaml_alone_repeats_a_run_of_ones_own_bitwise(tmp_path, name):
         after = {path.name: path.read_bytes() for path in (tmp_path / folder).iterdir()}
         assert {one for one in before if after[one] != before[one]} == {"summary.json"}  # its wall clock
     with pytest.raises(InputError, match="holds another run"):
-        run(load_scene(kind).with_(changes), tmp_path / "moved", video=False)
+        run(load_scene(kind).with_(changes), tmp_path / "moved", video=False, lattices=1)
 
 
 @pytest.mark.parametrize(
@@ -374,7 +378,7 @@ def test_an_edited_file_of_a_run_is_noticed(result, tmp_path, name, told):
 
 
 def test_a_lattice_that_is_not_the_run_s_any_more_is_noticed(tmp_path):
-    run(load_scene("exponential_wall").with_(SMALL), tmp_path / "r", lattice=ELLIPSE, video=False)
+    run(load_scene("exponential_wall").with_(SMALL), tmp_path / "r", lattice=ELLIPSE, video=False, lattices=1)
     path = tmp_path / "r" / "lattice.npz"
     np.savez(path, **{**np.load(path), "rest_lengths": ELLIPSE.rest_lengths * 1.01})
     with pytest.raises(InputError, match="have changed since the run"):
@@ -384,7 +388,7 @@ def test_a_lattice_that_is_not_the_run_s_any_more_is_noticed(tmp_path):
 @pytest.mark.parametrize("name", ["strained", pytest.param("pressed", marks=pytest.mark.validate)])
 def test_a_result_comes_back_from_another_process_with_its_states(name):
     kind, changes, own = OWN[name]
-    here, scene = run(load_scene(kind).with_(changes), **own), load_scene(kind).with_(changes)
+    here, scene = run(load_scene(kind).with_(changes), **own, lattices=1), load_scene(kind).with_(changes)
     with ProcessPoolExecutor(1, mp_context=get_context("spawn")) as pool:
         there = pool.submit(run, scene, **own).result()
     assert_same(here, there)
@@ -399,7 +403,7 @@ def test_a_blow_up_comes_back_from_another_process_too():
 
 @pytest.mark.parametrize("path", [5, b"x", ["x"], 1.5])
 def test_what_is_no_path_is_refused(result, path):
-    for act in (result.save, result.film, result.export, Result.load, lambda out: run(result.scene, out)):
+    for act in (result.save, result.film, result.export, Result.load, lambda out: run(result.scene, out, lattices=1)):
         with pytest.raises(InputError, match="must be a path, not "):
             act(path)
     with pytest.raises(InputError, match="numbers"):

@@ -183,7 +183,7 @@ def test_an_arrow_of_any_push_ends_in_the_picture(tmp_path, monkeypatch):
     monkeypatch.setattr(Legend, "write", record)
     rod = np.stack(np.meshgrid(np.linspace(-1.5, 1.5, 31), np.linspace(-0.15, 0.15, 4)), axis=-1).reshape(-1, 2)
     scene = load_scene("exponential_wall", ["impact.turn=0.5", "material.eta_star=1"])
-    result = api.run(scene, lattice=Lattice.from_points(rod))
+    result = api.run(scene, lattice=Lattice.from_points(rod), lattices=1)
     result.film(tmp_path / "film", size=SIZE, seconds=0.2)
     _, states, _ = result.trajectory(np.linspace(0.0, result.series["t"][-1], 500))
     pushes = [
@@ -270,7 +270,10 @@ def test_a_moment_that_is_none_is_told_with_those_that_are(run, tmp_path, span):
 
 @needs_vulkan
 def test_a_single_picture_of_a_comparison_shows_the_whole_of_a_disk_that_has_left_already(tmp_path):
-    slow, fast = (api.run(load_scene("exponential_wall").with_(points=60, velocity=v, eta_star=0)) for v in (0.02, 0.3))
+    slow, fast = (
+        api.run(load_scene("exponential_wall").with_(points=60, velocity=v, eta_star=0), lattices=1)
+        for v in (0.02, 0.3)
+    )
     slow.film(tmp_path / "both.png", beside=fast, size=360, draw="field", panel=False)
     picture = np.asarray(Image.open(tmp_path / "both.png")).astype(float)[76:280, 360:]  # between the words
     inked = (np.abs(picture - 255 * np.array(THEMES["light"].ground)).max(axis=2) > 20).sum(axis=1)
@@ -280,7 +283,8 @@ def test_a_single_picture_of_a_comparison_shows_the_whole_of_a_disk_that_has_lef
 @needs_vulkan
 def test_a_faster_disk_stays_whole_in_a_comparison_to_the_end(tmp_path):
     slow, fast = (
-        api.run(load_scene("exponential_wall", ["lattice.points=60", f"impact.velocity={v}"])) for v in (0.02, 0.2)
+        api.run(load_scene("exponential_wall", ["lattice.points=60", f"impact.velocity={v}"]), lattices=1)
+        for v in (0.02, 0.2)
     )
     slow.film(tmp_path / "both", beside=fast, size=128, fps=10, seconds=1)
     last = pictures_in(tmp_path / "both")[-1]
@@ -290,7 +294,7 @@ def test_a_faster_disk_stays_whole_in_a_comparison_to_the_end(tmp_path):
 
 @needs_vulkan
 def test_a_compression_that_looks_like_nothing_is_seen_where_displacements_are_drawn_larger(tmp_path):
-    pressed = api.run(load_scene("compression", ["lattice.points=60", "compression.method=newton"]))
+    pressed = api.run(load_scene("compression", ["lattice.points=60", "compression.method=newton"]), lattices=1)
     flatness = []
     for factor in (1.0, 30.0):
         file = pressed.film(tmp_path / f"{factor}.png", magnify=factor, draw="field", size=360, panel=False)
@@ -306,7 +310,7 @@ def test_by_itself_a_film_shows_a_flattening_of_a_twentieth_of_r_and_says_how(tm
     monkeypatch.setattr(
         Legend, "__init__", lambda self, painter, *rest: said.append(painter) or pictures(self, painter, *rest)
     )
-    pressed = api.run(load_scene("compression", ["lattice.points=60", "compression.method=newton"]))
+    pressed = api.run(load_scene("compression", ["lattice.points=60", "compression.method=newton"]), lattices=1)
     pressed.film(tmp_path / "picture.png", size=240)
     (painter,) = said
     x, n = pressed.state(1.0).positions, 60
@@ -324,7 +328,7 @@ def test_a_compression_begins_with_no_minus_before_its_zero():
 
 @needs_vulkan
 def test_a_comparison_tells_the_greatest_compression_of_that_run_only_whose_it_is(run, tmp_path, captions):
-    other = api.run(load_scene("exponential_wall", ["lattice.points=20", "impact.velocity=0.2"]))
+    other = api.run(load_scene("exponential_wall", ["lattice.points=20", "impact.velocity=0.2"]), lattices=1)
     film(tmp_path / "both.png", [run, other.outcome], video(), QUIET)
     assert [lines[-1] for lines in captions] == ["greatest compression", ""]
 
@@ -413,7 +417,7 @@ def test_without_vulkan_the_message_names_the_remedy(tmp_path):
 @pytest.mark.parametrize(("spin", "eta_star"), [(0.3, 10), (0.8, 10), (0.5, 0)])
 def test_the_greatest_compression_of_a_spinning_disk_is_where_it_turns_back(spin, eta_star):
     scene = load_scene("exponential_wall").with_(points=60, spin=spin, eta_star=eta_star)
-    columns = api.run(scene).series
+    columns = api.run(scene, lattices=1).series
     force, stretched = columns["wall_force"], columns["elastic"].argmax()
     assert force[stretched] < 1e-3 * force.max()  # by its spin, before it touches the wall
     assert abs(np.interp(greatest_compression(columns), columns["t"], columns["com_vy"])) < 0.1 * scene.impact.velocity
@@ -421,7 +425,7 @@ def test_the_greatest_compression_of_a_spinning_disk_is_where_it_turns_back(spin
 
 @needs_vulkan
 def test_the_film_of_a_loading_tells_the_part_of_the_load_and_grows_without_a_leap(tmp_path, captions):
-    pressed = api.run(load_scene("compression", ["lattice.points=60", "compression.method=newton"]))
+    pressed = api.run(load_scene("compression", ["lattice.points=60", "compression.method=newton"]), lattices=1)
     pressed.film(tmp_path / "frames", size=SIZE, fps=10, seconds=4, beside=pressed)
     assert captions[0::2] == captions[1::2] and len(captions) == 80
     parts = [float(lines[0].split()[2]) for lines in captions[::2]]
@@ -448,7 +452,7 @@ def test_the_film_of_a_compression_on_a_soft_wall_shows_the_disk_from_its_start(
 
 @needs_vulkan
 def test_curves_without_room_beside_a_small_film_are_left_out(tmp_path):
-    result = api.run(load_scene("exponential_wall", ["lattice.points=20"]))
+    result = api.run(load_scene("exponential_wall", ["lattice.points=20"]), lattices=1)
     for size, width in ((64, 64), (358, 358), (360, 640)):
         assert iio.imread(result.film(tmp_path / f"{size}.png", size=size, panel=True)).shape[:2] == (size, width)
 
@@ -464,7 +468,7 @@ def test_curves_without_room_beside_a_small_film_are_left_out(tmp_path):
     ids=["all energies", "load", "powers of ten"],
 )
 def test_no_word_beside_the_curves_of_a_small_film_is_cut(tmp_path, scene):
-    result = api.run(load_scene(scene[0], [*scene[1:], "lattice.points=30"]))
+    result = api.run(load_scene(scene[0], [*scene[1:], "lattice.points=30"]), lattices=1)
     one = iio.imread(result.film(tmp_path / "one.png", size=360, panel=True))[:, 360:]
     two = iio.imread(result.film(tmp_path / "two.png", size=360, panel=True, beside=result))[:, 720:]
     for panel in (one, two):

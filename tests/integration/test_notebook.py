@@ -62,7 +62,7 @@ def test_a_widget_is_played_with_while_cells_compute(tmp_path: Path) -> None:
         say("speed", value=10.0)
         say("press", key="space")
         await until(lambda: sandbox.results)
-        result = run(sandbox.scene, video=False)  # a cell
+        result = run(sandbox.scene, video=False, lattices=1)  # a cell
         assert sandbox.results[0].value == result.summary["restitution"]
         say("press", key="t")
         await until(lambda: sandbox.scene.video.theme == "dark")
@@ -127,7 +127,7 @@ SCENE = {"scene": "exponential_wall", "lattice": {"points": 60}, "impact": {"vel
 
 
 def test_a_result_is_a_line_in_a_terminal_and_a_table_with_a_plot_in_a_notebook() -> None:
-    result = run(SCENE)
+    result = run(SCENE, lattices=1)
     assert repr(result).startswith("Result(exponential_wall, 60 points, restitution 0.") and len(repr(result)) < 100
     html = result._repr_html_()
     assert "restitution e" in html and f"{result.error:.0e}"[0] in html
@@ -143,7 +143,7 @@ def test_a_result_is_a_line_in_a_terminal_and_a_table_with_a_plot_in_a_notebook(
 def test_a_film_is_shown_inline_with_controls_and_leaves_no_file(tmp_path: Path, monkeypatch: Any) -> None:
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
-    result = run(SCENE)
+    result = run(SCENE, lattices=1)
     assert "<video controls loop" in (film := result.show(size=64, seconds=0.1))._repr_html_()
     assert film.data[4:8] == b"ftyp" and len(repr(film)) < 40
     assert "<img" in result.show(size=64, format="png")._repr_html_()
@@ -189,7 +189,7 @@ def test_long_work_shows_a_bar_by_itself_in_a_notebook_which_goes_at_the_end(mon
     work()
     assert not told  # too soon
     monkeypatch.setattr("taichi_disk.progress.BAR_DELAY", 0.0)
-    with pytest.raises(InputError, match="progress: must be callable"):
+    with pytest.raises(InputError, match="progress: must be a function"):
         work(3)
     work(lambda stage, done, total: None)
     assert not told

@@ -23,7 +23,7 @@ SCENE = load_scene(
 
 @pytest.fixture(scope="module")
 def result(tmp_path_factory):
-    return run(SCENE, tmp_path_factory.mktemp("it's") / "a run", video=False)
+    return run(SCENE, tmp_path_factory.mktemp("it's") / "a run", video=False, lattices=1)
 
 
 def streamed(path):

@@ -24,10 +24,10 @@ def runs(tmp_path_factory):
     small = ["lattice.points=100", "impact.velocity=0.05", "video.size=240", "video.seconds=0.5", "video.fps=10"]
     for name, eta in (("lossy", 20), ("elastic", 1)):
         scene = load_scene("exponential_wall", [*small, f"material.eta_star={eta}", "video.colour=force"])
-        run(scene, folder / name, video=name == "lossy" and not problem)
-    run(scene, folder / "own", velocities=np.tile([0.01, -0.05], (100, 1)), video=False)
+        run(scene, folder / name, video=name == "lossy" and not problem, lattices=1)
+    run(scene, folder / "own", velocities=np.tile([0.01, -0.05], (100, 1)), video=False, lattices=1)
     press = ["lattice.points=100", "compression.method=newton"]
-    run(load_scene("compression", press), folder / "pressed", video=False)
+    run(load_scene("compression", press), folder / "pressed", video=False, lattices=1)
     return [folder / name for name in ("lossy", "elastic", "own", "pressed")]
 
 

@@ -20,7 +20,8 @@ def oscillator(integrator, angle):
     """Half the trace of one step of x'' = -x by h = `angle`: cos of the phase it turns by, at most 1 while stable."""
     step = np.eye(2)
     for kick, move in zip(integrator.kicks, (*integrator.moves, 0.0), strict=True):
-        step = np.array([[1.0, move * angle], [0.0, 1.0]]) @ np.array([[1.0, 0.0], [-kick * angle, 1.0]]) @ step
+        force = angle * (1.0 - integrator.correction * angle**2)
+        step = np.array([[1.0, move * angle], [0.0, 1.0]]) @ np.array([[1.0, 0.0], [-kick * force, 1.0]]) @ step
     return 0.5 * np.trace(step)
 
 

@@ -15,7 +15,7 @@ from bodies import ELASTIC, FALLING, disk, disk_and_wall, matched, moving_down, 
 from numpy.testing import assert_allclose, assert_array_equal
 
 from taichi_disk import runtime
-from taichi_disk.integrators import TRAPEZOIDAL, VEFRL, VELOCITY_VERLET
+from taichi_disk.integrators import TAKAHASHI_IMADA, TRAPEZOIDAL, VEFRL, VELOCITY_VERLET
 from taichi_disk.physics import Model, ResetBoundary, Springs, ordering
 from taichi_disk.simulation.simulation import Simulation
 
@@ -42,7 +42,8 @@ def test_subdomains_share_no_point_and_hold_every_spring_once(monkeypatch):
 
 def body(name):
     """Lattice, model, integrator and velocities of a disk in contact that is stretched by some per cent."""
-    integrator = TRAPEZOIDAL if "trapezoidal" in name else VEFRL if "order 4" in name else VELOCITY_VERLET
+    integrator = TRAPEZOIDAL if "trapezoidal" in name else VEFRL if "four" in name else VELOCITY_VERLET
+    integrator = TAKAHASHI_IMADA if "corrected" in name else integrator
     if name.startswith("rigid"):
         lattice, model = disk(900, height=0.02), pressed(0.02, 0.02) if "dashpots" in name else FALLING
     else:
@@ -87,7 +88,8 @@ def elsewhere(name, threads):
     "name",
     [
         "rigid wall",
-        "rigid wall, order 4",
+        "rigid wall, four forces",
+        "rigid wall, corrected forces",
         "rigid wall, dashpots, trapezoidal",
         "rigid wall, dashpots, unlike",
         "elastic wall, reset",

@@ -114,7 +114,7 @@ def test_a_scene_cannot_be_changed_and_an_int_becomes_a_float() -> None:
 @pytest.mark.parametrize(
     ("kind", "refused", "told", "accepted"),
     [
-        ("exponential_wall", {"gap": 0.068}, "impact.gap: .* start at 0.06819 R or farther", {"gap": 0.0682}),
+        ("exponential_wall", {"gap": 0.068}, "impact.gap: .* write at least 0.06819 R", {"gap": 0.0682}),
         ("absorbing_wall", {"gap": 0.06}, "impact.gap", {"gap": 0.0682}),
         ("absorbing_wall", {"velocity": 1e-3}, "wall.threshold: .* write 0.1035 R or more", {"velocity": 3e-3}),
         ("absorbing_wall", {"threshold": 0.08}, "wall.threshold", {"velocity": 1e-3, "threshold": 0.1035}),
@@ -129,6 +129,7 @@ def test_a_scene_cannot_be_changed_and_an_int_becomes_a_float() -> None:
         ("exponential_wall", {"viscosity": 0.01, "eta_star": 3}, "both set", {"viscosity": 0.01, "eta_star": 10}),
         ("absorbing_wall", {"viscosity": 0.0, "eta_star": 10}, "default, 0", {"viscosity": 0.01, "eta_star": 0}),
         ("absorbing_wall", {"integrator": "vefrl", "boundary": "dashpot"}, "= dashpot", {"integrator": "vefrl"}),
+        ("absorbing_wall", {"integrator": "takahashi_imada"}, "2 beside", {"integrator": "vefrl"}),
     ],
 )
 def test_keys_that_contradict_each_other_are_refused(
@@ -152,7 +153,8 @@ def test_with_changes_keys_and_nothing_else(tmp_path: Path) -> None:
         load_scene("compression").with_({"wall.b": 3, "pints": 4}, eta_star=-1, lattice=3)
     assert str(refusal.value).split("\n  ")[1:] == [
         "lattice: must be a section, that is indented lines of key: value, not 3",
-        "material.eta_star: must be a number from 0 to 1e6, not -1 (viscosity eta R/(m c) of the dashpots; 0: none)",
+        "material.eta_star: must be a number from 0 to 1e6, not -1"
+        " (viscosity eta R/(m c) per point, as in the paper; 0: no dashpots)",
         "pints: unknown key; scene: compression has scene, lattice, material, wall, compression, time, video",
         "wall.b: unknown key; wall has a, V0",
     ]

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import hashlib
+import subprocess
+import sys
 
 import numpy as np
 import pytest
@@ -216,3 +218,17 @@ def test_bending_compliance_is_that_of_the_dense_matrix(rings):
     assert values[3] == pytest.approx(values[4], rel=1e-9)
     soft = (modes[:, 3:8] ** 2 * (1.0 / values[3:8] - 1.0 / values[8])).sum(axis=1).reshape(-1, 2).sum(axis=1)
     assert bending_compliance(stiffness) == pytest.approx(soft.max(), rel=1e-5)
+
+
+def test_a_lattice_needs_a_part_of_scipy_spatial_alone_and_the_package_stays_whole():
+    code = """
+import sys
+from taichi_disk import Lattice
+Lattice.from_points([(-1, -1), (1, -1), (1, 1), (-1, 1), (0, 0)])
+assert not {"scipy.spatial", "scipy.spatial.distance", "scipy.special"} & set(sys.modules)
+import scipy.interpolate, scipy.spatial
+from taichi_disk.lattice import spatial
+assert scipy.spatial.Delaunay is spatial.Delaunay and scipy.spatial.distance
+"""
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr

@@ -301,7 +301,7 @@ def numpy_file(shape, numbers):
     ("shape", "numbers", "message"), [((10**12, 2), 6, "claims the shape"), ((10**5, 2), 2 * 10**5, "more than 1 MB")]
 )
 def test_an_array_that_claims_all_memory_is_refused_before_it_is_read(tmp_path, monkeypatch, shape, numbers, message):
-    monkeypatch.setattr(custom, "LARGEST", 10**6)
+    monkeypatch.setattr(custom, "MAX_BYTES", 10**6)
     with zipfile.ZipFile(tmp_path / "a.npz", "w", zipfile.ZIP_DEFLATED, compresslevel=1) as archive:
         archive.writestr("positions.npy", numpy_file(shape, numbers))
     with pytest.raises(InputError, match=message):

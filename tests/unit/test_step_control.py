@@ -14,7 +14,7 @@ from taichi_disk.computation.diagnostics import MAX_CLOSING, MAX_IMBALANCE, MAX_
 from taichi_disk.computation.stability import spectrum, step_limit
 from taichi_disk.computation.step_control import BLOW_UPS, StepControl
 from taichi_disk.errors import SimulationError
-from taichi_disk.integrators import INTEGRATORS, TRAPEZOIDAL, VELOCITY_VERLET
+from taichi_disk.integrators import INTEGRATORS, TAKAHASHI_IMADA, TRAPEZOIDAL, VELOCITY_VERLET
 from taichi_disk.integrators.trapezoidal import factorise
 from taichi_disk.lattice import disk_lattice
 from taichi_disk.scenes import load_scene
@@ -82,7 +82,7 @@ def test_what_a_fast_spin_loses_counts_against_the_slow_flight(kernels):
 def test_a_harder_wall_than_estimated_is_met_with_its_measured_force(finished):
     for after_blow_up in (False, True):
         control = control_of(*SMALL)
-        limit = partial(step_limit, control.spectrum, control.scenario.model, VV)
+        limit = partial(step_limit, control.spectrum, control.scenario.model, control.step.integrator)
         # The step is to keep 5 % from the limit that the measured force leaves.
         peak = next(force for force in np.geomspace(1e-3, 1e3, 2000) if control.step.dt > 0.95 * limit(force))
         assert not control.shorten_after_run(0.99 * peak, finished.columns) and control.attempt == 1
@@ -117,7 +117,6 @@ def test_what_makes_a_result_doubtful_is_told(finished):
 def test_dashpots_are_solved_for_where_that_costs_less_than_the_steps_that_it_saves():
     # A step with the factor of 60 points costs 2.8 explicit ones, an iterated one of a million points 3.5.
     for eta_star, saved, few, many in (
-        (0.0, 1.0, VV, VV),
         (1.5, 2.03, VV, VV),
         (3.0, 3.37, TRAPEZOIDAL, VV),
         (6.0, 6.3, TRAPEZOIDAL, TRAPEZOIDAL),
@@ -132,6 +131,22 @@ def test_dashpots_are_solved_for_where_that_costs_less_than_the_steps_that_it_sa
         for name in ("velocity_verlet", "trapezoidal"):
             chosen = StepControl(scenario, replace(scenario.scene.time, integrator=name), own)
             assert chosen.step.integrator is INTEGRATORS[name]
+
+
+@pytest.mark.parametrize(
+    ("settings", "expected"),
+    [
+        (SMALL, TAKAHASHI_IMADA),
+        ((*SMALL[:2], "material.eta_star=0.1"), VV),
+        ((*SMALL, "wall.friction=0.1"), VV),
+        (("absorbing_wall", *SMALL[1:3], "wall.boundary=pinned", "wall.contact=smooth"), TAKAHASHI_IMADA),
+        (("absorbing_wall", *SMALL[1:3], "wall.boundary=pinned"), VV),  # the contact force jumps
+        (("absorbing_wall", *SMALL[1:3], "wall.contact=smooth"), VV),  # the boundary is reset
+        (("absorbing_wall", *SMALL[1:3], "wall.boundary=dashpot", "wall.contact=smooth"), VV),
+    ],
+)
+def test_order_4_is_taken_where_forces_are_smooth_and_depend_on_positions_alone(settings, expected):
+    assert control_of(*settings).step.integrator is expected
 
 
 def test_the_elimination_order_keeps_the_factor_of_the_dashpots_sparse():
