@@ -70,6 +70,8 @@ QUANTITIES: dict[str, Quantity] = {
 def field(name: str, lattice: Lattice, springs: Springs, x: Array, v: Array) -> Field:
     """Compute the quantity `name` of QUANTITIES for points at `x` (n, 2) [R] with velocities `v` (n, 2) [c].
 
+    `springs` are the laws of the springs of `lattice`.
+
     - pressure, shear: from the `stress` of each triangle; pressure is positive under compression.
     - fringes: brightness from 0 to 1 at the points, see `fringes` and `smooth_stress`.
     - rate: -div v of each triangle, positive under compression.
