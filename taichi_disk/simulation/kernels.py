@@ -177,8 +177,7 @@ class SubdomainKernels(Kernels):
         last = ti.min(first + self.state.subdomain_points[None], self.state.n[None])
         kick, move, shift = ti.static(*self.integrator.stages[stage])
         h = self.passed(number, self.state.h[None])
-        shift_now = shift * self.state.h[None] * self.state.h[None]
-        peak_point_force = self.drift(kick * h, move * h, shift_now, first, last)
+        peak_point_force = self.drift(kick * h, move * h, shift * h * h, first, last)
         elastic, products = self.springs.add(self.state, self.explicit, begin, self.ends[c])
         self.parts[0][c], self.parts[1][c], self.parts[2][c] = peak_point_force, elastic, products
 

@@ -131,16 +131,16 @@ class Simulation:
         self.first_row = self.now = rows[0]
 
     def _vectors(self, lattice: Lattice, model: Model, v: Array) -> Array:
-        """(3 to 5, n, 2) what `Snapshot` has, at t = 0; without a correction no forces yet."""
+        """(3 to 5, n, 2) what `Snapshot` has, at t = 0, no forces yet."""
         x, c = lattice.positions, self.integrator.correction * self.dt**2
+        nothing, mass = np.zeros_like(x), lattice.masses[:, None]
         if not c:
-            return np.stack([x, v, np.zeros_like(x), v][: len(self.state.vectors)])
-        at_rest, mass = np.zeros_like(v), lattice.masses[:, None]
+            return np.stack([x, v, nothing, v][: len(self.state.vectors)])
         a, before, after = (
-            model.forces_moving(lattice, x + t * v, at_rest) / mass for t in (0.0, -DIFFERENCE, DIFFERENCE)
+            model.forces_moving(lattice, x + t * v, nothing) / mass for t in (0.0, -DIFFERENCE, DIFFERENCE)
         )
         observed = v - self.integrator.observed_kick * self.dt * a
-        return np.stack([x, v + 0.5 * c / DIFFERENCE * (after - before), mass * a, observed, x - c * a])
+        return np.stack([x, v + 0.5 * c / DIFFERENCE * (after - before), nothing, observed, x - c * a])
 
     # ---- time
 

@@ -181,11 +181,13 @@ class Stepping:
             v = get(self.state.v, i) + kick * acceleration
             put(self.state.v, i, v)
             if ti.static(self.state.corrected):
-                place = get(self.state.X, i) + move * v
-                put(self.state.X, i, place)
-                put(self.state.x, i, place + shift * acceleration)
-                if shift == 0.0:  # v - h^2/12 da/dt, with the difference of two steps' accelerations
+                if move != 0.0:
+                    put(self.state.X, i, get(self.state.X, i) + move * v)
+                    put(self.state.x, i, get(self.state.X, i))
+                    # v - h^2/12 da/dt, with the difference of two steps' accelerations
                     put(self.state.u, i, v + (self.state.closing[None] - self.state.observed[None]) * acceleration)
+                elif shift != 0.0:
+                    put(self.state.x, i, get(self.state.X, i) + shift * acceleration)
             else:
                 put(self.state.x, i, get(self.state.x, i) + move * v)
             if ti.static(self.explicit):
@@ -251,8 +253,7 @@ class Stepping:
                 for s in ti.static(range(self.integrator.forces)):
                     if k == s:
                         kick, move, shift = self.integrator.stages[s]
-                shift *= self.state.h[None] * self.state.h[None]
-                sums, elastic, products, upward, potential = self.stage(kick * h, move * h, shift, sums)
+                sums, elastic, products, upward, potential = self.stage(kick * h, move * h, shift * h * h, sums)
         return self.account(number, sums, products), elastic, upward, potential
 
     @ti.func

@@ -86,7 +86,7 @@ def test_a_flat_wall_gives_a_spinning_disk_no_sideways_push_and_just_its_torque(
     # dL/dt = sum (x_i - x_cm) F_i, F_i = a V0 exp(-a y_i) upwards; a step's kick is h times the force at it, so that
     # the sum over the steps of an impact is exact. Likewise d(com_vy)/dt = wall force. L starts as spin times inertia.
     settings = ("lattice.points=40", "material.eta_star=0", "impact.velocity=0.1", "impact.spin=0.3", "impact.turn=0.5")
-    fine = ("time.safety=0.2", "time.sample_interval=1e-6")  # a row for each step
+    fine = ("time.integrator=velocity_verlet", "time.safety=0.2", "time.sample_interval=1e-6")  # a row for each step
     scenario, outcome = computed(kernels, "exponential_wall", *settings, *fine, estimate=False)
     columns, wall, h = outcome.columns, scenario.model.wall, outcome.summary["dt"]
     arm = scenario.lattice.positions - scenario.lattice.positions.mean(axis=0)

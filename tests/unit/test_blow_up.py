@@ -40,7 +40,7 @@ def test_a_lost_balance_is_seen_in_the_first_row_that_shows_it(energies, lost):
 
 
 def test_a_forced_step_is_told_and_the_state_before_it_is_kept(kernels):
-    driver = driver_of(kernels, *SMALL, "impact.gap=0.13", "time.dt=0.1", "time.sample_interval=0.9", force=True)
+    driver = driver_of(kernels, *SMALL, "impact.gap=0.13", "time.dt=0.2", "time.sample_interval=1.8", force=True)
     assert driver.advance() == "failed" and isinstance(driver.failure, BlowUp)
     message, good = str(driver.failure), driver.failure.last_good
     told = r"blow-up after t = ([0-9.]+) R/c: the energy balance is off by .*; before that spring (\d+) between points"
@@ -53,16 +53,16 @@ def test_a_forced_step_is_told_and_the_state_before_it_is_kept(kernels):
     # Up to there little is wrong: the disk falls at its speed. All rows until then are known.
     assert np.isfinite(good["positions"]).all()
     assert good["velocities"][:, 1].mean() == pytest.approx(-0.02, abs=1e-4)
-    assert 0.0 <= good["t"] - driver.columns["t"][-1] <= driver.stride * 0.1
+    assert 0.0 <= good["t"] - driver.columns["t"][-1] <= driver.stride * 0.2
 
 
 @pytest.mark.parametrize("dt", ["0.02", "auto"])
 def test_a_number_lost_by_the_machine_is_found_in_the_next_launch_and_told_as_that(dt, kernels, monkeypatch):
     monkeypatch.setattr("taichi_disk.computation.driver.SPRINGS_PER_LAUNCH", 20_000)
     driver = driver_of(kernels, *SMALL, "impact.gap=0.13", f"time.dt={dt}")
-    driver.advance(steps=500)
+    driver.advance(steps=60 if dt == "auto" else 500)  # amid the impact
     snapshot = driver.simulation.snapshot()
-    snapshot.vectors[0, 5, 1] = np.nan
+    snapshot.vectors[1, 5, 1] = np.nan
     driver.simulation.restore(snapshot)
     if dt == "auto":  # a shorter step, from the start: nothing is wrong then
         assert driver.advance() == "restarted"

@@ -326,7 +326,8 @@ def test_what_the_mouse_pulled_cannot_be_made_again_and_its_energy_is_no_imbalan
 @pytest.mark.parametrize("change", ["hit", "rewind", "start"])
 def test_a_blow_up_is_told_and_any_change_gives_time_back(kernels: KernelCache, change: str) -> None:
     # A step by hand that is good until the wall pushes harder than was reckoned with.
-    sandbox = opened(kernels, ["lattice.points=60", "material.eta_star=0", "impact.velocity=0.1", "wall.a=3000"])
+    hard = ["lattice.points=60", "material.eta_star=0", "impact.velocity=0.1", "wall.a=3000", "impact.gap=0.1"]
+    sandbox = opened(kernels, hard)
     sandbox.begin(sandbox.scene.with_({"time.dt": 0.999 * sandbox.segment.step.limit}))
     to_the_end(sandbox)
     assert "blow-up" in sandbox.message and "back to the start" in sandbox.message and np.isfinite(sandbox.seen.x).all()
