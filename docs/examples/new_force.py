@@ -4,6 +4,7 @@ python docs/examples/new_force.py
 """
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 

@@ -14,6 +14,7 @@ import numpy as np
 from taichi_disk import runtime
 from taichi_disk.api.lattices import MOST_LATTICES
 from taichi_disk.api.work import FRAMES, Clock, built, compute_into, shared_kernels, solved, write_run
+from taichi_disk.computation.contact import greatest_compression
 from taichi_disk.computation.outcome import Outcome
 from taichi_disk.computation.scenario import Scenario
 from taichi_disk.config.tree import Source, as_path
@@ -29,6 +30,11 @@ from taichi_disk.signals import raise_if_interrupted
 from taichi_disk.statics.modes import Modes, modes
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+    from pandas import DataFrame
+
+    from taichi_disk.fields import Field
     from taichi_disk.output.inline import Film, Plot
 
 __all__ = ["Modes", "Result", "State", "run", "shared_kernels"]
@@ -125,6 +131,12 @@ class Result:
         """The time series: one array (rows,) for each column of timeseries.csv."""
         return self.outcome.columns
 
+    def dataframe(self) -> DataFrame:
+        """Return the time series as a table of pandas. Raises TaichiDiskError if pandas is not installed."""
+        from taichi_disk.output.inline import dataframe
+
+        return dataframe(self.series, "series")
+
     # ---- states
 
     @property
@@ -150,18 +162,26 @@ class Result:
         t, x, v = zip(*moments, strict=True)
         return np.array(t), np.array(x), np.array(v)
 
-    def field(self, name: str, t: float) -> Any:
-        """The quantity `name` at time `t` [R/c]: see `taichi_disk.fields.field` for the names and what is returned.
+    @property
+    def greatest_compression(self) -> State:
+        """The state of the greatest compression, computed again whenever it is asked for; of a loading, its end."""
+        return self.state(greatest_compression(self.series))
 
-        Raises InputError for an unknown name or a time outside the run.
+    def field(self, name: str, t: float, at: str = "own") -> Field:
+        """Return the quantity `name` at time `t` [R/c]; see `taichi_disk.fields.field` for the names.
+
+        `at="points"`: values (n,) at the points, as pictures show them, also of a quantity of triangles or springs.
+        Raises InputError for an unknown name or place, or a time outside the run.
         """
-        from taichi_disk.fields import QUANTITIES
-        from taichi_disk.fields import field as quantity
+        from taichi_disk.fields import QUANTITIES, point_field
+        from taichi_disk.fields import field as own_field
 
         if name not in QUANTITIES:
             raise InputError(f"no quantity {name!r}; there are {', '.join(QUANTITIES)}")
+        if at not in ("own", "points"):
+            raise InputError(f'at: must be "own", the triangles or springs of the quantity, or "points", not {at!r}')
         _, x, v = self.state(t)
-        return quantity(name, self.lattice, self.scenario.model.springs, x, v)
+        return (own_field if at == "own" else point_field)(name, self.lattice, self.scenario.model.springs, x, v)
 
     def modes(self, count: int = 40) -> Modes:
         """The lowest normal modes of the free disk, and the energy of each at the end of the run.
@@ -214,6 +234,22 @@ class Result:
         from taichi_disk.output.plot import run_figure
 
         return run_figure(self.scenario, self.series, headline(self.summary, self.scenario.labels))
+
+    @runtime.alone()
+    def draw(self, t: float | str = "greatest", colour: str | None = None, ax: Axes | None = None) -> Figure:
+        """Draw a state on Matplotlib axes: the field in a film's colours, springs, wall, scale; return the figure.
+
+        Args:
+            t: a moment as for `film`.
+            colour: a quantity, by default the scene's `video.colour`.
+            ax: axes to draw on; by default those of a new figure, which a notebook shows.
+
+        Displacements are not magnified. Raises InputError for an unknown quantity or moment.
+        """
+        from taichi_disk.render.state_figure import draw_state
+
+        scene = self.scene.with_({"video.colour": colour}) if colour else self.scene
+        return draw_state(self.outcome, scene.video, t, ax)
 
     def show(
         self, beside: Result | Sequence[Result] | None = None, progress: Progress | None = None, **video: Any
@@ -348,8 +384,9 @@ def run(
     progress: Progress | None = None,
     say: Callable[[str], None] = lambda text: None,
     started: float = 0.0,
+    **changes: Any,
 ) -> Result:
-    """Compute a scene.
+    """Compute a scene, changed as by `with_`: `run("exponential_wall", velocity=0.03)`.
 
     Args:
         scene: as `load_scene` gives it, or what that takes.
@@ -371,12 +408,14 @@ def run(
             at a result.
         say: told what a person should know: that the run goes elsewhere and why, or what a long run will cost.
         started: seconds that the process has taken before this, for the wall clock of the summary.
+        changes: keys of the scene and their values.
 
     Raises InputError, with nothing written, for what cannot be computed as asked; SimulationError when the computation
     fails: `out` then holds summary.json (status `failed` and why) and, after a blow-up, failure.npz.
     """
     raise_if_interrupted()  # while all was imported
     scene = scene if isinstance(scene, DiskScene) else load_scene(scene)
+    scene = scene.with_(changes) if changes else scene
     if lattices is not None and not (isinstance(lattices, (int, np.integer)) and 1 <= lattices <= MOST_LATTICES):
         raise InputError(f"lattices: must be a whole number from 1 to {MOST_LATTICES:,}, not {lattices!r}")
     clock, progress = Clock(**{"start": started} if started else {}), progress or silent

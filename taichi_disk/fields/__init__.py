@@ -70,6 +70,8 @@ QUANTITIES: dict[str, Quantity] = {
 def field(name: str, lattice: Lattice, springs: Springs, x: Array, v: Array) -> Field:
     """Compute the quantity `name` of QUANTITIES for points at `x` (n, 2) [R] with velocities `v` (n, 2) [c].
 
+    `springs` are the laws of the springs of `lattice`.
+
     - pressure, shear: from the `stress` of each triangle; pressure is positive under compression.
     - fringes: brightness from 0 to 1 at the points, see `fringes` and `smooth_stress`.
     - rate: -div v of each triangle, positive under compression.
@@ -116,6 +118,12 @@ def at_points(name: str, triangles: Triangles, springs: Springs, x: Array, v: Ar
         ends, n = triangles.lattice.bonds.ravel(), len(x)
         return np.bincount(ends, np.repeat(values, 2), n) / np.maximum(np.bincount(ends, minlength=n), 1)
     return values
+
+
+def point_field(name: str, lattice: Lattice, springs: Springs, x: Array, v: Array) -> Field:
+    """Return the quantity `name` at the points, as pictures show it, see `at_points`. Arguments as for `field`."""
+    values, kind = at_points(name, Triangles(lattice), springs, x, v), QUANTITIES[name]
+    return Field(fringes(0.5 * values) if name == "fringes" else values, "points", kind.unit)
 
 
 def fringes(largest_shear: Array, fringe: float = 0.0) -> Array:

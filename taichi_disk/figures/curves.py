@@ -164,8 +164,8 @@ def analyse(base: Scene, axes: Sequence[str], rows: Sequence[Row]) -> list[Curve
         return []
     others = [name for name in axes if name not in (abscissa, seed)]
     of_material = [name for name in others if target_of(base, name) in MATERIAL]
-    by_material, curves = _grouped([row for row in rows if row["status"] == "done"], of_material), []
-    for values, members in _grouped(rows, others).items():
+    by_material, curves = grouped([row for row in rows if row["status"] == "done"], of_material), []
+    for values, members in grouped(rows, others).items():
         label = dict(zip(others, values, strict=True))
         done = {(row[seed] if seed else 0, row[abscissa]): row for row in members if row["status"] == "done"}
         x = sorted({row[abscissa] for row in members})
@@ -186,7 +186,8 @@ def analyse(base: Scene, axes: Sequence[str], rows: Sequence[Row]) -> list[Curve
     return curves
 
 
-def _grouped(rows: Sequence[Row], names: Sequence[str]) -> dict[tuple[Any, ...], list[Row]]:
+def grouped(rows: Sequence[Row], names: Sequence[str]) -> dict[tuple[Any, ...], list[Row]]:
+    """Return the rows by their values of `names`."""
     groups: dict[tuple[Any, ...], list[Row]] = {}
     for row in rows:
         groups.setdefault(tuple(row[name] for name in names), []).append(row)
@@ -246,15 +247,29 @@ def draw(scene: Scene, curves: list[Curve], out: Path) -> None:
 def curves_figure(scene: Scene, curves: list[Curve]) -> Plot:
     """Return the figure that `draw` writes, for display in a notebook or further changes."""
     with matplotlib_style({**STYLE, **FONT}):
-        figure = _drawn(scene, curves)
+        return to_change(_drawn(scene, curves))
+
+
+def to_change(figure: Plot) -> Plot:
+    """Give ticks that are made later the style, too, and lay the figure out whenever it is drawn."""
+    figure.set_layout_engine("constrained")
+    for ax in figure.axes:
+        look = {"grid_color": STYLE["grid.color"], "grid_linewidth": STYLE["grid.linewidth"]}
+        ax.tick_params(which="both", labelsize=FONT["font.size"], **look)
+    figure.draw_without_rendering()
     figure.set_dpi(200)
     return figure
 
 
-def _drawn(scene: Scene, curves: list[Curve]) -> Plot:
-    figure = Plot(figsize=(3.4, 2.9 + 0.09 * len(curves)), layout="constrained")
+def one_plot(height: float) -> tuple[Plot, Axes]:
+    """Return a figure as wide as a column of a journal, `height` [inch] high, and its axes."""
+    figure = Plot(figsize=(3.4, height), layout="constrained")
     FigureCanvasAgg(figure)
-    ax = figure.subplots()
+    return figure, figure.subplots()
+
+
+def _drawn(scene: Scene, curves: list[Curve]) -> Plot:
+    figure, ax = one_plot(2.9 + 0.09 * len(curves))
     layout = FIGURES[scene.scene]
     layout.draw(ax, layout.paper, curves)
     # The legend lists simulated points before the lines of the laws.
@@ -266,11 +281,12 @@ def _drawn(scene: Scene, curves: list[Curve]) -> Plot:
     return figure
 
 
-def _curve_label(curve: Curve) -> str:
+def curve_label(label: dict[str, Any]) -> str:
+    """Return what a curve is called in a legend, from the values of its axes."""
     parts = []
-    for name, value in curve.label.items():
+    for name, value in label.items():
         symbol = SYMBOLS.get(name.split(".")[-1], name)
-        text = f"{value:g}" if isinstance(value, (int, float)) and not isinstance(value, bool) else str(value)
+        text = f"{value:.4g}" if isinstance(value, float) else str(value)
         parts.append(f"{symbol} = {text}" if symbol else text)
     return ", ".join(parts) or "simulated"
 
@@ -285,7 +301,7 @@ def _points(ax: Axes, curves: list[Curve], upright: bool) -> list[Any]:
         force = curve.x / (np.pi * curve.young)
         values = (curve.x, curve.mean, curve.deviation) if upright else (curve.mean, force, None, curve.deviation)
         style = {"color": colour, "marker": MARKERS[k % len(MARKERS)], "markersize": 3.5 if upright else 4.0}
-        ax.errorbar(*values, **style, linestyle="none", elinewidth=0.8, label=_curve_label(curve))
+        ax.errorbar(*values, **style, linestyle="none", elinewidth=0.8, label=curve_label(curve.label))
     if counts := sorted({len(curve.y) for curve in curves if len(curve.y) > 1}):
         text = f"bars: {' or '.join(map(str, counts))} lattices"
         ax.errorbar([], [], [], color="0.45", linestyle="none", elinewidth=0.8, label=text)
@@ -330,13 +346,18 @@ def _impact(ax: Axes, paper: dict[str, float], curves: list[Curve]) -> None:
         v = np.geomspace(x.min(), x.max(), 80)
         text = f"eq. (5), paper: d₁ = {paper['d1']}, d₂ = {paper['d2']}"
         ax.plot(v, theory.paper_restitution(v, paper["d1"], paper["d2"]), "--", color=SUM, label=text)
-    if x.max() >= 4.0 * x.min():  # a linear axis would crowd the slow points; a short logarithmic one, its labels
+    log_if_wide(ax, x)
+    ax.set_xlabel("impact speed  v/c")
+    ax.set_ylabel("coefficient of restitution  e")
+
+
+def log_if_wide(ax: Axes, x: Array) -> None:
+    """Make the axis of positive `x` logarithmic if they span a factor of 4; on a shorter axis labels would crowd."""
+    if x.max() >= 4.0 * x.min() > 0.0:
         ax.set_xscale("log")
         ax.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
         ax.xaxis.set_major_formatter(FuncFormatter(lambda v, _: f"{v:g}"))
         ax.xaxis.set_minor_formatter(NullFormatter())
-    ax.set_xlabel("impact speed  v/c")
-    ax.set_ylabel("coefficient of restitution  e")
 
 
 class PaperFigure(NamedTuple):

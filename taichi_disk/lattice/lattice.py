@@ -121,7 +121,8 @@ class Lattice:
                 "at random", which corresponds to rim=False, min_spacing=0.
             hole: radius of a concentric hole [R]; 0: none.
             core_radius: radius of a concentric core of another material [R]; 0: none.
-            core_stiffness, core_density: stiffness and density of the core relative to the rest.
+            core_stiffness: stiffness of the core's springs relative to the rest.
+            core_density: density of the core relative to the rest.
 
         Raises InputError if an argument is out of range, SimulationError if the points cannot be placed or meshed.
         """

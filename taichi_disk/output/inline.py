@@ -7,9 +7,14 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from html import escape
 from io import BytesIO
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from matplotlib.figure import Figure
+
+from taichi_disk.errors import TaichiDiskError, pip_install
+
+if TYPE_CHECKING:
+    from pandas import DataFrame
 
 KINDS = {"mp4": "video/mp4", "webm": "video/webm", "gif": "image/gif", "png": "image/png"}
 FRAME = "width: 100%; height: 640px; border: 0"  # of a film that is a page
@@ -39,6 +44,15 @@ class Film:
             return f'<iframe style="{FRAME}" srcdoc="{escape(self.data.decode())}"></iframe>'
         source = f'style="max-width: 100%" src="{_inline(self.data, self.kind)}"'
         return f"<video controls loop {source}></video>" if self.kind in ("mp4", "webm") else f"<img {source}>"
+
+
+def dataframe(data: Any, otherwise: str) -> DataFrame:
+    """Return `data` as a table of pandas. Raises TaichiDiskError, which names what holds the data `otherwise`."""
+    try:
+        from pandas import DataFrame
+    except ImportError as error:
+        raise TaichiDiskError(f"no table, because of {error}: {pip_install('pandas')}; or use `{otherwise}`") from None
+    return DataFrame(data)
 
 
 def card(title: str, rows: Iterable[tuple[str, ...]], figure: Plot | None) -> str:

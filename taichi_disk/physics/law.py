@@ -140,10 +140,12 @@ class Wall(ExponentialPotential, Law):
     Attributes:
         is_elastic: whether the wall is a lattice, of points behind those of the disk.
         has_friction: whether the wall resists sliding, by a Taichi function `rub`.
+        has_jumps: whether the force jumps where points of the disk pass from spring to spring of the wall.
     """
 
     is_elastic: bool = False
     has_friction: bool = False
+    has_jumps: bool = False
 
     def contact_forces(self, lattice: Lattice, x: Array, *moving: Any) -> tuple[NDArray[np.intp], Array]:
         """Return (points (k,), forces (k, 2) [M c^2/R]) of the wall on the points of the disk in its reach.

@@ -57,7 +57,7 @@ class Model:
     @property
     def has_jumps(self) -> bool:
         """Whether a force jumps where points of the disk pass from spring to spring of an elastic wall."""
-        return self.elastic is not None and self.elastic.has_jumps
+        return self.wall is not None and self.wall.has_jumps
 
     @property
     def reset_interval(self) -> float:

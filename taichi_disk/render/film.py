@@ -77,7 +77,7 @@ def film(path: Path, runs: Sequence[Run], video: VideoSection, progress: Progres
     progress("render", 0, len(shots))
 
     def write(new: Path) -> None:
-        states = [_States(run, video, shots) for run in runs]
+        states = [States(run, video, shots) for run in runs]
         with (
             closing(_pictures(states, video, shots)) as pictures,
             encoded(new, path.suffix, pictures.width, video.size, video.fps, carried) as append,
@@ -103,7 +103,7 @@ def film_origin(runs: Sequence[Run], video: VideoSection) -> str:
 # ---- how to draw
 
 
-def _pictures(states: Sequence[_States], video: VideoSection, shots: Sequence[Cue]) -> Pictures:
+def _pictures(states: Sequence[States], video: VideoSection, shots: Sequence[Cue]) -> Pictures:
     magnify = magnification(video.magnify, max(one.flattest for one in states))
     for one in states:
         one.painter.magnify = magnify
@@ -129,7 +129,7 @@ def _names(titles: Sequence[tuple[str, ...]]) -> list[str]:
     return names if fit else [f"{k}. from the left" for k in range(1, len(names) + 1)]
 
 
-class _States:
+class States:
     """The moments of a run that its pictures show, and how to draw them: both from one replay.
 
     Colours, arrows, the wall's edge and the view fit the greatest compression and, of a film, moments before it. The

@@ -96,6 +96,16 @@ class Painter:
         table = self.map
         return table[(np.clip(normalised, 0.0, 1.0) * (len(table) - 1) + 0.5).astype(np.intp)]
 
+    @property
+    def triangles(self) -> Triangles:
+        """The lattice's triangles and their sides."""
+        return self._triangles
+
+    @property
+    def fringe_parts(self) -> int:
+        """How many parts the sides of triangles are cut into for fringes, which are not linear between points."""
+        return min(max(round(np.sqrt(_FRINGE_PARTS / max(len(self._triangles.triangles), 1))), 1), 6)
+
     # ---- drawing
 
     def placed(self, x: Array) -> Array:
@@ -186,8 +196,8 @@ class Painter:
             # Springs are seen where triangles that are drawn smaller leave a darker field between them.
             inset, parts = max(_SPRING * unit, 0.55) / camera.scale, 1
             if fringes:  # their colour is not linear between the points
-                inset, parts = 0.0, min(max(round(np.sqrt(_FRINGE_PARTS / max(len(corners), 1))), 1), 6)
-            pattern = _pattern(parts)
+                inset, parts = 0.0, self.fringe_parts
+            pattern = subdivision(parts)
             out = _vertices(len(corners) * len(pattern))
             kernels.fill(x, values, corners, pattern, inset, self.map, fringes, *camera.canvas_map(), out)
             draw_triangles(canvas, out)
@@ -246,7 +256,7 @@ def draw_triangles(canvas: Any, vertices: Vertices, corners: NDArray[np.int32] |
     canvas.canvas.triangles(get_field_info(vertices), indices, True, (0.0, 0.0, 0.0))
 
 
-def _pattern(parts: int) -> Array:
+def subdivision(parts: int) -> Array:
     """(q, 3) weights of a triangle's corners at those of the parts x parts triangles that it is cut into."""
     cells = [(m, n) for m in range(parts) for n in range(parts - m)]
     upright = [[(m, n), (m + 1, n), (m, n + 1)] for m, n in cells]

@@ -15,13 +15,13 @@ from uuid import uuid4
 
 from filelock import FileLock, Timeout
 
-from taichi_disk.errors import InputError, TaichiDiskError, pip_install
+from taichi_disk.errors import InputError
 from taichi_disk.lattice import file_digest
 from taichi_disk.output.files import prepare_output, reason, remove, versions, write_csv, write_summary, write_text
 from taichi_disk.output.run_folder import refuse_run
 from taichi_disk.progress import Progress, reported, silent
 from taichi_disk.scenes import Scene
-from taichi_disk.scenes.sweep_axes import Sweep, value_of
+from taichi_disk.scenes.sweep_axes import Sweep, target_of, value_of
 from taichi_disk.sweep import executors
 from taichi_disk.sweep.work import PointResult
 from taichi_disk.version import __version__
@@ -67,22 +67,34 @@ class SweepResult:
         rows = ((label if not k else "", *line) for label, fits in curves for k, line in enumerate(fits))
         return card(f"{self.summary['scene']}: {_counted(self)}", rows, figure)
 
-    def plot(self) -> Plot:
-        """Return the Matplotlib figure of a sweep over speed or pressure. Raises InputError if the sweep has none."""
+    def plot(self, x: str | None = None, y: str | None = None) -> Plot:
+        """Return a figure of Matplotlib, which may be changed and saved.
+
+        Args:
+            x: an axis of the sweep, by default the first one that is not the seed.
+            y: a result, or another column of numbers, by default the primary result. Points are means over lattices,
+                bars their standard deviation. Without `x` and `y` it is the figure of a sweep over speed or pressure,
+                with its fits.
+
+        Raises InputError if there is no such figure, axis or column.
+        """
         from taichi_disk.figures.curves import analyse, curves_figure
 
-        first = self.sweep.scenes[0]
-        if not (curves := analyse(first, self.sweep.axes, self.rows)):
-            raise InputError(f"there is no figure of {first.scene} over {', '.join(self.sweep.axes)}: use dataframe()")
+        first, axes = self.sweep.scenes[0], self.sweep.axes
+        if x or y:
+            from taichi_disk.figures.results import result_figure
+
+            free = [name for name in axes if target_of(first, name) != ("lattice", "seed")]
+            return result_figure(first, axes, self.rows, x or (free or axes)[0], y or first.results[0])
+        if not (curves := analyse(first, axes, self.rows)):
+            raise InputError(f"there is no figure of {first.scene} over {', '.join(axes)}; name an axis: plot(x=...)")
         return curves_figure(first, curves)
 
     def dataframe(self) -> DataFrame:
-        """Return the rows as a pandas table. Raises TaichiDiskError if pandas is not installed."""
-        try:
-            from pandas import DataFrame
-        except ImportError as error:
-            raise TaichiDiskError(f"no table, because of {error}: {pip_install('pandas')}; or use `rows`") from None
-        return DataFrame(self.rows)
+        """Return the rows as a table of pandas. Raises TaichiDiskError if pandas is not installed."""
+        from taichi_disk.output.inline import dataframe
+
+        return dataframe(self.rows, "rows")
 
     @property
     def failed(self) -> list[Row]:

@@ -14,12 +14,15 @@ from multiprocessing import get_context
 
 import numpy as np
 import pytest
+from matplotlib.collections import TriMesh
+from matplotlib.figure import Figure
 
 import taichi_disk
 from taichi_disk import Lattice, Result, load_scene, load_sweep, run, run_sweep
 from taichi_disk.computation.diagnostics import BlowUp
 from taichi_disk.errors import InputError
 from taichi_disk.machine import cores
+from taichi_disk.render.palette import LEVELS, colour_map
 
 SMALL = {"lattice.points": 60, "material.eta_star": 0}
 
@@ -82,6 +85,65 @@ def test_a_field_is_that_of_its_state(result):
     i, j = result.lattice.bonds.T
     expected = np.hypot(*(x[i] - x[j]).T) / result.lattice.rest_lengths - 1
     np.testing.assert_allclose(strain.values, expected, atol=1e-13)
+
+
+def test_at_points_a_field_is_the_mean_of_the_triangles_around_each(result):
+    state = result.greatest_compression
+    pressure, own = result.field("pressure", state.t, at="points"), result.field("pressure", state.t)
+    corners = state.positions[result.lattice.triangles]
+    (ax, ay), (bx, by) = (corners[:, 1] - corners[:, 0]).T, (corners[:, 2] - corners[:, 0]).T
+    area = 0.5 * (ax * by - ay * bx)
+    around = (result.lattice.triangles == 7).any(axis=1)
+    assert pressure.on == "points" and pressure.values.shape == (60,) and own.on == "triangles"
+    assert pressure.values[7] == pytest.approx(np.average(own.values[around], weights=area[around]), rel=1e-10)
+    assert np.ptp(result.field("fringes", state.t, at="points").values) <= 1.0
+    with pytest.raises(InputError, match="at: must be"):
+        result.field("pressure", 1.0, at="springs")
+
+
+def test_the_disk_is_pushed_hardest_and_stands_lowest_at_the_greatest_compression(result):
+    state = result.greatest_compression
+    heights = [x[:, 1].mean() for x in result.trajectory(result.series["t"][::5])[1]]
+    assert state.positions[:, 1].mean() < min(heights) + 1e-3
+    assert (state.positions == result.state(state.t).positions).all()
+
+
+def test_the_time_series_is_a_table(result):
+    table = result.dataframe()
+    assert list(table) == list(result.series) and (table["com_y"] == result.series["com_y"]).all()
+
+
+def test_run_changes_keys_like_with_():
+    scene = load_scene("exponential_wall").with_(SMALL)
+    assert run(scene, velocity=0.03).scene == scene.with_(velocity=0.03)
+    with pytest.raises(InputError, match="velocit: unknown key"):
+        run(scene, velocit=0.03)
+
+
+def test_a_state_is_drawn_in_the_colours_of_films_where_it_is(result):
+    figure = result.draw(colour="pressure")
+    axes, bar = figure.axes
+    field = max((one for one in axes.collections if isinstance(one, TriMesh)), key=lambda one: len(one.get_facecolor()))
+    state, shown = result.greatest_compression, result.lattice.triangles.ravel()
+    drawn = np.array([*field.get_paths()[0].vertices[:3]])
+    assert (drawn == state.positions[shown[:3]]).all()
+    values = result.field("pressure", state.t, at="points").values[shown]
+    limit = bar.get_ylim()[1]
+    places = np.clip(0.5 + 0.5 * values / limit, 0.0, 1.0) * (LEVELS - 1) + 0.5
+    colours = colour_map("light", "pressure")[places.astype(int)]
+    np.testing.assert_allclose(field.get_facecolor()[:, :3], colours, atol=1e-6)
+    assert "pressure" in bar.get_ylabel() and axes.get_xlabel() == "x  [R]" and f"{state.t:.4g}" in axes.get_title()
+
+
+def test_a_state_is_drawn_on_given_axes_at_any_moment(result):
+    figure = Figure()
+    left, right = figure.subplots(1, 2)
+    assert result.draw("contact", "fringes", left) is figure and result.draw(0.0, ax=right) is figure
+    assert "time = 0 R/c" in right.get_title() and len(left.collections) and len(right.collections)
+    with pytest.raises(InputError, match="no moment"):
+        result.draw(-1.0)
+    with pytest.raises(InputError, match="did you mean pressure"):
+        result.draw(colour="presure")
 
 
 def test_a_saved_result_is_loaded_bitwise_the_same(result, tmp_path):

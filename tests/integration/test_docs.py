@@ -140,7 +140,7 @@ def test_integrators_give_what_the_page_on_numerics_says():
 
     row = r"^\| (\d+) \| `(\w+)` \| ([\d,]+) \| ([\d.]+) \| ([\d.]+)·10([⁻⁰¹²³⁴⁵⁶⁷⁸⁹]+) \|$"
     found = re.findall(row, (ROOT / "docs/numerics.md").read_text("utf-8"), re.MULTILINE)
-    assert len(found) == 6
+    assert len(found) == 7
     for eta_star, integrator, steps, e, part, power in found:
         estimate = float(f"{part}e{power.translate(str.maketrans('⁻⁰¹²³⁴⁵⁶⁷⁸⁹', '-0123456789'))}")
         result = run(

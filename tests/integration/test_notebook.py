@@ -161,7 +161,7 @@ def test_a_sweep_shows_its_fits_and_gives_a_figure_and_a_table(tmp_path: Path, m
     assert done.dataframe()["restitution"].tolist() == [row["restitution"] for row in done.rows]
     other = run_sweep(load_sweep(points + "sweep: {seed: {range: 2}}"), tmp_path / "seed", jobs=1)
     assert "<img" not in other._repr_html_()
-    with pytest.raises(InputError, match=r"no figure of exponential_wall over seed; see dataframe"):
+    with pytest.raises(InputError, match=r"no figure of exponential_wall over seed; name an axis"):
         other.plot()
     monkeypatch.setitem(sys.modules, "pandas", None)
     with pytest.raises(TaichiDiskError, match="-m pip install 'pandas'"):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import io
 import json
 import shutil
 import socket
@@ -431,3 +432,34 @@ def test_the_command_says_how_many_scenes_and_prints_fits_and_where_the_files_ar
     assert "note: 12 scenes, 12 of them computed before" in told
     assert "eta_star: 30, 2 lattices" in shown and "eq. (4) integrated" in shown
     assert "12 points, 0 of them computed now, 0 failed" in shown and f"files in {small.out}" in shown
+
+
+def test_any_result_is_drawn_against_any_axis_with_bars_over_lattices(small: SweepResult) -> None:
+    (axes,) = small.plot(x="velocity", y="contact_time").axes
+    assert (axes.get_xlabel(), axes.get_ylabel()) == ("velocity  [c]", "contact time  [R/c]")
+    curves = dict(zip(["0", "30"], axes.containers, strict=False))
+    for eta_star, curve in curves.items():
+        rows = [row for row in small.rows if row["eta_star"] == float(eta_star)]
+        times = np.array([[row["contact_time"] for row in rows if row["velocity"] == v] for v in (0.01, 0.02, 0.05)])
+        line, _, (bars,) = curve
+        assert curve.get_label() == f"η* = {eta_star}"
+        np.testing.assert_allclose(line.get_ydata(orig=False), times.mean(axis=1), rtol=1e-14)
+        heights = [np.ptp(segment[:, 1]) for segment in bars.get_segments()]
+        np.testing.assert_allclose(heights, 2.0 * times.std(axis=1, ddof=1), rtol=1e-9)
+    assert small.plot(x="seed").axes[0].get_ylabel() == "restitution e"
+    with pytest.raises(InputError, match="x: angle is not swept; there are eta_star, seed, velocity"):
+        small.plot(x="angle")
+    with pytest.raises(InputError, match="y: no row has a number xi; there are "):
+        small.plot(y="xi")
+
+
+@pytest.mark.parametrize("arguments", [{}, {"x": "velocity"}, {"x": "eta_star", "y": "contact_time"}])
+def test_a_figure_cuts_no_label_off_whatever_is_changed(small: SweepResult, arguments: dict[str, str]) -> None:
+    figure = small.plot(**arguments)
+    axes = figure.axes[0]
+    axes.set_xticks([axes.get_xlim()[1]], ["a long label"])
+    axes.set_ylabel("two\nlines")
+    figure.savefig(io.BytesIO())
+    box = figure.get_tightbbox(figure.canvas.get_renderer())
+    width, height = figure.get_size_inches()
+    assert box.x0 >= 0.0 and box.y0 >= 0.0 and box.x1 <= width and box.y1 <= height

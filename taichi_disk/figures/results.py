@@ -1,0 +1,83 @@
+"""Any result of a sweep against any of its axes: the mean over lattices, with bars."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import matplotlib
+import numpy as np
+
+from taichi_disk.errors import InputError
+from taichi_disk.figures.curves import (
+    FONT,
+    MARKERS,
+    SYMBOLS,
+    Row,
+    curve_label,
+    grouped,
+    log_if_wide,
+    one_plot,
+    to_change,
+)
+from taichi_disk.output.inline import Plot
+from taichi_disk.output.plot import STYLE, matplotlib_style
+from taichi_disk.scenes import Scene
+from taichi_disk.scenes.compression import Compression
+from taichi_disk.scenes.impact import ImpactScenario
+from taichi_disk.scenes.sweep_axes import target_of
+
+LABELS = Compression.labels | ImpactScenario.labels  # name and unit of each result
+
+
+def result_figure(base: Scene, axes: Sequence[str], rows: Sequence[Row], x: str, y: str) -> Plot:
+    """Return the figure of column `y` of points.csv against the axis `x`, a curve for all other axes but the seed.
+
+    Args:
+        base: a scene of the sweep.
+        axes: the swept keys.
+        rows: of points.csv; those without a number in `y` are left out.
+
+    Raises InputError if `x` is not swept, or `y` is no column of numbers.
+    """
+    names = {target_of(base, name): name for name in axes}
+    if (axis := names.get(target_of(base, x))) is None:
+        raise InputError(f"x: {x} is not swept; there are {', '.join(axes)}")
+    done = [row for row in rows if row["status"] == "done" and isinstance(row.get(y), (int, float))]
+    if not done:
+        raise InputError(f"y: no row has a number {y}; there are {', '.join(_numeric(rows))}")
+    seed = names.get(("lattice", "seed"))
+    curves = grouped(done, others := [name for name in axes if name not in (axis, seed)])
+    with matplotlib_style({**STYLE, **FONT}):
+        figure, ax = one_plot(2.6 + 0.09 * len(curves))
+        colours = matplotlib.colormaps["viridis"](np.linspace(0.0, 0.88, len(curves)))
+        counts = set[int]()
+        for k, (values, members) in enumerate(curves.items()):
+            at = {place: [row[y] for row in group] for (place,), group in grouped(members, [axis]).items()}
+            places = sorted(at) if all(isinstance(place, (int, float)) for place in at) else list(at)
+            counts |= {len(at[place]) for place in places}
+            means = [np.mean(at[place]) for place in places]
+            bars = [np.std(at[place], ddof=1) if len(at[place]) > 1 else np.nan for place in places]
+            label = curve_label(dict(zip(others, values, strict=True))) if others else None
+            mark: dict[str, Any] = {"color": colours[k], "fmt": MARKERS[k % len(MARKERS)] + "-", "markersize": 3.5}
+            ax.errorbar(places, means, bars, **mark, elinewidth=0.8, label=label)
+        if counts := {count for count in counts if count > 1}:
+            text = f"bars: {' or '.join(map(str, sorted(counts)))} lattices"
+            ax.errorbar([], [], [], color="0.45", linestyle="none", elinewidth=0.8, label=text)
+        if isinstance(done[0][axis], float):
+            log_if_wide(ax, np.array([row[axis] for row in done]))
+        section, key = target_of(base, axis) or ("", "")
+        unit = base.sections()[section].schema()[key].unit
+        ax.set_xlabel(_label(SYMBOLS.get(key) or key.replace("_", " "), unit))
+        ax.set_ylabel(_label(*LABELS.get(y, (y.replace("_", " "), ""))))
+        if ax.get_legend_handles_labels()[1]:
+            figure.legend(loc="outside upper center", ncols=2)
+        return to_change(figure)
+
+
+def _numeric(rows: Sequence[Row]) -> list[str]:
+    return list(dict.fromkeys(name for row in rows for name, value in row.items() if isinstance(value, (int, float))))
+
+
+def _label(name: str, unit: str) -> str:
+    return f"{name}  [{unit}]" if unit else name

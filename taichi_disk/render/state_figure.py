@@ -1,0 +1,105 @@
+"""A state on Matplotlib axes, in the colours of films: for papers, and beside curves."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.cm import ScalarMappable
+from matplotlib.collections import LineCollection, TriMesh
+from matplotlib.colors import ListedColormap, Normalize
+from matplotlib.figure import Figure
+from matplotlib.tri import Triangulation
+
+from taichi_disk.config.sections import VideoSection
+from taichi_disk.fields import QUANTITIES
+from taichi_disk.output.inline import Plot
+from taichi_disk.output.plot import STYLE, matplotlib_style
+from taichi_disk.render.film import States
+from taichi_disk.render.geometry import Shape, wall_body
+from taichi_disk.render.moments import Run, Span, still_cue
+from taichi_disk.render.painter import Painter, subdivision
+from taichi_disk.render.palette import THEMES
+
+_SPRING, _OUTLINE = 0.04, 0.9  # width of a spring in parts of its length, of the outline [points]
+_WIDEST = 0.6  # a spring [points]
+_SPRING_INK = 0.25  # how opaque a spring is
+
+
+def draw_state(run: Run, video: VideoSection, t: float | str, ax: Axes | None = None) -> Figure:
+    """Draw the state of `run` at the moment `t` on `ax`, or on the axes of a new figure; return the figure.
+
+    Colours and their scale are those of a picture of that moment. Raises InputError for a moment outside the run.
+    """
+    cue = still_cue(run, Span(at=t))
+    states = States(run, video, [cue])
+    _, x, v = next(states.moments())
+    with matplotlib_style(STYLE):
+        if ax is None:
+            figure = Plot(figsize=(5.2, 4.2), dpi=160, layout="constrained")
+            FigureCanvasAgg(figure)
+            ax = figure.subplots()
+        name, _, unit = run.scenario.time_label.partition("  ")
+        _draw(ax, states, video, x, v, f"{name} = {cue[0]:.4g} {unit.strip('[]')}".strip())
+        whole: Any = ax.figure
+        whole.draw_without_rendering()
+    return whole
+
+
+def _draw(ax: Axes, states: States, video: VideoSection, x: Any, v: Any, title: str) -> None:
+    painter, theme, (xmin, xmax, ymin, ymax) = states.painter, THEMES[video.theme], states.view
+    painter.draw = "both"  # the field has the colours of the field
+    ax.set(xlim=(xmin, xmax), ylim=(ymin, ymax), aspect="equal", facecolor=theme.ground)
+    ax.set(xlabel="x  [R]", ylabel="y  [R]", title=title)
+    ax.grid(visible=False)
+    surface = painter.lattice.wall_surface
+    chain = x[surface] if len(surface) else np.array([(xmin, 0.0), (xmax, 0.0)])
+    depth = 0.0 if len(surface) else -ymin
+    haze, solid = wall_body(chain, depth, painter.edge, painter.wall.decay_length, theme)
+    ax.add_collection(_mesh(haze, 1.0), autolim=False)
+    ax.add_collection(_mesh(_field(painter, x, v), 2.0), autolim=False)
+    widest = 72.0 / ax.figure.dpi * ax.get_window_extent().width / (xmax - xmin)  # points per R
+    width = min(_WIDEST, _SPRING * widest * float(np.median(painter.lattice.rest_lengths)))
+    if painter.colour != "fringes":
+        ink: dict[str, Any] = {"colors": theme.ink, "linewidths": width, "alpha": _SPRING_INK, "zorder": 3.0}
+        ax.add_collection(LineCollection(list(x[painter.lattice.bonds]), **ink), autolim=False)
+    sides = np.concatenate([painter.triangles.outline, painter.triangles.interfaces])
+    ax.add_collection(LineCollection(list(x[sides]), colors=theme.ink, linewidths=_OUTLINE, zorder=4.0), autolim=False)
+    ax.add_collection(_mesh(solid, 5.0), autolim=False)
+    ax.figure.colorbar(_scale(painter), ax=ax, label=_label(painter), shrink=0.8)
+
+
+def _field(painter: Painter, x: Any, v: Any) -> Shape:
+    """Corners of the field's triangles [R] and their colours; those of fringes are cut into smaller ones."""
+    corners = painter.triangles.triangles
+    pattern = subdivision(painter.fringe_parts if painter.colour == "fringes" else 1)
+    each = painter.normalised(painter.values(x, v))[corners] @ pattern.T
+    points = np.einsum("qk,tkd->tqd", pattern, x[corners])
+    return points.reshape(-1, 2), painter.colours(each).reshape(-1, 3).astype(float)
+
+
+def _mesh(shape: Shape, order: float) -> TriMesh:
+    """Triangles with a colour at each corner."""
+    points, colours = shape
+    mesh = TriMesh(Triangulation(points[:, 0], points[:, 1], np.arange(len(points)).reshape(-1, 3)), zorder=order)
+    mesh.set_facecolor(list(map(tuple, colours)))
+    return mesh
+
+
+def _scale(painter: Painter) -> ScalarMappable:
+    """The map of colours with its values; of fringes with their order."""
+    if painter.colour == "fringes":
+        places = np.linspace(0.0, 1.0, 256)
+        return ScalarMappable(Normalize(0.0, 1.0), ListedColormap(painter.colours(places)))
+    least = -painter.limit if painter.signed else 0.0
+    return ScalarMappable(Normalize(least, painter.limit), ListedColormap(painter.map))
+
+
+def _label(painter: Painter) -> str:
+    kind = QUANTITIES[painter.colour]
+    if painter.colour == "fringes":
+        return f"fringe order; one fringe: {painter.limit:.3g} Mc²/R²"
+    ends = f"  ({kind.low} − … + {kind.high})" if kind.low else ""
+    return f"{kind.label}{ends}" + f"  [{kind.unit}]" * bool(kind.unit)
