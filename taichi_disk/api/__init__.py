@@ -170,7 +170,7 @@ class Result:
     def field(self, name: str, t: float, at: str = "own") -> Field:
         """Return the quantity `name` at time `t` [R/c]; see `taichi_disk.fields.field` for the names.
 
-        at: "own", or "points": values (n,) at the points, as pictures show them, also of a quantity of triangles or springs.
+        at: "own", or "points": values (n,) at the points, as pictures show them, of any quantity.
         Raises InputError for an unknown name or place, or a time outside the run.
         """
         from taichi_disk.fields import QUANTITIES, point_field
