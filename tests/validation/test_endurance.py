@@ -78,14 +78,16 @@ class Wander(NamedTuple):
     slope_error: float  # one standard error, from the means of 20 stretches
 
 
-def wander(kernels: KernelCache, integrator: Integrator, bouncing: bool, fraction: float, steps: int) -> Wander:
+def wander(
+    kernels: KernelCache, integrator: Integrator, bouncing: bool, fraction: float, steps: int, seed: int = 0
+) -> Wander:
     """The energy over `steps` steps of `fraction` of the limit, without dashpots.
 
     A free disk that vibrates at strains of some per cent, or one that bounces on the rigid wall: there energy goes
     to and from vibration for as long as one looks.
     """
     disk, model, force = disk_lattice(POINTS, 0), Model(Springs(1.0, 1e-3)), 0.0
-    v = 0.003 * np.random.default_rng(0).standard_normal((POINTS, 2))
+    v = 0.003 * np.random.default_rng(seed).standard_normal((POINTS, 2))
     v -= v.mean(axis=0)
     rest = disk.positions
     if bouncing:
@@ -113,9 +115,13 @@ def test_the_energy_of_a_free_disk_does_not_drift_in_a_million_steps(kernels: Ke
 
 
 def test_the_energy_of_a_bouncing_disk_wanders_as_the_square_of_the_step(kernels: KernelCache) -> None:
-    # Some 2,500 bounces, each with the error of an impact.
-    cases = ((VELOCITY_VERLET, 0.4, 1_000_000), (VELOCITY_VERLET, 0.2, 2_000_000), (VEFRL, 0.6, 1_000_000))
-    coarse, fine, other = (wander(kernels, integrator, True, *rest) for integrator, *rest in cases)
-    assert max(abs(one.slope) for one in (coarse, fine, other)) < 0.02
-    # The motion is chaotic: another step gives another course of the same kind.
-    assert np.log2(coarse.swing / fine.swing) == pytest.approx(2.0, abs=0.5)
+    # Some 2,500 bounces, each with the error of an impact. The motion is chaotic: another step gives another course of
+    # the same kind, and only the median over several starts shows the order.
+    orders = []
+    for seed in range(5):
+        coarse = wander(kernels, VELOCITY_VERLET, True, 0.4, 1_000_000, seed)
+        fine = wander(kernels, VELOCITY_VERLET, True, 0.2, 2_000_000, seed)
+        assert max(abs(coarse.slope), abs(fine.slope)) < 0.02
+        orders.append(np.log2(coarse.swing / fine.swing))
+    assert np.median(orders) == pytest.approx(2.0, abs=0.5)
+    assert abs(wander(kernels, VEFRL, True, 0.6, 1_000_000).slope) < 0.02
