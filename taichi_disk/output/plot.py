@@ -93,7 +93,7 @@ def draw_curves(axes: list[Any], scenario: Scenario, columns: Columns, **look: A
     if flight:
         left = vibration_left(columns)
         dot: dict[str, Any] = {"color": SKY, "marker": "o", "markersize": 4, "clip_on": False}
-        name = f"vibration left {100.0 * left:.2g} %"
+        name = f"vibration left {100.0 * left:.2g} %" if abs(left) >= 1e-4 else "vibration left < 0.01 %"
         lines += axes[2].plot([results_time(columns)], [left * flight], label=name, **dot, **look)
     return lines
 

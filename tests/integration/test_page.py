@@ -594,6 +594,7 @@ ANY_CONTROL = """
 const controls = [...document.querySelectorAll("main button, main input, main select")];
 const all = controls.filter((one) => one.checkVisibility());
 const one = all[Math.floor(arguments[0] * all.length)];
+if (!one) return;
 if (one.type === "range") {
   one.value = 600 * Math.random();
   one.dispatchEvent(new Event("change"));
