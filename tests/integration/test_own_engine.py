@@ -74,6 +74,7 @@ def test_an_architecture_from_the_environment_is_refused_by_name(tmp_path):
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.validate
 @pytest.mark.parametrize(
     "way",
     [

@@ -268,6 +268,7 @@ def test_a_curve_is_collected_by_itself_and_stops_when_asked(session: Session) -
     assert panel(session)["results"] == []
 
 
+@pytest.mark.validate
 def test_the_colour_scale_grows_and_is_taken_anew_when_asked(session: Session) -> None:
     say(session, "press", key="space")
     grown = []
@@ -420,6 +421,7 @@ def test_a_signal_right_after_the_address_ends_the_program(served: tuple[subproc
     ended(served[0])
 
 
+@pytest.mark.validate
 def test_the_page_opens_obeys_and_computes_what_run_does(
     served: tuple[subprocess.Popen[str], str], browser: Browser, kernels: KernelCache, tmp_path: Path
 ) -> None:
@@ -605,7 +607,8 @@ if (one.type === "range") {
 """
 
 
-@pytest.mark.parametrize("seconds", [4.0, pytest.param(120.0, marks=pytest.mark.validate)])
+@pytest.mark.validate
+@pytest.mark.parametrize("seconds", [120.0])
 def test_anything_that_a_user_does_leaves_the_page_alive(
     served: tuple[subprocess.Popen[str], str], browser: Browser, seconds: float
 ) -> None:

@@ -153,6 +153,7 @@ def test_a_second_signal_ends_a_command_at_once_but_two_together_are_one():
     assert child.wait(timeout=10) == INTERRUPTED
 
 
+@pytest.mark.validate
 def test_an_interrupt_while_the_first_picture_is_read_is_one_like_others(tmp_path):
     assert subprocess.run([sys.executable, "-c", FIRST_PICTURE], cwd=tmp_path).returncode == 7
 
@@ -165,6 +166,7 @@ def test_an_interrupt_during_imports_ends_with_130_and_no_traceback(tmp_path, mo
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.validate
 def test_ctrl_c_in_python_is_a_keyboard_interrupt_wherever_a_run_is():
     moments = random.Random(5)
     for _ in range(2):
