@@ -141,6 +141,19 @@ class DiskScene(Frozen):
 
     # ---- what there is to compute
 
+    @property
+    def wall_points(self) -> int:
+        """Number of points of the wall; 0: the wall is rigid."""
+        return 0
+
+    def check_wall(self, points: int) -> None:
+        """Raise InputError if no wall can be built for a disk of `points` points."""
+
+    @property
+    def reset_interval(self) -> float:
+        """Time between two resets of the wall's boundary [R/c]; 0: it is not reset."""
+        return 0.0
+
     def body(self) -> Lattice:
         """The unloaded lattice. Raises InputError for a file that holds no disk, SimulationError as `disk_lattice`."""
         spec = self.lattice

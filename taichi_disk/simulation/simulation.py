@@ -16,7 +16,7 @@ from taichi_disk.integrators import LARGEST_FACTORISED, Integrator
 from taichi_disk.integrators.conjugate_gradients import Diagonal, IterativeSolver, diagonal
 from taichi_disk.integrators.trapezoidal import DashpotSolver, Factor, factorise
 from taichi_disk.lattice import Array, Lattice
-from taichi_disk.physics import MatchedBoundary, Model
+from taichi_disk.physics import Model
 from taichi_disk.physics.law import Capacity
 from taichi_disk.physics.ordering import BLOCK, Arrangement, arrange
 from taichi_disk.signals import raise_if_interrupted
@@ -56,7 +56,7 @@ class Simulation:
         for law in self.model.laws:
             law.make_fields(builder, self._capacity)
         self.state = State(builder, self._capacity, self.subdomains, self.model, integrator.correction != 0.0)
-        both = 2 if isinstance(model.boundary, MatchedBoundary) else 1
+        both = 1 if model.impedance is None else 2
         solver: DashpotSolver | None = None
         if isinstance(factor, Diagonal):
             solver = IterativeSolver(builder, self._capacity, both, self.state.fillers, self.model.springs)
