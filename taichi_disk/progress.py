@@ -114,6 +114,7 @@ class _Bars:
             progress.TaskProgressColumn(),
             progress.TimeElapsedColumn(),
             progress.TimeRemainingColumn(),
+            progress.TextColumn("{task.fields[note]}"),
             console=console,
             redirect_stdout=False,  # printed text goes to stdout, not to the stream of the bar
         )
@@ -124,7 +125,8 @@ class _Bars:
             # A stage may end before its total, as an impact before its time limit; its bar is then completed.
             for task in bars.tasks:
                 bars.update(task.id, completed=1.0, total=1.0)
-            bars.add_task(stage, total=total)
+            # The time of a simulation is a float; equilibria, lattices, scenes and pictures are counted.
+            bars.add_task(stage, total=total, note="to the time limit" * isinstance(total, float))
         bars.update(bars.task_ids[-1], completed=done, total=total)
 
 

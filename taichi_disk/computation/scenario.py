@@ -13,7 +13,6 @@ from taichi_disk.progress import Progress, silent
 from taichi_disk.simulation.observables import Columns
 
 if TYPE_CHECKING:  # scene files are checked without Taichi
-    from taichi_disk.computation.outcome import Outcome
     from taichi_disk.physics import Model
     from taichi_disk.statics.equilibrium import Equilibrium
 
@@ -81,8 +80,8 @@ class Scenario(ABC):
         asked = self.scene.time.sample_interval
         return self.sample_interval if asked == "auto" else min(asked, self.sample_interval)
 
-    def quasistatic(self, loads: int, progress: Progress = silent) -> Outcome:
-        """Compute the equilibria under so many growing loads. Only a compression has them."""
+    def quasistatic(self, loads: int, progress: Progress = silent) -> Any:
+        """Return the `Outcome` of `loads` equilibria under growing loads. Only a compression has one."""
         raise NotImplementedError
 
     def go_on_from(self, positions: Array, velocities: Array) -> None:

@@ -331,10 +331,11 @@ def _unknown(kind: str, path: Keys, kinds: Kinds) -> str:
     having = {name: one.sections()[section].schema() for name, one in kinds.items() if section in one.sections()}
     if others := [name for name, known in having.items() if known.keys() >= set(keys)]:
         return f"belongs to scene: {either(others)}, not to scene: {kind}"
-    if homes := kinds[kind].homes(
-        ALIASES.get(path[-1].lower(), path[-1])
-    ):  # another section's key only where it bears exactly this name
+    sections, word = kinds[kind].sections(), ALIASES.get(path[-1].lower(), path[-1])
+    siblings = list(having[kind]) if keys else ["scene", *sections]
+    if not keys:  # within a section, another section's key only if it bears exactly this name
+        word = (nearest(word, [*siblings, *(key for one in sections.values() for key in one.schema())]) or [word])[0]
+    if homes := kinds[kind].homes(word):
         return f"unknown key; did you mean {either('.'.join(home) for home in homes)}?"
-    siblings = list(having[kind]) if keys else ["scene", *kinds[kind].sections()]
     listed = f"; {section if keys else f'scene: {kind}'} has {', '.join(siblings)}"
     return f"unknown key{did_you_mean(path[-1], siblings) or listed}"

@@ -155,7 +155,7 @@ def test_with_changes_keys_and_nothing_else(tmp_path: Path) -> None:
         "lattice: must be a section, that is indented lines of key: value, not 3",
         "material.eta_star: must be a number from 0 to 1e6, not -1"
         " (viscosity eta R/(m c) per point, as in the paper; 0: no dashpots)",
-        "pints: unknown key; scene: compression has scene, lattice, material, wall, compression, time, video",
+        "pints: unknown key; did you mean lattice.points?",
         "wall.b: unknown key; wall has a, V0",
     ]
     with pytest.raises(InputError, match=r"^tolerance: write compression\.tolerance or time\.tolerance$"):
