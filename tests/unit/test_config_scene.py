@@ -129,7 +129,7 @@ def test_a_scene_cannot_be_changed_and_an_int_becomes_a_float() -> None:
         ("exponential_wall", {"viscosity": 0.01, "eta_star": 3}, "both set", {"viscosity": 0.01, "eta_star": 10}),
         ("absorbing_wall", {"viscosity": 0.0, "eta_star": 10}, "default, 0", {"viscosity": 0.01, "eta_star": 0}),
         ("absorbing_wall", {"integrator": "vefrl", "boundary": "dashpot"}, "= dashpot", {"integrator": "vefrl"}),
-        ("absorbing_wall", {"integrator": "takahashi_imada"}, "2 beside", {"integrator": "vefrl"}),
+        ("absorbing_wall", {"integrator": "takahashi_imada"}, "2 with", {"integrator": "vefrl"}),
     ],
 )
 def test_keys_that_contradict_each_other_are_refused(
