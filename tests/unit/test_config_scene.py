@@ -56,7 +56,7 @@ def path(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return tmp_path_factory.mktemp("scenes") / "scene.yaml"
 
 
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=30, deadline=None)
 @given(scene=scenes())
 def test_a_written_scene_reads_back_equal(path: Path, scene: DiskScene) -> None:
     text = scene.to_yaml()
