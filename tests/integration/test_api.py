@@ -146,6 +146,21 @@ def test_a_state_is_drawn_on_given_axes_at_any_moment(result):
         result.draw(colour="presure")
 
 
+@pytest.mark.parametrize(
+    ("keyword", "meant"),
+    [
+        ("eta", "material.eta_star"),
+        ("velocty", "impact.velocity"),
+        ("latices", "lattices"),
+        ("overwite", "overwrite"),
+        ("progres", "progress"),
+    ],
+)
+def test_a_misspelt_keyword_argument_of_run_is_answered_by_the_nearest_name(keyword, meant):
+    with pytest.raises(InputError, match=rf"^{keyword}: unknown (key|argument of run); did you mean {meant}\?$"):
+        run("exponential_wall", **{keyword: 1})
+
+
 def test_a_saved_result_is_loaded_bitwise_the_same(result, tmp_path):
     result.save(tmp_path / "r")
     again = Result.load(tmp_path / "r")

@@ -18,7 +18,7 @@ from PIL import Image
 
 from taichi_disk import Lattice, api, load_scene, runtime
 from taichi_disk.computation.contact import greatest_compression
-from taichi_disk.computation.outcome import compute, quasistatic
+from taichi_disk.computation.outcome import compute
 from taichi_disk.errors import InputError, SimulationError, TaichiDiskError
 from taichi_disk.progress import silent as QUIET
 from taichi_disk.render import film_problem
@@ -440,7 +440,7 @@ def test_a_loading_is_not_compared_with_a_relaxation_which_takes_time(tmp_path):
     runs = []
     for method in ("newton", "relaxation"):
         scenario = load_scene("compression", ["lattice.points=20", f"compression.method={method}"]).scenario()
-        runs.append(quasistatic(scenario, loads=2))
+        runs.append(scenario.quasistatic(loads=2))
     with pytest.raises(InputError, match="no time, or no result, in common"):
         film(tmp_path / "film.mp4", runs, video(), QUIET)
 
