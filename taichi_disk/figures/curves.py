@@ -15,7 +15,6 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.lines import Line2D
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
-from taichi_disk.config.conflicts import dashpots
 from taichi_disk.figures import theory
 from taichi_disk.figures.theory import Fit
 from taichi_disk.lattice import Array
@@ -178,7 +177,7 @@ def analyse(base: Scene, axes: Sequence[str], rows: Sequence[Row]) -> list[Curve
         moduli = {row[seed] if seed else 0: (row["young"], row["poisson"]) for row in same_material}
         young, poisson = np.array(list(moduli.values()), float).mean(axis=0)
         swept = {to[1]: label[name] for to, name in names.items() if to and to[0] == "material" and name in label}
-        is_damped = bool(dashpots(replace(base.material, **swept)))
+        is_damped = bool(replace(base.material, **swept).dashpots[1])
         curve = Curve(label, np.array(x, float), y, float(young), float(poisson), is_damped)
         rules = {name: FITS[name] for name in figure.fits}
         curve.fits.update({name: rule.fit(curve) for name, rule in rules.items() if rule.applies(curve)})
