@@ -164,7 +164,8 @@ class ImpactScenario(Scenario):
     def ended(self, columns: Columns) -> bool:
         # A disk that leaves may still vibrate so much that it touches again. Its lowest point must be higher than at
         # the start by sqrt(2 U/E), with U all energy but that of flight and spin: 1.4 to 2.3 times the measured
-        # amplitude of the rim. A rod bends more. If the disk turns faster than it rises, every point must clear the wall.
+        # amplitude of the rim. A rod bends more. If the disk turns faster than it rises, every point must clear the
+        # wall.
         last = {name: float(values[-1]) for name, values in columns.items()}
         spin = last["angular_momentum"] / self._inertia
         rigid = 0.5 * (last["com_vx"] ** 2 + last["com_vy"] ** 2 + self._inertia * spin**2)
