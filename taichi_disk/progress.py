@@ -27,27 +27,23 @@ def silent(stage: str, done: float, total: float | None) -> None:
     """Show nothing: the default callback."""
 
 
-def reporter(progress: Progress | None) -> Progress:
-    """Return `progress`, or `silent` for None. Raises InputError if its arguments cannot be (stage, done, total)."""
-    if progress is None:
-        return silent
-    try:
-        signature(progress).bind("simulate", 0.0, None)
-    except (TypeError, ValueError):  # ValueError: some built-in functions have no signature
-        name = getattr(progress, "__name__", type(progress).__name__)
-        raise InputError(f"progress: must be a function of (stage, done, total), which {name} is not") from None
-    return progress
-
-
 def reported(function: F) -> F:
-    """Decorate `function` so that `progress=None` shows a bar in a notebook while the function runs."""
+    """Decorate `function` so that `progress=None` shows a bar in a notebook while the function runs.
+
+    It raises InputError if `progress` cannot be called with (stage, done, total).
+    """
     arguments = signature(function)
 
     @wraps(function)
     def wrapped(*args: Any, **kwargs: Any) -> Any:
         call = arguments.bind(*args, **kwargs)
         progress = call.arguments.get("progress")
-        with _notebook() if progress is None else nullcontext(reporter(progress)) as call.arguments["progress"]:
+        try:
+            signature(silent if progress is None else progress).bind("simulate", 0.0, None)
+        except (TypeError, ValueError):  # ValueError: some built-in functions have no signature
+            name = getattr(progress, "__name__", type(progress).__name__)
+            raise InputError(f"progress: must be a function of (stage, done, total), which {name} is not") from None
+        with _notebook() if progress is None else nullcontext(progress) as call.arguments["progress"]:
             return function(*call.args, **call.kwargs)
 
     return wrapped  # type: ignore[return-value]
@@ -55,7 +51,7 @@ def reported(function: F) -> F:
 
 @contextmanager
 def _notebook() -> Iterator[Progress]:
-    """Context with a callback that shows a bar in a notebook's cell, and nothing elsewhere."""
+    """Context with a callback that shows a bar in a cell of a notebook, and nothing elsewhere."""
     if "IPython" not in sys.modules:
         yield silent
         return
@@ -70,7 +66,7 @@ def _notebook() -> Iterator[Progress]:
     def show(stage: str, done: float, total: float | None) -> None:
         nonlocal handle, due
         bars.show(stage, done, total)
-        if monotonic() > due:  # rich's thread would need a widget, because it cannot write to a cell
+        if monotonic() > due:
             handle = handle or display(bars.progress, display_id=True)
             handle.update(bars.progress)
             due = monotonic() + BAR_INTERVAL
@@ -91,13 +87,8 @@ def terminal(stream: TextIO | None) -> Iterator[Progress]:
     from rich.console import Console
 
     bars = _Bars(Console(file=stream))
-
-    def show(stage: str, done: float, total: float | None) -> None:
-        bars.progress.start()
-        bars.show(stage, done, total)
-
     try:
-        yield show
+        yield bars.show
     finally:
         bars.progress.stop()
 
@@ -106,21 +97,21 @@ class _Bars:
     """Bars of rich, one for each stage."""
 
     def __init__(self, console: Any) -> None:
-        from rich import progress
+        from rich.progress import BarColumn, Progress, TaskProgressColumn, TimeElapsedColumn, TimeRemainingColumn
 
-        self.progress = progress.Progress(
-            progress.TextColumn("{task.description:<10}"),
-            progress.BarColumn(),
-            progress.TaskProgressColumn(),
-            progress.TimeElapsedColumn(),
-            progress.TimeRemainingColumn(),
-            progress.TextColumn("{task.fields[note]}"),
+        columns = BarColumn(), TaskProgressColumn(), TimeElapsedColumn(), TimeRemainingColumn()
+        self.progress = Progress(
+            "{task.description:<10}",
+            *columns,
+            "{task.fields[note]}",
             console=console,
             redirect_stdout=False,  # printed text goes to stdout, not to the stream of the bar
+            disable=console.is_jupyter,  # no thread: it would need a widget, because it cannot write to a cell
         )
 
     def show(self, stage: str, done: float, total: float | None) -> None:
         bars = self.progress
+        bars.start()
         if not bars.tasks or bars.tasks[-1].description != stage:
             # A stage may end before its total, as an impact before its time limit; its bar is then completed.
             for task in bars.tasks:
