@@ -103,6 +103,7 @@ class _Bars:
         self.progress = Progress(
             "{task.description:<10}",
             *columns,
+            "{task.fields[note]}",
             console=console,
             redirect_stdout=False,  # printed text goes to stdout, not to the stream of the bar
             disable=console.is_jupyter,  # no thread: it would need a widget, because it cannot write to a cell
@@ -115,7 +116,8 @@ class _Bars:
             # A stage may end before its total, as an impact before its time limit; its bar is then completed.
             for task in bars.tasks:
                 bars.update(task.id, completed=1.0, total=1.0)
-            bars.add_task(stage, total=total)
+            # The time of a simulation is a float; equilibria, lattices, scenes and pictures are counted.
+            bars.add_task(stage, total=total, note="to the time limit" * isinstance(total, float))
         bars.update(bars.task_ids[-1], completed=done, total=total)
 
 

@@ -22,6 +22,25 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
     items.sort(key=lambda item: item.path.parent.name != "validation")
 
 
+@pytest.fixture(scope="session", autouse=True)
+def blank_plots():
+    """Leave a blank plot.png in a run's folder: to draw the curves takes 0.4 s, longer than most of these runs."""
+    from taichi_disk.output import plot
+
+    plot_run = plot.plot_run
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(plot, "plot_run", lambda path, *_: path.touch())
+        yield plot_run
+
+
+@pytest.fixture(scope="module")
+def drawn_plots(blank_plots):
+    """Draw plot.png as a user's run does, until the module's last test."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("taichi_disk.output.plot.plot_run", blank_plots)
+        yield
+
+
 def pytest_make_parametrize_id(val, argname):
     return val.name if argname == "integrator" else None
 

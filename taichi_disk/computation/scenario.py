@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 
 from taichi_disk.lattice import Array, Lattice
+from taichi_disk.progress import Progress, silent
 from taichi_disk.simulation.observables import Columns
 
 if TYPE_CHECKING:  # scene files are checked without Taichi
@@ -78,6 +79,10 @@ class Scenario(ABC):
         """
         asked = self.scene.time.sample_interval
         return self.sample_interval if asked == "auto" else min(asked, self.sample_interval)
+
+    def quasistatic(self, loads: int, progress: Progress = silent) -> Any:
+        """Return the `Outcome` of `loads` equilibria under growing loads. Only a compression has one."""
+        raise NotImplementedError
 
     def go_on_from(self, positions: Array, velocities: Array) -> None:
         """Begin in another state, (n, 2) [R] and [c], instead."""

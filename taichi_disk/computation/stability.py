@@ -16,6 +16,7 @@ from taichi_disk.integrators import Integrator
 from taichi_disk.lattice import Lattice
 from taichi_disk.lattice.network import laplacian, largest_eigenvalue
 from taichi_disk.physics import Model
+from taichi_disk.signals import interruptible
 
 # Of the largest force on one point over that of a smooth rim. Measured with 0.005 <= v <= 0.1, 30 <= a <= 30,000 and
 # N = 300, 1099, 4000 it is 0.06 to 1.5; the margin between an automatic step and the limit is good for another 1.4.
@@ -39,9 +40,11 @@ class Spectrum:
 def spectrum(lattice: Lattice, model: Model) -> Spectrum:
     """Largest eigenvalues of the stiffness matrix at rest and, where there are dashpots, of the Laplacian."""
     stiffness = model.springs.stiffness(lattice, lattice.positions)
-    damping = largest_eigenvalue(laplacian(lattice), lattice.masses) if model.springs.damped else 0.0
-    omega = float(np.sqrt(largest_eigenvalue(stiffness, lattice.masses)))
-    return Spectrum(omega, damping, float(lattice.masses.min()), len(lattice.positions))
+    masses, damping = lattice.masses, 0.0
+    if model.springs.damped:
+        damping = interruptible(largest_eigenvalue, laplacian(lattice), masses)
+    omega = float(np.sqrt(interruptible(largest_eigenvalue, stiffness, masses)))
+    return Spectrum(omega, damping, float(masses.min()), len(lattice.positions))
 
 
 def step_limit(spectrum: Spectrum, model: Model, integrator: Integrator, point_force: float) -> float:

@@ -13,7 +13,7 @@ import numpy as np
 from taichi_disk.engine import ti
 from taichi_disk.integrators.trapezoidal import DashpotSolver
 from taichi_disk.lattice import Array, Lattice
-from taichi_disk.physics import MatchedBoundary, Model, PinnedBoundary
+from taichi_disk.physics import Model
 from taichi_disk.physics.law import Capacity, Reals2, array, get, pair_of, put, side_by_side
 from taichi_disk.physics.ordering import BLOCK
 from taichi_disk.physics.springs import Springs
@@ -36,13 +36,13 @@ class Diagonal:
 def diagonal(lattice: Lattice, model: Model, dt: float) -> Diagonal:
     """Return the diagonals of m_i + h/2 (eta L + Z), Z the dashpots of a matched boundary."""
     inertia, half = lattice.masses[:, None], 0.5 * dt
-    if isinstance(model.boundary, MatchedBoundary):
+    if model.impedance is not None:
         inertia = np.repeat(inertia, 2, axis=1)
-        inertia[lattice.wall_boundary] += half * model.boundary.impedance
+        inertia[lattice.wall_boundary] += half * model.impedance
     springs = lattice.stiffened(half * model.springs.eta * np.ones(len(lattice.bonds)))
     degree = sum(np.bincount(ends, springs, len(inertia)) for ends in lattice.bonds.T)
     inverse = 1.0 / (inertia + np.asarray(degree)[:, None])
-    if isinstance(model.boundary, PinnedBoundary):
+    if model.is_pinned:
         inverse[lattice.wall_boundary] = 0.0
     return Diagonal(inertia, inverse)
 

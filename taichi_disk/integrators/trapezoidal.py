@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from taichi_disk.engine import ti
 from taichi_disk.lattice import Array, Lattice
 from taichi_disk.lattice.network import laplacian, symmetric_factors
-from taichi_disk.physics import MatchedBoundary, Model, PinnedBoundary
+from taichi_disk.physics import Model
 from taichi_disk.physics.law import (
     Capacity,
     Integers1,
@@ -54,11 +54,11 @@ def factorise(lattice: Lattice, model: Model, dt: float) -> Factor:
     free: NDArray[np.intp] = np.arange(n)
     extra: Array = np.zeros((n, 1))
     half = 0.5 * dt
-    if isinstance(model.boundary, PinnedBoundary):
+    if model.is_pinned:
         free = np.setdiff1d(free, lattice.wall_boundary)
-    if isinstance(model.boundary, MatchedBoundary):
+    if model.impedance is not None:
         extra = np.zeros((n, 2))
-        extra[lattice.wall_boundary] = half * model.boundary.impedance
+        extra[lattice.wall_boundary] = half * model.impedance
     matrix = (half * model.springs.eta * laplacian(lattice) + sp.diags(lattice.masses)).tocsc()[free][:, free]
     factors = [symmetric_factors(matrix + sp.diags(one[free])) for one in extra.T]
     lowers = [sp.tril(one.L, -1, format="csc") for one in factors]

@@ -21,6 +21,8 @@ class Boundary(Law):
     """The points of `Lattice.wall_boundary`, and what happens to them."""
 
     interval = 0.0  # between two resets of their velocities [R/c]; 0: none
+    impedance: Array | None = None  # of dashpots at the points, as of `MatchedBoundary`
+    is_pinned = False
 
     def make_fields(self, builder: Any, capacity: Capacity) -> None:
         self.point, self.count = array(builder, capacity.points), array(builder, 1)
@@ -38,6 +40,8 @@ class Boundary(Law):
 @ti.data_oriented
 class PinnedBoundary(Boundary):
     """The points are held fast."""
+
+    is_pinned = True
 
     @ti.func
     def hold(self, state: ti.template()):

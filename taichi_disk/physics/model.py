@@ -9,7 +9,7 @@ import numpy as np
 
 from taichi_disk.lattice import Array, Lattice
 from taichi_disk.physics.body_forces import Load, MouseSpring
-from taichi_disk.physics.boundaries import Boundary, PinnedBoundary
+from taichi_disk.physics.boundaries import Boundary
 from taichi_disk.physics.law import BodyForce, Law, Wall
 from taichi_disk.physics.springs import Springs
 
@@ -64,6 +64,16 @@ class Model:
         """Time between two resets of the boundary [R/c]; 0 without one."""
         return self.boundary.interval if self.boundary else 0.0
 
+    @property
+    def is_pinned(self) -> bool:
+        """Whether the points of the boundary are held fast."""
+        return self.boundary is not None and self.boundary.is_pinned
+
+    @property
+    def impedance(self) -> Array | None:
+        """Dashpot constants (k, 2) of the points of a matched boundary [M c/R]; None without one."""
+        return self.boundary.impedance if self.boundary else None
+
     def signature(self) -> tuple[Any, ...]:
         """All of the model that kernels are compiled for."""
         return tuple((type(law), *law.signature) for law in self.laws)
@@ -83,7 +93,7 @@ class Model:
         force = self.forces(lattice, x) + sum(law.damping_forces(lattice, x, v) for law in self.laws)
         if self.wall and self.wall.has_friction:
             force[:, 0] += self.wall.friction_on(lattice, x, v, force)
-        if isinstance(self.boundary, PinnedBoundary):
+        if self.is_pinned:
             force[lattice.wall_boundary] = 0.0
         return np.asarray(force)
 

@@ -167,7 +167,7 @@ class States:
         painter.limit = max(painter.scale(painter.values(x, v)) for x, v in states)
         _, forces = painter.wall.contact_forces(painter.lattice, states[-1][0])
         largest = float(np.hypot(*forces.T).max(initial=0.0))
-        full = max(largest, self.run.largest_push / _LONGEST)
+        full = max(largest, self.run.largest_force / _LONGEST)
         painter.full_force = round_near(full) if full else 0.0
         painter.edge = edge_height(painter.wall, largest)
         self.flattest = flattening(painter.lattice, states[-1][0])

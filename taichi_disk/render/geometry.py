@@ -164,13 +164,6 @@ def quads(a: Array, b: Array, c: Array, d: Array, *colours: Array) -> Shape:
     return corners.reshape(-1, 2), np.stack([each[k] for k in order], axis=1).reshape(-1, 3)
 
 
-def strokes(start: Array, end: Array, half: float, colours: NDArray[Any]) -> Shape:
-    """Lines from `start` to `end` (k, 2), twice `half` [R] wide, with `colours` (k, 2, 3) at both ends."""
-    left = _left(start, end, half)
-    first, last = colours[:, 0], colours[:, 1]
-    return quads(start - left, end - left, end + left, start + left, first, last, last, first)
-
-
 def _left(start: Array, end: Array, half: float) -> Array:
     """(k, 2) [R] from lines to their left edges."""
     along = end - start

@@ -9,11 +9,9 @@ from collections.abc import Sequence
 from typing import TypeAlias, cast, get_args
 
 from taichi_disk.computation import workload
-from taichi_disk.config.sections import ElasticWallSection
 from taichi_disk.config.tree import Source, read_tree
 from taichi_disk.config.tree import shipped_scenes as shipped_scenes
 from taichi_disk.errors import InputError
-from taichi_disk.lattice import check_thickness
 from taichi_disk.machine import free_memory
 from taichi_disk.scenes.absorbing_wall import AbsorbingWallScene
 from taichi_disk.scenes.compression import CompressionScene
@@ -75,8 +73,7 @@ def check_feasible(scene: Scene | Sweep) -> None:
         return check_feasible(scene.scenes[0])
     check_memory(scene)
     points = scene.lattice.points if scene.lattice.file == "none" else scene.body().disk_points
-    if isinstance(scene.wall, ElasticWallSection):
-        check_thickness(points, scene.wall.points, scene.wall.width)
+    scene.check_wall(points)
     if scene.time.dt == "auto":
         return
     from taichi_disk.computation.stability import spectrum
@@ -89,8 +86,7 @@ def check_feasible(scene: Scene | Sweep) -> None:
 
 def check_memory(scene: DiskScene) -> None:
     """Raises InputError for more points than there is free memory for."""
-    wall = getattr(scene, "wall", None)
-    points = scene.lattice.points + (wall.points if isinstance(wall, ElasticWallSection) else 0)
+    points = scene.lattice.points + scene.wall_points
     needed, free = workload.memory(points), free_memory()
     if points > 20_000 and needed > free:
         most = max(3, int((free - workload.PROCESS) / workload.POINT))

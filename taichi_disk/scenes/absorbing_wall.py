@@ -11,7 +11,7 @@ import numpy as np
 
 from taichi_disk.config.conflicts import Conflicts, least_threshold, rounded_up, time_conflicts
 from taichi_disk.config.sections import ElasticImpactSection, ElasticWallSection, MaterialSection
-from taichi_disk.lattice import Lattice, with_wall
+from taichi_disk.lattice import Lattice, check_thickness, with_wall
 from taichi_disk.scenes import oblique
 from taichi_disk.scenes.impact import ImpactScenario, ImpactScene
 from taichi_disk.simulation.observables import Columns
@@ -33,7 +33,7 @@ class AbsorbingWallScene(ImpactScene):
 
     def conflicts(self) -> Conflicts:
         matched = ["wall.boundary = dashpot"] * (self.wall.boundary == "dashpot")
-        resets = self.wall.boundary == "reset"
+        resets = bool(self.reset_interval)
         conflicts = super().conflicts() + time_conflicts(self.time, self.material, *matched, resets=resets)
         least = least_threshold(self.wall, self.impact.towards)
         if self.wall.threshold < least:
@@ -48,8 +48,8 @@ class AbsorbingWallScene(ImpactScene):
                 f"{rounded_up(least)} R or more, or another impact.offset"
             )
             conflicts.append(("wall.width", text))
-        dt, interval = self.time.dt, self.wall.reset_interval
-        if self.wall.boundary == "reset" and dt != "auto" and dt > interval:
+        dt, interval = self.time.dt, self.reset_interval
+        if interval and dt != "auto" and dt > interval:
             conflicts.append(("time.dt", f"{dt:g} is longer than wall.reset_interval = {interval:g} [R/c]"))
         if self.video.magnify not in ("auto", 1.0):
             conflicts.append(("video.magnify", "disk and dent would be drawn apart: leave it 1 with an elastic wall"))
@@ -83,6 +83,17 @@ class AbsorbingWallScene(ImpactScene):
         spec, wall = self.lattice, self.wall
         stiffness = self.wall_k_a / self.material.k_a
         return with_wall(disk, wall.points, wall.width, spec.seed, spec.rim, spec.min_spacing, stiffness)
+
+    @property
+    def wall_points(self) -> int:
+        return self.wall.points
+
+    def check_wall(self, points: int) -> None:
+        check_thickness(points, self.wall.points, self.wall.width)
+
+    @property
+    def reset_interval(self) -> float:
+        return self.wall.reset_interval if self.wall.boundary == "reset" else 0.0
 
     @property
     def wall_k_a(self) -> float:

@@ -12,10 +12,12 @@ from taichi_disk.computation.scenario import Array, Scenario, distribute
 from taichi_disk.config.conflicts import Conflicts, time_conflicts
 from taichi_disk.config.sections import CompressionSection, MaterialSection, WallSection
 from taichi_disk.lattice import Lattice
+from taichi_disk.progress import Progress, silent
 from taichi_disk.scenes.scene import DiskScene
 from taichi_disk.simulation.observables import Columns
 
 if TYPE_CHECKING:
+    from taichi_disk.computation.outcome import Outcome
     from taichi_disk.statics.equilibrium import Equilibrium
 
 TOUCH = 1e-3  # of the load is borne by the wall at the start: a softer start than contact, a shorter fall than none
@@ -96,6 +98,11 @@ class Compression(Scenario):
         limit = scene.compression.max_time
         self.max_time = float(5000.0 * unit) if limit == "auto" else limit
         self.view = (-1.15, 1.15, -0.1, max(2.05, float(self.lattice.positions[:, 1].max())))
+
+    def quasistatic(self, loads: int, progress: Progress = silent) -> Outcome:
+        from taichi_disk.scenes.loading import quasistatic
+
+        return quasistatic(self, loads, progress)
 
     def end_bounds(self) -> dict[str, tuple[float, float]]:
         """The disk moves no more, but for the slow roll. A vibration shows in the wall's force, the roll does not."""

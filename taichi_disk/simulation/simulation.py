@@ -16,10 +16,10 @@ from taichi_disk.integrators import LARGEST_FACTORISED, Integrator
 from taichi_disk.integrators.conjugate_gradients import Diagonal, IterativeSolver, diagonal
 from taichi_disk.integrators.trapezoidal import DashpotSolver, Factor, factorise
 from taichi_disk.lattice import Array, Lattice
-from taichi_disk.physics import MatchedBoundary, Model
+from taichi_disk.physics import Model
 from taichi_disk.physics.law import Capacity
 from taichi_disk.physics.ordering import BLOCK, Arrangement, arrange
-from taichi_disk.signals import raise_if_interrupted
+from taichi_disk.signals import interruptible, raise_if_interrupted
 from taichi_disk.simulation.kernels import Kernels, SubdomainKernels
 from taichi_disk.simulation.observables import INDEX, PEAK_POINT_FORCE, bounds_array
 from taichi_disk.simulation.stepping import Snapshot, State
@@ -49,14 +49,15 @@ class Simulation:
         self._program = engine.program()
         self.features = compiled_for(lattice, model)
         self.model.springs.unlike = lattice.stiffness is not None
-        arrangement, factor = arrange(lattice.bonds, len(lattice.positions)), self._factor(lattice, model, dt)
+        arrangement = interruptible(arrange, lattice.bonds, len(lattice.positions))
+        factor = self._factor(lattice, model, dt)
         self.subdomains = arrangement.subdomains
         self._capacity = Capacity(*map(_doubled, _needed(lattice, arrangement, factor), astuple(MIN_CAPACITY)))
         builder = ti.FieldsBuilder()
         for law in self.model.laws:
             law.make_fields(builder, self._capacity)
         self.state = State(builder, self._capacity, self.subdomains, self.model, integrator.correction != 0.0)
-        both = 2 if isinstance(model.boundary, MatchedBoundary) else 1
+        both = 1 if model.impedance is None else 2
         solver: DashpotSolver | None = None
         if isinstance(factor, Diagonal):
             solver = IterativeSolver(builder, self._capacity, both, self.state.fillers, self.model.springs)
@@ -78,7 +79,7 @@ class Simulation:
             return False
         arrangement = self._arrangement
         if lattice.bonds is not self.lattice.bonds:
-            arrangement = arrange(lattice.bonds, len(lattice.positions))
+            arrangement = interruptible(arrange, lattice.bonds, len(lattice.positions))
         factor = self._factor(lattice, model, dt)
         needed = _needed(lattice, arrangement, factor)
         full = any(count > most for count, most in zip(needed, astuple(self._capacity), strict=True))

@@ -14,7 +14,7 @@ from taichi_disk.engine import ti
 from taichi_disk.integrators import Integrator
 from taichi_disk.integrators.trapezoidal import DashpotSolver
 from taichi_disk.lattice import Array, Lattice
-from taichi_disk.physics import MatchedBoundary, Model, PinnedBoundary, ResetBoundary
+from taichi_disk.physics import Model
 from taichi_disk.physics.law import BodyForce, Capacity, Reals1, Reals3, array, get, pair_of, put, scalar
 from taichi_disk.simulation.observables import (
     ABSORBED,
@@ -160,9 +160,7 @@ class Stepping:
         self.velocities = state.u if state.corrected else state.v  # that are observed, before a last kick
         self.damped, self.implicit = model.springs.damped, solver is not None
         self.explicit = self.damped and not self.implicit
-        self.pinned = isinstance(model.boundary, PinnedBoundary)
-        self.matched = isinstance(model.boundary, MatchedBoundary)
-        self.reset = isinstance(model.boundary, ResetBoundary)
+        self.pinned, self.matched, self.reset = model.is_pinned, model.impedance is not None, model.reset_interval > 0.0
 
     # ---- forces
 

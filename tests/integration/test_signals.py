@@ -13,7 +13,14 @@ from concurrent.futures import ThreadPoolExecutor
 import pytest
 
 from taichi_disk import engine
-from taichi_disk.signals import INTERRUPTED, REPEAT_TIME, deferred_interrupts, ignored_by_children, raise_if_interrupted
+from taichi_disk.signals import (
+    INTERRUPTED,
+    REPEAT_TIME,
+    deferred_interrupts,
+    ignored_by_children,
+    interruptible,
+    raise_if_interrupted,
+)
 
 COMMAND = [sys.executable, "-m", "taichi_disk", "run", "exponential_wall", "--set=video.seconds=20"]
 FIRST_PICTURE = """
@@ -125,6 +132,26 @@ def test_ctrl_c_comes_out_where_it_is_asked_for_or_at_the_end_and_a_second_one_a
         with pytest.raises(KeyboardInterrupt):
             signal.raise_signal(signal.SIGINT)
     assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
+
+
+def test_ctrl_c_does_not_wait_for_the_end_of_a_long_call():
+    began = time.monotonic()
+    with pytest.raises(KeyboardInterrupt), deferred_interrupts():
+        interruptible(lambda: [signal.raise_signal(signal.SIGINT), time.sleep(20.0)])
+    assert time.monotonic() - began < 2.0
+    assert interruptible(divmod, 7, 2) == (3, 1)
+    with pytest.raises(ZeroDivisionError):
+        interruptible(divmod, 1, 0)
+
+
+@pytest.mark.validate
+@pytest.mark.parametrize("after", [5.0, 12.0, 20.0])
+def test_ctrl_c_ends_the_building_of_a_large_lattice_within_two_seconds(tmp_path, after):
+    process = subprocess.Popen([*COMMAND, "--set=lattice.points=1000000", "--out", str(tmp_path / "out")])
+    time.sleep(after)
+    began = time.monotonic()
+    process.send_signal(signal.SIGINT)
+    assert process.wait(60) == INTERRUPTED and time.monotonic() - began < 2.0
 
 
 def test_processes_started_for_a_sweep_hear_no_ctrl_c_and_it_is_not_lost_to_their_parent():

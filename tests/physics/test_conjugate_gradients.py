@@ -28,7 +28,7 @@ def body(name):
 
 
 @pytest.mark.parametrize(
-    "name", ["rigid", "reset", pytest.param("matched", marks=LONG), pytest.param("pinned", marks=LONG)]
+    "name", ["rigid", *(pytest.param(name, marks=LONG) for name in ("reset", "matched", "pinned"))]
 )
 def test_iterated_dashpots_move_a_body_as_a_factor_does_and_go_on_from_a_saved_state(name, monkeypatch):
     runtime.start()

@@ -20,7 +20,7 @@ def test_a_hard_case_ends_as_it_should(case: Case, kernels: KernelCache) -> None
     assert case.failings(case.judge(kernels)) == []
 
 
-@pytest.mark.parametrize("numbers", [(13, 23, 34, 36), pytest.param(range(100), marks=LONG)], ids=len)
+@pytest.mark.parametrize("numbers", [(23, 36), pytest.param(range(100), marks=LONG)], ids=len)
 def test_random_scenes_end_well_or_say_why(numbers: Sequence[int], kernels: KernelCache) -> None:
     short = ShortOnly(kernels, 1e7)
     found = {number: fate(number, short) for number in numbers}
