@@ -67,7 +67,7 @@ class Scenario(ABC):
     end_words: ClassVar[str] = ""
     momentary_label: ClassVar[tuple[str, str]] = ("velocity upwards", "c")
     time_label: ClassVar[str] = "time  [R/c]"
-    pace: ClassVar[str] = "1 s shows {:g} R/c"
+    pace: ClassVar[str] = "slow motion: 1 s = {:g} R/c"
     labels: ClassVar[dict[str, tuple[str, str]]]
     notes: ClassVar[dict[str, str]] = {}
 
