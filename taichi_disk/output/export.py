@@ -119,7 +119,7 @@ def _write_gsd(path: Path, scene: DiskScene, lattice: Lattice, frames: Iterator[
         for number, frame in enumerate(frames):
             shot = gsd.hoomd.Frame()
             shot.configuration.step, shot.configuration.dimensions = number, 2
-            # Readers take the box for periodic: in one of twice the size no spring is shorter across an edge.
+            # GSD knows no open box (OVITO wraps bonds even in one of size 0): at twice the size nothing is wrapped.
             reach = max(reach, float(np.abs(frame.positions).max()))
             shot.configuration.box = [4.0 * reach, 4.0 * reach, 0, 0, 0, 0]
             shot.particles.N, shot.particles.types = n, ["disk", "wall"]

@@ -114,7 +114,7 @@ def _pictures(states: Sequence[States], video: VideoSection, shots: Sequence[Cue
     legends, enlarged = [], _LABEL if len(runs) > 1 else 1.0
     for painter, title in zip(painters, titles(runs), strict=True):
         painter.limit, painter.full_force = limit, full_force
-        legends.append(Legend(painter, video.size, video.size, title, samples, len(ends[0]), enlarged))
+        legends.append(Legend(painter, video.size, title, samples, len(ends[0]), enlarged))
     (xmin, _, ymin, _), (_, xmax, _, ymax) = np.min(views, axis=0), np.max(views, axis=0)
     panel = None
     if video.panel and video.size >= _PANEL:

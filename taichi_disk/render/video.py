@@ -1,4 +1,4 @@
-"""MP4 (H.264), WebM (VP9), GIF and numbered PNGs, encoded by PyAV, Pillow and imageio in a thread of their own."""
+"""Encode MP4 (H.264) and WebM (VP9) with PyAV, GIF and PNG with Pillow, in a thread of its own."""
 
 from __future__ import annotations
 
@@ -128,14 +128,14 @@ def _encode_gif(path: Path, form: str, size: Size, fps: int, origin: str, pictur
 
 def _encode_pngs(path: Path, form: str, size: Size, fps: int, origin: str, pictures: Iterator[Picture]) -> None:
     """The only picture, or a folder of pictures: 00001.png and so on."""
-    import imageio.v3 as iio
+    from PIL import Image
     from PIL.PngImagePlugin import PngInfo
 
     info = PngInfo()
     info.add_itxt("Description", origin)
     if form:
-        iio.imwrite(path, next(pictures), optimize=True, pnginfo=info)
+        Image.fromarray(next(pictures)).save(path, optimize=True, pnginfo=info)
         return
     path.mkdir()
     for number, picture in enumerate(pictures, 1):
-        iio.imwrite(path / f"{number:05d}.png", picture, compress_level=6, pnginfo=info)
+        Image.fromarray(picture).save(path / f"{number:05d}.png", compress_level=6, pnginfo=info)
