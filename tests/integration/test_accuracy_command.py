@@ -24,7 +24,7 @@ def few(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(study, "REFINEMENTS", (4,))
 
 
-def test_a_folder_of_a_run_stays_that(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_accuracy_does_not_write_into_the_folder_of_a_run(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     run(load_scene("exponential_wall", ["lattice.points=30"]), tmp_path, video=False, lattices=1)
     assert accuracy(tmp_path, "exponential_wall", "lattice.points=30") == 2
     assert "holds a run" in capsys.readouterr().err
@@ -33,7 +33,9 @@ def test_a_folder_of_a_run_stays_that(tmp_path: Path, capsys: pytest.CaptureFixt
 
 
 @pytest.mark.validate
-def test_a_step_by_hand_that_a_finer_lattice_cannot_take(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_user_s_step_too_long_for_finer_lattices_still_gives_a_report(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     assert accuracy(tmp_path / "out", "exponential_wall", "lattice.points=30", "time.dt=0.04") == 0
     told = capsys.readouterr()
     assert " runs and a reference solution, about " in told.err
@@ -57,7 +59,7 @@ def test_a_step_by_hand_that_a_finer_lattice_cannot_take(tmp_path: Path, capsys:
     assert float(found[2]["difference"]) == pytest.approx(e - float(found[0]["result"]), rel=1e-9)
 
 
-def test_a_step_by_hand_that_the_scene_cannot_take_is_refused_before_anything_is_measured(
+def test_a_user_s_step_beyond_the_limit_is_refused_before_anything_is_measured(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert accuracy(tmp_path / "out", "exponential_wall", "lattice.points=30", "time.dt=0.5") == 2

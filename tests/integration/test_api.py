@@ -175,7 +175,7 @@ def test_a_saved_result_is_loaded_bitwise_the_same(result, tmp_path):
         assert json.loads((tmp_path / folder / "summary.json").read_text())["video"] == film
 
 
-def test_velocities_of_ones_own_are_thrown_and_kept_and_not_mistaken_for_the_scenes(tmp_path):
+def test_custom_velocities_are_thrown_and_saved_and_make_another_run(tmp_path):
     scene = load_scene("exponential_wall").with_(SMALL)
     velocities = np.tile([0.01, -0.03], (60, 1))
     own = run(scene, velocities=velocities, out=tmp_path / "own", video=False, lattices=1)
@@ -297,7 +297,7 @@ def test_the_environment_says_how_many_threads_where_nobody_else_does(number):
 
 
 @pytest.mark.parametrize("scene", ["exponential_wall", "compression"])
-def test_a_progress_is_told_of_each_stage_from_its_beginning(scene, tmp_path):
+def test_a_progress_callback_receives_every_stage_from_its_beginning(scene, tmp_path):
     told = []
     keys = {"lattice.points": 60, "video.seconds": 0.3, "video.size": 64}
     keys |= {"compression.method": "newton"} if scene == "compression" else {"impact.velocity": 2e-3}
@@ -387,7 +387,7 @@ def test_times_outside_the_run_are_refused(result, times):
         result.trajectory(times)
 
 
-def test_what_a_scene_does_not_have_is_told(result):
+def test_a_quantity_that_a_scene_does_not_have_is_refused_with_those_it_has(result):
     with pytest.raises(AttributeError, match="it has restitution, contact_time"):
         _ = result.xi
     with pytest.raises(InputError, match="pressure"):
@@ -420,7 +420,7 @@ def assert_same(one: Result, other: Result) -> None:
     "name",
     [pytest.param(one, marks=pytest.mark.validate if one in ("thrown", "pressed", "unlike") else ()) for one in OWN],
 )
-def test_scene_yaml_alone_repeats_a_run_of_ones_own_bitwise(tmp_path, name):
+def test_scene_yaml_alone_repeats_a_run_with_custom_arrays_bitwise(tmp_path, name):
     kind, changes, own = OWN[name]
     first = run(load_scene(kind).with_(changes), tmp_path / "first", video=False, **own, lattices=1)
     (tmp_path / "first").rename(tmp_path / "moved")  # it needs nothing but its folder
@@ -489,7 +489,7 @@ def test_a_blow_up_comes_back_from_another_process_too():
 
 
 @pytest.mark.parametrize("path", [5, b"x", ["x"], 1.5])
-def test_what_is_no_path_is_refused(result, path):
+def test_anything_but_a_path_is_refused_as_a_path(result, path):
     for act in (result.save, result.film, result.export, Result.load, lambda out: run(result.scene, out, lattices=1)):
         with pytest.raises(InputError, match="must be a path, not "):
             act(path)

@@ -27,7 +27,7 @@ def numbers(pattern: str, text: str) -> tuple[float, ...]:
     return tuple(map(float, found.groups()))
 
 
-def test_one_impact_tells_where_the_energy_went():
+def test_the_example_of_one_impact_accounts_for_its_energy():
     e, lost = numbers(r"(?s)restitution +([\d.]+).*took ([\d.]+)%", output_of("one_impact"))
     # e^2 + dissipated share <= 1; the rest is left as vibration.
     assert 0.8 < e < 1 and 0.95 < e * e + lost / 100 <= 1.001
@@ -53,7 +53,7 @@ def test_a_sweep_prints_rows_and_fit(tmp_path):
     assert re.search(r"d1 = [\d.]+, between [\d.]+ and [\d.]+", shown)
 
 
-def test_a_lattice_of_ones_own_is_thrown():
+def test_a_custom_lattice_is_thrown():
     points, e = numbers(r"(\d+) points, flat side down: e = ([\d.]+)", output_of("own_lattice"))
     assert points == 3 * 8 * 9 + 1  # a centred hexagonal number
     assert 0.3 < e < 1.0

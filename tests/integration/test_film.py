@@ -194,7 +194,7 @@ def test_an_arrow_of_any_push_ends_in_the_picture(tmp_path, monkeypatch):
 
 
 @needs_vulkan
-def test_the_film_holds_at_the_greatest_compression_ends_with_the_result_and_tells_its_pace(run, tmp_path, captions):
+def test_the_film_holds_at_the_greatest_compression_shows_its_pace_and_ends_with_the_result(run, tmp_path, captions):
     scenario, outcome = run.scenario, run
     film(tmp_path / "film.mp4", [run], video(seconds=4), QUIET)
     result = f"*e = {scenario.result(outcome.columns)['restitution']:.5f}"
@@ -264,7 +264,7 @@ def test_a_part_of_a_film_begins_and_ends_where_asked_at_the_pace_of_the_whole(r
 
 
 @pytest.mark.parametrize("span", [Span(at="later"), Span(at=-1.0), Span(at=1e9), Span(at=float("nan"))])
-def test_a_moment_that_is_none_is_told_with_those_that_are(run, tmp_path, span):
+def test_an_unknown_moment_is_refused_with_the_list_of_known_ones(run, tmp_path, span):
     with pytest.raises(InputError, match=r"write greatest, contact, end, or a time within the run, 0 to \d"):
         film(tmp_path / "picture.png", [run], video(), QUIET, span)
 
@@ -328,7 +328,7 @@ def test_a_compression_begins_with_no_minus_before_its_zero():
 
 
 @needs_vulkan
-def test_a_comparison_tells_the_greatest_compression_of_that_run_only_whose_it_is(run, tmp_path, captions):
+def test_in_a_comparison_only_the_run_at_its_greatest_compression_is_captioned_so(run, tmp_path, captions):
     other = api.run(load_scene("exponential_wall", ["lattice.points=20", "impact.velocity=0.2"]), lattices=1)
     film(tmp_path / "both.png", [run, other.outcome], video(), QUIET)
     assert [lines[-1] for lines in captions] == ["greatest compression", ""]
@@ -381,7 +381,7 @@ def test_an_interrupted_film_leaves_the_old_one_as_it_was(run, tmp_path, suffix)
 @needs_vulkan
 @FORMATS
 @pytest.mark.parametrize("room", [0, 3000])
-def test_a_full_disk_is_told_and_leaves_nothing(run, tmp_path, suffix, room):
+def test_a_full_file_system_is_reported_and_leaves_no_film(run, tmp_path, suffix, room):
     # A limit of files' sizes stands for a full disk: the same error of the system, at the same calls.
     _, most = resource.getrlimit(resource.RLIMIT_FSIZE)
     resource.setrlimit(resource.RLIMIT_FSIZE, (room, most))
@@ -425,7 +425,7 @@ def test_the_greatest_compression_of_a_spinning_disk_is_where_it_turns_back(spin
 
 
 @needs_vulkan
-def test_the_film_of_a_loading_tells_the_part_of_the_load_and_grows_without_a_leap(tmp_path, captions):
+def test_the_film_of_a_loading_shows_the_fraction_of_the_load_and_moves_without_a_leap(tmp_path, captions):
     pressed = api.run(load_scene("compression", ["lattice.points=60", "compression.method=newton"]), lattices=1)
     pressed.film(tmp_path / "frames", size=SIZE, fps=10, seconds=4, beside=pressed)
     assert captions[0::2] == captions[1::2] and len(captions) == 80

@@ -41,7 +41,7 @@ def test_mean_and_scatter_are_those_of_a_sweep_over_the_same_seeds_to_all_digits
     assert {name: one["values"][0] for name, one in found.items()} == result.numbers
 
 
-def test_eight_lattices_are_computed_unless_that_takes_long_which_is_told_with_the_option(monkeypatch):
+def test_eight_lattices_are_computed_or_fewer_with_a_note_if_that_takes_long(monkeypatch):
     scene = load_scene("exponential_wall").with_(SMALL)
     result = run(scene)
     assert result.summary["lattices"]["seeds"] == list(range(3, 11)) and "notes" not in result.summary
@@ -56,7 +56,7 @@ def test_eight_lattices_are_computed_unless_that_takes_long_which_is_told_with_t
         assert len(some["notes"]) == 1 and "lattices=8" in some["notes"][0]
 
 
-def test_a_body_of_ones_own_has_no_seeds_which_is_told():
+def test_a_custom_body_has_no_seeds_and_the_run_notes_it():
     scene, own = load_scene("exponential_wall").with_(SMALL), Lattice.disk(60, seed=5)
     for options in ({"lattice": own}, {"velocities": np.tile([0.0, -0.03], (60, 1))}):
         summary = run(scene, lattices=4, **options).summary
@@ -64,7 +64,7 @@ def test_a_body_of_ones_own_has_no_seeds_which_is_told():
         assert "notes" not in run(scene, lattices=1, **options).summary
 
 
-def test_a_lattice_without_a_result_is_told_and_left_out(monkeypatch):
+def test_a_lattice_without_a_result_is_reported_and_left_out(monkeypatch):
     plain = lattices.results_on
 
     def fails_at_5(scene, kernels, force=False):

@@ -46,7 +46,7 @@ def test_two_runs_are_shown_side_by_side(runs, tmp_path):
     assert np.abs(left[80:190] - right[80:190]).mean() > 2.0
 
 
-def test_what_cannot_be_filmed_is_said(runs, tmp_path, capsys, monkeypatch):
+def test_what_cannot_be_filmed_is_refused_with_the_reason(runs, tmp_path, capsys, monkeypatch):
     one, _, _, pressed = map(str, runs)
     monkeypatch.chdir(tmp_path)
     for words, says in (
@@ -68,7 +68,7 @@ def test_what_cannot_be_filmed_is_said(runs, tmp_path, capsys, monkeypatch):
     assert not list(tmp_path.iterdir())
 
 
-def test_a_run_whose_summary_is_damaged_is_not_taken_for_another(runs, tmp_path, capsys):
+def test_a_run_with_a_damaged_summary_is_refused(runs, tmp_path, capsys):
     damaged = shutil.copytree(runs[2], tmp_path / "damaged")
     (damaged / "summary.json").write_text("{}")  # that Python gave the lattice stood there
     assert main(["render", str(damaged)]) == 2

@@ -163,7 +163,7 @@ def test_points_of_another_version_of_the_program_are_computed_anew(
     assert len(points(tmp_path / "out")) == 2
 
 
-def test_a_lattice_of_one_s_own_is_read_again_where_its_file_has_changed(tmp_path: Path) -> None:
+def test_a_lattice_file_is_read_again_if_it_has_changed(tmp_path: Path) -> None:
     disk = Lattice.disk(60, 0)
     file = tmp_path / "points.csv"
     np.savetxt(file, disk.positions, delimiter=",", fmt="%.17g")
@@ -240,7 +240,7 @@ def test_another_sweep_in_a_folder_keeps_its_points_and_says_that_its_table_is_r
     assert result.summary["computed_now"] == 1
 
 
-def test_steps_that_are_swept_keep_their_column_beside_those_that_were_taken(tmp_path: Path) -> None:
+def test_a_sweep_over_steps_has_columns_for_the_asked_and_the_used_step(tmp_path: Path) -> None:
     rows = swept(WALL_STEPS, tmp_path).rows
     assert [row["dt"] for row in rows] == ["auto", 0.002]
     assert rows[0]["dt_taken"] != rows[1]["dt_taken"] == 0.0015  # two of them fit between two resets
@@ -284,7 +284,7 @@ def test_a_point_s_scene_is_written_again_where_it_is_missing_or_another(small: 
     assert {path: path.read_bytes() for path in scenes} == expected
 
 
-def test_rows_of_different_versions_are_told_once(small: SweepResult, tmp_path: Path) -> None:
+def test_rows_of_different_versions_are_reported_once(small: SweepResult, tmp_path: Path) -> None:
     shutil.copytree(small.out, tmp_path / "out")
     for path in points(tmp_path / "out")[:2]:
         record = json.loads(path.read_bytes())
@@ -339,7 +339,7 @@ def test_every_scene_is_in_one_part_and_in_one_task_of_one_lattice() -> None:
 
 
 @pytest.mark.parametrize("part", ["0/4", "5/4", "1", "a/b", "1/2/3", ""])
-def test_a_part_that_is_none_is_refused(part: str, tmp_path: Path) -> None:
+def test_a_malformed_part_is_refused(part: str, tmp_path: Path) -> None:
     with pytest.raises(InputError, match="K/N"):
         run_sweep(load_sweep(SMALL), tmp_path / "out", part=part)
     assert not (tmp_path / "out").exists()
@@ -396,7 +396,9 @@ def test_without_a_scheduler_the_error_says_so(tmp_path: Path, monkeypatch: pyte
 
 
 @pytest.mark.parametrize("says", [b"", b"HTTP/1.1 400 Bad Request\r\n\r\n" * 10, b"\x01" + bytes(1000)])
-def test_what_is_no_scheduler_is_told_soon(says: bytes, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_an_address_without_a_scheduler_is_refused_soon(
+    says: bytes, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     pytest.importorskip("distributed")
     monkeypatch.setattr(executors, "CONNECT_TIMEOUT", 0.3)
 

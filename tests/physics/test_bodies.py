@@ -36,7 +36,7 @@ def test_observables_are_weighted_with_mass(kernels):
 
 
 @pytest.mark.parametrize(("eta", "integrator"), [(0.0, VELOCITY_VERLET), (0.3, TRAPEZOIDAL)])
-def test_a_free_body_of_unlike_points_keeps_its_momentum(eta, integrator, kernels):
+def test_a_free_body_of_non_uniform_masses_keeps_its_momentum(eta, integrator, kernels):
     lattice = unlike(disk(60, height=1.0), 0.2, 3.0)
     (x, v), m = shaken(lattice, 0, 0.01), lattice.masses
     model = pressed(0.0, eta) if eta else FALLING
@@ -85,7 +85,7 @@ def test_the_softest_vibration_of_a_composite_has_the_frequency_of_its_matrices(
     assert abs(omega / np.sqrt(eigh(K, np.eye(2 * n) / n, eigvals_only=True)[3]) - 1.0) > 0.05  # the masses matter
 
 
-def test_the_step_limit_of_an_unlike_body_is_sharp(kernels):
+def test_the_step_limit_of_a_non_uniform_body_is_sharp(kernels):
     lattice, grown = unlike(disk(60, height=1.0), 0.2, 3.0), []
     v = 1e-6 * shaken(lattice, 2, 0.0)[1]
     for part in (0.995, 1.005):
@@ -109,7 +109,7 @@ def test_an_impact_of_a_ring_with_a_core_ends_with_its_energy_accounted_for(kern
 # ---- rest
 
 
-def test_the_compression_of_an_unlike_body_counts_from_its_centre_of_mass(kernels):
+def test_the_compression_of_a_non_uniform_body_counts_from_its_centre_of_mass(kernels):
     # The load, too, acts in proportion to mass: at rest it is borne below that centre.
     settings = ["compression.method=newton", "compression.pressure=0.02"]
     scenario = load_scene("compression", settings).scenario(unlike(disk(100), 0.2, 3.0))

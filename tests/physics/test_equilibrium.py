@@ -92,7 +92,7 @@ def test_a_hexagon_balanced_on_its_corner_tips_over_onto_a_side():
     assert height[1] - height[0] < 1e-9
 
 
-def test_a_rest_that_is_not_found_is_told():
+def test_an_equilibrium_that_is_not_found_is_an_error():
     with pytest.raises(SimulationError, match="within 3 Newton iterations"):
         rest_of(disk_lattice(1099, 0), MODEL, max_iterations=3)
     with pytest.raises(SimulationError, match=r"could not lower the energy.*compression\.pressure"):
@@ -129,7 +129,7 @@ def loading():
     return scene, scenario, compute(scenario, scene.time)
 
 
-def test_a_loading_goes_through_equilibria_told_by_forces_and_energies_of_plain_numpy(loading):
+def test_every_row_of_a_loading_is_an_equilibrium_of_plain_numpy(loading):
     _, scenario, outcome = loading
     lattice, columns = scenario.lattice, outcome.columns
     assert 0.0 < columns["t"][0] < 0.01 and columns["t"][-1] == 1.0 and (np.diff(columns["t"]) > 0.0).all()

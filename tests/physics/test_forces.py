@@ -96,7 +96,7 @@ def test_kernels_and_numpy_have_the_forces_and_energies_of_plain_numpy(name, ker
 @pytest.mark.parametrize(
     "name", ["wall, load, dashpots solved for", "elastic wall, reset", "unlike, wall, load, dashpots"]
 )
-def test_the_force_is_minus_the_slope_of_every_energy_that_is_told(name, kernels):
+def test_the_force_is_minus_the_slope_of_the_reported_energies(name, kernels):
     # Central differences, step d: error d^2 U'''/6 with U''' ~ a^2 F at the wall, 3e-12 F, and rounding eps U/d.
     lattice, model, integrator = CASES[name]
     plain = reference.Model(lattice, model)

@@ -206,7 +206,7 @@ def test_a_disk_that_spins_fast_enough_leaves_the_other_way(kernels):
     assert found["spin_after"] < 0.2
 
 
-def test_dashpots_beside_friction_are_taken_explicitly(kernels):
+def test_dashpots_are_explicit_if_there_is_friction(kernels):
     _, outcome, found = impact(kernels, *SLIDING, "material.eta_star=100")
     assert outcome.summary["integrator"] == "velocity_verlet"
     assert found["tangential_impulse"] == pytest.approx(-0.1 * found["normal_impulse"], rel=1e-12)
@@ -292,7 +292,7 @@ def test_results_along_the_wall_do_not_depend_on_how_far_from_it_the_run_ends(ke
 
 
 @pytest.mark.parametrize(("eta_star", "told"), [(0.002, False), (0.02, True)])
-def test_dashpots_that_took_one_per_cent_of_a_spin_are_told(eta_star, told, kernels):
+def test_a_warning_says_that_dashpots_took_one_per_cent_of_a_spin(eta_star, told, kernels):
     spinning = ("impact.spin=0.05", "impact.gap=0.2", f"material.eta_star={eta_star}")
     scenario, outcome, _ = impact(kernels, *SMALL, *spinning)
     found = [text for text in warnings(scenario, outcome.columns) if "angular momentum" in text]

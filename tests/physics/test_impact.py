@@ -105,7 +105,7 @@ def test_a_spin_that_strong_dashpots_damp_is_no_blow_up_and_e_is_that_of_dop853(
     assert outcome.summary["energy"]["scale"] == pytest.approx(0.5 * (scenario.velocities**2).sum() / 20, rel=1e-12)
 
 
-def test_velocities_of_ones_own_are_those_of_a_scene_with_their_speed(kernels):
+def test_custom_velocities_give_the_run_of_a_scene_with_their_speed(kernels):
     fast = load_scene("exponential_wall", ["lattice.points=40", "impact.velocity=0.5"])
     scene = fast.scenario()
     own = fast.with_(velocity=0.01).scenario(velocities=scene.velocities.copy())
@@ -114,7 +114,7 @@ def test_velocities_of_ones_own_are_those_of_a_scene_with_their_speed(kernels):
     assert_array_equal(columns[0]["wall_force"], columns[1]["wall_force"])
 
 
-def test_a_body_of_ones_own_that_spins_bounces_as_dop853_says(kernels):
+def test_a_spinning_custom_body_bounces_as_in_dop853(kernels):
     # A hexagonal lattice, cut as a disk; two springs of it are too long for their place, so that it starts strained.
     i, j = np.meshgrid(np.arange(-4, 5), np.arange(-4, 5), indexing="ij")
     points = 0.3 * np.stack([i + 0.5 * j, np.sqrt(0.75) * j], axis=-1).reshape(-1, 2)

@@ -45,7 +45,7 @@ def test_the_balance_of_a_free_disk_with_dashpots_is_exact_at_any_step_for_linea
 
 
 @LONG
-def test_a_spin_that_dashpots_brake_in_flight_is_told_and_axial_ones_keep_it(kernels):
+def test_dashpots_brake_a_spin_in_flight_with_a_warning_and_axial_ones_do_not(kernels):
     settings = "lattice.points=60", "impact.spin=0.05", "material.eta_star=10", "impact.gap=0.3"
     _, vector = computed(kernels, "exponential_wall", *settings, estimate=False)
     _, axial = computed(kernels, "exponential_wall", *settings, "material.dashpot=axial", estimate=False)

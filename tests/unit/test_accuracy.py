@@ -53,7 +53,7 @@ def test_the_advice_to_take_more_points_says_what_keeps_the_body() -> None:
     assert all("viscosity" not in key for one in changes(own) for key in one.keys)
 
 
-def test_no_lattice_is_tried_that_takes_hours_and_none_of_points_of_ones_own(tmp_path) -> None:
+def test_no_lattice_is_tried_that_takes_hours_or_whose_points_come_from_a_file(tmp_path) -> None:
     finer = [one.change for one in changes(load_scene("exponential_wall", ["lattice.points=40000"]))]
     assert "N = 160,000, same η" in finer and "N = 640,000, same η" not in finer
     (tmp_path / "points.csv").write_text("x,y\n0,0\n1,0\n0,1\n")

@@ -39,7 +39,7 @@ def test_a_lost_balance_is_seen_in_the_first_row_that_shows_it(energies, lost):
     assert [found is None for found in each[:lost]] == [True] * len(rows[:lost]) and (lost is None or each[lost] == 0)
 
 
-def test_a_forced_step_is_told_and_the_state_before_it_is_kept(kernels):
+def test_a_blow_up_at_a_forced_step_is_reported_with_the_last_good_state(kernels):
     driver = driver_of(kernels, *SMALL, "impact.gap=0.13", "time.dt=0.2", "time.sample_interval=1.8", force=True)
     assert driver.advance() == "failed" and isinstance(driver.failure, BlowUp)
     message, good = str(driver.failure), driver.failure.last_good
@@ -57,7 +57,7 @@ def test_a_forced_step_is_told_and_the_state_before_it_is_kept(kernels):
 
 
 @pytest.mark.parametrize("dt", ["0.02", "auto"])
-def test_a_number_lost_by_the_machine_is_found_in_the_next_launch_and_told_as_that(dt, kernels, monkeypatch):
+def test_a_number_that_is_not_finite_is_reported_after_the_launch(dt, kernels, monkeypatch):
     monkeypatch.setattr("taichi_disk.computation.driver.SPRINGS_PER_LAUNCH", 20_000)
     driver = driver_of(kernels, *SMALL, "impact.gap=0.13", f"time.dt={dt}")
     driver.advance(steps=60 if dt == "auto" else 500)  # amid the impact

@@ -84,7 +84,7 @@ def test_a_single_fault_is_one_line_with_its_place(path: Path, text: str, expect
     assert faults(path, IMPACT + text) == [expected]
 
 
-def test_all_faults_come_at_once_in_the_order_of_the_file(path: Path) -> None:
+def test_all_faults_are_listed_together_in_the_order_of_the_file(path: Path) -> None:
     text = """\
 scene: absorbing_wall
 lattice:

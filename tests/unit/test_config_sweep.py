@@ -99,7 +99,7 @@ def test_an_override_sets_the_axis_in_every_section() -> None:
         ("sweep: {seed: {range: 400}, eta_star: {lin: [1, 2, 400]}}", "2:1: sweep: 160000 combinations: at most 100000"),
     ],
 )  # fmt: skip
-def test_each_fault_is_told_with_its_place(text: str, expected: str) -> None:
+def test_each_fault_is_reported_with_its_place(text: str, expected: str) -> None:
     assert faults(text) == [expected]
 
 
@@ -110,7 +110,7 @@ def test_a_wall_is_random_where_the_disk_comes_from_a_file() -> None:
         load_sweep(scene + "sweep: {points: [10, 20]}\n")
 
 
-def test_values_that_disagree_only_together_are_told_with_the_combination() -> None:
+def test_values_that_disagree_only_together_are_reported_with_the_combination() -> None:
     # At 0.065 R the fast disk may start, the slow one not.
     assert faults("sweep: {gap: [0.2, 0.065], velocity: [0.05, 0.01]}")[-1].endswith("(at gap: 0.065, velocity: 0.01)")
 

@@ -11,7 +11,7 @@ from taichi_disk import doctor, engine
 from taichi_disk.cli import main
 
 
-def test_a_machine_that_is_ready_is_told_so_and_nothing_is_left_behind(tmp_path, monkeypatch, capsys):
+def test_a_ready_machine_is_reported_ready_and_nothing_is_left_behind(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("TMPDIR", str(tmp_path))
     assert main(["doctor"]) == 0
@@ -29,7 +29,7 @@ def test_a_machine_that_is_ready_is_told_so_and_nothing_is_left_behind(tmp_path,
         ("exec sleep 60", "no answer within 0.5 s"),
     ],
 )
-def test_an_error_a_crash_and_a_hang_are_told_with_the_remedy(tmp_path, monkeypatch, capsys, script, told):
+def test_an_error_a_crash_and_a_hang_are_reported_with_the_remedy(tmp_path, monkeypatch, capsys, script, told):
     python = tmp_path / "python"
     python.write_text(f"#!/bin/bash\n{script}\n")
     python.chmod(0o700)

@@ -11,7 +11,7 @@ from numpy.testing import assert_array_equal
 
 from taichi_disk.computation.outcome import inverted_triangles
 from taichi_disk.computation.workload import announcement
-from taichi_disk.errors import InputError, SimulationError
+from taichi_disk.errors import InputError
 
 IMPACT = ("exponential_wall", "lattice.points=60", "material.eta_star=0", "time.safety=0.3")
 SCENES = {
@@ -58,21 +58,6 @@ def test_a_wall_harder_than_foreseen_makes_the_step_shorter_until_it_holds(kerne
     assert abs(summary["energy"]["closing_imbalance"]) < 2e-5 and summary["energy"]["worst_imbalance"] < 1e-4
 
 
-@pytest.mark.parametrize(
-    ("settings", "told"),
-    [
-        (
-            (*IMPACT, "material.eta_star=10", "impact.max_time=2.0"),
-            r"not left the wall by t = 2\.0.* impact\.max_time ",
-        ),
-        (("compression", SMALL[0], "compression.max_time=5"), r"not at rest by t = 5.*compression\.method: newton"),
-    ],
-)
-def test_a_run_that_cannot_end_gives_up_with_advice(settings, told, kernels):
-    with pytest.raises(SimulationError, match=told):
-        computed(kernels, *settings)
-
-
 def test_a_step_beyond_the_limit_is_refused_with_the_limit_named_unless_forced(kernels):
     limit = driver_of(kernels, *IMPACT).step.limit
     with pytest.raises(InputError, match=f"{limit:.6g} R/c.*--force"):
@@ -81,7 +66,7 @@ def test_a_step_beyond_the_limit_is_refused_with_the_limit_named_unless_forced(k
         assert driver_of(kernels, *IMPACT, f"time.dt={dt}", force=force).step.dt == dt
 
 
-def test_triangles_turned_inside_out_are_counted_and_told(kernels):
+def test_triangles_turned_inside_out_are_counted_with_a_warning(kernels):
     small = (*IMPACT, "lattice.points=30")
     scenario, gentle = computed(kernels, *small)
     lattice, x = scenario.lattice, scenario.lattice.positions.copy()

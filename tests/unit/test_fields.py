@@ -46,7 +46,7 @@ def strained(xx, yy, xy):
     return PATCH.positions @ np.array([[1.0 + xx, xy], [xy, 1.0 + yy]])
 
 
-def test_springs_that_cross_triangles_and_the_edge_of_a_core_are_told():
+def test_springs_that_cross_triangles_and_the_edge_of_a_core_are_reported():
     ends = [(i, j) for i in range(len(PATCH.masses)) for j in range(i) if PATCH_DISTANCES[i, j] < 1.8 / RINGS]
     crossed = Triangles(Lattice.from_points(PATCH.positions, ends))
     assert len(crossed.crossing) == len(ends) - len(PATCH.bonds) and not len(MESH.crossing) + len(MESH.interfaces)

@@ -62,7 +62,7 @@ def test_slivers_of_points_at_random_are_dropped_and_nothing_else():
 
 
 @pytest.mark.parametrize("springs", [CROSSED, CROSSED[RISE < 1e-9], CROSSED[RISE > -1e-9]], ids=["both", "/", "\\"])
-def test_springs_of_ones_own_are_kept_with_their_rest_lengths(springs):
+def test_custom_springs_keep_their_rest_lengths(springs):
     rest = 1.0 + np.arange(len(springs))
     lattice = Lattice.from_points(GRID, springs[:, ::-1], rest)
     order = order_of(lattice, GRID)
@@ -101,7 +101,7 @@ RING = ROUND[np.hypot(*ROUND.T) > 0.6]
         ((GRID, None, np.ones(3)), "rest_lengths without springs"),
     ],
 )
-def test_what_is_no_disk_is_refused_with_the_place(arguments, message):
+def test_points_that_make_no_disk_are_refused_with_the_place(arguments, message):
     with pytest.raises(InputError, match=re.escape(message)):
         Lattice.from_points(*arguments)
 
@@ -161,7 +161,7 @@ def test_the_disk_of_a_runs_lattice_is_read_from_npz(tmp_path):
         ("a.npz", b"PK", "not a zip file"),
     ],
 )
-def test_files_that_hold_no_disk_are_named(tmp_path, name, content, message):
+def test_files_that_hold_no_disk_are_refused_by_name(tmp_path, name, content, message):
     if content is not None:
         (tmp_path / name).write_bytes(content)
     with pytest.raises(InputError, match=re.escape(message)) as refusal:
@@ -237,7 +237,7 @@ def test_a_wide_hole_stays_open_and_a_notch_is_what_the_springs_leave():
     assert Lattice.from_points(np.concatenate([RING, ROUND[np.hypot(*ROUND.T) <= 0.6]])).whole
 
 
-def test_triangles_stiffness_and_masses_of_ones_own_follow_their_points_and_springs():
+def test_custom_triangles_stiffness_and_masses_follow_their_points_and_springs():
     i, (column, row) = np.arange(81), np.divmod(np.arange(81), 9)
     square = i[(column < 8) & (row < 8)]
     square = square[square != 30]  # one cell is a hole

@@ -101,7 +101,7 @@ def test_a_folder_that_was_named_is_refused_if_it_holds_another_run_unless_overw
         ("frames/portrait.png", "x"),
     ],
 )
-def test_what_no_run_wrote_is_never_touched(tmp_path, name, text, overwrite):
+def test_files_that_no_run_wrote_are_never_touched(tmp_path, name, text, overwrite):
     path = tmp_path / "run" / name
     path.parent.mkdir(parents=True)
     path.write_text(text)
@@ -186,7 +186,9 @@ def test_a_run_without_end_never_replaces_a_finished_one(tmp_path, status, expli
 
 @pytest.mark.parametrize("overwrite", [False, True])
 @pytest.mark.parametrize("before", [None, SCENE])
-def test_of_two_runs_at_once_the_later_to_finish_goes_elsewhere_and_says_so(tmp_path, monkeypatch, before, overwrite):
+def test_of_two_simultaneous_runs_the_later_to_finish_takes_another_folder_and_says_so(
+    tmp_path, monkeypatch, before, overwrite
+):
     if before:
         compute(tmp_path / "run", before, mark="before")
     said, pid, third = [], os.getpid(), OTHER.replace("200", "300")

@@ -99,7 +99,7 @@ def test_a_loading_shows_the_load_against_the_compression_with_the_paper_s_law_a
     assert stored == pytest.approx(elastic + wall) and np.array_equal(wall, columns["wall"])
 
 
-def test_of_points_of_one_s_own_whose_moduli_nobody_knows_no_law_is_drawn(kernels, tmp_path, figures):
+def test_no_law_is_drawn_for_custom_points_whose_moduli_are_unknown(kernels, tmp_path, figures):
     scene = load_scene("compression", ["compression.method=newton"])
     scenario = scene.scenario(Lattice.from_points(disk(60).positions))
     plot_run(tmp_path / "a.png", scenario, compute(scenario, scene.time, kernels=kernels).columns)

@@ -101,7 +101,7 @@ def test_after_a_blow_up_the_step_is_halved_a_few_times():
     assert not control_of(*SMALL, f"time.dt={first}").shorten_after_blow_up(0.0)
 
 
-def test_what_makes_a_result_doubtful_is_told(finished):
+def test_warnings_say_what_makes_a_result_doubtful(finished):
     scenario = finished.scenario
     for part, expected in ((0.8, 0), (1.1, 2)):
         columns = off_by(finished, 0.0, closing=-part * MAX_IMBALANCE)

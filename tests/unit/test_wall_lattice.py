@@ -88,7 +88,7 @@ def test_every_width_in_the_range_that_the_message_allows_makes_a_wall(points, r
             with_wall(DISK, points, width, 0, rim)
 
 
-def test_a_wall_of_too_few_points_is_told_how_many_it_takes():
+def test_a_wall_of_too_few_points_is_refused_with_the_number_needed():
     with pytest.raises(InputError, match=r"wall\.points must be at least") as refusal:
         with_wall(DISK, 5, 1.0, 0)
     fewest = int(str(refusal.value).split("at least ")[1].split()[0])
