@@ -74,17 +74,13 @@ class Integrator:
         return tuple(stage for pair in zip(kicks, self.moves, strict=True) for stage in ((*pair, 0.0), *shifted))
 
 
-def _leapfrog(name: str) -> Integrator:
-    return Integrator(name, 2, kicks=(0.5, 0.5), moves=(1.0,), stable=2.0, dashpots=DASHPOTS[name])
-
-
 # Leapfrog form (Hairer, Lubich & Wanner, Acta Numerica 12, 2003). The cheapest way to an error of e above 1e-7, because
 # the highest lattice frequency limits the step more than accuracy does. Dashpots take the predicted velocity
 # u_k = v_{k-1/2} + h/2 f_{k-1}/m, with an error O(h^2), and shorten the stable step (`stability.explicit_limit`).
-VELOCITY_VERLET = _leapfrog("velocity_verlet")
+VELOCITY_VERLET = Integrator("velocity_verlet", 2, (0.5, 0.5), (1.0,), 2.0, DASHPOTS["velocity_verlet"])
 
 # Velocity Verlet with implicit dashpots: see `trapezoidal`.
-TRAPEZOIDAL = _leapfrog("trapezoidal")
+TRAPEZOIDAL = replace(VELOCITY_VERLET, name="trapezoidal", dashpots=DASHPOTS["trapezoidal"])
 
 # I. P. Omelyan, I. M. Mryglod and R. Folk, Comput. Phys. Commun. 146, 188 (2002). Of use for errors of e below 1e-7,
 # where it needs fewer forces than velocity Verlet. Stability limits the step, and no other composition of order 4 has
@@ -103,13 +99,8 @@ VEFRL = Integrator(
 # M. Takahashi and M. Imada, J. Phys. Soc. Jpn. 53, 3765 (1984): velocity Verlet with the potential
 # U - h^2/24 sum(F^2/m), here without the gradient of F. The stepped X and V are, to order 4, x - h^2/12 a and
 # v + h^2/12 da/dt of an orbit. So X is set at the start, and x = X + h^2/12 a(X) is just where the force is taken.
-TAKAHASHI_IMADA = replace(
-    VELOCITY_VERLET,
-    name="takahashi_imada",
-    order=4,
-    stable=sqrt(12.0),
-    dashpots=DASHPOTS["takahashi_imada"],
-    correction=1.0 / 12.0,
+TAKAHASHI_IMADA = Integrator(
+    "takahashi_imada", 4, (0.5, 0.5), (1.0,), sqrt(12.0), DASHPOTS["takahashi_imada"], correction=1.0 / 12.0
 )
 
 INTEGRATORS = {each.name: each for each in (VELOCITY_VERLET, TRAPEZOIDAL, TAKAHASHI_IMADA, VEFRL)}

@@ -17,8 +17,8 @@ from taichi_disk.integrators.trapezoidal import DashpotSolver
 from taichi_disk.lattice import Array
 from taichi_disk.physics import Model
 from taichi_disk.physics.law import Integers1, Reals2, array, get, side_by_side
-from taichi_disk.simulation.observables import ABSORBED, DISSIPATED, FRICTION, INDEX, SLIDING, within
-from taichi_disk.simulation.stepping import State, Stepping
+from taichi_disk.simulation.observables import INDEX, within
+from taichi_disk.simulation.stepping import ABSORBED, DISSIPATED, FRICTION, SLIDING, State, Stepping
 
 Counts = NDArray[np.int32]
 

@@ -20,8 +20,8 @@ from taichi_disk.physics.law import Capacity
 from taichi_disk.physics.ordering import BLOCK, Arrangement, arrange
 from taichi_disk.signals import interruptible, raise_if_interrupted
 from taichi_disk.simulation.kernels import Kernels, SubdomainKernels
-from taichi_disk.simulation.observables import INDEX, PEAK_POINT_FORCE, bounds_array
-from taichi_disk.simulation.stepping import Snapshot, State
+from taichi_disk.simulation.observables import INDEX, bounds_array
+from taichi_disk.simulation.stepping import PEAK_POINT_FORCE, Snapshot, State
 
 # Of every simulation, so that kernels of one size serve all lattices of usual size: 12,000 points with 3 springs (a
 # triangulation has fewer) and 27 entries of the dashpots' factor each.

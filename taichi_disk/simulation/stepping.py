@@ -15,33 +15,15 @@ from taichi_disk.integrators import Integrator
 from taichi_disk.integrators.trapezoidal import DashpotSolver
 from taichi_disk.lattice import Array, Lattice
 from taichi_disk.physics import Model
-from taichi_disk.physics.law import (
-    BodyForce,
-    Capacity,
-    Contents,
-    Integers1,
-    Reals1,
-    Reals3,
-    array,
-    get,
-    pair_of,
-    put,
-    scalar,
-)
+from taichi_disk.physics.law import Capacity, Contents, Integers1, Reals1, Reals3, array, get, pair_of, put, scalar
 from taichi_disk.physics.ordering import Arrangement
-from taichi_disk.simulation.observables import (
-    ABSORBED,
-    BOUNDARY_POWER,
-    DISSIPATED,
-    FRICTION,
-    FRICTION_POWER,
-    INITIAL_LOSS,
-    LEAVING,
-    PEAK_POINT_FORCE,
-    POWER,
-    SLIDING,
-    SUMS,
-)
+
+# Accumulators of a run. They travel through a kernel as a local vector and are stored once, at its end. Taichi 1.7.4
+# keeps 0-D fields in registers across loops and hands later readers in the same kernel the value from before: an energy
+# kept in such a field would be one launch late.
+SUMS = 8
+DISSIPATED, POWER, ABSORBED, BOUNDARY_POWER, PEAK_POINT_FORCE, SLIDING, LEAVING, INITIAL_LOSS = range(SUMS)
+FRICTION, FRICTION_POWER = range(SUMS, SUMS + 2)  # only with friction
 
 
 @dataclass(frozen=True)
@@ -183,8 +165,8 @@ class Stepping:
         self.state, self.integrator, self.solver = state, integrator, solver
         laws: Any = model  # where a law is absent, no kernel asks for it
         self.springs, self.wall, self.mouse, self.boundary = laws.springs, laws.wall, laws.mouse, laws.boundary
-        self.rigid = isinstance(model.wall, BodyForce)
-        self.contact, self.has_friction = model.wall is not None and not self.rigid, model.has_friction
+        self.contact, self.has_friction = model.elastic is not None, model.has_friction
+        self.rigid = model.wall is not None and not self.contact
         self.loads = tuple(law for law in model.body_forces if law is not model.wall)
         self.observed_velocities = state.u if state.corrected else state.v  # before a last kick
         self.damped, self.implicit = model.springs.damped, solver is not None
