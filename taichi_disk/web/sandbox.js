@@ -116,7 +116,7 @@ export class Sandbox {
   // ---- what the program sends
 
   connected(yes) {
-    this.find("role").textContent = yes ? "" : "The program does not answer; waiting for it …";
+    if (!yes) this.find("role").textContent = "The program does not answer; waiting for it …";
   }
 
   receive(data) {
@@ -175,6 +175,7 @@ export class Sandbox {
   showPanel(panel) {
     const show = (id, text) => (this.find(id).textContent = text), look = (key) => panel.choices.find((one) => one.key === `video.${key}`).value;
     this.panel = panel;
+    this.node.ariaBusy = false; // all that was empty until now is filled
     const magnify = panel.sliders.find((one) => one.key === "video.magnify");
     this.theme = this.node.dataset.theme = look("theme");
     this.look = { theme: this.theme, draw: look("draw"), quantity: look("colour"), magnify: magnify.value };
