@@ -14,7 +14,7 @@ import numpy as np
 
 from taichi_disk import runtime
 from taichi_disk.api.lattices import MOST_LATTICES
-from taichi_disk.api.work import FRAMES, Clock, built, compute_into, shared_kernels, solved, write_run
+from taichi_disk.api.work import FRAMES, Clock, built, compute_into, shared_kernels, solved, write_run, write_start
 from taichi_disk.computation.contact import greatest_compression
 from taichi_disk.computation.outcome import Outcome
 from taichi_disk.computation.scenario import Scenario
@@ -317,6 +317,7 @@ class Result:
         out, text = as_path(out, "out"), self.own.repeating(self.scene).to_yaml()
         with run_folder(out, text, True, overwrite, lattice=self.own.digest) as folder:
             outcome = replace(self.outcome, summary=dict(self.summary))
+            write_start(folder.path, self.scenario, self.own)
             with plotting_beside(video) as plot:
                 write_run(folder, outcome, self.own, video, plot, silent, Clock())
         return folder.out
@@ -360,7 +361,8 @@ class Result:
         if summary.get("lattice_digest", "") != own.digest:
             raise InputError(f"{folder}: the lattice or the velocities in lattice.npz have changed since the run")
         scenario = built(scene, own, clock)
-        return cls(scene, solved(scene, scenario, own, clock, progress or silent, True, estimate, 1), own=own)
+        outcome = solved(scene, scenario, own, clock, progress or silent, 1, force=True, estimate=estimate)
+        return cls(scene, outcome, own=own)
 
 
 @reported
@@ -422,12 +424,13 @@ def run(
         raise InputError(f"lattices: must be a whole number from 1 to {MOST_LATTICES:,}, not {lattices!r}")
     clock, progress = Clock(**{"start": started} if started else {}), progress or silent
     own = own_start(scene.lattice, lattice, velocities)  # read once, before a folder is chosen: files may change
+    options: dict[str, Any] = {"lattices": lattices, "force": force, "say": say}
     if out is None:
         if export:
             raise InputError("export: needs a folder, `out`")
         scenario = built(scene, own, clock, threads)
-        return Result(scene, solved(scene, scenario, own, clock, progress, force, lattices=lattices, say=say), own=own)
+        return Result(scene, solved(scene, scenario, own, clock, progress, **options), own=own)
     out, text = as_path(out, "out"), own.repeating(scene).to_yaml()
     with run_folder(out, text, not count_on, overwrite, say, own.digest) as folder:
-        outcome = compute_into(folder, scene, own, clock, progress, video, export, force, threads, lattices, say)
+        outcome = compute_into(folder, scene, own, clock, progress, video, export, threads, **options)
     return Result(scene, outcome, folder.out, own)

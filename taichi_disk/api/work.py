@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
 from functools import lru_cache
 from pathlib import Path
@@ -60,21 +59,19 @@ def solved(
     own: OwnStart,
     clock: Clock,
     progress: Progress,
-    force: bool = False,
-    estimate: bool = True,
     lattices: int | None = None,
-    say: Callable[[str], None] = lambda text: None,
+    **options: Any,
 ) -> Outcome:
-    """Compute `scenario` and return the outcome with a complete summary. Raises what `compute` raises."""
+    """Compute `scenario` and return the outcome with a complete summary. Options and errors are those of `compute`."""
     kernels = shared_kernels()
     known = None if own.disk or scenario.static else setup_of(scene).modes(scenario.model)
-    outcome = compute(scenario, scene.time, progress, kernels, modes=known, force=force, estimate=estimate, say=say)
+    outcome = compute(scenario, scene.time, progress, kernels, modes=known, **options)
     clock.lap("simulate", compile=outcome.compile_seconds)
     summary = _heading(scene, own, clock, "done") | outcome.summary | {"video": None}
     notes = scene.notes(scenario.lattice.disk_points) if scenario.step_dependent else []
     count, note = lattice_count(own, outcome, lattices)
     if count > 1:
-        summary["lattices"] = compare_lattices(scene, outcome, count, kernels, progress, force)
+        summary["lattices"] = compare_lattices(scene, outcome, count, kernels, progress, options["force"])
         clock.lap("lattices")
     if notes := [*notes, *note]:
         summary["notes"] = notes
@@ -100,22 +97,20 @@ def compute_into(
     progress: Progress,
     video: bool = True,
     export: str | None = None,
-    force: bool = False,
     threads: int | None = None,
-    lattices: int | None = None,
-    say: Callable[[str], None] = lambda text: None,
+    **options: Any,
 ) -> Outcome:
     """Compute a scene and write its files, or the reason of a failure. Arguments and errors as for `run`."""
     if export:
         from taichi_disk.output.export import check_export, export_run
 
         check_export(folder.path, export)
-    scenario: Scenario | None = None
     known: dict[str, Any] = {}
     try:
         with plotting_beside(video) as plot:
             scenario = built(scene, own, clock, threads)
-            outcome = solved(scene, scenario, own, clock, progress, force, lattices=lattices, say=say)
+            write_start(folder.path, scenario, own)
+            outcome = solved(scene, scenario, own, clock, progress, **options)
             known = outcome.summary
             if export:
                 times = np.linspace(0.0, outcome.columns["t"][-1], FRAMES)
@@ -126,8 +121,6 @@ def compute_into(
     except (SimulationError, KeyboardInterrupt) as failure:
         status = "interrupted" if isinstance(failure, KeyboardInterrupt) else "failed"
         clock.lap(status)
-        if scenario is not None:
-            _write_start(folder.path, scenario, own)
         if isinstance(failure, BlowUp):
             files.write_arrays(folder.path / "failure.npz", **failure.last_good)
         known |= _heading(scene, own, clock, status, str(failure) or None)
@@ -146,7 +139,6 @@ def write_run(
     section, asked = scenario.scene.video, scenario.scene.time.sample_interval
     # Rows of a loading are not equally spaced in time.
     interval = 0.0 if asked == "auto" or scenario.static else asked
-    _write_start(path, scenario, own)
     files.write_timeseries(path / "timeseries.csv", outcome.columns, interval)
     end = {"positions": outcome.positions, "velocities": outcome.velocities, "t": outcome.columns["t"][-1]}
     files.write_arrays(path / "final.npz", **end)
@@ -171,7 +163,7 @@ def write_run(
     files.write_summary(path / "summary.json", summary)
 
 
-def _write_start(path: Path, scenario: Scenario, own: OwnStart) -> None:
+def write_start(path: Path, scenario: Scenario, own: OwnStart) -> None:
     lattice, impedance = scenario.lattice, scenario.model.impedance
     files.write_lattice(path / "lattice.npz", lattice, scenario.velocities, impedance, own.disk)
 
