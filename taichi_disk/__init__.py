@@ -7,7 +7,7 @@ from time import perf_counter
 
 from taichi_disk.version import __version__
 
-TYPE_CHECKING = False  # as in typing, whose import would be the longest part of the time before a command can listen
+TYPE_CHECKING = False  # importing it from typing would delay the moment at which a command handles Ctrl-C
 if TYPE_CHECKING:
     from typing import Any
 
@@ -16,22 +16,15 @@ if TYPE_CHECKING:
     from taichi_disk.scenes import Scene, load_scene, load_sweep
     from taichi_disk.sweep.sweep import run_sweep
 
-BEGAN = perf_counter()  # the wall clock of a command counts from here
+BEGAN = perf_counter()  # start of the wall clock of a command
 __all__ = ["Lattice", "Result", "Scene", "__version__", "load_scene", "load_sweep", "run", "run_sweep"]
 
-_HOME = {
-    "Lattice": "taichi_disk.lattice",
-    "Result": "taichi_disk.api",
-    "Scene": "taichi_disk.scenes",
-    "load_scene": "taichi_disk.scenes",
-    "load_sweep": "taichi_disk.scenes",
-    "run": "taichi_disk.api",
-    "run_sweep": "taichi_disk.sweep.sweep",
-}
+_MODULES = {"Lattice": "lattice", "Result": "api", "run": "api", "run_sweep": "sweep.sweep"}
+_MODULES |= dict.fromkeys(("Scene", "load_scene", "load_sweep"), "scenes")
 
 
 def __getattr__(name: str) -> Any:
     # Lazy, so that `taichi-disk --help` and `check` need neither Taichi nor SciPy.
-    if name in _HOME:
-        return getattr(import_module(_HOME[name]), name)
+    if name in _MODULES:
+        return getattr(import_module(f"taichi_disk.{_MODULES[name]}"), name)
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

@@ -1,7 +1,4 @@
-"""The command line: arguments in, exit status out. Each command is one function that imports what it needs.
-
-Exit status: 0 done; 1 the computation or the film failed; 2 bad input or usage; 130 interrupted.
-"""
+"""The command line. Each command is one function, which imports what it needs."""
 
 from __future__ import annotations
 
@@ -27,18 +24,21 @@ _TRAJECTORIES = ("xyz", "gsd", "vtu", "npz")
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Carry out one command. Raises SystemExit, as argparse does, on --help, --version and usage errors."""
-    # Libraries' warnings are for their developers; as errors (PYTHONWARNINGS=error) they would end a run.
+    """Carry out one command and return its exit status: 0 done, 1 failed, 2 bad input, 130 interrupted.
+
+    Raises SystemExit, as argparse does, for --help, --version and usage errors.
+    """
+    # Warnings of libraries are for developers; PYTHONWARNINGS=error would turn them into errors that end a run.
     warnings.simplefilter("ignore")
+    given = list(sys.argv[1:] if argv is None else argv)
     try:
         parser = _parser()
-        given = list(sys.argv[1:] if argv is None else argv)
         if not given:
             parser.print_help()
             return 0
         arguments = parser.parse_args(given)
         raise_if_interrupted()
-        status: int = arguments.command(arguments)
+        status: int = arguments.command(arguments) or 0
         if sys.stdout is not None:  # it may be closed
             sys.stdout.flush()
         return status
@@ -46,7 +46,9 @@ def main(argv: Sequence[str] | None = None) -> int:
         _print_error(f"error: {error}")
         return error.exit_status
     except KeyboardInterrupt:
-        _print_error("interrupted")
+        _print_error(
+            "interrupted" + "; finished scenes are kept: repeat the command to go on" * (given[:1] == ["sweep"])
+        )
         return INTERRUPTED
     except (MemoryError, RuntimeError) as error:
         if not isinstance(error, MemoryError) and "memory" not in str(error):
@@ -60,9 +62,10 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _print_error(text: str) -> None:
-    """On stderr, if there is one; the library speaks of arguments, which are options here."""
-    text = text.replace("as `out`", "with --out").replace("overwrite=True", "--overwrite")
-    text = text.replace("lattices=", "--lattices ")
+    # Messages of the library name arguments of Python, which are options here.
+    options = {"as `out`": "with --out", "overwrite=True": "--overwrite", "lattices=": "--lattices "}
+    for argument, option in options.items():
+        text = text.replace(argument, option)
     with suppress(OSError, ValueError, AttributeError):
         print(text, file=sys.stderr, flush=True)
 
@@ -72,21 +75,23 @@ def _note(text: str) -> None:
 
 
 def _load(arguments: argparse.Namespace, what: str = "scene") -> Any:
-    """The scene or sweep that was asked for."""
     from taichi_disk import scenes
 
-    load = {"scene": scenes.load_scene, "sweep": scenes.load_sweep, "any": scenes.load_any}[what]
-    return load(arguments.scene, arguments.overrides)
+    return getattr(scenes, f"load_{what}")(arguments.scene, arguments.overrides)
+
+
+def _options(arguments: argparse.Namespace, *names: str) -> dict[str, Any]:
+    return {name: getattr(arguments, name) for name in names}
 
 
 def _out(arguments: argparse.Namespace, suffix: str = "") -> Path:
-    """The folder that was asked for, else out/NAME, after the scene file's name."""
+    """Return the folder given by --out, or out/NAME with the name of the scene file."""
     scene = Path(arguments.scene)
-    named = scene.suffix in (".yaml", ".yml") and scene.stem.strip(".")  # ...yaml: out/.. would be no folder in out
-    return arguments.out or Path("out", (scene.stem if named else scene.name) + suffix)
+    has_stem = scene.suffix in (".yaml", ".yml") and scene.stem.strip(".")  # for "...yaml" the folder would be out/..
+    return arguments.out or Path("out", (scene.stem if has_stem else scene.name) + suffix)
 
 
-# ---- commands: each imports what it needs, once its scene is known to be right
+# ---- commands. Each loads its scene before it imports anything else, so that faults are reported at once.
 
 
 def _run(arguments: argparse.Namespace) -> int:
@@ -94,29 +99,17 @@ def _run(arguments: argparse.Namespace) -> int:
 
     from taichi_disk.api import run
 
+    options = _options(arguments, "video", "export", "overwrite", "force", "threads", "lattices")
+    options |= {"count_on": arguments.out is None, "say": _note, "started": perf_counter() - BEGAN}
     with terminal(sys.stderr) as progress:
-        result = run(
-            scene,
-            _out(arguments),
-            video=arguments.video,
-            export=arguments.export,
-            overwrite=arguments.overwrite,
-            count_on=arguments.out is None,
-            force=arguments.force,
-            threads=arguments.threads,
-            lattices=arguments.lattices,
-            progress=progress,
-            say=_note,
-            started=perf_counter() - BEGAN,
-        )
+        result = run(scene, _out(arguments), progress=progress, **options)
     assert result.out is not None
     print_result(result.summary, result.scenario.labels, result.out)
     for text in result.summary.get("notes", ()):
         _note(text)
-    if "video_error" in result.summary:
+    if failed := "video_error" in result.summary:
         _print_error(f"error: {result.summary['video_error']}")
-        return 1
-    return 0
+    return int(failed)
 
 
 def _sweep(arguments: argparse.Namespace) -> int:
@@ -124,37 +117,33 @@ def _sweep(arguments: argparse.Namespace) -> int:
 
     from taichi_disk.sweep.sweep import print_sweep, run_sweep
 
-    names = ("jobs", "scheduler", "part", "estimate")
+    options = _options(arguments, "jobs", "scheduler", "part", "estimate")
     with terminal(sys.stderr) as progress:
-        options = {name: getattr(arguments, name) for name in names}
         result = run_sweep(sweep, _out(arguments), progress=progress, say=_note, **options)
     print_sweep(result)
-    return 1 if result.failed else 0
+    return int(bool(result.failed))
 
 
-def _view(arguments: argparse.Namespace) -> int:
+def _view(arguments: argparse.Namespace) -> None:
     from taichi_disk.scenes import shipped_scenes
     from taichi_disk.window.app import view
 
     folder = Path(arguments.scene).is_dir() and arguments.scene not in shipped_scenes()
     if folder and arguments.overrides:
-        raise InputError("--set: a folder's scenes are viewed as they are; name one of them")
+        raise InputError("--set cannot change the scenes of a folder: name one scene file instead")
     scene = Path(arguments.scene) if folder else _load(arguments)
-    out, host = arguments.out or Path("out/view"), arguments.host or "127.0.0.1"
-    view(scene, out, arguments.window, host, arguments.port or 0, arguments.open)
-    return 0
+    view(scene, arguments.out or Path("out/view"), arguments.window, arguments.host, arguments.port, arguments.open)
 
 
-def _render(arguments: argparse.Namespace) -> int:
+def _render(arguments: argparse.Namespace) -> None:
     from taichi_disk.api import Result
     from taichi_disk.render.film import check_target
 
     if arguments.out:
         check_target(arguments.out)
         if arguments.format not in (None, arguments.out.suffix[1:] or "png"):
-            text = f"--format {arguments.format}: {arguments.out} is another format; leave one of the two out"
-            raise InputError(text)
-    given = {name: getattr(arguments, name) for name in VideoSection.schema()}
+            raise InputError(f"--format {arguments.format} contradicts --out {arguments.out}: leave one of the two out")
+    given = _options(arguments, *VideoSection.schema())
     overrides = [f"video.{name}={str(value).lower()}" for name, value in given.items() if value is not None]
     with terminal(sys.stderr) as progress:
         load = partial(Result.load, progress=progress, estimate=False, say=_note)
@@ -163,53 +152,47 @@ def _render(arguments: argparse.Namespace) -> int:
         out = arguments.out or arguments.folder / (name if form == "png" else f"{name}.{form}")
         result.film(out, others, progress, at=arguments.at, start=arguments.start, end=arguments.end)
     print(f"{'picture' if out.suffix == '.png' else 'film'} in {out}")
-    return 0
 
 
-def _export(arguments: argparse.Namespace) -> int:
+def _export(arguments: argparse.Namespace) -> None:
     from taichi_disk.api import Result
 
     form = arguments.format or (None if arguments.out else "xyz")
     result = Result.load(arguments.folder, say=_note)
     out = result.export(arguments.out or arguments.folder, form, arguments.frames, arguments.times)
     print(f"trajectory in {out}")
-    return 0
 
 
-def _check(arguments: argparse.Namespace) -> int:
+def _check(arguments: argparse.Namespace) -> None:
     from taichi_disk.scenes import check_feasible
 
     scene = _load(arguments, "any")
     check_feasible(scene)
     print(scene.to_yaml(), end="")
-    return 0
 
 
-def _accuracy(arguments: argparse.Namespace) -> int:
+def _accuracy(arguments: argparse.Namespace) -> None:
     scene = _load(arguments)
 
     from taichi_disk.accuracy.study import study
 
     name = " ".join([Path(arguments.scene).stem, *arguments.overrides])
     study(scene, _out(arguments, "_accuracy"), name, _note)
-    return 0
 
 
 def _doctor(arguments: argparse.Namespace) -> int:
     from taichi_disk.doctor import examine
 
-    return 0 if examine() else 1
+    return int(not examine())
 
 
 # ---- arguments
 
 
 class _Parser(argparse.ArgumentParser):
-    """Says how keys are set where somebody tries it as an option."""
-
     def error(self, message: str) -> NoReturn:
         if "unrecognized arguments" in message:
-            message += "; a key of the scene is changed by --set SECTION.KEY=VALUE, as --set material.eta_star=30"
+            message += "; to change a key of the scene write --set SECTION.KEY=VALUE, e.g. --set material.eta_star=30"
         super().error(message)
 
 
@@ -221,90 +204,81 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--version", action="version", version=f"taichi-disk {__version__}")
     commands = parser.add_subparsers(metavar="COMMAND", required=True, parser_class=_Parser)
 
-    def command(name: str, act: Callable[[argparse.Namespace], int], summary: str) -> argparse.ArgumentParser:
-        one: argparse.ArgumentParser = commands.add_parser(
-            name, help=summary, description=summary[0].upper() + summary[1:] + "."
-        )
-        one.set_defaults(command=act)
-        return one
+    def command(name: str, act: Callable[[argparse.Namespace], int | None], summary: str) -> Callable[..., Any]:
+        added = commands.add_parser(name, help=summary, description=summary[0].upper() + summary[1:] + ".")
+        added.set_defaults(command=act)
+        return added.add_argument
 
-    add = command("run", _run, "simulate a scene, write results and film, print the result").add_argument
-    _add_scene(add)
-    add("--out", type=_path, metavar="DIR", help="where the results go (default: out/SCENE)")
+    add = command("run", _run, "simulate a scene, print the result, and write files and a film")
+    _add_scene(add, out="out/SCENE")
     add("--overwrite", action="store_true", help="replace another run in DIR")
     add("--no-video", dest="video", action="store_false", help="make no film")
     add("--export", choices=_TRAJECTORIES, help="also write a trajectory")
-    what = "CPU threads, of 50,000 points and more (default: TAICHI_DISK_THREADS, else all cores)"
+    what = "threads for 50,000 points or more (default: TAICHI_DISK_THREADS, or all cores)"
     add("--threads", type=partial(_count, most=cores()), metavar="N", help=what)
-    add("--force", action="store_true", help="take a time step even beyond the stable limit")
-    what = "random lattices for the result's mean and scatter; 1: the scene's alone (default: 8 if quick)"
+    add("--force", action="store_true", help="keep a time.dt beyond the stability limit")
+    what = "random lattices for mean and scatter of the result; 1: only the scene's own (default: 8 if that is quick)"
     add("--lattices", type=partial(_count, most=10_000), metavar="K", help=what)
 
-    add = command("sweep", _sweep, "compute every scene of a sweep: table, fits and figure; resumable").add_argument
-    _add_scene(add, _shipped(swept=True))
-    add("--out", type=_path, metavar="DIR", help="where the results go (default: out/SCENE)")
-    add("--jobs", type=_count, metavar="N", help="processes (default: one for each core)")
-    add("--scheduler", metavar="ADDRESS", help="of a Dask cluster that computes instead, tcp://HOST:8786")
-    add("--part", metavar="K/N", help="compute the K-th of N shares only, and no table")
-    add("--estimate", action="store_true", help="estimate each result's time-step error: twice the work")
+    add = command("sweep", _sweep, "compute all scenes of a sweep for a table, fits and a figure; can be resumed")
+    _add_scene(add, _shipped(has_sweep=True), out="out/SCENE")
+    add("--jobs", type=_count, metavar="N", help="number of processes (default: one per core)")
+    add("--scheduler", metavar="ADDRESS", help="compute on a Dask cluster: address of its scheduler, tcp://HOST:8786")
+    add("--part", metavar="K/N", help="compute only the K-th of N shares, and write no table")
+    add("--estimate", action="store_true", help="estimate the time-step error of each result; doubles the work")
 
-    add = command("view", _view, "play with a scene on a page in the browser, or in a window").add_argument
-    _add_scene(add, f"{_shipped()}; or a folder of scenes", nargs="?", default="exponential_wall")
-    add("--no-open", dest="open", action="store_false", help="print the address of the page only")
-    add("--host", help="where to serve the page (default: 127.0.0.1, for this machine alone)")
-    add("--port", type=partial(_count, most=65_535), metavar="P", help="of the server (default: one that is free)")
-    where = commands.choices["view"].add_mutually_exclusive_group()
-    where.add_argument("--browser", action="store_true", help="serve the page, as is the default")
-    where.add_argument("--window", action="store_true", help="open a window of the desktop instead; needs Vulkan")
-    add("--out", type=_path, metavar="DIR", help="for files that the window saves (default: out/view)")
+    add = command("view", _view, "play with a scene on a page in the browser, or in a window")
+    scenes = f"{_shipped()}; or a folder of scenes"
+    _add_scene(add, scenes, out="out/view", nargs="?", default="exponential_wall")
+    add("--no-open", dest="open", action="store_false", help="print the address of the page, and open no browser")
+    add("--host", default="127.0.0.1", help="address of the server (default: 127.0.0.1, this machine only)")
+    add("--port", type=partial(_count, most=65_535), default=0, metavar="P", help="port (default: a free one)")
+    either = commands.choices["view"].add_mutually_exclusive_group()
+    either.add_argument("--browser", action="store_true", help="serve a page (the default)")
+    either.add_argument("--window", action="store_true", help="open a window of the desktop instead; needs Vulkan")
 
-    add = command("render", _render, "film a finished run again, or up to four of them side by side").add_argument
-    add("folder", type=_path, metavar="DIR", help="what `run` wrote")
-    compare = "other runs, at most three, to be shown at the right; what sets them apart is written above each"
-    add("--compare", type=_path, nargs="+", default=[], metavar="DIR", help=compare)
-    what = ".mp4, .webm, .gif; .html for a page that plays the film, and needs no internet; .png for one picture; or a "
-    add("--out", type=_path, metavar="FILE", help=what + "folder for many (default: render or comparison in DIR)")
-    at = "moment of a picture: a time in R/c, contact (the first), end, or greatest (compression; the default)"
-    add("--at", default="greatest", metavar="T", help=at)
-    add("--from", dest="start", metavar="T", help="where a film begins, a moment as for --at (default: the start)")
-    add("--to", dest="end", metavar="T", help="where a film ends (default: the end of the run)")
-    for name, key in VideoSection.schema().items():  # which also checks what is given
+    add = command("render", _render, "film a finished run again, or up to four runs side by side")
+    add("folder", type=_path, metavar="DIR", help="folder of the run")
+    what = "up to three more runs, shown at the right; titles name the keys that differ"
+    add("--compare", type=_path, nargs="+", default=[], metavar="DIR", help=what)
+    what = ".mp4, .webm or .gif; .html: page that plays the film without internet; .png: one picture; no suffix: folder"
+    add("--out", type=_path, metavar="FILE", help=f"{what} of numbered pictures (default: render or comparison in DIR)")
+    what = "moment of a picture: a time in R/c, contact (the first), greatest (compression) or end (default: greatest)"
+    add("--at", default="greatest", metavar="T", help=what)
+    add("--from", dest="start", metavar="T", help="first moment of the film (default: start of the run)")
+    add("--to", dest="end", metavar="T", help="last moment of the film (default: end of the run)")
+    for name, key in VideoSection.schema().items():
         if key.kind is bool:
             add(f"--{name}", action=argparse.BooleanOptionalAction, help=key.meaning)
         else:
-            listed = f"{key.meaning}: {', '.join(key.words)}" if key.words else key.meaning
-            add(f"--{name}", metavar="WHAT" if key.words else "N", help=listed)
+            add(f"--{name}", metavar="VALUE", help=f"{key.meaning}; {key.allowed()}")
 
-    export = command("export", _export, "write the trajectory of a finished run for another program")
-    add, when = export.add_argument, export.add_mutually_exclusive_group().add_argument
-    add("folder", type=_path, metavar="DIR", help="what `run` wrote")
-    add("--format", choices=_TRAJECTORIES, help="default: as FILE's suffix says; xyz")
-    when("--frames", type=_count, default=200, metavar="N", help="evenly spaced in time (default: 200)")
-    when("--times", type=float, nargs="+", metavar="T", help="ascending, in R/c")
-    add("--out", type=_path, metavar="FILE", help="default: trajectory.FORMAT in DIR")
+    add = command("export", _export, "write the trajectory of a finished run for another program")
+    add("folder", type=_path, metavar="DIR", help="folder of the run")
+    add("--format", choices=_TRAJECTORIES, help="format (default: the suffix of FILE, or xyz)")
+    when = commands.choices["export"].add_mutually_exclusive_group().add_argument
+    when("--frames", type=_count, default=200, metavar="N", help="number of states at equal intervals (default: 200)")
+    when("--times", type=float, nargs="+", metavar="T", help="times of the states, ascending [R/c]")
+    add("--out", type=_path, metavar="FILE", help="file to write (default: trajectory.FORMAT in DIR)")
 
-    _add_scene(command("check", _check, "say what is wrong with a scene, or print it resolved").add_argument)
-
-    what = "speed against error: integrators and steps, beside lattices, N and walls"
-    add = command("accuracy", _accuracy, what).add_argument
-    _add_scene(add)
-    add("--out", type=_path, metavar="DIR", help="where the files go (default: out/SCENE_accuracy)")
-
-    command("doctor", _doctor, "what this machine can do, and how to mend what is missing")
+    _add_scene(command("check", _check, "check a scene, and print it with every default"))
+    summary = "compare integrators and time steps, then the effects of lattice, N and wall"
+    _add_scene(command("accuracy", _accuracy, summary), out="out/SCENE_accuracy")
+    command("doctor", _doctor, "check whether this machine can run and film scenes")
     return parser
 
 
-def _shipped(swept: bool = False) -> str:
-    """The names of the shipped scenes, with a sweep or without."""
+def _shipped(has_sweep: bool = False) -> str:
     texts = {name: path.read_text(encoding="utf-8") for name, path in shipped_scenes().items()}
-    return ", ".join(name for name, text in texts.items() if ("\nsweep:" in text) == swept)
+    return ", ".join(name for name, text in texts.items() if ("\nsweep:" in text) == has_sweep)
 
 
-def _add_scene(add: Callable[..., Any], shipped: str = "", **options: Any) -> None:
-    shipped = shipped or _shipped()
-    add("scene", metavar="SCENE", help=f"a YAML file, or a shipped one: {shipped}", **options)
-    what = "change one key of the scene, e.g. material.eta_star=100 (repeatable)"
+def _add_scene(add: Callable[..., Any], shipped: str = "", out: str = "", **options: Any) -> None:
+    add("scene", metavar="SCENE", help=f"a YAML file, or a shipped scene: {shipped or _shipped()}", **options)
+    what = "change a key of the scene, e.g. material.eta_star=100; repeatable"
     add("--set", dest="overrides", action="append", default=[], metavar="SECTION.KEY=VALUE", help=what)
+    if out:
+        add("--out", type=_path, metavar="DIR", help=f"folder of the results (default: {out})")
 
 
 def _path(text: str) -> Path:

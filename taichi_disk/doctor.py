@@ -1,4 +1,4 @@
-"""What this machine can do: a small run with its film is tried, in a process of its own, for it may crash there."""
+"""Check whether this machine can run and film scenes. A separate process tries it, because drivers may crash."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from taichi_disk.engine.environment import CACHE, cache_folder, keeps_kernels
 from taichi_disk.machine import cores, free_memory, processor
 from taichi_disk.signals import raise_if_interrupted
 
-RUN = ("lattice.points=20", "material.eta_star=0", "video.size=64", "video.seconds=0.1")
+RUN = ("--set=lattice.points=20", "--set=material.eta_star=0", "--set=video.size=64", "--set=video.seconds=0.1")
 SECONDS = 120
 REMEDY = "apt-get update && apt-get install -y --no-install-recommends libx11-6 mesa-vulkan-drivers"
 if sys.platform != "linux":
@@ -23,17 +23,17 @@ if sys.platform != "linux":
 
 
 def examine() -> bool:
-    """Print what is here, and the remedy for what is missing; whether scenes can be run and filmed."""
-    cache = cache_folder()
+    """Print what this machine has, and how to install what is missing. Return whether scenes can be run and filmed."""
+    cache = str(cache_folder())
+    if not keeps_kernels():
+        cache += f" cannot be written: set {CACHE} and HOME, or every run compiles its kernels again"
     found = {
         "Python": platform.python_version(),
-        "engine": " ".join(" ".join(one) for one in engine.versions().items()) or "none: install this package again",
+        "engine": " ".join(" ".join(one) for one in engine.versions().items()) or "none: install taichi-disk again",
         "processor": processor(),
         "processor cores": cores(),
         "free memory": f"{free_memory() / 1e9:.1f} GB",
-        "cache of kernels": cache
-        if keeps_kernels()
-        else f"{cache} cannot be written: set {CACHE} and HOME to keep kernels",
+        "cache of kernels": cache,
         "display": os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY") or "none (films need none)",
     }
     for name, value in found.items():
@@ -44,10 +44,9 @@ def examine() -> bool:
 
 
 def try_run() -> str:
-    """Run and film a small scene. Return what it says at last if it fails, else an empty string."""
+    """Run and film a small scene. Return the last line of its error output, or an empty string on success."""
     with TemporaryDirectory() as folder:
-        command = [sys.executable, "-m", "taichi_disk", "run", "exponential_wall", "--out", str(Path(folder, "run"))]
-        command += [f"--set={one}" for one in RUN]
+        command = [sys.executable, "-m", "taichi_disk", "run", "exponential_wall", f"--out={Path(folder, 'run')}", *RUN]
         try:
             done = subprocess.run(command, capture_output=True, text=True, errors="replace", timeout=SECONDS)
         except subprocess.TimeoutExpired:

@@ -27,27 +27,23 @@ def silent(stage: str, done: float, total: float | None) -> None:
     """Show nothing: the default callback."""
 
 
-def reporter(progress: Progress | None) -> Progress:
-    """Return `progress`, or `silent` for None. Raises InputError if its arguments cannot be (stage, done, total)."""
-    if progress is None:
-        return silent
-    try:
-        signature(progress).bind("simulate", 0.0, None)
-    except (TypeError, ValueError):  # ValueError: some built-in functions have no signature
-        name = getattr(progress, "__name__", type(progress).__name__)
-        raise InputError(f"progress: must be a function of (stage, done, total), which {name} is not") from None
-    return progress
-
-
 def reported(function: F) -> F:
-    """Decorate `function` so that `progress=None` shows a bar in a notebook while the function runs."""
+    """Decorate `function` so that `progress=None` shows a bar in a notebook while the function runs.
+
+    It raises InputError if `progress` cannot be called with (stage, done, total).
+    """
     arguments = signature(function)
 
     @wraps(function)
     def wrapped(*args: Any, **kwargs: Any) -> Any:
         call = arguments.bind(*args, **kwargs)
         progress = call.arguments.get("progress")
-        with _notebook() if progress is None else nullcontext(reporter(progress)) as call.arguments["progress"]:
+        try:
+            signature(silent if progress is None else progress).bind("simulate", 0.0, None)
+        except (TypeError, ValueError):  # ValueError: some built-in functions have no signature
+            name = getattr(progress, "__name__", type(progress).__name__)
+            raise InputError(f"progress: must be a function of (stage, done, total), which {name} is not") from None
+        with _notebook() if progress is None else nullcontext(progress) as call.arguments["progress"]:
             return function(*call.args, **call.kwargs)
 
     return wrapped  # type: ignore[return-value]
@@ -55,22 +51,19 @@ def reported(function: F) -> F:
 
 @contextmanager
 def _notebook() -> Iterator[Progress]:
-    """Context with a callback that shows a bar in a notebook's cell, and nothing elsewhere."""
-    if "IPython" not in sys.modules:
+    """Context with a callback that shows a bar in a cell of a notebook, and nothing elsewhere."""
+    bars = _Bars(None) if "IPython" in sys.modules else None
+    if bars is None or not bars.progress.console.is_jupyter:
         yield silent
         return
     from IPython.display import display
-    from rich.console import Console
 
-    if not (console := Console()).is_jupyter:
-        yield silent
-        return
-    bars, handle, due = _Bars(console), None, monotonic() + BAR_DELAY
+    handle, due = None, monotonic() + BAR_DELAY
 
     def show(stage: str, done: float, total: float | None) -> None:
         nonlocal handle, due
         bars.show(stage, done, total)
-        if monotonic() > due:  # rich's thread would need a widget, because it cannot write to a cell
+        if monotonic() > due:
             handle = handle or display(bars.progress, display_id=True)
             handle.update(bars.progress)
             due = monotonic() + BAR_INTERVAL
@@ -88,16 +81,9 @@ def terminal(stream: TextIO | None) -> Iterator[Progress]:
     if stream is None or not stream.isatty():
         yield silent
         return
-    from rich.console import Console
-
-    bars = _Bars(Console(file=stream))
-
-    def show(stage: str, done: float, total: float | None) -> None:
-        bars.progress.start()
-        bars.show(stage, done, total)
-
+    bars = _Bars(stream)
     try:
-        yield show
+        yield bars.show
     finally:
         bars.progress.stop()
 
@@ -105,26 +91,30 @@ def terminal(stream: TextIO | None) -> Iterator[Progress]:
 class _Bars:
     """Bars of rich, one for each stage."""
 
-    def __init__(self, console: Any) -> None:
-        from rich import progress
+    def __init__(self, stream: TextIO | None) -> None:
+        from rich.console import Console
+        from rich.progress import BarColumn, Progress, TaskProgressColumn, TimeElapsedColumn, TimeRemainingColumn
 
-        self.progress = progress.Progress(
-            progress.TextColumn("{task.description:<10}"),
-            progress.BarColumn(),
-            progress.TaskProgressColumn(),
-            progress.TimeElapsedColumn(),
-            progress.TimeRemainingColumn(),
+        console = Console(file=stream)
+        columns = BarColumn(), TaskProgressColumn(), TimeElapsedColumn(), TimeRemainingColumn()
+        self.progress = Progress(
+            "{task.description:<10}",
+            *columns,
+            "{task.fields[note]}",
             console=console,
             redirect_stdout=False,  # printed text goes to stdout, not to the stream of the bar
+            disable=console.is_jupyter,  # no thread: it would need a widget, because it cannot write to a cell
         )
 
     def show(self, stage: str, done: float, total: float | None) -> None:
         bars = self.progress
+        bars.start()
         if not bars.tasks or bars.tasks[-1].description != stage:
             # A stage may end before its total, as an impact before its time limit; its bar is then completed.
             for task in bars.tasks:
                 bars.update(task.id, completed=1.0, total=1.0)
-            bars.add_task(stage, total=total)
+            # The time of a simulation is a float; equilibria, lattices, scenes and pictures are counted.
+            bars.add_task(stage, total=total, note="to the time limit" * isinstance(total, float))
         bars.update(bars.task_ids[-1], completed=done, total=total)
 
 

@@ -10,15 +10,19 @@ import os
 import signal
 import threading
 from collections.abc import Callable, Iterator
+from concurrent.futures import Future
 from contextlib import contextmanager
 from math import inf
 from time import monotonic
 from types import FrameType
+from typing import Any, TypeVar
 
+T = TypeVar("T")
 Handler = Callable[[int, FrameType | None], object]
 
 INTERRUPTED = 130  # exit status
 REPEAT_TIME = 0.5  # [s]; a repeated signal is ignored: `timeout` signals the process and then its group
+POLL_INTERVAL = 0.2  # [s] between checks for a signal during a long call
 SHOW_CURSOR = b"\x1b[?25h"  # progress bars hide the cursor
 
 _pending: list[int] = []  # signals received; global, because a process has one handler per signal
@@ -29,6 +33,29 @@ def raise_if_interrupted() -> None:
     if _pending and threading.current_thread() is threading.main_thread():
         _pending.clear()
         raise KeyboardInterrupt
+
+
+def interruptible(function: Callable[..., T], *arguments: Any) -> T:
+    """Return what `function` returns, or raise KeyboardInterrupt after a signal without waiting for its end.
+
+    The function runs in a thread of its own, because a long call of SciPy cannot be interrupted.
+    """
+    if threading.current_thread() is not threading.main_thread():
+        return function(*arguments)
+    future = Future[T]()
+
+    def work() -> None:
+        try:
+            future.set_result(function(*arguments))
+        except BaseException as error:
+            future.set_exception(error)
+
+    thread = threading.Thread(target=work, daemon=True)
+    thread.start()
+    while thread.is_alive():
+        thread.join(POLL_INTERVAL)
+        raise_if_interrupted()
+    return future.result()
 
 
 def listen() -> None:

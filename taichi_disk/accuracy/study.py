@@ -14,9 +14,9 @@ import numpy as np
 
 from taichi_disk import runtime
 from taichi_disk.accuracy.steps import StepError, StepStudy
-from taichi_disk.computation.outcome import compute, quasistatic
+from taichi_disk.computation.outcome import compute
 from taichi_disk.computation.stability import spectrum
-from taichi_disk.config.sections import DASHPOTS, ElasticWallSection
+from taichi_disk.config.sections import DASHPOTS
 from taichi_disk.errors import InputError, TaichiDiskError
 from taichi_disk.output.files import atomic_write, prepare_output, remove_empty, write_csv, write_text
 from taichi_disk.output.plot import matplotlib_style
@@ -171,7 +171,7 @@ def assess(scene: Scene, progress: Progress, note: Callable[[str], None]) -> Fin
 
 def changes(scene: Scene) -> Iterator[Change]:
     """Yield other seeds, finer lattices and harder walls."""
-    lattice, wall = scene.lattice, scene.wall
+    lattice, a = scene.lattice, scene.wall.a
     if lattice.file == "none":  # user-supplied points have no other sample
         for seed in range(lattice.seed + 1, lattice.seed + SEEDS):
             yield Change(SAMPLE, f"seed {seed}", {"lattice.seed": seed})
@@ -180,12 +180,12 @@ def changes(scene: Scene) -> Iterator[Change]:
                 break
             keys = scene.changes_with("lattice.points", factor * lattice.points)
             # A reset acts on each boundary point like a drag of 2 m/interval.
-            if isinstance(wall, ElasticWallSection) and wall.boundary == "reset":
-                keys["wall.reset_interval"] = wall.reset_interval / math.sqrt(factor)
+            if scene.reset_interval:
+                keys["wall.reset_interval"] = scene.reset_interval / math.sqrt(factor)
             same = ", same η" * bool(scene.material.dashpots[1])
             yield Change(POINTS, f"N = {factor * lattice.points:,}{same}", keys, factor)
     for multiple in HARDNESS_FACTORS:
-        yield Change(WALL, f"a = {multiple * wall.a:g}/R", {"wall.a": multiple * wall.a})
+        yield Change(WALL, f"a = {multiple * a:g}/R", {"wall.a": multiple * a})
 
 
 def measured(scene: Scene, base: float, change: Change, kernels: KernelCache) -> Change:
@@ -204,7 +204,7 @@ def result_of(scene: Scene, kernels: KernelCache) -> float:
     """
     scenario = scene.scenario()
     if not scenario.step_dependent:
-        return scenario.primary(quasistatic(scenario, loads=1).columns)[1]
+        return scenario.primary(scenario.quasistatic(loads=1).columns)[1]
     outcome = compute(scenario, replace(scene.time, dt="auto"), kernels=kernels, estimate=False)
     return scenario.primary(outcome.columns)[1]
 

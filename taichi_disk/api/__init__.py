@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
+from inspect import signature
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -18,7 +19,7 @@ from taichi_disk.computation.contact import greatest_compression
 from taichi_disk.computation.outcome import Outcome
 from taichi_disk.computation.scenario import Scenario
 from taichi_disk.config.tree import Source, as_path
-from taichi_disk.errors import InputError
+from taichi_disk.errors import InputError, did_you_mean, nearest
 from taichi_disk.lattice import Array, Lattice, OwnStart, disk_of, numbers, own_start
 from taichi_disk.output import files
 from taichi_disk.output.plot import plotting_beside
@@ -415,6 +416,11 @@ def run(
     """
     raise_if_interrupted()  # while all was imported
     scene = scene if isinstance(scene, DiskScene) else load_scene(scene)
+    for name in changes:
+        keys = [key for section in scene.sections().values() for key in section.schema()]
+        arguments = [one.name for one in signature(run).parameters.values() if one.kind is one.KEYWORD_ONLY]
+        if not scene.homes(name) and set(nearest(name, [*scene.sections(), *keys, *arguments])) & {*arguments}:
+            raise InputError(f"{name}: unknown argument of run{did_you_mean(name, arguments)}")
     scene = scene.with_(changes) if changes else scene
     if lattices is not None and not (isinstance(lattices, (int, np.integer)) and 1 <= lattices <= MOST_LATTICES):
         raise InputError(f"lattices: must be a whole number from 1 to {MOST_LATTICES:,}, not {lattices!r}")

@@ -173,8 +173,8 @@ def write_run(
 
 
 def _write_start(path: Path, scenario: Scenario, own: OwnStart) -> None:
-    impedance = getattr(scenario.model.boundary, "impedance", None)
-    files.write_lattice(path / "lattice.npz", scenario.lattice, scenario.velocities, impedance, own.disk)
+    lattice, impedance = scenario.lattice, scenario.model.impedance
+    files.write_lattice(path / "lattice.npz", lattice, scenario.velocities, impedance, own.disk)
 
 
 @lru_cache(maxsize=1)

@@ -106,14 +106,10 @@ class Section(Frozen):
 
 class LatticeSection(Section):
     points: int = key(1099, "number of mass points N of the disk", low=3, high=2_000_000)
-    seed: int = key(0, "seed of the random points; the same seed gives the same lattice", low=0, high=2**32 - 1)
-    rim: bool = key(True, "whether evenly spaced points lie on the circle; false: random points only")
-    min_spacing: float = key(
-        0.7, "smallest distance of random points, in spacings of the hexagonal lattice; 0: none", low=0, high=0.75
-    )
-    hole: float = key(
-        0.0, "radius of a concentric hole, with evenly spaced points on its edge; 0: none", "R", high=0.95
-    )
+    seed: int = key(0, "seed of the random points; the same seed gives the same lattice", high=2**32 - 1)
+    rim: bool = key(True, "evenly spaced points on the circle; false: random points only")
+    min_spacing: float = key(0.7, "least distance of random points, in hexagonal spacings; 0: none", high=0.75)
+    hole: float = key(0.0, "radius of a concentric hole; 0: none", "R", high=0.95)
     core_radius: float = key(0.0, "radius of a concentric core of another material; 0: none", "R", high=0.95)
     core_stiffness: float = key(1.0, "factor of k_a, k_b and eta in the core", low=1e-3, high=1e3)
     core_density: float = key(1.0, "density of the core relative to the rest; the disk has 1 M", low=1e-3, high=1e3)
@@ -125,19 +121,10 @@ class MaterialSection(Section):
     """Springs and dashpots, eq. (1): f = -k_a s - k_b s^3 - eta (v_i - v_j), eta = eta_star m c/R with m = M/N."""
 
     k_a: float = key(1.0, "linear spring constant", "M c^2/R^2", low=1e-9, high=1e6)
-    k_b: float = key(1e-3, "cubic spring constant", "M c^2/R^4", low=0, high=1e6)
-    eta_star: float = key(10.0, "viscosity eta R/(m c) per point, as in the paper; 0: no dashpots", low=0, high=1e6)
-    viscosity: Auto | float = key(
-        "auto",
-        "dashpot constant eta of a spring, for equal damping at any N; auto: eta_star/N",
-        "M c/R",
-        low=0,
-        high=1e6,
-    )
-    dashpot: Dashpot = key(
-        "vector",
-        "vector: resists all relative motion, also rotation (the paper); axial: only motion along the spring",
-    )
+    k_b: float = key(1e-3, "cubic spring constant", "M c^2/R^4", high=1e6)
+    eta_star: float = key(10.0, "viscosity eta R/(m c) per point, as in the paper; 0: no dashpots", high=1e6)
+    viscosity: Auto | float = key("auto", "dashpot constant eta, independent of N; auto: eta_star/N", "M c/R", high=1e6)
+    dashpot: Dashpot = key("vector", "vector: resists all relative motion (paper); axial: only along the spring")
 
     def eta(self, points: int) -> float:
         """Return the dashpot constant of the springs in a disk of `points` points [M c/R]."""
@@ -157,7 +144,7 @@ class WallSection(ExponentialPotential, Section):
 
 
 class RoughWallSection(WallSection):
-    friction: float = key(0.0, "Coulomb friction coefficient between wall and mass points", low=0, high=10)
+    friction: float = key(0.0, "Coulomb friction coefficient between wall and mass points", high=10)
 
 
 class ElasticWallSection(ExponentialPotential, Section):
@@ -165,48 +152,28 @@ class ElasticWallSection(ExponentialPotential, Section):
 
     points: int = key(1269, "number of mass points of the wall", low=4, high=2_000_000)
     k_a: Literal["same"] | float = key(
-        "same",
-        "linear spring constant of the wall; its k_b and dashpots scale with it; same: material.k_a",
-        "M c^2/R^2",
-        low=1e-9,
-        high=1e6,
+        "same", "spring constant; scales k_b and dashpots, too; same: material.k_a", "M c^2/R^2", low=1e-9, high=1e6
     )
-    width: float = key(
-        3.8, "width of the wall; its depth follows from the disk's point density", "R", low=0.1, high=100
-    )
+    width: float = key(3.8, "width of the wall; its depth follows from the density of points", "R", low=0.1, high=100)
     a: float = key(300.0, "steepness of the contact potential V0 exp(-a l)", "1/R", low=0.1, high=1e6)
     V0: float = key(150.0, "contact potential at distance 0", "M c^2", low=1e-12, high=1e12)
-    contact: Contact = key(
-        "springs", "springs: distance from the surface spring below a point (the paper); smooth: from a smooth curve"
-    )
+    contact: Contact = key("springs", "distance l from springs of the surface (paper) or from a smooth curve")
     threshold: float = key(0.1, "distance l beyond which there is no contact force", "R", low=1e-3, high=1e3)
-    boundary: Boundary = key(
-        "reset", "sides and bottom: velocities reset to 0 at intervals, points pinned, or absorbing dashpots"
-    )
-    reset_interval: float = key(
-        3e-3, "time between two resets of the boundary velocities (boundary: reset)", "R/c", low=1e-6, high=1e3
-    )
+    boundary: Boundary = key("reset", "sides and bottom: velocities reset at intervals, pinned points, or dashpots")
+    reset_interval: float = key(3e-3, "time between two resets (boundary: reset)", "R/c", low=1e-6, high=1e3)
 
 
 class ImpactSection(Section):
     """Initial conditions of an impact."""
 
     velocity: float = key(0.02, "initial speed", "c", low=1e-6, high=10)
-    angle: float = key(
-        0.0, "angle of incidence from the normal of the wall, positive to the right", "rad", low=-1.5, high=1.5
-    )
+    angle: float = key(0.0, "angle of incidence from the normal, positive to the right", "rad", low=-1.5, high=1.5)
     spin: float = key(0.0, "initial angular velocity, counter-clockwise", "c/R", low=-10, high=10)
     turn: float = key(0.0, "initial rotation of the lattice, counter-clockwise", "rad", low=-3.1416, high=3.1416)
     gap: Auto | float = key(
-        "auto",
-        "initial distance of the lowest point from the wall; auto: wall potential = 1e-7 v^2/2",
-        "R",
-        low=1e-9,
-        high=1e3,
+        "auto", "initial height of the lowest point; auto: wall potential = 1e-7 v^2/2", "R", low=1e-9, high=1e3
     )
-    max_time: Auto | float = key(
-        "auto", "time after which an impact without separation is given up", "R/c", low=1e-6, high=1e6
-    )
+    max_time: Auto | float = key("auto", "time limit for the disk to leave the wall", "R/c", low=1e-6, high=1e6)
 
     @property
     def towards(self) -> float:
@@ -220,13 +187,7 @@ class ImpactSection(Section):
 
 
 class ElasticImpactSection(ImpactSection):
-    offset: Auto | float = key(
-        "auto",
-        "initial x of the disk's centre; auto: it hits the middle of the wall",
-        "R",
-        low=-100,
-        high=100,
-    )
+    offset: Auto | float = key("auto", "initial x of the centre; auto: hits the wall's middle", "R", low=-100, high=100)
 
 
 class CompressionSection(Section):
@@ -234,12 +195,10 @@ class CompressionSection(Section):
 
     pressure: float = key(0.01, "compressing force P", "M c^2/R", low=1e-9, high=10)
     method: Literal["relaxation", "newton"] = key(
-        "relaxation", "relaxation: simulate until vibrations have died out; newton: solve for the equilibrium"
+        "relaxation", "relaxation: simulate until the disk is at rest; newton: solve for the equilibrium"
     )
     tolerance: float = key(1e-6, "convergence threshold on the residual force, relative to P/N", low=1e-9, high=1e-2)
-    max_time: Auto | float = key(
-        "auto", "time after which a disk not yet at rest is given up (method: relaxation)", "R/c", low=1e-6, high=1e6
-    )
+    max_time: Auto | float = key("auto", "time limit of method: relaxation", "R/c", low=1e-6, high=1e6)
 
 
 # Treatment of dashpots by each integrator: predicted velocity, implicit (vector dashpots only), or no dashpots.
@@ -263,10 +222,7 @@ class TimeSection(Section):
     dt: Auto | float = key("auto", "time step; auto: safety times the largest stable step", "R/c", low=1e-9, high=1e3)
     safety: float = key(0.8, "fraction of the largest stable step", low=1e-6, high=1)
     tolerance: Literal["none"] | float = key(
-        "none",
-        "largest absolute error of e, or of xi [R]; the run adapts the step and reports an error estimate",
-        low=1e-10,
-        high=1e-2,
+        "none", "largest time-step error of e, or of xi [R], absolute; the run adapts its step", low=1e-10, high=1e-2
     )
     sample_interval: Auto | float = key("auto", "time between two rows of timeseries.csv", "R/c", low=1e-9, high=1e6)
 
@@ -276,18 +232,9 @@ class VideoSection(Section):
     fps: int = key(30, "frames per second", "1/s", low=1, high=120)
     seconds: float = key(8.0, "length of the film", "s", low=0.1, high=600)
     colour: Colour = key("shear", "quantity shown by colours")
-    draw: Draw = key("both", "coloured field, springs, both, or only the points")
+    draw: Draw = key("both", "coloured field, springs, both, or points only")
     theme: Theme = key("light", "light or dark background")
-    magnify: Auto | float = key(
-        "auto",
-        "magnification of displacements, stated in the film; auto: the disk looks flattened by about 0.05 R",
-        low=1,
-        high=1000,
-    )
-    panel: bool = key(
-        True, "curves of v_cm, wall force and energies; needs a size of at least 360, makes the film 16:9"
-    )
-    supersample: float = key(1.0, "samples per pixel width; 2 is smoothest and slowest", low=1, high=2, step=0.5)
-    format: Literal["mp4", "webm", "gif", "html", "png"] = key(
-        "mp4", "format of the film; html: page with a player; png: folder of numbered pictures"
-    )
+    magnify: Auto | float = key("auto", "magnification of displacements; auto: flattened by 0.05 R", low=1, high=1000)
+    panel: bool = key(True, "curves of v_cm, wall force and energies beside the disk (16:9); from size 360 on")
+    supersample: float = key(1.0, "samples per pixel width; 2: smoothest and slowest", low=1, high=2, step=0.5)
+    format: Literal["mp4", "webm", "gif", "html", "png"] = key("mp4", "html: page with player; png: folder of pictures")

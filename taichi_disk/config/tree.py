@@ -1,4 +1,4 @@
-"""Reading of scenes and overrides into a tree that records where each value was written.
+"""Read scenes and overrides into a tree that records where each value was written.
 
 A source is a file, a shipped scene, YAML text or a mapping. Scalars follow the core schema of YAML 1.2: `1e-3` is a
 number, whereas `yes`, `010` and `1:30` have no special meaning. A tree contains only mappings, lists and scalars.
@@ -70,7 +70,7 @@ class Tree:
 
     def refuse(self) -> None:
         """Raise InputError with all faults in the order of the file, if there are any."""
-        # Only the first fault at a mark is reported, so that an unreadable value is not called invalid as well.
+        # Report only the first fault of a value: one that is unreadable is invalid as well.
         if faults := sorted({fault[:2]: fault for fault in reversed(self.faults)}.values()):
             head = [] if len(faults) == 1 else [f"{len(faults)} faults in the scene:"]
             raise InputError("\n  ".join(head + [str(fault) for fault in faults]))
@@ -88,10 +88,12 @@ _INTEGER = re.compile("[-+]?[0-9]+|0o[0-7]+|0x[0-9a-f]+")
 _FLOAT = re.compile(r"[-+]?(\.[0-9]+|[0-9]+(\.[0-9]*)?)(e[-+]?[0-9]+)?|[-+]?\.inf|\.nan")
 
 
-class _Loader(yaml.BaseLoader):  # keeps every scalar as text
+class _Loader(yaml.BaseLoader):  # a BaseLoader keeps scalars as text
     def compose_node(self, parent: yaml.Node | None, index: int) -> yaml.Node | None:
         if self.check_event(yaml.AliasEvent):
-            what = "aliases (*) are not supported: write the value out"  # a few may expand to billions of values
+            what = (
+                "aliases (*) are not supported: write the value out"  # a few aliases may expand to billions of values
+            )
             raise yaml.composer.ComposerError(None, None, what, self.peek_event().start_mark)
         return super().compose_node(parent, index)
 
@@ -131,7 +133,7 @@ def _value(node: yaml.Node, path: Keys, key: Mark | None, tree: Tree, source: Ma
                 continue
             name = (*path, item.value)
             if item.value in values:
-                tree.fault(mark, name, f"given twice, first in line {tree.entries[name].key.line}")
+                tree.fault(mark, name, f"is given twice, first in line {tree.entries[name].key.line}")
             else:
                 values[item.value] = _value(value, name, mark, tree, source)
         return values
@@ -163,7 +165,7 @@ def _as_written(node: yaml.Node) -> str:
 
 
 def tree_of(data: Mapping[str, Any]) -> Tree:
-    """Make a tree of Python values, which have no locations. NumPy values become Python values; paths become text."""
+    """Make a tree of Python values without locations. NumPy values become Python values, and paths become text."""
     tree = Tree()
 
     def plain(value: Any, path: Keys) -> Any:
@@ -185,7 +187,7 @@ def tree_of(data: Mapping[str, Any]) -> Tree:
     try:
         tree.value = plain(data, ())
     except (RecursionError, ValueError):  # a loop; an integer of thousands of digits
-        raise InputError("not the keys and values of a scene") from None
+        raise InputError("a scene must be a mapping of keys to numbers and words, without loops") from None
     return tree
 
 
@@ -214,9 +216,9 @@ def read_tree(source: Source, overrides: Sequence[str]) -> Tree:
         if tree.value is None:
             raise InputError(f"{start}: holds no keys: a scene needs at least the line `scene: exponential_wall`")
         entry = tree.entries[()]
-        what = f"a scene is a list of lines `key: value` (mind the space after the colon), not {entry.shown}"
+        what = f"a scene consists of lines `key: value` (with a space after the colon), not {entry.shown}"
         raise InputError(f"{entry.value}: {what}")
-    # Faults of keys that were not written have no line.
+    # Faults of missing keys are reported without a line.
     tree.entries[()] = Entry(start, start, "a mapping")
     for rank, override in enumerate(overrides, start=1):
         _override(tree, override, rank)
@@ -264,9 +266,8 @@ def _override(tree: Tree, override: str, rank: int) -> None:
         tree.fault(mark, (), "must be KEY=VALUE without spaces around =, for example material.eta_star=30")
         return
     blocks = tree.value.get("sweep")
-    targets: list[tuple[dict[str, Any], Keys]]
     if path[0] == "sweep" and len(path) == 2 and isinstance(blocks, list):
-        targets = [(block, ("sweep", str(k), path[1])) for k, block in enumerate(blocks) if isinstance(block, dict)]
+        parents: dict[Keys, Any] = {("sweep", str(k)): one for k, one in enumerate(blocks) if isinstance(one, dict)}
     else:
         parent = tree.value
         for depth, part in enumerate(path[:-1], start=1):
@@ -275,13 +276,14 @@ def _override(tree: Tree, override: str, rank: int) -> None:
             if not isinstance(parent, dict):
                 tree.fault(mark, (), f"{'.'.join(path[:depth])} is not a section")
                 return
-        targets = [(parent, path)]
-    for parent, where in targets:
-        new, old = parse(text, mark, where), parent.get(where[-1])
+        parents = {path[:-1]: parent}
+    for section, parent in parents.items():
+        where = (*section, path[-1])
+        new, old = parse(text, mark, where), parent.get(path[-1])
         tree.faults += new.faults
         if len(where) == 1 and isinstance(old, dict) and isinstance(new.value, dict):  # some keys of a section
             new.value = old | new.value
-        parent[where[-1]] = new.value
+        parent[path[-1]] = new.value
         tree.entries |= {where: Entry(mark, mark)} | new.entries
 
 

@@ -6,26 +6,19 @@ import re
 from math import radians
 from typing import Any
 
-# Names from papers, lectures and other programs, in lower case, and the key that has this meaning.
-ALIASES = {
-    "eta": "eta_star",
-    "η": "eta_star",
-    "η*": "eta_star",
-    "damping": "eta_star",
-    "speed": "velocity",
-    "v": "velocity",
-    "mu": "friction",
-    "μ": "friction",
-    "µ": "friction",
-    "n": "points",
-    "theta": "angle",
-    "θ": "angle",
-    "omega": "spin",
-    "ω": "spin",
-    "p": "pressure",
-    "step": "dt",
-    "color": "colour",
+# Names in papers, lectures and other programs, in lower case, for each key.
+_NAMES = {
+    "eta_star": "eta η η* damping",
+    "velocity": "speed v",
+    "friction": "mu μ µ",  # a Greek letter and the sign of micro
+    "points": "n",
+    "angle": "theta θ",
+    "spin": "omega ω",
+    "pressure": "p",
+    "dt": "step",
+    "colour": "color",
 }
+ALIASES = {name: key for key, names in _NAMES.items() for name in names.split()}
 UNITS = dict.fromkeys(("radius", "r", "diameter"), "the disk's radius R is the unit of length")
 UNITS |= dict.fromkeys(("mass", "m"), "the disk's mass M is the unit of mass")
 _DEGREES = re.compile(r"([-+]?[0-9]*\.?[0-9]+) *(deg|degrees?|°)")
@@ -33,7 +26,7 @@ _COMMA = re.compile(r"[-+]?[0-9]+,[0-9]+(e[-+]?[0-9]+)?")
 
 
 def number_hint(value: Any, unit: str, key: str) -> str:
-    """Return the end of a message on a `value` that is no number of this `unit`: what to write, or nothing."""
+    """Return a hint on how to write `value`, which is no number in this `unit`; empty if there is none."""
     if isinstance(value, list) and len(value) > 1:
         return f"; several values are a sweep: write them in the section sweep, as sweep: {{{key}: {value}}}"
     if not isinstance(value, str):

@@ -1,7 +1,7 @@
-"""What has to be fast of a picture: corners and colours of triangles, the smoothing of pixels.
+"""Average the samples that GGUI drew to the pixels of a picture.
 
-Kernels take NumPy arrays alone, so that they are compiled once for all lattices. Loops are serial: two thousand light
-iterations cost less than waking a second thread.
+The kernel takes NumPy arrays, so it is compiled once for all lattices. Its loops are serial: waking a second thread
+costs more than these light iterations.
 """
 
 import numpy as np
@@ -11,52 +11,7 @@ from taichi_disk.engine import ti
 
 VERTEX = 12  # numbers of a vertex as GGUI takes it: position (3), normal (3), texture (2), colour (4)
 
-_Pair = ti.types.vector(2, ti.f64)
 _Sample = ti.types.vector(4, ti.f32)
-
-
-@ti.kernel
-def fill(
-    x: ti.types.ndarray(ti.f64, ndim=2),
-    values: ti.types.ndarray(ti.f64, ndim=1),
-    triangles: ti.types.ndarray(ti.i32, ndim=2),
-    pattern: ti.types.ndarray(ti.f64, ndim=2),
-    inset: ti.f64,
-    colours: ti.types.ndarray(ti.f32, ndim=2),
-    fringes: ti.i32,
-    factor: _Pair,
-    shift: _Pair,
-    out: ti.types.ndarray(ti.f32, ndim=2),
-):
-    """Vertices (triangles * q, VERTEX) of triangles that are drawn with a pattern of q corners each.
-
-    Args:
-        values: (n,) in the map of colours, 0 to 1, or arguments of the fringes.
-        pattern: (q, 3) weights of a triangle's three corners.
-        inset: by how much the sides lie inside [R].
-    """
-    ti.loop_config(serialize=True)
-    for t in range(triangles.shape[0]):
-        a, b, c = triangles[t, 0], triangles[t, 1], triangles[t, 2]
-        p, q, r = ti.Vector([x[a, 0], x[a, 1]]), ti.Vector([x[b, 0], x[b, 1]]), ti.Vector([x[c, 0], x[c, 1]])
-        # To move the sides in by d is to scale by 1 - d/radius about the centre of the inscribed circle.
-        la, lb, lc = (q - r).norm(), (r - p).norm(), (p - q).norm()
-        around = la + lb + lc + 1e-300
-        centre, radius = (la * p + lb * q + lc * r) / around, ti.abs((q - p).cross(r - p)) / around + 1e-300
-        size = ti.max(1.0 - inset / radius, 0.0)
-        for k in range(pattern.shape[0]):
-            u, v, w = pattern[k, 0], pattern[k, 1], pattern[k, 2]
-            position = factor * (centre + size * (u * p + v * q + w * r - centre)) + shift
-            value = u * values[a] + v * values[b] + w * values[c]
-            if fringes:
-                wave = ti.sin(3.141592653589793 * value)
-                value = wave * wave
-            level = ti.cast(ti.math.clamp(value, 0.0, 1.0) * (colours.shape[0] - 1) + 0.5, ti.i32)
-            vertex = t * pattern.shape[0] + k
-            for d in ti.static(range(2)):
-                out[vertex, d] = ti.cast(position[d], ti.f32)
-            for d in ti.static(range(3)):
-                out[vertex, 8 + d] = colours[level, d]
 
 
 def weights(samples: int) -> NDArray[np.float64]:

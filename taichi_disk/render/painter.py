@@ -1,4 +1,4 @@
-"""The drawing routine of films, stills and the window: field, springs or points, wall and arrows on a GGUI canvas."""
+"""Draw field, springs or points, wall and arrows on a GGUI canvas: in films, stills and the window."""
 
 from __future__ import annotations
 
@@ -12,8 +12,9 @@ from taichi_disk.engine import ti
 from taichi_disk.fields import QUANTITIES, Triangles, at_points
 from taichi_disk.lattice import Array, Lattice
 from taichi_disk.physics import Springs
-from taichi_disk.render import geometry, kernels
+from taichi_disk.render import geometry
 from taichi_disk.render.geometry import Camera
+from taichi_disk.render.kernels import VERTEX
 from taichi_disk.render.palette import THEMES, colour_map, full_scale, map_kind
 from taichi_disk.statics.equilibrium import roll_angle, turned
 
@@ -39,8 +40,8 @@ class Painter:
 
     Attributes, all of which may be changed at any time:
         colour: a name of `fields.QUANTITIES`: what colours show.
-        draw: "field" (triangles), "both" (and springs faintly on it, where points are far enough apart; fringes stay
-            without), "springs" or "points" alone. On the field a line parts triangles of unlike stiffness.
+        draw: "field" (triangles), "both" (and faint springs on it if points are far enough apart, except on fringes),
+            "springs" or "points" alone. On the field a line separates triangles of different stiffness.
         theme: "light" or "dark".
         limit: value of full colour, from -limit where values have a sign, else from 0; of fringes: the stress
             difference from one to the next. In units of the quantity.
@@ -57,21 +58,21 @@ class Painter:
         self.lattice, self.springs, self.wall = lattice, springs, wall
         self.colour, self.draw, self.theme = "shear", "both", "light"
         self.limit, self.full_force, self.edge, self.spoke, self.magnify = 1.0, 0.0, 0.0, -1, 1.0
-        self._triangles, self._spacing = Triangles(lattice), float(np.median(lattice.rest_lengths))
+        self.triangles, self._spacing = Triangles(lattice), float(np.median(lattice.rest_lengths))
 
     # ---- values
 
     def values(self, x: Array, v: Array) -> Array:
-        """(n,) what the colours show at the points."""
-        return at_points(self.colour, self._triangles, self.springs, x, v)
+        """Return the coloured quantity at the points (n,)."""
+        return at_points(self.colour, self.triangles, self.springs, x, v)
 
     def scale(self, values: Array) -> float:
-        """A round `limit` for `values` (n,), from those of the disk."""
+        """Return a round `limit` for `values` (n,), from those of the disk."""
         return full_scale(values[: self.lattice.disk_points], self.colour)
 
     @property
     def remarks(self) -> list[str]:
-        """What a picture has to say of how it is drawn."""
+        """Remarks for the title on how the picture is drawn."""
         elastic = self.wall is not None and len(self.lattice.wall_surface) > 0
         grown = [f"displacements × {self.magnify:g}"] * (self.magnify > 1.0)
         return grown + ["grey: reach of the contact force"] * elastic
@@ -82,37 +83,40 @@ class Painter:
 
     @property
     def map(self) -> NDArray[np.float32]:
-        """(LEVELS, 3) the map of colours, from the least value to the largest; of fringes: from dark to bright."""
+        """Colour map (LEVELS, 3) from the lowest value to the highest; of fringes, from dark to bright."""
         return colour_map(self.theme, map_kind(self.colour), self.draw in ("springs", "points"))
 
     def normalised(self, values: Array) -> Array:
-        """`values` as places in the map, 0 to 1; of fringes: as their order."""
+        """Return `values` as positions in the colour map, 0 to 1; of fringes, their order."""
         return np.asarray(0.5 + 0.5 * values / self.limit if self.signed else values / self.limit)
 
     def colours(self, normalised: Array) -> NDArray[np.float32]:
-        """(..., 3) of `normalised` values (...)."""
+        """Return the colours (..., 3) of `normalised` values (...)."""
         if self.colour == "fringes":
             normalised = np.sin(np.pi * normalised) ** 2
         table = self.map
         return table[(np.clip(normalised, 0.0, 1.0) * (len(table) - 1) + 0.5).astype(np.intp)]
 
-    @property
-    def triangles(self) -> Triangles:
-        """The lattice's triangles and their sides."""
-        return self._triangles
+    def mesh(self, x: Array, normalised: Array) -> tuple[Array, Array, NDArray[np.int32]]:
+        """Return points (k, 2), their normalised values (k,) and triangles (t, 3) between which colours are linear.
 
-    @property
-    def fringe_parts(self) -> int:
-        """How many parts the sides of triangles are cut into for fringes, which are not linear between points."""
-        return min(max(round(np.sqrt(_FRINGE_PARTS / max(len(self._triangles.triangles), 1))), 1), 6)
+        `x` (n, 2), `normalised` (n,): of the lattice's points. For fringes each triangle of the lattice is subdivided.
+        """
+        corners = self.triangles.triangles
+        if self.colour != "fringes":
+            return x, normalised, corners
+        parts = min(max(round(np.sqrt(_FRINGE_PARTS / max(len(corners), 1))), 1), 6)
+        weights, cells = subdivision(parts)
+        each = len(weights) * np.arange(len(corners), dtype=np.int32)[:, None, None] + cells
+        return (weights @ x[corners]).reshape(-1, 2), (normalised[corners] @ weights.T).ravel(), each.reshape(-1, 3)
 
     # ---- drawing
 
     def placed(self, x: Array) -> Array:
-        """(n, 2) where points at `x` are drawn [R].
+        """Return where points at `x` (n, 2) are drawn [R].
 
-        Displacements are counted from the lattice the disk began as, turned as much and standing as low. Round a
-        contact points are then drawn inside the wall, which hides them.
+        Displacements are relative to the initial lattice, rotated like the disk, with its lowest point at the same
+        height. Points near a contact may be drawn inside the wall, which hides them.
         """
         out, n = np.array(x, order="C"), self.lattice.disk_points
         if self.magnify != 1.0:
@@ -123,15 +127,15 @@ class Painter:
         return out
 
     def paint(self, canvas: Any, camera: Camera, x: Array, v: Array, unit: float = 1.0) -> None:
-        """Draw the state on a `ti.ui.Canvas`, which is first filled with the theme's ground.
+        """Draw the state on a `ti.ui.Canvas` after filling it with the theme's ground.
 
-        Args:
-            unit: pixels that are one in a picture of 720: all widths are multiples of it.
+        `unit`: factor for the widths of lines, 1 in a picture of 720 pixels.
         """
         placed = self.placed(x)
-        theme, pixel, filled = THEMES[self.theme], 1.0 / camera.scale, self.draw in ("field", "both")
+        theme, pixel = THEMES[self.theme], 1.0 / camera.scale
         self.shown = self.values(x, v)
         values = self.normalised(self.shown)
+        colours = self.colours(values)
         above, half = [geometry.NOTHING], max(_OUTLINE * unit, 1.0) * pixel
         canvas.set_background_color(theme.ground)
         if self.wall is not None:
@@ -143,16 +147,24 @@ class Painter:
             decay = max(self.wall.decay_length, 0.4 * pixel)
             haze, solid = geometry.wall_body(chain, depth, self.edge, decay, theme)
             self.draw_shape(canvas, haze, camera)
-        if filled:
-            self._fill(canvas, camera, placed, values, unit)
-            start, end = self._triangles.outline.T
-            inside = self.colours(values)[self._triangles.outline]
-            above.append(geometry.outline(placed[start], placed[end], half, inside, theme.ink, theme.ground))
-            start, end = self._triangles.interfaces.T
-            inside = self.colours(values)[self._triangles.interfaces]
-            above.append(geometry.outline(placed[start], placed[end], half, inside, theme.ink, inside.mean(axis=1)))
+        if self.draw in ("field", "both"):
+            points, each, corners = self.mesh(placed, values)
+            draw_triangles(canvas, _put(camera, points, self.colours(each)), corners)
+            spacing = self._spacing * camera.scale / max(unit, 0.7)
+            ink = _SEEN * min(max((spacing - _FINE) / (_COARSE - _FINE), 0.0), 1.0)
+            if ink and self.draw == "both" and self.colour != "fringes":
+                shade = (1.0 - ink) * colours[self.lattice.bonds.ravel()]
+                self._springs(canvas, camera, placed, shade, 2.0 * max(_SPRING * unit, 0.55))
+            for sides in (self.triangles.outline, self.triangles.interfaces):
+                inside = colours[sides]
+                outside = theme.ground if sides is self.triangles.outline else inside.mean(axis=1)
+                start, end = placed[sides.T]
+                above.append(geometry.outline(start, end, half, inside, theme.ink, outside))
         elif self.draw == "springs":
-            self._springs(canvas, camera, placed, self._of_springs(x, values), unit)
+            # Few springs need not be thick to be seen; a line below about a pixel vanishes.
+            width = max(min(0.15 * self._spacing * camera.scale, 2.5 * unit), 1.1)
+            each = np.repeat(self.colours(self._of_springs(x, values)), 2, axis=0)
+            self._springs(canvas, camera, placed, each, width)
         if self.spoke >= 0:
             ends = self.lattice.mean(placed)[None], placed[[self.spoke]]
             for colour, wide in ((theme.ground, 2.0 * half), (theme.ink, half)):
@@ -164,12 +176,14 @@ class Painter:
             above.append(geometry.arrows(*self.pushes(x, v, max(_NEXT * unit, 9.0) * pixel), *sizes, theme))
         self.draw_shape(canvas, geometry.joined(*above), camera)
         if self.draw == "points":
-            self._points(canvas, camera, placed, values, unit)
+            radius = max(min(0.3 * self._spacing * camera.scale, 6.0 * unit), 1.0) / camera.height
+            out = _put(camera, placed, colours)  # GGUI reads its memory
+            canvas.canvas.circles(get_field_info(out), True, False, (0.0, 0.0, 0.0), radius)
 
     def pushes(self, x: Array, v: Array, distance: float) -> tuple[Array, Array]:
-        """Feet (k, 2) [R] and forces (k, 2) of arrows, in parts of the full force.
+        """Return feet (k, 2) [R] and forces (k, 2) of arrows, relative to the full force.
 
-        Where points stand closer than `distance` [R], one arrow for all that are pushed within that shows their mean.
+        If points are closer than `distance` [R], one arrow shows the mean force of all within that distance.
         """
         points, forces = self.wall.contact_forces(self.lattice, x, v, self.springs)
         forces = forces / self.full_force
@@ -186,43 +200,16 @@ class Painter:
         mean = [np.bincount(group, part) / count for part in (*feet.T, *forces.T)]
         return np.stack(mean[:2], axis=1), np.stack(mean[2:], axis=1)
 
-    def _fill(self, canvas: Any, camera: Camera, x: Array, values: Array, unit: float) -> None:
-        fringes, corners = self.colour == "fringes", self._triangles.triangles
-        spacing = self._spacing * camera.scale / max(unit, 0.7)
-        ink = _SEEN * min(max((spacing - _FINE) / (_COARSE - _FINE), 0.0), 1.0) if self.draw == "both" else 0.0
-        if not fringes:  # a colour for each point will do
-            draw_triangles(canvas, _put(camera, x, (1.0 - ink) * self.colours(values)), corners)
-        if fringes or ink:
-            # Springs are seen where triangles that are drawn smaller leave a darker field between them.
-            inset, parts = max(_SPRING * unit, 0.55) / camera.scale, 1
-            if fringes:  # their colour is not linear between the points
-                inset, parts = 0.0, self.fringe_parts
-            pattern = subdivision(parts)
-            out = _vertices(len(corners) * len(pattern))
-            kernels.fill(x, values, corners, pattern, inset, self.map, fringes, *camera.canvas_map(), out)
-            draw_triangles(canvas, out)
-        if ink and not fringes:
-            across = self._triangles.crossing
-            ends, seen = x[across], (1.0 - ink) * self.colours(values)[across]
-            self.draw_shape(canvas, geometry.strokes(ends[:, 0], ends[:, 1], inset, seen), camera)
-
     def _of_springs(self, x: Array, values: Array) -> Array:
-        """(springs,) what the colours of springs show; `values` (n,) are those of the points, both in the map."""
+        """Return the normalised values (m,) of springs; `values` (n,): those of the points."""
         if self.colour not in ("strain", "force"):
             return np.asarray(values[self.lattice.bonds].mean(axis=1))
         law = self.springs.strain if self.colour == "strain" else self.springs.tension
         return self.normalised(law(self.lattice, x))
 
-    def _springs(self, canvas: Any, camera: Camera, x: Array, each: Array, unit: float) -> None:
-        # Few springs need not be thick to be seen; a line below about a pixel vanishes.
-        width = max(min(0.15 * self._spacing * camera.scale, 2.5 * unit), 1.1)
-        out = _put(camera, x[self.lattice.bonds.ravel()], np.repeat(self.colours(each), 2, axis=0))
+    def _springs(self, canvas: Any, camera: Camera, x: Array, colours: NDArray[Any], width: float) -> None:
+        out = _put(camera, x[self.lattice.bonds.ravel()], colours)
         canvas.canvas.lines(get_field_info(out), get_field_info(None), True, (0.0, 0.0, 0.0), width / camera.height)
-
-    def _points(self, canvas: Any, camera: Camera, x: Array, values: Array, unit: float) -> None:
-        radius = max(min(0.3 * self._spacing * camera.scale, 6.0 * unit), 1.0) / camera.height
-        out = _put(camera, x, self.colours(values))
-        canvas.canvas.circles(get_field_info(out), True, False, (0.0, 0.0, 0.0), radius)
 
     def draw_shape(self, canvas: Any, shape: geometry.Shape, camera: Camera) -> None:
         if len(shape[0]):
@@ -230,36 +217,31 @@ class Painter:
 
 
 def _put(camera: Camera, points: Array, colours: NDArray[Any]) -> Vertices:
-    """Vertices at `points` (k, 2) [R] with `colours` (k, 3)."""
-    out = _vertices(len(points))
+    """Return opaque vertices (k, VERTEX) at `points` (k, 2) [R] with `colours` (k, 3)."""
+    out = np.zeros((len(points), VERTEX), dtype=np.float32)
     factor, shift = camera.canvas_map()
-    out[:, :2], out[:, 8:11] = factor * points + shift, colours
-    return out
-
-
-def _vertices(count: int) -> Vertices:
-    """Opaque, without positions and colours yet."""
-    out = np.zeros((count, kernels.VERTEX), dtype=np.float32)
-    out[:, -1] = 1.0
+    out[:, :2], out[:, 8:11], out[:, 11] = factor * points + shift, colours, 1.0
     return out
 
 
 def draw_triangles(canvas: Any, vertices: Vertices, corners: NDArray[np.int32] | None = None) -> None:
-    """What `Canvas.triangles` of Taichi 1.7.4 does once it has copied fields into such arrays.
+    """Draw triangles from arrays; `corners` (k, 3): vertices of each triangle, by default three in turn.
 
-    Without the fields nothing is compiled for each lattice (0.3 s), and a picture takes a tenth less.
-
-    Args:
-        corners: (k, 3) the vertices of each triangle; by default three in turn.
+    `Canvas.triangles` of Taichi 1.7.4 copies fields into such arrays first, with a kernel for each lattice (0.3 s).
     """
     indices = get_field_info(None if corners is None else corners.ravel())
     canvas.canvas.triangles(get_field_info(vertices), indices, True, (0.0, 0.0, 0.0))
 
 
-def subdivision(parts: int) -> Array:
-    """(q, 3) weights of a triangle's corners at those of the parts x parts triangles that it is cut into."""
-    cells = [(m, n) for m in range(parts) for n in range(parts - m)]
-    upright = [[(m, n), (m + 1, n), (m, n + 1)] for m, n in cells]
-    turned = [[(m + 1, n), (m + 1, n + 1), (m, n + 1)] for m, n in cells if m + n < parts - 1]
-    u, w = np.array(upright + turned, dtype=float).reshape(-1, 2).T / parts
-    return np.column_stack([1.0 - u - w, u, w])
+def subdivision(parts: int) -> tuple[Array, NDArray[np.int32]]:
+    """Return the points and triangles of a triangle that is cut into parts x parts smaller ones.
+
+    Points are weights (q, 3) of its corners, triangles are indices (parts^2, 3) of points.
+    """
+    places = [(m, n) for m in range(parts + 1) for n in range(parts + 1 - m)]
+    number = {place: k for k, place in enumerate(places)}
+    upright = [[(m, n), (m + 1, n), (m, n + 1)] for m, n in places if m + n < parts]
+    turned = [[(m + 1, n), (m + 1, n + 1), (m, n + 1)] for m, n in places if m + n < parts - 1]
+    u, w = np.array(places, dtype=float).T / parts
+    corners = [[number[place] for place in triangle] for triangle in upright + turned]
+    return np.column_stack([1.0 - u - w, u, w]), np.array(corners, dtype=np.int32)

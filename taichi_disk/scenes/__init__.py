@@ -1,6 +1,6 @@
 """The kinds of scenes, how one is loaded, and whether it can be computed.
 
-A new kind is a file here, a member of `Scene`, and a file of the defaults in the folder `scenes` beside the package.
+A new kind needs a file here, a place in `Scene`, and a file with its defaults in the folder `scenes` of the project.
 """
 
 from __future__ import annotations
@@ -9,11 +9,9 @@ from collections.abc import Sequence
 from typing import TypeAlias, cast, get_args
 
 from taichi_disk.computation import workload
-from taichi_disk.config.sections import ElasticWallSection
 from taichi_disk.config.tree import Source, read_tree
 from taichi_disk.config.tree import shipped_scenes as shipped_scenes
 from taichi_disk.errors import InputError
-from taichi_disk.lattice import check_thickness
 from taichi_disk.machine import free_memory
 from taichi_disk.scenes.absorbing_wall import AbsorbingWallScene
 from taichi_disk.scenes.compression import CompressionScene
@@ -30,24 +28,24 @@ def load_scene(source: Source, overrides: Sequence[str] = ()) -> Scene:
 
     Args:
         source: path of a YAML file, bare name of a shipped scene ("exponential_wall"), YAML text, or a mapping.
-        overrides: "section.key=value" each, the value written as in YAML; the last of several wins.
+        overrides: "section.key=value" each, with the value as in YAML; the last one for a key applies.
 
     Raises:
-        InputError: with every fault at once, each as file:line:column: key: what is wrong.
+        InputError: lists all faults, each as file:line:column: key: what is wrong.
     """
     return cast(Scene, _load(source, overrides, "scene"))
 
 
 def load_sweep(source: Source, overrides: Sequence[str] = ()) -> Sweep:
-    """Read a scene with a section `sweep:` and check every scene of it; else as `load_scene`.
+    """Read a scene with a section `sweep:` and check all its scenes. Arguments and errors are those of `load_scene`.
 
-    "sweep.key=[...]" in `overrides` sets an axis: where `sweep:` is a list of sections, in every one.
+    "sweep.key=[...]" in `overrides` sets an axis, in every section if `sweep:` is a list.
     """
     return cast(Sweep, _load(source, overrides, "sweep"))
 
 
 def load_any(source: Source, overrides: Sequence[str] = ()) -> Scene | Sweep:
-    """A sweep where the source has a section `sweep:`, else a scene. The source is read once."""
+    """Read a source once and return a sweep if it has a section `sweep:`, else a scene."""
     return cast("Scene | Sweep", _load(source, overrides))
 
 
@@ -67,16 +65,15 @@ def _load(source: Source, overrides: Sequence[str], want: str = "any") -> DiskSc
 
 
 def check_feasible(scene: Scene | Sweep) -> None:
-    """Raises InputError where `run` would: a lattice that cannot be, a step beyond the stability limit.
+    """Raise InputError if `run` would, because of the lattice, the memory or a step beyond the stability limit.
 
-    Of a sweep the first scene is looked at. The lattice is built only where a step by hand depends on it.
+    Only the first scene of a sweep is checked. The lattice is built only to check a user's step.
     """
     if isinstance(scene, Sweep):
         return check_feasible(scene.scenes[0])
     check_memory(scene)
     points = scene.lattice.points if scene.lattice.file == "none" else scene.body().disk_points
-    if isinstance(scene.wall, ElasticWallSection):
-        check_thickness(points, scene.wall.points, scene.wall.width)
+    scene.check_wall(points)
     if scene.time.dt == "auto":
         return
     from taichi_disk.computation.stability import spectrum
@@ -88,9 +85,8 @@ def check_feasible(scene: Scene | Sweep) -> None:
 
 
 def check_memory(scene: DiskScene) -> None:
-    """Raises InputError for more points than there is free memory for."""
-    wall = getattr(scene, "wall", None)
-    points = scene.lattice.points + (wall.points if isinstance(wall, ElasticWallSection) else 0)
+    """Raise InputError if there is not enough free memory for the points."""
+    points = scene.lattice.points + scene.wall_points
     needed, free = workload.memory(points), free_memory()
     if points > 20_000 and needed > free:
         most = max(3, int((free - workload.PROCESS) / workload.POINT))

@@ -141,6 +141,19 @@ class DiskScene(Frozen):
 
     # ---- what there is to compute
 
+    @property
+    def wall_points(self) -> int:
+        """Number of points of the wall; 0: the wall is rigid."""
+        return 0
+
+    def check_wall(self, points: int) -> None:
+        """Raise InputError if no wall can be built for a disk of `points` points."""
+
+    @property
+    def reset_interval(self) -> float:
+        """Time between two resets of the wall's boundary [R/c]; 0: it is not reset."""
+        return 0.0
+
     def body(self) -> Lattice:
         """The unloaded lattice. Raises InputError for a file that holds no disk, SimulationError as `disk_lattice`."""
         spec = self.lattice
@@ -318,10 +331,11 @@ def _unknown(kind: str, path: Keys, kinds: Kinds) -> str:
     having = {name: one.sections()[section].schema() for name, one in kinds.items() if section in one.sections()}
     if others := [name for name, known in having.items() if known.keys() >= set(keys)]:
         return f"belongs to scene: {either(others)}, not to scene: {kind}"
-    if homes := kinds[kind].homes(
-        ALIASES.get(path[-1].lower(), path[-1])
-    ):  # another section's key only where it bears exactly this name
+    sections, word = kinds[kind].sections(), ALIASES.get(path[-1].lower(), path[-1])
+    siblings = list(having[kind]) if keys else ["scene", *sections]
+    if not keys:  # within a section, another section's key only if it bears exactly this name
+        word = (nearest(word, [*siblings, *(key for one in sections.values() for key in one.schema())]) or [word])[0]
+    if homes := kinds[kind].homes(word):
         return f"unknown key; did you mean {either('.'.join(home) for home in homes)}?"
-    siblings = list(having[kind]) if keys else ["scene", *kinds[kind].sections()]
     listed = f"; {section if keys else f'scene: {kind}'} has {', '.join(siblings)}"
     return f"unknown key{did_you_mean(path[-1], siblings) or listed}"

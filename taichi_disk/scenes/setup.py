@@ -9,6 +9,7 @@ from typing import Any
 
 from taichi_disk.lattice import file_digest
 from taichi_disk.scenes import Scene
+from taichi_disk.signals import interruptible
 
 KEPT_POINTS = 100_000  # of all lattices that are remembered
 
@@ -17,7 +18,7 @@ class LatticeSetup:
     """The unloaded lattice `body` of a scene, with what follows from it."""
 
     def __init__(self, scene: Scene) -> None:
-        self._scene, self.body = scene, scene.body()
+        self._scene, self.body = scene, interruptible(scene.body)
         self._modes: dict[tuple[bool, float], Any] = {}
 
     @cached_property

@@ -20,7 +20,7 @@ from taichi_disk.errors import InputError, SimulationError, TaichiDiskError, pip
 from taichi_disk.machine import cores
 from taichi_disk.scenes import Scene
 from taichi_disk.scenes.setup import lattice_key
-from taichi_disk.signals import ignored_by_children, raise_if_interrupted
+from taichi_disk.signals import POLL_INTERVAL, ignored_by_children, raise_if_interrupted
 from taichi_disk.sweep.work import PointResult, compute_points, compute_task, relevant_versions
 
 Scenes = dict[str, Scene]  # by key
@@ -30,7 +30,6 @@ Say = Callable[[str], None]
 
 SCENES_PER_TASK = 6  # figure 3: 96 tasks of 0.25 s, of which setting up the lattice takes a tenth
 LARGE_LATTICE = 2000  # points; a scene with more is a task by itself
-POLL_INTERVAL = 0.2  # [s] between checks for an interrupt while workers compute
 CONNECT_TIMEOUT = 8.0  # [s] for the answer of a scheduler
 
 

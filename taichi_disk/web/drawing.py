@@ -64,7 +64,7 @@ def scene_message(
         "quantities": [
             {
                 "name": name,
-                "label": one.label + ", mean around points" * (one.on != "points"),
+                "label": one.label + " (averaged)" * (one.on != "points"),
                 "unit": one.unit,
                 "signed": one.signed,
                 "low": one.low,

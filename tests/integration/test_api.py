@@ -127,7 +127,7 @@ def test_a_state_is_drawn_in_the_colours_of_films_where_it_is(result):
     state, shown = result.greatest_compression, result.lattice.triangles.ravel()
     drawn = np.array([*field.get_paths()[0].vertices[:3]])
     assert (drawn == state.positions[shown[:3]]).all()
-    values = result.field("pressure", state.t, at="points").values[shown]
+    values = result.field("pressure", state.t, at="points").values
     limit = bar.get_ylim()[1]
     places = np.clip(0.5 + 0.5 * values / limit, 0.0, 1.0) * (LEVELS - 1) + 0.5
     colours = colour_map("light", "pressure")[places.astype(int)]
@@ -144,6 +144,21 @@ def test_a_state_is_drawn_on_given_axes_at_any_moment(result):
         result.draw(-1.0)
     with pytest.raises(InputError, match="did you mean pressure"):
         result.draw(colour="presure")
+
+
+@pytest.mark.parametrize(
+    ("keyword", "meant"),
+    [
+        ("eta", "material.eta_star"),
+        ("velocty", "impact.velocity"),
+        ("latices", "lattices"),
+        ("overwite", "overwrite"),
+        ("progres", "progress"),
+    ],
+)
+def test_a_misspelt_keyword_argument_of_run_is_answered_by_the_nearest_name(keyword, meant):
+    with pytest.raises(InputError, match=rf"^{keyword}: unknown (key|argument of run); did you mean {meant}\?$"):
+        run("exponential_wall", **{keyword: 1})
 
 
 def test_a_saved_result_is_loaded_bitwise_the_same(result, tmp_path):
@@ -447,15 +462,25 @@ def test_a_lattice_that_is_not_the_run_s_any_more_is_noticed(tmp_path):
         Result.load(tmp_path / "r")
 
 
-@pytest.mark.parametrize("name", ["strained", pytest.param("pressed", marks=pytest.mark.validate)])
-def test_a_result_comes_back_from_another_process_with_its_states(name):
+@pytest.mark.parametrize("name", ["strained", "pressed"])
+def test_a_pickled_result_has_its_series_and_states(name):
     kind, changes, own = OWN[name]
-    here, scene = run(load_scene(kind).with_(changes), **own, lattices=1), load_scene(kind).with_(changes)
+    result = run(load_scene(kind).with_(changes), **own, lattices=1)
+    copy = pickle.loads(pickle.dumps(result))
+    assert_same(result, copy)
+    for t in (0.3, 0.7):
+        assert (result.state(t).positions == copy.state(t).positions).all()
+
+
+@pytest.mark.validate
+def test_a_result_of_another_process_is_the_same():
+    kind, changes, own = OWN["strained"]
+    scene = load_scene(kind).with_(changes)
     with ProcessPoolExecutor(1, mp_context=get_context("spawn")) as pool:
         there = pool.submit(run, scene, **own).result()
+    here = run(scene, **own, lattices=1)
     assert_same(here, there)
-    for t in (0.3, 0.7):
-        assert (here.state(t).positions == there.state(t).positions).all()
+    assert (here.state(0.7).positions == there.state(0.7).positions).all()
 
 
 def test_a_blow_up_comes_back_from_another_process_too():

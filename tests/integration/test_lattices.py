@@ -3,9 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
-import subprocess
-import sys
 
 import numpy as np
 import pytest
@@ -102,20 +99,3 @@ def test_screen_card_and_plot_begin_with_the_mean_and_the_scatter(tmp_path, caps
     result = run(load_scene("exponential_wall").with_(SMALL), lattices=4)
     assert first.split()[2] in result.plot()._suptitle.get_text() and first.split()[2] in result._repr_html_()
     assert "lattices" not in run(load_scene("exponential_wall").with_(SMALL), lattices=1).plot()._suptitle.get_text()
-
-
-def test_whatever_matplotlib_is_told_by_its_user_a_run_has_its_plot(tmp_path):
-    (tmp_path / "matplotlibrc").write_text("text.usetex: True\nsavefig.dpi: 900\naxes.facecolor: red\n")
-    words = ["run", "exponential_wall", "--no-video", "--lattices=1", "--set=lattice.points=60"]
-    words += ["--set=material.eta_star=0", f"--out={tmp_path / 'run'}"]
-    told = {"MATPLOTLIBRC": str(tmp_path / "matplotlibrc"), "MPLBACKEND": "bogus"}
-    command = [sys.executable, "-m", "taichi_disk", *words]
-    done = subprocess.run(command, capture_output=True, text=True, env=os.environ | told)
-    assert done.returncode == 0 and done.stderr == ""
-    run(
-        load_scene("exponential_wall", ["lattice.points=60", "material.eta_star=0"]),
-        tmp_path / "plain",
-        video=False,
-        lattices=1,
-    )
-    assert (tmp_path / "run/plot.png").read_bytes() == (tmp_path / "plain/plot.png").read_bytes()

@@ -53,6 +53,7 @@ def python(folder, *arguments, **changes):
     return subprocess.run(command, cwd=folder, env=given, capture_output=True, text=True, timeout=300)
 
 
+@pytest.mark.validate
 def test_an_old_result_outlives_the_user_s_own_init_and_reset(tmp_path):
     done = python(tmp_path, "-c", AFTER)
     assert done.returncode == 0, done.stderr

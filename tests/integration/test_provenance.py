@@ -22,7 +22,7 @@ SCENE = load_scene(
 
 
 @pytest.fixture(scope="module")
-def result(tmp_path_factory):
+def result(tmp_path_factory, drawn_plots):
     return run(SCENE, tmp_path_factory.mktemp("it's") / "a run", video=False, lattices=1)
 
 

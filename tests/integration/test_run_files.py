@@ -48,10 +48,10 @@ class Run(NamedTuple):
 
 
 @pytest.fixture(scope="module")
-def runs(tmp_path_factory):
+def runs(tmp_path_factory, drawn_plots):
     place = tmp_path_factory.mktemp("runs")
     return {
-        kind: Run(run(load_scene(kind, settings), place / kind, video=False), place / kind)
+        kind: Run(run(load_scene(kind, settings), place / kind, video=False, lattices=1), place / kind)
         for kind, (settings, _) in SCENES.items()
     }
 
@@ -159,7 +159,7 @@ def test_the_saved_scene_is_the_scene_with_every_default_and_repeats_the_run_bit
     for key in ("points", "seed", "k_a", "eta_star", "a", "V0", "pressure", "integrator", "safety"):
         assert re.search(rf"^  {key}: ", path.read_text(), re.MULTILINE), key
     before = {path.name: path.read_bytes() for path in one.out.iterdir()}
-    run(load_scene(path), one.out, video=False)
+    run(load_scene(path), one.out, video=False, lattices=1)
     after = {path.name: path.read_bytes() for path in one.out.iterdir()}
     assert {name for name in before if after[name] != before[name]} == {"summary.json"}  # its wall clock
 

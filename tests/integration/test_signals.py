@@ -13,9 +13,16 @@ from concurrent.futures import ThreadPoolExecutor
 import pytest
 
 from taichi_disk import engine
-from taichi_disk.signals import INTERRUPTED, REPEAT_TIME, deferred_interrupts, ignored_by_children, raise_if_interrupted
+from taichi_disk.signals import (
+    INTERRUPTED,
+    REPEAT_TIME,
+    deferred_interrupts,
+    ignored_by_children,
+    interruptible,
+    raise_if_interrupted,
+)
 
-COMMAND = [sys.executable, "-m", "taichi_disk", "run", "exponential_wall", "--set=video.seconds=20"]
+COMMAND = [sys.executable, "-m", "taichi_disk", "run", "exponential_wall", "--set=video.seconds=8"]
 FIRST_PICTURE = """
 import builtins, signal
 from taichi_disk.engine import ti
@@ -81,9 +88,11 @@ def _heard_signals():
     signal.signal(signal.SIGINT, before)
 
 
-def seconds_of_a_run(tmp_path):
+@pytest.fixture(scope="module")
+def run_time(tmp_path_factory):
+    """How long COMMAND takes [s]."""
     began = time.monotonic()
-    subprocess.run([*COMMAND, "--out", str(tmp_path / "whole")], check=True, capture_output=True)
+    subprocess.run([*COMMAND, "--out", str(tmp_path_factory.mktemp("whole") / "o")], check=True, capture_output=True)
     return time.monotonic() - began
 
 
@@ -125,6 +134,26 @@ def test_ctrl_c_comes_out_where_it_is_asked_for_or_at_the_end_and_a_second_one_a
         with pytest.raises(KeyboardInterrupt):
             signal.raise_signal(signal.SIGINT)
     assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
+
+
+def test_ctrl_c_does_not_wait_for_the_end_of_a_long_call():
+    began = time.monotonic()
+    with pytest.raises(KeyboardInterrupt), deferred_interrupts():
+        interruptible(lambda: [signal.raise_signal(signal.SIGINT), time.sleep(20.0)])
+    assert time.monotonic() - began < 2.0
+    assert interruptible(divmod, 7, 2) == (3, 1)
+    with pytest.raises(ZeroDivisionError):
+        interruptible(divmod, 1, 0)
+
+
+@pytest.mark.validate
+@pytest.mark.parametrize("after", [5.0, 12.0, 20.0])
+def test_ctrl_c_ends_the_building_of_a_large_lattice_within_two_seconds(tmp_path, after):
+    process = subprocess.Popen([*COMMAND, "--set=lattice.points=1000000", "--out", str(tmp_path / "out")])
+    time.sleep(after)
+    began = time.monotonic()
+    process.send_signal(signal.SIGINT)
+    assert process.wait(60) == INTERRUPTED and time.monotonic() - began < 2.0
 
 
 def test_processes_started_for_a_sweep_hear_no_ctrl_c_and_it_is_not_lost_to_their_parent():
@@ -188,19 +217,19 @@ def test_a_run_that_is_interrupted_leaves_a_summary_that_says_so(tmp_path, numbe
 
 @pytest.mark.validate
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-def test_an_interrupt_at_any_moment_ends_with_130_and_leaves_nothing_half_written(tmp_path, number):
-    whole, moments = seconds_of_a_run(tmp_path), random.Random(7 + int(number))
+def test_an_interrupt_at_any_moment_ends_with_130_and_leaves_nothing_half_written(tmp_path, run_time, number):
+    moments = random.Random(7 + int(number))
     for k in range(6):
-        interrupted(tmp_path / str(k) / "o", moments.uniform(0.05, whole), number)
+        interrupted(tmp_path / str(k) / "o", moments.uniform(0.05, run_time), number)
 
 
 @pytest.mark.validate
-def test_a_killed_run_never_harms_a_finished_one(tmp_path):
-    whole, moments = seconds_of_a_run(tmp_path), random.Random(3)
+def test_a_killed_run_never_harms_a_finished_one(tmp_path, run_time):
+    moments = random.Random(3)
     out, finished = tmp_path / "k" / "o", False
     for _ in range(5):
         process = subprocess.Popen([*COMMAND, "--out", str(out)], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
-        time.sleep(moments.uniform(0.3, 1.1 * whole))
+        time.sleep(moments.uniform(0.3, 1.1 * run_time))
         process.kill()
         process.wait()
         done = (out / "summary.json").exists()

@@ -119,7 +119,7 @@ def test_a_kind_of_scene_that_has_no_figure_is_swept_all_the_same(
 def test_a_row_is_what_running_its_scene_gives_bit_for_bit(text: str, small: SweepResult, tmp_path: Path) -> None:
     result = small if text == SMALL else swept(text, tmp_path / "out")
     for row in result.rows[:: 5 if text == SMALL else 1]:
-        summary = run(load_scene(result.out / "points" / f"{row['key']}.yaml")).summary
+        summary = run(load_scene(result.out / "points" / f"{row['key']}.yaml"), lattices=1).summary
         shared = (set(row) & set(summary)) - {"status", "reason", "warnings", "error_estimate"}
         assert {"steps", "integrator"} < shared and len(shared) >= 4
         assert {name: row[name] for name in shared} == {name: summary[name] for name in shared}
@@ -185,7 +185,7 @@ def test_a_row_of_a_strained_lattice_is_what_running_its_scene_gives_at_any_k_b(
     scene["impact"] = {"velocity": 0.1}
     result = swept(scene | {"sweep": {"k_b": [0.0, 300.0]}}, tmp_path / "out")
     for row in result.rows:
-        summary = run(load_scene(result.out / "points" / f"{row['key']}.yaml")).summary
+        summary = run(load_scene(result.out / "points" / f"{row['key']}.yaml"), lattices=1).summary
         assert (row["dt"], row["restitution"]) == (summary["dt"], summary["restitution"])
 
 
@@ -214,7 +214,8 @@ def test_a_result_that_cannot_be_read_is_named_in_one_clear_error(
 
 
 def test_a_folder_of_a_run_or_of_a_person_is_not_touched(tmp_path: Path) -> None:
-    run(load_scene("compression", ["lattice.points=30", "compression.method=newton"]), tmp_path / "run", video=False)
+    scene = load_scene("compression", ["lattice.points=30", "compression.method=newton"])
+    run(scene, tmp_path / "run", video=False, lattices=1)
     with pytest.raises(InputError, match="holds a run"):
         swept(SMALL, tmp_path / "run")
     (tmp_path / "mine").mkdir()
@@ -397,7 +398,7 @@ def test_without_a_scheduler_the_error_says_so(tmp_path: Path, monkeypatch: pyte
 @pytest.mark.parametrize("says", [b"", b"HTTP/1.1 400 Bad Request\r\n\r\n" * 10, b"\x01" + bytes(1000)])
 def test_what_is_no_scheduler_is_told_soon(says: bytes, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     pytest.importorskip("distributed")
-    monkeypatch.setattr(executors, "CONNECT_TIMEOUT", 1.0)
+    monkeypatch.setattr(executors, "CONNECT_TIMEOUT", 0.3)
 
     def answer(connection: socket.socket) -> None:
         with suppress(OSError):

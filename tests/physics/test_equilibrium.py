@@ -117,7 +117,7 @@ def test_it_does_not_matter_how_the_lattice_is_turned_when_it_is_put_down():
     lattice, found = disk_lattice(150, 0, False, 0.0), []
     for angle in (0.0, 1.0, -2.0):
         scenario = scene.scenario(replace(lattice, positions=turned(lattice.positions, angle)))
-        found.append(scenario.result(compute(scenario, scene.time).columns)["xi"])
+        found.append(scenario.result(compute(scenario, scene.time, loads=1).columns)["xi"])
     assert found == pytest.approx([found[0]] * 3, rel=1e-9)
 
 
@@ -159,7 +159,7 @@ def test_a_loading_goes_through_equilibria_told_by_forces_and_energies_of_plain_
 
 def test_the_load_s_work_is_the_energy_stored_and_the_slope_of_the_potential_the_centre_s_height():
     # dV/dP = y_cm for V = U + P y_cm (Hellmann and Feynman), and dU = -P dy_cm; by the trapezoidal rule.
-    scene, off = load_scene("compression", ("lattice.points=60", "compression.method=newton")), []
+    scene, off = load_scene("compression", ("lattice.points=30", "compression.method=newton")), []
     for loads in (24, 96):
         columns = compute(scene.scenario(), scene.time, loads=loads).columns
         force, y, stored = P * columns["t"], columns["com_y"], columns["elastic"] + columns["wall"]
@@ -248,7 +248,7 @@ def test_a_compression_within_a_tolerance_ends_as_near_to_newtons_rest(kernels):
     assert scenario.ended(outcome.columns) and not scenario.ended(early.columns)
     # Once at rest it is asked at every row, not at every end of another quiet time.
     assert 0.0 < outcome.columns["t"][-1] - early.columns["t"][-1] < 0.5 * scenario.quiet_time
-    assert re.search(r"xi is still .* from that of Newton's.*time\.tolerance", scenario.unfinished(early.columns))
+    assert re.search(r"xi still differs .* from that of Newton's.*time\.tolerance", scenario.unfinished(early.columns))
 
 
 def test_xi_is_near_that_of_the_continuum():

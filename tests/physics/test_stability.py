@@ -120,6 +120,6 @@ def test_the_force_on_a_point_is_foreseen_as_well_as_the_margin_of_the_step_asks
     scenario, outcome = computed(kernels, "exponential_wall", *settings, estimate=False)
     integrator = INTEGRATORS[outcome.summary["integrator"]]
     # The wall's stiffness a F makes up at most all of omega^2, and the step goes as its root.
-    peak, modes = outcome.largest_push, spectrum(scenario.lattice, scenario.model)
+    peak, modes = outcome.largest_force, spectrum(scenario.lattice, scenario.model)
     assert 0.4 < peak / scenario.point_force < (LIMIT_MARGIN / 0.8) ** 2
     assert outcome.summary["dt_limit"] == step_limit(modes, scenario.model, integrator, peak)

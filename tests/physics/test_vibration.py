@@ -18,7 +18,7 @@ from taichi_disk.statics.modes import modes
 @pytest.fixture(scope="module")
 def thrown():
     """An impact without dashpots of a disk that spins a little."""
-    return run(load_scene("exponential_wall", SMALL).with_(eta_star=0, velocity=0.05, spin=0.005))
+    return run(load_scene("exponential_wall", SMALL).with_(eta_star=0, velocity=0.05, spin=0.005), lattices=1)
 
 
 def test_the_parts_of_the_kinetic_energy_are_those_of_the_states(thrown):
@@ -58,7 +58,9 @@ def test_all_modes_hold_all_of_the_vibration_but_for_what_is_anharmonic(thrown):
 
 @pytest.mark.validate
 def test_energy_of_the_elastic_wall_is_none_of_the_disk_s_modes():
-    thrown = run(load_scene("absorbing_wall", WALL).with_({"material.eta_star": 0, "wall.boundary": "pinned"}))
+    thrown = run(
+        load_scene("absorbing_wall", WALL).with_({"material.eta_star": 0, "wall.boundary": "pinned"}), lattices=1
+    )
     found, series = thrown.modes(20), thrown.series
     both = series["vibration"][-1] + series["elastic"][-1]
     assert 0.0 < found.energies.sum() + found.rest + found.anharmonic < 0.9 * both

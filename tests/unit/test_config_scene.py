@@ -56,7 +56,7 @@ def path(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return tmp_path_factory.mktemp("scenes") / "scene.yaml"
 
 
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=30, deadline=None)
 @given(scene=scenes())
 def test_a_written_scene_reads_back_equal(path: Path, scene: DiskScene) -> None:
     text = scene.to_yaml()
@@ -129,7 +129,7 @@ def test_a_scene_cannot_be_changed_and_an_int_becomes_a_float() -> None:
         ("exponential_wall", {"viscosity": 0.01, "eta_star": 3}, "both set", {"viscosity": 0.01, "eta_star": 10}),
         ("absorbing_wall", {"viscosity": 0.0, "eta_star": 10}, "default, 0", {"viscosity": 0.01, "eta_star": 0}),
         ("absorbing_wall", {"integrator": "vefrl", "boundary": "dashpot"}, "= dashpot", {"integrator": "vefrl"}),
-        ("absorbing_wall", {"integrator": "takahashi_imada"}, "2 beside", {"integrator": "vefrl"}),
+        ("absorbing_wall", {"integrator": "takahashi_imada"}, "2 with", {"integrator": "vefrl"}),
     ],
 )
 def test_keys_that_contradict_each_other_are_refused(
@@ -155,7 +155,7 @@ def test_with_changes_keys_and_nothing_else(tmp_path: Path) -> None:
         "lattice: must be a section, that is indented lines of key: value, not 3",
         "material.eta_star: must be a number from 0 to 1e6, not -1"
         " (viscosity eta R/(m c) per point, as in the paper; 0: no dashpots)",
-        "pints: unknown key; scene: compression has scene, lattice, material, wall, compression, time, video",
+        "pints: unknown key; did you mean lattice.points?",
         "wall.b: unknown key; wall has a, V0",
     ]
     with pytest.raises(InputError, match=r"^tolerance: write compression\.tolerance or time\.tolerance$"):

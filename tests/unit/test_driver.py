@@ -92,8 +92,6 @@ def test_triangles_turned_inside_out_are_counted_and_told(kernels):
     _, crushed = computed(kernels, *small, "time.dt=0.005", "impact.velocity=0.7")
     assert crushed.summary["inverted_triangles"] > 0
     assert any("turned inside out" in text for text in crushed.summary["warnings"])
-    _, within = computed(kernels, *small, "time.tolerance=1e-2", "impact.velocity=0.7")
-    assert within.summary["inverted_triangles"] > 0
     assert "inverted_triangles" not in computed(kernels, *small, estimate=False)[1].summary
     _, pressed = computed(
         kernels, "compression", "lattice.points=60", "compression.method=newton", "compression.pressure=3"

@@ -177,7 +177,7 @@ def test_time_passes_at_the_speed_asked_for_in_whole_steps_and_slowly_in_contact
 
 
 def test_many_states_are_remembered_evenly_also_across_changes(kernels: KernelCache) -> None:
-    sandbox = opened(kernels, [*SMALL, "time.dt=4e-3"])
+    sandbox = opened(kernels, [*SMALL, "lattice.points=40", "time.dt=4e-3"])
     for eta_star in (1.0, 2.0):
         sandbox.set("material.eta_star", eta_star)
         for _ in range(12 * MOST // 500):

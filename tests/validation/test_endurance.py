@@ -10,7 +10,6 @@ from typing import NamedTuple
 
 import numpy as np
 import pytest
-from scipy.stats import linregress
 
 from taichi_disk.computation.stability import contact_point_force, spectrum, step_limit
 from taichi_disk.integrators import TAKAHASHI_IMADA, TRAPEZOIDAL, VEFRL, VELOCITY_VERLET, Integrator
@@ -100,6 +99,8 @@ def wander(
     scale = simulation.first_row[ENERGY_INDICES].sum() - model.energy(disk, rest)
     energy = simulation.advance(steps, steps // ROWS)[0][:, ENERGY_INDICES].sum(axis=1) / scale
     relative = energy - energy.mean()
+    from scipy.stats import linregress  # which takes a second to import
+
     fit = linregress(np.linspace(0.025, 0.975, 20), relative.reshape(20, -1).mean(axis=1))
     return Wander(float(np.abs(relative).max()), float(fit.slope), float(fit.stderr))
 
