@@ -227,7 +227,6 @@ class Session:
                 "solver": f"{segment.step.integrator.name}, step {segment.step.dt:.3g} R/c",
                 "paused": sandbox.paused,
                 "atStart": sandbox.at_start,
-                "isImpact": sandbox.is_thrown,
                 "slow": sandbox.slow,
                 "sliders": sliders,
                 "choices": choices,
