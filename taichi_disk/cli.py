@@ -1,7 +1,4 @@
-"""The command line. Each command is one function, which imports what it needs.
-
-Exit status: 0 done; 1 the computation or the film failed; 2 bad input or usage; 130 interrupted.
-"""
+"""The command line. Each command is one function, which imports what it needs."""
 
 from __future__ import annotations
 
@@ -27,12 +24,15 @@ _TRAJECTORIES = ("xyz", "gsd", "vtu", "npz")
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Carry out one command. Raises SystemExit, as argparse does, on --help, --version and usage errors."""
-    # Libraries' warnings are for their developers; as errors (PYTHONWARNINGS=error) they would end a run.
+    """Carry out one command and return its exit status: 0 done, 1 failed, 2 bad input, 130 interrupted.
+
+    Raises SystemExit, as argparse does, for --help, --version and usage errors.
+    """
+    # Warnings of libraries are for developers; PYTHONWARNINGS=error would turn them into errors that end a run.
     warnings.simplefilter("ignore")
+    given = list(sys.argv[1:] if argv is None else argv)
     try:
         parser = _parser()
-        given = list(sys.argv[1:] if argv is None else argv)
         if not given:
             parser.print_help()
             return 0
@@ -46,7 +46,9 @@ def main(argv: Sequence[str] | None = None) -> int:
         _print_error(f"error: {error}")
         return error.exit_status
     except KeyboardInterrupt:
-        _print_error("interrupted")
+        _print_error(
+            "interrupted" + "; finished scenes are kept: repeat the command to go on" * (given[:1] == ["sweep"])
+        )
         return INTERRUPTED
     except (MemoryError, RuntimeError) as error:
         if not isinstance(error, MemoryError) and "memory" not in str(error):
@@ -105,10 +107,9 @@ def _run(arguments: argparse.Namespace) -> int:
     print_result(result.summary, result.scenario.labels, result.out)
     for text in result.summary.get("notes", ()):
         _note(text)
-    if "video_error" in result.summary:
+    if failed := "video_error" in result.summary:
         _print_error(f"error: {result.summary['video_error']}")
-        return 1
-    return 0
+    return int(failed)
 
 
 def _sweep(arguments: argparse.Namespace) -> int:
@@ -131,8 +132,7 @@ def _view(arguments: argparse.Namespace) -> None:
     if folder and arguments.overrides:
         raise InputError("--set cannot change the scenes of a folder: name one scene file instead")
     scene = Path(arguments.scene) if folder else _load(arguments)
-    out, host = arguments.out or Path("out/view"), arguments.host or "127.0.0.1"
-    view(scene, out, arguments.window, host, arguments.port or 0, arguments.open)
+    view(scene, arguments.out or Path("out/view"), arguments.window, arguments.host, arguments.port, arguments.open)
 
 
 def _render(arguments: argparse.Namespace) -> None:
@@ -231,10 +231,8 @@ def _parser() -> argparse.ArgumentParser:
     scenes = f"{_shipped()}; or a folder of scenes"
     _add_scene(add, scenes, out="out/view", nargs="?", default="exponential_wall")
     add("--no-open", dest="open", action="store_false", help="print the address of the page, and open no browser")
-    add("--host", help="address that serves the page (default: 127.0.0.1, reached from this machine only)")
-    add(
-        "--port", type=partial(_count, most=65_535), metavar="P", help="port that serves the page (default: a free one)"
-    )
+    add("--host", default="127.0.0.1", help="address of the server (default: 127.0.0.1, this machine only)")
+    add("--port", type=partial(_count, most=65_535), default=0, metavar="P", help="port (default: a free one)")
     either = commands.choices["view"].add_mutually_exclusive_group()
     either.add_argument("--browser", action="store_true", help="serve a page (the default)")
     either.add_argument("--window", action="store_true", help="open a window of the desktop instead; needs Vulkan")

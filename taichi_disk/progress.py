@@ -52,16 +52,13 @@ def reported(function: F) -> F:
 @contextmanager
 def _notebook() -> Iterator[Progress]:
     """Context with a callback that shows a bar in a cell of a notebook, and nothing elsewhere."""
-    if "IPython" not in sys.modules:
+    bars = _Bars(None) if "IPython" in sys.modules else None
+    if bars is None or not bars.progress.console.is_jupyter:
         yield silent
         return
     from IPython.display import display
-    from rich.console import Console
 
-    if not (console := Console()).is_jupyter:
-        yield silent
-        return
-    bars, handle, due = _Bars(console), None, monotonic() + BAR_DELAY
+    handle, due = None, monotonic() + BAR_DELAY
 
     def show(stage: str, done: float, total: float | None) -> None:
         nonlocal handle, due
@@ -84,9 +81,7 @@ def terminal(stream: TextIO | None) -> Iterator[Progress]:
     if stream is None or not stream.isatty():
         yield silent
         return
-    from rich.console import Console
-
-    bars = _Bars(Console(file=stream))
+    bars = _Bars(stream)
     try:
         yield bars.show
     finally:
@@ -96,9 +91,11 @@ def terminal(stream: TextIO | None) -> Iterator[Progress]:
 class _Bars:
     """Bars of rich, one for each stage."""
 
-    def __init__(self, console: Any) -> None:
+    def __init__(self, stream: TextIO | None) -> None:
+        from rich.console import Console
         from rich.progress import BarColumn, Progress, TaskProgressColumn, TimeElapsedColumn, TimeRemainingColumn
 
+        console = Console(file=stream)
         columns = BarColumn(), TaskProgressColumn(), TimeElapsedColumn(), TimeRemainingColumn()
         self.progress = Progress(
             "{task.description:<10}",

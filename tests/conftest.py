@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import pytest
 
+SANDBOX = {"test_controls", "test_mouse_spring", "test_notebook", "test_page", "test_sandbox"}
+
 
 def pytest_addoption(parser: pytest.Parser) -> None:
     parser.addoption("--validate", action="store_true", help="also run the long checks")
@@ -12,14 +14,14 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
     """Skip the long checks unless they are asked for.
 
-    The folder that most of them are in runs first: where several processes share the tests, short ones are left for
-    the end.
+    Two processes share the tests, each begins with its half. The folder of long checks runs first, so that short ones
+    are left for the end; then the tests that share the simulations of the sandbox, so that one process compiles them.
     """
     skip = pytest.mark.skip(reason="a long check: add --validate")
     for item in items:
         if "validate" in item.keywords and not config.getoption("--validate"):
             item.add_marker(skip)
-    items.sort(key=lambda item: item.path.parent.name != "validation")
+    items.sort(key=lambda item: (item.path.parent.name != "validation", item.path.stem not in SANDBOX))
 
 
 @pytest.fixture(scope="session", autouse=True)

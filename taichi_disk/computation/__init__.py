@@ -1,1 +1,1 @@
-"""Running a scene to its end: the loop over time, the choice of the step, and whether the result is sound."""
+"""Computation of a scene to its end: the loop over time, the choice of the step, and checks of the result."""

@@ -1,4 +1,4 @@
-"""When wall and disk touch, and what there is to read at the end of their contact."""
+"""The contact of wall and disk: its duration, and what is measured at its end."""
 
 from __future__ import annotations
 
@@ -8,13 +8,13 @@ from taichi_disk.lattice import Array
 from taichi_disk.simulation.observables import Columns
 
 CONTACT_LEVEL = 0.01  # contact lasts while the wall's force exceeds this fraction of its peak
-STRETCHED = 0.1  # of the contact's elastic energy: a disk that stores more before it touches the wall is stretched
+STRETCHED = 0.1  # fraction of the contact's elastic energy; a disk that stores more before the contact is stretched
 
 
 def contact_interval(t: Array, force: Array, velocity: Array) -> tuple[float, float]:
-    """First and last time that `force` crosses CONTACT_LEVEL of its peak; log-linear between samples.
+    """Return the first and last times at which `force` crosses CONTACT_LEVEL of its peak, log-linear between samples.
 
-    Where a hit was so short that no sample has seen a force: the samples between which the disk turned.
+    If a contact was too short for any sample to have a force, return the times between which the disk turned back.
     """
     if not force.any():
         turned = int(np.argmax(velocity > 0.0))
@@ -33,10 +33,9 @@ def contact_interval(t: Array, force: Array, velocity: Array) -> tuple[float, fl
 
 
 def results_time(columns: Columns) -> float:
-    """Return when spin and vibration are read [R/c]: at the end of the last contact.
+    """Return the time at which spin and vibration are measured [R/c]: the end of the last contact.
 
-    After it dashpots take both, as long as the run lasts. Without a loss both are read at the end of the run, when no
-    tail of the wall's force is left.
+    Afterwards dashpots reduce both. Without losses, they are measured at the end of the run, far from the wall.
     """
     t = columns["t"]
     if not (columns["dissipated"][-1] or columns["absorbed"][-1]):
@@ -45,15 +44,15 @@ def results_time(columns: Columns) -> float:
 
 
 def vibration_left(columns: Columns) -> float:
-    """Return the energy of all vibration, kinetic and elastic, at `results_time`, over that of the flight at t = 0."""
+    """Return the vibration's kinetic and elastic energy at `results_time` over the energy of the flight at t = 0."""
     stored = columns["vibration"] + columns["elastic"]
     return float((np.interp(results_time(columns), columns["t"], stored) - stored[0]) / columns["translation"][0])
 
 
 def greatest_compression(columns: Columns) -> float:
-    """When the elastic energy is largest while the wall pushes [R/c].
+    """Return the time at which the elastic energy is largest during contact [R/c].
 
-    Where a spin stretches the disk before it touches the wall: when the centre of mass is nearest to the wall.
+    If a spin stretches the disk before the contact, return when the centre of mass is nearest to the wall.
     """
     force, elastic = columns["wall_force"], columns["elastic"]
     touches = force >= 0.01 * force.max()

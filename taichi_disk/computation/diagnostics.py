@@ -1,4 +1,4 @@
-"""Whether a run is sound: its energy balance, points gone through the wall, and the words for what is wrong."""
+"""Checks of a run: its energy balance, points that went through the wall, and messages on what is wrong."""
 
 from __future__ import annotations
 
@@ -13,20 +13,21 @@ from taichi_disk.lattice import Array, Lattice
 from taichi_disk.physics import Model
 from taichi_disk.simulation.observables import INDEX, Columns, of_kind, total_energy
 
-MAX_CLOSING, MAX_WORST = 2e-5, 1e-4  # largest imbalance, at the end and ever, that an automatic step may leave
-MAX_IMBALANCE = 1e-3  # imbalance at the end that no result may have: it would show in the third digit of e
-SPIN, LOST_SPIN = 1e-9, 0.01  # angular momentum of a disk that spins [M R c]; part that its flight may cost unnoticed
-BLOW_UP = 0.1  # imbalance, relative to the largest energy so far, that ends a run
+MAX_CLOSING, MAX_WORST = 2e-5, 1e-4  # limits of the imbalance at the end and ever; beyond, a shorter step is taken
+MAX_IMBALANCE = 1e-3  # limit of the imbalance at the end of a valid run: it would show in the third digit of e
+MIN_SPIN = 1e-9  # angular momentum of a spinning disk [M R c]
+MAX_SPIN_LOSS = 0.01  # fraction that may be lost in flight without a warning
+BLOW_UP = 0.1  # imbalance over the largest energy so far, which ends a run
 
 
 def relative_imbalance(scenario: Scenario, columns: Columns) -> tuple[float, float]:
-    """Imbalance at the end, with its sign, and the largest ever, over the scenario's energy scale."""
+    """Return the imbalance at the end, with its sign, and the largest ever, over the scenario's energy scale."""
     lost = (columns["total"] - columns["total"][0]) / scenario.energy_scale(columns)
     return float(lost[-1]), float(np.abs(lost).max())
 
 
 def summary(scenario: Scenario, columns: Columns) -> dict[str, Any]:
-    """The energies at the end [M c^2] and their balance; of an impact, what is left in vibration of its flight."""
+    """Return the energies at the end [M c^2] and their balance and, for an impact, `vibration_left`."""
     closing, worst = relative_imbalance(scenario, columns)
     names = [name for name in of_kind("energy", "loss", "part") if name != "friction" or columns[name].any()]
     energies = {name: float(columns[name][-1]) for name in names}
@@ -37,33 +38,33 @@ def summary(scenario: Scenario, columns: Columns) -> dict[str, Any]:
 
 
 def unacceptable(scenario: Scenario, columns: Columns) -> str | None:
-    """Why a run has no result: its energy imbalance at the end is too large; None where it is not."""
+    """Return why the energy imbalance at the end is too large for a valid result, or None."""
     lost, _ = relative_imbalance(scenario, columns)
     tolerance = scenario.scene.time.tolerance
     allowed = MAX_IMBALANCE if tolerance == "none" else max(MAX_IMBALANCE, tolerance)
     if abs(lost) <= allowed:
         return None
     return (
-        f"the energy imbalance is {lost:+.2g} at the end, where {allowed:g} is allowed: the step is too long for what "
-        "happens here; set time.dt: auto, with time.safety: 0.1 if that is not enough, or a shorter time.dt"
+        f"the energy imbalance at the end is {lost:+.2g}, more than {allowed:g}: the step is too long for this motion; "
+        "set time.dt: auto, with time.safety: 0.1 if that is not enough, or a shorter time.dt"
     )
 
 
 def warnings(scenario: Scenario, columns: Columns) -> list[str]:
-    """What makes the result of a run doubtful, as sentences."""
+    """Return sentences on what makes the result of a run doubtful."""
     found = [unacceptable(scenario, columns)]
     slid = float(np.abs(columns["sliding"]).max()) / scenario.energy_scale(columns)
     if slid > MAX_IMBALANCE:
         found.append(
             f"points of the disk slid from spring to spring of the dented wall, which changed the energy by {slid:.2g} "
-            "of the kinetic energy: that is the contact law's own doing, at any step, and e is as uncertain; "
-            "wall.contact: smooth has no such jumps, a lower impact.velocity or a higher material.k_a fewer"
+            "of the kinetic energy: this is a property of the contact law, at any step, and limits the accuracy of e; "
+            "wall.contact: smooth has no such jumps, a lower impact.velocity or a higher material.k_a has fewer"
         )
     return [text for text in (*found, _faster_than_before(columns), _rotation_lost(scenario, columns)) if text]
 
 
 def _faster_than_before(columns: Columns) -> str:
-    """Where the energy of a flight comes from that leaves the wall faster than it came; a compression has none."""
+    """Return where the energy of an impact with e > 1 came from, as a sentence, or an empty string."""
     before, after = (float(columns["com_vy"][k] ** 2) for k in (0, -1))
     if not before or after <= (1.0 + MAX_IMBALANCE) * before:
         return ""
@@ -77,7 +78,7 @@ def _faster_than_before(columns: Columns) -> str:
 
 
 def _rotation_lost(scenario: Scenario, columns: Columns) -> str:
-    """What dashpots took of the rotation before the contact and, if the scene's results have a spin, after it."""
+    """Return a sentence on the angular momentum that dashpots took in flight, or an empty string."""
     t, spin = columns["t"], columns["angular_momentum"]
     start, _ = contact_interval(t, columns["wall_force"], columns["com_vy"])
     flights = [(spin[0], float(np.interp(start, t, spin)), "before the contact")]
@@ -87,28 +88,28 @@ def _rotation_lost(scenario: Scenario, columns: Columns) -> str:
     lost = [
         f"{1.0 - last / first:.0%} of the angular momentum {when}"
         for first, last, when in flights
-        if abs(first) > SPIN and abs(last - first) > LOST_SPIN * abs(first)
+        if abs(first) > MIN_SPIN and abs(last - first) > MAX_SPIN_LOSS * abs(first)
     ]
     if not lost:
         return ""
-    remedy = "the paper's dashpots resist rotation, too; material.dashpot: axial leaves it as it is"
+    remedy = "the paper's dashpots resist rotation, too; material.dashpot: axial does not"
     return f"dashpots took {' and '.join(lost)}: {remedy}"
 
 
 class EnergyBalance:
-    """That of a run: finds, in the rows as they come, the one at which it, or a number, is lost.
+    """The energy balance of a run, which is checked while its rows are computed.
 
     Attributes:
-        total: the energy that there is [M c^2].
+        total: energy that the run should have [M c^2].
     """
 
     def __init__(self, start: Array) -> None:
-        """`start`: (columns,) the row at t = 0."""
+        """Begin with the row `start` (columns,) at t = 0."""
         self.total, self._load = float(total_energy(start[None])[0]), float(start[INDEX["load"]])
         self._largest = float(self._size(start[None])[0])
 
     def first_lost(self, rows: Array) -> int | None:
-        """The first of the new `rows` (rows, columns) that is lost; None where all are good."""
+        """Return the index of the first of the new `rows` (rows, columns) that is invalid, or None."""
         with np.errstate(invalid="ignore"):
             size = np.maximum.accumulate(np.append(self._largest, self._size(rows)))
             lost = np.maximum(np.abs(self.imbalance(rows)), np.abs(rows[:, INDEX["sliding"]]))
@@ -119,21 +120,21 @@ class EnergyBalance:
         return None
 
     def _size(self, rows: Array) -> Array:
-        """What there is to lose at each of the rows, (rows,) [M c^2]."""
+        """Return the energy scale of each row, against which the imbalance is judged, (rows,) [M c^2]."""
         size = np.abs(rows[:, [INDEX["kinetic"], INDEX["elastic"], INDEX["wall"]]]).sum(axis=1)
         return np.asarray(size + np.abs(rows[:, INDEX["load"]] - self._load))
 
     def give(self, energy: float) -> None:
-        """From now on `load` holds this energy [M c^2] that came from outside: none that was lost."""
+        """Count energy [M c^2] that entered through `load` from outside, so that it is no imbalance."""
         self.total += energy
         self._load += energy
 
     def imbalance(self, rows: Array) -> Array:
-        """Deviation of the total energy from its value at t = 0, (rows,) [M c^2]."""
+        """Return the deviation of the total energy from `total`, (rows,) [M c^2]."""
         return total_energy(rows) - self.total
 
     def loss(self, bad: Array) -> str:
-        """What is lost at the row `bad` (columns,), in words."""
+        """Describe what is wrong with the row `bad` (columns,)."""
         if not np.isfinite(bad).all():
             return "a number is no longer finite"
         off = max(self.imbalance(bad[None])[0], bad[INDEX["sliding"]], key=abs)
@@ -147,7 +148,7 @@ class BlowUp(SimulationError):
     """The state became meaningless.
 
     Attributes:
-        last_good: positions and velocities (n, 2) and the time of the last row that was still good.
+        last_good: positions and velocities (n, 2) and the time of the last valid row.
     """
 
     def __init__(self, message: str, last_good: dict[str, Array] | None = None) -> None:  # pickle gives the first
@@ -156,16 +157,16 @@ class BlowUp(SimulationError):
 
 
 def gone_through(lattice: Lattice, model: Model, x: Array, energy: float) -> bool:
-    """Whether a point of the disk is in the elastic wall, deeper than the `energy` [M c^2] that there is lets it.
+    """Return whether a point of the disk is deeper in the elastic wall than the `energy` [M c^2] of the run permits.
 
-    The contact force, looking for the spring below a point, cannot know.
+    The contact force looks for the spring below a point, and does not notice.
     """
     wall = model.elastic
     if wall is None:
         return False
     disk, surface = x[: lattice.disk_points], x[lattice.wall_surface]
     px, py = disk[disk[:, 1] < surface[:, 1].max()].T[:, :, None]
-    deep = -2.0 * wall.height_of(max(energy, wall.V0))  # twice as far as the potential lets it
+    deep = -2.0 * wall.height_of(max(energy, wall.V0))  # twice the depth that the potential permits
     a = np.concatenate([x[lattice.wall_boundary], surface[-2:0:-1] - [0.0, deep]])  # the wall's outline
     b = np.roll(a, -1, axis=0)
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -175,11 +176,9 @@ def gone_through(lattice: Lattice, model: Model, x: Array, energy: float) -> boo
 
 
 def explained(scenario: Scenario, dt: float, part: float, x: Array, lost: str) -> str:
-    """What was `lost` after the last good row, and what mends it.
+    """Return a message on what was `lost` after the last valid row, with advice.
 
-    Args:
-        dt: the step [R/c], and `part`, what it is of the stability limit.
-        x: (n, 2) the points at that row.
+    `dt` is the step [R/c], `part` the step over the stability limit, `x` (n, 2) the positions at that row [R].
     """
     lattice, model = scenario.lattice, scenario.model
     strain = model.springs.strain(lattice, x)

@@ -1,4 +1,4 @@
-"""The loop over time: launches of many steps, the end of the scene, retries with a shorter step, blow-ups."""
+"""The loop over time: launches of many steps, the end of the scene, restarts with a shorter step, blow-ups."""
 
 from __future__ import annotations
 
@@ -24,26 +24,26 @@ Moment = tuple[float, Array, Array]  # t [R/c], positions (n, 2) [R], velocities
 Status = Literal["running", "restarted", "finished", "failed"]
 
 SPRINGS_PER_LAUNCH = 12_000_000  # spring evaluations in one kernel launch: about 50 ms on one core
-SPRINGS_PER_LOOK = 25 * SPRINGS_PER_LAUNCH  # of a large lattice, whose launches are short by themselves
+SPRINGS_PER_CHECK = 25 * SPRINGS_PER_LAUNCH  # the same for a large lattice, each of whose steps is a launch
 
 
 class Driver:
-    """Steps one scenario from t = 0 to its end, and begins again with a shorter step where that proves necessary.
+    """Steps one scenario from t = 0 to its end, and restarts with a shorter step if necessary.
 
     Args:
         scenario, time, spectrum, force: as for `StepControl`.
-        kernels: where compiled simulations come from.
+        kernels: cache of compiled simulations.
 
     Attributes:
         interval: time between two rows [R/c], of `stride` steps.
-        state, row: the last state that was good, and the observables (columns,) there.
+        state, row: last valid state, and its observables (columns,).
         status: what `advance` returned last.
-        failure: why there is no result, once the status is "failed".
-        end, final: the state at the end, and its time, positions and velocities, once the status is "finished".
-        largest_force: of the wall on one point until the end [M c^2/R].
-        can_end: whether the scene may end, and begin again with a shorter step.
+        failure: why there is no result, if the status is "failed".
+        end, final: state at the end, and its time, positions and velocities, if the status is "finished".
+        largest_force: largest force of the wall on one point [M c^2/R], if the status is "finished".
+        can_end: whether the scene may end or restart.
 
-    Raises InputError for a step by hand that is too long.
+    Raises InputError if the user's step is beyond the stability limit.
     """
 
     can_end = True
@@ -69,7 +69,7 @@ class Driver:
         self.compile_seconds += perf_counter() - began
         self._last = ceil(scenario.max_time / self.interval) * self.stride
         self._needed, self._quiet = 1 + ceil(scenario.quiet_time / self.interval - 1e-9), 0
-        springs = SPRINGS_PER_LOOK if self.simulation.subdomains > 1 else SPRINGS_PER_LAUNCH
+        springs = SPRINGS_PER_CHECK if self.simulation.subdomains > 1 else SPRINGS_PER_LAUNCH
         self._launch_steps = max(1, springs // (len(scenario.lattice.bonds) * self.step.integrator.forces))
         self._rows: Array = np.empty((256, self.simulation.first_row.size))
         self._rows[0], self.count = self.simulation.first_row, 1
@@ -78,7 +78,6 @@ class Driver:
         self.row = self.simulation.first_row
 
     def _simulation(self) -> Simulation:
-        """A simulation at its first step."""
         scenario, step = self.scenario, self.step
         return self.kernels.simulation(scenario.lattice, scenario.model, step.integrator, scenario.velocities, step.dt)
 
@@ -86,21 +85,21 @@ class Driver:
 
     @property
     def rows(self) -> Array:
-        """(rows, columns) the observables so far, `interval` apart."""
+        """Observables so far (rows, columns), `interval` apart."""
         return self._rows[: self.count]
 
     @property
     def columns(self) -> Columns:
-        """The time series so far."""
+        """Time series so far."""
         return as_columns(self.rows, self.interval)
 
     # ---- time
 
     def advance(self, seconds: float = inf, steps: int | None = None) -> Status:
-        """Go on for `steps` steps (default: to the end), but not much longer than `seconds` of the clock.
+        """Compute up to `steps` steps (default: to the end), for not much longer than `seconds` of wall-clock time.
 
-        Returns "running"; "restarted" where all begins again with a shorter step; "finished" at the scene's end; or
-        "failed": see `failure`.
+        Returns "running", "restarted" (with a shorter step), "finished" (the scene has ended) or "failed" (see
+        `failure`).
         """
         if self.status in ("finished", "failed"):
             return self.status
@@ -115,7 +114,7 @@ class Driver:
         return self.status
 
     def _launch(self, last: int) -> None:
-        """One kernel launch, and what follows from it; up to step `last`."""
+        """Launch a kernel for steps up to `last`, and check its rows."""
         simulation, needed = self.simulation, self._needed if self.can_end else NEVER
         steps = min(self._launch_steps, last - simulation.step_number)
         rows, self._quiet = simulation.advance(steps, self.stride, self._bounds, needed, self._quiet)
@@ -130,7 +129,7 @@ class Driver:
             return
         self.state, self.row = now, simulation.now
         if self.can_end and self._quiet >= self._needed:
-            # The rows of the quiet time: a scene may be asked at every row, and all rows are many.
+            # Only the rows of the settling time, because this may happen at every row.
             last_rows = self._rows[max(0, self.count - self._needed - 1) : self.count]
             if self.scenario.ended(as_columns(last_rows, self.interval)):
                 self._at_end()
@@ -147,12 +146,12 @@ class Driver:
         return {name: value for name, value in vars(self).items() if name != "simulation"}
 
     def replay(self, times: Array) -> Iterator[Moment]:
-        """Run the last attempt again and stop at the steps nearest to `times` (ascending): bitwise as it was."""
+        """Repeat the last attempt bitwise, and yield the moments at the steps nearest to `times` (ascending)."""
         runtime.start()  # another process may have computed the run
         simulation, snapshot = self._simulation(), self.start
         mine, stride = simulation.generation, self._launch_steps
         for number in np.rint(np.asarray(times) / self.step.dt).astype(int):
-            if simulation.generation != mine:  # somebody else has used it meanwhile
+            if simulation.generation != mine:  # it has been reset for another run meanwhile
                 simulation = self._simulation()
                 simulation.restore(snapshot)
                 mine = simulation.generation
@@ -164,7 +163,7 @@ class Driver:
     # ---- the end, and other ends
 
     def _at_end(self) -> None:
-        """At the scene's end: finish, or begin again if a shorter step does better."""
+        """Finish, or restart if the step was too long."""
         columns, simulation, state = self.columns, self.simulation, self.state
         self.largest_force = simulation.peak_point_force(state)
         if self.control.shorten_after_run(self.largest_force, columns):
@@ -177,18 +176,18 @@ class Driver:
         self.final = simulation.time, simulation.positions(state), simulation.velocities(state)
 
     def _blown_up(self, lost: str) -> None:
-        """After the last row something was `lost`: begin again if a shorter step may do better."""
+        """Restart with a shorter step if that may help, else fail. `lost` says what is wrong after the last row."""
         simulation = self.simulation
         simulation.restore(self.state)
         if (steps := (self.count - 1) * self.stride - simulation.step_number) > 0:
             simulation.advance(steps, self.stride)
             self.state, self.row = simulation.snapshot(), simulation.now
-        peak = simulation.peak_point_force()
-        if self.can_end and self.control.shorten_after_blow_up(peak):
+        largest = simulation.peak_point_force()
+        if self.can_end and self.control.shorten_after_blow_up(largest):
             self._restart()
             return
         x, v, t = simulation.positions(), simulation.velocities(), simulation.time
-        part = self.step.dt / self.control.limit(self.step.integrator, peak)
+        part = self.step.dt / self.control.limit(self.step.integrator, largest)
         text = f"blow-up after t = {t:.6g} R/c: {explained(self.scenario, self.step.dt, part, x, lost)}"
         self._fail(BlowUp(text, {"positions": x, "velocities": v, "t": np.array(t)}))
 

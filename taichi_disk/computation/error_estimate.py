@@ -19,16 +19,14 @@ from taichi_disk.simulation.observables import Columns
 
 # Measured on scenes whose truth is known: `python -m tests.validation.estimate_trial`.
 STEP_RATIO = 1.25  # by which the step of a second run is shorter
-HALF_STEP = 2.0  # the same, if friction held a point, or if the step crosses much of the wall's decay length
+HALF_STEP, QUARTER_STEP = 2.0, 4.0  # the same on a hard wall, and with friction
 LONGER_STEP, LONGER_FROM = 0.95, 0.75  # of the stability limit: a longer one instead, if the step itself is above that
 # Over the difference that Richardson's extrapolation finds, by the order taken. At order 1 there is a reserve already.
 ERROR_SAFETY = {1: 1.5, 2: 2.0, 4: 2.0}
 JUMPS_SAFETY = 2.0  # besides, at order 1, for results other than the primary one: jumps meet those along the wall
 UNRESOLVED_PART = 0.5  # of the worst imbalance, which the error may be where a step does not resolve the wall
-STUCK_PART = 0.02  # of the worst imbalance, which the error may be if friction held a point
 ROUNDING = 1e-14  # of sums over many steps
 HALF_FROM = 0.51  # of the step that resolves the wall: a quarter of the decay length
-SLIDING_PART = 1.0 - 1e-9  # of friction's largest impulse: below that, a point did not slide throughout
 
 SEARCH = 12  # steps tried for a tolerance, which may be far from a first coarse step
 TOLERANCE_PART = 0.75  # of the tolerance, at which the next step is aimed
@@ -48,30 +46,36 @@ def richardson(result: float, dt: float, other_result: float, other_dt: float, o
 
 
 def second_run(driver: Driver) -> SecondRun:
-    """Run the finished scene of `driver` again with another step.
+    """Run the finished scene of `driver` again with another step, and with friction once more with a third.
 
     Two results cannot tell whether the error is a power of the step, so it is taken as larger. While a step crosses
     much of the wall's decay length 1/a at the speed of the impact, the error stands at a plateau that differences do
-    not show, and if friction holds a point, errors fall in jumps. There the error is not taken for less than a part of
-    the worst energy imbalance.
+    not show: there it is not taken for less than a part of the worst energy imbalance. With friction errors fall in
+    jumps, and two results may agree by chance, so the larger of two differences counts.
     """
-    scenario, columns, step = driver.scenario, driver.columns, driver.step
-    time = replace(driver.control.time, dt=_other_step(driver), integrator=step.integrator.name)
-    other = Driver(scenario, time, driver.kernels, driver.control.spectrum, force=True)
-    other.advance(steps=round(greatest_compression(columns) / other.step.dt))
-    x = other.state.vectors[0]
+    scenario, columns, dt = driver.scenario, driver.columns, driver.step.dt
+    others: list[tuple[float, dict[str, float]]] = []
+    x = driver.start.vectors[0]
     try:
-        if other.advance() == "failed":
-            return SecondRun({}, x)
-        found, others = scenario.result(columns), scenario.result(other.columns)
+        for other_dt in _other_steps(driver):
+            time = replace(driver.control.time, dt=other_dt, integrator=driver.step.integrator.name)
+            other = Driver(scenario, time, driver.kernels, driver.control.spectrum, force=True)
+            if not others:
+                other.advance(steps=round(greatest_compression(columns) / other.step.dt))
+                x = other.state.vectors[0]
+            if other.advance() == "failed":
+                return SecondRun({}, x)
+            others.append((other.step.dt, scenario.result(other.columns)))
+        found = scenario.result(columns)
     except TaichiDiskError:  # no result
         return SecondRun({}, x)
-    part = UNRESOLVED_PART if step.dt > scenario.wall_step else STUCK_PART if _has_stuck(driver) else 0.0
-    least = ROUNDING + part * scenario.sensitivity * relative_imbalance(scenario, columns)[1]
+    least = ROUNDING
+    if dt > scenario.wall_step:
+        least += UNRESOLVED_PART * scenario.sensitivity * relative_imbalance(scenario, columns)[1]
     errors, scales, sampling = {}, scenario.result_scales(columns), _sampling_errors(scenario, columns)
     order, primary = _order(driver), scenario.primary(columns)[0]
-    for name in [name for name in scales if name in found and name in others]:
-        difference = richardson(found[name], step.dt, others[name], other.step.dt, order)
+    for name in [name for name in scales if all(name in one for one in (found, *(results for _, results in others)))]:
+        difference = max(richardson(found[name], dt, results[name], other_dt, order) for other_dt, results in others)
         safety = ERROR_SAFETY[order] * (JUMPS_SAFETY if order == 1 and name != primary else 1.0)
         errors[name] = max(safety * difference, least * scales[name]) + sampling.get(name, 0.0)
     errors[primary] += scenario.end_truncation_error(columns)
@@ -86,26 +90,21 @@ def _sampling_errors(scenario: Scenario, columns: Columns) -> dict[str, float]:
     return {name: max(abs(one.get(name, value) - value) for one in thinned) for name, value in found.items()}
 
 
-def _has_stuck(driver: Driver) -> bool:
-    """Whether friction held a point: its impulse is less than that of points that all slide one way."""
-    wall, columns = driver.scenario.model.wall, driver.columns
-    along, away = (abs(float(columns[name][-1] - columns[name][0])) for name in ("com_vx", "com_vy"))
-    return wall is not None and along < SLIDING_PART * wall.friction * away
-
-
-def _other_step(driver: Driver) -> float:
-    """Step [R/c] of the second run: a longer one, which costs less, where that is stable and errors are regular."""
+def _other_steps(driver: Driver) -> list[float]:
+    """Steps [R/c] of the other runs: a longer one, which costs less, where that is stable and errors are regular."""
     step, interval = driver.step, driver.scenario.model.reset_interval
-    if _has_stuck(driver) or step.dt > HALF_FROM * driver.scenario.wall_step:
-        return fitted(step.dt / HALF_STEP, interval)
+    if driver.scenario.model.has_friction:
+        return [step.dt / HALF_STEP, step.dt / QUARTER_STEP]
+    if step.dt > HALF_FROM * driver.scenario.wall_step:
+        return [fitted(step.dt / HALF_STEP, interval)]
     limit = driver.control.limit(step.integrator, driver.largest_force)
     longer = fitted(LONGER_STEP * limit, interval)
-    return longer if step.dt > LONGER_FROM * limit and longer > step.dt else fitted(step.dt / STEP_RATIO, interval)
+    return [longer if step.dt > LONGER_FROM * limit and longer > step.dt else fitted(step.dt / STEP_RATIO, interval)]
 
 
 def _order(driver: Driver) -> int:
     """Order of the error: 1 where forces jump, of friction and where points slide between springs of a wall."""
-    jumps = driver.columns["sliding"].any() or _has_stuck(driver)
+    jumps = driver.scenario.model.has_friction or driver.columns["sliding"].any()
     return 1 if jumps else driver.step.integrator.order
 
 

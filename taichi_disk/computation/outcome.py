@@ -1,4 +1,4 @@
-"""A scenario computed to its end: its time series, its states at any time, how it was computed, how far it is off."""
+"""Computation of a scenario to its end: time series, states at any time, errors and warnings."""
 
 from __future__ import annotations
 
@@ -21,10 +21,10 @@ from taichi_disk.progress import Progress, silent
 from taichi_disk.simulation.observables import Columns, split
 from taichi_disk.simulation.simulation import KernelCache
 
-ESTIMATE_UP_TO = 1.3e9  # spring evaluations of a run, some 5 s, up to which a second run for the error is made unasked
-REST_CAUTION = 1.1  # by which the distance from Newton's rest is enlarged
-ROUNDING = 1e-11  # of xi [R], about, and of where the solver stops
-LOADS = 24  # of a quasi-static loading: from one to the next a film hardly changes
+ESTIMATE_UP_TO = 1.3e9  # spring evaluations of a run (some 5 s) up to which its error is estimated by a second run
+REST_CAUTION = 1.1  # factor of the distance from Newton's equilibrium
+ROUNDING = 1e-11  # error of xi by rounding and by the solver's tolerance, about [R]
+LOADS = 24  # of a quasi-static loading; a film hardly changes from one to the next
 
 
 @dataclass(frozen=True)
@@ -32,14 +32,14 @@ class Outcome:
     """A scenario computed to its end.
 
     Attributes:
-        scenario: what was computed.
-        columns: the time series.
-        positions, velocities: (n, 2) at the end.
-        largest_force: of the wall on one point, ever [M c^2/R].
-        replay: the moments at given ascending times, computed when asked for, bitwise those of the run.
-        frames: the same for pictures: of a quasi-static loading, interpolated between its equilibria.
-        summary: what summary.json holds of it: results, and how they were computed.
-        compile_seconds: wall-clock time spent on compiling.
+        scenario: computed scenario.
+        columns: time series.
+        positions, velocities: (n, 2) at the end [R], [c].
+        largest_force: largest force of the wall on one point [M c^2/R].
+        replay: yields the moments at ascending times, computed again, bitwise those of the run.
+        frames: the same for pictures; a quasi-static loading is interpolated between its equilibria.
+        summary: results and how they were computed, for summary.json.
+        compile_seconds: wall-clock time of compilation [s].
     """
 
     scenario: Scenario
@@ -69,15 +69,15 @@ def compute(
 
     Args:
         time: the scene's section `time`.
-        modes: the spectrum of its lattice and model, if known.
-        force: take a hand-written step even beyond the stability limit.
-        estimate: whether to estimate the error and to count triangles turned inside out, by running again, unless that
-            would take long.
-        loads: how many equilibria a quasi-static loading goes through; 1: the last alone, bitwise the same.
-        say: told what a long run will cost, before it begins.
+        modes: spectrum of the lattice and the model, if known.
+        force: whether to accept a user's step beyond the stability limit.
+        estimate: whether to estimate the error and to count triangles turned inside out by a second run, unless that
+            takes long.
+        loads: number of equilibria of a quasi-static loading; 1: the last alone, bitwise the same.
+        say: receives the cost of a long run before it begins.
 
-    Raises InputError for a step by hand that is too long, SimulationError when the scene does not end in time or its
-    energy balance is lost, BlowUp when the state becomes meaningless.
+    Raises InputError if the user's step is beyond the stability limit, SimulationError if the scene does not end in
+    time or its energy balance is lost, BlowUp if the state becomes meaningless.
     """
     if scenario.static:
         return scenario.quasistatic(loads, progress)
@@ -109,7 +109,7 @@ def _described(driver: Driver, second: SecondRun | None, estimate: bool) -> Outc
     limit = driver.control.limit(step.integrator, largest)
     warnings = diagnostics.warnings(scenario, columns)
     if step.dt > limit:
-        beyond = "is beyond the stability limit that the measured force of the wall leaves"
+        beyond = "is beyond the stability limit with the measured force of the wall"
         remedy = "set time.dt: auto, or a shorter one"
         warnings.insert(0, f"the step {step.dt:.6g} R/c {beyond}, {limit:.6g} R/c: {remedy}")
     small = estimate and end.step * step.integrator.forces * len(scenario.lattice.bonds) <= ESTIMATE_UP_TO
@@ -135,7 +135,7 @@ def _described(driver: Driver, second: SecondRun | None, estimate: bool) -> Outc
 
 
 def inverted_triangles(scenario: Scenario, x: Array) -> int:
-    """How many triangles of the lattice are turned inside out at the positions `x` (n, 2)."""
+    """Return the number of triangles that are turned inside out at the positions `x` (n, 2) [R]."""
     return int((double_area(x[scenario.lattice.triangles]) < 0.0).sum())
 
 

@@ -18,17 +18,21 @@ from taichi_disk.lattice.network import laplacian, largest_eigenvalue
 from taichi_disk.physics import Model
 from taichi_disk.signals import interruptible
 
-# Of the largest force on one point over that of a smooth rim. Measured with 0.005 <= v <= 0.1, 30 <= a <= 30,000 and
-# N = 300, 1099, 4000 it is 0.06 to 1.5; the margin between an automatic step and the limit is good for another 1.4.
+# Largest force on one point over that on a smooth rim. Measured: 0.06 to 1.5, with 0.005 <= v <= 0.1, 30 <= a <= 30,000
+# and N = 300, 1099, 4000. The margin between an automatic step and the limit allows another factor of 1.4.
 ROUGHNESS = 1.2
 MODULUS = 1.2  # Young's modulus over `Springs.modulus`, for estimates of contact forces
 
 
 @dataclass(frozen=True)
 class Spectrum:
-    """What bounds the step: the lattice's highest frequency omega [c/R], its damping rate, least point mass [M], size.
+    """What limits the step of a lattice.
 
-    `damping`: largest rate over eta, lambda_max(L)/m [1/(M c/R) c/R].
+    Attributes:
+        omega: highest frequency [c/R].
+        damping: largest damping rate over eta, lambda_max(L)/m [1/(M c/R) c/R].
+        mass: smallest point mass [M].
+        points: number of points.
     """
 
     omega: float
@@ -38,7 +42,7 @@ class Spectrum:
 
 
 def spectrum(lattice: Lattice, model: Model) -> Spectrum:
-    """Largest eigenvalues of the stiffness matrix at rest and, where there are dashpots, of the Laplacian."""
+    """Compute the largest eigenvalues of the stiffness matrix at rest and, with dashpots, of the Laplacian."""
     stiffness = model.springs.stiffness(lattice, lattice.positions)
     masses, damping = lattice.masses, 0.0
     if model.springs.damped:
@@ -48,7 +52,7 @@ def spectrum(lattice: Lattice, model: Model) -> Spectrum:
 
 
 def step_limit(spectrum: Spectrum, model: Model, integrator: Integrator, point_force: float) -> float:
-    """Largest stable step [R/c] while no point takes more than `point_force` [M c^2/R] from the wall."""
+    """Return the largest stable step [R/c] if no force of the wall on a point exceeds `point_force` [M c^2/R]."""
     added = model.wall.added_stiffness(point_force) / spectrum.mass if model.wall else 0.0
     omega = float(np.sqrt(spectrum.omega**2 + added))
     if model.springs.damped and integrator.dashpots == "explicit":
@@ -57,7 +61,7 @@ def step_limit(spectrum: Spectrum, model: Model, integrator: Integrator, point_f
 
 
 def explicit_limit(omega: float, damping: float) -> float:
-    """Largest stable step of `velocity_verlet` for x'' = -omega^2 x - damping x', every mode up to these.
+    """Return the largest stable step of `velocity_verlet` for x'' = -omega^2 x - damping x' and all lower modes.
 
     With w = h v_{k-1/2} and p = h^2 a_k a step is linear, x+ = x + w', w' = w + p, p+ = -W x+ - g (w' + p/2) with
     W = (h omega)^2, g = h damping: z^3 + (W + 3/2 g - 2) z^2 + (1 - 2 g) z + g/2 = 0. By Jury's criterion its roots lie
@@ -67,11 +71,11 @@ def explicit_limit(omega: float, damping: float) -> float:
 
 
 def reset_step(spectrum: Spectrum, model: Model, integrator: Integrator, error: float) -> float:
-    """Longest step [R/c] at which dashpots beside a `reset` boundary put e off by no more than `error`, about.
+    """Return the longest step [R/c] at which resets beside dashpots change e by no more than about `error`.
 
-    A reset stirs up the lattice's fastest vibration omega, on which dashpots of the highest rate r act. Measured, with
-    N = 100 to 4000 and intervals of 0.001 to 0.03 R/c: e is off by 0.008 to 0.02 r omega h^2 where their velocities are
-    predicted. Where they are solved for it is a quarter of that, and a rate above 1/(3 interval) counts no more.
+    A reset excites the lattice's fastest vibration omega, which dashpots of the highest rate r damp. Measured, with
+    N = 100 to 4000 and intervals of 0.001 to 0.03 R/c: the error of e is 0.008 to 0.02 r omega h^2 with explicit
+    dashpots. With implicit ones it is a quarter of that, and r counts up to 1/(3 interval) only.
     """
     if not (model.reset_interval and model.springs.damped):
         return np.inf
@@ -82,10 +86,10 @@ def reset_step(spectrum: Spectrum, model: Model, integrator: Integrator, error: 
 
 
 def impact_point_force(lattice: Lattice, model: Model, velocity: float) -> float:
-    """Estimate of the largest force of the wall on one point in an impact [M c^2/R]; a run checks it.
+    """Estimate the largest force of the wall on one point in an impact [M c^2/R]; a run checks it.
 
-    Quasi-static energy balance v^2/2 = pi E* xi^2/(2 ln(4/xi)) gives the peak compression and its force. A single point
-    is stopped by a m v^2/2 at the least: into a hard wall, at high speed, that is more.
+    The quasi-static energy balance v^2/2 = pi E* xi^2/(2 ln(4/xi)) gives the largest compression and its force. To stop
+    a single point takes at least a m v^2/2, which is more on a hard wall at high speed.
     """
     assert model.wall is not None
     e_star = MODULUS * model.springs.modulus
@@ -97,10 +101,10 @@ def impact_point_force(lattice: Lattice, model: Model, velocity: float) -> float
 
 
 def contact_point_force(lattice: Lattice, model: Model, force: float) -> float:
-    """Estimate of the share of a total contact force that one point carries [M c^2/R], at most all.
+    """Estimate the largest force on one point [M c^2/R] if the contact force is `force`.
 
-    It carries over its chord the peak of a Gaussian, which has the variance of Hertz's contact, F R/(pi E*), and that
-    of a soft wall along a circle, R/a; somewhat more where it sticks out.
+    The point bears the peak of a Gaussian over its chord, and ROUGHNESS times that if it protrudes. The variance of the
+    Gaussian is that of Hertz's contact, F R/(pi E*), plus that of a soft wall along a circle, R/a.
     """
     assert model.wall is not None
     variance = force / (np.pi * MODULUS * model.springs.modulus) + model.wall.decay_length

@@ -21,16 +21,16 @@ from taichi_disk.errors import InputError
 from taichi_disk.integrators import AUTOMATIC, INTEGRATORS, Integrator
 from taichi_disk.simulation.observables import Columns
 
-LIMIT_MARGIN = 0.95  # of the limit that the measured force of the wall leaves: a longer automatic step is made again
-FORCE_SAFETY = 1.5  # over the measured force of the wall: the next step is chosen for this one
-ATTEMPTS = 8  # runs in all
-BLOW_UPS = 5  # after which no shorter step is tried: where a wall is dented none helps
-RESET_ERROR = 2e-5  # of e, that resets may cause at an automatic step beside dashpots
+LIMIT_MARGIN = 0.95  # largest automatic step over the stability limit with the measured force of the wall
+FORCE_SAFETY = 1.5  # force for which the next step is chosen, over the measured force of the wall
+MAX_ATTEMPTS = 8
+MAX_BLOW_UPS = 5  # if a wall is dented, no step helps
+RESET_ERROR = 2e-5  # error of e that resets beside dashpots may cause at an automatic step
 
 
 @dataclass(frozen=True)
 class TimeStep:
-    """How time advances: `limit` is the stability limit of `integrator` [R/c], `dt` the step taken [R/c]."""
+    """An integrator with its stability limit [R/c] and the chosen step `dt` [R/c]."""
 
     integrator: Integrator
     limit: float
@@ -38,19 +38,19 @@ class TimeStep:
 
 
 class StepControl:
-    """The time step of one scenario, made shorter as its runs prove that necessary.
+    """The time step of one scenario, which is shortened if a run proves it too long.
 
     `integrator: auto` takes the highest order that the forces allow: order 4 gives an undamped impact a hundredth of
-    the error for 1.15 times the forces. Dashpots are solved for if that reaches the end with less work. A reset
-    boundary shortens the step until a whole number of steps fits the interval.
+    the error for 1.15 times the forces. Dashpots are implicit if that reaches the end with less work. With a reset
+    boundary, a whole number of steps fits the interval.
 
     Args:
         time: the scene's section `time`.
-        spectrum: of the scenario's lattice and model.
+        spectrum: spectrum of the scenario's lattice and model.
 
     Attributes:
-        step: to be taken in the present attempt.
-        attempt: how often a step has been chosen.
+        step: step of this attempt.
+        attempt: number of this attempt, from 1.
 
     Raises InputError for a `dt` beyond the stability limit, unless `force`.
     """
@@ -68,7 +68,7 @@ class StepControl:
             )
 
     def limit(self, integrator: Integrator, force: float) -> float:
-        """Of stable steps [R/c], with `force`, the wall's largest on a point [M c^2/R]."""
+        """Return the stability limit [R/c] if the largest force of the wall on a point is `force` [M c^2/R]."""
         return step_limit(self.spectrum, self.scenario.model, integrator, force)
 
     def _choice(self) -> TimeStep:
@@ -83,7 +83,10 @@ class StepControl:
         return TimeStep(integrator, self.limit(integrator, self._point_force), fitted(dt, model.reset_interval))
 
     def _longest(self, integrator: Integrator) -> float:
-        """Step that is safely stable [R/c] and, unless the scene has its own, resolves what resets stir up."""
+        """Return the largest step [R/c] within the safety margin that resolves the vibrations excited by resets.
+
+        If the user has chosen a step, resets are ignored.
+        """
         stable = self._safety * self.limit(integrator, self._point_force)
         if self.time.dt != "auto":
             return stable
@@ -92,29 +95,29 @@ class StepControl:
 
     # ---- the next run
 
-    def shorten_after_blow_up(self, peak: float) -> bool:
-        """Choose a shorter step after a blow-up; False where that would not help.
+    def shorten_after_blow_up(self, largest_force: float) -> bool:
+        """Choose a shorter step after a blow-up and return True, or return False if that would not help.
 
-        `peak` is the largest measured force of the wall on one point [M c^2/R].
+        `largest_force` is the largest measured force of the wall on one point [M c^2/R].
         """
         self._blow_ups += 1
-        if self._last or self._blow_ups > BLOW_UPS:
+        if self._last or self._blow_ups > MAX_BLOW_UPS:
             return False
-        return self._shorten_for(peak) or self._shorten(0.5)
+        return self._shorten_for(largest_force) or self._shorten(0.5)
 
-    def shorten_after_run(self, peak: float, columns: Columns) -> bool:
-        """Choose a shorter step after a run to the end, which gave `columns`; False where the step may stand.
+    def shorten_after_run(self, largest_force: float, columns: Columns) -> bool:
+        """Choose a shorter step after a finished run with the series `columns` and return True, or return False.
 
-        Ordinary scenes need none. Hard walls (a from 1,000 on) often do, two or three runs: how a point rattles between
-        disk and wall is not foreseen.
+        Ordinary scenes keep their step. Hard walls (a from 1,000 on) often need two or three runs, because the rattling
+        of points between disk and wall is not predicted.
         """
         if self._last:
             return False
-        if self._shorten_for(peak):
+        if self._shorten_for(largest_force):
             return True
         closing, worst = relative_imbalance(self.scenario, columns)
         excess = self.scenario.sensitivity * max(abs(closing) / MAX_CLOSING, worst / MAX_WORST)
-        # Where a shorter step does not help, it is not the step that is at fault.
+        # If a shorter step does not help, the step is not the cause.
         if excess <= 1.0 or excess > 0.5 * self._excess:
             return False
         self._excess = excess
@@ -122,24 +125,24 @@ class StepControl:
 
     @property
     def _last(self) -> bool:
-        """Whether no other step is to be tried."""
-        return self.time.dt != "auto" or self.attempt >= ATTEMPTS
+        """Whether this is the last attempt."""
+        return self.time.dt != "auto" or self.attempt >= MAX_ATTEMPTS
 
-    def _shorten_for(self, peak: float) -> bool:
-        """Choose a step for a harder wall if this one is too near to the limit that the force `peak` leaves."""
-        if self.step.dt <= max(LIMIT_MARGIN, self._safety) * self.limit(self.step.integrator, peak):
+    def _shorten_for(self, largest_force: float) -> bool:
+        """Choose a step for a larger force if this one is too close to the stability limit with `largest_force`."""
+        if self.step.dt <= max(LIMIT_MARGIN, self._safety) * self.limit(self.step.integrator, largest_force):
             return False
-        self._point_force = FORCE_SAFETY * peak
+        self._point_force = FORCE_SAFETY * largest_force
         return self._shorten(1.0)
 
     def _shorten(self, part: float) -> bool:
-        if part < 1.0:  # of the step taken, which a reset boundary may have made shorter than was asked for
+        if part < 1.0:  # relative to the actual step, which a reset boundary may have shortened
             self._safety = part * self.step.dt / self.step.limit
         self.step, self.attempt = self._choice(), self.attempt + 1
         return True
 
 
 def fitted(dt: float, interval: float) -> float:
-    """The longest step up to `dt` of which a whole number fits `interval` [R/c]; `dt` where that is 0."""
-    # Less a little, or a whole part of the interval that was rounded down would give the next one.
+    """Return the longest step up to `dt` of which a whole number fits `interval` [R/c], or `dt` if that is 0."""
+    # The factor prevents an additional step if dt is a rounded-down whole fraction of the interval.
     return interval / ceil((1.0 - 1e-9) * interval / dt) if interval else dt

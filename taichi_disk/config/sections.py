@@ -123,12 +123,8 @@ class MaterialSection(Section):
     k_a: float = key(1.0, "linear spring constant", "M c^2/R^2", low=1e-9, high=1e6)
     k_b: float = key(1e-3, "cubic spring constant", "M c^2/R^4", high=1e6)
     eta_star: float = key(10.0, "viscosity eta R/(m c) per point, as in the paper; 0: no dashpots", high=1e6)
-    viscosity: Auto | float = key(
-        "auto", "dashpot constant eta of a spring, for the same damping at any N; auto: eta_star/N", "M c/R", high=1e6
-    )
-    dashpot: Dashpot = key(
-        "vector", "vector: resists all relative motion, also rotation (paper); axial: only along the spring"
-    )
+    viscosity: Auto | float = key("auto", "dashpot constant eta, independent of N; auto: eta_star/N", "M c/R", high=1e6)
+    dashpot: Dashpot = key("vector", "vector: resists all relative motion (paper); axial: only along the spring")
 
     def eta(self, points: int) -> float:
         """Return the dashpot constant of the springs in a disk of `points` points [M c/R]."""
@@ -156,11 +152,7 @@ class ElasticWallSection(ExponentialPotential, Section):
 
     points: int = key(1269, "number of mass points of the wall", low=4, high=2_000_000)
     k_a: Literal["same"] | float = key(
-        "same",
-        "linear spring constant; k_b and dashpots scale with it; same: material.k_a",
-        "M c^2/R^2",
-        low=1e-9,
-        high=1e6,
+        "same", "spring constant; scales k_b and dashpots, too; same: material.k_a", "M c^2/R^2", low=1e-9, high=1e6
     )
     width: float = key(3.8, "width of the wall; its depth follows from the density of points", "R", low=0.1, high=100)
     a: float = key(300.0, "steepness of the contact potential V0 exp(-a l)", "1/R", low=0.1, high=1e6)
@@ -179,11 +171,7 @@ class ImpactSection(Section):
     spin: float = key(0.0, "initial angular velocity, counter-clockwise", "c/R", low=-10, high=10)
     turn: float = key(0.0, "initial rotation of the lattice, counter-clockwise", "rad", low=-3.1416, high=3.1416)
     gap: Auto | float = key(
-        "auto",
-        "initial height of the lowest point; auto: wall potential = 1e-7 v^2/2",
-        "R",
-        low=1e-9,
-        high=1e3,
+        "auto", "initial height of the lowest point; auto: wall potential = 1e-7 v^2/2", "R", low=1e-9, high=1e3
     )
     max_time: Auto | float = key("auto", "time limit for the disk to leave the wall", "R/c", low=1e-6, high=1e6)
 
@@ -199,9 +187,7 @@ class ImpactSection(Section):
 
 
 class ElasticImpactSection(ImpactSection):
-    offset: Auto | float = key(
-        "auto", "initial x of the centre; auto: it hits the wall's middle", "R", low=-100, high=100
-    )
+    offset: Auto | float = key("auto", "initial x of the centre; auto: hits the wall's middle", "R", low=-100, high=100)
 
 
 class CompressionSection(Section):
@@ -246,11 +232,9 @@ class VideoSection(Section):
     fps: int = key(30, "frames per second", "1/s", low=1, high=120)
     seconds: float = key(8.0, "length of the film", "s", low=0.1, high=600)
     colour: Colour = key("shear", "quantity shown by colours")
-    draw: Draw = key("both", "coloured field, springs, both, or only the points")
+    draw: Draw = key("both", "coloured field, springs, both, or points only")
     theme: Theme = key("light", "light or dark background")
     magnify: Auto | float = key("auto", "magnification of displacements; auto: flattened by 0.05 R", low=1, high=1000)
     panel: bool = key(True, "curves of v_cm, wall force and energies beside the disk (16:9); from size 360 on")
     supersample: float = key(1.0, "samples per pixel width; 2: smoothest and slowest", low=1, high=2, step=0.5)
-    format: Literal["mp4", "webm", "gif", "html", "png"] = key(
-        "mp4", "format of the film; html: a page that plays it; png: a folder of pictures"
-    )
+    format: Literal["mp4", "webm", "gif", "html", "png"] = key("mp4", "html: page with player; png: folder of pictures")

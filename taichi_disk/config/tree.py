@@ -267,9 +267,7 @@ def _override(tree: Tree, override: str, rank: int) -> None:
         return
     blocks = tree.value.get("sweep")
     if path[0] == "sweep" and len(path) == 2 and isinstance(blocks, list):
-        parents: dict[Keys, Any] = {
-            ("sweep", str(k)): block for k, block in enumerate(blocks) if isinstance(block, dict)
-        }
+        parents: dict[Keys, Any] = {("sweep", str(k)): one for k, one in enumerate(blocks) if isinstance(one, dict)}
     else:
         parent = tree.value
         for depth, part in enumerate(path[:-1], start=1):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
@@ -290,21 +290,32 @@ def curve_label(label: dict[str, Any]) -> str:
     return ", ".join(parts) or "simulated"
 
 
+def curve_styles(count: int) -> list[dict[str, Any]]:
+    """Return Matplotlib's colour and marker for each of `count` curves."""
+    colours = matplotlib.colormaps["viridis"](np.linspace(0.0, 0.88, count))
+    return [{"color": one, "marker": MARKERS[k % len(MARKERS)], "elinewidth": 0.8} for k, one in enumerate(colours)]
+
+
+def explain_bars(ax: Axes, lattices: Iterable[int]) -> None:
+    """Add the meaning of the bars to the legend; `lattices`: over how many each mean is taken."""
+    if several := sorted({count for count in lattices if count > 1}):
+        text = f"bars: {' or '.join(map(str, several))} lattices"
+        ax.errorbar([], [], [], color="0.45", linestyle="none", elinewidth=0.8, label=text)
+
+
 def _points(ax: Axes, curves: list[Curve], upright: bool) -> list[Any]:
     """Draw the mean and scatter over lattices of each curve, and return the curves' colours.
 
     `upright`: results on the y axis against speed; otherwise force on the y axis against results.
     """
-    colours = list(matplotlib.colormaps["viridis"](np.linspace(0.0, 0.88, len(curves))))
-    for k, (curve, colour) in enumerate(zip(curves, colours, strict=True)):
+    styles = curve_styles(len(curves))
+    for curve, style in zip(curves, styles, strict=True):
         force = curve.x / (np.pi * curve.young)
         values = (curve.x, curve.mean, curve.deviation) if upright else (curve.mean, force, None, curve.deviation)
-        style = {"color": colour, "marker": MARKERS[k % len(MARKERS)], "markersize": 3.5 if upright else 4.0}
-        ax.errorbar(*values, **style, linestyle="none", elinewidth=0.8, label=curve_label(curve.label))
-    if counts := sorted({len(curve.y) for curve in curves if len(curve.y) > 1}):
-        text = f"bars: {' or '.join(map(str, counts))} lattices"
-        ax.errorbar([], [], [], color="0.45", linestyle="none", elinewidth=0.8, label=text)
-    return colours
+        size, label = 3.5 if upright else 4.0, curve_label(curve.label)
+        ax.errorbar(*values, **style, markersize=size, linestyle="none", label=label)
+    explain_bars(ax, (len(curve.y) for curve in curves))
+    return [style["color"] for style in styles]
 
 
 def _compression(ax: Axes, paper: dict[str, float], curves: list[Curve]) -> None:

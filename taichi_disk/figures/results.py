@@ -3,23 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
 
-import matplotlib
 import numpy as np
 
 from taichi_disk.errors import InputError
-from taichi_disk.figures.curves import (
-    FONT,
-    MARKERS,
-    SYMBOLS,
-    Row,
-    curve_label,
-    grouped,
-    log_if_wide,
-    one_plot,
-    to_change,
-)
+from taichi_disk.figures import curves as drawing
+from taichi_disk.figures.curves import FONT, SYMBOLS, Row, grouped
 from taichi_disk.output.inline import Plot
 from taichi_disk.output.plot import STYLE, matplotlib_style
 from taichi_disk.scenes import Scene
@@ -49,30 +38,26 @@ def result_figure(base: Scene, axes: Sequence[str], rows: Sequence[Row], x: str,
     seed = names.get(("lattice", "seed"))
     curves = grouped(done, others := [name for name in axes if name not in (axis, seed)])
     with matplotlib_style({**STYLE, **FONT}):
-        figure, ax = one_plot(2.6 + 0.09 * len(curves))
-        colours = matplotlib.colormaps["viridis"](np.linspace(0.0, 0.88, len(curves)))
+        figure, ax = drawing.one_plot(2.6 + 0.09 * len(curves))
         counts = set[int]()
-        for k, (values, members) in enumerate(curves.items()):
+        for style, (values, members) in zip(drawing.curve_styles(len(curves)), curves.items(), strict=True):
             at = {place: [row[y] for row in group] for (place,), group in grouped(members, [axis]).items()}
             places = sorted(at) if all(isinstance(place, (int, float)) for place in at) else list(at)
             counts |= {len(at[place]) for place in places}
             means = [np.mean(at[place]) for place in places]
             bars = [np.std(at[place], ddof=1) if len(at[place]) > 1 else np.nan for place in places]
-            label = curve_label(dict(zip(others, values, strict=True))) if others else None
-            mark: dict[str, Any] = {"color": colours[k], "fmt": MARKERS[k % len(MARKERS)] + "-", "markersize": 3.5}
-            ax.errorbar(places, means, bars, **mark, elinewidth=0.8, label=label)
-        if counts := {count for count in counts if count > 1}:
-            text = f"bars: {' or '.join(map(str, sorted(counts)))} lattices"
-            ax.errorbar([], [], [], color="0.45", linestyle="none", elinewidth=0.8, label=text)
+            label = drawing.curve_label(dict(zip(others, values, strict=True))) if others else None
+            ax.errorbar(places, means, bars, **style, linestyle="-", markersize=3.5, label=label)
+        drawing.explain_bars(ax, counts)
         if isinstance(done[0][axis], float):
-            log_if_wide(ax, np.array([row[axis] for row in done]))
+            drawing.log_if_wide(ax, np.array([row[axis] for row in done]))
         section, key = target_of(base, axis) or ("", "")
         unit = base.sections()[section].schema()[key].unit
         ax.set_xlabel(_label(SYMBOLS.get(key) or key.replace("_", " "), unit))
         ax.set_ylabel(_label(*LABELS.get(y, (y.replace("_", " "), ""))))
         if ax.get_legend_handles_labels()[1]:
             figure.legend(loc="outside upper center", ncols=2)
-        return to_change(figure)
+        return drawing.to_change(figure)
 
 
 def _numeric(rows: Sequence[Row]) -> list[str]:

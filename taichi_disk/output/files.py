@@ -68,14 +68,14 @@ def remove_empty(folders: list[Path]) -> None:
 
 
 def cannot_write(out: Path, error: BaseException) -> InputError:
-    """The refusal of a folder that cannot be written."""
+    """Return the InputError for a folder that cannot be written."""
     blocker = next((path for path in (out, *out.parents) if os.path.isfile(path)), None)
     why = f"{blocker} is a file" if blocker else reason(error)
     return InputError(f"cannot write into the output folder {out}: {why}; choose another as `out`")
 
 
 def holds_working_directory(folder: Path) -> bool:
-    """Whether the working directory is `folder`, or lies in it."""
+    """Return whether the working directory is `folder` or lies in it."""
     return Path.cwd().is_relative_to(folder.resolve())
 
 
@@ -83,7 +83,7 @@ def holds_working_directory(folder: Path) -> bool:
 
 
 def hidden(path: Path) -> Path:
-    """A hidden name of this process's next to `path`, with its suffix, which NumPy and encoders go by."""
+    """Return a hidden path beside `path`, unique to this process, with the same suffix (NumPy and encoders need it)."""
     return path.with_name(f".{platform.node()}-{os.getpid()}.new.{path.name}")
 
 
@@ -107,7 +107,7 @@ def atomic_write(path: Path, writer: Callable[[Path], object]) -> None:
 
 
 def replace(new: Path, path: Path) -> None:
-    """Rename `new` to `path`. A folder that is there makes room first, and is removed last."""
+    """Rename `new` to `path`. An existing folder is moved aside first and removed last."""
     if new.is_dir() and path.is_dir():
         remove(_displaced(path))
         os.rename(path, _displaced(path))
@@ -118,7 +118,7 @@ def replace(new: Path, path: Path) -> None:
 
 
 def restore(path: Path) -> None:
-    """Put back the folder that a killed process was about to replace by `path`; remove it if `path` has come."""
+    """Put back the folder that a killed process had moved aside; remove it if its replacement exists."""
     if not path.exists() and _displaced(path).is_dir():
         os.rename(_displaced(path), path)
     remove(_displaced(path))
@@ -129,7 +129,7 @@ def _displaced(path: Path) -> Path:
 
 
 def remove(path: Path) -> None:
-    """Remove a file or folder if that can be done."""
+    """Remove a file or folder if possible."""
     shutil.rmtree(path, ignore_errors=True)
     with contextlib.suppress(OSError):
         path.unlink()
@@ -139,16 +139,16 @@ def remove(path: Path) -> None:
 
 
 class Contents(NamedTuple):
-    """What a folder holds."""
+    """Contents of a folder."""
 
     names: Sequence[str] = ()  # of files and folders
     foreign: str = ""  # the first name that no run wrote
-    run: tuple[str, str] | None = None  # scene.yaml and the digest of a lattice or velocities that are not its own
+    run: tuple[str, str] | None = None  # scene.yaml, and digest of a custom lattice or custom velocities
     status: str = ""  # of the run
 
 
 def look(folder: Path) -> Contents:
-    """What `folder` holds; nothing if it does not exist. Raises OSError if it cannot be read or is no folder."""
+    """Return the contents of `folder`, none if it does not exist. Raises OSError if it cannot be listed."""
     names = sorted(set(os.listdir(folder)) - {".DS_Store"}) if folder.exists() else []
     if not names:
         return Contents()
@@ -165,7 +165,7 @@ def look(folder: Path) -> Contents:
 
 
 def read_summary(folder: Path) -> dict[str, Any]:
-    """The summary.json of a run; empty where there is none that can be read."""
+    """Return the summary.json of a run, or an empty one if it cannot be read."""
     path = folder / "summary.json"
     try:
         summary = json.loads(path.read_text(encoding="utf-8")) if path.is_file() else {}
@@ -175,7 +175,7 @@ def read_summary(folder: Path) -> dict[str, Any]:
 
 
 def digests(folder: Path, summary: dict[str, Any]) -> dict[str, str]:
-    """SHA-256 of files of a run, and of its summary but for these."""
+    """Return SHA-256 digests of a run's files, and of its summary without these digests."""
     paths = folder / "scene.yaml", folder / "timeseries.csv"
     data = {path.name: path.read_bytes() if path.is_file() else b"" for path in paths}
     data["summary.json"] = json.dumps({**summary, "digests": None}).encode()
@@ -183,31 +183,31 @@ def digests(folder: Path, summary: dict[str, Any]) -> dict[str, str]:
 
 
 def check_pictures(folder: Path) -> None:
-    """Raise InputError if `folder` is there and is not a folder with nothing but numbered files."""
+    """Raise InputError if `folder` exists and holds anything but numbered files."""
     if folder.exists() and not only_numbered(folder):
         raise InputError(f"{folder} is not a folder of a film's pictures alone: remove it, or choose another")
 
 
 def only_numbered(folder: Path) -> bool:
-    """Whether `folder` is a folder with nothing but numbered pictures or frames of a trajectory."""
+    """Return whether `folder` holds nothing but numbered pictures or frames of a trajectory."""
     return folder.is_dir() and all(NUMBERED.fullmatch(one.name) for one in folder.iterdir())
 
 
 def write_text(path: Path, text: str) -> None:
-    """`text` in UTF-8 with Unix line ends."""
+    """Write `text` in UTF-8 with Unix line ends."""
     atomic_write(path, lambda new: new.write_bytes(text.encode("utf-8")))
 
 
 def write_summary(path: Path, summary: dict[str, Any]) -> None:
-    """summary.json. NaN is refused: JSON has none."""
+    """Write summary.json; raises ValueError for NaN, which JSON lacks."""
     write_text(path, json.dumps(summary, indent=2, allow_nan=False) + "\n")
 
 
 def write_timeseries(path: Path, columns: dict[str, Array], interval: float = 0.0) -> None:
-    """timeseries.csv: those of COLUMNS that there are and that are to be written.
+    """Write timeseries.csv: those of COLUMNS that the run has.
 
-    Of the columns (rows,), two rows at least, one is written every `interval` [R/c], about, and the last one. Numbers
-    have 17 digits, so that those read back are those computed.
+    `columns` (rows,) have at least two rows. About one row per `interval` [R/c] is written, and the last one. Numbers
+    have 17 digits, so that reading them gives the same floating-point numbers.
     """
     due = {"always": True, "never": False}
     names = [one.name for one in COLUMNS if one.name in columns and due.get(one.written, bool(columns[one.name].any()))]
@@ -219,7 +219,7 @@ def write_timeseries(path: Path, columns: dict[str, Array], interval: float = 0.
 
 
 def write_csv(path: Path, rows: Sequence[Mapping[str, Any]]) -> None:
-    """A column for each key of `rows`, which have the same; numbers with all their digits, nothing for None."""
+    """Write a table with a column for each key; all `rows` have the same keys. None becomes an empty cell."""
     text = StringIO()
     table = csv.DictWriter(text, list(rows[0]), lineterminator="\n")
     table.writeheader()
@@ -228,15 +228,15 @@ def write_csv(path: Path, rows: Sequence[Mapping[str, Any]]) -> None:
 
 
 def write_arrays(path: Path, **arrays: Any) -> None:
-    """The arrays as .npz."""
+    """Write an .npz file."""
     atomic_write(path, lambda new: np.savez(new, **arrays))
 
 
 def write_lattice(path: Path, lattice: Lattice, velocities: Array, impedance: Any = None, own: Any = None) -> None:
-    """lattice.npz: the state at t = 0 in scene coordinates, as another program needs it to repeat the run.
+    """Write lattice.npz: the state at t = 0 in scene coordinates, as another program needs it to repeat the run.
 
-    `velocities` are (n, 2) [c], `impedance` is that of the points of a matched boundary (k, 2) [M c/R], `own` is the
-    unloaded disk where it is not the scene's: `lattice.file` takes it from here.
+    `velocities` (n, 2) [c]; `impedance` (k, 2) [M c/R] of the points of a matched boundary; `own`: a custom unloaded
+    disk, which `lattice.file` can read back.
     """
     names = ["positions", "bonds", "rest_lengths", "masses", "disk_points", "disk_surface"]
     if len(lattice.wall_surface):
@@ -253,34 +253,34 @@ def write_lattice(path: Path, lattice: Lattice, velocities: Array, impedance: An
 
 @lru_cache(maxsize=1)
 def versions() -> dict[str, str]:
-    """What computed the numbers."""
+    """Return the versions of Python, this package, Taichi, NumPy and SciPy."""
     own = {"python": platform.python_version(), "taichi-disk": __version__}
     return own | engine.versions() | {name: version(name) for name in ("numpy", "scipy")}
 
 
 def provenance() -> dict[str, str]:
-    """What summary.json, which alone may differ between two runs of a scene, says of this one."""
+    """Return date, processor and commit for summary.json, the only file that may differ between equal runs."""
     found = {"date": datetime.now(timezone.utc).isoformat(timespec="seconds"), "processor": processor()}
     return found | ({"git_commit": commit} if (commit := _git_commit()) else {})
 
 
 @lru_cache(maxsize=1)
 def _git_commit() -> str:
-    """Of the program when this process asked first; empty if it runs from no checkout."""
+    """Return the commit of the checkout, or "" if the program runs from none."""
     root = Path(__file__).parents[2]
     if (root / ".git").exists():
         command = ["git", "-C", str(root), "describe", "--always", "--dirty", "--exclude=*", "--abbrev=40"]
         with contextlib.suppress(OSError, subprocess.CalledProcessError):  # no git, or another user's folder
-            told = subprocess.run(command, capture_output=True, text=True, check=True, stdin=subprocess.DEVNULL)
-            return told.stdout.strip()
+            found = subprocess.run(command, capture_output=True, text=True, check=True, stdin=subprocess.DEVNULL)
+            return found.stdout.strip()
     return ""
 
 
 def origin(*scenes: DiskScene) -> str:
-    """What films, pictures and trajectories carry: version and scenes, as YAML that `load_scene` takes, and no date."""
+    """Return the text that films, pictures and trajectories carry: version and scenes, as YAML for `load_scene`."""
     return f"# {PROGRAM}\n" + "---\n".join(scene.to_yaml() for scene in scenes)
 
 
 def reason(error: BaseException) -> str:
-    """What the operating system says, without number and name of file."""
+    """Return the operating system's message without error number and file name."""
     return (error.strerror if isinstance(error, OSError) else None) or str(error)

@@ -20,14 +20,14 @@ from taichi_disk.output.files import Contents, look
 
 @dataclass
 class RunFolder:
-    """Where a run goes: into `path`, a hidden folder, until it becomes `out`. `made`: what stays of the same run."""
+    """A run is written into the hidden folder `path`, which becomes `out`. `made`: films and exports to keep."""
 
     out: Path
     path: Path
     made: list[str]
 
     def take_over(self) -> str | None:
-        """Copy films and trajectories of the same run that are not here yet; return the name of the film, if any."""
+        """Copy earlier films and trajectories of the same run; return the name of a film, if there is one."""
         for name in self.made:
             old, new = self.out / name, self.path / name
             if not new.exists():
@@ -46,16 +46,16 @@ def run_folder(
 ) -> Iterator[RunFolder]:
     """Use as `with run_folder(...) as folder:` and write the run's files, summary.json last, into `folder.path`.
 
-    When the block ends that becomes `folder.out`, also if it ends with an error or Ctrl-C. If there is no summary.json
-    by then, nothing remains.
+    When the block ends, also with an error or Ctrl-C, `folder.path` becomes `folder.out`, or is removed if it has no
+    summary.json.
 
     Args:
-        out: where the run shall be.
+        out: folder of the run.
         scene_yaml: the resolved scene; written as scene.yaml.
-        explicit: whether a person has named `out`. If not, and it is taken, out-2, out-3, … are tried.
-        overwrite: whether another run that is there now may be replaced.
-        notify: called with a sentence if the run goes elsewhere.
-        lattice: digest of a lattice or velocities that are not the scene's. (The summary has it as lattice_digest.)
+        explicit: whether the user named `out`. If not, and it is taken, out-2, out-3, … are tried.
+        overwrite: whether another run in `out` may be replaced.
+        notify: receives a sentence if another folder is used.
+        lattice: digest of a custom lattice or custom velocities, lattice_digest in the summary.
 
     Raises InputError on entry, with nothing left behind, if the folder holds something else, cannot be renamed or
     cannot be written; SimulationError on leaving if the run cannot be renamed: it stays in `path`.
@@ -64,18 +64,18 @@ def run_folder(
     before: Contents | None = None  # what the folder held when the run began
 
     def refusal(held: Contents, status: str) -> str:
-        """Why a run of this status may not be written into a folder; empty if it may."""
+        """Return why a run of this status may not be written into a folder; empty if it may."""
         if held.foreign:
             return f"holds {held.foreign}, which no run wrote"
         if held.status == "done" and status != "done":
             return "holds a finished run"
-        # What has come while the run was computed is not what a person wanted to be replaced.
+        # `overwrite` does not extend to a run that appeared while this one was computed.
         if not held.names or run == held.run or (overwrite and before in (None, held)):
             return ""
         return "holds another run" + " (overwrite=True replaces it)" * explicit
 
     def choose(folders: Iterable[Path], status: str) -> Path:
-        """The first that a run of this status may be written into; InputError if there is none."""
+        """Return the first folder that a run of this status may be written into, or raise InputError."""
         why = ""
         for folder in folders:
             files.restore(folder)

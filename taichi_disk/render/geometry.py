@@ -1,10 +1,10 @@
-"""Where things lie in a picture: the camera, and what is drawn beside the field, as triangles. NumPy only.
+"""Camera, and triangles of wall, outlines and arrows. NumPy only.
 
-A potential has no edge. The wall is drawn solid up to where its force on one point is the largest that is known of the
-run: there the disk visibly rests when it is squeezed most. Above that edge the wall fades as its force does, with
-exp(-a distance): a hard wall ends sharply, a soft one in a haze. The elastic wall's potential is a skin on its surface.
+A potential has no edge. The wall is drawn solid up to the height where it exerts the largest force of the run on one
+point, so the disk visibly rests on it when it is compressed most. Above that edge the wall fades like its force, with
+exp(-a distance). On an elastic wall this is a layer on the surface.
 
-GGUI smooths nothing, so lines fade to what is beside them over a pixel.
+GGUI has no antialiasing, so lines fade to the colours beside them over a pixel.
 """
 
 from __future__ import annotations
@@ -49,7 +49,7 @@ class Camera:
 
     @classmethod
     def fit(cls, view: View, width: int, height: int, margin: float = 0.0, viewport: View | None = None) -> Camera:
-        """The largest scale at which `view` (xmin, xmax, ymin, ymax) [R] fits, in the middle of the viewport.
+        """Return the camera that shows `view` (xmin, xmax, ymin, ymax) [R] as large as possible, centred.
 
         Args:
             margin: around the view [px].
@@ -63,34 +63,34 @@ class Camera:
         return cls(width, height, scale, ((xmin + xmax) / 2.0, (ymin + ymax) / 2.0), middle, viewport)
 
     def to_pixels(self, xy: ArrayLike) -> Array:
-        """Points (..., 2) [R] to (column, row) [px]; pixel k covers k to k + 1."""
+        """Convert points (..., 2) [R] to (column, row) [px]; pixel k covers k to k + 1."""
         offset = (np.asarray(xy, dtype=np.float64) - self.look_at) * self.scale
         return np.stack([self.middle[0] + offset[..., 0], self.middle[1] - offset[..., 1]], axis=-1)
 
     def to_scene(self, pixels: ArrayLike) -> Array:
-        """(column, row) (..., 2) [px] to points of the scene [R]."""
+        """Convert (column, row) (..., 2) [px] to points of the scene [R]."""
         offset = (np.asarray(pixels, dtype=np.float64) - self.middle) / self.scale
         return np.stack([self.look_at[0] + offset[..., 0], self.look_at[1] - offset[..., 1]], axis=-1)
 
     def zoomed(self, factor: float, at: tuple[float, float]) -> Camera:
-        """`factor` times as large, with what is at `at` (column, row) staying there."""
+        """Return a camera magnified by `factor` about the pixel `at` (column, row)."""
         (x, y), (column, row) = self.middle, at
         middle = column + factor * (x - column), row + factor * (y - row)
         return replace(self, scale=self.scale * factor, middle=middle)
 
     def panned(self, columns: float, rows: float) -> Camera:
-        """With everything moved by so many pixels."""
+        """Return a camera in which the scene is moved by so many pixels."""
         return replace(self, middle=(self.middle[0] + columns, self.middle[1] + rows))
 
     @property
     def seen(self) -> View:
-        """(xmin, xmax, ymin, ymax) [R] of the viewport."""
+        """The part of the scene in the viewport: (xmin, xmax, ymin, ymax) [R]."""
         left, right, top, bottom = self.viewport
         (xmin, ymin), (xmax, ymax) = self.to_scene([(left, bottom), (right, top)])
         return float(xmin), float(xmax), float(ymin), float(ymax)
 
     def canvas_map(self) -> tuple[Array, Array]:
-        """Factor and shift (2,): GGUI's coordinates (0 to 1 over the canvas, y upwards) are factor * xy + shift."""
+        """Return factor and shift (2,) with which factor * xy + shift are GGUI's coordinates (0 to 1, y upwards)."""
         size = np.array([self.width, self.height])
         factor = self.scale / size
         origin = np.array([self.middle[0], self.height - self.middle[1]]) / size
@@ -101,9 +101,9 @@ class Camera:
 
 
 def flattening(lattice: Lattice, x: Array) -> float:
-    """Return by how much the lowest of the points at `x` (n, 2) is nearer to the disk's centre than unloaded [R].
+    """Return by how much the lowest point of a disk at `x` (n, 2) has approached its centre [R].
 
-    On an elastic wall 1, as if the flattening were seen: disk and dent would be drawn apart.
+    Return 1 on an elastic wall: magnified, disk and dent would be drawn apart.
     """
     if len(lattice.wall_surface):
         return 1.0
@@ -113,7 +113,7 @@ def flattening(lattice: Lattice, x: Array) -> float:
 
 
 def magnification(wanted: float | str, flattest: float) -> float:
-    """Return how many times as large displacements are drawn; "auto": so that `flattest` [R] is seen as FLATTENING."""
+    """Return the factor for displacements; "auto" draws the largest flattening `flattest` [R] as FLATTENING."""
     return max(1.0, round_near(FLATTENING / max(flattest, 1e-9))) if wanted == "auto" else float(wanted)
 
 
@@ -121,22 +121,22 @@ def magnification(wanted: float | str, flattest: float) -> float:
 
 
 def joined(*shapes: Shape) -> Shape:
-    """Several shapes, drawn one after the other."""
+    """Return one shape that draws `shapes` one after the other."""
     return np.concatenate([one[0] for one in shapes]), np.concatenate([one[1] for one in shapes])
 
 
 def edge_height(wall: Any, force: float) -> float:
-    """Height above the surface at which a wall pushes a point with `force` [M c^2/R]: its edge in pictures [R]."""
+    """Return the height of a wall's edge above its surface [R]: there it exerts `force` [M c^2/R] on a point."""
     return max(wall.height_of_force(force), 0.0) if wall is not None and force > 0.0 else 0.0
 
 
 def wall_body(chain: Array, depth: float, edge: float, decay: float, theme: Theme) -> tuple[Shape, Shape]:
-    """How a wall is drawn: its haze, which belongs below the disk, and its solid body, over the disk's outline.
+    """Return a wall's haze, to be drawn before the disk, and its solid body, to be drawn after the disk's outline.
 
     Args:
-        chain: (k, 2) [R], the surface, ordered by x.
-        depth, edge: the body reaches from so far below the surface to so far above it [R].
-        decay: over which it fades above that, 1/a or what half a pixel covers [R].
+        chain: (k, 2) the surface [R], ordered by x.
+        depth, edge: extent of the solid body below and above the surface [R].
+        decay: decay length of the haze [R], at least about half a pixel.
     """
     weight = np.exp(-_FADES)[:, None]
     weight[-1] = 0.0
@@ -146,7 +146,7 @@ def wall_body(chain: Array, depth: float, edge: float, decay: float, theme: Them
 
 
 def _strips(chain: Array, heights: Array, colours: Array) -> Shape:
-    """Between `heights` (k,) above a chain, which have the `colours` (k, 3)."""
+    """Return strips between `heights` (k,) [R] above a chain, with `colours` (k, 3) at these heights."""
     ends = np.concatenate([chain[:1], chain, chain[-1:]])
     along = ends[2:] - ends[:-2]
     normal = np.stack([-along[:, 1], along[:, 0]], axis=1) / np.hypot(*along.T)[:, None]
@@ -157,7 +157,7 @@ def _strips(chain: Array, heights: Array, colours: Array) -> Shape:
 
 
 def quads(a: Array, b: Array, c: Array, d: Array, *colours: Array) -> Shape:
-    """Quadrangles a, b, c, d (k, 2) with one colour, or (k, 3), for each of their corners."""
+    """Return quadrangles a, b, c, d (k, 2); `colours`: of each corner, (3,) or (k, 3)."""
     each = [np.broadcast_to(colour, (len(a), 3)) for colour in colours]
     order = (0, 1, 2, 0, 2, 3)
     corners = np.stack([(a, b, c, d)[k] for k in order], axis=1)
@@ -165,18 +165,18 @@ def quads(a: Array, b: Array, c: Array, d: Array, *colours: Array) -> Shape:
 
 
 def _left(start: Array, end: Array, half: float) -> Array:
-    """(k, 2) [R] from lines to their left edges."""
+    """Return the vectors (k, 2) [R] from lines to their left edges."""
     along = end - start
     along *= half / np.maximum(np.hypot(*along.T), 1e-300)[:, None]
     return np.stack([-along[:, 1], along[:, 0]], axis=1)
 
 
 def outline(start: Array, end: Array, half: float, inside: NDArray[Any], ink: Colour, outside: Colour | Array) -> Shape:
-    """Lines from `start` to `end` (k, 2), twice `half` [R] wide, that fade to either side.
+    """Return lines from `start` to `end` (k, 2), 2 `half` [R] wide, that fade to the colours on both sides.
 
     Args:
-        inside: colours (k, 2, 3) at both ends of what lies to the left.
-        outside: the colour of what lies to the right.
+        inside: colours (k, 2, 3) on the left, at both ends.
+        outside: colour on the right.
     """
     left = _left(start, end, half)
     along = np.stack([left[:, 1], -left[:, 0]], axis=1)
@@ -187,10 +187,10 @@ def outline(start: Array, end: Array, half: float, inside: NDArray[Any], ink: Co
 
 
 def arrows(feet: Array, forces: Array, head: float, width: float, rim: float, theme: Theme) -> Shape:
-    """An arrow on each foot (k, 2) [R] along its force (k, 2), as long as ARROW where that is 1.
+    """Return arrows that start at `feet` (k, 2) [R], along `forces` (k, 2); a force of 1 is ARROW long.
 
     Args:
-        head, width, rim: half the width of the largest head; width of a shaft; of the ground's colour around both [R].
+        head, width, rim: half the width of the largest head, width of the shaft, width of the rim around both [R].
     """
     size = np.hypot(forces[:, 0], forces[:, 1])[:, None]
     along = forces / size

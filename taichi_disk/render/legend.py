@@ -1,4 +1,4 @@
-"""What surrounds the disk: title above on the left, what changes above on the right, the scales below."""
+"""The text around the disk: title in the upper left corner, changing lines in the upper right, scales below."""
 
 from __future__ import annotations
 
@@ -33,14 +33,14 @@ _ARROW, _LENGTH = 0.1, 0.2  # of the width that the arrow of the scale, and a le
 
 
 def ink(colour: Colour | NDArray[np.float32]) -> Ink:
-    """A colour in bytes."""
+    """Return a colour in bytes."""
     red, green, blue = (round(255 * c) for c in colour)
     return red, green, blue
 
 
 @lru_cache(maxsize=32)
 def font(size: float, bold: bool = False) -> ImageFont.FreeTypeFont:
-    """DejaVu Sans in a size in pixels."""
+    """Return DejaVu Sans; `size` in pixels."""
     spec = find_spec("matplotlib")  # to import it takes 0.3 s
     assert spec and spec.origin
     path = Path(spec.origin).parent / "mpl-data/fonts/ttf" / ("DejaVuSans-Bold.ttf" if bold else "DejaVuSans.ttf")
@@ -48,29 +48,29 @@ def font(size: float, bold: bool = False) -> ImageFont.FreeTypeFont:
 
 
 def text_width(line: str, size: float, bold: bool = False) -> float:
-    """Width in pixels of a line set in `size`."""
+    """Return the width of a line set in `size` [px]."""
     return font(size, bold).getlength(line)
 
 
 def draw_line(draw: Any, at: tuple[float, float], line: str, size: float, ink: Ink, bold: bool = False) -> None:
-    """Set a line with the left end of its baseline at `at` (column, row); `draw`: Pillow's ImageDraw or the like."""
+    """Set a line with Pillow's ImageDraw; `at` (column, row) is the left end of its baseline."""
     draw.text(at, line, fill=ink, font=font(size, bold), anchor="ls")
 
 
 def round_below(value: float) -> float:
-    """The largest of 1, 2 and 5 times a power of ten up to a value > 0."""
+    """Return the largest of 1, 2 and 5 times a power of ten that does not exceed `value` > 0."""
     decade = 10.0 ** math.floor(math.log10(value))
     return float(decade * max(step for step in (0.5, 1.0, 2.0, 5.0) if step * decade <= value))
 
 
 def ticks_to(limit: float, signed: bool) -> list[float]:
-    """Two or three round values from 0 to `limit`, and where signed the same below."""
+    """Return 0 and two or three round values up to `limit`; if `signed`, their negatives, too."""
     count = 3 if f"{limit:e}"[:3] in ("1.5", "3.0", "6.0") else 2
     return [limit * k / count for k in range(-count if signed else 0, count + 1)]
 
 
 def label(value: float, percent: bool = False, signed: bool = False) -> str:
-    """A value as `+5 %`, `0.02` or `2·10⁻⁷`."""
+    """Return a value as `+5 %`, `0.02` or `2·10⁻⁷`."""
     if not value:
         return "0"
     text = f"{100 * value if percent else value:{'+' if signed else ''}.4g}"
@@ -81,9 +81,7 @@ def label(value: float, percent: bool = False, signed: bool = False) -> str:
 
 
 class Legend:
-    """The text of one disk's picture of `width` x `height` pixels; what does not fit at 11 pixels is left out.
-
-    It is drawn with Pillow's ImageDraw, or with what has its methods.
+    """The text of one disk's picture of `size` x `size` pixels. Text that does not fit at 11 pixels is left out.
 
     Attributes:
         header, footer: heights above and below the disk's part of the picture [px].
@@ -93,8 +91,7 @@ class Legend:
     def __init__(
         self,
         painter: Painter,
-        width: int,
-        height: int,
+        size: int,
         title: Sequence[str],
         samples: Sequence[str],
         rows: int,
@@ -103,14 +100,13 @@ class Legend:
         """Lay out the text.
 
         Args:
-            title: lines that stay.
-            samples: of the lines that change, the longest among them.
-            rows: how many of these there are at once.
-            enlarged: how many times as large as usual the title's first line is.
+            title: lines that do not change.
+            samples: the changing lines, or the longest of them.
+            rows: number of changing lines in a picture.
+            enlarged: factor for the size of the title's first line.
         """
-        self._size = size = min(width, height)
         title = [*title[:-1], "    ".join([title[-1], *painter.remarks])]
-        self.painter, self.unit, self._width, self._height = painter, size / 720, width, height
+        self.painter, self.unit, self._width, self._size = painter, size / 720, size, size
         theme = THEMES[painter.theme]
         self._ground, self._ink, self._faint, self._rule = map(ink, (theme.ground, theme.ink, theme.faint, theme.rule))
         self._small, self._heading = max(_SMALL * self.unit, LEAST), max(_HEADING * self.unit, LEAST + 1)
@@ -124,7 +120,7 @@ class Legend:
         self.footer = _even(2.0 * self._leading + (_BAR_HEIGHT + 20.0) * self.unit + 4.0) if fits else 0
 
     def _wrapped(self, title: Sequence[str]) -> list[tuple[str, float, bool]]:
-        """The lines of a title as they are set, broken where they do not fit beside the column, between parts first."""
+        """Return the title's lines, broken to fit beside the column: between parts if possible, else between words."""
         width, lines = self._width - self._column - 2.0 * self._margin, []
         for k, line in enumerate(title):
             size, bold, now = (self._small, False, "") if k else (self._first, True, "")
@@ -140,50 +136,41 @@ class Legend:
         return lines
 
     def _set(self, line: str) -> tuple[str, float, bool]:
-        """A line that changes, its size, and whether it is bold: what begins with a `*` is large and bold."""
+        """Return text, size and boldness of a changing line; a leading `*` makes it large and bold."""
         return line.removeprefix("*"), self._heading if line.startswith("*") else self._small, line.startswith("*")
 
     def _baseline(self, k: int) -> float:
         return self._margin + 0.72 * self._first + self._leading * k
 
     def still(self, scale: float) -> NDArray[np.uint8]:
-        """(height, width, 3) what does not change; `scale`: pixels per R."""
-        image = Image.new("RGB", (self._width, self._height), self._ground)
-        self.draw(ImageDraw.Draw(image), scale)
+        """Return the picture (size, size, 3) of title and scales, which do not change; `scale`: pixels per R."""
+        image = Image.new("RGB", (self._width, self._size), self._ground)
+        draw = ImageDraw.Draw(image)
+        for k, (line, size, bold) in enumerate(self._title):
+            draw_line(draw, (self._margin, self._baseline(k)), line, size, self._ink if bold else self._faint, bold)
+        if self.footer:
+            self._draw_scales(draw, scale)
         return np.array(image)
 
     def below(self, width: int, scale: float) -> NDArray[np.uint8]:
-        """(footer, width, 3) the scales alone, below several disks together `width` pixels wide."""
+        """Return the picture (footer, width, 3) of the scales that several disks, `width` pixels in all, share."""
         wide = copy(self)
         wide._width, wide._title = width, []
-        return wide.still(scale)[self._height - self.footer :]
-
-    def draw(self, draw: Any, scale: float) -> None:
-        """What does not change: title, scales of colours, lengths, arrows; `scale`: pixels per R."""
-        for k, (line, size, bold) in enumerate(self._title):
-            colour = self._ink if bold else self._faint
-            draw_line(draw, (self._margin, self._baseline(k)), line, size, colour, bold)
-        if self.footer:
-            self._draw_scales(draw, scale)
+        return wide.still(scale)[self._size - self.footer :]
 
     def write(self, picture: NDArray[np.uint8], lines: Sequence[str]) -> None:
-        """Set the changing lines above on the right of a picture (height, width, 3)."""
+        """Set the changing lines in the upper right corner of a picture (size, size, 3)."""
         if self._rows:
             patch = Image.new("RGB", (self._column, self.header), self._ground)
-            self.draw_lines(ImageDraw.Draw(patch), lines, 0.0)
+            for k, line in enumerate(lines[: self._rows]):
+                text, size, bold = self._set(line)
+                draw_line(ImageDraw.Draw(patch), (0.0, self._baseline(k)), text, size, self._ink, bold)
             picture[: self.header, -self._column :] = np.asarray(patch)
-
-    def draw_lines(self, draw: Any, lines: Sequence[str], left: float | None = None) -> None:
-        """The changing lines, from the column `left` on; by default above on the right."""
-        left = self._width - self._column if left is None else left
-        for k, line in enumerate(lines[: self._rows]):
-            line, size, bold = self._set(line)
-            draw_line(draw, (left, self._baseline(k)), line, size, self._ink, bold)
 
     # ---- below the disk: bar, arrow and length in one row, their numbers in the next, words in the last
 
     def _draw_scales(self, draw: Any, scale: float) -> None:
-        top = round(self._height - self.footer + 12.0 * self.unit)
+        top = round(self._size - self.footer + 12.0 * self.unit)
         height = max(round(_BAR_HEIGHT * self.unit), 6)
         numbers = top + height + 0.95 * self._leading
         left, right, row = self._margin, self._width - self._margin, top + height / 2
@@ -198,7 +185,7 @@ class Legend:
         free = 2.0 * (self._width / 2 - max(left, self._width - right) - 3.0 * self._small)
         self._draw_bar(draw, round(min(_BAR_WIDTH * self.unit, free)), top, height, numbers)
         quantity = QUANTITIES[self.painter.colour]
-        line = quantity.label + ", mean around points" * (quantity.on != "points")  # single triangles reach farther
+        line = quantity.label + " (averaged)" * (quantity.on != "points")  # single triangles reach farther
         line = f"{line}  [{quantity.unit}]" if quantity.unit else line
         if self.painter.colour == "fringes":
             line = f"difference of the principal stresses, one fringe {label(self.painter.limit)} Mc²/R²"
@@ -212,7 +199,7 @@ class Legend:
             draw_line(draw, (self._margin, words), _ARROWS, self._small, self._faint)
 
     def _draw_bar(self, draw: Any, width: int, top: int, height: int, numbers: float) -> None:
-        """The scale of colours; an end beyond which values keep their colour is a tip."""
+        """Draw the colour scale; a tip marks an end beyond which all values have the same colour."""
         painter, left = self.painter, (self._width - width) // 2
         fringes, percent = painter.colour == "fringes", painter.colour == "strain"
         limit = float(FRINGES) if fringes else painter.limit
@@ -245,7 +232,7 @@ class Legend:
     def _draw_length(
         self, draw: Any, ends: tuple[float, float], row: float, line: str, numbers: float, arrow: bool = False
     ) -> tuple[float, float]:
-        """An arrow, or a length between two marks, and what it stands for; returns the columns where both end."""
+        """Draw an arrow, or a length between two marks, with its meaning below; return their first and last column."""
         (x0, x1), head = ends, max(4.0 * self.unit, 3.0)
         draw.line([(x0, row), (x1 - head * arrow, row)], fill=self._ink, width=max(round(1.8 * self.unit), 1))
         if arrow:

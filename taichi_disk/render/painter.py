@@ -1,4 +1,4 @@
-"""The drawing routine of films, stills and the window: field, springs or points, wall and arrows on a GGUI canvas."""
+"""Draw field, springs or points, wall and arrows on a GGUI canvas: in films, stills and the window."""
 
 from __future__ import annotations
 
@@ -63,16 +63,16 @@ class Painter:
     # ---- values
 
     def values(self, x: Array, v: Array) -> Array:
-        """(n,) what the colours show at the points."""
+        """Return the coloured quantity at the points (n,)."""
         return at_points(self.colour, self.triangles, self.springs, x, v)
 
     def scale(self, values: Array) -> float:
-        """A round `limit` for `values` (n,), from those of the disk."""
+        """Return a round `limit` for `values` (n,), from those of the disk."""
         return full_scale(values[: self.lattice.disk_points], self.colour)
 
     @property
     def remarks(self) -> list[str]:
-        """What a picture has to say of how it is drawn."""
+        """Remarks for the title on how the picture is drawn."""
         elastic = self.wall is not None and len(self.lattice.wall_surface) > 0
         grown = [f"displacements × {self.magnify:g}"] * (self.magnify > 1.0)
         return grown + ["grey: reach of the contact force"] * elastic
@@ -83,15 +83,15 @@ class Painter:
 
     @property
     def map(self) -> NDArray[np.float32]:
-        """(LEVELS, 3) the map of colours, from the least value to the largest; of fringes: from dark to bright."""
+        """Colour map (LEVELS, 3) from the lowest value to the highest; of fringes, from dark to bright."""
         return colour_map(self.theme, map_kind(self.colour), self.draw in ("springs", "points"))
 
     def normalised(self, values: Array) -> Array:
-        """`values` as places in the map, 0 to 1; of fringes: as their order."""
+        """Return `values` as positions in the colour map, 0 to 1; of fringes, their order."""
         return np.asarray(0.5 + 0.5 * values / self.limit if self.signed else values / self.limit)
 
     def colours(self, normalised: Array) -> NDArray[np.float32]:
-        """(..., 3) of `normalised` values (...)."""
+        """Return the colours (..., 3) of `normalised` values (...)."""
         if self.colour == "fringes":
             normalised = np.sin(np.pi * normalised) ** 2
         table = self.map
@@ -113,10 +113,10 @@ class Painter:
     # ---- drawing
 
     def placed(self, x: Array) -> Array:
-        """(n, 2) where points at `x` are drawn [R].
+        """Return where points at `x` (n, 2) are drawn [R].
 
-        Displacements are counted from the lattice the disk began as, turned as much and standing as low. Round a
-        contact points are then drawn inside the wall, which hides them.
+        Displacements are relative to the initial lattice, rotated like the disk, with its lowest point at the same
+        height. Points near a contact may be drawn inside the wall, which hides them.
         """
         out, n = np.array(x, order="C"), self.lattice.disk_points
         if self.magnify != 1.0:
@@ -127,10 +127,9 @@ class Painter:
         return out
 
     def paint(self, canvas: Any, camera: Camera, x: Array, v: Array, unit: float = 1.0) -> None:
-        """Draw the state on a `ti.ui.Canvas`, which is first filled with the theme's ground.
+        """Draw the state on a `ti.ui.Canvas` after filling it with the theme's ground.
 
-        Args:
-            unit: pixels that are one in a picture of 720: all widths are multiples of it.
+        `unit`: factor for the widths of lines, 1 in a picture of 720 pixels.
         """
         placed = self.placed(x)
         theme, pixel = THEMES[self.theme], 1.0 / camera.scale
@@ -182,9 +181,9 @@ class Painter:
             canvas.canvas.circles(get_field_info(out), True, False, (0.0, 0.0, 0.0), radius)
 
     def pushes(self, x: Array, v: Array, distance: float) -> tuple[Array, Array]:
-        """Feet (k, 2) [R] and forces (k, 2) of arrows, in parts of the full force.
+        """Return feet (k, 2) [R] and forces (k, 2) of arrows, relative to the full force.
 
-        Where points stand closer than `distance` [R], one arrow for all that are pushed within that shows their mean.
+        If points are closer than `distance` [R], one arrow shows the mean force of all within that distance.
         """
         points, forces = self.wall.contact_forces(self.lattice, x, v, self.springs)
         forces = forces / self.full_force
@@ -202,7 +201,7 @@ class Painter:
         return np.stack(mean[:2], axis=1), np.stack(mean[2:], axis=1)
 
     def _of_springs(self, x: Array, values: Array) -> Array:
-        """(springs,) what the colours of springs show; `values` (n,) are those of the points, both in the map."""
+        """Return the normalised values (m,) of springs; `values` (n,): those of the points."""
         if self.colour not in ("strain", "force"):
             return np.asarray(values[self.lattice.bonds].mean(axis=1))
         law = self.springs.strain if self.colour == "strain" else self.springs.tension
@@ -226,12 +225,9 @@ def _put(camera: Camera, points: Array, colours: NDArray[Any]) -> Vertices:
 
 
 def draw_triangles(canvas: Any, vertices: Vertices, corners: NDArray[np.int32] | None = None) -> None:
-    """What `Canvas.triangles` of Taichi 1.7.4 does once it has copied fields into such arrays.
+    """Draw triangles from arrays; `corners` (k, 3): vertices of each triangle, by default three in turn.
 
-    Without the fields nothing is compiled for each lattice (0.3 s), and a picture takes a tenth less.
-
-    Args:
-        corners: (k, 3) the vertices of each triangle; by default three in turn.
+    `Canvas.triangles` of Taichi 1.7.4 copies fields into such arrays first, with a kernel for each lattice (0.3 s).
     """
     indices = get_field_info(None if corners is None else corners.ravel())
     canvas.canvas.triangles(get_field_info(vertices), indices, True, (0.0, 0.0, 0.0))

@@ -1,4 +1,4 @@
-"""Colours: of the two themes, the maps from values to colours, and where they end. NumPy only."""
+"""Colours of the themes, colour maps and their scales. NumPy only."""
 
 from __future__ import annotations
 
@@ -73,7 +73,7 @@ def map_kind(quantity: str) -> str:
 
 @lru_cache
 def colour_map(theme: str, kind: str, bare: bool = False) -> NDArray[np.float32]:
-    """(LEVELS, 3) sRGB, even in CIELAB's lightness: of the least value first.
+    """Return a colour map (LEVELS, 3) in sRGB, uniform in CIELAB's lightness, lowest value first.
 
     Args:
         kind: "pressure" (compression, the positive values, is blue), "stretch" (compression, the negative values, is
@@ -96,7 +96,7 @@ def colour_map(theme: str, kind: str, bare: bool = False) -> NDArray[np.float32]
 
 
 def _curve(nodes: tuple[tuple[float, float, float], ...], count: int) -> NDArray[np.float64]:
-    """(count, 3) points on the polynomial through `nodes`: smooth, so that no edge is seen where there is none."""
+    """Return `count` points (count, 3) on the polynomial through `nodes`; a kink would look like an edge."""
     known, at = np.linspace(0.0, 1.0, len(nodes)), np.linspace(0.0, 1.0, count)
     powers = np.arange(len(nodes))
     return np.asarray(at[:, None] ** powers @ np.linalg.solve(known[:, None] ** powers, np.array(nodes, dtype=float)))
@@ -113,7 +113,7 @@ _XYZ_TO_RGB = np.array(
 
 
 def lab_to_srgb(lab: NDArray[np.float64]) -> NDArray[np.float64]:
-    """CIELAB (..., 3) to sRGB (IEC 61966-2-1), clipped to the gamut."""
+    """Convert CIELAB (..., 3) to sRGB (IEC 61966-2-1), clipped to the gamut."""
     fy = (lab[..., 0] + 16.0) / 116.0
     f = np.stack([fy + lab[..., 1] / 500.0, fy, fy - lab[..., 2] / 200.0], axis=-1)
     xyz = _WHITE * np.where(f > 6.0 / 29.0, f**3, (f - 4.0 / 29.0) * 3.0 * (6.0 / 29.0) ** 2)
@@ -129,13 +129,13 @@ _STEPS = (1.0, 1.5, 2.0, 3.0, 4.0, 5.0, 6.0, 8.0, 10.0)
 
 
 def full_scale(values: NDArray[np.floating[Any]], colour: str) -> float:
-    """A round number near the largest |value| but for a few; of fringes: the difference that makes FRINGES of them."""
+    """Return a rounded FULL_COLOUR percentile of |values|; for fringes, the stress difference that gives FRINGES."""
     largest = float(np.percentile(np.abs(values), FULL_COLOUR))
     return round_near(largest / FRINGES if colour == "fringes" else largest)
 
 
 def round_near(value: float) -> float:
-    """The round number (of _STEPS, times a power of ten) next to a value; 1e-12 for less than that."""
+    """Return the round number (one of _STEPS times a power of ten) with the ratio to `value` nearest to 1."""
     value = max(value, 1e-12)
     decade = 10.0 ** math.floor(math.log10(value))
     return float(decade * min(_STEPS, key=lambda step: abs(math.log(step * decade / value))))

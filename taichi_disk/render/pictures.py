@@ -1,4 +1,4 @@
-"""From states to the pixels of finished pictures, without a screen; the curves at their right."""
+"""Draw states and curves into finished pictures, without a screen."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy as np
 
 from taichi_disk.computation.outcome import Outcome
 from taichi_disk.lattice import Array
-from taichi_disk.output.plot import HEIGHTS, LINE, MARK, STYLE, draw_curves, matplotlib_style
+from taichi_disk.output.plot import LINE, MARK, PANEL_HEIGHTS, STYLE, draw_curves, matplotlib_style
 from taichi_disk.render import kernels
 from taichi_disk.render.geometry import Camera, View
 from taichi_disk.render.legend import LEAST, Legend
@@ -25,10 +25,10 @@ _LINES: tuple[Any, ...] = ("solid", (0, (3, 1.5)), (0, (1, 1.2)), (0, (5, 1.5, 1
 
 
 class Pictures:
-    """Makes pictures of one disk, or of several side by side, with a panel of curves at the right if wanted.
+    """Pictures of one disk or of several side by side, optionally with a panel of curves at the right.
 
-    It holds a window until it is closed, and only one may be alive. `draw` needs the thread that made it; `finish` may
-    run in another while the next picture is drawn.
+    An instance holds the process's only window until it is closed. Call `draw` in the thread that made the instance;
+    `finish` may run in another thread.
 
     Attributes:
         width: of a picture [px].
@@ -60,7 +60,7 @@ class Pictures:
         self._window = offscreen_window(drawn)
 
     def draw(self, states: Sequence[tuple[float, Array, Array]]) -> Picture:
-        """A picture (size, width, 3), rows downwards, with (t, x, v) of each disk and without its changing text."""
+        """Return a picture (size, width, 3) of the states (t, x, v) of all disks, still without its changing text."""
         picture = self._blank.copy()
         for k, (legend, (_, x, v)) in enumerate(zip(self._legends, states, strict=True)):
             legend.painter.paint(self._window.get_canvas(), self._camera, x, v, self._unit)
@@ -86,14 +86,14 @@ class Pictures:
 
 @dataclass(frozen=True)
 class Panel:
-    """The curves, drawn beforehand; what is still to come is seen faintly.
+    """Curves that are drawn once; those of later times are shown faded.
 
     Attributes:
-        full: (rows, columns, 3) the curves whole.
+        full: (rows, columns, 3) the complete curves.
         faint: the same, faded.
-        end: the last time on the axis, whose first is 0 [R/c].
+        end: end of the time axis, which begins at 0 [R/c].
         boxes: first and last column, first and last row of each pair of axes.
-        ink: of the line that marks the time.
+        ink: colour of the line that marks the time.
     """
 
     full: Picture
@@ -103,7 +103,7 @@ class Panel:
     ink: tuple[int, ...]
 
     def draw(self, picture: Picture, t: float) -> None:
-        """Show the curves at time `t` [R/c] in `picture` (rows, columns, 3), which holds them whole."""
+        """Fade the curves after time `t` [R/c] in `picture` (rows, columns, 3), a copy of `full`."""
         for left, right, top, bottom in self.boxes:
             now = round(float(np.interp(t, (0.0, self.end), (left, right))))
             picture[top:bottom, now:] = self.faint[top:bottom, now:]
@@ -111,7 +111,7 @@ class Panel:
 
 
 def side_panel(runs: Sequence[Outcome], names: Sequence[str], size: int, theme: Theme) -> Panel:
-    """The panel of runs in the same axes, with their `names`, `size` pixels high; with one disk the film is 16 : 9."""
+    """Return the panel of curves of `runs`, `size` pixels high. With one disk the film has the ratio 16 : 9."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
     from matplotlib.lines import Line2D
@@ -121,7 +121,7 @@ def side_panel(runs: Sequence[Outcome], names: Sequence[str], size: int, theme: 
         # A hair larger, as matplotlib rounds down.
         figure = Figure(figsize=((width + 0.1) / dpi, (size + 0.1) / dpi), dpi=dpi)
         canvas = FigureCanvasAgg(figure)
-        axes = list(figure.subplots(3, 1, sharex=True, height_ratios=HEIGHTS))
+        axes = list(figure.subplots(3, 1, sharex=True, height_ratios=PANEL_HEIGHTS))
         lines = []
         for run, style in zip(runs, _LINES, strict=False):
             lines += draw_curves(axes, run.scenario, run.columns, linestyle=style)
@@ -137,6 +137,9 @@ def side_panel(runs: Sequence[Outcome], names: Sequence[str], size: int, theme: 
             ax.yaxis.get_offset_text().set_visible(False)
             ax.set_title(f"{ax.get_ylabel()} {numbers.get_offset()}".replace("\n", " "), loc="left")
             ax.set_ylabel("")
+        for line in lines:
+            if len(runs) > 1 and line.get_label().startswith("vibration left"):
+                line.set_label("vibration left")  # each run has a number of its own
         energies = {line.get_label(): line for line in lines[::-1] if line.axes is axes[2]}  # the first run's
         handles = list(energies.values())[::-1]
         if len(runs) > 1:
@@ -157,7 +160,6 @@ def side_panel(runs: Sequence[Outcome], names: Sequence[str], size: int, theme: 
 
 
 def _style(theme: Theme, points: float) -> dict[Any, Any]:
-    """matplotlib's settings."""
     sizes = {"font.size": points, "axes.titlesize": "medium", "legend.fontsize": "medium"}
     inks = dict.fromkeys(("text.color", "axes.labelcolor", "xtick.color", "ytick.color"), theme.ink)
     grounds = {"figure.facecolor": theme.ground, "axes.facecolor": theme.ground}

@@ -1,6 +1,6 @@
 """The kinds of scenes, how one is loaded, and whether it can be computed.
 
-A new kind is a file here, a member of `Scene`, and a file of the defaults in the folder `scenes` beside the package.
+A new kind needs a file here, a place in `Scene`, and a file with its defaults in the folder `scenes` of the project.
 """
 
 from __future__ import annotations
@@ -28,24 +28,24 @@ def load_scene(source: Source, overrides: Sequence[str] = ()) -> Scene:
 
     Args:
         source: path of a YAML file, bare name of a shipped scene ("exponential_wall"), YAML text, or a mapping.
-        overrides: "section.key=value" each, the value written as in YAML; the last of several wins.
+        overrides: "section.key=value" each, with the value as in YAML; the last one for a key applies.
 
     Raises:
-        InputError: with every fault at once, each as file:line:column: key: what is wrong.
+        InputError: lists all faults, each as file:line:column: key: what is wrong.
     """
     return cast(Scene, _load(source, overrides, "scene"))
 
 
 def load_sweep(source: Source, overrides: Sequence[str] = ()) -> Sweep:
-    """Read a scene with a section `sweep:` and check every scene of it; else as `load_scene`.
+    """Read a scene with a section `sweep:` and check all its scenes. Arguments and errors are those of `load_scene`.
 
-    "sweep.key=[...]" in `overrides` sets an axis: where `sweep:` is a list of sections, in every one.
+    "sweep.key=[...]" in `overrides` sets an axis, in every section if `sweep:` is a list.
     """
     return cast(Sweep, _load(source, overrides, "sweep"))
 
 
 def load_any(source: Source, overrides: Sequence[str] = ()) -> Scene | Sweep:
-    """A sweep where the source has a section `sweep:`, else a scene. The source is read once."""
+    """Read a source once and return a sweep if it has a section `sweep:`, else a scene."""
     return cast("Scene | Sweep", _load(source, overrides))
 
 
@@ -65,9 +65,9 @@ def _load(source: Source, overrides: Sequence[str], want: str = "any") -> DiskSc
 
 
 def check_feasible(scene: Scene | Sweep) -> None:
-    """Raises InputError where `run` would: a lattice that cannot be, a step beyond the stability limit.
+    """Raise InputError if `run` would, because of the lattice, the memory or a step beyond the stability limit.
 
-    Of a sweep the first scene is looked at. The lattice is built only where a step by hand depends on it.
+    Only the first scene of a sweep is checked. The lattice is built only to check a user's step.
     """
     if isinstance(scene, Sweep):
         return check_feasible(scene.scenes[0])
@@ -85,7 +85,7 @@ def check_feasible(scene: Scene | Sweep) -> None:
 
 
 def check_memory(scene: DiskScene) -> None:
-    """Raises InputError for more points than there is free memory for."""
+    """Raise InputError if there is not enough free memory for the points."""
     points = scene.lattice.points + scene.wall_points
     needed, free = workload.memory(points), free_memory()
     if points > 20_000 and needed > free:

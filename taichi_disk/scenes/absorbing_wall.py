@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 
 class AbsorbingWallScene(ImpactScene):
-    """What a scene file of this kind may say."""
+    """Scene file of this kind."""
 
     title: ClassVar[str] = "impact on an elastic, absorbing wall"
     lattice_keys: ClassVar[tuple[str, ...]] = ("lattice", "wall.points", "wall.width", "wall.k_a", "material.k_a")
@@ -39,30 +39,30 @@ class AbsorbingWallScene(ImpactScene):
         if self.wall.threshold < least:
             text = (
                 f"at {self.wall.threshold:g} R the contact potential exceeds 1e-5 of the kinetic energy, "
-                f"so that energy would jump there: write {rounded_up(least)} R or more"
+                f"so the energy would jump there: write {rounded_up(least)} R or more"
             )
             conflicts.append(("wall.threshold", text))
         if (least := oblique.least_width(self.wall, self.impact, self.time, self.softer_k_a)) > self.wall.width:
             text = (
-                f"a disk thrown so touches the wall's surface as far as {0.5 * least:.3g} R from its middle: write "
-                f"{rounded_up(least)} R or more, or another impact.offset"
+                f"this impact touches the wall up to {0.5 * least:.3g} R from its middle: write {rounded_up(least)} R "
+                "or more, or another impact.offset"
             )
             conflicts.append(("wall.width", text))
         dt, interval = self.time.dt, self.reset_interval
         if interval and dt != "auto" and dt > interval:
             conflicts.append(("time.dt", f"{dt:g} is longer than wall.reset_interval = {interval:g} [R/c]"))
         if self.video.magnify not in ("auto", 1.0):
-            conflicts.append(("video.magnify", "disk and dent would be drawn apart: leave it 1 with an elastic wall"))
+            conflicts.append(("video.magnify", "disk and dent would be drawn apart: write 1 with an elastic wall"))
         return conflicts
 
     def unused(self) -> Collection[tuple[str, str]]:
-        of_wall = ("seed", "rim", "min_spacing")  # which is random, too
+        of_wall = ("seed", "rim", "min_spacing")  # the wall is random, too
         return [key for key in super().unused() if key[1] not in of_wall]
 
     def changes_with(self, key: str, value: Any) -> dict[str, Any]:
-        """As of every scene; a softer contact or a slower approach also needs a farther threshold.
+        """Return changes as every scene does; a softer contact or a slower impact also needs a larger threshold.
 
-        The wall has as many points on its area as the disk.
+        The wall keeps the point density of the disk.
         """
         changes = super().changes_with(key, value)
         if key in ("wall.a", "impact.velocity", "impact.angle"):
@@ -76,7 +76,7 @@ class AbsorbingWallScene(ImpactScene):
         return changes
 
     def body(self) -> Lattice:
-        """The unloaded disk over its wall, just touching."""
+        """Return the unloaded disk on its wall, just touching."""
         return self._over_wall(super().body())
 
     def _over_wall(self, disk: Lattice) -> Lattice:
@@ -132,8 +132,8 @@ class AbsorbingWallImpact(ImpactScenario):
             boundary = physics.ResetBoundary(wall.reset_interval)
         elif wall.boundary == "dashpot":
             moduli = self.scene.moduli(self.lattice.disk_points)
-            part = np.sqrt(self.scene.wall_k_a / self.scene.material.k_a)  # of the wall's speeds of sound
-            p, s = (part * moduli.density * speed for speed in (moduli.wave_speed_p, moduli.wave_speed_s))
+            ratio = np.sqrt(self.scene.wall_k_a / self.scene.material.k_a)  # of the speeds of sound, wall to disk
+            p, s = (ratio * moduli.density * speed for speed in (moduli.wave_speed_p, moduli.wave_speed_s))
             boundary = physics.MatchedBoundary(physics.matched_impedance(self.lattice, p, s))
         return physics.Model(self.springs, contact(wall.a, wall.V0, wall.threshold), boundary=boundary)
 

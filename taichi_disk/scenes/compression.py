@@ -20,13 +20,13 @@ if TYPE_CHECKING:
     from taichi_disk.computation.outcome import Outcome
     from taichi_disk.statics.equilibrium import Equilibrium
 
-TOUCH = 1e-3  # of the load is borne by the wall at the start: a softer start than contact, a shorter fall than none
-STRAINED = 1e-9  # a lattice with a spring of a larger strain is not at rest
-AT_REST = 1e-8  # of the largest kinetic energy, where curves end: its square root is the vibration's amplitude
+TOUCH = 1e-3  # fraction of the load that the wall bears at the start: a gentler start than in contact or far away
+STRAINED = 1e-9  # a lattice with a larger strain is not at rest
+AT_REST = 1e-8  # fraction of the largest kinetic energy at which curves end; the amplitude goes as its square root
 
 
 class CompressionScene(DiskScene):
-    """What a scene file of this kind may say."""
+    """Scene file of this kind."""
 
     title: ClassVar[str] = "compression on a rigid wall"
     abscissa: ClassVar[tuple[str, str]] = ("compression", "pressure")
@@ -52,12 +52,10 @@ class CompressionScene(DiskScene):
 
 
 class Compression(Scenario):
-    """Starts undeformed, just above the wall, as the disk would come to lie; ends when the motion has died out.
+    """A disk released just above the wall, undeformed, which comes to rest under its load.
 
-    A lattice whose springs are strained without a load comes to rest before that.
-
-    The angle at which it comes to lie, and nothing else of a relaxation, is that of the equilibrium `rest`, by Newton's
-    method: rolling there by itself takes 10^4 R/c. What the two methods find is compared for that angle.
+    A lattice with strained springs first relaxes without the load. The disk starts at the angle of the equilibrium
+    `rest`, which Newton's method finds: rolling there takes 10^4 R/c. Nothing else of `rest` enters a relaxation.
     """
 
     scene: CompressionScene
@@ -105,7 +103,7 @@ class Compression(Scenario):
         return quasistatic(self, loads, progress)
 
     def end_bounds(self) -> dict[str, tuple[float, float]]:
-        """The disk moves no more, but for the slow roll. A vibration shows in the wall's force, the roll does not."""
+        # The disk may still roll slowly, which does not show in the wall's force; a vibration does.
         tolerance = self.scene.compression.tolerance
         return {
             "kinetic": (0.0, tolerance * self.pressure**2 / self.model.springs.modulus),
@@ -129,10 +127,11 @@ class Compression(Scenario):
         remedy = "use compression.method: newton, or set compression.max_time higher"
         low, high = self.end_bounds()["wall_force"]
         if wanted != "none" and low <= end["wall_force"] <= high and not self.ended(columns):
+            error = self.end_truncation_error(columns)
             return (
-                f"by t = {end['t']:.6g} R/c xi is still {self.end_truncation_error(columns):.2g} R from that of "
-                f"Newton's method, where half of time.tolerance = {wanted:g} is asked for, and hardly changes: the "
-                f"disk still rolls, or lies in another equilibrium; {remedy}, or write a larger time.tolerance"
+                f"at t = {end['t']:.6g} R/c xi still differs by {error:.2g} R from that of "
+                f"Newton's method, more than half of time.tolerance = {wanted:g}, and hardly changes: the disk still "
+                f"rolls, or lies in another equilibrium; {remedy}, or write a larger time.tolerance"
             )
         return (
             f"the disk is not at rest by t = {end['t']:.6g} R/c (kinetic energy {end['kinetic']:.3g} M c^2, largest "
@@ -141,7 +140,7 @@ class Compression(Scenario):
         )
 
     def energy_scale(self, columns: Columns) -> float:
-        # Nothing moves at first: the work of the load on the way to rest takes the kinetic energy's place.
+        # Nothing moves at first, so that the work of the load replaces the kinetic energy.
         return float(np.ptp(columns["load"])) or self.pressure**2
 
     @property
@@ -149,10 +148,10 @@ class Compression(Scenario):
         return self.pressure**2 / self.model.springs.modulus
 
     def result(self, columns: Columns) -> dict[str, float]:
-        """xi once the roll, too, has come to its end.
+        """Return xi at the end of the roll, too, by extrapolation.
 
-        The dashpots make the last roll onto the lowest place slow, theta ~ exp(-t/T), T up to 10^4 R/c. What remains of
-        it follows from what the disk did last: xi - xi_end falls as the angular momentum does.
+        Dashpots slow the last roll down, theta ~ exp(-t/T) with T up to 10^4 R/c. xi - xi_end falls like the angular
+        momentum, so that the last rows give the rest.
         """
         t, spin = columns["t"], columns["angular_momentum"]
         distance = columns["com_y"] - columns["lowest_y"]
@@ -196,20 +195,20 @@ class Compression(Scenario):
         )
 
     def caption(self, row: dict[str, float]) -> tuple[str, ...]:
-        return *super().caption(row), _told(self.momentary_motion(row))
+        return *super().caption(row), _shown(self.momentary_motion(row))
 
 
 class Loading(Compression):
-    """The load grows so slowly that the disk is always at rest: `t` is the part of it, 1 the end."""
+    """A load that grows so slowly that the disk is always at rest. `t` is the fraction of the full load."""
 
     static = True
-    time_label, pace = "part of the load P", ""
+    time_label, pace = "fraction of the load P", ""
 
     def motion(self, columns: Columns) -> tuple[Array, str]:
         return columns["xi"], "compression ξ  [R]"
 
     def continuum(self, columns: Columns) -> dict[str, Array]:
-        if self.lattice.origin != f"seed {self.scene.lattice.seed}":  # the material of other points is not known
+        if self.lattice.origin != f"seed {self.scene.lattice.seed}":  # the moduli of other points are not known
             return {}
         found = self.scene.moduli(self.lattice.disk_points)
         loads = self.pressure * columns["t"], found.young, found.poisson
@@ -219,11 +218,11 @@ class Loading(Compression):
         return np.linspace(columns["t"][0], 1.0, frames)
 
     def caption(self, row: dict[str, float]) -> tuple[str, ...]:
-        return f"P = {100.0 * row['t']:.0f} % of {self.pressure:g} Mc²/R", _told(row["xi"])
+        return f"P = {100.0 * row['t']:.0f} % of {self.pressure:g} Mc²/R", _shown(row["xi"])
 
 
-def _told(xi: float) -> str:
-    return f"ξ = {round(xi, 6) + 0.0:.6f} R"  # no minus before a zero
+def _shown(xi: float) -> str:
+    return f"ξ = {round(xi, 6) + 0.0:.6f} R"  # no "-0"
 
 
 def paper_compression(pressure: ArrayLike, young: ArrayLike, poisson: ArrayLike, b: ArrayLike = 1.0) -> Array:

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 
 class ExponentialWallScene(ImpactScene):
-    """What a scene file of this kind may say."""
+    """Scene file of this kind."""
 
     title: ClassVar[str] = "impact on a rigid wall"
 

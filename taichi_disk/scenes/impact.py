@@ -1,4 +1,4 @@
-"""What both impacts share: the start out of the wall's reach, the end when the disk has left for good."""
+"""Impacts on either wall: the start beyond the reach of the wall, and the end when the disk has left for good."""
 
 from __future__ import annotations
 
@@ -23,23 +23,23 @@ if TYPE_CHECKING:
 
     from taichi_disk.physics import Model
 
-# Part of what the wall's potential at the start and at the end is worth in e, because the wall deforms the disk there:
-# at potentials of 1e-7 e was off by up to 0.15 of it, against potentials of 1e-10.
+# The wall's potential at the start and at the end is counted as speed, but it also deforms the disk. With potentials of
+# 1e-7 the error of e was up to 0.15 of this correction (compared with potentials of 1e-10).
 POTENTIAL_CAUTION = 0.2
-# Part of the wall's decay time 1/(a v) between two rows: a point is pushed for a few of these, and on a hard wall the
-# force of the whole disk is made of such pushes, whose first and last bound the contact.
+# Time between two rows in decay times 1/(a v) of the wall. A point is pushed for a few of these, and on a hard wall the
+# first and the last of such pushes bound the contact.
 DECAY_TIMES_PER_ROW = 0.3
-LONGEST = 0.05  # between two rows, of the disk's own time: some 100 rows of contact
-HALVINGS = 8  # of that at the most: some 30,000 rows
-NOT_ROUND = 0.2  # of the radius: a body whose outline dips deeper bends more easily than a disk
-# Of the wall at the start and the end of such a body, over the kinetic energy: its ends come back to the wall, and at a
-# potential of 1e-7 that pushed e of a rod by 1.5e-6.
+MAX_INTERVAL = 0.05  # between two rows, in time units of the springs: some 100 rows of contact
+MAX_HALVINGS = 8  # of that interval: some 30,000 rows
+MAX_OUTLINE_DEPTH = 0.2  # [radius]: a body with a deeper outline bends more easily than a disk
+# Wall potential over kinetic energy at the start and the end of such a body, whose ends return to the wall. With 1e-7
+# the error of e of a rod was 1.5e-6.
 BENDING_POTENTIAL = 1e-10
-RESOLVED = 0.49  # of the wall's decay length that a step may cross, for another step to show its error
+RESOLVED = 0.49  # fraction of the wall's decay length that a step may cross if another step is to show its error
 
 
 class ImpactScene(DiskScene):
-    """What the scene files of both impacts have in common."""
+    """Scene file of an impact."""
 
     abscissa: ClassVar[tuple[str, str]] = ("impact", "velocity")
     results: ClassVar[tuple[str, ...]] = ("restitution", "contact_time")
@@ -50,7 +50,7 @@ class ImpactScene(DiskScene):
 
     @property
     def softer_k_a(self) -> float:
-        """Linear spring constant of disk or wall, whichever is softer [M c^2/R^2]."""
+        """Linear spring constant of the softer of disk and wall [M c^2/R^2]."""
         return self.material.k_a
 
     def conflicts(self) -> Conflicts:
@@ -59,19 +59,19 @@ class ImpactScene(DiskScene):
     def thrown_with(self, body: Lattice, velocities: Array) -> Self:
         along, up = (float(body.mean(one)) for one in velocities.T)
         if not up < 0.0:
-            raise InputError(f"velocities: their mean has to point down, at the wall, not {up:+g} c")
-        angle = round(float(np.arctan2(along, -up)), 12)  # 0 of a throw straight down, however the mean is rounded
+            raise InputError(f"velocities: their mean must point down, to the wall, not {up:+g} c")
+        angle = round(float(np.arctan2(along, -up)), 12)  # exactly 0 straight down, in spite of rounding
         return self.with_({"impact.velocity": float(np.hypot(along, up)), "impact.angle": angle})
 
 
 class ImpactScenario(Scenario):
-    """A disk that flies at the wall with velocity v: restitution e = -v_cm(after)/v_cm(before).
+    """A disk that flies at the wall with velocity v and leaves it: restitution e = -v_cm(after)/v_cm(before).
 
     Attributes:
-        velocity: v, of the centre of mass towards the wall at the start [c].
-        oblique: whether something happens along the wall, too: there is an angle, a spin or friction.
-        gap: distance of the lowest point from the wall at the start [R].
-        kinetic: of the flight at the start, M v^2/2 [M c^2].
+        velocity: initial velocity v of the centre of mass towards the wall [c].
+        oblique: whether there is an angle, a spin or friction, so that the motion along the wall matters.
+        gap: initial distance of the lowest point from the wall [R].
+        kinetic: initial kinetic energy M v^2/2 of the flight towards the wall [M c^2].
     """
 
     truncation_remedy = "a larger impact.gap ends it farther from the wall"
@@ -90,7 +90,7 @@ class ImpactScenario(Scenario):
     }
 
     def __init__(self, scene: Any, body: Lattice) -> None:
-        """`body`: the unloaded lattice, the elastic wall's surface at y = 0 if there is one."""
+        """Place the unloaded lattice `body`, whose elastic wall has its surface at y = 0, if it has one."""
         from taichi_disk.computation.stability import impact_point_force
         from taichi_disk.statics.equilibrium import turned
 
@@ -102,8 +102,8 @@ class ImpactScenario(Scenario):
         disk = disk_of(body)
         distance = np.hypot(*(disk.positions - disk.mean(disk.positions)).T)
         self._radius, self._inertia = float(distance.max()), float(disk.mean(distance**2))
-        self._dip = self._radius - float(distance[disk.disk_surface].min())
-        is_round = self._dip <= NOT_ROUND * self._radius
+        self._outline_depth = self._radius - float(distance[disk.disk_surface].min())
+        is_round = self._outline_depth <= MAX_OUTLINE_DEPTH * self._radius
         self._compliance = 1.0 / scene.softer_k_a
         if not (is_round and disk.whole and disk.stiffness is None):
             stiffness = network_stiffness(disk.positions, disk.bonds, disk.stiffened(springs.k_a))
@@ -126,9 +126,9 @@ class ImpactScenario(Scenario):
         stored = max(self.model.wall.energy(self.lattice, positions), 0.0)
         self._speed_before = float(np.sqrt(self.velocity**2 + 2.0 * stored))  # far from the wall
 
-        longest, decay_time = LONGEST * springs.time_unit, scene.wall.decay_length / self.velocity
+        longest, decay_time = MAX_INTERVAL * springs.time_unit, scene.wall.decay_length / self.velocity
         halvings = np.ceil(np.log2(longest / (DECAY_TIMES_PER_ROW * decay_time)) - 1e-9)
-        self.sample_interval = float(longest * 0.5 ** np.clip(halvings, 0, HALVINGS))
+        self.sample_interval = float(longest * 0.5 ** np.clip(halvings, 0, MAX_HALVINGS))
         self.wall_step = RESOLVED * decay_time
         self.point_force = impact_point_force(self.lattice, self.model, self.velocity)
         self.max_time = self._default_max_time() if impact.max_time == "auto" else impact.max_time
@@ -137,11 +137,10 @@ class ImpactScenario(Scenario):
             self.spoke = int(positions[:n, 1].argmax())
 
     @abstractmethod
-    def _model(self) -> Model:
-        """From `scene` and `lattice`."""
+    def _model(self) -> Model: ...
 
     def _offset(self) -> float:
-        """By how much the disk is moved along the wall before the start [R]."""
+        """Return the initial x of the disk's centre [R]."""
         return 0.0
 
     def _view(self) -> tuple[float, float, float, float]:
@@ -149,23 +148,24 @@ class ImpactScenario(Scenario):
         return min(along, 0.0) - 1.1, max(along, 0.0) + 1.1, -0.1, 2.0 + self.gap
 
     def _default_max_time(self) -> float:
-        """Time to come, ten contacts after Hertz, pi sqrt(ln(4 c/v)) R/c, and to leave with e = 0.05 [R/c].
+        """Return the time [R/c] of the flight to the wall, ten contacts and a flight away with e = 0.05.
 
-        A body that is not round has left once no corner of it can reach down any more.
+        A contact takes pi sqrt(ln(4 c/v)) R/c by Hertz's law. A body that is not round has left when none of its
+        corners reaches down to the wall.
         """
         unit = self.springs.time_unit
         contact = np.pi * unit * np.sqrt(np.log(4.0 / min(self.velocity * unit, 1.0)))
-        contact = max(contact, np.pi * np.sqrt(self._compliance))  # of what bends, half a period
-        return float(22.0 * (self.gap + self._dip) / self.velocity + 10.0 * contact)
+        contact = max(contact, np.pi * np.sqrt(self._compliance))  # half a period of bending
+        return float(22.0 * (self.gap + self._outline_depth) / self.velocity + 10.0 * contact)
 
     def end_bounds(self) -> dict[str, tuple[float, float]]:
         return {"com_vy": (0.0, np.inf), "lowest_y": (self.gap, np.inf)}
 
     def ended(self, columns: Columns) -> bool:
-        # A disk on its way out may still vibrate so much that it touches again. Its lowest point has to be higher than
-        # at the start by sqrt(2 U/E), U all energy but that of flight and spin: 1.4 to 2.3 times what the remaining
-        # vibrations were seen to move the rim. A rod bends more. If it turns faster than it rises, so must each point,
-        # when it is lowest.
+        # A disk that leaves may still vibrate so much that it touches again. Its lowest point must be higher than at
+        # the start by sqrt(2 U/E), with U all energy but that of flight and spin: 1.4 to 2.3 times the measured
+        # amplitude of the rim. A rod bends more. If the disk turns faster than it rises, every point must clear the
+        # wall.
         last = {name: float(values[-1]) for name, values in columns.items()}
         spin = last["angular_momentum"] / self._inertia
         rigid = 0.5 * (last["com_vx"] ** 2 + last["com_vy"] ** 2 + self._inertia * spin**2)
@@ -190,14 +190,13 @@ class ImpactScenario(Scenario):
 
     @property
     def reference_energy(self) -> float:
-        """Of the flight towards the wall, and of a spin and all else that moves in the disk, at the start [M c^2]."""
+        """Initial kinetic energy without that of the flight along the wall [M c^2]."""
         lattice, disk = self.lattice, self.velocities[: self.lattice.disk_points]
         return self.kinetic + 0.5 * float(lattice.mean(((disk - lattice.mean(disk)) ** 2).sum(axis=1)))
 
     @property
     def sensitivity(self) -> float:
-        # What is off in a spin reaches the flight by the work of one on the other, which is of the order of the
-        # geometric mean of their energies.
+        # The spin does work on the flight of the order of the geometric mean of their energies.
         return float(np.sqrt(self.reference_energy / self.kinetic))
 
     def result(self, columns: Columns) -> dict[str, float]:
@@ -210,7 +209,7 @@ class ImpactScenario(Scenario):
         return scales | (oblique.scales_along_the_wall(columns, self._radius, self._inertia) if self.oblique else {})
 
     def _speed_after(self, columns: Columns) -> float:
-        """Speed far from the wall [c], once the wall's last potential is energy of the flight."""
+        """Return the speed far from the wall [c], where the wall's last potential has become kinetic energy."""
         return float(np.sqrt(columns["com_vy"][-1] ** 2 + 2.0 * max(columns["wall"][-1], 0.0)))
 
     def marks(self, columns: Columns) -> tuple[str, str]:
@@ -234,7 +233,7 @@ class ImpactScenario(Scenario):
         last = columns["t"][-1]
         margin = 0.1 * (end - start)
         first, second = max(start - margin, 0.1 * start), min(end + margin, 0.9 * last + 0.1 * end)
-        # The contact in slow motion: the flights before and after take half the time, and little of the film.
+        # The contact is shown in slow motion; the flights before and after take little of the film.
         flights = [min(0.5 * flight, 0.2 * (second - first)) for flight in (first, last - second)]
         return distribute([0.0, first, second, last], [flights[0], second - first, flights[1]], frames)
 

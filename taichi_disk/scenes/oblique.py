@@ -1,23 +1,18 @@
-"""What an impact at an angle, with a spin or with friction, gives beside e: what happened along the wall."""
+"""Tangential results of impacts at an angle, with a spin or with friction: restitution, spin, impulses."""
 
 from __future__ import annotations
 
 from math import log, pi, sqrt, tan
+from typing import Any
 
 import numpy as np
 
 from taichi_disk.computation.contact import results_time
-from taichi_disk.config.sections import (
-    ElasticImpactSection,
-    ElasticWallSection,
-    ImpactSection,
-    TimeSection,
-    WallSection,
-)
+from taichi_disk.config import sections
 from taichi_disk.lattice import Array
 from taichi_disk.simulation.observables import Columns
 
-# Results, each with its name, its unit and how it is measured.
+# Label, unit and definition of each result.
 RESULTS = {
     "tangential_restitution": (
         "tangential restitution",
@@ -33,23 +28,21 @@ RESULTS = {
     "normal_impulse": ("normal impulse", "M c", "of the wall on the disk, upwards: change of v_n times M"),
 }
 START_POTENTIAL = 1e-7  # of the wall at the start, as a fraction of the kinetic energy
-ALONG = 10.0  # errors along the wall, where friction jumps, over those away from it, at most, about
-STILL = 1e-9  # of the speed: a slower lowest point has no restitution
+TANGENTIAL_FACTOR = 10.0  # errors along the wall, where friction jumps, over those normal to it, at most, about
+MIN_TANGENTIAL = 1e-9  # fraction of the speed: a slower lowest point has no tangential restitution
 
 
 def along_the_wall(columns: Columns, radius: float, inertia: float) -> dict[str, float]:
-    """The numbers of RESULTS; no restitution of a lowest point that was at rest.
+    """Return the numbers of RESULTS, without a tangential restitution if the lowest point was at rest.
 
-    Args:
-        columns: the time series of an ended impact.
-        radius, inertia: of the unloaded disk [R], [M R^2].
+    `columns` is the time series of a finished impact; `radius` [R] and `inertia` [M R^2] belong to the unloaded disk.
     """
     end, t = results_time(columns), columns["t"]
     vx, vy, spin = (columns[name][[0, -1]] for name in ("com_vx", "com_vy", "angular_momentum"))
-    # What the wall still does to the rotation afterwards is the moment of its tangential impulse.
+    # After that time the wall changes the rotation only by the moment of its tangential impulse.
     spin[1] = np.interp(end, t, columns["angular_momentum"]) + radius * (vx[1] - np.interp(end, t, columns["com_vx"]))
     before, after = (vx + spin / inertia * radius).tolist()
-    found = {} if abs(before) <= STILL * abs(vy[0]) else {"tangential_restitution": -after / before}
+    found = {} if abs(before) <= MIN_TANGENTIAL * abs(vy[0]) else {"tangential_restitution": -after / before}
     return found | {
         "spin_after": float(spin[1] / inertia),
         "tangential_impulse": float(vx[1] - vx[0]),
@@ -58,19 +51,19 @@ def along_the_wall(columns: Columns, radius: float, inertia: float) -> dict[str,
 
 
 def scales_along_the_wall(columns: Columns, radius: float, inertia: float) -> dict[str, float]:
-    """By how much each of RESULTS is off if the normal impulse is off by the momentum of the flight to the wall."""
+    """Return the error of each of RESULTS if that of the normal impulse is the initial momentum towards the wall."""
     vx, vy, spin = (float(columns[name][0]) for name in ("com_vx", "com_vy", "angular_momentum"))
     turned, lowest = radius / inertia, abs(vx + spin / inertia * radius)
-    scales = {"normal_impulse": 1.0, "tangential_impulse": ALONG, "spin_after": ALONG * turned}
+    scales = {"normal_impulse": 1.0, "tangential_impulse": TANGENTIAL_FACTOR, "spin_after": TANGENTIAL_FACTOR * turned}
     if lowest:
-        scales["tangential_restitution"] = ALONG * (1.0 + turned * radius) / lowest
+        scales["tangential_restitution"] = TANGENTIAL_FACTOR * (1.0 + turned * radius) / lowest
     return {name: abs(vy) * scale for name, scale in scales.items()}
 
 
 def start_gap(
-    wall: WallSection | ElasticWallSection,
-    impact: ImpactSection,
-    time: TimeSection,
+    wall: sections.WallSection | sections.ElasticWallSection,
+    impact: sections.ImpactSection,
+    time: sections.TimeSection,
     heights: Array | float = 0.0,
     potential: float = START_POTENTIAL,
 ) -> float:
@@ -86,11 +79,11 @@ def start_gap(
     return max(wall.height_of(potential * 0.5 * impact.towards**2, heights), wall.decay_length)
 
 
-def least_width(wall: ElasticWallSection, impact: ElasticImpactSection, time: TimeSection, k_a: float) -> float:
-    """Width [R] with which an elastic wall ends nowhere in the contact of a disk that is thrown so; 0 if straight down.
+def least_width(wall: Any, impact: sections.ElasticImpactSection, time: sections.TimeSection, k_a: float) -> float:
+    """Return the width [R] that an elastic wall needs to contain the whole contact; 0 for an impact straight down.
 
-    The middle of the contact moves along with the disk for its time, that of Hertz's law, and the contact is half as
-    wide as the chord at the depth v. `k_a`: of the softer of the two [M c^2/R^2].
+    The middle of the contact moves with the disk for the contact time of Hertz's law. The contact is half as wide as
+    the chord at the depth v. `k_a` is that of the softer of disk and wall [M c^2/R^2].
     """
     if not impact.angle and impact.offset == "auto":
         return 0.0

@@ -22,7 +22,7 @@ from taichi_disk.signals import (
     raise_if_interrupted,
 )
 
-COMMAND = [sys.executable, "-m", "taichi_disk", "run", "exponential_wall", "--set=video.seconds=20"]
+COMMAND = [sys.executable, "-m", "taichi_disk", "run", "exponential_wall", "--set=video.seconds=8"]
 FIRST_PICTURE = """
 import builtins, signal
 from taichi_disk.engine import ti
@@ -88,9 +88,11 @@ def _heard_signals():
     signal.signal(signal.SIGINT, before)
 
 
-def seconds_of_a_run(tmp_path):
+@pytest.fixture(scope="module")
+def run_time(tmp_path_factory):
+    """How long COMMAND takes [s]."""
     began = time.monotonic()
-    subprocess.run([*COMMAND, "--out", str(tmp_path / "whole")], check=True, capture_output=True)
+    subprocess.run([*COMMAND, "--out", str(tmp_path_factory.mktemp("whole") / "o")], check=True, capture_output=True)
     return time.monotonic() - began
 
 
@@ -215,19 +217,19 @@ def test_a_run_that_is_interrupted_leaves_a_summary_that_says_so(tmp_path, numbe
 
 @pytest.mark.validate
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-def test_an_interrupt_at_any_moment_ends_with_130_and_leaves_nothing_half_written(tmp_path, number):
-    whole, moments = seconds_of_a_run(tmp_path), random.Random(7 + int(number))
+def test_an_interrupt_at_any_moment_ends_with_130_and_leaves_nothing_half_written(tmp_path, run_time, number):
+    moments = random.Random(7 + int(number))
     for k in range(6):
-        interrupted(tmp_path / str(k) / "o", moments.uniform(0.05, whole), number)
+        interrupted(tmp_path / str(k) / "o", moments.uniform(0.05, run_time), number)
 
 
 @pytest.mark.validate
-def test_a_killed_run_never_harms_a_finished_one(tmp_path):
-    whole, moments = seconds_of_a_run(tmp_path), random.Random(3)
+def test_a_killed_run_never_harms_a_finished_one(tmp_path, run_time):
+    moments = random.Random(3)
     out, finished = tmp_path / "k" / "o", False
     for _ in range(5):
         process = subprocess.Popen([*COMMAND, "--out", str(out)], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
-        time.sleep(moments.uniform(0.3, 1.1 * whole))
+        time.sleep(moments.uniform(0.3, 1.1 * run_time))
         process.kill()
         process.wait()
         done = (out / "summary.json").exists()

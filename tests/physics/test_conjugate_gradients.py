@@ -30,9 +30,8 @@ def body(name):
 @pytest.mark.parametrize(
     "name", ["rigid", *(pytest.param(name, marks=LONG) for name in ("reset", "matched", "pinned"))]
 )
-def test_iterated_dashpots_move_a_body_as_a_factor_does_and_go_on_from_a_saved_state(name, monkeypatch):
-    runtime.start()
-    direct = simulation.Simulation(*body(name))
+def test_iterated_dashpots_move_a_body_as_a_factor_does_and_go_on_from_a_saved_state(name, monkeypatch, kernels):
+    direct = kernels.simulation(*body(name))
     monkeypatch.setattr(simulation, "LARGEST_FACTORISED", 0)
     iterated = simulation.Simulation(*body(name))
     assert isinstance(iterated.kernels.solver, IterativeSolver) and type(direct.kernels.solver) is not IterativeSolver

@@ -48,7 +48,6 @@ FAST = {
     ("rigid", 0.0, VV),
     ("rigid", 0.0, VEFRL),
     ("rigid", 0.0, TAKAHASHI_IMADA),
-    ("rigid", ETA, VV),
     ("unlike compression", ETA, TRAPEZOIDAL),
     ("reset", 0.0, VV),
 }

@@ -32,12 +32,11 @@ def test_each_level_carries_the_load_of_what_is_above_it(height):
 
 
 @pytest.mark.validate
-@pytest.mark.parametrize("seed", [0, 2])
-def test_the_contact_is_as_wide_as_hertz_says(seed):
+def test_the_contact_is_as_wide_as_hertz_says():
     """Half width b = sqrt(4 P R/(pi E)) of p = 2P/(pi b) sqrt(1 - x^2/b^2), whose second moment is P b^2/4."""
     load = 0.03
-    disk, model, x = pressed(17_600, seed, 30_000.0, load)
-    young = bulk_moduli(17_600, seed, 1.0, 0.7).young
+    disk, model, x = pressed(17_600, 0, 30_000.0, load)
+    young = bulk_moduli(17_600, 0, 1.0, 0.7).young
     b = np.sqrt(4.0 * load / (np.pi * young))
     points, forces = model.wall.contact_forces(disk, x)
     place, push = x[points, 0], forces[:, 1]

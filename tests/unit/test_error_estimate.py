@@ -19,6 +19,16 @@ CROSSED = (  # the step crosses more than a quarter of the wall's decay length
     *("material.eta_star=0", "impact.angle=0.289942393455374", "lattice.hole=0.3881259104443627"),
     *("wall.a=1761.1271665782585", "wall.V0=880.5635832891293"),
 )
+AGREEING = (  # e of a step and of half of it agree by chance: all points slide, on a hard wall
+    *("exponential_wall", "lattice.points=60", "lattice.seed=6976", "impact.velocity=0.03023", "impact.turn=-3.1078"),
+    *("impact.angle=1.2217", "material.viscosity=0.01315", "material.dashpot=axial", "wall.friction=0.07868"),
+    *("wall.a=2617.0", "wall.V0=1308.5"),
+)
+HELD_AGREEING = (  # the same, where points stick
+    *("exponential_wall", "lattice.points=100", "lattice.seed=4324", "impact.velocity=0.06199", "impact.turn=2.7359"),
+    *("material.eta_star=0", "lattice.core_radius=0.573", "lattice.core_stiffness=3.778", "wall.friction=1.969"),
+    *("lattice.core_density=1.264", "wall.a=299.9", "wall.V0=149.95"),
+)
 SMALL = ("exponential_wall", "lattice.points=30", "lattice.seed=1", "material.eta_star=0")
 HARD = (*SMALL, "wall.a=3000", "wall.V0=1500", "impact.velocity=0.1")
 
@@ -37,9 +47,18 @@ def truth(kernels, *settings):
     return scenario.result(outcome.columns)["restitution"]
 
 
-@pytest.mark.parametrize("settings", [HELD, CROSSED], ids=["friction holds points", "a step crosses much of the wall"])
+@pytest.mark.parametrize(
+    "settings",
+    [
+        pytest.param(HELD, id="friction holds points"),
+        pytest.param(CROSSED, id="a step crosses much of the wall"),
+        pytest.param(AGREEING, id="two results agree by chance, sliding"),
+        pytest.param(HELD_AGREEING, id="two results agree by chance, sticking"),
+    ],
+)
 def test_every_result_has_an_estimate_that_holds_where_errors_are_no_power_of_the_step(settings, kernels):
-    # With 1.25 between the steps, and order 2, the error of e was 9 and 1.9 times its estimate.
+    # With 1.25 between the steps, and order 2, the error of e was 9 and 1.9 times its estimate in the first two; with
+    # half the step alone 13 and 2.3 times in the others.
     scenario, outcome = computed(kernels, *settings)
     found, errors = scenario.result(outcome.columns), outcome.summary["error_estimate"]
     assert next(iter(errors)) == "restitution" and set(errors) == set(found)
@@ -50,18 +69,13 @@ def test_every_result_has_an_estimate_that_holds_where_errors_are_no_power_of_th
     assert errors["restitution"] < 1e-3
 
 
-def test_an_error_where_friction_holds_points_is_at_least_a_fiftieth_of_the_worst_imbalance(kernels):
-    # By chance two results may agree. The impulse along the wall tells whether points were held: sliding, it is mu
-    # times that away from it, and the second run costs no more than without friction.
-    scenario, outcome = computed(kernels, *HELD)
-    lost = outcome.summary["energy"]["worst_imbalance"] * scenario.sensitivity
-    errors, speed = outcome.summary["error_estimate"], scenario.velocity
-    assert errors["restitution"] >= 0.0199 * lost and errors["normal_impulse"] >= 0.0199 * lost * speed
-    assert errors["spin_after"] >= 0.199 * lost * speed / scenario.lattice.inertia
-    for friction, ratio in ((0.05, 1.25), (0.6, 2.0)):
-        driver = driver_of(kernels, *HELD, f"wall.friction={friction}", "time.safety=0.2")
-        driver.advance()
-        assert driver.step.dt / error_estimate._other_step(driver) == pytest.approx(ratio)
+@pytest.mark.parametrize(("friction", "ratios"), [(0.0, [1.25]), (0.05, [2.0, 4.0])])
+def test_with_friction_two_more_runs_are_made(friction, ratios, kernels):
+    driver = driver_of(
+        kernels, *HELD, f"wall.friction={friction}", "time.safety=0.2", "time.integrator=velocity_verlet"
+    )
+    driver.advance()
+    assert [driver.step.dt / other for other in error_estimate._other_steps(driver)] == pytest.approx(ratios)
 
 
 def test_a_step_as_long_as_the_wall_is_soft_is_not_told_to_be_better_than_it_is(kernels):

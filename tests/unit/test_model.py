@@ -39,7 +39,7 @@ LINEAR = ("material.eta_star=0", "material.k_b=0")
         pytest.param(
             ("compression", SMALL[0]), TRAPEZOIDAL, (Springs, ExponentialWall, Load), marks=pytest.mark.validate
         ),
-        (("absorbing_wall", *SMALL), VV, (Springs, ElasticWall, ResetBoundary)),
+        pytest.param(("absorbing_wall", *SMALL), VV, (Springs, ElasticWall, ResetBoundary), marks=pytest.mark.validate),
     ],
     ids=["linear springs", "compression", "elastic wall"],
 )

@@ -190,7 +190,7 @@ def test_a_rigid_motion_stays_where_it_is_and_a_strain_is_drawn_so_many_times_as
     assert one.placed(x) == pytest.approx(rest - 0.06 * (rest - [middle, low]), abs=1e-12)
     assert (painter().placed(x) == x).all()
     assert one.remarks == ["displacements × 20"] and painter().remarks == []
-    plain, told = (Legend(each, 720, 720, ("A", "B"), ("t",), 1).still(250.0) for each in (painter(), one))
+    plain, told = (Legend(each, 720, ("A", "B"), ("t",), 1).still(250.0) for each in (painter(), one))
     assert (plain[:60] != told[:60]).any() and (plain[60:] == told[60:]).all()
 
 
@@ -212,7 +212,7 @@ def test_letters_have_11_pixels_or_are_left_out_and_nothing_overlaps(size, monke
         "v = 0.1 c    η* = 0    a = 300/R",
         "N = 1,099    seed 0    reset every 0.003 R/c",
     )
-    one = Legend(painter(), size, size, title, lines, 2)
+    one = Legend(painter(), size, title, lines, 2)
     scale = Camera.fit(VIEW, size, size - one.header - one.footer).scale
     picture = one.still(scale)
     still = [(start, end, row) for _, _, start, end, row in drawn]
@@ -228,7 +228,7 @@ def test_letters_have_11_pixels_or_are_left_out_and_nothing_overlaps(size, monke
             "η* = 0",
             "0.003 R/c",
             "−0.02",
-            "pressure, mean around points  [Mc²/R²]",
+            "pressure (averaged)  [Mc²/R²]",
             "0.5 R",
         )
         assert all(part in shown for part in wanted)
@@ -238,4 +238,4 @@ def test_letters_have_11_pixels_or_are_left_out_and_nothing_overlaps(size, monke
 def test_the_colour_bar_shows_the_map(colour):
     one = painter(colour=colour, theme="dark")
     bar = np.rint(255 * one.colours(np.linspace(0.0, 1.0, 300))).astype(np.uint8)
-    assert any(np.array_equal(row[210:510], bar) for row in Legend(one, 720, 720, ("A",), ("t",), 1).still(250.0))
+    assert any(np.array_equal(row[210:510], bar) for row in Legend(one, 720, ("A",), ("t",), 1).still(250.0))

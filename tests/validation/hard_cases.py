@@ -144,7 +144,7 @@ OFF_THE_END = "slipped off the end.*wall.width"
 SLIDES = "slid from spring to spring.*lower impact.velocity"
 HARDLY_ROLLS = "not at rest.*newton.*hardly roll"
 BEYOND = "energy balance.*beyond the stability limit.*time.dt: auto"
-HARDER = "0.38 R/c is beyond the stability limit that the measured.*energy imbalance is .*time.dt: auto"
+HARDER = "0.38 R/c is beyond the stability limit with the measured.*energy imbalance .*time.dt: auto"
 
 CASES = (
     Case("η* = 10⁴", RIGID, SMALL + STRONG),

@@ -21,6 +21,7 @@ from taichi_disk.physics import Model
 from taichi_disk.simulation.observables import Columns
 from taichi_disk.simulation.simulation import KernelCache
 
+ROWS = 8  # as many of a truth as of a run: both truths would share the error of what is read between two rows
 ROUGH = 0.3  # of the wall's decay length crossed in a step, from which the truth itself may be in doubt
 
 
@@ -77,10 +78,9 @@ def refined(
     scenario: Scenario, summary: dict[str, Any], kernels: KernelCache, finest: int
 ) -> dict[str, tuple[float, float]]:
     """Each result with the step of `summary` over `finest`, and how far it is from that with twice this step."""
-    found = []
+    found, rows = [], scenario.row_interval / ROWS
     for finer in (finest // 2, finest):
-        time = replace(
-            scenario.scene.time, dt=summary["dt"] / finer, integrator=summary["integrator"], tolerance="none"
-        )
+        step = {"dt": summary["dt"] / finer, "integrator": summary["integrator"]}
+        time = replace(scenario.scene.time, **step, sample_interval=rows, tolerance="none")
         found.append(scenario.result(compute(scenario, time, kernels=kernels, estimate=False).columns))
     return {name: (value, abs(value - found[0][name])) for name, value in found[1].items() if name in found[0]}
