@@ -251,7 +251,7 @@ def _parser() -> argparse.ArgumentParser:
         if key.kind is bool:
             add(f"--{name}", action=argparse.BooleanOptionalAction, help=key.meaning)
         else:
-            add(f"--{name}", metavar="VALUE", help=f"{key.meaning}; {key.allowed()}")
+            add(f"--{name}", metavar="VALUE", help=f"{key.meaning} ({key.allowed()})")
 
     add = command("export", _export, "write the trajectory of a finished run for another program")
     add("folder", type=_path, metavar="DIR", help="folder of the run")
