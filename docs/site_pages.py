@@ -1,6 +1,6 @@
-"""Make pages of the site that are not pages of docs: README, CONTRIBUTING, notebooks, references made from the code.
+"""Generate the pages of the site that are not in docs: README, CONTRIBUTING, notebooks, and references from the code.
 
-Formulas become MathML, which browsers draw by themselves: a reader without the internet sees them, too.
+Formulas become MathML, which browsers draw without the internet.
 """
 
 from __future__ import annotations
@@ -13,10 +13,10 @@ from typing import Any
 
 from mkdocs.structure.files import File, Files
 
-# What pymdownx.arithmatex leaves of a formula: within a line, or on lines of its own with a number at its end.
+# A formula in the output of pymdownx.arithmatex: inline, or a block with a number at its end.
 FORMULA = re.compile(r'<(span|div) class="arithmatex">\\[(\[](.*?)\\[)\]]</\1>', re.DOTALL)
 NUMBER = re.compile(r"\\tag\{(\w+)\}")
-# Browsers know letters that are bold or without serifs as characters of their own, not as a style of a formula.
+# In MathML, bold and sans-serif letters are characters of their own, not a style.
 STYLED = re.compile(r'<mi mathvariant="(bold|sans-serif)">([A-Za-z])<')
 STYLES = {"bold": 0x1D400, "sans-serif": 0x1D5A0}  # the code points of A
 ROOT = Path(__file__).parents[1]
@@ -50,7 +50,7 @@ def on_files(files: Files, config: Any) -> Files:
 
 
 def on_page_markdown(markdown: str, page: Any, **_: Any) -> str:
-    """The links and remarks of a page as the site takes them."""
+    """Return the Markdown of a page with links as the site needs them."""
     if page.file.src_uri.startswith(("notebooks/", "reference/")):  # their links are made for the site
         return markdown
     at_top = page.file.src_uri in ("index.md", "contributing.md")
@@ -59,7 +59,7 @@ def on_page_markdown(markdown: str, page: Any, **_: Any) -> str:
     text = text.replace("](../CONTRIBUTING.md", "](contributing.md").replace("](CONTRIBUTING.md", "](contributing.md")
     text = text.replace("](docs/", "](") if at_top else text.replace("](../", "](")
     text = text.replace(".ipynb)", ".md)")
-    # A link to a film, alone in its line, is the film: a forge shows no frames.
+    # On the site, a line that only links to a film shows the film; code forges show no frames.
     style, folder = "width: 100%; height: 640px; border: 0", "" if at_top else "../"
     frame = f'<iframe style="{style}" title="\\1" src="{folder}\\2" loading="lazy"></iframe>'
     text = re.sub(r"^\[(Play with [^]]+)\]\((films/\w+\.html)\)$", frame, text, flags=re.MULTILINE)
@@ -67,12 +67,12 @@ def on_page_markdown(markdown: str, page: Any, **_: Any) -> str:
 
 
 def on_page_content(html: str, **_: Any) -> str:
-    """The HTML of a page, its formulas in MathML."""
+    """Return the HTML of a page with its formulas in MathML."""
     return FORMULA.sub(lambda found: mathml(unescape(found[2]), block=found[1] == "div"), html)
 
 
 def mathml(formula: str, block: bool) -> str:
-    """MathML of a formula in LaTeX; a `block` stands on lines of its own, its number at the right."""
+    """Convert a LaTeX formula to MathML, as a numbered `block` or inline."""
     from latex2mathml.converter import convert
 
     number = NUMBER.search(formula)
@@ -88,7 +88,7 @@ def styled(style: str, letter: str) -> str:
 
 
 def notebook(path: Path) -> str:
-    """The cells of a notebook, without what they print."""
+    """Return the cells of a notebook as Markdown, without outputs."""
     parts = []
     for cell in json.loads(path.read_text(encoding="utf-8"))["cells"]:
         text = "".join(cell["source"])
@@ -102,34 +102,34 @@ def notebook(path: Path) -> str:
 
 
 def reference() -> str:
-    """What the reference consists of."""
+    """Return the first page of the reference."""
     return "\n".join(
         [
             "# Reference",
             "",
-            "These pages are made from the code, so they say what this version does.",
+            "These pages are generated from the code of this version.",
             "",
             "* [Keys of a scene file](scenes.md): every key with its default, its range and its unit.",
-            "* [Commands](commands.md): what `taichi-disk` and each of its commands take.",
+            "* [Commands](commands.md): arguments and options of `taichi-disk` and its commands.",
             "* [Python](python.md): functions and classes for scripts and notebooks.",
             "",
-            "The columns and files that a run leaves are listed in [output](../output.md), words in the"
+            "The files and columns of a run are listed in [output](../output.md), words in the"
             " [glossary](../glossary.md).",
         ]
     )
 
 
 def scene_keys() -> str:
-    """Every key of a scene file, by kind of scene and section."""
+    """Return a page with every key of a scene file, by kind of scene and section."""
     from taichi_disk.scenes import SCENES
     from taichi_disk.scenes.scene import yaml_scalar
 
-    lines = ["# Keys of a scene file", "", "`taichi-disk check SCENE` prints these for a scene of yours.", ""]
+    lines = ["# Keys of a scene file", "", "`taichi-disk check SCENE` prints all keys of a scene.", ""]
     lines += ["Angles are in radians: 30 degrees are 0.5236, 45 degrees 0.7854. Speeds are in c, lengths in R.", ""]
     for name, kind in SCENES.items():
         lines += [f"## {name}", "", f"{kind.title[0].upper()}{kind.title[1:]}.", ""]
         for section, defaults in kind.sections().items():
-            lines += [f"### {name}: {section}", "", "| key | default | may be | meaning |", "|---|---|---|---|"]
+            lines += [f"### {name}: {section}", "", "| key | default | allowed | meaning |", "|---|---|---|---|"]
             for one, key in defaults.schema().items():
                 default = yaml_scalar(getattr(defaults, one))
                 lines.append(f"| `{section}.{one}` | `{default}` | {key.allowed()} | {key.meaning} |")
@@ -138,7 +138,7 @@ def scene_keys() -> str:
 
 
 def commands() -> str:
-    """What `--help` says of each command."""
+    """Return a page with the help text of each command."""
     from argparse import _SubParsersAction
 
     from taichi_disk.cli import _parser
@@ -149,7 +149,7 @@ def commands() -> str:
 
 
 def python() -> str:
-    """Directives for mkdocstrings."""
+    """Return a page of directives for mkdocstrings."""
     lines = ["# Python", "", "[Examples of all of this](../api.md) are on a page of their own.", ""]
     for title, names in PYTHON.items():
         lines += [f"## {title}", ""]

@@ -30,9 +30,9 @@ def main(argv: Sequence[str] | None = None) -> int:
     """
     # Warnings of libraries are for developers; PYTHONWARNINGS=error would turn them into errors that end a run.
     warnings.simplefilter("ignore")
+    given = list(sys.argv[1:] if argv is None else argv)
     try:
         parser = _parser()
-        given = list(sys.argv[1:] if argv is None else argv)
         if not given:
             parser.print_help()
             return 0
@@ -46,7 +46,9 @@ def main(argv: Sequence[str] | None = None) -> int:
         _print_error(f"error: {error}")
         return error.exit_status
     except KeyboardInterrupt:
-        _print_error("interrupted")
+        _print_error(
+            "interrupted" + "; finished scenes are kept: repeat the command to go on" * (given[:1] == ["sweep"])
+        )
         return INTERRUPTED
     except (MemoryError, RuntimeError) as error:
         if not isinstance(error, MemoryError) and "memory" not in str(error):
@@ -249,7 +251,7 @@ def _parser() -> argparse.ArgumentParser:
         if key.kind is bool:
             add(f"--{name}", action=argparse.BooleanOptionalAction, help=key.meaning)
         else:
-            add(f"--{name}", metavar="VALUE", help=f"{key.meaning}; {key.allowed()}")
+            add(f"--{name}", metavar="VALUE", help=f"{key.meaning} ({key.allowed()})")
 
     add = command("export", _export, "write the trajectory of a finished run for another program")
     add("folder", type=_path, metavar="DIR", help="folder of the run")

@@ -107,6 +107,9 @@ class Browser:
     def click(self, identity: str) -> None:
         self.script(f"document.getElementById('{identity}').click()")
 
+    def close_lists(self) -> None:
+        self.script("for (const one of document.querySelectorAll(':popover-open')) one.hidePopover()")
+
     def key(self, name: str, seconds: float = 0.05) -> None:
         from selenium.webdriver.common.action_chains import ActionChains
 

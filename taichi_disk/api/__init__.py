@@ -1,4 +1,4 @@
-"""taichi_disk from Python: run a scene, look at its result, keep it. The commands and the sweeps build on it, too."""
+"""taichi_disk from Python: run a scene, examine, film and save its result."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ import numpy as np
 
 from taichi_disk import runtime
 from taichi_disk.api.lattices import MOST_LATTICES
-from taichi_disk.api.work import FRAMES, Clock, built, compute_into, shared_kernels, solved, write_run
+from taichi_disk.api.work import FRAMES, Clock, built, compute_into, shared_kernels, solved, write_run, write_start
 from taichi_disk.computation.contact import greatest_compression
 from taichi_disk.computation.outcome import Outcome
 from taichi_disk.computation.scenario import Scenario
@@ -42,7 +42,7 @@ __all__ = ["Modes", "Result", "State", "run", "shared_kernels"]
 
 
 class State(NamedTuple):
-    """One moment of a run: t [R/c], positions (n, 2) [R] with the disk's points first, velocities (n, 2) [c]."""
+    """State at time t [R/c]: positions (n, 2) [R], those of the disk first, and velocities (n, 2) [c]."""
 
     t: float
     positions: Array
@@ -51,13 +51,13 @@ class State(NamedTuple):
 
 @dataclass(frozen=True)
 class Result:
-    """A scene computed to its end. It can be pickled: another process may make one, and send it back.
+    """A finished run. It can be pickled and sent to another process.
 
     Attributes:
-        scene: what was computed.
-        outcome: the scene ready to be stepped, the time series, the states, how they were computed.
-        out: the folder that the run went into, if there is one.
-        own: the lattice and the velocities that are not the scene's.
+        scene: computed scene.
+        outcome: scenario, time series, states, and how they were computed.
+        out: folder of the run, if there is one.
+        own: user-supplied lattice and velocities.
     """
 
     scene: Scene
@@ -81,29 +81,29 @@ class Result:
 
     @property
     def scenario(self) -> Scenario:
-        """The scene with its lattice, laws and start."""
+        """The scene with its lattice, forces and initial state."""
         return self.outcome.scenario
 
     @property
     def summary(self) -> dict[str, Any]:
-        """What summary.json holds."""
+        """Contents of summary.json."""
         return self.outcome.summary
 
     # ---- numbers
 
     @property
     def numbers(self) -> dict[str, float]:
-        """The results by name, the primary one first: restitution and contact_time [R/c], or xi [R] and xi_nominal."""
+        """Results by name, the primary one first: restitution and contact_time [R/c], or xi [R] and xi_nominal."""
         return self.scenario.result(self.outcome.columns)
 
     @property
     def restitution(self) -> float:
-        """e = -v_cm(after)/v_cm(before). Raises AttributeError for a compression."""
+        """Restitution e = -v_cm(after)/v_cm(before). Raises AttributeError for a compression."""
         return self._number("restitution")
 
     @property
     def contact_time(self) -> float:
-        """[R/c]. Raises AttributeError for a compression."""
+        """Contact time [R/c]. Raises AttributeError for a compression."""
         return self._number("contact_time")
 
     @property
@@ -129,7 +129,7 @@ class Result:
 
     @property
     def series(self) -> dict[str, Array]:
-        """The time series: one array (rows,) for each column of timeseries.csv."""
+        """Time series: an array (rows,) for each column of timeseries.csv."""
         return self.outcome.columns
 
     def dataframe(self) -> DataFrame:
@@ -147,7 +147,7 @@ class Result:
 
     @runtime.alone()
     def state(self, t: float) -> State:
-        """The state at the step nearest to `t` [R/c]; of a loading, the equilibrium under the part `t` of the load.
+        """Return the state at the step nearest to `t` [R/c], or the equilibrium under the fraction `t` of a load.
 
         Raises InputError for a time outside the run.
         """
@@ -155,7 +155,7 @@ class Result:
 
     @runtime.alone()
     def trajectory(self, times: Sequence[float] | Array) -> tuple[Array, Array, Array]:
-        """(times (T,) [R/c], positions (T, n, 2) [R], velocities (T, n, 2) [c]) at the steps nearest to `times`.
+        """Return times (T,) [R/c], positions (T, n, 2) [R], velocities (T, n, 2) [c] at the steps nearest to `times`.
 
         Raises InputError unless the times ascend and lie within the run.
         """
@@ -165,7 +165,7 @@ class Result:
 
     @property
     def greatest_compression(self) -> State:
-        """The state of the greatest compression, computed again whenever it is asked for; of a loading, its end."""
+        """State of the greatest compression, which is computed again at each access; the end of a loading."""
         return self.state(greatest_compression(self.series))
 
     def field(self, name: str, t: float, at: str = "own") -> Field:
@@ -185,9 +185,9 @@ class Result:
         return (own_field if at == "own" else point_field)(name, self.lattice, self.scenario.model.springs, x, v)
 
     def modes(self, count: int = 40) -> Modes:
-        """The lowest normal modes of the free disk, and the energy of each at the end of the run.
+        """Return the lowest normal modes of the free disk and their energies at the end of the run.
 
-        The energies, `rest` and `anharmonic` add up to the disk's vibration, kinetic and elastic.
+        The energies, `rest` and `anharmonic` add up to the kinetic and elastic energy of the disk's vibration.
         Raises InputError unless `count` is from 1 to 2 N - 3.
         """
         disk, n = disk_of(self.lattice), self.lattice.disk_points
@@ -201,13 +201,13 @@ class Result:
         frames: int = FRAMES,
         times: Sequence[float] | Array | None = None,
     ) -> Path:
-        """Write a trajectory for another program; returns the file that was written.
+        """Write a trajectory for another program and return the path of the file.
 
         Args:
-            path: a file, whose suffix says the format, see docs/output.md; or a folder that gets trajectory.SUFFIX.
-            format: of a folder's: "xyz", "gsd", "vtu" or "npz".
-            frames: how many, evenly spaced in time.
-            times: instead of them; ascending, within the run [R/c].
+            path: file, whose suffix is the format (see docs/output.md), or folder for a file trajectory.SUFFIX.
+            format: format in a folder: "xyz", "gsd", "vtu" or "npz".
+            frames: number of moments, evenly spaced in time.
+            times: ascending times within the run to use instead [R/c].
 
         Raises InputError for times outside the run, an unknown format, or one whose package is not installed.
         """
@@ -231,7 +231,7 @@ class Result:
     # ---- pictures
 
     def plot(self) -> Plot:
-        """The curves of plot.png as a Matplotlib figure, which may be changed and saved."""
+        """Return the curves of plot.png as a Matplotlib figure, which may be changed and saved."""
         from taichi_disk.output.plot import run_figure
 
         return run_figure(self.scenario, self.series, headline(self.summary, self.scenario.labels))
@@ -309,18 +309,15 @@ class Result:
 
     @runtime.alone()
     def save(self, out: Path | str, video: bool = False, overwrite: bool = False) -> Path:
-        """Write the files of a run into the folder `out`; see docs/output.md.
+        """Write the files of a run into the folder `out` (see docs/output.md) and return its path.
 
-        Args:
-            out: as for `run`.
-            video: whether to make the film.
-            overwrite: whether another run in `out` may be replaced.
-
-        Raises InputError where `out` holds another run (unless `overwrite`) or files that no run wrote.
+        `video`: whether to make the film; `overwrite`: whether another run in `out` may be replaced.
+        Raises InputError if `out` holds another run (unless `overwrite`) or files that no run wrote.
         """
         out, text = as_path(out, "out"), self.own.repeating(self.scene).to_yaml()
         with run_folder(out, text, True, overwrite, lattice=self.own.digest) as folder:
             outcome = replace(self.outcome, summary=dict(self.summary))
+            write_start(folder.path, self.scenario, self.own)
             with plotting_beside(video) as plot:
                 write_run(folder, outcome, self.own, video, plot, silent, Clock())
         return folder.out
@@ -336,16 +333,16 @@ class Result:
         estimate: bool = True,
         say: Callable[[str], None] = warn,
     ) -> Result:
-        """The result of a finished run, computed again from its scene.yaml: bitwise the same.
+        """Compute a finished run again from its scene.yaml and return the result, bitwise the same.
 
         Args:
-            folder: what a run has written.
-            overrides: changes of the scene, as `["video.size=360"]`.
+            folder: folder of the run.
+            overrides: changes of the scene, such as `["video.size=360"]`.
             progress: called as for `run`.
             estimate: whether to estimate the time-step error again, which doubles the work.
-            say: told that summary.json or timeseries.csv has been changed since the run, which changes nothing here.
+            say: receives a notice if summary.json or timeseries.csv has been changed, which has no effect here.
 
-        Raises InputError where there is no run, or where scene.yaml or the lattice in lattice.npz has been changed.
+        Raises InputError if there is no run, or if scene.yaml or the lattice in lattice.npz has been changed.
         """
         folder = as_path(folder, "folder")
         path, summary = folder / "scene.yaml", files.read_summary(folder)
@@ -357,14 +354,15 @@ class Result:
         if "scene.yaml" in changed:
             raise InputError(f"{path} has been changed since the run: undo that, or compute it as another run")
         for name in changed:
-            say(f"{folder / name} has been changed since the run; all is computed again from scene.yaml")
-        # What the run took, also a step by force, is taken again.
+            say(f"{folder / name} has been changed since the run; the result is computed again from scene.yaml")
+        # The step of the run is accepted, even if it is beyond the stability limit.
         scene, clock = load_scene(path, overrides), Clock()
         own = own_start(scene.lattice, None, None)
         if summary.get("lattice_digest", "") != own.digest:
             raise InputError(f"{folder}: the lattice or the velocities in lattice.npz have changed since the run")
         scenario = built(scene, own, clock)
-        return cls(scene, solved(scene, scenario, own, clock, progress or silent, True, estimate, 1), own=own)
+        outcome = solved(scene, scenario, own, clock, progress or silent, 1, force=True, estimate=estimate)
+        return cls(scene, outcome, own=own)
 
 
 @reported
@@ -390,31 +388,31 @@ def run(
     """Compute a scene, changed as by `with_`: `run("exponential_wall", velocity=0.03)`.
 
     Args:
-        scene: as `load_scene` gives it, or what that takes.
-        out: a folder for the files of the run; none are written without it.
-        lattice: an unloaded disk of one's own, see `Lattice.from_points`.
-        velocities: (N, 2) [c] of the disk's points at t = 0, in the order of the lattice.
+        scene: result or argument of `load_scene`.
+        out: folder for the files of the run; without it nothing is written.
+        lattice: user-supplied unloaded disk, see `Lattice.from_points`.
+        velocities: (N, 2) initial velocities of the disk's points [c], in the order of the lattice.
         video: whether to make the film, if there is a folder. Without Vulkan there is no film, and
             `summary["video_error"]` says why.
-        export: the format of a trajectory to write into the folder, too: "xyz", "gsd", "vtu" or "npz".
+        export: format of a trajectory in the folder: "xyz", "gsd", "vtu" or "npz".
         overwrite: whether another run in `out` may be replaced.
-        count_on: whether to go into out-2, out-3 … where `out` holds another run.
-        force: take a time step even beyond the stability limit.
-        threads: of parallel loops, from 1 to the number of cores; results do not depend on it. The first run of a
-            process chooses it, else the environment variable TAICHI_DISK_THREADS.
-        lattices: on how many random lattices the result is computed, the scene's and those of the next seeds, so that
-            its mean and scatter are known; 1: the scene's alone. By default 8 where that takes about a second or less.
+        count_on: whether to use out-2, out-3 … if `out` holds another run.
+        force: whether to accept a time step beyond the stability limit.
+        threads: number of threads, up to the number of cores; results do not depend on it. The first run of a process
+            sets it; the default is the environment variable TAICHI_DISK_THREADS.
+        lattices: number of random lattices, with this seed and the next ones, for the mean and the scatter of the
+            result. By default 8 if that takes about a second or less, else 1.
         progress: called as progress(stage, done, total): "simulate" with the time [R/c] or the number of equilibria,
-            "lattices" with the number of lattices, "render" with the number of pictures. It must not run, film or look
-            at a result.
-        say: told what a person should know: that the run goes elsewhere and why, or what a long run will cost.
-        started: seconds that the process has taken before this, for the wall clock of the summary.
+            "lattices" with the number of lattices, "render" with the number of pictures. It must not compute, film or
+            examine a result.
+        say: receives notices for the user, such as a changed output folder or the cost of a long run.
+        started: time that the process has taken before [s], for the wall clock of the summary.
         changes: keys of the scene and their values.
 
-    Raises InputError, with nothing written, for what cannot be computed as asked; SimulationError when the computation
-    fails: `out` then holds summary.json (status `failed` and why) and, after a blow-up, failure.npz.
+    Raises InputError, with nothing written, if the arguments are invalid; SimulationError if the computation fails.
+    `out` then holds summary.json with the reason and, after a blow-up, failure.npz.
     """
-    raise_if_interrupted()  # while all was imported
+    raise_if_interrupted()  # during imports
     scene = scene if isinstance(scene, DiskScene) else load_scene(scene)
     for name in changes:
         keys = [key for section in scene.sections().values() for key in section.schema()]
@@ -426,12 +424,13 @@ def run(
         raise InputError(f"lattices: must be a whole number from 1 to {MOST_LATTICES:,}, not {lattices!r}")
     clock, progress = Clock(**{"start": started} if started else {}), progress or silent
     own = own_start(scene.lattice, lattice, velocities)  # read once, before a folder is chosen: files may change
+    options: dict[str, Any] = {"lattices": lattices, "force": force, "say": say}
     if out is None:
         if export:
             raise InputError("export: needs a folder, `out`")
         scenario = built(scene, own, clock, threads)
-        return Result(scene, solved(scene, scenario, own, clock, progress, force, lattices=lattices, say=say), own=own)
+        return Result(scene, solved(scene, scenario, own, clock, progress, **options), own=own)
     out, text = as_path(out, "out"), own.repeating(scene).to_yaml()
     with run_folder(out, text, not count_on, overwrite, say, own.digest) as folder:
-        outcome = compute_into(folder, scene, own, clock, progress, video, export, force, threads, lattices, say)
+        outcome = compute_into(folder, scene, own, clock, progress, video, export, threads, **options)
     return Result(scene, outcome, folder.out, own)

@@ -1,4 +1,4 @@
-"""How far results depend on the lattice: the same scene on other random lattices."""
+"""Mean and scatter of results over random lattices."""
 
 from __future__ import annotations
 
@@ -17,19 +17,16 @@ from taichi_disk.scenes.setup import setup_of
 from taichi_disk.simulation.simulation import KernelCache
 
 MOST_LATTICES = 10_000
-LATTICES, FEWEST = 8, 3  # computed unasked; fewer do not tell how much their results differ
-EVALUATIONS = 3e8  # of springs, that other lattices may cost unasked: some 1 s on one core
-BUILDING = 1500  # evaluations of each spring that it takes as long to build a lattice, and to find its spectrum
+LATTICES, MIN_LATTICES = 8, 3  # default number; fewer than 3 have no meaningful scatter
+EVALUATIONS = 3e8  # spring evaluations for the default number, some 1 s on one core
+BUILDING = 1500  # evaluations of each spring that take as long as building a lattice and finding its spectrum
 EQUILIBRIUM = 3000  # the same for Newton's method
 
 
 def lattice_count(own: OwnStart, outcome: Outcome, asked: int | None) -> tuple[int, list[str]]:
-    """How many lattices to compute in all, and what a person should know of that, if anything.
+    """Return the number of lattices to compute, and notes on it for the user.
 
-    Args:
-        own: the lattice and the velocities that are not the scene's.
-        outcome: that of the scene.
-        asked: how many were asked for.
+    `own` is the user-supplied lattice, `outcome` that of the scene, `asked` the user's number of lattices.
     """
     if own.digest:
         text = "a lattice or velocities of your own have no seed: how far the result depends on the points is not known"
@@ -44,7 +41,7 @@ def lattice_count(own: OwnStart, outcome: Outcome, asked: int | None) -> tuple[i
 
 
 def affordable(outcome: Outcome) -> int:
-    """How many lattices are computed unasked: 1 if others would take long beside the command."""
+    """Return the default number of lattices: 1 if more would take long."""
     summary, lattice = outcome.summary, outcome.scenario.lattice
     if outcome.scenario.static:
         evaluations = EQUILIBRIUM
@@ -52,16 +49,16 @@ def affordable(outcome: Outcome) -> int:
         step_cost = INTEGRATORS[summary["integrator"]].cost(len(lattice.positions))
         evaluations = summary["steps"] * summary["attempts"] * step_cost
     count = 1 + int(EVALUATIONS / (len(lattice.bonds) * (evaluations + BUILDING)))
-    return min(count, LATTICES) if count >= FEWEST else 1
+    return min(count, LATTICES) if count >= MIN_LATTICES else 1
 
 
 def compare_lattices(
     scene: Scene, outcome: Outcome, count: int, kernels: KernelCache, progress: Progress, force: bool
 ) -> dict[str, Any]:
-    """The results on `count` lattices, the scene's first, then those of the next seeds: for summary.json.
+    """Compute the results on `count` lattices, of the scene's seed and the next ones, for summary.json.
 
-    Returns `seeds`, and for each result its `values`, `mean` and `standard_deviation`. Seeds that give no result are
-    left out, and told of in the warnings of the outcome's summary.
+    Returns `seeds` and, for each result, its `values`, `mean` and `standard_deviation`. Seeds without a result are left
+    out and named in the warnings of the outcome's summary.
     """
     seeds, found = [scene.lattice.seed], [outcome.scenario.result(outcome.columns)]
     for number in range(1, count):
@@ -82,7 +79,7 @@ def compare_lattices(
 
 
 def results_on(scene: Scene, kernels: KernelCache, force: bool = False) -> dict[str, float]:
-    """The numbers of the scene's result. Raises what `compute` raises."""
+    """Compute the results of a scene. Raises what `compute` raises."""
     setup = setup_of(scene)
     scenario = scene.scenario(setup.body)
     modes = None if scenario.static else setup.modes(scenario.model)

@@ -1,8 +1,7 @@
-"""The work of one run: from a scene to its outcome, and from that to its files."""
+"""Computation of a run, and its files."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
 from functools import lru_cache
 from pathlib import Path
@@ -30,14 +29,14 @@ FRAMES = 200  # of a trajectory, unless asked otherwise
 
 
 class Clock(dict[str, float]):
-    """Wall-clock seconds by stage: one begins where the other ended."""
+    """Wall-clock time of each stage [s]."""
 
     def __init__(self, **seconds: float) -> None:
         super().__init__(seconds)
         self._since = perf_counter()
 
     def lap(self, stage: str, **within: float) -> None:
-        """Book the seconds since the last lap on `stage`, but for those that went `within` it into others."""
+        """Add the time since the last lap to `stage`, except for the times of other stages `within` it."""
         now = perf_counter()
         for name, seconds in (within | {stage: now - self._since - sum(within.values())}).items():
             self[name] = self.get(name, 0.0) + seconds
@@ -45,11 +44,11 @@ class Clock(dict[str, float]):
 
 
 def built(scene: Scene, own: OwnStart, clock: Clock, threads: int | None = None) -> Scenario:
-    """The scene ready to be stepped. Raises InputError for what cannot be computed. Arguments as for `run`."""
+    """Return the scene ready to be computed. Raises InputError if that is impossible. Arguments as for `run`."""
     check_memory(scene)
     runtime.start(threads)
     scenario = scene.scenario(setup_of(scene).body if own.disk is None else own.disk, own.velocities)
-    scenario.scene = own.repeating(scenario.scene)  # which files carry, wherever an own lattice came from
+    scenario.scene = own.repeating(scenario.scene)  # which names the file of a user-supplied lattice
     clock.lap("build")
     return scenario
 
@@ -60,21 +59,19 @@ def solved(
     own: OwnStart,
     clock: Clock,
     progress: Progress,
-    force: bool = False,
-    estimate: bool = True,
     lattices: int | None = None,
-    say: Callable[[str], None] = lambda text: None,
+    **options: Any,
 ) -> Outcome:
-    """The `scenario` of `scene` computed to its end, with all that summary.json says. Raises what `compute` raises."""
+    """Compute `scenario` and return the outcome with a complete summary. Options and errors are those of `compute`."""
     kernels = shared_kernels()
     known = None if own.disk or scenario.static else setup_of(scene).modes(scenario.model)
-    outcome = compute(scenario, scene.time, progress, kernels, modes=known, force=force, estimate=estimate, say=say)
+    outcome = compute(scenario, scene.time, progress, kernels, modes=known, **options)
     clock.lap("simulate", compile=outcome.compile_seconds)
     summary = _heading(scene, own, clock, "done") | outcome.summary | {"video": None}
     notes = scene.notes(scenario.lattice.disk_points) if scenario.step_dependent else []
     count, note = lattice_count(own, outcome, lattices)
     if count > 1:
-        summary["lattices"] = compare_lattices(scene, outcome, count, kernels, progress, force)
+        summary["lattices"] = compare_lattices(scene, outcome, count, kernels, progress, options["force"])
         clock.lap("lattices")
     if notes := [*notes, *note]:
         summary["notes"] = notes
@@ -82,7 +79,6 @@ def solved(
 
 
 def _heading(scene: Scene, own: OwnStart, clock: Clock, status: str, reason: str | None = None) -> dict[str, Any]:
-    """What summary.json says of any run."""
     summary: dict[str, Any] = {"scene": scene.scene, "status": status, "reason": reason, "seed": scene.lattice.seed}
     summary |= {"versions": files.versions(), "wall_clock": clock, **files.provenance()}
     if own.digest:
@@ -101,22 +97,20 @@ def compute_into(
     progress: Progress,
     video: bool = True,
     export: str | None = None,
-    force: bool = False,
     threads: int | None = None,
-    lattices: int | None = None,
-    say: Callable[[str], None] = lambda text: None,
+    **options: Any,
 ) -> Outcome:
-    """Compute a scene and write everything into `folder`, also why it failed. Arguments and errors as for `run`."""
+    """Compute a scene and write its files, or the reason of a failure. Arguments and errors as for `run`."""
     if export:
         from taichi_disk.output.export import check_export, export_run
 
         check_export(folder.path, export)
-    scenario: Scenario | None = None
     known: dict[str, Any] = {}
     try:
         with plotting_beside(video) as plot:
             scenario = built(scene, own, clock, threads)
-            outcome = solved(scene, scenario, own, clock, progress, force, lattices=lattices, say=say)
+            write_start(folder.path, scenario, own)
+            outcome = solved(scene, scenario, own, clock, progress, **options)
             known = outcome.summary
             if export:
                 times = np.linspace(0.0, outcome.columns["t"][-1], FRAMES)
@@ -127,8 +121,6 @@ def compute_into(
     except (SimulationError, KeyboardInterrupt) as failure:
         status = "interrupted" if isinstance(failure, KeyboardInterrupt) else "failed"
         clock.lap(status)
-        if scenario is not None:
-            _write_start(folder.path, scenario, own)
         if isinstance(failure, BlowUp):
             files.write_arrays(folder.path / "failure.npz", **failure.last_good)
         known |= _heading(scene, own, clock, status, str(failure) or None)
@@ -139,15 +131,14 @@ def compute_into(
 def write_run(
     folder: RunFolder, outcome: Outcome, own: OwnStart, video: bool, plot: Begin, progress: Progress, clock: Clock
 ) -> None:
-    """All files of a run: results, then pictures, summary.json last. `plot` is what `plotting_beside` yields.
+    """Write the files of a run: results, then pictures, summary.json last. `plot` is what `plotting_beside` yields.
 
-    A picture that cannot be drawn takes nothing with it: the summary says why.
+    If a picture cannot be drawn, the summary says why.
     """
     path, summary, scenario = folder.path, outcome.summary, outcome.scenario
     section, asked = scenario.scene.video, scenario.scene.time.sample_interval
-    # Rows of an equilibrium are on the way to rest, not in time.
+    # Rows of a loading are not equally spaced in time.
     interval = 0.0 if asked == "auto" or scenario.static else asked
-    _write_start(path, scenario, own)
     files.write_timeseries(path / "timeseries.csv", outcome.columns, interval)
     end = {"positions": outcome.positions, "velocities": outcome.velocities, "t": outcome.columns["t"][-1]}
     files.write_arrays(path / "final.npz", **end)
@@ -172,7 +163,7 @@ def write_run(
     files.write_summary(path / "summary.json", summary)
 
 
-def _write_start(path: Path, scenario: Scenario, own: OwnStart) -> None:
+def write_start(path: Path, scenario: Scenario, own: OwnStart) -> None:
     lattice, impedance = scenario.lattice, scenario.model.impedance
     files.write_lattice(path / "lattice.npz", lattice, scenario.velocities, impedance, own.disk)
 
@@ -183,7 +174,7 @@ def _kernels_of(program: Any) -> KernelCache:
 
 
 def shared_kernels() -> KernelCache:
-    """The compiled simulations of this process: Taichi, too, exists once in a process."""
+    """Return the compiled simulations of this process, in which Taichi exists once."""
     from taichi_disk.engine import ti
 
     return _kernels_of(ti.lang.impl.get_runtime().prog)

@@ -83,11 +83,19 @@ def second_run(driver: Driver) -> SecondRun:
 
 
 def _sampling_errors(scenario: Scenario, columns: Columns) -> dict[str, float]:
-    """What the distance between rows may do to each result, such as a time: as much as leaving out every other row."""
+    """Return the error of each result, such as a time, from the distance between rows.
+
+    It is the change if every other row is left out, or half of the change without two rows of three: one of them may
+    agree by chance.
+    """
     found, rows = scenario.result(columns), np.arange(len(columns["t"]))
     ends = (rows == 0) | (rows == rows[-1])
-    thinned = [scenario.result({key: one[ends | (rows % 2 == k)] for key, one in columns.items()}) for k in (0, 1)]
-    return {name: max(abs(one.get(name, value) - value) for one in thinned) for name, value in found.items()}
+    errors = dict.fromkeys(found, 0.0)
+    for n, k in ((2, 0), (2, 1), (3, 0), (3, 1), (3, 2)):
+        thinned = scenario.result({key: one[ends | (rows % n == k)] for key, one in columns.items()})
+        for name in found.keys() & thinned.keys():
+            errors[name] = max(errors[name], abs(thinned[name] - found[name]) / (n - 1))
+    return errors
 
 
 def _other_steps(driver: Driver) -> list[float]:

@@ -228,12 +228,12 @@ class TimeSection(Section):
 
 
 class VideoSection(Section):
-    size: int = key(720, "width and height, even", "px", low=64, high=2160, step=2)
+    size: int = key(720, "width and height", "px", low=64, high=2160, step=2)
     fps: int = key(30, "frames per second", "1/s", low=1, high=120)
     seconds: float = key(8.0, "length of the film", "s", low=0.1, high=600)
-    colour: Colour = key("shear", "quantity shown by colours")
-    draw: Draw = key("both", "coloured field, springs, both, or points only")
-    theme: Theme = key("light", "light or dark background")
+    colour: Colour = key("shear", "quantity that colours show")
+    draw: Draw = key("both", "what is drawn; both: coloured field and springs")
+    theme: Theme = key("light", "background")
     magnify: Auto | float = key("auto", "magnification of displacements; auto: flattened by 0.05 R", low=1, high=1000)
     panel: bool = key(True, "curves of v_cm, wall force and energies beside the disk (16:9); from size 360 on")
     supersample: float = key(1.0, "samples per pixel width; 2: smoothest and slowest", low=1, high=2, step=0.5)

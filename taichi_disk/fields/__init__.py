@@ -154,6 +154,7 @@ class Triangles:
     def __init__(self, lattice: Lattice) -> None:
         self.lattice = lattice
         self.triangles = np.ascontiguousarray(lattice.triangles, dtype=np.int32).reshape(-1, 3)
+        self._corners = np.ascontiguousarray(self.triangles.T, dtype=np.intp)
         n, m, t = len(lattice.positions), len(lattice.bonds), len(self.triangles)
         ends = np.stack([self.triangles, np.roll(self.triangles, -1, axis=1)], axis=-1).reshape(-1, 2)
         sides = np.searchsorted(pair_keys(lattice.bonds, n), pair_keys(ends, n))  # bonds are sorted
@@ -184,12 +185,14 @@ class Triangles:
 
     def _edges(self, x: Array) -> tuple[Array, Array]:
         """Vectors (2, t) from the first corner of each triangle to the second and to the third."""
-        a, b, c = self.triangles.T
-        return np.stack([y[b] - y[a] for y in x.T]), np.stack([y[c] - y[a] for y in x.T])
+        # Columns are gathered several times faster than pairs.
+        a, b, c = ([y.take(corner) for y in np.ascontiguousarray(x.T)] for corner in self._corners)
+        return np.subtract(b, a), np.subtract(c, a)
 
     def areas(self, x: Array) -> Array:
         """Return the areas (t,) [R^2] with points at `x` (n, 2) [R], at least MIN_AREA of the unloaded areas."""
-        return np.asarray(np.maximum(0.5 * double_area(x[self.triangles]), self._min_area))
+        u, w = self._edges(x)
+        return np.asarray(np.maximum(0.5 * (u[0] * w[1] - u[1] * w[0]), self._min_area))
 
     def area_rates(self, x: Array, v: Array) -> Array:
         """Return the rates of change (t,) of the areas [R c] at velocities `v` (n, 2) [c]: div v times the area."""

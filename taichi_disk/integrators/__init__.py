@@ -8,23 +8,24 @@ from math import sqrt
 from taichi_disk.config.sections import DASHPOTS, Dashpots
 from taichi_disk.physics import Model
 
-LARGEST_FACTORISED = 5_000  # points: beyond, conjugate gradients make a step with implicit dashpots cheaper
+LARGEST_FACTORISED = 5_000  # points; for more, conjugate gradients make a step with implicit dashpots cheaper
 
 
 @dataclass(frozen=True)
 class Integrator:
     """A step of length h: v += kicks[0] h f/m, x += moves[0] h v, force, v += kicks[1] h f/m ... and a last kick.
 
-    A step ends and the next begins with a kick by the same force: the two are made as one. The force, the only costly
-    part, is computed once for each move. With a `correction` c it is computed twice: f at x, then the force that kicks,
-    at x + c h^2 f/m.
+    The last kick of a step and the first kick of the next use the same force and are made as one. The force, the only
+    costly part, is computed once for each move. With a `correction` c it is computed twice: f at x, then the force that
+    kicks, at x + c h^2 f/m.
 
     Attributes:
-        name: as a scene file writes it.
-        order: of the error in h.
-        kicks, moves: (s + 1,) and (s,) parts of h, symmetric, so that the step is reversible; each adds up to 1.
+        name: value of the key `time.integrator`.
+        order: order of the error in h.
+        kicks, moves: (s + 1,) and (s,) fractions of h, symmetric, so that the step is reversible; each adds up to 1.
         stable: largest h omega at which an oscillator x'' = -omega^2 x stays bounded.
-        dashpots: whether forces that depend on velocity are taken from a predicted velocity, solved for, or not at all.
+        dashpots: whether forces that depend on velocity are "explicit", from a predicted velocity, "implicit", or
+            "none".
         correction: c, or 0.
     """
 
@@ -42,16 +43,16 @@ class Integrator:
         return len(self.stages)
 
     def takes(self, model: Model) -> bool:
-        """Whether it can take all forces of `model`, and gains anything by its way to take dashpots."""
+        """Whether the integrator can take all forces of `model`; implicit dashpots must also be of use."""
         if self.correction and (model.reset_interval or model.has_jumps):
             return False
         return {"explicit": True, "implicit": model.solvable, "none": not model.velocity_dependent}[self.dashpots]
 
     def cost(self, points: int) -> float:
-        """Cost of a step of a lattice of so many points, in force evaluations of an explicit step, about.
+        """Estimate the cost of a step of a lattice of `points` points, in force evaluations of an explicit step.
 
-        The factor of implicit dashpots has some 2.5 n^(1/4) entries for each point; without one, some iterations do.
-        Measured on one core: 2.8 at n = 1,099, 4.0 at 5,000; 2.2 to 3.5 beyond.
+        The factor of implicit dashpots has some 2.5 n^(1/4) entries per point; conjugate gradients take its place in
+        large lattices. Measured on one core: 2.8 at n = 1,099, 4.0 at 5,000; 2.2 to 3.5 beyond.
         """
         if self.dashpots != "implicit":
             return float(self.forces)
@@ -59,35 +60,31 @@ class Integrator:
 
     @property
     def observed_kick(self) -> float:
-        """Part of h for which the force at a step has still to act on the velocities that are observed."""
+        """Fraction of h for which the force at a step has still to act on the velocities that are observed."""
         return self.kicks[-1] - self.correction
 
     @property
     def stages(self) -> tuple[tuple[float, float, float], ...]:
-        """What comes before each force: a kick and a move [h], and a shift by c h^2 f/m.
+        """Kick and move [h] before each force, and the c of a shift by c h^2 f/m.
 
-        The first kick is made with the last one of the step before.
+        The first kick includes the last kick of the step before.
         """
         kicks = (self.kicks[-1] + self.kicks[0], *self.kicks[1:-1])
         shifted = ((0.0, 0.0, self.correction),) if self.correction else ()
         return tuple(stage for pair in zip(kicks, self.moves, strict=True) for stage in ((*pair, 0.0), *shifted))
 
 
-def _leapfrog(name: str) -> Integrator:
-    return Integrator(name, 2, kicks=(0.5, 0.5), moves=(1.0,), stable=2.0, dashpots=DASHPOTS[name])
+# Leapfrog form (Hairer, Lubich & Wanner, Acta Numerica 12, 2003). The cheapest way to an error of e above 1e-7, because
+# the highest lattice frequency limits the step more than accuracy does. Dashpots take the predicted velocity
+# u_k = v_{k-1/2} + h/2 f_{k-1}/m, with an error O(h^2), and shorten the stable step (`stability.explicit_limit`).
+VELOCITY_VERLET = Integrator("velocity_verlet", 2, (0.5, 0.5), (1.0,), 2.0, DASHPOTS["velocity_verlet"])
 
+# Velocity Verlet with implicit dashpots: see `trapezoidal`.
+TRAPEZOIDAL = replace(VELOCITY_VERLET, name="trapezoidal", dashpots=DASHPOTS["trapezoidal"])
 
-# In its leapfrog form (Hairer, Lubich & Wanner, Acta Numerica 12, 2003). The cheapest way to an error of e above 1e-7:
-# the highest lattice frequency sets the step before accuracy does. Dashpots take the predicted velocity
-# u_k = v_{k-1/2} + h/2 f_{k-1}/m, off by O(h^2), and shorten the stable step (`stability.explicit_limit`).
-VELOCITY_VERLET = _leapfrog("velocity_verlet")
-
-# Velocity Verlet with the dashpots solved for: see `trapezoidal`.
-TRAPEZOIDAL = _leapfrog("trapezoidal")
-
-# I. P. Omelyan, I. M. Mryglod and R. Folk, Comput. Phys. Commun. 146, 188 (2002). For errors of e below 1e-7, where it
-# needs fewer forces than velocity Verlet. Here stability sets the step, and no other composition of order 4 is stable
-# as long for each force: 0.87/omega (PEFRL 0.75, Suzuki 0.54, Forest-Ruth 0.52).
+# I. P. Omelyan, I. M. Mryglod and R. Folk, Comput. Phys. Commun. 146, 188 (2002). Of use for errors of e below 1e-7,
+# where it needs fewer forces than velocity Verlet. Stability limits the step, and no other composition of order 4 has
+# as long a stable step per force: 0.87/omega (PEFRL 0.75, Suzuki 0.54, Forest-Ruth 0.52).
 _XI, _LAMBDA, _CHI = 0.1644986515575760, -0.02094333910398989, 1.235692651138917
 _OUTER = 0.5 * (1.0 - 2.0 * _LAMBDA)
 VEFRL = Integrator(
@@ -100,16 +97,11 @@ VEFRL = Integrator(
 )
 
 # M. Takahashi and M. Imada, J. Phys. Soc. Jpn. 53, 3765 (1984): velocity Verlet with the potential
-# U - h^2/24 sum(F^2/m), here without the gradient of F. X and V that step so are x - h^2/12 a and v + h^2/12 da/dt of
-# an orbit to order 4; so X is set at the start, and x = X + h^2/12 a(X) is just where the force is taken.
-TAKAHASHI_IMADA = replace(
-    VELOCITY_VERLET,
-    name="takahashi_imada",
-    order=4,
-    stable=sqrt(12.0),
-    dashpots=DASHPOTS["takahashi_imada"],
-    correction=1.0 / 12.0,
+# U - h^2/24 sum(F^2/m), here without the gradient of F. The stepped X and V are, to order 4, x - h^2/12 a and
+# v + h^2/12 da/dt of an orbit. So X is set at the start, and x = X + h^2/12 a(X) is just where the force is taken.
+TAKAHASHI_IMADA = Integrator(
+    "takahashi_imada", 4, (0.5, 0.5), (1.0,), sqrt(12.0), DASHPOTS["takahashi_imada"], correction=1.0 / 12.0
 )
 
-INTEGRATORS = {one.name: one for one in (VELOCITY_VERLET, TRAPEZOIDAL, TAKAHASHI_IMADA, VEFRL)}
-AUTOMATIC = (VELOCITY_VERLET, TRAPEZOIDAL, TAKAHASHI_IMADA)  # among which a scene's `auto` chooses: see `StepControl`
+INTEGRATORS = {each.name: each for each in (VELOCITY_VERLET, TRAPEZOIDAL, TAKAHASHI_IMADA, VEFRL)}
+AUTOMATIC = (VELOCITY_VERLET, TRAPEZOIDAL, TAKAHASHI_IMADA)  # candidates for `time.integrator: auto`: see `StepControl`

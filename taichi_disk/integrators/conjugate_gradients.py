@@ -1,8 +1,8 @@
 """The trapezoidal dashpots of a large lattice, solved by conjugate gradients instead of a factor.
 
-A Cholesky factor has more entries for each point the larger the lattice is. The matrix (see `trapezoidal`) is well
-conditioned: 3 at 5,000 points of the same body, 10 at 100,000. From the velocity extrapolated over the last four steps,
-with the diagonal as preconditioner, a few iterations do.
+The larger the lattice, the more entries a Cholesky factor has per point. The matrix (see `trapezoidal`) is well
+conditioned: 3 at 5,000 points of the same body, 10 at 100,000. With the diagonal as preconditioner and the velocity
+extrapolated from the last four steps as first guess, a few iterations suffice.
 """
 
 from dataclasses import dataclass
@@ -11,10 +11,10 @@ from typing import Any
 import numpy as np
 
 from taichi_disk.engine import ti
-from taichi_disk.integrators.trapezoidal import DashpotSolver
+from taichi_disk.integrators.trapezoidal import DashpotSolver, boundary_dashpots
 from taichi_disk.lattice import Array, Lattice
 from taichi_disk.physics import Model
-from taichi_disk.physics.law import Capacity, Reals2, array, get, pair_of, put, side_by_side
+from taichi_disk.physics.law import Capacity, Contents, array, get, pair_of, put, side_by_side
 from taichi_disk.physics.ordering import BLOCK
 from taichi_disk.physics.springs import Springs
 
@@ -24,7 +24,7 @@ MAX_ITERATIONS = 200  # far more than any step takes
 
 @dataclass(frozen=True)
 class Diagonal:
-    """The dashpots' matrix without its springs, (n, c) [M], and 1 over its diagonal with them; 0 of points held fast.
+    """The dashpots' matrix without its springs, (n, c) [M], and 1 over its diagonal with them; 0 for pinned points.
 
     c = 2 if x and y have matrices of their own, else 1.
     """
@@ -35,10 +35,8 @@ class Diagonal:
 
 def diagonal(lattice: Lattice, model: Model, dt: float) -> Diagonal:
     """Return the diagonals of m_i + h/2 (eta L + Z), Z the dashpots of a matched boundary."""
-    inertia, half = lattice.masses[:, None], 0.5 * dt
-    if model.impedance is not None:
-        inertia = np.repeat(inertia, 2, axis=1)
-        inertia[lattice.wall_boundary] += half * model.impedance
+    half = 0.5 * dt
+    inertia = lattice.masses[:, None] + boundary_dashpots(lattice, model, half)
     springs = lattice.stiffened(half * model.springs.eta * np.ones(len(lattice.bonds)))
     degree = sum(np.bincount(ends, springs, len(inertia)) for ends in lattice.bonds.T)
     inverse = 1.0 / (inertia + np.asarray(degree)[:, None])
@@ -49,7 +47,7 @@ def diagonal(lattice: Lattice, model: Model, dt: float) -> Diagonal:
 
 @ti.data_oriented
 class IterativeSolver(DashpotSolver):
-    """Solves for the velocities at a step without a factor; `previous`: those of the three steps before the last."""
+    """Solves for the velocities at a step without a factor; `previous`: velocities of the three steps before."""
 
     def __init__(self, builder: Any, capacity: Capacity, components: int, fillers: int, springs: Springs) -> None:
         self.components, self.springs, self.fillers = components, springs, fillers
@@ -60,19 +58,11 @@ class IterativeSolver(DashpotSolver):
         self.inertia, self.inverse = (side_by_side(builder, capacity.points, components) for _ in range(2))
         self.previous = [pair_of(builder, capacity.points + fillers) for _ in range(3)]
 
-    def fill(self, factor: Any) -> None:
-        self._fill_diagonals(factor.inertia, factor.inverse)
-
-    @ti.kernel
-    def _fill_diagonals(self, inertia: Reals2, inverse: Reals2):
-        ti.loop_config(serialize=True)
-        for i in range(inertia.shape[0]):
-            self.order[i] = i
-            for c in ti.static(range(self.components)):
-                self.inertia[c][i], self.inverse[c][i] = inertia[i, c], inverse[i, c]
-        self.free[0] = inertia.shape[0]
-        for i in range(inertia.shape[0], inertia.shape[0] + self.fillers):
-            put(self.direction, i, ti.Vector([0.0, 0.0]))
+    def contents(self, factor: Any) -> Contents:
+        n = len(factor.inertia)
+        contents: Contents = [((self.order,), np.arange(n)), ((self.free,), [n])]
+        contents += [(self.inertia, factor.inertia), (self.inverse, factor.inverse)]
+        return [*contents, (self.direction, np.zeros((n + self.fillers, 2)))]
 
     @ti.func
     def solve(self, state: ti.template(), age):
@@ -90,10 +80,10 @@ class IterativeSolver(DashpotSolver):
             put(self.previous[0], i, get(state.u, i))
             put(self.z, i, ti.Vector([0.0, 0.0]))
             put(self.residual, i, right)
-            self.turn(i, guess)
+            self.search(i, guess)
         left, count = 2.0 * goal + 1.0, 0
         while left > goal and count < MAX_ITERATIONS:
-            resisted = self.resist(state, half, n)
+            resisted = self.multiply(state, half, n)
             part = left / resisted
             if count == 0:  # the whole step to the first guess
                 part = 1.0
@@ -110,12 +100,12 @@ class IterativeSolver(DashpotSolver):
             if left > goal:
                 for i in range(n):
                     r, last = get(self.residual, i), get(self.direction, i)
-                    self.turn(i, ti.Vector([self.inverse[0][i] * r[0], self.inverse[y][i] * r[1]]) + kept * last)
+                    self.search(i, ti.Vector([self.inverse[0][i] * r[0], self.inverse[y][i] * r[1]]) + kept * last)
             count += 1
 
     @ti.func
     def extrapolated(self, state: ti.template(), i, age):
-        """Velocity of point i that a cubic through the last four steps gives, a parabola or less after fewer."""
+        """Return the velocity of point i on a cubic through the last four steps, or a parabola or line after fewer."""
         u1, u2 = get(state.u, i), get(self.previous[0], i)
         u3, u4 = get(self.previous[1], i), get(self.previous[2], i)
         guess = u1
@@ -128,15 +118,15 @@ class IterativeSolver(DashpotSolver):
         return guess
 
     @ti.func
-    def turn(self, i, direction):
-        """Take `direction` of point i, and begin its product with the matrix."""
+    def search(self, i, direction):
+        """Set the search direction of point i, and begin its product with the matrix."""
         y = ti.static(self.components - 1)
         put(self.direction, i, direction)
         put(self.product, i, ti.Vector([self.inertia[0][i] * direction[0], self.inertia[y][i] * direction[1]]))
 
     @ti.func
-    def resist(self, state: ti.template(), half, n):
-        """Add the springs' part to the matrix times the direction; returns direction times product."""
+    def multiply(self, state: ti.template(), half, n):
+        """Add the springs' part to the product of matrix and direction; returns direction times product."""
         eta = half * self.springs.eta_now[None]
         for block in range(state.blocks[None]):
             dx, dy = self.springs.differences(self.direction, block)

@@ -1,13 +1,13 @@
-"""Velocity Verlet with the dashpots trapezoidal: order 2, stable up to the undamped limit however strong they are.
+"""Velocity Verlet with trapezoidal dashpots: order 2, stable up to the undamped limit however strong they are.
 
 With F the force of springs and wall at this step, the velocity u at this step, centred between v_ and v_+ = 2 u - v_,
 obeys
 
     (1 + h/2 (eta/m) L) u = v_ + h/2 F/m,      L = graph Laplacian of the springs.
 
-The matrix is constant, sparse, symmetric and positive definite, and the same for x and y (but for the dashpots of a
-matched boundary), if both sides are multiplied by the masses m_i: one sparse Cholesky factor L D L^T in an order that
-keeps it sparse serves all steps.
+If both sides are multiplied by the masses m_i, the matrix is constant, sparse, symmetric and positive definite, and the
+same for x and y (except for the dashpots of a matched boundary). One sparse Cholesky factor L D L^T, in an order that
+keeps it sparse, serves all steps.
 """
 
 from dataclasses import dataclass
@@ -20,23 +20,14 @@ from taichi_disk.engine import ti
 from taichi_disk.lattice import Array, Lattice
 from taichi_disk.lattice.network import laplacian, symmetric_factors
 from taichi_disk.physics import Model
-from taichi_disk.physics.law import (
-    Capacity,
-    Integers1,
-    Reals2,
-    array,
-    get,
-    pair_of,
-    put,
-    side_by_side,
-)
+from taichi_disk.physics.law import Capacity, Contents, array, get, pair_of, put, side_by_side
 
 
 @dataclass(frozen=True)
 class Factor:
     """L D L^T of the dashpots' matrix by columns; `order[k]` is the point eliminated k-th.
 
-    `values` (entries, c) and `inverse_diagonal` (k, c): c = 2 where x and y have matrices of their own.
+    `values` (entries, c) and `inverse_diagonal` (k, c): c = 2 if x and y have matrices of their own, else 1.
     """
 
     order: NDArray[np.int32]
@@ -46,22 +37,27 @@ class Factor:
     inverse_diagonal: Array
 
 
+def boundary_dashpots(lattice: Lattice, model: Model, half: float) -> Array:
+    """Return the dashpots of a matched boundary (n, 2) times `half` a step [M]; zeros (n, 1) for other boundaries."""
+    if model.impedance is None:
+        return np.zeros((len(lattice.positions), 1))
+    dashpots = np.zeros_like(lattice.positions)
+    dashpots[lattice.wall_boundary] = half * model.impedance
+    return dashpots
+
+
 def factorise(lattice: Lattice, model: Model, dt: float) -> Factor:
     """Factorise m_i + h/2 (eta L + Z) over the points that move, Z the dashpots of a matched boundary."""
     import scipy.sparse as sp
 
-    n = len(lattice.positions)
-    free: NDArray[np.intp] = np.arange(n)
-    extra: Array = np.zeros((n, 1))
+    free: NDArray[np.intp] = np.arange(len(lattice.positions))
     half = 0.5 * dt
     if model.is_pinned:
         free = np.setdiff1d(free, lattice.wall_boundary)
-    if model.impedance is not None:
-        extra = np.zeros((n, 2))
-        extra[lattice.wall_boundary] = half * model.impedance
     matrix = (half * model.springs.eta * laplacian(lattice) + sp.diags(lattice.masses)).tocsc()[free][:, free]
-    factors = [symmetric_factors(matrix + sp.diags(one[free])) for one in extra.T]
-    lowers = [sp.tril(one.L, -1, format="csc") for one in factors]
+    dashpots = boundary_dashpots(lattice, model, half)[free].T
+    factors = [symmetric_factors(matrix + sp.diags(component)) for component in dashpots]
+    lowers = [sp.tril(factor.L, -1, format="csc") for factor in factors]
     for lower in lowers:
         lower.sort_indices()
     return Factor(
@@ -69,13 +65,13 @@ def factorise(lattice: Lattice, model: Model, dt: float) -> Factor:
         column=lowers[0].indptr.astype(np.int32),
         row=lowers[0].indices.astype(np.int32),
         values=np.stack([lower.data for lower in lowers], axis=1),
-        inverse_diagonal=np.stack([1.0 / one.U.diagonal() for one in factors], axis=1),
+        inverse_diagonal=np.stack([1.0 / factor.U.diagonal() for factor in factors], axis=1),
     )
 
 
 @ti.data_oriented
 class DashpotSolver:
-    """Solves for the velocities at a step; `components`: 2 where x and y have factors of their own, else 1."""
+    """Solves for the velocities at a step; `components`: 2 if x and y have factors of their own, else 1."""
 
     def __init__(self, builder: Any, capacity: Capacity, components: int) -> None:
         self.components = components
@@ -85,29 +81,17 @@ class DashpotSolver:
         self.values = side_by_side(builder, capacity.entries, components)
         self.inverse_diagonal = side_by_side(builder, capacity.points, components)
 
-    def fill(self, factor: Any) -> None:
-        self._fill(factor.order, factor.column, factor.row, factor.values, factor.inverse_diagonal)
-
-    @ti.kernel
-    def _fill(self, order: Integers1, column: Integers1, row: Integers1, values: Reals2, inverse_diagonal: Reals2):
-        ti.loop_config(serialize=True)
-        for k in range(order.shape[0]):
-            self.order[k] = order[k]
-            self.column[k] = column[k]
-            for c in ti.static(range(self.components)):
-                self.inverse_diagonal[c][k] = inverse_diagonal[k, c]
-        self.free[0] = order.shape[0]
-        self.column[order.shape[0]] = column[order.shape[0]]
-        for e in range(row.shape[0]):
-            self.row[e] = row[e]
-            for c in ti.static(range(self.components)):
-                self.values[c][e] = values[e, c]
+    def contents(self, factor: Any) -> Contents:
+        """Return what the fields hold for a `Factor`, or of a solver without one for its `Diagonal`."""
+        single = ((self.order, factor.order), (self.column, factor.column), (self.row, factor.row))
+        contents: Contents = [((field,), values) for field, values in (*single, (self.free, [len(factor.order)]))]
+        return [*contents, (self.values, factor.values), (self.inverse_diagonal, factor.inverse_diagonal)]
 
     @ti.func
     def solve(self, state: ti.template(), age):
-        """Solve for v + h/2 f/m on the right-hand side; the result is left in `z`, in the order of elimination.
+        """Solve for v + h/2 f/m on the right-hand side; the result is in `z`, in the order of elimination.
 
-        `age`: how many steps ago the velocities jumped last, for solvers that begin with those before.
+        `age`: number of steps since velocities jumped; iterative solvers begin with the velocities of those steps.
         """
         y = ti.static(self.components - 1)
         free, half = self.free[0], state.closing[None]
@@ -133,7 +117,7 @@ class DashpotSolver:
 
     @ti.func
     def solve_velocities(self, state: ti.template(), age):
-        """The velocities u at this step into `state.u`; returns u.D u, u.D u_before, u.D v; D is all dashpots."""
+        """Solve for the velocities u at this step; returns u.D u, u.D u_before and u.D v with all dashpots D."""
         self.solve(state, age)
         half = state.closing[None]
         power, cross, late = 0.0, 0.0, 0.0
@@ -150,10 +134,10 @@ class DashpotSolver:
 
     @ti.func
     def take_damped_force(self, state: ti.template()):
-        """Put the force that the solved velocities imply into `f`: v + h/2 f/m = u, v + h f/m = 2 u - v.
+        """Set `f` to the force that the solved velocities imply: v + h/2 f/m = u, v + h f/m = 2 u - v.
 
-        At t = 0, where v is v_0, that is the implicit half step of which stiff dashpots overshoot nothing. The energy
-        balance then begins with what is returned: h^2/(8 m) F.(F - D u), F the force without dashpots.
+        At t = 0, where v is v_0, this is an implicit half step, which stiff dashpots cannot overshoot. The energy
+        balance then begins with the returned h^2/(8 m) F.(F - D u), F the force without dashpots.
         """
         half, stored = state.closing[None], 0.0
         for k in range(self.free[0]):
@@ -165,7 +149,7 @@ class DashpotSolver:
 
     @ti.func
     def restart(self, state: ti.template()):
-        """From `u`, the velocities after a loss, and `f` without dashpots: solve for the half step to come."""
+        """Solve for the next half step from velocities `u` after a loss and forces `f` without dashpots."""
         for k in range(self.free[0]):
             put(state.v, self.order[k], get(state.u, self.order[k]))
         self.solve(state, 0)

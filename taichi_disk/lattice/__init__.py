@@ -1,27 +1,11 @@
 """Lattices of mass points and springs, for the disk and the elastic wall. NumPy only; SciPy is imported when used."""
 
-from taichi_disk.lattice.custom import file_digest, numbers
-from taichi_disk.lattice.lattice import Lattice, OwnStart, disk_of, own_start, read_lattice
+from taichi_disk.lattice.custom import numbers
+from taichi_disk.lattice.files import OwnStart, file_digest, own_start, read_lattice
+from taichi_disk.lattice.lattice import Lattice, disk_of
 from taichi_disk.lattice.network import Moduli, bulk_moduli
 from taichi_disk.lattice.random_points import circle_faults
 from taichi_disk.lattice.triangles import Array
 from taichi_disk.lattice.wall import check_thickness, with_wall
 
 disk_lattice = Lattice.disk
-
-__all__ = [
-    "Array",
-    "Lattice",
-    "Moduli",
-    "OwnStart",
-    "bulk_moduli",
-    "check_thickness",
-    "circle_faults",
-    "disk_lattice",
-    "disk_of",
-    "file_digest",
-    "numbers",
-    "own_start",
-    "read_lattice",
-    "with_wall",
-]

@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-import hashlib
 import math
 from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass, replace
-from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -285,33 +283,6 @@ def _meshed(x: Array) -> tuple[Lattice, Long]:
         ) from None
 
 
-def read_lattice(path: str | Path) -> Lattice:
-    """Read the points of a disk from a file and return their lattice, made by `Lattice.from_points`.
-
-    A csv file has the columns x, y [R] and optionally mass, with or without the header "x,y" or "x,y,mass". An npz file
-    has `positions` (n, 2) and optionally `bonds`, `rest_lengths`, `triangles`, `stiffness` and `masses`, like
-    lattice.npz of a run; positions beyond `disk_points`, an elastic wall, are ignored. If a run has stored a
-    user-supplied lattice (`unloaded`, see docs/output.md), this is restored bit for bit.
-
-    Raises InputError with the file's name if the file cannot be read or its points do not form a disk.
-    """
-    path = Path(path)
-    with custom.reading(path, "file"):
-        data = custom.read_arrays(path)
-        if "unloaded" in data:
-            return _restored(data)
-        return replace(Lattice.from_points(**custom.of_disk(data)), origin=path.name)
-
-
-def _restored(data: Mapping[str, Any]) -> Lattice:
-    x, bonds, triangles, none = data["unloaded"], data["bonds"], data["triangles"], np.empty(0, np.int32)
-    n, springs = len(x), bonds[:, 1] < len(x)
-    numbers = bonds[springs], data["rest_lengths"][springs], data["masses"][:n]
-    corners = triangles[triangles.max(axis=1) < n]
-    stiffness = data["stiffness"][springs] if "stiffness" in data else None
-    return Lattice(x, *numbers, n, data["disk_surface"], none, none, corners, str(data["origin"]), stiffness)
-
-
 def disk_of(lattice: Lattice) -> Lattice:
     """Return `lattice` without the elastic wall.
 
@@ -324,53 +295,14 @@ def disk_of(lattice: Lattice) -> Lattice:
         raise InputError(f"lattice: the masses of the disk must add up to 1 M, not {total:g}")
     if not len(lattice.wall_surface):
         return lattice
-    springs, corners, none = lattice.bonds[:, 1] < n, lattice.triangles.max(axis=1) < n, lattice.wall_surface[:0]
-    return replace(
-        lattice,
-        positions=lattice.positions[:n],
-        bonds=lattice.bonds[springs],
-        rest_lengths=lattice.rest_lengths[springs],
-        masses=lattice.masses[:n],
-        wall_surface=none,
-        wall_boundary=none,
-        triangles=lattice.triangles[corners],
-        stiffness=None if lattice.stiffness is None else lattice.stiffness[springs],
-    )
+    none = lattice.wall_surface[:0]
+    return replace(lattice, **disk_rows(vars(lattice), n), wall_surface=none, wall_boundary=none)
 
 
-class OwnStart(NamedTuple):
-    """User-supplied initial state of a run, which replaces the scene's random disk or its velocities."""
-
-    disk: Lattice | None = None
-    velocities: Array | None = None  # (N, 2) [c]
-
-    @property
-    def digest(self) -> str:
-        """SHA-256 of the arrays; empty if there are none."""
-        arrays: tuple[Any, ...] = ()
-        if disk := self.disk:
-            arrays = disk.positions, disk.bonds, disk.rest_lengths, disk.stiffness, disk.masses
-        data = b"".join(array.tobytes() for array in (*arrays, self.velocities) if array is not None)
-        return hashlib.sha256(data).hexdigest() if data else ""
-
-    def repeating(self, scene: Any) -> Any:
-        """Return `scene` with the keys that read this initial state from lattice.npz, in the folder of the scene."""
-        section = scene.lattice if self.disk is None else replace(scene.lattice, file="lattice.npz")
-        section = section if self.velocities is None else replace(section, velocities="lattice.npz")
-        return replace(scene, lattice=section)
-
-
-def own_start(section: Any, lattice: Lattice | None, velocities: Any) -> OwnStart:
-    """Return the initial state of a run; `section` names the files of a lattice or velocities that are None.
-
-    If the file holds a wall as well, only the disk's velocities are used. Raises InputError with the file's name.
-    """
-    if lattice is None and section.file != "none":
-        lattice = read_lattice(section.file)
-    if velocities is None and section.velocities != "none":
-        with custom.reading(path := Path(section.velocities), "velocities"):
-            data = custom.read_arrays(path)
-            velocities = data["velocities"]
-            velocities = velocities[: custom.points_of_disk(data, len(velocities))]
-    velocities = None if velocities is None else custom.numbers(velocities, "velocities")
-    return OwnStart(None if lattice is None else disk_of(lattice), velocities)
+def disk_rows(arrays: Mapping[str, Any], n: int) -> dict[str, Any]:
+    """Return the rows that belong to the first `n` points, of those `arrays` of a lattice that are not None."""
+    rows: dict[str, Any] = dict.fromkeys(("positions", "masses"), slice(n))
+    for key, names in (("bonds", ("bonds", "rest_lengths", "stiffness")), ("triangles", ("triangles",))):
+        if arrays.get(key) is not None:
+            rows |= dict.fromkeys(names, (arrays[key] < n).all(axis=1))
+    return {name: arrays[name][chosen] for name, chosen in rows.items() if arrays.get(name) is not None}

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from taichi_disk.window.audience import Visitor
     from taichi_disk.window.sandbox import Result
 
-_MODULES = (*DRAWING, "message.js", "graphs.js", "controls.js", "gestures.js", "sandbox.js", "widget.js")
+_MODULES = (*DRAWING, "message.js", "graphs.js", "controls.js", "sandbox.js", "widget.js")
 
 
 class Sandbox(AnyWidget):

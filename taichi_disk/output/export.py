@@ -1,4 +1,4 @@
-"""Trajectories for other programs; docs/output.md lists formats and quantities."""
+"""Export trajectories for other programs; docs/output.md lists formats and quantities."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Frame:
-    """What is exported of one moment: the arrays of docs/output.md, by what they belong to."""
+    """Exported arrays of one moment, by what they belong to (see docs/output.md)."""
 
     time: float  # [R/c]
     positions: Array  # (n, 2) [R]
@@ -64,29 +64,29 @@ def _frames(lattice: Lattice, model: Model, moments: Iterable[Moment]) -> Iterat
         yield Frame(time, x, v, points, springs, {"stress": sigma, "pressure": pressure(sigma)}, energies)
 
 
-# ---- the formats: each writer takes a path, the scene to tell of, the lattice, and the frames one after the other
+# ---- formats: each writer takes a path, the scene for the metadata, the lattice and an iterator of frames
 
 
 def _in_a_line(scene: DiskScene) -> str:
-    """The scene without comments, as YAML in one line without a double quote."""
+    """Return the scene without comments as YAML, in one line without double quotes."""
     text = yaml.safe_dump(yaml.safe_load(scene.to_yaml()), default_flow_style=True, sort_keys=False, width=inf)
     return str(text).strip().replace('"', "'")
 
 
 def _write_xyz(path: Path, scene: DiskScene, lattice: Lattice, frames: Iterator[Frame]) -> None:
-    """Extended XYZ: text, a line for each point, with 12 digits. It knows no springs.
+    """Write extended XYZ: text with 12 digits, one line for each point. The format has no springs.
 
-    Strain and tension are means over the springs of a point, energy is half of theirs, so that it adds up. ASE takes no
-    species but the elements and X, which is none: points of the disk are X, those of an elastic wall Si. ASE finds
-    velocities in `momenta` and `masses`, OVITO finds them in `velo` and masses in `mass`. ASE takes `stress` and
-    `energy` for those of all atoms, OVITO `strain` for a tensor; `Stress` is one to OVITO, and nothing to ASE.
+    Strain and tension of a point are means over its springs; its energy is half of theirs, so that energies add up.
+    ASE accepts only elements and X (no element) as species: points of the disk are X, points of an elastic wall Si.
+    ASE reads velocities from `momenta` and `masses`, OVITO from `velo`, with masses from `mass`. The stress is called
+    `Stress`, which OVITO reads as a tensor, because ASE reads `stress` and `energy` as values of the whole system.
     """
     n, side = len(lattice.positions), 0.0
     species = np.where(np.arange(n) < lattice.disk_points, "X", "Si")
     size = np.full(n, _radius(lattice))
     ends = lattice.bonds.ravel()
     springs = np.maximum(np.bincount(ends, minlength=n), 1)
-    told = f'Program="{PROGRAM}" Scene="{_in_a_line(scene)}"'
+    metadata = f'Program="{PROGRAM}" Scene="{_in_a_line(scene)}"'
     with path.open("w", encoding="utf-8", newline="\n") as file:
         for frame in frames:
             columns = {"pos": frame.positions, "velo": frame.velocities, "mass": lattice.masses, "radius": size}
@@ -95,25 +95,25 @@ def _write_xyz(path: Path, scene: DiskScene, lattice: Lattice, frames: Iterator[
             for name, each in frame.springs.items():
                 columns[f"springs_{name}"] = np.bincount(ends, np.repeat(each, 2), n) / springs
             columns["springs_energy"] *= 0.5 * springs
-            parts = {name: _in_space(values).reshape(n, -1) for name, values in columns.items()}
+            parts = {name: _three_dimensional(values).reshape(n, -1) for name, values in columns.items()}
             kinds = ":".join(f"{name}:R:{values.shape[1]}" for name, values in parts.items())
             energies = " ".join(f"{name}_energy={value:.17g}" for name, value in frame.energies.items())
-            # Without a box, OVITO before 3.17 overlooks time and energies.
+            # Without a box, OVITO before 3.17 does not read time and energies.
             side = max(side, 2.0 * float(np.abs(frame.positions).max()))
             box = f'Lattice="{side:.12g} 0 0 0 {side:.12g} 0 0 0 1" Origin="{-side / 2:.12g} {-side / 2:.12g} -0.5"'
             properties = f"Properties=species:S:1:{kinds}"
-            file.write(f'{n}\n{box} {told} {properties} Time={frame.time:.17g} {energies} pbc="F F F"\n')
+            file.write(f'{n}\n{box} {metadata} {properties} Time={frame.time:.17g} {energies} pbc="F F F"\n')
             table = np.concatenate(list(parts.values()), axis=1)
             line = "%s" + " %.12g" * table.shape[1] + "\n"
             file.writelines(line % (kind, *row) for kind, row in zip(species, table.tolist(), strict=True))
 
 
 def _write_gsd(path: Path, scene: DiskScene, lattice: Lattice, frames: Iterator[Frame]) -> None:
-    """GSD in HOOMD's schema: positions in single precision, our quantities as logged arrays in double."""
+    """Write GSD in HOOMD's schema: positions in single precision, other quantities as logged arrays in double."""
     import gsd.hoomd
 
     n, m, reach = len(lattice.positions), len(lattice.bonds), 0.0
-    path.touch()  # in the user's mode: gsd would make a file that nobody else may read
+    path.touch()  # with the user's file mode; gsd would make a private file
     with gsd.hoomd.open(name=str(path), mode="w") as file:
         file.file.write_chunk("taichi_disk/scene", np.frombuffer(origin(scene).encode(), np.uint8))
         for number, frame in enumerate(frames):
@@ -124,11 +124,14 @@ def _write_gsd(path: Path, scene: DiskScene, lattice: Lattice, frames: Iterator[
             shot.configuration.box = [4.0 * reach, 4.0 * reach, 0, 0, 0, 0]
             shot.particles.N, shot.particles.types = n, ["disk", "wall"]
             shot.particles.typeid = (np.arange(n) >= lattice.disk_points).astype(np.uint32)
-            shot.particles.position, shot.particles.velocity = _in_space(frame.positions), _in_space(frame.velocities)
+            shot.particles.position, shot.particles.velocity = (
+                _three_dimensional(frame.positions),
+                _three_dimensional(frame.velocities),
+            )
             shot.particles.mass, shot.particles.diameter = lattice.masses, np.full(n, 2.0 * _radius(lattice))
             shot.bonds.N, shot.bonds.types = m, ["spring"]
             shot.bonds.group, shot.bonds.typeid = lattice.bonds, np.zeros(m, np.uint32)
-            shot.log = {f"particles/{name}": _in_space(values) for name, values in frame.points.items()}
+            shot.log = {f"particles/{name}": _three_dimensional(values) for name, values in frame.points.items()}
             shot.log |= {f"bonds/{name}": values for name, values in frame.springs.items()}
             shot.log |= {f"{name}_energy": np.array([value]) for name, value in frame.energies.items()}
             shot.log["time"] = np.array([frame.time])
@@ -136,39 +139,39 @@ def _write_gsd(path: Path, scene: DiskScene, lattice: Lattice, frames: Iterator[
 
 
 def _write_vtu(path: Path, scene: DiskScene, lattice: Lattice, frames: Iterator[Frame]) -> None:
-    """VTK's unstructured grids: a .pvd that lists the .vtu files, which are in a folder of its name.
+    """Write VTK unstructured grids: a .pvd file that lists the .vtu files in a folder of the same name.
 
-    Each frame is two files, one of springs (lines), one of triangles: each has its own quantities, and can be hidden.
-    The folder comes first, whole.
+    Each frame has one file of springs (lines) and one of triangles, so that a viewer can hide either. The folder is
+    complete before the .pvd file is written.
     """
     import meshio
 
-    folder, listed = path.with_suffix(""), []
+    folder, datasets = path.with_suffix(""), []
 
     def fill(new: Path) -> None:
         new.mkdir()
         for number, frame in enumerate(frames):
             points = frame.points | {"velocity": frame.velocities, "mass": lattice.masses}
-            points = {name: _in_space(values) for name, values in points.items()}
+            points = {name: _three_dimensional(values) for name, values in points.items()}
             cells = {"springs": ("line", lattice.bonds), "triangles": ("triangle", lattice.triangles)}
             for part, kind in enumerate(cells):
-                cell_data = {name: [_in_space(values)] for name, values in getattr(frame, kind).items()}
+                cell_data = {name: [_three_dimensional(values)] for name, values in getattr(frame, kind).items()}
                 name = f"{number:04}_{kind}.vtu"
-                mesh = meshio.Mesh(_in_space(frame.positions), [cells[kind]], points, cell_data)
+                mesh = meshio.Mesh(_three_dimensional(frame.positions), [cells[kind]], points, cell_data)
                 mesh.write(new / name, file_format="vtu")
                 file = quoteattr(f"{folder.name}/{name}")
-                listed.append(f'<DataSet timestep="{frame.time:.17g}" part="{part}" file={file}/>')
+                datasets.append(f'<DataSet timestep="{frame.time:.17g}" part="{part}" file={file}/>')
 
     atomic_write(folder, fill)
-    told = f"<!-- {PROGRAM}: {_in_a_line(scene).replace('--', '- -')} -->"
-    lines = ['<?xml version="1.0"?>', told, '<VTKFile type="Collection" version="0.1">', "<Collection>", *listed]
+    comment = f"<!-- {PROGRAM}: {_in_a_line(scene).replace('--', '- -')} -->"
+    lines = ['<?xml version="1.0"?>', comment, '<VTKFile type="Collection" version="0.1">', "<Collection>", *datasets]
     write_text(path, "\n".join([*lines, "</Collection>", "</VTKFile>", ""]))
 
 
 def _write_npz(path: Path, scene: DiskScene, lattice: Lattice, frames: Iterator[Frame]) -> None:
-    """t (T,), positions and velocities (T, n, 2), points_…, springs_…, triangles_… as in `Frame`, energies, lattice.
+    """Write t (T,), positions and velocities (T, n, 2), points_…, springs_…, triangles_… as in `Frame`, and lattice.
 
-    As `np.savez` writes it, but with one frame in memory: a file for each array holds its frames until all are there.
+    The format is that of `np.savez`, but only one frame is in memory: temporary files collect the frames of each array.
     """
     parts: dict[str, tuple[IO[bytes], Array]] = {}
     with ExitStack() as files, ZipFile(path, "w") as archive:
@@ -194,19 +197,19 @@ def _write_npz(path: Path, scene: DiskScene, lattice: Lattice, frames: Iterator[
                 copyfileobj(file, out)
         with member("scene") as out:
             np.lib.format.write_array(out, np.array(origin(scene)))
-        unlike = ("stiffness",) if lattice.stiffness is not None else ()
-        for name in ("bonds", "triangles", "rest_lengths", "masses", "disk_points", *unlike):
+        optional = ("stiffness",) if lattice.stiffness is not None else ()
+        for name in ("bonds", "triangles", "rest_lengths", "masses", "disk_points", *optional):
             with member(name) as out:
                 np.lib.format.write_array(out, np.asarray(getattr(lattice, name)))
 
 
 def _radius(lattice: Lattice) -> float:
-    """Of the balls that programs for particles draw [R]: a quarter of a typical spring, so that springs are seen."""
+    """Return the radius [R] for programs that draw points as balls: a quarter of a typical spring shows the springs."""
     return 0.25 * float(np.median(lattice.rest_lengths))
 
 
-def _in_space(values: Array) -> Array:
-    """Vectors (n, 2) with a z of 0; stresses (n, 3) as XX, YY, ZZ, XY, XZ, YZ; other arrays as they are."""
+def _three_dimensional(values: Array) -> Array:
+    """Return vectors (n, 2) with z = 0, stresses (n, 3) as XX, YY, ZZ, XY, XZ, YZ, and scalars unchanged."""
     if values.ndim == 1:
         return values
     padded = np.pad(values, ((0, 0), (0, 1)))
@@ -216,7 +219,7 @@ def _in_space(values: Array) -> Array:
 class Format(NamedTuple):
     suffix: str
     write: Callable[[Path, DiskScene, Lattice, Iterator[Frame]], None]
-    package: str = ""  # that it needs
+    package: str = ""  # required by the format
 
 
 FORMATS = {
@@ -228,13 +231,13 @@ FORMATS = {
 
 
 def check_export(path: Path, format: str | None = None) -> tuple[Path, Format]:
-    """Where a trajectory goes, and its format; to be called before anything is computed.
+    """Return the file and the format of an export; call it before anything is computed.
 
     Args:
-        path: a file, whose suffix says the format; or a folder, in which it will be called trajectory.
-        format: one of FORMATS, for a folder.
+        path: a file whose suffix names the format, or a folder, in which the file will be called trajectory.
+        format: one of FORMATS, if `path` is a folder.
 
-    Raises InputError if there is no such format, its package is missing, or the place cannot be written.
+    Raises InputError if the format does not exist, its package is missing, or the folder is not writable.
     """
     if path.is_dir() and format in FORMATS:
         path = path / f"trajectory{FORMATS[format].suffix}"
@@ -253,14 +256,14 @@ def check_export(path: Path, format: str | None = None) -> tuple[Path, Format]:
 
 
 def export_run(scenario: Scenario, moments: Iterable[Moment], path: Path, format: str | None = None) -> Path:
-    """Write moments of a run; returns the file that was written. `path`, `format`: as for `check_export`.
+    """Write `moments` of a run and return the file. `path` and `format` are those of `check_export`.
 
-    Raises what that does, and SimulationError if the file cannot be written.
+    Raises InputError as `check_export` does, and SimulationError if the file cannot be written.
     """
     path, kind = check_export(path, format)
     scene, lattice = scenario.scene, scenario.lattice
     frames = _frames(lattice, scenario.model, moments)
-    if kind.write is _write_vtu:  # more than one file: it sees itself that they come all at once
+    if kind.write is _write_vtu:  # several files, written atomically by the writer itself
         _write_vtu(path, scene, lattice, frames)
     else:
         atomic_write(path, lambda new: kind.write(new, scene, lattice, frames))

@@ -1,4 +1,4 @@
-"""What a notebook shows in a cell of itself: a figure, a table with a figure beside it, a film."""
+"""Rich output for notebook cells: figures, tables with a figure, films."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ if TYPE_CHECKING:
     from pandas import DataFrame
 
 KINDS = {"mp4": "video/mp4", "webm": "video/webm", "gif": "image/gif", "png": "image/png"}
-FRAME = "width: 100%; height: 640px; border: 0"  # of a film that is a page
-CARD_WIDTH = 560.0  # pixels of a figure beside a table, at which its labels are as large as the text around it
+FRAME = "width: 100%; height: 640px; border: 0"  # of an HTML film
+CARD_WIDTH = 560.0  # of a figure beside a table [px]; its labels are then as large as the text
 
 
 class Plot(Figure):
-    """A Matplotlib figure that shows itself where pyplot is not imported, too."""
+    """A Matplotlib figure that a notebook shows without pyplot."""
 
     def _repr_png_(self, dpi: float | str = "figure") -> bytes:
         self.savefig(buffer := BytesIO(), format="png", dpi=dpi)
@@ -31,7 +31,7 @@ class Plot(Figure):
 
 @dataclass(frozen=True)
 class Film:
-    """A film, or a picture, with the bytes of its file: a notebook shows it, also where it is opened elsewhere."""
+    """A film or picture with the bytes of its file, so that a notebook keeps it when it moves to another machine."""
 
     data: bytes
     kind: str
@@ -47,7 +47,7 @@ class Film:
 
 
 def dataframe(data: Any, otherwise: str) -> DataFrame:
-    """Return `data` as a table of pandas. Raises TaichiDiskError, which names what holds the data `otherwise`."""
+    """Return `data` as a pandas table. Raises TaichiDiskError without pandas, which names `otherwise` instead."""
     try:
         from pandas import DataFrame
     except ImportError as error:
@@ -56,12 +56,12 @@ def dataframe(data: Any, otherwise: str) -> DataFrame:
 
 
 def card(title: str, rows: Iterable[tuple[str, ...]], figure: Plot | None) -> str:
-    """HTML of a table under a bold title, with a `figure` at its right, or below it where that is too narrow."""
+    """Return HTML of a table under a bold title, with `figure` to its right, or below it on a narrow screen."""
     body = "".join(f"<tr>{''.join(f'<td {_LEFT}>{escape(cell)}</td>' for cell in row)}</tr>" for row in rows)
     table = f"<div><b>{escape(title)}</b><table {_LEFT}>{body}</table></div>"
     image = ""
     if figure:
-        data = figure._repr_png_(2.0 * CARD_WIDTH / figure.get_figwidth())  # sharp on a screen of fine pixels
+        data = figure._repr_png_(2.0 * CARD_WIDTH / figure.get_figwidth())  # sharp on high-density screens
         image = f'<img style="width: {CARD_WIDTH:g}px; max-width: 100%" src="{_inline(data, "png")}">'
     return f'<div style="display: flex; flex-wrap: wrap; gap: 2em">{table}{image}</div>'
 

@@ -1,6 +1,6 @@
-"""plot.png, the curves that one wants to see first; names and colours of curves in plot, film and window.
+"""Draw plot.png: the curves of a run over time, or of a quasi-static loading over compression.
 
-matplotlib takes 0.3 s to import: it is when something is drawn.
+Matplotlib takes 0.3 s to import, so it is imported only when something is drawn.
 """
 
 from __future__ import annotations
@@ -47,11 +47,11 @@ STYLE: dict[Any, Any] = {
     "legend.fontsize": 8.5,
 }
 LINE, MARK, SUM = BLUE, "0.45", "#222222"
-SEEN = 2e-3  # of the largest energy: a curve that stays below it is not drawn
-HEIGHTS = (1.2, 1.0, 1.5)  # of the axes of motion, force and energies
-LAYOUT = {"left": 0.145, "right": 0.98, "bottom": 0.055, "top": 0.945, "hspace": 0.17}  # parts of a figure
+VISIBLE_ENERGY = 2e-3  # of the largest energy; curves that stay below it are not drawn
+PANEL_HEIGHTS = (1.2, 1.0, 1.5)  # of motion, force and energies
+LAYOUT = {"left": 0.145, "right": 0.98, "bottom": 0.055, "top": 0.945, "hspace": 0.17}  # fractions of the figure
 _LOCK = threading.Lock()
-# All is imported before the run comes. To take down the libraries one by one at the end would take 0.1 s.
+# Everything is imported before the run arrives. `os._exit` saves 0.1 s of unloading the libraries.
 _DRAW = """import os, pickle, sys, matplotlib.figure, matplotlib.backends.backend_agg
 from taichi_disk.output.plot import plot_run
 plot_run(*pickle.load(sys.stdin.buffer))
@@ -61,7 +61,7 @@ _ENVIRONMENT = {"MPLBACKEND": "agg", "OPENBLAS_NUM_THREADS": "1"}
 
 @contextmanager
 def matplotlib_style(style: dict[Any, Any]) -> Iterator[None]:
-    """Within, Matplotlib draws so, whatever a user's matplotlibrc says. Its settings are global: threads take turns."""
+    """Draw with `style`, independent of the user's matplotlibrc; one thread at a time, because settings are global."""
     import matplotlib
 
     with _LOCK, matplotlib.rc_context():
@@ -70,11 +70,11 @@ def matplotlib_style(style: dict[Any, Any]) -> Iterator[None]:
         yield
 
 
-def draw_curves(axes: list[Any], scenario: Scenario, columns: Columns, **look: Any) -> list[Any]:
-    """Motion, wall's force and energies over time in three axes, named; returns the lines.
+def draw_curves(axes: list[Any], scenario: Scenario, columns: Columns, **line: Any) -> list[Any]:
+    """Draw motion, force of the wall and energies over time on three axes; return the lines.
 
-    Of the energies those are drawn that can be seen; a load's is counted from its start, and one that grows keeps none.
-    A dot marks the energy of vibration, kinetic and elastic, that an impact leaves.
+    The potential of the load is drawn relative to its initial value, and omitted for quasi-static loading. A dot marks
+    the energy of vibration, kinetic and elastic, that an impact leaves.
     """
     largest = max(columns["kinetic"].max(), columns["elastic"].max())
     motion, label = scenario.motion(columns)
@@ -83,36 +83,37 @@ def draw_curves(axes: list[Any], scenario: Scenario, columns: Columns, **look: A
         column = BY_NAME[name]
         if column.label and name in columns and not (scenario.static and name == "load"):
             values = columns[name] - (columns["load"][0] if name == "load" else 0.0)
-            if np.abs(values).max() > SEEN * largest:
+            if np.abs(values).max() > VISIBLE_ENERGY * largest:
                 curves.append((axes[2], values, column.colour, column.label))
     for ax, name in zip(axes, (label, "wall's force on\nthe disk  [Mc²/R]", "energy  [Mc²]"), strict=False):
         ax.set_ylabel(name)
     axes[-1].set_xlabel(scenario.time_label)
     t, flight = columns["t"], columns["translation"][0] if "translation" in columns else 0.0
-    lines = [ax.plot(t, curve, color=colour, label=name, **look)[0] for ax, curve, colour, name in curves]
+    lines = [ax.plot(t, curve, color=colour, label=name, **line)[0] for ax, curve, colour, name in curves]
     if flight:
         left = vibration_left(columns)
         dot: dict[str, Any] = {"color": SKY, "marker": "o", "markersize": 4, "clip_on": False}
         name = f"vibration left {100.0 * left:.2g} %" if abs(left) >= 1e-4 else "vibration left < 0.01 %"
-        lines += axes[2].plot([results_time(columns)], [left * flight], label=name, **dot, **look)
+        lines += axes[2].plot([results_time(columns)], [left * flight], label=name, **dot, **line)
     return lines
 
 
 def plot_run(path: Path, scenario: Scenario, columns: Columns, headline: str = "") -> None:
-    """Draw a run's time series, named as in timeseries.csv, into a PNG under a headline, bitwise reproducibly.
+    """Draw the samples of a run (columns as in timeseries.csv) into a PNG under a headline, bitwise reproducibly.
 
     Raises SimulationError if the file cannot be written.
     """
     with matplotlib_style(STYLE):
-        figure, told = _drawn(scenario, columns, headline), {"Software": None, "Description": origin(scenario.scene)}
-        atomic_write(path, lambda new: figure.savefig(new, metadata=told, pil_kwargs={"compress_level": 3}))
+        figure = _drawn(scenario, columns, headline)
+        metadata = {"Software": None, "Description": origin(scenario.scene)}
+        atomic_write(path, lambda new: figure.savefig(new, metadata=metadata, pil_kwargs={"compress_level": 3}))
 
 
 def run_figure(scenario: Scenario, columns: Columns, headline: str = "") -> Plot:
-    """The same as a figure to look at, or to change."""
+    """Return the plot of a run as a figure, to show or to change."""
     with matplotlib_style(STYLE):
         figure = _drawn(scenario, columns, headline)
-        figure.draw_without_rendering()  # ticks and grid have the style from here on
+        figure.draw_without_rendering()  # fixes the style of ticks and grid
     return figure
 
 
@@ -133,10 +134,10 @@ def _drawn(scenario: Scenario, columns: Columns, headline: str) -> Plot:
 
 @contextmanager
 def plotting_beside(film: bool) -> Iterator[Begin]:
-    """Another Python imports Matplotlib while the block runs, and then draws: a thread would wait for Python's lock.
+    """Import Matplotlib and draw in a second process while the block runs; a thread would wait for Python's lock.
 
-    Yields what begins `plot_run` of its arguments and returns what waits for its end. Where the other Python gives no
-    plot, or Matplotlib is here already and no `film` is to be drawn beside it, that draws here.
+    Yields a function that starts `plot_run` with its arguments and returns a function that waits for the plot. If the
+    second process fails, or if Matplotlib is imported here already and no `film` is made, this process draws.
     """
     child = None
     if film or "matplotlib" not in sys.modules:
@@ -147,7 +148,7 @@ def plotting_beside(film: bool) -> Iterator[Begin]:
     def begin(path: Path, scenario: Scenario, columns: Columns, headline: str = "") -> Callable[[], None]:
         if child:
             with suppress(OSError), child.stdin as pipe:  # type: ignore[union-attr]
-                pickle.dump((path, _answering(scenario, columns), columns, headline), pipe)
+                pickle.dump((path, _plot_answers(scenario, columns), columns, headline), pipe)
 
         def end() -> None:
             if child:
@@ -165,26 +166,26 @@ def plotting_beside(film: bool) -> Iterator[Begin]:
             child.communicate()
 
 
-def _answering(scenario: Scenario, columns: Columns) -> Any:
-    """What answers a plot as `scenario` does, without its lattice and laws, whose pickle would need Taichi."""
-    asked = ("motion", "marks", "continuum") if scenario.static else ("motion", "marks", "quality", "last_motion")
-    answers = {name: getattr(scenario, name)(columns) for name in asked} | {"title": scenario.title()}
-    said = {name: partial(_said, answer) for name, answer in answers.items()}
-    scene = SimpleNamespace(to_yaml=partial(_said, scenario.scene.to_yaml()))
-    return SimpleNamespace(scene=scene, static=scenario.static, time_label=scenario.time_label, **said)
+def _plot_answers(scenario: Scenario, columns: Columns) -> Any:
+    """Return a picklable stand-in for `scenario` with its answers, so that the second process needs no Taichi."""
+    questions = ("motion", "marks", "continuum") if scenario.static else ("motion", "marks", "quality", "last_motion")
+    answers = {name: getattr(scenario, name)(columns) for name in questions} | {"title": scenario.title()}
+    answer_functions = {name: partial(_answer, answer) for name, answer in answers.items()}
+    scene = SimpleNamespace(to_yaml=partial(_answer, scenario.scene.to_yaml()))
+    return SimpleNamespace(scene=scene, static=scenario.static, time_label=scenario.time_label, **answer_functions)
 
 
-def _said(answer: Any, *_: Any) -> Any:
+def _answer(answer: Any, *_: Any) -> Any:
     return answer
 
 
 def _draw_run(figure: Any, scenario: Scenario, columns: Columns) -> None:
-    """The curves over time, and what tells how good they are."""
+    """Draw the curves over time, and below them the quality of the run."""
     t, quality, (result, note) = columns["t"], scenario.quality(columns), scenario.marks(columns)
-    ratios = (*HEIGHTS[:2], 0.12, *HEIGHTS[2:], *([0.8] if quality else []))
-    # A fixed layout: with layout="constrained" everything is drawn twice, half of a plot's time.
+    ratios = (*PANEL_HEIGHTS[:2], 0.12, *PANEL_HEIGHTS[2:], *([0.8] if quality else []))
+    # layout="constrained" would draw everything twice, which is half of the time of a plot.
     axes = list(figure.subplots(len(ratios), 1, sharex=True, height_ratios=ratios, gridspec_kw=LAYOUT))
-    axes.pop(2).remove()  # the legend of the energies stands there
+    axes.pop(2).remove()  # its place is for the legend of the energies
     axes[-1].set_xlim(t[0], scenario.last_motion(columns))
     motion = draw_curves(axes, scenario, columns)[0]
     _mark(axes[0], t, motion.get_ydata(), result)
@@ -198,7 +199,7 @@ def _draw_run(figure: Any, scenario: Scenario, columns: Columns) -> None:
 
 
 def _draw_loading(figure: Any, scenario: Scenario, columns: Columns) -> None:
-    """The load of each equilibrium against its compression, with laws of the continuum, and the energy stored."""
+    """Draw the load of each equilibrium over compression, with continuum laws, and the stored energy."""
     (xi, label), load = scenario.motion(columns), columns["wall_force"]
     force, energy = figure.subplots(2, 1, sharex=True, height_ratios=(2.0, 1.0), gridspec_kw=LAYOUT)
     force.plot(xi, load, "o-", color=LINE, markersize=4, label="equilibria")
@@ -216,7 +217,7 @@ def _draw_loading(figure: Any, scenario: Scenario, columns: Columns) -> None:
 
 
 def _mark(ax: Any, t: Array, values: Array, text: str) -> None:
-    """A dashed line across the panel where the curve ends, its meaning below it where the curve is not."""
+    """Draw a dashed line at the last value of the curve, with `text` below it where it does not cover the curve."""
     level, (start, end) = values[-1], ax.get_xlim()
     before = np.abs(values[t <= start + 0.3 * (end - start)] - level)
     x = 0.02 if before.min() > 0.3 * np.ptp(values) else 0.7

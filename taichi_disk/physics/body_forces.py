@@ -1,4 +1,4 @@
-"""Forces on single points: of the rigid wall, of the load that presses the disk on it, of a person's mouse."""
+"""Forces on single points: of the rigid wall, of the load that presses the disk on it, and of the user's mouse."""
 
 from dataclasses import dataclass
 from math import exp
@@ -9,10 +9,11 @@ from numpy.typing import NDArray
 
 from taichi_disk.engine import ti
 from taichi_disk.lattice import Array, Lattice
-from taichi_disk.physics.law import BodyForce, Capacity, Wall, array, get, pair_of, put
+from taichi_disk.physics.law import BodyForce, Capacity, Contents, Wall, array, get, pair_of, put
+from taichi_disk.physics.ordering import Arrangement
 
-NEGLIGIBLE = exp(-45.0)  # force of the rigid wall on a point [M c^2/R]
-STOPPING = 1e-9  # in which friction stops a point, in NumPy, if it can [R/c]
+NEGLIGIBLE_FORCE = exp(-45.0)  # of the rigid wall on a point [M c^2/R]
+STOPPING_TIME = 1e-9  # within which friction in NumPy stops a point, if it is strong enough [R/c]
 
 
 @ti.data_oriented
@@ -23,18 +24,15 @@ class ExponentialWall(Wall, BodyForce):
     a: float  # hardness [1/R]
     V0: float  # potential at y = 0 [M c^2]; another V0 shifts the wall by ln(ratio)/a and changes no result
     friction: float = 0.0  # coefficient mu of Coulomb's friction; 0: none
+    switches = ("has_friction",)
 
     def __post_init__(self) -> None:
         self.velocity_dependent = self.has_friction = self.friction != 0.0
 
     @property
-    def signature(self) -> tuple[Any, ...]:
-        return (self.has_friction,)
-
-    @property
     def reach(self) -> float:
-        """Height beyond which the force is negligible: no exponential is computed there [R]."""
-        return max(0.0, self.height_of_force(NEGLIGIBLE))
+        """Height beyond which the force is negligible, so that no exponential is computed [R]."""
+        return max(0.0, self.height_of_force(NEGLIGIBLE_FORCE))
 
     @property
     def scalars(self) -> tuple[str, ...]:
@@ -58,12 +56,12 @@ class ExponentialWall(Wall, BodyForce):
         return energy
 
     @ti.func
-    def rub(self, state: ti.template(), kick, late):
-        """Coulomb's friction, added to the forces: what stops a point in the kick to come, at most mu times its push.
+    def add_friction(self, state: ti.template(), kick, late):
+        """Add Coulomb friction: the force that would stop a point within the next kick, at most mu times the wall's.
 
-        `kick` is the time for which the forces change the velocities of the state, of which `late` has passed at the
-        moment that they act [R/c]. So a point that sticks has exactly no velocity along the wall between two steps, and
-        one that slides is never turned round. No friction law that is smooth in the velocity can do that at such steps.
+        `kick` is the time for which the forces change the velocities of the state; `late` of it lies before this
+        moment [R/c]. So a point that sticks has exactly no velocity along the wall between two steps, and one that
+        slides is never turned round. No friction law that is smooth in the velocity can do that at such steps.
         Returns the power lost [M c^3/R].
         """
         power = 0.0
@@ -81,14 +79,14 @@ class ExponentialWall(Wall, BodyForce):
 
     def friction_on(self, lattice: Lattice, x: Array, v: Array, others: Array) -> Array:
         most = self.friction * self.forces(lattice, x)[:, 1]
-        return np.clip(-(v[:, 0] * lattice.masses / STOPPING + others[:, 0]), -most, most)
+        return np.clip(-(v[:, 0] * lattice.masses / STOPPING_TIME + others[:, 0]), -most, most)
 
     def energy(self, lattice: Lattice, x: Array) -> float:
         return float(self.potential(x[: lattice.disk_points, 1]).sum())
 
     def forces(self, lattice: Lattice, x: Array) -> Array:
-        force = np.zeros_like(x)
-        force[: lattice.disk_points, 1] = self.force_at(x[: lattice.disk_points, 1])
+        force, n = np.zeros_like(x), lattice.disk_points
+        force[:n, 1] = self.force_at(x[:n, 1])
         return force
 
     def stiffness(self, lattice: Lattice, x: Array) -> Any:
@@ -110,7 +108,7 @@ class ExponentialWall(Wall, BodyForce):
 class Load(BodyForce):
     """-P m_i/M on every point of the disk, which is the -P/N of paper eq. (3); its potential is P y_cm."""
 
-    force: float  # P in all [M c^2/R]
+    force: float  # total force P [M c^2/R]
     scalars = ("force",)
 
     @ti.func
@@ -122,10 +120,7 @@ class Load(BodyForce):
 
     @ti.func
     def potential_at(self, state: ti.template(), i):
-        energy = 0.0
-        if i < state.n_disk[None]:
-            energy = self.force_now[None] * state.mass[i] * state.x[1][i]
-        return energy
+        return -self.at(state, i)[1] * state.x[1][i]
 
     # ---- in NumPy
 
@@ -133,8 +128,7 @@ class Load(BodyForce):
         return self.force * float(lattice.mean(x[:, 1]))
 
     def forces(self, lattice: Lattice, x: Array) -> Array:
-        force = np.zeros_like(x)
-        n = lattice.disk_points
+        force, n = np.zeros_like(x), lattice.disk_points
         force[:n, 1] = -self.force * lattice.masses[:n]
         return force
 
@@ -142,10 +136,10 @@ class Load(BodyForce):
 @ti.data_oriented
 @dataclass(eq=False)
 class MouseSpring(BodyForce):
-    """A spring from at most one point to the mouse, whose pull stops growing; see `Simulation.set_mouse_target`.
+    """A spring from at most one point to the mouse, whose pull is limited; see `Simulation.set_mouse_target`.
 
-    It derives from a potential, f r - f^2/(2 k) with the pull f = min(k r, F), so that the energy that a person gives
-    the disk is what the potential jumps by when the spring is tied, led elsewhere or untied. Only in kernels.
+    It derives from a potential, f r - f^2/(2 k) with the pull f = min(k r, F). So the energy that the user gives the
+    disk is the jump of the potential when the spring is tied, moved or untied. It exists in kernels only.
     """
 
     k: float  # spring constant [M c^2/R^2]
@@ -158,8 +152,8 @@ class MouseSpring(BodyForce):
         self.target = pair_of(builder, 1)
         self.point = array(builder, 1)  # -1: none
 
-    def fill(self, lattice: Lattice) -> None:
-        self.point[0] = -1
+    def contents(self, lattice: Lattice, arrangement: Arrangement) -> Contents:
+        return [((self.point,), [-1])]
 
     @ti.func
     def at(self, state: ti.template(), i):
@@ -180,10 +174,10 @@ class MouseSpring(BodyForce):
 
     @ti.func
     def change(self, state: ti.template(), factor):
-        """Add `factor` times the pull to the forces at this step, and leave positions and velocities as they are.
+        """Add `factor` times the pull to the forces at this step; positions and velocities stay as they are.
 
-        Half a step's kick lies before this moment and half behind it: only the second changes. Returns `factor` times
-        the potential.
+        Half a step's kick lies before this moment and half after it: only the second half changes. Returns `factor`
+        times the potential.
         """
         i = self.point[0]
         energy = 0.0

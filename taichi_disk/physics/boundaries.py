@@ -13,7 +13,8 @@ import numpy as np
 
 from taichi_disk.engine import ti
 from taichi_disk.lattice import Array, Lattice
-from taichi_disk.physics.law import Capacity, Integers1, Law, Reals2, array, get, pair_of, put
+from taichi_disk.physics.law import Capacity, Contents, Law, array, get, pair_of, put
+from taichi_disk.physics.ordering import Arrangement
 
 
 @ti.data_oriented
@@ -27,14 +28,8 @@ class Boundary(Law):
     def make_fields(self, builder: Any, capacity: Capacity) -> None:
         self.point, self.count = array(builder, capacity.points), array(builder, 1)
 
-    def fill(self, lattice: Lattice) -> None:
-        self._fill_points(lattice.wall_boundary)
-
-    @ti.kernel
-    def _fill_points(self, points: Integers1):
-        self.count[0] = points.shape[0]
-        for k in range(points.shape[0]):
-            self.point[k] = points[k]
+    def contents(self, lattice: Lattice, arrangement: Arrangement) -> Contents:
+        return [((self.point,), lattice.wall_boundary), ((self.count,), [len(lattice.wall_boundary)])]
 
 
 @ti.data_oriented
@@ -56,21 +51,14 @@ class MatchedBoundary(Boundary):
     """A force -Z v on each point, Z from `matched_impedance`: waves leave without reflection."""
 
     velocity_dependent = True
-    impedance: Array  # (k, 2) Z for x and y: rho c times the length of boundary that a point stands for [M c/R]
+    impedance: Array  # (k, 2) Z for x and y: rho c times the length of boundary that belongs to a point [M c/R]
 
     def make_fields(self, builder: Any, capacity: Capacity) -> None:
         super().make_fields(builder, capacity)
         self.Z = pair_of(builder, capacity.points)
 
-    def fill(self, lattice: Lattice) -> None:
-        super().fill(lattice)
-        self._fill_impedance(self.impedance)
-
-    @ti.kernel
-    def _fill_impedance(self, impedance: Reals2):
-        for k in range(impedance.shape[0]):
-            for c in ti.static(range(2)):
-                self.Z[c][k] = impedance[k, c]
+    def contents(self, lattice: Lattice, arrangement: Arrangement) -> Contents:
+        return [*super().contents(lattice, arrangement), (self.Z, self.impedance)]
 
     def damping_forces(self, lattice: Lattice, x: Array, v: Array) -> Array:
         force = np.zeros_like(v)
@@ -79,7 +67,7 @@ class MatchedBoundary(Boundary):
 
     @ti.func
     def damp(self, state: ti.template(), half):
-        """Add the forces -Z v at this step, whose velocity v is the force for the time `half` after v_ in `state.v`.
+        """Add the forces -Z v at this step; v results from the force for the time `half` after v_ in `state.v`.
 
         Returns (v.Zv + 2 v_.Zv_)/3, for the energy balance.
         """
@@ -96,7 +84,7 @@ class MatchedBoundary(Boundary):
 
     @ti.func
     def solved_power(self, state: ti.template()):
-        """u.Zu, where the velocities u at this step have been solved for."""
+        """Return u.Zu, if the velocities u at this step have been solved for."""
         power = 0.0
         for k in range(self.count[0]):
             u = get(state.u, self.point[k])
@@ -109,8 +97,8 @@ class MatchedBoundary(Boundary):
 class ResetBoundary(Boundary):
     """The velocities of the points are set to zero once every `interval`: a drag of 2 m/interval on each.
 
-    Springs do not notice a stop. Dashpots do: their force jumps with the velocity, and the coming half step has to
-    start from the force after the jump, or the reset would cost an order of accuracy.
+    Springs do not notice a stop. Dashpots do: their force jumps with the velocity. The next half step has to start from
+    the force after the jump, or the reset would cost an order of accuracy.
     """
 
     interval: float  # a whole number of time steps [R/c]
@@ -119,8 +107,8 @@ class ResetBoundary(Boundary):
     def stop(self, state: ti.template(), springs: ti.template(), solver: ti.template(), implicit: ti.template()):
         """Set the velocities at this step to zero; returns the kinetic energy that they had [M c^2].
 
-        What leapfrog keeps is m/2 v_{k-1/2} v_{k+1/2} = m/2 v_k^2 - m/2 (h/2 f_k/m)^2, and where there are dashpots f_k
-        jumps too. `implicit`: whether `solver` (see `trapezoidal`) has solved for the velocities in `state.u`.
+        Leapfrog conserves m/2 v_{k-1/2} v_{k+1/2} = m/2 v_k^2 - m/2 (h/2 f_k/m)^2, and with dashpots f_k jumps too.
+        `implicit`: whether `solver` (see `trapezoidal`) has solved for the velocities in `state.u`.
         """
         half = state.closing[None]
         energy = 0.0
@@ -150,7 +138,7 @@ class ResetBoundary(Boundary):
 
     @ti.func
     def restart_explicit(self, state: ti.template(), springs: ti.template()):
-        """From `u`, what each velocity has lost, and `f` before that: `f` after it, and `u` that goes with it."""
+        """Update `f` and `u` after a stop. Before it, `u` holds the velocity that each point has lost."""
         half, eta = state.closing[None], springs.eta_now[None]
         for i in range(state.n[None]):
             kick = half * state.inverse_mass[i] * get(state.f, i)
@@ -166,7 +154,7 @@ class ResetBoundary(Boundary):
 
     @ti.func
     def half_kick_energy(self, state: ti.template(), solved: ti.template()):
-        """sum(m/2 (h/2 f/m)^2); where the velocities are only `solved` for, h/2 f/m = u - v."""
+        """Return sum(m/2 (h/2 f/m)^2); if velocities have only been `solved` for, h/2 f/m is u - v."""
         energy = 0.0
         for i in range(state.n[None]):
             kick = 0.5 * state.h[None] * state.inverse_mass[i] * get(state.f, i)
@@ -177,7 +165,7 @@ class ResetBoundary(Boundary):
 
     @ti.func
     def dashpot_work(self, state: ti.template(), springs: ti.template(), h):
-        """sum(eta (u_i - u_j).(w_i - w_j)) over the springs, w = v + h f/m: h = 0 is the last half step."""
+        """Return sum(eta (u_i - u_j).(w_i - w_j)) over the springs, w = v + h f/m; h = 0 for the last half step."""
         power = 0.0
         for b in range(state.blocks[None]):
             for k in ti.static(range(len(springs.first))):
@@ -190,9 +178,10 @@ class ResetBoundary(Boundary):
 
 
 def matched_impedance(lattice: Lattice, normal: float, tangential: float) -> Array:
-    """(k, 2) dashpot constants [M c/R] of `wall_boundary`; normal, tangential: rho c_p, rho c_s of the wall [M c/R^2].
+    """Return the dashpot constants (k, 2) [M c/R] of `wall_boundary`.
 
-    Half of each segment of the boundary belongs to each of its ends; its normal takes rho c_p, its direction rho c_s.
+    Half of each segment of the boundary belongs to each of its ends. Across the segment they resist with rho c_p of the
+    wall (`normal`), along it with rho c_s (`tangential`) [M c/R^2].
     """
     chain = lattice.positions[lattice.wall_boundary]
     segment = np.diff(chain, axis=0)

@@ -2,7 +2,7 @@
 
 The distance l is measured along the spring's normal n. The spring's two ends take the reaction by the lever rule, which
 balances force and torque and makes the force the gradient of V0 exp(-a l) while the point stays over one spring. The
-potential is shifted to be zero at the threshold, so that coming into reach adds no energy.
+potential is shifted to be zero at the threshold, so that it does not jump when a contact begins.
 """
 
 from dataclasses import dataclass
@@ -13,18 +13,19 @@ from numpy.typing import NDArray
 
 from taichi_disk.engine import ti
 from taichi_disk.lattice import Array, Lattice
-from taichi_disk.physics.law import Capacity, Integers1, Wall, array, get, put
+from taichi_disk.physics.law import Capacity, Contents, Wall, array, get, put
+from taichi_disk.physics.ordering import Arrangement
 
 
 @dataclass(frozen=True)
 class Contacts:
     """Surface points of the disk within the threshold of the wall, in NumPy."""
 
-    points: NDArray[np.intp]  # (k,) their numbers in the lattice
-    carriers: NDArray[np.intp]  # (k, w) which of `wall_surface` take the reaction of each
-    shares: Array  # (k, w) in which parts
+    points: NDArray[np.intp]  # (k,) indices of the points in the lattice
+    carriers: NDArray[np.intp]  # (k, w) indices in `wall_surface` of the points that take the reaction
+    shares: Array  # (k, w) fractions of the reaction that they take
     energy: Array  # (k,) V0 exp(-a l), not shifted [M c^2]
-    force: Array  # (k, 2) on each [M c^2/R]
+    force: Array  # (k, 2) on each point [M c^2/R]
 
 
 @ti.data_oriented
@@ -36,17 +37,18 @@ class ElasticWall(Wall):
     V0: float  # potential at distance 0 [M c^2]
     threshold: float  # distance beyond which there is no contact [R]
     is_elastic = True
+    has_jumps = True
     scalars = ("a", "V0", "threshold", "shift")
-
-    has_jumps = True  # of the force, where a point passes from one spring of the wall to the next
+    carriers = 2  # points of the wall that take the reaction of a contact
+    steepness = 2.0  # largest ratio of the height above the wall's highest point to l, for slopes up to 60 degrees
 
     @property
     def shift(self) -> float:
-        """Of the potential, which is 0 at the threshold [M c^2]."""
+        """Value of V0 exp(-a l) at the threshold, which is subtracted from the potential [M c^2]."""
         return float(self.potential(self.threshold))
 
     def added_stiffness(self, force: float) -> float:
-        """As for the rigid wall, but two points of equal mass approach each other: 2 a F [M c^2/R^2]."""
+        """Return 2 a F [M c^2/R^2]: twice that of the rigid wall, because two points of equal mass meet."""
         return 2.0 * super().added_stiffness(force)
 
     def make_fields(self, builder: Any, capacity: Capacity) -> None:
@@ -54,70 +56,72 @@ class ElasticWall(Wall):
         self.disk_surface, self.wall_surface = (array(builder, capacity.points) for _ in range(2))
         self.count = array(builder, 2)
 
-    def fill(self, lattice: Lattice) -> None:
-        self._fill(lattice.disk_surface, lattice.wall_surface)
-
-    @ti.kernel
-    def _fill(self, disk: Integers1, wall: Integers1):
-        self.count[0], self.count[1] = disk.shape[0], wall.shape[0]
-        for k in range(disk.shape[0]):
-            self.disk_surface[k] = disk[k]
-        for k in range(wall.shape[0]):
-            self.wall_surface[k] = wall[k]
+    def contents(self, lattice: Lattice, arrangement: Arrangement) -> Contents:
+        disk, wall = lattice.disk_surface, lattice.wall_surface
+        return [((self.disk_surface,), disk), ((self.wall_surface,), wall), ((self.count,), [len(disk), len(wall)])]
 
     @ti.func
     def add(self, state: ti.template(), move):
-        """Push every surface point of the disk off the wall spring below it.
+        """Push every surface point of the disk off the wall below it.
 
-        Returns the upward force on the disk [M c^2/R], the potential [M c^2], the largest force on one point, and what
-        points lost by sliding in the last move, which was `move` times the velocity (see `slid`).
+        Returns the upward force on the disk [M c^2/R], the potential [M c^2], the largest force on one point, and the
+        energy that points lost by sliding in the last move, which was `move` times the velocity (see `slid`).
         """
         a, V0, threshold = self.a_now[None], self.V0_now[None], self.threshold_now[None]
         x, y = ti.static(state.x[0], state.x[1])
         upward, potential, peak_point_force, slid = 0.0, 0.0, 0.0, 0.0
         last = self.count[1] - 1
-        top, left = self.top_and_left(state)
+        top, left = y[self.wall_surface[0]], x[self.wall_surface[0]]
+        for k in range(1, self.count[1]):
+            top = ti.max(top, y[self.wall_surface[k]])
         pitch = (x[self.wall_surface[last]] - left) / last
         for n in range(self.count[0]):
             i = self.disk_surface[n]
-            # The vertical distance is at most twice l unless the surface is steeper than 60 degrees.
-            if y[i] - top < 2.0 * threshold:
+            if y[i] - top < self.steepness * threshold:
                 guess = ti.max(0, ti.min(last - 1, ti.cast((x[i] - left) / pitch, ti.i32)))
                 k = self.spring_below(state, i, guess, 0.0)
-                p, q = self.wall_surface[k], self.wall_surface[k + 1]
-                if x[i] >= x[p] and x[i] < x[q]:
-                    distance, lever, normal = self.over(state, i, k, 0.0)
-                    if distance < threshold:
-                        energy = V0 * ti.exp(-a * distance)
-                        point_force = (a * energy) * normal
-                        put(state.f, i, get(state.f, i) + point_force)
-                        put(state.f, p, get(state.f, p) - (1.0 - lever) * point_force)
-                        put(state.f, q, get(state.f, q) - lever * point_force)
-                        upward += point_force[1]
-                        potential += energy - self.shift_now[None]
-                        peak_point_force = ti.max(peak_point_force, a * energy)
+                distance, direction, first, shares = self.contact(state, i, k)
+                if distance < threshold:
+                    energy = V0 * ti.exp(-a * distance)
+                    point_force = (a * energy) * direction
+                    put(state.f, i, get(state.f, i) + point_force)
+                    for c in ti.static(range(self.carriers)):
+                        carrier = self.wall_surface[first + c]
+                        put(state.f, carrier, get(state.f, carrier) - shares[c] * point_force)
+                    upward += point_force[1]
+                    potential += energy - self.shift_now[None]
+                    size = a * energy
+                    if ti.static(self.has_jumps):
                         slid += self.slid(state, i, k, move)
+                    else:
+                        size = point_force.norm()
+                    peak_point_force = ti.max(peak_point_force, size)
         return upward, potential, peak_point_force, slid
 
     @ti.func
-    def top_and_left(self, state: ti.template()):
-        """y of the wall's highest surface point, x of its first."""
-        top = state.x[1][self.wall_surface[0]]
-        for k in range(1, self.count[1]):
-            top = ti.max(top, state.x[1][self.wall_surface[k]])
-        return top, state.x[0][self.wall_surface[0]]
+    def contact(self, state: ti.template(), i, k):
+        """Return the distance of point i from the wall near spring k, and the direction of the force.
+
+        Then follow the index in `wall_surface` of the first point that takes the reaction, and the shares of all. The
+        distance is the threshold if there is no wall below the point.
+        """
+        distance, normal, lever = self.threshold_now[None], ti.Vector([0.0, 0.0]), 0.0
+        x, p, q = state.x[0][i], self.wall_surface[k], self.wall_surface[k + 1]
+        if x >= state.x[0][p] and x < state.x[0][q]:
+            distance, lever, normal = self.over(state, i, k, 0.0)
+        return distance, normal, k, ti.Vector([1.0 - lever, lever])
 
     @ti.func
     def slid(self, state: ti.template(), i, k, move):
-        """Energy that point i, now over wall spring k, lost if it was over another one before the last move.
+        """Return the energy that point i, now over wall spring k, lost if it was over another one before the last move.
 
-        Where the surface is bent, the distance l jumps as a point passes from one spring to the next, and with it the
-        potential: half of the jumps at either end of the move, as the trapezoidal rule has it.
+        On a bent surface the distance l, and with it the potential, jumps when a point passes from one spring to the
+        next: half of the jumps at either end of the move, as the trapezoidal rule has it.
         """
         before = self.spring_below(state, i, k, move)
         lost = 0.0
         if before != k:
-            for case in range(4):  # a loop: what is inlined four times takes long to compile
+            for case in range(4):  # a loop: four inlined calls take long to compile
                 spring, half = k, -0.5
                 if case < 2:
                     spring, half = before, 0.5
@@ -129,7 +133,7 @@ class ElasticWall(Wall):
 
     @ti.func
     def spring_below(self, state: ti.template(), i, guess, move):
-        """Number of the wall spring below or nearest to point i, `move` times the velocity ago."""
+        """Return the wall spring below or nearest to point i, `move` times the velocity ago."""
         k = guess
         x = self.position_before(state, i, move)[0]
         while k > 0 and x < self.position_before(state, self.wall_surface[k], move)[0]:
@@ -140,7 +144,7 @@ class ElasticWall(Wall):
 
     @ti.func
     def over(self, state: ti.template(), i, k, move):
-        """Distance and lever of point i over wall spring k, and the spring's normal, `move` times the velocity ago."""
+        """Return distance and lever of point i over wall spring k, and its normal, `move` times the velocity ago."""
         start = self.position_before(state, self.wall_surface[k], move)
         along = self.position_before(state, self.wall_surface[k + 1], move) - start
         away = self.position_before(state, i, move) - start
@@ -150,32 +154,38 @@ class ElasticWall(Wall):
 
     @ti.func
     def position_before(self, state: ti.template(), i, move):
-        """Where point i was `move` times the velocity ago."""
         return get(state.x, i) - move * get(state.v, i)
 
     # ---- in NumPy
 
     def contacts(self, lattice: Lattice, x: Array) -> Contacts:
-        """All contacts with the points at `x` (n, 2) [R]."""
+        """Return all contacts with the points at `x` (n, 2) [R]."""
         px, chain = x[lattice.disk_surface, 0][:, None], x[lattice.wall_surface]
-        over = (chain[:-1, 0] <= px) & (px < chain[1:, 0])
+        start, end = self.pieces(chain)
+        over = (start[:, 0] <= px) & (px < end[:, 0])
         rows = np.flatnonzero(over.any(axis=1))
-        points, springs = lattice.disk_surface[rows].astype(np.intp), over[rows].argmax(axis=1)
-        away, t = x[points] - chain[springs], chain[springs + 1] - chain[springs]
-        length2 = (t * t).sum(axis=1)
-        normal = np.stack([-t[:, 1], t[:, 0]], axis=1) / np.sqrt(length2)[:, None]
-        distance, lever = (away * normal).sum(axis=1), (away * t).sum(axis=1) / length2
-        shares = np.stack([1.0 - lever, lever], axis=1)
-        return self._contacts(points, springs[:, None] + np.arange(2), shares, distance, normal)
-
-    def _contacts(
-        self, points: NDArray[np.intp], carriers: NDArray[np.intp], shares: Array, distance: Array, direction: Array
-    ) -> Contacts:
-        """Those within the threshold, each pushed along its `direction` (k, 2)."""
+        points = lattice.disk_surface[rows].astype(np.intp)
+        carriers = over[rows].argmax(axis=1)[:, None] + np.arange(self.carriers)
+        distance, direction, shares = self.geometry(x[points], chain[carriers])
         with np.errstate(over="ignore", invalid="ignore"):  # after a blow-up
             energy, force = self.potential(distance), self.force_at(distance)[:, None] * direction
         near = distance < self.threshold
         return Contacts(points[near], carriers[near], shares[near], energy[near], force[near])
+
+    def pieces(self, chain: Array) -> tuple[Array, Array]:
+        """Return start and end (m, 2) of the pieces of the surface whose points are `chain` (n, 2)."""
+        return chain[:-1], chain[1:]
+
+    def geometry(self, x: Array, ends: Array) -> tuple[Array, Array, Array]:
+        """Return distances (k,), directions (k, 2) and shares (k, w) as `contact` does.
+
+        `x` (k, 2) are points of the disk, `ends` (k, w, 2) the wall's points that take the reactions.
+        """
+        away, t = x - ends[:, 0], ends[:, 1] - ends[:, 0]
+        length2 = (t * t).sum(axis=1)
+        normal = np.stack([-t[:, 1], t[:, 0]], axis=1) / np.sqrt(length2)[:, None]
+        distance, lever = (away * normal).sum(axis=1), (away * t).sum(axis=1) / length2
+        return distance, normal, np.stack([1.0 - lever, lever], axis=1)
 
     def energy(self, lattice: Lattice, x: Array) -> float:
         return float((self.contacts(lattice, x).energy - self.shift).sum())

@@ -1,22 +1,22 @@
-"""What all laws of motion have in common: their numbers, their fields, and the same law in NumPy.
+"""What all laws of motion have in common: numbers, fields, and the same law in NumPy.
 
-Taichi 1.7.4 by default takes local vectors apart into scalars and leaves it to LLVM 15 to find vectors again; on a
-processor that LLVM 15 does not know (Zen 4, Zen 5, ...) it makes pairs of numbers at best. `runtime.start` has them
-kept whole, in registers as wide as the processor has. Two things go wrong then: the address of an element of a vector
-field, so fields of vectors are pairs of scalar fields, side by side in memory; and `a -= b` of whole local vectors
-(LLVM aborts), so write a = a - b.
+By default Taichi 1.7.4 takes local vectors apart into scalars and leaves it to LLVM 15 to find vectors again. On a
+processor that LLVM 15 does not know (Zen 4, Zen 5, ...) it finds pairs at best. `runtime.start` keeps vectors whole, in
+registers as wide as the processor has. Two things go wrong then: the address of an element of a vector field, so fields
+of vectors are pairs of scalar fields, side by side in memory; and `a -= b` of whole local vectors (LLVM aborts), so
+write a = a - b.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from taichi_disk.config.potential import ExponentialPotential
 from taichi_disk.engine import ti
 from taichi_disk.lattice import Array, Lattice
+from taichi_disk.physics.ordering import Arrangement
 
 # NumPy arrays that kernels take.
 Integers1 = ti.types.ndarray(ti.i32, ndim=1)
@@ -24,47 +24,47 @@ Reals1 = ti.types.ndarray(ti.f64, ndim=1)
 Reals2 = ti.types.ndarray(ti.f64, ndim=2)
 Reals3 = ti.types.ndarray(ti.f64, ndim=3)
 
+Contents = list[tuple[tuple[Any, ...], ArrayLike]]
+"""What fields hold at the start: (fields, values (rows, fields)) pairs; row i goes to index i of each field."""
+
 
 @ti.func
 def get(pair: ti.template(), i):
-    """(x, y) at i of a pair of scalar fields."""
+    """Return the vector (x, y) at index i of a pair of scalar fields."""
     return ti.Vector([pair[0][i], pair[1][i]])
 
 
 @ti.func
 def put(pair: ti.template(), i, value):
-    """Set what `get` returns."""
     pair[0][i] = value[0]
     pair[1][i] = value[1]
 
 
 def side_by_side(builder: Any, count: int, fields: int, kind: Any = ti.f64) -> tuple[Any, ...]:
-    """`fields` fields of `count` numbers each. Those of one index lie together: loaded with one instruction."""
+    """Make `fields` fields of `count` numbers. Numbers of one index are adjacent, so one instruction loads them."""
     made = tuple(ti.field(kind) for _ in range(fields))
     builder.dense(ti.i, count).place(*made)
     return made
 
 
 def pair_of(builder: Any, count: int) -> tuple[Any, ...]:
-    """`count` vectors, as `get` and `put` take them."""
+    """Make a field of `count` vectors, for `get` and `put`."""
     return side_by_side(builder, count, 2)
 
 
 def array(builder: Any, count: int, kind: Any = ti.i32) -> Any:
-    """A field of `count` numbers."""
     return side_by_side(builder, count, 1, kind)[0]
 
 
 def scalar(builder: Any, kind: Any = ti.f64) -> Any:
-    """A 0-D field: a number that kernels read from a register, and that changes without compiling anew."""
+    """Make a 0-D field: a number that kernels read from a register, and that can change without a compilation."""
     field = ti.field(kind)
     builder.place(field)
     return field
 
 
-@dataclass(frozen=True)
-class Capacity:
-    """How many points, blocks of springs and entries of a factor a simulation's fields can hold."""
+class Capacity(NamedTuple):
+    """How many points, blocks of springs and entries of a factor the fields of a simulation can hold."""
 
     points: int
     blocks: int
@@ -74,60 +74,63 @@ class Capacity:
 class Law:
     """A force or a constraint: numbers, Taichi functions, and energy and forces in NumPy.
 
-    Outside a `Simulation` a law is a plain value: numbers and NumPy. A simulation copies the law and gives the copy
-    fields, which kernels read.
+    Outside a `Simulation` a law is a plain value object. A simulation copies the law and gives the copy fields, which
+    kernels read.
 
     Attributes:
         velocity_dependent: whether the force depends on velocity.
+        scalars: names of the numbers that kernels read, `k` from the 0-D field `k_now`. They can change without a
+            compilation.
+        switches: names of the attributes for which kernels are compiled: they say which parts of the law are absent.
     """
 
     velocity_dependent: bool = False
-
-    @property
-    def signature(self) -> tuple[Any, ...]:
-        """What kernels are compiled for, beside the class: which parts of the law are absent."""
-        return ()
+    switches: tuple[str, ...] = ()
 
     @property
     def scalars(self) -> tuple[str, ...]:
-        """Names of the numbers that kernels read, `k` from the 0-D field `k_now`: a new k needs no new compilation."""
         return ()
 
+    @property
+    def signature(self) -> tuple[Any, ...]:
+        """All of the law that kernels are compiled for."""
+        return (type(self), *(getattr(self, name) for name in self.switches))
+
     def make_fields(self, builder: Any, capacity: Capacity) -> None:
-        """Make the law's fields, those of `scalars` and others."""
+        """Make the fields of `scalars`, and others that a law needs."""
         for name in self.scalars:
             setattr(self, f"{name}_now", scalar(builder))
 
     def take_values(self, other: "Law") -> None:
-        """Become the value that `other`, a law with the same `signature`, is; the fields stay."""
-        for name, value in vars(other).items():
-            setattr(self, name, value)
+        """Copy the attributes of `other`, a law with the same `signature`; the fields stay."""
+        vars(self).update(vars(other))
 
     def numbers(self) -> list[tuple[Any, float]]:
-        """The 0-D fields, each with the number that it holds. (A simulation writes all of them with one kernel.)"""
+        """Return the 0-D fields, each with its number."""
         return [(getattr(self, f"{name}_now"), getattr(self, name)) for name in self.scalars]
 
-    def fill(self, lattice: Lattice) -> None:
-        """Write what the other fields hold of `lattice`."""
+    def contents(self, lattice: Lattice, arrangement: Arrangement) -> Contents:
+        """Return what the other fields hold for a lattice and the arrangement of its springs."""
+        return []
 
     # ---- in NumPy
 
     def energy(self, lattice: Lattice, x: Array) -> float:
-        """Potential energy [M c^2] with the points at `x` (n, 2) [R]; 0 where a law has none, or only in kernels."""
+        """Return the potential energy [M c^2] with the points at `x` (n, 2) [R]; 0 if only kernels know it."""
         return 0.0
 
     def forces(self, lattice: Lattice, x: Array) -> Array:
-        """Force (n, 2) [M c^2/R] on each point: minus the gradient of `energy`."""
+        """Return the force (n, 2) [M c^2/R] on each point: minus the gradient of `energy`."""
         return np.zeros_like(x)
 
     def damping_forces(self, lattice: Lattice, x: Array, v: Array) -> Array:
-        """Force (n, 2) [M c^2/R] that depends on the velocities `v` (n, 2) [c], with the points at `x` (n, 2) [R]."""
+        """Return the force (n, 2) [M c^2/R] of dashpots at positions `x` (n, 2) [R] and velocities `v` (n, 2) [c]."""
         return np.zeros_like(v)
 
     def stiffness(self, lattice: Lattice, x: Array) -> Any:
-        """Second derivative of `energy`, sparse (2n, 2n) [M c^2/R^2]; degrees of freedom x0, y0, x1, y1, ...
+        """Return the second derivative of `energy`, sparse (2n, 2n) [M c^2/R^2]; order x0, y0, x1, y1, ...
 
-        Newton's method needs it of springs, rigid wall and load; the others, the elastic wall too, give zero.
+        Only springs, rigid wall and load have one, because Newton's method needs no others; the rest return zero.
         """
         from scipy.sparse import csr_matrix
 
@@ -135,12 +138,12 @@ class Law:
 
 
 class Wall(ExponentialPotential, Law):
-    """What the disk meets; its energy is the column `wall`.
+    """What the disk hits; its energy is the column `wall`.
 
     Attributes:
-        is_elastic: whether the wall is a lattice, of points behind those of the disk.
-        has_friction: whether the wall resists sliding, by a Taichi function `rub`.
-        has_jumps: whether the force jumps where points of the disk pass from spring to spring of the wall.
+        is_elastic: whether the wall is a lattice, whose points follow those of the disk.
+        has_friction: whether the wall resists sliding, by a Taichi function `add_friction`.
+        has_jumps: whether the force jumps when a point of the disk passes from one spring of the wall to the next.
     """
 
     is_elastic: bool = False
@@ -148,16 +151,16 @@ class Wall(ExponentialPotential, Law):
     has_jumps: bool = False
 
     def contact_forces(self, lattice: Lattice, x: Array, *moving: Any) -> tuple[NDArray[np.intp], Array]:
-        """Return (points (k,), forces (k, 2) [M c^2/R]) of the wall on the points of the disk in its reach.
+        """Return (points (k,), forces (k, 2) [M c^2/R]) of the wall on the points of the disk within its reach.
 
-        `moving`: the velocities (n, 2) [c] and the springs, where friction counts.
+        `moving`: the velocities (n, 2) [c] and the springs, which friction depends on.
         """
         raise NotImplementedError
 
     def friction_on(self, lattice: Lattice, x: Array, v: Array, others: Array) -> Array:
         """Return the friction (n,) along the wall [M c^2/R] on points at `x` with velocities `v`, all (n, 2).
 
-        `others` (n, 2) are the other forces on them, which friction balances on a point that sticks.
+        `others` (n, 2) are the other forces on the points. Friction balances them if a point sticks.
         """
         return np.zeros(len(x))
 
@@ -165,7 +168,7 @@ class Wall(ExponentialPotential, Law):
 class BodyForce(Law):
     """A force on each point that depends on nothing but the point. Kernels add it while they move the point.
 
-    Its potential counts as `wall` in the time series if it is the model's wall, else as `load`.
+    Its potential counts as `wall` in the time series if it is the model's wall, otherwise as `load`.
     """
 
     at: Callable[..., Any]  # ti.func (state, i) -> force vector on point i [M c^2/R]

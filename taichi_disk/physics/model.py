@@ -1,4 +1,4 @@
-"""What acts in a scene: the laws, and no more of them than the scene needs."""
+"""The set of laws that act in a scene, without those that the scene does not need."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ class Model:
 
     @property
     def body_forces(self) -> tuple[BodyForce, ...]:
-        """In the order in which kernels add them."""
+        """Laws in the order in which kernels add them."""
         return tuple(law for law in self.laws if isinstance(law, BodyForce))
 
     @property
@@ -46,7 +46,7 @@ class Model:
 
     @property
     def solvable(self) -> bool:
-        """Whether `trapezoidal` serves: it takes no axial dashpots, and is of order 1 beside friction."""
+        """Whether `trapezoidal` is of use: it cannot take axial dashpots, and friction reduces its order to 1."""
         return self.springs.damped and not (self.springs.axial or self.has_friction)
 
     @property
@@ -76,20 +76,20 @@ class Model:
 
     def signature(self) -> tuple[Any, ...]:
         """All of the model that kernels are compiled for."""
-        return tuple((type(law), *law.signature) for law in self.laws)
+        return tuple(law.signature for law in self.laws)
 
     # ---- in NumPy
 
     def energy(self, lattice: Lattice, x: Array) -> float:
-        """Potential energy [M c^2] with the points at `x` (n, 2) [R]."""
+        """Return the potential energy [M c^2] with the points at `x` (n, 2) [R]."""
         return sum(law.energy(lattice, x) for law in self.laws)
 
     def forces(self, lattice: Lattice, x: Array) -> Array:
-        """Force (n, 2) on each point, without that of the dashpots [M c^2/R]."""
+        """Return the force (n, 2) on each point, without dashpots and friction [M c^2/R]."""
         return np.asarray(sum(law.forces(lattice, x) for law in self.laws))
 
     def forces_moving(self, lattice: Lattice, x: Array, v: Array) -> Array:
-        """Force (n, 2) on each point that moves with the velocity `v` (n, 2) [c]; 0 on those held fast."""
+        """Return the force (n, 2) on each point at the velocities `v` (n, 2) [c]; 0 for pinned points."""
         force = self.forces(lattice, x) + sum(law.damping_forces(lattice, x, v) for law in self.laws)
         if self.wall and self.wall.has_friction:
             force[:, 0] += self.wall.friction_on(lattice, x, v, force)
@@ -98,5 +98,5 @@ class Model:
         return np.asarray(force)
 
     def stiffness(self, lattice: Lattice, x: Array) -> Any:
-        """Second derivative of `energy`, but for an elastic wall, sparse (2n, 2n) [M c^2/R^2]."""
+        """Return the second derivative of `energy` without that of an elastic wall, sparse (2n, 2n) [M c^2/R^2]."""
         return sum(law.stiffness(lattice, x) for law in self.laws)

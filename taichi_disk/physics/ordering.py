@@ -1,9 +1,9 @@
 """Order the springs so that consecutive ones share no point, and split large lattices into subdomains.
 
-The points come in an order in which the ends of a spring are no further apart in the list than some `reach`, about
-1.5 sqrt(N). Subdomains of consecutive points, several times that long, can be moved in parallel: the springs inside one
-touch no other. The few springs across the seams are left for afterwards. So each spring is computed once, by one core
-at a time, and every sum is taken in the same order on however many cores: no atomic additions, bitwise reproducible.
+The points come in an order in which the two ends of a spring are at most `reach`, about 1.5 sqrt(N), apart in the list.
+Subdomains of consecutive points, several times as long, can be moved in parallel, because the springs inside one touch
+no other. The few springs across the seams are computed afterwards. So each spring is computed once, and every sum is
+taken in the same order on any number of cores: no atomic additions, bitwise reproducible.
 """
 
 from __future__ import annotations
@@ -14,9 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 BLOCK = 8  # springs handled together, so that their square roots and divisions become one vector instruction
-WINDOW = 16  # points whose springs are shuffled among themselves: few enough to stay in the first-level cache
+WINDOW = 16  # points whose springs are interleaved: few enough to stay in the first-level cache
 PARALLEL_FROM = 50_000  # points from which two cores gain clearly; they break even near 35,000
-MAX_SUBDOMAINS = 8  # of a large lattice: each more leaves another seam to one core
+MAX_SUBDOMAINS = 8  # of a large lattice; each further one leaves another seam to a single core
 MIN_REACHES = 4  # in a subdomain, so that few of its springs cross a seam
 
 
@@ -25,11 +25,11 @@ class Arrangement:
     """The springs in blocks of BLOCK, in the order in which a step takes them.
 
     Attributes:
-        ends: (slots, 2) int32; slots that fill up a block hold springs between two points of their own past the last.
-        source: (slots,) the spring in each slot; -1 where it only fills up.
-        subdomain_points: points of a subdomain (the last may have fewer); all of them where one core makes all steps.
-        subdomain_ends: (subdomains,) int32, the block up to which the springs inside each go; behind the last, the
-            seams.
+        ends: (slots, 2) int32; the springs that fill up a block join two extra points after the last point.
+        source: (slots,) the spring in each slot; -1 if it only fills up a block.
+        subdomain_points: points of a subdomain (the last may have fewer); all points if one core makes all steps.
+        subdomain_ends: (subdomains,) int32, the block at which the springs inside each subdomain end. The springs
+            across the seams follow.
     """
 
     ends: NDArray[np.int32]
@@ -38,16 +38,12 @@ class Arrangement:
     subdomain_ends: NDArray[np.int32]
 
     @property
-    def blocks(self) -> int:
-        return len(self.ends) // BLOCK
-
-    @property
     def subdomains(self) -> int:
         return len(self.subdomain_ends)
 
 
 def arrange(bonds: NDArray[np.int32], points: int) -> Arrangement:
-    """An arrangement of `bonds` (m, 2), sorted by their first points; in subdomains for a large lattice."""
+    """Arrange `bonds` (m, 2), which are sorted by their first points; a large lattice is cut into subdomains."""
     count = 1
     if points >= PARALLEL_FROM:
         reach = int((bonds[:, 1] - bonds[:, 0]).max())
@@ -68,11 +64,11 @@ def arrange(bonds: NDArray[np.int32], points: int) -> Arrangement:
 
 
 def interleave_springs(bonds: NDArray[np.int32], points: int) -> NDArray[np.int64]:
-    """Order (m,) of `bonds` (m, 2), which are sorted by their first point.
+    """Return an order (m,) of `bonds` (m, 2), which are sorted by their first point.
 
-    Adding to a point's force right after another spring has added to it waits for the store before. Springs of one
-    colour of a greedy edge colouring share no point; the springs of WINDOW points are taken colour by colour, which
-    keeps memory accesses close together. A step is 10 % faster for it.
+    A second addition to the force on a point has to wait until the first is stored. Springs of one colour of a greedy
+    edge colouring share no point. The springs of WINDOW points are taken colour by colour, which keeps memory accesses
+    close together and makes a step 10 % faster.
     """
     used = [0] * points  # bit set of the colours at each point
     colour = np.empty(len(bonds), dtype=np.int64)

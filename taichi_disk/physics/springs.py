@@ -1,7 +1,7 @@
 """Springs and dashpots: f_ij = -(k_a s + k_b s^3) e - eta (v_i - v_j), paper eqs. (1), (3) and (6).
 
-The paper's dashpots resist all relative velocity of their ends, that of a rotation too. Axial ones, which are not the
-paper's, take -eta ((v_i - v_j).e) e instead: they keep angular momentum.
+The paper's dashpots resist all relative velocity of their ends, including that of a rotation. Axial dashpots, which the
+paper does not have, exert -eta ((v_i - v_j).e) e instead and conserve angular momentum.
 
 s = |r_i - r_j| - L_ij is the stretch of a spring beyond its rest length L_ij, the distance in the unloaded lattice;
 e = (r_i - r_j)/|r_i - r_j|. (The plus sign before eta in eq. (1) is a slip of the paper: (3) and (6) have a minus.)
@@ -15,23 +15,24 @@ import numpy as np
 from taichi_disk.engine import ti
 from taichi_disk.lattice import Array, Lattice
 from taichi_disk.lattice.network import assemble
-from taichi_disk.physics.law import Capacity, Law, Reals1, get, put, side_by_side
+from taichi_disk.physics.law import Capacity, Contents, Law, get, put, side_by_side
 from taichi_disk.physics.ordering import BLOCK, Arrangement
 
 
 @ti.data_oriented
 @dataclass(eq=False)
 class Springs(Law):
-    """The springs of a lattice, and a dashpot beside each of them.
+    """The springs of a lattice, each with a dashpot in parallel.
 
-    Springs are taken a block of BLOCK at a time, so that square roots and divisions become vector instructions.
+    Kernels take blocks of BLOCK springs, so that square roots and divisions become vector instructions.
     """
 
     k_a: float = 1.0  # linear spring constant [M c^2/R^2]
     k_b: float = 0.0  # cubic spring constant [M c^2/R^4]; 0: no cubic term is computed
     eta: float = 0.0  # dashpot constant eta_dis = eta* m c/R of every spring [M c/R]; 0: no dashpots
-    axial: bool = False  # whether dashpots resist the part of a velocity along their spring alone
+    axial: bool = False  # whether dashpots resist only the relative velocity along their spring
     scalars = ("k_a", "k_b", "eta")
+    switches = ("cubic", "damped", "axial")
     unlike = False  # whether the springs have a `Lattice.stiffness`: a simulation sets it on its copy
 
     def __post_init__(self) -> None:
@@ -40,17 +41,13 @@ class Springs(Law):
 
     @property
     def modulus(self) -> float:
-        """Young's modulus of a lattice of them, about: 1.04 to 1.11 times this was measured [M c^2/R^2]."""
+        """Young's modulus of the lattice, about: measured values are 1.04 to 1.11 times larger [M c^2/R^2]."""
         return self.k_a
 
     @property
     def time_unit(self) -> float:
-        """In which a wave crosses R, about [R/c]; its inverse is the speed of sound [c]."""
+        """Time in which a wave crosses R, about [R/c]; its inverse is the speed of sound [c]."""
         return float(1.0 / np.sqrt(self.modulus))
-
-    @property
-    def signature(self) -> tuple[Any, ...]:
-        return (self.cubic, self.damped, self.axial)
 
     def make_fields(self, builder: Any, capacity: Capacity) -> None:
         super().make_fields(builder, capacity)
@@ -60,46 +57,28 @@ class Springs(Law):
         if self.unlike:
             self.factor = side_by_side(builder, capacity.blocks, BLOCK)
 
-    def arrange(self, lattice: Lattice, arrangement: Arrangement) -> None:
-        """Write the springs in the order in which kernels take them; `lattice` gives rest lengths and stiffness."""
-        filler = arrangement.source < 0
-        rest = np.where(filler, 1.0, lattice.rest_lengths[arrangement.source])
-        self._fill_springs(arrangement.ends, rest)
+    def contents(self, lattice: Lattice, arrangement: Arrangement) -> Contents:
+        source, ends = arrangement.source, arrangement.ends
+        numbers = [*ends.T, np.where(source < 0, 1.0, lattice.rest_lengths[source])]
+        fields = (*self.first, *self.second, *self.rest)
         if lattice.stiffness is not None:
-            self._fill_factors(np.where(filler, 1.0, lattice.stiffness[arrangement.source]))
-
-    @ti.kernel
-    def _fill_springs(self, ends: ti.types.ndarray(ti.i32, ndim=2), rest: Reals1):
-        ti.loop_config(serialize=True)
-        for _ in range(1):
-            b = 0
-            while b < rest.shape[0] // BLOCK:  # of a `for`, LLVM makes vectors, for longer than this takes
-                for k in ti.static(range(BLOCK)):
-                    self.first[k][b] = ends[b * BLOCK + k, 0]
-                    self.second[k][b] = ends[b * BLOCK + k, 1]
-                    self.rest[k][b] = rest[b * BLOCK + k]
-                b += 1
-
-    @ti.kernel
-    def _fill_factors(self, factors: Reals1):
-        ti.loop_config(serialize=True)
-        for b in range(factors.shape[0] // BLOCK):
-            for k in ti.static(range(BLOCK)):
-                self.factor[k][b] = factors[b * BLOCK + k]
+            numbers.append(np.where(source < 0, 1.0, lattice.stiffness[source]))
+            fields += self.factor
+        return [(fields, np.concatenate([column.reshape(-1, BLOCK) for column in numbers], axis=1))]
 
     @ti.func
     def add(self, state: ti.template(), dashpots: ti.template(), begin, end):
-        """Add the forces of the springs in blocks begin..end (with `dashpots`: also theirs, at the velocities u).
+        """Add the forces of the springs in blocks begin..end, and of their `dashpots` at the velocities u.
 
-        Returns the elastic energy sum(k_a s^2/2 + k_b s^4/4) [M c^2] and sum((u_i - u_j).(w_i - w_j)) over these
-        springs [c^2] with w = (u + 2 v)/3, from which the energy balance has the power lost in the dashpots. Of axial
-        dashpots it is the part along the spring; of unlike springs each is multiplied by its stiffness.
+        Returns the elastic energy sum(k_a s^2/2 + k_b s^4/4) [M c^2] and, for the power lost in the dashpots,
+        sum((u_i - u_j).(w_i - w_j)) [c^2] over these springs with w = (u + 2 v)/3. Axial dashpots count only the
+        components along the spring; springs with a stiffness factor are weighted with it.
         """
         all_k_a, all_k_b, all_eta = self.k_a_now[None], self.k_b_now[None], self.eta_now[None]
         energy = ti.Vector.zero(ti.f64, BLOCK)
         products = ti.Vector.zero(ti.f64, BLOCK)
         for block in range(begin, end):
-            k_a, k_b, eta = [self.stiffened(one, block) for one in [all_k_a, all_k_b, all_eta]]
+            k_a, k_b, eta = [self.stiffened(constant, block) for constant in [all_k_a, all_k_b, all_eta]]
             dx, dy = self.differences(state.x, block)
             rest = ti.Vector([self.rest[k][block] for k in range(BLOCK)])
             r = ti.sqrt(dx * dx + dy * dy)
@@ -131,7 +110,7 @@ class Springs(Law):
 
     @ti.func
     def stiffened(self, value, block):
-        """`value`, one or BLOCK, times the stiffness of the springs of a block; as it is where all are alike."""
+        """Multiply `value`, a number or BLOCK numbers, by the stiffness factors of a block, if there are any."""
         if ti.static(self.unlike):
             return value * ti.Vector([self.factor[k][block] for k in range(BLOCK)])
         else:
@@ -139,17 +118,17 @@ class Springs(Law):
 
     @ti.func
     def differences(self, pair: ti.template(), block):
-        """x and y of what the first end of each spring of a block has more than the second."""
+        """Return x and y of the difference between the first and the second end of each spring of a block."""
         x, y = ti.static(pair[0], pair[1])
         i = [self.first[k][block] for k in range(BLOCK)]
         j = [self.second[k][block] for k in range(BLOCK)]
-        # x and y of a point stand side by side: loaded and subtracted together.
+        # x and y of a point are adjacent in memory: they are loaded and subtracted together.
         d = [ti.Vector([x[i[k]], y[i[k]]]) - ti.Vector([x[j[k]], y[j[k]]]) for k in range(BLOCK)]
-        return ti.Vector([one[0] for one in d]), ti.Vector([one[1] for one in d])
+        return ti.Vector([vector[0] for vector in d]), ti.Vector([vector[1] for vector in d])
 
     @ti.func
     def damped_part(self, state: ti.template(), k: ti.template(), block, velocity):
-        """What the dashpot of spring k of a block resists of a relative `velocity` of its ends, times its stiffness."""
+        """Return the component of a relative `velocity` that the dashpot of spring k damps, times its stiffness."""
         part = velocity
         if ti.static(self.unlike):
             part = self.factor[k][block] * velocity
@@ -169,33 +148,33 @@ class Springs(Law):
 
     @staticmethod
     def ends_apart(lattice: Lattice, x: Array) -> Array:
-        """(2, m) x and y of what the first end of each spring has more than the second."""
+        """Return x and y (2, m) of the difference between the first and the second end of each spring."""
         i, j = lattice.bonds.T
-        return np.stack([one[i] - one[j] for one in x.T])  # columns are gathered nine times faster than pairs
+        return np.stack([column[i] - column[j] for column in x.T])  # columns are gathered nine times faster than pairs
 
     @staticmethod
     def lengths(vectors: Array) -> Array:
-        """(m,) of `vectors` (2, m)."""
+        """Return the lengths (m,) of `vectors` (2, m)."""
         return np.asarray(np.sqrt(vectors[0] * vectors[0] + vectors[1] * vectors[1]))
 
     def stretch(self, lattice: Lattice, x: Array) -> Array:
-        """(m,) length of each spring beyond its rest length [R]."""
+        """Return the stretch (m,) of each spring beyond its rest length [R]."""
         return self.lengths(self.ends_apart(lattice, x)) - lattice.rest_lengths
 
     def strain(self, lattice: Lattice, x: Array) -> Array:
-        """(m,) stretch over rest length."""
+        """Return the stretch (m,) of each spring over its rest length."""
         return self.stretch(lattice, x) / lattice.rest_lengths
 
     def tension(self, lattice: Lattice, x: Array) -> Array:
-        """(m,) pull k_a s + k_b s^3 of each spring, positive where it is stretched [M c^2/R]."""
+        """Return the tension (m,) k_a s + k_b s^3 of each spring, positive if it is stretched [M c^2/R]."""
         return self.pull(lattice, self.stretch(lattice, x))
 
     def pull(self, lattice: Lattice, s: Array) -> Array:
-        """k_a s + k_b s^3 of stretches `s` (m,) [M c^2/R]."""
+        """Return the tensions k_a s + k_b s^3 at the stretches `s` (m,) [M c^2/R]."""
         return np.asarray(lattice.stiffened(s * (self.k_a + self.k_b * s * s)))
 
     def energies(self, lattice: Lattice, x: Array) -> Array:
-        """(m,) k_a s^2/2 + k_b s^4/4 of each spring [M c^2]."""
+        """Return the energy (m,) k_a s^2/2 + k_b s^4/4 of each spring [M c^2]."""
         square = self.stretch(lattice, x) ** 2
         return np.asarray(lattice.stiffened((0.5 * self.k_a + 0.25 * self.k_b * square) * square))
 
@@ -216,14 +195,14 @@ class Springs(Law):
 
     @staticmethod
     def _gathered(lattice: Lattice, n: int, pulls: Array) -> Array:
-        """(n, 2) force on each point where the springs pull their first ends back by `pulls` (2, m)."""
+        """Sum `pulls` (2, m), subtracted at first ends and added at second ends, to forces (n, 2)."""
         i, j = lattice.bonds.T
         return np.stack([np.bincount(j, pull, n) - np.bincount(i, pull, n) for pull in pulls], axis=1)
 
     def stiffness(self, lattice: Lattice, x: Array, rate: float = 0.0) -> Any:
-        """A spring of length r and tension T adds T' e e^T (material) + T/r (1 - e e^T) (geometric).
+        """Return the stiffness: of a spring of length r and tension T it is T' e e^T + T/r (1 - e e^T).
 
-        With `rate` [c/R], what resists a displacement that grows as exp(rate t): `rate` times the dashpots, too.
+        With `rate` [c/R], `rate` times the damping matrix is added, for displacements that grow as exp(rate t).
         """
         s = self.stretch(lattice, x)
         length = s + lattice.rest_lengths

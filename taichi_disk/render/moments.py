@@ -1,4 +1,4 @@
-"""Which moments of a run are shown, and the words beside each."""
+"""Choose the moments of a run for films and stills, and the text of each picture."""
 
 from __future__ import annotations
 
@@ -17,17 +17,17 @@ Run = Outcome
 Cue = tuple[float, str | None]  # t [R/c] and the last line, None for the result
 
 MOMENTS = {"greatest": "greatest compression", "contact": "first contact", "end": None}
-CONTACT_FORCE = 0.01  # of the wall's largest force, from which on the disk touches the wall
-_PAUSE, _END = 0.06, 0.10  # parts of a film that stand still at the greatest compression, and at the end
-_LOOKS = 12  # times before the greatest compression from which the scale of colours is taken
-_FINE = 1000  # times by which the pace of a whole film is known when a part of it is filmed
+CONTACT_FORCE = 0.01  # first contact, as a fraction of the wall's largest force
+_PAUSE, _END = 0.06, 0.10  # fractions of a film that pause at the greatest compression and at the end
+_SCALE_TIMES = 12  # times before the greatest compression that set the scale of colours
+_PACE_TIMES = 1000  # samples of the pace of a whole film, for a film of a part of it
 
 
 @dataclass(frozen=True)
 class Span:
-    """What is shown of a run: a picture `at` a moment, a film from `start` to `end`; all of it by default.
+    """Part of a run: the moment `at` of a still, `start` and `end` of a film (by default the whole run).
 
-    A moment is a time [R/c] (of a loading the part of the load), or one of MOMENTS.
+    A moment is a time [R/c] (for quasi-static loading the fraction of the load), or one of MOMENTS.
     """
 
     at: float | str = "greatest"
@@ -39,7 +39,7 @@ WHOLE = Span()
 
 
 def time_of(moment: Any, columns: dict[str, Array]) -> float:
-    """Return the time [R/c] of a moment. Raises InputError for a time outside the run, or another word."""
+    """Return the time [R/c] of a moment. Raises InputError for a time outside the run or an unknown word."""
     last, force = float(columns["t"][-1]), columns["wall_force"]
     if moment == "greatest":
         return greatest_compression(columns)
@@ -57,9 +57,9 @@ def time_of(moment: Any, columns: dict[str, Array]) -> float:
 
 
 def cues(runs: Sequence[Run], frames: int, fps: int, span: Span) -> list[Cue]:
-    """Return the pictures of a film, those of the run that lasts longest. Equal times in succession are one picture.
+    """Return the cues of a film, which follow the run that lasts longest; repeated times are a pause.
 
-    Raises InputError for a span that is none.
+    Raises InputError for an empty span.
     """
     count = max(3, frames)
     longest = max(runs, key=lambda run: float(run.columns["t"][-1]))
@@ -67,14 +67,14 @@ def cues(runs: Sequence[Run], frames: int, fps: int, span: Span) -> list[Cue]:
     first = 0.0 if span.start is None else time_of(span.start, columns)
     last = time_of("end" if span.end is None else span.end, columns)
     if not first < last:
-        raise InputError(f"a film has to end after it begins, not from {first:.6g} to {last:.6g} R/c")
+        raise InputError(f"a film must end after it begins; this one goes from {first:.6g} to {last:.6g} R/c")
     peak, whole = greatest_compression(columns), last == columns["t"][-1]
     has_peak = first <= peak <= last
     pause = round(_PAUSE * count) if has_peak else 0
     end = max(round(_END * count), 1) if whole else 0
     times = scenario.frame_times(columns, count - pause - end)
     if first > 0.0 or not whole:  # at the pace of the whole film
-        every, number = scenario.frame_times(columns, _FINE), np.arange(_FINE)
+        every, number = scenario.frame_times(columns, _PACE_TIMES), np.arange(_PACE_TIMES)
         begin, stop = np.interp([first, last], every, number)
         times = np.asarray(np.interp(np.linspace(begin, stop, count - pause - end), number, every))
     greatest = int(np.abs(times - peak).argmin())
@@ -89,45 +89,45 @@ def cues(runs: Sequence[Run], frames: int, fps: int, span: Span) -> list[Cue]:
 
 
 def still_cue(run: Run, span: Span) -> Cue:
-    """Return the only picture of a still."""
+    """Return the cue of a still."""
     return time_of(span.at, run.columns), MOMENTS.get(str(span.at), "")
 
 
 def lines(run: Run, cues: Sequence[Cue]) -> Iterator[tuple[str, ...]]:
-    """Yield the lines for each cue; after the end of the run the observables are those of its end."""
+    """Yield the lines of text for each cue; after the end of the run observables keep their last values."""
     scenario, columns, times = run.scenario, run.columns, [t for t, _ in cues]
     peak = greatest_compression(columns)
     rows = {name: np.interp(times, columns["t"], values) for name, values in columns.items()} | {"t": times}
     for k, (t, note) in enumerate(cues):
         last = f"*{scenario.marks(columns)[0]}" if note is None else note
         if note == MOMENTS["greatest"] and abs(t - peak) > 0.01 * peak:
-            last = ""  # it is that of another run
+            last = ""  # the cue belongs to another run
         yield *scenario.caption({name: float(values[k]) for name, values in rows.items()}), last
 
 
 def scale_times(scenario: Scenario, columns: dict[str, Array]) -> list[float]:
-    """Return the times [R/c] whose values a film's colours reach to: up to the greatest compression."""
+    """Return the times [R/c] that set the scale of a film's colours, up to the greatest compression."""
     peak = greatest_compression(columns)
-    return [*[t for t in scenario.frame_times(columns, 2 * _LOOKS).tolist() if t < peak][-_LOOKS:], peak]
+    return [*[t for t in scenario.frame_times(columns, 2 * _SCALE_TIMES).tolist() if t < peak][-_SCALE_TIMES:], peak]
 
 
 # ---- runs side by side
 
 _SYMBOLS = {"eta_star": "η*", "viscosity": "η", "velocity": "v", "friction": "μ", "points": "N", "pressure": "P"}
-MOST_RUNS = 4
-_SECTIONS = ("time", "video")  # which make no other physics
+MAX_RUNS = 4
+_NOT_PHYSICAL = ("time", "video")  # sections
 
 
 def check_runs(runs: Sequence[Run]) -> None:
     """Raise InputError unless `runs` can be shown side by side."""
-    if len(runs) > MOST_RUNS:
-        raise InputError(f"{len(runs)} runs side by side: compare {MOST_RUNS} at most")
+    if len(runs) > MAX_RUNS:
+        raise InputError(f"{len(runs)} runs side by side: compare {MAX_RUNS} at most")
     if len({(run.scenario.time_label, *run.scenario.labels) for run in runs}) > 1:
-        raise InputError("these runs cannot be compared: they have no time, or no result, in common")
+        raise InputError("these runs cannot be compared: they differ in the meaning of time or in their results")
 
 
 def titles(runs: Sequence[Run]) -> list[tuple[str, ...]]:
-    """Return the lines above each run; side by side they begin with what sets the runs apart."""
+    """Return the title lines of each run; in a comparison the first line shows the keys that differ."""
     scenes = [run.scenario.scene for run in runs]
     if len(runs) == 1 or len({scene.scene for scene in scenes}) > 1:
         return [run.scenario.title() for run in runs]
@@ -135,7 +135,7 @@ def titles(runs: Sequence[Run]) -> list[tuple[str, ...]]:
     for name, section in scenes[0].sections().items():
         for one, key in section.schema().items():
             values = [getattr(getattr(scene, name), one) for scene in scenes]
-            if name not in _SECTIONS and len(set(values)) > 1:
+            if name not in _NOT_PHYSICAL and len(set(values)) > 1:
                 unit = key.unit[1:] if key.unit.startswith("1/") else f" {key.unit}" if key.unit else ""
                 for part, value in zip(parts, values, strict=True):
                     number = f"{value:g}{unit}" if isinstance(value, float) else f"{value}"

@@ -10,7 +10,7 @@ import numpy as np
 
 from taichi_disk.computation.outcome import Outcome
 from taichi_disk.lattice import Array
-from taichi_disk.output.plot import HEIGHTS, LINE, MARK, STYLE, draw_curves, matplotlib_style
+from taichi_disk.output.plot import LINE, MARK, PANEL_HEIGHTS, STYLE, draw_curves, matplotlib_style
 from taichi_disk.render import kernels
 from taichi_disk.render.geometry import Camera, View
 from taichi_disk.render.legend import LEAST, Legend
@@ -121,7 +121,7 @@ def side_panel(runs: Sequence[Outcome], names: Sequence[str], size: int, theme: 
         # A hair larger, as matplotlib rounds down.
         figure = Figure(figsize=((width + 0.1) / dpi, (size + 0.1) / dpi), dpi=dpi)
         canvas = FigureCanvasAgg(figure)
-        axes = list(figure.subplots(3, 1, sharex=True, height_ratios=HEIGHTS))
+        axes = list(figure.subplots(3, 1, sharex=True, height_ratios=PANEL_HEIGHTS))
         lines = []
         for run, style in zip(runs, _LINES, strict=False):
             lines += draw_curves(axes, run.scenario, run.columns, linestyle=style)

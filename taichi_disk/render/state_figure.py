@@ -1,4 +1,4 @@
-"""A state on Matplotlib axes, in the colours of films: for papers, and beside curves."""
+"""Draw a state on Matplotlib axes in the colours of films, for papers."""
 
 from __future__ import annotations
 
@@ -23,9 +23,9 @@ from taichi_disk.render.moments import Run, Span, still_cue
 from taichi_disk.render.painter import Painter
 from taichi_disk.render.palette import THEMES
 
-_SPRING, _OUTLINE = 0.04, 0.9  # width of a spring in parts of its length, of the outline [points]
-_WIDEST = 0.6  # a spring [points]
-_SPRING_INK = 0.25  # how opaque a spring is
+_SPRING_WIDTH = 0.04  # in units of the median rest length
+_MAX_SPRING_WIDTH, _OUTLINE_WIDTH = 0.6, 0.9  # [points]
+_SPRING_OPACITY = 0.25
 
 
 def draw_state(run: Run, video: VideoSection, t: float | str, ax: Axes | None = None) -> Figure:
@@ -50,7 +50,7 @@ def draw_state(run: Run, video: VideoSection, t: float | str, ax: Axes | None = 
 
 def _draw(ax: Axes, states: States, video: VideoSection, x: Any, v: Any, title: str) -> None:
     painter, theme, (xmin, xmax, ymin, ymax) = states.painter, THEMES[video.theme], states.view
-    painter.draw = "both"  # the field has the colours of the field
+    painter.draw = "both"  # with "springs" the field would have no colours
     ax.set(xlim=(xmin, xmax), ylim=(ymin, ymax), aspect="equal", facecolor=theme.ground)
     ax.set(xlabel="x  [R]", ylabel="y  [R]", title=title)
     ax.grid(visible=False)
@@ -61,19 +61,21 @@ def _draw(ax: Axes, states: States, video: VideoSection, x: Any, v: Any, title: 
     points, each, corners = painter.mesh(x, painter.normalised(painter.values(x, v)))
     ax.add_collection(_mesh(*haze, 1.0), autolim=False)
     ax.add_collection(_mesh(points, painter.colours(each), 2.0, corners), autolim=False)
-    widest = 72.0 / ax.figure.dpi * ax.get_window_extent().width / (xmax - xmin)  # points per R
-    width = min(_WIDEST, _SPRING * widest * float(np.median(painter.lattice.rest_lengths)))
+    unit = 72.0 / ax.figure.dpi * ax.get_window_extent().width / (xmax - xmin)  # points per R
+    width = min(_MAX_SPRING_WIDTH, _SPRING_WIDTH * unit * float(np.median(painter.lattice.rest_lengths)))
     if painter.colour != "fringes":
-        ink: dict[str, Any] = {"colors": theme.ink, "linewidths": width, "alpha": _SPRING_INK, "zorder": 3.0}
+        ink: dict[str, Any] = {"colors": theme.ink, "linewidths": width, "alpha": _SPRING_OPACITY, "zorder": 3.0}
         ax.add_collection(LineCollection(list(x[painter.lattice.bonds]), **ink), autolim=False)
     sides = np.concatenate([painter.triangles.outline, painter.triangles.interfaces])
-    ax.add_collection(LineCollection(list(x[sides]), colors=theme.ink, linewidths=_OUTLINE, zorder=4.0), autolim=False)
+    ax.add_collection(
+        LineCollection(list(x[sides]), colors=theme.ink, linewidths=_OUTLINE_WIDTH, zorder=4.0), autolim=False
+    )
     ax.add_collection(_mesh(*solid, 5.0), autolim=False)
     ax.figure.colorbar(_scale(painter), ax=ax, label=_label(painter), shrink=0.8)
 
 
 def _mesh(points: Any, colours: Any, order: float, corners: Any = None) -> TriMesh:
-    """Return triangles between `points` (k, 2) [R] with `colours` (k, 3); by default three points in turn are one."""
+    """Return triangles between `points` (k, 2) [R] with `colours` (k, 3); by default every three points form one."""
     corners = np.arange(len(points)).reshape(-1, 3) if corners is None else corners
     mesh = TriMesh(Triangulation(points[:, 0], points[:, 1], corners), zorder=order)
     mesh.set_facecolor(list(map(tuple, colours.astype(float))))
@@ -81,7 +83,7 @@ def _mesh(points: Any, colours: Any, order: float, corners: Any = None) -> TriMe
 
 
 def _scale(painter: Painter) -> ScalarMappable:
-    """The map of colours with its values; of fringes with their order."""
+    """Return the colour map with its scale; for fringes the scale is their order."""
     if painter.colour == "fringes":
         places = np.linspace(0.0, 1.0, 256)
         return ScalarMappable(Normalize(0.0, 1.0), ListedColormap(painter.colours(places)))

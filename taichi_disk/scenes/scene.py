@@ -1,4 +1,4 @@
-"""A scene as a value: sections that agree with each other, checked, written out or changed. Each kind is a subclass."""
+"""Scenes as values: sections of keys, which are checked, written and changed. Each kind of scene is a subclass."""
 
 from __future__ import annotations
 
@@ -40,16 +40,16 @@ MAX_VELOCITY = 100.0  # of a point at the start [c]
 
 
 class DiskScene(Frozen):
-    """What every kind of scene has.
+    """Base class of all kinds of scenes.
 
-    A kind narrows `scene` to its name, adds sections of its own, and `of_body`, which makes the scene ready to be
-    stepped.
+    A kind sets `scene` to its name, adds sections, and defines `of_body`.
 
     Attributes:
-        title: the kind in words.
-        lattice_keys: the sections and keys on which `body` depends.
-        abscissa, results: of a sweep, the key that curves are drawn against, the numbers of each scene.
-        optional_results: numbers that only some scenes have.
+        title: description of the kind.
+        lattice_keys: sections and keys on which `body` depends.
+        abscissa: section and key against which a sweep draws curves.
+        results: names of the results.
+        optional_results: names of results that only some scenes have.
     """
 
     title: ClassVar[str] = ""
@@ -66,26 +66,26 @@ class DiskScene(Frozen):
 
     @classmethod
     def sections(cls) -> dict[str, Section]:
-        """The sections of this kind of scene at their defaults, by name, in the order in which they are written."""
+        """Return the default sections by name, in the order in which they are written."""
         ordered = sorted(fields(cls), key=lambda one: one.name in ("time", "video"))
         return {one.name: cast(Section, one.default) for one in ordered if one.name != "scene"}
 
     @classmethod
     def homes(cls, key: str) -> list[tuple[str, str]]:
-        """(section, key) of every key of that name; `key` may be dotted and then names one section's."""
+        """Return (section, key) of every key of that name, which may be dotted to name the section, too."""
         *home, name = key.split(".")
         return [(one, name) for one, keys in cls.sections().items() if name in keys.schema() and home in ([], [one])]
 
     def conflicts(self) -> Conflicts:
-        """Disagreements between keys that are valid by themselves; a kind adds its own."""
-        spec, material, usual = self.lattice, self.material, self.usual_eta_star()
+        """Return conflicts between keys that are valid by themselves; a kind adds its own."""
+        spec, material, usual = self.lattice, self.material, type(self).material.eta_star
         found: Conflicts = []
         if material.viscosity != "auto" and material.eta_star != usual:
             both = f"{material.viscosity:g} and material.eta_star = {material.eta_star:g} both set the dashpots"
             found.append(
                 ("material.viscosity", f"{both}: write auto, or leave material.eta_star at its default, {usual:g}")
             )
-        if spec.file != "none":  # which says all of the lattice
+        if spec.file != "none":  # which defines the whole lattice
             return found
         faults = circle_faults(spec.points, spec.hole, spec.core_radius)
         found += [(f"lattice.{key}", fault) for key, fault in faults]
@@ -94,22 +94,17 @@ class DiskScene(Frozen):
                 found.append((f"lattice.{key}", "there is no core: write lattice.core_radius, too, or leave this out"))
         return found
 
-    @classmethod
-    def usual_eta_star(cls) -> float:
-        """The default of this kind of scene, which may stand beside `material.viscosity`."""
-        return cast(MaterialSection, cls.sections()["material"]).eta_star
-
     def unused(self) -> Collection[tuple[str, str]]:
-        """(section, key) that change nothing beside `lattice.file`, and so cannot be swept."""
+        """Return (section, key) of the keys without effect beside `lattice.file`, which cannot be swept."""
         if self.lattice.file == "none":
             return []
         return [("lattice", key) for key in self.lattice.schema() if key not in ("file", "velocities")]
 
     def with_(self, changes: Mapping[str, Any] | None = None, /, **keys: Any) -> Self:
-        """The scene with some keys changed: `scene.with_(eta_star=30)`, `scene.with_({"wall.a": 3000})`.
+        """Return the scene with some keys changed: `scene.with_(eta_star=30)`, `scene.with_({"wall.a": 3000})`.
 
-        A key's own name is enough where only one section has it; a section's name takes a mapping of some of its keys.
-        Raises InputError with every fault at once.
+        A key needs no section if its name is unique; a section takes a mapping of its keys.
+        Raises InputError with all faults.
         """
         if not isinstance(changes or {}, Mapping) or not all(isinstance(name, str) for name in changes or ()):
             raise InputError(f'with_: takes keys and values, as {{"wall.a": 3000}}, not {changes!r:.60}')
@@ -129,7 +124,7 @@ class DiskScene(Frozen):
         return cast("Self", found)
 
     def to_yaml(self, leave_out: Collection[str] = ()) -> str:
-        """The whole scene but the dotted keys `leave_out`, with units; reading it gives an equal scene."""
+        """Return the scene as YAML with units, without the dotted keys `leave_out`; reading it gives an equal scene."""
         lines = [f"scene: {self.scene}"]
         for name, section in self.sections().items():
             lines.append(f"{name}:")
@@ -155,7 +150,7 @@ class DiskScene(Frozen):
         return 0.0
 
     def body(self) -> Lattice:
-        """The unloaded lattice. Raises InputError for a file that holds no disk, SimulationError as `disk_lattice`."""
+        """Return the unloaded lattice. Raises InputError if its file holds no disk, or as `disk_lattice`."""
         spec = self.lattice
         if spec.file != "none":
             return read_lattice(spec.file)
@@ -164,14 +159,14 @@ class DiskScene(Frozen):
 
     @abstractmethod
     def of_body(self, body: Lattice) -> Scenario:
-        """The scene of the unloaded lattice `body`, as the method `body` gives it or without its wall."""
+        """Return the scene of the unloaded lattice `body`, with or without its wall, ready to be computed."""
 
     def scenario(self, lattice: Lattice | None = None, velocities: Array | None = None) -> Scenario:
-        """The scene ready to be stepped.
+        """Return the scene ready to be computed.
 
         Args:
-            lattice: an unloaded disk to take instead of the scene's own, or one with its wall as `body` gives it.
-            velocities: (N, 2) [c] of the disk's points at t = 0 instead of the scene's own.
+            lattice: unloaded disk to use instead of the scene's, or a disk with its wall as from `body`.
+            velocities: (N, 2) initial velocities of the disk's points to use instead of the scene's [c].
         """
         body = lattice or self.body()
         own = own_start(self.lattice, body, velocities).velocities
@@ -194,12 +189,12 @@ class DiskScene(Frozen):
         return self
 
     def moduli(self, points: int) -> Moduli:
-        """Of the material of a disk of `points` random points."""
+        """Return the moduli of the material of a disk of `points` random points."""
         spec = self.lattice
         return bulk_moduli(points, spec.seed, self.material.k_a, spec.min_spacing)
 
     def springs(self, lattice: Lattice) -> Springs:
-        """Springs and dashpots of the scene's material."""
+        """Return the springs and dashpots of the scene's material."""
         from taichi_disk.physics import Springs
 
         material = self.material
@@ -215,14 +210,14 @@ class DiskScene(Frozen):
         if key != "lattice.points" or name == "viscosity" or not number or self.lattice.file != "none":
             return {key: value}
         eta = self.material.eta(self.lattice.points)
-        return {key: value, "material.viscosity": eta, "material.eta_star": self.usual_eta_star()}
+        return {key: value, "material.viscosity": eta, "material.eta_star": type(self).material.eta_star}
 
     def in_time(self) -> Self:
         """Return the scene by a method that moves the disk in time."""
         return self
 
     def notes(self, points: int) -> list[str]:
-        """What a person should know of a result that depends on the dashpots of a disk of so many points."""
+        """Return notes for the user on a result with `points` points: how viscous the body is."""
         (name, value), paper = self.material.dashpots, LatticeSection.points
         if name == "viscosity" or not value or points == paper:
             return []
@@ -234,17 +229,17 @@ class DiskScene(Frozen):
 
     @property
     def damping(self) -> str:
-        """The viscosity in a few words, for titles."""
+        """The viscosity, for titles."""
         name, value = self.material.dashpots
         return f"η* = {value:g}" if name == "eta_star" else f"η = {value:g} Mc/R"
 
     def described(self, lattice: Lattice) -> str:
-        """The lattice in a few words, for titles."""
+        """Return the number of points and the origin of the lattice, for titles."""
         return f"N = {lattice.disk_points:,}    {lattice.origin}"
 
 
 def yaml_scalar(value: Value) -> str:
-    """YAML text that reads back as the same value, in YAML 1.1 as in 1.2."""
+    """Return YAML text that reads back as the same value in YAML 1.1 and 1.2."""
     if isinstance(value, str) and re.fullmatch(r"[a-z][a-z0-9]+(_[a-z]+)*", value):
         return value
     text = json.dumps(value, ensure_ascii=False)  # a path: quoted; a float: the shortest text that reads back bit-equal
@@ -258,7 +253,7 @@ Kinds: TypeAlias = Mapping[str, type[DiskScene]]  # of scenes, by the name that 
 
 
 def check(tree: Tree, kinds: Kinds) -> DiskScene | None:
-    """The scene that the tree describes; None where it has faults, which are added to the tree's."""
+    """Return the scene that the tree describes, or None if it has faults, which are added to the tree."""
     kind = tree.value.get("scene")
     if isinstance(kind, str) and kind in kinds:
         return _read(kind, tree, kinds)
@@ -273,7 +268,7 @@ def check(tree: Tree, kinds: Kinds) -> DiskScene | None:
         paths = [path for path in tree.entries if path and path[0] in sections]
         return sum(set(path[1:2]) <= sections[path[0]].schema().keys() for path in paths)
 
-    # The other keys are checked as those of the kind that was probably meant, else of the one that has most of them.
+    # The other keys are checked for the kind that was probably meant, or else for the kind that has most of them.
     _read((nearest(kind, kinds) or [max(kinds, key=known)])[0], tree, kinds)
     return None
 
@@ -304,7 +299,7 @@ def _read(kind: str, tree: Tree, kinds: Kinds) -> DiskScene | None:
 
 
 def _value(kind: str, path: Keys, value: Any, tree: Tree, kinds: Kinds) -> Any:
-    """`value` as the scene keeps it, or a fault."""
+    """Return `value` as the scene stores it; a fault is added to the tree."""
     key, entry = kinds[kind].sections()[path[0]].schema().get(path[1]), tree.entry(path)
     if key is None:
         tree.fault(entry.key, path, _unknown(kind, path, kinds))
@@ -315,7 +310,7 @@ def _value(kind: str, path: Keys, value: Any, tree: Tree, kinds: Kinds) -> Any:
         what = f"must be {key.allowed()}, not {entry.shown}{hint} ({key.meaning})"
         tree.fault(entry.value, path, what)
     elif path in (("lattice", "file"), ("lattice", "velocities")) and value != "none":
-        # On the command line a name counts from the working directory, in a scene file from the file's folder.
+        # A path is relative to the working directory on the command line, and to the folder of a scene file in it.
         folder = "" if entry.value.rank else tree.folder
         return os.path.realpath(os.path.join(folder, os.path.expanduser(value)))
     elif key.kind is float and not isinstance(value, str):
@@ -324,7 +319,7 @@ def _value(kind: str, path: Keys, value: Any, tree: Tree, kinds: Kinds) -> Any:
 
 
 def _unknown(kind: str, path: Keys, kinds: Kinds) -> str:
-    """Why the key at `path` is not one of this kind of scene, and what was probably meant."""
+    """Return why the scene has no key at `path`, and what was probably meant."""
     section, *keys = path
     if path[-1].lower() in UNITS:
         return f"no key: {UNITS[path[-1].lower()]}"

@@ -1,4 +1,4 @@
-"""What scenes of one lattice share, and a process remembers: it takes longer to find than a run on it."""
+"""Cache of lattices and their spectra, which may take longer to compute than a run."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ from taichi_disk.lattice import file_digest
 from taichi_disk.scenes import Scene
 from taichi_disk.signals import interruptible
 
-KEPT_POINTS = 100_000  # of all lattices that are remembered
+MAX_POINTS = 100_000  # of all cached lattices
 
 
 class LatticeSetup:
-    """The unloaded lattice `body` of a scene, with what follows from it."""
+    """The unloaded lattice `body` of a scene, with its moduli and spectra."""
 
     def __init__(self, scene: Scene) -> None:
         self._scene, self.body = scene, interruptible(scene.body)
@@ -23,35 +23,35 @@ class LatticeSetup:
 
     @cached_property
     def moduli(self) -> dict[str, float]:
-        """`young` E [M c^2/R^2] and `poisson` nu of its material; empty for a lattice from a file."""
+        """`young` E [M c^2/R^2] and `poisson` nu of the material; empty for a lattice from a file."""
         if self._scene.lattice.file != "none":
             return {}
         found = self._scene.moduli(self._scene.lattice.points)
         return {"young": found.young, "poisson": found.poisson}
 
     def modes(self, model: Any) -> Any:
-        """Its spectrum, with the dashpots of `model` if there are any."""
+        """Return the spectrum of the lattice with the springs and dashpots of `model`."""
         from taichi_disk.computation.stability import spectrum
 
-        key = model.springs.damped, model.springs.k_b  # which stiffens springs that are strained at rest
+        key = model.springs.damped, model.springs.k_b  # k_b stiffens springs that are strained at rest
         if key not in self._modes:
             self._modes[key] = spectrum(self.body, model)
         return self._modes[key]
 
 
-_SETUPS: dict[Hashable, LatticeSetup] = {}  # the one that was used last stands last
+_SETUPS: dict[Hashable, LatticeSetup] = {}  # in the order of their last use
 
 
 def setup_of(scene: Scene) -> LatticeSetup:
-    """The setup of the scene's lattice. Raises TaichiDiskError if there is no such lattice."""
+    """Return the setup of the scene's lattice. Raises TaichiDiskError if there is no such lattice."""
     key = lattice_key(scene)
     setup = _SETUPS[key] = _SETUPS.pop(key) if key in _SETUPS else LatticeSetup(scene)
-    while len(_SETUPS) > 1 and sum(len(one.body.masses) for one in _SETUPS.values()) > KEPT_POINTS:
+    while len(_SETUPS) > 1 and sum(len(one.body.masses) for one in _SETUPS.values()) > MAX_POINTS:
         del _SETUPS[next(iter(_SETUPS))]
     return setup
 
 
 def lattice_key(scene: Scene) -> Hashable:
-    """Equal for scenes that share their lattice and the stiffness of its springs."""
+    """Return a key that is equal for scenes with the same lattice and stiffness of its springs."""
     of_lattice = (attrgetter(name)(scene) for name in scene.lattice_keys)
     return (type(scene), scene.material.k_a, file_digest(scene.lattice.file), *of_lattice)

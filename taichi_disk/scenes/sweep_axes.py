@@ -19,7 +19,7 @@ from taichi_disk.scenes.scene import DiskScene, Kinds, Value, check, yaml_scalar
 
 MAX_SCENES = 100_000
 FORMS = "a list of values, {lin: [from, to, count]}, {geom: [from, to, count]} or {range: count}"
-Axes: TypeAlias = dict[str, list[tuple[Value, Entry]]]  # the values of each axis, each with the entry to blame for it
+Axes: TypeAlias = dict[str, list[tuple[Value, Entry]]]  # values of each axis, with the entry that a fault names
 
 
 @dataclass(frozen=True)
@@ -27,8 +27,8 @@ class Sweep:
     """Scenes that differ in some keys.
 
     Attributes:
-        blocks: names and values of the axes of each section, which is a product.
-        scenes: every scene once, the last axis of a block varying fastest; the first has the first values.
+        blocks: names and values of the axes of each section, whose product gives its scenes.
+        scenes: all scenes without duplicates; the last axis of a block varies fastest.
     """
 
     blocks: tuple[dict[str, tuple[Value, ...]], ...]
@@ -36,11 +36,11 @@ class Sweep:
 
     @property
     def axes(self) -> list[str]:
-        """Names of all axes, in the order of the file."""
+        """Names of all axes in the order of the file."""
         return list(dict.fromkeys(name for block in self.blocks for name in block))
 
     def to_yaml(self) -> str:
-        """The whole sweep, every default filled in; reading it gives an equal sweep."""
+        """Return the sweep as YAML with all defaults; reading it gives an equal sweep."""
         swept = {".".join(target_of(self.scenes[0], name) or ()) for name in self.axes}
         lines = ["sweep:"]
         for block in self.blocks:
@@ -50,18 +50,18 @@ class Sweep:
 
 
 def target_of(scene: DiskScene | type[DiskScene], name: str) -> tuple[str, str] | None:
-    """(section, key) of the axis `name`: dotted, or the first section's key of that name; None where there is none."""
+    """Return (section, key) of the axis `name`, which may be dotted, or None if there is no such key."""
     return next((home for home in scene.homes(name) if home[0] != "video"), None)
 
 
 def value_of(scene: DiskScene, name: str) -> Any:
-    """What `scene` has at the axis `name`."""
+    """Return the value of `scene` at the axis `name`."""
     section, key = target_of(scene, name) or ("", "")
     return getattr(getattr(scene, section), key)
 
 
 def check_sweep(tree: Tree, kinds: Kinds) -> Sweep | None:
-    """The sweep that the tree describes; None where it has faults, which are added to the tree's."""
+    """Return the sweep that the tree describes, or None if it has faults, which are added to the tree."""
     section, name = tree.value.pop("sweep"), tree.value.get("scene")
     kind = kinds.get(name) if isinstance(name, str) else None
     listed = isinstance(section, list) and len(section) > 0
@@ -101,12 +101,11 @@ def _axes(kind: type[DiskScene], block: dict[str, Any], prefix: Keys, tree: Tree
 
 
 def _values(spec: Any, path: Keys, whole: bool, tree: Tree) -> list[tuple[Value, Entry]]:
-    """The values that `spec` stands for."""
     entry = tree.entries[path]
     if isinstance(spec, list) and spec:
         return [(value, tree.entries[path + (str(k),)]) for k, value in enumerate(spec)]
 
-    import numpy as np  # slow to load, and of no use to a single scene
+    import numpy as np  # slow to load, and not needed for a single scene
 
     try:
         ((form, given),) = spec.items()
@@ -114,7 +113,7 @@ def _values(spec: Any, path: Keys, whole: bool, tree: Tree) -> list[tuple[Value,
         if not 0 < count <= MAX_SCENES:
             raise ValueError
         spread: Any = {"range": np.linspace, "lin": np.linspace, "geom": np.geomspace}[form]
-        # Twelve digits: the last bits of a power are not the same on every machine, and a table should be.
+        # Rounded to twelve digits, because the last bits of a power depend on the machine.
         numbers = [round(one) if whole else float(f"{one:.12g}") for one in spread(low, high, count).tolist()]
     except (AttributeError, KeyError, TypeError, ValueError, OverflowError):
         shown = printable(str(spec)) if spec else entry.shown
@@ -128,7 +127,7 @@ def _combine(kind: type[DiskScene], blocks: list[Axes], tree: Tree, kinds: Kinds
     if total > MAX_SCENES:
         tree.fault(tree.entries[("sweep",)].key, ("sweep",), f"{total} combinations: at most {MAX_SCENES}")
         return None
-    # Every value by itself first, so that all faulty ones come at once, and without a combination.
+    # First each value by itself, to report all faulty ones at once.
     swept: list[dict[str, tuple[Any, ...]]] = []
     for block in blocks:
         start = {name: values[0] for name, values in block.items()}
@@ -140,7 +139,7 @@ def _combine(kind: type[DiskScene], blocks: list[Axes], tree: Tree, kinds: Kinds
             if found:
                 taken[name][value_of(found, name)] = None
                 if value is start[name] and target_of(found, name) in found.unused():
-                    tree.fault(value[1].key, ("sweep", name), "changes nothing beside lattice.file: leave it out")
+                    tree.fault(value[1].key, ("sweep", name), "has no effect with lattice.file: leave it out")
         swept.append({name: tuple(values) for name, values in taken.items()})
     if tree.faults:
         return None
@@ -159,7 +158,7 @@ def _combine(kind: type[DiskScene], blocks: list[Axes], tree: Tree, kinds: Kinds
 
 
 def _with(kind: type[DiskScene], tree: Tree, chosen: dict[str, tuple[Value, Entry]]) -> Tree:
-    """The tree of one scene: `chosen` written where the axes point."""
+    """Return the tree of one scene with the `chosen` values of the axes."""
     scene = Tree({**tree.value}, {**tree.entries}, folder=tree.folder)
     for name, (one, entry) in chosen.items():
         target = section, key = target_of(kind, name) or ("", "")

@@ -1,9 +1,9 @@
-"""The kernels: many steps at once, on one core or several, and the observables after them.
+"""Kernels that make many steps at once, on one core or several, and measure the observables.
 
-All steps between two looks run inside one kernel: launching one costs as much as a step. Of a large lattice a step is
-two loops: move all subdomains (see `physics.ordering`) with the springs inside them, in parallel; then what concerns
-the whole lattice, on one core: the springs across the seams, the sums (subdomain by subdomain, in their order),
-contact, boundary, implicit dashpots. So its bits are those of one core.
+All steps between two rows run inside one kernel, because launching a kernel costs as much as a step. For a large
+lattice a step is two loops: the first moves all subdomains (see `physics.ordering`) with the springs inside them, in
+parallel; the second does the rest on one core: the springs across the seams, the sums (subdomain by subdomain, in their
+order), contact, boundary, implicit dashpots. So the results are bitwise those of one core.
 """
 
 from typing import Any
@@ -13,44 +13,30 @@ from numpy.typing import NDArray
 
 from taichi_disk.engine import ti
 from taichi_disk.integrators import Integrator
-from taichi_disk.integrators.conjugate_gradients import Diagonal
-from taichi_disk.integrators.trapezoidal import DashpotSolver, Factor
+from taichi_disk.integrators.trapezoidal import DashpotSolver
 from taichi_disk.lattice import Array
 from taichi_disk.physics import Model
 from taichi_disk.physics.law import Integers1, Reals2, array, get, side_by_side
-from taichi_disk.physics.ordering import Arrangement
-from taichi_disk.simulation.observables import (
-    ABSORBED,
-    DISSIPATED,
-    FRICTION,
-    INDEX,
-    SLIDING,
-    within,
-)
-from taichi_disk.simulation.stepping import State, Stepping
+from taichi_disk.simulation.observables import INDEX, within
+from taichi_disk.simulation.stepping import ABSORBED, DISSIPATED, FRICTION, SLIDING, State, Stepping
 
 Counts = NDArray[np.int32]
 
 GRAIN = 512  # iterations that Taichi 1.7.4 gives to a core at once, whatever block_dim says: a subdomain each
-STAGES = 2  # forces computed in one launch; more take long to compile
+FORCES_PER_LAUNCH = 2  # of a large lattice; more take long to compile
 
 
 @ti.data_oriented
 class Kernels(Stepping):
     """Moves the points on one core."""
 
-    def fill(self, arrangement: Arrangement, factor: Factor | Diagonal | None) -> None:
-        """Take what follows from another lattice or step."""
-        if self.solver is not None and factor is not None:
-            self.solver.fill(factor)
-
     @ti.kernel
     def advance(self, first: ti.i32, steps: ti.i32, stride: ti.i32, rows: Reals2, bounds: Reals2, counts: Integers1):
-        """Make `steps` steps after step `first`, fewer if the rows meet the bounds of a scene's end; -1 is the start.
+        """Make `steps` steps after step `first` (-1 for the start), fewer if the scene's end is reached.
 
-        `rows` is filled at every multiple of `stride`, and after the last step. `bounds` (2, columns): least and
-        largest value of every column. `counts`: how many rows running have to be within them; how many are; then what
-        was made: steps, rows at multiples of `stride`.
+        `rows` is filled at every multiple of `stride` and after the last step. `bounds` (2, columns): smallest and
+        largest value of every column at the end. `counts`: how many successive rows have to be within the bounds, and
+        how many are; then the number of steps made, and of rows at multiples of `stride`.
         """
         ti.loop_config(serialize=True)
         for _ in range(1):
@@ -76,15 +62,15 @@ class Kernels(Stepping):
 
     @ti.kernel
     def set_mouse_target(self, point: ti.i32, x: ti.f64, y: ti.f64) -> ti.f64:
-        """The mouse pulls `point` (-1: none) towards (x, y) from now on; returns the energy given by that [M c^2]."""
-        given = self.mouse.change(self.state, -1.0)
+        """Let the mouse pull `point` (-1: none) towards (x, y); returns the energy that this adds [M c^2]."""
+        energy = self.mouse.change(self.state, -1.0)
         self.mouse.point[0], self.mouse.target[0][0], self.mouse.target[1][0] = point, x, y
-        given += self.mouse.change(self.state, 1.0)
-        return given
+        energy += self.mouse.change(self.state, 1.0)
+        return energy
 
     @ti.func
     def observe(self, rows: ti.template(), s, sums, elastic, upward, potential):
-        """Fill row `s` with the observables of INDEX; contact force and potential are those of the elastic wall."""
+        """Fill row `s` with the observables of INDEX. `upward`, `potential`: of the contact with an elastic wall."""
         mass, sx, sy, svx, svy, spin = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
         kinetic2, residual2 = 0.0, 0.0
         force, energy, load = upward, potential, 0.0
@@ -92,7 +78,7 @@ class Kernels(Stepping):
         for i in range(self.state.n[None]):
             x, y = self.state.x[0][i], self.state.x[1][i]
             m, f = self.state.mass[i], get(self.state.f, i)
-            v = get(self.velocities, i) + self.state.observed[None] * self.state.inverse_mass[i] * f
+            v = get(self.observed_velocities, i) + self.state.observed[None] * self.state.inverse_mass[i] * f
             vx, vy = v[0], v[1]
             if i < self.state.n_disk[None]:
                 mass += m
@@ -138,22 +124,12 @@ class SubdomainKernels(Kernels):
     ) -> None:
         super().__init__(state, model, integrator, solver)
         self.count = count
-        self.steps_per_launch = max(1, STAGES // integrator.forces)
-        self.ends = array(builder, count)
+        self.steps_per_launch = max(1, FORCES_PER_LAUNCH // integrator.forces)
         self.parts = side_by_side(builder, count, 3)  # largest wall force on a point, elastic energy, products
         self.latest = array(builder, 3, ti.f64)  # elastic energy, contact force, contact potential
 
-    def fill(self, arrangement: Arrangement, factor: Factor | Diagonal | None) -> None:
-        super().fill(arrangement, factor)
-        self.fill_ends(arrangement.subdomain_ends)
-
-    @ti.kernel
-    def fill_ends(self, ends: Integers1):
-        for c in range(self.count):
-            self.ends[c] = ends[c]
-
     def advance(self, first: int, steps: int, stride: int, rows: Array, bounds: Array, counts: Counts) -> None:
-        """As that of one core, in many short launches."""
+        """Do what the kernel of one core does, in many short launches."""
         needed, quiet, made, count = (int(number) for number in counts)
         while made < steps and quiet < needed:
             few = min(steps - made, stride - (first + made) % stride, self.steps_per_launch)
@@ -161,7 +137,7 @@ class SubdomainKernels(Kernels):
             made += few
             due = (first + made) % stride == 0
             if due or made == steps:
-                self.look(rows, count)
+                self.fill_row(rows, count)
             if due:
                 quiet = (quiet + 1) * bool(within(rows[[count]], bounds))
                 count += 1
@@ -169,23 +145,23 @@ class SubdomainKernels(Kernels):
 
     @ti.func
     def move_subdomain(self, stage: ti.template(), number, c):
-        """Drift and inner springs of subdomain c."""
+        """Move the points of subdomain c and add the springs inside it."""
         begin = 0
         if c > 0:
-            begin = self.ends[c - 1]
+            begin = self.state.subdomain_ends[c - 1]
         first = c * self.state.subdomain_points[None]
         last = ti.min(first + self.state.subdomain_points[None], self.state.n[None])
         kick, move, shift = ti.static(*self.integrator.stages[stage])
         h = self.passed(number, self.state.h[None])
         peak_point_force = self.drift(kick * h, move * h, shift * h * h, first, last)
-        elastic, products = self.springs.add(self.state, self.explicit, begin, self.ends[c])
+        elastic, products = self.springs.add(self.state, self.explicit, begin, self.state.subdomain_ends[c])
         self.parts[0][c], self.parts[1][c], self.parts[2][c] = peak_point_force, elastic, products
 
     @ti.func
     def join(self, stage: ti.template(), number):
-        """What concerns the whole lattice: seams, sums, contact; after the last stage the step's end."""
+        """Add seams, sums and contact of the whole lattice; after the last stage, end the step."""
         sums = ti.Vector([self.state.sums[k] for k in range(self.state.summed)])
-        seams = self.ends[self.count - 1]
+        seams = self.state.subdomain_ends[self.count - 1]
         elastic, products = self.springs.add(self.state, self.explicit, seams, self.state.blocks[None])
         peak_point_force = 0.0
         for c in range(self.count):
@@ -193,7 +169,7 @@ class SubdomainKernels(Kernels):
             elastic += self.parts[1][c]
             products += self.parts[2][c]
         move = ti.static(self.integrator.stages[stage][1]) * self.passed(number, self.state.h[None])
-        sums, upward, potential = self.touch(move, sums, peak_point_force)
+        sums, upward, potential = self.add_contact(move, sums, peak_point_force)
         if ti.static(stage == self.integrator.forces - 1):
             sums = self.account(number, sums, products)
         for k in ti.static(range(self.state.summed)):
@@ -214,12 +190,11 @@ class SubdomainKernels(Kernels):
 
     @ti.func
     def is_due(self, stage: ti.template(), number, asked):
-        """Return 1 if `stage` of step `number` is to be made, else 0: of step 0 only the last is."""
+        """Return 1 if `stage` of step `number` is to be made, else 0; step 0 has only its last stage."""
         return ti.cast(asked and (number > 0 or stage == self.integrator.forces - 1), ti.i32)
 
     @ti.kernel
-    def look(self, rows: Reals2, s: ti.i32):
-        """Fill row `s` with the observables now."""
+    def fill_row(self, rows: Reals2, s: ti.i32):
         ti.loop_config(serialize=True)
         for _ in range(1):
             sums = ti.Vector([self.state.sums[k] for k in range(self.state.summed)])

@@ -1,4 +1,4 @@
-"""What is measured: the columns of the time series, and the sums that add up over time inside a kernel."""
+"""The columns of the time series."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import numpy as np
 from taichi_disk.lattice import Array
 
 Columns = dict[str, Array]  # the time series: one array (rows,) per column
-# Okabe and Ito's colours, which the colour-blind can tell apart.
+# Okabe and Ito's colours, which colour-blind readers can tell apart.
 BLUE, RED, GREEN, PINK, ORANGE, SKY = "#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9"
 
 
@@ -18,8 +18,8 @@ class Column(NamedTuple):
 
     Attributes:
         name, unit, meaning: as in timeseries.csv and its description.
-        kind: "motion"; "energy" that is stored and "loss" since t = 0, which add up to `total`; "part" of the kinetic
-            energy; "derived" from others. Kernels measure the first three kinds.
+        kind: "motion"; stored "energy" and "loss" since t = 0, which add up to `total`; "part" of the kinetic energy;
+            "derived" from other columns. Kernels measure the first three kinds.
         label, colour: of its curve among the energies of a plot, if it has one.
         written: whether timeseries.csv has it: "always", "nonzero" (unless it is 0 throughout), or "never".
     """
@@ -70,46 +70,40 @@ BY_NAME = {column.name: column for column in COLUMNS}
 
 
 def of_kind(*kinds: str) -> list[str]:
-    """Names of all columns of these kinds, in the order of the kinds."""
+    """Return the names of all columns of these kinds, in the order of the kinds."""
     return [column.name for kind in kinds for column in COLUMNS if column.kind == kind]
 
 
-INDEX = {column.name: k for k, column in enumerate(one for one in COLUMNS if one.kind in ("motion", "energy", "loss"))}
+INDEX = {
+    column.name: k for k, column in enumerate(each for each in COLUMNS if each.kind in ("motion", "energy", "loss"))
+}
 ENERGY_INDICES = sorted(INDEX[name] for name in of_kind("energy", "loss"))
-
-# The sums travel through a kernel as a local vector and are stored once, at its end. Taichi 1.7.4 keeps 0-D fields in
-# registers across loops and hands later readers in the same kernel the value from before: an energy kept in such a
-# field comes out one launch late.
-SUMS = 8
-DISSIPATED, POWER, ABSORBED, BOUNDARY_POWER, PEAK_POINT_FORCE, SLIDING, LEAVING, INITIAL_LOSS = range(SUMS)
-FRICTION, FRICTION_POWER = range(SUMS, SUMS + 2)  # where there is friction
 
 
 def as_columns(rows: Array, interval: float) -> Columns:
     """Name the columns of `rows` (rows, columns), `interval` [R/c] apart; add time and total energy."""
     columns: Columns = {"t": np.arange(len(rows), dtype=np.float64) * interval}
-    columns |= {name: one.copy() for name, one in zip(INDEX, rows.T, strict=True)}
+    columns |= {name: values.copy() for name, values in zip(INDEX, rows.T, strict=True)}
     with np.errstate(invalid="ignore"):  # after a blow-up there may be infinite energies of both signs
         columns["total"] = total_energy(rows)
     return columns
 
 
 def total_energy(rows: Array) -> Array:
-    """(rows,) all energies of `rows` (rows, columns), what was lost included [M c^2]."""
+    """Return the sum (rows,) of all energies and losses of `rows` (rows, columns) [M c^2]."""
     return np.asarray(rows[:, ENERGY_INDICES].sum(axis=1))
 
 
 def within(rows: Array, bounds: Array) -> Array:
-    """(rows,) whether each of `rows` (rows, columns) keeps to the least and largest values of `bounds_array`."""
+    """Return whether each of `rows` (rows, columns) lies within `bounds`, which `bounds_array` returned: (rows,)."""
     return np.asarray(((rows >= bounds[0]) & (rows <= bounds[1])).all(axis=1))
 
 
 def split(columns: Columns, inertia: float) -> Columns:
-    """`columns` with the parts of `kinetic`: `translation` and `rotation` of the disk, `vibration`, which is the rest.
+    """Return `columns` with `translation` and `rotation` of the disk and `vibration`, the rest of `kinetic`.
 
-    The disk turns with the `inertia` [M R^2] of the unloaded one. A compression changes it by some per cent at the
-    most. A fast spin stretches the disk, and `vibration` may then be below 0. What an elastic wall moves is vibration,
-    too.
+    `inertia` [M R^2] is that of the unloaded disk; a compression changes it by some per cent at most. If a fast spin
+    stretches the disk, `vibration` may be below 0. The motion of an elastic wall counts as vibration.
     """
     translation = 0.5 * (columns["com_vx"] ** 2 + columns["com_vy"] ** 2)
     rotation = columns["angular_momentum"] ** 2 / (2.0 * inertia)
@@ -118,7 +112,7 @@ def split(columns: Columns, inertia: float) -> Columns:
 
 
 def bounds_array(bounds: dict[str, tuple[float, float]]) -> Array:
-    """(2, columns) least and largest value of every column, as `bounds` has them; infinite for the others."""
+    """Return the smallest and largest value (2, columns) of every column; infinite for columns not in `bounds`."""
     array = np.array([[-np.inf], [np.inf]]) * np.ones(len(INDEX))
     for name, limits in bounds.items():
         array[:, INDEX[name]] = limits

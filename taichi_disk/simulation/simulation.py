@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from copy import deepcopy
-from dataclasses import astuple
 from typing import Any
 
 import numpy as np
@@ -21,27 +20,27 @@ from taichi_disk.physics.law import Capacity
 from taichi_disk.physics.ordering import BLOCK, Arrangement, arrange
 from taichi_disk.signals import interruptible, raise_if_interrupted
 from taichi_disk.simulation.kernels import Kernels, SubdomainKernels
-from taichi_disk.simulation.observables import INDEX, PEAK_POINT_FORCE, bounds_array
-from taichi_disk.simulation.stepping import Snapshot, State
+from taichi_disk.simulation.observables import INDEX, bounds_array
+from taichi_disk.simulation.stepping import PEAK_POINT_FORCE, Snapshot, State
 
-# Of any simulation: kernels of one size serve all lattices of usual size.
-POINTS = 12_000
-SPRINGS_PER_POINT = 3  # a triangulation has fewer
-ENTRIES_PER_POINT = 27  # of the dashpots' factor, enough up to some 12,000 points
-MIN_CAPACITY = Capacity(POINTS, SPRINGS_PER_POINT * POINTS // BLOCK, ENTRIES_PER_POINT * POINTS)
-NEVER = 2**30
-DIFFERENCE = 1e-4  # over which the rate of a force at t = 0 is taken [R/c]
-CONTACT = 1e-3  # of the kinetic energy of the flight, in the wall's potential: from there on there is contact
+# Of every simulation, so that kernels of one size serve all lattices of usual size: 12,000 points with 3 springs (a
+# triangulation has fewer) and 27 entries of the dashpots' factor each.
+MIN_CAPACITY = Capacity(12_000, 3 * 12_000 // BLOCK, 27 * 12_000)
+NEVER = 2**30  # successive rows
+DIFFERENCE_TIME = 1e-4  # over which the rate of change of forces at t = 0 is taken [R/c]
+CONTACT_ENERGY = 1e-3  # potential of a point, over the kinetic energy of the flight, at which contact begins
+
+Dashpots = Factor | Diagonal | None  # what solves for implicit dashpots
 
 
 class Simulation:
     """Moves one lattice by (a copy of) a model's laws, from `velocities` (n, 2) [c] at t = 0, in steps of `dt` [R/c].
 
     Attributes:
-        step_number: steps made since t = 0.
-        first_row, now: (columns,) the observables at t = 0, and after the last step made.
-        generation: how often this has begun at t = 0; another number means that somebody else uses it.
-        subdomains: into which the lattice is cut, 1 unless it is large.
+        step_number: number of steps made since t = 0.
+        first_row, now: (columns,) observables at t = 0, and after the last step.
+        generation: number of starts at t = 0; if it changes, another user has restarted the simulation.
+        subdomains: number of subdomains into which the lattice is cut, 1 unless it is large.
     """
 
     def __init__(self, lattice: Lattice, model: Model, integrator: Integrator, velocities: Array, dt: float) -> None:
@@ -52,18 +51,18 @@ class Simulation:
         arrangement = interruptible(arrange, lattice.bonds, len(lattice.positions))
         factor = self._factor(lattice, model, dt)
         self.subdomains = arrangement.subdomains
-        self._capacity = Capacity(*map(_doubled, _needed(lattice, arrangement, factor), astuple(MIN_CAPACITY)))
+        self._capacity = Capacity(*map(_doubled, _needed(lattice, arrangement, factor), MIN_CAPACITY))
         builder = ti.FieldsBuilder()
         for law in self.model.laws:
             law.make_fields(builder, self._capacity)
         self.state = State(builder, self._capacity, self.subdomains, self.model, integrator.correction != 0.0)
-        both = 1 if model.impedance is None else 2
+        components = 1 if model.impedance is None else 2
         solver: DashpotSolver | None = None
         if isinstance(factor, Diagonal):
-            solver = IterativeSolver(builder, self._capacity, both, self.state.fillers, self.model.springs)
+            solver = IterativeSolver(builder, self._capacity, components, self.state.fillers, self.model.springs)
             self.state.vectors += solver.previous
         elif factor is not None:
-            solver = DashpotSolver(builder, self._capacity, both)
+            solver = DashpotSolver(builder, self._capacity, components)
         parts = self.state, self.model, integrator, solver
         large = self.subdomains > 1
         self.kernels = SubdomainKernels(*parts, builder, self.subdomains) if large else Kernels(*parts)
@@ -71,9 +70,9 @@ class Simulation:
         self._start(lattice, model, velocities, dt, arrangement, factor)
 
     def restart(self, lattice: Lattice, model: Model, integrator: Integrator, velocities: Array, dt: float) -> bool:
-        """Become the simulation that these arguments would make, without compiling anew.
+        """Become the simulation that these arguments would make, without a compilation.
 
-        Returns False, with nothing changed, where that cannot be: laws of other kinds, or a lattice too large.
+        Returns False and changes nothing if that is impossible: laws of other kinds, or a lattice too large.
         """
         if integrator is not self.integrator or compiled_for(lattice, model) != self.features:
             return False
@@ -82,33 +81,27 @@ class Simulation:
             arrangement = interruptible(arrange, lattice.bonds, len(lattice.positions))
         factor = self._factor(lattice, model, dt)
         needed = _needed(lattice, arrangement, factor)
-        full = any(count > most for count, most in zip(needed, astuple(self._capacity), strict=True))
-        if full or arrangement.subdomains != self.subdomains:
+        has_room = all(count <= most for count, most in zip(needed, self._capacity, strict=True))
+        if not has_room or arrangement.subdomains != self.subdomains:
             return False
         self._start(lattice, model, velocities, dt, arrangement, factor)
         return True
 
-    def _factor(self, lattice: Lattice, model: Model, dt: float) -> Factor | Diagonal | None:
+    def _factor(self, lattice: Lattice, model: Model, dt: float) -> Dashpots:
         if not (model.springs.damped and self.integrator.dashpots == "implicit"):
             return None
         return (diagonal if iterates(lattice, model) else factorise)(lattice, model, dt)
 
     def _start(
-        self,
-        lattice: Lattice,
-        model: Model,
-        velocities: Array,
-        dt: float,
-        arranged: Arrangement,
-        factor: Factor | Diagonal | None,
+        self, lattice: Lattice, model: Model, v: Array, dt: float, arrangement: Arrangement, factor: Dashpots
     ) -> None:
         for own, given in zip(self.model.laws, model.laws, strict=True):
             own.take_values(given)
-        self.lattice, self.dt, self._arrangement, self.step_number = lattice, dt, arranged, 0
+        self.lattice, self.dt, self._arrangement, self.step_number = lattice, dt, arrangement, 0
         self.generation += 1
-        state = self.state
-        flight = 0.5 * float(lattice.mean(velocities[:, 1])) ** 2  # towards the wall
-        contact = CONTACT * flight * model.wall.added_stiffness(1.0) if model.wall else float("inf")
+        state, solver, laws = self.state, self.kernels.solver, self.model.laws
+        flight = 0.5 * float(lattice.mean(v[:, 1])) ** 2  # towards the wall
+        contact = CONTACT_ENERGY * flight * model.wall.added_stiffness(1.0) if model.wall else float("inf")
         numbers: list[tuple[Any, float]] = [
             (state.h, dt),
             (state.closing, self.integrator.kicks[-1] * dt),
@@ -116,50 +109,50 @@ class Simulation:
             (state.contact, contact),
             (state.n, len(lattice.positions)),
             (state.n_disk, lattice.disk_points),
-            (state.blocks, arranged.blocks),
-            (state.subdomain_points, arranged.subdomain_points),
+            (state.blocks, len(arrangement.ends) // BLOCK),
+            (state.subdomain_points, arrangement.subdomain_points),
             (state.reset_steps, max(1, round(model.reset_interval / dt))),
         ]
-        for law in self.model.laws:
+        contents = state.contents(lattice, arrangement, self._vectors(lattice, model, v))
+        for law in laws:
             numbers += law.numbers()
-        state.begin(numbers, lattice, self._vectors(lattice, model, velocities))
-        self.model.springs.arrange(lattice, arranged)
-        self.kernels.fill(arranged, factor)
-        for law in self.model.laws:
-            law.fill(lattice)
+            contents += law.contents(lattice, arrangement)
+        if solver is not None:
+            contents += solver.contents(factor)
+        state.begin(numbers, contents)
         rows = np.empty((1, len(INDEX)))
         self.kernels.advance(-1, 1, 1, rows, bounds_array({}), np.array([NEVER, 0, 0, 0], np.int32))
         self.first_row = self.now = rows[0]
 
-    def _vectors(self, lattice: Lattice, model: Model, v: Array) -> Array:
-        """(3 to 5, n, 2) what `Snapshot` has, at t = 0, no forces yet."""
+    def _vectors(self, lattice: Lattice, model: Model, v: Array) -> list[Array]:
+        """Return the first vectors of `Snapshot` at t = 0, with forces of 0."""
         x, c = lattice.positions, self.integrator.correction * self.dt**2
-        nothing, mass = np.zeros_like(x), lattice.masses[:, None]
+        zero, mass = np.zeros_like(x), lattice.masses[:, None]
         if not c:
-            return np.stack([x, v, nothing, v][: len(self.state.vectors)])
+            return [x, v, zero, v][: len(self.state.vectors)]
         a, before, after = (
-            model.forces_moving(lattice, x + t * v, nothing) / mass for t in (0.0, -DIFFERENCE, DIFFERENCE)
+            model.forces_moving(lattice, x + t * v, zero) / mass for t in (0.0, -DIFFERENCE_TIME, DIFFERENCE_TIME)
         )
         observed = v - self.integrator.observed_kick * self.dt * a
-        return np.stack([x, v + 0.5 * c / DIFFERENCE * (after - before), nothing, observed, x - c * a])
+        return [x, v + 0.5 * c / DIFFERENCE_TIME * (after - before), zero, observed, x - c * a]
 
     # ---- time
 
     def advance(
         self, steps: int, stride: int = 1, bounds: Array | None = None, needed: int = NEVER, quiet: int = 0
     ) -> tuple[Array, int]:
-        """Make `steps` steps, fewer if the scene's end is met.
+        """Make `steps` steps, fewer if the scene's end is reached.
 
         Args:
-            stride: a row of observables is returned for every step whose number is a multiple of it.
-            bounds: (2, columns) least and largest value of every column at the end.
-            needed, quiet: how many rows running have to be within the bounds to stop, and how many are already.
+            stride: a row of observables is returned for every step whose number is a multiple of `stride`.
+            bounds: (2, columns) smallest and largest value of every column at the end.
+            needed, quiet: how many successive rows have to be within the bounds to stop, and how many already are.
 
-        Returns the rows (rows, columns), and how many rows running are within the bounds now.
+        Returns the rows (rows, columns), and how many successive rows are within the bounds now.
         """
         raise_if_interrupted()
         if not self.is_alive:
-            raise TaichiDiskError("this simulation has lost its fields to a later ti.init or ti.reset: begin it again")
+            raise TaichiDiskError("a later ti.init or ti.reset has deleted the fields of this simulation: make another")
         rows = np.empty(((self.step_number % stride + steps) // stride + 1, self.now.size))
         bounds = bounds_array({}) if bounds is None else bounds
         counts = np.array([needed, quiet, 0, 0], np.int32)
@@ -177,7 +170,7 @@ class Simulation:
     # ---- states
 
     def snapshot(self) -> Snapshot:
-        """A copy of the state, from which `restore` goes on bitwise."""
+        """Return a copy of the state, from which `restore` continues bitwise."""
         return self.state.export(len(self.lattice.positions), self.step_number)
 
     def restore(self, snapshot: Snapshot) -> None:
@@ -185,39 +178,39 @@ class Simulation:
         self.step_number = snapshot.step
 
     def positions(self, snapshot: Snapshot | None = None) -> Array:
-        """(n, 2) [R], now or in a snapshot of this simulation."""
+        """Return the positions (n, 2) [R], now or in a snapshot of this simulation."""
         return (snapshot or self.snapshot()).vectors[0].copy()
 
     def velocities(self, snapshot: Snapshot | None = None) -> Array:
-        """(n, 2) [c], now or in a snapshot of this simulation."""
+        """Return the velocities (n, 2) [c], now or in a snapshot of this simulation."""
         return (snapshot or self.snapshot()).velocities(self.integrator, self.dt, self.lattice)
 
     def peak_point_force(self, snapshot: Snapshot | None = None) -> float:
-        """Largest force of the wall on one point since t = 0 [M c^2/R]."""
+        """Return the largest force of the wall on one point since t = 0 [M c^2/R]."""
         return float((snapshot or self.snapshot()).sums[PEAK_POINT_FORCE])
 
     def set_mouse_target(self, point: int, target: tuple[float, float] = (0.0, 0.0)) -> float:
-        """Tie `point` (-1: none any more) to the mouse at `target` [R] from now on; the model needs a `mouse`.
+        """Tie `point` (-1: none) to the mouse at `target` [R]; the model needs a `mouse`.
 
-        Returns by how much the observable `load` has jumped [M c^2].
+        Returns the jump of the observable `load` [M c^2].
         """
         return float(self.kernels.set_mouse_target(point, *target))
 
     @property
     def is_alive(self) -> bool:
-        """Whether the fields are still there: the user's own `ti.init` or `ti.reset` takes them away."""
+        """Whether the fields still exist: a `ti.init` or `ti.reset` by the user deletes them."""
         return engine.program() is self._program
 
     def destroy(self) -> None:
-        """Give the fields' memory back; the simulation cannot be used afterwards."""
+        """Free the memory of the fields; the simulation cannot be used afterwards."""
         self.generation = -1
         self._tree.destroy()
 
 
 class KernelCache:
-    """Simulations that were compiled once and are used again, because compiling takes seconds.
+    """Reuses compiled simulations, because a compilation takes seconds.
 
-    `before_compiling` is called before the caller has to wait.
+    `before_compiling` is called before a compilation.
     """
 
     def __init__(self, before_compiling: Callable[[], None] = lambda: None) -> None:
@@ -230,36 +223,36 @@ class KernelCache:
     def simulation(
         self, lattice: Lattice, model: Model, integrator: Integrator, velocities: Array, dt: float
     ) -> Simulation:
-        """A simulation at t = 0 of these; one that was given before may become it."""
+        """Return a simulation reset to t = 0, reusing a compiled one if possible. Invalidates earlier returns."""
         key = (compiled_for(lattice, model), integrator.name)
-        known = one if (one := self._known.get(key)) and one.is_alive else None
+        known = self._known.get(key)
         arguments = lattice, model, integrator, velocities, dt
-        if known is None or not known.restart(*arguments):
+        if known is None or not known.is_alive or not known.restart(*arguments):
             raise_if_interrupted()
             self._before_compiling()
-            if known is not None:
+            if known is not None and known.is_alive:
                 known.destroy()
             known = self._known[key] = Simulation(*arguments)
         return known
 
 
 def compiled_for(lattice: Lattice, model: Model) -> tuple[Any, ...]:
-    """All that kernels are compiled for: laws, whether springs are unlike, how implicit dashpots are solved for."""
+    """Return all that kernels are compiled for: laws, whether springs differ, and the solver of implicit dashpots."""
     return model.signature(), lattice.stiffness is None, iterates(lattice, model)
 
 
 def iterates(lattice: Lattice, model: Model) -> bool:
-    """Whether implicit dashpots are solved for by conjugate gradients: without a factor, of a large lattice."""
+    """Whether implicit dashpots are solved by conjugate gradients, without a factor, because the lattice is large."""
     return model.springs.damped and len(lattice.positions) > LARGEST_FACTORISED
 
 
-def _needed(lattice: Lattice, arrangement: Arrangement, factor: Factor | Diagonal | None) -> tuple[int, int, int]:
-    """Points, blocks and entries of the factor, as in `Capacity`."""
-    return len(lattice.positions), arrangement.blocks, len(factor.row) if isinstance(factor, Factor) else 0
+def _needed(lattice: Lattice, arrangement: Arrangement, factor: Dashpots) -> Capacity:
+    entries = len(factor.row) if isinstance(factor, Factor) else 0
+    return Capacity(len(lattice.positions), len(arrangement.ends) // BLOCK, entries)
 
 
 def _doubled(needed: int, least: int) -> int:
-    """`least`, doubled until it holds what is `needed`."""
+    """Return `least`, doubled until it is at least `needed`."""
     while least < needed:
         least *= 2
     return least

@@ -15,33 +15,26 @@ from taichi_disk.integrators import Integrator
 from taichi_disk.integrators.trapezoidal import DashpotSolver
 from taichi_disk.lattice import Array, Lattice
 from taichi_disk.physics import Model
-from taichi_disk.physics.law import BodyForce, Capacity, Reals1, Reals3, array, get, pair_of, put, scalar
-from taichi_disk.simulation.observables import (
-    ABSORBED,
-    BOUNDARY_POWER,
-    DISSIPATED,
-    FRICTION,
-    FRICTION_POWER,
-    INITIAL_LOSS,
-    LEAVING,
-    PEAK_POINT_FORCE,
-    POWER,
-    SLIDING,
-    SUMS,
-)
+from taichi_disk.physics.law import Capacity, Contents, Integers1, Reals1, Reals3, array, get, pair_of, put, scalar
+from taichi_disk.physics.ordering import Arrangement
+
+# Accumulators of a run. They travel through a kernel as a local vector and are stored once, at its end. Taichi 1.7.4
+# keeps 0-D fields in registers across loops and hands later readers in the same kernel the value from before: an energy
+# kept in such a field would be one launch late.
+SUMS = 8
+DISSIPATED, POWER, ABSORBED, BOUNDARY_POWER, PEAK_POINT_FORCE, SLIDING, LEAVING, INITIAL_LOSS = range(SUMS)
+FRICTION, FRICTION_POWER = range(SUMS, SUMS + 2)  # only with friction
 
 
 @dataclass(frozen=True)
 class Snapshot:
-    """All that a simulation needs to go on from step `step`, bitwise as it would have.
+    """All that a simulation needs to continue from step `step` with bitwise the same results.
 
     Attributes:
-        vectors: (3 to 7, n, 2) positions [R], velocities before the last kick [c], forces [M c^2/R]; with dashpots
-            also the velocities at the step, predicted or solved for; where they are iterated, those of three steps
-            before. With a correction: the velocities that are observed, before their last kick; the positions X.
-        sums: (SUMS,) dissipated, its power, absorbed, its power, largest force of the wall on a point, sliding, what
-            the next step is to lose at its start, and in all (see `account`); (SUMS + 2,) also what friction took, its
-            power.
+        vectors: (3 to 7, n, 2) positions [R], velocities before the last kick [c] and forces [M c^2/R]. Dashpots add
+            the velocities at the step, predicted or solved for; conjugate gradients add the velocities of three steps
+            before. A correction adds the observed velocities before their last kick, and the positions X.
+        sums: (SUMS,) accumulators, in the order of the constants in `observables`; (SUMS + 2,) with friction.
     """
 
     step: int
@@ -49,25 +42,29 @@ class Snapshot:
     sums: Array
 
     def velocities(self, integrator: Integrator, dt: float, lattice: Lattice) -> Array:
-        """(n, 2) at the step, after its last kick [c]."""
+        """Return the velocities (n, 2) at the step, after its last kick [c]."""
         v, f = self.vectors[3 if integrator.correction else 1], self.vectors[2]
-        return np.asarray(
-            v + integrator.observed_kick * dt * (1.0 / lattice.masses[:, None]) * f
-        )  # as kernels round it
+        inverse_mass = 1.0 / lattice.masses[:, None]  # kernels round in this order
+        return np.asarray(v + integrator.observed_kick * dt * inverse_mass * f)
 
 
 @ti.data_oriented
 class State:
-    """Fields of the points (`x`, `v`, `f`, `u`: see `Snapshot`), and 0-D fields of the numbers that every kernel needs.
+    """Fields of the points, and 0-D fields of the numbers that every kernel needs.
 
-    `mass`, `inverse_mass`: of each point [M], [1/M]; the disk's add up to 1 M. `h`: time step; `closing`: for how long
-    its last kick acts, h/2 in leapfrog, and `observed`, on the velocities that are observed [R/c]; `contact`: the
-    wall's force on a point from which the disk is in contact [M c^2/R]; `n`, `n_disk`: points, those of the disk;
-    `reset_steps`: steps between two resets of the boundary.
+    Attributes:
+        x, v, f, u: vectors of the points: see `Snapshot`.
+        mass, inverse_mass: of each point [M], [1/M]; the masses of the disk add up to 1 M.
+        h: time step [R/c].
+        closing: time for which the last kick of a step acts, h/2 in leapfrog; `observed`: the same for the velocities
+            that are observed [R/c].
+        contact: force of the wall on one point at which contact begins [M c^2/R].
+        n, n_disk: number of all points and of the disk's points.
+        reset_steps: steps between two resets of the boundary.
     """
 
     def __init__(self, builder: Any, capacity: Capacity, subdomains: int, model: Model, corrected: bool) -> None:
-        self.fillers = 2 * subdomains  # points that carry the springs that fill up blocks
+        self.fillers = 2 * subdomains  # extra points that carry the springs that fill up blocks
         filled = capacity.points + self.fillers
         self.x, self.v, self.f = (pair_of(builder, filled) for _ in range(3))
         self.vectors = [self.x, self.v, self.f]
@@ -83,33 +80,51 @@ class State:
         self.n, self.n_disk, self.blocks, self.subdomain_points, self.reset_steps = (
             scalar(builder, ti.i32) for _ in range(5)
         )
+        self.subdomain_ends = array(builder, subdomains)
         self.summed = SUMS + 2 * model.has_friction
         self.sums = array(builder, self.summed, ti.f64)
 
     # ---- in and out
 
-    def begin(self, numbers: Sequence[tuple[Any, float]], lattice: Lattice, start: Array) -> None:
-        """Write each number into its 0-D field, the same fields in every call, and `start` (3 to 5, n, 2), vectors."""
-        self.scalars = [field for field, _ in numbers]
-        n = start.shape[1]
-        vectors = np.zeros((len(self.vectors), n + self.fillers, 2))
-        vectors[: len(start), :n] = start
-        vectors[0, n + 1 :: 2, 0] = 1.0  # springs that fill up blocks lie at rest between (0, 0) and (1, 0)
-        values = np.array([value for _, value in numbers], np.float64)
-        self._begin(values, lattice.masses, vectors, np.zeros(self.summed))
+    def contents(self, lattice: Lattice, arrangement: Arrangement, start: Sequence[Array]) -> Contents:
+        """Return what the fields hold at t = 0. `start`: the first of the vectors, each (n, 2); the others are 0."""
+        n, masses = len(lattice.masses), lattice.masses
+        vectors = np.zeros((n + self.fillers, len(self.vectors), 2))
+        for k, values in enumerate(start):
+            vectors[:n, k] = values
+        vectors[n + 1 :: 2, 0, 0] = 1.0  # springs that fill up blocks lie at rest between (0, 0) and (1, 0)
+        return [
+            ((self.mass, self.inverse_mass), np.stack([masses, 1.0 / masses], axis=1)),
+            (tuple(component for pair in self.vectors for component in pair), vectors),
+            ((self.sums,), np.zeros(self.summed)),
+            ((self.subdomain_ends,), arrangement.subdomain_ends),
+        ]
+
+    def begin(self, numbers: Sequence[tuple[Any, float]], contents: Contents) -> None:
+        """Write `numbers` into their 0-D fields and `contents` into other fields, the same fields in every call.
+
+        One kernel writes all of them, because loading a compiled kernel takes 30 ms.
+        """
+        self.scalars, self.fields = [field for field, _ in numbers], [fields for fields, _ in contents]
+        values = [np.asarray(values, np.float64).ravel() for _, values in contents]
+        rows = [len(data) // len(fields) for data, fields in zip(values, self.fields, strict=True)]
+        scalars = np.array([number for _, number in numbers], np.float64)
+        self._begin(scalars, np.array(rows, np.int32), np.concatenate(values))
 
     @ti.kernel
-    def _begin(self, numbers: Reals1, masses: Reals1, vectors: Reals3, sums: Reals1):
+    def _begin(self, numbers: Reals1, rows: Integers1, values: Reals1):
         for k in ti.static(range(len(self.scalars))):
             self.scalars[k][None] = ti.cast(numbers[k], self.scalars[k].dtype)
         ti.loop_config(serialize=True)
         for _ in range(1):
-            i = 0
-            while i < masses.shape[0]:
-                self.mass[i] = masses[i]
-                self.inverse_mass[i] = 1.0 / masses[i]
-                i += 1
-            self.copy(vectors, sums, True)
+            at, i = 0, 0
+            for k in ti.static(range(len(self.fields))):
+                i = 0
+                while i < rows[k]:  # of a `for`, LLVM makes vectors, which takes longer than this loop
+                    for c in ti.static(range(len(self.fields[k]))):
+                        self.fields[k][c][i] = ti.cast(values[at + c], self.fields[k][c].dtype)
+                    at += ti.static(len(self.fields[k]))
+                    i += 1
 
     def export(self, n: int, step: int) -> Snapshot:
         vectors, sums = np.zeros((len(self.vectors), n, 2)), np.zeros(self.summed)
@@ -123,41 +138,37 @@ class State:
     def _copy(self, vectors: Reals3, sums: Reals1, into: ti.template()):
         ti.loop_config(serialize=True)
         for _ in range(1):
-            self.copy(vectors, sums, into)
-
-    @ti.func
-    def copy(self, vectors: ti.template(), sums: ti.template(), into: ti.template()):
-        i = 0
-        while i < vectors.shape[1]:  # of a `for`, LLVM makes vectors, for longer than a run copies
-            for k in ti.static(range(len(self.vectors))):
-                for c in ti.static(range(2)):
-                    if ti.static(into):
-                        self.vectors[k][c][i] = vectors[k, i, c]
-                    else:
-                        vectors[k, i, c] = self.vectors[k][c][i]
-            i += 1
-        for k in ti.static(range(self.summed)):
-            if ti.static(into):
-                self.sums[k] = sums[k]
-            else:
-                sums[k] = self.sums[k]
+            i = 0
+            while i < vectors.shape[1]:  # see `_begin`
+                for k in ti.static(range(len(self.vectors))):
+                    for c in ti.static(range(2)):
+                        if ti.static(into):
+                            self.vectors[k][c][i] = vectors[k, i, c]
+                        else:
+                            vectors[k, i, c] = self.vectors[k][c][i]
+                i += 1
+            for k in ti.static(range(self.summed)):
+                if ti.static(into):
+                    self.sums[k] = sums[k]
+                else:
+                    sums[k] = self.sums[k]
 
 
 @ti.data_oriented
 class Stepping:
     """Moves the points of `state` by the laws of `model`, on one core.
 
-    Laws that are absent are absent from the kernels: all conditions here are decided when they are compiled.
+    Kernels contain no trace of absent laws: all conditions on laws are decided at compile time.
     """
 
     def __init__(self, state: State, model: Model, integrator: Integrator, solver: DashpotSolver | None) -> None:
         self.state, self.integrator, self.solver = state, integrator, solver
         laws: Any = model  # where a law is absent, no kernel asks for it
         self.springs, self.wall, self.mouse, self.boundary = laws.springs, laws.wall, laws.mouse, laws.boundary
-        self.rigid = isinstance(model.wall, BodyForce)
-        self.contact, self.has_friction = model.wall is not None and not self.rigid, model.has_friction
+        self.contact, self.has_friction = model.elastic is not None, model.has_friction
+        self.rigid = model.wall is not None and not self.contact
         self.loads = tuple(law for law in model.body_forces if law is not model.wall)
-        self.velocities = state.u if state.corrected else state.v  # that are observed, before a last kick
+        self.observed_velocities = state.u if state.corrected else state.v  # before a last kick
         self.damped, self.implicit = model.springs.damped, solver is not None
         self.explicit = self.damped and not self.implicit
         self.pinned, self.matched, self.reset = model.is_pinned, model.impedance is not None, model.reset_interval > 0.0
@@ -166,11 +177,10 @@ class Stepping:
 
     @ti.func
     def drift(self, kick, move, shift, first, last):
-        """Kick points first..last for the time `kick`, move them for `move` [R/c]; the forces on single points there.
+        """Kick points first..last for the time `kick`, move them for `move` [R/c] and set the forces on single points.
 
-        With a correction, `shift` [R^2/c^2] times the acceleration is the way from X to x.
-
-        Returns the rigid wall's largest force on a point.
+        With a correction, x is X plus `shift` [R^2/c^2] times the acceleration. Returns the rigid wall's largest force
+        on a point.
         """
         peak_point_force = 0.0
         half = 0.5 * self.state.h[None]
@@ -207,18 +217,18 @@ class Stepping:
 
     @ti.func
     def stage(self, kick, move, shift, sums):
-        """Kick, move and compute the forces there. Returns as `touch`, with what `Springs.add` gives in between."""
+        """Kick, move and compute the forces. Returns sums, elastic energy, products (see `Springs.add`) and contact."""
         peak_point_force = self.drift(kick, move, shift, 0, self.state.n[None])
         elastic, products = self.springs.add(self.state, self.explicit, 0, self.state.blocks[None])
-        result, upward, potential = self.touch(move, sums, peak_point_force)
+        result, upward, potential = self.add_contact(move, sums, peak_point_force)
         return result, elastic, products, upward, potential
 
     @ti.func
-    def touch(self, move, sums, rigid_peak):
-        """After the springs' forces those of the elastic wall, and what holds points.
+    def add_contact(self, move, sums, rigid_peak):
+        """Add elastic-wall forces and apply the pinned boundary.
 
         The points have just moved by `move` times the velocity; `rigid_peak` is the rigid wall's largest force on one
-        point. Returns `sums`, force and potential of the contact with the elastic wall.
+        point. Returns sums, and force and potential of the contact with the elastic wall.
         """
         result, peak_point_force = sums, rigid_peak
         upward, potential = 0.0, 0.0
@@ -235,10 +245,10 @@ class Stepping:
 
     @ti.func
     def step(self, number, before):
-        """Make step `number`; returns `sums`, and elastic energy, contact force and contact potential after it.
+        """Make step `number`; returns sums, elastic energy, contact force and contact potential after it.
 
-        Step 0 moves nothing: from x_0 and v_0 (in `v` and `u`) it computes the forces at t = 0, and takes back the
-        last kick of a step before.
+        Step 0 moves nothing: it computes the forces at t = 0 from x_0 and v_0 (in `v` and `u`) and subtracts the last
+        kick of a step before.
         """
         sums, h = before, self.passed(number, self.state.h[None])
         elastic, products, upward, potential = 0.0, 0.0, 0.0, 0.0
@@ -256,12 +266,12 @@ class Stepping:
 
     @ti.func
     def passed(self, number, time):
-        """Return `time` [R/c] of step `number`, but 0 of step 0, in which no time passes."""
+        """Return `time` [R/c], or 0 for step 0, in which no time passes."""
         return time * ti.cast(number > 0, ti.f64)
 
     @ti.func
     def age(self, number):
-        """How many steps ago velocities jumped last: at t = 0, or when the boundary was reset."""
+        """Return the number of steps since velocities jumped: at t = 0, or when the boundary was reset."""
         age = number
         if ti.static(self.reset):
             if number > 0:
@@ -270,9 +280,9 @@ class Stepping:
 
     @ti.func
     def account(self, number, sums, products):
-        """End step `number`: dashpots that act on points, the energy that all dashpots took, the boundary's reset.
+        """End step `number`: apply dashpots on points, the boundary's reset and friction, and sum up the energy lost.
 
-        `products` is that of the springs. Returns `sums`.
+        `products`: see `Springs.add`. Returns sums.
         """
         h, closing = self.passed(number, self.state.h[None]), self.passed(number, self.state.closing[None])
         power, cross, late, boundary_power = 0.0, 0.0, 0.0, 0.0
@@ -286,15 +296,15 @@ class Stepping:
             boundary_power = self.boundary.damp(self.state, 0.5 * h)
         result = sums
         p0, p1, b0, b1 = sums[POWER], power, sums[BOUNDARY_POWER], boundary_power
-        # What leapfrog keeps, E + h^2 E_2 + O(h^4), loses in a dashpot g not g int(x1^2) but g int(x1^2 + c h^2 x2^2),
-        # xn the n-th derivative: c = 2/3 where the velocity is predicted, 1/6 where it is centred, -1/6 where it is
-        # solved for. These sums are that to O(h^4), though some velocities at hand are half a step late.
+        # Leapfrog conserves E + h^2 E_2 + O(h^4), which loses in a dashpot g not g int(x1^2) but g int(x1^2 + c h^2
+        # x2^2), xn the n-th derivative: c = 2/3 if the velocity is predicted, 1/6 if it is centred, -1/6 if it is
+        # solved for. The sums are correct to O(h^4), although some velocities are half a step late.
         loss = h * (p0 + 2.0 * p1) / 3.0
         boundary_loss = h * (b0 + 5.0 * b1) / 6.0
         if ti.static(self.implicit):
             boundary_loss = 0.5 * h * (b0 + b1)
-            # Where velocities are solved for, the sum for c = -1/6 holds only while h times the fastest rate is small.
-            # In flight another sum is exact for linear springs at any rate. In contact that one would drift as h^2.
+            # For solved velocities, the sum with c = -1/6 holds only while h times the fastest rate is small. In flight
+            # another sum is exact for linear springs at any rate; in contact it would drift as h^2.
             loss = 0.25 * h * (sums[LEAVING] + p1 + late)
             if sums[PEAK_POINT_FORCE] >= self.state.contact[None]:
                 loss = h * (2.0 / 3.0 * (p0 + p1) - 1.0 / 3.0 * cross)
@@ -310,7 +320,7 @@ class Stepping:
         elif ti.static(self.implicit):
             result[INITIAL_LOSS] = self.take_damped_force(number, sums)
         if ti.static(self.has_friction):
-            friction_power = self.wall.rub(self.state, closing + self.state.closing[None], closing)
+            friction_power = self.wall.add_friction(self.state, closing + self.state.closing[None], closing)
             result[FRICTION] += 0.5 * h * (sums[FRICTION_POWER] + friction_power)
             result[FRICTION_POWER] = friction_power
         if number == 0:
@@ -321,17 +331,17 @@ class Stepping:
 
     @ti.func
     def take_damped_force(self, number, sums):
-        """Put the force that the solved velocities imply into `f`; returns the loss that step 0 leaves to the next."""
+        """Set `f` to the force that the solved velocities imply; returns the loss that step 0 leaves to step 1."""
         stored = self.solver.take_damped_force(self.state)
-        # Only the sum of the flight begins with it.
+        # Only the sum of the flight includes this loss.
         return ti.select(number == 0 and sums[PEAK_POINT_FORCE] < self.state.contact[None], stored, 0.0)
 
     @ti.func
     def reset_boundary(self, number, before, sums):
-        """Stop the boundary if it is time to; returns `sums` with what that absorbed.
+        """Stop the boundary if a reset is due; returns sums with the energy absorbed.
 
-        With dashpots, whose force jumps then, their loss over a step is summed as -h/2 (f_k + f_{k+1}) v_{k+1/2}, f the
-        dashpots' force at either end as it acted.
+        The force of dashpots jumps at a reset. Their loss over a step is summed as -h/2 (f_k + f_{k+1}) v_{k+1/2}, with
+        the forces of the dashpots as they acted at both ends.
         """
         result = sums
         h = self.passed(number, self.state.h[None])

@@ -98,15 +98,11 @@ def computed(
         except TaichiDiskError:
             raise
         except Exception as error:
-            has_died = isinstance(error, BrokenExecutor)
-            cause = (
-                "one died, perhaps for lack of memory: use fewer --jobs"
-                if has_died
-                else f"{type(error).__name__}: {error}"
-            )
-            raise SimulationError(
-                f"the workers failed ({cause}); finished points are kept: repeat the command to go on"
-            ) from error
+            cause = f"{type(error).__name__}: {error}"
+            if isinstance(error, BrokenExecutor):
+                cause = "one died, perhaps for lack of memory: use fewer --jobs"
+            text = f"the workers failed ({cause}); finished points are kept: repeat the command to go on"
+            raise SimulationError(text) from error
         finally:
             for future in futures:
                 future.cancel()

@@ -23,6 +23,9 @@ from taichi_disk.render.palette import THEMES, Theme, colour_map, map_kind, roun
 
 _ACCENT = "rgb(230, 115, 0)"  # of what the user draws, and of the path of the centre of mass
 _OF_SPRINGS = ("strain", "force")
+# What the page calls the start, a collected curve and its axes.
+_IMPACT_LABELS = {"drop": "Drop", "collect": "Collect e(v)", "curve": "restitution e over the speed v [c]"}
+_LOAD_LABELS = {"drop": "Load", "collect": "Collect ξ(P)", "curve": "compression ξ [R] over the load P [Mc²/R]"}
 
 
 def scene_message(
@@ -50,6 +53,8 @@ def scene_message(
         "spoke": scenario.spoke,
         "view": [float(one) for one in scenario.view],
         "full_force": round_near(force) if force else 0.0,
+        "labels": _IMPACT_LABELS if scenario.is_thrown else _LOAD_LABELS,
+        "unused": [] if scenario.is_thrown else ["hit", "slow", "arrow"],
         "options": {
             "draw": video.draw,
             "theme": video.theme,
@@ -140,4 +145,4 @@ def bundle(*names: str) -> str:
     return re.sub(r"^export (?=(class|const|function|async|let) )", "", text, flags=re.MULTILINE)
 
 
-DRAWING = ("field.js", "legend.js", "draw.js")
+DRAWING = ("html.js", "field.js", "legend.js", "draw.js", "gestures.js")

@@ -89,6 +89,7 @@ def film(path: Path, runs: Sequence[Run], video: VideoSection, progress: Progres
         title=escape(" | ".join(title[0] for title in titles(runs))),
         origin=escape(pictures.film_origin(runs, video)),
         states=b64encode(states).decode(),
+        style=source("style.css"),
         script=bundle(*DRAWING, "film.js"),
     )
     write_text(path, text)

@@ -1,95 +1,87 @@
-// What mouse and fingers do on the disk: turn, aim, pull; move the picture, bring it closer.
+// What mouse, wheel and fingers do on a disk: pan, zoom, pinch, and what a sandbox lets them take hold of.
 
 import { AIM } from "./draw.js";
 
-const NEAR = 24; // distance from the arrow's tip at which it is taken hold of [px]
+const REACH = 24; // distance from the velocity's tip within which it is taken hold of [px]
 
-export class Gestures {
-  // `sandbox` has the drawing, the last state, the panel and `send`.
-  constructor(canvas, sandbox) {
-    Object.assign(this, { canvas, sandbox, doing: null, pointers: new Map(), target: null });
-    canvas.onpointerdown = (event) => this.press(event);
-    canvas.onpointermove = (event) => this.move(event);
-    canvas.onpointerup = canvas.onpointercancel = (event) => this.release(event);
-    canvas.oncontextmenu = (event) => event.preventDefault();
-    canvas.addEventListener("wheel", (event) => {
-      event.preventDefault();
-      this.sandbox.drawing.zoom(1.12 ** (-event.deltaY / 60), event.offsetX, event.offsetY);
-      this.sandbox.redraw();
-    }, { passive: false });
-  }
+// `view` pans and zooms; `grip` returns what one finger or the main button holds at a place, {move, end}, or nothing.
+export function followPointers(canvas, view, redraw, grip = () => null) {
+  const pointers = new Map(), place = (event) => [event.offsetX, event.offsetY];
+  let held = null;
+  const letGo = (cancelled) => {
+    held?.end?.(cancelled);
+    held = null;
+  };
+  canvas.onpointerdown = (event) => {
+    canvas.setPointerCapture(event.pointerId);
+    letGo(true);
+    pointers.set(event.pointerId, place(event));
+    if (pointers.size === 1 && !event.button && !event.shiftKey) held = grip(...place(event));
+  };
+  canvas.onpointermove = (event) => {
+    const before = pointers.get(event.pointerId), now = place(event);
+    if (!before) return;
+    pointers.set(event.pointerId, now);
+    const other = [...pointers].find(([id]) => id !== event.pointerId)?.[1];
+    const shift = [now[0] - before[0], now[1] - before[1]];
+    if (other) {
+      const distance = ([x, y]) => Math.max(Math.hypot(x - other[0], y - other[1]), 1);
+      view.zoom(distance(now) / distance(before), (now[0] + other[0]) / 2, (now[1] + other[1]) / 2);
+      view.pan(shift[0] / 2, shift[1] / 2);
+    } else if (held) held.move(...now);
+    else view.pan(...shift);
+    redraw();
+  };
+  canvas.onpointerup = canvas.onpointercancel = (event) => {
+    pointers.delete(event.pointerId);
+    letGo(event.type === "pointercancel");
+  };
+  canvas.oncontextmenu = (event) => event.preventDefault();
+  canvas.onwheel = (event) => {
+    event.preventDefault();
+    view.zoom(1.12 ** (-event.deltaY / 60), ...place(event));
+    redraw();
+  };
+}
 
-  get centre() {
-    const { com_x, com_y } = this.sandbox.state.row;
-    return [com_x, com_y];
+// What a press at (px, py) takes hold of. Before a throw: the disk, to turn it, or its velocity; later: a point.
+export function grip(sandbox, px, py) {
+  const { drawing, state, panel, send, plays, ui } = sandbox;
+  if (!plays || !state) return null;
+  const { com_x: cx, com_y: cy, com_vx, com_vy } = state.row, world = (...at) => drawing.toWorld(...at);
+  const [x0, y0] = world(px, py);
+  if (!panel.atStart || ui.arrow.disabled) return pull(sandbox, px, py);
+  const aim = (fromX, fromY) => ({
+    move: (...at) => send({ do: "aim", dx: world(...at)[0] - fromX, dy: world(...at)[1] - fromY }),
+    end: (cancelled) => send({ do: cancelled ? "release" : "throw" }),
+  });
+  const [tipX, tipY] = drawing.toScreen(cx + com_vx / AIM, cy + com_vy / AIM);
+  if (ui.arrow.checked && Math.hypot(tipX - px, tipY - py) < REACH) return aim(cx, cy);
+  let radius = 0;
+  for (let i = 0; i < 2 * drawing.scene.disk_points; i += 2) {
+    radius = Math.max(radius, Math.hypot(state.x[i] - cx, state.x[i + 1] - cy));
   }
+  if (Math.hypot(x0 - cx, y0 - cy) > radius) return aim(x0, y0);
+  let angle = 0;
+  return {
+    move(...at) {
+      const [x, y] = world(...at);
+      angle = Math.atan2(y - cy, x - cx) - Math.atan2(y0 - cy, x0 - cx);
+      send({ do: "turn", angle, final: 0 });
+    },
+    end: (cancelled) => angle && send({ do: "turn", angle: cancelled ? 0 : angle, final: 1 }),
+  };
+}
 
-  press(event) {
-    const { drawing, state, panel, plays } = this.sandbox, at = [event.offsetX, event.offsetY];
-    if (!state || !panel) return;
-    this.canvas.setPointerCapture(event.pointerId);
-    this.pointers.set(event.pointerId, at);
-    if (this.pointers.size > 1) {
-      this.end(true);
-      this.doing = "pinch";
-    } else if (event.button > 0 || event.shiftKey || !plays) {
-      this.doing = "pan";
-    } else {
-      const point = drawing.toWorld(...at), [cx, cy] = this.centre, { com_vx, com_vy } = state.row;
-      const tip = drawing.toScreen(cx + com_vx / AIM, cy + com_vy / AIM), throwing = panel.atStart && panel.isImpact;
-      let radius = 0;
-      const { x } = state, n = 2 * drawing.scene.disk_points;
-      for (let k = 0; k < n; k += 2) radius = Math.max(radius, Math.hypot(x[k] - cx, x[k + 1] - cy));
-      if (throwing && this.sandbox.shows("arrow") && Math.hypot(tip[0] - at[0], tip[1] - at[1]) < NEAR) {
-        [this.doing, this.from] = ["aim", [cx, cy]];
-      } else if (throwing && Math.hypot(point[0] - cx, point[1] - cy) > radius) {
-        [this.doing, this.from] = ["aim", point];
-      } else if (throwing) {
-        [this.doing, this.from, this.turned] = ["turn", Math.atan2(point[1] - cy, point[0] - cx), 0];
-      } else {
-        this.doing = "pull";
-      }
-      this.move(event);
-    }
-  }
-
-  move(event) {
-    const before = this.pointers.get(event.pointerId), at = [event.offsetX, event.offsetY], { drawing, send } = this.sandbox;
-    if (!before || !this.doing) return;
-    this.pointers.set(event.pointerId, at);
-    const [x, y] = drawing.toWorld(...at);
-    if (this.doing === "pinch") {
-      const other = [...this.pointers].find(([id]) => id !== event.pointerId)?.[1];
-      if (!other) return;
-      const distance = (one) => Math.hypot(one[0] - other[0], one[1] - other[1]) || 1;
-      drawing.zoom(distance(at) / distance(before), (at[0] + other[0]) / 2, (at[1] + other[1]) / 2);
-      drawing.pan((at[0] - before[0]) / 2, (at[1] - before[1]) / 2);
-    } else if (this.doing === "pan") {
-      drawing.pan(at[0] - before[0], at[1] - before[1]);
-    } else if (this.doing === "turn") {
-      this.turned = Math.atan2(y - this.centre[1], x - this.centre[0]) - this.from;
-      send({ do: "turn", angle: this.turned, final: 0 });
-    } else if (this.doing === "aim" && (x !== this.from[0] || y !== this.from[1])) {
-      this.aimed = true;
-      send({ do: "aim", dx: x - this.from[0], dy: y - this.from[1] });
-    } else if (this.doing === "pull") {
-      this.target = [x, y];
-      send({ do: "pull", x, y });
-    }
-    this.sandbox.redraw();
-  }
-
-  release(event) {
-    this.pointers.delete(event.pointerId);
-    if (this.doing !== "pinch") this.end(event.type === "pointercancel");
-    else if (!this.pointers.size) this.doing = null;
-  }
-
-  end(cancelled) {
-    const { send } = this.sandbox, { doing, turned, aimed } = this;
-    Object.assign(this, { doing: null, target: null, aimed: false });
-    if (doing === "turn" && turned) send({ do: "turn", angle: cancelled ? 0 : turned, final: 1 });
-    if (doing === "aim" && aimed && !cancelled) send({ do: "throw" });
-    if (doing === "pull" || (doing === "aim" && cancelled)) send({ do: "release" });
-  }
+function pull(sandbox, px, py) {
+  const move = (...at) => {
+    const [x, y] = (sandbox.target = sandbox.drawing.toWorld(...at));
+    sandbox.send({ do: "pull", x, y });
+  };
+  const end = () => {
+    sandbox.target = null;
+    sandbox.send({ do: "release" });
+  };
+  move(px, py);
+  return { move, end };
 }

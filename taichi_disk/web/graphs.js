@@ -1,120 +1,99 @@
-// Curves over time that can be dragged back, and the diagram of results: on a canvas, with names in HTML beside it.
+// Curves over time that can be dragged back, and the diagram of results: on canvases, with names in HTML beside them.
 
-import { label, roundBelow } from "./legend.js";
+import { FONT, label, line, roundAbove, roundBelow } from "./legend.js";
 
-const AXIS_FONT = "12px system-ui, sans-serif";
-const above = (value) => [1, 1.5, 2, 3, 5, 7, 10].find((step) => step >= value / 10 ** Math.floor(Math.log10(value)) - 1e-9)
-  * 10 ** Math.floor(Math.log10(value));
+const SIDE = 54; // room for numbers on either side of a canvas [px]
 
 export function legend(caption, names) {
-  caption.replaceChildren(...names.map(([text, colour]) => {
-    const name = document.createElement("span");
-    name.textContent = text;
+  caption.replaceChildren(...names.map(([textContent, colour]) => {
+    const name = Object.assign(document.createElement("span"), { textContent });
     if (colour) name.style.setProperty("--curve", colour);
     return name;
   }));
 }
 
-// Axes of a canvas, and what lies on them. `left` and `right` are the scales at both sides: {low, high, colour}.
+// A canvas with a frame. Scales are {low, high}; ticks are [part of the width, text].
 class Axes {
-  constructor(canvas, theme) {
-    const ratio = devicePixelRatio || 1, [width, height] = [canvas.clientWidth, canvas.clientHeight];
-    Object.assign(canvas, { width: width * ratio, height: height * ratio });
-    this.ctx = canvas.getContext("2d");
-    this.ctx.scale(ratio, ratio);
-    this.ctx.font = AXIS_FONT;
-    Object.assign(this, { theme, box: [54, 8, width - 54, height - 22] });
-  }
-
-  frame(left, right, ticks, unit) {
-    const { ctx, box: [x0, y0, x1, y1], theme } = this;
+  constructor(canvas, theme, ticks, left, right) {
+    const { clientWidth: width, clientHeight: height } = canvas, ctx = (this.ctx = canvas.getContext("2d"));
+    Object.assign(canvas, { width: width * devicePixelRatio, height: height * devicePixelRatio });
+    ctx.scale(devicePixelRatio, devicePixelRatio);
+    this.size = [width - 2 * SIDE, height - 30];
+    const write = (text, x, y, textAlign) => {
+      Object.assign(ctx, { font: FONT, fillStyle: theme.faint, textAlign });
+      ctx.fillText(text, x, y);
+    };
     for (const part of [0, 0.5, 1]) {
-      const y = y1 - part * (y1 - y0);
-      ctx.fillStyle = theme.rule;
-      ctx.fillRect(x0, y, x1 - x0, 1);
-      for (const [side, x, align] of [[left, x0 - 6, "right"], [right, x1 + 6, "left"]]) {
-        if (!side) continue;
-        ctx.fillStyle = side.colour ?? theme.faint;
-        ctx.textAlign = align;
-        ctx.fillText(label(side.low + part * (side.high - side.low)), x, y + 4);
-      }
+      const y = this.place(0, part, { low: 0, high: 1 })[1];
+      line(ctx, [[SIDE, y], [width - SIDE, y]], theme.rule, 1);
+      write(label(left.low + part * (left.high - left.low)), SIDE - 6, y + 4, "right");
+      if (right) write(label(right.low + part * (right.high - right.low)), width - SIDE + 6, y + 4, "left");
     }
-    ctx.fillStyle = theme.faint;
-    for (const [part, text, last] of ticks) {
-      const x = x0 + part * (x1 - x0);
-      ctx.fillRect(x, y1, 1, 4);
-      ctx.textAlign = last ? "right" : "center";
-      ctx.fillText(last ? `${text} ${unit}` : text, last ? x1 + 10 : x, y1 + 16);
+    for (const [part, text] of ticks) {
+      const x = this.place(part, 0, left)[0];
+      line(ctx, [[x, height - 22], [x, height - 18]], theme.faint, 1);
+      write(text, part === 1 ? x + 10 : x, height - 6, part === 1 ? "right" : "center");
     }
   }
 
-  curve(xs, ys, high, { low, high: top }, colour) {
-    const { ctx, box: [x0, y0, x1, y1] } = this;
-    ctx.beginPath();
-    ctx.strokeStyle = colour;
-    ctx.lineWidth = 1.8;
-    xs.forEach((x, k) => ctx.lineTo(x0 + (x / high) * (x1 - x0), y1 - ((ys[k] - low) / (top - low)) * (y1 - y0)));
-    ctx.stroke();
+  place(part, value, { low, high }) {
+    return [SIDE + part * this.size[0], 8 + (1 - (value - low) / (high - low)) * this.size[1]];
   }
 }
 
 export class Graphs {
-  // `scrub` is called with a time since the hit began, wherever a pointer drags.
+  // `scrub` is called with a time since the hit began [R/c], wherever a pointer drags.
   constructor(canvases, scrub) {
-    Object.assign(this, { canvases, data: null, full: {} });
+    Object.assign(this, { canvases, data: null, full: null });
     for (const canvas of canvases) {
-      const drag = (event) => {
-        const [left, right] = [54, canvas.clientWidth - 54], part = (event.offsetX - left) / (right - left);
-        if (event.buttons & 1 && this.data) scrub(Math.min(Math.max(part, 0), 1) * this.full.t);
-      };
-      canvas.onpointerdown = (event) => {
+      canvas.onpointerdown = canvas.onpointermove = (event) => {
+        if (!(event.buttons & 1) || !this.data) return;
         canvas.setPointerCapture(event.pointerId);
-        drag(event);
+        const part = (event.offsetX - SIDE) / (canvas.clientWidth - 2 * SIDE);
+        scrub(Math.min(Math.max(part, 0), 1) * this.full.t);
       };
-      canvas.onpointermove = drag;
     }
   }
 
-  replace(data) {
-    const same = this.data && data.began === this.data.began && data.t.length > 2;
-    this.data = data;
-    if (!same) this.full = { t: 1, energy: 1e-30, force: 1e-30, motion: 1e-30 };
-    this.grow(data.t.at(-1), data.values.map((curve) => curve.reduce((most, one) => Math.max(most, Math.abs(one)), 0)));
+  replace(data, curves) {
+    const goesOn = this.data?.began === data.began && data.t.length > 2;
+    Object.assign(this, { data, curves });
+    if (!goesOn) this.full = { t: 1, energy: 1e-30, force: 1e-30, motion: 1e-30 };
+    const largest = (curve) => curve.reduce((most, value) => Math.max(most, Math.abs(value)), 0);
+    this.grow(data.t.at(-1), data.values.map(largest));
   }
 
-  add(state) {
+  add({ t, graph }) {
     const { data } = this;
-    if (!data || state.t <= data.t.at(-1)) return;
-    data.t.push(state.t);
-    data.values.forEach((curve, k) => curve.push(state.graph[k]));
-    this.grow(state.t, state.graph.map(Math.abs));
+    if (!data || t <= data.t.at(-1)) return;
+    data.t.push(t);
+    data.values.forEach((curve, k) => curve.push(graph[k]));
+    this.grow(t, graph);
   }
 
   grow(t, values) {
-    const most = { t, energy: Math.max(...values.slice(0, 5)), force: values[5], motion: values[6] };
-    for (const [name, value] of Object.entries(most)) {
-      if (value > this.full[name]) this.full[name] = above(name === "t" ? 1.15 * value : 1.05 * value);
-    }
+    const grow = (name, value) => value > this.full[name] && (this.full[name] = roundAbove(1.05 * value));
+    grow("t", 1.1 * t);
+    this.curves.forEach(([name], k) => grow(name, Math.abs(values[k])));
   }
 
-  draw(t, curves, theme) {
-    const { data, full } = this;
+  draw(t, theme) {
+    const { data, full, curves } = this;
     if (!data || !this.canvases[0].clientWidth) return;
-    const step = roundBelow(full.t / 3), ticks = [];
-    for (let k = 0; k * step < 0.8 * full.t; k++) ticks.push([(k * step) / full.t, label(k * step)]);
-    ticks.push([1, `t = ${label(full.t)}`, true]);
-    const energy = { low: 0, high: full.energy }, signed = data.motion[1] === "c";
-    const force = { low: signed ? -full.force : 0, high: full.force, colour: theme.ink };
-    const motion = { low: signed ? -full.motion : 0, high: full.motion, colour: theme.ink };
-    this.canvases.forEach((canvas, graph) => {
-      const axes = new Axes(canvas, theme);
-      axes.frame(graph ? force : energy, graph ? motion : null, ticks, "R/c");
+    const step = roundBelow(full.t / 3), count = Math.ceil((0.8 * full.t) / step);
+    const low = data.motion[1] === "c" ? -1 : 0; // a velocity has both signs
+    const ticks = Array.from({ length: count }, (_, k) => [(k * step) / full.t, label(k * step)]);
+    const scales = { energy: { low: 0, high: full.energy } };
+    for (const name of ["force", "motion"]) scales[name] = { low: low * full[name], high: full[name] };
+    this.canvases.forEach((canvas, second) => {
+      const shown = second ? ["force", "motion"] : ["energy"], sides = shown.map((name) => scales[name]);
+      const axes = new Axes(canvas, theme, [...ticks, [1, `t = ${label(full.t)} R/c`]], ...sides);
       curves.forEach(([name, , colour], k) => {
-        if ((name === "energy") === !graph) axes.curve(data.t, data.values[k], full.t, { energy, force, motion }[name], colour);
+        const points = () => data.t.map((time, n) => axes.place(time / full.t, data.values[k][n], scales[name]));
+        if (shown.includes(name)) line(axes.ctx, points(), colour, 1.8);
       });
-      const [x0, y0, x1, y1] = axes.box;
-      axes.ctx.fillStyle = theme.accent;
-      axes.ctx.fillRect(x0 + Math.min(t / full.t, 1) * (x1 - x0) - 1, y0, 2, y1 - y0);
+      const now = [0, 1].map((value) => axes.place(Math.min(t / full.t, 1), value, { low: 0, high: 1 }));
+      line(axes.ctx, now, theme.accent, 2);
     });
   }
 }
@@ -122,17 +101,17 @@ export class Graphs {
 // Results over the speed or load, on a logarithmic axis; those that the user disturbed are hollow.
 export function drawResults(canvas, results, theme) {
   if (!canvas.clientWidth || !results.length) return;
-  const axes = new Axes(canvas, theme), { ctx, box: [x0, y0, x1, y1] } = axes;
-  const loads = results.map((one) => one.load), low = Math.min(...loads, 5e-3) / 1.2, high = Math.max(...loads, 5e-2) * 1.2;
-  const place = (load) => Math.log(load / low) / Math.log(high / low);
-  const values = results.map((one) => one.value), most = Math.max(...values), ratio = results[0].result === "e";
-  const bottom = ratio ? Math.max(Math.floor(10 * Math.min(...values) - 0.2) / 10, 0) : 0, top = ratio ? Math.max(1, most) : above(most);
-  const ticks = [1e-4, 1e-3, 1e-2, 0.1].filter((one) => one > low && one < high).map((one) => [place(one), label(one)]);
-  axes.frame({ low: bottom, high: top }, null, ticks, "");
+  const loads = results.map((one) => one.load), values = results.map((one) => one.value);
+  const first = Math.min(...loads, 5e-3) / 1.2, last = Math.max(...loads, 5e-2) * 1.2;
+  const part = (load) => Math.log(load / first) / Math.log(last / first), isRatio = results[0].result === "e";
+  const low = isRatio ? Math.max(Math.floor(10 * Math.min(...values) - 0.2) / 10, 0) : 0;
+  const scale = { low, high: isRatio ? Math.max(1, ...values) : roundAbove(Math.max(...values)) };
+  const decades = [1e-4, 1e-3, 1e-2, 0.1].filter((load) => first < load && load < last);
+  const axes = new Axes(canvas, theme, decades.map((load) => [part(load), label(load)]), scale), { ctx } = axes;
+  Object.assign(ctx, { strokeStyle: theme.accent, fillStyle: theme.accent, lineWidth: 1.8 });
   for (const { load, value, disturbance } of results) {
-    ctx.beginPath();
-    ctx.arc(x0 + place(load) * (x1 - x0), y1 - ((value - bottom) / (top - bottom)) * (y1 - y0), 4, 0, 7);
-    ctx.strokeStyle = ctx.fillStyle = theme.accent;
-    disturbance ? ctx.stroke() : ctx.fill();
+    const circle = new Path2D();
+    circle.arc(...axes.place(part(load), value, scale), 4, 0, 7);
+    disturbance ? ctx.stroke(circle) : ctx.fill(circle);
   }
 }

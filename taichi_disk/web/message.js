@@ -1,7 +1,8 @@
-// A state as the server packs it (`Session._state` in Python): what the drawing, the graphs and the read-outs take.
+// A state as the server packs it (`Session._state` in Python): as the drawing, the graphs and the read-outs take it.
 
 export function unpacked(buffer, columns, curves) {
-  const view = new DataView(buffer), word = (at) => view.getUint32(at, true), number = (at) => view.getFloat32(at, true);
+  const view = new DataView(buffer), word = (at) => view.getUint32(at, true);
+  const number = (at) => view.getFloat32(at, true);
   const points = word(16), forces = word(20), colours = word(28);
   let at = 48;
   const next = (count) => new Float32Array(buffer, (at += 4 * count) - 4 * count, count);

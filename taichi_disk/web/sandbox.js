@@ -1,142 +1,150 @@
 // The sandbox's page: shows what the program sends, and sends what the user does. It computes no physics.
 
-import { Choice, Group, Slider, asText, download, element, showHelp, showResults, showScenes } from "./controls.js";
+import { Controls, asText, showResults, showScenes } from "./controls.js";
 import { Drawing } from "./draw.js";
-import { Gestures } from "./gestures.js";
+import { followPointers, grip } from "./gestures.js";
 import { Graphs, drawResults, legend } from "./graphs.js";
+import { download, element, elements } from "./html.js";
 import { unpacked } from "./message.js";
 
 const KEYS = { " ": "space", ArrowLeft: "Left", ArrowRight: "Right", ArrowUp: "Up", ArrowDown: "Down" };
 const REPEATED = "Left Right Up Down e d a z s f i u".split(" ");
-const ALL = 9e6; // the number of no state: all are seen
+const NEWEST = 9e6; // a state's number beyond all others: none is waited for
 const WATCHED = "Somebody else plays; you are watching.";
+const LOST = "The program does not answer; waiting for it …";
 
 export class Sandbox {
-  // `root` finds elements by id: the document, or a widget's shadow root; `send` takes a command for the program.
-  constructor(node, root, send) {
-    Object.assign(this, { node, root, plays: true, hello: null, panel: null, state: null, recorder: null });
+  // `node` holds the elements of index.html; `send` takes a command for the program.
+  constructor(node, send) {
+    Object.assign(this, { node, plays: true, hello: null, panel: null, state: null, recorder: null, target: null });
+    const ui = (this.ui = elements(node));
     this.send = (message) => {
       if (this.plays || message.do === "seen") send(message);
-      if (message.do !== "seen") this.waiting ??= setTimeout(() => (this.find("busy").hidden = false), 400);
+      if (message.do !== "seen") this.waiting ??= setTimeout(() => (ui.busy.hidden = false), 400);
     };
-    this.drawing = new Drawing(this.find("disk"));
-    this.gestures = new Gestures(this.find("disk"), this);
-    this.graphs = new Graphs([this.find("energy"), this.find("motion")], (t) => this.send({ do: "scrub", t }));
+    this.drawing = new Drawing(ui.disk);
+    this.graphs = new Graphs([ui.energy, ui.motion], (t) => this.send({ do: "scrub", t }));
+    const places = { speed: ui.speed, "video.magnify": ui.magnify };
+    const place = (key) => places[key] ?? (key.startsWith("video.") ? ui.looks : ui.numbers);
     const set = (key, value) => this.send(key === "speed" ? { do: "speed", value } : { do: "set", key, value });
-    this.groups = Object.entries({ numbers: Slider, speed: Slider, magnify: Slider, choices: Choice, looks: Choice })
-      .map(([id, Kind]) => [id, new Group(this.find(id), Kind, set)]);
-    this.bind();
+    this.controls = new Controls(place, set);
+    followPointers(ui.disk, this.drawing, () => this.redraw(), (...at) => grip(this, ...at));
+    node.onclick = ({ target }) => this.state && this.click(target.closest("button, [type=checkbox]"));
+    node.getRootNode().addEventListener("keydown", (event) => this.state && this.key(event));
+    const own = [...node.querySelectorAll("[aria-keyshortcuts]")];
+    this.shortcuts = own.map((one) => [one.getAttribute("aria-keyshortcuts"), one.title || one.textContent]);
+    own.forEach((one, k) => (one.title = `${this.shortcuts[k][1]} (${this.shortcuts[k][0]})`));
     this.showTab(node.clientWidth > 640 ? "graphs" : "experiment"); // on a narrow page one panel is seen at a time
     new ResizeObserver(() => this.redraw()).observe(node);
-    // A state may be lost on its way: the program waits for none that is has not come for 2 s.
-    setInterval(() => performance.now() - this.arrived > 2000 && this.redraw(ALL), 2000);
+    // A state may be lost on its way: the program waits for none that has not come for 2 s.
+    setInterval(() => performance.now() - this.arrived > 2000 && this.redraw(NEWEST), 2000);
   }
 
-  find(id) {
-    return this.root.getElementById(id);
-  }
+  // ---- what the user does
 
-  shows(id) {
-    return this.find(id).checked;
-  }
-
-  bind() {
-    const press = (key) => () => this.send({ do: "press", key }), { drawing } = this;
-    const look = (act) => () => {
-      act();
-      this.redraw();
-    };
-    const zoom = (factor) => look(() => drawing.zoom(factor, ...drawing.middle));
-    const here = () => this.state.row;
-    this.actions = {
-      before: press("b"), after: press("n"), drop: press("space"), start: press("r"), hit: press("h"), lattice: press("l"),
-      back: press("Left"), forth: press("Right"), slow: press("y"),
-      scenes: () => this.find("list").showModal(), help: () => this.find("keys").showModal(),
-      all: look(() => drawing.fit()), closer: zoom(1.25), farther: zoom(0.8),
-      contact: look(() => Object.assign(drawing.camera, { x: here().com_x, y: 0.09, scale: drawing.width / 0.55, home: false })),
-      follow: look(() => (drawing.follow = this.shows("follow"))),
-      forces: look(() => {}), outline: look(() => {}), path: look(() => {}), arrow: look(() => {}),
-      rescale: () => this.send({ do: "rescale" }), yaml: () => download(this.scene, "scene.yaml", "text/yaml"),
-      collect: () => this.send({ do: "collect" }), clear: () => this.send({ do: "clear" }),
-      csv: () => download(asText(this.panel.results, ","), "results.csv", "text/csv"),
-      copy: () => navigator.clipboard?.writeText(asText(this.panel.results, "\t")),
-      picture: async () => download(await drawing.picture(this.panel.title), "disk.png", "image/png"),
+  get actions() {
+    const { drawing, ui, panel, node } = this;
+    return {
+      all: () => drawing.fit(),
+      closer: () => drawing.zoom(1.25),
+      farther: () => drawing.zoom(0.8),
+      contact: () => drawing.show(this.state.row.com_x, 0.09, 0.55),
+      picture: async () => download(await drawing.picture(panel.title), "disk.png", "image/png"),
       film: () => this.film(),
-      fold: () => this.find("fold").setAttribute("aria-expanded", !this.node.toggleAttribute("data-folded")),
+      yaml: () => download(this.scene, "scene.yaml", "text/yaml"),
+      csv: () => download(asText(ui.table, ","), "results.csv", "text/csv"),
+      copy: () => navigator.clipboard?.writeText(asText(ui.table, "\t")),
+      fold: () => (ui.fold.ariaExpanded = !node.toggleAttribute("data-folded")),
     };
-    for (const [id, act] of Object.entries(this.actions)) this.find(id).onclick = () => this.state && act();
-    for (const tab of this.node.querySelectorAll(".tabs [data-tab]")) {
-      tab.onclick = () => this.showTab(tab.dataset.tab);
-    }
-    this.root.addEventListener("keydown", (event) => this.key(event));
-    for (const one of this.node.querySelectorAll("dialog")) one.onclick = (event) => event.target === one && one.close();
   }
 
-  showTab(name) {
-    this.node.dataset.tab = name;
-    this.node.removeAttribute("data-folded");
-    this.find("fold").setAttribute("aria-expanded", true);
-    for (const tab of this.node.querySelectorAll(".tabs [data-tab]")) tab.setAttribute("aria-pressed", tab.dataset.tab === name);
+  click(one) {
+    if (!one) return;
+    const { press, command, tab, play } = one.dataset;
+    if (press) this.send({ do: "press", key: press });
+    if (command) this.send({ do: command });
+    if (tab) this.showTab(tab);
+    if (play) {
+      this.ui.list.togglePopover(false);
+      this.send({ do: "play", number: Number(play) });
+    }
+    this.actions[one.id]?.();
     this.redraw();
   }
 
   key(event) {
-    const { target, ctrlKey, altKey, metaKey } = event, key = KEYS[event.key] ?? event.key;
-    if (ctrlKey || altKey || metaKey || !this.state || this.node.querySelector("dialog[open]")) return;
-    if (target.matches("input[type=text], select") || (target.matches("input[type=range]") && /^[A-Z]/.test(key))) return;
+    const { target } = event, key = KEYS[event.key] ?? event.key;
+    if (event.ctrlKey || event.altKey || event.metaKey || this.node.querySelector(":popover-open")) return;
+    const isField = target.matches("input[type=text], select"), isName = /^[A-Z]/.test(key);
+    if (isField || (target.matches("input[type=range]") && isName)) return;
     if (target.matches("button, input[type=checkbox]") && [" ", "Enter"].includes(event.key)) return;
-    const own = { i: "closer", u: "farther", g: "contact", Backspace: "all", p: "picture", v: "film", w: "yaml", "?": "help" };
     if (event.repeat && !REPEATED.includes(key)) return;
-    if (key === "Enter") this.find("follow").click();
-    else if (own[key]) this.actions[own[key]]();
+    const button = this.node.querySelector(`[aria-keyshortcuts="${CSS.escape(key)}"]`);
+    if (button) button.click();
     else if (this.hello.keys.some(([keys]) => keys.split(" ").includes(key))) this.send({ do: "press", key });
     else return;
     event.preventDefault();
   }
 
-  film() {
-    if (this.recorder) return this.recorder.stop();
-    const parts = [], recorder = (this.recorder = new MediaRecorder(this.find("disk").captureStream(30)));
-    recorder.ondataavailable = ({ data }) => parts.push(data);
-    recorder.onstop = () => {
-      download(new Blob(parts), `disk.${/mp4/.test(recorder.mimeType) ? "mp4" : "webm"}`, recorder.mimeType);
-      this.recorder = null;
-      this.showFilm();
-    };
-    recorder.start();
-    this.showFilm();
+  showTab(name) {
+    this.node.dataset.tab = name;
+    this.node.removeAttribute("data-folded");
+    this.ui.fold.ariaExpanded = true;
+    for (const tab of this.node.querySelectorAll("button[data-tab]")) tab.ariaPressed = tab.dataset.tab === name;
+    this.redraw();
   }
 
-  showFilm() {
-    const film = this.find("film");
-    film.textContent = this.recorder ? "End the film" : "Film";
-    film.setAttribute("aria-pressed", Boolean(this.recorder));
+  // Begin to record what the canvas shows, or save what was recorded.
+  film() {
+    if (this.recorder) return this.recorder.stop();
+    const parts = [], recorder = (this.recorder = new MediaRecorder(this.ui.disk.captureStream(30)));
+    const showButton = (words) => Object.assign(this.ui.film, { textContent: words, ariaPressed: words !== "Film" });
+    recorder.ondataavailable = ({ data }) => parts.push(data);
+    recorder.onstop = () => {
+      const type = recorder.mimeType;
+      download(new Blob(parts), `disk.${type.includes("mp4") ? "mp4" : "webm"}`, type);
+      this.recorder = null;
+      showButton("Film");
+    };
+    recorder.start();
+    showButton("End the film");
   }
 
   // ---- what the program sends
 
-  connected(yes) {
-    if (!yes) this.find("role").textContent = "The program does not answer; waiting for it …";
+  lost() {
+    this.ui.role.textContent = LOST;
   }
 
   receive(data) {
     if (typeof data !== "string") return this.showState(data);
     const message = JSON.parse(data), { kind } = message;
-    if (kind === "hello") showHelp(this.find("reference"), (this.hello = message).keys);
-    else if (kind === "role") this.find("role").textContent = (this.plays = message.plays) ? "" : WATCHED;
-    else if (kind === "scene") this.drawing.setScene(message);
+    if (kind === "hello") this.showKeys((this.hello = message));
+    else if (kind === "role") this.ui.role.textContent = (this.plays = message.plays) ? "" : WATCHED;
+    else if (kind === "scene") this.showScene(message);
     else if (kind === "graphs") this.showGraphs(message);
     else if (kind === "panel") this.showPanel(message);
     else if (kind === "yaml") this.scene = message.text;
+  }
+
+  showKeys({ keys }) {
+    const row = ([key, what]) => [element("dt", {}, key), element("dd", {}, what)];
+    this.ui.reference.replaceChildren(...[...keys, ...this.shortcuts].flatMap(row));
+  }
+
+  showScene(message) {
+    this.drawing.setScene(message);
+    this.ui.curve.textContent = message.labels.curve;
+    for (const id of ["hit", "slow", "arrow"]) this.ui[id].disabled = message.unused.includes(id);
   }
 
   showState(buffer) {
     this.state = unpacked(buffer, this.hello.columns, this.hello.curves.length);
     this.arrived = performance.now();
     this.graphs.add(this.state);
-    this.find("caption").textContent = this.state.caption;
+    this.ui.caption.textContent = this.state.caption;
     this.waiting = clearTimeout(this.waiting);
-    this.find("busy").hidden = true;
+    this.ui.busy.hidden = true;
     this.redraw(this.state.number);
   }
 
@@ -145,69 +153,60 @@ export class Sandbox {
     this.unseen = number ?? this.unseen;
     this.frame ??= requestAnimationFrame(() => {
       this.frame = null;
-      if (this.state && this.drawing.scene) this.draw();
+      if (this.state && this.panel) this.draw();
       if (this.unseen) this.send({ do: "seen", number: this.unseen });
       this.unseen = 0;
     });
   }
 
   draw() {
-    const { drawing, state, panel, gestures, graphs } = this, { com_vx, com_vy } = state.row, theme = drawing.scene.themes[this.theme];
-    const [v, angle] = panel.aimed ?? [], aimed = panel.aimed && [v * Math.sin(angle), -v * Math.cos(angle)];
-    const arrow = aimed ?? (this.shows("arrow") && panel.isImpact ? [com_vx, com_vy] : null);
-    drawing.set({ ...this.look, arrow, forces: this.shows("forces"), outline: this.shows("outline"), path: this.shows("path") });
+    const { drawing, state, panel, ui, target } = this, { com_vx, com_vy } = state.row;
+    const options = Object.fromEntries([...ui.options.querySelectorAll("input")].map((one) => [one.id, one.checked]));
+    const [v, angle] = panel.aimed ?? [], velocity = v ? [v * Math.sin(angle), -v * Math.cos(angle)] : [com_vx, com_vy];
+    drawing.set({ ...options, arrow: (v || (options.arrow && !ui.arrow.disabled)) && velocity });
     drawing.draw(state);
-    if (state.pulled >= 0 && gestures.target) {
-      const ends = [drawing.toScreen(state.x[2 * state.pulled], state.x[2 * state.pulled + 1]), drawing.toScreen(...gestures.target)];
-      drawing.drawArrow(...ends, 3, 8, theme.accent, theme.ground);
-    }
-    graphs.draw(state.t, this.hello.curves, theme);
-    if (this.node.dataset.tab === "results") drawResults(this.find("diagram"), panel.results, theme);
+    const theme = drawing.scene.themes[drawing.options.theme], held = 2 * state.pulled;
+    if (held >= 0 && target) drawing.drawArrow([state.x[held], state.x[held + 1]], target, theme.accent, theme);
+    this.graphs.draw(state.t, theme);
+    if (this.node.dataset.tab === "results") drawResults(ui.diagram, panel.results, theme);
   }
 
   showGraphs(message) {
-    const curves = this.hello.curves, [motion, unit] = message.motion;
-    this.graphs.replace(message);
-    legend(this.find("energies"), [["energies [Mc²]"], ...curves.slice(0, 5).map(([, name, colour]) => [name, colour])]);
-    legend(this.find("motions"), [[`${curves[5][1]} [Mc²/R], left`, curves[5][2]], [`${motion} [${unit}], right`, curves[6][2]]]);
+    const { curves } = this.hello, [motion, unit] = message.motion, [, force, colour] = curves[5];
+    this.graphs.replace(message, curves);
+    legend(this.ui.energies, [["energies [Mc²]"], ...curves.slice(0, 5).map(([, name, own]) => [name, own])]);
+    legend(this.ui.motions, [[`${force} [Mc²/R], left`, colour], [`${motion} [${unit}], right`, curves[6][2]]]);
   }
 
   showPanel(panel) {
-    const show = (id, text) => (this.find(id).textContent = text), look = (key) => panel.choices.find((one) => one.key === `video.${key}`).value;
-    this.panel = panel;
-    this.node.ariaBusy = false; // all that was empty until now is filled
-    const magnify = panel.sliders.find((one) => one.key === "video.magnify");
-    this.theme = this.node.dataset.theme = look("theme");
-    this.look = { theme: this.theme, draw: look("draw"), quantity: look("colour"), magnify: magnify.value };
-    const speed = panel.sliders.filter((one) => one.key === "speed"), looks = panel.choices.filter((one) => one.key.startsWith("video."));
-    const parts = { speed, magnify: [magnify], looks, numbers: panel.sliders.filter((one) => ![magnify, ...speed].includes(one)) };
-    parts.choices = panel.choices.filter((one) => !looks.includes(one));
-    for (const [id, group] of this.groups) group.show(parts[id]);
-    const lines = (tag, texts) => texts.map((text) => element(tag, { textContent: text.replace(/ {4}/g, " · ") }));
-    this.find("title").replaceChildren(...lines("div", panel.title));
-    this.find("warnings").replaceChildren(...lines("li", panel.warnings));
-    show("drop", panel.paused ? (panel.atStart ? (panel.isImpact ? "Drop" : "Load") : "Go on") : "Pause");
-    this.find("hit").disabled = !panel.isImpact;
-    show("scenes", `${panel.name} ▾`);
-    show("sentence", panel.sentence);
-    show("solver", `Solver: ${panel.solver}`);
-    show("lattice", `Another random lattice (now ${panel.seed})`);
-    show("status", panel.status);
-    this.find("status").className = panel.status.startsWith("same") ? "" : "disturbed";
-    const aimed = panel.aimed && `v = ${panel.aimed[0]} c, angle ${((panel.aimed[1] * 180) / Math.PI).toFixed(1)}° = ${panel.aimed[1]} rad`;
-    show("message", aimed || panel.message || panel.hint);
-    this.find("slow").checked = panel.slow;
-    this.find("slow").disabled = !panel.isImpact;
-    const name = panel.isImpact ? "e(v)" : "ξ(P)";
-    show("collect", panel.collecting ? `Stop (${panel.collecting} left)` : `Collect ${name}`);
-    show("curve", panel.isImpact ? "restitution e over the speed v [c]" : "compression ξ [R] over the load P [Mc²/R]");
-    for (const id of ["copy", "csv", "clear"]) this.find(id).disabled = !panel.results.length;
-    this.find("tab-results").textContent = `Results${panel.results.length ? ` (${panel.results.length})` : ""}`;
-    showResults(this.find("table"), panel.results);
-    showScenes(this.find("entries"), this.hello.playlist, panel.number, (number) => {
-      this.find("list").close();
-      this.send({ do: "play", number });
-    });
+    const { ui, node, drawing } = this, { labels } = drawing.scene, { aimed, results } = (this.panel = panel);
+    const specs = [...panel.sliders, ...panel.choices];
+    const value = (name) => specs.find(({ key }) => key === `video.${name}`).value;
+    this.controls.show(specs);
+    drawing.set({ theme: value("theme"), draw: value("draw"), quantity: value("colour"), magnify: value("magnify") });
+    node.style.colorScheme = value("theme");
+    const throwing = aimed && `v = ${aimed[0]} c, angle ${((aimed[1] * 180) / Math.PI).toFixed(1)}° = ${aimed[1]} rad`;
+    const texts = {
+      drop: panel.paused ? (panel.atStart ? labels.drop : "Go on") : "Pause",
+      scenes: `${panel.name} ▾`,
+      sentence: panel.sentence,
+      solver: `Solver: ${panel.solver}`,
+      lattice: `Another random lattice (now ${panel.seed})`,
+      status: panel.status,
+      message: throwing || panel.message || panel.hint,
+      collect: panel.collecting ? `Stop (${panel.collecting} left)` : labels.collect,
+      "tab-results": results.length ? `Results (${results.length})` : "Results",
+    };
+    for (const [id, text] of Object.entries(texts)) ui[id].textContent = text;
+    const lines = (tag, words) => words.map((text) => element(tag, { textContent: text.replace(/ {4}/g, " · ") }));
+    ui.title.replaceChildren(...lines("div", panel.title));
+    ui.warnings.replaceChildren(...lines("li", panel.warnings));
+    ui.status.className = panel.status.startsWith("same") ? "" : "disturbed";
+    ui.slow.checked = panel.slow;
+    for (const id of ["copy", "csv", "clear"]) ui[id].disabled = !results.length;
+    showResults(ui.table, results);
+    showScenes(ui.entries, this.hello.playlist, panel.number);
+    node.ariaBusy = false; // all that was empty until now is filled
     this.redraw();
   }
 }

@@ -1,4 +1,4 @@
-"""Who sees a sandbox: each page gets states as fast as it draws them, and never a queue."""
+"""The visitors of a sandbox: each page gets states as fast as it draws them, and never a queue."""
 
 from __future__ import annotations
 
@@ -11,13 +11,13 @@ from taichi_disk.runtime import alone
 from taichi_disk.window.commands import understood
 from taichi_disk.window.session import Session
 
-FASTEST = 60.0  # pictures per second at most
-_IN_FLIGHT = 2  # states that a page may have got and not yet drawn
+MAX_RATE = 60.0  # pictures per second
+_MAX_IN_FLIGHT = 2  # states that were sent to a page and not yet drawn
 Send = Callable[[str | bytes], Awaitable[None]]
 
 
 class Visitor:
-    """One page. `send` takes texts and states for it."""
+    """One page. `send` sends it a text or a state."""
 
     def __init__(self, send: Send) -> None:
         self.news = asyncio.Event()  # something may have to be sent
@@ -25,23 +25,23 @@ class Visitor:
         self.number = 0  # of the last state that was sent
         self.feeding: asyncio.Task[None] | None = None
         self._send = send
-        self._states: list[int] = []  # numbers of states that are on their way
+        self._in_flight: list[int] = []  # numbers of states
         self._texts: dict[str, str] = {}
 
     def acknowledge(self, number: float) -> None:
-        """The page has drawn a state."""
-        self._states = [one for one in self._states if one > number]
+        """Note that the page has drawn a state."""
+        self._in_flight = [one for one in self._in_flight if one > number]
         self.news.set()
 
     @property
     def keeps_up(self) -> bool:
         """Whether the page may be sent another state."""
-        return len(self._states) < _IN_FLIGHT
+        return len(self._in_flight) < _MAX_IN_FLIGHT
 
     async def show(self, session: Session, plays: bool) -> None:
-        """Send the texts that are others than the page has, and the last state."""
+        """Send the texts that have changed for the page, and the last state."""
         state, self.number, self.plays = session.state, session.number, plays
-        self._states.append(session.number)
+        self._in_flight.append(session.number)
         for kind, text in (session.texts | {"role": json.dumps({"kind": "role", "plays": plays})}).items():
             if self._texts.get(kind) != text:
                 self._texts[kind] = text
@@ -66,7 +66,7 @@ class Audience:
         visitor.feeding = asyncio.create_task(self._feed(visitor))
 
     def leave(self, visitor: Visitor) -> None:
-        """Send no more. Who played lets go of the disk, and the next visitor plays; the last one pauses it."""
+        """Send no more. After the player, the next visitor plays; after the last visitor, the sandbox pauses."""
         played = self.plays(visitor)
         self._visitors.remove(visitor)
         if visitor.feeding:
@@ -80,7 +80,7 @@ class Audience:
         return self._all_play or visitor is self._visitors[0]
 
     def hear(self, visitor: Visitor, text: str | bytes) -> None:
-        """Do what a page asks for; what no page asks for is counted."""
+        """Carry out a page's message if its visitor plays; ignore and count malformed messages."""
         message = understood(text)
         if message is None:
             self.ignored += 1
@@ -92,7 +92,7 @@ class Audience:
 
     @property
     def failure(self) -> BaseException | None:
-        """What has ended the feeding of a visitor that is still here: an error of this program."""
+        """The error of this program that has ended the feeding of a present visitor."""
         ended = [one.feeding for one in self._visitors if one.feeding and one.feeding.done()]
         return ended[0].exception() if ended else None
 
@@ -101,17 +101,17 @@ class Audience:
             one.news.set()
 
     async def _feed(self, visitor: Visitor) -> None:
-        """Send states for as long as the page draws them: the page that plays is the sandbox's clock."""
+        """Send states for as long as the page draws them; the page of the player is the sandbox's clock."""
         session = self.session
         while True:
             began, plays = perf_counter(), self.plays(visitor)
             visitor.news.clear()
-            if visitor.keeps_up and plays and session.busy:
+            if visitor.keeps_up and plays and session.is_busy:
                 with alone():  # another thread may compute
                     session.advance()
                 self._tell()
             if visitor.keeps_up and (visitor.number < session.number or visitor.plays is not plays):
                 await visitor.show(session, plays)
-                await asyncio.sleep(max(0.0, 1.0 / FASTEST - (perf_counter() - began)))
+                await asyncio.sleep(max(0.0, 1.0 / MAX_RATE - (perf_counter() - began)))
             else:
                 await visitor.news.wait()

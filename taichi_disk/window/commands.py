@@ -1,53 +1,37 @@
-"""What a page may say: every message is checked against this list before anything is done with it."""
+"""The commands that a page may send, and the check that every message passes first."""
 
 from __future__ import annotations
 
 import json
-from math import isfinite
 from typing import Any
 
 from taichi_disk.window.controls import CHOICES, RANGES
 
 MAX_BYTES = 2**10  # of a message
-_LARGEST = 1e7
-_NUMBERS = {  # of each command, the numbers that it needs
-    "seen": ("number",),  # a state has been drawn
-    "play": ("number",),
-    "speed": ("value",),
-    "scrub": ("t",),
-    "turn": ("angle", "final"),
-    "aim": ("dx", "dy"),
-    "throw": (),
-    "pull": ("x", "y"),
-    "release": (),
-    "rescale": (),
-    "collect": (),
-    "clear": (),
-    "press": (),
-    "set": (),
+_LONGEST_WORD, _LARGEST_NUMBER = 40, 1e7
+# Values of each command, in the order in which `Session` passes them on. "seen": the page has drawn a state.
+_VALUES = {
+    **{"seen": "number", "play": "number", "speed": "value", "scrub": "t", "turn": "angle final", "aim": "dx dy"},
+    **{"pull": "x y", "press": "key", "set": "key value"},
+    **dict.fromkeys(("throw", "release", "rescale", "collect", "clear"), ""),
 }
-_WORDS = {"press": ("key",), "set": ("key",)}
-CHANGEABLE = (*RANGES, *CHOICES, "video.magnify")
 
 
 def understood(text: Any) -> dict[str, Any] | None:
-    """Return a page's message as {"do": …} with the numbers and words that it needs, or None if no page sends it."""
+    """Return a page's message as {"do": …} with the values of that command, or None if no page sends the message."""
     try:
-        given = json.loads(text)
-        kind = given["do"]
-        message = {"do": kind} | {name: float(given[name]) for name in _NUMBERS[kind]}
-        if not all(isfinite(message[name]) and abs(message[name]) < _LARGEST for name in _NUMBERS[kind]):
+        content = json.loads(text)
+        message = {name: content[name] for name in ("do", *_VALUES[content["do"]].split())}
+        key = message.get("key")
+        if message["do"] == "set" and key not in (*RANGES, *CHOICES):
             return None
-        for name in _WORDS.get(kind, ()):
-            message[name] = given[name]
-            if not (isinstance(given[name], str) and len(given[name]) < 40):
-                return None
-        if kind == "set":
-            value = message["value"] = given["value"]
-            is_word = isinstance(value, str) and len(value) < 40
-            is_number = type(value) in (int, float) and isfinite(value) and abs(value) < _LARGEST
-            if message["key"] not in CHANGEABLE or is_word != (message["key"] in CHOICES) or not (is_word or is_number):
-                return None
-        return message
-    except (ValueError, TypeError, KeyError, OverflowError, RecursionError):
+        words = ("do", "key", "value") if key in CHOICES else ("do", "key")
+        return message if all(_is_valid(value, name in words) for name, value in message.items()) else None
+    except (ValueError, TypeError, KeyError, RecursionError):
         return None
+
+
+def _is_valid(value: Any, is_word: bool) -> bool:
+    if is_word:
+        return isinstance(value, str) and len(value) < _LONGEST_WORD
+    return isinstance(value, (int, float)) and abs(value) < _LARGEST_NUMBER  # false for nan

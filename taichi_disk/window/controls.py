@@ -10,18 +10,18 @@ from typing import Any, NamedTuple, get_args
 from taichi_disk.config.sections import Boundary, Colour, Dashpot, Draw, Theme
 from taichi_disk.errors import TaichiDiskError
 from taichi_disk.scenes import Scene
-from taichi_disk.window.sandbox import Sandbox
+from taichi_disk.window.sandbox import Sandbox, load_key
 
-MORE, MANY = 1.12, 1.5  # factors of one press of a key: of a value, of the number of points
-REPEATED = ("Left", "Right", "Up", "Down", "e", "d", "a", "z", "s", "f", "i", "u")  # while they are held
+STEPS, POINT_STEPS = (1.12, 1 / 1.12), (1 / 1.5, 1.5)  # factors of one press of a key: of a value, of the points
+REPEATED = ("Left", "Right", "Up", "Down", "e", "d", "a", "z", "s", "f", "i", "u")  # keys that repeat while held
 LEAST = {"material.eta_star": 0.1, "material.viscosity": 1e-4}  # viscosity that keys reach before 0
-LARGE = 5000  # points, from which on a new start takes longer than a picture may
+MAX_POINTS = 20_000  # that can be typed: larger disks take minutes to build
+SPEED_LIMITS = 0.01, 100.0  # [R/c per s]
 CURVE, CURVE_SPAN = 8, 30.0  # experiments of a collected curve, and the ratio of their largest load to the least
-Action = Callable[[], None]
 
 
 class Range(NamedTuple):
-    """A number of the scene: its name, unit and keys, the ends of its slider, and what it means."""
+    """A number that can be changed: its name, unit and keys, the ends of its slider, and its meaning."""
 
     name: str
     unit: str
@@ -41,9 +41,9 @@ RANGES = {
     "compression.pressure": Range("load P", "Mc²/R", "Up Down", 1e-4, 0.05, "force that presses the disk on the wall"),
     "wall.a": Range("wall hardness a", "1/R", "a z", 10.0, 3000.0, "steepness of the wall's potential"),
     "lattice.points": Range("mass points N", "", "j k", 100, 5000, "of the disk"),
+    "speed": Range("speed of time", "R/c per s", "s f", 0.05, 5.0, "simulated time that one second shows"),
+    "video.magnify": Range("displacements ×", "", "", 1.0, 20.0, "factor by which drawn displacements are larger"),
 }
-SPEED = Range("speed of time", "R/c per s", "s f", 0.05, 5.0, "simulated time that one second shows")
-MAGNIFY = Range("displacements ×", "", "", 1.0, 20.0, "drawn so many times as large as they are")
 CHOICES: dict[str, tuple[str, Any]] = {
     "wall.boundary": ("boundary of the wall", Boundary),
     "material.dashpot": ("dashpots", Dashpot),
@@ -54,7 +54,7 @@ CHOICES: dict[str, tuple[str, Any]] = {
 
 
 class Entry(NamedTuple):
-    """A scene of the list: its name, one sentence of what to look for, and how it is read when it is wanted."""
+    """A scene of the list: its name, one sentence about what to look for, and the function that reads the scene."""
 
     name: str
     sentence: str
@@ -62,76 +62,64 @@ class Entry(NamedTuple):
 
 
 class Controls:
-    """Acts on a sandbox.
+    """The actions, numbers and choices of a sandbox.
 
     Attributes:
-        number: of the scene in the playlist.
-        actions: what each key does.
-        reference: keys, and what they do.
+        number: place of the scene in `playlist`.
+        actions: the action of each key.
+        reference: groups of keys and the meaning of each group, for a list of keys.
     """
 
     def __init__(self, sandbox: Sandbox, playlist: list[Entry]) -> None:
         self.sandbox, self.playlist, self.number = sandbox, playlist, 0
-        self.actions: dict[str, Action] = {}
+        self.actions: dict[str, Callable[[], None]] = {}
         self.reference: list[tuple[str, str]] = []
-        for keys, what, actions in (
-            ("space", "drop, pause, go on", (sandbox.pause,)),
-            ("r", "back to the start", (sandbox.begin,)),
-            ("h", "hit again", (sandbox.hit_again,)),
-            ("Left Right", "back and forth in time", _each(sandbox.step, (-1, 1))),
-            ("s f", "time slower, faster", _both(lambda factor: self.set_speed(factor * sandbox.speed))[::-1]),
-            ("y", "slow motion in contact", (self._toggle_slow,)),
-            ("e d", "viscosity up, down", _both(lambda factor: self._more(self.dashpot_key, factor))),
-            ("Up Down", "speed or load up, down", _both(lambda factor: self._more(self.load_key, factor))),
-            ("a z", "wall harder, softer", _both(partial(self._more, "wall.a"))),
-            ("j k", "fewer, more mass points", _both(partial(self._more, "lattice.points"), MANY)[::-1]),
-            ("l", "another random lattice", (self._next_lattice,)),
-            ("x", "boundary of the elastic wall", (partial(self._next, "wall.boundary"),)),
-            ("b n", "scene before, after this one", _each(self.step_through, (-1, 1))),
-            ("c", "what the colours show", (partial(self._next, "video.colour"),)),
-            ("o", "field, springs, both, points", (partial(self._next, "video.draw"),)),
-            ("t", "light or dark", (partial(self._next, "video.theme"),)),
-            ("Escape", "let go of the disk", (sandbox.let_go,)),
-        ):
-            self.add(keys, what, *actions)
+        scale = self._scale
+        self.add("space", "drop, pause, go on", sandbox.pause)
+        self.add("r", "back to the start", sandbox.begin)
+        self.add("h", "hit again", sandbox.hit_again)
+        self.add("Left Right", "back and forth in time", sandbox.step, -1, 1)
+        self.add("s f", "time slower, faster", partial(scale, "speed"), *STEPS[::-1])
+        self.add("y", "slow motion in contact", self._toggle_slow)
+        self.add("e d", "viscosity up, down", lambda factor: scale(self.dashpot_key, factor), *STEPS)
+        self.add("Up Down", "speed or load up, down", lambda factor: scale(load_key(sandbox.scene), factor), *STEPS)
+        self.add("a z", "wall harder, softer", partial(scale, "wall.a"), *STEPS)
+        self.add("j k", "fewer, more mass points", partial(scale, "lattice.points"), *POINT_STEPS)
+        self.add("l", "another random lattice", self._next_lattice)
+        self.add("x", "boundary of the elastic wall", self._next, "wall.boundary")
+        self.add("b n", "scene before, after this one", lambda step: self.play(self.number + step), -1, 1)
+        self.add("c", "quantity shown by colours", self._next, "video.colour")
+        self.add("o", "field, springs, both, points", self._next, "video.draw")
+        self.add("t", "light or dark", self._next, "video.theme")
+        self.add("Escape", "let go of the disk", sandbox.let_go)
 
-    def add(self, keys: str, what: str, *actions: Action) -> None:
-        """Let each of `keys` do one of `actions`."""
-        self.reference.append((keys, what))
-        self.actions |= dict(zip(keys.split(), actions, strict=True))
+    def add(self, keys: str, meaning: str, act: Callable[..., None], *values: Any) -> None:
+        """Let each of `keys` call `act` with its own one of `values`, or a single key call it without a value."""
+        self.reference.append((keys, meaning))
+        given: list[tuple[Any, ...]] = [(value,) for value in values] or [()]
+        self.actions |= {key: partial(act, *value) for key, value in zip(keys.split(), given, strict=True)}
 
     def press(self, key: str) -> None:
-        """Do what a key stands for; an unknown one does nothing. What fails is in the sandbox's message."""
+        """Do the action of a key; an unknown key does nothing."""
         self.attempt(self.actions.get(key, lambda: None))
 
-    def attempt(self, act: Action) -> None:
-        """Do what may fail with a message for the user."""
+    def attempt(self, act: Callable[..., None], *values: Any) -> None:
+        """Call `act` with `values`; a TaichiDiskError becomes the sandbox's message."""
         try:
-            act()
+            act(*values)
         except TaichiDiskError as error:
             self.sandbox.message = str(error)
 
     # ---- values
 
     @property
-    def load_key(self) -> str:
-        """The key that results are compared over: the speed of an impact [c], the load of a compression [M c^2/R]."""
-        return ".".join(self.sandbox.scene.abscissa)
-
-    @property
     def dashpot_key(self) -> str:
-        """eta*, or the viscosity, which stays with the body when its number of points changes."""
+        """The key that sets the dashpots: eta*, or the viscosity, which a change of the number of points keeps."""
         return f"material.{self.sandbox.scene.material.dashpots[0]}"
 
     @property
-    def magnification(self) -> float:
-        """How many times as large as they are displacements are drawn; the largest of a run is not known here."""
-        factor = self.sandbox.scene.video.magnify
-        return 1.0 if factor == "auto" else factor
-
-    @property
     def ranges(self) -> dict[str, Range]:
-        """The numbers of the present scene by their keys; a value beyond its range widens that."""
+        """The numbers of the present scene by their keys; a value outside its range widens the range."""
         found = {}
         for key, one in RANGES.items():
             value = self.value(key)
@@ -141,32 +129,34 @@ class Controls:
         return found
 
     def value(self, key: str) -> Any:
-        """The value of a dotted key of the scene, or None if the scene has no such key."""
+        """Return the value of "speed" or of a dotted key of the scene, or None if the scene has no such key."""
+        if key == "speed":
+            return self.sandbox.speed
         section, name = key.split(".")
-        return getattr(getattr(self.sandbox.scene, section, None), name, None)
+        value = getattr(getattr(self.sandbox.scene, section, None), name, None)
+        return 1.0 if value == "auto" else value  # the largest displacement is not known here
 
     def set(self, key: str, value: Any) -> None:
-        """Change a number or a choice of the scene; a key that the scene does not have is ignored."""
+        """Change a number or a choice; a key that the scene does not have is ignored."""
         now = self.value(key)
-        if isinstance(now, (int, float)):
+        if key == "speed":
+            low, high = SPEED_LIMITS
+            self.sandbox.speed = float(f"{min(max(value, low), high):.3g}")
+        elif isinstance(now, (int, float)):
+            value = min(value, max(MAX_POINTS, now)) if key == "lattice.points" else value
             self.sandbox.set(key, type(now)(float(f"{value:.6g}")))
         elif now is not None:
             self.sandbox.set(key, value)
 
-    def set_speed(self, speed: float) -> None:
-        """Simulated time per second of the clock [R/c per s]."""
-        self.sandbox.speed = float(f"{min(max(speed, 0.01), 100.0):.3g}")
-
-    def _more(self, key: str, factor: float) -> None:
-        """A number times a factor, in its range or no farther out."""
-        value, one = self.value(key), RANGES[key]
-        new = float(f"{min(max(value * factor, one.low), max(one.high, value)):.3g}")
+    def _scale(self, key: str, factor: float) -> None:
+        """Multiply the value of `key` by `factor`, clipped to its slider range."""
+        one, value = self.ranges[key], self.value(key)
+        new = float(f"{min(max(value * factor, RANGES[key].low), one.high):.3g}")
         if new < LEAST.get(key, 0.0):
             new = LEAST[key] if factor > 1.0 else 0.0
         self.set(key, new)
 
     def _next(self, key: str) -> None:
-        """Take the next value of a choice, if the scene has that choice."""
         values, value = get_args(CHOICES[key][1]), self.value(key)
         if value in values:
             self.sandbox.set(key, values[(values.index(value) + 1) % len(values)])
@@ -179,30 +169,16 @@ class Controls:
 
     # ---- scenes
 
-    def step_through(self, way: int) -> None:
-        """Begin with the scene so many places on in the playlist. Raises TaichiDiskError."""
-        self.play((self.number + way) % len(self.playlist))
-
-    def play(self, number: int) -> None:
-        """Begin with a scene of the playlist; what colours show stays. Raises TaichiDiskError."""
-        sandbox = self.sandbox
+    def play(self, number: float) -> None:
+        """Begin with a scene of the playlist, counted round it; the drawing options stay. Raises TaichiDiskError."""
+        sandbox, number = self.sandbox, int(number) % len(self.playlist)
         scene = self.playlist[number].load()
         # Displacements may not be drawn larger on an elastic wall.
-        video = replace(sandbox.scene.video, magnify=scene.video.magnify)
-        sandbox.begin(replace(scene, video=video))
+        sandbox.begin(replace(scene, video=replace(sandbox.scene.video, magnify=scene.video.magnify)))
         self.number = number
 
     def collect(self) -> None:
         """Collect a curve of results over the range of speeds or loads, or stop collecting. Raises TaichiDiskError."""
-        high = RANGES[self.load_key].high
+        high = RANGES[load_key(self.sandbox.scene)].high
         loads = [float(f"{high * CURVE_SPAN ** (-k / (CURVE - 1)):.2g}") for k in range(CURVE)]
         self.sandbox.collect([] if self.sandbox.collected else loads)
-
-
-def _each(act: Callable[[Any], None], values: tuple[Any, Any]) -> tuple[Action, Action]:
-    return partial(act, values[0]), partial(act, values[1])
-
-
-def _both(act: Callable[[float], None], factor: float = MORE) -> tuple[Action, Action]:
-    """More and less."""
-    return _each(act, (factor, 1.0 / factor))

@@ -1,4 +1,4 @@
-"""What has been seen since the start: states from which the simulation goes on bitwise, across all changes by hand."""
+"""The states since the start: from each of them the simulation continues bitwise, across all changes by the user."""
 
 from __future__ import annotations
 
@@ -18,24 +18,27 @@ from taichi_disk.simulation.observables import INDEX, within
 from taichi_disk.simulation.simulation import KernelCache
 from taichi_disk.simulation.stepping import Snapshot
 
-SPACING = 1.5e-2  # time between two remembered states at first, of the disk's own time
-MOST, BYTES = 1280, 1.7e9  # states remembered, and what they may take; then every second is let go
+SPACING = 1.5e-2  # first time between two stored states, over the springs' time unit
+MAX_STATES, MAX_BYTES = 1280, 1.7e9  # stored states and their memory; then every second one is dropped
 
 
 class Segment(Driver):
-    """The time between two changes by hand. It goes on after the scene's end, and back; a mouse may pull in it.
+    """The time between two changes by the user. It can continue after the scene's end, and go back to an earlier state.
 
     Attributes:
         began: time at its start [R/c].
-        hit: number of the hit that it belongs to.
-        label: what hands have done: "", "hit again", "by hand".
-        pulled_from: number of the step at which the mouse began to pull; from then on no retries and no end. inf: none.
+        hit: number of the hit, from 1.
+        label: the change at its start: "", "hit again" or "disturbed".
+        pulled_from: number of the step at which the mouse began to pull, inf if it did not; after it, the segment
+            neither ends nor begins again with a shorter step.
+        reference_energy: kinetic energy at the start, or about the work of the load [M c^2].
     """
 
     def __init__(
         self, scenario: Scenario, kernels: KernelCache, modes: Spectrum, began: float = 0, hit: int = 1, label: str = ""
     ) -> None:
         self.began, self.hit, self.label = began, hit, label
+        self.reference_energy = scenario.reference_energy
         super().__init__(scenario, scenario.scene.time, kernels, modes)
 
     def _begin(self) -> None:
@@ -43,13 +46,13 @@ class Segment(Driver):
         self._last, self.pulled_from = 2**31 - 1, inf
 
     def advance(self, seconds: float = inf, steps: int | None = None) -> Status:
-        """As a `Driver`, but `max_time` is no failure, and after the end time goes on: the status stays "finished"."""
-        over = self.status == "finished"
-        self.can_end = not over and self.pulled_from == inf
-        if over:
+        """Advance as a `Driver`, but without `max_time`; after the end, the status stays "finished"."""
+        is_over = self.status == "finished"
+        self.can_end = not is_over and self.pulled_from == inf
+        if is_over:
             self.status = "running"
         super().advance(seconds, steps)
-        if over and self.status == "running":
+        if is_over and self.status == "running":
             self.status = "finished"
         return self.status
 
@@ -60,16 +63,17 @@ class Segment(Driver):
 
     @property
     def present(self) -> Checkpoint:
-        """The last state that is good."""
+        """The last valid state."""
         return Checkpoint(self, self.now, self.row, self.state, self.state.step > self.pulled_from)
 
     @property
     def imbalance(self) -> float:
-        """Energy that has appeared from nowhere [M c^2]."""
+        """Error of the energy balance [M c^2]."""
         return float(self._balance.imbalance(self.row[None])[0])
 
-    def back_to(self, snapshot: Snapshot, row: Array) -> None:
-        """Go back to a `state` of this attempt, with its `row`, before the mouse pulled; all after it is forgotten."""
+    def back_to(self, checkpoint: Checkpoint) -> None:
+        """Continue from an earlier state of this attempt, of which the mouse has pulled none; forget all later ones."""
+        snapshot = checkpoint.snapshot
         self.simulation = self._simulation()
         self.simulation.restore(snapshot)
         self.count = 1 + snapshot.step // self.stride
@@ -77,12 +81,13 @@ class Segment(Driver):
         self._quiet = min(int(np.argmin(np.append(inside[::-1], False))), self._needed - 1)
         self._balance = EnergyBalance(self.rows[0])
         self._balance.first_lost(self.rows)
-        self.state, self.row, self.failure, self.pulled_from = snapshot, row, None, inf
-        over = self.end is not None and snapshot.step >= self.end.step
-        self.status, self.end = ("finished", self.end) if over else ("running", None)
+        self.state, self.row, self.failure = snapshot, checkpoint.row, None
+        self.pulled_from = 0 if checkpoint.pulled else inf
+        is_over = self.end is not None and snapshot.step >= self.end.step
+        self.status, self.end = ("finished", self.end) if is_over else ("running", None)
 
     def pull(self, point: int, target: tuple[float, float]) -> None:
-        """Tie a point (-1: none any more) to the mouse at `target` [R] from now on; the model needs a `mouse`."""
+        """Tie a point (-1: no point) to the mouse at `target` [R] from now on; the model needs a `mouse`."""
         self.pulled_from = min(self.pulled_from, self.simulation.step_number)
         jump = self.simulation.set_mouse_target(point, target)
         self.row = self.row.copy()
@@ -93,14 +98,14 @@ class Segment(Driver):
 
 @dataclass(frozen=True, eq=False)
 class Checkpoint:
-    """A state to see, and to go on from.
+    """A state that can be displayed or resumed.
 
     Attributes:
-        segment: that it belongs to.
+        segment: the run segment that the state was taken from.
         t: time since the start [R/c].
         row: (columns,) the observables.
-        snapshot: from which the segment goes on bitwise.
-        pulled: whether the mouse has pulled in this segment.
+        snapshot: the simulation's state.
+        pulled: whether the mouse had pulled in this segment.
     """
 
     segment: Segment
@@ -111,18 +116,18 @@ class Checkpoint:
 
     @property
     def x(self) -> Array:
-        """(n, 2) positions [R]."""
+        """Positions (n, 2) [R]."""
         return self.snapshot.vectors[0]
 
     @property
     def v(self) -> Array:
-        """(n, 2) velocities [c]."""
+        """Velocities (n, 2) [c]."""
         step = self.segment.step
         return self.snapshot.velocities(step.integrator, step.dt, self.segment.scenario.lattice)
 
     @property
-    def by_hand(self) -> bool:
-        """Whether hands had a part in it."""
+    def is_disturbed(self) -> bool:
+        """Whether the user has interfered before this state."""
         return self.pulled or bool(self.segment.label)
 
     @property
@@ -132,13 +137,13 @@ class Checkpoint:
 
 
 class Timeline:
-    """What is remembered since the last start, and what there is to see.
+    """The states since the last start.
 
     Attributes:
         last: the segment that moves.
-        spacing: time between two remembered states [R/c]; to remember one takes longer than a few steps.
-        checkpoints: that are remembered, the latest last.
-        seen: what there is to see: the present, something past, or the latest that was reached while all is computed
+        spacing: time between two stored states [R/c]; storing one takes longer than a few steps.
+        checkpoints: the stored states, the latest last.
+        seen: the state on display: the present, an earlier state, or the latest state reached before the scene began
             again with a shorter step.
     """
 
@@ -148,38 +153,44 @@ class Timeline:
         self.follow(first)
 
     def follow(self, segment: Segment) -> None:
-        """Go on with another one."""
+        """Continue with another segment."""
         self.last = segment
-        self._remember()
-        self.look()
-
-    def of_hit(self, hit: int) -> list[Segment]:
-        """The segments of one hit, as far as they are remembered."""
-        known = dict.fromkeys([*(one.segment for one in self.checkpoints), self.last])
-        return [one for one in known if one.hit == hit]
+        self._store()
+        self.seen = segment.present
 
     # ---- time
 
     @property
+    def hit_segments(self) -> list[Segment]:
+        """The stored segments of the hit on display."""
+        known = dict.fromkeys([*(one.segment for one in self.checkpoints), self.last])
+        return [one for one in known if one.hit == self.seen.segment.hit]
+
+    @property
+    def hit_began(self) -> float:
+        """Time of the start of the hit on display [R/c]."""
+        return self.hit_segments[0].began
+
+    @property
     def past(self) -> bool:
-        """Whether what is seen is before the present."""
+        """Whether the state on display is earlier than the present."""
         return self.seen.t < self.last.now
 
     @property
     def behind(self) -> float:
-        """How far the present is behind what is seen [R/c]."""
+        """Time by which the present is earlier than the state on display [R/c]."""
         return max(0.0, self.seen.t - self.last.now)
 
     @property
     def due(self) -> int:
-        """Steps until another state is to be remembered."""
+        """Steps until the next state is stored."""
         dt = self.last.step.dt
         return round((self.checkpoints[-1].t + max(self.spacing, dt) - self.last.now) / dt)
 
     def go(self, steps: int, seconds: float) -> int:
-        """Make `steps` steps, or fewer: not much longer than `seconds` of the clock, and not past the scene's end.
+        """Make at most `steps` steps, within about `seconds` of the clock and up to the scene's end.
 
-        Returns how many were made.
+        Returns the number of steps made.
         """
         segment, until, made = self.last, perf_counter() + seconds, 0
         while made < steps and segment.status != "failed":
@@ -188,52 +199,43 @@ class Timeline:
             made += max(segment.simulation.step_number - number, 0)
             if segment.status == "restarted":
                 self.checkpoints = [one for one in self.checkpoints if one.segment is not segment]
-            self._remember()
+            self._store()
             if segment.status not in ("running", before) or perf_counter() >= until:
                 break
         if not self.behind or segment.status in ("finished", "failed"):
-            self.look()
+            self.seen = segment.present
         return made
 
-    def _remember(self) -> None:
+    def _store(self) -> None:
         if self.checkpoints and self.due > 0:
             return
         now = self.last.present
         self.checkpoints.append(now)
-        if len(self.checkpoints) >= min(MOST, BYTES / now.snapshot.vectors.nbytes):
+        if len(self.checkpoints) >= min(MAX_STATES, MAX_BYTES / now.snapshot.vectors.nbytes):
             self.checkpoints = self.checkpoints[::2]
             self.spacing = (self.checkpoints[-1].t - self.checkpoints[0].t) / (len(self.checkpoints) - 1)
 
-    # ---- what is seen
-
-    def look(self) -> None:
-        """See the present."""
-        self.seen = self.last.present
+    # ---- the state on display
 
     def look_at(self, t: float) -> None:
-        """See the state that is remembered nearest to the time `t` [R/c]."""
-        self._see(int(np.abs(np.array([one.t for one in self.checkpoints]) - t).argmin()))
+        """Show the stored state nearest to the time `t` [R/c]."""
+        self._show(int(np.abs(np.array([one.t for one in self.checkpoints]) - t).argmin()))
 
     def look_beside(self, count: int) -> bool:
-        """See what is `count` checkpoints later, or earlier if negative. Returns False at the end of what is known."""
-        at = bisect_left(self.checkpoints, self.seen.t, key=lambda one: one.t) + count
-        if at >= len(self.checkpoints):
-            self.look()
-            return False
-        self._see(max(at, 0))
-        return True
+        """Show the state `count` checkpoints later, or earlier if negative. Returns False after the last one."""
+        place = bisect_left(self.checkpoints, self.seen.t, key=lambda one: one.t) + count
+        self._show(max(place, 0))
+        return place < len(self.checkpoints)
 
-    def _see(self, at: int) -> None:
-        self.seen = self.checkpoints[at]
-        if not self.past:
-            self.look()
+    def _show(self, place: int) -> None:
+        """Show a checkpoint, or the present if none is as late as that."""
+        known = self.checkpoints[place : place + 1]
+        self.seen = known[0] if known and known[0].t < self.last.now else self.last.present
 
     def cut(self) -> None:
-        """Make the past state that is seen the present: all after it is forgotten."""
+        """Make the earlier state on display the present: all later states are forgotten."""
         seen = self.seen
         del self.checkpoints[self.checkpoints.index(seen) + 1 :]
         self.last = seen.segment
-        self.last.back_to(seen.snapshot, seen.row)
-        if seen.pulled:
-            self.last.pulled_from = 0
-        self.look()
+        self.last.back_to(seen)
+        self.seen = self.last.present

@@ -1,6 +1,6 @@
-"""A sandbox behind its pages: what they ask for is done between two states, what they show is put into messages.
+"""A sandbox behind its pages: it carries out their commands between two states and packs the messages they show.
 
-A page draws the last state and the last text of each kind, so that one that is slow misses states and nothing else.
+A page draws the last state and the last text of each kind, so a slow page misses states and nothing else.
 """
 
 from __future__ import annotations
@@ -13,163 +13,123 @@ from time import perf_counter
 from typing import Any, get_args
 
 import numpy as np
-from numpy.typing import NDArray
 
 from taichi_disk.fields import Triangles
-from taichi_disk.render.palette import full_scale, round_near
 from taichi_disk.simulation.observables import INDEX
 from taichi_disk.simulation.simulation import KernelCache
 from taichi_disk.web.drawing import colour_values, contact_forces, scene_message
-from taichi_disk.window.controls import CHOICES, LARGE, MAGNIFY, SPEED, Controls, Entry
+from taichi_disk.window.controls import CHOICES, RANGES, Controls, Entry
 from taichi_disk.window.graphs import CURVES, Graphs
 from taichi_disk.window.sandbox import PATIENCE, Result, Sandbox, load_of
+from taichi_disk.window.scales import UPDATE_INTERVAL, Scales
 
-LONGEST = 0.1  # a picture that took longer does not make the next step longer [s]
-_PICTURE = 1.0 / 32.0  # what computing and sending may take together [s]
-_LOOK = 5  # pictures between two looks at whether the scales still hold what they show
-_QUIET = 6  # pictures that still change when nothing moves any more: scales grow
-_MOST_PENDING = 64  # commands between two pictures that do not replace each other
-MOST_POINTS = 20_000  # that a page may ask for: more take minutes to build
+MAX_PASSED = 0.1  # longest time between two pictures that passes in the simulation, too [s]
+_PICTURE = 1.0 / 32.0  # time that computing and sending may take together [s]
+_STILL_PICTURES = 6  # pictures that still change after the last motion, because the scales grow
+_MAX_PENDING = 64  # commands between two pictures that do not replace each other
+LARGE = 5000  # points; building a larger lattice takes longer than a picture may
 HEADER = struct.Struct("<IIdIIiI4f")  # see `Session._state`
-_LATEST = ("set", "speed", "scrub", "turn", "aim", "pull")  # commands of which the latest counts
+PAST_HINT = "earlier state: Go on continues from here"
+AIM_HINT = "drag the disk to turn it, or from beside it to aim"
+_REPLACED = ("set", "speed", "scrub", "turn", "aim", "pull")  # commands of which only the latest counts
 
 
 class Session:
     """`ti.init` must have been called. Needs no display and no Vulkan.
 
     Attributes:
-        sandbox, controls: the disk, and what can be done.
-        texts: the JSON messages of each kind, "hello", "scene", "graphs", "yaml" and "panel", as they stand.
+        sandbox, controls: the disk, and what can be done with it.
+        texts: the present JSON message of each kind: "hello", "scene", "graphs", "yaml" and "panel".
         number: of the last state.
         state: the last state, the binary message of a picture.
     """
 
     def __init__(self, playlist: list[Entry], kernels: KernelCache) -> None:
         """Raises TaichiDiskError for a scene that cannot be built."""
-        self.sandbox = Sandbox(playlist[0].load(), kernels)
-        self.controls = Controls(self.sandbox, playlist)
-        self.scales, self.graphs = Scales(self.sandbox), Graphs(self.sandbox)
+        self.sandbox = sandbox = Sandbox(playlist[0].load(), kernels)
+        self.controls = controls = Controls(sandbox, playlist)
+        self.scales, self.graphs = Scales(sandbox), Graphs(sandbox)
         self.texts: dict[str, str] = {}
         self.number, self.state = 0, b""
+        self._acts: dict[str, Callable[..., None]] = {
+            **{"press": controls.press, "play": controls.play, "collect": controls.collect, "set": controls.set},
+            **{"speed": partial(controls.set, "speed"), "rescale": self.scales.reset, "turn": sandbox.turn},
+            **{"aim": sandbox.aim, "throw": sandbox.throw, "pull": sandbox.pull, "release": sandbox.let_go},
+            **{"scrub": lambda t: sandbox.scrub(sandbox.time.hit_began + t), "clear": sandbox.clear},
+        }
         self._pending: dict[Any, dict[str, Any]] = {}
         self._heard = 0
         self._keys: dict[str, Any] = {}
-        self._triangles: Triangles | None = None
-        self._last, self._sending, self._quiet = perf_counter(), 0.0, 0
-        scenes = [one[:2] for one in playlist]
-        self._write(
-            "hello", {"columns": [*INDEX], "playlist": scenes, "curves": CURVES, "keys": self.controls.reference}
-        )
+        self._last, self._sending, self._still = perf_counter(), 0.0, 0
+        scenes = [entry[:2] for entry in playlist]
+        hello = {"columns": [*INDEX], "playlist": scenes, "curves": CURVES, "keys": controls.reference}
+        self._write("hello", 0, lambda: hello)
         self.advance()
 
-    # ---- what pages say
+    # ---- commands
 
     def hear(self, message: dict[str, Any]) -> None:
-        """Keep a command, as `commands.understood` gives it, for the next picture."""
-        kind, self._quiet = message["do"], 0
+        """Keep a command, as `commands.understood` returns it, until the next picture."""
+        kind, self._still = message["do"], 0
         self._heard += 1
-        key = (kind, message.get("key")) if kind in _LATEST else self._heard
+        key = (kind, message.get("key")) if kind in _REPLACED else self._heard
         self._pending.pop(key, None)  # the latest stands at the end
-        if len(self._pending) < _MOST_PENDING:
+        if len(self._pending) < _MAX_PENDING:
             self._pending[key] = message
-
-    def _act(self, message: dict[str, Any]) -> None:
-        sandbox, controls, kind = self.sandbox, self.controls, message["do"]
-        if kind == "set":
-            value = message["value"]
-            value = min(value, MOST_POINTS) if message["key"] == "lattice.points" else value
-            controls.set(message["key"], value)
-        elif kind == "scrub":
-            sandbox.scrub(sandbox.time.of_hit(sandbox.seen.segment.hit)[0].began + message["t"])
-        elif kind == "turn":
-            sandbox.turn(message["angle"], for_good=bool(message["final"]))
-        elif kind == "release":
-            sandbox.aimed = None
-            sandbox.let_go()
-        elif kind == "clear":
-            sandbox.results = []
-        elif kind == "play":
-            if 0 <= message["number"] < len(controls.playlist):
-                controls.play(int(message["number"]))
-        else:
-            acts: dict[str, tuple[Callable[..., Any], tuple[str, ...]]] = {
-                "press": (controls.press, ("key",)),
-                "speed": (controls.set_speed, ("value",)),
-                "aim": (sandbox.aim, ("dx", "dy")),
-                "throw": (sandbox.throw, ()),
-                "pull": (sandbox.pull, ("x", "y")),
-                "rescale": (self.scales.reset, ()),
-                "collect": (controls.collect, ()),
-            }
-            act, names = acts[kind]
-            act(*(message[name] for name in names))
 
     def let_go(self, pause: bool) -> None:
         """Let go of the disk, whose player has left; `pause`: nobody else is there."""
         self._pending.clear()
-        self.sandbox.aimed = None
         self.sandbox.let_go()
         if pause and not self.sandbox.paused:
             self.sandbox.pause()
-        self._quiet = 0
+        self._still = 0
 
     # ---- pictures
 
     @property
-    def busy(self) -> bool:
-        """Whether the next picture will be another one, though nobody does anything."""
-        return bool(self._pending) or self._quiet < _QUIET
+    def is_busy(self) -> bool:
+        """Whether the next picture will differ from the last one even if nobody does anything."""
+        return bool(self._pending) or self._still < _STILL_PICTURES
 
     def advance(self) -> None:
-        """Do what is pending, let time pass since the picture before, and make the messages of the next one."""
+        """Carry out the commands, let the time since the last picture pass, and write the next picture's messages."""
         pending, self._pending = self._pending, {}
-        for message in pending.values():
-            self.controls.attempt(partial(self._act, message))
+        for command in pending.values():
+            kind, *values = command.values()
+            self.controls.attempt(self._acts[kind], *values)
         now, sandbox = perf_counter(), self.sandbox
-        passed = min(now - self._last, LONGEST)
+        passed = min(now - self._last, MAX_PASSED)
         self._last = now
-        # Time goes on even where sending takes longer than it should.
+        # Time goes on even if sending takes longer than it should.
         sandbox.advance(passed, max(min(_PICTURE - self._sending, PATIENCE), 0.5 * self._sending))
         self._sending = 0.9 * self._sending + 0.1 * max(passed - (perf_counter() - now), 0.0)
         moves = sandbox.time.behind or sandbox.dragged or not sandbox.paused
-        self._quiet = 0 if moves else self._quiet + 1
+        self._still = 0 if moves else self._still + 1
         self.number += 1
-        self._write_scene()
-        self._write_graphs()
-        self._write_yaml()
+        last, seen, time = sandbox.segment, sandbox.seen, sandbox.time
+        scenario = seen.segment.scenario
+        # A scene for each lattice, start and drawing of the wall; graphs if other curves are shown or the curves are
+        # complete: with each state the page adds a point to them.
+        look = id(scenario.lattice.bonds), scenario.spoke, scenario.view, scenario.scene.wall.a, scenario.point_force
+        curves = sandbox.starts, seen.segment.hit, id(last), last.attempt, last.status, sandbox.paused, time.past
+        self._write("scene", look, self._scene)
+        self._write("graphs", curves, self.graphs.message)
+        self._write("yaml", sandbox.scene, lambda: {"text": sandbox.scene.to_yaml()})
         self.state = self._state()
-        self._write_panel()
+        panel = self._panel()
+        self._write("panel", panel, lambda: panel)
 
-    def _write(self, kind: str, content: dict[str, Any]) -> None:
-        """Keep a text, unless it is the one that pages have."""
-        text = json.dumps({"kind": kind} | content, ensure_ascii=False)
-        if self.texts.get(kind) != text:
-            self.texts[kind] = text
+    def _write(self, kind: str, key: Any, content: Callable[[], dict[str, Any]]) -> None:
+        """Replace the text of a kind if `key`, on which its content depends, has changed."""
+        if self._keys.get(kind) != key:
+            self._keys[kind] = key
+            self.texts[kind] = json.dumps({"kind": kind} | content(), ensure_ascii=False)
 
-    def _write_scene(self) -> None:
-        """Once for each lattice, start and look of the wall."""
-        scenario, video = self.sandbox.seen.segment.scenario, self.sandbox.scene.video
-        bonds, view = scenario.lattice.bonds, scenario.view
-        key = (id(bonds), scenario.spoke, view, scenario.scene.wall.a, scenario.point_force)
-        if self._keys.get("scene") != key:
-            if not self._triangles or self._triangles.lattice.bonds is not bonds:
-                self._triangles = Triangles(scenario.lattice)
-            self._keys["scene"] = key
-            self._write("scene", scene_message(scenario, video) | {"start": self.sandbox.starts})
-
-    def _write_graphs(self) -> None:
-        """Whenever the curves are others, and when they are complete; with each state pages add a point to them."""
-        sandbox = self.sandbox
-        last, seen = sandbox.segment, sandbox.seen
-        key = sandbox.starts, seen.segment.hit, id(last), last.attempt, last.status, sandbox.paused, sandbox.time.past
-        if self._keys.get("graphs") != key:
-            self._keys["graphs"] = key
-            self._write("graphs", self.graphs.message())
-
-    def _write_yaml(self) -> None:
-        if self._keys.get("yaml") is not self.sandbox.scene:
-            self._keys["yaml"] = self.sandbox.scene
-            self._write("yaml", {"text": self.sandbox.scene.to_yaml()})
+    def _scene(self) -> dict[str, Any]:
+        scenario = self.sandbox.seen.segment.scenario
+        self._triangles = Triangles(scenario.lattice)
+        return scene_message(scenario, self.sandbox.scene.video) | {"start": self.sandbox.starts}
 
     def _state(self) -> bytes:
         """Return the binary message of a picture, little-endian.
@@ -180,14 +140,13 @@ class Session:
         forces (3k) follow as float32, and the caption in UTF-8.
         """
         sandbox, seen, video = self.sandbox, self.sandbox.seen, self.sandbox.scene.video
-        scenario, triangles = seen.segment.scenario, self._triangles
-        assert triangles
-        springs, wall, x, v = scenario.model.springs, scenario.model.wall, seen.x, seen.v
-        values = colour_values(video.colour, triangles, springs, x, v, video.draw == "springs")
-        forces = contact_forces(wall, scenario.lattice, springs, x, v)
-        if self.number % _LOOK == 1:
-            self.scales.update(values[: scenario.lattice.disk_points], forces)
-        t = seen.t - sandbox.time.of_hit(seen.segment.hit)[0].began
+        scenario, x, v = seen.segment.scenario, seen.x, seen.v
+        springs, wall, lattice = scenario.model.springs, scenario.model.wall, scenario.lattice
+        values = colour_values(video.colour, self._triangles, springs, x, v, video.draw == "springs")
+        forces = contact_forces(wall, lattice, springs, x, v)
+        if self.number % UPDATE_INTERVAL == 1:
+            self.scales.update(values[: lattice.disk_points], forces)
+        t = seen.t - sandbox.time.hit_began
         pulled = sandbox.dragged[0] if sandbox.dragged else -1
         numbers = self.scales.colour, self.scales.force, sandbox.imbalance, 0.0 if sandbox.paused else sandbox.pace
         header = HEADER.pack(self.number, self._heard, t, len(x), len(forces), pulled, len(values), *numbers)
@@ -196,111 +155,52 @@ class Session:
         caption = "\n".join(scenario.caption(seen.values | {"t": t}))
         return header + floats.tobytes() + caption.encode()
 
-    # ---- the panel
-
-    def _write_panel(self) -> None:
+    def _panel(self) -> dict[str, Any]:
         sandbox, controls = self.sandbox, self.controls
-        segment, entry = sandbox.segment, controls.playlist[controls.number]
-        slow = sandbox.at_start and (sandbox.scene.lattice.points > LARGE or not sandbox.is_thrown)
-        sliders = [
-            {"key": key, "value": controls.value(key), "live": not slow and key != "lattice.points"} | one._asdict()
-            for key, one in controls.ranges.items()
-        ]
-        sliders.append({"key": "speed", "value": sandbox.speed, "live": True} | SPEED._asdict())
-        sliders.append({"key": "video.magnify", "value": controls.magnification, "live": True} | MAGNIFY._asdict())
-        choices = [
-            {"key": key, "name": name, "value": controls.value(key), "options": get_args(options)}
-            for key, (name, options) in CHOICES.items()
-            if controls.value(key) is not None
-        ]
-        self._write(
-            "panel",
-            {
-                "number": controls.number,
-                "name": entry.name,
-                "sentence": entry.sentence,
-                "title": [*sandbox.seen.segment.scenario.title()],
-                "message": sandbox.message,
-                "hint": self._hint(),
-                "status": self._status(),
-                "warnings": sandbox.warnings,
-                "solver": f"{segment.step.integrator.name}, step {segment.step.dt:.3g} R/c",
-                "paused": sandbox.paused,
-                "atStart": sandbox.at_start,
-                "isImpact": sandbox.is_thrown,
-                "slow": sandbox.slow,
-                "sliders": sliders,
-                "choices": choices,
-                "seed": sandbox.scene.lattice.seed,
-                "aimed": sandbox.aimed,
-                "collecting": len(sandbox.collected),
-                "results": [result_row(one) for one in sandbox.results],
-            },
-        )
-
-    def _hint(self) -> str:
-        sandbox = self.sandbox
-        if sandbox.time.past:
-            return "this is past: Go on continues from here"
-        if sandbox.message or not sandbox.at_start:
-            return ""
-        return "drag the disk to turn it, or from beside it to aim" if sandbox.is_thrown else ""
-
-    def _status(self) -> str:
-        if self.sandbox.time.behind:
-            return "computing again"
-        return "disturbed" if self.sandbox.seen.by_hand else "same as taichi-disk run"
+        segment, thrown, entry = sandbox.segment, sandbox.is_thrown, controls.playlist[controls.number]
+        # A change that needs a new start waits for the end of the drag if the start takes long.
+        is_slow = sandbox.at_start and (sandbox.scene.lattice.points > LARGE or not thrown)
+        waiting = [key for key in RANGES if "." in key and is_slow and key != "video.magnify"] + ["lattice.points"]
+        can_aim = thrown and sandbox.at_start and not sandbox.message
+        values = {key: controls.value(key) for key in CHOICES}
+        return {
+            **{name: getattr(sandbox, name) for name in ("message", "status", "warnings", "paused", "slow", "aimed")},
+            "name": entry.name,
+            "sentence": entry.sentence,
+            "number": controls.number,
+            "title": [*sandbox.seen.segment.scenario.title()],
+            "hint": PAST_HINT if sandbox.time.past else AIM_HINT if can_aim else "",
+            "solver": f"{segment.step.integrator.name}, step {segment.step.dt:.3g} R/c",
+            "atStart": sandbox.at_start,
+            "sliders": [
+                {"key": key, "value": controls.value(key), "live": key not in waiting} | one._asdict()
+                for key, one in controls.ranges.items()
+            ],
+            "choices": [
+                {"key": key, "name": name, "value": values[key], "options": get_args(options)}
+                for key, (name, options) in CHOICES.items()
+                if values[key] is not None
+            ],
+            "seed": sandbox.scene.lattice.seed,
+            "collecting": len(sandbox.collected),
+            "results": [result_row(one) for one in sandbox.results],
+        }
 
 
-def result_row(one: Result) -> dict[str, Any]:
-    """Return the line of the table for a result: the numbers that were set, and those that were found."""
-    scene: Any = one.scene
-    impact, friction = getattr(scene, "impact", None), getattr(scene.wall, "friction", None)
+def result_row(result: Result) -> dict[str, Any]:
+    """Return the line of the table for a result: its settings and its numbers."""
+    scene: Any = result.scene
+    impact = getattr(scene, "impact", None)
     return {
         "result": "e" if impact else "ξ",
-        "value": one.value,
+        "value": result.value,
         "load": load_of(scene),
         "angle": impact and impact.angle,
         "spin": impact and impact.spin,
-        "friction": friction,
-        "eta_star": scene.material.eta(one.points) * one.points,
+        "friction": getattr(scene.wall, "friction", None),
+        "eta_star": scene.material.eta(result.points) * result.points,
         "a": scene.wall.a,
-        "points": one.points,
-        "contact_time": one.numbers.get("contact_time"),
-        "disturbance": one.disturbance,
+        "points": result.points,
+        "contact_time": result.numbers.get("contact_time"),
+        "disturbance": result.disturbance,
     }
-
-
-class Scales:
-    """What full colour and the longest arrow stand for: they grow, and begin again with each hit and quantity.
-
-    Attributes:
-        colour: value of full colour, of fringes the stress from one to the next; in units of the quantity.
-        force: of the wall on a point, of the longest arrow [M c^2/R].
-    """
-
-    def __init__(self, sandbox: Sandbox) -> None:
-        self._sandbox = sandbox
-        self._key: Any = None
-        self._fresh = False
-        self.colour = self.force = 1.0
-
-    def update(self, values: NDArray[Any], forces: NDArray[Any]) -> None:
-        """Let the scales hold the disk's `values` (N,) and the wall's `forces` (k, 3)."""
-        sandbox = self._sandbox
-        scenario, name = sandbox.seen.segment.scenario, sandbox.scene.video.colour
-        key = sandbox.starts, sandbox.seen.segment.hit, name
-        if key != self._key:
-            if key[:2] != (self._key or ())[:2]:
-                self.force = round_near(0.5 * scenario.point_force)
-            self._key, load = key, load_of(scenario.scene)  # before anything is known
-            self.colour = round_near(0.25 * load**2 / len(values) if name == "kinetic" else 0.05 * load)
-        least = 0.0 if self._fresh else self.colour
-        self._fresh, self.colour = False, max(least, full_scale(values.astype(np.float64), name))
-        largest = float(np.hypot(forces[:, 1], forces[:, 2]).max(initial=0.0))
-        if largest > self.force:
-            self.force = round_near(1.2 * largest)
-
-    def reset(self) -> None:
-        """Take the scale of colours from what is seen next alone."""
-        self._fresh = True

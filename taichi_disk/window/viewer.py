@@ -26,7 +26,8 @@ from taichi_disk.signals import raise_if_interrupted
 from taichi_disk.simulation.simulation import KernelCache
 from taichi_disk.window.controls import REPEATED, Controls, Entry
 from taichi_disk.window.sandbox import AIM, Sandbox
-from taichi_disk.window.session import LONGEST, Scales
+from taichi_disk.window.scales import UPDATE_INTERVAL, Scales
+from taichi_disk.window.session import MAX_PASSED
 
 FASTEST = 75  # pictures per second that are shown at most: more are not seen, and cost
 SIZE = (1280, 860)  # of the window at first [px]
@@ -96,7 +97,7 @@ class Viewer:
                     raise_if_interrupted()
                     now = perf_counter()
                     elapsed, last = now - last, now
-                    made = self.sandbox.advance(min(elapsed, LONGEST))
+                    made = self.sandbox.advance(min(elapsed, MAX_PASSED))
                     self._draw()
                     self._draw_widgets()
                     window.show()
@@ -119,13 +120,13 @@ class Viewer:
         painter.springs, painter.wall, painter.spoke = springs, wall, scenario.spoke
         painter.edge = edge_height(wall, scenario.point_force)
         painter.colour, painter.draw, painter.theme = video.colour, video.draw, video.theme
-        painter.magnify = self.controls.magnification
+        painter.magnify = self.controls.value("video.magnify")
         size = tuple(self._window.get_window_shape())
         if fresh or size != (self.camera.width, self.camera.height):
             self.see_all()
         if self._follows:
             self.camera = replace(self.camera, look_at=self._centre)
-        if self._count % 5 == 0:
+        if self._count % UPDATE_INTERVAL == 0:
             points, forces = wall.contact_forces(lattice, seen.x, seen.v, springs)
             values = painter.values(seen.x, seen.v)[: lattice.disk_points]
             self._scales.update(values, np.column_stack([points, forces]))
@@ -175,7 +176,7 @@ class Viewer:
                 f"energy imbalance {sandbox.imbalance:+.1e}",
             )
             write(f"colours: {quantity.label}", f"up to {self._scales.colour:.3g} {quantity.unit}")
-            write("disturbed" if seen.by_hand else "same as taichi-disk run", *sandbox.warnings, sandbox.message)
+            write("disturbed" if seen.is_disturbed else "same as taichi-disk run", *sandbox.warnings, sandbox.message)
             for result in sandbox.results[-5:]:
                 write(f"{sandbox.segment.scenario.symbol} = {result.value:.6f} {result.disturbance}")
             if self._keys_shown:
@@ -253,7 +254,7 @@ class Viewer:
             self.camera = self.camera.panned(self._at[0] - before[0], self._at[1] - before[1])
         elif self._doing == "turn":
             self._from = self._from[0], atan2(y - cy, x - cx) - self._from[0]
-            sandbox.turn(self._from[1], for_good=False)
+            sandbox.turn(self._from[1], final=False)
         elif self._doing == "aim" and (x, y) != self._from:
             sandbox.aim(x - self._from[0], y - self._from[1])
         elif self._doing == "pull":

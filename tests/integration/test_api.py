@@ -447,7 +447,7 @@ def test_an_edited_file_of_a_run_is_noticed(result, tmp_path, name, told):
     path = tmp_path / "r" / name
     path.write_text(path.read_text().replace("0", "1", 1))
     if told:
-        with pytest.warns(UserWarning, match=f"{name} has been changed since the run; all is computed again"):
+        with pytest.warns(UserWarning, match=f"{name} has been changed since the run; the result is computed again"):
             assert Result.load(tmp_path / "r", estimate=False).restitution == result.restitution
     else:
         with pytest.raises(InputError, match=f"{name} has been changed since the run"):

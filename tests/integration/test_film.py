@@ -131,7 +131,7 @@ def test_scales_and_pictures_come_from_one_replay(run, tmp_path, monkeypatch):
 
     film(tmp_path / "once.gif", [replace(run, frames=frames)], video(), QUIET)
     assert len(asked) == 1
-    monkeypatch.setattr("taichi_disk.render.film.MOST_BYTES", 0)  # of a lattice too large to keep states of
+    monkeypatch.setattr("taichi_disk.render.film.MAX_BYTES", 0)  # of a lattice too large to keep states of
     film(tmp_path / "twice.gif", [replace(run, frames=frames)], video(), QUIET)
     assert len(asked) == 3 and (tmp_path / "once.gif").read_bytes() == (tmp_path / "twice.gif").read_bytes()
 
@@ -441,7 +441,7 @@ def test_a_loading_is_not_compared_with_a_relaxation_which_takes_time(tmp_path):
     for method in ("newton", "relaxation"):
         scenario = load_scene("compression", ["lattice.points=20", f"compression.method={method}"]).scenario()
         runs.append(scenario.quasistatic(loads=2))
-    with pytest.raises(InputError, match="no time, or no result, in common"):
+    with pytest.raises(InputError, match="differ in the meaning of time or in their results"):
         film(tmp_path / "film.mp4", runs, video(), QUIET)
 
 

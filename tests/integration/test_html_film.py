@@ -147,7 +147,8 @@ def canvas(browser):
 def choose(browser, name, value):
     browser.execute_script(
         "const e = document.getElementById(arguments[0]); "
-        "e.type === 'checkbox' ? e.checked = arguments[1] : e.value = arguments[1]; e.oninput()",
+        "e.type === 'checkbox' ? e.checked = arguments[1] : e.value = arguments[1];"
+        "e.dispatchEvent(new Event('input', { bubbles: true }))",
         name,
         value,
     )

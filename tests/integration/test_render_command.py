@@ -53,9 +53,9 @@ def test_what_cannot_be_filmed_is_refused_with_the_reason(runs, tmp_path, capsys
         ([str(tmp_path)], "no run is here"),
         (
             [one, "--out", str(tmp_path / "film.avi")],
-            "film.avi: end the name with .mp4, .webm or .gif for a film, with",
+            "film.avi: end the name with .mp4, .webm or .gif for a film, .html for",
         ),
-        ([one, "--out", "."], "the folder you are in"),
+        ([one, "--out", "."], "the current folder"),
         ([one, "--out", "film.mp4", "--format", "png"], "--format png contradicts --out film.mp4"),
         ([one, "--out", "pictures", "--format", "gif"], "--format gif contradicts --out pictures"),
         ([one, "--compare", pressed], "cannot be compared"),

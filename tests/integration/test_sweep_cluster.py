@@ -115,7 +115,8 @@ def test_an_interrupted_sweep_ends_at_once_and_says_so(scene: Path, tmp_path: Pa
     assert not any(Path(f"/proc/{one}").exists() for one in computing)
     assert not (out / "points.csv").exists()
     assert process.stderr is not None
-    assert process.stderr.read().decode().splitlines()[-1:] == ["interrupted"]
+    last = process.stderr.read().decode().splitlines()[-1]
+    assert last == "interrupted; finished scenes are kept: repeat the command to go on"
 
 
 def test_a_killed_worker_ends_the_sweep_and_the_same_command_goes_on(

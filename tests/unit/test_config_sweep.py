@@ -95,7 +95,7 @@ def test_an_override_sets_the_axis_in_every_section() -> None:
         ("sweep: {seed: [0, [1]]}", "2:19: lattice.seed: must be a whole number from 0 to 4294967295, not a list (seed of the random points; the same seed gives the same lattice)"),
         ("lattice: {seed: 1}\nsweep: {seed: [0]}", "3:9: sweep.seed: lattice.seed is also given by the scene: leave one of the two out"),
         ("sweep: {seed: [0], lattice.seed: [1]}", "2:20: sweep.lattice.seed: lattice.seed is also given by seed: leave one of the two out"),
-        ("lattice: {file: own.csv}\nsweep: {seed: [0, 1]}", "3:16: sweep.seed: changes nothing beside lattice.file: leave it out"),
+        ("lattice: {file: own.csv}\nsweep: {seed: [0, 1]}", "3:16: sweep.seed: has no effect with lattice.file: leave it out"),
         ("sweep: {seed: {range: 400}, eta_star: {lin: [1, 2, 400]}}", "2:1: sweep: 160000 combinations: at most 100000"),
     ],
 )  # fmt: skip
@@ -106,7 +106,7 @@ def test_each_fault_is_reported_with_its_place(text: str, expected: str) -> None
 def test_a_wall_is_random_where_the_disk_comes_from_a_file() -> None:
     scene = "scene: absorbing_wall\nlattice: {file: own.csv}\n"
     assert len(load_sweep(scene + "sweep: {seed: [0, 1]}\n").scenes) == 2
-    with pytest.raises(InputError, match=r"sweep\.points: changes nothing"):
+    with pytest.raises(InputError, match=r"sweep\.points: has no effect"):
         load_sweep(scene + "sweep: {points: [10, 20]}\n")
 
 

@@ -69,6 +69,24 @@ def test_every_result_has_an_estimate_that_holds_where_errors_are_no_power_of_th
     assert errors["restitution"] < 1e-3
 
 
+def test_the_estimate_of_the_contact_time_holds_when_half_of_the_rows_agree_with_all_by_chance(kernels):
+    # Without every other row it changes by an eighth of its error, without two of three by nine times its error.
+    settings = (
+        "exponential_wall",
+        "lattice.points=100",
+        "lattice.seed=4606",
+        "impact.velocity=0.005391",
+        "wall.a=167.3",
+    )
+    settings += ("wall.V0=83.65", "impact.turn=-0.7813", "impact.angle=-1.0415", "lattice.hole=0.345")
+    settings += ("material.eta_star=0",)
+    scenario, outcome = computed(kernels, *settings)
+    fine = (f"time.dt={outcome.summary['dt'] / 8}", f"time.sample_interval={scenario.row_interval / 8}")
+    _, closer = computed(kernels, *settings, *fine, estimate=False)
+    error = abs(scenario.result(outcome.columns)["contact_time"] - scenario.result(closer.columns)["contact_time"])
+    assert error <= outcome.summary["error_estimate"]["contact_time"]
+
+
 @pytest.mark.parametrize(("friction", "ratios"), [(0.0, [1.25]), (0.05, [2.0, 4.0])])
 def test_with_friction_two_more_runs_are_made(friction, ratios, kernels):
     driver = driver_of(

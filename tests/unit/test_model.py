@@ -24,8 +24,9 @@ from taichi_disk.physics import (
     Springs,
 )
 from taichi_disk.scenes import load_scene
-from taichi_disk.simulation.observables import INDEX, SUMS
+from taichi_disk.simulation.observables import INDEX
 from taichi_disk.simulation.simulation import KernelCache, Simulation
+from taichi_disk.simulation.stepping import SUMS
 
 SMALL, VV = ("lattice.points=60", "wall.points=80", "wall.width=3.0"), VELOCITY_VERLET
 LINEAR = ("material.eta_star=0", "material.k_b=0")

@@ -15,8 +15,8 @@ from taichi_disk.scenes import load_scene
 from taichi_disk.simulation.observables import ENERGY_INDICES, INDEX
 from taichi_disk.simulation.simulation import KernelCache
 from taichi_disk.window.app import folder, presets
-from taichi_disk.window.history import MOST, Segment
-from taichi_disk.window.sandbox import SLOW, Sandbox, with_key
+from taichi_disk.window.history import MAX_STATES, Segment
+from taichi_disk.window.sandbox import SLOWDOWN, Sandbox, with_key
 
 SMALL = ["lattice.points=120", "impact.velocity=0.05", "material.eta_star=1"]
 UNDAMPED = [*SMALL, "material.eta_star=0"]
@@ -74,7 +74,7 @@ def test_the_result_is_that_of_a_run_bit_for_bit_also_after_going_back(
     assert sandbox.segment.attempt > 1 or settings is not HARD
     columns = sandbox.segment.columns
     outcome, expected = computed(kernels, load_scene(scene, settings))
-    assert sandbox.results[-1].value == expected and not sandbox.seen.by_hand
+    assert sandbox.results[-1].value == expected and not sandbox.seen.is_disturbed
     assert all(np.array_equal(columns[name], outcome.columns[name]) for name in columns)
 
     spacing = max(np.diff([one.t for one in sandbox.time.checkpoints]))
@@ -138,13 +138,13 @@ def test_a_run_of_a_saved_scene_gives_what_was_seen_of_a_disk_turned_by_hand(
 ) -> None:
     sandbox = opened(kernels)
     before = sandbox.seen.x
-    sandbox.turn(1.0, for_good=False)
-    sandbox.turn(0.7, for_good=False)  # the angle is from where the disk was, not from the last call
+    sandbox.turn(1.0, final=False)
+    sandbox.turn(0.7, final=False)  # the angle is from where the disk was, not from the last call
     shown = sandbox.seen.x
     sandbox.turn(0.7)
     spoke = [complex(*(x[0] - x.mean(axis=0))) for x in (before, shown)]
     assert np.angle(spoke[1] / spoke[0]) == pytest.approx(0.7, abs=1e-6)
-    assert sandbox.at_start and not sandbox.seen.by_hand
+    assert sandbox.at_start and not sandbox.seen.is_disturbed
     # Turned, the disk begins to feel the wall at another height, and is dented a little.
     (across, up), n = (sandbox.seen.x - shown)[:120].mean(axis=0), 120
     assert abs(across) < 1e-12 and abs(up) < 0.01
@@ -173,18 +173,18 @@ def test_time_passes_at_the_speed_asked_for_in_whole_steps_and_slowly_in_contact
     sandbox.speed = 0.5
     assert sandbox.advance(0.0) <= 1  # what could not be made is not owed
     into_contact(sandbox)
-    assert sandbox.pace == SLOW * sandbox.speed
+    assert sandbox.pace == SLOWDOWN * sandbox.speed
 
 
 def test_many_states_are_remembered_evenly_also_across_changes(kernels: KernelCache) -> None:
     sandbox = opened(kernels, [*SMALL, "lattice.points=40", "time.dt=4e-3"])
     for eta_star in (1.0, 2.0):
         sandbox.set("material.eta_star", eta_star)
-        for _ in range(12 * MOST // 500):
+        for _ in range(12 * MAX_STATES // 500):
             sandbox.time.go(500, np.inf)
     times = np.array([one.t for one in sandbox.time.checkpoints])
     apart = np.diff(times)
-    assert MOST > len(times) >= 600 and times[0] < 1.0 and sandbox.seen.t - times[-1] < apart.max()
+    assert MAX_STATES > len(times) >= 600 and times[0] < 1.0 and sandbox.seen.t - times[-1] < apart.max()
     assert np.count_nonzero(np.abs(apart - np.median(apart)) > 1e-9) <= 4  # about the change and the scene's end
     assert sandbox.time.checkpoints[0].segment is not sandbox.segment
 
@@ -193,7 +193,7 @@ def test_time_goes_on_after_the_scene_s_end_and_its_limit_and_back_from_there(ke
     settings = ["lattice.points=60", "material.eta_star=0", "time.safety=0.3", "impact.max_time=2.0"]
     scenario = load_scene("exponential_wall", settings).scenario()
     segment = Segment(scenario, kernels, spectrum(scenario.lattice, scenario.model))
-    start, row = segment.state, segment.row
+    start = segment.present
     assert segment.advance(steps=round(3.0 / segment.step.dt)) == "running"
     while segment.advance(steps=1000) == "running":
         pass
@@ -201,7 +201,7 @@ def test_time_goes_on_after_the_scene_s_end_and_its_limit_and_back_from_there(ke
     over, expected = segment.simulation.step_number, segment.end.vectors
     assert segment.advance(steps=100) == "finished"
     assert (segment.end.step, segment.simulation.step_number) == (over, over + 100)
-    segment.back_to(start, row)
+    segment.back_to(start)
     assert segment.advance() == "finished" and segment.end.step == over
     assert np.array_equal(segment.end.vectors, expected)
 
@@ -227,7 +227,7 @@ def test_a_changed_viscosity_reaches_the_kernel_at_once_and_keeps_the_energy_bal
     into_contact(sandbox)
     x, simulation = sandbox.seen.x, sandbox.segment.simulation
     sandbox.set("material.eta_star", 1.5)
-    assert np.array_equal(sandbox.seen.x, x) and sandbox.seen.by_hand
+    assert np.array_equal(sandbox.seen.x, x) and sandbox.seen.is_disturbed
     assert sandbox.segment.simulation is simulation  # nothing was compiled
     assert simulation.model.springs.eta == 1.5 / 120  # eta = eta* m c/R, m = M/N
     to_the_end(sandbox)
@@ -242,7 +242,7 @@ def test_another_wall_begins_anew_with_its_own_rows(kernels: KernelCache) -> Non
     sandbox.set("wall.a", 3000.0)
     scenario, driver = sandbox.scene.scenario(), sandbox.segment
     assert driver.stride == max(1, round(scenario.row_interval / driver.step.dt)) and driver.interval < 0.5 * before
-    assert sandbox.at_start and sandbox.paused and not sandbox.seen.by_hand
+    assert sandbox.at_start and sandbox.paused and not sandbox.seen.is_disturbed
 
 
 def test_the_velocity_counts_at_once_before_the_start_and_from_the_next_hit_on_afterwards(kernels: KernelCache) -> None:
@@ -268,10 +268,10 @@ def test_going_back_before_a_change_undoes_it(kernels: KernelCache) -> None:
     there = sandbox.seen.t
     sandbox.set("material.eta_star", 50.0)
     to_the_end(sandbox)
-    assert sandbox.results[-1].value != expected and sandbox.seen.by_hand
+    assert sandbox.results[-1].value != expected and sandbox.seen.is_disturbed
     sandbox.scrub(0.9 * there)
     sandbox.pause()
-    assert not sandbox.seen.by_hand and sandbox.scene.material.eta_star == 1.0
+    assert not sandbox.seen.is_disturbed and sandbox.scene.material.eta_star == 1.0
     to_the_end(sandbox)
     first, changed, last = sandbox.results
     assert (first.value, first.disturbance) == (last.value, last.disturbance) == (
@@ -311,16 +311,16 @@ def test_what_the_mouse_pulled_cannot_be_made_again_and_its_energy_is_no_imbalan
     given = row[ENERGY_INDICES].sum() - start[ENERGY_INDICES].sum()
     assert given > 1e-5 and abs(sandbox.segment.imbalance) < 0.05 * given
     sandbox.let_go()
-    assert not sandbox.dragged and sandbox.seen.by_hand
+    assert not sandbox.dragged and sandbox.seen.is_disturbed
     to_the_end(sandbox)  # a disk that was let go ends as any other
     assert abs(sandbox.imbalance) < 2e-4 and sandbox.results[-1].disturbance == "disturbed"
     sandbox.scrub(untouched + 1.0)  # while the mouse pulled: it cannot pull again
     moment = sandbox.seen
     sandbox.pause()
-    assert sandbox.seen.by_hand and sandbox.seen.t == moment.t and np.array_equal(sandbox.seen.x, moment.x)
+    assert sandbox.seen.is_disturbed and sandbox.seen.t == moment.t and np.array_equal(sandbox.seen.x, moment.x)
     sandbox.scrub(0.9 * untouched)
     sandbox.pause()
-    assert not sandbox.seen.by_hand
+    assert not sandbox.seen.is_disturbed
 
 
 @pytest.mark.parametrize("change", ["hit", "rewind", "start"])
