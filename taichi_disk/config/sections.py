@@ -233,7 +233,7 @@ class VideoSection(Section):
     seconds: float = key(8.0, "length of the film", "s", low=0.1, high=600)
     colour: Colour = key("shear", "quantity that colours show")
     draw: Draw = key("both", "what is drawn; both: coloured field and springs")
-    theme: Theme = key("light", "background")
+    theme: Theme = key("light", "background of pictures")
     magnify: Auto | float = key("auto", "magnification of displacements; auto: flattened by 0.05 R", low=1, high=1000)
     panel: bool = key(True, "curves of v_cm, wall force and energies beside the disk (16:9); from size 360 on")
     supersample: float = key(1.0, "samples per pixel width; 2: smoothest and slowest", low=1, high=2, step=0.5)
