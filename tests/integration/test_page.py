@@ -163,8 +163,7 @@ def test_no_message_makes_an_error(session: Session) -> None:
         "press",
     )
     heard = 0
-    end = time.monotonic() + 2.0
-    while time.monotonic() < end:
+    while heard < 40:
         message: dict[str, Any] = {"do": choose.choice([*kinds, "set", "set", "what"]), "key": choose.choice(keys)}
         for name in ("value", "number", "t", "angle", "final", "dx", "dy", "x", "y"):
             message[name] = choose.choice([choose.uniform(-2.0, 3.0), choose.choice(values)])
@@ -176,7 +175,7 @@ def test_no_message_makes_an_error(session: Session) -> None:
             heard += 1
             if choose.random() < 0.5:
                 session.advance()
-    assert heard > 20 and len(session.state) > HEADER.size
+    assert len(session.state) > HEADER.size
 
 
 def test_a_slider_that_is_held_while_the_scene_changes_is_let_be(session: Session) -> None:
