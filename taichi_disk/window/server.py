@@ -112,7 +112,10 @@ class Page:
     async def _meet(self, connection: ServerConnection) -> None:
         async def send(message: str | bytes) -> None:
             with suppress(ConnectionClosed):
-                await connection.send(message)
+                try:
+                    await asyncio.wait_for(connection.send(message), _GONE_AFTER)
+                except asyncio.TimeoutError:
+                    connection.transport.abort()  # a ping waits, too, for a page that never reads
 
         visitor = Visitor(send)
         self.audience.join(visitor)
