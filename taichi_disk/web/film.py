@@ -90,7 +90,7 @@ def film(path: Path, runs: Sequence[Run], video: VideoSection, progress: Progres
         origin=escape(pictures.film_origin(runs, video)),
         states=b64encode(states).decode(),
         style=source("style.css"),
-        script=bundle(*DRAWING, "film.js"),
+        script=bundle(*DRAWING, "controls.js", "film.js"),
     )
     write_text(path, text)
     progress("render", len(runs), len(runs))

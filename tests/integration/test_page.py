@@ -585,7 +585,7 @@ for (const one of controls) {
 const across = (a, b) => Math.min(a.right, b.right) - Math.max(a.left, b.left);
 const down = (a, b) => Math.min(a.bottom, b.bottom) - Math.max(a.top, b.top);
 const place = (one) => one.closest("section, nav, header");
-const texts = ["title", "caption", "message", "sentence", "role", "status"].map((id) => document.getElementById(id));
+const texts = ["caption", "message", "sentence", "role", "status"].map((id) => document.getElementById(id));
 const things = [...controls, ...texts.filter((one) => seen.includes(one) && one.textContent)];
 things.forEach((one, k) => things.slice(0, k).forEach((other) => {
   if (place(one) === place(other) && across(box(one), box(other)) >= 1 && down(box(one), box(other)) >= 1)
@@ -600,7 +600,7 @@ const all = controls.filter((one) => one.checkVisibility());
 const one = all[Math.floor(arguments[0] * all.length)];
 if (!one) return;
 if (one.type === "range") {
-  one.value = 600 * Math.random();
+  one.value = Number(one.min) + 0.6 * Math.random() * (one.max - one.min);
   one.dispatchEvent(new Event("change"));
 } else if (one.matches("select")) {
   one.selectedIndex = Math.floor(Math.random() * one.length);
