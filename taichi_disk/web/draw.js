@@ -11,7 +11,7 @@ import { ARROW, arrow, drawLegend, footer, line } from "./legend.js";
 export const AIM = 0.05; // velocity that an arrow as long as R stands for [c]
 const VISIBLE_WALL = 0.16; // depth of a rigid wall that is always seen [R]
 const ARROW_DISTANCE = 9; // of two arrows, about [px]
-const INDICES = ["triangles", "springs", "outline"]; // of the scene's message
+const INDICES = ["triangles", "springs", "outline", "edges"]; // of the scene's message
 
 export const bytes = (text) => Uint8Array.from(atob(text), (letter) => letter.charCodeAt(0));
 export const decoded = (text, Kind) => new Kind(bytes(text).buffer);
@@ -112,7 +112,6 @@ export class Drawing {
     const quantity = scene.quantities.find((one) => one.name === options.quantity), { limit } = state;
     const filled = ["field", "both"].includes(options.draw);
     const colours = this.maps[`${options.theme} ${quantity.map}${filled ? "" : " bare"}`];
-    const ring = (points) => Array.from([...scene.outline, scene.outline[0]], (i) => this.point(points, i));
 
     ctx.setTransform(ratio, 0, 0, ratio, 0, 0);
     ctx.fillStyle = theme.ground;
@@ -127,7 +126,12 @@ export class Drawing {
       scale: quantity.signed ? [0.5 / limit, 0.5] : [1 / limit, 0],
     });
     ctx.drawImage(field, 0, 0, width, height);
-    if (filled) line(ctx, ring(x), theme.ink, 1.5);
+    if (filled) {
+      const sides = new Path2D(); // of the body, of holes, and between materials
+      scene.edges.forEach((i, k) => sides[k % 2 ? "lineTo" : "moveTo"](...this.point(x, i)));
+      Object.assign(ctx, { strokeStyle: theme.ink, lineWidth: 1.5 });
+      ctx.stroke(sides);
+    }
     if (scene.spoke >= 0) {
       const spoke = [this.toScreen(...centre), this.point(x, scene.spoke)];
       line(ctx, spoke, theme.ground, 4);
@@ -135,12 +139,13 @@ export class Drawing {
     }
     ctx.fillStyle = theme.wall;
     if (scene.wall.kind !== "none") ctx.fill(this.wallPath(x, scene.wall.edge));
-    if (options.outline) line(ctx, ring(unmoved), theme.faint, 1.3, [5, 4]);
+    const ring = () => Array.from([...scene.outline, scene.outline[0]], (i) => this.point(unmoved, i));
+    if (options.outline) line(ctx, ring(), theme.faint, 1.3, [5, 4]);
     if (!state.path) this.remember(state.t, centre);
     const path = state.path ?? this.track;
     if (options.path) line(ctx, path.map(([px, py]) => this.toScreen(px, py)), theme.accent, 1.8);
     if (options.forces) this.drawForces(state, x, theme);
-    const tip = options.arrow?.map((v, axis) => centre[axis] + v / AIM);
+    const tip = options.arrow && options.arrow.map((v, axis) => centre[axis] + v / AIM);
     if (tip) this.drawArrow(centre, tip, theme.accent, theme);
     const force = options.forces && scene.wall.kind !== "none" ? state.fullForce : 0;
     drawLegend(ctx, { width, height, theme, quantity, limit, colours, scale: camera.scale, force });

@@ -118,10 +118,6 @@ async function play() {
     { key: "speed", name: "speed ×", low: 0.1, high: 2, ...factor },
   ];
   const controls = new Controls(() => ui.looks, (key, value) => change((settings[key] = value)));
-  for (const curve of Object.values(runs[0].curves)) {
-    const points = curve.map((value, k) => `${k / last},${0.95 - 0.9 * value}`).join(" ");
-    ui.curves.insertAdjacentHTML("beforeend", `<polyline points="${points}"/>`);
-  }
   document.querySelector("details").open = matchMedia("(min-width: 960px)").matches;
   ui.moment.max = last;
   ui.options.onchange = change;

@@ -486,6 +486,7 @@ def test_every_control_of_the_page_does_what_it_says(
         )
     for identity in ("forces", "outline", "path", "arrow", "follow", "slow"):
         browser.click(identity)
+        time.sleep(0.2)  # a picture without it
         browser.click(identity)
     looks = ["closer", "farther", "contact", "all"]
     for identity in (*looks, "lattice", "hit", "picture", "film", "film", "yaml"):
