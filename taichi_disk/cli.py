@@ -28,7 +28,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
     Raises SystemExit, as argparse does, for --help, --version and usage errors.
     """
-    # Warnings of libraries are for developers; PYTHONWARNINGS=error would turn them into errors that end a run.
+    # Library warnings are meant for developers, and with PYTHONWARNINGS=error they would end a run.
     warnings.simplefilter("ignore")
     given = list(sys.argv[1:] if argv is None else argv)
     try:
@@ -62,7 +62,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _print_error(text: str) -> None:
-    # Messages of the library name arguments of Python, which are options here.
+    # Messages of the library name Python arguments; replace them by the command's options.
     options = {"as `out`": "with --out", "overwrite=True": "--overwrite", "lattices=": "--lattices "}
     for argument, option in options.items():
         text = text.replace(argument, option)

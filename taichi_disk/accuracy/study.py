@@ -62,16 +62,11 @@ class Change:
 
 @dataclass(frozen=True)
 class Findings:
-    """Measured errors of the primary result `name`.
-
-    Attributes:
-        steps: empty for an equilibrium.
-        sources: the unchanged scene first.
-    """
+    """Measured errors of the primary result `name`."""
 
     name: str
-    steps: list[StepError]
-    sources: list[Change]
+    steps: list[StepError]  # empty for an equilibrium
+    sources: list[Change]  # the unchanged scene first
 
     @property
     def step(self) -> float:

@@ -81,12 +81,10 @@ class Result:
 
     @property
     def scenario(self) -> Scenario:
-        """The scene with its lattice, forces and initial state."""
         return self.outcome.scenario
 
     @property
     def summary(self) -> dict[str, Any]:
-        """Contents of summary.json."""
         return self.outcome.summary
 
     # ---- numbers
@@ -165,14 +163,14 @@ class Result:
 
     @property
     def greatest_compression(self) -> State:
-        """State of the greatest compression, which is computed again at each access; the end of a loading."""
+        """State of the greatest compression, or the end of a loading; computed again at each access."""
         return self.state(greatest_compression(self.series))
 
     def field(self, name: str, t: float, at: str = "own") -> Field:
         """Return the quantity `name` at time `t` [R/c]; see `taichi_disk.fields.field` for the names.
 
-        at: "own", or "points": values (n,) at the points, as pictures show them, of any quantity.
-        Raises InputError for an unknown name or place, or a time outside the run.
+        at: "own" for values on the triangles, springs or points that the quantity belongs to; "points" for values (n,)
+        at the points, as in pictures. Raises InputError for an unknown name or place, or a time outside the run.
         """
         from taichi_disk.fields import QUANTITIES, point_field
         from taichi_disk.fields import field as own_field
@@ -238,7 +236,7 @@ class Result:
 
     @runtime.alone()
     def draw(self, t: float | str = "greatest", colour: str | None = None, ax: Axes | None = None) -> Figure:
-        """Draw a state on Matplotlib axes: the field in a film's colours, springs, wall, scale; return the figure.
+        """Draw field, springs, wall and scale of a state on Matplotlib axes, as in films, and return the figure.
 
         Args:
             t: a moment as for `film`.
@@ -255,9 +253,9 @@ class Result:
     def show(
         self, beside: Result | Sequence[Result] | None = None, progress: Progress | None = None, **video: Any
     ) -> Film:
-        """Return the film for a notebook, which shows it with controls; arguments as for `film`.
+        """Return the film for a notebook, which shows it with controls. Arguments and errors are those of `film`.
 
-        `format="png"` is one picture, `format="html"` a film to play with. Raises what `film` raises.
+        `format="png"` gives one picture, `format="html"` an interactive film.
         """
         from taichi_disk.output.inline import Film
 
@@ -355,7 +353,7 @@ class Result:
             raise InputError(f"{path} has been changed since the run: undo that, or compute it as another run")
         for name in changed:
             say(f"{folder / name} has been changed since the run; the result is computed again from scene.yaml")
-        # The step of the run is accepted, even if it is beyond the stability limit.
+        # Accept the step of the run, even if it is beyond the stability limit.
         scene, clock = load_scene(path, overrides), Clock()
         own = own_start(scene.lattice, None, None)
         if summary.get("lattice_digest", "") != own.digest:
@@ -423,7 +421,7 @@ def run(
     if lattices is not None and not (isinstance(lattices, (int, np.integer)) and 1 <= lattices <= MOST_LATTICES):
         raise InputError(f"lattices: must be a whole number from 1 to {MOST_LATTICES:,}, not {lattices!r}")
     clock, progress = Clock(**{"start": started} if started else {}), progress or silent
-    own = own_start(scene.lattice, lattice, velocities)  # read once, before a folder is chosen: files may change
+    own = own_start(scene.lattice, lattice, velocities)  # read only once, because the files may change
     options: dict[str, Any] = {"lattices": lattices, "force": force, "say": say}
     if out is None:
         if export:

@@ -18,15 +18,15 @@ from taichi_disk.simulation.simulation import KernelCache
 
 MOST_LATTICES = 10_000
 LATTICES, MIN_LATTICES = 8, 3  # default number; fewer than 3 have no meaningful scatter
-EVALUATIONS = 3e8  # spring evaluations for the default number, some 1 s on one core
-BUILDING = 1500  # evaluations of each spring that take as long as building a lattice and finding its spectrum
-EQUILIBRIUM = 3000  # the same for Newton's method
+EVALUATIONS = 3e8  # most spring evaluations for the default number of lattices, some 1 s on one core
+BUILDING = 1500  # building a lattice and its spectrum takes as long as this many evaluations of each spring
+EQUILIBRIUM = 3000  # Newton's method takes as long as this many evaluations of each spring
 
 
 def lattice_count(own: OwnStart, outcome: Outcome, asked: int | None) -> tuple[int, list[str]]:
-    """Return the number of lattices to compute, and notes on it for the user.
+    """Return the number of lattices to compute, and notes about it for the user.
 
-    `own` is the user-supplied lattice, `outcome` that of the scene, `asked` the user's number of lattices.
+    `own`: user-supplied lattice; `outcome`: of the scene; `asked`: number of lattices that the user wants.
     """
     if own.digest:
         text = "a lattice or velocities of your own have no seed: how far the result depends on the points is not known"
@@ -41,7 +41,6 @@ def lattice_count(own: OwnStart, outcome: Outcome, asked: int | None) -> tuple[i
 
 
 def affordable(outcome: Outcome) -> int:
-    """Return the default number of lattices: 1 if more would take long."""
     summary, lattice = outcome.summary, outcome.scenario.lattice
     if outcome.scenario.static:
         evaluations = EQUILIBRIUM
@@ -79,7 +78,6 @@ def compare_lattices(
 
 
 def results_on(scene: Scene, kernels: KernelCache, force: bool = False) -> dict[str, float]:
-    """Compute the results of a scene. Raises what `compute` raises."""
     setup = setup_of(scene)
     scenario = scene.scenario(setup.body)
     modes = None if scenario.static else setup.modes(scenario.model)

@@ -1,4 +1,4 @@
-"""Computation of a run, and its files."""
+"""Compute a run and write its files."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from taichi_disk.scenes import Scene, check_memory
 from taichi_disk.scenes.setup import setup_of
 from taichi_disk.simulation.simulation import KernelCache
 
-FRAMES = 200  # of a trajectory, unless asked otherwise
+FRAMES = 200  # default number of frames of a trajectory
 
 
 class Clock(dict[str, float]):
@@ -36,7 +36,7 @@ class Clock(dict[str, float]):
         self._since = perf_counter()
 
     def lap(self, stage: str, **within: float) -> None:
-        """Add the time since the last lap to `stage`, except for the times of other stages `within` it."""
+        """Add the time since the last lap to `stage`, minus the times `within` it, which belong to other stages."""
         now = perf_counter()
         for name, seconds in (within | {stage: now - self._since - sum(within.values())}).items():
             self[name] = self.get(name, 0.0) + seconds
@@ -44,11 +44,11 @@ class Clock(dict[str, float]):
 
 
 def built(scene: Scene, own: OwnStart, clock: Clock, threads: int | None = None) -> Scenario:
-    """Return the scene ready to be computed. Raises InputError if that is impossible. Arguments as for `run`."""
+    """Return the scenario of `scene`. Raises InputError if it cannot be computed. Arguments as for `run`."""
     check_memory(scene)
     runtime.start(threads)
     scenario = scene.scenario(setup_of(scene).body if own.disk is None else own.disk, own.velocities)
-    scenario.scene = own.repeating(scenario.scene)  # which names the file of a user-supplied lattice
+    scenario.scene = own.repeating(scenario.scene)  # names the file of a user-supplied lattice
     clock.lap("build")
     return scenario
 
@@ -131,13 +131,13 @@ def compute_into(
 def write_run(
     folder: RunFolder, outcome: Outcome, own: OwnStart, video: bool, plot: Begin, progress: Progress, clock: Clock
 ) -> None:
-    """Write the files of a run: results, then pictures, summary.json last. `plot` is what `plotting_beside` yields.
+    """Write the files of a run: results, then pictures, and summary.json last, which says why a picture is missing.
 
-    If a picture cannot be drawn, the summary says why.
+    `plot` is what `plotting_beside` yields.
     """
     path, summary, scenario = folder.path, outcome.summary, outcome.scenario
     section, asked = scenario.scene.video, scenario.scene.time.sample_interval
-    # Rows of a loading are not equally spaced in time.
+    # Write all rows of a loading, because they are not equally spaced.
     interval = 0.0 if asked == "auto" or scenario.static else asked
     files.write_timeseries(path / "timeseries.csv", outcome.columns, interval)
     end = {"positions": outcome.positions, "velocities": outcome.velocities, "t": outcome.columns["t"][-1]}
@@ -174,7 +174,6 @@ def _kernels_of(program: Any) -> KernelCache:
 
 
 def shared_kernels() -> KernelCache:
-    """Return the compiled simulations of this process, in which Taichi exists once."""
     from taichi_disk.engine import ti
 
     return _kernels_of(ti.lang.impl.get_runtime().prog)

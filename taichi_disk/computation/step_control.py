@@ -1,11 +1,11 @@
-"""Choose integrator and step before a run, and a shorter step if a run proves this one too long.
+"""Choose integrator and step before a run, and a shorter step if a run shows that the step was too long.
 
 | reason to shorten | by how much | at most |
 |---|---|---|
-| the run blew up | by half, or to what the measured force of the wall asks | 5 times |
-| the step exceeds 0.95 of the limit with the measured force | to what 1.5 times that force asks | 8 runs in all |
-| the energy imbalance exceeds 2e-5 at the end or 1e-4 ever | as order 2 asks, by 4 at most | while each run halves it |
-| the estimated error exceeds `time.tolerance` | as the order asks, by 1.15 to 3 | 12 times: `error_estimate` |
+| the run blew up | by half, or to what the measured force of the wall requires | 5 times |
+| the step exceeds 0.95 of the limit with the measured force | to what 1.5 times that force requires | 8 runs |
+| the energy imbalance exceeds 2e-5 at the end or 1e-4 ever | as order 2 requires, up to 4 | if each run halves it |
+| the estimated error exceeds `time.tolerance` | as the order requires, by 1.15 to 3 | 12 times: `error_estimate` |
 """
 
 from __future__ import annotations
@@ -24,8 +24,8 @@ from taichi_disk.simulation.observables import Columns
 LIMIT_MARGIN = 0.95  # largest automatic step over the stability limit with the measured force of the wall
 FORCE_SAFETY = 1.5  # force for which the next step is chosen, over the measured force of the wall
 MAX_ATTEMPTS = 8
-MAX_BLOW_UPS = 5  # if a wall is dented, no step helps
-RESET_ERROR = 2e-5  # error of e that resets beside dashpots may cause at an automatic step
+MAX_BLOW_UPS = 5  # a disk that has dented the wall blows up at any step
+RESET_ERROR = 2e-5  # error of e that resets combined with dashpots may cause at an automatic step
 
 
 @dataclass(frozen=True)
@@ -38,10 +38,10 @@ class TimeStep:
 
 
 class StepControl:
-    """The time step of one scenario, which is shortened if a run proves it too long.
+    """The time step of one scenario, which is shortened if a run shows that it is too long.
 
-    `integrator: auto` takes the highest order that the forces allow: order 4 gives an undamped impact a hundredth of
-    the error for 1.15 times the forces. Dashpots are implicit if that reaches the end with less work. With a reset
+    `integrator: auto` takes the highest order that the forces allow: in an undamped impact, order 4 has a hundredth of
+    the error for 1.15 times the force evaluations. Dashpots are implicit if that is less work in all. With a reset
     boundary, a whole number of steps fits the interval.
 
     Args:
@@ -64,7 +64,7 @@ class StepControl:
             limit, name = self.step.limit, self.step.integrator.name
             raise InputError(
                 f"time.dt: {time.dt:g} R/c is beyond the stability limit of {name}, {limit:.6g} R/c for this scene; "
-                f"write a smaller one (or auto: {time.safety * limit:.6g}), or see it blow up with `run --force`"
+                f"write a smaller one (or auto: {time.safety * limit:.6g}), or accept a blow-up with `run --force`"
             )
 
     def limit(self, integrator: Integrator, force: float) -> float:
@@ -108,8 +108,8 @@ class StepControl:
     def shorten_after_run(self, largest_force: float, columns: Columns) -> bool:
         """Choose a shorter step after a finished run with the series `columns` and return True, or return False.
 
-        Ordinary scenes keep their step. Hard walls (a from 1,000 on) often need two or three runs, because the rattling
-        of points between disk and wall is not predicted.
+        Ordinary scenes keep their step. Hard walls (a from 1,000 on) often need two or three runs, because it cannot be
+        predicted how points rattle between disk and wall.
         """
         if self._last:
             return False
@@ -121,11 +121,10 @@ class StepControl:
         if excess <= 1.0 or excess > 0.5 * self._excess:
             return False
         self._excess = excess
-        return self._shorten(max(0.25, 0.9 / sqrt(excess)))  # order 2: the error falls with the square
+        return self._shorten(max(0.25, 0.9 / sqrt(excess)))  # order 2: the error falls with the square of the step
 
     @property
     def _last(self) -> bool:
-        """Whether this is the last attempt."""
         return self.time.dt != "auto" or self.attempt >= MAX_ATTEMPTS
 
     def _shorten_for(self, largest_force: float) -> bool:
@@ -136,13 +135,13 @@ class StepControl:
         return self._shorten(1.0)
 
     def _shorten(self, part: float) -> bool:
-        if part < 1.0:  # relative to the actual step, which a reset boundary may have shortened
+        if part < 1.0:  # `part` refers to the actual step, which a reset boundary may have shortened
             self._safety = part * self.step.dt / self.step.limit
         self.step, self.attempt = self._choice(), self.attempt + 1
         return True
 
 
 def fitted(dt: float, interval: float) -> float:
-    """Return the longest step up to `dt` of which a whole number fits `interval` [R/c], or `dt` if that is 0."""
+    """Return the longest step up to `dt` that divides `interval` [R/c] into whole steps, or `dt` if `interval` is 0."""
     # The factor prevents an additional step if dt is a rounded-down whole fraction of the interval.
     return interval / ceil((1.0 - 1e-9) * interval / dt) if interval else dt

@@ -10,18 +10,16 @@ if TYPE_CHECKING:
     from taichi_disk.computation.driver import Driver
 
 PROCESS, POINT = 3e8, 2e3  # bytes of a process and of each point; measured with 1,099 to 2,000,000 points
-LONG_RUN = 60.0, 1e7  # [s], steps; a longer run is announced
-EXPLICIT, IMPLICIT = 4e-9, 20e-9  # [s] for one force of one spring on one core, with explicit and implicit dashpots
+LONG_RUN = 60.0, 1e7  # [s], number of steps; a longer run is announced
+EXPLICIT, IMPLICIT = 4e-9, 20e-9  # [s] for one spring force on one core, with explicit and implicit dashpots
 PART_OF_LIMIT = 0.1  # fraction of the default time limit after which scenes usually end
 
 
 def memory(points: int) -> float:
-    """Return the bytes that a process needs for `points` points, including those of a wall."""
     return PROCESS + POINT * points
 
 
 def announcement(driver: Driver) -> str | None:
-    """Return a sentence on the time and the memory of a long run, or None for a short one."""
     scenario, step = driver.scenario, driver.step
     steps, springs = PART_OF_LIMIT * scenario.max_time / step.dt, len(scenario.lattice.bonds)
     implicit = step.integrator.dashpots == "implicit" and scenario.model.springs.damped

@@ -15,7 +15,7 @@ def time_conflicts(
 ) -> Conflicts:
     """Return the conflicts of the section `time`.
 
-    `others`: "key = value" of further velocity-dependent forces. `resets`: whether wall.boundary is reset.
+    `others`: further velocity-dependent forces, as "key = value". `resets`: whether wall.boundary is reset.
     """
     dashpot, eta = material.dashpots
     damping = {f"material.{dashpot} = {eta:g}": eta, f"wall.friction = {friction:g}": friction}
@@ -36,7 +36,7 @@ def time_conflicts(
 
 
 def gap_conflicts(wall: ExponentialPotential, impact: ImpactSection) -> Conflicts:
-    """Return the conflict of a start too close to the wall, whose potential energy would make e > 1."""
+    """Return the conflict of a start so close to the wall that its potential energy would make e > 1."""
     least = wall.height_of(1e-3 * 0.5 * impact.towards**2)  # M = 1
     if impact.gap == "auto" or impact.gap >= least:
         return []
@@ -53,5 +53,4 @@ def least_threshold(wall: ExponentialPotential, velocity: float) -> float:
 
 
 def rounded_up(value: float) -> str:
-    """Format `value` with four digits, rounded up."""
     return f"{value * 1.001:.4g}"

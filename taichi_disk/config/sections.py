@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Literal, TypeAlias, get_args, g
 from taichi_disk.config.potential import ExponentialPotential
 from taichi_disk.errors import either
 
-if TYPE_CHECKING:  # tells mypy what `Frozen` does; `typing` has this since Python 3.11
+if TYPE_CHECKING:  # tells mypy what `Frozen` does; `typing` has dataclass_transform since Python 3.11
     from typing_extensions import dataclass_transform as _dataclasses
 else:
 
@@ -33,20 +33,15 @@ Theme: TypeAlias = Literal["light", "dark"]
 
 @dataclass(frozen=True)
 class Key:
-    """Allowed values of a key: one of `words`, a number from `low` to `high`, true or false, or the name of a file.
+    """Allowed values of a key: one of `words`, a number from `low` to `high`, true or false, or the name of a file."""
 
-    Attributes:
-        kind: bool, int or float; str if only words or names of files are allowed.
-        step: numbers must be multiples of it, unless it is 0.
-    """
-
-    kind: type
+    kind: type  # bool, int or float; str if only words or names of files are allowed
     words: tuple[str, ...]
     meaning: str
     unit: str = ""
     low: float = 0
     high: float = 0
-    step: float = 0
+    step: float = 0  # numbers must be multiples of it, unless it is 0
 
     def accepts(self, value: Any) -> bool:
         """Return whether the key may have this value. A whole number is accepted for a float."""
@@ -57,7 +52,6 @@ class Key:
         return self.kind is bool or (self.low <= value <= self.high and not (self.step and value % self.step))
 
     def allowed(self) -> str:
-        """Describe the allowed values."""
         if self.kind is bool:
             return "true or false"
         if self.kind is str:
@@ -93,7 +87,6 @@ class Section(Frozen):
     @classmethod
     @cache
     def schema(cls) -> dict[str, Key]:
-        """Return the keys by name, in the order in which they are written."""
         keys = {}
         for item in fields(cls):
             hint = get_type_hints(cls)[item.name]
@@ -201,7 +194,7 @@ class CompressionSection(Section):
     max_time: Auto | float = key("auto", "time limit of method: relaxation", "R/c", low=1e-6, high=1e6)
 
 
-# Treatment of dashpots by each integrator: predicted velocity, implicit (vector dashpots only), or no dashpots.
+# Integrators by their treatment of dashpots: predicted velocity, implicit (vector dashpots only), or no dashpots.
 Dashpots: TypeAlias = Literal["explicit", "implicit", "none"]
 DASHPOTS: dict[str, Dashpots] = {
     "velocity_verlet": "explicit",
@@ -210,7 +203,7 @@ DASHPOTS: dict[str, Dashpots] = {
     "vefrl": "none",
 }
 
-CORRECTED = ("takahashi_imada",)  # integrators whose velocities are not those of the points, which a reset stops
+CORRECTED = ("takahashi_imada",)  # integrators that store transformed velocities, which a reset cannot set to zero
 
 
 class TimeSection(Section):

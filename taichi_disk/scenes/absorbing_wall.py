@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 
 class AbsorbingWallScene(ImpactScene):
-    """Scene file of this kind."""
+    """A scene with an elastic wall, as read from its file."""
 
     title: ClassVar[str] = "impact on an elastic, absorbing wall"
     lattice_keys: ClassVar[tuple[str, ...]] = ("lattice", "wall.points", "wall.width", "wall.k_a", "material.k_a")
@@ -56,11 +56,11 @@ class AbsorbingWallScene(ImpactScene):
         return conflicts
 
     def unused(self) -> Collection[tuple[str, str]]:
-        of_wall = ("seed", "rim", "min_spacing")  # the wall is random, too
+        of_wall = ("seed", "rim", "min_spacing")  # these keys also shape the wall, whose points are random
         return [key for key in super().unused() if key[1] not in of_wall]
 
     def changes_with(self, key: str, value: Any) -> dict[str, Any]:
-        """Return changes as every scene does; a softer contact or a slower impact also needs a larger threshold.
+        """Return the changes of every scene and, for a softer contact or a slower impact, a larger threshold.
 
         The wall keeps the point density of the disk.
         """
@@ -109,8 +109,6 @@ class AbsorbingWallScene(ImpactScene):
 
 
 class AbsorbingWallImpact(ImpactScenario):
-    """A disk thrown at the elastic wall."""
-
     scene: AbsorbingWallScene
     kind = "Impact on an elastic wall"
 
@@ -132,7 +130,9 @@ class AbsorbingWallImpact(ImpactScenario):
             boundary = physics.ResetBoundary(wall.reset_interval)
         elif wall.boundary == "dashpot":
             moduli = self.scene.moduli(self.lattice.disk_points)
-            ratio = np.sqrt(self.scene.wall_k_a / self.scene.material.k_a)  # of the speeds of sound, wall to disk
+            ratio = np.sqrt(
+                self.scene.wall_k_a / self.scene.material.k_a
+            )  # speed of sound in the wall over that in the disk
             p, s = (ratio * moduli.density * speed for speed in (moduli.wave_speed_p, moduli.wave_speed_s))
             boundary = physics.MatchedBoundary(physics.matched_impedance(self.lattice, p, s))
         return physics.Model(self.springs, contact(wall.a, wall.V0, wall.threshold), boundary=boundary)

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 
 class ExponentialWallScene(ImpactScene):
-    """Scene file of this kind."""
+    """An impact on a rigid wall, as read from its file."""
 
     title: ClassVar[str] = "impact on a rigid wall"
 
@@ -30,8 +30,6 @@ class ExponentialWallScene(ImpactScene):
 
 
 class ExponentialWallImpact(ImpactScenario):
-    """A disk thrown at the rigid wall."""
-
     scene: ExponentialWallScene
     kind = "Impact on a rigid wall"
 

@@ -11,7 +11,7 @@ from taichi_disk.lattice import file_digest
 from taichi_disk.scenes import Scene
 from taichi_disk.signals import interruptible
 
-MAX_POINTS = 100_000  # of all cached lattices
+MAX_POINTS = 100_000  # total number of points of the cached lattices
 
 
 class LatticeSetup:
@@ -30,10 +30,9 @@ class LatticeSetup:
         return {"young": found.young, "poisson": found.poisson}
 
     def modes(self, model: Any) -> Any:
-        """Return the spectrum of the lattice with the springs and dashpots of `model`."""
         from taichi_disk.computation.stability import spectrum
 
-        key = model.springs.damped, model.springs.k_b  # k_b stiffens springs that are strained at rest
+        key = model.springs.damped, model.springs.k_b  # with k_b, springs that are strained at rest are stiffer
         if key not in self._modes:
             self._modes[key] = spectrum(self.body, model)
         return self._modes[key]
@@ -52,6 +51,5 @@ def setup_of(scene: Scene) -> LatticeSetup:
 
 
 def lattice_key(scene: Scene) -> Hashable:
-    """Return a key that is equal for scenes with the same lattice and stiffness of its springs."""
     of_lattice = (attrgetter(name)(scene) for name in scene.lattice_keys)
     return (type(scene), scene.material.k_a, file_digest(scene.lattice.file), *of_lattice)

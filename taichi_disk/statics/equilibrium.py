@@ -23,19 +23,12 @@ _TIP_ANGLE = 1e-3  # [rad] by which a disk balanced on a tip is turned
 
 @dataclass(frozen=True)
 class Equilibrium:
-    """A state of minimum energy.
+    """A state of minimum energy."""
 
-    Attributes:
-        positions: (n, 2) [R], wall at y = 0.
-        iterations: number of Newton iterations.
-        residual: largest force component on any point [M c^2/R].
-        roll: counter-clockwise rotation relative to the unloaded lattice [rad].
-    """
-
-    positions: Array
-    iterations: int
-    residual: float
-    roll: float
+    positions: Array  # (n, 2) [R], wall at y = 0
+    iterations: int  # number of Newton iterations
+    residual: float  # largest force component on any point [M c^2/R]
+    roll: float  # counter-clockwise rotation relative to the unloaded lattice [rad]
 
 
 def solve_equilibrium(

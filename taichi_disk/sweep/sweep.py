@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     from taichi_disk.output.inline import Plot
 
 FILES = ("scene.yaml", "points.csv", "summary.json", "figure.png", "figure.svg", "figure.pdf")
-MAX_FAILURES = 10  # printed
+MAX_FAILURES = 10  # number of failed points that are printed
 DIAGNOSTICS = ("young", "poisson", "error_estimate", "energy_imbalance", "residual", "steps", "dt", "integrator")
 
 Row = dict[str, Any]
@@ -196,9 +196,9 @@ def run_sweep(
 
 @contextmanager
 def _claimed(folder: Path, sweep: Sweep) -> Iterator[None]:
-    """Context in which only this sweep, or parts of it in other processes, may write points to `folder`.
+    """Let only this sweep, or parts of it in other processes, write points to `folder` while the block runs.
 
-    Each process locks a hidden file with the hash of the sweep in its name. The system releases the lock of a killed
+    Each process locks a hidden file whose name contains the hash of the sweep. The system releases the lock of a killed
     process. Raises InputError if another sweep holds a lock.
     """
     name = hashlib.sha256(sweep.to_yaml().encode()).hexdigest()[:20]
@@ -222,18 +222,16 @@ def _claimed(folder: Path, sweep: Sweep) -> Iterator[None]:
 
 
 def _mixed_versions(points: list[dict[str, str]]) -> str:
-    """Describe packages with more than one version; empty if there are none."""
     packages = {name: sorted({point.get(name, "?") for point in points}) for name in points[0]} if points else {}
     return ", ".join(f"{name} {' and '.join(used)}" for name, used in packages.items() if len(used) > 1)
 
 
 def _prepare(out: Path) -> None:
-    """Make the folder. Raises InputError if this would overwrite files of another kind."""
     refuse_run(out)
     with suppress(OSError, ValueError):
         if not (out / "points").is_dir() and (files := [name for name in FILES if (out / name).exists()]):
             raise InputError(f"{out} holds {files[0]}, which is not from a sweep: choose another folder as `out`")
-        (out / "points").mkdir(parents=True, exist_ok=True)  # parts may start at the same time
+        (out / "points").mkdir(parents=True, exist_ok=True)  # parts of the sweep may start at the same time
     prepare_output(out / "points")
 
 
@@ -250,7 +248,6 @@ def _counted(result: SweepResult) -> str:
 
 
 def print_sweep(result: SweepResult) -> None:
-    """Print the fits, the failed points and the output folder."""
     from taichi_disk.figures.curves import print_curves
 
     summary, failed = result.summary, result.failed
@@ -272,9 +269,9 @@ def print_sweep(result: SweepResult) -> None:
 
 
 def point_key(scene: Scene) -> str:
-    """Return the name of a point: a hash of the version, the resolved scene without `video`, and the files it names.
+    """Return the name of a point: a hash of the version, the resolved scene without `video`, and the scene's files.
 
-    Raises InputError if a file of the scene cannot be read.
+    Raises InputError if such a file cannot be read.
     """
     sections = asdict(scene)
     del sections["video"]
@@ -283,7 +280,6 @@ def point_key(scene: Scene) -> str:
 
 
 def _read_point(out: Path, key: str) -> PointResult | None:
-    """Return the stored result of a point, or None. Raises InputError if its file is invalid."""
     path = out / "points" / f"{key}.json"
     try:
         record = json.loads(path.read_bytes())
@@ -297,7 +293,6 @@ def _read_point(out: Path, key: str) -> PointResult | None:
 
 
 def _write_point(out: Path, key: str, scene: Scene, result: PointResult) -> None:
-    """Write a point with its result, if it has one. Raises SimulationError if a file cannot be written."""
     _write_scene(out, key, scene)
     if result.status == "done":  # failed points are tried again
         record = json.dumps(asdict(result) | {"key": key}, indent=1, allow_nan=False)
