@@ -224,7 +224,7 @@ def _parser() -> argparse.ArgumentParser:
     _add_scene(add, _shipped(has_sweep=True), out="out/SCENE")
     add("--jobs", type=_count, metavar="N", help="number of processes (default: one per core)")
     add("--scheduler", metavar="ADDRESS", help="compute on a Dask cluster: address of its scheduler, tcp://HOST:8786")
-    add("--part", metavar="K/N", help="compute only the K-th of N shares, and write no table")
+    add("--part", metavar="K/N", help="compute only the K-th of N parts, and write no table")
     add("--estimate", action="store_true", help="estimate the time-step error of each result; doubles the work")
 
     add = command("view", _view, "play with a scene on a page in the browser, or in a window")

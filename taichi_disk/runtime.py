@@ -73,7 +73,7 @@ def start(threads: int | None = None) -> None:
                 )
         except RuntimeError as error:
             raise TaichiDiskError(
-                f"Taichi cannot start: {error}; it reserves 1 GiB of memory: raise `ulimit -v`"
+                f"Taichi cannot start: {error}; it reserves 1 GiB of memory, so raise `ulimit -v`"
             ) from None
 
 

@@ -346,11 +346,11 @@ class Result:
         path, summary = folder / "scene.yaml", files.read_summary(folder)
         if not path.is_file() or "status" not in summary:
             name = "summary.json that can be read" if path.is_file() else "scene.yaml"
-            raise InputError(f"{folder}: no run is here (no {name}); `taichi-disk run` makes one")
+            raise InputError(f"{folder}: no run is here (no {name}): compute one with `taichi-disk run`")
         kept = given if isinstance(given := summary.get("digests"), dict) else {}
         changed = [name for name, digest in files.digests(folder, summary).items() if kept.get(name, digest) != digest]
         if "scene.yaml" in changed:
-            raise InputError(f"{path} has been changed since the run: undo that, or compute it as another run")
+            raise InputError(f"{path} has been changed since the run: undo the change, or compute the changed scene as a new run")
         for name in changed:
             say(f"{folder / name} has been changed since the run; the result is computed again from scene.yaml")
         # Accept the step of the run, even if it is beyond the stability limit.

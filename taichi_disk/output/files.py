@@ -178,7 +178,7 @@ def digests(folder: Path, summary: dict[str, Any]) -> dict[str, str]:
 def check_pictures(folder: Path) -> None:
     """Raise InputError if `folder` exists and holds anything but numbered files."""
     if folder.exists() and not only_numbered(folder):
-        raise InputError(f"{folder} is not a folder of a film's pictures alone: remove it, or choose another")
+        raise InputError(f"{folder} is not a folder with only numbered pictures: remove it, or choose another")
 
 
 def only_numbered(folder: Path) -> bool:

@@ -124,9 +124,9 @@ def refuse_place(out: Path) -> None:
     with suppress(RuntimeError):  # raised if the user has no home folder
         what = "your home" if Path.home().resolve().is_relative_to(out.resolve()) else what
     if files.holds_working_directory(out):
-        what = "the folder you are in"
+        what = "the current folder"
     elif os.path.ismount(out):
-        what = "where a file system is mounted"
+        what = "the mount point of a file system"
     if what:
         raise InputError(f"{out} is {what}, which no run can replace: name a folder in it as `out`")
 

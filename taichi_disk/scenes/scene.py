@@ -215,7 +215,7 @@ class DiskScene(Frozen):
         compared = (
             f"with {points:,} points the body is {paper / points:.3g} times as viscous as with the paper's {paper}"
         )
-        remedy = f"material.viscosity = {value / paper:.3g} makes it the same"
+        remedy = f"this changes e; material.viscosity = {value / paper:.3g} keeps the damping"
         return [f"material.eta_star = {value:g} is per point: {compared}; {remedy}"]
 
     @property

@@ -243,7 +243,7 @@ def test_what_cannot_be_exported_is_refused_before_anything_is_computed(tmp_path
     for name, format, told in (
         ("a.lammps", None, r"formats are xyz \(\.xyz\), gsd"),
         ("a.xyz", "gsd", r"a\.xyz as gsd: the formats are"),
-        ("mine.pvd", None, "is not a folder of a film's pictures alone"),
+        ("mine.pvd", None, "is not a folder with only numbered pictures"),
     ):
         with pytest.raises(InputError, match=told):
             check_export(tmp_path / name, format)

@@ -124,7 +124,7 @@ def test_a_run_s_folder_with_a_person_s_file_is_left_as_it_is(tmp_path, mine):
 def test_a_folder_that_cannot_be_renamed_is_refused_with_advice_and_an_empty_one_is_taken(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     for out in (".", "../" + tmp_path.name, tmp_path.parent, "/proc"):
-        what = "where a file system is mounted" if out == "/proc" else "the folder you are in"
+        what = "the mount point of a file system" if out == "/proc" else "the current folder"
         with pytest.raises(InputError, match=f"is {what}, which no run can replace: name a folder in it as `out`"):
             compute(out)
     assert list(tmp_path.iterdir()) == []
