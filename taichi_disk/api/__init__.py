@@ -350,7 +350,7 @@ class Result:
         kept = given if isinstance(given := summary.get("digests"), dict) else {}
         changed = [name for name, digest in files.digests(folder, summary).items() if kept.get(name, digest) != digest]
         if "scene.yaml" in changed:
-            raise InputError(f"{path} has been changed since the run: undo the change, or compute the changed scene as a new run")
+            raise InputError(f"{path} has been changed since the run: undo the change, or run it as a new scene")
         for name in changed:
             say(f"{folder / name} has been changed since the run; the result is computed again from scene.yaml")
         # Accept the step of the run, even if it is beyond the stability limit.

@@ -52,7 +52,7 @@ class AbsorbingWallScene(ImpactScene):
         if interval and dt != "auto" and dt > interval:
             conflicts.append(("time.dt", f"{dt:g} is longer than wall.reset_interval = {interval:g} [R/c]"))
         if self.video.magnify not in ("auto", 1.0):
-            conflicts.append(("video.magnify", "magnified, disk and dent would be drawn apart: write 1 with an elastic wall"))
+            conflicts.append(("video.magnify", "disk and dent would be drawn apart: with an elastic wall write 1"))
         return conflicts
 
     def unused(self) -> Collection[tuple[str, str]]:
