@@ -227,7 +227,7 @@ class VideoSection(Section):
     colour: Colour = key("shear", "quantity shown in colour")
     draw: Draw = key("both", "what is drawn; both: coloured field and springs")
     theme: Theme = key("light", "background of pictures")
-    magnify: Auto | float = key("auto", "factor on drawn displacements; auto: disk flattened by 0.05 R", low=1, high=1000)
+    magnify: Auto | float = key("auto", "factor on drawn displacements; auto: disk flattened 0.05 R", low=1, high=1000)
     panel: bool = key(True, "curves of v_cm, wall force and energies beside the disk (16:9); from size 360 on")
     supersample: float = key(1.0, "samples per pixel width; 2: smoothest and slowest", low=1, high=2, step=0.5)
     format: Literal["mp4", "webm", "gif", "html", "png"] = key("mp4", "html: page with player; png: folder of pictures")
