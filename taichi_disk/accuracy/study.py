@@ -1,4 +1,4 @@
-"""Comparison of the time step's error with the effects of lattice, number of points and wall on the result."""
+"""Compare the time step's error with the effects of lattice, number of points and wall on the result."""
 
 from __future__ import annotations
 
@@ -28,36 +28,27 @@ from taichi_disk.simulation.simulation import KernelCache
 
 SEEDS = 8
 REFINEMENTS = (4, 16, 64)  # factors of the number of points, at equal mass, stiffness and viscosity of the disk
-MAX_POINTS = 200_000  # of the disk; larger lattices are computed for the first refinement only
-HARDNESS_FACTORS = (3.0, 10.0)  # of wall.a
+MAX_POINTS = 200_000  # largest disk of a refinement, except for the first
+HARDNESS_FACTORS = (3.0, 10.0)  # factors of wall.a
 VISCOSITY = "material.viscosity"
 SAMPLE, POINTS, WALL = "lattice sample", "points", "wall hardness"
-SIGNIFICANCE = 2.0  # lattice scatters; a larger difference is an effect of the number of points
-COMPILE_TIME = 5.0  # [s], typical
-COLOURS = dict(zip(DASHPOTS, (BLUE, RED, GREEN, ORANGE, PINK), strict=False))  # of the integrators
-TABLE_WIDTH = 120  # without a terminal
+SIGNIFICANCE = 2.0  # a difference of more lattice scatters is an effect of the number of points
+COMPILE_TIME = 5.0  # typical time of a compilation [s]
+COLOURS = dict(zip(DASHPOTS, (BLUE, RED, GREEN, ORANGE, PINK), strict=False))  # colours of the integrators
+TABLE_WIDTH = 120  # width of a printed table without a terminal
 
 
 @dataclass(frozen=True)
 class Change:
-    """A change of the scene and its effect on the primary result.
+    """A change of the scene and its effect on the primary result."""
 
-    Attributes:
-        source: source of error.
-        change: description.
-        keys: changed keys, as `DiskScene.with_` takes them.
-        refinement: factor of the number of points.
-        result, difference: primary result, and its difference from the unchanged scene; NaN if the run failed.
-        remark: why the run failed.
-    """
-
-    source: str
-    change: str
-    keys: dict[str, Any] = field(default_factory=dict)
-    refinement: int = 1
-    result: float = math.nan
-    difference: float = math.nan
-    remark: str = ""
+    source: str  # source of error
+    change: str  # description of the change
+    keys: dict[str, Any] = field(default_factory=dict)  # changed keys, as `DiskScene.with_` takes them
+    refinement: int = 1  # factor of the number of points
+    result: float = math.nan  # primary result; NaN if the run failed
+    difference: float = math.nan  # result minus that of the unchanged scene
+    remark: str = ""  # why the run failed
 
 
 @dataclass(frozen=True)
@@ -85,7 +76,7 @@ class Findings:
         return float(np.std(results, ddof=1)) if len(results) > 1 else math.nan
 
     def last_difference(self, source: str) -> float:
-        """Return the difference made by the last successful change of `source`; NaN without one."""
+        """Return the difference due to the last successful change of `source`; NaN if there is none."""
         differences = [change.difference for change in self.sources if change.source == source and not change.remark]
         return differences[-1] if differences else math.nan
 
@@ -93,7 +84,7 @@ class Findings:
     def sentence(self) -> str:
         """Summary of the errors, with advice on the largest."""
         finest, scatter = self.last_difference(POINTS), self.scatter
-        parts = [f"time step {self.step:.1g}" if self.steps else "time step none (an equilibrium)"]
+        parts = [f"time step {self.step:.1g}" if self.steps else "no time step (an equilibrium)"]
         others = (
             ("lattice scatter", scatter),
             ("finest lattice", finest),
@@ -132,12 +123,11 @@ def study(scene: Scene, out: Path, title: str, note: Callable[[str], None]) -> N
 
 
 def assess(scene: Scene, progress: Progress, note: Callable[[str], None]) -> Findings:
-    """Measure what `study` reports. Taichi must have been started."""
     kernels, scenario, study = KernelCache(), scene.scenario(), None
     progress("simulate", 0, None)
     if scenario.model.has_friction:
         raise InputError(
-            "wall.friction: must be 0, because the reference solution needs smooth forces; `run` estimates errors, too"
+            "wall.friction: must be 0, because the reference solution needs smooth forces; `run` also estimates errors"
         )
     if scenario.step_dependent:
         modes = spectrum(scenario.lattice, scenario.model)
@@ -146,7 +136,7 @@ def assess(scene: Scene, progress: Progress, note: Callable[[str], None]) -> Fin
     others, started = list(changes(scene)), perf_counter()
     base = result_of(scene, kernels)
     run_time = perf_counter() - started
-    exponent = 1.4 if study else 1.1  # of time against points; finer lattices also need shorter steps
+    exponent = 1.4 if study else 1.1  # time grows as points**exponent; finer lattices also need shorter steps
     expected = COMPILE_TIME + run_time * sum(change.refinement**exponent for change in others)
     runs, steps = f"{len(others)} runs", []
     if study:
@@ -165,9 +155,8 @@ def assess(scene: Scene, progress: Progress, note: Callable[[str], None]) -> Fin
 
 
 def changes(scene: Scene) -> Iterator[Change]:
-    """Yield other seeds, finer lattices and harder walls."""
     lattice, a = scene.lattice, scene.wall.a
-    if lattice.file == "none":  # user-supplied points have no other sample
+    if lattice.file == "none":  # user-supplied points have no other random sample
         for seed in range(lattice.seed + 1, lattice.seed + SEEDS):
             yield Change(SAMPLE, f"seed {seed}", {"lattice.seed": seed})
         for factor in REFINEMENTS:
@@ -184,7 +173,7 @@ def changes(scene: Scene) -> Iterator[Change]:
 
 
 def measured(scene: Scene, base: float, change: Change, kernels: KernelCache) -> Change:
-    """Compute the changed scene and return `change` with the result, or with the reason why there is none."""
+    """Compute the changed scene and return `change` with its result, or with the reason of a failure."""
     try:
         result = result_of(scene.with_(change.keys), kernels)
     except TaichiDiskError as error:
@@ -195,7 +184,7 @@ def measured(scene: Scene, base: float, change: Change, kernels: KernelCache) ->
 def result_of(scene: Scene, kernels: KernelCache) -> float:
     """Compute the primary result, by Newton's method if it does not depend on the step.
 
-    The step is automatic, because a user's dt seldom suits a finer lattice.
+    The step is automatic, because a user's dt rarely suits a finer lattice.
     """
     scenario = scene.scenario()
     if not scenario.step_dependent:
@@ -208,7 +197,7 @@ def result_of(scene: Scene, kernels: KernelCache) -> float:
 
 
 def report(findings: Findings, out: Path, title: str) -> None:
-    """Print the findings and write accuracy.md, error_sources.csv and, of impacts, accuracy.csv and accuracy.png.
+    """Print the findings and write accuracy.md, error_sources.csv and, for impacts, accuracy.csv and accuracy.png.
 
     Raises SimulationError if a file cannot be written.
     """
@@ -222,7 +211,7 @@ def report(findings: Findings, out: Path, title: str) -> None:
         out / "error_sources.csv", [{name: getattr(change, name) for name in columns} for change in findings.sources]
     )
     if findings.steps:
-        own = {"is_default": "own"}  # a column keeps its name
+        own = {"is_default": "own"}  # the column `own` keeps its old name
         write_csv(
             out / "accuracy.csv", [{own.get(k, k): v for k, v in asdict(step).items()} for step in findings.steps]
         )
@@ -232,7 +221,6 @@ def report(findings: Findings, out: Path, title: str) -> None:
 
 
 def tables(findings: Findings) -> str:
-    """Return Markdown tables of the time steps, if any, and of the other sources of error."""
     lines = []
     if findings.steps:
         lines += ["| integrator | step/limit | steps | ms | ns/spring | error | position | energy |", "|---" * 8 + "|"]

@@ -25,9 +25,9 @@ from taichi_disk.scenes import Scene
 from taichi_disk.scenes.sweep_axes import Sweep, target_of
 
 Row = dict[str, Any]
-# Keys of a curve's summary in addition to its label.
+# Keys in the summary of a curve that follow its label.
 CURVE_KEYS = ("lattices", "young", "poisson", "x", "mean", "standard_deviation", "fits")
-# Keys on which the moduli depend.
+# The moduli depend on these keys.
 MATERIAL = {("material", "k_a"), ("lattice", "points"), ("lattice", "min_spacing"), ("lattice", "file")}
 
 MARKERS = "osD^vPX"
@@ -46,28 +46,18 @@ METADATA: dict[str, dict[str, Any]] = {"png": {"Software": None}, "svg": {"Date"
 
 @dataclass(frozen=True)
 class Curve:
-    """A curve of a figure: results against speed or pressure for several lattices, all other keys being equal.
+    """A curve of a figure: results against speed or pressure for several lattices, all other keys being equal."""
 
-    Attributes:
-        label: values of the other axes.
-        x: (points,) speeds [c] or pressures [M c^2/R].
-        results: (lattices, points) of each result, without lattices with failed points.
-        young, poisson: moduli of the material [M c^2/R^2], mean over samples with the seeds of the sweep; NaN for
-            lattices from a file.
-        is_damped: whether there are dashpots.
-    """
-
-    label: dict[str, Any]
-    x: Array
-    results: dict[str, Array]
-    young: float
-    poisson: float
-    is_damped: bool
+    label: dict[str, Any]  # values of the other axes
+    x: Array  # (points,) speeds [c] or pressures [M c^2/R]
+    results: dict[str, Array]  # (lattices, points) of each result, without lattices with failed points
+    young: float  # E [M c^2/R^2], mean over samples with the seeds of the sweep; NaN for lattices from a file
+    poisson: float  # nu, as for E
+    is_damped: bool  # whether there are dashpots
     fits: dict[str, Fit] = field(default_factory=dict)
 
     @property
     def y(self) -> Array:
-        """Primary result (lattices, points)."""
         return next(iter(self.results.values()))
 
     @property
@@ -102,24 +92,18 @@ class Curve:
 
 
 def _number(value: float) -> float | None:
-    return float(value) if np.isfinite(value) else None  # None: the law does not fit at all
+    return float(value) if np.isfinite(value) else None  # None if the law cannot be fitted
 
 
 class FitRule(NamedTuple):
-    """A law and the curves to which it can be fitted.
-
-    Attributes:
-        min_points: number of points that a curve needs.
-        needs_moduli, needs_damping: whether the curve needs known moduli, or dashpots.
-        max_speed: speed up to which the law has a meaning [c], or [sqrt(E/M) R] if it needs moduli.
-    """
+    """A law and the curves to which it can be fitted."""
 
     title: str
     fit: Callable[[Curve], Fit]
-    min_points: int = 1
-    needs_moduli: bool = False
-    needs_damping: bool = False
-    max_speed: float = np.inf
+    min_points: int = 1  # number of points that a curve needs
+    needs_moduli: bool = False  # whether the moduli must be known
+    needs_damping: bool = False  # whether there must be dashpots
+    max_speed: float = np.inf  # up to which the law is valid [c], or [sqrt(E/M) R] if it needs moduli
 
     def applies(self, curve: Curve) -> bool:
         unit = curve.young**0.5 if self.needs_moduli else 1.0
@@ -151,11 +135,9 @@ FITS = {
 
 
 def analyse(base: Scene, axes: Sequence[str], rows: Sequence[Row]) -> list[Curve]:
-    """Return curves with fits from the rows of points.csv; none if the sweep has no figure or varies no abscissa.
+    """Return the curves with their fits from `rows` of points.csv, or an empty list if the sweep has no figure.
 
-    Args:
-        base: a scene of the sweep; its other keys are not swept.
-        axes: the swept keys.
+    `base`: a scene of the sweep, for the keys that are not swept; `axes`: the swept keys.
     """
     figure, names = FIGURES.get(base.scene), {target_of(base, name): name for name in axes}
     abscissa, seed = names.get(base.abscissa) if figure else None, names.get(("lattice", "seed"))
@@ -172,7 +154,7 @@ def analyse(base: Scene, axes: Sequence[str], rows: Sequence[Row]) -> list[Curve
         if not lattices:
             continue
         y = {name: np.array([[done[k, value][name] for value in x] for k in lattices], float) for name in base.results}
-        # Each lattice counts once, however many rows it has. None becomes NaN.
+        # A lattice counts once even if it has several rows. None becomes NaN.
         same_material = by_material[tuple(label[name] for name in of_material)]
         moduli = {row[seed] if seed else 0: (row["young"], row["poisson"]) for row in same_material}
         young, poisson = np.array(list(moduli.values()), float).mean(axis=0)
@@ -186,7 +168,6 @@ def analyse(base: Scene, axes: Sequence[str], rows: Sequence[Row]) -> list[Curve
 
 
 def grouped(rows: Sequence[Row], names: Sequence[str]) -> dict[tuple[Any, ...], list[Row]]:
-    """Return the rows by their values of `names`."""
     groups: dict[tuple[Any, ...], list[Row]] = {}
     for row in rows:
         groups.setdefault(tuple(row[name] for name in names), []).append(row)
@@ -194,7 +175,7 @@ def grouped(rows: Sequence[Row], names: Sequence[str]) -> dict[tuple[Any, ...], 
 
 
 def print_curves(curves: Sequence[dict[str, Any]]) -> None:
-    """Print the fits with 95 % intervals of `curves`, which are results of `Curve.summary`."""
+    """Print the fits of `curves`, which are results of `Curve.summary`, with 95 % intervals."""
     for label, fits in curve_rows(curves):
         print(label)
         for title, parameters in fits:
@@ -216,7 +197,6 @@ def curve_rows(curves: Sequence[dict[str, Any]]) -> Iterator[tuple[str, list[tup
 
 
 def _parameter(fit: dict[str, Any], name: str) -> str:
-    """Return a fitted parameter with its interval, or "none" if the law does not fit."""
     value, pair = fit["values"][name], fit["intervals_95"].get(name)
     if value is None:
         return "none"
@@ -227,7 +207,7 @@ def _parameter(fit: dict[str, Any], name: str) -> str:
 
 
 def figure_of(sweep: Sweep, rows: Sequence[Row], out: Path) -> list[dict[str, Any]]:
-    """Draw the rows of points.csv into `out` if the sweep has a figure, and return the curves for summary.json."""
+    """Draw the figure of a sweep from rows of points.csv into `out`; return the curves for summary.json, if any."""
     curves = analyse(sweep.scenes[0], sweep.axes, rows)
     if curves:
         draw(sweep.scenes[0], curves, out)
@@ -235,8 +215,8 @@ def figure_of(sweep: Sweep, rows: Sequence[Row], out: Path) -> list[dict[str, An
 
 
 def draw(scene: Scene, curves: list[Curve], out: Path) -> None:
-    """Write figure.png, figure.svg and figure.pdf of a sweep with `scene`; the same values give the same bytes."""
-    # The salt makes the ids in the SVG reproducible.
+    """Write figure.png, figure.svg and figure.pdf of a sweep with `scene`. The same values give the same bytes."""
+    # A fixed salt makes the ids in the SVG reproducible.
     with matplotlib_style({**STYLE, **FONT, "svg.hashsalt": "taichi-disk"}):
         figure = _drawn(scene, curves)
         for kind, metadata in METADATA.items():
@@ -250,7 +230,7 @@ def curves_figure(scene: Scene, curves: list[Curve]) -> Plot:
 
 
 def to_change(figure: Plot) -> Plot:
-    """Give ticks that are made later the style, too, and lay the figure out whenever it is drawn."""
+    """Prepare a figure for changes: new ticks get its style, and its layout is computed whenever it is drawn."""
     figure.set_layout_engine("constrained")
     for ax in figure.axes:
         look = {"grid_color": STYLE["grid.color"], "grid_linewidth": STYLE["grid.linewidth"]}
@@ -271,9 +251,9 @@ def _drawn(scene: Scene, curves: list[Curve]) -> Plot:
     figure, ax = one_plot(2.9 + 0.09 * len(curves))
     layout = FIGURES[scene.scene]
     layout.draw(ax, layout.paper, curves)
-    # The legend lists simulated points before the lines of the laws.
+    # The legend lists the simulated points first, then the lines of the laws.
     entries = sorted(zip(*ax.get_legend_handles_labels(), strict=True), key=lambda entry: isinstance(entry[0], Line2D))
-    if entries:  # empty if E is unknown, as for lattices from a file
+    if entries:  # there are none if E is unknown, as for lattices from a file
         figure.legend(*zip(*entries, strict=True), loc="outside upper center", ncols=2)
     figure.draw_without_rendering()
     figure.set_layout_engine("none")  # keeps the layout the same in all formats
@@ -281,7 +261,7 @@ def _drawn(scene: Scene, curves: list[Curve]) -> Plot:
 
 
 def curve_label(label: dict[str, Any]) -> str:
-    """Return what a curve is called in a legend, from the values of its axes."""
+    """Return the name of a curve in the legend, from the values of its axes."""
     parts = []
     for name, value in label.items():
         symbol = SYMBOLS.get(name.split(".")[-1], name)
@@ -291,20 +271,19 @@ def curve_label(label: dict[str, Any]) -> str:
 
 
 def curve_styles(count: int) -> list[dict[str, Any]]:
-    """Return Matplotlib's colour and marker for each of `count` curves."""
     colours = matplotlib.colormaps["viridis"](np.linspace(0.0, 0.88, count))
     return [{"color": one, "marker": MARKERS[k % len(MARKERS)], "elinewidth": 0.8} for k, one in enumerate(colours)]
 
 
 def explain_bars(ax: Axes, lattices: Iterable[int]) -> None:
-    """Add the meaning of the bars to the legend; `lattices`: over how many each mean is taken."""
+    """Add the meaning of the bars to the legend. `lattices`: numbers of lattices in the means."""
     if several := sorted({count for count in lattices if count > 1}):
         text = f"bars: {' or '.join(map(str, several))} lattices"
         ax.errorbar([], [], [], color="0.45", linestyle="none", elinewidth=0.8, label=text)
 
 
 def _points(ax: Axes, curves: list[Curve], upright: bool) -> list[Any]:
-    """Draw the mean and scatter over lattices of each curve, and return the curves' colours.
+    """Draw the mean and scatter over lattices of each curve, and return the colours of the curves.
 
     `upright`: results on the y axis against speed; otherwise force on the y axis against results.
     """
@@ -319,7 +298,7 @@ def _points(ax: Axes, curves: list[Curve], upright: bool) -> list[Any]:
 
 
 def _compression(ax: Axes, paper: dict[str, float], curves: list[Curve]) -> None:
-    """Draw figure 2: P/(pi R E) against xi/R, with the laws for the first curve of several pressures."""
+    """Draw figure 2: P/(pi R E) against xi/R, with the laws for the first curve that has several pressures."""
     curves = [curve for curve in curves if np.isfinite(curve.young)]
     _points(ax, curves, upright=False)
     first = next((curve for curve in curves if len(curve.x) > 1), None)
@@ -362,7 +341,7 @@ def _impact(ax: Axes, paper: dict[str, float], curves: list[Curve]) -> None:
 
 
 def log_if_wide(ax: Axes, x: Array) -> None:
-    """Make the axis of positive `x` logarithmic if they span a factor of 4; on a shorter axis labels would crowd."""
+    """Make the axis of positive `x` logarithmic if they span a factor of 4; on a shorter axis labels would overlap."""
     if x.max() >= 4.0 * x.min() > 0.0:
         ax.set_xscale("log")
         ax.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
@@ -371,7 +350,7 @@ def log_if_wide(ax: Axes, x: Array) -> None:
 
 
 class PaperFigure(NamedTuple):
-    """Layout of the figure for one kind of scene: names of fits, the paper's parameters, and the drawing function."""
+    """Layout of the figure for one kind of scene: fits, parameters in the paper, and the drawing function."""
 
     fits: tuple[str, ...]
     paper: dict[str, float]
@@ -382,4 +361,4 @@ FIGURES = {
     "compression": PaperFigure(("eq2", "eq2_nominal"), {"b": 1.55}, _compression),
     "exponential_wall": PaperFigure(("eq5", "eq5_d1_is_1", "curvature", "eq4"), {}, _impact),
     "absorbing_wall": PaperFigure(("eq5", "eq5_d1_is_1", "curvature"), {"d1": 0.973, "d2": 0.119}, _impact),
-}  # by the kind of scene
+}  # figures by the kind of scene

@@ -1,11 +1,12 @@
 """Laws of the continuum and of the paper, and their fits to the results of many lattices.
 
 Units: disk mass M = radius R = reference speed c = 1, so the density is rho = 1/pi. E and nu are the two-dimensional
-(plane stress) moduli of the lattice. Equation numbers are those of Kuninaka and Hayakawa's paper. The paper's
-E_* = E/(1 - nu^2) holds for plane strain; for plane stress pass E as `e_star`.
+(plane stress) moduli of the lattice. Equation numbers are those of Kuninaka and Hayakawa's paper, whose E_* = E/(1 -
+nu^2) holds for plane strain; for plane stress pass E as `e_star`.
 
-The results of one lattice at several speeds or pressures are not independent, and lattices scatter more than each
-result errs. The confidence intervals of a fit are therefore found by resampling whole lattices (bootstrap; Efron 1979).
+The results of one lattice at several speeds or pressures are not independent, and the scatter of lattices is larger
+than the error of a result. The confidence intervals of a fit are therefore found by resampling whole lattices
+(bootstrap; Efron 1979).
 """
 
 from __future__ import annotations
@@ -24,11 +25,11 @@ from taichi_disk.lattice import Array
 from taichi_disk.scenes.compression import exact_compression as exact_compression
 from taichi_disk.scenes.compression import paper_compression as paper_compression
 
-Prediction = Callable[[Array], Array]  # parameters (k, p) to values (k, points), k data sets at a time
+Prediction = Callable[[Array], Array]  # maps parameters (k, p) of k data sets to values (k, points)
 RESAMPLES = 1000
 LEVEL = 0.95
-MAX_TAU0 = 2.0  # [R/c], at e_star = 1
-RUNGE_KUTTA_STEPS = 100  # per impact of eq. (4); the error of e is 2e-8
+MAX_TAU0 = 2.0  # largest tau0 at e_star = 1 [R/c]
+RUNGE_KUTTA_STEPS = 100  # steps for an impact by eq. (4); the error of e is 2e-8
 
 
 def paper_restitution(velocity: ArrayLike, d1: float, d2: float) -> Array:
@@ -38,7 +39,7 @@ def paper_restitution(velocity: ArrayLike, d1: float, d2: float) -> Array:
 
 
 class QuasistaticImpact(NamedTuple):
-    """Solution of eq. (4): e, contact time [R/c], and maximum compression [R]."""
+    """Solution of eq. (4): e, contact time [R/c], and largest compression [R]."""
 
     restitution: float
     contact_time: float
@@ -48,16 +49,11 @@ class QuasistaticImpact(NamedTuple):
 def quasistatic_impact(velocity: float, tau0: float, e_star: float, rtol: float = 1e-9) -> QuasistaticImpact:
     """Integrate eq. (4), xi'' = -pi E_* (xi + tau0 xi')/ln(4/xi), from xi = 0, xi' = v [c] until separation.
 
-    Separation is where the force vanishes, xi + tau0 xi' = 0, because contact does not pull. Integration to xi = 0
+    The disk separates when the force vanishes, xi + tau0 xi' = 0, because a contact cannot pull. Integration to xi = 0
     would change e by O(tau0^2). The paper takes e at the fixed time pi (R/c) sqrt(ln(4 c/v)) instead.
 
-    Args:
-        velocity: v [c].
-        tau0: time scale of dissipation [R/c].
-        e_star: E_* [M c^2/R^2].
-        rtol: relative tolerance of the integration.
-
-    Raises ValueError if xi reaches 4 R/e, where the stiffness of the law loses its meaning.
+    `velocity`: v [c]; `tau0`: time scale of dissipation [R/c]; `e_star`: E_* [M c^2/R^2]; `rtol`: relative tolerance.
+    Raises ValueError if xi reaches 4 R/e, where the stiffness of the law has no meaning.
     """
     from scipy.integrate import solve_ivp
 
@@ -88,17 +84,11 @@ def quasistatic_impact(velocity: float, tau0: float, e_star: float, rtol: float 
 
 @dataclass(frozen=True)
 class Fit:
-    """Result of a least-squares fit.
+    """Result of a least-squares fit."""
 
-    Attributes:
-        values: parameters by name.
-        intervals: 95 % confidence intervals (low, high) over lattices; empty for a single lattice.
-        residuals: (points,) mean over lattices minus the fit.
-    """
-
-    values: dict[str, float]
-    intervals: dict[str, tuple[float, float]]
-    residuals: Array
+    values: dict[str, float]  # parameters by name
+    intervals: dict[str, tuple[float, float]]  # 95 % confidence intervals over lattices; empty for a single lattice
+    residuals: Array  # (points,) mean over lattices minus the fit
 
     @property
     def rms(self) -> float:
@@ -127,12 +117,12 @@ def fit_b(pressure: Array, xi: Array, young: float, poisson: float) -> Fit:
 
 
 def fit_restitution(velocity: Array, e: Array, d1_is_1: bool = False) -> Fit:
-    """Fit d1 and d2 of eq. (5) to e (lattices, velocities); `velocity` [c], c being the paper's."""
+    """Fit d1 and d2 of eq. (5) to e (lattices, velocities); `velocity` [c], where c is the paper's."""
     s = 1.0 / np.sqrt(np.log(4.0 / velocity))
 
     def solve(weights: Array) -> Array:
         data = weights @ e
-        # Eq. (5) is linear in e^2 = A - B s, which gives the start of the fit to e.
+        # A linear fit of e^2 = A - B s, which is eq. (5), gives the start of the fit to e.
         if d1_is_1:
             start = ((1.0 - data**2) @ s / (s @ s))[:, None]
             d2 = least_squares(lambda p: np.sqrt(np.maximum(1.0 - p * s, 0.0)), data, start)
@@ -163,7 +153,7 @@ def fit_tau0(velocity: Array, e: Array, e_star: float) -> Fit:
     return Fit(best, intervals, e.mean(0) - predict(np.array([best["tau0"]]))[0])
 
 
-@lru_cache(maxsize=4)  # used by all curves of a figure
+@lru_cache(maxsize=4)  # shared by all curves of a figure
 def quasistatic_curves(velocity: tuple[float, ...], e_star: float) -> Prediction:
     """Return a function that maps tau0 (k,) [R/c] to e (k, velocities) of eq. (4).
 
@@ -177,7 +167,7 @@ def quasistatic_curves(velocity: tuple[float, ...], e_star: float) -> Prediction
 
 
 def _restitutions(velocity: Array, tau0: Array) -> Array:
-    """Return e of `quasistatic_impact` at e_star = 1 for arrays of speeds and tau0 that do not crush the disk.
+    """Return e of `quasistatic_impact` at e_star = 1 for arrays of speeds and of tau0 for which xi stays small.
 
     With xi' = v r cos(phi) and xi + tau0 xi' = v r sin(phi), r is integrated over phi, from r = sqrt(1 + tau0^2) at
     atan(tau0) to r = e at pi, by the Runge-Kutta method of order 4. Steps are short at both ends, where ln xi is steep.
@@ -232,7 +222,7 @@ def least_squares(model: Prediction, data: Array, start: Array) -> Array:
             for j, unit in enumerate(np.eye(x.shape[1]))
         ]
         J = np.stack(columns, axis=1)
-        square = np.linalg.pinv(J @ J.swapaxes(1, 2), hermitian=True)  # ten times as fast as pinv(J)
+        square = np.linalg.pinv(J @ J.swapaxes(1, 2), hermitian=True)  # ten times faster than pinv(J)
         x += (square @ (J @ (data - model(x))[:, :, None]))[:, :, 0]
     return x
 

@@ -1,8 +1,8 @@
-"""The trapezoidal dashpots of a large lattice, solved by conjugate gradients instead of a factor.
+"""Solve for the trapezoidal dashpots of a large lattice by conjugate gradients instead of a factor.
 
-The larger the lattice, the more entries a Cholesky factor has per point. The matrix (see `trapezoidal`) is well
-conditioned: 3 at 5,000 points of the same body, 10 at 100,000. With the diagonal as preconditioner and the velocity
-extrapolated from the last four steps as first guess, a few iterations suffice.
+In a larger lattice, a Cholesky factor has more entries per point. The matrix (see `trapezoidal`) is well conditioned: 3
+at 5,000 points of the same body, 10 at 100,000. With the diagonal as preconditioner and the velocity extrapolated from
+the last four steps as first guess, a few iterations suffice.
 """
 
 from dataclasses import dataclass
@@ -18,15 +18,15 @@ from taichi_disk.physics.law import Capacity, Contents, array, get, pair_of, put
 from taichi_disk.physics.ordering import BLOCK
 from taichi_disk.physics.springs import Springs
 
-TOLERANCE = 3e-11  # residual over right-hand side, both as the preconditioner scales them; keeps e within 1e-8
-MAX_ITERATIONS = 200  # far more than any step takes
+TOLERANCE = 3e-11  # residual over right-hand side, both preconditioned; keeps the error of e below 1e-8
+MAX_ITERATIONS = 200  # far more than any step needs
 
 
 @dataclass(frozen=True)
 class Diagonal:
-    """The dashpots' matrix without its springs, (n, c) [M], and 1 over its diagonal with them; 0 for pinned points.
+    """Diagonals (n, c) for implicit dashpots: without the springs [M], and the inverse of the full diagonal [1/M].
 
-    c = 2 if x and y have matrices of their own, else 1.
+    Both are 0 for pinned points. c = 2 if x and y have different matrices, else 1.
     """
 
     inertia: Array
@@ -34,7 +34,7 @@ class Diagonal:
 
 
 def diagonal(lattice: Lattice, model: Model, dt: float) -> Diagonal:
-    """Return the diagonals of m_i + h/2 (eta L + Z), Z the dashpots of a matched boundary."""
+    """Return the diagonals of m_i + h/2 (eta L + Z); Z are the dashpots of a matched boundary."""
     half = 0.5 * dt
     inertia = lattice.masses[:, None] + boundary_dashpots(lattice, model, half)
     springs = lattice.stiffened(half * model.springs.eta * np.ones(len(lattice.bonds)))
@@ -47,7 +47,7 @@ def diagonal(lattice: Lattice, model: Model, dt: float) -> Diagonal:
 
 @ti.data_oriented
 class IterativeSolver(DashpotSolver):
-    """Solves for the velocities at a step without a factor; `previous`: velocities of the three steps before."""
+    """Solves for the velocities at a step without a factor. `previous`: velocities of the three steps before."""
 
     def __init__(self, builder: Any, capacity: Capacity, components: int, fillers: int, springs: Springs) -> None:
         self.components, self.springs, self.fillers = components, springs, fillers
@@ -85,7 +85,7 @@ class IterativeSolver(DashpotSolver):
         while left > goal and count < MAX_ITERATIONS:
             resisted = self.multiply(state, half, n)
             part = left / resisted
-            if count == 0:  # the whole step to the first guess
+            if count == 0:  # u still contains the whole step to the first guess
                 part = 1.0
             before = left
             left = 0.0
@@ -105,7 +105,7 @@ class IterativeSolver(DashpotSolver):
 
     @ti.func
     def extrapolated(self, state: ti.template(), i, age):
-        """Return the velocity of point i on a cubic through the last four steps, or a parabola or line after fewer."""
+        """Return the velocity of point i on a cubic through the last four steps; after fewer, on a lower polynomial."""
         u1, u2 = get(state.u, i), get(self.previous[0], i)
         u3, u4 = get(self.previous[1], i), get(self.previous[2], i)
         guess = u1
@@ -126,7 +126,7 @@ class IterativeSolver(DashpotSolver):
 
     @ti.func
     def multiply(self, state: ti.template(), half, n):
-        """Add the springs' part to the product of matrix and direction; returns direction times product."""
+        """Add the springs to the product of matrix and direction, and return direction times product."""
         eta = half * self.springs.eta_now[None]
         for block in range(state.blocks[None]):
             dx, dy = self.springs.differences(self.direction, block)

@@ -1,6 +1,6 @@
 """Random mass points with a minimum distance: in the unit circle for the disk, in a rectangle for the elastic wall.
 
-They are placed by exact random sequential adsorption with array operations.
+They are placed by exact random sequential adsorption, in array operations.
 """
 
 from __future__ import annotations
@@ -14,16 +14,16 @@ from taichi_disk.errors import InputError, SimulationError
 from taichi_disk.lattice.triangles import Array
 
 MIN_POINTS, MAX_POINTS = 3, 2_000_000
-MIN_ROWS = 3  # of springs across a wall or a ring; with fewer it is a truss rather than a lattice
-MIN_EDGE = 6  # points on the edge of a hole
+MIN_ROWS = 3  # rows of springs across a wall or a ring; with fewer it is a truss rather than a lattice
+MIN_EDGE = 6  # smallest number of points on the edge of a hole
 Depth = Callable[[Array], Array]
 """Signed distance of points (n, 2) to the edge of a region, positive inside."""
 
-# Random sequential adsorption jams at a minimum distance of 0.777 hexagonal spacings: disks of that diameter then
-# cover 0.547 of the plane (Feder, J. Theor. Biol. 87, 237, 1980). In small bodies the limit scatters.
+# Random sequential adsorption jams at a minimum distance of 0.777 hexagonal spacings, when disks of that diameter cover
+# 0.547 of the plane (Feder, J. Theor. Biol. 87, 237, 1980). In small bodies the limit scatters.
 MAX_SPACING = 0.75
 _MAX_ATTEMPTS = 1000
-_MIN_HIT_RATE = 0.04  # at a lower rate, covered cells are dropped and the others quartered
+_MIN_HIT_RATE = 0.04  # at a lower rate of hits, covered cells are removed and the others quartered
 
 
 def circle_points(points: int, seed: int, rim: bool, min_spacing: float, hole: float = 0.0, core: float = 0.0) -> Array:
@@ -40,10 +40,10 @@ def circle_points(points: int, seed: int, rim: bool, min_spacing: float, hole: f
     if rim:
         circle = _unit_circle((np.arange(count) + rng.random()) / count)
         apothem = float(_unit_circle(np.array([0.5 / count]))[0, 0])
-        # No triangle on a rim chord is flatter than an equilateral one. The minimum is for disks of four points.
+        # Triangles on a chord of the rim are at least as high as equilateral ones. The minimum is for four points.
         radius = max(apothem - spacing * np.sqrt(0.75), 0.2 * apothem)
     corner = np.full(2, radius)
-    # Closer points would prevent some chords of the inner circles from becoming springs.
+    # If points were closer, some chords of the inner circles would not become springs.
     clear = max(spacing * np.sqrt(0.75), 1.1 * np.pi / count)
     for inner in filter(None, (hole, core)):
         turns = np.arange(round(inner * count)) + rng.random()
@@ -63,9 +63,9 @@ def circle_points(points: int, seed: int, rim: bool, min_spacing: float, hole: f
 def rim_points(points: int, hole: float = 0.0) -> int:
     """Return the number of points on the rim for which their spacing equals that of the inner points.
 
-    A rim point has half the area of an inner one, so the disk counts n = points - rim/2; hexagonal_spacing(n) =
-    2 pi/rim is then quadratic in rim. With a `hole` [R], the points on its edge count half as well.
-    At least one point stays inside.
+    A rim point has half the area of an inner one, so the disk counts as n = points - rim/2 points; hexagonal_spacing(n)
+    = 2 pi/rim is then quadratic in rim. With a `hole` [R], the points on its edge count half as well. At least one
+    point stays inside.
     """
     k = 2.0 * np.pi * np.sqrt(3.0) * (1.0 + hole) / (1.0 - hole)
     even = round(float(np.sqrt(k * points + k * k / 16.0) - k / 4.0) / (1.0 + hole))
@@ -90,7 +90,8 @@ def circle_faults(points: int, hole: float, core: float) -> list[tuple[str, str]
 def _unit_circle(turns: Array) -> Array:
     """Return (cos, sin) of 2 pi `turns`, 0 <= turns < 1, by Taylor series.
 
-    Sums and products round alike on every machine; the last bit of NumPy's cos and sin depends on the processor.
+    Sums and products round alike on every machine, whereas the last bit of NumPy's cos and sin depends on the
+    processor.
     """
     angle = np.pi * (2.0 * turns - 1.0)
     square = angle * angle
@@ -103,7 +104,7 @@ def _unit_circle(turns: Array) -> Array:
 
 
 def hexagonal_spacing(points: int) -> float:
-    """Return the neighbour distance [R] of a hexagonal lattice with `points` points in the area of the unit circle."""
+    """Return the distance of neighbours [R] in a hexagonal lattice with `points` points in the unit circle."""
     return float(np.sqrt(2.0 * np.pi / (np.sqrt(3.0) * points)))
 
 
@@ -117,10 +118,10 @@ def least_distance(points: int, min_spacing: float) -> float:
 def scatter(
     rng: np.random.Generator, count: int, low: Array, high: Array, depth: Depth, spacing: float, fixed: Array
 ) -> Array:
-    """Return uniform random points (count, 2) [R] that keep the distance `spacing` from one another and from `fixed`.
+    """Return uniform random points (count, 2) [R] at distances of at least `spacing` from one another and from `fixed`.
 
-    The region is where `depth` is positive inside the box `low`..`high` (2,).
-    Raises SimulationError if the region has no room for `count` points.
+    The region is where `depth` is positive inside the box `low`..`high` (2,). Raises SimulationError if it has no room
+    for `count` points.
     """
     if spacing == 0.0 or count == 0:
         points: Array = np.empty((0, 2))
@@ -138,10 +139,10 @@ def scatter(
 def _adsorb(
     rng: np.random.Generator, count: int, low: Array, high: Array, depth: Depth, spacing: float, fixed: Array
 ) -> Array:
-    """Try once what `scatter` does; return fewer points if the region jams.
+    """Try once to place the points of `scatter`; return fewer points if the region jams.
 
-    Darts are thrown into square cells. As the region fills up, cells covered by one point are dropped and the others
-    quartered (Ebeida et al., ACM Trans. Graph. 30, 49, 2011), so darts remain uniform in the free area but rarely miss.
+    Darts are thrown into square cells. As the region fills up, cells covered by one point are removed and the others
+    quartered (Ebeida et al., ACM Trans. Graph. 30, 49, 2011), so darts stay uniform in the free area but rarely miss.
     """
     from taichi_disk.lattice.spatial import cKDTree
 
@@ -159,7 +160,7 @@ def _adsorb(
         darts = _accepted(darts, spacing)
         points = np.concatenate([points, darts[: total - len(points)]])
         if len(darts) < _MIN_HIT_RATE * aimed:
-            # Keep only cells that may extend into the region beyond the distance `spacing` from all points.
+            # Keep only cells that may contain a place in the region at least `spacing` from all points.
             half_diagonal = side * np.sqrt(0.5)
             reach = max(spacing - half_diagonal, 0.0)
             cells = cells[depth(cells + side / 2) >= -half_diagonal]
@@ -189,8 +190,8 @@ def rectangle_points(
 ) -> Array:
     """Return points (points, 2) [R] in the box `low`..`high` (2,), at least `spacing` apart.
 
-    Along the four sides they are evenly spaced by about `row`; an infinite `row` leaves out these points.
-    Raises InputError if the sides need all the points.
+    Along the four sides they are evenly spaced by about `row`; if `row` is infinite, there are none. Raises InputError
+    if the sides need all the points.
     """
     frame: Array = np.empty((0, 2))
     clear = 0.0

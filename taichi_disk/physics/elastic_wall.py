@@ -1,7 +1,7 @@
 """Contact with the elastic wall (paper section 5): a V0 exp(-a l) from the wall's surface spring below a point.
 
-The distance l is measured along the spring's normal n. The spring's two ends take the reaction by the lever rule, which
-balances force and torque and makes the force the gradient of V0 exp(-a l) while the point stays over one spring. The
+The distance l is measured along the spring's normal n. The ends of the spring take the reaction by the lever rule. This
+balances force and torque, and while the point stays above one spring the force is the gradient of V0 exp(-a l). The
 potential is shifted to be zero at the threshold, so that it does not jump when a contact begins.
 """
 
@@ -23,9 +23,9 @@ class Contacts:
 
     points: NDArray[np.intp]  # (k,) indices of the points in the lattice
     carriers: NDArray[np.intp]  # (k, w) indices in `wall_surface` of the points that take the reaction
-    shares: Array  # (k, w) fractions of the reaction that they take
+    shares: Array  # (k, w) fraction of the reaction on each of them
     energy: Array  # (k,) V0 exp(-a l), not shifted [M c^2]
-    force: Array  # (k, 2) on each point [M c^2/R]
+    force: Array  # (k, 2) force on each point [M c^2/R]
 
 
 @ti.data_oriented
@@ -62,10 +62,10 @@ class ElasticWall(Wall):
 
     @ti.func
     def add(self, state: ti.template(), move):
-        """Push every surface point of the disk off the wall below it.
+        """Push every surface point of the disk away from the wall below it.
 
         Returns the upward force on the disk [M c^2/R], the potential [M c^2], the largest force on one point, and the
-        energy that points lost by sliding in the last move, which was `move` times the velocity (see `slid`).
+        energy lost by sliding in the last move, which was `move` times the velocity (see `slid`).
         """
         a, V0, threshold = self.a_now[None], self.V0_now[None], self.threshold_now[None]
         x, y = ti.static(state.x[0], state.x[1])
@@ -100,10 +100,10 @@ class ElasticWall(Wall):
 
     @ti.func
     def contact(self, state: ti.template(), i, k):
-        """Return the distance of point i from the wall near spring k, and the direction of the force.
+        """Return the contact of point i with the wall near spring k.
 
-        Then follow the index in `wall_surface` of the first point that takes the reaction, and the shares of all. The
-        distance is the threshold if there is no wall below the point.
+        The values are the distance (the threshold if there is no wall below the point), the direction of the force, the
+        index in `wall_surface` of the first point that takes the reaction, and the fractions of all such points.
         """
         distance, normal, lever = self.threshold_now[None], ti.Vector([0.0, 0.0]), 0.0
         x, p, q = state.x[0][i], self.wall_surface[k], self.wall_surface[k + 1]
@@ -113,15 +113,15 @@ class ElasticWall(Wall):
 
     @ti.func
     def slid(self, state: ti.template(), i, k, move):
-        """Return the energy that point i, now over wall spring k, lost if it was over another one before the last move.
+        """Return the energy that point i, now above wall spring k, lost if the last move has brought it to this spring.
 
         On a bent surface the distance l, and with it the potential, jumps when a point passes from one spring to the
-        next: half of the jumps at either end of the move, as the trapezoidal rule has it.
+        next. By the trapezoidal rule, half of the jump at each end of the move counts.
         """
         before = self.spring_below(state, i, k, move)
         lost = 0.0
         if before != k:
-            for case in range(4):  # a loop: four inlined calls take long to compile
+            for case in range(4):  # a loop, because four inlined calls take long to compile
                 spring, half = k, -0.5
                 if case < 2:
                     spring, half = before, 0.5
@@ -133,7 +133,7 @@ class ElasticWall(Wall):
 
     @ti.func
     def spring_below(self, state: ti.template(), i, guess, move):
-        """Return the wall spring below or nearest to point i, `move` times the velocity ago."""
+        """Return the wall spring below or nearest to point i, at its position before `move` times the velocity."""
         k = guess
         x = self.position_before(state, i, move)[0]
         while k > 0 and x < self.position_before(state, self.wall_surface[k], move)[0]:
@@ -144,7 +144,7 @@ class ElasticWall(Wall):
 
     @ti.func
     def over(self, state: ti.template(), i, k, move):
-        """Return distance and lever of point i over wall spring k, and its normal, `move` times the velocity ago."""
+        """Return distance, lever and normal of point i above wall spring k, at the position before `move` times v."""
         start = self.position_before(state, self.wall_surface[k], move)
         along = self.position_before(state, self.wall_surface[k + 1], move) - start
         away = self.position_before(state, i, move) - start
@@ -167,17 +167,17 @@ class ElasticWall(Wall):
         points = lattice.disk_surface[rows].astype(np.intp)
         carriers = over[rows].argmax(axis=1)[:, None] + np.arange(self.carriers)
         distance, direction, shares = self.geometry(x[points], chain[carriers])
-        with np.errstate(over="ignore", invalid="ignore"):  # after a blow-up
+        with np.errstate(over="ignore", invalid="ignore"):  # values after a blow-up
             energy, force = self.potential(distance), self.force_at(distance)[:, None] * direction
         near = distance < self.threshold
         return Contacts(points[near], carriers[near], shares[near], energy[near], force[near])
 
     def pieces(self, chain: Array) -> tuple[Array, Array]:
-        """Return start and end (m, 2) of the pieces of the surface whose points are `chain` (n, 2)."""
+        """Return start and end (m, 2) of the pieces of the surface with the points `chain` (n, 2)."""
         return chain[:-1], chain[1:]
 
     def geometry(self, x: Array, ends: Array) -> tuple[Array, Array, Array]:
-        """Return distances (k,), directions (k, 2) and shares (k, w) as `contact` does.
+        """Return distances (k,), directions (k, 2) and fractions (k, w) as `contact` does.
 
         `x` (k, 2) are points of the disk, `ends` (k, w, 2) the wall's points that take the reactions.
         """

@@ -1,9 +1,9 @@
-"""Kernels that make many steps at once, on one core or several, and measure the observables.
+"""Kernels that make many steps, on one core or several, and measure the observables.
 
 All steps between two rows run inside one kernel, because launching a kernel costs as much as a step. For a large
-lattice a step is two loops: the first moves all subdomains (see `physics.ordering`) with the springs inside them, in
-parallel; the second does the rest on one core: the springs across the seams, the sums (subdomain by subdomain, in their
-order), contact, boundary, implicit dashpots. So the results are bitwise those of one core.
+lattice a step consists of two loops. The first moves all subdomains (see `physics.ordering`) with the springs inside
+them, in parallel. The second does the rest on one core: springs across the seams, sums over the subdomains in order,
+contact, boundary, implicit dashpots. So the results are bitwise the same as on one core.
 """
 
 from typing import Any
@@ -22,8 +22,8 @@ from taichi_disk.simulation.stepping import ABSORBED, DISSIPATED, FRICTION, SLID
 
 Counts = NDArray[np.int32]
 
-GRAIN = 512  # iterations that Taichi 1.7.4 gives to a core at once, whatever block_dim says: a subdomain each
-FORCES_PER_LAUNCH = 2  # of a large lattice; more take long to compile
+GRAIN = 512  # iterations that Taichi 1.7.4 gives to a core at once (it ignores block_dim): one subdomain
+FORCES_PER_LAUNCH = 2  # force evaluations per launch for a large lattice; more take long to compile
 
 
 @ti.data_oriented
@@ -32,11 +32,11 @@ class Kernels(Stepping):
 
     @ti.kernel
     def advance(self, first: ti.i32, steps: ti.i32, stride: ti.i32, rows: Reals2, bounds: Reals2, counts: Integers1):
-        """Make `steps` steps after step `first` (-1 for the start), fewer if the scene's end is reached.
+        """Make `steps` steps after step `first` (-1 for the start), or fewer if the scene's end is reached.
 
         `rows` is filled at every multiple of `stride` and after the last step. `bounds` (2, columns): smallest and
-        largest value of every column at the end. `counts`: how many successive rows have to be within the bounds, and
-        how many are; then the number of steps made, and of rows at multiples of `stride`.
+        largest value of every column at the end. `counts`: number of successive rows that must be within the bounds,
+        number that are, number of steps made, number of rows at multiples of `stride`.
         """
         ti.loop_config(serialize=True)
         for _ in range(1):
@@ -62,7 +62,7 @@ class Kernels(Stepping):
 
     @ti.kernel
     def set_mouse_target(self, point: ti.i32, x: ti.f64, y: ti.f64) -> ti.f64:
-        """Let the mouse pull `point` (-1: none) towards (x, y); returns the energy that this adds [M c^2]."""
+        """Let the mouse pull `point` (-1: none) towards (x, y), and return the added energy [M c^2]."""
         energy = self.mouse.change(self.state, -1.0)
         self.mouse.point[0], self.mouse.target[0][0], self.mouse.target[1][0] = point, x, y
         energy += self.mouse.change(self.state, 1.0)
@@ -91,7 +91,7 @@ class Kernels(Stepping):
                 residual2 = ti.max(residual2, f[0] * f[0] + f[1] * f[1])
                 if ti.static(self.rigid):
                     point_force = self.wall.at(self.state, i)
-                    if point_force[0] != 0.0 or point_force[1] != 0.0:  # out of reach there is no potential either
+                    if point_force[0] != 0.0 or point_force[1] != 0.0:  # without a force there is no potential
                         energy += self.wall.potential_at(self.state, i)
                         force += point_force[1]
                 for law in ti.static(self.loads):
@@ -129,7 +129,7 @@ class SubdomainKernels(Kernels):
         self.latest = array(builder, 3, ti.f64)  # elastic energy, contact force, contact potential
 
     def advance(self, first: int, steps: int, stride: int, rows: Array, bounds: Array, counts: Counts) -> None:
-        """Do what the kernel of one core does, in many short launches."""
+        """Do the same as the kernel of one core, in many short launches."""
         needed, quiet, made, count = (int(number) for number in counts)
         while made < steps and quiet < needed:
             few = min(steps - made, stride - (first + made) % stride, self.steps_per_launch)
@@ -145,7 +145,6 @@ class SubdomainKernels(Kernels):
 
     @ti.func
     def move_subdomain(self, stage: ti.template(), number, c):
-        """Move the points of subdomain c and add the springs inside it."""
         begin = 0
         if c > 0:
             begin = self.state.subdomain_ends[c - 1]
@@ -159,7 +158,7 @@ class SubdomainKernels(Kernels):
 
     @ti.func
     def join(self, stage: ti.template(), number):
-        """Add seams, sums and contact of the whole lattice; after the last stage, end the step."""
+        """Add seams, sums and contact of the whole lattice, and end the step after the last stage."""
         sums = ti.Vector([self.state.sums[k] for k in range(self.state.summed)])
         seams = self.state.subdomain_ends[self.count - 1]
         elastic, products = self.springs.add(self.state, self.explicit, seams, self.state.blocks[None])
@@ -190,7 +189,7 @@ class SubdomainKernels(Kernels):
 
     @ti.func
     def is_due(self, stage: ti.template(), number, asked):
-        """Return 1 if `stage` of step `number` is to be made, else 0; step 0 has only its last stage."""
+        """Return 1 if `stage` of step `number` is to be made, else 0. Step 0 has only its last stage."""
         return ti.cast(asked and (number > 0 or stage == self.integrator.forces - 1), ti.i32)
 
     @ti.kernel

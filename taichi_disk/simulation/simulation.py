@@ -1,4 +1,4 @@
-"""A lattice, its laws and an integrator, composed into kernels that move it."""
+"""A lattice, its laws and an integrator, combined into kernels that move the lattice."""
 
 from __future__ import annotations
 
@@ -23,14 +23,14 @@ from taichi_disk.simulation.kernels import Kernels, SubdomainKernels
 from taichi_disk.simulation.observables import INDEX, bounds_array
 from taichi_disk.simulation.stepping import PEAK_POINT_FORCE, Snapshot, State
 
-# Of every simulation, so that kernels of one size serve all lattices of usual size: 12,000 points with 3 springs (a
-# triangulation has fewer) and 27 entries of the dashpots' factor each.
+# Smallest capacity, so that all lattices of usual size can share compiled kernels: 12,000 points, each with 3 springs
+# (a triangulation has fewer) and 27 entries of the dashpots' factor.
 MIN_CAPACITY = Capacity(12_000, 3 * 12_000 // BLOCK, 27 * 12_000)
-NEVER = 2**30  # successive rows
-DIFFERENCE_TIME = 1e-4  # over which the rate of change of forces at t = 0 is taken [R/c]
-CONTACT_ENERGY = 1e-3  # potential of a point, over the kinetic energy of the flight, at which contact begins
+NEVER = 2**30  # number of successive rows that no run reaches
+DIFFERENCE_TIME = 1e-4  # time difference for the rate of change of forces at t = 0 [R/c]
+CONTACT_ENERGY = 1e-3  # potential of a point at which contact begins, over the kinetic energy of the flight
 
-Dashpots = Factor | Diagonal | None  # what solves for implicit dashpots
+Dashpots = Factor | Diagonal | None  # matrix of implicit dashpots
 
 
 class Simulation:
@@ -39,8 +39,8 @@ class Simulation:
     Attributes:
         step_number: number of steps made since t = 0.
         first_row, now: (columns,) observables at t = 0, and after the last step.
-        generation: number of starts at t = 0; if it changes, another user has restarted the simulation.
-        subdomains: number of subdomains into which the lattice is cut, 1 unless it is large.
+        generation: number of restarts at t = 0; if it changes, another user has restarted the simulation.
+        subdomains: number of subdomains of the lattice, 1 unless it is large.
     """
 
     def __init__(self, lattice: Lattice, model: Model, integrator: Integrator, velocities: Array, dt: float) -> None:
@@ -70,9 +70,9 @@ class Simulation:
         self._start(lattice, model, velocities, dt, arrangement, factor)
 
     def restart(self, lattice: Lattice, model: Model, integrator: Integrator, velocities: Array, dt: float) -> bool:
-        """Become the simulation that these arguments would make, without a compilation.
+        """Become the simulation that these arguments would make, without a compilation, and return True.
 
-        Returns False and changes nothing if that is impossible: laws of other kinds, or a lattice too large.
+        Returns False and changes nothing if the laws are of other kinds or the lattice is too large.
         """
         if integrator is not self.integrator or compiled_for(lattice, model) != self.features:
             return False
@@ -100,7 +100,7 @@ class Simulation:
         self.lattice, self.dt, self._arrangement, self.step_number = lattice, dt, arrangement, 0
         self.generation += 1
         state, solver, laws = self.state, self.kernels.solver, self.model.laws
-        flight = 0.5 * float(lattice.mean(v[:, 1])) ** 2  # towards the wall
+        flight = 0.5 * float(lattice.mean(v[:, 1])) ** 2  # kinetic energy of the flight towards the wall
         contact = CONTACT_ENERGY * flight * model.wall.added_stiffness(1.0) if model.wall else float("inf")
         numbers: list[tuple[Any, float]] = [
             (state.h, dt),
@@ -141,14 +141,14 @@ class Simulation:
     def advance(
         self, steps: int, stride: int = 1, bounds: Array | None = None, needed: int = NEVER, quiet: int = 0
     ) -> tuple[Array, int]:
-        """Make `steps` steps, fewer if the scene's end is reached.
+        """Make `steps` steps, or fewer if the scene's end is reached.
 
         Args:
             stride: a row of observables is returned for every step whose number is a multiple of `stride`.
             bounds: (2, columns) smallest and largest value of every column at the end.
-            needed, quiet: how many successive rows have to be within the bounds to stop, and how many already are.
+            needed, quiet: number of successive rows within the bounds that end the scene, and the number so far.
 
-        Returns the rows (rows, columns), and how many successive rows are within the bounds now.
+        Returns the rows (rows, columns) and the new number of successive rows within the bounds.
         """
         raise_if_interrupted()
         if not self.is_alive:
@@ -190,9 +190,9 @@ class Simulation:
         return float((snapshot or self.snapshot()).sums[PEAK_POINT_FORCE])
 
     def set_mouse_target(self, point: int, target: tuple[float, float] = (0.0, 0.0)) -> float:
-        """Tie `point` (-1: none) to the mouse at `target` [R]; the model needs a `mouse`.
+        """Tie `point` (-1: none) to the mouse at `target` [R], and return the jump of the observable `load` [M c^2].
 
-        Returns the jump of the observable `load` [M c^2].
+        The model needs a `mouse`.
         """
         return float(self.kernels.set_mouse_target(point, *target))
 
@@ -202,28 +202,24 @@ class Simulation:
         return engine.program() is self._program
 
     def destroy(self) -> None:
-        """Free the memory of the fields; the simulation cannot be used afterwards."""
         self.generation = -1
         self._tree.destroy()
 
 
 class KernelCache:
-    """Reuses compiled simulations, because a compilation takes seconds.
-
-    `before_compiling` is called before a compilation.
-    """
+    """Reuses compiled simulations, because a compilation takes seconds. `before_compiling` is called before each."""
 
     def __init__(self, before_compiling: Callable[[], None] = lambda: None) -> None:
         self._before_compiling = before_compiling
         self._known: dict[Any, Simulation] = {}
 
     def __reduce__(self) -> Any:
-        return KernelCache, ()  # another process compiles for itself
+        return KernelCache, ()  # a pickled cache is empty: another process compiles its own kernels
 
     def simulation(
         self, lattice: Lattice, model: Model, integrator: Integrator, velocities: Array, dt: float
     ) -> Simulation:
-        """Return a simulation reset to t = 0, reusing a compiled one if possible. Invalidates earlier returns."""
+        """Return a simulation reset to t = 0, reusing a compiled one if possible, which invalidates earlier returns."""
         key = (compiled_for(lattice, model), integrator.name)
         known = self._known.get(key)
         arguments = lattice, model, integrator, velocities, dt
@@ -237,12 +233,12 @@ class KernelCache:
 
 
 def compiled_for(lattice: Lattice, model: Model) -> tuple[Any, ...]:
-    """Return all that kernels are compiled for: laws, whether springs differ, and the solver of implicit dashpots."""
+    """Return all that requires a compilation: laws, whether springs differ, and the solver of implicit dashpots."""
     return model.signature(), lattice.stiffness is None, iterates(lattice, model)
 
 
 def iterates(lattice: Lattice, model: Model) -> bool:
-    """Whether implicit dashpots are solved by conjugate gradients, without a factor, because the lattice is large."""
+    """Whether conjugate gradients solve for implicit dashpots, because the lattice is too large for a factor."""
     return model.springs.damped and len(lattice.positions) > LARGEST_FACTORISED
 
 
@@ -252,7 +248,6 @@ def _needed(lattice: Lattice, arrangement: Arrangement, factor: Dashpots) -> Cap
 
 
 def _doubled(needed: int, least: int) -> int:
-    """Return `least`, doubled until it is at least `needed`."""
     while least < needed:
         least *= 2
     return least

@@ -1,4 +1,4 @@
-"""Normal modes of the free disk, and the distribution of a state's energy over them, for example after an impact."""
+"""Normal modes of the free disk, and the distribution over them of the energy of a state, such as after an impact."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ from taichi_disk.lattice import Array, Lattice
 from taichi_disk.physics import Model, Springs
 from taichi_disk.statics.equilibrium import solve_equilibrium
 
-MAX_STRAIN = 1e-9  # of a spring; a disk strained more is first brought to equilibrium
-_RIGID_MODES = 3  # of zero frequency: two translations and a rotation
-_DENSE_FRACTION = 0.2  # of all modes; if more are asked for, a dense solver is faster
+MAX_STRAIN = 1e-9  # largest strain of a spring; a disk with more is first brought to equilibrium
+_RIGID_MODES = 3  # modes of zero frequency: two translations and a rotation
+_DENSE_FRACTION = 0.2  # a dense solver is faster if more than this fraction of all modes is requested
 
 
 @dataclass(frozen=True)
@@ -53,7 +53,7 @@ def modes(disk: Lattice, springs: Springs, positions: Array, velocities: Array, 
     masses, matrix = disk.masses, springs.stiffness(disk, disk.positions)
     frequencies, shapes = _vibrations(matrix, masses, count)
 
-    # Vectors are complex numbers: the product of conj(a) and b is their dot product + i times their cross product.
+    # Vectors are complex numbers: conj(a) b is the dot product of a and b plus i times their cross product.
     at_rest, x, v = ((a - disk.mean(a)) @ [1.0, 1.0j] for a in (disk.positions, positions, velocities))
     inertia, momentum = ((masses * a.conj() * b).sum() for a, b in ((at_rest, at_rest), (x, v)))
     energy = 0.5 * float(masses @ np.abs(v) ** 2 - momentum.imag**2 / inertia.real)

@@ -68,5 +68,5 @@ def test_a_user_s_step_beyond_the_limit_is_refused_before_anything_is_measured(
 
 def test_a_compression_has_no_steps_to_measure(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert accuracy(tmp_path / "out", "compression", "lattice.points=30") == 0
-    assert capsys.readouterr().out.startswith("xi: time step none (an equilibrium), lattice scatter")
+    assert capsys.readouterr().out.startswith("xi: no time step (an equilibrium), lattice scatter")
     assert not (tmp_path / "out" / "accuracy.csv").exists() and (tmp_path / "out" / "error_sources.csv").exists()

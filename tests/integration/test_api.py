@@ -210,7 +210,7 @@ def test_titles_say_where_a_lattice_comes_from(tmp_path):
     own = Lattice.from_points(other.positions)
     scenarios = scene.scenario(), scene.scenario(other), scene.scenario(own), from_file.scenario()
     origins = [scenario.title()[-1].removeprefix("N = 60    ") for scenario in scenarios]
-    assert origins == ["seed 0", "seed 5", "a lattice of one's own", "points.csv"]
+    assert origins == ["seed 0", "seed 5", "custom lattice", "points.csv"]
     thrown = scene.scenario(velocities=np.tile([0.0, -0.05], (60, 1)))
     pressed = load_scene("compression").with_({"lattice.points": 60}).scenario(velocities=np.full((60, 2), 1e-3))
     assert all("own velocities" in one.title()[1] for one in (thrown, pressed))

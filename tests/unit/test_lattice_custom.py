@@ -287,7 +287,7 @@ def test_only_a_file_of_a_sensible_size_is_read(tmp_path, name, kind):
     else:
         with path.open("wb") as file:
             file.truncate(10**12)
-    with pytest.raises(InputError, match="is no regular file of at most 500 MB"):
+    with pytest.raises(InputError, match="is not a regular file of at most 500 MB"):
         read_lattice(path)
 
 
