@@ -85,7 +85,6 @@ def _options(arguments: argparse.Namespace, *names: str) -> dict[str, Any]:
 
 
 def _out(arguments: argparse.Namespace, suffix: str = "") -> Path:
-    """Return the folder given by --out, or out/NAME with the name of the scene file."""
     scene = Path(arguments.scene)
     has_stem = scene.suffix in (".yaml", ".yml") and scene.stem.strip(".")  # for "...yaml" the folder would be out/..
     return arguments.out or Path("out", (scene.stem if has_stem else scene.name) + suffix)

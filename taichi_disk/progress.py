@@ -137,7 +137,6 @@ def print_result(summary: Mapping[str, Any], labels: Mapping[str, tuple[str, str
 
 
 def rows(summary: Mapping[str, Any], labels: Mapping[str, tuple[str, str]]) -> Iterator[tuple[str, str, str]]:
-    """Yield (name, value, unit and remarks) for each line."""
     errors, source = summary.get("error_estimate") or {}, summary.get("error_source", "time step")
     for key, (name, unit) in labels.items():
         if key in summary:
@@ -167,7 +166,6 @@ def over_lattices(summary: Mapping[str, Any], key: str) -> tuple[str, str] | Non
 
 
 def headline(summary: Mapping[str, Any], labels: Mapping[str, tuple[str, str]]) -> str:
-    """Return the primary result over lattices as a line of text, or an empty string for a single lattice."""
     key, (name, unit) = next(iter(labels.items()))
     value, scatter = over_lattices(summary, key) or ("", "")
     return " ".join(f"{name} {value} {unit} {scatter}".split()) if value else ""

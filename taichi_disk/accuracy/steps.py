@@ -94,7 +94,6 @@ class StepStudy:
         return errors
 
     def _measured(self, kernels: KernelCache, integrator: Integrator, steps: int, x: Array, truth: float) -> StepError:
-        """Measure one run against the reference, which ends at the positions `x` (n, 2) [R] with the result `truth`."""
         scenario, dt, stride = self.scenario, self.end / steps, max(1, steps // ENERGY_SAMPLES)
         simulation = kernels.simulation(scenario.lattice, scenario.model, integrator, scenario.velocities, dt)
         start = simulation.snapshot()

@@ -66,12 +66,10 @@ class Findings:
 
     @property
     def samples(self) -> list[float]:
-        """Primary result for each seed."""
         return [self.sources[0].result, *(change.result for change in self.sources if change.source == SAMPLE)]
 
     @property
     def scatter(self) -> float:
-        """Standard deviation over lattices; NaN for a single lattice."""
         results = [result for result in self.samples if math.isfinite(result)]
         return float(np.std(results, ddof=1)) if len(results) > 1 else math.nan
 
@@ -173,7 +171,6 @@ def changes(scene: Scene) -> Iterator[Change]:
 
 
 def measured(scene: Scene, base: float, change: Change, kernels: KernelCache) -> Change:
-    """Compute the changed scene and return `change` with its result, or with the reason of a failure."""
     try:
         result = result_of(scene.with_(change.keys), kernels)
     except TaichiDiskError as error:

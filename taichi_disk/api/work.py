@@ -62,7 +62,6 @@ def solved(
     lattices: int | None = None,
     **options: Any,
 ) -> Outcome:
-    """Compute `scenario` and return the outcome with a complete summary. Options and errors are those of `compute`."""
     kernels = shared_kernels()
     known = None if own.disk or scenario.static else setup_of(scene).modes(scenario.model)
     outcome = compute(scenario, scene.time, progress, kernels, modes=known, **options)

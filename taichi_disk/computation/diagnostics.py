@@ -27,7 +27,6 @@ def relative_imbalance(scenario: Scenario, columns: Columns) -> tuple[float, flo
 
 
 def summary(scenario: Scenario, columns: Columns) -> dict[str, Any]:
-    """Return the energies at the end [M c^2] and their balance and, for an impact, `vibration_left`."""
     closing, worst = relative_imbalance(scenario, columns)
     names = [name for name in of_kind("energy", "loss", "part") if name != "friction" or columns[name].any()]
     energies = {name: float(columns[name][-1]) for name in names}
@@ -38,7 +37,6 @@ def summary(scenario: Scenario, columns: Columns) -> dict[str, Any]:
 
 
 def unacceptable(scenario: Scenario, columns: Columns) -> str | None:
-    """Return why the energy imbalance at the end is too large for a valid result, or None."""
     lost, _ = relative_imbalance(scenario, columns)
     tolerance = scenario.scene.time.tolerance
     allowed = MAX_IMBALANCE if tolerance == "none" else max(MAX_IMBALANCE, tolerance)

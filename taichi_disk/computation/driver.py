@@ -173,7 +173,6 @@ class Driver:
         self.final = simulation.time, simulation.positions(state), simulation.velocities(state)
 
     def _blown_up(self, lost: str) -> None:
-        """Restart with a shorter step if that may help, else fail. `lost`: what is wrong after the last valid row."""
         simulation = self.simulation
         simulation.restore(self.state)
         if (steps := (self.count - 1) * self.stride - simulation.step_number) > 0:

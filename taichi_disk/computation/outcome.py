@@ -127,10 +127,6 @@ def inverted_triangles(scenario: Scenario, x: Array) -> int:
 
 
 def summary_of(scenario: Scenario, columns: Columns, warnings: list[str], compressed: Array | None) -> dict[str, Any]:
-    """Return the results, how each is measured, and `warnings`, for summary.json.
-
-    `compressed`, (n, 2): the most compressed state, if it is known; its inverted triangles are counted.
-    """
     numbers = scenario.result(columns)
     measured = {name: note for name, note in scenario.notes.items() if name in numbers}
     summary: dict[str, Any] = {**numbers, "measured": measured, "warnings": warnings}

@@ -35,7 +35,6 @@ class Spectrum:
 
 
 def spectrum(lattice: Lattice, model: Model) -> Spectrum:
-    """Compute the largest eigenvalues of the stiffness matrix at rest and, with dashpots, of the Laplacian."""
     stiffness = model.springs.stiffness(lattice, lattice.positions)
     masses, damping = lattice.masses, 0.0
     if model.springs.damped:

@@ -68,7 +68,6 @@ class StepControl:
             )
 
     def limit(self, integrator: Integrator, force: float) -> float:
-        """Return the stability limit [R/c] if the largest force of the wall on a point is `force` [M c^2/R]."""
         return step_limit(self.spectrum, self.scenario.model, integrator, force)
 
     def _choice(self) -> TimeStep:
@@ -128,7 +127,6 @@ class StepControl:
         return self.time.dt != "auto" or self.attempt >= MAX_ATTEMPTS
 
     def _shorten_for(self, largest_force: float) -> bool:
-        """Choose a step for a larger force if this one is too close to the stability limit with `largest_force`."""
         if self.step.dt <= max(LIMIT_MARGIN, self._safety) * self.limit(self.step.integrator, largest_force):
             return False
         self._point_force = FORCE_SAFETY * largest_force

@@ -36,7 +36,6 @@ def time_conflicts(
 
 
 def gap_conflicts(wall: ExponentialPotential, impact: ImpactSection) -> Conflicts:
-    """Return the conflict of a start so close to the wall that its potential energy would make e > 1."""
     least = wall.height_of(1e-3 * 0.5 * impact.towards**2)  # M = 1
     if impact.gap == "auto" or impact.gap >= least:
         return []

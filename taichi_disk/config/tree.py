@@ -168,7 +168,6 @@ def _as_written(node: yaml.Node) -> str:
 
 
 def tree_of(data: Mapping[str, Any]) -> Tree:
-    """Make a tree of Python values without locations. NumPy values become Python values, and paths become text."""
     tree = Tree()
 
     def plain(value: Any, path: Keys) -> Any:
@@ -229,7 +228,6 @@ def read_tree(source: Source, overrides: Sequence[str]) -> Tree:
 
 
 def _read(source: str | os.PathLike[str]) -> tuple[str, str, str]:
-    """Return (name for messages, folder to which file names are relative, text) of a scene."""
     if isinstance(source, str) and ("\n" in source or (": " in source and not os.path.exists(source))):
         return "scene", "", source
     path = as_path(source, "scene")

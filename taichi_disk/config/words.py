@@ -26,7 +26,6 @@ _COMMA = re.compile(r"[-+]?[0-9]+,[0-9]+(e[-+]?[0-9]+)?")
 
 
 def number_hint(value: Any, unit: str, key: str) -> str:
-    """Return a hint on how to write `value` if it is not a number in this `unit`, or an empty string."""
     if isinstance(value, list) and len(value) > 1:
         return f"; several values are a sweep: write them in the section sweep, as sweep: {{{key}: {value}}}"
     if not isinstance(value, str):

@@ -38,7 +38,6 @@ def __getattr__(name: str) -> Any:
 
 
 def loaded() -> Any:
-    """Return the engine's module, or None if this process has not imported it."""
     return sys.modules.get(NAME)
 
 

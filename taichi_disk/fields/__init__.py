@@ -186,7 +186,6 @@ class Triangles:
         self._neighbours = csr_array((np.ones(n + 2 * m), pairs), (n, n))
 
     def _edges(self, x: Array) -> tuple[Array, Array]:
-        """Return vectors (2, t) from the first corner of each triangle to the second and to the third."""
         # Gathering columns is several times faster than gathering pairs.
         a, b, c = ([y.take(corner) for y in np.ascontiguousarray(x.T)] for corner in self._corners)
         return np.subtract(b, a), np.subtract(c, a)

@@ -70,7 +70,6 @@ class Curve:
         return np.asarray(self.y.std(0, ddof=1)) if len(self.y) > 1 else None
 
     def summary(self) -> dict[str, Any]:
-        """Return the entry of summary.json: label, moduli, mean and scatter, and fits with intervals and residuals."""
         return {
             **self.label,
             "lattices": len(self.y),
@@ -175,7 +174,6 @@ def grouped(rows: Sequence[Row], names: Sequence[str]) -> dict[tuple[Any, ...], 
 
 
 def print_curves(curves: Sequence[dict[str, Any]]) -> None:
-    """Print the fits of `curves`, which are results of `Curve.summary`, with 95 % intervals."""
     for label, fits in curve_rows(curves):
         print(label)
         for title, parameters in fits:
@@ -224,7 +222,6 @@ def draw(scene: Scene, curves: list[Curve], out: Path) -> None:
 
 
 def curves_figure(scene: Scene, curves: list[Curve]) -> Plot:
-    """Return the figure that `draw` writes, for display in a notebook or further changes."""
     with matplotlib_style({**STYLE, **FONT}):
         return to_change(_drawn(scene, curves))
 
@@ -261,7 +258,6 @@ def _drawn(scene: Scene, curves: list[Curve]) -> Plot:
 
 
 def curve_label(label: dict[str, Any]) -> str:
-    """Return the name of a curve in the legend, from the values of its axes."""
     parts = []
     for name, value in label.items():
         symbol = SYMBOLS.get(name.split(".")[-1], name)
@@ -316,7 +312,6 @@ def _compression(ax: Axes, paper: dict[str, float], curves: list[Curve]) -> None
 
 
 def _impact(ax: Axes, paper: dict[str, float], curves: list[Curve]) -> None:
-    """Draw figures 3 and 6: e against v/c, with fits of eqs. (4) and (5)."""
     colours = _points(ax, curves, upright=True)
     for curve, colour in zip(curves, colours, strict=True):
         fit = curve.fits.get("eq5")

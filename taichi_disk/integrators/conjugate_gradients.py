@@ -34,7 +34,6 @@ class Diagonal:
 
 
 def diagonal(lattice: Lattice, model: Model, dt: float) -> Diagonal:
-    """Return the diagonals of m_i + h/2 (eta L + Z); Z are the dashpots of a matched boundary."""
     half = 0.5 * dt
     inertia = lattice.masses[:, None] + boundary_dashpots(lattice, model, half)
     springs = lattice.stiffened(half * model.springs.eta * np.ones(len(lattice.bonds)))
@@ -119,7 +118,6 @@ class IterativeSolver(DashpotSolver):
 
     @ti.func
     def search(self, i, direction):
-        """Set the search direction of point i, and begin its product with the matrix."""
         y = ti.static(self.components - 1)
         put(self.direction, i, direction)
         put(self.product, i, ti.Vector([self.inertia[0][i] * direction[0], self.inertia[y][i] * direction[1]]))

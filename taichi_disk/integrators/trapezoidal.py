@@ -82,7 +82,6 @@ class DashpotSolver:
         self.inverse_diagonal = side_by_side(builder, capacity.points, components)
 
     def contents(self, factor: Any) -> Contents:
-        """Return the values of the fields for a `Factor`, or for a `Diagonal` in a solver without a factor."""
         single = ((self.order, factor.order), (self.column, factor.column), (self.row, factor.row))
         contents: Contents = [((field,), values) for field, values in (*single, (self.free, [len(factor.order)]))]
         return [*contents, (self.values, factor.values), (self.inverse_diagonal, factor.inverse_diagonal)]

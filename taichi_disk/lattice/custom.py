@@ -77,7 +77,6 @@ def checked_triangles(triangles: ArrayLike, x: Array, springs: Long | None) -> L
 
 
 def positive(values: ArrayLike, count: int, name: str, low: float, high: float, ratio: float = np.inf) -> Array:
-    """Check that `values` (count,) are between `low` and `high`, and the largest at most `ratio` times the smallest."""
     array = numbers(values, name)
     if array.shape != (count,):
         raise InputError(f"{name} must have the shape ({count},), not {array.shape}")
@@ -92,7 +91,6 @@ def positive(values: ArrayLike, count: int, name: str, low: float, high: float, 
 
 
 def numbers(values: ArrayLike, name: str) -> Array:
-    """Convert `values` to float64. Raises InputError with their `name` if they are not real numbers."""
     with suppress(TypeError, ValueError, OverflowError):
         if not np.iscomplexobj(values):
             return np.array(values, dtype=np.float64, order="C")

@@ -114,7 +114,6 @@ class OwnStart(NamedTuple):
 
     @property
     def digest(self) -> str:
-        """SHA-256 of the arrays, or an empty string if there are none."""
         arrays: tuple[Any, ...] = ()
         if disk := self.disk:
             arrays = disk.positions, disk.bonds, disk.rest_lengths, disk.stiffness, disk.masses

@@ -215,7 +215,6 @@ def _non_uniform(masses: Array, stiffness: Array | None) -> dict[str, Any]:
 
 
 def triangulate(points: Array) -> Lattice:
-    """Join Delaunay neighbours among `points` (n, 2) by springs; see `tiled`."""
     return tiled(points, delaunay(points))[0]
 
 
@@ -252,7 +251,6 @@ def tiled(points: Array, triangles: Long, bonds: Long | None = None) -> tuple[La
 
 
 def _first_in_one_piece(x: Array, bonds: Long | None, *candidates: Long) -> tuple[Lattice, Long]:
-    """Return `tiled` for the first of the `candidates` (t, 3) without holes, or else for the last valid one."""
     tiling = None
     for triangles in candidates:
         with suppress(SimulationError):
@@ -265,7 +263,6 @@ def _first_in_one_piece(x: Array, bonds: Long | None, *candidates: Long) -> tupl
 
 
 def _meshed(x: Array) -> tuple[Lattice, Long]:
-    """Return `tiled` for the Delaunay triangles, without slivers and without triangles that bridge wide holes."""
     triangles = delaunay(centred(x))
     lattice, order = _first_in_one_piece(x, None, without_slivers(x, triangles), triangles)
     length = lattice.rest_lengths

@@ -172,7 +172,6 @@ def _adsorb(
 
 
 def _accepted(darts: Array, spacing: float) -> Array:
-    """Return the darts without those that are closer than `spacing` to an earlier accepted dart."""
     from taichi_disk.lattice.spatial import cKDTree
 
     pairs = np.sort(cKDTree(darts).query_pairs(spacing, output_type="ndarray"), axis=1)

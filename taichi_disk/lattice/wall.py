@@ -66,7 +66,6 @@ def wall_height(disk_points: int, points: int, width: float) -> float:
 
 
 def check_thickness(disk_points: int, points: int, width: float) -> None:
-    """Raise InputError with the allowed range if the wall is too thin to be a lattice."""
     row = 2.0 * math.pi / rim_points(disk_points)
     # With fewer points, the rows along the sides of the widest or narrowest wall would need all of them.
     fewest = math.ceil(20.0 * row**2 * disk_points / math.pi)

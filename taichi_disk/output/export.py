@@ -68,7 +68,6 @@ def _frames(lattice: Lattice, model: Model, moments: Iterable[Moment]) -> Iterat
 
 
 def _in_a_line(scene: DiskScene) -> str:
-    """Return the scene as YAML in one line, without comments and double quotes."""
     text = yaml.safe_dump(yaml.safe_load(scene.to_yaml()), default_flow_style=True, sort_keys=False, width=inf)
     return str(text).strip().replace('"', "'")
 

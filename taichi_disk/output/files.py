@@ -60,7 +60,6 @@ def prepare_output(out: Path) -> list[Path]:
 
 
 def remove_empty(folders: list[Path]) -> None:
-    """Remove those folders made by `prepare_output` that are still empty."""
     for folder in reversed(folders):
         with contextlib.suppress(OSError):
             folder.rmdir()
@@ -209,7 +208,6 @@ def write_timeseries(path: Path, columns: dict[str, Array], interval: float = 0.
 
 
 def write_csv(path: Path, rows: Sequence[Mapping[str, Any]]) -> None:
-    """Write a table with a column for each key of the first row. None becomes an empty cell."""
     text = StringIO()
     table = csv.DictWriter(text, list(rows[0]), lineterminator="\n")
     table.writeheader()
@@ -269,5 +267,4 @@ def origin(*scenes: DiskScene) -> str:
 
 
 def reason(error: BaseException) -> str:
-    """Return the operating system's message without error number and file name."""
     return (error.strerror if isinstance(error, OSError) else None) or str(error)

@@ -56,7 +56,6 @@ def dataframe(data: Any, otherwise: str) -> DataFrame:
 
 
 def card(title: str, rows: Iterable[tuple[str, ...]], figure: Plot | None) -> str:
-    """Return HTML of a table under a bold title, with `figure` to its right, or below it on a narrow screen."""
     body = "".join(f"<tr>{''.join(f'<td {_LEFT}>{escape(cell)}</td>' for cell in row)}</tr>" for row in rows)
     table = f"<div><b>{escape(title)}</b><table {_LEFT}>{body}</table></div>"
     image = ""

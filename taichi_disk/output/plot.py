@@ -214,7 +214,6 @@ def _draw_loading(figure: Any, scenario: Scenario, columns: Columns) -> None:
 
 
 def _mark(ax: Any, t: Array, values: Array, text: str) -> None:
-    """Draw a dashed line at the last value of the curve, with `text` below it, clear of the curve."""
     level, (start, end) = values[-1], ax.get_xlim()
     before = np.abs(values[t <= start + 0.3 * (end - start)] - level)
     x = 0.02 if before.min() > 0.3 * np.ptp(values) else 0.7

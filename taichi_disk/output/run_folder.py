@@ -64,7 +64,6 @@ def run_folder(
     before: Contents | None = None  # contents of the folder when the run began
 
     def refusal(held: Contents, status: str) -> str:
-        """Return why a run of this status may not be written into a folder; empty if it may."""
         if held.foreign:
             return f"holds {held.foreign}, which no run wrote"
         if held.status == "done" and status != "done":
@@ -119,7 +118,6 @@ def run_folder(
 
 
 def refuse_place(out: Path) -> None:
-    """Raise InputError if `out` is a folder that no run can replace."""
     what = ""
     with suppress(RuntimeError):  # raised if the user has no home folder
         what = "your home" if Path.home().resolve().is_relative_to(out.resolve()) else what

@@ -159,7 +159,6 @@ class ElasticWall(Wall):
     # ---- in NumPy
 
     def contacts(self, lattice: Lattice, x: Array) -> Contacts:
-        """Return all contacts with the points at `x` (n, 2) [R]."""
         px, chain = x[lattice.disk_surface, 0][:, None], x[lattice.wall_surface]
         start, end = self.pieces(chain)
         over = (start[:, 0] <= px) & (px < end[:, 0])

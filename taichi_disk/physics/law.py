@@ -48,7 +48,6 @@ def side_by_side(builder: Any, count: int, fields: int, kind: Any = ti.f64) -> t
 
 
 def pair_of(builder: Any, count: int) -> tuple[Any, ...]:
-    """Make a pair of fields for `count` vectors, for `get` and `put`."""
     return side_by_side(builder, count, 2)
 
 
@@ -103,7 +102,6 @@ class Law:
         return [(getattr(self, f"{name}_now"), getattr(self, name)) for name in self.scalars]
 
     def contents(self, lattice: Lattice, arrangement: Arrangement) -> Contents:
-        """Return the values of the other fields for a lattice and the arrangement of its springs."""
         return []
 
     # ---- in NumPy

@@ -32,7 +32,6 @@ class Model:
 
     @property
     def body_forces(self) -> tuple[BodyForce, ...]:
-        """Laws for single points in the order in which kernels add them."""
         return tuple(law for law in self.laws if isinstance(law, BodyForce))
 
     @property
@@ -54,7 +53,6 @@ class Model:
 
     @property
     def has_jumps(self) -> bool:
-        """Whether a force jumps when points of the disk pass from spring to spring of an elastic wall."""
         return self.wall is not None and self.wall.has_jumps
 
     @property
@@ -77,7 +75,6 @@ class Model:
     # ---- in NumPy
 
     def energy(self, lattice: Lattice, x: Array) -> float:
-        """Return the potential energy [M c^2] with the points at `x` (n, 2) [R]."""
         return sum(law.energy(lattice, x) for law in self.laws)
 
     def forces(self, lattice: Lattice, x: Array) -> Array:

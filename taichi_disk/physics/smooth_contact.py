@@ -30,7 +30,6 @@ class SmoothElasticWall(ElasticWall):
 
     @ti.func
     def contact(self, state: ti.template(), i, k):
-        """Return the height of point i above the curve near spring k, and the other values of `ElasticWall.contact`."""
         height, direction, shares = self.threshold_now[None], ti.Vector([0.0, 0.0]), ti.Vector([0.0, 0.0, 0.0])
         x, first = get(state.x, i), k - 1
         p, q = get(state.x, self.wall_surface[k]), get(state.x, self.wall_surface[k + 1])

@@ -109,7 +109,6 @@ class Springs(Law):
 
     @ti.func
     def stiffened(self, value, block):
-        """Multiply `value`, a number or BLOCK numbers, by the stiffness factors of a block, if the lattice has any."""
         if ti.static(self.unlike):
             return value * ti.Vector([self.factor[k][block] for k in range(BLOCK)])
         else:
@@ -117,7 +116,6 @@ class Springs(Law):
 
     @ti.func
     def differences(self, pair: ti.template(), block):
-        """Return x and y of the difference between the first and the second end of each spring of a block."""
         x, y = ti.static(pair[0], pair[1])
         i = [self.first[k][block] for k in range(BLOCK)]
         j = [self.second[k][block] for k in range(BLOCK)]
@@ -147,7 +145,6 @@ class Springs(Law):
 
     @staticmethod
     def ends_apart(lattice: Lattice, x: Array) -> Array:
-        """Return the differences (2, m) between the first and the second ends of the springs."""
         i, j = lattice.bonds.T
         return np.stack([column[i] - column[j] for column in x.T])  # gathering columns is nine times faster than pairs
 
@@ -193,7 +190,6 @@ class Springs(Law):
 
     @staticmethod
     def _gathered(lattice: Lattice, n: int, pulls: Array) -> Array:
-        """Sum `pulls` (2, m), subtracted at first ends and added at second ends, to forces (n, 2)."""
         i, j = lattice.bonds.T
         return np.stack([np.bincount(j, pull, n) - np.bincount(i, pull, n) for pull in pulls], axis=1)
 

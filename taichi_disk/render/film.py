@@ -122,7 +122,6 @@ def _pictures(states: Sequence[States], video: VideoSection, shots: Sequence[Cue
 
 
 def _names(titles: Sequence[tuple[str, ...]]) -> list[str]:
-    """Return the names of the curves of each run: titles, or positions if titles are too long or equal."""
     names = [title[0] for title in titles]
     fit = len(set(names)) == len(names) and max(map(len, names)) <= _MAX_NAME
     return names if fit else [f"{k}. from the left" for k in range(1, len(names) + 1)]

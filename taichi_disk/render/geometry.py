@@ -136,7 +136,6 @@ def wall_body(chain: Array, depth: float, edge: float, decay: float, theme: Them
 
 
 def _strips(chain: Array, heights: Array, colours: Array) -> Shape:
-    """Return strips between `heights` (k,) [R] above a chain, with `colours` (k, 3) at these heights."""
     ends = np.concatenate([chain[:1], chain, chain[-1:]])
     along = ends[2:] - ends[:-2]
     normal = np.stack([-along[:, 1], along[:, 0]], axis=1) / np.hypot(*along.T)[:, None]
@@ -155,7 +154,6 @@ def quads(a: Array, b: Array, c: Array, d: Array, *colours: Array) -> Shape:
 
 
 def _left(start: Array, end: Array, half: float) -> Array:
-    """Return vectors (k, 2) of length `half` [R] that point to the left of lines."""
     along = end - start
     along *= half / np.maximum(np.hypot(*along.T), 1e-300)[:, None]
     return np.stack([-along[:, 1], along[:, 0]], axis=1)

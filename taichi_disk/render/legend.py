@@ -50,7 +50,6 @@ def text_width(line: str, size: float, bold: bool = False) -> float:
 
 
 def draw_line(draw: Any, at: tuple[float, float], line: str, size: float, ink: Ink, bold: bool = False) -> None:
-    """Set a line with Pillow's ImageDraw; `at` (column, row) is the left end of its baseline."""
     draw.text(at, line, fill=ink, font=font(size, bold), anchor="ls")
 
 
@@ -61,7 +60,6 @@ def round_below(value: float) -> float:
 
 
 def ticks_to(limit: float, signed: bool) -> list[float]:
-    """Return 0 and two or three round values up to `limit`, and the negative values if `signed`."""
     count = 3 if f"{limit:e}"[:3] in ("1.5", "3.0", "6.0") else 2
     return [limit * k / count for k in range(-count if signed else 0, count + 1)]
 
@@ -117,7 +115,6 @@ class Legend:
         self.footer = _even(2.0 * self._leading + (_BAR_HEIGHT + 20.0) * self.unit + 4.0) if fits else 0
 
     def _wrapped(self, title: Sequence[str]) -> list[tuple[str, float, bool]]:
-        """Return the title's lines, broken beside the column of changing lines, between parts or else between words."""
         width, lines = self._width - self._column - 2.0 * self._margin, []
         for k, line in enumerate(title):
             size, bold, now = (self._small, False, "") if k else (self._first, True, "")
@@ -156,7 +153,6 @@ class Legend:
         return wide.still(scale)[self._size - self.footer :]
 
     def write(self, picture: NDArray[np.uint8], lines: Sequence[str]) -> None:
-        """Set the changing lines in the upper right corner of a picture (size, size, 3)."""
         if self._rows:
             patch = Image.new("RGB", (self._column, self.header), self._ground)
             for k, line in enumerate(lines[: self._rows]):

@@ -93,7 +93,6 @@ def still_cue(run: Run, span: Span) -> Cue:
 
 
 def lines(run: Run, cues: Sequence[Cue]) -> Iterator[tuple[str, ...]]:
-    """Yield the lines of text for each cue; after the end of the run observables keep their last values."""
     scenario, columns, times = run.scenario, run.columns, [t for t, _ in cues]
     peak = greatest_compression(columns)
     rows = {name: np.interp(times, columns["t"], values) for name, values in columns.items()} | {"t": times}
@@ -125,7 +124,6 @@ def check_runs(runs: Sequence[Run]) -> None:
 
 
 def titles(runs: Sequence[Run]) -> list[tuple[str, ...]]:
-    """Return the title lines of each run; in a comparison the first line shows the keys that differ."""
     scenes = [run.scenario.scene for run in runs]
     if len(runs) == 1 or len({scene.scene for scene in scenes}) > 1:
         return [run.scenario.title() for run in runs]

@@ -200,7 +200,6 @@ class Painter:
         return np.stack(mean[:2], axis=1), np.stack(mean[2:], axis=1)
 
     def _of_springs(self, x: Array, values: Array) -> Array:
-        """Return the normalised values (m,) of springs; `values` (n,): those of the points."""
         if self.colour not in ("strain", "force"):
             return np.asarray(values[self.lattice.bonds].mean(axis=1))
         law = self.springs.strain if self.colour == "strain" else self.springs.tension
@@ -216,7 +215,6 @@ class Painter:
 
 
 def _put(camera: Camera, points: Array, colours: NDArray[Any]) -> Vertices:
-    """Return opaque vertices (k, VERTEX) at `points` (k, 2) [R] with `colours` (k, 3)."""
     out = np.zeros((len(points), VERTEX), dtype=np.float32)
     factor, shift = camera.canvas_map()
     out[:, :2], out[:, 8:11], out[:, 11] = factor * points + shift, colours, 1.0

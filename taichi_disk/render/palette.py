@@ -95,7 +95,6 @@ def colour_map(theme: str, kind: str, bare: bool = False) -> NDArray[np.float32]
 
 
 def _curve(nodes: tuple[tuple[float, float, float], ...], count: int) -> NDArray[np.float64]:
-    """Return `count` points (count, 3) on the polynomial through `nodes`; a kink in the map would look like an edge."""
     known, at = np.linspace(0.0, 1.0, len(nodes)), np.linspace(0.0, 1.0, count)
     powers = np.arange(len(nodes))
     return np.asarray(at[:, None] ** powers @ np.linalg.solve(known[:, None] ** powers, np.array(nodes, dtype=float)))

@@ -57,7 +57,6 @@ class Pictures:
         self._window = offscreen_window(drawn)
 
     def draw(self, states: Sequence[tuple[float, Array, Array]]) -> Picture:
-        """Return a picture (size, width, 3) of the states (t, x, v) of all disks, without its changing text."""
         picture = self._blank.copy()
         for k, (legend, (_, x, v)) in enumerate(zip(self._legends, states, strict=True)):
             legend.painter.paint(self._window.get_canvas(), self._camera, x, v, self._unit)
@@ -92,7 +91,6 @@ class Panel:
     ink: tuple[int, ...]  # colour of the line that marks the time
 
     def draw(self, picture: Picture, t: float) -> None:
-        """Fade the curves after time `t` [R/c] in `picture` (rows, columns, 3), a copy of `full`."""
         for left, right, top, bottom in self.boxes:
             now = round(float(np.interp(t, (0.0, self.end), (left, right))))
             picture[top:bottom, now:] = self.faint[top:bottom, now:]

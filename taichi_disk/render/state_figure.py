@@ -75,7 +75,6 @@ def _draw(ax: Axes, states: States, video: VideoSection, x: Any, v: Any, title: 
 
 
 def _mesh(points: Any, colours: Any, order: float, corners: Any = None) -> TriMesh:
-    """Return triangles between `points` (k, 2) [R] with `colours` (k, 3); by default every three points form one."""
     corners = np.arange(len(points)).reshape(-1, 3) if corners is None else corners
     mesh = TriMesh(Triangulation(points[:, 0], points[:, 1], corners), zorder=order)
     mesh.set_facecolor(list(map(tuple, colours.astype(float))))

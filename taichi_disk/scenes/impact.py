@@ -92,7 +92,6 @@ class ImpactScenario(Scenario):
     }
 
     def __init__(self, scene: Any, body: Lattice) -> None:
-        """Place the unloaded lattice `body` above the wall. The surface of an elastic wall in `body` is at y = 0."""
         from taichi_disk.computation.stability import impact_point_force
         from taichi_disk.statics.equilibrium import turned
 
@@ -211,7 +210,6 @@ class ImpactScenario(Scenario):
         return scales | (oblique.scales_along_the_wall(columns, self._radius, self._inertia) if self.oblique else {})
 
     def _speed_after(self, columns: Columns) -> float:
-        """Return the speed far from the wall [c], after the remaining wall potential has become kinetic energy."""
         return float(np.sqrt(columns["com_vy"][-1] ** 2 + 2.0 * max(columns["wall"][-1], 0.0)))
 
     def marks(self, columns: Columns) -> tuple[str, str]:

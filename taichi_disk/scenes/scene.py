@@ -59,7 +59,6 @@ class DiskScene(Frozen):
 
     @classmethod
     def sections(cls) -> dict[str, Section]:
-        """Return the default sections by name, in the order in which they are written."""
         ordered = sorted(fields(cls), key=lambda one: one.name in ("time", "video"))
         return {one.name: cast(Section, one.default) for one in ordered if one.name != "scene"}
 
@@ -204,7 +203,6 @@ class DiskScene(Frozen):
         return {key: value, "material.viscosity": eta, "material.eta_star": type(self).material.eta_star}
 
     def in_time(self) -> Self:
-        """Return the scene with a method that integrates the motion in time."""
         return self
 
     def notes(self, points: int) -> list[str]:
@@ -228,7 +226,6 @@ class DiskScene(Frozen):
 
 
 def yaml_scalar(value: Value) -> str:
-    """Return YAML text that reads back as the same value in YAML 1.1 and 1.2."""
     if isinstance(value, str) and re.fullmatch(r"[a-z][a-z0-9]+(_[a-z]+)*", value):
         return value
     text = json.dumps(value, ensure_ascii=False)  # quotes a path, and writes a float with just enough digits

@@ -70,7 +70,6 @@ class Kernels(Stepping):
 
     @ti.func
     def observe(self, rows: ti.template(), s, sums, elastic, upward, potential):
-        """Fill row `s` with the observables of INDEX. `upward`, `potential`: of the contact with an elastic wall."""
         mass, sx, sy, svx, svy, spin = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
         kinetic2, residual2 = 0.0, 0.0
         force, energy, load = upward, potential, 0.0
@@ -129,7 +128,6 @@ class SubdomainKernels(Kernels):
         self.latest = array(builder, 3, ti.f64)  # elastic energy, contact force, contact potential
 
     def advance(self, first: int, steps: int, stride: int, rows: Array, bounds: Array, counts: Counts) -> None:
-        """Do the same as the kernel of one core, in many short launches."""
         needed, quiet, made, count = (int(number) for number in counts)
         while made < steps and quiet < needed:
             few = min(steps - made, stride - (first + made) % stride, self.steps_per_launch)
@@ -177,7 +175,6 @@ class SubdomainKernels(Kernels):
 
     @ti.kernel
     def advance_few(self, number: ti.i32, steps: ti.i32):
-        """Make `steps` steps after step `number`, at most `steps_per_launch`."""
         for k in ti.static(range(self.steps_per_launch)):
             for stage in ti.static(range(self.integrator.forces)):
                 for q in range(GRAIN * self.count * self.is_due(stage, number + k + 1, k < steps)):
@@ -189,7 +186,6 @@ class SubdomainKernels(Kernels):
 
     @ti.func
     def is_due(self, stage: ti.template(), number, asked):
-        """Return 1 if `stage` of step `number` is to be made, else 0. Step 0 has only its last stage."""
         return ti.cast(asked and (number > 0 or stage == self.integrator.forces - 1), ti.i32)
 
     @ti.kernel

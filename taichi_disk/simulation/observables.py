@@ -64,7 +64,6 @@ BY_NAME = {column.name: column for column in COLUMNS}
 
 
 def of_kind(*kinds: str) -> list[str]:
-    """Return the names of all columns of these kinds, in the order of `kinds`."""
     return [column.name for kind in kinds for column in COLUMNS if column.kind == kind]
 
 
@@ -89,7 +88,6 @@ def total_energy(rows: Array) -> Array:
 
 
 def within(rows: Array, bounds: Array) -> Array:
-    """Return whether each of `rows` (rows, columns) lies within the `bounds` from `bounds_array`, (rows,)."""
     return np.asarray(((rows >= bounds[0]) & (rows <= bounds[1])).all(axis=1))
 
 

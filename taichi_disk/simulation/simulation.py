@@ -125,7 +125,6 @@ class Simulation:
         self.first_row = self.now = rows[0]
 
     def _vectors(self, lattice: Lattice, model: Model, v: Array) -> list[Array]:
-        """Return the first vectors of `Snapshot` at t = 0, with forces of 0."""
         x, c = lattice.positions, self.integrator.correction * self.dt**2
         zero, mass = np.zeros_like(x), lattice.masses[:, None]
         if not c:
@@ -233,7 +232,6 @@ class KernelCache:
 
 
 def compiled_for(lattice: Lattice, model: Model) -> tuple[Any, ...]:
-    """Return all that requires a compilation: laws, whether springs differ, and the solver of implicit dashpots."""
     return model.signature(), lattice.stiffness is None, iterates(lattice, model)
 
 

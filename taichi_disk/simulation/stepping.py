@@ -81,7 +81,6 @@ class State:
     # ---- write and read the fields
 
     def contents(self, lattice: Lattice, arrangement: Arrangement, start: Sequence[Array]) -> Contents:
-        """Return the values of the fields at t = 0. `start`: the first of the vectors, each (n, 2); others are 0."""
         n, masses = len(lattice.masses), lattice.masses
         vectors = np.zeros((n + self.fillers, len(self.vectors), 2))
         for k, values in enumerate(start):
@@ -211,7 +210,6 @@ class Stepping:
 
     @ti.func
     def stage(self, kick, move, shift, sums):
-        """Kick, move and compute the forces. Returns sums, elastic energy, products (see `Springs.add`) and contact."""
         peak_point_force = self.drift(kick, move, shift, 0, self.state.n[None])
         elastic, products = self.springs.add(self.state, self.explicit, 0, self.state.blocks[None])
         result, upward, potential = self.add_contact(move, sums, peak_point_force)
@@ -261,7 +259,6 @@ class Stepping:
 
     @ti.func
     def passed(self, number, time):
-        """Return `time` [R/c], or 0 for step 0, which takes no time."""
         return time * ti.cast(number > 0, ti.f64)
 
     @ti.func
@@ -326,7 +323,6 @@ class Stepping:
 
     @ti.func
     def take_damped_force(self, number, sums):
-        """Set `f` to the force that the solved velocities imply, and return the loss that step 0 leaves to step 1."""
         stored = self.solver.take_damped_force(self.state)
         # Only the sum for flight contains this loss.
         return ti.select(number == 0 and sums[PEAK_POINT_FORCE] < self.state.contact[None], stored, 0.0)

@@ -109,7 +109,6 @@ def _factors(matrix: Any, shift: float) -> Any:
 
 
 def _rotation(x: Array, move: Array) -> float:
-    """Return the rotation about the mean position that a small displacement contains [rad]."""
     arm = x - x.mean(axis=0)
     return float(np.sum(arm[:, 0] * move[:, 1] - arm[:, 1] * move[:, 0]) / np.sum(arm * arm))
 
@@ -129,7 +128,6 @@ def roll_angle(unloaded: Array, positions: Array) -> float:
 
 
 def depth(lattice: Lattice, positions: Array) -> float:
-    """Return the depth of the lowest of the points (n, 2) of a disk below its centre of mass [R]."""
     y = positions[:, 1]
     return float(lattice.mean(y) - y.min())
 

@@ -51,7 +51,6 @@ def part_of(part: str, scenes: Scenes) -> Scenes:
 
 
 def tasks_of(scenes: Scenes) -> list[list[str]]:
-    """Group the keys of `ordered` scenes into tasks; the scenes of a task share one lattice."""
     tasks: list[list[str]] = []
     for _, group in groupby(scenes, lambda key: lattice_key(scenes[key])):
         keys = list(group)
