@@ -33,10 +33,8 @@ def contact_interval(t: Array, force: Array, velocity: Array) -> tuple[float, fl
 
 
 def results_time(columns: Columns) -> float:
-    """Return the time at which spin and vibration are measured [R/c]: the end of the last contact.
-
-    Afterwards dashpots reduce both. Without losses, they are measured at the end of the run, far from the wall.
-    """
+    """Return the time at which spin and vibration are measured [R/c]: the end of the last contact."""
+    # Afterwards dashpots reduce both. Without losses, they are measured at the end of the run, far from the wall.
     t = columns["t"]
     if not (columns["dissipated"][-1] or columns["absorbed"][-1]):
         return float(t[-1])

@@ -92,10 +92,8 @@ def _rotation_lost(scenario: Scenario, columns: Columns) -> str:
 
 
 class EnergyBalance:
-    """The energy balance of a run, checked while its rows are computed.
-
-    Attributes:
-        total: energy that the run should have [M c^2].
+    """The energy balance of a run, checked while its rows are computed. `total` [M c^2]: energy that the run should
+    have.
     """
 
     def __init__(self, start: Array) -> None:
@@ -140,11 +138,7 @@ class EnergyBalance:
 
 
 class BlowUp(SimulationError):
-    """The state became meaningless.
-
-    Attributes:
-        last_good: positions and velocities (n, 2) and the time of the last valid row.
-    """
+    """The state became meaningless. `last_good`: positions and velocities (n, 2) and the time of the last valid row."""
 
     def __init__(self, message: str, last_good: dict[str, Array] | None = None) -> None:  # pickle passes only `message`
         super().__init__(message)
@@ -152,10 +146,8 @@ class BlowUp(SimulationError):
 
 
 def gone_through(lattice: Lattice, model: Model, x: Array, energy: float) -> bool:
-    """Return whether a point of the disk is deeper in the elastic wall than the `energy` [M c^2] of the run permits.
-
-    The contact law itself does not notice this, because it looks only for the spring below a point.
-    """
+    """Return whether a point of the disk is deeper in the elastic wall than the `energy` [M c^2] of the run permits."""
+    # The contact law itself does not notice this, because it looks only for the spring below a point.
     wall = model.elastic
     if wall is None:
         return False

@@ -47,13 +47,10 @@ def richardson(result: float, dt: float, other_result: float, other_dt: float, o
 
 
 def second_run(driver: Driver) -> SecondRun:
-    """Run the finished scene of `driver` again with another step and, with friction, once more with a third.
-
-    Two results cannot tell whether the error is a power of the step, so the estimate has a safety factor. If a step
-    crosses much of the wall's decay length 1/a at the speed of the impact, the error stays at a plateau that
-    differences do not show; the estimate is then at least a fraction of the worst energy imbalance. With friction
-    errors fall in jumps, and two results may agree by chance, so the larger of two differences counts.
-    """
+    """Run the finished scene of `driver` again with another step and, with friction, once more with a third."""
+    # While a step crosses much of the wall's decay length 1/a at the speed of the impact, the error stays at a plateau
+    # that differences do not show; the estimate is then at least a fraction of the worst energy imbalance. With
+    # friction errors fall in jumps, and two results may agree by chance, so the larger of two differences counts.
     scenario, columns, dt = driver.scenario, driver.columns, driver.step.dt
     others: list[tuple[float, dict[str, float]]] = []
     x = driver.start.vectors[0]
@@ -84,11 +81,9 @@ def second_run(driver: Driver) -> SecondRun:
 
 
 def _sampling_errors(scenario: Scenario, columns: Columns) -> dict[str, float]:
-    """Return the error of each result, such as a time, that is due to the distance between rows.
-
-    It is the change if every other row is left out, or half of the change if two rows of three are left out: either
-    alone may agree by chance.
-    """
+    """Return the error of each result, such as a time, that is due to the distance between rows."""
+    # It is the change if every other row is left out, or half of the change if two rows of three are left out: either
+    # alone may agree by chance.
     found, rows = scenario.result(columns), np.arange(len(columns["t"]))
     ends = (rows == 0) | (rows == rows[-1])
     errors = dict.fromkeys(found, 0.0)

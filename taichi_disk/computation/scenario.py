@@ -47,10 +47,8 @@ class Scenario(ABC):
 
     @property
     def row_interval(self) -> float:
-        """Time between two computed rows [R/c]: at most `sample_interval`, or less if the user asks for it.
-
-        The result and the end of a run must not depend on the number of rows that the user wants.
-        """
+        """Time between two computed rows [R/c]: at most `sample_interval`, or less if the user asks for it."""
+        # The result and the end of a run must not depend on the number of rows that the user wants.
         asked = self.scene.time.sample_interval
         return self.sample_interval if asked == "auto" else min(asked, self.sample_interval)
 

@@ -53,22 +53,18 @@ def step_limit(spectrum: Spectrum, model: Model, integrator: Integrator, point_f
 
 
 def explicit_limit(omega: float, damping: float) -> float:
-    """Return the largest stable step of `velocity_verlet` for x'' = -omega^2 x - damping x' and all lower modes.
-
-    With w = h v_{k-1/2} and p = h^2 a_k a step is linear, x+ = x + w', w' = w + p, p+ = -W x+ - g (w' + p/2) with
-    W = (h omega)^2, g = h damping: z^3 + (W + 3/2 g - 2) z^2 + (1 - 2 g) z + g/2 = 0. By Jury's criterion its roots lie
-    within the unit circle while W + 4 g < 4, so that the highest frequency and the highest rate bound all modes.
-    """
+    """Return the largest stable step of `velocity_verlet` for x'' = -omega^2 x - damping x' and all lower modes."""
+    # With w = h v_{k-1/2} and p = h^2 a_k a step is linear, x+ = x + w', w' = w + p, p+ = -W x+ - g (w' + p/2) with W =
+    # (h omega)^2, g = h damping: z^3 + (W + 3/2 g - 2) z^2 + (1 - 2 g) z + g/2 = 0. By Jury's criterion its roots lie
+    # within the unit circle while W + 4 g < 4, so that the highest frequency and the highest rate bound all modes.
     return float(2.0 / (damping + np.sqrt(damping**2 + omega**2)))
 
 
 def reset_step(spectrum: Spectrum, model: Model, integrator: Integrator, error: float) -> float:
-    """Return the longest step [R/c] at which resets combined with dashpots change e by at most about `error`.
-
-    A reset excites the lattice's fastest vibration omega, which dashpots of the highest rate r damp. Measured, with N =
-    100 to 4000 and intervals of 0.001 to 0.03 R/c: the error of e is 0.008 to 0.02 r omega h^2 with explicit dashpots.
-    With implicit ones it is a quarter of that, and rates above 1/(3 interval) have no further effect.
-    """
+    """Return the longest step [R/c] at which resets combined with dashpots change e by at most about `error`."""
+    # A reset excites the lattice's fastest vibration omega, which dashpots of the highest rate r damp. Measured, with N
+    # = 100 to 4000 and intervals of 0.001 to 0.03 R/c: the error of e is 0.008 to 0.02 r omega h^2 with explicit
+    # dashpots. With implicit ones it is a quarter of that, and rates above 1/(3 interval) have no further effect.
     if not (model.reset_interval and model.springs.damped):
         return np.inf
     part, rate = 0.015, model.springs.eta * spectrum.damping
@@ -78,11 +74,9 @@ def reset_step(spectrum: Spectrum, model: Model, integrator: Integrator, error: 
 
 
 def impact_point_force(lattice: Lattice, model: Model, velocity: float) -> float:
-    """Estimate the largest force of the wall on one point in an impact [M c^2/R]; a run checks it.
-
-    The quasi-static energy balance v^2/2 = pi E* xi^2/(2 ln(4/xi)) gives the largest compression and its force.
-    Stopping a single point takes at least a m v^2/2, which is more on a hard wall at high speed.
-    """
+    """Estimate the largest force of the wall on one point in an impact [M c^2/R]; a run checks it."""
+    # The quasi-static energy balance v^2/2 = pi E* xi^2/(2 ln(4/xi)) gives the largest compression and its force.
+    # Stopping a single point takes at least a m v^2/2, which is more on a hard wall at high speed.
     assert model.wall is not None
     e_star = MODULUS * model.springs.modulus
     xi = velocity
@@ -93,11 +87,9 @@ def impact_point_force(lattice: Lattice, model: Model, velocity: float) -> float
 
 
 def contact_point_force(lattice: Lattice, model: Model, force: float) -> float:
-    """Estimate the largest force on one point [M c^2/R] if the contact force is `force`.
-
-    The point bears the peak of a Gaussian over its chord, and ROUGHNESS times that if it protrudes. The variance of the
-    Gaussian is the sum of F R/(pi E*) of Hertz's contact and R/a of a soft wall along a circle.
-    """
+    """Estimate the largest force on one point [M c^2/R] if the contact force is `force`."""
+    # The point bears the peak of a Gaussian over its chord, and ROUGHNESS times that if it protrudes. The variance of
+    # the Gaussian is the sum of F R/(pi E*) of Hertz's contact and R/a of a soft wall along a circle.
     assert model.wall is not None
     variance = force / (np.pi * MODULUS * model.springs.modulus) + model.wall.decay_length
     surface = lattice.positions[lattice.disk_surface]

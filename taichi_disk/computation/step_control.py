@@ -44,15 +44,8 @@ class StepControl:
     the error for 1.15 times the force evaluations. Dashpots are implicit if that is less work in all. With a reset
     boundary, a whole number of steps fits the interval.
 
-    Args:
-        time: the scene's section `time`.
-        spectrum: spectrum of the scenario's lattice and model.
-
-    Attributes:
-        step: step of this attempt.
-        attempt: number of this attempt, from 1.
-
-    Raises InputError for a `dt` beyond the stability limit, unless `force`.
+    `time`: the scene's section `time`; `spectrum`: of the scenario's lattice and model; `attempt`: number of this run,
+    from 1. Raises InputError for a `dt` beyond the stability limit, unless `force`.
     """
 
     def __init__(self, scenario: Scenario, time: Any, spectrum: Spectrum, force: bool = False) -> None:
@@ -82,10 +75,7 @@ class StepControl:
         return TimeStep(integrator, self.limit(integrator, self._point_force), fitted(dt, model.reset_interval))
 
     def _longest(self, integrator: Integrator) -> float:
-        """Return the largest step [R/c] within the safety margin that resolves the vibrations excited by resets.
-
-        If the user has chosen a step, resets are ignored.
-        """
+        """Return the largest step [R/c] within the safety margin; if automatic, it also resolves resets."""
         stable = self._safety * self.limit(integrator, self._point_force)
         if self.time.dt != "auto":
             return stable
@@ -95,21 +85,16 @@ class StepControl:
     # ---- the next run
 
     def shorten_after_blow_up(self, largest_force: float) -> bool:
-        """Choose a shorter step after a blow-up and return True, or return False if that would not help.
-
-        `largest_force` is the largest measured force of the wall on one point [M c^2/R].
-        """
+        """Choose a shorter step after a blow-up, and return False if that would not help."""
         self._blow_ups += 1
         if self._last or self._blow_ups > MAX_BLOW_UPS:
             return False
         return self._shorten_for(largest_force) or self._shorten(0.5)
 
     def shorten_after_run(self, largest_force: float, columns: Columns) -> bool:
-        """Choose a shorter step after a finished run with the series `columns` and return True, or return False.
-
-        Ordinary scenes keep their step. Hard walls (a from 1,000 on) often need two or three runs, because it cannot be
-        predicted how points rattle between disk and wall.
-        """
+        """Choose a shorter step after a finished run with the series `columns` and return True, or return False."""
+        # Ordinary scenes keep their step. Hard walls (a from 1,000 on) often need two or three runs, because it cannot
+        # be predicted how points rattle between disk and wall.
         if self._last:
             return False
         if self._shorten_for(largest_force):

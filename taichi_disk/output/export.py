@@ -138,11 +138,9 @@ def _write_gsd(path: Path, scene: DiskScene, lattice: Lattice, frames: Iterator[
 
 
 def _write_vtu(path: Path, scene: DiskScene, lattice: Lattice, frames: Iterator[Frame]) -> None:
-    """Write VTK unstructured grids: a .pvd file that lists the .vtu files in a folder of the same name.
-
-    Each frame has one file of springs (lines) and one of triangles, so that a viewer can hide either. The folder is
-    complete before the .pvd file is written.
-    """
+    """Write VTK unstructured grids: a .pvd file that lists the .vtu files in a folder of the same name."""
+    # Each frame has one file of springs (lines) and one of triangles, so that a viewer can hide either. The folder is
+    # complete before the .pvd file is written.
     import meshio
 
     folder, datasets = path.with_suffix(""), []
@@ -168,10 +166,9 @@ def _write_vtu(path: Path, scene: DiskScene, lattice: Lattice, frames: Iterator[
 
 
 def _write_npz(path: Path, scene: DiskScene, lattice: Lattice, frames: Iterator[Frame]) -> None:
-    """Write t (T,), positions and velocities (T, n, 2), lattice, and points_…, springs_…, triangles_… as in `Frame`.
-
-    The format is that of `np.savez`, but only one frame is in memory: temporary files collect the frames of each array.
-    """
+    """Write t (T,), positions and velocities (T, n, 2), lattice, and points_…, springs_…, triangles_… as in `Frame`."""
+    # The format is that of `np.savez`, but only one frame is in memory: temporary files collect the frames of each
+    # array.
     parts: dict[str, tuple[IO[bytes], Array]] = {}
     with ExitStack() as files, ZipFile(path, "w") as archive:
 
@@ -232,11 +229,8 @@ FORMATS = {
 def check_export(path: Path, format: str | None = None) -> tuple[Path, Format]:
     """Return the file and the format of an export; call this before anything is computed.
 
-    Args:
-        path: a file whose suffix names the format, or a folder, in which the file will be called trajectory.
-        format: one of FORMATS, if `path` is a folder.
-
-    Raises InputError if the format does not exist, its package is missing, or the folder is not writable.
+    `path`: a file whose suffix names the format, or a folder for a file trajectory of one of the FORMATS. Raises
+    InputError if the format does not exist, its package is missing, or the folder is not writable.
     """
     if path.is_dir() and format in FORMATS:
         path = path / f"trajectory{FORMATS[format].suffix}"

@@ -194,10 +194,7 @@ def write_summary(path: Path, summary: dict[str, Any]) -> None:
 
 
 def write_timeseries(path: Path, columns: dict[str, Array], interval: float = 0.0) -> None:
-    """Write timeseries.csv: all COLUMNS that the run has, about one row per `interval` [R/c] and the last row.
-
-    `columns` (rows,) have at least two rows. 17 digits give the same floating-point numbers when they are read.
-    """
+    """Write timeseries.csv with about one row per `interval` [R/c] and the last row; `columns` have at least two."""
     due = {"always": True, "never": False}
     names = [one.name for one in COLUMNS if one.name in columns and due.get(one.written, bool(columns[one.name].any()))]
     table = np.stack([columns[name] for name in names], axis=1)

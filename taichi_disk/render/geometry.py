@@ -41,12 +41,7 @@ class Camera:
 
     @classmethod
     def fit(cls, view: View, width: int, height: int, margin: float = 0.0, viewport: View | None = None) -> Camera:
-        """Return the camera that shows `view` (xmin, xmax, ymin, ymax) [R] as large as possible, centred.
-
-        Args:
-            margin: around the view [px].
-            viewport: the part of the canvas to fill; by default all of it.
-        """
+        """Return the camera that shows `view` (xmin, xmax, ymin, ymax) [R] as large as possible, centred in `viewport`."""
         xmin, xmax, ymin, ymax = view
         left, right, top, bottom = viewport = viewport or (0.0, float(width), 0.0, float(height))
         room = right - left - 2.0 * margin, bottom - top - 2.0 * margin
@@ -92,10 +87,8 @@ class Camera:
 
 
 def flattening(lattice: Lattice, x: Array) -> float:
-    """Return how much the lowest point of a disk at `x` (n, 2) has approached its centre [R].
-
-    Return 1 on an elastic wall, because magnified displacements would separate disk and dent.
-    """
+    """Return how much the lowest point of a disk at `x` (n, 2) has approached its centre [R]."""
+    # Return 1 on an elastic wall, because magnified displacements would separate disk and dent.
     if len(lattice.wall_surface):
         return 1.0
     rest, now = lattice.positions[: lattice.disk_points], x[: lattice.disk_points]

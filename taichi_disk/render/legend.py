@@ -94,11 +94,8 @@ class Legend:
     ) -> None:
         """Lay out the text.
 
-        Args:
-            title: lines that do not change.
-            samples: the changing lines, or the longest of them.
-            rows: number of changing lines in a picture.
-            enlarged: factor for the size of the title's first line.
+        `title`: constant lines; `samples`: the changing lines, or the longest of them; `rows`: number of changing lines
+        in a picture; `enlarged`: factor for the size of the title's first line.
         """
         title = [*title[:-1], "    ".join([title[-1], *painter.remarks])]
         self.painter, self.unit, self._width, self._size = painter, size / 720, size, size

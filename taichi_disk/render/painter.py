@@ -126,10 +126,7 @@ class Painter:
         return out
 
     def paint(self, canvas: Any, camera: Camera, x: Array, v: Array, unit: float = 1.0) -> None:
-        """Fill a `ti.ui.Canvas` with the theme's background and draw the state on it.
-
-        `unit`: factor for the widths of lines, 1 in a picture of 720 pixels.
-        """
+        """Draw the state on a `ti.ui.Canvas`. `unit`: factor for the widths of lines, 1 in a picture of 720 pixels."""
         placed = self.placed(x)
         theme, pixel = THEMES[self.theme], 1.0 / camera.scale
         self.shown = self.values(x, v)
@@ -180,10 +177,8 @@ class Painter:
             canvas.canvas.circles(get_field_info(out), True, False, (0.0, 0.0, 0.0), radius)
 
     def pushes(self, x: Array, v: Array, distance: float) -> tuple[Array, Array]:
-        """Return the starts (k, 2) [R] of arrows and their forces (k, 2) over `full_force`.
-
-        If points are closer than `distance` [R], one arrow shows the mean force of all points within that distance.
-        """
+        """Return the starts (k, 2) [R] of arrows and their forces (k, 2) over `full_force`."""
+        # If points are closer than `distance` [R], one arrow shows the mean force of all points within that distance.
         points, forces = self.wall.contact_forces(self.lattice, x, v, self.springs)
         forces = forces / self.full_force
         strong = np.hypot(*forces.T) > _WEAK
@@ -222,10 +217,8 @@ def _put(camera: Camera, points: Array, colours: NDArray[Any]) -> Vertices:
 
 
 def draw_triangles(canvas: Any, vertices: Vertices, corners: NDArray[np.int32] | None = None) -> None:
-    """Draw triangles from arrays. `corners` (k, 3): vertices of each triangle; by default three consecutive vertices.
-
-    `Canvas.triangles` of Taichi 1.7.4 first copies fields into such arrays, with a kernel for each lattice (0.3 s).
-    """
+    """Draw triangles from arrays. `corners` (k, 3): vertices of each triangle; by default three consecutive ones."""
+    # `Canvas.triangles` of Taichi 1.7.4 first copies fields into such arrays, with a kernel for each lattice (0.3 s).
     indices = get_field_info(None if corners is None else corners.ravel())
     canvas.canvas.triangles(get_field_info(vertices), indices, True, (0.0, 0.0, 0.0))
 

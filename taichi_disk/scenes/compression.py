@@ -148,11 +148,9 @@ class Compression(Scenario):
         return self.pressure**2 / self.model.springs.modulus
 
     def result(self, columns: Columns) -> dict[str, float]:
-        """Return xi and, extrapolated, the part of it that is due to the end of the last roll.
-
-        Dashpots slow the last roll down, theta ~ exp(-t/T) with T up to 10^4 R/c. xi - xi_end falls like the angular
-        momentum, so the last rows determine what is missing.
-        """
+        """Return xi and, extrapolated, the part of it that is due to the end of the last roll."""
+        # Dashpots slow the last roll down, theta ~ exp(-t/T) with T up to 10^4 R/c. xi - xi_end falls like the angular
+        # momentum, so the last rows determine what is missing.
         t, spin = columns["t"], columns["angular_momentum"]
         distance = columns["com_y"] - columns["lowest_y"]
         before = int(np.searchsorted(t, t[-1] - self.quiet_time))

@@ -150,11 +150,9 @@ class ImpactScenario(Scenario):
         return min(along, 0.0) - 1.1, max(along, 0.0) + 1.1, -0.1, 2.0 + self.gap
 
     def _default_max_time(self) -> float:
-        """Return the time [R/c] of the flight to the wall, ten contacts, and a flight away with e = 0.05.
-
-        A contact takes pi sqrt(ln(4 c/v)) R/c by Hertz's law. A body that is not round has left when none of its
-        corners reaches down to the wall.
-        """
+        """Return the time [R/c] of the flight to the wall, ten contacts, and a flight away with e = 0.05."""
+        # A contact takes pi sqrt(ln(4 c/v)) R/c by Hertz's law. A body that is not round has left when none of its
+        # corners reaches down to the wall.
         unit = self.springs.time_unit
         contact = np.pi * unit * np.sqrt(np.log(4.0 / min(self.velocity * unit, 1.0)))
         contact = max(contact, np.pi * np.sqrt(self._compliance))  # half a period of bending

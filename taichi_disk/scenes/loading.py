@@ -45,10 +45,8 @@ class Equilibria:
 
 
 def quasistatic(scenario: Any, loads: int, progress: Progress) -> Outcome:
-    """Solve for the equilibria of a compression under `loads` growing loads; `t` is the fraction of the full load.
-
-    The full load is solved first and each lower load from the one above it, so the result does not depend on `loads`.
-    """
+    """Solve for the equilibria of a compression under `loads` growing loads; `t` is the fraction of the full load."""
+    # The full load is solved first and each lower load from the one above it, so the result does not depend on `loads`.
     lattice, model, rest = scenario.lattice, scenario.model, scenario.rest
     fractions = (np.arange(1, loads + 1) / loads) ** 1.5  # denser at small loads, where the disk settles
     path = Equilibria(lattice, model, fractions, [rest.positions])

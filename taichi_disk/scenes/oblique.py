@@ -80,11 +80,9 @@ def start_gap(
 
 
 def least_width(wall: Any, impact: sections.ElasticImpactSection, time: sections.TimeSection, k_a: float) -> float:
-    """Return the width [R] that an elastic wall needs to contain the whole contact; 0 for an impact straight down.
-
-    The middle of the contact moves with the disk for the contact time of Hertz's law. The contact is half as wide as
-    the chord at the depth v. `k_a` [M c^2/R^2]: spring constant of the softer of disk and wall.
-    """
+    """Return the width [R] that an elastic wall needs to contain the whole contact; 0 for an impact straight down."""
+    # The middle of the contact moves with the disk for the contact time of Hertz's law. The contact is half as wide as
+    # the chord at the depth v. `k_a` [M c^2/R^2]: spring constant of the softer of disk and wall.
     if not impact.angle and impact.offset == "auto":
         return 0.0
     gap = start_gap(wall, impact, time)

@@ -40,10 +40,7 @@ MAX_VELOCITY = 100.0  # largest velocity component of a point at the start [c]
 
 
 class DiskScene(Frozen):
-    """Base class of all kinds of scenes.
-
-    A kind sets `scene` to its name, adds sections, and defines `of_body`.
-    """
+    """Base class of all kinds of scenes. A kind sets `scene` to its name, adds sections, and defines `of_body`."""
 
     title: ClassVar[str] = ""  # description of the kind
     lattice_keys: ClassVar[tuple[str, ...]] = ("lattice",)  # sections and keys on which `body` depends
@@ -174,10 +171,7 @@ class DiskScene(Frozen):
         return scenario
 
     def thrown_with(self, body: Lattice, velocities: Array) -> Self:
-        """Return the scene with the mean speed and direction of `velocities` (N, 2) [c] of the points of `body`.
-
-        A scene without a throw stays as it is.
-        """
+        """Return the scene with the mean speed and direction of `velocities` (N, 2) [c], unchanged without a throw."""
         return self
 
     def moduli(self, points: int) -> Moduli:
@@ -192,10 +186,8 @@ class DiskScene(Frozen):
         return Springs(material.k_a, material.k_b, eta, axial=material.dashpot == "axial")
 
     def changes_with(self, key: str, value: Any) -> dict[str, Any]:
-        """Return a dotted key with its new value, and the other keys that must change with it, for `with_`.
-
-        If the number of points changes, the viscosity of the body is kept.
-        """
+        """Return a dotted key with its new value, and the other keys that must change with it, for `with_`."""
+        # If the number of points changes, the viscosity of the body is kept.
         name, number = self.material.dashpots
         if key != "lattice.points" or name == "viscosity" or not number or self.lattice.file != "none":
             return {key: value}

@@ -196,11 +196,9 @@ def run_sweep(
 
 @contextmanager
 def _claimed(folder: Path, sweep: Sweep) -> Iterator[None]:
-    """Let only this sweep, or parts of it in other processes, write points to `folder` while the block runs.
-
-    Each process locks a hidden file whose name contains the hash of the sweep. The system releases the lock of a killed
-    process. Raises InputError if another sweep holds a lock.
-    """
+    """Let only this sweep, or parts of it in other processes, write points to `folder` while the block runs."""
+    # Each process locks a hidden file whose name contains the hash of the sweep. The system releases the lock of a
+    # killed process. Raises InputError if another sweep holds a lock.
     name = hashlib.sha256(sweep.to_yaml().encode()).hexdigest()[:20]
     own_lock = FileLock(folder / f".{name}.{uuid4().hex}.lock")
     with FileLock(folder / ".lock"):
