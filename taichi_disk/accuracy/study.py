@@ -179,10 +179,8 @@ def measured(scene: Scene, base: float, change: Change, kernels: KernelCache) ->
 
 
 def result_of(scene: Scene, kernels: KernelCache) -> float:
-    """Compute the primary result, by Newton's method if it does not depend on the step.
-
-    The step is automatic, because a user's dt rarely suits a finer lattice.
-    """
+    """Compute the primary result, by Newton's method if it does not depend on the step."""
+    # The step is automatic, because a user's dt rarely suits a finer lattice.
     scenario = scene.scenario()
     if not scenario.step_dependent:
         return scenario.primary(scenario.quasistatic(loads=1).columns)[1]

@@ -92,9 +92,7 @@ def _rotation_lost(scenario: Scenario, columns: Columns) -> str:
 
 
 class EnergyBalance:
-    """The energy balance of a run, checked while its rows are computed. `total` [M c^2]: energy that the run should
-    have.
-    """
+    """The energy balance of a run, checked while its rows are computed. `total`: energy without errors [M c^2]."""
 
     def __init__(self, start: Array) -> None:
         self.total, self._load = float(total_energy(start[None])[0]), float(start[INDEX["load"]])

@@ -36,11 +36,9 @@ def keeps_kernels() -> bool:
 
 
 def prepare() -> None:
-    """Give the engine a writable home and cache, without which it aborts or crashes at the end.
-
-    If the user has none (cron, systemd, a container's user), kernels go into a new folder in the temporary directory,
-    and a note on stderr says so.
-    """
+    """Give the engine a writable home and cache, without which it aborts or crashes at the end."""
+    # If the user has none (cron, systemd, a container's user), kernels go into a new folder in the temporary directory,
+    # and a note on stderr says so.
     for name, value in DEFAULTS.items():
         os.environ.setdefault(name, value)
     if sys.platform == "win32":  # Taichi would use C:/taichi_cache for every user

@@ -21,10 +21,8 @@ STALE = 60.0  # a lock of this age is stale [s]; Taichi holds the lock of its ca
 
 
 def shorten_searches() -> None:
-    """Save 0.07 s of searches through all modules while Taichi is imported and functions are decorated.
-
-    Taichi asks for the source of the calling frame, which is the import system's own and unknown to `inspect`.
-    """
+    """Save 0.07 s of searches through all modules while Taichi is imported and functions are decorated."""
+    # Taichi asks for the source of the calling frame, which is the import system's own and unknown to `inspect`.
     inspect.modulesbyfile[os.path.abspath("<frozen importlib._bootstrap>")] = "importlib._bootstrap"
 
 

@@ -231,11 +231,9 @@ def point_stress(triangles: Triangles, springs: Springs, x: Array) -> Array:
 
 
 def smooth_stress(triangles: Triangles, springs: Springs, x: Array) -> Array:
-    """Return `point_stress` (n, 3) smoothed with the standard deviation SMOOTHING, for fringes.
-
-    Without smoothing, the scatter between points of a random lattice exceeds one fringe. Each average over six
-    neighbours adds 3/7 of the squared spacing to the variance along x and y.
-    """
+    """Return `point_stress` (n, 3) smoothed with the standard deviation SMOOTHING, for fringes."""
+    # Without smoothing, the scatter between points of a random lattice exceeds one fringe. Each average over six
+    # neighbours adds 3/7 of the squared spacing to the variance along x and y.
     spacing = float(np.median(triangles.lattice.rest_lengths))
     passes = int(np.clip(round(SMOOTHING**2 / (3.0 / 7.0 * spacing**2)), 1, MAX_PASSES))
     return triangles.smoothed(point_stress(triangles, springs, x), passes)

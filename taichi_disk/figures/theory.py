@@ -155,11 +155,9 @@ def fit_tau0(velocity: Array, e: Array, e_star: float) -> Fit:
 
 @lru_cache(maxsize=4)  # shared by all curves of a figure
 def quasistatic_curves(velocity: tuple[float, ...], e_star: float) -> Prediction:
-    """Return a function that maps tau0 (k,) [R/c] to e (k, velocities) of eq. (4).
-
-    It is a polynomial in ln(1 + 5 tau0) through 11 Chebyshev points, accurate to 5e-7. Speeds and times are scaled by
-    sqrt(e_star) and its inverse, so that it is computed at e_star = 1.
-    """
+    """Return a function that maps tau0 (k,) [R/c] to e (k, velocities) of eq. (4)."""
+    # It is a polynomial in ln(1 + 5 tau0) through 11 Chebyshev points, accurate to 5e-7. Speeds and times are scaled by
+    # sqrt(e_star) and its inverse, so that it is computed at e_star = 1.
     top, nodes, unit = np.log1p(5.0 * MAX_TAU0), -np.cos(np.linspace(0.0, np.pi, 11)), e_star**-0.5
     table = _restitutions(unit * np.array(velocity), np.expm1(0.5 * top * (1.0 + nodes))[:, None] / 5.0)
     series = chebfit(nodes, table, 10)
@@ -167,11 +165,10 @@ def quasistatic_curves(velocity: tuple[float, ...], e_star: float) -> Prediction
 
 
 def _restitutions(velocity: Array, tau0: Array) -> Array:
-    """Return e of `quasistatic_impact` at e_star = 1 for arrays of speeds and of tau0 for which xi stays small.
-
-    With xi' = v r cos(phi) and xi + tau0 xi' = v r sin(phi), r is integrated over phi, from r = sqrt(1 + tau0^2) at
-    atan(tau0) to r = e at pi, by the Runge-Kutta method of order 4. Steps are short at both ends, where ln xi is steep.
-    """
+    """Return e of `quasistatic_impact` at e_star = 1 for arrays of speeds and of tau0 for which xi stays small."""
+    # With xi' = v r cos(phi) and xi + tau0 xi' = v r sin(phi), r is integrated over phi, from r = sqrt(1 + tau0^2) at
+    # atan(tau0) to r = e at pi, by the Runge-Kutta method of order 4. Steps are short at both ends, where ln xi is
+    # steep.
     steep, first = np.log(4.0 / velocity), np.arctan(tau0)
 
     def slope(t: float, log_r: Array) -> Array:
@@ -194,10 +191,8 @@ def _restitutions(velocity: Array, tau0: Array) -> Array:
 
 
 def fit_curvature(x: Array, y: Array) -> Fit:
-    """Fit parabolas to the lower and the upper half of y (lattices, points) over x; return their second derivatives.
-
-    Negative values are concave, the paper's "convex upwards".
-    """
+    """Fit parabolas to the lower and the upper half of y (lattices, points) over x; return their second derivatives."""
+    # Negative values are concave, the paper's "convex upwards".
     halves = slice(0, len(x) // 2), slice(len(x) // 2, None)
     powers = [np.vander(x[half] / x.max(), 3) for half in halves]
     inverse = [np.linalg.pinv(matrix) for matrix in powers]

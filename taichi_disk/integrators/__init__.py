@@ -39,11 +39,9 @@ class Integrator:
         return {"explicit": True, "implicit": model.solvable, "none": not model.velocity_dependent}[self.dashpots]
 
     def cost(self, points: int) -> float:
-        """Estimate the cost of a step with `points` points in units of the force evaluation of an explicit step.
-
-        The factor of implicit dashpots has some 2.5 n^(1/4) entries per point; large lattices use conjugate gradients
-        instead. Measured on one core: 2.8 at n = 1,099, 4.0 at 5,000, and 2.2 to 3.5 beyond.
-        """
+        """Estimate the cost of a step with `points` points in units of the force evaluation of an explicit step."""
+        # The factor of implicit dashpots has some 2.5 n^(1/4) entries per point; large lattices use conjugate gradients
+        # instead. Measured on one core: 2.8 at n = 1,099, 4.0 at 5,000, and 2.2 to 3.5 beyond.
         if self.dashpots != "implicit":
             return float(self.forces)
         return 3.5 if points > LARGEST_FACTORISED else max(2.8, 0.9 + 1.9 * (points / 1000.0) ** 0.25)
@@ -55,10 +53,8 @@ class Integrator:
 
     @property
     def stages(self) -> tuple[tuple[float, float, float], ...]:
-        """Kick and move [h] before each force, and c of a shift by c h^2 f/m.
-
-        The first kick includes the last kick of the step before.
-        """
+        """Kick and move [h] before each force, and c of a shift by c h^2 f/m."""
+        # The first kick includes the last kick of the step before.
         kicks = (self.kicks[-1] + self.kicks[0], *self.kicks[1:-1])
         shifted = ((0.0, 0.0, self.correction),) if self.correction else ()
         return tuple(stage for pair in zip(kicks, self.moves, strict=True) for stage in ((*pair, 0.0), *shifted))

@@ -133,11 +133,9 @@ class DashpotSolver:
 
     @ti.func
     def take_damped_force(self, state: ti.template()):
-        """Set `f` to the force that the solved velocities imply: v + h/2 f/m = u, v + h f/m = 2 u - v.
-
-        At t = 0, where v is v_0, this is an implicit half step, which is stable for stiff dashpots. The energy balance
-        then begins with the returned h^2/(8 m) F.(F - D u), where F is the force without dashpots.
-        """
+        """Set `f` to the force that the solved velocities imply: v + h/2 f/m = u, v + h f/m = 2 u - v."""
+        # At t = 0, where v is v_0, this is an implicit half step, which is stable for stiff dashpots. The energy
+        # balance then begins with the returned h^2/(8 m) F.(F - D u), where F is the force without dashpots.
         half, stored = state.closing[None], 0.0
         for k in range(self.free[0]):
             i = self.order[k]

@@ -59,10 +59,8 @@ def assemble(block: Array, bonds: Indices, n: int) -> Sparse:
 
 
 def symmetric_factors(matrix: Any) -> Any:
-    """Return SciPy's sparse LU factors of a symmetric matrix, with pivots on the diagonal.
-
-    The order depends only on the sparsity pattern. The pivots have the signs of the eigenvalues (Sylvester).
-    """
+    """Return SciPy's sparse LU factors of a symmetric matrix, with pivots on the diagonal."""
+    # The order depends only on the sparsity pattern. The pivots have the signs of the eigenvalues (Sylvester).
     from scipy.sparse.linalg import splu
 
     symmetric = {"SymmetricMode": True}
@@ -96,11 +94,9 @@ def largest_eigenvalue(matrix: Sparse, masses: Array) -> float:
 
 
 def bending_compliance(stiffness: Sparse) -> float:
-    """Return the largest squared displacement of a point per 2 energy [R^2/(M c^2)] in the five softest vibrations.
-
-    `stiffness` (2n, 2n) belongs to a free body and has three rigid modes. The compliance of the sixth vibration is
-    subtracted from each, so that the result does not depend on the order of two equally soft vibrations.
-    """
+    """Return the largest squared displacement of a point per 2 energy [R^2/(M c^2)] in the five softest vibrations."""
+    # `stiffness` (2n, 2n) belongs to a free body and has three rigid modes. The compliance of the sixth vibration is
+    # subtracted from each, so that the result does not depend on the order of two equally soft vibrations.
     from scipy.sparse.linalg import eigsh
 
     stiffest = stiffness.diagonal().max()

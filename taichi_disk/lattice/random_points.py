@@ -61,12 +61,10 @@ def circle_points(points: int, seed: int, rim: bool, min_spacing: float, hole: f
 
 
 def rim_points(points: int, hole: float = 0.0) -> int:
-    """Return the number of points on the rim for which their spacing equals that of the inner points.
-
-    A rim point has half the area of an inner one, so the disk counts as n = points - rim/2 points; hexagonal_spacing(n)
-    = 2 pi/rim is then quadratic in rim. With a `hole` [R], the points on its edge count half as well. At least one
-    point stays inside.
-    """
+    """Return the number of points on the rim for which their spacing equals that of the inner points."""
+    # A rim point has half the area of an inner one, so the disk counts as n = points - rim/2 points;
+    # hexagonal_spacing(n) = 2 pi/rim is then quadratic in rim. With a `hole` [R], the points on its edge count half as
+    # well. At least one point stays inside.
     k = 2.0 * np.pi * np.sqrt(3.0) * (1.0 + hole) / (1.0 - hole)
     even = round(float(np.sqrt(k * points + k * k / 16.0) - k / 4.0) / (1.0 + hole))
     return min(even, points - 1) if points > 3 else 3
@@ -88,11 +86,9 @@ def circle_faults(points: int, hole: float, core: float) -> list[tuple[str, str]
 
 
 def _unit_circle(turns: Array) -> Array:
-    """Return (cos, sin) of 2 pi `turns`, 0 <= turns < 1, by Taylor series.
-
-    Sums and products round alike on every machine, whereas the last bit of NumPy's cos and sin depends on the
-    processor.
-    """
+    """Return (cos, sin) of 2 pi `turns`, 0 <= turns < 1, by Taylor series."""
+    # Sums and products round alike on every machine, whereas the last bit of NumPy's cos and sin depends on the
+    # processor.
     angle = np.pi * (2.0 * turns - 1.0)
     square = angle * angle
     c, s = np.ones_like(angle), np.ones_like(angle)
@@ -139,11 +135,9 @@ def scatter(
 def _adsorb(
     rng: np.random.Generator, count: int, low: Array, high: Array, depth: Depth, spacing: float, fixed: Array
 ) -> Array:
-    """Try once to place the points of `scatter`; return fewer points if the region jams.
-
-    Darts are thrown into square cells. As the region fills up, cells covered by one point are removed and the others
-    quartered (Ebeida et al., ACM Trans. Graph. 30, 49, 2011), so darts stay uniform in the free area but rarely miss.
-    """
+    """Try once to place the points of `scatter`; return fewer points if the region jams."""
+    # Darts are thrown into square cells. As the region fills up, cells covered by one point are removed and the others
+    # quartered (Ebeida et al., ACM Trans. Graph. 30, 49, 2011), so darts stay uniform in the free area but rarely miss.
     from taichi_disk.lattice.spatial import cKDTree
 
     side = float(np.sqrt(np.prod(high - low) / (4 * count)))

@@ -42,10 +42,8 @@ def centred(x: Array) -> Array:
 
 
 def triangles_of(x: Array, springs: Long) -> tuple[Long, Long]:
-    """Return two possible tilings (t, 3): Delaunay triangles with springs on all sides, and all triangles of springs.
-
-    The first is right even if springs cross, the second only if none do.
-    """
+    """Return two tilings (t, 3): Delaunay triangles with springs on all sides, and all triangles of springs."""
+    # The first is right even if springs cross, the second only if none do.
     later: list[set[int]] = [set() for _ in x]
     pairs = np.sort(springs, axis=1)
     for i, j in pairs.tolist():
@@ -138,11 +136,9 @@ def chains(sides: Long) -> list[Long]:
 
 
 def reverse_cuthill_mckee(bonds: Long, n: int, start: int) -> Long:
-    """Return the reverse Cuthill-McKee order (n,) of points joined by `bonds` (m, 2), beginning at `start`.
-
-    SciPy begins at a point of lowest degree and breaks ties by an unstable sort. An additional point, with a single
-    bond to `start`, makes its choice unique.
-    """
+    """Return the reverse Cuthill-McKee order (n,) of points joined by `bonds` (m, 2), beginning at `start`."""
+    # SciPy begins at a point of lowest degree and breaks ties by an unstable sort. An additional point, with a single
+    # bond to `start`, makes its choice unique.
     from scipy.sparse import coo_matrix
     from scipy.sparse.csgraph import reverse_cuthill_mckee
 

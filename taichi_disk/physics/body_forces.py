@@ -174,11 +174,8 @@ class MouseSpring(BodyForce):
 
     @ti.func
     def change(self, state: ti.template(), factor):
-        """Add `factor` times the pull to the forces at this step, without a change of positions and velocities.
-
-        Only the second half of this step's kick lies after this moment, so only that half changes. Returns `factor`
-        times the potential.
-        """
+        """Add `factor` times the pull to the forces at this step, and return `factor` times the potential [M c^2]."""
+        # Only the second half of this step's kick lies after this moment, so only that half changes.
         i = self.point[0]
         energy = 0.0
         if i >= 0:

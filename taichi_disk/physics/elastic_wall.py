@@ -113,11 +113,9 @@ class ElasticWall(Wall):
 
     @ti.func
     def slid(self, state: ti.template(), i, k, move):
-        """Return the energy that point i, now above wall spring k, lost if the last move has brought it to this spring.
-
-        On a bent surface the distance l, and with it the potential, jumps when a point passes from one spring to the
-        next. By the trapezoidal rule, half of the jump at each end of the move counts.
-        """
+        """Return the energy that point i lost if the last move has brought it above wall spring k from another one."""
+        # On a bent surface the distance l, and with it the potential, jumps when a point passes from one spring to the
+        # next. By the trapezoidal rule, half of the jump at each end of the move counts.
         before = self.spring_below(state, i, k, move)
         lost = 0.0
         if before != k:

@@ -57,12 +57,10 @@ def arrange(bonds: NDArray[np.int32], points: int) -> Arrangement:
 
 
 def interleave_springs(bonds: NDArray[np.int32], points: int) -> NDArray[np.int64]:
-    """Return an order (m,) of `bonds` (m, 2), which are sorted by their first point.
-
-    A second addition to the force on a point has to wait until the first is stored. Springs with the same colour in a
-    greedy edge colouring share no point. Within a window of WINDOW points, springs are ordered by colour; this keeps
-    memory accesses local and makes a step 10 % faster.
-    """
+    """Return an order (m,) of `bonds` (m, 2), which are sorted by their first point."""
+    # A second addition to the force on a point has to wait until the first is stored. Springs with the same colour in a
+    # greedy edge colouring share no point. Within a window of WINDOW points, springs are ordered by colour; this keeps
+    # memory accesses local and makes a step 10 % faster.
     used = [0] * points  # set of the colours at each point, as bits
     colour = np.empty(len(bonds), dtype=np.int64)
     for b, (i, j) in enumerate(bonds.tolist()):

@@ -194,10 +194,8 @@ class Springs(Law):
         return np.stack([np.bincount(j, pull, n) - np.bincount(i, pull, n) for pull in pulls], axis=1)
 
     def stiffness(self, lattice: Lattice, x: Array, rate: float = 0.0) -> Any:
-        """Return the stiffness: T' e e^T + T/r (1 - e e^T) of a spring of length r and tension T.
-
-        With `rate` [c/R], the damping matrix times `rate` is added, for displacements that grow as exp(rate t).
-        """
+        """Return the stiffness: T' e e^T + T/r (1 - e e^T) of a spring of length r and tension T."""
+        # With `rate` [c/R], the damping matrix times `rate` is added, for displacements that grow as exp(rate t).
         s = self.stretch(lattice, x)
         length = s + lattice.rest_lengths
         ex, ey = self.ends_apart(lattice, x) / length

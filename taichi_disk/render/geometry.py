@@ -41,7 +41,7 @@ class Camera:
 
     @classmethod
     def fit(cls, view: View, width: int, height: int, margin: float = 0.0, viewport: View | None = None) -> Camera:
-        """Return the camera that shows `view` (xmin, xmax, ymin, ymax) [R] as large as possible, centred in `viewport`."""
+        """Return the camera that shows `view` (xmin, xmax, ymin, ymax) [R] as large as possible in `viewport`."""
         xmin, xmax, ymin, ymax = view
         left, right, top, bottom = viewport = viewport or (0.0, float(width), 0.0, float(height))
         room = right - left - 2.0 * margin, bottom - top - 2.0 * margin

@@ -94,10 +94,8 @@ class State:
         ]
 
     def begin(self, numbers: Sequence[tuple[Any, float]], contents: Contents) -> None:
-        """Write `numbers` into their 0-D fields and `contents` into other fields. All calls must write the same fields.
-
-        One kernel writes all of them, because loading a compiled kernel takes 30 ms.
-        """
+        """Write `numbers` into 0-D fields and `contents` into other fields, which must be the same in all calls."""
+        # One kernel writes all of them, because loading a compiled kernel takes 30 ms.
         self.scalars, self.fields = [field for field, _ in numbers], [fields for fields, _ in contents]
         values = [np.asarray(values, np.float64).ravel() for _, values in contents]
         rows = [len(data) // len(fields) for data, fields in zip(values, self.fields, strict=True)]
@@ -329,11 +327,9 @@ class Stepping:
 
     @ti.func
     def reset_boundary(self, number, before, sums):
-        """Reset the boundary if that is due, and return sums with the absorbed energy.
-
-        The force of dashpots jumps at a reset. Their loss over a step is summed as -h/2 (f_k + f_{k+1}) v_{k+1/2}, with
-        the forces of the dashpots as they acted at both ends of the step.
-        """
+        """Reset the boundary if that is due, and return sums with the absorbed energy."""
+        # The force of dashpots jumps at a reset. Their loss over a step is summed as -h/2 (f_k + f_{k+1}) v_{k+1/2},
+        # with the forces of the dashpots as they acted at both ends of the step.
         result = sums
         h = self.passed(number, self.state.h[None])
         if ti.static(self.damped):

@@ -67,11 +67,9 @@ def solve_equilibrium(
 def _downhill(
     lattice: Lattice, model: Model, x: Array, force: Array, tangent: Any, shift: float, stiffest: float
 ) -> tuple[Array, float]:
-    """Make a Levenberg-Marquardt step; return the new positions and the next shift of the tangent's diagonal.
-
-    The shift grows until the matrix is positive definite and the energy falls by a tenth of the predicted amount. It
-    may become tiny, because rolling, which may be 1e-8 times as stiff as the springs, must converge too.
-    """
+    """Make a Levenberg-Marquardt step; return the new positions and the next shift of the tangent's diagonal."""
+    # The shift grows until the matrix is positive definite and the energy falls by a tenth of the predicted amount. It
+    # may become tiny, because rolling, which may be 1e-8 times as stiff as the springs, must converge too.
     energy, residual = model.energy(lattice, x), np.abs(force).max()
     while shift < _MAX_SHIFT * stiffest:
         factors = _factors(tangent, shift)
@@ -149,11 +147,9 @@ def rigid_balance(heights: Array, wall: ExponentialWall, load: float) -> float:
 
 
 def resting_angle(disk: Lattice, modulus: float, a: float, pressure: float) -> float:
-    """Return the counter-clockwise rotation at which the unloaded disk rests on the wall [rad].
-
-    A rigid body on a wall V0 exp(-y/L) minimizes L ln sum_i exp(-y_i/L), with y_i relative to the centre of mass. With
-    L = 1/a + 2 P/(pi E) the contact is about as wide as Hertz's.
-    """
+    """Return the counter-clockwise rotation at which the unloaded disk rests on the wall [rad]."""
+    # A rigid body on a wall V0 exp(-y/L) minimizes L ln sum_i exp(-y_i/L), with y_i relative to the centre of mass.
+    # With L = 1/a + 2 P/(pi E) the contact is about as wide as Hertz's.
     from scipy.optimize import minimize_scalar
 
     depth = 1.0 / a + 2.0 * pressure / (np.pi * modulus)
@@ -170,9 +166,7 @@ def resting_angle(disk: Lattice, modulus: float, a: float, pressure: float) -> f
 
 
 def place_on_wall(disk: Lattice, angle: float, wall: ExponentialWall, load: float) -> Lattice:
-    """Rotate `disk` to the resting `angle` and move it to the height at which the wall carries the `load`.
-
-    From another angle it would roll for 10^4 R/c, and the compression would refer to the wrong radius.
-    """
+    """Rotate `disk` to the resting `angle` and move it to the height at which the wall carries the `load`."""
+    # From another angle it would roll for 10^4 R/c, and the compression would refer to the wrong radius.
     positions = turned(disk.positions, angle)
     return replace(disk, positions=positions + np.array([0.0, rigid_balance(positions[:, 1], wall, load)]))
