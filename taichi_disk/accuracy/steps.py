@@ -85,7 +85,7 @@ class StepStudy:
         scenario, (integrator, steps), errors = self.scenario, self.default, []
         x, v = self.reference.solve(scenario.velocities, self.end)
         end = replace(scenario.lattice, positions=x)
-        # A simulation that starts from the reference solution gives its observables as for the runs.
+        # A simulation that starts from the reference solution measures the same observables as in the runs.
         first = kernels.simulation(end, scenario.model, integrator, v, self.end / steps).first_row
         truth = scenario.primary(as_columns(first[None], 0.0))[1]
         for number, (integrator, steps) in enumerate(self.runs):

@@ -95,7 +95,7 @@ def _sampling_errors(scenario: Scenario, columns: Columns) -> dict[str, float]:
 
 
 def _other_steps(driver: Driver) -> list[float]:
-    """Return the steps [R/c] of the other runs. A longer step costs less, if it is stable and errors are regular."""
+    """Return the steps [R/c] of the other runs: shorter ones, or a longer one, which costs less, if that is stable."""
     step, interval = driver.step, driver.scenario.model.reset_interval
     if driver.scenario.model.has_friction:
         return [step.dt / HALF_STEP, step.dt / QUARTER_STEP]

@@ -229,7 +229,7 @@ FORMATS = {
 def check_export(path: Path, format: str | None = None) -> tuple[Path, Format]:
     """Return the file and the format of an export; call this before anything is computed.
 
-    `path`: a file whose suffix names the format, or a folder for a file trajectory of one of the FORMATS. Raises
+    `path`: a file whose suffix names the format, or a folder; `format`: one of FORMATS, if `path` is a folder. Raises
     InputError if the format does not exist, its package is missing, or the folder is not writable.
     """
     if path.is_dir() and format in FORMATS:

@@ -51,7 +51,7 @@ class MatchedBoundary(Boundary):
     """Dashpots with the force -Z v on each point, Z from `matched_impedance`: waves leave without reflection."""
 
     velocity_dependent = True
-    impedance: Array  # (k, 2) Z for x and y: rho c times the length of the boundary of each point [M c/R]
+    impedance: Array  # (k, 2) Z for x and y: rho c times the length of boundary that a point represents [M c/R]
 
     def make_fields(self, builder: Any, capacity: Capacity) -> None:
         super().make_fields(builder, capacity)

@@ -144,7 +144,7 @@ class Legend:
         return np.array(image)
 
     def below(self, width: int, scale: float) -> NDArray[np.uint8]:
-        """Return the picture (footer, width, 3) of the scales below several disks, `width` pixels wide together."""
+        """Return the picture (footer, `width`, 3) of the scales that stand below several disks."""
         wide = copy(self)
         wide._width, wide._title = width, []
         return wide.still(scale)[self._size - self.footer :]

@@ -15,7 +15,7 @@ from taichi_disk.fields import FRINGES, QUANTITIES
 Colour = tuple[float, float, float]  # sRGB, 0 to 1
 
 LEVELS = 512  # number of colours of a map
-_BARE = 0.7  # lightness range of a map for lines and points over the range of a map for fields
+_BARE = 0.7  # fraction of the lightness range that is used in maps for lines and points
 
 
 @dataclass(frozen=True)

@@ -128,9 +128,7 @@ class AbsorbingWallImpact(ImpactScenario):
             boundary = physics.ResetBoundary(wall.reset_interval)
         elif wall.boundary == "dashpot":
             moduli = self.scene.moduli(self.lattice.disk_points)
-            ratio = np.sqrt(
-                self.scene.wall_k_a / self.scene.material.k_a
-            )  # speed of sound in the wall over that in the disk
+            ratio = np.sqrt(self.scene.wall_k_a / self.scene.material.k_a)  # of the wall's speed of sound to the disk's
             p, s = (ratio * moduli.density * speed for speed in (moduli.wave_speed_p, moduli.wave_speed_s))
             boundary = physics.MatchedBoundary(physics.matched_impedance(self.lattice, p, s))
         return physics.Model(self.springs, contact(wall.a, wall.V0, wall.threshold), boundary=boundary)

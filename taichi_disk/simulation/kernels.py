@@ -156,7 +156,7 @@ class SubdomainKernels(Kernels):
 
     @ti.func
     def join(self, stage: ti.template(), number):
-        """Add seams, sums and contact of the whole lattice, and end the step after the last stage."""
+        """Add the springs across the seams, the sums and the contact; after the last stage, end the step."""
         sums = ti.Vector([self.state.sums[k] for k in range(self.state.summed)])
         seams = self.state.subdomain_ends[self.count - 1]
         elastic, products = self.springs.add(self.state, self.explicit, seams, self.state.blocks[None])
