@@ -103,9 +103,7 @@ class EnergyBalance:
         with np.errstate(invalid="ignore"):
             size = np.maximum.accumulate(np.append(self._largest, self._size(rows)))
             lost = np.maximum(np.abs(self.imbalance(rows)), np.abs(rows[:, INDEX["sliding"]]))
-            bad = ~(
-                (lost <= BLOW_UP * size[1:] + 1e-300) & (lost < np.inf)
-            )  # the energy is infinite deep inside a wall
+            bad = ~((lost <= BLOW_UP * size[1:] + 1e-300) & (lost < np.inf))  # infinite: deep inside a wall
         if bad.any():
             return int(bad.argmax())
         self._largest = float(size[-1])

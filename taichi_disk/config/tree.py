@@ -114,11 +114,7 @@ def parse(text: str, source: Mark, path: Keys = ()) -> Tree:
         what = f"not readable as YAML: {error.problem or error.context}"
         if "'\\t'" in what:
             what += " (YAML allows no tabs for indentation: use spaces)"
-    except (
-        RecursionError,
-        ValueError,
-        OverflowError,
-    ):  # the last two: bad version numbers and escapes
+    except (RecursionError, ValueError, OverflowError):  # ValueError, OverflowError: bad version numbers or escapes
         what = "not readable as YAML: nested too deeply, or a number or an escape is out of range"
     return Tree(faults=[Fault(where, ".".join(path), what)])
 

@@ -35,9 +35,7 @@ MAX_OUTLINE_DEPTH = 0.2  # [radius]: a body with a deeper outline bends more eas
 # Wall potential over kinetic energy at the start and the end of a body with a deeper outline, whose ends swing back to
 # the wall. With 1e-7 the error of e of a rod was 1.5e-6.
 BENDING_POTENTIAL = 1e-10
-RESOLVED = (
-    0.49  # fraction of the wall's decay length that a step may cross; beyond, another step does not show its error
-)
+RESOLVED = 0.49  # largest fraction of the wall's decay length per step at which another step shows the error
 
 
 class ImpactScene(DiskScene):
@@ -144,9 +142,7 @@ class ImpactScenario(Scenario):
         return 0.0
 
     def _view(self) -> tuple[float, float, float, float]:
-        along = (
-            3.0 * self.gap * float(np.tan(self.scene.impact.angle))
-        )  # approximate path along the wall, there and back
+        along = 3.0 * self.gap * float(np.tan(self.scene.impact.angle))  # about the path along the wall, there and back
         return min(along, 0.0) - 1.1, max(along, 0.0) + 1.1, -0.1, 2.0 + self.gap
 
     def _default_max_time(self) -> float:
