@@ -103,7 +103,7 @@ def moving_down(lattice, speed):
     return v
 
 
-def unlike(lattice, least=0.8, most=1.25):
+def non_uniform(lattice, least=0.8, most=1.25):
     """The same with masses of the disk's points, and stiffness, at random."""
     rng, n, masses = np.random.default_rng(7), lattice.disk_points, lattice.masses.copy()
     masses[:n] *= rng.uniform(least, most, n)
@@ -112,10 +112,10 @@ def unlike(lattice, least=0.8, most=1.25):
 
 
 def bouncing(scene, points, eta, height=0.05):
-    """Lattice, velocities and model of a disk just above a wall, moving straight down, or pressed; "unlike ..."."""
-    if scene.startswith("unlike "):
-        lattice, velocities, model = bouncing(scene.removeprefix("unlike "), points, eta, height)
-        return unlike(lattice), velocities, model
+    """Return lattice, velocities and model of a disk just above a wall, moving down or pressed; "non-uniform ..."."""
+    if scene.startswith("non-uniform "):
+        lattice, velocities, model = bouncing(scene.removeprefix("non-uniform "), points, eta, height)
+        return non_uniform(lattice), velocities, model
     speed = 0.05
     if scene == "compression":
         lattice, speed, model = disk(points, height=0.045), 0.0, pressed(0.05, eta)

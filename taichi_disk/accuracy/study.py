@@ -148,7 +148,7 @@ def assess(scene: Scene, progress: Progress, note: Callable[[str], None]) -> Fin
     sources = [Change("scene", "as it is", result=base, difference=0.0)]
     for number, change in enumerate(others):
         progress("compare", number, len(others))
-        sources.append(measured(scene, base, change, kernels))
+        sources.append(with_result(scene, base, change, kernels))
     return Findings(scene.results[0], steps, sources)
 
 
@@ -170,7 +170,7 @@ def changes(scene: Scene) -> Iterator[Change]:
         yield Change(WALL, f"a = {multiple * a:g}/R", {"wall.a": multiple * a})
 
 
-def measured(scene: Scene, base: float, change: Change, kernels: KernelCache) -> Change:
+def with_result(scene: Scene, base: float, change: Change, kernels: KernelCache) -> Change:
     try:
         result = result_of(scene.with_(change.keys), kernels)
     except TaichiDiskError as error:

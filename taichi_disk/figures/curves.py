@@ -230,8 +230,8 @@ def to_change(figure: Plot) -> Plot:
     """Prepare a figure for changes: new ticks get its style, and its layout is computed whenever it is drawn."""
     figure.set_layout_engine("constrained")
     for ax in figure.axes:
-        look = {"grid_color": STYLE["grid.color"], "grid_linewidth": STYLE["grid.linewidth"]}
-        ax.tick_params(which="both", labelsize=FONT["font.size"], **look)
+        grid_style = {"grid_color": STYLE["grid.color"], "grid_linewidth": STYLE["grid.linewidth"]}
+        ax.tick_params(which="both", labelsize=FONT["font.size"], **grid_style)
     figure.draw_without_rendering()
     figure.set_dpi(200)
     return figure
@@ -268,7 +268,7 @@ def curve_label(label: dict[str, Any]) -> str:
 
 def curve_styles(count: int) -> list[dict[str, Any]]:
     colours = matplotlib.colormaps["viridis"](np.linspace(0.0, 0.88, count))
-    return [{"color": one, "marker": MARKERS[k % len(MARKERS)], "elinewidth": 0.8} for k, one in enumerate(colours)]
+    return [{"color": rgba, "marker": MARKERS[k % len(MARKERS)], "elinewidth": 0.8} for k, rgba in enumerate(colours)]
 
 
 def explain_bars(ax: Axes, lattices: Iterable[int]) -> None:

@@ -93,13 +93,13 @@ class IterativeSolver(DashpotSolver):
                 r = get(self.residual, i) - part * get(self.product, i)
                 put(self.residual, i, r)
                 left += self.inverse[0][i] * r[0] * r[0] + self.inverse[y][i] * r[1] * r[1]
-            kept = left / before
+            beta = left / before
             if count == 0:
-                kept = 0.0
+                beta = 0.0
             if left > goal:
                 for i in range(n):
                     r, last = get(self.residual, i), get(self.direction, i)
-                    self.search(i, ti.Vector([self.inverse[0][i] * r[0], self.inverse[y][i] * r[1]]) + kept * last)
+                    self.search(i, ti.Vector([self.inverse[0][i] * r[0], self.inverse[y][i] * r[1]]) + beta * last)
             count += 1
 
     @ti.func

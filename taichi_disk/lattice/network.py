@@ -142,7 +142,7 @@ def bulk_moduli(points: int, seed: int, k: float, min_spacing: float) -> Moduli:
     side = math.sqrt(math.pi)
     mesh = rectangle(min(max(points, _MIN_SAMPLE), _MAX_SAMPLE), seed, min_spacing, side, side)
     x = mesh.positions[:, 0]
-    return inner_moduli(mesh, k, pulled(mesh, k, x == 0.0, x == side))
+    return inner_moduli(mesh, k, stretch(mesh, k, x == 0.0, x == side))
 
 
 def rectangle(points: int, seed: int, min_spacing: float, length: float, width: float) -> Lattice:
@@ -155,7 +155,7 @@ def rectangle(points: int, seed: int, min_spacing: float, length: float, width: 
     return triangulate(rectangle_points(np.random.default_rng([seed, 2]), count, low, high, row, spacing))
 
 
-def pulled(mesh: Lattice, k: float, left: NDArray[np.bool_], right: NDArray[np.bool_], clamped: bool = False) -> Array:
+def stretch(mesh: Lattice, k: float, left: NDArray[np.bool_], right: NDArray[np.bool_], clamped: bool = False) -> Array:
     """Return the displacements (n, 2) in linear equilibrium with u_x = x prescribed at both ends.
 
     The end points `left` and `right` (n,) move freely in y unless `clamped`.

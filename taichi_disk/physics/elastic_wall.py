@@ -65,7 +65,7 @@ class ElasticWall(Wall):
         """Push every surface point of the disk away from the wall below it.
 
         Returns the upward force on the disk [M c^2/R], the potential [M c^2], the largest force on one point, and the
-        energy lost by sliding in the last move, which was `move` times the velocity (see `slid`).
+        energy lost by sliding in the last move, which was `move` times the velocity (see `sliding_loss`).
         """
         a, V0, threshold = self.a_now[None], self.V0_now[None], self.threshold_now[None]
         x, y = ti.static(state.x[0], state.x[1])
@@ -92,7 +92,7 @@ class ElasticWall(Wall):
                     potential += energy - self.shift_now[None]
                     size = a * energy
                     if ti.static(self.has_jumps):
-                        slid += self.slid(state, i, k, move)
+                        slid += self.sliding_loss(state, i, k, move)
                     else:
                         size = point_force.norm()
                     peak_point_force = ti.max(peak_point_force, size)
@@ -108,11 +108,11 @@ class ElasticWall(Wall):
         distance, normal, lever = self.threshold_now[None], ti.Vector([0.0, 0.0]), 0.0
         x, p, q = state.x[0][i], self.wall_surface[k], self.wall_surface[k + 1]
         if x >= state.x[0][p] and x < state.x[0][q]:
-            distance, lever, normal = self.over(state, i, k, 0.0)
+            distance, lever, normal = self.position_above(state, i, k, 0.0)
         return distance, normal, k, ti.Vector([1.0 - lever, lever])
 
     @ti.func
-    def slid(self, state: ti.template(), i, k, move):
+    def sliding_loss(self, state: ti.template(), i, k, move):
         """Return the energy that point i lost if the last move has brought it above wall spring k from another one."""
         # On a bent surface the distance l, and with it the potential, jumps when a point passes from one spring to the
         # next. By the trapezoidal rule, half of the jump at each end of the move counts.
@@ -123,7 +123,7 @@ class ElasticWall(Wall):
                 spring, half = k, -0.5
                 if case < 2:
                     spring, half = before, 0.5
-                distance, _lever, _normal = self.over(state, i, spring, (case % 2) * move)
+                distance, _lever, _normal = self.position_above(state, i, spring, (case % 2) * move)
                 if distance < self.threshold_now[None]:
                     energy = self.V0_now[None] * ti.exp(-self.a_now[None] * distance)
                     lost += half * (energy - self.shift_now[None])
@@ -141,7 +141,7 @@ class ElasticWall(Wall):
         return k
 
     @ti.func
-    def over(self, state: ti.template(), i, k, move):
+    def position_above(self, state: ti.template(), i, k, move):
         """Return distance, lever and normal of point i above wall spring k, at the position before `move` times v."""
         start = self.position_before(state, self.wall_surface[k], move)
         along = self.position_before(state, self.wall_surface[k + 1], move) - start
@@ -166,8 +166,8 @@ class ElasticWall(Wall):
         distance, direction, shares = self.geometry(x[points], chain[carriers])
         with np.errstate(over="ignore", invalid="ignore"):  # values after a blow-up
             energy, force = self.potential(distance), self.force_at(distance)[:, None] * direction
-        near = distance < self.threshold
-        return Contacts(points[near], carriers[near], shares[near], energy[near], force[near])
+        in_reach = distance < self.threshold
+        return Contacts(points[in_reach], carriers[in_reach], shares[in_reach], energy[in_reach], force[in_reach])
 
     def pieces(self, chain: Array) -> tuple[Array, Array]:
         """Return start and end (m, 2) of the pieces of the surface with the points `chain` (n, 2)."""

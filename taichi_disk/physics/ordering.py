@@ -64,8 +64,8 @@ def interleave_springs(bonds: NDArray[np.int32], points: int) -> NDArray[np.int6
     used = [0] * points  # set of the colours at each point, as bits
     colour = np.empty(len(bonds), dtype=np.int64)
     for b, (i, j) in enumerate(bonds.tolist()):
-        taken = used[i] | used[j]
-        lowest = ~taken & (taken + 1)
+        occupied = used[i] | used[j]
+        lowest = ~occupied & (occupied + 1)
         colour[b] = lowest.bit_length() - 1
         used[i] |= lowest
         used[j] |= lowest

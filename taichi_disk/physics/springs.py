@@ -32,7 +32,7 @@ class Springs(Law):
     axial: bool = False  # whether dashpots resist only the relative velocity along their spring
     scalars = ("k_a", "k_b", "eta")
     switches = ("cubic", "damped", "axial")
-    unlike = False  # whether the springs have a `Lattice.stiffness`; a simulation sets this on its copy
+    non_uniform = False  # whether the springs have a `Lattice.stiffness`; a simulation sets this on its copy
 
     def __post_init__(self) -> None:
         self.cubic, self.damped = self.k_b != 0.0, self.eta != 0.0
@@ -53,7 +53,7 @@ class Springs(Law):
         self.first, self.second, self.rest = (
             side_by_side(builder, capacity.blocks, BLOCK, kind) for kind in (ti.i32, ti.i32, ti.f64)
         )
-        if self.unlike:
+        if self.non_uniform:
             self.factor = side_by_side(builder, capacity.blocks, BLOCK)
 
     def contents(self, lattice: Lattice, arrangement: Arrangement) -> Contents:
@@ -109,7 +109,7 @@ class Springs(Law):
 
     @ti.func
     def stiffened(self, value, block):
-        if ti.static(self.unlike):
+        if ti.static(self.non_uniform):
             return value * ti.Vector([self.factor[k][block] for k in range(BLOCK)])
         else:
             return value
@@ -127,7 +127,7 @@ class Springs(Law):
     def damped_part(self, state: ti.template(), k: ti.template(), block, velocity):
         """Return the component of a relative `velocity` that the dashpot of spring k damps, times its stiffness."""
         part = velocity
-        if ti.static(self.unlike):
+        if ti.static(self.non_uniform):
             part = self.factor[k][block] * velocity
         if ti.static(self.axial):
             d = get(state.x, self.first[k][block]) - get(state.x, self.second[k][block])

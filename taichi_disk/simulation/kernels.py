@@ -149,7 +149,7 @@ class SubdomainKernels(Kernels):
         first = c * self.state.subdomain_points[None]
         last = ti.min(first + self.state.subdomain_points[None], self.state.n[None])
         kick, move, shift = ti.static(*self.integrator.stages[stage])
-        h = self.passed(number, self.state.h[None])
+        h = self.elapsed(number, self.state.h[None])
         peak_point_force = self.drift(kick * h, move * h, shift * h * h, first, last)
         elastic, products = self.springs.add(self.state, self.explicit, begin, self.state.subdomain_ends[c])
         self.parts[0][c], self.parts[1][c], self.parts[2][c] = peak_point_force, elastic, products
@@ -165,7 +165,7 @@ class SubdomainKernels(Kernels):
             peak_point_force = ti.max(peak_point_force, self.parts[0][c])
             elastic += self.parts[1][c]
             products += self.parts[2][c]
-        move = ti.static(self.integrator.stages[stage][1]) * self.passed(number, self.state.h[None])
+        move = ti.static(self.integrator.stages[stage][1]) * self.elapsed(number, self.state.h[None])
         sums, upward, potential = self.add_contact(move, sums, peak_point_force)
         if ti.static(stage == self.integrator.forces - 1):
             sums = self.account(number, sums, products)

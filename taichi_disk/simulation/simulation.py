@@ -47,7 +47,7 @@ class Simulation:
         self.integrator, self.model, self.generation = integrator, deepcopy(model), 0
         self._program = engine.program()
         self.features = compiled_for(lattice, model)
-        self.model.springs.unlike = lattice.stiffness is not None
+        self.model.springs.non_uniform = lattice.stiffness is not None
         arrangement = interruptible(arrange, lattice.bonds, len(lattice.positions))
         factor = self._factor(lattice, model, dt)
         self.subdomains = arrangement.subdomains
@@ -95,8 +95,8 @@ class Simulation:
     def _start(
         self, lattice: Lattice, model: Model, v: Array, dt: float, arrangement: Arrangement, factor: Dashpots
     ) -> None:
-        for own, given in zip(self.model.laws, model.laws, strict=True):
-            own.take_values(given)
+        for law, new in zip(self.model.laws, model.laws, strict=True):
+            law.take_values(new)
         self.lattice, self.dt, self._arrangement, self.step_number = lattice, dt, arrangement, 0
         self.generation += 1
         state, solver, laws = self.state, self.kernels.solver, self.model.laws

@@ -240,7 +240,7 @@ class Stepping:
         Step 0 moves nothing: it computes the forces at t = 0 from x_0 and v_0 (in `v` and `u`) and subtracts the last
         kick of a preceding step.
         """
-        sums, h = before, self.passed(number, self.state.h[None])
+        sums, h = before, self.elapsed(number, self.state.h[None])
         elastic, products, upward, potential = 0.0, 0.0, 0.0, 0.0
         if ti.static(self.integrator.forces == 1):
             sums, elastic, products, upward, potential = self.stage(h, h, 0.0, sums)
@@ -256,7 +256,7 @@ class Stepping:
         return self.account(number, sums, products), elastic, upward, potential
 
     @ti.func
-    def passed(self, number, time):
+    def elapsed(self, number, time):
         return time * ti.cast(number > 0, ti.f64)
 
     @ti.func
@@ -274,7 +274,7 @@ class Stepping:
 
         `products`: see `Springs.add`. Returns sums.
         """
-        h, closing = self.passed(number, self.state.h[None]), self.passed(number, self.state.closing[None])
+        h, closing = self.elapsed(number, self.state.h[None]), self.elapsed(number, self.state.closing[None])
         power, cross, late, boundary_power = 0.0, 0.0, 0.0, 0.0
         if ti.static(self.explicit):
             power = self.springs.eta_now[None] * products
@@ -331,7 +331,7 @@ class Stepping:
         # The force of dashpots jumps at a reset. Their loss over a step is summed as -h/2 (f_k + f_{k+1}) v_{k+1/2},
         # with the forces of the dashpots as they acted at both ends of the step.
         result = sums
-        h = self.passed(number, self.state.h[None])
+        h = self.elapsed(number, self.state.h[None])
         if ti.static(self.damped):
             power = self.boundary.dashpot_work(self.state, self.springs, 0.0)
             loss = 0.5 * h * (before[POWER] + power) + before[INITIAL_LOSS]
@@ -341,6 +341,6 @@ class Stepping:
         elif ti.static(self.implicit):
             result[INITIAL_LOSS] = self.take_damped_force(number, before)
         if ti.static(self.damped):
-            next_kick = self.passed(number, self.state.closing[None]) + self.state.closing[None]
+            next_kick = self.elapsed(number, self.state.closing[None]) + self.state.closing[None]
             result[POWER] = self.boundary.dashpot_work(self.state, self.springs, next_kick)
         return result

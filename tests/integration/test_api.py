@@ -399,7 +399,7 @@ ELLIPSE = Lattice.from_points(DISK.positions * [1.1, 0.9])
 STRAINED = Lattice.from_points(ELLIPSE.positions, ELLIPSE.bonds, ELLIPSE.rest_lengths * 1.002)
 RING = Lattice.disk(150, hole=0.3)
 FACTORS = np.where(RING.bonds[:, 0] % 3, 1.0, 2.0)
-UNLIKE = Lattice.from_points(RING.positions, RING.bonds, stiffness=FACTORS, masses=1.0 + np.arange(150) % 2)
+NON_UNIFORM = Lattice.from_points(RING.positions, RING.bonds, stiffness=FACTORS, masses=1.0 + np.arange(150) % 2)
 THROWN = np.random.default_rng(0).normal(0.0, 1e-3, (60, 2)) + [0.002, -0.04]
 OWN = {
     "turned": ("exponential_wall", {"impact.turn": 0.7}, {"lattice": ELLIPSE}),
@@ -407,7 +407,7 @@ OWN = {
     "strained": ("exponential_wall", {"impact.spin": 0.01}, {"lattice": STRAINED, "velocities": THROWN}),
     "walled": ("absorbing_wall", {"wall.points": 100}, {"lattice": ELLIPSE, "velocities": THROWN}),
     "pressed": ("compression", {"compression.method": "newton"}, {"lattice": STRAINED}),
-    "unlike": ("absorbing_wall", {"wall.points": 200, "impact.spin": 0.01}, {"lattice": UNLIKE}),
+    "non-uniform": ("absorbing_wall", {"wall.points": 200, "impact.spin": 0.01}, {"lattice": NON_UNIFORM}),
 }
 
 
@@ -418,7 +418,10 @@ def assert_same(one: Result, other: Result) -> None:
 
 @pytest.mark.parametrize(
     "name",
-    [pytest.param(one, marks=pytest.mark.validate if one in ("thrown", "pressed", "unlike") else ()) for one in OWN],
+    [
+        pytest.param(one, marks=pytest.mark.validate if one in ("thrown", "pressed", "non-uniform") else ())
+        for one in OWN
+    ],
 )
 def test_scene_yaml_alone_repeats_a_run_with_custom_arrays_bitwise(tmp_path, name):
     kind, changes, own = OWN[name]

@@ -8,7 +8,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from bodies import computed, unlike
+from bodies import computed, non_uniform
 
 from taichi_disk import load_scene
 from taichi_disk.errors import InputError, SimulationError
@@ -20,8 +20,8 @@ from taichi_disk.physics import ElasticWall, Model, Springs
 
 TIMES = np.array([0.0, 0.5, 1.0])
 SINGLE = {"rtol": 1e-6, "atol": 1e-7}
-# A small disk of unlike points and springs that sinks onto an elastic wall and is squeezed.
-LATTICE = unlike(with_wall(disk_lattice(40, seed=1), 60, 3.0, seed=1))
+# A small disk of non-uniform points and springs that sinks onto an elastic wall and is squeezed.
+LATTICE = non_uniform(with_wall(disk_lattice(40, seed=1), 60, 3.0, seed=1))
 MODEL = Model(Springs(1.3, 0.2, 0.5), ElasticWall(300.0, 150.0, 0.1))
 SCENE = load_scene("absorbing_wall", ["lattice.points=40", "lattice.seed=1"])
 SCENARIO = SimpleNamespace(scene=SCENE, lattice=LATTICE, model=MODEL)

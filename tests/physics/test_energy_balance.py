@@ -70,11 +70,11 @@ def test_energy_is_accounted_for_at_the_automatic_step(scene, kernels):
         pytest.param("reset", 20.0, VV, marks=LONG),
         pytest.param("reset", 20.0, TRAPEZOIDAL, marks=LONG),
         pytest.param("axial reset", 20.0, VV, marks=LONG),
-        pytest.param("unlike rigid", 20.0, VV, marks=LONG),
-        ("unlike compression", 20.0, TRAPEZOIDAL),
-        pytest.param("unlike matched", 100.0, TRAPEZOIDAL, marks=LONG),
-        pytest.param("unlike reset", 20.0, VV, marks=LONG),
-        pytest.param("unlike reset", 20.0, TRAPEZOIDAL, marks=LONG),
+        pytest.param("non-uniform rigid", 20.0, VV, marks=LONG),
+        ("non-uniform compression", 20.0, TRAPEZOIDAL),
+        pytest.param("non-uniform matched", 100.0, TRAPEZOIDAL, marks=LONG),
+        pytest.param("non-uniform reset", 20.0, VV, marks=LONG),
+        pytest.param("non-uniform reset", 20.0, TRAPEZOIDAL, marks=LONG),
     ],
 )
 def test_the_imbalance_falls_with_the_square_of_the_step(scene, eta_star, integrator, kernels):

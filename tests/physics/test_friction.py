@@ -67,7 +67,9 @@ def test_spin_and_sideways_velocity_change_by_just_what_the_wall_does(throw, ker
     assert found["spin_after"] - scenario.scene.impact.spin == pytest.approx(change / inertia(scenario), rel=1e-9)
 
 
-@pytest.mark.parametrize("alike", [True, pytest.param(False, marks=pytest.mark.validate)], ids=["", "unlike masses"])
+@pytest.mark.parametrize(
+    "alike", [True, pytest.param(False, marks=pytest.mark.validate)], ids=["", "non-uniform masses"]
+)
 def test_every_point_obeys_coulomb_at_every_step(alike, kernels):
     # Of a point that the wall pushes, what is left of its force beside springs and normal push is friction: mu times
     # the push against the velocity to come, or less where that is 0.

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import reference
-from bodies import FALLING, disk, moving_down, unlike
+from bodies import FALLING, disk, moving_down, non_uniform
 from numpy.testing import assert_array_equal
 
 from taichi_disk.integrators import TAKAHASHI_IMADA, TRAPEZOIDAL, VELOCITY_VERLET
@@ -38,7 +38,7 @@ class Pulled(reference.Model):
         *(pytest.param(*one, 0.02, marks=LONG) for one in ((0.0, TAKAHASHI_IMADA), (1.0, TRAPEZOIDAL))),
     ],
 )
-@pytest.mark.parametrize("body", [lambda one: one, pytest.param(unlike, marks=LONG)], ids=["equal", "unlike"])
+@pytest.mark.parametrize("body", [lambda one: one, pytest.param(non_uniform, marks=LONG)], ids=["equal", "non-uniform"])
 def test_a_pulled_point_moves_as_the_exact_solution_and_its_energy_is_accounted_for(body, eta, integrator, dt, kernels):
     lattice = body(disk(60, height=0.5))
     model = Model(Springs(1.0, 1.0, eta), FALLING.wall, mouse=MOUSE)

@@ -48,16 +48,20 @@ FAST = {
     ("rigid", 0.0, VV),
     ("rigid", 0.0, VEFRL),
     ("rigid", 0.0, TAKAHASHI_IMADA),
-    ("unlike compression", ETA, TRAPEZOIDAL),
+    ("non-uniform compression", ETA, TRAPEZOIDAL),
     ("reset", 0.0, VV),
 }
 SCENES = ["compression", "rigid", "reset", "pinned", "matched"]
 WAYS = [(0.0, VV), (ETA, VV), (ETA, TRAPEZOIDAL), (0.0, VEFRL)]
 # The integrator of order 4 takes no force that depends on velocity.
 CASES = [(scene, *way) for scene in SCENES for way in WAYS if (scene, way[1]) != ("matched", VEFRL)]
-CASES += [("unlike compression", ETA, TRAPEZOIDAL), ("unlike rigid", 0.0, VEFRL), ("unlike matched", ETA, TRAPEZOIDAL)]
-CASES += [("unlike reset", ETA / 5.0, VV), ("unlike reset", ETA, TRAPEZOIDAL)]
-CASES += [(scene, 0.0, TAKAHASHI_IMADA) for scene in ("compression", "rigid", "pinned", "unlike rigid")]
+CASES += [
+    ("non-uniform compression", ETA, TRAPEZOIDAL),
+    ("non-uniform rigid", 0.0, VEFRL),
+    ("non-uniform matched", ETA, TRAPEZOIDAL),
+]
+CASES += [("non-uniform reset", ETA / 5.0, VV), ("non-uniform reset", ETA, TRAPEZOIDAL)]
+CASES += [(scene, 0.0, TAKAHASHI_IMADA) for scene in ("compression", "rigid", "pinned", "non-uniform rigid")]
 
 
 @pytest.mark.parametrize(

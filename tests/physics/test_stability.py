@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import reference
-from bodies import ELASTIC, FREE, RIGID, computed, disk, disk_and_wall, unlike
+from bodies import ELASTIC, FREE, RIGID, computed, disk, disk_and_wall, non_uniform
 from scipy.integrate import solve_ivp
 
 from taichi_disk.computation.stability import explicit_limit, impact_point_force, spectrum, step_limit
@@ -45,7 +45,7 @@ def jacobian(model, x):
     return np.array(columns).T
 
 
-@pytest.mark.parametrize("lattice", [disk(40), unlike(disk(40), 0.2, 3.0)], ids=["equal", "unlike"])
+@pytest.mark.parametrize("lattice", [disk(40), non_uniform(disk(40), 0.2, 3.0)], ids=["equal", "non-uniform"])
 def test_highest_frequency_and_damping_rate_are_those_of_the_matrices(lattice):
     model, m = Model(Springs(1.0, 1.0, 0.3)), lattice.masses[:, None]
     modes, plain = spectrum(lattice, model), reference.Model(lattice, model)
@@ -57,7 +57,9 @@ def test_highest_frequency_and_damping_rate_are_those_of_the_matrices(lattice):
     assert modes.damping * 0.3 == pytest.approx(np.linalg.eigvals(matrix / m).real.max(), rel=1e-9)
 
 
-@pytest.mark.parametrize("body", [lambda one: one, lambda one: unlike(one, 0.2, 3.0)], ids=["equal", "unlike"])
+@pytest.mark.parametrize(
+    "body", [lambda one: one, lambda one: non_uniform(one, 0.2, 3.0)], ids=["equal", "non-uniform"]
+)
 @pytest.mark.parametrize("wall", [RIGID, ELASTIC], ids=["rigid", "elastic"])
 def test_the_walls_stiffness_is_bounded_by_the_force_on_a_point(wall, body):
     # omega^2 <= omega_lattice^2 + a F/m beside a rigid wall (twice that against an elastic one), F the largest force
@@ -98,7 +100,7 @@ def test_the_explicit_limit_holds_for_every_mode_and_is_sharp_at_its_ends():
         assert max(swings(30.0, r, 1.05 * limit) for r in (0.0, 0.5 * damping, damping)) > 1e6
 
 
-@pytest.mark.parametrize("body", [disk(60), unlike(disk(60), 0.2, 3.0)], ids=["equal", "unlike"])
+@pytest.mark.parametrize("body", [disk(60), non_uniform(disk(60), 0.2, 3.0)], ids=["equal", "non-uniform"])
 def test_a_hard_wall_is_expected_to_stop_the_heaviest_point_by_itself(body):
     a, speed, mass = 1e4, 0.3, body.masses.max()
 

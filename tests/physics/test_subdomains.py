@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import reference
-from bodies import ELASTIC, FALLING, disk, disk_and_wall, matched, moving_down, pressed, unlike
+from bodies import ELASTIC, FALLING, disk, disk_and_wall, matched, moving_down, non_uniform, pressed
 from numpy.testing import assert_allclose, assert_array_equal
 
 from taichi_disk import runtime
@@ -50,7 +50,7 @@ def body(name):
         lattice = disk_and_wall(500, 500)
         boundary = ResetBoundary(1e-2) if "reset" in name else matched(lattice)
         model = Model(Springs(1.0, 2.0, 0.02), ELASTIC, boundary=boundary)
-    lattice = unlike(lattice) if "unlike" in name else lattice
+    lattice = non_uniform(lattice) if "non-uniform" in name else lattice
     rng, shape = np.random.default_rng(0), lattice.positions.shape
     v = moving_down(lattice, 0.05) + 0.01 * rng.standard_normal(shape)
     return replace(lattice, positions=lattice.positions + 2e-3 * rng.uniform(-1, 1, shape)), model, integrator, v, 2e-3
@@ -91,7 +91,7 @@ def elsewhere(name, threads):
         "rigid wall, four forces",
         "rigid wall, corrected forces",
         "rigid wall, dashpots, trapezoidal",
-        "rigid wall, dashpots, unlike",
+        "rigid wall, dashpots, non-uniform",
         "elastic wall, reset",
         "elastic wall, matched, trapezoidal",
     ],

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from bodies import FREE, SMALL, WALL, disk, unlike
+from bodies import FREE, SMALL, WALL, disk, non_uniform
 from scipy.special import jn_zeros
 
 from taichi_disk import Lattice, load_scene, run
@@ -66,7 +66,7 @@ def test_energy_of_the_elastic_wall_is_none_of_the_disk_s_modes():
     assert 0.0 < found.energies.sum() + found.rest + found.anharmonic < 0.9 * both
 
 
-@pytest.mark.parametrize("body", [disk(60), unlike(disk(60))], ids=["like", "unlike"])
+@pytest.mark.parametrize("body", [disk(60), non_uniform(disk(60))], ids=["like", "non-uniform"])
 def test_a_state_is_made_of_the_modes_that_it_was_made_from(body):
     springs, small = Springs(), 1e-6
     all_modes = modes(body, springs, body.positions, np.zeros((60, 2)), 117)

@@ -10,7 +10,7 @@ import pytest
 
 from taichi_disk.accuracy import steps
 from taichi_disk.accuracy.steps import StepError, StepStudy
-from taichi_disk.accuracy.study import POINTS, SAMPLE, WALL, Change, Findings, changes, measured
+from taichi_disk.accuracy.study import POINTS, SAMPLE, WALL, Change, Findings, changes, with_result
 from taichi_disk.computation.outcome import compute
 from taichi_disk.computation.stability import spectrum
 from taichi_disk.scenes import load_scene
@@ -63,9 +63,9 @@ def test_no_lattice_is_tried_that_takes_hours_or_whose_points_come_from_a_file(t
 
 def test_a_change_without_a_result_says_why(kernels: KernelCache) -> None:
     scene = load_scene("exponential_wall", ["lattice.points=60", "impact.max_time=9.0"])
-    one = measured(scene, 0.9, Change(WALL, "a", {"impact.max_time": 0.1}), kernels)
+    one = with_result(scene, 0.9, Change(WALL, "a", {"impact.max_time": 0.1}), kernels)
     assert math.isnan(one.difference) and "has not left the wall" in one.remark
-    one = measured(scene, 0.9, Change(WALL, "a", {"wall.a": -1.0}), kernels)
+    one = with_result(scene, 0.9, Change(WALL, "a", {"wall.a": -1.0}), kernels)
     assert math.isnan(one.result) and "wall.a" in one.remark
 
 
