@@ -219,7 +219,7 @@ def test_single_states_back_and_forth(kernels: KernelCache) -> None:
     assert sandbox.seen.t == start
 
 
-# ---- changes by hand
+# ---- changes by the user
 
 
 def test_a_changed_viscosity_reaches_the_kernel_at_once_and_keeps_the_energy_balance(kernels: KernelCache) -> None:
@@ -325,7 +325,7 @@ def test_what_the_mouse_pulled_cannot_be_made_again_and_its_energy_is_no_imbalan
 
 @pytest.mark.parametrize("change", ["hit", "rewind", "start"])
 def test_a_blow_up_is_told_and_any_change_gives_time_back(kernels: KernelCache, change: str) -> None:
-    # A step by hand that is good until the wall pushes harder than was reckoned with.
+    # A step set by the user that is stable until the wall pushes harder than estimated.
     hard = ["lattice.points=60", "material.eta_star=0", "impact.velocity=0.1", "wall.a=3000", "impact.gap=0.1"]
     sandbox = opened(kernels, hard)
     sandbox.begin(sandbox.scene.with_({"time.dt": 0.999 * sandbox.segment.step.limit}))

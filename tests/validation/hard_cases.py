@@ -178,10 +178,10 @@ CASES = (
     Case("elastic wall, dented: points slide", ELASTIC, SLIDING, tells=SLIDES),
     Case("elastic wall at v = 2: gone through", ELASTIC, BED + "impact.velocity=2", "stopped", DENTED),
     Case("elastic wall, k_a = 10⁻³", ELASTIC, BED + "material.k_a=1e-3 impact.velocity=0.05", "stopped", DENTED),
-    Case("dt by hand, beyond the limit", RIGID, EIGHTY + "time.dt=0.2", "refused", "stability limit", quick=True),
-    Case("dt by hand, beyond the limit, forced", RIGID, EIGHTY + "time.dt=0.2", "stopped", BEYOND, force=True),
+    Case("user's dt, beyond the limit", RIGID, EIGHTY + "time.dt=0.2", "refused", "stability limit", quick=True),
+    Case("user's dt, beyond the limit, forced", RIGID, EIGHTY + "time.dt=0.2", "stopped", BEYOND, force=True),
     Case(
-        "dt by hand, stable by the estimated force of the wall only",
+        "user's dt, stable by the estimated force of the wall only",
         RIGID,
         f"lattice.points=3 material.eta_star=0 time.dt=0.38 {EXPLICIT}",
         tells=HARDER,
@@ -195,7 +195,7 @@ CASES = (
         BEYOND,
         force=True,
     ),
-    Case("dt by hand, crushed", RIGID, CRUSHED, "stopped", "beyond the stability limit: set time.dt: auto", quick=True),
+    Case("user's dt, crushed", RIGID, CRUSHED, "stopped", "beyond the stability limit: set time.dt: auto", quick=True),
 )
 
 
