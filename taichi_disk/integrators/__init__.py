@@ -8,7 +8,7 @@ from math import sqrt
 from taichi_disk.config.sections import DASHPOTS, Dashpots
 from taichi_disk.physics import Model
 
-LARGEST_FACTORISED = 5_000  # lattices with more points solve for implicit dashpots by conjugate gradients
+LARGEST_FACTORISED = 10_000  # lattices with more points solve for implicit dashpots by conjugate gradients
 
 
 @dataclass(frozen=True)

@@ -29,8 +29,8 @@ class Snapshot:
     """All values from which a simulation continues bitwise after step `step`."""
 
     step: int
-    # (3 to 7, n, 2): positions [R], velocities before the last kick [c], forces [M c^2/R]; with dashpots the velocities
-    # at the step, and with conjugate gradients those of three steps before; with a correction the observed velocities
+    # (3 to 8, n, 2): positions [R], velocities before the last kick [c], forces [M c^2/R]; with dashpots the velocities
+    # at the step, and with conjugate gradients those of earlier steps; with a correction the observed velocities
     # before their last kick and the positions X.
     vectors: Array
     sums: Array  # (SUMS,) accumulators; (SUMS + 2,) with friction
