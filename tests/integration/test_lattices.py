@@ -1,4 +1,4 @@
-"""A result is the mean over random lattices, with their scatter; this lattice's own value stands beside it."""
+"""A result is the mean over random lattices with their scatter, followed by the value of the scene's lattice."""
 
 from __future__ import annotations
 
@@ -79,7 +79,7 @@ def test_a_lattice_without_a_result_is_reported_and_left_out(monkeypatch):
 
 
 @pytest.mark.parametrize("count", [0, -1, 2.5, "8", 10_001])
-def test_their_number_is_a_whole_one(count):
+def test_the_number_of_lattices_must_be_whole(count):
     with pytest.raises(InputError, match="lattices: must be a whole number from 1 to 10,000, not"):
         run(load_scene("exponential_wall").with_(SMALL), lattices=count)
 

@@ -1,4 +1,4 @@
-"""Pictures of the painter: everything is where the camera says, in the colour that the map gives to its value."""
+"""Pictures of the painter: everything is at the place given by the camera, in the colour given by the map."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ X += [0.0, 1.1]
 
 @pytest.fixture(scope="module")
 def shoot(tmp_path_factory):
-    """Draws a state of a lattice: (SIZE, SIZE, 3), rows downwards, 0 to 1."""
+    """Return a function that draws a state of a lattice: (SIZE, SIZE, 3), rows downwards, 0 to 1."""
     runtime.start()
     window, here = ti.ui.Window("test", (SIZE, SIZE), show_window=False), os.getcwd()
 
@@ -42,7 +42,7 @@ def shoot(tmp_path_factory):
         return window.get_image_buffer_as_numpy()[..., :3].transpose(1, 0, 2)[::-1].astype(float)
 
     yield draw
-    os.chdir(tmp_path_factory.mktemp("window"))  # a window leaves an imgui.ini where it closes
+    os.chdir(tmp_path_factory.mktemp("window"))  # a closing window writes an imgui.ini
     window.destroy()
     os.chdir(here)
 
@@ -57,7 +57,7 @@ def pixel(picture, at, camera=CAMERA):
 
 
 def inner_triangles(lattice):
-    """Those that do not touch the outline, which is drawn over them."""
+    """Return the triangles that do not touch the outline, which is drawn over them."""
     return lattice.triangles[~np.isin(lattice.triangles, lattice.disk_surface).any(axis=1)]
 
 
@@ -69,13 +69,14 @@ def test_colours_equal_the_field_s_values(shoot, colour):
     for painter.theme in THEMES:
         picture = shoot(DISK, X, V, colour=colour, theme=painter.theme, limit=painter.limit)
         seen = np.array([pixel(picture, X[three].mean(axis=0)) for three in corners])
-        # In the middle of a triangle: the mean of its corners, of colours or, where those are not linear, of values.
+        # The middle of a triangle has the mean colour of its corners or, for nonlinear colours, the colour of the mean
+        # value.
         colours = painter.colours(painter.normalised(values))[corners].mean(axis=1)
         if colour == "fringes":
             light = fringes(values[corners].mean(axis=1) / 2.0, painter.limit)
             colours = painter.map[np.rint(511 * light).astype(int)]
         assert np.median(np.abs(seen - colours)) < 0.01
-        assert np.percentile(np.abs(seen - colours), 95) < 0.06  # half a pixel off the middle, where colours are steep
+        assert np.percentile(np.abs(seen - colours), 95) < 0.06  # half a pixel off the middle, in steep colours
 
 
 @pytest.mark.parametrize("draw", ["field", "both", "springs", "points"])
@@ -110,7 +111,7 @@ def test_a_spring_has_the_colour_of_its_strain(shoot):
         low = x[np.argsort(x[:, 1])[:2]]
         seen = pixel(shoot(triangle, x, colour="strain", draw="springs"), low.mean(axis=0))
         assert seen == pytest.approx(painter.colours(painter.normalised(np.array([strain])))[0], abs=2 / 255)
-        painter.magnify = 3.0  # where it is drawn, not what it shows
+        painter.magnify = 3.0  # changes the place, not the colours
         low = painter.placed(x)[np.argsort(x[:, 1])[:2]]
         grown = pixel(shoot(triangle, x, colour="strain", draw="springs", magnify=3.0), low.mean(axis=0))
         assert grown == pytest.approx(seen, abs=2 / 255)
@@ -127,13 +128,13 @@ def test_the_wall_is_solid_up_to_where_the_disk_rests(shoot, theme, a):
     haze = pixel(picture, np.array([-1.0, edge + 0.1])) - ground(theme)
     share = np.exp(-a * 0.1) * np.linalg.norm(body - ground(theme))
     assert np.linalg.norm(haze) == pytest.approx(share, abs=0.02)
-    # Between disk and wall there is nothing: the lowest point lies on the edge.
+    # There is no gap between disk and wall: the lowest point lies on the edge.
     column = int(CAMERA.to_pixels(x[x[:, 1].argmin()])[0])
     gap = np.abs(picture[:, column] - ground(theme)).sum(axis=-1) < 0.01
     assert gap[:15].any() and not gap[40:].any()
 
 
-def test_the_elastic_wall_wears_its_potential_as_a_skin(shoot):
+def test_the_potential_of_the_elastic_wall_is_drawn_as_a_layer(shoot):
     both = with_wall(disk_lattice(200, 1), 220, 2.2, 0)
     x = both.positions + [0.0, 0.9]
     x[:200] += [0.0, 0.3]
@@ -190,7 +191,7 @@ def test_smoothing_averages_over_the_area_of_each_pixel_and_repeats_the_outermos
     picture = np.zeros((20, 40, 3), dtype=np.uint8)
     shrink(drawn, picture, 10, 18, 3, samples)
     assert not picture[:, :7].any() and not picture[:, 37:].any() and not picture[:2].any() and not picture[18:].any()
-    # samples/2 a pixel: cut each into 2 x 2, average samples x samples of those; [x, y up] becomes [row, column].
+    # samples/2 per pixel: split each into 2 x 2 and average samples x samples of them; [x, y up] becomes [row, column].
     fine = drawn.repeat(2, axis=0).repeat(2, axis=1).astype(float)
     mean = fine.reshape(24, samples, 16, samples, 4).mean(axis=(1, 3)).transpose(1, 0, 2)[::-1]
     assert np.abs(picture[2:18, 10:34] - 255 * mean[..., :3]).max() < 0.5 + 1e-3

@@ -1,4 +1,4 @@
-"""Implicit dashpots solved by iteration, as of a large lattice: the motion and energies that a factor gives."""
+"""Implicit dashpots of a large lattice, solved by iteration: the same motion and energies as with a factor."""
 
 from __future__ import annotations
 

@@ -1,7 +1,8 @@
-"""The forces of every law: kernels, NumPy and an independent implementation agree, and follow from the energy.
+"""The forces of every law: kernels, NumPy and an independent implementation agree, and the forces follow from the
+energy.
 
-Two implementations differ by rounding. Each force is a sum of some ten terms of its own size, so that 1e-13 of the
-largest force present is allowed. The walls here are so soft that they push many points no harder than the springs do.
+Two implementations differ by rounding. Each force is a sum of some ten terms of similar size, so 1e-13 of the largest
+force is allowed. The walls here are so soft that they push many points about as hard as the springs do.
 """
 
 from __future__ import annotations
@@ -65,7 +66,7 @@ def test_kernels_and_numpy_have_the_forces_and_energies_of_plain_numpy(name, ker
             v[lattice.wall_boundary] = 0.0
         simulation = kernels.simulation(replace(lattice, positions=x), model, integrator, v, 1e-3)
         f, wall = simulation.snapshot().vectors[2], plain.wall_force(x)[: lattice.disk_points]
-        # Dashpots that are solved for act at the velocity in the middle of the first step.
+        # Implicit dashpots act at the velocity in the middle of the first step.
         at = v + 0.5 * simulation.dt / lattice.masses[:, None] * f if integrator is TRAPEZOIDAL else v
         force = plain.force(x, at)
         assert_equal_forces(f, force)

@@ -1,4 +1,4 @@
-"""`taichi_disk.accuracy`: what is changed, what is measured, what is concluded."""
+"""`taichi_disk.accuracy`: the changes of the scene, the measurements and the conclusions."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def test_finer_lattices_are_of_the_same_material(kind: str) -> None:
     assert [one.refinement for one in finer] == [4, 16, 64]
     changed = scene.with_(finer[0].keys)
     assert changed.lattice.points == 240
-    # eta of a spring and mass of the whole stay, so does the shape of a wall, and the drag of its boundary.
+    # The eta of a spring, the total mass, the shape of a wall and the drag of its boundary stay the same.
     before, after = scene.scenario(), changed.scenario()
     if kind == "absorbing_wall":
         drags = [

@@ -1,4 +1,4 @@
-"""Fits recover what was planted, and their intervals hold it as often as they say."""
+"""Fits recover known parameters, and their intervals contain them as often as they should."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ def test_the_residuals_are_data_minus_fit() -> None:
     e = theory.paper_restitution(V, 1.0, 0.6)
     bump = np.where(np.arange(12) == 5, 1e-3, 0.0)
     fit = theory.fit_restitution(V, np.stack([e + bump, e + bump]))
-    # Two parameters on twelve points take up about a sixth of a lone bump.
+    # Two parameters at twelve points absorb about a sixth of a single outlier.
     assert 0.7e-3 < fit.residuals[5] < 1e-3
 
 
@@ -56,7 +56,7 @@ def test_curvature_is_the_second_derivative_of_either_half() -> None:
 
 
 def test_intervals_hold_the_truth_about_as_often_as_their_level(monkeypatch: pytest.MonkeyPatch) -> None:
-    # Lattices that scatter by a common factor each: what a bootstrap over single points would miss.
+    # Each lattice deviates by a common factor, which a bootstrap over single points would miss.
     monkeypatch.setattr(theory, "RESAMPLES", 200)
     rng = np.random.default_rng(1)
     true = theory.paper_restitution(V, 1.0, 0.6)
@@ -80,7 +80,7 @@ def test_the_table_of_eq_4_is_as_good_as_its_integral_at_any_stiffness(e_star: f
         np.testing.assert_allclose(predict(np.array([tau0]))[0], exact, rtol=0, atol=1e-6)
     again = theory.quasistatic_curves.__wrapped__((3e-3, 5e-2), e_star)
     assert (again(np.array([0.33 * unit])) == predict(np.array([0.33 * unit]))).all()
-    # And so is a fit to data that it has made.
+    # A fit to data from the table recovers tau0.
     e = np.array([[theory.quasistatic_impact(v, 0.3 * unit, e_star).restitution for v in V]])
     assert theory.fit_tau0(V, e, e_star).values["tau0"] == pytest.approx(0.3 * unit, rel=1e-4)
 
@@ -128,7 +128,7 @@ def test_eq_4_is_fitted_where_there_are_dashpots_swept_or_not() -> None:
     undamped = load_scene("exponential_wall", ["material.eta_star=0"])
     assert "eq4" not in analyse(undamped, axes[1:], thrown(0.0, "other"))[0].fits
     assert "eq4" not in analyse(load_scene("absorbing_wall"), axes, thrown(30.0))[0].fits
-    # The dashpot constant of a spring counts as well, swept or not.
+    # The dashpot constant of a spring also counts as damping, swept or not.
     axes = ["viscosity", "seed", "velocity"]
     soft, stiff = analyse(undamped, axes, thrown(0.0, "viscosity") + thrown(0.03, "viscosity"))
     assert "eq4" not in soft.fits and "eq4" in stiff.fits
@@ -179,7 +179,7 @@ def test_the_legend_names_all_that_is_drawn_and_the_same_values_draw_the_same_by
     for _ in range(2 if kind == "compression" else 1):
         draw(scene, curves, tmp_path)
         drawn.append([(tmp_path / f"figure.{suffix}").read_bytes() for suffix in ("svg", "png", "pdf")])
-    # Text is drawn as outlines; matplotlib leaves what it says in a comment.
+    # Text is drawn as outlines; Matplotlib repeats it in a comment.
     assert [one for one in legend if f"<!-- {one} -->" not in drawn[0][0].decode()] == []
     assert b"LineCollection" in drawn[0][0]  # the bars
     assert drawn[0] == drawn[-1]

@@ -1,4 +1,4 @@
-"""A run's folder holds one run, whole; what was finished, and what belongs to a person, is never lost."""
+"""The folder of a run contains one complete run; finished runs and the user's files are never lost."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def content(folder):
 
 
 def compute(out, scene=SCENE, status="done", explicit=True, mark="", files=(), **options):
-    """A run that leaves a few files which hold `mark`; returns where."""
+    """Write a run of a few files that contain `mark`, and return its folder."""
     with run_folder(out, scene, explicit, **options) as folder:
         for name in ("timeseries.csv", "plot.png", *files):
             (folder.path / name).parent.mkdir(exist_ok=True)
@@ -130,7 +130,7 @@ def test_a_folder_that_cannot_be_renamed_is_refused_with_advice_and_an_empty_one
     assert list(tmp_path.iterdir()) == []
     (tmp_path / "out" / "run").mkdir(parents=True)
     assert compute(Path("out/run"), explicit=False) == Path("out/run")
-    assert compute(Path("out/run"), OTHER, explicit=False) == Path("out/run-2")  # told as a relative name
+    assert compute(Path("out/run"), OTHER, explicit=False) == Path("out/run-2")  # reported as a relative path
 
 
 def test_a_home_is_refused_even_if_it_is_empty(tmp_path, monkeypatch):

@@ -1,4 +1,4 @@
-"""What pictures are made of, without a graphics device: camera, colours, scales, wall, arrows, text."""
+"""The parts of pictures, without a graphics device: camera, colours, scales, wall, arrows, text."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def linear(rgb):
 
 
 def lightness(rgb):
-    """CIE L* of sRGB colours, from the standard's own luminance weights."""
+    """Return CIE L* of sRGB colours, from the luminance weights of the standard."""
     return 116 * np.cbrt(linear(np.asarray(rgb, dtype=float)) @ [0.2126, 0.7152, 0.0722]) - 16
 
 
@@ -83,7 +83,7 @@ def test_maps_are_even_in_lightness(theme, kind, bare):
 def test_the_colour_blind_tell_compression_from_stretching(theme, eyes):
     seen = linear(colour_map(theme, "pressure")) @ DICHROMATS[eyes].T
     low, high = seen[: LEVELS // 8].mean(axis=0), seen[-LEVELS // 8 :].mean(axis=0)
-    # Yellow against blue is what they have: the share of blue in what they see is quite another.
+    # They can distinguish yellow from blue, so the fractions of blue in the seen colours must differ.
     assert high[2] / high.sum() - low[2] / low.sum() > 0.25
 
 
@@ -120,7 +120,7 @@ def test_numbers_are_written_as_in_print():
 
 
 def test_the_round_number_next_to_a_value_is_the_one_nearest_in_ratio():
-    # 8.97 is nearer to 8 by difference and nearer to 10 by ratio, 2.46 nearer to 2 and to 3.
+    # 8.97 is nearer to 8 by difference but nearer to 10 by ratio; likewise 2.46 is nearer to 2, but to 3 by ratio.
     assert palette.round_near(0.0897) == 0.1 and palette.round_near(0.0246) == 0.03
     assert palette.round_near(0.0892) == 0.08 and palette.round_near(0.0244) == 0.02
 
@@ -166,7 +166,7 @@ def test_the_head_of_a_short_arrow_is_in_proportion_and_never_longer_than_the_ar
     force, head = np.array([1.0, 0.3, 0.02]), 0.06
     forces = np.stack([np.zeros(3), force], axis=1)
     points, _ = arrows(np.zeros((3, 2)), forces, head, 0.02, 0.01, THEMES["light"])
-    _, front = np.split(points.reshape(2, 3, 9, 2), 2)  # on its ground, then itself; nine corners an arrow
+    _, front = np.split(points.reshape(2, 3, 9, 2), 2)  # first its rim, then the arrow; nine corners each
     back, tip = front[0, :, 6], front[0, :, 8]
     assert tip[:, 1] == pytest.approx(ARROW * force)
     half, length = np.abs(back[:, 0]), tip[:, 1] - back[:, 1]
@@ -184,7 +184,7 @@ def test_a_rigid_motion_stays_where_it_is_and_a_strain_is_drawn_so_many_times_as
     cos, sin = np.cos(0.7), np.sin(0.7)
     flown = (rest - rest_at) @ np.array([[cos, sin], [-sin, cos]]) + [3.0, 1.5]
     assert one.placed(flown) == pytest.approx(flown, abs=1e-12)
-    # A disk that has become smaller all around: the lowest point stays, all else goes 20 times as far from there.
+    # A disk that has shrunk uniformly: the lowest point stays, and all other displacements are 20 times as large.
     middle, low = rest_at[0], rest[:, 1].min()
     x = rest - 0.003 * (rest - [middle, low])
     assert one.placed(x) == pytest.approx(rest - 0.06 * (rest - [middle, low]), abs=1e-12)
@@ -219,7 +219,7 @@ def test_letters_have_11_pixels_or_are_left_out_and_nothing_overlaps(size, monke
     assert all(a[2] != b[2] or a[1] <= b[0] or b[1] <= a[0] for a in still for b in still if a is not b)
     one.write(picture, lines)
     assert all(letters >= LEAST and end <= size for _, letters, _, end, _ in drawn)
-    assert scale * 2.2 > 0.4 * size  # the disk is still seen
+    assert scale * 2.2 > 0.4 * size  # the disk is still visible
     shown = " ".join(line for line, *_ in drawn)
     if size >= 360:
         wanted = (
