@@ -274,9 +274,7 @@ def test_a_stored_result_is_used_only_for_its_own_point(small: SweepResult, tmp_
     assert second.read_bytes() == (small.out / "points" / second.name).read_bytes()
 
 
-def test_the_scene_of_a_point_is_written_again_if_it_is_missing_or_different(
-    small: SweepResult, tmp_path: Path
-) -> None:
+def test_the_scene_of_a_point_is_written_again_if_missing_or_different(small: SweepResult, tmp_path: Path) -> None:
     shutil.copytree(small.out, tmp_path / "out")
     scenes = sorted((tmp_path / "out" / "points").glob("*.yaml"))
     expected = {path: path.read_bytes() for path in scenes}

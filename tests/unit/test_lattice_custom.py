@@ -80,7 +80,7 @@ RING = ROUND[np.hypot(*ROUND.T) > 0.6]
     ("arguments", "message"),
     [
         ((ROUND[:, 0],), "shape (n, 2)"),
-        ((["a"],), "array of numbers"),
+        ((["a"],), "array of real numbers"),
         ((ROUND[:2],), "3 to 2000000 points, not 2"),
         ((np.where(ROUND == 0, np.nan, ROUND),), "is not finite"),
         ((ROUND * 10,), "extend over 20 x"),
@@ -270,7 +270,7 @@ def test_custom_triangles_stiffness_and_masses_follow_their_points_and_springs()
 
 @pytest.mark.parametrize("values", [10**400, 1 + 2j, [[1j, 0.0]] * 5, "a", [[1, 2], [3]]])
 def test_values_that_are_no_real_numbers_are_refused_as_points(values):
-    with pytest.raises(InputError, match="points must be an array of numbers"):
+    with pytest.raises(InputError, match="points must be an array of real numbers"):
         Lattice.from_points(values)
 
 
