@@ -37,7 +37,7 @@ def prose(page: Path) -> str:
 
 
 def commands(page: Path) -> Iterator[tuple[bool, list[str]]]:
-    """Yield (whether it may be run, arguments) of each `taichi-disk` command of a page, in sh blocks or within a line."""
+    """Yield (whether it may run, arguments) of each `taichi-disk` command of a page, in sh blocks or in a line."""
     for text in INLINE.findall(prose(page)):
         words = shlex.split(text, comments=True)
         yield False, words if len(words) > 1 else [*words, "--help"]  # only the name of a command

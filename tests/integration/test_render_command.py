@@ -17,7 +17,7 @@ needs_vulkan = pytest.mark.skipif(film_problem() is not None, reason=str(film_pr
 
 @pytest.fixture(scope="module")
 def runs(tmp_path_factory):
-    """Return an impact with a film, one without film and with weak dashpots, one started in Python, and a compression."""
+    """Return an impact with a film, one without film and with weak dashpots, one from Python, and a compression."""
     folder, problem = tmp_path_factory.mktemp("runs"), film_problem()
     small = ["lattice.points=100", "impact.velocity=0.05", "video.size=240", "video.seconds=0.5", "video.fps=10"]
     for name, eta in (("lossy", 20), ("elastic", 1)):

@@ -1,4 +1,4 @@
-"""The equilibrium of the pressed disk: at rest, stable, and the same as by an independent minimiser and by relaxation."""
+"""The equilibrium of the pressed disk: at rest, stable, and the same as by a minimiser and by relaxation."""
 
 from __future__ import annotations
 

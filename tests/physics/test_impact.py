@@ -21,7 +21,7 @@ TURNING = ("lattice.points=5", "lattice.seed=2", "impact.turn=0.51")  # a corner
 
 
 def reference_impact(scenario, end):
-    """Return e at `end` and the contact time by DOP853 on the same lattice, with the wall's force sampled 4000 times."""
+    """Return e at `end` and the contact time by DOP853 on the same lattice, with 4000 samples of the wall's force."""
     model, t = reference.Model(scenario.lattice, scenario.model), np.linspace(0.0, end, 4001)
     states = model.solve(scenario.lattice.positions, scenario.velocities, t, rtol=1e-10)
     force = np.array([model.wall_force(x)[:, 1].sum() for x, _ in states])

@@ -55,7 +55,7 @@ def test_the_contact_is_as_wide_as_hertz_says():
 
 
 def _hertz(x, z):
-    """Return the vertical pressure over its peak at (x, z) half widths, from the line loads of the ellipse (Flamant)."""
+    """Return the vertical pressure over its peak at (x, z) half widths, by the line loads of the ellipse (Flamant)."""
     s = np.linspace(-1.0, 1.0, 4001)
     load = np.sqrt(1.0 - s**2)
     d = x[:, None] - s

@@ -33,7 +33,7 @@ End = Literal["done", "stopped", "refused", "long"]
 
 @dataclass(frozen=True)
 class Verdict:
-    """How a scene ended. `text`: the error message or the warnings; `summary`: the outcome's summary with the result."""
+    """How a scene ended. `text`: the error message or the warnings; `summary`: that of the outcome, with the result."""
 
     end: End
     text: str

@@ -192,7 +192,7 @@ def feature_scene(number: int) -> tuple[str, tuple[str, ...], float]:
 
 
 def custom_body(disk: Lattice, aspect: float, seed: int) -> Lattice:
-    """Return an ellipse made of a disk's lattice, with masses and springs unequal by up to a factor of 2. A wall stays."""
+    """Return an ellipse made of a disk's lattice, with masses and springs unequal by up to a factor of 2."""
     rng, n = np.random.default_rng([36, seed]), disk.disk_points
     x, inside = disk.positions.copy(), (disk.bonds < n).all(axis=1)
     x[:n, 1] *= aspect

@@ -26,7 +26,7 @@ ROUGH = 0.3  # decay lengths per step from which the true result itself may be u
 
 
 def at_rest(lattice: Lattice, model: Model, start: Array) -> Array:
-    """Return positions (n, 2) near `start` at which no point feels a force. Raises SimulationError if there are none."""
+    """Return positions (n, 2) near `start` at which all forces vanish. Raises SimulationError if there are none."""
     from scipy.optimize import root
 
     assert model.load is not None
@@ -77,7 +77,7 @@ def true_result(scenario: Scenario, columns: Columns, end: Array, dt: float, tol
 def refined(
     scenario: Scenario, summary: dict[str, Any], kernels: KernelCache, finest: int
 ) -> dict[str, tuple[float, float]]:
-    """Return each result at 1/`finest` of the step of `summary`, and its difference from the result at twice that step."""
+    """Return each result at 1/`finest` of the step of `summary`, and its difference from that at twice the step."""
     found, rows = [], scenario.row_interval / ROWS
     for finer in (finest // 2, finest):
         step = {"dt": summary["dt"] / finer, "integrator": summary["integrator"]}
