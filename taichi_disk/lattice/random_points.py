@@ -146,14 +146,14 @@ def _adsorb(
     points = fixed
     total = len(fixed) + count
     while len(points) < total and len(cells):
-        aimed = min(4 * count, 16 * (total - len(points)) + 16)
-        darts = cells[rng.integers(len(cells), size=aimed)] + side * rng.random((aimed, 2))
+        attempts = min(4 * count, 16 * (total - len(points)) + 16)
+        darts = cells[rng.integers(len(cells), size=attempts)] + side * rng.random((attempts, 2))
         darts = darts[depth(darts) >= 0.0]
         if len(points):
             darts = darts[cKDTree(points).query(darts, distance_upper_bound=spacing)[0] >= spacing]
         darts = _accepted(darts, spacing)
         points = np.concatenate([points, darts[: total - len(points)]])
-        if len(darts) < _MIN_HIT_RATE * aimed:
+        if len(darts) < _MIN_HIT_RATE * attempts:
             # Keep only cells that may contain a place in the region at least `spacing` from all points.
             half_diagonal = side * np.sqrt(0.5)
             reach = max(spacing - half_diagonal, 0.0)
@@ -169,13 +169,13 @@ def _accepted(darts: Array, spacing: float) -> Array:
     from taichi_disk.lattice.spatial import cKDTree
 
     pairs = np.sort(cKDTree(darts).query_pairs(spacing, output_type="ndarray"), axis=1)
-    dropped = np.zeros(len(darts), dtype=bool)
+    rejected = np.zeros(len(darts), dtype=bool)
     while len(pairs):
-        waiting = np.zeros(len(darts), dtype=bool)
-        waiting[pairs[:, 1]] = True
-        dropped[pairs[~waiting[pairs[:, 0]], 1]] = True
-        pairs = pairs[~dropped[pairs].any(axis=1)]
-    return darts[~dropped]
+        undecided = np.zeros(len(darts), dtype=bool)
+        undecided[pairs[:, 1]] = True
+        rejected[pairs[~undecided[pairs[:, 0]], 1]] = True
+        pairs = pairs[~rejected[pairs].any(axis=1)]
+    return darts[~rejected]
 
 
 def rectangle_points(

@@ -69,7 +69,7 @@ class ElasticWall(Wall):
         """
         a, V0, threshold = self.a_now[None], self.V0_now[None], self.threshold_now[None]
         x, y = ti.static(state.x[0], state.x[1])
-        upward, potential, peak_point_force, slid = 0.0, 0.0, 0.0, 0.0
+        upward, potential, peak_point_force, sliding = 0.0, 0.0, 0.0, 0.0
         last = self.count[1] - 1
         top, left = y[self.wall_surface[0]], x[self.wall_surface[0]]
         for k in range(1, self.count[1]):
@@ -92,11 +92,11 @@ class ElasticWall(Wall):
                     potential += energy - self.shift_now[None]
                     size = a * energy
                     if ti.static(self.has_jumps):
-                        slid += self.sliding_loss(state, i, k, move)
+                        sliding += self.sliding_loss(state, i, k, move)
                     else:
                         size = point_force.norm()
                     peak_point_force = ti.max(peak_point_force, size)
-        return upward, potential, peak_point_force, slid
+        return upward, potential, peak_point_force, sliding
 
     @ti.func
     def contact(self, state: ti.template(), i, k):

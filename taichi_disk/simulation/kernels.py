@@ -41,8 +41,8 @@ class Kernels(Stepping):
         ti.loop_config(serialize=True)
         for _ in range(1):
             sums = ti.Vector([self.state.sums[k] for k in range(self.state.summed)])
-            made, row, needed, quiet = 0, 0, counts[0], counts[1]
-            while made < steps and quiet < needed:
+            made, row, needed, settled = 0, 0, counts[0], counts[1]
+            while made < steps and settled < needed:
                 made += 1
                 elastic, upward, potential = 0.0, 0.0, 0.0
                 sums, elastic, upward, potential = self.step(first + made, sums)
@@ -54,9 +54,9 @@ class Kernels(Stepping):
                     for k in ti.static(range(len(INDEX))):
                         if rows[row, k] < bounds[0, k] or rows[row, k] > bounds[1, k]:
                             inside = 0
-                    quiet = (quiet + 1) * inside
+                    settled = (settled + 1) * inside
                     row += 1
-            counts[1], counts[2], counts[3] = quiet, made, row
+            counts[1], counts[2], counts[3] = settled, made, row
             for k in ti.static(range(self.state.summed)):
                 self.state.sums[k] = sums[k]
 
@@ -128,8 +128,8 @@ class SubdomainKernels(Kernels):
         self.latest = array(builder, 3, ti.f64)  # elastic energy, contact force, contact potential
 
     def advance(self, first: int, steps: int, stride: int, rows: Array, bounds: Array, counts: Counts) -> None:
-        needed, quiet, made, count = (int(number) for number in counts)
-        while made < steps and quiet < needed:
+        needed, settled, made, count = (int(number) for number in counts)
+        while made < steps and settled < needed:
             few = min(steps - made, stride - (first + made) % stride, self.steps_per_launch)
             self.advance_few(first + made, few)
             made += few
@@ -137,9 +137,9 @@ class SubdomainKernels(Kernels):
             if due or made == steps:
                 self.fill_row(rows, count)
             if due:
-                quiet = (quiet + 1) * bool(within(rows[[count]], bounds))
+                settled = (settled + 1) * bool(within(rows[[count]], bounds))
                 count += 1
-        counts[1:] = quiet, made, count
+        counts[1:] = settled, made, count
 
     @ti.func
     def move_subdomain(self, stage: ti.template(), number, c):
@@ -185,8 +185,8 @@ class SubdomainKernels(Kernels):
                     self.join(stage, number + k + 1)
 
     @ti.func
-    def is_due(self, stage: ti.template(), number, asked):
-        return ti.cast(asked and (number > 0 or stage == self.integrator.forces - 1), ti.i32)
+    def is_due(self, stage: ti.template(), number, requested):
+        return ti.cast(requested and (number > 0 or stage == self.integrator.forces - 1), ti.i32)
 
     @ti.kernel
     def fill_row(self, rows: Reals2, s: ti.i32):

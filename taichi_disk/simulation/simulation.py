@@ -138,14 +138,14 @@ class Simulation:
     # ---- time
 
     def advance(
-        self, steps: int, stride: int = 1, bounds: Array | None = None, needed: int = NEVER, quiet: int = 0
+        self, steps: int, stride: int = 1, bounds: Array | None = None, needed: int = NEVER, settled: int = 0
     ) -> tuple[Array, int]:
         """Make `steps` steps, or fewer if the scene's end is reached.
 
         Args:
             stride: a row of observables is returned for every step whose number is a multiple of `stride`.
             bounds: (2, columns) smallest and largest value of every column at the end.
-            needed, quiet: number of successive rows within the bounds that end the scene, and the number so far.
+            needed, settled: number of successive rows within the bounds that end the scene, and the number so far.
 
         Returns the rows (rows, columns) and the new number of successive rows within the bounds.
         """
@@ -154,13 +154,13 @@ class Simulation:
             raise TaichiDiskError("a later ti.init or ti.reset has deleted the fields of this simulation: make another")
         rows = np.empty(((self.step_number % stride + steps) // stride + 1, self.now.size))
         bounds = bounds_array({}) if bounds is None else bounds
-        counts = np.array([needed, quiet, 0, 0], np.int32)
+        counts = np.array([needed, settled, 0, 0], np.int32)
         self.kernels.advance(self.step_number, steps, stride, rows, bounds, counts)
-        quiet, made, count = (int(number) for number in counts[1:])
+        settled, made, count = (int(number) for number in counts[1:])
         self.step_number += made
         if steps:
             self.now = rows[count - (self.step_number % stride == 0)]
-        return rows[:count], quiet
+        return rows[:count], settled
 
     @property
     def time(self) -> float:

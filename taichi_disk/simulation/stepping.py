@@ -223,9 +223,9 @@ class Stepping:
         result, peak_point_force = sums, rigid_peak
         upward, potential = 0.0, 0.0
         if ti.static(self.contact):
-            slid = 0.0
-            upward, potential, peak_point_force, slid = self.wall.add(self.state, move)
-            result[SLIDING] += slid
+            sliding = 0.0
+            upward, potential, peak_point_force, sliding = self.wall.add(self.state, move)
+            result[SLIDING] += sliding
         if ti.static(self.pinned):
             self.boundary.hold(self.state)
         result[PEAK_POINT_FORCE] = ti.max(result[PEAK_POINT_FORCE], peak_point_force)

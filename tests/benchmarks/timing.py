@@ -9,7 +9,7 @@ Costs = dict[str, list[float]]
 
 
 def in_turn(runs: Mapping[str, Callable[[], float]], repeats: int) -> Costs:
-    """Return the costs of each run, called `repeats` times in turn (A B C A B C ...) so that disturbances affect all."""
+    """Return the costs of each run, called `repeats` times in turn (A B C A B C ...) to share disturbances."""
     costs: Costs = {name: [] for name in runs}
     for _ in range(repeats):
         for name, run in runs.items():
