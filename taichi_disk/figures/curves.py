@@ -279,10 +279,7 @@ def explain_bars(ax: Axes, lattices: Iterable[int]) -> None:
 
 
 def _points(ax: Axes, curves: list[Curve], upright: bool) -> list[Any]:
-    """Draw the mean and scatter over lattices of each curve, and return the colours of the curves.
-
-    `upright`: results on the y axis against speed; otherwise force on the y axis against results.
-    """
+    """Draw the mean and scatter over lattices of each curve; return the colours. `upright`: results on the y axis."""
     styles = curve_styles(len(curves))
     for curve, style in zip(curves, styles, strict=True):
         force = curve.x / (np.pi * curve.young)

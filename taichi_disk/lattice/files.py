@@ -25,10 +25,7 @@ MAX_BYTES = 500_000_000  # size limit of a file; a disk and a wall of 2,000,000 
 
 @contextmanager
 def reading(path: Path, key: str) -> Iterator[None]:
-    """Turn errors within the block into InputErrors with the path and its `key` in the section `lattice`.
-
-    Raises InputError for devices, pipes and files larger than MAX_BYTES.
-    """
+    """Turn errors within the block into InputErrors with the path and its `key` in the section `lattice`."""
     try:
         status = path.stat()
         if not stat.S_ISREG(status.st_mode) or status.st_size > MAX_BYTES:  # a device or a pipe may never end

@@ -36,10 +36,7 @@ def network_stiffness(positions: Array, bonds: Indices, k: Array | float) -> Spa
 
 
 def laplacian(lattice: Lattice) -> Sparse:
-    """Return the graph Laplacian (n, n), weighted with the springs' stiffness factors.
-
-    Multiplied by eta, it is the damping matrix of vector dashpots for x and for y.
-    """
+    """Return the graph Laplacian (n, n) with stiffness factors; eta times it is the matrix of vector dashpots."""
     weights = lattice.stiffened(np.ones(len(lattice.bonds)))
     return assemble(weights[:, None, None], lattice.bonds, len(lattice.positions))
 

@@ -21,10 +21,9 @@ from taichi_disk.physics.ordering import BLOCK, Arrangement
 @ti.data_oriented
 @dataclass(eq=False)
 class Springs(Law):
-    """The springs of a lattice, each with a dashpot in parallel.
+    """The springs of a lattice, each with a dashpot in parallel."""
 
-    Kernels compute blocks of BLOCK springs, so that square roots and divisions become vector instructions.
-    """
+    # Kernels compute blocks of BLOCK springs, so that square roots and divisions become vector instructions.
 
     k_a: float = 1.0  # linear spring constant [M c^2/R^2]
     k_b: float = 0.0  # cubic spring constant [M c^2/R^4]; 0: no cubic term is computed

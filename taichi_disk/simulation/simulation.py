@@ -70,7 +70,7 @@ class Simulation:
         self._start(lattice, model, velocities, dt, arrangement, factor)
 
     def restart(self, lattice: Lattice, model: Model, integrator: Integrator, velocities: Array, dt: float) -> bool:
-        """Become the simulation that these arguments would make, without a compilation, and return True.
+        """Become the simulation that these arguments would make, without a compilation.
 
         Returns False and changes nothing if the laws are of other kinds or the lattice is too large.
         """
@@ -142,12 +142,10 @@ class Simulation:
     ) -> tuple[Array, int]:
         """Make `steps` steps, or fewer if the scene's end is reached.
 
-        Args:
-            stride: a row of observables is returned for every step whose number is a multiple of `stride`.
-            bounds: (2, columns) smallest and largest value of every column at the end.
-            needed, settled: number of successive rows within the bounds that end the scene, and the number so far.
-
-        Returns the rows (rows, columns) and the new number of successive rows within the bounds.
+        A row of observables is returned for every step whose number is a multiple of `stride`. `bounds` (2, columns):
+        smallest and largest value of every column at the end. `needed`, `settled`: number of successive rows within the
+        bounds that end the scene, and the number so far. Returns the rows (rows, columns) and the new number of
+        successive rows within the bounds.
         """
         raise_if_interrupted()
         if not self.is_alive:
@@ -189,10 +187,7 @@ class Simulation:
         return float((snapshot or self.snapshot()).sums[PEAK_POINT_FORCE])
 
     def set_mouse_target(self, point: int, target: tuple[float, float] = (0.0, 0.0)) -> float:
-        """Tie `point` (-1: none) to the mouse at `target` [R], and return the jump of the observable `load` [M c^2].
-
-        The model needs a `mouse`.
-        """
+        """Tie `point` (-1: none) to the mouse at `target` [R], and return the jump of `load` [M c^2]."""
         return float(self.kernels.set_mouse_target(point, *target))
 
     @property

@@ -147,10 +147,9 @@ class State:
 
 @ti.data_oriented
 class Stepping:
-    """Moves the points of `state` by the laws of `model`, on one core.
+    """Moves the points of `state` by the laws of `model`, on one core."""
 
-    All conditions on laws are decided at compile time, so kernels contain no trace of absent laws.
-    """
+    # All conditions on laws are decided at compile time, so kernels contain no trace of absent laws.
 
     def __init__(self, state: State, model: Model, integrator: Integrator, solver: DashpotSolver | None) -> None:
         self.state, self.integrator, self.solver = state, integrator, solver

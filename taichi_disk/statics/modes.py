@@ -22,20 +22,13 @@ class Modes:
     """The lowest normal modes of the free disk, and a state's energy in each.
 
     `energies`, `rest` and `anharmonic` add up to the energy without translation and rotation.
-
-    Attributes:
-        frequencies: (count,) angular frequencies, ascending [c/R].
-        shapes: (count, n, 2) displacements in the orientation at t = 0, normalized so that sum m shape^2 = 1 M.
-        energies: (count,) kinetic and elastic energy of each mode [M c^2].
-        rest: energy of all higher modes [M c^2].
-        anharmonic: energy beyond the linear modes [M c^2], due to changes of the springs' directions, to k_b and, in
-            a spinning disk, to centrifugal forces.
     """
 
-    frequencies: Array
-    shapes: Array
-    energies: Array
-    rest: float
+    frequencies: Array  # (count,) angular frequencies, ascending [c/R]
+    shapes: Array  # (count, n, 2) displacements in the orientation at t = 0, with sum m shape^2 = 1 M
+    energies: Array  # (count,) kinetic and elastic energy of each mode [M c^2]
+    rest: float  # energy of all higher modes [M c^2]
+    # Energy beyond the linear modes [M c^2]: changed directions of springs, k_b and, with a spin, centrifugal forces.
     anharmonic: float
 
 
