@@ -31,8 +31,8 @@ class Segment(Driver):
     """The time between two changes by the user. It can continue after the scene's end, and go back to an earlier state.
 
     Attributes:
-        label: the change at which the segment began: "", HIT_AGAIN, DISTURBED, or PULLED: the mouse pulls a point, so
-            that the segment neither ends nor begins again with a shorter step.
+        label: the change at which the segment began: "", HIT_AGAIN, DISTURBED or PULLED. While the mouse pulls a
+            point, the scene does not end and does not begin again with a shorter step.
         began: time at which the segment began [R/c].
         hit_began: time at which the last start or further hit began [R/c].
         reference_energy: kinetic energy at the start, or about the work of the load [M c^2].
@@ -49,10 +49,10 @@ class Segment(Driver):
 
     def _begin(self) -> None:
         super()._begin()
-        self._last = 2**31 - 1
+        self._last = 2**31 - 1  # steps; there is no time limit
 
     def advance(self, seconds: float = inf, steps: int | None = None) -> Status:
-        """Advance as a `Driver`, but without `max_time`; after the end, the status stays "finished"."""
+        """Advance as a `Driver` does; the disk still moves after the end, and the status stays "finished"."""
         self.can_end = not self.end and self.label != PULLED
         if self.status == "finished":
             self.status = "running"

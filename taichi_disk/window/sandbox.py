@@ -20,7 +20,7 @@ from taichi_disk.window.history import DISTURBED, HIT_AGAIN, PULLED, Segment, Ti
 IMMEDIATE_KEYS = ("material.eta_star", "material.viscosity", "wall.boundary", "compression.pressure")
 THROW_KEYS = ("impact.velocity", "impact.angle")
 AIM = 0.05  # velocity of a throw for each R of its arrow [c/R]
-MAX_PASSED = 0.1  # longest time between two pictures that passes in the simulation, too [s]
+MAX_PASSED = 0.1  # longest time that passes between two pictures, however late a picture comes [s]
 PATIENCE = 0.025  # longest time of computing between two pictures [s]
 SLOWDOWN = 0.2  # fraction of the speed at which a contact passes in slow motion
 CONTACT = 0.01  # fraction of M v over the springs' time unit, about the largest force of an impact, that is contact
@@ -60,7 +60,7 @@ class Result(namedtuple("Result", "result value load angle spin friction eta_sta
 
 
 class Sandbox:
-    """`ti.init` must have been called. Needs no display.
+    """A scene that a user plays with. `ti.init` must have been called; no display is needed.
 
     Attributes:
         scene: the present scene, as it would be saved.
@@ -79,7 +79,7 @@ class Sandbox:
     starts, speed, slow, _clock = 0, 1.0, False, 0.0
 
     def __init__(self, scene: Scene, kernels: KernelCache) -> None:
-        """Raises TaichiDiskError."""
+        """Begin with `scene`. Raises TaichiDiskError."""
         self.kernels, self.scene = kernels, scene
         self.results: list[Result] = []
         self.begin()
@@ -140,8 +140,8 @@ class Sandbox:
     def advance(self, seconds: float, patience: float = PATIENCE) -> int:
         """Let `seconds` of the clock pass and return the number of steps made.
 
-        It is smaller than due if computing the steps would take longer than `patience` [s], and unrelated to
-        `seconds` while the scene is computed again with a shorter step.
+        Fewer steps are made if they would take longer than `patience` [s]. While the scene is computed again with a
+        shorter step, `seconds` has no influence.
         """
         segment = self.time.segment
         if self.time.lead > 0.0:
@@ -154,6 +154,7 @@ class Sandbox:
         return made
 
     def _go(self, steps: int, patience: float) -> int:
+        """Make steps and report the end of the scene, a failure or a shorter step."""
         segment = self.time.segment
         before, made = segment.status, self.time.go(steps, patience)
         if segment.status == "restarted":
@@ -173,9 +174,10 @@ class Sandbox:
         value, unit = next(iter(numbers.values())), next(iter(scenario.labels.values()))[1]
         angle, spin, friction = (value_of(scene, key) for key in ("impact.angle", "impact.spin", "wall.friction"))
         eta_star, contact_time = scene.material.eta(points) * points, numbers.get("contact_time")
-        own = value_of(scene, load_key(scene)), angle, spin, friction, eta_star, scene.wall.a, points, contact_time
-        row = Result(scenario.symbol, value, *own, label)
-        self.results = [*self.results, row][-MAX_RESULTS:]
+        load = value_of(scene, load_key(scene))
+        settings = load, angle, spin, friction, eta_star, scene.wall.a, points
+        result = Result(scenario.symbol, value, *settings, contact_time, label)
+        self.results = [*self.results, result][-MAX_RESULTS:]
         self.paused = True
         text = f"{scenario.end_words}: {scenario.symbol} = {value:.6f} {unit}".rstrip()
         self.message = f"{text}, {label}" if label else text
@@ -215,7 +217,7 @@ class Sandbox:
             self._go(self.time.due, inf)
 
     def _look_at(self, t: float, later: int = 0) -> bool:
-        """Pause and show a state as `Timeline.look_at`; do nothing while the scene is computed again."""
+        """Pause and show a state as `Timeline.look_at` does, but not while the scene is computed again."""
         self.release()
         if self.time.lead > 0.0:
             return True
@@ -273,7 +275,7 @@ class Sandbox:
         self.paused = False
 
     def _carry_on(self, scene: Scene, label: str, velocities: Array | None = None) -> None:
-        """Begin another segment, and the time that the end of the scene or a blow-up has stopped."""
+        """Begin another segment; time that the end of the scene or a blow-up has stopped goes on."""
         status = self.time.segment.status
         self.time.carry_on(scene, label, velocities)
         self.scene, self.dragged = scene, None
