@@ -8,7 +8,7 @@ from math import sqrt
 from taichi_disk.config.sections import DASHPOTS, Dashpots
 from taichi_disk.physics import Model
 
-LARGEST_FACTORISED = 5_000  # points; for more, conjugate gradients make a step with implicit dashpots cheaper
+LARGEST_FACTORISED = 10_000  # points; for more, conjugate gradients make a step with implicit dashpots cheaper
 
 
 @dataclass(frozen=True)
