@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-SANDBOX = {"test_controls", "test_mouse_spring", "test_notebook", "test_page", "test_sandbox"}
+SANDBOX = {"test_controls", "test_hostile_visitors", "test_mouse_spring", "test_notebook", "test_page", "test_sandbox"}
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
