@@ -22,6 +22,7 @@ from taichi_disk.output.files import atomic_write
 from taichi_disk.output.inline import Plot
 from taichi_disk.output.plot import STYLE, SUM, matplotlib_style
 from taichi_disk.scenes import Scene
+from taichi_disk.scenes.compression import exact_compression, paper_compression
 from taichi_disk.scenes.sweep_axes import Sweep, target_of
 
 Row = dict[str, Any]
@@ -327,9 +328,9 @@ def _compression(ax: Axes, paper: dict[str, float], curves: list[Curve]) -> None
         P = np.linspace(first.x.min(), first.x.max(), 60)
         b, printed = first.fits["eq2"].values["b"], paper["b"]
         for law, style, text in (
-            (theory.paper_compression(P, first.young, first.poisson, b), "-", f"eq. (2), b = {b:.3f} fitted"),
-            (theory.paper_compression(P, first.young, first.poisson, printed), ":", f"eq. (2), b = {printed} (paper)"),
-            (theory.exact_compression(P, first.young, first.poisson), "--", "exact law, rigid wall"),
+            (paper_compression(P, first.young, first.poisson, b), "-", f"eq. (2), b = {b:.3f} fitted"),
+            (paper_compression(P, first.young, first.poisson, printed), ":", f"eq. (2), b = {printed} (paper)"),
+            (exact_compression(P, first.young, first.poisson), "--", "exact law, rigid wall"),
         ):
             ax.plot(law, P / (np.pi * first.young), style, color=SUM, label=text)
     ax.set_xlabel("compression  ξ/R")

@@ -11,9 +11,10 @@ from typing import Any
 import numpy as np
 import pytest
 
+from docs.experiments.quasistatic import quasistatic_impact
 from taichi_disk.computation.outcome import compute
-from taichi_disk.figures.theory import exact_compression, quasistatic_impact
 from taichi_disk.scenes import load_scene
+from taichi_disk.scenes.compression import exact_compression
 from taichi_disk.simulation.simulation import KernelCache
 
 LONG = pytest.mark.validate
