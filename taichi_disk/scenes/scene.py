@@ -262,14 +262,8 @@ def check(tree: Tree, kinds: Kinds) -> DiskScene | None:
     if "scene" in tree.value:
         what = f"must be {either(kinds)}, not {entry.shown}{did_you_mean(kind, kinds)}"
     tree.fault(entry.value, ("scene",), what)
-
-    def known(name: str) -> int:
-        sections = kinds[name].sections()
-        paths = [path for path in tree.entries if path and path[0] in sections]
-        return sum(set(path[1:2]) <= sections[path[0]].schema().keys() for path in paths)
-
-    # The other keys are checked for the kind that was probably meant, or else for the kind that has most of them.
-    _read((nearest(kind, kinds) or [max(kinds, key=known)])[0], tree, kinds)
+    for meant in nearest(kind, kinds):  # the other keys are checked for the kind that was probably meant
+        _read(meant, tree, kinds)
     return None
 
 

@@ -117,12 +117,14 @@ MISSING = f"scene: missing: write scene: {KINDS}"
     ("text", "expected"),
     [
         ("scene: exponental_wall\n", [f"1:8: scene: must be {KINDS}, not exponental_wall; did you mean exponential_wall?"]),
-        # The rest is judged as the scene that was meant, or as the one that it fits best.
+        # The rest is judged as the scene that was meant, if one is near.
         ("scene: absorbing\nwall: {pints: 1}\n", [f"1:8: scene: must be {KINDS}, not absorbing; did you mean absorbing_wall?", "2:8: wall.pints: unknown key; did you mean points?"]),
-        ("wall: {points: 1}\n", [MISSING, "1:16: wall.points: must be a whole number from 4 to 2000000, not 1 (number of mass points of the wall)"]),
+        ("wall: {points: 1}\n", [MISSING]),
     ],
 )  # fmt: skip
-def test_without_a_valid_kind_of_scene_the_rest_is_checked_too(path: Path, text: str, expected: list[str]) -> None:
+def test_the_rest_is_checked_too_for_the_kind_of_scene_that_was_probably_meant(
+    path: Path, text: str, expected: list[str]
+) -> None:
     assert faults(path, text) == expected
 
 
@@ -135,7 +137,7 @@ def test_without_a_valid_kind_of_scene_the_rest_is_checked_too(path: Path, text:
         (b"scene: compression\n# \0", "2:3: the character 0x0 is not allowed in YAML: remove it"),
         (b"scene: compression\n# \xfcber\n", "2: not UTF-8 text (byte 0xfc): save it as UTF-8"),
         (b"lattice:\n\tpoints: 3\n", "2:1: not readable as YAML: found character '\\t' that cannot start any token (YAML allows no tabs for indentation: use spaces)"),
-        (b"wall: &x {a: *x}\n", "1:14: not readable as YAML: aliases (*) are not supported: write the value out"),
+        (b"wall: &x {a: *x}\n", OUT_OF_RANGE),
         (b"scene: compression\n---\nscene: compression\n", "2:1: not readable as YAML: but found another"),
         (b'scene: "\\UFFFFFFFF"\n', OUT_OF_RANGE),
         (b"a: " + b"[" * 5000, OUT_OF_RANGE),
@@ -155,6 +157,11 @@ def test_numbers_are_read_as_yaml_1_2_has_them(path: Path, text: str, value: flo
     path.write_bytes(b"\xef\xbb\xbfscene: compression\r\nmaterial:\r\n  k_a: " + text.encode())  # as Windows writes it
     assert load_scene(path).material.k_a == value
     assert load_scene("compression", [f"material.k_a={text}"]).material.k_a == value
+
+
+def test_a_value_that_is_written_once_can_be_used_again() -> None:
+    scene = load_scene("scene: compression\nmaterial: {k_a: &stiff 2.0, k_b: *stiff}\n")
+    assert scene.material.k_a == scene.material.k_b == 2.0
 
 
 def test_the_last_override_of_a_key_wins() -> None:
