@@ -145,7 +145,7 @@ def computed(kernels, name, *settings, **options):
     """A shipped scene with some `settings`, computed to its end: (scenario, outcome)."""
     scene = load_scene(name, settings)
     scenario = scene.scenario()
-    return scenario, compute(scenario, scene.time, kernels=kernels, **options)
+    return scenario, compute(scenario, scene.time, **options)
 
 
 def driver_of(kernels, name, *settings, **options):

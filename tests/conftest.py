@@ -54,7 +54,7 @@ def kernels():
     A simulation from here is another test's as soon as one with the same laws and integrator is asked for.
     """
     from taichi_disk import runtime
-    from taichi_disk.api import shared_kernels
+    from taichi_disk.simulation.simulation import shared_kernels
 
     runtime.start()
     return shared_kernels()

@@ -24,7 +24,6 @@ from taichi_disk.output.run_folder import refuse_run
 from taichi_disk.progress import Progress, duration, terminal
 from taichi_disk.scenes import Scene
 from taichi_disk.simulation.observables import BLUE, GREEN, ORANGE, PINK, RED
-from taichi_disk.simulation.simulation import KernelCache
 
 SEEDS = 8
 REFINEMENTS = (4, 16, 64)  # factors of the number of points, at equal mass, stiffness and viscosity of the disk
@@ -138,7 +137,7 @@ def study(scene: Scene, out: Path, title: str, note: Callable[[str], None]) -> N
 
 def assess(scene: Scene, progress: Progress, note: Callable[[str], None]) -> Findings:
     """Measure what `study` reports. Taichi must have been started."""
-    kernels, scenario, study = KernelCache(), scene.scenario(), None
+    scenario, study = scene.scenario(), None
     progress("simulate", 0, None)
     if scenario.model.has_friction:
         raise InputError(
@@ -146,10 +145,10 @@ def assess(scene: Scene, progress: Progress, note: Callable[[str], None]) -> Fin
         )
     if scenario.step_dependent:
         modes = spectrum(scenario.lattice, scenario.model)
-        outcome = compute(scenario, scene.time, kernels=kernels, modes=modes, estimate=False)
+        outcome = compute(scenario, scene.time, modes=modes, estimate=False)
         study = StepStudy(scenario, modes, outcome)
     others, started = list(changes(scene)), perf_counter()
-    base = result_of(scene, kernels)
+    base = result_of(scene)
     run_time = perf_counter() - started
     exponent = 1.4 if study else 1.1  # of time against points; finer lattices also need shorter steps
     expected = COMPILE_TIME + run_time * sum(change.refinement**exponent for change in others)
@@ -161,11 +160,11 @@ def assess(scene: Scene, progress: Progress, note: Callable[[str], None]) -> Fin
     if study:
         count = 1 + len(study.runs)
         progress("reference and steps", 0, count)
-        steps = study.measure(kernels, lambda done: progress("reference and steps", done, count))
+        steps = study.measure(lambda done: progress("reference and steps", done, count))
     sources = [Change("scene", "as it is", result=base, difference=0.0)]
     for number, change in enumerate(others):
         progress("compare", number, len(others))
-        sources.append(measured(scene, base, change, kernels))
+        sources.append(measured(scene, base, change))
     return Findings(scene.results[0], steps, sources)
 
 
@@ -188,16 +187,16 @@ def changes(scene: Scene) -> Iterator[Change]:
         yield Change(WALL, f"a = {multiple * a:g}/R", {"wall.a": multiple * a})
 
 
-def measured(scene: Scene, base: float, change: Change, kernels: KernelCache) -> Change:
+def measured(scene: Scene, base: float, change: Change) -> Change:
     """Compute the changed scene and return `change` with the result, or with the reason why there is none."""
     try:
-        result = result_of(scene.with_(change.keys), kernels)
+        result = result_of(scene.with_(change.keys))
     except TaichiDiskError as error:
         return replace(change, remark=str(error))
     return replace(change, result=result, difference=result - base)
 
 
-def result_of(scene: Scene, kernels: KernelCache) -> float:
+def result_of(scene: Scene) -> float:
     """Compute the primary result, by Newton's method if it does not depend on the step.
 
     The step is automatic, because a user's dt seldom suits a finer lattice.
@@ -205,7 +204,7 @@ def result_of(scene: Scene, kernels: KernelCache) -> float:
     scenario = scene.scenario()
     if not scenario.step_dependent:
         return scenario.primary(scenario.quasistatic(loads=1).columns)[1]
-    outcome = compute(scenario, replace(scene.time, dt="auto"), kernels=kernels, estimate=False)
+    outcome = compute(scenario, replace(scene.time, dt="auto"), estimate=False)
     return scenario.primary(outcome.columns)[1]
 
 

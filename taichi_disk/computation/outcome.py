@@ -19,7 +19,7 @@ from taichi_disk.lattice import Array
 from taichi_disk.lattice.lattice import double_area
 from taichi_disk.progress import Progress, silent
 from taichi_disk.simulation.observables import Columns, split
-from taichi_disk.simulation.simulation import KernelCache
+from taichi_disk.simulation.simulation import shared_kernels
 
 ESTIMATE_UP_TO = 1.3e9  # spring evaluations of a run (some 5 s) up to which its error is estimated by a second run
 REST_CAUTION = 1.1  # factor of the distance from Newton's equilibrium
@@ -57,7 +57,6 @@ def compute(
     scenario: Scenario,
     time: Any,
     progress: Progress = silent,
-    kernels: KernelCache | None = None,
     *,
     modes: Spectrum | None = None,
     force: bool = False,
@@ -81,11 +80,10 @@ def compute(
     """
     if scenario.static:
         return scenario.quasistatic(loads, progress)
-    kernels = kernels or KernelCache()
     modes = modes or spectrum(scenario.lattice, scenario.model)
 
     def finished(time: Any) -> Driver:
-        driver = Driver(scenario, time, kernels, modes, force=force)
+        driver = Driver(scenario, time, shared_kernels(), modes, force=force)
         if text := announcement(driver):
             say(text)
         progress("simulate", 0.0, scenario.max_time)

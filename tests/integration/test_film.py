@@ -39,7 +39,7 @@ def run():
     settings = ["lattice.points=150", "impact.velocity=0.05", "material.eta_star=5", "impact.gap=0.2"]  # with a flight
     scene = load_scene("exponential_wall", settings)
     scenario = scene.scenario()
-    outcome = compute(scenario, scene.time, kernels=api.shared_kernels())
+    outcome = compute(scenario, scene.time)
     # Its states are kept, so that tests may start Taichi anew.
     times = np.linspace(0.0, outcome.columns["t"][-1], 400)
     states = list(outcome.replay(times))

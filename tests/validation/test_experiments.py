@@ -73,7 +73,7 @@ def impact(kernels: KernelCache, points: int, a: float, eta_star: float, velocit
     settings = {"points": points, "a": a, "eta_star": eta_star, "velocity": velocity}
     scene = load_scene("exponential_wall").with_(settings)
     scenario = scene.scenario()
-    found = scenario.result(compute(scenario, scene.time, kernels=kernels, estimate=False).columns)
+    found = scenario.result(compute(scenario, scene.time, estimate=False).columns)
     return found["restitution"], found["contact_time"]
 
 
