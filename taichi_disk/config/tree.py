@@ -9,7 +9,6 @@ from __future__ import annotations
 import os
 import re
 from collections.abc import Mapping, Sequence
-from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, NamedTuple, TypeAlias
@@ -105,7 +104,7 @@ def parse(text: str, source: Mark, path: Keys = ()) -> Tree:
         what = f"not readable as YAML: {error.problem or error.context}"
         if "'\\t'" in what:
             what += " (YAML allows no tabs for indentation: use spaces)"
-    except (RecursionError, ValueError, OverflowError):  # the last two: version numbers, escapes beyond Unicode
+    except (RecursionError, ValueError, OverflowError):  # the last two: version numbers, escapes, thousands of digits
         what = "not readable as YAML: nested too deeply, or a number or an escape is out of range"
     return Tree(faults=[Fault(where, ".".join(path), what)])
 
@@ -130,11 +129,7 @@ def _value(node: yaml.Node, path: Keys, key: Mark | None, tree: Tree, source: Ma
     if isinstance(node, yaml.SequenceNode) and node.tag == _TAG + "seq":
         return [_value(item, (*path, str(k)), None, tree, source) for k, item in enumerate(node.value)]
     if isinstance(node, yaml.ScalarNode) and node.tag == _TAG + "str":
-        if node.style:
-            return node.value
-        with suppress(ValueError):  # an integer of thousands of digits
-            return _meaning(node.value)
-        node.tag = "int"
+        return node.value if node.style else _meaning(node.value)
     tree.fault(here, path, f"{shown} cannot be read as {printable(node.tag.removeprefix(_TAG))}")
     return None
 

@@ -71,7 +71,6 @@ def faults(path: Path, text: str | bytes, *overrides: str) -> list[str]:
         ("video: {? [a] : 3}\n", "2:11: video: a key must be a name, not a list"),
         ('"\\ud800": 3\n', '2:1: a key must be a name, not the text "\\ud800"'),
         ("video: {fps: !!python/object/apply:os.abort []}\n", "2:14: video.fps: a list cannot be read as python/object/apply:os.abort"),
-        (f"video: {{fps: {'9' * 5000}}}\n", f"2:14: video.fps: {'9' * 37}... cannot be read as int"),
         ("lattice: {hole: 1.2}\n", "2:17: lattice.hole: must be a number from 0 to 0.95 [R], not 1.2 (radius of a concentric hole; 0: none)"),
         ("lattice: {hole: 0.94}\n", "2:17: lattice.hole: must be at most 0.932 with 1099 points, not 0.94, because there must be at least 6 springs round its edge and 3 from there to the rim: change the radius or increase lattice.points"),
         ("lattice:\n  core_radius: 0.3\n  hole: 0.4\n", "3:16: lattice.core_radius: must be at least 0.455 with 1099 points and a hole of 0.4 R, not 0.3, because there must be at least 6 springs round its edge and 1 from there to the rim: change the radius or increase lattice.points"),
@@ -141,6 +140,7 @@ def test_the_rest_is_checked_too_for_the_kind_of_scene_that_was_probably_meant(
         (b"scene: compression\n---\nscene: compression\n", "2:1: not readable as YAML: but found another"),
         (b'scene: "\\UFFFFFFFF"\n', OUT_OF_RANGE),
         (b"a: " + b"[" * 5000, OUT_OF_RANGE),
+        (b"a: " + b"9" * 5000, OUT_OF_RANGE),
     ],
 )  # fmt: skip
 def test_what_is_no_scene_at_all_is_one_clear_line(path: Path, text: bytes, expected: str) -> None:
