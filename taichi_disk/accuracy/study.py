@@ -16,12 +16,13 @@ from taichi_disk import runtime
 from taichi_disk.accuracy.steps import StepError, StepStudy
 from taichi_disk.computation.outcome import compute
 from taichi_disk.computation.stability import spectrum
+from taichi_disk.computation.workload import duration
 from taichi_disk.config.sections import DASHPOTS
 from taichi_disk.errors import InputError, TaichiDiskError
 from taichi_disk.output.files import atomic_write, prepare_output, remove_empty, write_csv, write_text
 from taichi_disk.output.plot import matplotlib_style
 from taichi_disk.output.run_folder import refuse_run
-from taichi_disk.progress import Progress, duration, terminal
+from taichi_disk.progress import Progress, terminal
 from taichi_disk.scenes import Scene
 from taichi_disk.simulation.observables import BLUE, GREEN, ORANGE, PINK, RED
 

@@ -23,8 +23,9 @@ from taichi_disk.errors import InputError, did_you_mean, nearest
 from taichi_disk.lattice import Array, Lattice, OwnStart, disk_of, numbers, own_start
 from taichi_disk.output import files
 from taichi_disk.output.plot import plotting_beside
+from taichi_disk.output.report import headline, rows, shown
 from taichi_disk.output.run_folder import run_folder
-from taichi_disk.progress import Progress, headline, reported, rows, shown, silent
+from taichi_disk.progress import Progress, reported, silent
 from taichi_disk.scenes import Scene, load_scene
 from taichi_disk.scenes.scene import DiskScene
 from taichi_disk.signals import raise_if_interrupted

@@ -18,8 +18,9 @@ from taichi_disk.errors import SimulationError
 from taichi_disk.lattice import OwnStart
 from taichi_disk.output import files
 from taichi_disk.output.plot import Begin, plotting_beside
+from taichi_disk.output.report import headline
 from taichi_disk.output.run_folder import RunFolder
-from taichi_disk.progress import Progress, headline, silent
+from taichi_disk.progress import Progress, silent
 from taichi_disk.scenes import Scene, check_memory
 from taichi_disk.scenes.setup import setup_of
 

@@ -106,8 +106,6 @@ class DiskScene(Frozen):
         A key needs no section if its name is unique; a section takes a mapping of its keys.
         Raises InputError with all faults.
         """
-        if not isinstance(changes or {}, Mapping) or not all(isinstance(name, str) for name in changes or ()):
-            raise InputError(f'with_: takes keys and values, as {{"wall.a": 3000}}, not {changes!r:.60}')
         data, others = asdict(self), dict[str, Any]()
         for name, value in {**(changes or {}), **keys}.items():
             homes = self.homes(name)
