@@ -103,7 +103,7 @@ from functools import partial
 from pathlib import Path
 from taichi_disk.render.video import video
 path, (rows, columns) = Path(sys.argv[1]), np.mgrid[:240, :240]
-with video(path, path.suffix, 240, 240, 10) as write:
+with video(path, path.suffix, (240, 240), 10, "") as write:
     for k in range(10):
         grey = 128 + 100 * np.sin(0.002 * (rows - 4 * k) ** 2 + 0.01 * columns * np.cos(k))
         write(partial(np.stack, [grey.astype(np.uint8)] * 3, axis=2))
