@@ -17,8 +17,8 @@ from taichi_disk.accuracy.steps import StepError, StepStudy
 from taichi_disk.computation.outcome import compute
 from taichi_disk.computation.stability import spectrum
 from taichi_disk.computation.workload import duration
-from taichi_disk.config.sections import DASHPOTS
 from taichi_disk.errors import InputError, TaichiDiskError
+from taichi_disk.integrators import INTEGRATORS
 from taichi_disk.output.files import atomic_write, prepare_output, remove_empty, write_csv, write_text
 from taichi_disk.output.plot import matplotlib_style
 from taichi_disk.output.run_folder import refuse_run
@@ -34,7 +34,7 @@ VISCOSITY = "material.viscosity"
 SAMPLE, POINTS, WALL = "lattice sample", "points", "wall hardness"
 SIGNIFICANCE = 2.0  # lattice scatters; a larger difference is an effect of the number of points
 COMPILE_TIME = 5.0  # [s], typical
-COLOURS = dict(zip(DASHPOTS, (BLUE, RED, GREEN, ORANGE, PINK), strict=False))  # of the integrators
+COLOURS = dict(zip(INTEGRATORS, (BLUE, RED, GREEN, ORANGE, PINK), strict=False))  # of the integrators
 TABLE_WIDTH = 120  # without a terminal
 
 

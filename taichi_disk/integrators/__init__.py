@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from math import sqrt
+from typing import TYPE_CHECKING, Literal
 
-from taichi_disk.config.sections import DASHPOTS, Dashpots
-from taichi_disk.physics import Model
+if TYPE_CHECKING:  # scene files are checked without Taichi
+    from taichi_disk.physics import Model
 
 LARGEST_FACTORISED = 5_000  # points; for more, conjugate gradients make a step with implicit dashpots cheaper
 
@@ -24,9 +25,9 @@ class Integrator:
         order: order of the error in h.
         kicks, moves: (s + 1,) and (s,) fractions of h, symmetric, so that the step is reversible; each adds up to 1.
         stable: largest h omega at which an oscillator x'' = -omega^2 x stays bounded.
-        dashpots: whether forces that depend on velocity are "explicit", from a predicted velocity, "implicit", or
-            "none".
-        correction: c, or 0.
+        dashpots: whether forces that depend on velocity are "explicit", from a predicted velocity, "implicit" (vector
+            dashpots only), or "none".
+        correction: c, or 0; the stepped velocities are then not those of the points, which a reset of a boundary stops.
     """
 
     name: str
@@ -34,7 +35,7 @@ class Integrator:
     kicks: tuple[float, ...]
     moves: tuple[float, ...]
     stable: float
-    dashpots: Dashpots
+    dashpots: Literal["explicit", "implicit", "none"]
     correction: float = 0.0
 
     @property
@@ -77,10 +78,10 @@ class Integrator:
 # Leapfrog form (Hairer, Lubich & Wanner, Acta Numerica 12, 2003). The cheapest way to an error of e above 1e-7, because
 # the highest lattice frequency limits the step more than accuracy does. Dashpots take the predicted velocity
 # u_k = v_{k-1/2} + h/2 f_{k-1}/m, with an error O(h^2), and shorten the stable step (`stability.explicit_limit`).
-VELOCITY_VERLET = Integrator("velocity_verlet", 2, (0.5, 0.5), (1.0,), 2.0, DASHPOTS["velocity_verlet"])
+VELOCITY_VERLET = Integrator("velocity_verlet", 2, (0.5, 0.5), (1.0,), 2.0, dashpots="explicit")
 
 # Velocity Verlet with implicit dashpots: see `trapezoidal`.
-TRAPEZOIDAL = replace(VELOCITY_VERLET, name="trapezoidal", dashpots=DASHPOTS["trapezoidal"])
+TRAPEZOIDAL = replace(VELOCITY_VERLET, name="trapezoidal", dashpots="implicit")
 
 # I. P. Omelyan, I. M. Mryglod and R. Folk, Comput. Phys. Commun. 146, 188 (2002). Of use for errors of e below 1e-7,
 # where it needs fewer forces than velocity Verlet. Stability limits the step, and no other composition of order 4 has
@@ -93,14 +94,14 @@ VEFRL = Integrator(
     kicks=(_XI, _CHI, 1.0 - 2.0 * (_CHI + _XI), _CHI, _XI),
     moves=(_OUTER, _LAMBDA, _LAMBDA, _OUTER),
     stable=3.4696,
-    dashpots=DASHPOTS["vefrl"],
+    dashpots="none",
 )
 
 # M. Takahashi and M. Imada, J. Phys. Soc. Jpn. 53, 3765 (1984): velocity Verlet with the potential
 # U - h^2/24 sum(F^2/m), here without the gradient of F. The stepped X and V are, to order 4, x - h^2/12 a and
 # v + h^2/12 da/dt of an orbit. So X is set at the start, and x = X + h^2/12 a(X) is just where the force is taken.
 TAKAHASHI_IMADA = Integrator(
-    "takahashi_imada", 4, (0.5, 0.5), (1.0,), sqrt(12.0), DASHPOTS["takahashi_imada"], correction=1.0 / 12.0
+    "takahashi_imada", 4, (0.5, 0.5), (1.0,), sqrt(12.0), dashpots="none", correction=1.0 / 12.0
 )
 
 INTEGRATORS = {each.name: each for each in (VELOCITY_VERLET, TRAPEZOIDAL, TAKAHASHI_IMADA, VEFRL)}

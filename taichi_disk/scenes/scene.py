@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING, Any, ClassVar, TypeAlias, cast
 
 import numpy as np
 
-from taichi_disk.config.conflicts import Conflicts
 from taichi_disk.config.sections import Frozen, LatticeSection, MaterialSection, Section, TimeSection, VideoSection
 from taichi_disk.config.tree import Keys, Tree, tree_of
 from taichi_disk.config.words import ALIASES, UNITS, number_hint
@@ -27,6 +26,7 @@ from taichi_disk.lattice import (
     own_start,
     read_lattice,
 )
+from taichi_disk.scenes.conflicts import Conflicts
 
 if TYPE_CHECKING:
     from typing_extensions import Self
