@@ -141,6 +141,12 @@ def advance(simulation, steps, stride=1):
     return columns | {"t": start + columns["t"]}
 
 
+def to_pixels(camera, xy):
+    """(column, row) [px] of points (..., 2) [R] on the canvas of a camera, from the coordinates that GGUI gets."""
+    factor, shift = camera.canvas_map()
+    return (factor * np.asarray(xy) + shift - [0.0, 1.0]) * [camera.width, -camera.height]
+
+
 def computed(kernels, name, *settings, **options):
     """A shipped scene with some `settings`, computed to its end: (scenario, outcome)."""
     scene = load_scene(name, settings)

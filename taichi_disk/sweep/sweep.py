@@ -6,7 +6,7 @@ import hashlib
 import json
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Executor
-from contextlib import closing, contextmanager, suppress
+from contextlib import closing, contextmanager
 from dataclasses import asdict, dataclass, fields
 from pathlib import Path
 from time import perf_counter
@@ -230,10 +230,8 @@ def _mixed_versions(points: list[dict[str, str]]) -> str:
 def _prepare(out: Path) -> None:
     """Make the folder. Raises InputError if this would overwrite files of another kind."""
     refuse_run(out)
-    with suppress(OSError, ValueError):
-        if not (out / "points").is_dir() and (files := [name for name in FILES if (out / name).exists()]):
-            raise InputError(f"{out} holds {files[0]}, which is not from a sweep: choose another folder as `out`")
-        (out / "points").mkdir(parents=True, exist_ok=True)  # parts may start at the same time
+    if not (out / "points").is_dir() and (files := [name for name in FILES if (out / name).exists()]):
+        raise InputError(f"{out} holds {files[0]}, which is not from a sweep: choose another folder as `out`")
     prepare_output(out / "points")
 
 
