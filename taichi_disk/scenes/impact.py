@@ -221,11 +221,9 @@ class ImpactScenario(Scenario):
         return lost, "energy imbalance\n/ initial kinetic", "linear"
 
     def motion(self, columns: Columns) -> tuple[Array, str]:
-        label = (
-            "velocity away\nfrom the wall, $v_n/v_n(0)$"
-            if self.oblique
-            else "velocity of the centre\nof mass, $v_{cm}/v$"
-        )
+        label = "velocity of the centre\nof mass, $v_{cm}/v$"
+        if self.oblique:
+            label = "velocity away\nfrom the wall, $v_n/v_n(0)$"
         return columns["com_vy"] / self.velocity, label
 
     def frame_times(self, columns: Columns, frames: int) -> Array:

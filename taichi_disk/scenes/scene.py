@@ -82,9 +82,8 @@ class DiskScene(Frozen):
         found: Conflicts = []
         if material.viscosity != "auto" and material.eta_star != usual:
             both = f"{material.viscosity:g} and material.eta_star = {material.eta_star:g} both set the dashpots"
-            found.append(
-                ("material.viscosity", f"{both}: write auto, or leave material.eta_star at its default, {usual:g}")
-            )
+            remedy = f"write auto, or leave material.eta_star at its default, {usual:g}"
+            found.append(("material.viscosity", f"{both}: {remedy}"))
         if spec.file != "none":  # which defines the whole lattice
             return found
         faults = circle_faults(spec.points, spec.hole, spec.core_radius)
@@ -219,11 +218,9 @@ class DiskScene(Frozen):
         (name, value), paper = self.material.dashpots, LatticeSection.points
         if name == "viscosity" or not value or points == paper:
             return []
-        compared = (
-            f"with {points:,} points the body is {paper / points:.3g} times as viscous as with the paper's {paper}"
-        )
+        found = f"material.eta_star = {value:g} is per point: with {points:,} points the body is {paper / points:.3g}"
         remedy = f"material.viscosity = {value / paper:.3g} makes it the same"
-        return [f"material.eta_star = {value:g} is per point: {compared}; {remedy}"]
+        return [f"{found} times as viscous as with the paper's {paper}; {remedy}"]
 
     @property
     def damping(self) -> str:

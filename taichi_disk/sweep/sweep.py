@@ -150,11 +150,11 @@ def run_sweep(
                 for name in FILES:
                     remove(out / name)
             write_text(file, text)
-        results = {
-            key: point for key in scenes if (point := _read_point(out, key)) and (point.estimated or not estimate)
-        }
-        for key in results:
-            _write_scene(out, key, scenes[key])
+        results = dict[str, PointResult]()
+        for key, scene in scenes.items():
+            if (point := _read_point(out, key)) and (point.estimated or not estimate):
+                results[key] = point
+                _write_scene(out, key, scene)
         missing, before = {key: scene for key, scene in scenes.items() if key not in results}, len(results)
         of_all = f" (part {part} of {len(keys)})" if part else ""
         say(f"{len(scenes)} scenes{of_all}, {before} of them computed before")
@@ -185,11 +185,8 @@ def run_sweep(
 
         from taichi_disk.figures.curves import figure_of
 
-        summary |= {
-            "curves": figure_of(sweep, rows, out),
-            "wall_clock": perf_counter() - started,
-            "versions": versions(),
-        }
+        summary["curves"] = figure_of(sweep, rows, out)
+        summary |= {"wall_clock": perf_counter() - started, "versions": versions()}
         write_summary(out / "summary.json", summary)
         return SweepResult(rows, summary, out, sweep)
 
@@ -249,11 +246,14 @@ def _counted(result: SweepResult) -> str:
 
 def print_sweep(result: SweepResult) -> None:
     """Print the fits, the failed points and the output folder."""
-    from taichi_disk.figures.curves import print_curves
+    from taichi_disk.figures.curves import curve_rows
 
     summary, failed = result.summary, result.failed
     part = f"part {summary['part']}: " if "part" in summary else ""
-    print_curves(summary.get("curves", ()))
+    for label, fits in curve_rows(summary.get("curves", ())):
+        print(label)
+        for law, parameters in fits:
+            print(f"  {law:<24}{parameters}")
     for row in failed[:MAX_FAILURES]:
         print(f"failed at {', '.join(f'{name}: {row[name]}' for name in summary['axes'])}: {row['reason']}")
     if len(failed) > MAX_FAILURES:
