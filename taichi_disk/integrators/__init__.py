@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Literal
 if TYPE_CHECKING:  # scene files are checked without Taichi
     from taichi_disk.physics import Model
 
-LARGEST_FACTORISED = 5_000  # points; for more, conjugate gradients make a step with implicit dashpots cheaper
+LARGEST_FACTORISED = 10_000  # points; for more, conjugate gradients make a step with implicit dashpots cheaper
 
 
 @dataclass(frozen=True)

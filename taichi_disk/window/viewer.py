@@ -66,8 +66,8 @@ class Viewer:
         size = min(SIZE[0], width - 60), min(SIZE[1], height - 90)
         self.sandbox = Sandbox(playlist[0].load(), KernelCache())
         self.controls, self._scales = Controls(self.sandbox, playlist), Scales(self.sandbox)
-        for keys, what, *acts in (
-            ("i u", "closer, farther", partial(self._zoom, 1.12), partial(self._zoom, 1 / 1.12)),
+        for action in (
+            ("i u", "closer, farther", self._zoom, 1.12, 1 / 1.12),
             ("BackSpace", "see everything", self.see_all),
             ("g", "go to the contact", self._see_contact),
             ("Return", "follow the disk", self._toggle_following),
@@ -76,7 +76,7 @@ class Viewer:
             ("Tab", "these keys", self._toggle_keys),
             ("q", "close the window", self._close),
         ):
-            self.controls.add(keys, what, *acts)
+            self.controls.add(*action)
         self._closing = self._keys_shown = self._follows = False
         self._at = (0.0, 0.0)  # where the mouse is [px]
         self._doing, self._from = "", (0.0, 0.0)
