@@ -31,7 +31,7 @@ def opened(kernels: KernelCache, settings: list[str] = SMALL, scene: str = "expo
 def computed(kernels: KernelCache, scene: Any) -> tuple[Outcome, float]:
     """What `run` computes, and its primary result."""
     scenario = scene.scenario()
-    outcome = compute(scenario, scene.time, kernels=kernels)
+    outcome = compute(scenario, scene.time)
     return outcome, scenario.primary(outcome.columns)[1]
 
 
