@@ -149,7 +149,7 @@ def assess(scene: Scene, progress: Progress, note: Callable[[str], None]) -> Fin
     sources = [Change("scene", "as it is", result=base, difference=0.0)]
     for number, change in enumerate(others):
         progress("compare", number, len(others))
-        sources.append(measured(scene, base, change))
+        sources.append(with_result(scene, base, change))
     return Findings(scene.results[0], steps, sources)
 
 
@@ -171,7 +171,7 @@ def changes(scene: Scene) -> Iterator[Change]:
         yield Change(WALL, f"a = {multiple * a:g}/R", {"wall.a": multiple * a})
 
 
-def measured(scene: Scene, base: float, change: Change) -> Change:
+def with_result(scene: Scene, base: float, change: Change) -> Change:
     """Compute the changed scene and return `change` with the result, or with the reason why there is none."""
     try:
         result = result_of(scene.with_(change.keys))

@@ -211,7 +211,7 @@ class Viewer:
         is_inside = hypot(x0 - cx, y0 - cy) <= np.hypot(*(disk - (cx, cy)).T).max()
 
         def pan(x: float, y: float, is_over: bool) -> None:
-            self.camera = self.camera.panned(*(self._at - self.camera.to_pixels((x0, y0))))
+            self.camera = self.camera.panned((x - x0) * self.camera.scale, (y0 - y) * self.camera.scale)
 
         def turn(x: float, y: float, is_over: bool) -> None:
             if angle := atan2(y - cy, x - cx) - atan2(y0 - cy, x0 - cx):

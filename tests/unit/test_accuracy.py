@@ -63,9 +63,9 @@ def test_no_lattice_is_tried_that_takes_hours_or_whose_points_come_from_a_file(t
 @pytest.mark.usefixtures("kernels")
 def test_a_change_without_a_result_says_why() -> None:
     scene = load_scene("exponential_wall", ["lattice.points=60", "impact.max_time=9.0"])
-    one = measured(scene, 0.9, Change(WALL, "a", {"impact.max_time": 0.1}))
+    one = with_result(scene, 0.9, Change(WALL, "a", {"impact.max_time": 0.1}))
     assert math.isnan(one.difference) and "has not left the wall" in one.remark
-    one = measured(scene, 0.9, Change(WALL, "a", {"wall.a": -1.0}))
+    one = with_result(scene, 0.9, Change(WALL, "a", {"wall.a": -1.0}))
     assert math.isnan(one.result) and "wall.a" in one.remark
 
 
