@@ -23,26 +23,26 @@ from .kernel import FREE, RIGID
 from .timing import in_turn
 
 VERLET, VEFRL = "taichi-disk, velocity Verlet", "taichi-disk, vefrl"
-FRACTIONS = (0.8, 0.4, 0.2, 0.1, 0.05)  # of the largest stable step
-SAFETIES = {VERLET: FRACTIONS, VEFRL: FRACTIONS[:2]}  # what is lost before and after the steps stays
+FRACTIONS = (0.8, 0.4, 0.2, 0.1, 0.05)  # steps over the largest stable step
+SAFETIES = {VERLET: FRACTIONS, VEFRL: FRACTIONS[:2]}  # smaller steps of vefrl do not reduce the error
 TOLERANCES = {VERLET: (1e-6, 1e-7), VEFRL: (1e-7, 1e-9)}
 RTOLS = (1e-2, 1e-3, 1e-4, 1e-6, 1e-9)
 LOOK = {VERLET: (BLUE, "o"), VEFRL: (SKY, "s"), "DOP853": (RED, "^"), "LAMMPS": (GREEN, "v"), "Numba": (ORANGE, "D")}
-FLOOR = 1e-11  # of errors: to what the reference is known
+FLOOR = 1e-11  # error of the reference
 STYLE = {"font.size": 12, "axes.spines.top": False, "axes.spines.right": False, "lines.linewidth": 1.6}
 
 Row = tuple[str, str]  # program, setting
 
 
 class Command:
-    """A process of its own; `result` is the e that its last run gave."""
+    """A process of its own. `result` is the e of its last run."""
 
     def __init__(self, arguments: list[str], read: Callable[[str], float], **environment: str) -> None:
         self.line, self.read, self.result = [sys.executable, "-m", *arguments], read, 0.0
         self.environment = os.environ | environment
 
     def __call__(self) -> float:
-        """Seconds from its start to its end."""
+        """Return the wall-clock time of the process [s]."""
         began = perf_counter()
         ended = subprocess.run(self.line, env=self.environment, capture_output=True, text=True)
         seconds = perf_counter() - began
@@ -53,14 +53,14 @@ class Command:
 
 
 def precision(repeats: int, settings: tuple[str, ...], figure: Path | None = None) -> Iterator[str]:
-    """A Markdown table, and the same as a diagram in the file `figure`."""
+    """Yield a Markdown table, and draw it as a diagram into the file `figure`."""
     scene = (FREE, *settings)
     gap = f"impact.gap={load_scene(RIGID, scene).scenario().gap!r}"
     whole = load_scene(RIGID, (*scene, gap))
     scenario = whole.scenario()
     outcome = compute(scenario, whole.time, estimate=False)
     end, limit = float(outcome.columns["t"][-1]), outcome.summary["dt_limit"]
-    # On until the wall's last potential, too, is energy of the flight.
+    # Go on until the remaining potential of the wall has become kinetic energy.
     times = [0.0, end + 3.0 / (scenario.model.wall.a * scenario.velocity)]
     solver = reference.Model(scenario.lattice, scenario.model)
     states = solver.solve(scenario.lattice.positions, scenario.velocities, times, rtol=1e-12)
@@ -86,7 +86,7 @@ def precision(repeats: int, settings: tuple[str, ...], figure: Path | None = Non
 
 
 def ours(scene: tuple[str, ...], folder: Path) -> dict[Row, Command]:
-    """`run` as anybody calls it: with its files, its plot and its error estimate."""
+    """Return commands of `run` as a user calls it: with its files, its plot and its error estimate."""
     runs = {}
     for program, integrator in ((VERLET, "velocity_verlet"), (VEFRL, "vefrl")):
         told = {f"safety {part:g}": f"time.safety={part}" for part in SAFETIES[program]}
@@ -104,7 +104,7 @@ def restitution(out: Path, _printed: str) -> float:
 
 
 def peers(scene: tuple[str, ...], end: float, limit: float) -> dict[Row, Command]:
-    """`limit`: largest stable step [R/c]; `end` [R/c]."""
+    """Return the commands of the other programs. `limit`: largest stable step [R/c]; `end` [R/c]."""
     told = [("DOP853", f"rtol {rtol:.0e}", rtol) for rtol in RTOLS]
     steps = [(f"step {part:g} of the limit", part * limit) for part in FRACTIONS]
     told += [(name, *one) for name in ("LAMMPS", "Numba") if find_spec(name.lower()) for one in steps]
@@ -112,13 +112,13 @@ def peers(scene: tuple[str, ...], end: float, limit: float) -> dict[Row, Command
 
 
 def peer(program: str, number: float, end: float, scene: tuple[str, ...]) -> Command:
-    # DOP853 multiplies 13 long rows by a few numbers: on a busy machine two threads of OpenBLAS wait for each other.
+    # DOP853 multiplies 13 long rows by a few numbers; on a busy machine two OpenBLAS threads wait for each other.
     line = ["tests.benchmarks.peers", program, repr(number), repr(end), *scene]
     return Command(line, float, OPENBLAS_NUM_THREADS="1")
 
 
 def draw(path: Path, points: dict[Row, tuple[float, float]], alone: float) -> None:
-    """Error over wall clock, both logarithmic; crosses: with a tolerance. Legible 360 px wide."""
+    """Draw error over wall clock, both logarithmic; crosses: with a tolerance. Readable at a width of 360 px."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 

@@ -22,10 +22,9 @@ from websockets.exceptions import ConnectionClosed
 from taichi_disk.scenes import load_scene
 from taichi_disk.simulation.simulation import KernelCache
 from taichi_disk.window import server
-from taichi_disk.window.commands import MAX_BYTES
 from taichi_disk.window.controls import Entry
 from taichi_disk.window.server import Page
-from taichi_disk.window.session import HEADER, Session
+from taichi_disk.window.session import HEADER, MAX_BYTES, Session
 from tests.browser import MISSING, Browser
 
 SETTINGS = ["lattice.points=60", "impact.velocity=0.05", "material.eta_star=1"]

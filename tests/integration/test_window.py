@@ -23,6 +23,7 @@ from taichi_disk.window.viewer import PANEL
 
 TOOLS = [tool for tool in ("Xvfb", "xdotool", "import") if not shutil.which(tool)]
 MISSING = f"not installed: {', '.join(TOOLS)} (apt-get install xvfb xdotool imagemagick)" if TOOLS else film_problem()
+SEARCH = ["xdotool", "search", "--onlyvisible", "--name", "taichi-disk view"]
 DISK, BESIDE = (790, 250), (1180, 330)  # places in the disk and beside it [px]
 SETTINGS = ["lattice.points=300", "impact.velocity=0.05", "material.eta_star=1"]
 GROUND = 255 * np.array(THEMES["light"].ground)
@@ -41,9 +42,14 @@ def test_without_a_display_one_message_names_the_remedy(
 class Hand:
     """Keys and mouse on the window of a running program, and the files that it writes into `out`."""
 
-    def __init__(self, environment: dict[str, str], out: Path) -> None:
+    def __init__(self, program: subprocess.Popen[str], environment: dict[str, str], out: Path) -> None:
         self._environment, self._out, self._pause = environment, out, 0.3
-        self.window = self("search", "--sync", "--name", "taichi-disk view").split()[-1]
+        for _ in range(600):  # `search --sync` may miss a window that opens meanwhile, and waits for ever
+            if windows := subprocess.run(SEARCH, env=environment, capture_output=True, text=True).stdout.split():
+                break
+            assert program.poll() is None, program.stderr.read() if program.stderr else ""
+            time.sleep(0.2)
+        self.window = windows[-1]
         self("windowfocus", self.window)
         for _ in range(60):  # the first scene that is saved says that keys are heard
             self.key("w")
@@ -118,7 +124,7 @@ def test_the_window_opens_obeys_and_shows_the_disk(display: dict[str, str], tmp_
     command += [word for setting in SETTINGS for word in ("--set", setting)]
     program = subprocess.Popen(command, env=display, cwd=tmp_path, stderr=subprocess.PIPE, text=True)
     try:
-        hand = Hand(display, tmp_path / "out")
+        hand = Hand(program, display, tmp_path / "out")
         # Keys change the scene; a drag turns the disk, and one from beside it aims.
         before = hand.saved().wall.a
         hand.key("z")
