@@ -55,14 +55,14 @@ def video(**keys):
 @pytest.fixture
 def captions(monkeypatch):
     """Return the changing lines of each picture that is made."""
-    seen, write = [], Legend.write
+    captured, write = [], Legend.write
 
     def record(self, picture, lines):
-        seen.append(tuple(lines))
+        captured.append(tuple(lines))
         write(self, picture, lines)
 
     monkeypatch.setattr(Legend, "write", record)
-    return seen
+    return captured
 
 
 def pictures_in(folder):
@@ -80,9 +80,9 @@ def time_of(lines):
 @needs_vulkan
 @FORMATS
 def test_a_film_has_the_frames_size_and_rate_asked_for_and_the_same_bytes_twice(run, tmp_path, suffix):
-    path, told = tmp_path / f"film{suffix}", []
-    film(path, [run], video(), lambda *what: told.append(what))
-    assert told == [("render", done, COUNT) for done in range(COUNT + 1)] and list(tmp_path.iterdir()) == [path]
+    path, calls = tmp_path / f"film{suffix}", []
+    film(path, [run], video(), lambda *what: calls.append(what))
+    assert calls == [("render", done, COUNT) for done in range(COUNT + 1)] and list(tmp_path.iterdir()) == [path]
     files = sorted(path.iterdir()) if path.is_dir() else [path]
     first = digests(files)
     film(path, [run], video(), QUIET)  # replaces the existing film
@@ -307,13 +307,13 @@ def test_a_small_compression_is_visible_with_magnified_displacements(tmp_path):
 
 @needs_vulkan
 def test_by_default_a_film_magnifies_the_flattening_to_a_twentieth_of_r_and_says_so(tmp_path, monkeypatch):
-    said, pictures = [], Legend.__init__
+    painters, pictures = [], Legend.__init__
     monkeypatch.setattr(
-        Legend, "__init__", lambda self, painter, *rest: said.append(painter) or pictures(self, painter, *rest)
+        Legend, "__init__", lambda self, painter, *rest: painters.append(painter) or pictures(self, painter, *rest)
     )
     pressed = api.run(load_scene("compression", ["lattice.points=60", "compression.method=newton"]), lattices=1)
     pressed.film(tmp_path / "picture.png", size=240)
-    (painter,) = said
+    (painter,) = painters
     x, n = pressed.state(1.0).positions, 60
     rest, drawn, floor = pressed.lattice.positions[:n, 1], painter.placed(x)[:n, 1], x[:n, 1].min()
     seen = (rest.mean() - rest.min()) - (drawn.mean() - floor)  # the wall hides everything below

@@ -165,11 +165,11 @@ def test_from_a_file_it_plays_scrubs_zooms_magnifies_and_shows_every_quantity(br
     there = browser.execute_script(place)
     browser.execute_async_script("setTimeout(arguments[0], 300)")
     assert browser.execute_script(place) == there
-    seen = {name: canvas(browser) for name in QUANTITIES if not choose(browser, "quantity", name)}
-    assert len({picture.tobytes() for picture in seen.values()}) == len(QUANTITIES)
-    ground = seen["shear"][1, 1]
-    disk = np.abs(seen["shear"][:-90] - ground).sum(axis=2) > 30
-    assert disk.mean() > 0.1 and len(np.unique(seen["shear"].reshape(-1, 3), axis=0)) > 200
+    pictures = {name: canvas(browser) for name in QUANTITIES if not choose(browser, "quantity", name)}
+    assert len({picture.tobytes() for picture in pictures.values()}) == len(QUANTITIES)
+    ground = pictures["shear"][1, 1]
+    disk = np.abs(pictures["shear"][:-90] - ground).sum(axis=2) > 30
+    assert disk.mean() > 0.1 and len(np.unique(pictures["shear"].reshape(-1, 3), axis=0)) > 200
     choose(browser, "quantity", "shear")
     for name, value in (("magnify", 10), ("draw", "springs"), ("draw", "points"), ("outline", True), ("dark", True)):
         old = canvas(browser)

@@ -65,8 +65,8 @@ def test_files_summary_and_columns_are_those_of_the_contract(runs, kind):
 
     common = {"scene", "status", "reason", "seed", "versions", "wall_clock", "measured", "steps", "integrator"}
     assert summary == one.result.summary and common | SCENES[kind][1] <= set(summary)
-    told = (Path(__file__).parents[2] / "docs/output.md").read_text(encoding="utf-8")
-    assert set(summary) <= set(re.findall(r"`(\w+)`", told.partition("### summary.json")[2].partition("###")[0]))
+    page = (Path(__file__).parents[2] / "docs/output.md").read_text(encoding="utf-8")
+    assert set(summary) <= set(re.findall(r"`(\w+)`", page.partition("### summary.json")[2].partition("###")[0]))
     assert summary["status"] == "done" and summary["reason"] is None
     assert {"build", "simulate"} <= set(summary["wall_clock"])
     assert {"python", engine.PACKAGE, "numpy", "taichi-disk"} <= set(summary["versions"])

@@ -128,10 +128,10 @@ def test_a_killed_worker_ends_the_sweep_and_the_same_command_goes_on(
     process = subprocess.Popen(command(scene, out, "--jobs", "2"), stdout=subprocess.DEVNULL, stderr=subprocess.PIPE)
     wait_until(lambda: count(out) > 0, "no point is done")
     os.kill(workers(process)[0], signal.SIGKILL)
-    told = process.communicate(timeout=PATIENCE)[1].decode()
-    assert process.returncode == 1 and "Traceback" not in told
-    assert told.splitlines()[-1].startswith("error: the workers failed (one died, perhaps for lack of memory")
-    assert told.endswith("repeat the command to go on\n")
+    error = process.communicate(timeout=PATIENCE)[1].decode()
+    assert process.returncode == 1 and "Traceback" not in error
+    assert error.splitlines()[-1].startswith("error: the workers failed (one died, perhaps for lack of memory")
+    assert error.endswith("repeat the command to go on\n")
     done = count(out)
     assert 0 < done < POINTS and finish(scene, out, "--jobs", "2") == POINTS - done
     assert (out / "points.csv").read_bytes() == expected

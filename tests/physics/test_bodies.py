@@ -30,8 +30,12 @@ def test_observables_are_weighted_with_mass(kernels):
     centre, flight = m @ x, m @ v
     arm, own = x - centre, v - flight
     spin = np.sum(m * (arm[:, 0] * own[:, 1] - arm[:, 1] * own[:, 0]))
-    told = [row[INDEX[name]] for name in ("com_x", "com_y", "com_vx", "com_vy", "angular_momentum", "kinetic", "load")]
-    assert_allclose(told, [*centre, *flight, spin, 0.5 * m @ np.sum(v**2, axis=1), 0.02 * centre[1]], rtol=1e-11)
+    names = "com_x", "com_y", "com_vx", "com_vy", "angular_momentum", "kinetic", "load"
+    assert_allclose(
+        [row[INDEX[name]] for name in names],
+        [*centre, *flight, spin, 0.5 * m @ np.sum(v**2, axis=1), 0.02 * centre[1]],
+        rtol=1e-11,
+    )
     assert np.abs(lattice.mean(x) - x.mean(axis=0)).max() > 1e-3
 
 
@@ -169,15 +173,15 @@ def test_a_core_too_large_for_its_place_is_pressed_and_the_ring_around_it_pulled
     r = np.hypot(*middle.T)
     c, s = middle.T / r
     radial = sigma[:, 0] * c * c + sigma[:, 1] * s * s + 2.0 * sigma[:, 2] * c * s
-    hoop, told = sigma[:, 0] + sigma[:, 1] - radial, []
+    hoop, means = sigma[:, 0] + sigma[:, 1] - radial, []
     for low, high in ((0.1, 0.4), (0.4, 0.5), (0.5, 0.6), (0.6, 0.8)):
         ring = (r > low) & (r < high)
-        told.append([np.average(one[ring], weights=areas[ring]) for one in (radial, hoop)])
+        means.append([np.average(one[ring], weights=areas[ring]) for one in (radial, hoop)])
         square = np.average(r[ring] ** -2.0, weights=areas[ring])
         expected = (-p, -p) if high <= a else (share * (1.0 - square), share * (1.0 + square))
-        assert told[-1][0] == pytest.approx(expected[0], abs=0.05 * p)
+        assert means[-1][0] == pytest.approx(expected[0], abs=0.05 * p)
         if low == 0.1 or high == 0.8:  # springs of the edge carry the hoop stress of both sides
-            assert told[-1][1] == pytest.approx(expected[1], abs=0.05 * p)
-    assert told[2][1] - told[1][1] > 1.5 * p
+            assert means[-1][1] == pytest.approx(expected[1], abs=0.05 * p)
+    assert means[2][1] - means[1][1] > 1.5 * p
     edge = np.sort(np.hypot(*x[np.unique(triangles.interfaces)].T))
     assert len(triangles.interfaces) == len(edge) and np.abs(edge - a).max() < 1e-3  # one closed line is drawn

@@ -44,14 +44,14 @@ def test_a_pulled_point_moves_as_the_exact_solution_and_its_energy_is_accounted_
     model = Model(Springs(1.0, 1.0, eta), FALLING.wall, mouse=MOUSE)
     x, v = lattice.positions, np.zeros_like(lattice.positions)
     plain, y = Pulled(lattice, model), (x, v)
-    for plain.point, beside in LED:
-        plain.target = x[POINT] + beside
+    for plain.point, offset in LED:
+        plain.target = x[POINT] + offset
         y = plain.solve(*y, (0.0, 24 * dt))[-1]
     errors = []
     for steps in (1, 2, 4):
-        simulation, given = kernels.simulation(lattice, model, integrator, v, dt / steps), 0.0
-        for point, beside in LED:
-            given += simulation.set_mouse_target(point, tuple(x[POINT] + beside))
+        simulation, work = kernels.simulation(lattice, model, integrator, v, dt / steps), 0.0
+        for point, offset in LED:
+            work += simulation.set_mouse_target(point, tuple(x[POINT] + offset))
             simulation.advance(24 * steps)
         errors.append(np.abs(simulation.positions() - y[0]).max())
         row = simulation.now
@@ -59,7 +59,7 @@ def test_a_pulled_point_moves_as_the_exact_solution_and_its_energy_is_accounted_
     least = 0.8 * 2**2  # also for order 4, because the pull jumps
     assert errors[0] > least * errors[1] > least**2 * errors[2]
     assert errors[-1] < 2e-3 * np.abs(y[0] - x).max()
-    assert energy == pytest.approx(given, rel=2e-3)
+    assert energy == pytest.approx(work, rel=2e-3)
 
 
 def test_a_mouse_that_pulls_at_nothing_changes_no_bit(kernels):

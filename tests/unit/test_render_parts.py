@@ -190,8 +190,8 @@ def test_a_rigid_motion_stays_where_it_is_and_a_strain_is_drawn_so_many_times_as
     assert one.placed(x) == pytest.approx(rest - 0.06 * (rest - [middle, low]), abs=1e-12)
     assert (painter().placed(x) == x).all()
     assert one.remarks == ["displacements × 20"] and painter().remarks == []
-    plain, told = (Legend(each, 720, ("A", "B"), ("t",), 1).still(250.0) for each in (painter(), one))
-    assert (plain[:60] != told[:60]).any() and (plain[60:] == told[60:]).all()
+    plain, titled = (Legend(each, 720, ("A", "B"), ("t",), 1).still(250.0) for each in (painter(), one))
+    assert (plain[:60] != titled[:60]).any() and (plain[60:] == titled[60:]).all()
 
 
 # ---- text

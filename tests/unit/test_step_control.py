@@ -108,9 +108,9 @@ def test_warnings_say_what_makes_a_result_doubtful(finished):
     for part, expected in ((0.8, 0), (1.1, 2)):
         columns = off_by(finished, 0.0, closing=-part * MAX_IMBALANCE)
         columns["sliding"] = np.full_like(columns["t"], scenario.reference_energy * part * MAX_IMBALANCE)
-        told = diagnostics.warnings(scenario, columns)
-        assert len(told) == expected
-    assert "imbalance at the end is -0.0011" in told[0] and "slid from spring to spring" in told[1]
+        messages = diagnostics.warnings(scenario, columns)
+        assert len(messages) == expected
+    assert "imbalance at the end is -0.0011" in messages[0] and "slid from spring to spring" in messages[1]
 
 
 # ---- the first choice
