@@ -44,7 +44,7 @@ ATTEMPTS = 8  # number of runs with ever shorter steps after a lost balance or a
 
 
 def thrown(tangent: float, **wall: float | str) -> Scene:
-    """Return the scene at that angle, with other keys of its wall. The disk of an oblique throw starts off the middle."""
+    """Return the scene at that angle, with other keys of its wall. An oblique throw starts off the middle."""
     angle = atan(tangent)
     keys = {f"wall.{key}": value for key, value in wall.items()}
     return load_scene(str(SCENE)).with_({"impact.angle": angle, "impact.offset": -1.5 * sin(angle), **keys})
