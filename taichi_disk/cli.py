@@ -17,7 +17,7 @@ from taichi_disk.config.sections import VideoSection
 from taichi_disk.config.tree import shipped_scenes
 from taichi_disk.errors import InputError, TaichiDiskError
 from taichi_disk.machine import cores
-from taichi_disk.progress import print_result, terminal
+from taichi_disk.progress import terminal
 from taichi_disk.signals import INTERRUPTED, raise_if_interrupted
 
 _TRAJECTORIES = ("xyz", "gsd", "vtu", "npz")
@@ -97,6 +97,7 @@ def _run(arguments: argparse.Namespace) -> int:
     scene = _load(arguments)
 
     from taichi_disk.api import run
+    from taichi_disk.output.report import print_result
 
     options = _options(arguments, "video", "export", "overwrite", "force", "threads", "lattices")
     options |= {"count_on": arguments.out is None, "say": _note, "started": perf_counter() - BEGAN}

@@ -141,11 +141,17 @@ def advance(simulation, steps, stride=1):
     return columns | {"t": start + columns["t"]}
 
 
+def to_pixels(camera, xy):
+    """(column, row) [px] of points (..., 2) [R] on the canvas of a camera, from the coordinates that GGUI gets."""
+    factor, shift = camera.canvas_map()
+    return (factor * np.asarray(xy) + shift - [0.0, 1.0]) * [camera.width, -camera.height]
+
+
 def computed(kernels, name, *settings, **options):
     """Return scenario and outcome of a shipped scene with some `settings`."""
     scene = load_scene(name, settings)
     scenario = scene.scenario()
-    return scenario, compute(scenario, scene.time, kernels=kernels, **options)
+    return scenario, compute(scenario, scene.time, **options)
 
 
 def driver_of(kernels, name, *settings, **options):

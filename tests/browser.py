@@ -118,7 +118,8 @@ class Browser:
     def lead(self, key: str, place: int) -> None:
         """Move a slider to a place from 0 to 1000."""
         self.script(
-            f"const one = document.querySelector('[data-key=\"{key}\"] input[type=range]'); one.value = {place};"
+            f"const one = document.querySelector('[data-key=\"{key}\"] input[type=range]'), low = Number(one.min);"
+            f"one.value = low + (one.max - low) * {place / 1000};"
             "one.dispatchEvent(new Event('input')); one.dispatchEvent(new Event('change'))"
         )
         time.sleep(0.5)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-SANDBOX = {"test_controls", "test_mouse_spring", "test_notebook", "test_page", "test_sandbox"}
+SANDBOX = {"test_controls", "test_hostile_visitors", "test_mouse_spring", "test_notebook", "test_page", "test_sandbox"}
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
@@ -55,7 +55,7 @@ def kernels():
     A simulation from it is reset when another test asks for one with the same laws and integrator.
     """
     from taichi_disk import runtime
-    from taichi_disk.api import shared_kernels
+    from taichi_disk.simulation.simulation import shared_kernels
 
     runtime.start()
     return shared_kernels()

@@ -20,7 +20,7 @@ from taichi_disk.lattice import Array, Lattice
 from taichi_disk.physics import Model
 from taichi_disk.signals import raise_if_interrupted
 from taichi_disk.simulation.observables import as_columns
-from taichi_disk.simulation.simulation import KernelCache
+from taichi_disk.simulation.simulation import shared_kernels
 
 FRACTIONS = (0.95, 0.8, 0.6, 0.4, 0.2, 0.1, 0.05)  # steps over the stability limit
 REPEATS = 3
@@ -80,22 +80,23 @@ class StepStudy:
         rate = 9.0 * self.modes.omega + 3.0 * springs.eta * self.modes.damping + (12.0 / interval if interval else 0.0)
         return (1 + REPEATS) * work * run + self.end * rate * evaluation
 
-    def measure(self, kernels: KernelCache, done: Callable[[int], object]) -> list[StepError]:
-        """Compute the reference and all runs. `done` is called with the number of finished runs."""
+    def measure(self, done: Callable[[int], object]) -> list[StepError]:
+        """Compute the reference and all runs, calling `done` with the number of finished ones."""
         scenario, (integrator, steps), errors = self.scenario, self.default, []
         x, v = self.reference.solve(scenario.velocities, self.end)
         end = replace(scenario.lattice, positions=x)
-        # A simulation that starts from the reference solution measures the same observables as in the runs.
-        first = kernels.simulation(end, scenario.model, integrator, v, self.end / steps).first_row
+        # A simulation started from the reference solution measures it in the same way as it measures the runs.
+        first = shared_kernels().simulation(end, scenario.model, integrator, v, self.end / steps).first_row
         truth = scenario.primary(as_columns(first[None], 0.0))[1]
         for number, (integrator, steps) in enumerate(self.runs):
             done(1 + number)
-            errors.append(self._measured(kernels, integrator, steps, x, truth))
+            errors.append(self._measured(integrator, steps, x, truth))
         return errors
 
-    def _measured(self, kernels: KernelCache, integrator: Integrator, steps: int, x: Array, truth: float) -> StepError:
+    def _measured(self, integrator: Integrator, steps: int, x: Array, truth: float) -> StepError:
+        """Measure one run against the reference, which ends at the positions `x` (n, 2) [R] with the result `truth`."""
         scenario, dt, stride = self.scenario, self.end / steps, max(1, steps // ENERGY_SAMPLES)
-        simulation = kernels.simulation(scenario.lattice, scenario.model, integrator, scenario.velocities, dt)
+        simulation = shared_kernels().simulation(scenario.lattice, scenario.model, integrator, scenario.velocities, dt)
         start = simulation.snapshot()
         rows, _ = simulation.advance(steps, stride)
         columns = as_columns(np.vstack([simulation.first_row, rows, simulation.now]), stride * dt)

@@ -16,15 +16,15 @@ from taichi_disk import runtime
 from taichi_disk.accuracy.steps import StepError, StepStudy
 from taichi_disk.computation.outcome import compute
 from taichi_disk.computation.stability import spectrum
-from taichi_disk.config.sections import DASHPOTS
+from taichi_disk.computation.workload import duration
 from taichi_disk.errors import InputError, TaichiDiskError
+from taichi_disk.integrators import INTEGRATORS
 from taichi_disk.output.files import atomic_write, prepare_output, remove_empty, write_csv, write_text
 from taichi_disk.output.plot import matplotlib_style
 from taichi_disk.output.run_folder import refuse_run
-from taichi_disk.progress import Progress, duration, terminal
+from taichi_disk.progress import Progress, terminal
 from taichi_disk.scenes import Scene
 from taichi_disk.simulation.observables import BLUE, GREEN, ORANGE, PINK, RED
-from taichi_disk.simulation.simulation import KernelCache
 
 SEEDS = 8
 REFINEMENTS = (4, 16, 64)  # factors of the number of points, at equal mass, stiffness and viscosity of the disk
@@ -32,10 +32,10 @@ MAX_POINTS = 200_000  # largest disk of a refinement, except for the first
 HARDNESS_FACTORS = (3.0, 10.0)  # factors of wall.a
 VISCOSITY = "material.viscosity"
 SAMPLE, POINTS, WALL = "lattice sample", "points", "wall hardness"
-SIGNIFICANCE = 2.0  # a difference of more lattice scatters is an effect of the number of points
-COMPILE_TIME = 5.0  # typical time of a compilation [s]
-COLOURS = dict(zip(DASHPOTS, (BLUE, RED, GREEN, ORANGE, PINK), strict=False))  # colours of the integrators
-TABLE_WIDTH = 120  # width of a printed table without a terminal
+SIGNIFICANCE = 2.0  # lattice scatters; a larger difference is an effect of the number of points
+COMPILE_TIME = 5.0  # [s], typical
+COLOURS = dict(zip(INTEGRATORS, (BLUE, RED, GREEN, ORANGE, PINK), strict=False))  # of the integrators
+TABLE_WIDTH = 120  # without a terminal
 
 
 @dataclass(frozen=True)
@@ -121,7 +121,8 @@ def study(scene: Scene, out: Path, title: str, note: Callable[[str], None]) -> N
 
 
 def assess(scene: Scene, progress: Progress, note: Callable[[str], None]) -> Findings:
-    kernels, scenario, study = KernelCache(), scene.scenario(), None
+    """Measure what `study` reports. Taichi must have been started."""
+    scenario, study = scene.scenario(), None
     progress("simulate", 0, None)
     if scenario.model.has_friction:
         raise InputError(
@@ -129,10 +130,10 @@ def assess(scene: Scene, progress: Progress, note: Callable[[str], None]) -> Fin
         )
     if scenario.step_dependent:
         modes = spectrum(scenario.lattice, scenario.model)
-        outcome = compute(scenario, scene.time, kernels=kernels, modes=modes, estimate=False)
+        outcome = compute(scenario, scene.time, modes=modes, estimate=False)
         study = StepStudy(scenario, modes, outcome)
     others, started = list(changes(scene)), perf_counter()
-    base = result_of(scene, kernels)
+    base = result_of(scene)
     run_time = perf_counter() - started
     exponent = 1.4 if study else 1.1  # time grows as points**exponent; finer lattices also need shorter steps
     expected = COMPILE_TIME + run_time * sum(change.refinement**exponent for change in others)
@@ -144,11 +145,11 @@ def assess(scene: Scene, progress: Progress, note: Callable[[str], None]) -> Fin
     if study:
         count = 1 + len(study.runs)
         progress("reference and steps", 0, count)
-        steps = study.measure(kernels, lambda done: progress("reference and steps", done, count))
+        steps = study.measure(lambda done: progress("reference and steps", done, count))
     sources = [Change("scene", "as it is", result=base, difference=0.0)]
     for number, change in enumerate(others):
         progress("compare", number, len(others))
-        sources.append(with_result(scene, base, change, kernels))
+        sources.append(with_result(scene, base, change))
     return Findings(scene.results[0], steps, sources)
 
 
@@ -170,21 +171,24 @@ def changes(scene: Scene) -> Iterator[Change]:
         yield Change(WALL, f"a = {multiple * a:g}/R", {"wall.a": multiple * a})
 
 
-def with_result(scene: Scene, base: float, change: Change, kernels: KernelCache) -> Change:
+def with_result(scene: Scene, base: float, change: Change) -> Change:
+    """Compute the changed scene and return `change` with the result, or with the reason why there is none."""
     try:
-        result = result_of(scene.with_(change.keys), kernels)
+        result = result_of(scene.with_(change.keys))
     except TaichiDiskError as error:
         return replace(change, remark=str(error))
     return replace(change, result=result, difference=result - base)
 
 
-def result_of(scene: Scene, kernels: KernelCache) -> float:
-    """Compute the primary result, by Newton's method if it does not depend on the step."""
-    # The step is automatic, because a user's dt rarely suits a finer lattice.
+def result_of(scene: Scene) -> float:
+    """Compute the primary result, by Newton's method if it does not depend on the step.
+
+    The step is automatic, because a user's dt seldom suits a finer lattice.
+    """
     scenario = scene.scenario()
     if not scenario.step_dependent:
         return scenario.primary(scenario.quasistatic(loads=1).columns)[1]
-    outcome = compute(scenario, replace(scene.time, dt="auto"), kernels=kernels, estimate=False)
+    outcome = compute(scenario, replace(scene.time, dt="auto"), estimate=False)
     return scenario.primary(outcome.columns)[1]
 
 

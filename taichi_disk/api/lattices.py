@@ -7,14 +7,13 @@ from typing import Any
 
 import numpy as np
 
-from taichi_disk.computation.outcome import Outcome, compute
+from taichi_disk.computation.outcome import Outcome
 from taichi_disk.errors import TaichiDiskError
 from taichi_disk.integrators import INTEGRATORS
 from taichi_disk.lattice import OwnStart
 from taichi_disk.progress import Progress
 from taichi_disk.scenes import Scene
-from taichi_disk.scenes.setup import setup_of
-from taichi_disk.simulation.simulation import KernelCache
+from taichi_disk.scenes.setup import outcome_of
 
 MOST_LATTICES = 10_000
 LATTICES, MIN_LATTICES = 8, 3  # default number; fewer than 3 have no meaningful scatter
@@ -51,9 +50,7 @@ def affordable(outcome: Outcome) -> int:
     return min(count, LATTICES) if count >= MIN_LATTICES else 1
 
 
-def compare_lattices(
-    scene: Scene, outcome: Outcome, count: int, kernels: KernelCache, progress: Progress, force: bool
-) -> dict[str, Any]:
+def compare_lattices(scene: Scene, outcome: Outcome, count: int, progress: Progress, force: bool) -> dict[str, Any]:
     """Compute the results on `count` lattices, of the scene's seed and the next ones, for summary.json.
 
     Returns `seeds` and, for each result, its `values`, `mean` and `standard_deviation`. Seeds without a result are left
@@ -64,7 +61,8 @@ def compare_lattices(
         progress("lattices", number - 1, count - 1)
         seed = (scene.lattice.seed + number) % 2**32
         try:
-            found.append(results_on(replace(scene, lattice=replace(scene.lattice, seed=seed)), kernels, force))
+            other = outcome_of(replace(scene, lattice=replace(scene.lattice, seed=seed)), force=force, estimate=False)
+            found.append(other.scenario.result(other.columns))
             seeds.append(seed)
         except TaichiDiskError as error:
             outcome.summary["warnings"].append(f"there is no result on the lattice of seed {seed}: {error}")
@@ -75,11 +73,3 @@ def compare_lattices(
             deviation = float(np.std(values, ddof=1))
             comparison[name] = {"values": values, "mean": float(np.mean(values)), "standard_deviation": deviation}
     return comparison
-
-
-def results_on(scene: Scene, kernels: KernelCache, force: bool = False) -> dict[str, float]:
-    setup = setup_of(scene)
-    scenario = scene.scenario(setup.body)
-    modes = None if scenario.static else setup.modes(scenario.model)
-    outcome = compute(scenario, scene.time, kernels=kernels, modes=modes, force=force, estimate=False, loads=1)
-    return scenario.result(outcome.columns)

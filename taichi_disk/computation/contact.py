@@ -53,7 +53,7 @@ def greatest_compression(columns: Columns) -> float:
     If a spin stretches the disk before the contact, return the time at which the centre of mass is lowest.
     """
     force, elastic = columns["wall_force"], columns["elastic"]
-    touches = force >= 0.01 * force.max()
+    touches = force >= CONTACT_LEVEL * force.max()
     stored = elastic * touches
     stretched = elastic[: int(touches.argmax())].max(initial=0.0) > STRETCHED * stored.max()
     return float(columns["t"][int(columns["com_y"].argmin() if stretched else stored.argmax())])

@@ -19,7 +19,7 @@ from taichi_disk.lattice import Array
 from taichi_disk.lattice.lattice import double_area
 from taichi_disk.progress import Progress, silent
 from taichi_disk.simulation.observables import Columns, split
-from taichi_disk.simulation.simulation import KernelCache
+from taichi_disk.simulation.simulation import shared_kernels
 
 ESTIMATE_UP_TO = 1.3e9  # a run with more spring evaluations (some 5 s) gets no second run for an error estimate
 REST_CAUTION = 1.1  # stated error over the distance from Newton's equilibrium
@@ -46,7 +46,6 @@ def compute(
     scenario: Scenario,
     time: Any,
     progress: Progress = silent,
-    kernels: KernelCache | None = None,
     *,
     modes: Spectrum | None = None,
     force: bool = False,
@@ -69,11 +68,10 @@ def compute(
     """
     if scenario.static:
         return scenario.quasistatic(loads, progress)
-    kernels = kernels or KernelCache()
     modes = modes or spectrum(scenario.lattice, scenario.model)
 
     def finished(time: Any) -> Driver:
-        driver = Driver(scenario, time, kernels, modes, force=force)
+        driver = Driver(scenario, time, shared_kernels(), modes, force=force)
         if text := announcement(driver):
             say(text)
         progress("simulate", 0.0, scenario.max_time)

@@ -64,13 +64,11 @@ class StepControl:
         return step_limit(self.spectrum, self.scenario.model, integrator, force)
 
     def _choice(self) -> TimeStep:
-        name, model = self.time.integrator, self.scenario.model
-        if name == "auto":
-            candidates = [one for one in AUTOMATIC if one.takes(model)]
-            name = min(
-                candidates, key=lambda one: (-one.order, one.cost(self.spectrum.points) / self._longest(one))
-            ).name
-        integrator = INTEGRATORS[name]
+        model, points = self.scenario.model, self.spectrum.points
+        candidates = [one for one in AUTOMATIC if one.takes(model)]
+        if self.time.integrator != "auto":
+            candidates = [INTEGRATORS[self.time.integrator]]
+        integrator = min(candidates, key=lambda one: (-one.order, one.cost(points) / self._longest(one)))
         dt = self._longest(integrator) if self.time.dt == "auto" else self.time.dt
         return TimeStep(integrator, self.limit(integrator, self._point_force), fitted(dt, model.reset_interval))
 

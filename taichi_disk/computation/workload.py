@@ -19,6 +19,13 @@ def memory(points: int) -> float:
     return PROCESS + POINT * points
 
 
+def duration(seconds: float) -> str:
+    """Format an estimated time, rounded to its accuracy."""
+    if seconds < 90.0:
+        return f"{max(10, 10 * round(seconds / 10)):g} s"
+    return f"{round(seconds / 60)} min" if seconds < 6000.0 else f"{seconds / 3600:.1f} h"
+
+
 def announcement(driver: Driver) -> str | None:
     scenario, step = driver.scenario, driver.step
     steps, springs = PART_OF_LIMIT * scenario.max_time / step.dt, len(scenario.lattice.bonds)
@@ -28,6 +35,5 @@ def announcement(driver: Driver) -> str | None:
     if seconds < LONG_RUN[0] and steps < LONG_RUN[1]:
         return None
     size = memory(len(scenario.lattice.positions)) / 1e9
-    unit, name = next(((one, name) for one, name in ((3600, "h"), (60, "min")) if seconds >= 2 * one), (1, "s"))
-    text = f"this will take about {seconds / unit:.0f} {name} and {size:.1f} GB of memory"
+    text = f"this will take about {duration(seconds)} and {size:.1f} GB of memory"
     return f"{text}: some {steps:.0e} steps of {step.dt:.2g} R/c for {springs:,} springs".replace("e+0", "e")

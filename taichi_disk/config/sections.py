@@ -194,18 +194,6 @@ class CompressionSection(Section):
     max_time: Auto | float = key("auto", "time limit of method: relaxation", "R/c", low=1e-6, high=1e6)
 
 
-# Integrators by their treatment of dashpots: predicted velocity, implicit (vector dashpots only), or no dashpots.
-Dashpots: TypeAlias = Literal["explicit", "implicit", "none"]
-DASHPOTS: dict[str, Dashpots] = {
-    "velocity_verlet": "explicit",
-    "trapezoidal": "implicit",
-    "takahashi_imada": "none",
-    "vefrl": "none",
-}
-
-CORRECTED = ("takahashi_imada",)  # integrators that store transformed velocities, which a reset cannot set to zero
-
-
 class TimeSection(Section):
     integrator: Literal["auto", "velocity_verlet", "trapezoidal", "takahashi_imada", "vefrl"] = key(
         "auto",

@@ -9,7 +9,6 @@ from __future__ import annotations
 import os
 import re
 from collections.abc import Mapping, Sequence
-from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, NamedTuple, TypeAlias
@@ -87,21 +86,11 @@ _INTEGER = re.compile("[-+]?[0-9]+|0o[0-7]+|0x[0-9a-f]+")
 _FLOAT = re.compile(r"[-+]?(\.[0-9]+|[0-9]+(\.[0-9]*)?)(e[-+]?[0-9]+)?|[-+]?\.inf|\.nan")
 
 
-class _Loader(yaml.BaseLoader):  # a BaseLoader keeps scalars as text
-    def compose_node(self, parent: yaml.Node | None, index: int) -> yaml.Node | None:
-        if self.check_event(yaml.AliasEvent):
-            what = (
-                "aliases (*) are not supported: write the value out"  # a few aliases may expand to billions of values
-            )
-            raise yaml.composer.ComposerError(None, None, what, self.peek_event().start_mark)
-        return super().compose_node(parent, index)
-
-
 def parse(text: str, source: Mark, path: Keys = ()) -> Tree:
     """Parse YAML `text`, whose values belong at `path`. Unreadable values are None and listed in the tree's faults."""
     tree, where = Tree(), source
     try:
-        if node := _Loader(text).get_single_node():
+        if node := yaml.BaseLoader(text).get_single_node():  # which keeps scalars as text
             tree.value = _value(node, path, None, tree, source)
         return tree
     except yaml.reader.ReaderError as error:
@@ -114,7 +103,7 @@ def parse(text: str, source: Mark, path: Keys = ()) -> Tree:
         what = f"not readable as YAML: {error.problem or error.context}"
         if "'\\t'" in what:
             what += " (YAML allows no tabs for indentation: use spaces)"
-    except (RecursionError, ValueError, OverflowError):  # ValueError, OverflowError: bad version numbers or escapes
+    except (RecursionError, ValueError, OverflowError):  # the last two: version numbers, escapes, thousands of digits
         what = "not readable as YAML: nested too deeply, or a number or an escape is out of range"
     return Tree(faults=[Fault(where, ".".join(path), what)])
 
@@ -139,11 +128,7 @@ def _value(node: yaml.Node, path: Keys, key: Mark | None, tree: Tree, source: Ma
     if isinstance(node, yaml.SequenceNode) and node.tag == _TAG + "seq":
         return [_value(item, (*path, str(k)), None, tree, source) for k, item in enumerate(node.value)]
     if isinstance(node, yaml.ScalarNode) and node.tag == _TAG + "str":
-        if node.style:
-            return node.value
-        with suppress(ValueError):  # raised for an integer with thousands of digits
-            return _meaning(node.value)
-        node.tag = "int"
+        return node.value if node.style else _meaning(node.value)
     tree.fault(here, path, f"{shown} cannot be read as {printable(node.tag.removeprefix(_TAG))}")
     return None
 

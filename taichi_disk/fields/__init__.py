@@ -15,7 +15,7 @@ strain.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 from scipy.sparse import csr_array
@@ -109,13 +109,12 @@ def at_points(name: str, triangles: Triangles, springs: Springs, x: Array, v: Ar
     Triangles around a point are weighted with their areas, springs at a point equally. Shear is that of the mean
     stress. For "fringes" the result is twice the shear, the argument of `fringes`.
     """
-    if name == "shear":
-        return shear(point_stress(triangles, springs, x))
-    values, on = _values(name, triangles, springs, x, v), QUANTITIES[name].on
-    if on == "triangles":
-        areas = triangles.areas(x)
-        return triangles.point_means(areas * values, areas)
-    if on == "springs":
+    if name in ("pressure", "shear"):
+        return (pressure if name == "pressure" else shear)(point_stress(triangles, springs, x))
+    if name == "rate":
+        return -triangles.around(triangles.area_rates(x, v)) / triangles.areas_around(x)
+    values = _values(name, triangles, springs, x, v)
+    if QUANTITIES[name].on == "springs":
         ends, n = triangles.lattice.bonds.ravel(), len(x)
         return np.bincount(ends, np.repeat(values, 2), n) / np.maximum(np.bincount(ends, minlength=n), 1)
     return values
@@ -151,6 +150,8 @@ class Triangles:
         outline: (k, 2) int32 sides of only one triangle, which lies on their left.
         crossing: (k, 2) int32 springs that are no side of a triangle.
         interfaces: (k, 2) int32 sides between materials of different stiffness; empty beyond MAX_MATERIALS.
+        carried, gathered: sparse matrices (t, m) and (n, m) that sum what springs carry over a triangle, and over the
+            triangles around a point.
     """
 
     def __init__(self, lattice: Lattice) -> None:
@@ -172,15 +173,17 @@ class Triangles:
             if len(np.unique(stiffness)) <= MAX_MATERIALS:
                 self.interfaces = lattice.bonds[maximum > minimum]
         self._min_area = 0.5 * MIN_AREA * np.abs(double_area(lattice.positions[self.triangles]))
-        # Matrices that sum over the springs of a triangle, the triangles around a point, or a point and its neighbours.
+        # Matrices that sum over the springs of a triangle, the triangles around a point, the springs of all these
+        # triangles, a point and its neighbours.
         owner, ones = np.repeat(np.arange(t), 3), np.ones(3 * t)
-        self._carried = csr_array((self.fraction[sides], (owner, sides)), (t, m))
+        self.carried = csr_array((self.fraction[sides], (owner, sides)), (t, m))
         self._around = csr_array((ones, (self.triangles.ravel(), owner)), (n, t))
         if len(crossing := np.flatnonzero(count == 0)):
             point = lattice.bonds[crossing].ravel()
             fraction = 0.5 / self._around.sum(axis=1)[point]
             ends = csr_array((fraction, (point, np.repeat(crossing, 2))), (n, m))
-            self._carried = csr_array(self._carried + self._around.T @ ends)
+            self.carried = csr_array(self.carried + self._around.T @ ends)
+        self.gathered = csr_array(self._around @ self.carried)
         points, (i, j) = np.arange(n), lattice.bonds.T
         pairs = np.concatenate([points, i, j]), np.concatenate([points, j, i])
         self._neighbours = csr_array((np.ones(n + 2 * m), pairs), (n, n))
@@ -200,17 +203,20 @@ class Triangles:
         (u, w), (du, dw) = self._edges(x), self._edges(v)
         return np.asarray(0.5 * (du[0] * w[1] - du[1] * w[0] + u[0] * dw[1] - u[1] * dw[0]))
 
-    def virial(self, springs: Springs, x: Array) -> Array:
-        """Return the stress of each triangle times its area: xx, yy and xy (t, 3) [M c^2]."""
+    def virials(self, springs: Springs, x: Array) -> Array:
+        """Return T/|r| r r^T of each spring: xx, yy and xy (m, 3) [M c^2]."""
         rx, ry = between = springs.ends_apart(self.lattice, x)
         length = springs.lengths(between)
         pull = springs.pull(self.lattice, length - self.lattice.rest_lengths) / length
-        return np.asarray(self._carried @ np.stack([pull * rx * rx, pull * ry * ry, pull * rx * ry], axis=1))
+        return np.stack([pull * rx * rx, pull * ry * ry, pull * rx * ry], axis=1)
 
-    def point_means(self, integrals: Array, areas: Array) -> Array:
-        """Return means (n, ...) over the triangles around each point, from `integrals` (t, ...) and `areas` (t,)."""
-        sums: Any = self._around @ integrals
-        return np.asarray((sums.T / np.maximum(self._around @ areas, 1e-300)).T)
+    def around(self, integrals: Array) -> Array:
+        """Return the sums (n,) of `integrals` (t,) over the triangles around each point."""
+        return np.asarray(self._around @ integrals)
+
+    def areas_around(self, x: Array) -> Array:
+        """Return the sums (n,) of the areas of the triangles around each point [R^2], above 0."""
+        return np.maximum(self.around(self.areas(x)), 1e-300)
 
     def smoothed(self, values: Array, passes: int) -> Array:
         """Replace point values (n, k) by the mean of the point and its neighbours, `passes` times."""
@@ -221,13 +227,13 @@ class Triangles:
 
 
 def stress(triangles: Triangles, springs: Springs, x: Array) -> Array:
-    """Return the stress (xx, yy, xy) of each triangle (t, 3) [M c^2/R^2], positive under tension; `x` (n, 2) [R]."""
-    return triangles.virial(springs, x) / triangles.areas(x)[:, None]
+    """Return the stress of each triangle: xx, yy and xy (t, 3) [M c^2/R^2], positive under tension; `x` (n, 2) [R]."""
+    return np.asarray(triangles.carried @ triangles.virials(springs, x)) / triangles.areas(x)[:, None]
 
 
 def point_stress(triangles: Triangles, springs: Springs, x: Array) -> Array:
     """Return the stress at the points (n, 3): the area-weighted mean over the triangles around each."""
-    return triangles.point_means(triangles.virial(springs, x), triangles.areas(x))
+    return np.asarray(triangles.gathered @ triangles.virials(springs, x)) / triangles.areas_around(x)[:, None]
 
 
 def smooth_stress(triangles: Triangles, springs: Springs, x: Array) -> Array:

@@ -22,6 +22,7 @@ from taichi_disk.output.files import atomic_write
 from taichi_disk.output.inline import Plot
 from taichi_disk.output.plot import STYLE, SUM, matplotlib_style
 from taichi_disk.scenes import Scene
+from taichi_disk.scenes.compression import exact_compression, paper_compression
 from taichi_disk.scenes.sweep_axes import Sweep, target_of
 
 Row = dict[str, Any]
@@ -160,8 +161,7 @@ def analyse(base: Scene, axes: Sequence[str], rows: Sequence[Row]) -> list[Curve
         swept = {to[1]: label[name] for to, name in names.items() if to and to[0] == "material" and name in label}
         is_damped = bool(replace(base.material, **swept).dashpots[1])
         curve = Curve(label, np.array(x, float), y, float(young), float(poisson), is_damped)
-        rules = {name: FITS[name] for name in figure.fits}
-        curve.fits.update({name: rule.fit(curve) for name, rule in rules.items() if rule.applies(curve)})
+        curve.fits.update({name: FITS[name].fit(curve) for name in figure.fits if FITS[name].applies(curve)})
         curves.append(curve)
     return curves
 
@@ -173,32 +173,23 @@ def grouped(rows: Sequence[Row], names: Sequence[str]) -> dict[tuple[Any, ...], 
     return groups
 
 
-def print_curves(curves: Sequence[dict[str, Any]]) -> None:
-    for label, fits in curve_rows(curves):
-        print(label)
-        for title, parameters in fits:
-            print(f"  {title:<24}{parameters}")
-
-
 def curve_rows(curves: Sequence[dict[str, Any]]) -> Iterator[tuple[str, list[tuple[str, str]]]]:
-    """Yield for each curve its label and a list of (law, fitted parameters), as text."""
+    """Yield for each of `curves`, results of `Curve.summary`, its label and a list of (law, parameters), as text."""
     for curve in curves:
         swept = {name: value for name, value in curve.items() if name not in CURVE_KEYS}
-        keys = [
-            f"{name}: {value:g}" if isinstance(value, float) else f"{name}: {value}" for name, value in swept.items()
-        ]
+        keys = [f"{name}: {f'{value:g}' if isinstance(value, float) else value}" for name, value in swept.items()]
         label = ", ".join([*keys, f"{curve['lattices']} lattice{'s' if curve['lattices'] > 1 else ''}"])
-        fits = {
-            name: [f"{key} = {_parameter(fit, key)}" for key in fit["values"]] for name, fit in curve["fits"].items()
-        }
-        yield label, [(FITS[name].title, "   ".join(values)) for name, values in fits.items()]
+        yield label, [(FITS[name].title, _parameters(fit)) for name, fit in curve["fits"].items()]
 
 
-def _parameter(fit: dict[str, Any], name: str) -> str:
-    value, pair = fit["values"][name], fit["intervals_95"].get(name)
-    if value is None:
-        return "none"
-    return f"{value:.4g}" + (f" [{pair[0]:.4g}, {pair[1]:.4g}]" if pair and None not in pair else "")
+def _parameters(fit: dict[str, Any]) -> str:
+    """Return the fitted parameters with their 95 % intervals, "none" if the law does not fit."""
+    parts = []
+    for name, value in fit["values"].items():
+        pair = fit["intervals_95"].get(name) or [None]
+        interval = "" if None in pair else f" [{pair[0]:.4g}, {pair[1]:.4g}]"
+        parts.append(f"{name} = none" if value is None else f"{name} = {value:.4g}{interval}")
+    return "   ".join(parts)
 
 
 # ---- drawing, as wide as a column of a journal
@@ -299,9 +290,9 @@ def _compression(ax: Axes, paper: dict[str, float], curves: list[Curve]) -> None
         P = np.linspace(first.x.min(), first.x.max(), 60)
         b, printed = first.fits["eq2"].values["b"], paper["b"]
         for law, style, text in (
-            (theory.paper_compression(P, first.young, first.poisson, b), "-", f"eq. (2), b = {b:.3f} fitted"),
-            (theory.paper_compression(P, first.young, first.poisson, printed), ":", f"eq. (2), b = {printed} (paper)"),
-            (theory.exact_compression(P, first.young, first.poisson), "--", "exact law, rigid wall"),
+            (paper_compression(P, first.young, first.poisson, b), "-", f"eq. (2), b = {b:.3f} fitted"),
+            (paper_compression(P, first.young, first.poisson, printed), ":", f"eq. (2), b = {printed} (paper)"),
+            (exact_compression(P, first.young, first.poisson), "--", "exact law, rigid wall"),
         ):
             ax.plot(law, P / (np.pi * first.young), style, color=SUM, label=text)
     ax.set_xlabel("compression  ξ/R")

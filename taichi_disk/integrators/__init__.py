@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from math import sqrt
+from typing import TYPE_CHECKING, Literal
 
-from taichi_disk.config.sections import DASHPOTS, Dashpots
-from taichi_disk.physics import Model
+if TYPE_CHECKING:  # scene files are checked without Taichi
+    from taichi_disk.physics import Model
 
 LARGEST_FACTORISED = 10_000  # lattices with more points solve for implicit dashpots by conjugate gradients
 
@@ -15,18 +16,27 @@ LARGEST_FACTORISED = 10_000  # lattices with more points solve for implicit dash
 class Integrator:
     """A step of length h: v += kicks[0] h f/m, x += moves[0] h v, force, v += kicks[1] h f/m ... and a last kick.
 
-    The last kick of a step and the first kick of the next have the same force and are made together. The force, the
-    only expensive part, is computed once for each move. With a `correction` c it is computed twice: f at x, and at x +
-    c h^2 f/m the force for the kick.
+    The last kick of a step and the first kick of the next use the same force and are made as one. The force, the only
+    costly part, is computed once for each move. With a `correction` c it is computed twice: f at x, then the force that
+    kicks, at x + c h^2 f/m.
+
+    Attributes:
+        name: value of the key `time.integrator`.
+        order: order of the error in h.
+        kicks, moves: (s + 1,) and (s,) fractions of h, symmetric, so that the step is reversible; each adds up to 1.
+        stable: largest h omega at which an oscillator x'' = -omega^2 x stays bounded.
+        dashpots: whether forces that depend on velocity are "explicit", from a predicted velocity, "implicit" (vector
+            dashpots only), or "none".
+        correction: c, or 0; the stepped velocities are then not those of the points, which a reset of a boundary stops.
     """
 
-    name: str  # value of the key `time.integrator`
-    order: int  # order of the error in h
-    kicks: tuple[float, ...]  # (s + 1,) fractions of h, symmetric so that the step is reversible; their sum is 1
-    moves: tuple[float, ...]  # (s,) fractions of h, symmetric; their sum is 1
-    stable: float  # largest h omega at which an oscillator x'' = -omega^2 x stays bounded
-    dashpots: Dashpots  # velocity-dependent forces: "explicit" (from a predicted velocity), "implicit" or "none"
-    correction: float = 0.0  # c, or 0
+    name: str
+    order: int
+    kicks: tuple[float, ...]
+    moves: tuple[float, ...]
+    stable: float
+    dashpots: Literal["explicit", "implicit", "none"]
+    correction: float = 0.0
 
     @property
     def forces(self) -> int:
@@ -60,13 +70,13 @@ class Integrator:
         return tuple(stage for pair in zip(kicks, self.moves, strict=True) for stage in ((*pair, 0.0), *shifted))
 
 
-# Leapfrog form (Hairer, Lubich & Wanner, Acta Numerica 12, 2003), the cheapest for errors of e above 1e-7, because then
-# the highest lattice frequency limits the step. Dashpots use the predicted velocity u_k = v_{k-1/2} + h/2 f_{k-1}/m,
-# with an error O(h^2), and shorten the stable step (`stability.explicit_limit`).
-VELOCITY_VERLET = Integrator("velocity_verlet", 2, (0.5, 0.5), (1.0,), 2.0, DASHPOTS["velocity_verlet"])
+# Leapfrog form (Hairer, Lubich & Wanner, Acta Numerica 12, 2003). The cheapest way to an error of e above 1e-7, because
+# the highest lattice frequency limits the step more than accuracy does. Dashpots take the predicted velocity
+# u_k = v_{k-1/2} + h/2 f_{k-1}/m, with an error O(h^2), and shorten the stable step (`stability.explicit_limit`).
+VELOCITY_VERLET = Integrator("velocity_verlet", 2, (0.5, 0.5), (1.0,), 2.0, dashpots="explicit")
 
 # Velocity Verlet with implicit dashpots: see `trapezoidal`.
-TRAPEZOIDAL = replace(VELOCITY_VERLET, name="trapezoidal", dashpots=DASHPOTS["trapezoidal"])
+TRAPEZOIDAL = replace(VELOCITY_VERLET, name="trapezoidal", dashpots="implicit")
 
 # I. P. Omelyan, I. M. Mryglod and R. Folk, Comput. Phys. Commun. 146, 188 (2002). For errors of e below 1e-7 it needs
 # fewer forces than velocity Verlet. Stability limits the step, and no other composition of order 4 has as long a stable
@@ -79,14 +89,14 @@ VEFRL = Integrator(
     kicks=(_XI, _CHI, 1.0 - 2.0 * (_CHI + _XI), _CHI, _XI),
     moves=(_OUTER, _LAMBDA, _LAMBDA, _OUTER),
     stable=3.4696,
-    dashpots=DASHPOTS["vefrl"],
+    dashpots="none",
 )
 
 # M. Takahashi and M. Imada, J. Phys. Soc. Jpn. 53, 3765 (1984): velocity Verlet with the potential
 # U - h^2/24 sum(F^2/m), here without the gradient of F. To order 4 it steps X = x - h^2/12 a and V = v + h^2/12 da/dt
 # of an orbit x(t). So the start sets X, and the force is computed at x = X + h^2/12 a(X).
 TAKAHASHI_IMADA = Integrator(
-    "takahashi_imada", 4, (0.5, 0.5), (1.0,), sqrt(12.0), DASHPOTS["takahashi_imada"], correction=1.0 / 12.0
+    "takahashi_imada", 4, (0.5, 0.5), (1.0,), sqrt(12.0), dashpots="none", correction=1.0 / 12.0
 )
 
 INTEGRATORS = {each.name: each for each in (VELOCITY_VERLET, TRAPEZOIDAL, TAKAHASHI_IMADA, VEFRL)}

@@ -123,10 +123,8 @@ def _write_gsd(path: Path, scene: DiskScene, lattice: Lattice, frames: Iterator[
             shot.configuration.box = [4.0 * reach, 4.0 * reach, 0, 0, 0, 0]
             shot.particles.N, shot.particles.types = n, ["disk", "wall"]
             shot.particles.typeid = (np.arange(n) >= lattice.disk_points).astype(np.uint32)
-            shot.particles.position, shot.particles.velocity = (
-                _three_dimensional(frame.positions),
-                _three_dimensional(frame.velocities),
-            )
+            shot.particles.position = _three_dimensional(frame.positions)
+            shot.particles.velocity = _three_dimensional(frame.velocities)
             shot.particles.mass, shot.particles.diameter = lattice.masses, np.full(n, 2.0 * _radius(lattice))
             shot.bonds.N, shot.bonds.types = m, ["spring"]
             shot.bonds.group, shot.bonds.typeid = lattice.bonds, np.zeros(m, np.uint32)

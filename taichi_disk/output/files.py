@@ -17,6 +17,7 @@ from functools import lru_cache
 from importlib.metadata import version
 from io import StringIO
 from pathlib import Path
+from tempfile import TemporaryFile
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -42,25 +43,23 @@ NUMBERED = re.compile(r"\d+(_[a-z]+)?\.(png|vtu)")  # files of a folder that hol
 def prepare_output(out: Path) -> list[Path]:
     """Make the folder `out`, or check that the existing one is writable, and return the new folders, outermost first.
 
-    Raises InputError, and leaves nothing behind, if a file is in the way or the place is not writable.
+    Returns the folders that were made, innermost first. Raises InputError, and leaves nothing behind, if a file is in
+    the way or the place is not writable.
     """
-    created: list[Path] = []
+    missing: list[Path] = []
     try:
-        for folder in (*reversed(out.parents), out):
-            if not folder.exists():
-                folder.mkdir()
-                created.append(folder)
-        probe = hidden(out / "probe")
-        probe.touch(exist_ok=False)
-        probe.unlink()
+        missing += [folder for folder in (out, *out.parents) if not folder.exists()]
+        out.mkdir(parents=True, exist_ok=True)
+        with TemporaryFile(dir=out):
+            return missing
     except (OSError, ValueError) as error:
-        remove_empty(created)
+        remove_empty(missing)
         raise cannot_write(out, error) from None
-    return created
 
 
 def remove_empty(folders: list[Path]) -> None:
-    for folder in reversed(folders):
+    """Remove the folders that `prepare_output` made, as far as nothing is in them."""
+    for folder in folders:
         with contextlib.suppress(OSError):
             folder.rmdir()
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 import os
 import shutil
 from collections.abc import Callable, Iterable, Iterator
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from dataclasses import dataclass
 from itertools import chain, count
 from pathlib import Path
@@ -118,14 +118,10 @@ def run_folder(
 
 
 def refuse_place(out: Path) -> None:
-    what = ""
-    with suppress(RuntimeError):  # raised if the user has no home folder
-        what = "your home" if Path.home().resolve().is_relative_to(out.resolve()) else what
-    if files.holds_working_directory(out):
-        what = "the current folder"
-    elif os.path.ismount(out):
-        what = "the mount point of a file system"
-    if what:
+    """Raise InputError if `out` is a folder that no run can replace."""
+    here = files.holds_working_directory(out)
+    if here or os.path.ismount(out):
+        what = "the folder you are in" if here else "where a file system is mounted"
         raise InputError(f"{out} is {what}, which no run can replace: name a folder in it as `out`")
 
 

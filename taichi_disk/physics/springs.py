@@ -192,15 +192,12 @@ class Springs(Law):
         i, j = lattice.bonds.T
         return np.stack([np.bincount(j, pull, n) - np.bincount(i, pull, n) for pull in pulls], axis=1)
 
-    def stiffness(self, lattice: Lattice, x: Array, rate: float = 0.0) -> Any:
-        """Return the stiffness: T' e e^T + T/r (1 - e e^T) of a spring of length r and tension T."""
-        # With `rate` [c/R], the damping matrix times `rate` is added, for displacements that grow as exp(rate t).
+    def stiffness(self, lattice: Lattice, x: Array) -> Any:
+        """Return the stiffness: of a spring of length r and tension T it is T' e e^T + T/r (1 - e e^T)."""
         s = self.stretch(lattice, x)
         length = s + lattice.rest_lengths
         ex, ey = self.ends_apart(lattice, x) / length
         along, across = lattice.stiffened(self.k_a + 3.0 * self.k_b * s * s), self.pull(lattice, s) / length
-        damped = rate * lattice.stiffened(self.eta)
-        along, across = along + damped, across + (0.0 if self.axial else damped)
         xx, yy = along * ex * ex + across * ey * ey, along * ey * ey + across * ex * ex
         xy = (along - across) * ex * ey
         return assemble(np.stack([xx, xy, xy, yy], axis=1).reshape(-1, 2, 2), lattice.bonds, len(x))

@@ -80,7 +80,7 @@ def film(path: Path, runs: Sequence[Run], video: VideoSection, progress: Progres
         states = [States(run, video, shots) for run in runs]
         with (
             closing(_pictures(states, video, shots)) as pictures,
-            encoded(new, path.suffix, pictures.width, video.size, video.fps, carried) as append,
+            encoded(new, path.suffix, (pictures.width, video.size), video.fps, carried) as append,
         ):
             moments = zip(*(one.moments() for one in states), strict=True)
             words = zip(*(lines(run, shots) for run in runs), strict=True)

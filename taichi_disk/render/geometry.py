@@ -49,13 +49,8 @@ class Camera:
         middle = (left + right) / 2.0, (top + bottom) / 2.0
         return cls(width, height, scale, ((xmin + xmax) / 2.0, (ymin + ymax) / 2.0), middle, viewport)
 
-    def to_pixels(self, xy: ArrayLike) -> Array:
-        """Convert points (..., 2) [R] to (column, row) [px]; pixel k covers k to k + 1."""
-        offset = (np.asarray(xy, dtype=np.float64) - self.look_at) * self.scale
-        return np.stack([self.middle[0] + offset[..., 0], self.middle[1] - offset[..., 1]], axis=-1)
-
     def to_scene(self, pixels: ArrayLike) -> Array:
-        """Convert (column, row) (..., 2) [px] to points of the scene [R]."""
+        """Convert (column, row) (..., 2) [px] to points of the scene [R]; pixel k covers k to k + 1."""
         offset = (np.asarray(pixels, dtype=np.float64) - self.middle) / self.scale
         return np.stack([self.look_at[0] + offset[..., 0], self.look_at[1] - offset[..., 1]], axis=-1)
 

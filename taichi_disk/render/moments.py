@@ -8,7 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from taichi_disk.computation.outcome import Outcome, greatest_compression
+from taichi_disk.computation.contact import CONTACT_LEVEL, greatest_compression
+from taichi_disk.computation.outcome import Outcome
 from taichi_disk.computation.scenario import Scenario
 from taichi_disk.errors import InputError
 from taichi_disk.lattice import Array
@@ -17,7 +18,6 @@ Run = Outcome
 Cue = tuple[float, str | None]  # t [R/c] and the last line of text, or None to show the result
 
 MOMENTS = {"greatest": "greatest compression", "contact": "first contact", "end": None}
-CONTACT_FORCE = 0.01  # first contact, as a fraction of the wall's largest force
 _PAUSE, _END = 0.06, 0.10  # fractions of a film that pause at the greatest compression and at the end
 _SCALE_TIMES = 12  # number of times before the greatest compression that determine the colour scale
 _PACE_TIMES = 1000  # samples of the whole film's pace, which a film of a part of the run keeps
@@ -44,7 +44,7 @@ def time_of(moment: Any, columns: dict[str, Array]) -> float:
     if moment == "greatest":
         return greatest_compression(columns)
     if moment == "contact":
-        return float(columns["t"][int((force >= CONTACT_FORCE * force.max()).argmax())])
+        return float(columns["t"][int((force >= CONTACT_LEVEL * force.max()).argmax())])
     try:
         t = last if moment == "end" else float(moment)
     except (TypeError, ValueError):

@@ -1,4 +1,4 @@
-"""An off-screen window to draw pictures in."""
+"""A window of GGUI, with or without a screen, to draw pictures in."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ from taichi_disk.engine import ti
 from taichi_disk.errors import TaichiDiskError
 
 
-def offscreen_window(size: tuple[int, int]) -> Any:
+def open_window(title: str, size: tuple[int, int], **options: Any) -> Any:
     """Return a new `ti.ui.Window` of `size` (width, height) [px]. GGUI crashes if two exist: destroy it after use.
 
     Raises TaichiDiskError if Vulkan cannot draw.
     """
     try:
-        return ti.ui.Window("taichi-disk", size, show_window=False)
+        return ti.ui.Window(title, size, **options)
     except RuntimeError as error:  # the Vulkan driver exists but does not work
         raise TaichiDiskError(f"no picture: Vulkan cannot draw {size[0]} x {size[1]} pixels: {error}") from error
 

@@ -14,7 +14,7 @@ from taichi_disk.output.plot import LINE, MARK, PANEL_HEIGHTS, STYLE, draw_curve
 from taichi_disk.render import kernels
 from taichi_disk.render.geometry import Camera, View
 from taichi_disk.render.legend import LEAST, Legend
-from taichi_disk.render.offscreen import elsewhere, offscreen_window
+from taichi_disk.render.offscreen import elsewhere, open_window
 from taichi_disk.render.palette import Theme
 from taichi_disk.render.video import Picture
 
@@ -54,7 +54,7 @@ class Pictures:
                 part[self._bottom :] = below
         self._blank = np.concatenate([*parts, panel.full] if panel else parts, axis=1)
         self.width = self._blank.shape[1]
-        self._window = offscreen_window(drawn)
+        self._window = open_window("taichi-disk", drawn, show_window=False)
 
     def draw(self, states: Sequence[tuple[float, Array, Array]]) -> Picture:
         picture = self._blank.copy()

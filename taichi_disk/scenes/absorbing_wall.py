@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
 import numpy as np
 
-from taichi_disk.config.conflicts import Conflicts, least_threshold, rounded_up, time_conflicts
 from taichi_disk.config.sections import ElasticImpactSection, ElasticWallSection, MaterialSection
 from taichi_disk.lattice import Lattice, check_thickness, with_wall
 from taichi_disk.scenes import oblique
+from taichi_disk.scenes.conflicts import Conflicts, least_threshold, rounded_up, time_conflicts
 from taichi_disk.scenes.impact import ImpactScenario, ImpactScene
 from taichi_disk.simulation.observables import Columns
 

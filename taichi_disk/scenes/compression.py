@@ -9,10 +9,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from taichi_disk.computation.scenario import Array, Scenario, distribute
-from taichi_disk.config.conflicts import Conflicts, time_conflicts
 from taichi_disk.config.sections import CompressionSection, MaterialSection, WallSection
 from taichi_disk.lattice import Lattice
 from taichi_disk.progress import Progress, silent
+from taichi_disk.scenes.conflicts import Conflicts, time_conflicts
 from taichi_disk.scenes.scene import DiskScene
 from taichi_disk.simulation.observables import Columns
 

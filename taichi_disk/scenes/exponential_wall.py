@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, ClassVar, Literal
 
-from taichi_disk.config.conflicts import Conflicts, time_conflicts
 from taichi_disk.config.sections import ImpactSection, RoughWallSection
 from taichi_disk.lattice import Lattice
+from taichi_disk.scenes.conflicts import Conflicts, time_conflicts
 from taichi_disk.scenes.impact import ImpactScenario, ImpactScene
 
 if TYPE_CHECKING:

@@ -10,11 +10,11 @@ import numpy as np
 
 from taichi_disk.computation.contact import CONTACT_LEVEL, contact_interval
 from taichi_disk.computation.scenario import Array, Scenario, distribute
-from taichi_disk.config.conflicts import Conflicts, gap_conflicts
 from taichi_disk.errors import InputError
 from taichi_disk.lattice import Lattice, disk_of
 from taichi_disk.lattice.network import bending_compliance, network_stiffness
 from taichi_disk.scenes import oblique
+from taichi_disk.scenes.conflicts import Conflicts, gap_conflicts
 from taichi_disk.scenes.scene import DiskScene
 from taichi_disk.simulation.observables import Columns
 
@@ -215,11 +215,9 @@ class ImpactScenario(Scenario):
         return lost, "energy imbalance\n/ initial kinetic", "linear"
 
     def motion(self, columns: Columns) -> tuple[Array, str]:
-        label = (
-            "velocity away\nfrom the wall, $v_n/v_n(0)$"
-            if self.oblique
-            else "velocity of the centre\nof mass, $v_{cm}/v$"
-        )
+        label = "velocity of the centre\nof mass, $v_{cm}/v$"
+        if self.oblique:
+            label = "velocity away\nfrom the wall, $v_n/v_n(0)$"
         return columns["com_vy"] / self.velocity, label
 
     def frame_times(self, columns: Columns, frames: int) -> Array:

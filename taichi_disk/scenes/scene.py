@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING, Any, ClassVar, TypeAlias, cast
 
 import numpy as np
 
-from taichi_disk.config.conflicts import Conflicts
 from taichi_disk.config.sections import Frozen, LatticeSection, MaterialSection, Section, TimeSection, VideoSection
 from taichi_disk.config.tree import Keys, Tree, tree_of
 from taichi_disk.config.words import ALIASES, UNITS, number_hint
@@ -27,6 +26,7 @@ from taichi_disk.lattice import (
     own_start,
     read_lattice,
 )
+from taichi_disk.scenes.conflicts import Conflicts
 
 if TYPE_CHECKING:
     from typing_extensions import Self
@@ -71,10 +71,9 @@ class DiskScene(Frozen):
         found: Conflicts = []
         if material.viscosity != "auto" and material.eta_star != usual:
             both = f"{material.viscosity:g} and material.eta_star = {material.eta_star:g} both set the dashpots"
-            found.append(
-                ("material.viscosity", f"{both}: write auto, or leave material.eta_star at its default, {usual:g}")
-            )
-        if spec.file != "none":  # the file defines the whole lattice
+            remedy = f"write auto, or leave material.eta_star at its default, {usual:g}"
+            found.append(("material.viscosity", f"{both}: {remedy}"))
+        if spec.file != "none":  # which defines the whole lattice
             return found
         faults = circle_faults(spec.points, spec.hole, spec.core_radius)
         found += [(f"lattice.{key}", fault) for key, fault in faults]
@@ -95,8 +94,6 @@ class DiskScene(Frozen):
         A key needs no section if its name is unique; a section takes a mapping of its keys.
         Raises InputError with all faults.
         """
-        if not isinstance(changes or {}, Mapping) or not all(isinstance(name, str) for name in changes or ()):
-            raise InputError(f'with_: takes keys and values, as {{"wall.a": 3000}}, not {changes!r:.60}')
         data, others = asdict(self), dict[str, Any]()
         for name, value in {**(changes or {}), **keys}.items():
             homes = self.homes(name)
@@ -202,11 +199,9 @@ class DiskScene(Frozen):
         (name, value), paper = self.material.dashpots, LatticeSection.points
         if name == "viscosity" or not value or points == paper:
             return []
-        compared = (
-            f"with {points:,} points the body is {paper / points:.3g} times as viscous as with the paper's {paper}"
-        )
-        remedy = f"this changes e; material.viscosity = {value / paper:.3g} keeps the damping"
-        return [f"material.eta_star = {value:g} is per point: {compared}; {remedy}"]
+        found = f"material.eta_star = {value:g} is per point: with {points:,} points the body is {paper / points:.3g}"
+        remedy = f"material.viscosity = {value / paper:.3g} makes it the same"
+        return [f"{found} times as viscous as with the paper's {paper}; {remedy}"]
 
     @property
     def damping(self) -> str:
@@ -240,14 +235,8 @@ def check(tree: Tree, kinds: Kinds) -> DiskScene | None:
     if "scene" in tree.value:
         what = f"must be {either(kinds)}, not {entry.shown}{did_you_mean(kind, kinds)}"
     tree.fault(entry.value, ("scene",), what)
-
-    def known(name: str) -> int:
-        sections = kinds[name].sections()
-        paths = [path for path in tree.entries if path and path[0] in sections]
-        return sum(set(path[1:2]) <= sections[path[0]].schema().keys() for path in paths)
-
-    # Check the other keys for the most similar kind, or else for the kind that knows most of them.
-    _read((nearest(kind, kinds) or [max(kinds, key=known)])[0], tree, kinds)
+    for meant in nearest(kind, kinds):  # the other keys are checked for the kind that was probably meant
+        _read(meant, tree, kinds)
     return None
 
 

@@ -5,13 +5,16 @@ from __future__ import annotations
 from collections.abc import Hashable
 from functools import cached_property
 from operator import attrgetter
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from taichi_disk.lattice import file_digest
 from taichi_disk.scenes import Scene
 from taichi_disk.signals import interruptible
 
-MAX_POINTS = 100_000  # total number of points of the cached lattices
+if TYPE_CHECKING:
+    from taichi_disk.computation.outcome import Outcome
+
+MAX_POINTS = 100_000  # of all cached lattices
 
 
 class LatticeSetup:
@@ -48,6 +51,16 @@ def setup_of(scene: Scene) -> LatticeSetup:
     while len(_SETUPS) > 1 and sum(len(one.body.masses) for one in _SETUPS.values()) > MAX_POINTS:
         del _SETUPS[next(iter(_SETUPS))]
     return setup
+
+
+def outcome_of(scene: Scene, **options: Any) -> Outcome:
+    """Compute a scene on its cached lattice, of a loading the last equilibrium. Options and errors as for `compute`."""
+    from taichi_disk.computation.outcome import compute
+
+    setup = setup_of(scene)
+    scenario = scene.scenario(setup.body)
+    modes = None if scenario.static else setup.modes(scenario.model)
+    return compute(scenario, scene.time, modes=modes, loads=1, **options)
 
 
 def lattice_key(scene: Scene) -> Hashable:

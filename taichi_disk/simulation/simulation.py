@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from copy import deepcopy
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -201,10 +201,9 @@ class Simulation:
 
 
 class KernelCache:
-    """Reuses compiled simulations, because a compilation takes seconds. `before_compiling` is called before each."""
+    """Reuses compiled simulations, because a compilation takes seconds."""
 
-    def __init__(self, before_compiling: Callable[[], None] = lambda: None) -> None:
-        self._before_compiling = before_compiling
+    def __init__(self) -> None:
         self._known: dict[Any, Simulation] = {}
 
     def __reduce__(self) -> Any:
@@ -219,11 +218,20 @@ class KernelCache:
         arguments = lattice, model, integrator, velocities, dt
         if known is None or not known.is_alive or not known.restart(*arguments):
             raise_if_interrupted()
-            self._before_compiling()
             if known is not None and known.is_alive:
                 known.destroy()
             known = self._known[key] = Simulation(*arguments)
         return known
+
+
+@lru_cache(maxsize=1)
+def _kernels_of(program: Any) -> KernelCache:
+    return KernelCache()
+
+
+def shared_kernels() -> KernelCache:
+    """Return the compiled simulations of this process, in which Taichi exists once."""
+    return _kernels_of(engine.program())
 
 
 def compiled_for(lattice: Lattice, model: Model) -> tuple[Any, ...]:

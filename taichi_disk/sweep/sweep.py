@@ -6,7 +6,7 @@ import hashlib
 import json
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Executor
-from contextlib import closing, contextmanager, suppress
+from contextlib import closing, contextmanager
 from dataclasses import asdict, dataclass, fields
 from pathlib import Path
 from time import perf_counter
@@ -150,11 +150,11 @@ def run_sweep(
                 for name in FILES:
                     remove(out / name)
             write_text(file, text)
-        results = {
-            key: point for key in scenes if (point := _read_point(out, key)) and (point.estimated or not estimate)
-        }
-        for key in results:
-            _write_scene(out, key, scenes[key])
+        results = dict[str, PointResult]()
+        for key, scene in scenes.items():
+            if (point := _read_point(out, key)) and (point.estimated or not estimate):
+                results[key] = point
+                _write_scene(out, key, scene)
         missing, before = {key: scene for key, scene in scenes.items() if key not in results}, len(results)
         of_all = f" (part {part} of {len(keys)})" if part else ""
         say(f"{len(scenes)} scenes{of_all}, {before} of them computed before")
@@ -185,11 +185,8 @@ def run_sweep(
 
         from taichi_disk.figures.curves import figure_of
 
-        summary |= {
-            "curves": figure_of(sweep, rows, out),
-            "wall_clock": perf_counter() - started,
-            "versions": versions(),
-        }
+        summary["curves"] = figure_of(sweep, rows, out)
+        summary |= {"wall_clock": perf_counter() - started, "versions": versions()}
         write_summary(out / "summary.json", summary)
         return SweepResult(rows, summary, out, sweep)
 
@@ -226,10 +223,8 @@ def _mixed_versions(points: list[dict[str, str]]) -> str:
 
 def _prepare(out: Path) -> None:
     refuse_run(out)
-    with suppress(OSError, ValueError):
-        if not (out / "points").is_dir() and (files := [name for name in FILES if (out / name).exists()]):
-            raise InputError(f"{out} holds {files[0]}, which is not from a sweep: choose another folder as `out`")
-        (out / "points").mkdir(parents=True, exist_ok=True)  # parts of the sweep may start at the same time
+    if not (out / "points").is_dir() and (files := [name for name in FILES if (out / name).exists()]):
+        raise InputError(f"{out} holds {files[0]}, which is not from a sweep: choose another folder as `out`")
     prepare_output(out / "points")
 
 
@@ -246,11 +241,15 @@ def _counted(result: SweepResult) -> str:
 
 
 def print_sweep(result: SweepResult) -> None:
-    from taichi_disk.figures.curves import print_curves
+    """Print the fits, the failed points and the output folder."""
+    from taichi_disk.figures.curves import curve_rows
 
     summary, failed = result.summary, result.failed
     part = f"part {summary['part']}: " if "part" in summary else ""
-    print_curves(summary.get("curves", ()))
+    for label, fits in curve_rows(summary.get("curves", ())):
+        print(label)
+        for law, parameters in fits:
+            print(f"  {law:<24}{parameters}")
     for row in failed[:MAX_FAILURES]:
         print(f"failed at {', '.join(f'{name}: {row[name]}' for name in summary['axes'])}: {row['reason']}")
     if len(failed) > MAX_FAILURES:

@@ -15,7 +15,7 @@ from taichi_disk import engine, runtime
 from taichi_disk.errors import InputError, TaichiDiskError
 from taichi_disk.output.files import versions
 from taichi_disk.scenes import Scene, check_memory
-from taichi_disk.scenes.setup import setup_of
+from taichi_disk.scenes.setup import outcome_of, setup_of
 
 
 @dataclass(frozen=True)
@@ -72,16 +72,10 @@ def compute_points(scenes: Iterable[Scene], estimate: bool) -> Iterator[PointRes
 
 @runtime.alone()
 def _computed(scene: Scene, estimate: bool) -> PointResult:
-    from taichi_disk.api import shared_kernels
-    from taichi_disk.computation.outcome import compute
-
     check_memory(scene)
-    setup = setup_of(scene)
-    scenario = scene.scenario(setup.body)
-    modes = None if scenario.static else setup.modes(scenario.model)
-    outcome = compute(scenario, scene.time, kernels=shared_kernels(), modes=modes, estimate=estimate, loads=1)
+    outcome = outcome_of(scene, estimate=estimate)
     summary = outcome.summary
-    numbers: dict[str, Any] = scenario.result(outcome.columns) | setup.moduli
+    numbers: dict[str, Any] = outcome.scenario.result(outcome.columns) | setup_of(scene).moduli
     if not all(map(isfinite, numbers.values())):
         return PointResult("failed", "a result is not a finite number")
     numbers["error_estimate"] = next(iter(summary["error_estimate"].values()), None)

@@ -38,7 +38,7 @@ class Impact:
     def __init__(self, kernels: KernelCache, scene: str | Path, *settings: str) -> None:
         loaded = load_scene(scene, settings)
         self.kernels, self.time, self.scenario = kernels, loaded.time, loaded.scenario()
-        outcome = compute(self.scenario, self.time, kernels=kernels, estimate=False)
+        outcome = compute(self.scenario, self.time, estimate=False)
         summary, self.velocities = outcome.summary, outcome.velocities
         self.integrator = INTEGRATORS[summary["integrator"]]
         self.dt, self.steps, self.attempts = summary["dt"], summary["steps"], summary["attempts"]

@@ -57,14 +57,15 @@ def watch(scene: str, settings: tuple[str, ...]) -> tuple[list[float], int]:
 
     runtime.start()
     from taichi_disk.scenes import load_scene
-    from taichi_disk.window.app import presets, screen
+    from taichi_disk.window.app import presets
     from taichi_disk.window.viewer import Viewer
 
-    seconds, steps, clock = [], 0, 0.0
+    seconds, steps, clock, last = [], 0, 0.0, time.perf_counter()
     with tempfile.TemporaryDirectory() as folder:
-        viewer = Viewer(presets(load_scene(scene, settings)), Path(folder), screen(), fastest=1000)
+        viewer = Viewer(presets(load_scene(scene, settings)), Path(folder), max_rate=1000)
         pictures = viewer.pictures()
-        for elapsed, made in pictures:
+        for made in pictures:
+            elapsed, last = time.perf_counter() - last, time.perf_counter()
             clock += elapsed
             if clock > WARM_UP:
                 seconds.append(elapsed)

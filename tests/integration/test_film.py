@@ -39,8 +39,8 @@ def run():
     settings = ["lattice.points=150", "impact.velocity=0.05", "material.eta_star=5", "impact.gap=0.2"]  # with a flight
     scene = load_scene("exponential_wall", settings)
     scenario = scene.scenario()
-    outcome = compute(scenario, scene.time, kernels=api.shared_kernels())
-    # The states are stored, so that tests may restart Taichi.
+    outcome = compute(scenario, scene.time)
+    # Its states are kept, so that tests may start Taichi anew.
     times = np.linspace(0.0, outcome.columns["t"][-1], 400)
     states = list(outcome.replay(times))
     replay = lambda wanted: (states[int(np.abs(times - t).argmin())] for t in wanted)  # noqa: E731
@@ -103,7 +103,7 @@ from functools import partial
 from pathlib import Path
 from taichi_disk.render.video import video
 path, (rows, columns) = Path(sys.argv[1]), np.mgrid[:240, :240]
-with video(path, path.suffix, 240, 240, 10) as write:
+with video(path, path.suffix, (240, 240), 10, "") as write:
     for k in range(10):
         grey = 128 + 100 * np.sin(0.002 * (rows - 4 * k) ** 2 + 0.01 * columns * np.cos(k))
         write(partial(np.stack, [grey.astype(np.uint8)] * 3, axis=2))

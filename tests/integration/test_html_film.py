@@ -146,9 +146,9 @@ def canvas(browser):
 
 def choose(browser, name, value):
     browser.execute_script(
-        "const e = document.getElementById(arguments[0]); "
+        "const e = document.querySelector(`#${arguments[0]}, [data-key=${arguments[0]}] :is(select, input)`);"
         "e.type === 'checkbox' ? e.checked = arguments[1] : e.value = arguments[1];"
-        "e.dispatchEvent(new Event('input', { bubbles: true }))",
+        "for (const kind of ['input', 'change']) e.dispatchEvent(new Event(kind, { bubbles: true }))",
         name,
         value,
     )
@@ -171,7 +171,7 @@ def test_from_a_file_it_plays_scrubs_zooms_magnifies_and_shows_every_quantity(br
     disk = np.abs(pictures["shear"][:-90] - ground).sum(axis=2) > 30
     assert disk.mean() > 0.1 and len(np.unique(pictures["shear"].reshape(-1, 3), axis=0)) > 200
     choose(browser, "quantity", "shear")
-    for name, value in (("magnify", 10), ("draw", "springs"), ("draw", "points"), ("outline", True), ("dark", True)):
+    for name, value in (("magnify", 10), ("draw", "springs"), ("draw", "points"), ("outline", True), ("theme", "dark")):
         old = canvas(browser)
         choose(browser, name, value)
         assert np.abs(canvas(browser) - old).mean() > 0.2, name

@@ -65,14 +65,14 @@ def test_a_custom_body_has_no_seeds_and_the_run_notes_it():
 
 
 def test_a_lattice_without_a_result_is_reported_and_left_out(monkeypatch):
-    plain = lattices.results_on
+    plain = lattices.outcome_of
 
-    def fails_at_5(scene, kernels, force=False):
+    def fails_at_5(scene, **options):
         if scene.lattice.seed == 5:
             raise SimulationError("blow-up")
-        return plain(scene, kernels, force)
+        return plain(scene, **options)
 
-    monkeypatch.setattr(lattices, "results_on", fails_at_5)
+    monkeypatch.setattr(lattices, "outcome_of", fails_at_5)
     summary = run(load_scene("exponential_wall").with_(SMALL), lattices=4).summary
     assert summary["lattices"]["seeds"] == [3, 4, 6] and len(summary["lattices"]["restitution"]["values"]) == 3
     assert summary["warnings"] == ["there is no result on the lattice of seed 5: blow-up"]

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from bodies import RIGID, shaken
+from bodies import RIGID, shaken, to_pixels
 from scipy.spatial import cKDTree
 
 from taichi_disk import runtime
@@ -52,7 +52,7 @@ def ground(theme="light"):
 
 
 def pixel(picture, at, camera=CAMERA):
-    column, row = camera.to_pixels(at).astype(int)
+    column, row = to_pixels(camera, at).astype(int)
     return picture[row, column]
 
 
@@ -86,7 +86,7 @@ def test_a_disk_of_any_number_of_points_is_seen_whole(shoot, points, draw):
     x = disk.positions + [0.0, 1.1]
     rows, columns = np.nonzero(np.abs(shoot(disk, x, draw=draw, theme="dark") - ground("dark")).sum(axis=-1) > 0.05)
     drawn = np.array([(columns.min(), rows.min()), (columns.max() + 1, rows.max() + 1)])
-    there = CAMERA.to_pixels(x)
+    there = to_pixels(CAMERA, x)
     # Lines and points are drawn around the positions, by less than 4 pixels at this size.
     assert (drawn[0] <= there.min(axis=0) + 1.0).all() and (drawn[0] > there.min(axis=0) - 4).all()
     assert (drawn[1] >= there.max(axis=0) - 1.0).all() and (drawn[1] < there.max(axis=0) + 4).all()
@@ -128,8 +128,8 @@ def test_the_wall_is_solid_up_to_where_the_disk_rests(shoot, theme, a):
     haze = pixel(picture, np.array([-1.0, edge + 0.1])) - ground(theme)
     share = np.exp(-a * 0.1) * np.linalg.norm(body - ground(theme))
     assert np.linalg.norm(haze) == pytest.approx(share, abs=0.02)
-    # There is no gap between disk and wall: the lowest point lies on the edge.
-    column = int(CAMERA.to_pixels(x[x[:, 1].argmin()])[0])
+    # Between disk and wall there is nothing: the lowest point lies on the edge.
+    column = int(to_pixels(CAMERA, x[x[:, 1].argmin()])[0])
     gap = np.abs(picture[:, column] - ground(theme)).sum(axis=-1) < 0.01
     assert gap[:15].any() and not gap[40:].any()
 
@@ -150,7 +150,7 @@ def test_an_arrow_stands_on_a_pushed_point_as_long_as_its_force(shoot):
     full = float(RIGID.forces(DISK, x)[lowest, 1]) / 0.8
     plain, pushed = (shoot(DISK, x, wall=RIGID, full_force=force) for force in (0.0, full))
     rows, columns = np.nonzero((plain != pushed).any(axis=-1))
-    column, foot = CAMERA.to_pixels(x[lowest])
+    column, foot = to_pixels(CAMERA, x[lowest])
     near = np.abs(columns - column) < 4
     assert rows[near].min() == pytest.approx(foot - 0.8 * ARROW * CAMERA.scale, abs=2.5)
     assert rows[near].max() == pytest.approx(foot, abs=2.0)
@@ -167,13 +167,13 @@ def test_springs_across_triangles_and_the_edge_of_a_core_are_drawn(shoot):
     darker = (field - both).sum(axis=-1) > 0.02
     for a, b in x[triangles.crossing]:
         part = a + 0.3 * (b - a)
-        column, row = CAMERA.to_pixels(part).astype(int)
+        column, row = to_pixels(CAMERA, part).astype(int)
         assert darker[row - 1 : row + 2, column - 1 : column + 2].any()
     core = disk_lattice(400, 0, core_radius=0.5, core_stiffness=2.0)
     x = core.positions + [0.0, 1.1]
     ink = shoot(core, x).sum(axis=-1) < 1.5
     turns = np.linspace(0.0, 6.2, 40)
-    rows = CAMERA.to_pixels(0.499 * np.stack([np.cos(turns), np.sin(turns)], axis=1) + [0.0, 1.1]).astype(int)
+    rows = to_pixels(CAMERA, 0.499 * np.stack([np.cos(turns), np.sin(turns)], axis=1) + [0.0, 1.1]).astype(int)
     assert all(ink[row - 1 : row + 2, column - 1 : column + 2].any() for column, row in rows)
     assert not (shoot(replace(core, stiffness=None), x).sum(axis=-1) < 1.5)[rows[:, 1], rows[:, 0]].any()
 
@@ -203,7 +203,7 @@ def test_the_rigid_wall_fills_its_viewport_below_the_edge_and_nothing_else(shoot
     viewport = (40.0, 320.0, 30.0, 250.0)
     camera = Camera.fit((-1.1, 1.1, edge - 0.1, edge + 1.6), SIZE, SIZE, viewport=viewport)
     picture = shoot(DISK, X + [0.0, edge], wall=ExponentialWall(a, a), camera=camera, edge=edge)
-    below = int(camera.to_pixels((0.0, edge))[1]) + 1
+    below = int(to_pixels(camera, (0.0, edge))[1]) + 1
     solid = (np.abs(picture - THEMES["light"].wall) < 0.01).all(axis=2)
     assert solid[below:250, 40:320].all() and not solid[251:].any()
     assert not solid[:, :39].any() and not solid[:, 321:].any()

@@ -215,7 +215,7 @@ def test_relaxation_comes_to_newtons_rest(settings, rolls, kernels):
         assert abs(scenario.rest.roll - angle) > 0.02
         scenario.lattice = place_on_wall(scene.body(), angle, WALL, 1e-3 * P)
     start = scenario.lattice.positions
-    outcome = compute(scenario, scene.time, kernels=kernels)
+    outcome = compute(scenario, scene.time)
     values, rest = scenario.result(outcome.columns), solve_equilibrium(lattice, model, lattice.positions)
     assert abs(rest.roll) < 1e-6
     # The remaining difference is the end of the roll.
@@ -270,7 +270,7 @@ def test_springs_that_are_strained_without_a_load_rest_before_xi_counts(method, 
     found = []
     for lattice in (strained, Lattice.from_points(1.01 * disk.positions)):
         scenario = scene.scenario(lattice)
-        outcome = compute(scenario, scene.time, kernels=kernels, estimate=False)
+        outcome = compute(scenario, scene.time, estimate=False)
         found.append(scenario.result(outcome.columns)["xi"])
     assert found[0] == pytest.approx(found[1], rel=1e-6)
 

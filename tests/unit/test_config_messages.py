@@ -71,7 +71,6 @@ def faults(path: Path, text: str | bytes, *overrides: str) -> list[str]:
         ("video: {? [a] : 3}\n", "2:11: video: a key must be a name, not a list"),
         ('"\\ud800": 3\n', '2:1: a key must be a name, not the text "\\ud800"'),
         ("video: {fps: !!python/object/apply:os.abort []}\n", "2:14: video.fps: a list cannot be read as python/object/apply:os.abort"),
-        (f"video: {{fps: {'9' * 5000}}}\n", f"2:14: video.fps: {'9' * 37}... cannot be read as int"),
         ("lattice: {hole: 1.2}\n", "2:17: lattice.hole: must be a number from 0 to 0.95 [R], not 1.2 (radius of a concentric hole; 0: none)"),
         ("lattice: {hole: 0.94}\n", "2:17: lattice.hole: must be at most 0.932 with 1099 points, not 0.94, because there must be at least 6 springs round its edge and 3 from there to the rim: change the radius or increase lattice.points"),
         ("lattice:\n  core_radius: 0.3\n  hole: 0.4\n", "3:16: lattice.core_radius: must be at least 0.455 with 1099 points and a hole of 0.4 R, not 0.3, because there must be at least 6 springs round its edge and 1 from there to the rim: change the radius or increase lattice.points"),
@@ -117,12 +116,14 @@ MISSING = f"scene: missing: write scene: {KINDS}"
     ("text", "expected"),
     [
         ("scene: exponental_wall\n", [f"1:8: scene: must be {KINDS}, not exponental_wall; did you mean exponential_wall?"]),
-        # The rest is checked for the kind of scene that was probably meant, or that fits best.
+        # The rest is judged as the scene that was meant, if one is near.
         ("scene: absorbing\nwall: {pints: 1}\n", [f"1:8: scene: must be {KINDS}, not absorbing; did you mean absorbing_wall?", "2:8: wall.pints: unknown key; did you mean points?"]),
-        ("wall: {points: 1}\n", [MISSING, "1:16: wall.points: must be a whole number from 4 to 2000000, not 1 (number of mass points of the wall)"]),
+        ("wall: {points: 1}\n", [MISSING]),
     ],
 )  # fmt: skip
-def test_without_a_valid_kind_of_scene_the_rest_is_checked_too(path: Path, text: str, expected: list[str]) -> None:
+def test_the_rest_is_checked_too_for_the_kind_of_scene_that_was_probably_meant(
+    path: Path, text: str, expected: list[str]
+) -> None:
     assert faults(path, text) == expected
 
 
@@ -135,10 +136,11 @@ def test_without_a_valid_kind_of_scene_the_rest_is_checked_too(path: Path, text:
         (b"scene: compression\n# \0", "2:3: the character 0x0 is not allowed in YAML: remove it"),
         (b"scene: compression\n# \xfcber\n", "2: not UTF-8 text (byte 0xfc): save it as UTF-8"),
         (b"lattice:\n\tpoints: 3\n", "2:1: not readable as YAML: found character '\\t' that cannot start any token (YAML allows no tabs for indentation: use spaces)"),
-        (b"wall: &x {a: *x}\n", "1:14: not readable as YAML: aliases (*) are not supported: write the value out"),
+        (b"wall: &x {a: *x}\n", OUT_OF_RANGE),
         (b"scene: compression\n---\nscene: compression\n", "2:1: not readable as YAML: but found another"),
         (b'scene: "\\UFFFFFFFF"\n', OUT_OF_RANGE),
         (b"a: " + b"[" * 5000, OUT_OF_RANGE),
+        (b"a: " + b"9" * 5000, OUT_OF_RANGE),
     ],
 )  # fmt: skip
 def test_a_text_that_is_no_scene_gives_one_clear_line(path: Path, text: bytes, expected: str) -> None:
@@ -155,6 +157,11 @@ def test_numbers_are_read_as_yaml_1_2_has_them(path: Path, text: str, value: flo
     path.write_bytes(b"\xef\xbb\xbfscene: compression\r\nmaterial:\r\n  k_a: " + text.encode())  # as Windows writes it
     assert load_scene(path).material.k_a == value
     assert load_scene("compression", [f"material.k_a={text}"]).material.k_a == value
+
+
+def test_a_value_that_is_written_once_can_be_used_again() -> None:
+    scene = load_scene("scene: compression\nmaterial: {k_a: &stiff 2.0, k_b: *stiff}\n")
+    assert scene.material.k_a == scene.material.k_b == 2.0
 
 
 def test_the_last_override_of_a_key_wins() -> None:

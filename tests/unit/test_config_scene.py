@@ -162,12 +162,6 @@ def test_with_changes_keys_and_nothing_else(tmp_path: Path) -> None:
         load_scene("compression").with_(tolerance=1)
 
 
-@pytest.mark.parametrize("changes", [{1: 1}, {None: 1}, 5, ["a"], "ab"])
-def test_with_takes_names_of_keys_and_nothing_else(changes: Any) -> None:
-    with pytest.raises(InputError, match="with_: takes keys and values, as "):
-        load_scene("exponential_wall").with_(changes)
-
-
 @pytest.mark.parametrize("source", [5, None, b"a.yaml", ["a"], 1.5])
 def test_a_value_that_is_no_path_is_refused_as_a_scene(source: Any) -> None:
     with pytest.raises(InputError, match="scene: must be a path, not "):

@@ -48,11 +48,11 @@ def test_every_key_is_explained_and_reaches_what_it_names(controls: Controls) ->
 @pytest.mark.validate
 def test_the_keys_for_points_keep_the_viscosity_of_the_body(controls: Controls) -> None:
     sandbox = controls.sandbox
-    eta = sandbox.segment.scenario.model.springs.eta
+    eta = sandbox.time.segment.scenario.model.springs.eta
     assert controls.dashpot_key == "material.eta_star"
     for key in ("k", "j", "j"):
         controls.press(key)
-        assert sandbox.segment.scenario.model.springs.eta == eta == 10.0 / 120
+        assert sandbox.time.segment.scenario.model.springs.eta == eta == 10.0 / 120
     assert sandbox.scene.lattice.points != 120 and controls.dashpot_key == "material.viscosity"
     controls.press("e")
     assert sandbox.scene.material.viscosity == pytest.approx(1.12 * eta, rel=1e-2)

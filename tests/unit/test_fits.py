@@ -8,9 +8,11 @@ from typing import Any
 import numpy as np
 import pytest
 
+from docs.experiments.quasistatic import quasistatic_impact
 from taichi_disk.figures import theory
 from taichi_disk.figures.curves import analyse, draw
 from taichi_disk.scenes import load_scene
+from taichi_disk.scenes.compression import paper_compression
 
 V = np.geomspace(3e-3, 5e-2, 12)
 P = np.linspace(4e-3, 1e-2, 7)
@@ -27,14 +29,14 @@ def test_planted_parameters_of_eq_5_come_back() -> None:
 
 def test_a_planted_b_comes_back_and_each_lattice_has_its_own() -> None:
     b = np.array([0.9, 1.5, 2.4])
-    fit = theory.fit_b(P, theory.paper_compression(P, 1.1, 0.29, b[:, None]), 1.1, 0.29)
+    fit = theory.fit_b(P, paper_compression(P, 1.1, 0.29, b[:, None]), 1.1, 0.29)
     assert [fit.values[f"b_{name}"] for name in ("min", "median", "max")] == pytest.approx(list(b), rel=1e-6)
     low, high = fit.intervals["b"]
     assert 0.9 <= low < fit.values["b"] < high <= 2.4
 
 
 def test_a_planted_tau0_comes_back() -> None:
-    e = np.array([[theory.quasistatic_impact(v, 0.0731, 1.1).restitution for v in V]])
+    e = np.array([[quasistatic_impact(v, 0.0731, 1.1).restitution for v in V]])
     fit = theory.fit_tau0(V, e, 1.1)
     assert fit.values["tau0"] == pytest.approx(0.0731, rel=1e-4)
     assert fit.rms < 1e-6
@@ -76,12 +78,12 @@ def test_intervals_hold_the_truth_about_as_often_as_their_level(monkeypatch: pyt
 def test_the_table_of_eq_4_is_as_good_as_its_integral_at_any_stiffness(e_star: float) -> None:
     predict, unit = theory.quasistatic_curves((3e-3, 5e-2), e_star), e_star**-0.5
     for tau0 in (0.0, 3e-3 * unit, 0.0412 * unit, 0.33 * unit, 1.7 * unit):
-        exact = [theory.quasistatic_impact(v, tau0, e_star).restitution for v in (3e-3, 5e-2)]
+        exact = [quasistatic_impact(v, tau0, e_star).restitution for v in (3e-3, 5e-2)]
         np.testing.assert_allclose(predict(np.array([tau0]))[0], exact, rtol=0, atol=1e-6)
     again = theory.quasistatic_curves.__wrapped__((3e-3, 5e-2), e_star)
     assert (again(np.array([0.33 * unit])) == predict(np.array([0.33 * unit]))).all()
-    # A fit to data from the table recovers tau0.
-    e = np.array([[theory.quasistatic_impact(v, 0.3 * unit, e_star).restitution for v in V]])
+    # And so is a fit to data that it has made.
+    e = np.array([[quasistatic_impact(v, 0.3 * unit, e_star).restitution for v in V]])
     assert theory.fit_tau0(V, e, e_star).values["tau0"] == pytest.approx(0.3 * unit, rel=1e-4)
 
 

@@ -15,13 +15,13 @@ from bodies import computed, disk
 from PIL import Image
 
 from taichi_disk import runtime
-from taichi_disk.api import shared_kernels
 from taichi_disk.computation.contact import results_time
 from taichi_disk.computation.outcome import compute
 from taichi_disk.lattice import Lattice, bulk_moduli
 from taichi_disk.output import inline
 from taichi_disk.output.plot import matplotlib_style, plot_run, plotting_beside
 from taichi_disk.scenes import load_scene
+from taichi_disk.simulation.simulation import shared_kernels
 
 
 @pytest.fixture(scope="module")
@@ -102,7 +102,7 @@ def test_a_loading_shows_the_load_against_the_compression_with_the_paper_s_law_a
 def test_no_law_is_drawn_for_custom_points_whose_moduli_are_unknown(kernels, tmp_path, figures):
     scene = load_scene("compression", ["compression.method=newton"])
     scenario = scene.scenario(Lattice.from_points(disk(60).positions))
-    plot_run(tmp_path / "a.png", scenario, compute(scenario, scene.time, kernels=kernels).columns)
+    plot_run(tmp_path / "a.png", scenario, compute(scenario, scene.time).columns)
     assert [text.get_text() for text in figures[0].axes[0].get_legend().get_texts()] == ["equilibria"]
 
 

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from taichi_disk.progress import print_result, shown
+from taichi_disk.output.report import print_result, shown
 
 LABELS = {"restitution": ("restitution e", ""), "contact_time": ("contact time", "R/c")}
 SUMMARY = {

@@ -6,7 +6,8 @@ import io
 
 import pytest
 
-from taichi_disk.progress import duration, terminal
+from taichi_disk.computation.workload import duration
+from taichi_disk.progress import terminal
 
 
 class Terminal(io.StringIO):

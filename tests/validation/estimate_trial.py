@@ -66,7 +66,7 @@ def judge(number: int, kernels: KernelCache, tolerance: bool = False, hard: bool
         body = replace(body, rest_lengths=body.rest_lengths * (1.0 + off))
     scenario = scene.scenario(body)
     try:
-        outcome = compute(scenario, scene.time, kernels=kernels)
+        outcome = compute(scenario, scene.time)
         key, found = scenario.primary(outcome.columns)
         claim, dt = wanted if tolerance else outcome.summary["error_estimate"].get(key), outcome.summary["dt"]
         if claim is None:
@@ -89,7 +89,7 @@ def judge_features(number: int, kernels: KernelCache) -> list[Judgement]:
         scene = load_scene(name, settings)
         body = custom_body(scene.body(), aspect, number) if aspect else scene.body()
         scenario = scene.scenario(body)
-        outcome = compute(scenario, scene.time, kernels=kernels)
+        outcome = compute(scenario, scene.time)
         claims, found = outcome.summary["error_estimate"], scenario.result(outcome.columns)
         if not claims:
             return [Judgement(number, "ended", f"{text}: no estimate")]

@@ -44,7 +44,7 @@ def judge(prepare: Callable[[], tuple[Scene, Scenario]], kernels: KernelCache, *
     """Compute a scene as `run` does."""
     try:
         scene, scenario = prepare()
-        outcome = compute(scenario, scene.time, kernels=kernels, **options)
+        outcome = compute(scenario, scene.time, **options)
     except InputError as error:
         return Verdict("refused", str(error))
     except SimulationError as error:

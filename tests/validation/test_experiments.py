@@ -11,9 +11,10 @@ from typing import Any
 import numpy as np
 import pytest
 
+from docs.experiments.quasistatic import quasistatic_impact
 from taichi_disk.computation.outcome import compute
-from taichi_disk.figures.theory import exact_compression, quasistatic_impact
 from taichi_disk.scenes import load_scene
+from taichi_disk.scenes.compression import exact_compression
 from taichi_disk.simulation.simulation import KernelCache
 
 LONG = pytest.mark.validate
@@ -72,7 +73,7 @@ def impact(kernels: KernelCache, points: int, a: float, eta_star: float, velocit
     settings = {"points": points, "a": a, "eta_star": eta_star, "velocity": velocity}
     scene = load_scene("exponential_wall").with_(settings)
     scenario = scene.scenario()
-    found = scenario.result(compute(scenario, scene.time, kernels=kernels, estimate=False).columns)
+    found = scenario.result(compute(scenario, scene.time, estimate=False).columns)
     return found["restitution"], found["contact_time"]
 
 

@@ -82,5 +82,5 @@ def refined(
     for finer in (finest // 2, finest):
         step = {"dt": summary["dt"] / finer, "integrator": summary["integrator"]}
         time = replace(scenario.scene.time, **step, sample_interval=rows, tolerance="none")
-        found.append(scenario.result(compute(scenario, time, kernels=kernels, estimate=False).columns))
+        found.append(scenario.result(compute(scenario, time, estimate=False).columns))
     return {name: (value, abs(value - found[0][name])) for name, value in found[1].items() if name in found[0]}

@@ -5,7 +5,8 @@ from __future__ import annotations
 from typing import TypeAlias
 
 from taichi_disk.config.potential import ExponentialPotential
-from taichi_disk.config.sections import CORRECTED, DASHPOTS, ImpactSection, MaterialSection, TimeSection
+from taichi_disk.config.sections import ImpactSection, MaterialSection, TimeSection
+from taichi_disk.integrators import INTEGRATORS
 
 Conflicts: TypeAlias = list[tuple[str, str]]  # (dotted key, message)
 
@@ -20,10 +21,11 @@ def time_conflicts(
     dashpot, eta = material.dashpots
     damping = {f"material.{dashpot} = {eta:g}": eta, f"wall.friction = {friction:g}": friction}
     forces = [*others, *(name for name, value in damping.items() if value)]
-    name, treatment, limits = time.integrator, DASHPOTS.get(time.integrator), []
+    name, integrator, limits = time.integrator, INTEGRATORS.get(time.integrator), []
+    treatment = integrator.dashpots if integrator else "auto"
     if treatment == "none" and forces:
         limits.append(f"cannot integrate velocity-dependent forces ({forces[0]}): write auto or velocity_verlet")
-    if name in CORRECTED and resets:
+    if integrator and integrator.correction and resets:
         limits.append("has only order 2 with wall.boundary = reset: write auto, or vefrl for order 4")
     if treatment == "implicit" and friction:
         limits.append("has only order 1 with friction: write auto or velocity_verlet")
