@@ -8,7 +8,7 @@ import numpy as np
 from taichi_disk import Lattice, load_scene, run
 
 k = 8  # springs along an edge
-i, j = (one.ravel() for one in np.meshgrid(np.arange(-k, k + 1), np.arange(-k, k + 1)))
+i, j = (indices.ravel() for indices in np.meshgrid(np.arange(-k, k + 1), np.arange(-k, k + 1)))
 inside = np.abs(i + j) <= k
 hexagon = Lattice.from_points(np.stack([i + 0.5 * j, np.sqrt(0.75) * j], axis=1)[inside] / k)
 

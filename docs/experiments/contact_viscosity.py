@@ -38,5 +38,5 @@ def contact_viscosity(points: int, seed: int, a: float) -> float:
 if __name__ == "__main__":
     points, lattices, a = map(int, sys.argv[1:] + ["1099", "4", "300"][len(sys.argv) - 1 :])
     found = np.array([contact_viscosity(points, seed, a) for seed in range(lattices)])
-    each = ", ".join(f"{one:.3e}" for one in found)
+    each = ", ".join(f"{value:.3e}" for value in found)
     print(f"tau0/eta* = {found.mean():.3e} R/c, mean of {lattices}; lattice by lattice {each}")

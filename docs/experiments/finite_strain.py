@@ -56,7 +56,7 @@ def height(v: Any, _w: Any) -> Any:
 
 def finite_compression(pressure: float, young: float, rays: int = RAYS) -> float:
     """Return xi [R] under `pressure` [M c^2/R], extrapolated by order 2 from two meshes."""
-    coarse, fine = (pressed(pressure / young, one) for one in (rays // 2, rays))
+    coarse, fine = (pressed(pressure / young, count) for count in (rays // 2, rays))
     return (4.0 * fine - coarse) / 3.0
 
 

@@ -116,10 +116,10 @@ def towards_eq4() -> None:
         tau0 = TAU0[row["points"]] * row["eta_star"]
         theirs = quasistatic_impact(row["x"], tau0, row["young"])
         same = [
-            float(one["contact_time"])
-            for one in measured
-            if all(float(one[key]) == row[key] for key in ("points", "a", "eta_star"))
-            and float(one["velocity"]) == row["x"]
+            float(run["contact_time"])
+            for run in measured
+            if all(float(run[key]) == row[key] for key in ("points", "a", "eta_star"))
+            and float(run["velocity"]) == row["x"]
         ]
         row |= {"tau0": tau0, "eq4": theirs.restitution, "difference": row["mean"] - theirs.restitution}
         row |= {"contact_time": float(np.mean(same)), "eq4_contact_time": theirs.contact_time}
@@ -144,9 +144,9 @@ def undamped() -> None:
         setting = {"body": f"lattice of {row['points']}", "a": 3000.0, "velocity": row["x"], "e": row["mean"]}
         rows.append(setting | {"error": error, "lattices": row["lattices"]})
     with (TABLES / "linear_lattice.csv").open() as file:
-        for one in csv.DictReader(file):
-            row = {"body": f"linearised lattice of {one['points']}", "a": 3000.0, "velocity": float(one["velocity"])}
-            row |= {"e": float(one["e"]), "error": float(one["error"]), "lattices": one["lattices"]}
+        for line in csv.DictReader(file):
+            row = {"body": f"linearised lattice of {line['points']}", "a": 3000.0, "velocity": float(line["velocity"])}
+            row |= {"e": float(line["e"]), "error": float(line["error"]), "lattices": line["lattices"]}
             rows.append(row)
     write("undamped", rows)
 

@@ -93,7 +93,7 @@ def run_commands(scene: tuple[str, ...], folder: Path) -> dict[Row, Command]:
         error_text |= {f"tolerance {limit:.0e}": f"time.tolerance={limit:.1e}" for limit in TOLERANCES[program]}
         for setting, key in error_text.items():
             out = folder / f"{integrator} {setting}"
-            keys = (f"--set={one}" for one in (*scene, f"time.integrator={integrator}", key))
+            keys = (f"--set={setting}" for setting in (*scene, f"time.integrator={integrator}", key))
             line = ["taichi_disk", "run", RIGID, "--no-video", "--overwrite", "--out", str(out), *keys]
             runs[program, setting] = Command(line, partial(restitution, out))
     return runs
@@ -107,7 +107,7 @@ def peers(scene: tuple[str, ...], end: float, limit: float) -> dict[Row, Command
     """Return the commands of the other programs. `limit`: largest stable step [R/c]; `end` [R/c]."""
     error_text = [("DOP853", f"rtol {rtol:.0e}", rtol) for rtol in RTOLS]
     steps = [(f"step {part:g} of the limit", part * limit) for part in FRACTIONS]
-    error_text += [(name, *one) for name in ("LAMMPS", "Numba") if find_spec(name.lower()) for one in steps]
+    error_text += [(name, *step) for name in ("LAMMPS", "Numba") if find_spec(name.lower()) for step in steps]
     return {(name, setting): peer(name, number, end, scene) for name, setting, number in error_text}
 
 

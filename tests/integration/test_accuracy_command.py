@@ -13,7 +13,7 @@ from taichi_disk.cli import main
 
 
 def accuracy(out: Path, scene: str, *settings: str) -> int:
-    return main(["accuracy", scene, "--out", str(out), *(part for one in settings for part in ("--set", one))])
+    return main(["accuracy", scene, "--out", str(out), *(part for setting in settings for part in ("--set", setting))])
 
 
 @pytest.fixture(autouse=True)

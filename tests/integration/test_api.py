@@ -123,7 +123,10 @@ def test_run_changes_keys_like_with_():
 def test_a_state_is_drawn_in_the_colours_of_films_where_it_is(result):
     figure = result.draw(colour="pressure")
     axes, bar = figure.axes
-    field = max((one for one in axes.collections if isinstance(one, TriMesh)), key=lambda one: len(one.get_facecolor()))
+    field = max(
+        (artist for artist in axes.collections if isinstance(artist, TriMesh)),
+        key=lambda artist: len(artist.get_facecolor()),
+    )
     state, shown = result.greatest_compression, result.lattice.triangles.ravel()
     drawn = np.array([*field.get_paths()[0].vertices[:3]])
     assert (drawn == state.positions[shown[:3]]).all()
@@ -213,7 +216,7 @@ def test_titles_say_where_a_lattice_comes_from(tmp_path):
     assert origins == ["seed 0", "seed 5", "custom lattice", "points.csv"]
     thrown = scene.scenario(velocities=np.tile([0.0, -0.05], (60, 1)))
     pressed = load_scene("compression").with_({"lattice.points": 60}).scenario(velocities=np.full((60, 2), 1e-3))
-    assert all("own velocities" in one.title()[1] for one in (thrown, pressed))
+    assert all("own velocities" in scenario.title()[1] for scenario in (thrown, pressed))
     assert "own velocities" not in scenarios[0].title()[1]
 
 
@@ -419,8 +422,8 @@ def assert_same(one: Result, other: Result) -> None:
 @pytest.mark.parametrize(
     "name",
     [
-        pytest.param(one, marks=pytest.mark.validate if one in ("thrown", "pressed", "non-uniform") else ())
-        for one in OWN
+        pytest.param(kind, marks=pytest.mark.validate if kind in ("thrown", "pressed", "non-uniform") else ())
+        for kind in OWN
     ],
 )
 def test_scene_yaml_alone_repeats_a_run_with_custom_arrays_bitwise(tmp_path, name):
@@ -436,7 +439,7 @@ def test_scene_yaml_alone_repeats_a_run_with_custom_arrays_bitwise(tmp_path, nam
         assert_same(first, other)
     for folder in ("moved", "again", "saved"):
         after = {path.name: path.read_bytes() for path in (tmp_path / folder).iterdir()}
-        assert {one for one in before if after[one] != before[one]} == {"summary.json"}  # its wall clock
+        assert {name for name in before if after[name] != before[name]} == {"summary.json"}  # its wall clock
     with pytest.raises(InputError, match="holds another run"):
         run(load_scene(kind).with_(changes), tmp_path / "moved", video=False, lattices=1)
 

@@ -24,7 +24,15 @@ RUN = {"scene.yaml", "lattice.npz", "summary.json", "timeseries.csv", "final.npz
 
 
 def arguments(out: Path, *settings: str, scene: str = "exponential_wall") -> list[str]:
-    return ["run", scene, "--out", str(out), "--no-video", "--lattices=1", *(f"--set={one}" for one in settings)]
+    return [
+        "run",
+        scene,
+        "--out",
+        str(out),
+        "--no-video",
+        "--lattices=1",
+        *(f"--set={setting}" for setting in settings),
+    ]
 
 
 def command(*words: str, **options: Any) -> subprocess.CompletedProcess[str]:
@@ -163,7 +171,7 @@ def test_check_prints_a_scene_that_checks_as_the_same(tmp_path, capsys):
     ],
 )
 def test_check_refuses_what_run_refuses_and_in_the_same_words(tmp_path, capsys, scene, settings):
-    assert main(["check", scene, *(f"--set={one}" for one in settings)]) == 2
+    assert main(["check", scene, *(f"--set={setting}" for setting in settings)]) == 2
     message = capsys.readouterr().err
     assert main(arguments(tmp_path / "o", *settings, scene=scene)) == 2
     assert capsys.readouterr().err == message
@@ -225,7 +233,7 @@ for words in ["check", "exponential_wall"], ["check", "figure3"], ["check", "no-
         (">/dev/full", 1),
         (">&-", 0),
         ("2>&-", 0),
-        *(pytest.param(*one, marks=pytest.mark.validate) for one in ((">&- 2>&-", 0), ("2>/dev/full", 0))),
+        *(pytest.param(*case, marks=pytest.mark.validate) for case in ((">&- 2>&-", 0), ("2>/dev/full", 0))),
     ],
 )
 def test_a_closed_or_full_output_ends_without_a_traceback(redirection, status):

@@ -83,7 +83,7 @@ def test_npz_holds_every_quantity_at_every_time(tmp_path):
     assert file["points_contact_force"][-1].any()
     for name in ("bonds", "triangles", "rest_lengths", "masses", "disk_points", "stiffness"):
         np.testing.assert_array_equal(file[name], getattr(LATTICE, name))
-    assert [one.name for one in tmp_path.iterdir()] == ["trajectory.npz"]
+    assert [path.name for path in tmp_path.iterdir()] == ["trajectory.npz"]
 
 
 def test_npz_takes_no_more_memory_for_more_frames(tmp_path):
@@ -125,8 +125,8 @@ def test_gsd_read_by_gsd(tmp_path):
 def test_vtu_read_by_meshio_and_vtk(tmp_path):
     meshio = pytest.importorskip("meshio")
     listed = list(ElementTree.parse(exported(tmp_path / "R&D.pvd", "vtu")).iter("DataSet"))
-    assert [float(one.get("timestep", "")) for one in listed] == [0.0, 0.0, 0.5, 0.5, 1.0, 1.0]
-    springs, triangles = (tmp_path / one.get("file", "") for one in listed[-2:])
+    assert [float(entry.get("timestep", "")) for entry in listed] == [0.0, 0.0, 0.5, 0.5, 1.0, 1.0]
+    springs, triangles = (tmp_path / entry.get("file", "") for entry in listed[-2:])
     (x, v), true, mesh = state(1.0), truth(1.0), meshio.read(springs)
     np.testing.assert_array_equal(mesh.points[:, :2], x)
     np.testing.assert_array_equal(mesh.point_data["velocity"][:, :2], v)

@@ -109,8 +109,8 @@ def browser():
     from selenium.webdriver.chrome.service import Service
 
     options = webdriver.ChromeOptions()
-    for one in ("--headless=new", "--no-sandbox", "--disable-dev-shm-usage", "--enable-unsafe-swiftshader"):
-        options.add_argument(one)
+    for option in ("--headless=new", "--no-sandbox", "--disable-dev-shm-usage", "--enable-unsafe-swiftshader"):
+        options.add_argument(option)
     options.binary_location = shutil.which("chromium")
     driver = webdriver.Chrome(options, Service(shutil.which("chromedriver")))
     driver.execute_cdp_cmd("Network.enable", {})
@@ -179,7 +179,7 @@ def test_from_a_file_it_plays_scrubs_zooms_magnifies_and_shows_every_quantity(br
     old = canvas(browser)
     browser.execute_script(script)
     assert np.abs(canvas(browser) - old).mean() > 1.0
-    assert [one for one in browser.get_log("browser") if one["level"] == "SEVERE"] == []
+    assert [entry for entry in browser.get_log("browser") if entry["level"] == "SEVERE"] == []
 
 
 @pytest.mark.validate

@@ -63,10 +63,10 @@ def test_an_engine_started_with_other_settings_is_refused_with_the_line_to_write
     done = python(tmp_path, "-c", BEFORE)
     messages = [line for line in done.stdout.splitlines() if line.startswith("Taichi runs")]
     assert [line.partition(",")[0] for line in messages] == [
-        f"Taichi runs with {one}" for one in ("default_fp=f32", "fast_math=True", "arch=vulkan")
+        f"Taichi runs with {option}" for option in ("default_fp=f32", "fast_math=True", "arch=vulkan")
     ] or done.stderr
     line = "ti.init(arch=ti.cpu, default_fp=ti.f64, fast_math=False)"
-    assert len(messages) == 3 and all(line in one for one in messages), done.stdout + done.stderr
+    assert len(messages) == 3 and all(line in message for message in messages), done.stdout + done.stderr
 
 
 def test_an_architecture_from_the_environment_is_refused_by_name(tmp_path):

@@ -420,8 +420,8 @@ def test_an_address_without_a_scheduler_is_refused_soon(
         with pytest.raises(InputError, match=f"no Dask scheduler answers at {address}"):
             run_sweep(load_sweep(SMALL), tmp_path / "out", scheduler=address)
         assert time.monotonic() - began < 8.0
-        for one in connections:
-            one.close()
+        for connection in connections:
+            connection.close()
 
 
 # ---- what a person sees

@@ -280,7 +280,7 @@ def test_xi_keeps_its_sign():
     x, y = np.meshgrid(np.linspace(-0.9, 0.9, 14), [0.0, 0.12])
     bar = Lattice.from_points(np.stack([x.ravel(), y.ravel()], axis=1))
     scenario = load_scene("compression", ["compression.method=newton", "compression.pressure=1e-3"]).scenario(bar)
-    rest, unloaded = (one.positions[:, 1] for one in (scenario.rest, scenario.lattice))
+    rest, unloaded = (lattice.positions[:, 1] for lattice in (scenario.rest, scenario.lattice))
     columns = compute(scenario, scenario.scene.time).columns
     difference = (unloaded.mean() - unloaded.min()) - (rest.mean() - rest.min())
     assert scenario.result(columns)["xi"] == pytest.approx(difference, rel=1e-9) and difference < 0.0

@@ -100,9 +100,9 @@ def test_a_throw_and_its_mirror_image_are_mirror_images(kernels):
     mirrored = replace(body, positions=body.positions * [-1.0, 1.0], triangles=body.triangles[:, ::-1].copy())
     other = scene.with_({"impact.angle": -scene.impact.angle, "impact.spin": -scene.impact.spin})
     runs = []
-    for one, lattice in ((scene, body), (other, mirrored)):
-        scenario = one.scenario(lattice)
-        runs.append(compute(scenario, one.time, estimate=False))
+    for case, lattice in ((scene, body), (other, mirrored)):
+        scenario = case.scenario(lattice)
+        runs.append(compute(scenario, case.time, estimate=False))
     assert_array_equal(runs[0].positions * [-1.0, 1.0], runs[1].positions)
     assert runs[0].columns["com_vx"][-1] != 0.0
 

@@ -35,7 +35,7 @@ class Pulled(reference.Model):
     # Overdamped: eta times the largest eigenvalue of the Laplacian over m is 14 times the inverse step.
     [
         (0.0, VELOCITY_VERLET, 0.02),
-        *(pytest.param(*one, 0.02, marks=LONG) for one in ((0.0, TAKAHASHI_IMADA), (1.0, TRAPEZOIDAL))),
+        *(pytest.param(*case, 0.02, marks=LONG) for case in ((0.0, TAKAHASHI_IMADA), (1.0, TRAPEZOIDAL))),
     ],
 )
 @pytest.mark.parametrize("body", [lambda one: one, pytest.param(non_uniform, marks=LONG)], ids=["equal", "non-uniform"])
@@ -66,5 +66,5 @@ def test_a_mouse_that_pulls_at_nothing_changes_no_bit(kernels):
     lattice = disk(60, height=0.05)
     models = FALLING, replace(FALLING, mouse=MOUSE)
     down = moving_down(lattice, 0.05)
-    rows = [kernels.simulation(lattice, one, VELOCITY_VERLET, down, 5e-3).advance(400, 20)[0] for one in models]
+    rows = [kernels.simulation(lattice, model, VELOCITY_VERLET, down, 5e-3).advance(400, 20)[0] for model in models]
     assert_array_equal(*rows)

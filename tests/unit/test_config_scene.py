@@ -19,7 +19,11 @@ from taichi_disk.scenes.scene import DiskScene
 
 ROOT = Path(__file__).parents[2]
 KEYS = {
-    kind: {(name, one): key for name, section in scene.sections().items() for one, key in section.schema().items()}
+    kind: {
+        (section_name, name): key
+        for section_name, section in scene.sections().items()
+        for name, key in section.schema().items()
+    }
     for kind, scene in SCENES.items()
 }
 
@@ -81,7 +85,7 @@ def test_every_key_takes_what_is_within_its_bounds_and_nothing_else() -> None:
                 refused += [True, key.low - 1, key.low - 1e-9, key.high + 1, key.high * 1.01 + 1e-9]
                 refused += [key.low + 0.5] * (key.kind is int) + [key.low + key.step / 2] * bool(key.step)
             elif not key.words:
-                accepted, refused = ["none", "/a b.csv"], [one for one in ODD if not isinstance(one, float)]
+                accepted, refused = ["none", "/a b.csv"], [text for text in ODD if not isinstance(text, float)]
             assert all(map(key.accepts, accepted)) and len(key.meaning) > 10
             for value in refused:
                 assert not key.accepts(value)

@@ -18,9 +18,9 @@ class Terminal(io.StringIO):
 def test_without_a_terminal_nothing_is_written():
     stream = io.StringIO()
     with terminal(stream) as progress, terminal(None) as no_stderr:
-        for one in (progress, no_stderr):
-            one("simulate", 0.0, 10.0)
-            one("simulate", 5.0, 10.0)
+        for report in (progress, no_stderr):
+            report("simulate", 0.0, 10.0)
+            report("simulate", 5.0, 10.0)
     assert stream.getvalue() == ""
 
 
@@ -62,5 +62,5 @@ def test_a_bar_that_was_never_needed_writes_nothing():
 
 
 def test_an_expected_time_has_no_more_digits_than_it_is_worth():
-    texts = [duration(one) for one in (3.0, 44.0, 100.0, 1000.0, 9000.0)]
+    texts = [duration(seconds) for seconds in (3.0, 44.0, 100.0, 1000.0, 9000.0)]
     assert texts == ["10 s", "40 s", "2 min", "17 min", "2.5 h"]

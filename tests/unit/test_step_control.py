@@ -199,8 +199,8 @@ def test_what_the_wall_still_holds_when_the_run_ends_is_part_of_the_error(kernel
     near = (*soft, "impact.gap=1.6")
     scenario, far = computed(kernels, *soft, "time.tolerance=1e-7")
     exact = scenario.result(far.columns)["restitution"]
-    for one in (near, (*near, "time.tolerance=1e-3")):
-        scenario, outcome = computed(kernels, *one)
+    for settings in (near, (*near, "time.tolerance=1e-3")):
+        scenario, outcome = computed(kernels, *settings)
         # The results at two steps differ by 1e-7.
         off = abs(scenario.result(outcome.columns)["restitution"] - exact)
         assert 5e-6 < off <= outcome.summary["error_estimate"]["restitution"]

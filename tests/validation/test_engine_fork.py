@@ -27,7 +27,7 @@ def fork(tmp_path_factory):
     install = [str(python), "-m", "pip", "install", "--quiet", "--no-deps", "taichi-forge==0.7.0"]
     subprocess.run([*install, "taichi-forge-runtime==0.7.0", "dill", "colorama"], check=True)
     (site,) = folder.glob("lib/python*/site-packages")
-    (site / "zz_others.pth").write_text("\n".join(one for one in sys.path if one.endswith("-packages")) + "\n")
+    (site / "zz_others.pth").write_text("\n".join(folder for folder in sys.path if folder.endswith("-packages")) + "\n")
     (site / "sitecustomize.py").write_text('import sys\nsys.modules["taichi"] = None  # as if it were not installed\n')
     return str(python)
 
