@@ -422,7 +422,7 @@ def run(
     if lattices is not None and not (isinstance(lattices, (int, np.integer)) and 1 <= lattices <= MOST_LATTICES):
         raise InputError(f"lattices: must be a whole number from 1 to {MOST_LATTICES:,}, not {lattices!r}")
     work = Work(scene, OwnStart(), progress, started)
-    own = work.own = own_start(scene.lattice, lattice, velocities)  # read before a folder is chosen: files may change
+    own = work.own = own_start(scene.lattice, lattice, velocities)  # read only once, because the files may change
     options: dict[str, Any] = {"lattices": lattices, "force": force, "say": say}
     if out is None:
         if export:

@@ -118,10 +118,9 @@ def run_folder(
 
 
 def refuse_place(out: Path) -> None:
-    """Raise InputError if `out` is a folder that no run can replace."""
     here = files.holds_working_directory(out)
     if here or os.path.ismount(out):
-        what = "the folder you are in" if here else "where a file system is mounted"
+        what = "the current folder" if here else "the mount point of a file system"
         raise InputError(f"{out} is {what}, which no run can replace: name a folder in it as `out`")
 
 
