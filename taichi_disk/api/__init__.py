@@ -173,15 +173,14 @@ class Result:
         at: "own" for values on the triangles, springs or points that the quantity belongs to; "points" for values (n,)
         at the points, as in pictures. Raises InputError for an unknown name or place, or a time outside the run.
         """
-        from taichi_disk.fields import QUANTITIES, point_field
-        from taichi_disk.fields import field as own_field
+        from taichi_disk.fields import QUANTITIES, field
 
         if name not in QUANTITIES:
             raise InputError(f"no quantity {name!r}; there are {', '.join(QUANTITIES)}")
         if at not in ("own", "points"):
             raise InputError(f'at: must be "own", the triangles or springs of the quantity, or "points", not {at!r}')
         _, x, v = self.state(t)
-        return (own_field if at == "own" else point_field)(name, self.lattice, self.scenario.model.springs, x, v)
+        return field(name, self.lattice, self.scenario.model.springs, x, v, at)
 
     def modes(self, count: int = 40) -> Modes:
         """Return the lowest normal modes of the free disk and their energies at the end of the run.
