@@ -40,7 +40,7 @@ def run():
     scene = load_scene("exponential_wall", settings)
     scenario = scene.scenario()
     outcome = compute(scenario, scene.time)
-    # Its states are kept, so that tests may start Taichi anew.
+    # The states are stored, so that tests may restart Taichi.
     times = np.linspace(0.0, outcome.columns["t"][-1], 400)
     states = list(outcome.replay(times))
     replay = lambda wanted: (states[int(np.abs(times - t).argmin())] for t in wanted)  # noqa: E731

@@ -116,7 +116,7 @@ MISSING = f"scene: missing: write scene: {KINDS}"
     ("text", "expected"),
     [
         ("scene: exponental_wall\n", [f"1:8: scene: must be {KINDS}, not exponental_wall; did you mean exponential_wall?"]),
-        # The rest is judged as the scene that was meant, if one is near.
+        # The rest is checked for the kind of scene that was probably meant, if there is one.
         ("scene: absorbing\nwall: {pints: 1}\n", [f"1:8: scene: must be {KINDS}, not absorbing; did you mean absorbing_wall?", "2:8: wall.pints: unknown key; did you mean points?"]),
         ("wall: {points: 1}\n", [MISSING]),
     ],

@@ -82,7 +82,7 @@ def test_the_table_of_eq_4_is_as_good_as_its_integral_at_any_stiffness(e_star: f
         np.testing.assert_allclose(predict(np.array([tau0]))[0], exact, rtol=0, atol=1e-6)
     again = theory.quasistatic_curves.__wrapped__((3e-3, 5e-2), e_star)
     assert (again(np.array([0.33 * unit])) == predict(np.array([0.33 * unit]))).all()
-    # And so is a fit to data that it has made.
+    # A fit to data from the table recovers tau0.
     e = np.array([[quasistatic_impact(v, 0.3 * unit, e_star).restitution for v in V]])
     assert theory.fit_tau0(V, e, e_star).values["tau0"] == pytest.approx(0.3 * unit, rel=1e-4)
 
