@@ -7,7 +7,7 @@ from time import perf_counter
 
 from taichi_disk.version import __version__
 
-TYPE_CHECKING = False  # importing it from typing would delay the moment at which a command handles Ctrl-C
+TYPE_CHECKING = False  # importing it from typing would delay the handling of Ctrl-C
 if TYPE_CHECKING:
     from typing import Any
 
@@ -24,7 +24,7 @@ _MODULES |= dict.fromkeys(("Scene", "load_scene", "load_sweep"), "scenes")
 
 
 def __getattr__(name: str) -> Any:
-    # Lazy, so that `taichi-disk --help` and `check` need neither Taichi nor SciPy.
+    # Names are imported on first use, so that `taichi-disk --help` and `check` need neither Taichi nor SciPy.
     if name in _MODULES:
         return getattr(import_module(f"taichi_disk.{_MODULES[name]}"), name)
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

@@ -12,16 +12,16 @@ def process() -> None:
     import os
     import sys
 
-    # Must be set before NumPy is imported: idle threads of OpenBLAS spin, and nothing here uses them.
+    # Set this before NumPy is imported: idle threads of OpenBLAS would use the cores, and nothing here needs them.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     from taichi_disk.cli import main
     from taichi_disk.runtime import leave
 
-    os.environ["MPLBACKEND"] = "agg"  # curves go into files; the user's backend may need a display or not exist
-    gc.set_threshold(100_000)  # by default Python spends 3 % of a run searching for garbage, and finds none
+    os.environ["MPLBACKEND"] = "agg"  # draws into files; the user's backend may need a display or not exist
+    gc.set_threshold(100_000)  # the default threshold costs 3 % of a run, and nothing is collected
     for stream in (sys.stdout, sys.stderr):
-        if stream is not None:  # None if closed
-            stream.reconfigure(errors="replace")  # type: ignore[union-attr]  # a console of CP1252 has no η
+        if stream is not None:  # a closed stream is None
+            stream.reconfigure(errors="replace")  # type: ignore[union-attr]  # a CP1252 console cannot show η
     leave(main())
 
 

@@ -17,7 +17,7 @@ from taichi_disk.config.sections import VideoSection
 from taichi_disk.config.tree import shipped_scenes
 from taichi_disk.errors import InputError, TaichiDiskError
 from taichi_disk.machine import cores
-from taichi_disk.progress import print_result, terminal
+from taichi_disk.progress import terminal
 from taichi_disk.signals import INTERRUPTED, raise_if_interrupted
 
 _TRAJECTORIES = ("xyz", "gsd", "vtu", "npz")
@@ -28,7 +28,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
     Raises SystemExit, as argparse does, for --help, --version and usage errors.
     """
-    # Warnings of libraries are for developers; PYTHONWARNINGS=error would turn them into errors that end a run.
+    # Library warnings are meant for developers, and with PYTHONWARNINGS=error they would end a run.
     warnings.simplefilter("ignore")
     given = list(sys.argv[1:] if argv is None else argv)
     try:
@@ -62,7 +62,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _print_error(text: str) -> None:
-    # Messages of the library name arguments of Python, which are options here.
+    # Messages of the library name Python arguments; replace them by the command's options.
     options = {"as `out`": "with --out", "overwrite=True": "--overwrite", "lattices=": "--lattices "}
     for argument, option in options.items():
         text = text.replace(argument, option)
@@ -85,7 +85,6 @@ def _options(arguments: argparse.Namespace, *names: str) -> dict[str, Any]:
 
 
 def _out(arguments: argparse.Namespace, suffix: str = "") -> Path:
-    """Return the folder given by --out, or out/NAME with the name of the scene file."""
     scene = Path(arguments.scene)
     has_stem = scene.suffix in (".yaml", ".yml") and scene.stem.strip(".")  # for "...yaml" the folder would be out/..
     return arguments.out or Path("out", (scene.stem if has_stem else scene.name) + suffix)
@@ -98,6 +97,7 @@ def _run(arguments: argparse.Namespace) -> int:
     scene = _load(arguments)
 
     from taichi_disk.api import run
+    from taichi_disk.output.report import print_result
 
     options = _options(arguments, "video", "export", "overwrite", "force", "threads", "lattices")
     options |= {"count_on": arguments.out is None, "say": _note, "started": perf_counter() - BEGAN}
@@ -224,7 +224,7 @@ def _parser() -> argparse.ArgumentParser:
     _add_scene(add, _shipped(has_sweep=True), out="out/SCENE")
     add("--jobs", type=_count, metavar="N", help="number of processes (default: one per core)")
     add("--scheduler", metavar="ADDRESS", help="compute on a Dask cluster: address of its scheduler, tcp://HOST:8786")
-    add("--part", metavar="K/N", help="compute only the K-th of N shares, and write no table")
+    add("--part", metavar="K/N", help="compute only the K-th of N parts, and write no table")
     add("--estimate", action="store_true", help="estimate the time-step error of each result; doubles the work")
 
     add = command("view", _view, "play with a scene on a page in the browser, or in a window")

@@ -1,4 +1,4 @@
-"""Check whether this machine can run and film scenes. A separate process tries it, because drivers may crash."""
+"""Check whether this machine can run and film scenes, in a separate process because drivers may crash."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ if sys.platform != "linux":
 
 
 def examine() -> bool:
-    """Print what this machine has, and how to install what is missing. Return whether scenes can be run and filmed."""
+    """Print the state of this machine, with remedies, and return whether scenes can be run and filmed."""
     cache = str(cache_folder())
     if not keeps_kernels():
         cache += f" cannot be written: set {CACHE} and HOME, or every run compiles its kernels again"

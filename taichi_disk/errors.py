@@ -30,14 +30,12 @@ def pip_install(what: str) -> str:
 
 
 def nearest(word: Any, names: Iterable[str]) -> list[str]:
-    """Return a list of the most similar of `names`, ignoring case; empty if none is similar."""
     by_lower = {name.lower(): name for name in names}
     matches = difflib.get_close_matches(str(word).lower(), by_lower, n=1) if isinstance(word, str) else []
     return [by_lower[match] for match in matches]
 
 
 def did_you_mean(word: Any, names: Iterable[str]) -> str:
-    """Return the end of a message that suggests the most similar of `names`, or an empty string."""
     return "".join(f"; did you mean {name}?" for name in nearest(word, names))
 
 

@@ -9,12 +9,10 @@ from pathlib import Path
 
 
 def cores() -> int:
-    """Return the number of processor cores that this process may use."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 def processor() -> str:
-    """Return the processor's name as reported by the operating system."""
     with suppress(OSError, StopIteration):
         lines = Path("/proc/cpuinfo").read_text(encoding="utf-8", errors="replace").splitlines()
         return next(line for line in lines if line.startswith("model name")).partition(":")[2].strip()
@@ -27,7 +25,7 @@ def free_memory() -> float:
     with suppress(OSError, ValueError, IndexError):
         lines = Path("/proc/meminfo").read_text().splitlines()
         free = 1024.0 * float(next(line for line in lines if line.startswith("MemAvailable")).split()[1])
-    with suppress(OSError, ValueError):  # a container is limited by its control group ("max": unlimited)
+    with suppress(OSError, ValueError):  # the limit of a container; ValueError if it is "max", unlimited
         group = Path("/sys/fs/cgroup")
         used = float((group / "memory.current").read_text())
         free = min(free, float((group / "memory.max").read_text()) - used)

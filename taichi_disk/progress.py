@@ -1,36 +1,30 @@
-"""Progress bars in terminals and notebooks, and printed results."""
+"""Progress bars in terminals and notebooks."""
 
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager, nullcontext
-from decimal import ROUND_CEILING, Decimal
 from functools import wraps
 from inspect import signature
-from pathlib import Path
 from time import monotonic
 from typing import Any, TextIO, TypeAlias, TypeVar
 
 from taichi_disk.errors import InputError
 
 Progress: TypeAlias = Callable[[str, float, "float | None"], object]  # callback(stage, done, total)
-MAX_ROUNDING = 1e-12  # smaller errors are rounding errors
-DIGITS = 8  # of a result that does not depend on a time step
-UNESTIMATED_DIGITS = 4  # of a result whose error has not been estimated
 BAR_DELAY, BAR_INTERVAL = 0.5, 0.1  # [s]; first appearance and updates of a bar in a notebook
 F = TypeVar("F", bound=Callable[..., Any])
-UNESTIMATED = "(error of the time step not estimated)"
 
 
 def silent(stage: str, done: float, total: float | None) -> None:
-    """Show nothing: the default callback."""
+    """Default callback, which shows nothing."""
 
 
 def reported(function: F) -> F:
     """Decorate `function` so that `progress=None` shows a bar in a notebook while the function runs.
 
-    It raises InputError if `progress` cannot be called with (stage, done, total).
+    The decorated function raises InputError if `progress` cannot be called with (stage, done, total).
     """
     arguments = signature(function)
 
@@ -51,7 +45,6 @@ def reported(function: F) -> F:
 
 @contextmanager
 def _notebook() -> Iterator[Progress]:
-    """Context with a callback that shows a bar in a cell of a notebook, and nothing elsewhere."""
     bars = _Bars(None) if "IPython" in sys.modules else None
     if bars is None or not bars.progress.console.is_jupyter:
         yield silent
@@ -77,7 +70,7 @@ def _notebook() -> Iterator[Progress]:
 
 @contextmanager
 def terminal(stream: TextIO | None) -> Iterator[Progress]:
-    """Context with a callback that shows a bar for each stage if `stream` is a terminal."""
+    """Show a bar on `stream` for each stage, if it is a terminal. Yields the progress callback."""
     if stream is None or not stream.isatty():
         yield silent
         return
@@ -89,8 +82,6 @@ def terminal(stream: TextIO | None) -> Iterator[Progress]:
 
 
 class _Bars:
-    """Bars of rich, one for each stage."""
-
     def __init__(self, stream: TextIO | None) -> None:
         from rich.console import Console
         from rich.progress import BarColumn, Progress, TaskProgressColumn, TimeElapsedColumn, TimeRemainingColumn
@@ -103,92 +94,16 @@ class _Bars:
             "{task.fields[note]}",
             console=console,
             redirect_stdout=False,  # printed text goes to stdout, not to the stream of the bar
-            disable=console.is_jupyter,  # no thread: it would need a widget, because it cannot write to a cell
+            disable=console.is_jupyter,  # rich's thread cannot write to a notebook cell without a widget
         )
 
     def show(self, stage: str, done: float, total: float | None) -> None:
         bars = self.progress
         bars.start()
         if not bars.tasks or bars.tasks[-1].description != stage:
-            # A stage may end before its total, as an impact before its time limit; its bar is then completed.
+            # A stage may end before its total, as an impact ends before its time limit. Its bar is then completed.
             for task in bars.tasks:
                 bars.update(task.id, completed=1.0, total=1.0)
             # The time of a simulation is a float; equilibria, lattices, scenes and pictures are counted.
             bars.add_task(stage, total=total, note="to the time limit" * isinstance(total, float))
         bars.update(bars.task_ids[-1], completed=done, total=total)
-
-
-def duration(seconds: float) -> str:
-    """Format an estimated time, rounded to its accuracy."""
-    if seconds < 90.0:
-        return f"{max(10, 10 * round(seconds / 10)):g} s"
-    return f"{round(seconds / 60)} min" if seconds < 6000.0 else f"{seconds / 3600:.1f} h"
-
-
-# ---- results
-
-
-def print_result(summary: Mapping[str, Any], labels: Mapping[str, tuple[str, str]], out: Path) -> None:
-    """Print the result, its computation, its time and the folder `out`, and warnings on stderr.
-
-    `labels` maps keys of the summary to (name, unit). The text is plain, because paths must not be wrapped.
-    """
-    for name, value, unit in rows(summary, labels):
-        print(f"{name:<36}{value:>16} {unit}".rstrip())
-    print(f"files in {out}")
-    for text in summary.get("warnings", ()):
-        print(f"warning: {text}", file=sys.stderr)
-
-
-def rows(summary: Mapping[str, Any], labels: Mapping[str, tuple[str, str]]) -> Iterator[tuple[str, str, str]]:
-    """Yield (name, value, unit and remarks) for each line."""
-    errors, source = summary.get("error_estimate") or {}, summary.get("error_source", "time step")
-    for key, (name, unit) in labels.items():
-        if key in summary:
-            value, error = shown(summary[key], errors.get(key), exact="dt" not in summary, source=source)
-            if mean := over_lattices(summary, key):
-                yield name, mean[0], f"{unit} {mean[1]}".strip()
-                name = f"  of this lattice, seed {summary['seed']}"
-            yield name, value, f"{unit} {error or UNESTIMATED * ('dt' in summary and not errors)}".strip()
-    if "dt" in summary:
-        yield "time step", f"{summary['dt']:.6g}", "R/c"
-        yield "steps", f"{summary['steps']:,}", f"({summary['integrator']})"
-        yield "energy imbalance at the end", f"{summary['energy']['closing_imbalance']:.2e}", ""
-    else:
-        yield "iterations", str(summary["steps"]), f"({summary['integrator']})"
-    seconds = summary["wall_clock"]
-    parts = ", ".join(f"{name} {time:.1f}" for name, time in seconds.items())
-    yield "wall clock", f"{sum(seconds.values()):.1f}", f"s ({parts})"
-
-
-def over_lattices(summary: Mapping[str, Any], key: str) -> tuple[str, str] | None:
-    """Return the mean of a result over lattices and "± scatter", or None for a single lattice."""
-    lattices = summary.get("lattices", {})
-    if key not in lattices:
-        return None
-    source = f"mean and scatter of {len(lattices['seeds'])} lattices"
-    return shown(lattices[key]["mean"], lattices[key]["standard_deviation"], source=source)
-
-
-def headline(summary: Mapping[str, Any], labels: Mapping[str, tuple[str, str]]) -> str:
-    """Return the primary result over lattices as a line of text; empty for a single lattice."""
-    key, (name, unit) = next(iter(labels.items()))
-    value, scatter = over_lattices(summary, key) or ("", "")
-    return " ".join(f"{name} {value} {unit} {scatter}".split()) if value else ""
-
-
-def shown(value: float, error: float | None, exact: bool = False, source: str = "time step") -> tuple[str, str]:
-    """Format a result and "± error"; the latter is empty if the error is not known.
-
-    The error (None: not estimated) is rounded up to two digits, and the value has the same last digit: 0.967234 ±
-    1.4e-5. A value has at most 12 digits. `exact`: only rounding limits the result, as with Newton's method.
-    """
-    if error is None or not error < 1e9:  # also if NaN
-        return f"{value:.{DIGITS if exact else UNESTIMATED_DIGITS}g}", ""
-    bound = Decimal(repr(max(error, 1e-10 * abs(value), 1e-300)))
-    rounded = bound.quantize(Decimal(1).scaleb(min(0, bound.adjusted() - 1)), ROUND_CEILING)
-    number = Decimal(repr(value)).quantize(rounded)
-    text = f"{number:f}" if abs(value) >= 1e-4 or not value else f"{number:e}"
-    if not number and error < MAX_ROUNDING:  # for example an impulse along a wall without friction
-        text = "0"
-    return text, f"± {rounded:{'f' if error >= 1e-3 else 'e'}} ({source})"

@@ -19,15 +19,15 @@ from taichi_disk.signals import deferred_interrupts
 
 THREADS = "TAICHI_DISK_THREADS"
 _LOCK = threading.RLock()
-_is_held = False  # by the thread that has the lock
+_is_held = False  # whether a computation of the thread with the lock is in progress
 
 
 @contextlib.contextmanager
 def alone() -> Iterator[None]:
-    """Hold the Taichi lock: two threads in Taichi at once crash the process. Ctrl-C is handled between kernel launches.
+    """Hold the Taichi lock, because two threads in Taichi at once crash the process, and handle Ctrl-C between kernels.
 
-    Raises InputError if this thread holds the lock already: a progress callback that runs a scene or makes a film
-    would reuse the compiled simulation, or the window, of the computation that called it.
+    Raises InputError if this thread already holds the lock: a progress callback that runs a scene or makes a film would
+    reuse the compiled simulation, or the window, of the computation that called it.
     """
     global _is_held
     with _LOCK, deferred_interrupts():
@@ -43,12 +43,9 @@ def alone() -> Iterator[None]:
 def start(threads: int | None = None) -> None:
     """Start Taichi on the CPU in double precision, unless it is running.
 
-    Args:
-        threads: number of threads, from 1 to `cores()`. Default: the environment variable TAICHI_DISK_THREADS, or all
-            cores.
-
-    Raises InputError if `threads` is out of range, or if Taichi runs with another number of threads: a restart would
-    free the fields of all simulations. Raises TaichiDiskError if there is not enough memory.
+    `threads`: from 1 to `cores()`; default: the environment variable TAICHI_DISK_THREADS, or all cores. Raises
+    InputError if it is out of range, or if Taichi runs with another number, because a restart would free the fields of
+    all simulations. Raises TaichiDiskError if there is not enough memory.
     """
     number = _threads(threads)
     with _LOCK, deferred_interrupts():
@@ -64,24 +61,23 @@ def start(threads: int | None = None) -> None:
             raise InputError(f"TI_ARCH={arch}: simulations need the CPU and double precision: unset TI_ARCH")
         remove_stale_lock()
         try:
-            with contextlib.redirect_stdout(io.StringIO()):  # Taichi prints its architecture, but stdout is for results
+            with contextlib.redirect_stdout(io.StringIO()):  # hides Taichi's banner, because stdout is for results
                 ti.init(
                     arch=ti.cpu,
                     default_fp=ti.f64,
                     default_ip=ti.i32,
-                    fast_math=False,  # no faster here, and results would depend on how a kernel was optimised
+                    fast_math=False,  # True is no faster here, and results would depend on how a kernel is optimised
                     real_matrix_scalarize=False,  # see physics.law
-                    unrolling_limit=0,  # Taichi Forge warns of long unrolled loops over the laws of a scene
+                    unrolling_limit=0,  # no limit: Taichi Forge would warn of long unrolled loops over the laws
                     cpu_max_num_threads=number,
                 )
         except RuntimeError as error:
             raise TaichiDiskError(
-                f"Taichi cannot start: {error}; it reserves 1 GiB of memory: raise `ulimit -v`"
+                f"Taichi cannot start: {error}; it reserves 1 GiB of memory, so raise `ulimit -v`"
             ) from None
 
 
 def _check_settings(ti: Any) -> None:
-    """Raise InputError if the user's own ti.init makes results wrong or irreproducible."""
     found, needed = ti.lang.impl.current_cfg(), {"arch": ti.cpu, "default_fp": ti.f64, "fast_math": False}
     other = [f"{name}={getattr(found, name)}" for name, value in needed.items() if getattr(found, name) != value]
     if other:
@@ -101,10 +97,10 @@ def _threads(asked: Any) -> int:
 
 
 def leave(status: int) -> NoReturn:
-    """End the process after Taichi has saved its kernels. Skips the exit of all libraries, which takes 0.2 s."""
+    """End the process after Taichi has saved its kernels, and skip the exit of all libraries, which takes 0.2 s."""
     if module := engine.loaded():
         module.reset()
     for stream in (sys.stdout, sys.stderr):
-        with contextlib.suppress(OSError, ValueError, AttributeError):  # closed, or its reader has gone
+        with contextlib.suppress(OSError, ValueError, AttributeError):  # the stream is closed, or its reader has ended
             stream.flush()
     os._exit(status)

@@ -1,4 +1,4 @@
-"""Interrupts by Ctrl-C and SIGTERM. They set a flag, which the program checks between kernel launches, frames and rows.
+"""Handle Ctrl-C and SIGTERM by a flag, which the program checks between kernel launches, frames and rows.
 
 A handler must not raise: Taichi 1.7.4 swallows exceptions in a bare `except` while it compiles, and an extension module
 that is importing another one aborts the process.
@@ -21,11 +21,11 @@ T = TypeVar("T")
 Handler = Callable[[int, FrameType | None], object]
 
 INTERRUPTED = 130  # exit status
-REPEAT_TIME = 0.5  # [s]; a repeated signal is ignored: `timeout` signals the process and then its group
+REPEAT_TIME = 0.5  # a signal repeated within this time is ignored [s]: `timeout` signals a process, then its group
 POLL_INTERVAL = 0.2  # [s] between checks for a signal during a long call
 SHOW_CURSOR = b"\x1b[?25h"  # progress bars hide the cursor
 
-_pending: list[int] = []  # signals received; global, because a process has one handler per signal
+_pending: list[int] = []  # received signals; global, because a process has one handler per signal
 
 
 def raise_if_interrupted() -> None:
@@ -36,10 +36,8 @@ def raise_if_interrupted() -> None:
 
 
 def interruptible(function: Callable[..., T], *arguments: Any) -> T:
-    """Return what `function` returns, or raise KeyboardInterrupt after a signal without waiting for its end.
-
-    The function runs in a thread of its own, because a long call of SciPy cannot be interrupted.
-    """
+    """Return the value of `function`, or raise KeyboardInterrupt at once after a signal, while the function goes on."""
+    # The function runs in a thread of its own, because a long call of SciPy cannot be interrupted.
     if threading.current_thread() is not threading.main_thread():
         return function(*arguments)
     future = Future[T]()
@@ -67,7 +65,7 @@ def listen() -> None:
 
 @contextmanager
 def deferred_interrupts() -> Iterator[None]:
-    """Context in which Ctrl-C sets the flag instead of raising KeyboardInterrupt; a second Ctrl-C raises it."""
+    """Make Ctrl-C set the flag instead of raising KeyboardInterrupt while the block runs; a second Ctrl-C raises."""
     default = signal.default_int_handler
     if threading.current_thread() is not threading.main_thread() or signal.getsignal(signal.SIGINT) is not default:
         yield
@@ -81,7 +79,6 @@ def deferred_interrupts() -> Iterator[None]:
 
 
 def _flagging(second: Handler) -> Handler:
-    """Return a handler that sets the flag and passes later signals to `second`."""
     first = inf
 
     def handler(number: int, frame: FrameType | None) -> None:
@@ -103,7 +100,7 @@ def _exit(number: int, frame: FrameType | None) -> None:
 
 @contextmanager
 def ignored_by_children() -> Iterator[None]:
-    """Context in which started processes inherit a mask that blocks Ctrl-C, so that only the parent handles it."""
+    """Start processes that ignore Ctrl-C while the block runs, so that only the parent handles it."""
     if not hasattr(signal, "pthread_sigmask"):  # Windows
         yield
         return

@@ -1,6 +1,6 @@
 """Small bodies, models and runs that several test modules use.
 
-Each kind of model with each integrator is compiled once in a process: take one from here where one will do.
+Each kind of model is compiled once per integrator and process, so use a model from here if one fits.
 """
 
 from __future__ import annotations
@@ -33,12 +33,12 @@ from taichi_disk.simulation.observables import as_columns
 
 A, V0 = 300.0, 150.0
 RIGID, ELASTIC = ExponentialWall(A, V0), ElasticWall(A, V0, 0.1)
-RESET = 0.12  # between two resets of a boundary [R/c]
+RESET = 0.12  # time between two resets of a boundary [R/c]
 FREE = Model(Springs())
 FALLING = Model(Springs(1.0, 1.0), RIGID)  # no dashpots
 
-# The limit of the step grows as 1/sqrt(N): at N = 150 this safety takes the step that 1099 points get automatically,
-# about 0.017 R/c, for which the bounds on errors are stated.
+# The largest step is proportional to 1/sqrt(N). At N = 150 this safety gives the automatic step of 1099 points, about
+# 0.017 R/c, for which the bounds on errors are stated.
 SMALL = ("lattice.points=150", "time.safety=0.3")
 WALL = (*SMALL, "wall.points=180", "wall.width=3.4")
 
@@ -52,7 +52,7 @@ def pressed(load, eta=0.0, k_b=1.0, wall=RIGID):
 
 
 def disk(points=100, seed=0, height=None):
-    """A disk, its lowest point at y = `height` where that is given."""
+    """Return a disk, with its lowest point at y = `height` if that is given."""
     lattice = disk_lattice(points, seed)
     lift = 0.0 if height is None else height - lattice.positions[:, 1].min()
     return replace(lattice, positions=lattice.positions + np.array([0.0, lift]))
@@ -65,7 +65,7 @@ def disk_and_wall(points=100, wall=120, height=0.03):
 
 
 def chain(positions, bonds, mass):
-    """A lattice of a few points, all of them disk and surface, unloaded at `positions`."""
+    """Return a lattice of a few points, which all belong to disk and surface, unloaded at `positions`."""
     x, ends, none = np.array(positions), np.array(bonds, np.int32), np.zeros(0, np.int32)
     n, rest = len(x), np.hypot(*(x[ends[:, 0]] - x[ends[:, 1]]).T)
     surface, triangles = np.arange(n, dtype=np.int32), np.zeros((0, 3), np.int32)
@@ -73,7 +73,7 @@ def chain(positions, bonds, mass):
 
 
 def assert_tiles(positions, triangles, outline):
-    """The triangles, all counter-clockwise, fill the outline without gap or overlap."""
+    """Check that the triangles, all counter-clockwise, fill the outline without gap or overlap."""
     area = 0.5 * double_area(positions[triangles])
     assert area.min() > 0
     assert area.sum() == pytest.approx(polygon_area(positions[outline]), rel=1e-9)
@@ -81,7 +81,7 @@ def assert_tiles(positions, triangles, outline):
 
 
 def holes_of(lattice):
-    """Areas [R^2] of the holes: of the graph of the sides that have one triangle, each component but the outline."""
+    """Return the areas [R^2] of the holes: components of the graph of outer sides, except the outline."""
     side = Triangles(lattice).outline
     _, part = connected_components(coo_matrix((np.ones(len(side)), side.T), shape=2 * [len(lattice.masses)]))
     rings, x = [part[lattice.disk_surface[0]]], lattice.positions
@@ -91,20 +91,20 @@ def holes_of(lattice):
 
 
 def shaken(lattice, seed, amplitude):
-    """The lattice's points displaced at random, and velocities of some 0.1 c."""
+    """Return the lattice's points displaced at random, and velocities of some 0.1 c."""
     rng, shape = np.random.default_rng(seed), lattice.positions.shape
     return lattice.positions + amplitude * rng.uniform(-1, 1, shape), 0.1 * rng.standard_normal(shape)
 
 
 def moving_down(lattice, speed):
-    """(n, 2) the disk's velocities -`speed` in y; a wall is at rest."""
+    """Return velocities (n, 2): -`speed` in y for the disk, 0 for a wall."""
     v = np.zeros_like(lattice.positions)
     v[: lattice.disk_points, 1] = -speed
     return v
 
 
-def unlike(lattice, least=0.8, most=1.25):
-    """The same with masses of the disk's points, and stiffness, at random."""
+def non_uniform(lattice, least=0.8, most=1.25):
+    """Return the lattice with random masses of the disk's points and random stiffness factors."""
     rng, n, masses = np.random.default_rng(7), lattice.disk_points, lattice.masses.copy()
     masses[:n] *= rng.uniform(least, most, n)
     masses[:n] /= masses[:n].sum()
@@ -112,10 +112,10 @@ def unlike(lattice, least=0.8, most=1.25):
 
 
 def bouncing(scene, points, eta, height=0.05):
-    """Lattice, velocities and model of a disk just above a wall, moving straight down, or pressed; "unlike ..."."""
-    if scene.startswith("unlike "):
-        lattice, velocities, model = bouncing(scene.removeprefix("unlike "), points, eta, height)
-        return unlike(lattice), velocities, model
+    """Return lattice, velocities and model of a disk just above a wall, moving down or pressed; "non-uniform ..."."""
+    if scene.startswith("non-uniform "):
+        lattice, velocities, model = bouncing(scene.removeprefix("non-uniform "), points, eta, height)
+        return non_uniform(lattice), velocities, model
     speed = 0.05
     if scene == "compression":
         lattice, speed, model = disk(points, height=0.045), 0.0, pressed(0.05, eta)
@@ -129,27 +129,33 @@ def bouncing(scene, points, eta, height=0.05):
 
 
 def matched(lattice):
-    """Some plausible, unequal dashpots on the wall's boundary."""
+    """Return plausible, unequal dashpots for the wall's boundary."""
     return MatchedBoundary(np.random.default_rng(5).uniform(0.02, 0.05, (len(lattice.wall_boundary), 2)))
 
 
 def advance(simulation, steps, stride=1):
-    """The time series of `steps` more steps, the state at t = 0 first if there were none before."""
+    """Return the time series of `steps` more steps, beginning with the state at t = 0 if there were none before."""
     first = simulation.first_row[None][: int(simulation.step_number == 0)]
     start, interval = simulation.time, stride * simulation.dt
     columns = as_columns(np.concatenate([first, simulation.advance(steps, stride)[0]]), interval)
     return columns | {"t": start + columns["t"]}
 
 
+def to_pixels(camera, xy):
+    """(column, row) [px] of points (..., 2) [R] on the canvas of a camera, from the coordinates that GGUI gets."""
+    factor, shift = camera.canvas_map()
+    return (factor * np.asarray(xy) + shift - [0.0, 1.0]) * [camera.width, -camera.height]
+
+
 def computed(kernels, name, *settings, **options):
-    """A shipped scene with some `settings`, computed to its end: (scenario, outcome)."""
+    """Return scenario and outcome of a shipped scene with some `settings`."""
     scene = load_scene(name, settings)
     scenario = scene.scenario()
-    return scenario, compute(scenario, scene.time, kernels=kernels, **options)
+    return scenario, compute(scenario, scene.time, **options)
 
 
 def driver_of(kernels, name, *settings, **options):
-    """A driver at the start of a shipped scene with some `settings`."""
+    """Return a driver at the start of a shipped scene with some `settings`."""
     scene = load_scene(name, settings)
     scenario = scene.scenario()
     return Driver(scenario, scene.time, kernels, spectrum(scenario.lattice, scenario.model), **options)

@@ -1,4 +1,4 @@
-"""A Chromium at a page of the sandbox, for tests and benchmarks."""
+"""Chromium on a page of the sandbox, for tests and benchmarks."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ from typing import Any
 
 TOOLS = [tool for tool in ("chromium", "chromedriver") if not shutil.which(tool)]
 MISSING = f"not installed: {', '.join(TOOLS)} (apt-get install chromium chromium-driver)" if TOOLS else ""
-# WebGL without a graphics chip.
+# Use WebGL without graphics hardware.
 OPTIONS = ("--headless=new", "--no-sandbox", "--disable-dev-shm-usage", "--use-gl=angle", "--use-angle=swiftshader")
 
 
 class Browser:
-    """`driver` is selenium's; the page's object of class Sandbox is `window.sandbox`."""
+    """A browser on the page. `driver` is selenium's; the page's object of class Sandbox is `window.sandbox`."""
 
     def __init__(self, size: tuple[int, int] = (1000, 760)) -> None:
         from selenium import webdriver
@@ -48,10 +48,10 @@ class Browser:
 
     @staticmethod
     def wait(until: Callable[[], Any], seconds: float = 30.0) -> Any:
-        """What `until` returns as soon as that is true."""
+        """Call `until` until its value is true, and return it."""
         end = time.monotonic() + seconds
         while not (found := until()):
-            assert time.monotonic() < end, "it does not come to that"
+            assert time.monotonic() < end, "the condition did not become true"
             time.sleep(0.1)
         return found
 
@@ -70,18 +70,18 @@ class Browser:
         return list(self.script("return window.sandbox.panel.results"))
 
     def setting(self, name: str, word: bool = False) -> Any:
-        """A value of the scene that would be saved."""
+        """Return a value of the scene that would be saved."""
         found = re.search(rf"^  {name}:( \S+)", self.script("return window.sandbox.scene"), re.MULTILINE)
         assert found
         return found[1] if word else float(found[1])
 
     def number(self, key: str) -> float:
-        """What stands in the field beside a slider."""
+        """Return the number in the field beside a slider."""
         text = self.script(f"return document.querySelector('[data-key=\"{key}\"] input[type=text]').value")
         return float(text.replace(",", "."))
 
     def colours(self) -> int:
-        """How many colours the canvas shows."""
+        """Return the number of colours on the canvas."""
         return int(
             self.script(
                 "const { canvas, context } = window.sandbox.drawing;"
@@ -91,7 +91,7 @@ class Browser:
         )
 
     def disk(self) -> tuple[tuple[int, int], int]:
-        """Where the centre of the disk is, and its radius [px]."""
+        """Return the centre of the disk and its radius [px]."""
         x, y, radius = self.script(
             "const { drawing, state } = window.sandbox, box = drawing.canvas.getBoundingClientRect();"
             "const [x, y] = drawing.toScreen(state.row.com_x, state.row.com_y);"
@@ -116,9 +116,10 @@ class Browser:
         ActionChains(self.driver).key_down(name).pause(seconds).key_up(name).perform()
 
     def lead(self, key: str, place: int) -> None:
-        """Lead a slider to a place from 0 to 1000."""
+        """Move a slider to a place from 0 to 1000."""
         self.script(
-            f"const one = document.querySelector('[data-key=\"{key}\"] input[type=range]'); one.value = {place};"
+            f"const one = document.querySelector('[data-key=\"{key}\"] input[type=range]'), low = Number(one.min);"
+            f"one.value = low + (one.max - low) * {place / 1000};"
             "one.dispatchEvent(new Event('input')); one.dispatchEvent(new Event('change'))"
         )
         time.sleep(0.5)
@@ -148,7 +149,7 @@ class Browser:
         builder.perform()
 
     def drag_in(self, identity: str, start: float, end: float) -> None:
-        """Drag across a graph, between parts of its width."""
+        """Drag across a graph, from one fraction of its width to another."""
         left, top, width, height = self.script(
             f"const box = document.getElementById('{identity}').getBoundingClientRect();"
             "return [box.left, box.top, box.width, box.height]"
@@ -157,6 +158,6 @@ class Browser:
         self.drag((round(left + start * width), row), (round(left + end * width), row))
 
     def yaml(self, path: Path) -> Path:
-        """The scene as the page would save it, in a file."""
+        """Write the scene as the page would save it, and return the path."""
         path.write_text(self.script("return window.sandbox.scene"), encoding="utf-8")
         return path

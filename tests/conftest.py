@@ -1,10 +1,10 @@
-"""Options and fixtures that all tests share."""
+"""Options and fixtures of all tests."""
 
 from __future__ import annotations
 
 import pytest
 
-SANDBOX = {"test_controls", "test_mouse_spring", "test_notebook", "test_page", "test_sandbox"}
+SANDBOX = {"test_controls", "test_hostile_visitors", "test_mouse_spring", "test_notebook", "test_page", "test_sandbox"}
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
@@ -12,10 +12,11 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    """Skip the long checks unless they are asked for.
+    """Skip the long checks unless they are requested.
 
-    Two processes share the tests, each begins with its half. The folder of long checks runs first, so that short ones
-    are left for the end; then the tests that share the simulations of the sandbox, so that one process compiles them.
+    Two processes share the tests, and each begins with its half. The folder of long checks runs first, so that short
+    tests are left for the end; then the tests that share the simulations of the sandbox, so that one process compiles
+    them.
     """
     skip = pytest.mark.skip(reason="a long check: add --validate")
     for item in items:
@@ -26,7 +27,7 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
 
 @pytest.fixture(scope="session", autouse=True)
 def blank_plots():
-    """Leave a blank plot.png in a run's folder: to draw the curves takes 0.4 s, longer than most of these runs."""
+    """Write a blank plot.png: drawing the curves takes 0.4 s, longer than most runs of the tests."""
     from taichi_disk.output import plot
 
     plot_run = plot.plot_run
@@ -49,12 +50,12 @@ def pytest_make_parametrize_id(val, argname):
 
 @pytest.fixture
 def kernels():
-    """The simulations that this process has compiled, a KernelCache: compiling takes most of the tests' time.
+    """Return the KernelCache of this process, because compiling takes most of the tests' time.
 
-    A simulation from here is another test's as soon as one with the same laws and integrator is asked for.
+    A simulation from it is reset when another test asks for one with the same laws and integrator.
     """
     from taichi_disk import runtime
-    from taichi_disk.api import shared_kernels
+    from taichi_disk.simulation.simulation import shared_kernels
 
     runtime.start()
     return shared_kernels()

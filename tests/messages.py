@@ -1,6 +1,6 @@
-"""Print every text of the program in one list, to be read as a whole: `python -m tests.messages [FOLDER ...]`.
+"""Print all texts of the program in one list, to be read as a whole: `python -m tests.messages [FOLDER ...]`.
 
-A text is a string of at least four words that is no docstring; parts that are filled in stand as {…}.
+A text is a string of at least four words, except docstrings; {…} stands for inserted values.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ WORDS = 4
 
 
 def texts(tree: ast.AST) -> Iterator[tuple[int, str]]:
-    """Yield (line, text), without the strings that stand as statements: docstrings."""
+    """Yield (line, text), without strings that are statements, such as docstrings."""
     for child in ast.iter_child_nodes(tree):
         if isinstance(child, ast.JoinedStr):
             parts = [part.value if isinstance(part, ast.Constant) else "{…}" for part in child.values]

@@ -1,6 +1,6 @@
 """An independent solver: the equations of motion in plain NumPy, integrated by SciPy's DOP853.
 
-Shares no code with the program; takes what lattice.npz holds and the numbers of the scene.
+It shares no code with the program, and uses only the contents of lattice.npz and the parameters of the scene.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from scipy.integrate import solve_ivp
 
 
 class Contacts(NamedTuple):
-    """Points of the disk, ends of the wall springs below them, normals, distances along these, levers: a row each."""
+    """Contacts, one per row: point of the disk, ends of the wall spring below, normal, distance and lever."""
 
     point: np.ndarray
     left: np.ndarray
@@ -23,14 +23,14 @@ class Contacts(NamedTuple):
 
 
 class Model:
-    """The model of one lattice: its arrays, and the numbers of the program's own `model`."""
+    """The model of one lattice: its arrays, and the parameters of the program's `model`."""
 
     def __init__(self, lattice, model):
         kind, springs = type(model.wall).__name__, model.springs
         self.bonds, self.rest, self.mass = lattice.bonds, lattice.rest_lengths, lattice.masses[:, None]
         self.disk_points, self.disk_surface = lattice.disk_points, lattice.disk_surface
         self.k_a, self.k_b, self.eta = springs.k_a, springs.k_b, springs.eta
-        stiffness = getattr(lattice, "stiffness", None)  # which lattice.npz of a plain disk has not
+        stiffness = getattr(lattice, "stiffness", None)  # missing in lattice.npz of a plain disk
         self.factor = np.ones(len(lattice.bonds)) if stiffness is None else stiffness
         self.weight = self.mass[: lattice.disk_points] / self.mass[: lattice.disk_points].sum()
         self.axial = springs.axial
@@ -42,7 +42,7 @@ class Model:
         self.pinned = type(model.boundary).__name__ == "PinnedBoundary"
 
     def contacts(self, x):
-        """The disk's surface points within reach over a wall spring: every point is held against every spring."""
+        """Return the contacts of the disk's surface points with the wall springs; every pair is tried."""
         left, right = self.wall_surface[:-1], self.wall_surface[1:]
         px = x[self.disk_surface, 0][:, None]
         row, spring = np.nonzero((x[left, 0] <= px) & (px < x[right, 0]))
@@ -69,7 +69,7 @@ class Model:
         return self.elastic(x) + self.wall(x) + self.load * np.sum(self.weight[:, 0] * x[: self.disk_points, 1])
 
     def wall_force(self, x):
-        """(n, 2) what the wall alone does, its reaction on an elastic wall's points included."""
+        """Return the wall's force on all points (n, 2), including the reaction on an elastic wall."""
         f = np.zeros_like(x)
         if self.rigid:
             f[: self.disk_points, 1] += self.a * self.V0 * np.exp(-self.a * x[: self.disk_points, 1])
@@ -100,7 +100,7 @@ class Model:
         return f
 
     def solve(self, x, v, times, rtol=1e-11):
-        """(x, v) at each of the `times`, which begin at the start: (times, 2, n, 2)."""
+        """Return (x, v) at each of the `times`, which begin at the start: (times, 2, n, 2)."""
 
         def rate(_t, y):
             x, v = y.reshape(2, *shape)
@@ -112,7 +112,7 @@ class Model:
         return found.y.T.reshape(-1, 2, *shape)
 
     def solve_with_resets(self, x, v, end, interval, rtol=1e-11):
-        """(x, v) at the time `end`; the boundary's velocities are zeroed every `interval`."""
+        """Return (x, v) at the time `end`; the boundary's velocities are set to zero every `interval`."""
         t = 0.0
         for stop in np.arange(1, int(end / interval * (1 + 1e-12)) + 1) * interval:
             x, v = self.solve(x, v, (t, stop), rtol)[-1]

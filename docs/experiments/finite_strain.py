@@ -18,7 +18,7 @@ from scipy.spatial import Delaunay
 from skfem import Basis, BilinearForm, ElementTriP1, ElementVector, LinearForm, MeshTri, condense, solve
 from skfem.helpers import ddot, grad
 
-from taichi_disk.figures.theory import exact_compression
+from taichi_disk.scenes.compression import exact_compression
 
 Array = NDArray[np.float64]
 

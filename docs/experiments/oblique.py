@@ -29,9 +29,9 @@ from taichi_disk import Lattice, Scene, load_scene, runtime
 
 runtime.start()
 
-from taichi_disk.api import shared_kernels  # noqa: E402
 from taichi_disk.computation.driver import Driver  # noqa: E402
 from taichi_disk.computation.stability import spectrum  # noqa: E402
+from taichi_disk.simulation.simulation import shared_kernels  # noqa: E402
 
 SCENE = Path(__file__).with_suffix(".yaml")
 WALLS = (10.0, 1.0, 0.1, 0.02)  # k_a [M c^2/R^2]; the disk's is 1

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from taichi_disk.lattice.network import bulk_moduli, pulled, rectangle
+from taichi_disk.lattice.network import bulk_moduli, rectangle, stretch
 
 SEEDS, LENGTH, WIDTH = 8, 0.9, 3.6
 
@@ -18,7 +18,7 @@ def moduli(spacing: float, seed: int, points: int = 1000) -> tuple[float, float,
     """E/k_a and nu of a square sample, and the apparent nu of the strip; `spacing` is `lattice.min_spacing`."""
     bulk, strip = bulk_moduli(points, seed, 1.0, spacing), rectangle(points, seed, spacing, LENGTH, WIDTH)
     x, y = strip.positions.T
-    rise = pulled(strip, 1.0, x == 0.0, x == LENGTH, clamped=True)[:, 1]
+    rise = stretch(strip, 1.0, x == 0.0, x == LENGTH, clamped=True)[:, 1]
     narrowing = rise[y == 0.0].mean() - rise[y == WIDTH].mean()
     return bulk.young, bulk.poisson, narrowing / WIDTH
 

@@ -16,8 +16,10 @@ from typing import Any
 import numpy as np
 from disk_modes import YOUNG as YOUNG_OF_FINE_LATTICES
 from disk_modes import Disk
+from quasistatic import quasistatic_impact
 
 from taichi_disk.figures import theory
+from taichi_disk.scenes.compression import exact_compression, paper_compression
 
 YOUNG = 1.107  # mean of 32 lattices of 1099 points [M c^2/R^2]
 # tau0 of a pressed contact, per unit of eta*, by the number of points [R/c]: contact_viscosity.py with 1099 4,
@@ -74,11 +76,11 @@ def compression() -> None:
     write("figure2_fits", rows)
     rows = []
     for row in points("figure2", "continuum_compression"):
-        exact = float(theory.exact_compression(row["x"], row["young"], row["poisson"]))
+        exact = float(exact_compression(row["x"], row["young"], row["poisson"]))
         row |= {"exact_law": exact, "percent_above": 100 * (row["mean"] / exact - 1)}
         if row["lattices"] > 1:
             row["error"] = 100 * row["deviation"] / row["lattices"] ** 0.5 / exact
-        row["eq2_with_b_1"] = float(theory.paper_compression(row["x"], row["young"], row["poisson"]))
+        row["eq2_with_b_1"] = float(paper_compression(row["x"], row["young"], row["poisson"]))
         rows.append({"a": 300.0, "points": 1099} | row)
     write("figure2_points", rows)
 
@@ -96,7 +98,7 @@ def impacts() -> None:
             row |= fitted(curve, "curvature")
         if tau0 := TAU0[row["points"]] * curve["eta_star"]:
             row["tau0"] = tau0
-            e = np.array([[theory.quasistatic_impact(v, tau0, YOUNG).restitution for v in SPEEDS]])
+            e = np.array([[quasistatic_impact(v, tau0, YOUNG).restitution for v in SPEEDS]])
             row["eq4_d1"], row["eq4_d2"] = theory.fit_restitution(SPEEDS, e).values.values()
             c = (np.pi * YOUNG) ** 0.5
             row["first_order_d2"], row["paper_d2"] = np.pi * tau0 * c, 2.0 * np.pi * tau0 * c
@@ -112,7 +114,7 @@ def towards_eq4() -> None:
     rows = []
     for row in points("continuum_impact"):
         tau0 = TAU0[row["points"]] * row["eta_star"]
-        theirs = theory.quasistatic_impact(row["x"], tau0, row["young"])
+        theirs = quasistatic_impact(row["x"], tau0, row["young"])
         same = [
             float(one["contact_time"])
             for one in measured
@@ -133,7 +135,7 @@ def undamped() -> None:
     for body, a in ((Disk(128, 5, 400), 3000.0), (Disk(256, 5, 800), 48000.0)):
         for v in (*speeds, 0.1) if a == 3000.0 else speeds:
             e, _, ellipse, contact_time = body.impact(v, a)
-            theirs = theory.quasistatic_impact(v, 0.0, YOUNG_OF_FINE_LATTICES).contact_time
+            theirs = quasistatic_impact(v, 0.0, YOUNG_OF_FINE_LATTICES).contact_time
             row = {"body": "continuum", "a": a, "velocity": v, "e": e, "percent_lost": 100 * (1 - e**2)}
             row |= {"percent_in_ellipse": 100 * ellipse, "contact_time": contact_time}
             rows.append(row | {"percent_longer": 100 * (contact_time / theirs - 1)})

@@ -20,42 +20,33 @@ from taichi_disk.lattice import Array, Lattice
 from taichi_disk.physics import Model
 from taichi_disk.signals import raise_if_interrupted
 from taichi_disk.simulation.observables import as_columns
-from taichi_disk.simulation.simulation import KernelCache
+from taichi_disk.simulation.simulation import shared_kernels
 
-FRACTIONS = (0.95, 0.8, 0.6, 0.4, 0.2, 0.1, 0.05)  # of the stability limit
+FRACTIONS = (0.95, 0.8, 0.6, 0.4, 0.2, 0.1, 0.05)  # steps over the stability limit
 REPEATS = 3
-ENERGY_SAMPLES = 200  # over which the imbalance is judged
+ENERGY_SAMPLES = 200  # number of samples of the energy imbalance
 REFERENCE_RTOL = 1e-11
 
 
 @dataclass(frozen=True)
 class StepError:
-    """Cost and absolute errors of one integrator at one step.
-
-    Attributes:
-        is_default: whether `run` would choose this step.
-        fraction: step over the stability limit.
-        seconds: shortest of REPEATS runs, without compilation.
-        error: error of the primary result.
-        trajectory_error: largest error of a coordinate at the end [R].
-        closing_imbalance, worst_imbalance: energy imbalance over the energy scale of the scene.
-    """
+    """Cost and absolute errors of one integrator at one step."""
 
     integrator: str
-    is_default: bool
-    fraction: float
+    is_default: bool  # whether `run` would choose this step
+    fraction: float  # step over the stability limit
     dt: float  # [R/c]
     steps: int
-    seconds: float
+    seconds: float  # shortest of REPEATS runs, without compilation
     ns_per_spring_and_step: float
-    error: float
-    trajectory_error: float
-    closing_imbalance: float
-    worst_imbalance: float
+    error: float  # error of the primary result
+    trajectory_error: float  # largest error of a coordinate at the end [R]
+    closing_imbalance: float  # energy imbalance at the end, over the energy scale of the scene
+    worst_imbalance: float  # largest energy imbalance, over the energy scale of the scene
 
 
 class StepStudy:
-    """Runs of one scenario with several integrators and steps. All end at the time at which `outcome` ends."""
+    """Runs of one scenario with several integrators and steps, which all end at the time at which `outcome` ends."""
 
     def __init__(self, scenario: Scenario, modes: Spectrum, outcome: Outcome) -> None:
         self.scenario, self.modes, model = scenario, modes, scenario.model
@@ -72,40 +63,40 @@ class StepStudy:
         return step_limit(self.modes, self.scenario.model, integrator, self.scenario.point_force)
 
     def _steps(self, longest: float) -> int:
-        """Return the smallest number of steps not longer than `longest` [R/c], a multiple of the number of resets."""
+        """Return the smallest number of steps of at most `longest` [R/c] that is a multiple of the number of resets."""
         interval = self.scenario.model.reset_interval or self.end
         return round(self.end / interval) * ceil(interval / longest)
 
     def seconds(self, run: float) -> float:
-        """Estimate the time [s] that `measure` takes if a run with the default step takes `run` [s]."""
+        """Estimate the time that `measure` takes if a run with the default step takes `run` [s]."""
         integrator, default_steps = self.default
         work = sum(steps * method.forces for method, steps in self.runs) / (default_steps * integrator.forces)
         state = np.concatenate([self.scenario.lattice.positions, self.scenario.velocities]).ravel()
         started = perf_counter()
         self.reference.rate(0.0, state)
         evaluation = perf_counter() - started
-        # DOP853 evaluates forces about 10 times per radian of the fastest vibration, less often if dashpots limit it.
+        # DOP853 evaluates forces about 10 times per radian of the fastest vibration, less often with strong dashpots.
         springs, interval = self.scenario.model.springs, self.scenario.model.reset_interval
         rate = 9.0 * self.modes.omega + 3.0 * springs.eta * self.modes.damping + (12.0 / interval if interval else 0.0)
         return (1 + REPEATS) * work * run + self.end * rate * evaluation
 
-    def measure(self, kernels: KernelCache, done: Callable[[int], object]) -> list[StepError]:
+    def measure(self, done: Callable[[int], object]) -> list[StepError]:
         """Compute the reference and all runs, calling `done` with the number of finished ones."""
         scenario, (integrator, steps), errors = self.scenario, self.default, []
         x, v = self.reference.solve(scenario.velocities, self.end)
         end = replace(scenario.lattice, positions=x)
         # A simulation started from the reference solution measures it in the same way as it measures the runs.
-        first = kernels.simulation(end, scenario.model, integrator, v, self.end / steps).first_row
+        first = shared_kernels().simulation(end, scenario.model, integrator, v, self.end / steps).first_row
         truth = scenario.primary(as_columns(first[None], 0.0))[1]
         for number, (integrator, steps) in enumerate(self.runs):
             done(1 + number)
-            errors.append(self._measured(kernels, integrator, steps, x, truth))
+            errors.append(self._measured(integrator, steps, x, truth))
         return errors
 
-    def _measured(self, kernels: KernelCache, integrator: Integrator, steps: int, x: Array, truth: float) -> StepError:
+    def _measured(self, integrator: Integrator, steps: int, x: Array, truth: float) -> StepError:
         """Measure one run against the reference, which ends at the positions `x` (n, 2) [R] with the result `truth`."""
         scenario, dt, stride = self.scenario, self.end / steps, max(1, steps // ENERGY_SAMPLES)
-        simulation = kernels.simulation(scenario.lattice, scenario.model, integrator, scenario.velocities, dt)
+        simulation = shared_kernels().simulation(scenario.lattice, scenario.model, integrator, scenario.velocities, dt)
         start = simulation.snapshot()
         rows, _ = simulation.advance(steps, stride)
         columns = as_columns(np.vstack([simulation.first_row, rows, simulation.now]), stride * dt)
@@ -154,7 +145,7 @@ class Reference:
             if stop > t:
                 # One or two steps suffice between resets. Without resets, only the end of the motion is stored.
                 options: dict[str, Any] = {"first_step": stop - t} if interval else {"t_eval": [stop]}
-                with np.errstate(all="ignore"):  # trial steps that crush the disk are rejected later
+                with np.errstate(all="ignore"):  # DOP853 rejects trial steps that crush the disk
                     solution = solve_ivp(self.rate, (t, stop), y, "DOP853", rtol=rtol, atol=1e-3 * rtol, **options)
                 if not solution.success:
                     raise SimulationError(f"the reference solution ends before t = {stop:.6g} R/c: {solution.message}")
@@ -164,7 +155,7 @@ class Reference:
         return y.reshape(2, -1, 2)
 
     def rate(self, _t: float, y: Array) -> Array:
-        """Return the time derivative of the state `y`, which holds positions x0, y0, x1, … and then velocities."""
+        """Return the time derivative of the state `y`: positions x0, y0, x1, … and then velocities."""
         raise_if_interrupted()
         x, v = y.reshape(2, -1, 2)
         force = self.model.forces_moving(self.lattice, x, v)

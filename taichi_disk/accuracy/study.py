@@ -1,4 +1,4 @@
-"""Comparison of the time step's error with the effects of lattice, number of points and wall on the result."""
+"""Compare the time step's error with the effects of lattice, number of points and wall on the result."""
 
 from __future__ import annotations
 
@@ -16,62 +16,48 @@ from taichi_disk import runtime
 from taichi_disk.accuracy.steps import StepError, StepStudy
 from taichi_disk.computation.outcome import compute
 from taichi_disk.computation.stability import spectrum
-from taichi_disk.config.sections import DASHPOTS
+from taichi_disk.computation.workload import duration
 from taichi_disk.errors import InputError, TaichiDiskError
+from taichi_disk.integrators import INTEGRATORS
 from taichi_disk.output.files import atomic_write, prepare_output, remove_empty, write_csv, write_text
 from taichi_disk.output.plot import matplotlib_style
 from taichi_disk.output.run_folder import refuse_run
-from taichi_disk.progress import Progress, duration, terminal
+from taichi_disk.progress import Progress, terminal
 from taichi_disk.scenes import Scene
 from taichi_disk.simulation.observables import BLUE, GREEN, ORANGE, PINK, RED
-from taichi_disk.simulation.simulation import KernelCache
 
 SEEDS = 8
 REFINEMENTS = (4, 16, 64)  # factors of the number of points, at equal mass, stiffness and viscosity of the disk
-MAX_POINTS = 200_000  # of the disk; larger lattices are computed for the first refinement only
-HARDNESS_FACTORS = (3.0, 10.0)  # of wall.a
+MAX_POINTS = 200_000  # largest disk of a refinement, except for the first
+HARDNESS_FACTORS = (3.0, 10.0)  # factors of wall.a
 VISCOSITY = "material.viscosity"
 SAMPLE, POINTS, WALL = "lattice sample", "points", "wall hardness"
 SIGNIFICANCE = 2.0  # lattice scatters; a larger difference is an effect of the number of points
 COMPILE_TIME = 5.0  # [s], typical
-COLOURS = dict(zip(DASHPOTS, (BLUE, RED, GREEN, ORANGE, PINK), strict=False))  # of the integrators
+COLOURS = dict(zip(INTEGRATORS, (BLUE, RED, GREEN, ORANGE, PINK), strict=False))  # of the integrators
 TABLE_WIDTH = 120  # without a terminal
 
 
 @dataclass(frozen=True)
 class Change:
-    """A change of the scene and its effect on the primary result.
+    """A change of the scene and its effect on the primary result."""
 
-    Attributes:
-        source: source of error.
-        change: description.
-        keys: changed keys, as `DiskScene.with_` takes them.
-        refinement: factor of the number of points.
-        result, difference: primary result, and its difference from the unchanged scene; NaN if the run failed.
-        remark: why the run failed.
-    """
-
-    source: str
-    change: str
-    keys: dict[str, Any] = field(default_factory=dict)
-    refinement: int = 1
-    result: float = math.nan
-    difference: float = math.nan
-    remark: str = ""
+    source: str  # source of error
+    change: str  # description of the change
+    keys: dict[str, Any] = field(default_factory=dict)  # changed keys, as `DiskScene.with_` takes them
+    refinement: int = 1  # factor of the number of points
+    result: float = math.nan  # primary result; NaN if the run failed
+    difference: float = math.nan  # result minus that of the unchanged scene
+    remark: str = ""  # why the run failed
 
 
 @dataclass(frozen=True)
 class Findings:
-    """Measured errors of the primary result `name`.
-
-    Attributes:
-        steps: empty for an equilibrium.
-        sources: the unchanged scene first.
-    """
+    """Measured errors of the primary result `name`."""
 
     name: str
-    steps: list[StepError]
-    sources: list[Change]
+    steps: list[StepError]  # empty for an equilibrium
+    sources: list[Change]  # the unchanged scene first
 
     @property
     def step(self) -> float:
@@ -80,17 +66,15 @@ class Findings:
 
     @property
     def samples(self) -> list[float]:
-        """Primary result for each seed."""
         return [self.sources[0].result, *(change.result for change in self.sources if change.source == SAMPLE)]
 
     @property
     def scatter(self) -> float:
-        """Standard deviation over lattices; NaN for a single lattice."""
         results = [result for result in self.samples if math.isfinite(result)]
         return float(np.std(results, ddof=1)) if len(results) > 1 else math.nan
 
     def last_difference(self, source: str) -> float:
-        """Return the difference made by the last successful change of `source`; NaN without one."""
+        """Return the difference due to the last successful change of `source`; NaN if there is none."""
         differences = [change.difference for change in self.sources if change.source == source and not change.remark]
         return differences[-1] if differences else math.nan
 
@@ -98,7 +82,7 @@ class Findings:
     def sentence(self) -> str:
         """Summary of the errors, with advice on the largest."""
         finest, scatter = self.last_difference(POINTS), self.scatter
-        parts = [f"time step {self.step:.1g}" if self.steps else "time step none (an equilibrium)"]
+        parts = [f"time step {self.step:.1g}" if self.steps else "no time step (an equilibrium)"]
         others = (
             ("lattice scatter", scatter),
             ("finest lattice", finest),
@@ -138,20 +122,20 @@ def study(scene: Scene, out: Path, title: str, note: Callable[[str], None]) -> N
 
 def assess(scene: Scene, progress: Progress, note: Callable[[str], None]) -> Findings:
     """Measure what `study` reports. Taichi must have been started."""
-    kernels, scenario, study = KernelCache(), scene.scenario(), None
+    scenario, study = scene.scenario(), None
     progress("simulate", 0, None)
     if scenario.model.has_friction:
         raise InputError(
-            "wall.friction: must be 0, because the reference solution needs smooth forces; `run` estimates errors, too"
+            "wall.friction: must be 0, because the reference solution needs smooth forces; `run` also estimates errors"
         )
     if scenario.step_dependent:
         modes = spectrum(scenario.lattice, scenario.model)
-        outcome = compute(scenario, scene.time, kernels=kernels, modes=modes, estimate=False)
+        outcome = compute(scenario, scene.time, modes=modes, estimate=False)
         study = StepStudy(scenario, modes, outcome)
     others, started = list(changes(scene)), perf_counter()
-    base = result_of(scene, kernels)
+    base = result_of(scene)
     run_time = perf_counter() - started
-    exponent = 1.4 if study else 1.1  # of time against points; finer lattices also need shorter steps
+    exponent = 1.4 if study else 1.1  # time grows as points**exponent; finer lattices also need shorter steps
     expected = COMPILE_TIME + run_time * sum(change.refinement**exponent for change in others)
     runs, steps = f"{len(others)} runs", []
     if study:
@@ -161,18 +145,17 @@ def assess(scene: Scene, progress: Progress, note: Callable[[str], None]) -> Fin
     if study:
         count = 1 + len(study.runs)
         progress("reference and steps", 0, count)
-        steps = study.measure(kernels, lambda done: progress("reference and steps", done, count))
+        steps = study.measure(lambda done: progress("reference and steps", done, count))
     sources = [Change("scene", "as it is", result=base, difference=0.0)]
     for number, change in enumerate(others):
         progress("compare", number, len(others))
-        sources.append(measured(scene, base, change, kernels))
+        sources.append(with_result(scene, base, change))
     return Findings(scene.results[0], steps, sources)
 
 
 def changes(scene: Scene) -> Iterator[Change]:
-    """Yield other seeds, finer lattices and harder walls."""
     lattice, a = scene.lattice, scene.wall.a
-    if lattice.file == "none":  # user-supplied points have no other sample
+    if lattice.file == "none":  # user-supplied points have no other random sample
         for seed in range(lattice.seed + 1, lattice.seed + SEEDS):
             yield Change(SAMPLE, f"seed {seed}", {"lattice.seed": seed})
         for factor in REFINEMENTS:
@@ -188,16 +171,16 @@ def changes(scene: Scene) -> Iterator[Change]:
         yield Change(WALL, f"a = {multiple * a:g}/R", {"wall.a": multiple * a})
 
 
-def measured(scene: Scene, base: float, change: Change, kernels: KernelCache) -> Change:
+def with_result(scene: Scene, base: float, change: Change) -> Change:
     """Compute the changed scene and return `change` with the result, or with the reason why there is none."""
     try:
-        result = result_of(scene.with_(change.keys), kernels)
+        result = result_of(scene.with_(change.keys))
     except TaichiDiskError as error:
         return replace(change, remark=str(error))
     return replace(change, result=result, difference=result - base)
 
 
-def result_of(scene: Scene, kernels: KernelCache) -> float:
+def result_of(scene: Scene) -> float:
     """Compute the primary result, by Newton's method if it does not depend on the step.
 
     The step is automatic, because a user's dt seldom suits a finer lattice.
@@ -205,7 +188,7 @@ def result_of(scene: Scene, kernels: KernelCache) -> float:
     scenario = scene.scenario()
     if not scenario.step_dependent:
         return scenario.primary(scenario.quasistatic(loads=1).columns)[1]
-    outcome = compute(scenario, replace(scene.time, dt="auto"), kernels=kernels, estimate=False)
+    outcome = compute(scenario, replace(scene.time, dt="auto"), estimate=False)
     return scenario.primary(outcome.columns)[1]
 
 
@@ -213,7 +196,7 @@ def result_of(scene: Scene, kernels: KernelCache) -> float:
 
 
 def report(findings: Findings, out: Path, title: str) -> None:
-    """Print the findings and write accuracy.md, error_sources.csv and, of impacts, accuracy.csv and accuracy.png.
+    """Print the findings and write accuracy.md, error_sources.csv and, for impacts, accuracy.csv and accuracy.png.
 
     Raises SimulationError if a file cannot be written.
     """
@@ -227,7 +210,7 @@ def report(findings: Findings, out: Path, title: str) -> None:
         out / "error_sources.csv", [{name: getattr(change, name) for name in columns} for change in findings.sources]
     )
     if findings.steps:
-        own = {"is_default": "own"}  # a column keeps its name
+        own = {"is_default": "own"}  # the column `own` keeps its old name
         write_csv(
             out / "accuracy.csv", [{own.get(k, k): v for k, v in asdict(step).items()} for step in findings.steps]
         )
@@ -237,7 +220,6 @@ def report(findings: Findings, out: Path, title: str) -> None:
 
 
 def tables(findings: Findings) -> str:
-    """Return Markdown tables of the time steps, if any, and of the other sources of error."""
     lines = []
     if findings.steps:
         lines += ["| integrator | step/limit | steps | ms | ns/spring | error | position | energy |", "|---" * 8 + "|"]

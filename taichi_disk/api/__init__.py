@@ -14,7 +14,7 @@ import numpy as np
 
 from taichi_disk import runtime
 from taichi_disk.api.lattices import MOST_LATTICES
-from taichi_disk.api.work import FRAMES, Clock, built, compute_into, shared_kernels, solved, write_run, write_start
+from taichi_disk.api.work import FRAMES, Work
 from taichi_disk.computation.contact import greatest_compression
 from taichi_disk.computation.outcome import Outcome
 from taichi_disk.computation.scenario import Scenario
@@ -23,8 +23,9 @@ from taichi_disk.errors import InputError, did_you_mean, nearest
 from taichi_disk.lattice import Array, Lattice, OwnStart, disk_of, numbers, own_start
 from taichi_disk.output import files
 from taichi_disk.output.plot import plotting_beside
+from taichi_disk.output.report import headline, rows, shown
 from taichi_disk.output.run_folder import run_folder
-from taichi_disk.progress import Progress, headline, reported, rows, shown, silent
+from taichi_disk.progress import Progress, reported, silent
 from taichi_disk.scenes import Scene, load_scene
 from taichi_disk.scenes.scene import DiskScene
 from taichi_disk.signals import raise_if_interrupted
@@ -38,7 +39,7 @@ if TYPE_CHECKING:
     from taichi_disk.fields import Field
     from taichi_disk.output.inline import Film, Plot
 
-__all__ = ["Modes", "Result", "State", "run", "shared_kernels"]
+__all__ = ["Modes", "Result", "State", "run"]
 
 
 class State(NamedTuple):
@@ -81,12 +82,10 @@ class Result:
 
     @property
     def scenario(self) -> Scenario:
-        """The scene with its lattice, forces and initial state."""
         return self.outcome.scenario
 
     @property
     def summary(self) -> dict[str, Any]:
-        """Contents of summary.json."""
         return self.outcome.summary
 
     # ---- numbers
@@ -165,14 +164,14 @@ class Result:
 
     @property
     def greatest_compression(self) -> State:
-        """State of the greatest compression, which is computed again at each access; the end of a loading."""
+        """State of the greatest compression, or the end of a loading; computed again at each access."""
         return self.state(greatest_compression(self.series))
 
     def field(self, name: str, t: float, at: str = "own") -> Field:
         """Return the quantity `name` at time `t` [R/c]; see `taichi_disk.fields.field` for the names.
 
-        at: "own", or "points": values (n,) at the points, as pictures show them, of any quantity.
-        Raises InputError for an unknown name or place, or a time outside the run.
+        at: "own" for values on the triangles, springs or points that the quantity belongs to; "points" for values (n,)
+        at the points, as in pictures. Raises InputError for an unknown name or place, or a time outside the run.
         """
         from taichi_disk.fields import QUANTITIES, point_field
         from taichi_disk.fields import field as own_field
@@ -238,7 +237,7 @@ class Result:
 
     @runtime.alone()
     def draw(self, t: float | str = "greatest", colour: str | None = None, ax: Axes | None = None) -> Figure:
-        """Draw a state on Matplotlib axes: the field in a film's colours, springs, wall, scale; return the figure.
+        """Draw field, springs, wall and scale of a state on Matplotlib axes, as in films, and return the figure.
 
         Args:
             t: a moment as for `film`.
@@ -255,9 +254,9 @@ class Result:
     def show(
         self, beside: Result | Sequence[Result] | None = None, progress: Progress | None = None, **video: Any
     ) -> Film:
-        """Return the film for a notebook, which shows it with controls; arguments as for `film`.
+        """Return the film for a notebook, which shows it with controls. Arguments and errors are those of `film`.
 
-        `format="png"` is one picture, `format="html"` a film to play with. Raises what `film` raises.
+        `format="png"` gives one picture, `format="html"` an interactive film.
         """
         from taichi_disk.output.inline import Film
 
@@ -316,10 +315,10 @@ class Result:
         """
         out, text = as_path(out, "out"), self.own.repeating(self.scene).to_yaml()
         with run_folder(out, text, True, overwrite, lattice=self.own.digest) as folder:
-            outcome = replace(self.outcome, summary=dict(self.summary))
-            write_start(folder.path, self.scenario, self.own)
+            work = Work(self.scene, self.own)
+            work.write_start(folder.path, self.scenario)
             with plotting_beside(video) as plot:
-                write_run(folder, outcome, self.own, video, plot, silent, Clock())
+                work.write(folder, replace(self.outcome, summary=dict(self.summary)), video, plot)
         return folder.out
 
     @classmethod
@@ -348,20 +347,20 @@ class Result:
         path, summary = folder / "scene.yaml", files.read_summary(folder)
         if not path.is_file() or "status" not in summary:
             name = "summary.json that can be read" if path.is_file() else "scene.yaml"
-            raise InputError(f"{folder}: no run is here (no {name}); `taichi-disk run` makes one")
+            raise InputError(f"{folder}: no run is here (no {name}): compute one with `taichi-disk run`")
         kept = given if isinstance(given := summary.get("digests"), dict) else {}
         changed = [name for name, digest in files.digests(folder, summary).items() if kept.get(name, digest) != digest]
         if "scene.yaml" in changed:
-            raise InputError(f"{path} has been changed since the run: undo that, or compute it as another run")
+            raise InputError(f"{path} has been changed since the run: undo the change, or run it as a new scene")
         for name in changed:
             say(f"{folder / name} has been changed since the run; the result is computed again from scene.yaml")
-        # The step of the run is accepted, even if it is beyond the stability limit.
-        scene, clock = load_scene(path, overrides), Clock()
+        scene = load_scene(path, overrides)
         own = own_start(scene.lattice, None, None)
         if summary.get("lattice_digest", "") != own.digest:
             raise InputError(f"{folder}: the lattice or the velocities in lattice.npz have changed since the run")
-        scenario = built(scene, own, clock)
-        outcome = solved(scene, scenario, own, clock, progress or silent, 1, force=True, estimate=estimate)
+        work = Work(scene, own, progress)
+        # The step of the run is accepted, even if it is beyond the stability limit.
+        outcome = work.solve(work.build(), 1, force=True, estimate=estimate)
         return cls(scene, outcome, own=own)
 
 
@@ -422,15 +421,14 @@ def run(
     scene = scene.with_(changes) if changes else scene
     if lattices is not None and not (isinstance(lattices, (int, np.integer)) and 1 <= lattices <= MOST_LATTICES):
         raise InputError(f"lattices: must be a whole number from 1 to {MOST_LATTICES:,}, not {lattices!r}")
-    clock, progress = Clock(**{"start": started} if started else {}), progress or silent
-    own = own_start(scene.lattice, lattice, velocities)  # read once, before a folder is chosen: files may change
+    work = Work(scene, OwnStart(), progress, started)
+    own = work.own = own_start(scene.lattice, lattice, velocities)  # read before a folder is chosen: files may change
     options: dict[str, Any] = {"lattices": lattices, "force": force, "say": say}
     if out is None:
         if export:
             raise InputError("export: needs a folder, `out`")
-        scenario = built(scene, own, clock, threads)
-        return Result(scene, solved(scene, scenario, own, clock, progress, **options), own=own)
+        return Result(scene, work.solve(work.build(threads), **options), own=own)
     out, text = as_path(out, "out"), own.repeating(scene).to_yaml()
     with run_folder(out, text, not count_on, overwrite, say, own.digest) as folder:
-        outcome = compute_into(folder, scene, own, clock, progress, video, export, threads, **options)
+        outcome = work.into(folder, video, export, threads, **options)
     return Result(scene, outcome, folder.out, own)

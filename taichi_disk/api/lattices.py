@@ -7,26 +7,25 @@ from typing import Any
 
 import numpy as np
 
-from taichi_disk.computation.outcome import Outcome, compute
+from taichi_disk.computation.outcome import Outcome
 from taichi_disk.errors import TaichiDiskError
 from taichi_disk.integrators import INTEGRATORS
 from taichi_disk.lattice import OwnStart
 from taichi_disk.progress import Progress
 from taichi_disk.scenes import Scene
-from taichi_disk.scenes.setup import setup_of
-from taichi_disk.simulation.simulation import KernelCache
+from taichi_disk.scenes.setup import outcome_of
 
 MOST_LATTICES = 10_000
 LATTICES, MIN_LATTICES = 8, 3  # default number; fewer than 3 have no meaningful scatter
-EVALUATIONS = 3e8  # spring evaluations for the default number, some 1 s on one core
-BUILDING = 1500  # evaluations of each spring that take as long as building a lattice and finding its spectrum
-EQUILIBRIUM = 3000  # the same for Newton's method
+EVALUATIONS = 3e8  # most spring evaluations for the default number of lattices, some 1 s on one core
+BUILDING = 1500  # building a lattice and its spectrum takes as long as this many evaluations of each spring
+EQUILIBRIUM = 3000  # Newton's method takes as long as this many evaluations of each spring
 
 
 def lattice_count(own: OwnStart, outcome: Outcome, asked: int | None) -> tuple[int, list[str]]:
-    """Return the number of lattices to compute, and notes on it for the user.
+    """Return the number of lattices to compute, and notes about it for the user.
 
-    `own` is the user-supplied lattice, `outcome` that of the scene, `asked` the user's number of lattices.
+    `own`: user-supplied lattice; `outcome`: of the scene; `asked`: number of lattices that the user wants.
     """
     if own.digest:
         text = "a lattice or velocities of your own have no seed: how far the result depends on the points is not known"
@@ -41,7 +40,6 @@ def lattice_count(own: OwnStart, outcome: Outcome, asked: int | None) -> tuple[i
 
 
 def affordable(outcome: Outcome) -> int:
-    """Return the default number of lattices: 1 if more would take long."""
     summary, lattice = outcome.summary, outcome.scenario.lattice
     if outcome.scenario.static:
         evaluations = EQUILIBRIUM
@@ -52,9 +50,7 @@ def affordable(outcome: Outcome) -> int:
     return min(count, LATTICES) if count >= MIN_LATTICES else 1
 
 
-def compare_lattices(
-    scene: Scene, outcome: Outcome, count: int, kernels: KernelCache, progress: Progress, force: bool
-) -> dict[str, Any]:
+def compare_lattices(scene: Scene, outcome: Outcome, count: int, progress: Progress, force: bool) -> dict[str, Any]:
     """Compute the results on `count` lattices, of the scene's seed and the next ones, for summary.json.
 
     Returns `seeds` and, for each result, its `values`, `mean` and `standard_deviation`. Seeds without a result are left
@@ -65,7 +61,8 @@ def compare_lattices(
         progress("lattices", number - 1, count - 1)
         seed = (scene.lattice.seed + number) % 2**32
         try:
-            found.append(results_on(replace(scene, lattice=replace(scene.lattice, seed=seed)), kernels, force))
+            other = outcome_of(replace(scene, lattice=replace(scene.lattice, seed=seed)), force=force, estimate=False)
+            found.append(other.scenario.result(other.columns))
             seeds.append(seed)
         except TaichiDiskError as error:
             outcome.summary["warnings"].append(f"there is no result on the lattice of seed {seed}: {error}")
@@ -76,12 +73,3 @@ def compare_lattices(
             deviation = float(np.std(values, ddof=1))
             comparison[name] = {"values": values, "mean": float(np.mean(values)), "standard_deviation": deviation}
     return comparison
-
-
-def results_on(scene: Scene, kernels: KernelCache, force: bool = False) -> dict[str, float]:
-    """Compute the results of a scene. Raises what `compute` raises."""
-    setup = setup_of(scene)
-    scenario = scene.scenario(setup.body)
-    modes = None if scenario.static else setup.modes(scenario.model)
-    outcome = compute(scenario, scene.time, kernels=kernels, modes=modes, force=force, estimate=False, loads=1)
-    return scenario.result(outcome.columns)

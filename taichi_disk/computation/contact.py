@@ -1,4 +1,4 @@
-"""The contact of wall and disk: its duration, and what is measured at its end."""
+"""The contact of wall and disk: its duration, and the quantities measured at its end."""
 
 from __future__ import annotations
 
@@ -8,13 +8,13 @@ from taichi_disk.lattice import Array
 from taichi_disk.simulation.observables import Columns
 
 CONTACT_LEVEL = 0.01  # contact lasts while the wall's force exceeds this fraction of its peak
-STRETCHED = 0.1  # fraction of the contact's elastic energy; a disk that stores more before the contact is stretched
+STRETCHED = 0.1  # a disk that stores more than this fraction of its contact energy in flight is stretched
 
 
 def contact_interval(t: Array, force: Array, velocity: Array) -> tuple[float, float]:
     """Return the first and last times at which `force` crosses CONTACT_LEVEL of its peak, log-linear between samples.
 
-    If a contact was too short for any sample to have a force, return the times between which the disk turned back.
+    If no sample of a very short contact has a force, return the sample times between which the disk turned back.
     """
     if not force.any():
         turned = int(np.argmax(velocity > 0.0))
@@ -33,10 +33,8 @@ def contact_interval(t: Array, force: Array, velocity: Array) -> tuple[float, fl
 
 
 def results_time(columns: Columns) -> float:
-    """Return the time at which spin and vibration are measured [R/c]: the end of the last contact.
-
-    Afterwards dashpots reduce both. Without losses, they are measured at the end of the run, far from the wall.
-    """
+    """Return the time at which spin and vibration are measured [R/c]: the end of the last contact."""
+    # Afterwards dashpots reduce both. Without losses, they are measured at the end of the run, far from the wall.
     t = columns["t"]
     if not (columns["dissipated"][-1] or columns["absorbed"][-1]):
         return float(t[-1])
@@ -44,7 +42,7 @@ def results_time(columns: Columns) -> float:
 
 
 def vibration_left(columns: Columns) -> float:
-    """Return the vibration's kinetic and elastic energy at `results_time` over the energy of the flight at t = 0."""
+    """Return the energy of the vibration at `results_time`, kinetic and elastic, over that of the flight at t = 0."""
     stored = columns["vibration"] + columns["elastic"]
     return float((np.interp(results_time(columns), columns["t"], stored) - stored[0]) / columns["translation"][0])
 
@@ -52,10 +50,10 @@ def vibration_left(columns: Columns) -> float:
 def greatest_compression(columns: Columns) -> float:
     """Return the time at which the elastic energy is largest during contact [R/c].
 
-    If a spin stretches the disk before the contact, return when the centre of mass is nearest to the wall.
+    If a spin stretches the disk before the contact, return the time at which the centre of mass is lowest.
     """
     force, elastic = columns["wall_force"], columns["elastic"]
-    touches = force >= 0.01 * force.max()
+    touches = force >= CONTACT_LEVEL * force.max()
     stored = elastic * touches
     stretched = elastic[: int(touches.argmax())].max(initial=0.0) > STRETCHED * stored.max()
     return float(columns["t"][int(columns["com_y"].argmin() if stretched else stored.argmax())])

@@ -1,4 +1,4 @@
-"""Checks of a run: its energy balance, points that went through the wall, and messages on what is wrong."""
+"""Check a run: its energy balance, points that went through the wall, and messages about what is wrong."""
 
 from __future__ import annotations
 
@@ -13,21 +13,20 @@ from taichi_disk.lattice import Array, Lattice
 from taichi_disk.physics import Model
 from taichi_disk.simulation.observables import INDEX, Columns, of_kind, total_energy
 
-MAX_CLOSING, MAX_WORST = 2e-5, 1e-4  # limits of the imbalance at the end and ever; beyond, a shorter step is taken
-MAX_IMBALANCE = 1e-3  # limit of the imbalance at the end of a valid run: it would show in the third digit of e
-MIN_SPIN = 1e-9  # angular momentum of a spinning disk [M R c]
+MAX_CLOSING, MAX_WORST = 2e-5, 1e-4  # largest imbalance at the end and at any time without a shorter step
+MAX_IMBALANCE = 1e-3  # largest imbalance at the end of a valid run; more would show in the third digit of e
+MIN_SPIN = 1e-9  # a disk with less angular momentum does not spin [M R c]
 MAX_SPIN_LOSS = 0.01  # fraction that may be lost in flight without a warning
-BLOW_UP = 0.1  # imbalance over the largest energy so far, which ends a run
+BLOW_UP = 0.1  # imbalance over the largest energy so far at which a run is ended
 
 
 def relative_imbalance(scenario: Scenario, columns: Columns) -> tuple[float, float]:
-    """Return the imbalance at the end, with its sign, and the largest ever, over the scenario's energy scale."""
+    """Return the signed imbalance at the end and the largest absolute one, divided by the scenario's energy scale."""
     lost = (columns["total"] - columns["total"][0]) / scenario.energy_scale(columns)
     return float(lost[-1]), float(np.abs(lost).max())
 
 
 def summary(scenario: Scenario, columns: Columns) -> dict[str, Any]:
-    """Return the energies at the end [M c^2] and their balance and, for an impact, `vibration_left`."""
     closing, worst = relative_imbalance(scenario, columns)
     names = [name for name in of_kind("energy", "loss", "part") if name != "friction" or columns[name].any()]
     energies = {name: float(columns[name][-1]) for name in names}
@@ -38,7 +37,6 @@ def summary(scenario: Scenario, columns: Columns) -> dict[str, Any]:
 
 
 def unacceptable(scenario: Scenario, columns: Columns) -> str | None:
-    """Return why the energy imbalance at the end is too large for a valid result, or None."""
     lost, _ = relative_imbalance(scenario, columns)
     tolerance = scenario.scene.time.tolerance
     allowed = MAX_IMBALANCE if tolerance == "none" else max(MAX_IMBALANCE, tolerance)
@@ -51,20 +49,18 @@ def unacceptable(scenario: Scenario, columns: Columns) -> str | None:
 
 
 def warnings(scenario: Scenario, columns: Columns) -> list[str]:
-    """Return sentences on what makes the result of a run doubtful."""
     found = [unacceptable(scenario, columns)]
     slid = float(np.abs(columns["sliding"]).max()) / scenario.energy_scale(columns)
     if slid > MAX_IMBALANCE:
         found.append(
             f"points of the disk slid from spring to spring of the dented wall, which changed the energy by {slid:.2g} "
-            "of the kinetic energy: this is a property of the contact law, at any step, and limits the accuracy of e; "
-            "wall.contact: smooth has no such jumps, a lower impact.velocity or a higher material.k_a has fewer"
+            "of the kinetic energy: the contact law does this at any time step, and it limits the accuracy of e; "
+            "write wall.contact: smooth, which has no such jumps, or a lower impact.velocity or a higher material.k_a"
         )
     return [text for text in (*found, _faster_than_before(columns), _rotation_lost(scenario, columns)) if text]
 
 
 def _faster_than_before(columns: Columns) -> str:
-    """Return where the energy of an impact with e > 1 came from, as a sentence, or an empty string."""
     before, after = (float(columns["com_vy"][k] ** 2) for k in (0, -1))
     if not before or after <= (1.0 + MAX_IMBALANCE) * before:
         return ""
@@ -73,18 +69,17 @@ def _faster_than_before(columns: Columns) -> str:
     return (
         "e is above 1 because the impact turned other energy into flight away from the wall: "
         f"{spin_part:+g} of the energy of the flight towards it came from the spin, {along_part:+g} from the flight "
-        "along it; a slower impact.spin leaves e to the flight alone"
+        "along it; with a smaller impact.spin e measures the flight alone"
     )
 
 
 def _rotation_lost(scenario: Scenario, columns: Columns) -> str:
-    """Return a sentence on the angular momentum that dashpots took in flight, or an empty string."""
     t, spin = columns["t"], columns["angular_momentum"]
     start, _ = contact_interval(t, columns["wall_force"], columns["com_vy"])
     flights = [(spin[0], float(np.interp(start, t, spin)), "before the contact")]
     if "spin_after" in scenario.result(columns):
         after = float(np.interp(results_time(columns), t, spin))
-        flights.append((after, spin[-1], "after the contact, at whose end results are read"))
+        flights.append((after, spin[-1], "after the contact, at the end of which results are measured"))
     lost = [
         f"{1.0 - last / first:.0%} of the angular momentum {when}"
         for first, last, when in flights
@@ -92,28 +87,23 @@ def _rotation_lost(scenario: Scenario, columns: Columns) -> str:
     ]
     if not lost:
         return ""
-    remedy = "the paper's dashpots resist rotation, too; material.dashpot: axial does not"
+    remedy = "the paper's dashpots also resist rotation; with material.dashpot: axial they do not"
     return f"dashpots took {' and '.join(lost)}: {remedy}"
 
 
 class EnergyBalance:
-    """The energy balance of a run, which is checked while its rows are computed.
-
-    Attributes:
-        total: energy that the run should have [M c^2].
-    """
+    """The energy balance of a run, checked while its rows are computed. `total`: energy without errors [M c^2]."""
 
     def __init__(self, start: Array) -> None:
-        """Begin with the row `start` (columns,) at t = 0."""
         self.total, self._load = float(total_energy(start[None])[0]), float(start[INDEX["load"]])
         self._largest = float(self._size(start[None])[0])
 
     def first_lost(self, rows: Array) -> int | None:
-        """Return the index of the first of the new `rows` (rows, columns) that is invalid, or None."""
+        """Return the index of the first invalid row of the new `rows` (rows, columns), or None."""
         with np.errstate(invalid="ignore"):
             size = np.maximum.accumulate(np.append(self._largest, self._size(rows)))
             lost = np.maximum(np.abs(self.imbalance(rows)), np.abs(rows[:, INDEX["sliding"]]))
-            bad = ~((lost <= BLOW_UP * size[1:] + 1e-300) & (lost < np.inf))  # deep in a wall energy is infinite
+            bad = ~((lost <= BLOW_UP * size[1:] + 1e-300) & (lost < np.inf))  # infinite: deep inside a wall
         if bad.any():
             return int(bad.argmax())
         self._largest = float(size[-1])
@@ -125,7 +115,7 @@ class EnergyBalance:
         return np.asarray(size + np.abs(rows[:, INDEX["load"]] - self._load))
 
     def give(self, energy: float) -> None:
-        """Count energy [M c^2] that entered through `load` from outside, so that it is no imbalance."""
+        """Count energy [M c^2] that entered through `load` from outside, so that it is not an imbalance."""
         self.total += energy
         self._load += energy
 
@@ -134,7 +124,6 @@ class EnergyBalance:
         return total_energy(rows) - self.total
 
     def loss(self, bad: Array) -> str:
-        """Describe what is wrong with the row `bad` (columns,)."""
         if not np.isfinite(bad).all():
             return "a number is no longer finite"
         off = max(self.imbalance(bad[None])[0], bad[INDEX["sliding"]], key=abs)
@@ -145,22 +134,16 @@ class EnergyBalance:
 
 
 class BlowUp(SimulationError):
-    """The state became meaningless.
+    """The state became meaningless. `last_good`: positions and velocities (n, 2) and the time of the last valid row."""
 
-    Attributes:
-        last_good: positions and velocities (n, 2) and the time of the last valid row.
-    """
-
-    def __init__(self, message: str, last_good: dict[str, Array] | None = None) -> None:  # pickle gives the first
+    def __init__(self, message: str, last_good: dict[str, Array] | None = None) -> None:  # pickle passes only `message`
         super().__init__(message)
         self.last_good = last_good or {}
 
 
 def gone_through(lattice: Lattice, model: Model, x: Array, energy: float) -> bool:
-    """Return whether a point of the disk is deeper in the elastic wall than the `energy` [M c^2] of the run permits.
-
-    The contact force looks for the spring below a point, and does not notice.
-    """
+    """Return whether a point of the disk is deeper in the elastic wall than the `energy` [M c^2] of the run permits."""
+    # The contact law itself does not notice this, because it looks only for the spring below a point.
     wall = model.elastic
     if wall is None:
         return False
@@ -171,14 +154,14 @@ def gone_through(lattice: Lattice, model: Model, x: Array, energy: float) -> boo
     b = np.roll(a, -1, axis=0)
     with np.errstate(divide="ignore", invalid="ignore"):
         height = a[:, 1] + (px - a[:, 0]) / (b[:, 0] - a[:, 0]) * (b[:, 1] - a[:, 1])
-    crossed = ((a[:, 0] <= px) != (b[:, 0] <= px)) & (height > py)  # by a ray upwards
-    return bool((crossed.sum(axis=1) % 2).any())  # from within an odd number of times
+    crossed = ((a[:, 0] <= px) != (b[:, 0] <= px)) & (height > py)  # edges that a ray upwards from the point crosses
+    return bool((crossed.sum(axis=1) % 2).any())  # a ray that starts inside crosses an odd number of edges
 
 
 def explained(scenario: Scenario, dt: float, part: float, x: Array, lost: str) -> str:
     """Return a message on what was `lost` after the last valid row, with advice.
 
-    `dt` is the step [R/c], `part` the step over the stability limit, `x` (n, 2) the positions at that row [R].
+    `dt` [R/c] is the step, `part` is `dt` over the stability limit, and `x` (n, 2) [R] are the positions at that row.
     """
     lattice, model = scenario.lattice, scenario.model
     strain = model.springs.strain(lattice, x)

@@ -1,4 +1,4 @@
-"""The loop over time: launches of many steps, the end of the scene, restarts with a shorter step, blow-ups."""
+"""Step a scenario to its end in launches of many steps, restart with a shorter step, and detect blow-ups."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ Moment = tuple[float, Array, Array]  # t [R/c], positions (n, 2) [R], velocities
 Status = Literal["running", "restarted", "finished", "failed"]
 
 SPRINGS_PER_LAUNCH = 12_000_000  # spring evaluations in one kernel launch: about 50 ms on one core
-SPRINGS_PER_CHECK = 25 * SPRINGS_PER_LAUNCH  # the same for a large lattice, each of whose steps is a launch
+SPRINGS_PER_CHECK = 25 * SPRINGS_PER_LAUNCH  # spring evaluations between checks of a large lattice (a launch per step)
 
 
 class Driver:
@@ -37,7 +37,7 @@ class Driver:
     Attributes:
         interval: time between two rows [R/c], of `stride` steps.
         state, row: last valid state, and its observables (columns,).
-        status: what `advance` returned last.
+        status: the last return value of `advance`.
         failure: why there is no result, if the status is "failed".
         end, final: state at the end, and its time, positions and velocities, if the status is "finished".
         largest_force: largest force of the wall on one point [M c^2/R], if the status is "finished".
@@ -81,16 +81,15 @@ class Driver:
         scenario, step = self.scenario, self.step
         return self.kernels.simulation(scenario.lattice, scenario.model, step.integrator, scenario.velocities, step.dt)
 
-    # ---- what is known
+    # ---- results so far
 
     @property
     def rows(self) -> Array:
-        """Observables so far (rows, columns), `interval` apart."""
+        """Observables of all rows so far (rows, columns), at the distance `interval` in time."""
         return self._rows[: self.count]
 
     @property
     def columns(self) -> Columns:
-        """Time series so far."""
         return as_columns(self.rows, self.interval)
 
     # ---- time
@@ -114,7 +113,6 @@ class Driver:
         return self.status
 
     def _launch(self, last: int) -> None:
-        """Launch a kernel for steps up to `last`, and check its rows."""
         simulation, needed = self.simulation, self._needed if self.can_end else NEVER
         steps = min(self._launch_steps, last - simulation.step_number)
         rows, self._quiet = simulation.advance(steps, self.stride, self._bounds, needed, self._quiet)
@@ -129,7 +127,7 @@ class Driver:
             return
         self.state, self.row = now, simulation.now
         if self.can_end and self._quiet >= self._needed:
-            # Only the rows of the settling time, because this may happen at every row.
+            # Use only the rows of the settling time, because this check may run at every row.
             last_rows = self._rows[max(0, self.count - self._needed - 1) : self.count]
             if self.scenario.ended(as_columns(last_rows, self.interval)):
                 self._at_end()
@@ -151,7 +149,7 @@ class Driver:
         simulation, snapshot = self._simulation(), self.start
         mine, stride = simulation.generation, self._launch_steps
         for number in np.rint(np.asarray(times) / self.step.dt).astype(int):
-            if simulation.generation != mine:  # it has been reset for another run meanwhile
+            if simulation.generation != mine:  # another run has reset the simulation meanwhile
                 simulation = self._simulation()
                 simulation.restore(snapshot)
                 mine = simulation.generation
@@ -160,10 +158,9 @@ class Driver:
             snapshot = simulation.snapshot()
             yield simulation.time, simulation.positions(snapshot), simulation.velocities(snapshot)
 
-    # ---- the end, and other ends
+    # ---- finish, restart or fail
 
     def _at_end(self) -> None:
-        """Finish, or restart if the step was too long."""
         columns, simulation, state = self.columns, self.simulation, self.state
         self.largest_force = simulation.peak_point_force(state)
         if self.control.shorten_after_run(self.largest_force, columns):
@@ -176,7 +173,6 @@ class Driver:
         self.final = simulation.time, simulation.positions(state), simulation.velocities(state)
 
     def _blown_up(self, lost: str) -> None:
-        """Restart with a shorter step if that may help, else fail. `lost` says what is wrong after the last row."""
         simulation = self.simulation
         simulation.restore(self.state)
         if (steps := (self.count - 1) * self.stride - simulation.step_number) > 0:

@@ -1,4 +1,4 @@
-"""The errors of results that the time step causes, from a second run; and the search for a step within a tolerance."""
+"""Estimate the errors due to the time step from a second run, and search for a step within a tolerance."""
 
 from __future__ import annotations
 
@@ -17,42 +17,40 @@ from taichi_disk.errors import SimulationError, TaichiDiskError
 from taichi_disk.lattice import Array
 from taichi_disk.simulation.observables import Columns
 
-# Measured on scenes whose truth is known: `python -m tests.validation.estimate_trial`.
-STEP_RATIO = 1.25  # by which the step of a second run is shorter
-HALF_STEP, QUARTER_STEP = 2.0, 4.0  # the same on a hard wall, and with friction
-LONGER_STEP, LONGER_FROM = 0.95, 0.75  # of the stability limit: a longer one instead, if the step itself is above that
-# Over the difference that Richardson's extrapolation finds, by the order taken. At order 1 there is a reserve already.
+# The constants were measured on scenes with a known result: `python -m tests.validation.estimate_trial`.
+STEP_RATIO = 1.25  # step of a run over the shorter step of its second run
+HALF_STEP, QUARTER_STEP = 2.0, 4.0  # the same ratio on a hard wall, and of the third run with friction
+# The second run has the longer step of 0.95 of the stability limit if the first has at least 0.75 of it.
+LONGER_STEP, LONGER_FROM = 0.95, 0.75
+# Stated error over the difference found by Richardson's extrapolation, by the assumed order. Order 1 has a reserve.
 ERROR_SAFETY = {1: 1.5, 2: 2.0, 4: 2.0}
-JUMPS_SAFETY = 2.0  # besides, at order 1, for results other than the primary one: jumps meet those along the wall
-UNRESOLVED_PART = 0.5  # of the worst imbalance, which the error may be where a step does not resolve the wall
-ROUNDING = 1e-14  # of sums over many steps
-HALF_FROM = 0.51  # of the step that resolves the wall: a quarter of the decay length
+JUMPS_SAFETY = 2.0  # further factor at order 1 for secondary results: along the wall they jump
+UNRESOLVED_PART = 0.5  # smallest stated error over the worst energy imbalance if the step does not resolve the wall
+ROUNDING = 1e-14  # rounding error of sums over many steps
+HALF_FROM = 0.51  # step over the step that resolves the wall, from which a second run halves it
 
-SEARCH = 12  # steps tried for a tolerance, which may be far from a first coarse step
-TOLERANCE_PART = 0.75  # of the tolerance, at which the next step is aimed
-LEAST_RATIO, MOST_RATIO = 1.15, 3.0  # by which that step is shorter: a longer leap would trust the power too far
+SEARCH = 12  # number of steps tried for a tolerance
+TOLERANCE_PART = 0.75  # error that the next step should have, over the tolerance
+LEAST_RATIO, MOST_RATIO = 1.15, 3.0  # step over the next step; a power law cannot be trusted farther than 3
 
 
 class SecondRun(NamedTuple):
-    """The errors of results by their names, none if the second run has no result; (n, 2) its most compressed state."""
+    """Errors of results by name (empty if the second run has no result), and its most compressed state (n, 2)."""
 
     errors: dict[str, float]
     compressed: Array
 
 
 def richardson(result: float, dt: float, other_result: float, other_dt: float, order: int) -> float:
-    """Return the error of `result` at the step `dt`, if errors are C dt^order, from another run."""
+    """Return the error of `result` at the step `dt`, if errors are C dt^order, from the result of another run."""
     return abs(result - other_result) / abs((other_dt / dt) ** order - 1.0)
 
 
 def second_run(driver: Driver) -> SecondRun:
-    """Run the finished scene of `driver` again with another step, and with friction once more with a third.
-
-    Two results cannot tell whether the error is a power of the step, so it is taken as larger. While a step crosses
-    much of the wall's decay length 1/a at the speed of the impact, the error stands at a plateau that differences do
-    not show: there it is not taken for less than a part of the worst energy imbalance. With friction errors fall in
-    jumps, and two results may agree by chance, so the larger of two differences counts.
-    """
+    """Run the finished scene of `driver` again with another step and, with friction, once more with a third."""
+    # While a step crosses much of the wall's decay length 1/a at the speed of the impact, the error stays at a plateau
+    # that differences do not show; the estimate is then at least a fraction of the worst energy imbalance. With
+    # friction errors fall in jumps, and two results may agree by chance, so the larger of two differences counts.
     scenario, columns, dt = driver.scenario, driver.columns, driver.step.dt
     others: list[tuple[float, dict[str, float]]] = []
     x = driver.start.vectors[0]
@@ -67,7 +65,7 @@ def second_run(driver: Driver) -> SecondRun:
                 return SecondRun({}, x)
             others.append((other.step.dt, scenario.result(other.columns)))
         found = scenario.result(columns)
-    except TaichiDiskError:  # no result
+    except TaichiDiskError:  # the other step gives no result
         return SecondRun({}, x)
     least = ROUNDING
     if dt > scenario.wall_step:
@@ -83,11 +81,9 @@ def second_run(driver: Driver) -> SecondRun:
 
 
 def _sampling_errors(scenario: Scenario, columns: Columns) -> dict[str, float]:
-    """Return the error of each result, such as a time, from the distance between rows.
-
-    It is the change if every other row is left out, or half of the change without two rows of three: one of them may
-    agree by chance.
-    """
+    """Return the error of each result, such as a time, that is due to the distance between rows."""
+    # It is the change if every other row is left out, or half of the change if two rows of three are left out: either
+    # alone may agree by chance.
     found, rows = scenario.result(columns), np.arange(len(columns["t"]))
     ends = (rows == 0) | (rows == rows[-1])
     errors = dict.fromkeys(found, 0.0)
@@ -99,7 +95,7 @@ def _sampling_errors(scenario: Scenario, columns: Columns) -> dict[str, float]:
 
 
 def _other_steps(driver: Driver) -> list[float]:
-    """Steps [R/c] of the other runs: a longer one, which costs less, where that is stable and errors are regular."""
+    """Return the steps [R/c] of the other runs: shorter ones, or a longer one, which costs less, if that is stable."""
     step, interval = driver.step, driver.scenario.model.reset_interval
     if driver.scenario.model.has_friction:
         return [step.dt / HALF_STEP, step.dt / QUARTER_STEP]
@@ -111,7 +107,7 @@ def _other_steps(driver: Driver) -> list[float]:
 
 
 def _order(driver: Driver) -> int:
-    """Order of the error: 1 where forces jump, of friction and where points slide between springs of a wall."""
+    """Return the order of the error: 1 if forces jump, by friction or where points slide between springs of a wall."""
     jumps = driver.scenario.model.has_friction or driver.columns["sliding"].any()
     return 1 if jumps else driver.step.integrator.order
 

@@ -19,45 +19,33 @@ from taichi_disk.lattice import Array
 from taichi_disk.lattice.lattice import double_area
 from taichi_disk.progress import Progress, silent
 from taichi_disk.simulation.observables import Columns, split
-from taichi_disk.simulation.simulation import KernelCache
+from taichi_disk.simulation.simulation import shared_kernels
 
-ESTIMATE_UP_TO = 1.3e9  # spring evaluations of a run (some 5 s) up to which its error is estimated by a second run
-REST_CAUTION = 1.1  # factor of the distance from Newton's equilibrium
-ROUNDING = 1e-11  # error of xi by rounding and by the solver's tolerance, about [R]
-LOADS = 24  # of a quasi-static loading; a film hardly changes from one to the next
+ESTIMATE_UP_TO = 1.3e9  # a run with more spring evaluations (some 5 s) gets no second run for an error estimate
+REST_CAUTION = 1.1  # stated error over the distance from Newton's equilibrium
+ROUNDING = 1e-11  # approximate error of xi by rounding and by the solver's tolerance [R]
+LOADS = 24  # number of equilibria of a quasi-static loading; a film hardly changes from one to the next
 
 
 @dataclass(frozen=True)
 class Outcome:
-    """A scenario computed to its end.
-
-    Attributes:
-        scenario: computed scenario.
-        columns: time series.
-        positions, velocities: (n, 2) at the end [R], [c].
-        largest_force: largest force of the wall on one point [M c^2/R].
-        replay: yields the moments at ascending times, computed again, bitwise those of the run.
-        frames: the same for pictures; a quasi-static loading is interpolated between its equilibria.
-        summary: results and how they were computed, for summary.json.
-        compile_seconds: wall-clock time of compilation [s].
-    """
+    """A scenario computed to its end."""
 
     scenario: Scenario
-    columns: Columns
-    positions: Array
-    velocities: Array
-    largest_force: float
-    replay: Callable[[Array], Iterator[Moment]]
-    frames: Callable[[Array], Iterator[Moment]]
-    summary: dict[str, Any]
-    compile_seconds: float = 0.0
+    columns: Columns  # time series
+    positions: Array  # (n, 2) at the end [R]
+    velocities: Array  # (n, 2) at the end [c]
+    largest_force: float  # largest force of the wall on one point [M c^2/R]
+    replay: Callable[[Array], Iterator[Moment]]  # computes the run again: moments at ascending times, bitwise equal
+    frames: Callable[[Array], Iterator[Moment]]  # the same for pictures, which interpolate a quasi-static loading
+    summary: dict[str, Any]  # results and how they were computed, for summary.json
+    compile_seconds: float = 0.0  # wall-clock time of compilation [s]
 
 
 def compute(
     scenario: Scenario,
     time: Any,
     progress: Progress = silent,
-    kernels: KernelCache | None = None,
     *,
     modes: Spectrum | None = None,
     force: bool = False,
@@ -71,9 +59,8 @@ def compute(
         time: the scene's section `time`.
         modes: spectrum of the lattice and the model, if known.
         force: whether to accept a user's step beyond the stability limit.
-        estimate: whether to estimate the error and to count triangles turned inside out by a second run, unless that
-            takes long.
-        loads: number of equilibria of a quasi-static loading; 1: the last alone, bitwise the same.
+        estimate: whether a second run estimates the error and counts inverted triangles, unless that takes long.
+        loads: number of equilibria of a quasi-static loading; 1: only the full load, bitwise the same.
         say: receives the cost of a long run before it begins.
 
     Raises InputError if the user's step is beyond the stability limit, SimulationError if the scene does not end in
@@ -81,11 +68,10 @@ def compute(
     """
     if scenario.static:
         return scenario.quasistatic(loads, progress)
-    kernels = kernels or KernelCache()
     modes = modes or spectrum(scenario.lattice, scenario.model)
 
     def finished(time: Any) -> Driver:
-        driver = Driver(scenario, time, kernels, modes, force=force)
+        driver = Driver(scenario, time, shared_kernels(), modes, force=force)
         if text := announcement(driver):
             say(text)
         progress("simulate", 0.0, scenario.max_time)
@@ -110,7 +96,7 @@ def _described(driver: Driver, second: SecondRun | None, estimate: bool) -> Outc
     warnings = diagnostics.warnings(scenario, columns)
     if step.dt > limit:
         beyond = "is beyond the stability limit with the measured force of the wall"
-        remedy = "set time.dt: auto, or a shorter one"
+        remedy = "set time.dt: auto, or a shorter step"
         warnings.insert(0, f"the step {step.dt:.6g} R/c {beyond}, {limit:.6g} R/c: {remedy}")
     small = estimate and end.step * step.integrator.forces * len(scenario.lattice.bonds) <= ESTIMATE_UP_TO
     errors, compressed = dict[str, float](), None
@@ -135,15 +121,10 @@ def _described(driver: Driver, second: SecondRun | None, estimate: bool) -> Outc
 
 
 def inverted_triangles(scenario: Scenario, x: Array) -> int:
-    """Return the number of triangles that are turned inside out at the positions `x` (n, 2) [R]."""
     return int((double_area(x[scenario.lattice.triangles]) < 0.0).sum())
 
 
 def summary_of(scenario: Scenario, columns: Columns, warnings: list[str], compressed: Array | None) -> dict[str, Any]:
-    """Return the results, how each is measured, and `warnings`, for summary.json.
-
-    `compressed`, (n, 2) the most compressed state if it is known: its triangles turned inside out are counted.
-    """
     numbers = scenario.result(columns)
     measured = {name: note for name, note in scenario.notes.items() if name in numbers}
     summary: dict[str, Any] = {**numbers, "measured": measured, "warnings": warnings}

@@ -1,4 +1,4 @@
-"""A scene ready to be computed: start, laws, end, and results from the time series. Each kind is a subclass."""
+"""A scene ready to be computed: initial state, forces, end, and results of the time series. Each kind is a subclass."""
 
 from __future__ import annotations
 
@@ -18,66 +18,37 @@ if TYPE_CHECKING:  # scene files are checked without Taichi
 
 
 class Scenario(ABC):
-    """One scene, ready to be stepped.
+    """One scene, ready to be stepped."""
 
-    Attributes:
-        scene: scene from which it was made.
-        lattice: lattice at t = 0, in scene coordinates.
-        velocities: (n, 2) at t = 0 [c].
-        model: all forces.
-        point_force: estimate of the largest force of the wall on one point [M c^2/R].
-        max_time: time limit [R/c].
-        sample_interval: longest time between two rows from which `result` can be found [R/c].
-        view: (xmin, xmax, ymin, ymax) of the film [R].
-        spoke: point to which pictures draw a line from the disk's centre, to show a rotation; -1: none.
-        step_dependent: whether the primary result depends on the time step.
-        wall_step: longest step that resolves the wall [R/c].
-        truncation_remedy: advice on how to make `end_truncation_error` smaller.
-        own_velocities: whether the user gave the velocities.
-        static: whether `t` is the fraction of a load, whose equilibria end at `rest`.
-        rest: equilibrium under the load by Newton's method; None without a load.
-        quiet_time: settling time for which rows must stay within `end_bounds` [R/c]; 0: one row suffices.
-        is_thrown: whether the disk flies at a wall, so that it can be aimed.
-        symbol: symbol of the primary result.
-        end_words: what has happened at the end, for messages.
-        momentary_label: name and unit of `momentary_motion`.
-        time_label: axis label of `t`.
-        pace: format string of the film's time scale.
-        labels: name and unit of each number of `result` that is shown.
-        notes: how each number of `result` was measured.
-    """
-
-    scene: Any
-    lattice: Lattice
-    velocities: Array
-    model: Model
-    point_force: float
-    max_time: float
-    sample_interval: float
-    view: tuple[float, float, float, float]
-    spoke: int = -1
-    step_dependent: bool = True
-    wall_step: float = float("inf")
-    truncation_remedy: str = ""
-    rest: Equilibrium | None = None
-    quiet_time: float = 0.0
-    own_velocities: bool = False
-    static: ClassVar[bool] = False
-    is_thrown: ClassVar[bool] = False
-    symbol: ClassVar[str] = ""
-    end_words: ClassVar[str] = ""
-    momentary_label: ClassVar[tuple[str, str]] = ("velocity upwards", "c")
-    time_label: ClassVar[str] = "time  [R/c]"
-    pace: ClassVar[str] = "slow motion: 1 s = {:g} R/c"
-    labels: ClassVar[dict[str, tuple[str, str]]]
-    notes: ClassVar[dict[str, str]] = {}
+    scene: Any  # scene from which it was made
+    lattice: Lattice  # lattice at t = 0, in scene coordinates
+    velocities: Array  # (n, 2) at t = 0 [c]
+    model: Model  # all forces
+    point_force: float  # estimate of the largest force of the wall on one point [M c^2/R]
+    max_time: float  # time limit [R/c]
+    sample_interval: float  # longest time between two rows from which `result` can be found [R/c]
+    view: tuple[float, float, float, float]  # (xmin, xmax, ymin, ymax) of the film [R]
+    spoke: int = -1  # point to which pictures draw a line from the disk's centre, to show a rotation; -1: none
+    step_dependent: bool = True  # whether the primary result depends on the time step
+    wall_step: float = float("inf")  # longest step that resolves the wall [R/c]
+    truncation_remedy: str = ""  # advice on how to make `end_truncation_error` smaller
+    rest: Equilibrium | None = None  # equilibrium under the load by Newton's method; None without a load
+    quiet_time: float = 0.0  # settling time for which rows must stay within `end_bounds` [R/c]; 0: one row suffices
+    own_velocities: bool = False  # whether the user gave the velocities
+    static: ClassVar[bool] = False  # whether `t` is the fraction of a load, whose equilibria end at `rest`
+    is_thrown: ClassVar[bool] = False  # whether the disk flies at a wall, so that it can be aimed
+    symbol: ClassVar[str] = ""  # symbol of the primary result
+    end_words: ClassVar[str] = ""  # what has happened at the end, for messages
+    momentary_label: ClassVar[tuple[str, str]] = ("velocity upwards", "c")  # name and unit of `momentary_motion`
+    time_label: ClassVar[str] = "time  [R/c]"  # axis label of `t`
+    pace: ClassVar[str] = "slow motion: 1 s = {:g} R/c"  # format string of the film's time scale
+    labels: ClassVar[dict[str, tuple[str, str]]]  # name and unit of each number of `result` that is shown
+    notes: ClassVar[dict[str, str]] = {}  # how each number of `result` was measured
 
     @property
     def row_interval(self) -> float:
-        """Time between two computed rows [R/c]: at most `sample_interval`, or less if the user asks for it.
-
-        The result and the end of a run must not depend on the number of lines that the user wants.
-        """
+        """Time between two computed rows [R/c]: at most `sample_interval`, or less if the user asks for it."""
+        # The result and the end of a run must not depend on the number of rows that the user wants.
         asked = self.scene.time.sample_interval
         return self.sample_interval if asked == "auto" else min(asked, self.sample_interval)
 
@@ -92,7 +63,7 @@ class Scenario(ABC):
     # ---- the end
 
     def end_bounds(self) -> dict[str, tuple[float, float]]:
-        """Return the smallest and largest values of columns at the end of the scene, where kernels stop."""
+        """Return (smallest, largest) value of columns at the end of the scene; kernels stop when all are within."""
         return {}
 
     def ended(self, columns: Columns) -> bool:
@@ -100,7 +71,6 @@ class Scenario(ABC):
         return True
 
     def unfinished(self, columns: Columns) -> str:
-        """Return the message if `max_time` comes first."""
         return f"the scene has not ended by t = {columns['t'][-1]:.6g} R/c"
 
     # ---- the result
@@ -110,7 +80,7 @@ class Scenario(ABC):
         """Return the results from the time series of a finished scene, the primary result first."""
 
     def result_scales(self, columns: Columns) -> dict[str, float]:
-        """Return the approximate error of each result for a relative energy imbalance of 1; others have no estimate."""
+        """Return, for each result with an error estimate, its approximate error at a relative energy imbalance of 1."""
         return {self.primary(columns)[0]: 1.0}
 
     def primary(self, columns: Columns) -> tuple[str, float]:
@@ -118,7 +88,7 @@ class Scenario(ABC):
         return next(iter(self.result(columns).items()))
 
     def end_truncation_error(self, columns: Columns) -> float:
-        """Return the change of the primary result if a finished scene went on, at any step."""
+        """Return how much the primary result would change if a finished scene went on; the step does not matter."""
         return 0.0
 
     def energy_scale(self, columns: Columns) -> float:
@@ -138,7 +108,7 @@ class Scenario(ABC):
     # ---- pictures
 
     def frame_times(self, columns: Columns, frames: int) -> Array:
-        """Return the times of a film's pictures (frames,) [R/c], most of them at what matters."""
+        """Return the times of a film's pictures (frames,) [R/c], which are densest at the important moments."""
         return np.linspace(0.0, columns["t"][-1], frames)
 
     @abstractmethod
@@ -146,19 +116,18 @@ class Scenario(ABC):
         """Return the main curve of the scene (rows,) and the label of its axis."""
 
     def momentary_motion(self, row: Any) -> Any:
-        """Return the quantity of `momentary_label` from observables, numbers or arrays (rows,), of any moment."""
+        """Return the quantity of `momentary_label` from the observables of any moment, numbers or arrays (rows,)."""
         return row["com_vy"]
 
     def continuum(self, columns: Columns) -> dict[str, Array]:
-        """Return predictions of continuum laws for `motion`, by name of the law."""
+        """Return predictions of continuum laws for `motion` by the name of the law."""
         return {}
 
     def last_motion(self, columns: Columns) -> float:
-        """Return the end of the curves' time axis [R/c]."""
         return float(columns["t"][-1])
 
     def marks(self, columns: Columns) -> tuple[str, str]:
-        """Return texts for the end of `motion`, such as "e = 0.96723", and for the wall's force; may be empty."""
+        """Return a text for the end of `motion`, such as "e = 0.96723", and one for the wall's force; "" for none."""
         return "", ""
 
     def quality(self, columns: Columns) -> tuple[Array, str, str] | None:
@@ -167,14 +136,14 @@ class Scenario(ABC):
 
     @abstractmethod
     def title(self) -> tuple[str, ...]:
-        """Return the lines on the scene and its numbers in the film and the plot."""
+        """Return the title lines of films and plots: the scene and its parameters."""
 
     def caption(self, row: dict[str, float]) -> tuple[str, ...]:
-        """Return the lines of one picture of the film, from its observables."""
+        """Return the changing lines of one picture of a film from its observables."""
         return (f"t = {row['t']:7.3f} R/c",)
 
 
 def distribute(times: list[float], shares: list[float], frames: int) -> Array:
-    """Return `frames` times from times[0] to times[-1], of which the fraction shares[i] is in times[i]..times[i+1]."""
+    """Return `frames` times from times[0] to times[-1], the fraction shares[i] of them in times[i]..times[i+1]."""
     marks = np.concatenate([[0.0], np.cumsum(shares)]) / np.sum(shares)
     return np.interp(np.linspace(0.0, 1.0, frames), marks, times)

@@ -1,9 +1,9 @@
 """The largest stable time step, and one that resolves resets, from the lattice, the dashpots and the wall.
 
-Without damping a step is bounded while h omega for the highest frequency omega is below the integrator's own limit. The
+Without damping a step is stable while h omega, at the highest frequency omega, is below the integrator's own limit. The
 wall adds the stiffness a F of the point that carries the force F, at most to the point's own mass: omega^2 <=
-omega_lattice^2 + a F/m (twice that against an elastic wall, where two points of mass m approach each other). The
-trapezoidal dashpot does not lower the limit, the predicted one does: `explicit_limit`.
+omega_lattice^2 + a F/m (twice that for an elastic wall, where two points of mass m approach each other). Trapezoidal
+dashpots do not lower the limit; predicted ones do, see `explicit_limit`.
 """
 
 from __future__ import annotations
@@ -18,31 +18,23 @@ from taichi_disk.lattice.network import laplacian, largest_eigenvalue
 from taichi_disk.physics import Model
 from taichi_disk.signals import interruptible
 
-# Largest force on one point over that on a smooth rim. Measured: 0.06 to 1.5, with 0.005 <= v <= 0.1, 30 <= a <= 30,000
-# and N = 300, 1099, 4000. The margin between an automatic step and the limit allows another factor of 1.4.
+# Largest force on one point over the force on a point of a smooth rim. Measured: 0.06 to 1.5, with 0.005 <= v <= 0.1,
+# 30 <= a <= 30,000 and N = 300, 1099, 4000. The margin of an automatic step allows another factor of 1.4.
 ROUGHNESS = 1.2
 MODULUS = 1.2  # Young's modulus over `Springs.modulus`, for estimates of contact forces
 
 
 @dataclass(frozen=True)
 class Spectrum:
-    """What limits the step of a lattice.
+    """Quantities of a lattice that limit the step."""
 
-    Attributes:
-        omega: highest frequency [c/R].
-        damping: largest damping rate over eta, lambda_max(L)/m [1/(M c/R) c/R].
-        mass: smallest point mass [M].
-        points: number of points.
-    """
-
-    omega: float
-    damping: float
-    mass: float
-    points: int
+    omega: float  # highest frequency [c/R]
+    damping: float  # largest damping rate over eta, lambda_max(L)/m [1/(M c/R) c/R]
+    mass: float  # smallest point mass [M]
+    points: int  # number of points
 
 
 def spectrum(lattice: Lattice, model: Model) -> Spectrum:
-    """Compute the largest eigenvalues of the stiffness matrix at rest and, with dashpots, of the Laplacian."""
     stiffness = model.springs.stiffness(lattice, lattice.positions)
     masses, damping = lattice.masses, 0.0
     if model.springs.damped:
@@ -61,22 +53,18 @@ def step_limit(spectrum: Spectrum, model: Model, integrator: Integrator, point_f
 
 
 def explicit_limit(omega: float, damping: float) -> float:
-    """Return the largest stable step of `velocity_verlet` for x'' = -omega^2 x - damping x' and all lower modes.
-
-    With w = h v_{k-1/2} and p = h^2 a_k a step is linear, x+ = x + w', w' = w + p, p+ = -W x+ - g (w' + p/2) with
-    W = (h omega)^2, g = h damping: z^3 + (W + 3/2 g - 2) z^2 + (1 - 2 g) z + g/2 = 0. By Jury's criterion its roots lie
-    within the unit circle while W + 4 g < 4, so that the highest frequency and the highest rate bound all modes.
-    """
+    """Return the largest stable step of `velocity_verlet` for x'' = -omega^2 x - damping x' and all lower modes."""
+    # With w = h v_{k-1/2} and p = h^2 a_k a step is linear, x+ = x + w', w' = w + p, p+ = -W x+ - g (w' + p/2) with W =
+    # (h omega)^2, g = h damping: z^3 + (W + 3/2 g - 2) z^2 + (1 - 2 g) z + g/2 = 0. By Jury's criterion its roots lie
+    # within the unit circle while W + 4 g < 4, so that the highest frequency and the highest rate bound all modes.
     return float(2.0 / (damping + np.sqrt(damping**2 + omega**2)))
 
 
 def reset_step(spectrum: Spectrum, model: Model, integrator: Integrator, error: float) -> float:
-    """Return the longest step [R/c] at which resets beside dashpots change e by no more than about `error`.
-
-    A reset excites the lattice's fastest vibration omega, which dashpots of the highest rate r damp. Measured, with
-    N = 100 to 4000 and intervals of 0.001 to 0.03 R/c: the error of e is 0.008 to 0.02 r omega h^2 with explicit
-    dashpots. With implicit ones it is a quarter of that, and r counts up to 1/(3 interval) only.
-    """
+    """Return the longest step [R/c] at which resets combined with dashpots change e by at most about `error`."""
+    # A reset excites the lattice's fastest vibration omega, which dashpots of the highest rate r damp. Measured, with N
+    # = 100 to 4000 and intervals of 0.001 to 0.03 R/c: the error of e is 0.008 to 0.02 r omega h^2 with explicit
+    # dashpots. With implicit ones it is a quarter of that, and rates above 1/(3 interval) have no further effect.
     if not (model.reset_interval and model.springs.damped):
         return np.inf
     part, rate = 0.015, model.springs.eta * spectrum.damping
@@ -86,11 +74,9 @@ def reset_step(spectrum: Spectrum, model: Model, integrator: Integrator, error: 
 
 
 def impact_point_force(lattice: Lattice, model: Model, velocity: float) -> float:
-    """Estimate the largest force of the wall on one point in an impact [M c^2/R]; a run checks it.
-
-    The quasi-static energy balance v^2/2 = pi E* xi^2/(2 ln(4/xi)) gives the largest compression and its force. To stop
-    a single point takes at least a m v^2/2, which is more on a hard wall at high speed.
-    """
+    """Estimate the largest force of the wall on one point in an impact [M c^2/R]; a run checks it."""
+    # The quasi-static energy balance v^2/2 = pi E* xi^2/(2 ln(4/xi)) gives the largest compression and its force.
+    # Stopping a single point takes at least a m v^2/2, which is more on a hard wall at high speed.
     assert model.wall is not None
     e_star = MODULUS * model.springs.modulus
     xi = velocity
@@ -101,11 +87,9 @@ def impact_point_force(lattice: Lattice, model: Model, velocity: float) -> float
 
 
 def contact_point_force(lattice: Lattice, model: Model, force: float) -> float:
-    """Estimate the largest force on one point [M c^2/R] if the contact force is `force`.
-
-    The point bears the peak of a Gaussian over its chord, and ROUGHNESS times that if it protrudes. The variance of the
-    Gaussian is that of Hertz's contact, F R/(pi E*), plus that of a soft wall along a circle, R/a.
-    """
+    """Estimate the largest force on one point [M c^2/R] if the contact force is `force`."""
+    # The point bears the peak of a Gaussian over its chord, and ROUGHNESS times that if it protrudes. The variance of
+    # the Gaussian is the sum of F R/(pi E*) of Hertz's contact and R/a of a soft wall along a circle.
     assert model.wall is not None
     variance = force / (np.pi * MODULUS * model.springs.modulus) + model.wall.decay_length
     surface = lattice.positions[lattice.disk_surface]

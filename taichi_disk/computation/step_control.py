@@ -1,11 +1,11 @@
-"""Choose integrator and step before a run, and a shorter step if a run proves this one too long.
+"""Choose integrator and step before a run, and a shorter step if a run shows that the step was too long.
 
 | reason to shorten | by how much | at most |
 |---|---|---|
-| the run blew up | by half, or to what the measured force of the wall asks | 5 times |
-| the step exceeds 0.95 of the limit with the measured force | to what 1.5 times that force asks | 8 runs in all |
-| the energy imbalance exceeds 2e-5 at the end or 1e-4 ever | as order 2 asks, by 4 at most | while each run halves it |
-| the estimated error exceeds `time.tolerance` | as the order asks, by 1.15 to 3 | 12 times: `error_estimate` |
+| the run blew up | by half, or to what the measured force of the wall requires | 5 times |
+| the step exceeds 0.95 of the limit with the measured force | to what 1.5 times that force requires | 8 runs |
+| the energy imbalance exceeds 2e-5 at the end or 1e-4 ever | as order 2 requires, up to 4 | if each run halves it |
+| the estimated error exceeds `time.tolerance` | as the order requires, by 1.15 to 3 | 12 times: `error_estimate` |
 """
 
 from __future__ import annotations
@@ -24,8 +24,8 @@ from taichi_disk.simulation.observables import Columns
 LIMIT_MARGIN = 0.95  # largest automatic step over the stability limit with the measured force of the wall
 FORCE_SAFETY = 1.5  # force for which the next step is chosen, over the measured force of the wall
 MAX_ATTEMPTS = 8
-MAX_BLOW_UPS = 5  # if a wall is dented, no step helps
-RESET_ERROR = 2e-5  # error of e that resets beside dashpots may cause at an automatic step
+MAX_BLOW_UPS = 5  # a disk that has dented the wall blows up at any step
+RESET_ERROR = 2e-5  # error of e that resets combined with dashpots may cause at an automatic step
 
 
 @dataclass(frozen=True)
@@ -38,21 +38,14 @@ class TimeStep:
 
 
 class StepControl:
-    """The time step of one scenario, which is shortened if a run proves it too long.
+    """The time step of one scenario, which is shortened if a run shows that it is too long.
 
-    `integrator: auto` takes the highest order that the forces allow: order 4 gives an undamped impact a hundredth of
-    the error for 1.15 times the forces. Dashpots are implicit if that reaches the end with less work. With a reset
+    `integrator: auto` takes the highest order that the forces allow: in an undamped impact, order 4 has a hundredth of
+    the error for 1.15 times the force evaluations. Dashpots are implicit if that is less work in all. With a reset
     boundary, a whole number of steps fits the interval.
 
-    Args:
-        time: the scene's section `time`.
-        spectrum: spectrum of the scenario's lattice and model.
-
-    Attributes:
-        step: step of this attempt.
-        attempt: number of this attempt, from 1.
-
-    Raises InputError for a `dt` beyond the stability limit, unless `force`.
+    `time`: the scene's section `time`; `spectrum`: of the scenario's lattice and model; `attempt`: number of this run,
+    from 1. Raises InputError for a `dt` beyond the stability limit, unless `force`.
     """
 
     def __init__(self, scenario: Scenario, time: Any, spectrum: Spectrum, force: bool = False) -> None:
@@ -64,29 +57,23 @@ class StepControl:
             limit, name = self.step.limit, self.step.integrator.name
             raise InputError(
                 f"time.dt: {time.dt:g} R/c is beyond the stability limit of {name}, {limit:.6g} R/c for this scene; "
-                f"write a smaller one (or auto: {time.safety * limit:.6g}), or see it blow up with `run --force`"
+                f"write a smaller one (or auto: {time.safety * limit:.6g}), or accept a blow-up with `run --force`"
             )
 
     def limit(self, integrator: Integrator, force: float) -> float:
-        """Return the stability limit [R/c] if the largest force of the wall on a point is `force` [M c^2/R]."""
         return step_limit(self.spectrum, self.scenario.model, integrator, force)
 
     def _choice(self) -> TimeStep:
-        name, model = self.time.integrator, self.scenario.model
-        if name == "auto":
-            candidates = [one for one in AUTOMATIC if one.takes(model)]
-            name = min(
-                candidates, key=lambda one: (-one.order, one.cost(self.spectrum.points) / self._longest(one))
-            ).name
-        integrator = INTEGRATORS[name]
+        model, points = self.scenario.model, self.spectrum.points
+        candidates = [one for one in AUTOMATIC if one.takes(model)]
+        if self.time.integrator != "auto":
+            candidates = [INTEGRATORS[self.time.integrator]]
+        integrator = min(candidates, key=lambda one: (-one.order, one.cost(points) / self._longest(one)))
         dt = self._longest(integrator) if self.time.dt == "auto" else self.time.dt
         return TimeStep(integrator, self.limit(integrator, self._point_force), fitted(dt, model.reset_interval))
 
     def _longest(self, integrator: Integrator) -> float:
-        """Return the largest step [R/c] within the safety margin that resolves the vibrations excited by resets.
-
-        If the user has chosen a step, resets are ignored.
-        """
+        """Return the largest step [R/c] within the safety margin; if automatic, it also resolves resets."""
         stable = self._safety * self.limit(integrator, self._point_force)
         if self.time.dt != "auto":
             return stable
@@ -96,21 +83,16 @@ class StepControl:
     # ---- the next run
 
     def shorten_after_blow_up(self, largest_force: float) -> bool:
-        """Choose a shorter step after a blow-up and return True, or return False if that would not help.
-
-        `largest_force` is the largest measured force of the wall on one point [M c^2/R].
-        """
+        """Choose a shorter step after a blow-up, and return False if that would not help."""
         self._blow_ups += 1
         if self._last or self._blow_ups > MAX_BLOW_UPS:
             return False
         return self._shorten_for(largest_force) or self._shorten(0.5)
 
     def shorten_after_run(self, largest_force: float, columns: Columns) -> bool:
-        """Choose a shorter step after a finished run with the series `columns` and return True, or return False.
-
-        Ordinary scenes keep their step. Hard walls (a from 1,000 on) often need two or three runs, because the rattling
-        of points between disk and wall is not predicted.
-        """
+        """Choose a shorter step after a finished run with the series `columns` and return True, or return False."""
+        # Ordinary scenes keep their step. Hard walls (a from 1,000 on) often need two or three runs, because it cannot
+        # be predicted how points rattle between disk and wall.
         if self._last:
             return False
         if self._shorten_for(largest_force):
@@ -121,28 +103,26 @@ class StepControl:
         if excess <= 1.0 or excess > 0.5 * self._excess:
             return False
         self._excess = excess
-        return self._shorten(max(0.25, 0.9 / sqrt(excess)))  # order 2: the error falls with the square
+        return self._shorten(max(0.25, 0.9 / sqrt(excess)))  # order 2: the error falls with the square of the step
 
     @property
     def _last(self) -> bool:
-        """Whether this is the last attempt."""
         return self.time.dt != "auto" or self.attempt >= MAX_ATTEMPTS
 
     def _shorten_for(self, largest_force: float) -> bool:
-        """Choose a step for a larger force if this one is too close to the stability limit with `largest_force`."""
         if self.step.dt <= max(LIMIT_MARGIN, self._safety) * self.limit(self.step.integrator, largest_force):
             return False
         self._point_force = FORCE_SAFETY * largest_force
         return self._shorten(1.0)
 
     def _shorten(self, part: float) -> bool:
-        if part < 1.0:  # relative to the actual step, which a reset boundary may have shortened
+        if part < 1.0:  # `part` refers to the actual step, which a reset boundary may have shortened
             self._safety = part * self.step.dt / self.step.limit
         self.step, self.attempt = self._choice(), self.attempt + 1
         return True
 
 
 def fitted(dt: float, interval: float) -> float:
-    """Return the longest step up to `dt` of which a whole number fits `interval` [R/c], or `dt` if that is 0."""
+    """Return the longest step up to `dt` that divides `interval` [R/c] into whole steps, or `dt` if `interval` is 0."""
     # The factor prevents an additional step if dt is a rounded-down whole fraction of the interval.
     return interval / ceil((1.0 - 1e-9) * interval / dt) if interval else dt

@@ -1,1 +1,1 @@
-"""What a scene file may say, and how one is read: no NumPy, no Taichi."""
+"""Scene files: their keys, and how they are read. Without NumPy and Taichi."""

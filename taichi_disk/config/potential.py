@@ -15,7 +15,7 @@ class ExponentialPotential:
 
     a: float  # hardness [1/R]
     V0: float  # potential at distance 0 [M c^2]
-    friction = 0.0  # coefficient mu of Coulomb's friction; 0: none
+    friction = 0.0  # Coulomb friction coefficient mu; 0: none
 
     @property
     def decay_length(self) -> float:

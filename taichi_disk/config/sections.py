@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Literal, TypeAlias, get_args, g
 from taichi_disk.config.potential import ExponentialPotential
 from taichi_disk.errors import either
 
-if TYPE_CHECKING:  # tells mypy what `Frozen` does; `typing` has this since Python 3.11
+if TYPE_CHECKING:  # tells mypy what `Frozen` does; `typing` has dataclass_transform since Python 3.11
     from typing_extensions import dataclass_transform as _dataclasses
 else:
 
@@ -33,20 +33,15 @@ Theme: TypeAlias = Literal["light", "dark"]
 
 @dataclass(frozen=True)
 class Key:
-    """Allowed values of a key: one of `words`, a number from `low` to `high`, true or false, or the name of a file.
+    """Allowed values of a key: one of `words`, a number from `low` to `high`, true or false, or the name of a file."""
 
-    Attributes:
-        kind: bool, int or float; str if only words or names of files are allowed.
-        step: numbers must be multiples of it, unless it is 0.
-    """
-
-    kind: type
+    kind: type  # bool, int or float; str if only words or names of files are allowed
     words: tuple[str, ...]
     meaning: str
     unit: str = ""
     low: float = 0
     high: float = 0
-    step: float = 0
+    step: float = 0  # numbers must be multiples of it, unless it is 0
 
     def accepts(self, value: Any) -> bool:
         """Return whether the key may have this value. A whole number is accepted for a float."""
@@ -57,7 +52,6 @@ class Key:
         return self.kind is bool or (self.low <= value <= self.high and not (self.step and value % self.step))
 
     def allowed(self) -> str:
-        """Describe the allowed values."""
         if self.kind is bool:
             return "true or false"
         if self.kind is str:
@@ -93,7 +87,6 @@ class Section(Frozen):
     @classmethod
     @cache
     def schema(cls) -> dict[str, Key]:
-        """Return the keys by name, in the order in which they are written."""
         keys = {}
         for item in fields(cls):
             hint = get_type_hints(cls)[item.name]
@@ -201,18 +194,6 @@ class CompressionSection(Section):
     max_time: Auto | float = key("auto", "time limit of method: relaxation", "R/c", low=1e-6, high=1e6)
 
 
-# Treatment of dashpots by each integrator: predicted velocity, implicit (vector dashpots only), or no dashpots.
-Dashpots: TypeAlias = Literal["explicit", "implicit", "none"]
-DASHPOTS: dict[str, Dashpots] = {
-    "velocity_verlet": "explicit",
-    "trapezoidal": "implicit",
-    "takahashi_imada": "none",
-    "vefrl": "none",
-}
-
-CORRECTED = ("takahashi_imada",)  # integrators whose velocities are not those of the points, which a reset stops
-
-
 class TimeSection(Section):
     integrator: Literal["auto", "velocity_verlet", "trapezoidal", "takahashi_imada", "vefrl"] = key(
         "auto",
@@ -231,10 +212,10 @@ class VideoSection(Section):
     size: int = key(720, "width and height", "px", low=64, high=2160, step=2)
     fps: int = key(30, "frames per second", "1/s", low=1, high=120)
     seconds: float = key(8.0, "length of the film", "s", low=0.1, high=600)
-    colour: Colour = key("shear", "quantity that colours show")
+    colour: Colour = key("shear", "quantity shown in colour")
     draw: Draw = key("both", "what is drawn; both: coloured field and springs")
     theme: Theme = key("light", "background of pictures")
-    magnify: Auto | float = key("auto", "magnification of displacements; auto: flattened by 0.05 R", low=1, high=1000)
+    magnify: Auto | float = key("auto", "factor on drawn displacements; auto: disk flattened 0.05 R", low=1, high=1000)
     panel: bool = key(True, "curves of v_cm, wall force and energies beside the disk (16:9); from size 360 on")
     supersample: float = key(1.0, "samples per pixel width; 2: smoothest and slowest", low=1, high=2, step=0.5)
     format: Literal["mp4", "webm", "gif", "html", "png"] = key("mp4", "html: page with player; png: folder of pictures")

@@ -9,7 +9,6 @@ from __future__ import annotations
 import os
 import re
 from collections.abc import Mapping, Sequence
-from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, NamedTuple, TypeAlias
@@ -24,7 +23,7 @@ _TAG = "tag:yaml.org,2002:"
 
 
 class Mark(NamedTuple):
-    """Location of text: line and column in a file (both from 1), or the number of an option, `rank`."""
+    """Location of text: line and column in a file (both from 1), or the number `rank` of a command-line option."""
 
     rank: int = 0
     line: int = 0
@@ -35,13 +34,13 @@ class Mark(NamedTuple):
         return f"{self.label}:{self.line}:{self.column}" if self.line else self.label
 
     def moved(self, line: int, column: int) -> Mark:
-        """Return the mark of a line and column (both from 0); options and Python values have neither."""
+        """Return the mark of a line and column (both from 0). Marks of options and Python values have neither."""
         return self if self.rank or not self.label else self._replace(line=line + 1, column=column + 1)
 
 
 class Fault(NamedTuple):
     mark: Mark
-    key: str  # dotted
+    key: str  # dotted name
     what: str
 
     def __str__(self) -> str:
@@ -69,8 +68,7 @@ class Tree:
         self.faults.append(Fault(mark, ".".join(path), what))
 
     def refuse(self) -> None:
-        """Raise InputError with all faults in the order of the file, if there are any."""
-        # Report only the first fault of a value: one that is unreadable is invalid as well.
+        # Report only the first fault of each value, because an unreadable value is also invalid.
         if faults := sorted({fault[:2]: fault for fault in reversed(self.faults)}.values()):
             head = [] if len(faults) == 1 else [f"{len(faults)} faults in the scene:"]
             raise InputError("\n  ".join(head + [str(fault) for fault in faults]))
@@ -82,27 +80,17 @@ class Tree:
         return self.entries[path]
 
 
-# Plain scalars in lower case. PyYAML itself reads 1e-3 as text, 010 and 1:30 as numbers, and `yes` as true.
+# Meaning of plain scalars. PyYAML itself reads 1e-3 as text, 010 and 1:30 as numbers, and `yes` as true.
 _WORDS = {"": None, "~": None, "null": None, "true": True, "false": False}
 _INTEGER = re.compile("[-+]?[0-9]+|0o[0-7]+|0x[0-9a-f]+")
 _FLOAT = re.compile(r"[-+]?(\.[0-9]+|[0-9]+(\.[0-9]*)?)(e[-+]?[0-9]+)?|[-+]?\.inf|\.nan")
-
-
-class _Loader(yaml.BaseLoader):  # a BaseLoader keeps scalars as text
-    def compose_node(self, parent: yaml.Node | None, index: int) -> yaml.Node | None:
-        if self.check_event(yaml.AliasEvent):
-            what = (
-                "aliases (*) are not supported: write the value out"  # a few aliases may expand to billions of values
-            )
-            raise yaml.composer.ComposerError(None, None, what, self.peek_event().start_mark)
-        return super().compose_node(parent, index)
 
 
 def parse(text: str, source: Mark, path: Keys = ()) -> Tree:
     """Parse YAML `text`, whose values belong at `path`. Unreadable values are None and listed in the tree's faults."""
     tree, where = Tree(), source
     try:
-        if node := _Loader(text).get_single_node():
+        if node := yaml.BaseLoader(text).get_single_node():  # which keeps scalars as text
             tree.value = _value(node, path, None, tree, source)
         return tree
     except yaml.reader.ReaderError as error:
@@ -115,7 +103,7 @@ def parse(text: str, source: Mark, path: Keys = ()) -> Tree:
         what = f"not readable as YAML: {error.problem or error.context}"
         if "'\\t'" in what:
             what += " (YAML allows no tabs for indentation: use spaces)"
-    except (RecursionError, ValueError, OverflowError):  # the last two: version numbers, escapes beyond Unicode
+    except (RecursionError, ValueError, OverflowError):  # the last two: version numbers, escapes, thousands of digits
         what = "not readable as YAML: nested too deeply, or a number or an escape is out of range"
     return Tree(faults=[Fault(where, ".".join(path), what)])
 
@@ -140,11 +128,7 @@ def _value(node: yaml.Node, path: Keys, key: Mark | None, tree: Tree, source: Ma
     if isinstance(node, yaml.SequenceNode) and node.tag == _TAG + "seq":
         return [_value(item, (*path, str(k)), None, tree, source) for k, item in enumerate(node.value)]
     if isinstance(node, yaml.ScalarNode) and node.tag == _TAG + "str":
-        if node.style:
-            return node.value
-        with suppress(ValueError):  # an integer of thousands of digits
-            return _meaning(node.value)
-        node.tag = "int"
+        return node.value if node.style else _meaning(node.value)
     tree.fault(here, path, f"{shown} cannot be read as {printable(node.tag.removeprefix(_TAG))}")
     return None
 
@@ -165,7 +149,6 @@ def _as_written(node: yaml.Node) -> str:
 
 
 def tree_of(data: Mapping[str, Any]) -> Tree:
-    """Make a tree of Python values without locations. NumPy values become Python values, and paths become text."""
     tree = Tree()
 
     def plain(value: Any, path: Keys) -> Any:
@@ -186,7 +169,7 @@ def tree_of(data: Mapping[str, Any]) -> Tree:
 
     try:
         tree.value = plain(data, ())
-    except (RecursionError, ValueError):  # a loop; an integer of thousands of digits
+    except (RecursionError, ValueError):  # raised for a loop, or an integer with thousands of digits
         raise InputError("a scene must be a mapping of keys to numbers and words, without loops") from None
     return tree
 
@@ -200,8 +183,8 @@ def printable(text: str, width: int = 40) -> str:
 def read_tree(source: Source, overrides: Sequence[str]) -> Tree:
     """Read `source` and apply `overrides` of the form "section.key=value".
 
-    A str with a line end or ": " is YAML text. The source is read once, so that it may be a pipe. Raises InputError if
-    it does not exist or is no mapping; other faults are listed in the tree.
+    A str with a line end or ": " is YAML text. The source may be a pipe, because it is read only once. Raises
+    InputError if the source does not exist or is no mapping; other faults are listed in the tree.
     """
     start = Mark()
     if isinstance(source, Mapping):
@@ -218,7 +201,7 @@ def read_tree(source: Source, overrides: Sequence[str]) -> Tree:
         entry = tree.entries[()]
         what = f"a scene consists of lines `key: value` (with a space after the colon), not {entry.shown}"
         raise InputError(f"{entry.value}: {what}")
-    # Faults of missing keys are reported without a line.
+    # A missing key has no line to report.
     tree.entries[()] = Entry(start, start, "a mapping")
     for rank, override in enumerate(overrides, start=1):
         _override(tree, override, rank)
@@ -226,11 +209,10 @@ def read_tree(source: Source, overrides: Sequence[str]) -> Tree:
 
 
 def _read(source: str | os.PathLike[str]) -> tuple[str, str, str]:
-    """Return (name for messages, folder to which file names are relative, text) of a scene."""
     if isinstance(source, str) and ("\n" in source or (": " in source and not os.path.exists(source))):
         return "scene", "", source
     path = as_path(source, "scene")
-    if not os.path.exists(path) or os.path.isdir(path):  # runs make folders named after scenes
+    if not os.path.exists(path) or os.path.isdir(path):  # the folder of a run may have the name of a shipped scene
         path = shipped_scenes().get(str(path), path)
     label = printable(str(path), width=1000)
     try:
@@ -252,12 +234,11 @@ def as_path(path: Any, name: str) -> Path:
     """Return `path` with ~ expanded. Raises InputError with the argument's `name` if it is no path."""
     try:
         return Path(path).expanduser()
-    except (TypeError, RuntimeError):  # the latter if ~ names no user
+    except (TypeError, RuntimeError):  # RuntimeError if ~ names no user
         raise InputError(f"{name}: must be a path, not {path!r:.60}") from None
 
 
 def _override(tree: Tree, override: str, rank: int) -> None:
-    """Write the value of "section.key=value" into the tree, or add a fault."""
     mark = Mark(rank, label=f"--set {printable(override, width=1000)}")
     name, equals, text = override.partition("=")
     # The name of a sweep axis may contain dots.
@@ -281,15 +262,14 @@ def _override(tree: Tree, override: str, rank: int) -> None:
         where = (*section, path[-1])
         new, old = parse(text, mark, where), parent.get(path[-1])
         tree.faults += new.faults
-        if len(where) == 1 and isinstance(old, dict) and isinstance(new.value, dict):  # some keys of a section
+        if len(where) == 1 and isinstance(old, dict) and isinstance(new.value, dict):  # replace some keys of a section
             new.value = old | new.value
         parent[path[-1]] = new.value
         tree.entries |= {where: Entry(mark, mark)} | new.entries
 
 
 def shipped_scenes() -> dict[str, Path]:
-    """Return the paths of the shipped scenes by name."""
     package = Path(__file__).parent.parent
-    # The files are inside an installed package, but at the top of a source checkout.
+    # An installed package contains the files; a source checkout has them in its top folder.
     folders = (package / "scene_library", package.parent / "scenes")
     return {path.stem: path for folder in reversed(folders) for path in sorted(folder.glob("[!.]*.yaml"))}

@@ -6,11 +6,11 @@ import re
 from math import radians
 from typing import Any
 
-# Names in papers, lectures and other programs, in lower case, for each key.
+# For each key, its names in papers, lectures and other programs, in lower case.
 _NAMES = {
     "eta_star": "eta η η* damping",
     "velocity": "speed v",
-    "friction": "mu μ µ",  # a Greek letter and the sign of micro
+    "friction": "mu μ µ",  # the Greek letter and the micro sign
     "points": "n",
     "angle": "theta θ",
     "spin": "omega ω",
@@ -26,7 +26,6 @@ _COMMA = re.compile(r"[-+]?[0-9]+,[0-9]+(e[-+]?[0-9]+)?")
 
 
 def number_hint(value: Any, unit: str, key: str) -> str:
-    """Return a hint on how to write `value`, which is no number in this `unit`; empty if there is none."""
     if isinstance(value, list) and len(value) > 1:
         return f"; several values are a sweep: write them in the section sweep, as sweep: {{{key}: {value}}}"
     if not isinstance(value, str):

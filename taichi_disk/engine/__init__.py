@@ -1,8 +1,8 @@
 """The engine that compiles and runs kernels: Taichi, or its fork Taichi Forge if Taichi is not installed.
 
-Taichi has no wheels for Python 3.14 and later; its fork has, and its results are bitwise the same. This file alone
-names either. The rest of the package writes `from taichi_disk.engine import ti`, which imports the engine at that
-moment, in an environment that suits it.
+There are no Taichi wheels for Python 3.14 and later, but there are for the fork, which gives bitwise the same results.
+Only this file names the two. The rest of the package writes `from taichi_disk.engine import ti`, which prepares the
+environment and imports the engine at that moment.
 """
 
 from __future__ import annotations
@@ -17,11 +17,11 @@ from typing import TYPE_CHECKING, Any
 from taichi_disk.engine import environment, patches
 
 if TYPE_CHECKING:
-    import taichi as ti  # noqa: F401 (which `__getattr__` gives)
+    import taichi as ti  # noqa: F401 (`__getattr__` returns it)
 
 NAME = next((name for name in ("taichi", "taichi_forge") if find_spec(name)), "taichi")
 PACKAGE = NAME.replace("_", "-")
-PATCHED = "taichi"  # the engine that `patches` is written for
+PATCHED = "taichi"  # engine to which `patches` apply
 
 
 def __getattr__(name: str) -> Any:
@@ -38,17 +38,16 @@ def __getattr__(name: str) -> Any:
 
 
 def loaded() -> Any:
-    """Return the engine's module, or None if this process has not imported it."""
     return sys.modules.get(NAME)
 
 
 def program() -> Any:
-    """Return the engine's running program, to which all fields belong; None before `ti.init` and after `ti.reset`."""
+    """Return the engine's running program, which owns all fields; None before `ti.init` and after `ti.reset`."""
     return module.lang.impl.get_runtime().prog if (module := loaded()) else None
 
 
 def versions() -> dict[str, str]:
-    """Return the version of the installed engine, by the name of its package, without importing it."""
+    """Return {package: version} of the installed engine, without importing it."""
     with suppress(PackageNotFoundError):
         return {PACKAGE: version(PACKAGE)}
     return {}

@@ -1,4 +1,4 @@
-"""The environment that the engine reads while it is imported: where it keeps compiled kernels, what it may print."""
+"""The environment that the engine reads while it is imported: where it keeps compiled kernels, and what it prints."""
 
 from __future__ import annotations
 
@@ -10,19 +10,18 @@ from pathlib import Path
 CACHE = "TI_OFFLINE_CACHE_FILE_PATH"
 DEFAULTS = {
     "ENABLE_TAICHI_HEADER_PRINT": "0",
-    "TI_LOG_LEVEL": "error",  # also for what it prints while it is imported
+    "TI_LOG_LEVEL": "error",  # also silences the import
     "TI_SKIP_VERSION_CHECK": "ON",  # else it sends version, platform and a random identity to its makers once a day
 }
 
 
 def cache_folder() -> Path:
-    """Return the folder in which the engine keeps compiled kernels."""
     home = os.environ.get("HOME") or os.environ.get("USERPROFILE") or "/nonexistent"
     return Path(os.environ.get(CACHE) or Path(home, ".cache/taichi/ticache"))
 
 
 def is_writable(folder: Path) -> bool:
-    """Whether `folder` can be made and written into; tried, because permissions alone do not tell (root, /proc)."""
+    """Whether `folder` can be made and written into. Tried out, because permissions do not tell (root, /proc)."""
     try:
         folder.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryFile(dir=folder):
@@ -32,19 +31,17 @@ def is_writable(folder: Path) -> bool:
 
 
 def keeps_kernels() -> bool:
-    """Whether compiled kernels can be kept: in a folder that can be written and, except on Windows, in a home."""
+    """Whether compiled kernels can be kept: in a writable folder and, except on Windows, with a writable home."""
     return ("HOME" in os.environ or sys.platform == "win32") and is_writable(cache_folder())
 
 
 def prepare() -> None:
-    """Give the engine a home and a cache that it can write; without them it aborts, or crashes at the end.
-
-    If there are none (cron, systemd, a container's user), kernels go into a new folder in the temporary directory, and
-    a note on stderr says so.
-    """
+    """Give the engine a writable home and cache, without which it aborts or crashes at the end."""
+    # If the user has none (cron, systemd, a container's user), kernels go into a new folder in the temporary directory,
+    # and a note on stderr says so.
     for name, value in DEFAULTS.items():
         os.environ.setdefault(name, value)
-    if sys.platform == "win32":  # where Taichi would take C:/taichi_cache, whoever the user is
+    if sys.platform == "win32":  # Taichi would use C:/taichi_cache for every user
         os.environ.setdefault(CACHE, str(cache_folder()))
     if keeps_kernels():
         return

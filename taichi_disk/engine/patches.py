@@ -1,6 +1,6 @@
-"""Patches of Taichi 1.7.4 and their reasons; `signals` and `physics.law` each have one workaround more.
+"""Patches of Taichi 1.7.4 and their reasons. `signals` and `physics.law` each contain one more workaround.
 
-The patches take 0.3 s off a first run of 2.0 s. They reach into private functions, so they are for this version alone.
+The patches save 0.3 s of a first run of 2.0 s. They change private functions, so they apply only to this version.
 """
 
 from __future__ import annotations
@@ -17,24 +17,22 @@ from typing import Any
 
 from taichi_disk.engine.environment import cache_folder
 
-STALE = 60.0  # [s] Taichi holds the lock of its cache for less than one
+STALE = 60.0  # a lock of this age is stale [s]; Taichi holds the lock of its cache for less than 1 s
 
 
 def shorten_searches() -> None:
-    """Save 0.07 s of searches through all modules, while Taichi is imported and functions are decorated.
-
-    Taichi asks for the source of the frame outside, which is the import system's own, and `inspect` does not know it.
-    """
+    """Save 0.07 s of searches through all modules while Taichi is imported and functions are decorated."""
+    # Taichi asks for the source of the calling frame, which is the import system's own and unknown to `inspect`.
     inspect.modulesbyfile[os.path.abspath("<frozen importlib._bootstrap>")] = "importlib._bootstrap"
 
 
 def apply(ti: Any) -> None:
     """Skip work that Taichi repeats for every syntax node and that takes half of its compile time in Python.
 
-    For every node of every function that it inlines, Taichi breaks and underlines the source lines for an error message
-    that nobody sees; with the patch its messages show a node's first line. It reads a function's source anew each time,
-    and looks through all modules for the source outside a function to learn whether the function is a method. It wraps
-    each source line at 9999 characters, which only strips it.
+    For every node of every inlined function, Taichi breaks and underlines the source lines for an error message that
+    nobody reads; with the patch its messages show a node's first line. It reads a function's source again each time,
+    and searches all modules for the source around a function to find out whether it is a method. It wraps each source
+    line at 9999 characters, which only strips it.
     """
     kernel_impl, transformer = ti.lang.kernel_impl, ti.lang.ast.ast_transformer_utils.ASTTransformerContext
 
@@ -51,8 +49,8 @@ def apply(ti: Any) -> None:
 
 
 def remove_stale_lock() -> None:
-    """Remove the lock that a killed process left in the cache: Taichi would compile every kernel anew, for ever."""
+    """Remove the lock that a killed process has left in the cache, with which Taichi would never use the cache."""
     lock = cache_folder() / "ticache.lock"
-    with suppress(OSError):  # there is none, or another process has removed it
+    with suppress(OSError):  # there is no lock, or another process has removed it
         if time.time() - lock.stat().st_mtime > STALE:
             lock.unlink()

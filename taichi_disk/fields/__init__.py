@@ -1,20 +1,21 @@
 """Quantities that pictures show: stress, rates, strains and energies, as NumPy arrays.
 
-The stress is the virial stress of the springs (Irving and Kirkwood 1950; Born and Huang 1954). The force T of a
-spring along r = r_j - r_i is divided equally among its adjacent triangles, so that a triangle of area A has the stress
+The stress is the virial stress of the springs (Irving and Kirkwood 1950; Born and Huang 1954). The force T of a spring
+along r = r_j - r_i is divided equally among its adjacent triangles, so that a triangle of area A has the stress
 
     sigma = 1/A * sum over its sides of fraction * T/|r| * r r^T    [M c^2/R^2: force per length in two dimensions]
 
-with the fraction 1/2 for inner springs and 1 for springs on the outline. Half of a spring that is no side of a triangle
-is divided equally among the triangles around each of its ends. A and r belong to the deformed state (Cauchy stress).
-The integral of sigma over the area equals the virial of the springs, sum of T/|r| r r^T = -sum of x_i f_i^T for forces
-f_i on points x_i. Dashpots do not contribute: their force is not along r, and photoelasticity shows strain.
+with the fraction 1/2 for inner springs and 1 for springs on the outline. For a spring that is no side of a triangle,
+half of the force is divided equally among the triangles around each end. A and r belong to the deformed state (Cauchy
+stress). The integral of sigma over the area equals the virial of the springs, sum of T/|r| r r^T = -sum of x_i f_i^T
+for forces f_i on points x_i. Dashpots do not contribute, because their force is not along r and photoelasticity shows
+strain.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 from scipy.sparse import csr_array
@@ -27,16 +28,16 @@ if TYPE_CHECKING:
 
 Support = Literal["triangles", "springs", "points"]
 
-MIN_AREA = 0.1  # over the unloaded area; keeps the stress of triangles folded by a violent impact finite
-SMOOTHING, MAX_PASSES = 0.06, 12  # standard deviation [R] of averaged stress; number of averages
-STRESS_ROUNDING = 1e-13  # [M c^2/R^2]; smaller stresses are rounding errors and show no fringes
-MAX_MATERIALS = 8  # stiffnesses; with more, no interfaces are drawn
-FRINGES = 5  # number in a picture if the scene gives no fringe constant
+MIN_AREA = 0.1  # smallest area over unloaded area; keeps the stress of folded triangles finite in a violent impact
+SMOOTHING, MAX_PASSES = 0.06, 12  # standard deviation of the smoothing of stress [R]; largest number of averages
+STRESS_ROUNDING = 1e-13  # smaller stresses are rounding errors and show no fringes [M c^2/R^2]
+MAX_MATERIALS = 8  # with more different stiffnesses, no interfaces are drawn
+FRINGES = 5  # number of fringes in a picture if the scene gives no fringe constant
 
 
 @dataclass(frozen=True)
 class Field:
-    """Values (k,) of a quantity [`unit`] for each triangle, spring or point of a lattice."""
+    """Values (k,) of a quantity, in `unit`, for each triangle, spring or point of a lattice."""
 
     values: Array
     on: Support
@@ -45,7 +46,7 @@ class Field:
 
 @dataclass(frozen=True)
 class Quantity:
-    """Label of a quantity, labels of low and high values, and whether the quantity has a sign."""
+    """A quantity's label, the labels of its low and high values, and whether it has a sign."""
 
     label: str
     unit: str
@@ -106,22 +107,21 @@ def at_points(name: str, triangles: Triangles, springs: Springs, x: Array, v: Ar
     """Return the quantity `name` averaged to the points (n,), between which pictures interpolate.
 
     Triangles around a point are weighted with their areas, springs at a point equally. Shear is that of the mean
-    stress; for "fringes" the result is twice the shear, the argument of the fringes.
+    stress. For "fringes" the result is twice the shear, the argument of `fringes`.
     """
-    if name == "shear":
-        return shear(point_stress(triangles, springs, x))
-    values, on = _values(name, triangles, springs, x, v), QUANTITIES[name].on
-    if on == "triangles":
-        areas = triangles.areas(x)
-        return triangles.point_means(areas * values, areas)
-    if on == "springs":
+    if name in ("pressure", "shear"):
+        return (pressure if name == "pressure" else shear)(point_stress(triangles, springs, x))
+    if name == "rate":
+        return -triangles.around(triangles.area_rates(x, v)) / triangles.areas_around(x)
+    values = _values(name, triangles, springs, x, v)
+    if QUANTITIES[name].on == "springs":
         ends, n = triangles.lattice.bonds.ravel(), len(x)
         return np.bincount(ends, np.repeat(values, 2), n) / np.maximum(np.bincount(ends, minlength=n), 1)
     return values
 
 
 def point_field(name: str, lattice: Lattice, springs: Springs, x: Array, v: Array) -> Field:
-    """Return the quantity `name` at the points, as pictures show it, see `at_points`. Arguments as for `field`."""
+    """Return the quantity `name` at the points, as pictures show it; see `at_points`. Arguments as for `field`."""
     values, kind = at_points(name, Triangles(lattice), springs, x, v), QUANTITIES[name]
     return Field(fringes(0.5 * values) if name == "fringes" else values, "points", kind.unit)
 
@@ -129,7 +129,8 @@ def point_field(name: str, lattice: Lattice, springs: Springs, x: Array, v: Arra
 def fringes(largest_shear: Array, fringe: float = 0.0) -> Array:
     """Return the brightness sin^2(pi * 2 shear/fringe) in a dark-field circular polariscope.
 
-    `largest_shear`, `fringe` [M c^2/R^2]: maximum shear stress, and stress difference per fringe; 0: FRINGES in all.
+    `largest_shear` [M c^2/R^2]: maximum shear stress; `fringe` [M c^2/R^2]: stress difference per fringe, by default
+    such that there are FRINGES in all.
     """
     maximum = float(largest_shear.max(initial=0.0))
     fringe = fringe or (2.0 * maximum / FRINGES if maximum > STRESS_ROUNDING else 1.0)
@@ -146,9 +147,11 @@ class Triangles:
         triangles: (t, 3) int32 points, counter-clockwise in the unloaded lattice.
         fraction: (m,) of each spring's force carried by one adjacent triangle: 1/2 between two triangles, 1 on an
             outline, 0 without a triangle.
-        outline: (k, 2) int32 sides of a single triangle, which lies on their left.
+        outline: (k, 2) int32 sides of only one triangle, which lies on their left.
         crossing: (k, 2) int32 springs that are no side of a triangle.
         interfaces: (k, 2) int32 sides between materials of different stiffness; empty beyond MAX_MATERIALS.
+        carried, gathered: sparse matrices (t, m) and (n, m) that sum what springs carry over a triangle, and over the
+            triangles around a point.
     """
 
     def __init__(self, lattice: Lattice) -> None:
@@ -157,35 +160,36 @@ class Triangles:
         self._corners = np.ascontiguousarray(self.triangles.T, dtype=np.intp)
         n, m, t = len(lattice.positions), len(lattice.bonds), len(self.triangles)
         ends = np.stack([self.triangles, np.roll(self.triangles, -1, axis=1)], axis=-1).reshape(-1, 2)
-        sides = np.searchsorted(pair_keys(lattice.bonds, n), pair_keys(ends, n))  # bonds are sorted
+        sides = np.searchsorted(pair_keys(lattice.bonds, n), pair_keys(ends, n))  # possible because bonds are sorted
         count = np.bincount(sides, minlength=m)
         self.fraction = np.where(count > 0, 1.0 / np.maximum(count, 1), 0.0)
         self.outline, self.crossing = ends[count[sides] == 1], lattice.bonds[count == 0]
         self.interfaces = self.crossing[:0]
         if lattice.stiffness is not None:
-            stiffness = np.median(lattice.stiffness[sides].reshape(-1, 3), axis=1)  # of a triangle
+            stiffness = np.median(lattice.stiffness[sides].reshape(-1, 3), axis=1)  # stiffness of each triangle
             minimum, maximum = np.full(m, np.inf), np.zeros(m)
             np.minimum.at(minimum, sides, np.repeat(stiffness, 3))
             np.maximum.at(maximum, sides, np.repeat(stiffness, 3))
             if len(np.unique(stiffness)) <= MAX_MATERIALS:
                 self.interfaces = lattice.bonds[maximum > minimum]
         self._min_area = 0.5 * MIN_AREA * np.abs(double_area(lattice.positions[self.triangles]))
-        # Matrices that sum over the springs of a triangle, the triangles around a point, a point and its neighbours.
+        # Matrices that sum over the springs of a triangle, the triangles around a point, the springs of all these
+        # triangles, a point and its neighbours.
         owner, ones = np.repeat(np.arange(t), 3), np.ones(3 * t)
-        self._carried = csr_array((self.fraction[sides], (owner, sides)), (t, m))
+        self.carried = csr_array((self.fraction[sides], (owner, sides)), (t, m))
         self._around = csr_array((ones, (self.triangles.ravel(), owner)), (n, t))
         if len(crossing := np.flatnonzero(count == 0)):
             point = lattice.bonds[crossing].ravel()
             fraction = 0.5 / self._around.sum(axis=1)[point]
             ends = csr_array((fraction, (point, np.repeat(crossing, 2))), (n, m))
-            self._carried = csr_array(self._carried + self._around.T @ ends)
+            self.carried = csr_array(self.carried + self._around.T @ ends)
+        self.gathered = csr_array(self._around @ self.carried)
         points, (i, j) = np.arange(n), lattice.bonds.T
         pairs = np.concatenate([points, i, j]), np.concatenate([points, j, i])
         self._neighbours = csr_array((np.ones(n + 2 * m), pairs), (n, n))
 
     def _edges(self, x: Array) -> tuple[Array, Array]:
-        """Vectors (2, t) from the first corner of each triangle to the second and to the third."""
-        # Columns are gathered several times faster than pairs.
+        # Gathering columns is several times faster than gathering pairs.
         a, b, c = ([y.take(corner) for y in np.ascontiguousarray(x.T)] for corner in self._corners)
         return np.subtract(b, a), np.subtract(c, a)
 
@@ -199,20 +203,23 @@ class Triangles:
         (u, w), (du, dw) = self._edges(x), self._edges(v)
         return np.asarray(0.5 * (du[0] * w[1] - du[1] * w[0] + u[0] * dw[1] - u[1] * dw[0]))
 
-    def virial(self, springs: Springs, x: Array) -> Array:
-        """Return the stress of each triangle times its area: xx, yy and xy (t, 3) [M c^2]."""
+    def virials(self, springs: Springs, x: Array) -> Array:
+        """Return T/|r| r r^T of each spring: xx, yy and xy (m, 3) [M c^2]."""
         rx, ry = between = springs.ends_apart(self.lattice, x)
         length = springs.lengths(between)
         pull = springs.pull(self.lattice, length - self.lattice.rest_lengths) / length
-        return np.asarray(self._carried @ np.stack([pull * rx * rx, pull * ry * ry, pull * rx * ry], axis=1))
+        return np.stack([pull * rx * rx, pull * ry * ry, pull * rx * ry], axis=1)
 
-    def point_means(self, integrals: Array, areas: Array) -> Array:
-        """Return means (n, ...) over the triangles around each point, from `integrals` (t, ...) and `areas` (t,)."""
-        sums: Any = self._around @ integrals
-        return np.asarray((sums.T / np.maximum(self._around @ areas, 1e-300)).T)
+    def around(self, integrals: Array) -> Array:
+        """Return the sums (n,) of `integrals` (t,) over the triangles around each point."""
+        return np.asarray(self._around @ integrals)
+
+    def areas_around(self, x: Array) -> Array:
+        """Return the sums (n,) of the areas of the triangles around each point [R^2], above 0."""
+        return np.maximum(self.around(self.areas(x)), 1e-300)
 
     def smoothed(self, values: Array, passes: int) -> Array:
-        """Replace point values (n, k) by their mean with the neighbours' values, `passes` times."""
+        """Replace point values (n, k) by the mean of the point and its neighbours, `passes` times."""
         weight = 1.0 / self._neighbours.sum(axis=1)[:, None]
         for _ in range(passes):
             values = weight * (self._neighbours @ values)
@@ -221,20 +228,18 @@ class Triangles:
 
 def stress(triangles: Triangles, springs: Springs, x: Array) -> Array:
     """Return the stress of each triangle: xx, yy and xy (t, 3) [M c^2/R^2], positive under tension; `x` (n, 2) [R]."""
-    return triangles.virial(springs, x) / triangles.areas(x)[:, None]
+    return np.asarray(triangles.carried @ triangles.virials(springs, x)) / triangles.areas(x)[:, None]
 
 
 def point_stress(triangles: Triangles, springs: Springs, x: Array) -> Array:
     """Return the stress at the points (n, 3): the area-weighted mean over the triangles around each."""
-    return triangles.point_means(triangles.virial(springs, x), triangles.areas(x))
+    return np.asarray(triangles.gathered @ triangles.virials(springs, x)) / triangles.areas_around(x)[:, None]
 
 
 def smooth_stress(triangles: Triangles, springs: Springs, x: Array) -> Array:
-    """Return `point_stress` (n, 3) smoothed with a standard deviation of SMOOTHING, for fringes.
-
-    Without smoothing, the scatter between points of a random lattice exceeds one fringe. Each average over six
-    neighbours adds 3/7 of the squared spacing to the variance along x and y.
-    """
+    """Return `point_stress` (n, 3) smoothed with the standard deviation SMOOTHING, for fringes."""
+    # Without smoothing, the scatter between points of a random lattice exceeds one fringe. Each average over six
+    # neighbours adds 3/7 of the squared spacing to the variance along x and y.
     spacing = float(np.median(triangles.lattice.rest_lengths))
     passes = int(np.clip(round(SMOOTHING**2 / (3.0 / 7.0 * spacing**2)), 1, MAX_PASSES))
     return triangles.smoothed(point_stress(triangles, springs, x), passes)

@@ -1,1 +1,1 @@
-"""From the table of a sweep to the paper's figures: curves, the laws fitted to them, the drawing."""
+"""The paper's figures from the table of a sweep: curves, the laws fitted to them, and their drawing."""

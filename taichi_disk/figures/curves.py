@@ -22,12 +22,13 @@ from taichi_disk.output.files import atomic_write
 from taichi_disk.output.inline import Plot
 from taichi_disk.output.plot import STYLE, SUM, matplotlib_style
 from taichi_disk.scenes import Scene
+from taichi_disk.scenes.compression import exact_compression, paper_compression
 from taichi_disk.scenes.sweep_axes import Sweep, target_of
 
 Row = dict[str, Any]
-# Keys of a curve's summary in addition to its label.
+# Keys in the summary of a curve that follow its label.
 CURVE_KEYS = ("lattices", "young", "poisson", "x", "mean", "standard_deviation", "fits")
-# Keys on which the moduli depend.
+# The moduli depend on these keys.
 MATERIAL = {("material", "k_a"), ("lattice", "points"), ("lattice", "min_spacing"), ("lattice", "file")}
 
 MARKERS = "osD^vPX"
@@ -46,28 +47,18 @@ METADATA: dict[str, dict[str, Any]] = {"png": {"Software": None}, "svg": {"Date"
 
 @dataclass(frozen=True)
 class Curve:
-    """A curve of a figure: results against speed or pressure for several lattices, all other keys being equal.
+    """A curve of a figure: results against speed or pressure for several lattices, all other keys being equal."""
 
-    Attributes:
-        label: values of the other axes.
-        x: (points,) speeds [c] or pressures [M c^2/R].
-        results: (lattices, points) of each result, without lattices with failed points.
-        young, poisson: moduli of the material [M c^2/R^2], mean over samples with the seeds of the sweep; NaN for
-            lattices from a file.
-        is_damped: whether there are dashpots.
-    """
-
-    label: dict[str, Any]
-    x: Array
-    results: dict[str, Array]
-    young: float
-    poisson: float
-    is_damped: bool
+    label: dict[str, Any]  # values of the other axes
+    x: Array  # (points,) speeds [c] or pressures [M c^2/R]
+    results: dict[str, Array]  # (lattices, points) of each result, without lattices with failed points
+    young: float  # E [M c^2/R^2], mean over samples with the seeds of the sweep; NaN for lattices from a file
+    poisson: float  # nu, as for E
+    is_damped: bool  # whether there are dashpots
     fits: dict[str, Fit] = field(default_factory=dict)
 
     @property
     def y(self) -> Array:
-        """Primary result (lattices, points)."""
         return next(iter(self.results.values()))
 
     @property
@@ -80,7 +71,6 @@ class Curve:
         return np.asarray(self.y.std(0, ddof=1)) if len(self.y) > 1 else None
 
     def summary(self) -> dict[str, Any]:
-        """Return the entry of summary.json: label, moduli, mean and scatter, and fits with intervals and residuals."""
         return {
             **self.label,
             "lattices": len(self.y),
@@ -102,24 +92,18 @@ class Curve:
 
 
 def _number(value: float) -> float | None:
-    return float(value) if np.isfinite(value) else None  # None: the law does not fit at all
+    return float(value) if np.isfinite(value) else None  # None if the law cannot be fitted
 
 
 class FitRule(NamedTuple):
-    """A law and the curves to which it can be fitted.
-
-    Attributes:
-        min_points: number of points that a curve needs.
-        needs_moduli, needs_damping: whether the curve needs known moduli, or dashpots.
-        max_speed: speed up to which the law has a meaning [c], or [sqrt(E/M) R] if it needs moduli.
-    """
+    """A law and the curves to which it can be fitted."""
 
     title: str
     fit: Callable[[Curve], Fit]
-    min_points: int = 1
-    needs_moduli: bool = False
-    needs_damping: bool = False
-    max_speed: float = np.inf
+    min_points: int = 1  # number of points that a curve needs
+    needs_moduli: bool = False  # whether the moduli must be known
+    needs_damping: bool = False  # whether there must be dashpots
+    max_speed: float = np.inf  # up to which the law is valid [c], or [sqrt(E/M) R] if it needs moduli
 
     def applies(self, curve: Curve) -> bool:
         unit = curve.young**0.5 if self.needs_moduli else 1.0
@@ -151,11 +135,9 @@ FITS = {
 
 
 def analyse(base: Scene, axes: Sequence[str], rows: Sequence[Row]) -> list[Curve]:
-    """Return curves with fits from the rows of points.csv; none if the sweep has no figure or varies no abscissa.
+    """Return the curves with their fits from `rows` of points.csv, or an empty list if the sweep has no figure.
 
-    Args:
-        base: a scene of the sweep; its other keys are not swept.
-        axes: the swept keys.
+    `base`: a scene of the sweep, for the keys that are not swept; `axes`: the swept keys.
     """
     figure, names = FIGURES.get(base.scene), {target_of(base, name): name for name in axes}
     abscissa, seed = names.get(base.abscissa) if figure else None, names.get(("lattice", "seed"))
@@ -172,62 +154,49 @@ def analyse(base: Scene, axes: Sequence[str], rows: Sequence[Row]) -> list[Curve
         if not lattices:
             continue
         y = {name: np.array([[done[k, value][name] for value in x] for k in lattices], float) for name in base.results}
-        # Each lattice counts once, however many rows it has. None becomes NaN.
+        # A lattice counts once even if it has several rows. None becomes NaN.
         same_material = by_material[tuple(label[name] for name in of_material)]
         moduli = {row[seed] if seed else 0: (row["young"], row["poisson"]) for row in same_material}
         young, poisson = np.array(list(moduli.values()), float).mean(axis=0)
         swept = {to[1]: label[name] for to, name in names.items() if to and to[0] == "material" and name in label}
         is_damped = bool(replace(base.material, **swept).dashpots[1])
         curve = Curve(label, np.array(x, float), y, float(young), float(poisson), is_damped)
-        rules = {name: FITS[name] for name in figure.fits}
-        curve.fits.update({name: rule.fit(curve) for name, rule in rules.items() if rule.applies(curve)})
+        curve.fits.update({name: FITS[name].fit(curve) for name in figure.fits if FITS[name].applies(curve)})
         curves.append(curve)
     return curves
 
 
 def grouped(rows: Sequence[Row], names: Sequence[str]) -> dict[tuple[Any, ...], list[Row]]:
-    """Return the rows by their values of `names`."""
     groups: dict[tuple[Any, ...], list[Row]] = {}
     for row in rows:
         groups.setdefault(tuple(row[name] for name in names), []).append(row)
     return groups
 
 
-def print_curves(curves: Sequence[dict[str, Any]]) -> None:
-    """Print the fits with 95 % intervals of `curves`, which are results of `Curve.summary`."""
-    for label, fits in curve_rows(curves):
-        print(label)
-        for title, parameters in fits:
-            print(f"  {title:<24}{parameters}")
-
-
 def curve_rows(curves: Sequence[dict[str, Any]]) -> Iterator[tuple[str, list[tuple[str, str]]]]:
-    """Yield for each curve its label and a list of (law, fitted parameters), as text."""
+    """Yield for each of `curves`, results of `Curve.summary`, its label and a list of (law, parameters), as text."""
     for curve in curves:
         swept = {name: value for name, value in curve.items() if name not in CURVE_KEYS}
-        keys = [
-            f"{name}: {value:g}" if isinstance(value, float) else f"{name}: {value}" for name, value in swept.items()
-        ]
+        keys = [f"{name}: {f'{value:g}' if isinstance(value, float) else value}" for name, value in swept.items()]
         label = ", ".join([*keys, f"{curve['lattices']} lattice{'s' if curve['lattices'] > 1 else ''}"])
-        fits = {
-            name: [f"{key} = {_parameter(fit, key)}" for key in fit["values"]] for name, fit in curve["fits"].items()
-        }
-        yield label, [(FITS[name].title, "   ".join(values)) for name, values in fits.items()]
+        yield label, [(FITS[name].title, _parameters(fit)) for name, fit in curve["fits"].items()]
 
 
-def _parameter(fit: dict[str, Any], name: str) -> str:
-    """Return a fitted parameter with its interval, or "none" if the law does not fit."""
-    value, pair = fit["values"][name], fit["intervals_95"].get(name)
-    if value is None:
-        return "none"
-    return f"{value:.4g}" + (f" [{pair[0]:.4g}, {pair[1]:.4g}]" if pair and None not in pair else "")
+def _parameters(fit: dict[str, Any]) -> str:
+    """Return the fitted parameters with their 95 % intervals, "none" if the law does not fit."""
+    parts = []
+    for name, value in fit["values"].items():
+        pair = fit["intervals_95"].get(name) or [None]
+        interval = "" if None in pair else f" [{pair[0]:.4g}, {pair[1]:.4g}]"
+        parts.append(f"{name} = none" if value is None else f"{name} = {value:.4g}{interval}")
+    return "   ".join(parts)
 
 
 # ---- drawing, as wide as a column of a journal
 
 
 def figure_of(sweep: Sweep, rows: Sequence[Row], out: Path) -> list[dict[str, Any]]:
-    """Draw the rows of points.csv into `out` if the sweep has a figure, and return the curves for summary.json."""
+    """Draw the figure of a sweep from rows of points.csv into `out`; return the curves for summary.json, if any."""
     curves = analyse(sweep.scenes[0], sweep.axes, rows)
     if curves:
         draw(sweep.scenes[0], curves, out)
@@ -235,8 +204,8 @@ def figure_of(sweep: Sweep, rows: Sequence[Row], out: Path) -> list[dict[str, An
 
 
 def draw(scene: Scene, curves: list[Curve], out: Path) -> None:
-    """Write figure.png, figure.svg and figure.pdf of a sweep with `scene`; the same values give the same bytes."""
-    # The salt makes the ids in the SVG reproducible.
+    """Write figure.png, figure.svg and figure.pdf of a sweep with `scene`. The same values give the same bytes."""
+    # A fixed salt makes the ids in the SVG reproducible.
     with matplotlib_style({**STYLE, **FONT, "svg.hashsalt": "taichi-disk"}):
         figure = _drawn(scene, curves)
         for kind, metadata in METADATA.items():
@@ -244,17 +213,16 @@ def draw(scene: Scene, curves: list[Curve], out: Path) -> None:
 
 
 def curves_figure(scene: Scene, curves: list[Curve]) -> Plot:
-    """Return the figure that `draw` writes, for display in a notebook or further changes."""
     with matplotlib_style({**STYLE, **FONT}):
         return to_change(_drawn(scene, curves))
 
 
 def to_change(figure: Plot) -> Plot:
-    """Give ticks that are made later the style, too, and lay the figure out whenever it is drawn."""
+    """Prepare a figure for changes: new ticks get its style, and its layout is computed whenever it is drawn."""
     figure.set_layout_engine("constrained")
     for ax in figure.axes:
-        look = {"grid_color": STYLE["grid.color"], "grid_linewidth": STYLE["grid.linewidth"]}
-        ax.tick_params(which="both", labelsize=FONT["font.size"], **look)
+        grid_style = {"grid_color": STYLE["grid.color"], "grid_linewidth": STYLE["grid.linewidth"]}
+        ax.tick_params(which="both", labelsize=FONT["font.size"], **grid_style)
     figure.draw_without_rendering()
     figure.set_dpi(200)
     return figure
@@ -271,9 +239,9 @@ def _drawn(scene: Scene, curves: list[Curve]) -> Plot:
     figure, ax = one_plot(2.9 + 0.09 * len(curves))
     layout = FIGURES[scene.scene]
     layout.draw(ax, layout.paper, curves)
-    # The legend lists simulated points before the lines of the laws.
+    # The legend lists the simulated points first, then the lines of the laws.
     entries = sorted(zip(*ax.get_legend_handles_labels(), strict=True), key=lambda entry: isinstance(entry[0], Line2D))
-    if entries:  # empty if E is unknown, as for lattices from a file
+    if entries:  # there are none if E is unknown, as for lattices from a file
         figure.legend(*zip(*entries, strict=True), loc="outside upper center", ncols=2)
     figure.draw_without_rendering()
     figure.set_layout_engine("none")  # keeps the layout the same in all formats
@@ -281,7 +249,6 @@ def _drawn(scene: Scene, curves: list[Curve]) -> Plot:
 
 
 def curve_label(label: dict[str, Any]) -> str:
-    """Return what a curve is called in a legend, from the values of its axes."""
     parts = []
     for name, value in label.items():
         symbol = SYMBOLS.get(name.split(".")[-1], name)
@@ -291,23 +258,19 @@ def curve_label(label: dict[str, Any]) -> str:
 
 
 def curve_styles(count: int) -> list[dict[str, Any]]:
-    """Return Matplotlib's colour and marker for each of `count` curves."""
     colours = matplotlib.colormaps["viridis"](np.linspace(0.0, 0.88, count))
-    return [{"color": one, "marker": MARKERS[k % len(MARKERS)], "elinewidth": 0.8} for k, one in enumerate(colours)]
+    return [{"color": rgba, "marker": MARKERS[k % len(MARKERS)], "elinewidth": 0.8} for k, rgba in enumerate(colours)]
 
 
 def explain_bars(ax: Axes, lattices: Iterable[int]) -> None:
-    """Add the meaning of the bars to the legend; `lattices`: over how many each mean is taken."""
+    """Add the meaning of the bars to the legend. `lattices`: numbers of lattices in the means."""
     if several := sorted({count for count in lattices if count > 1}):
         text = f"bars: {' or '.join(map(str, several))} lattices"
         ax.errorbar([], [], [], color="0.45", linestyle="none", elinewidth=0.8, label=text)
 
 
 def _points(ax: Axes, curves: list[Curve], upright: bool) -> list[Any]:
-    """Draw the mean and scatter over lattices of each curve, and return the curves' colours.
-
-    `upright`: results on the y axis against speed; otherwise force on the y axis against results.
-    """
+    """Draw the mean and scatter over lattices of each curve; return the colours. `upright`: results on the y axis."""
     styles = curve_styles(len(curves))
     for curve, style in zip(curves, styles, strict=True):
         force = curve.x / (np.pi * curve.young)
@@ -319,7 +282,7 @@ def _points(ax: Axes, curves: list[Curve], upright: bool) -> list[Any]:
 
 
 def _compression(ax: Axes, paper: dict[str, float], curves: list[Curve]) -> None:
-    """Draw figure 2: P/(pi R E) against xi/R, with the laws for the first curve of several pressures."""
+    """Draw figure 2: P/(pi R E) against xi/R, with the laws for the first curve that has several pressures."""
     curves = [curve for curve in curves if np.isfinite(curve.young)]
     _points(ax, curves, upright=False)
     first = next((curve for curve in curves if len(curve.x) > 1), None)
@@ -327,9 +290,9 @@ def _compression(ax: Axes, paper: dict[str, float], curves: list[Curve]) -> None
         P = np.linspace(first.x.min(), first.x.max(), 60)
         b, printed = first.fits["eq2"].values["b"], paper["b"]
         for law, style, text in (
-            (theory.paper_compression(P, first.young, first.poisson, b), "-", f"eq. (2), b = {b:.3f} fitted"),
-            (theory.paper_compression(P, first.young, first.poisson, printed), ":", f"eq. (2), b = {printed} (paper)"),
-            (theory.exact_compression(P, first.young, first.poisson), "--", "exact law, rigid wall"),
+            (paper_compression(P, first.young, first.poisson, b), "-", f"eq. (2), b = {b:.3f} fitted"),
+            (paper_compression(P, first.young, first.poisson, printed), ":", f"eq. (2), b = {printed} (paper)"),
+            (exact_compression(P, first.young, first.poisson), "--", "exact law, rigid wall"),
         ):
             ax.plot(law, P / (np.pi * first.young), style, color=SUM, label=text)
     ax.set_xlabel("compression  ξ/R")
@@ -337,7 +300,6 @@ def _compression(ax: Axes, paper: dict[str, float], curves: list[Curve]) -> None
 
 
 def _impact(ax: Axes, paper: dict[str, float], curves: list[Curve]) -> None:
-    """Draw figures 3 and 6: e against v/c, with fits of eqs. (4) and (5)."""
     colours = _points(ax, curves, upright=True)
     for curve, colour in zip(curves, colours, strict=True):
         fit = curve.fits.get("eq5")
@@ -362,7 +324,7 @@ def _impact(ax: Axes, paper: dict[str, float], curves: list[Curve]) -> None:
 
 
 def log_if_wide(ax: Axes, x: Array) -> None:
-    """Make the axis of positive `x` logarithmic if they span a factor of 4; on a shorter axis labels would crowd."""
+    """Make the axis of positive `x` logarithmic if they span a factor of 4; on a shorter axis labels would overlap."""
     if x.max() >= 4.0 * x.min() > 0.0:
         ax.set_xscale("log")
         ax.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
@@ -371,7 +333,7 @@ def log_if_wide(ax: Axes, x: Array) -> None:
 
 
 class PaperFigure(NamedTuple):
-    """Layout of the figure for one kind of scene: names of fits, the paper's parameters, and the drawing function."""
+    """Layout of the figure for one kind of scene: fits, parameters in the paper, and the drawing function."""
 
     fits: tuple[str, ...]
     paper: dict[str, float]
@@ -382,4 +344,4 @@ FIGURES = {
     "compression": PaperFigure(("eq2", "eq2_nominal"), {"b": 1.55}, _compression),
     "exponential_wall": PaperFigure(("eq5", "eq5_d1_is_1", "curvature", "eq4"), {}, _impact),
     "absorbing_wall": PaperFigure(("eq5", "eq5_d1_is_1", "curvature"), {"d1": 0.973, "d2": 0.119}, _impact),
-}  # by the kind of scene
+}  # figures by the kind of scene

@@ -1,4 +1,4 @@
-"""Any result of a sweep against any of its axes: the mean over lattices, with bars."""
+"""Plot any result of a sweep against any of its axes: means over lattices, with bars."""
 
 from __future__ import annotations
 
@@ -20,14 +20,10 @@ LABELS = Compression.labels | ImpactScenario.labels  # name and unit of each res
 
 
 def result_figure(base: Scene, axes: Sequence[str], rows: Sequence[Row], x: str, y: str) -> Plot:
-    """Return the figure of column `y` of points.csv against the axis `x`, a curve for all other axes but the seed.
+    """Return the figure of column `y` of points.csv against the axis `x`, with a curve for each value of other axes.
 
-    Args:
-        base: a scene of the sweep.
-        axes: the swept keys.
-        rows: of points.csv; those without a number in `y` are left out.
-
-    Raises InputError if `x` is not swept, or `y` is no column of numbers.
+    `base`: a scene of the sweep; `axes`: the swept keys; `rows`: rows of points.csv, of which those without a number in
+    `y` are left out. Raises InputError if `x` is not swept, or `y` is no column of numbers.
     """
     names = {target_of(base, name): name for name in axes}
     if (axis := names.get(target_of(base, x))) is None:

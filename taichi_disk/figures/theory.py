@@ -1,34 +1,32 @@
 """Laws of the continuum and of the paper, and their fits to the results of many lattices.
 
 Units: disk mass M = radius R = reference speed c = 1, so the density is rho = 1/pi. E and nu are the two-dimensional
-(plane stress) moduli of the lattice. Equation numbers are those of Kuninaka and Hayakawa's paper. The paper's
-E_* = E/(1 - nu^2) holds for plane strain; for plane stress pass E as `e_star`.
+(plane stress) moduli of the lattice. Equation numbers are those of Kuninaka and Hayakawa's paper, whose E_* = E/(1 -
+nu^2) holds for plane strain; for plane stress pass E as `e_star`.
 
-The results of one lattice at several speeds or pressures are not independent, and lattices scatter more than each
-result errs. The confidence intervals of a fit are therefore found by resampling whole lattices (bootstrap; Efron 1979).
+The results of one lattice at several speeds or pressures are not independent, and the scatter of lattices is larger
+than the error of a result. The confidence intervals of a fit are therefore found by resampling whole lattices
+(bootstrap; Efron 1979).
 """
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import NamedTuple
 
 import numpy as np
 from numpy.polynomial.chebyshev import chebfit, chebval
 from numpy.typing import ArrayLike
 
 from taichi_disk.lattice import Array
-from taichi_disk.scenes.compression import exact_compression as exact_compression
-from taichi_disk.scenes.compression import paper_compression as paper_compression
+from taichi_disk.scenes.compression import paper_compression
 
-Prediction = Callable[[Array], Array]  # parameters (k, p) to values (k, points), k data sets at a time
+Prediction = Callable[[Array], Array]  # maps parameters (k, p) of k data sets to values (k, points)
 RESAMPLES = 1000
 LEVEL = 0.95
 MAX_TAU0 = 2.0  # [R/c], at e_star = 1
-RUNGE_KUTTA_STEPS = 100  # per impact of eq. (4); the error of e is 2e-8
+IMPACT_TOLERANCE = 1e-9  # relative, of the integration of eq. (4); the error of e is 2e-10
 
 
 def paper_restitution(velocity: ArrayLike, d1: float, d2: float) -> Array:
@@ -37,68 +35,16 @@ def paper_restitution(velocity: ArrayLike, d1: float, d2: float) -> Array:
     return np.asarray(d1 * np.sqrt(np.maximum(inner, 0.0)))
 
 
-class QuasistaticImpact(NamedTuple):
-    """Solution of eq. (4): e, contact time [R/c], and maximum compression [R]."""
-
-    restitution: float
-    contact_time: float
-    compression: float
-
-
-def quasistatic_impact(velocity: float, tau0: float, e_star: float, rtol: float = 1e-9) -> QuasistaticImpact:
-    """Integrate eq. (4), xi'' = -pi E_* (xi + tau0 xi')/ln(4/xi), from xi = 0, xi' = v [c] until separation.
-
-    Separation is where the force vanishes, xi + tau0 xi' = 0, because contact does not pull. Integration to xi = 0
-    would change e by O(tau0^2). The paper takes e at the fixed time pi (R/c) sqrt(ln(4 c/v)) instead.
-
-    Args:
-        velocity: v [c].
-        tau0: time scale of dissipation [R/c].
-        e_star: E_* [M c^2/R^2].
-        rtol: relative tolerance of the integration.
-
-    Raises ValueError if xi reaches 4 R/e, where the stiffness of the law loses its meaning.
-    """
-    from scipy.integrate import solve_ivp
-
-    stiffness = math.pi * e_star
-    deepest = 4.0 / math.e / velocity
-
-    def rate(_t: float, y: Array) -> list[float]:
-        z, w = y  # xi/v and xi'/v, which are of order 1 at any speed
-        if z <= 0.0:
-            return [w, 0.0]
-        return [w, -stiffness * (z + tau0 * w) / (math.log(4.0 / velocity) - math.log(min(z, deepest)))]
-
-    def force(_t: float, y: Array) -> float:
-        return float(y[0] + tau0 * y[1])
-
-    force.terminal, force.direction = True, -1.0  # type: ignore[attr-defined]
-    end = 100.0 * math.sqrt(math.log(4.0 / min(velocity, 1.0)) / stiffness) * (1.0 + tau0 * math.sqrt(stiffness))
-    steps = {"rtol": rtol, "atol": 1e-3 * rtol, "max_step": 0.02 * end}
-    motion = solve_ivp(rate, (0.0, end), [0.0, 1.0], "DOP853", events=(force, lambda _t, y: y[1]), **steps)
-    if not motion.t_events[0].size or motion.y_events[1][0][0] >= deepest:
-        raise ValueError(f"eq. (4) has no impact at v = {velocity:g} c, tau0 = {tau0:g} R/c, E_* = {e_star:g}")
-    (_, last), (top, _) = motion.y_events[0][0], motion.y_events[1][0]
-    return QuasistaticImpact(float(-last), float(motion.t_events[0][0]), float(velocity * top))
-
-
 # ---- fits
 
 
 @dataclass(frozen=True)
 class Fit:
-    """Result of a least-squares fit.
+    """Result of a least-squares fit."""
 
-    Attributes:
-        values: parameters by name.
-        intervals: 95 % confidence intervals (low, high) over lattices; empty for a single lattice.
-        residuals: (points,) mean over lattices minus the fit.
-    """
-
-    values: dict[str, float]
-    intervals: dict[str, tuple[float, float]]
-    residuals: Array
+    values: dict[str, float]  # parameters by name
+    intervals: dict[str, tuple[float, float]]  # 95 % confidence intervals over lattices; empty for a single lattice
+    residuals: Array  # (points,) mean over lattices minus the fit
 
     @property
     def rms(self) -> float:
@@ -127,12 +73,12 @@ def fit_b(pressure: Array, xi: Array, young: float, poisson: float) -> Fit:
 
 
 def fit_restitution(velocity: Array, e: Array, d1_is_1: bool = False) -> Fit:
-    """Fit d1 and d2 of eq. (5) to e (lattices, velocities); `velocity` [c], c being the paper's."""
+    """Fit d1 and d2 of eq. (5) to e (lattices, velocities); `velocity` [c], where c is the paper's."""
     s = 1.0 / np.sqrt(np.log(4.0 / velocity))
 
     def solve(weights: Array) -> Array:
         data = weights @ e
-        # Eq. (5) is linear in e^2 = A - B s, which gives the start of the fit to e.
+        # A linear fit of e^2 = A - B s, which is eq. (5), gives the start of the fit to e.
         if d1_is_1:
             start = ((1.0 - data**2) @ s / (s @ s))[:, None]
             d2 = least_squares(lambda p: np.sqrt(np.maximum(1.0 - p * s, 0.0)), data, start)
@@ -163,13 +109,11 @@ def fit_tau0(velocity: Array, e: Array, e_star: float) -> Fit:
     return Fit(best, intervals, e.mean(0) - predict(np.array([best["tau0"]]))[0])
 
 
-@lru_cache(maxsize=4)  # used by all curves of a figure
+@lru_cache(maxsize=4)  # shared by all curves of a figure
 def quasistatic_curves(velocity: tuple[float, ...], e_star: float) -> Prediction:
-    """Return a function that maps tau0 (k,) [R/c] to e (k, velocities) of eq. (4).
-
-    It is a polynomial in ln(1 + 5 tau0) through 11 Chebyshev points, accurate to 5e-7. Speeds and times are scaled by
-    sqrt(e_star) and its inverse, so that it is computed at e_star = 1.
-    """
+    """Return a function that maps tau0 (k,) [R/c] to e (k, velocities) of eq. (4)."""
+    # It is a polynomial in ln(1 + 5 tau0) through 11 Chebyshev points, accurate to 5e-7. Speeds and times are scaled by
+    # sqrt(e_star) and its inverse, so that it is computed at e_star = 1.
     top, nodes, unit = np.log1p(5.0 * MAX_TAU0), -np.cos(np.linspace(0.0, np.pi, 11)), e_star**-0.5
     table = _restitutions(unit * np.array(velocity), np.expm1(0.5 * top * (1.0 + nodes))[:, None] / 5.0)
     series = chebfit(nodes, table, 10)
@@ -177,37 +121,36 @@ def quasistatic_curves(velocity: tuple[float, ...], e_star: float) -> Prediction
 
 
 def _restitutions(velocity: Array, tau0: Array) -> Array:
-    """Return e of `quasistatic_impact` at e_star = 1 for arrays of speeds and tau0 that do not crush the disk.
+    """Return e of eq. (4) at e_star = 1, (k, velocities), for speeds (velocities,) and tau0 (k, 1) [R/c].
 
-    With xi' = v r cos(phi) and xi + tau0 xi' = v r sin(phi), r is integrated over phi, from r = sqrt(1 + tau0^2) at
-    atan(tau0) to r = e at pi, by the Runge-Kutta method of order 4. Steps are short at both ends, where ln xi is steep.
+    Eq. (4) is xi'' = -pi E_* (xi + tau0 xi')/ln(4/xi), from xi = 0, xi' = v. The impact ends where the force vanishes,
+    xi + tau0 xi' = 0, because contact does not pull; up to xi = 0 instead, e would change by O(tau0^2). The paper takes
+    e at the fixed time pi (R/c) sqrt(ln(4 c/v)) instead. With xi' = v r cos(phi) and xi + tau0 xi' = v r sin(phi), r is
+    integrated over phi, from r = sqrt(1 + tau0^2) at atan(tau0) to r = e at pi. Steps are short at both ends, where
+    ln xi is steep.
     """
-    steep, first = np.log(4.0 / velocity), np.arctan(tau0)
+    from scipy.integrate import solve_ivp
 
-    def slope(t: float, log_r: Array) -> Array:
-        """Derivative of log r by t, where phi = first + (pi - first) (10 t^3 - 15 t^4 + 6 t^5)."""
+    steep, first = np.log(4.0 / velocity), np.arctan(tau0)
+    start = 0.5 * np.log1p(tau0**2) + 0.0 * steep
+
+    def slope(t: float, y: Array) -> Array:
+        """Return the derivative of log r by t, where phi = first + (pi - first) (10 t^3 - 15 t^4 + 6 t^5)."""
         phi = first + (np.pi - first) * t**3 * (10.0 - 15.0 * t + 6.0 * t**2)
         s, c = np.sin(phi), np.cos(phi)
         depth = np.maximum(s - tau0 * c, 1e-300)
-        g = np.pi / (steep - np.log(depth) - log_r)
+        g = np.pi / (steep - np.log(depth) - y.reshape(start.shape))
         change = s * (c * (1.0 - g) - tau0 * g * s) / (c * c + g * s * depth)
-        return np.asarray(change * (np.pi - first) * 30.0 * (t * (1.0 - t)) ** 2)
+        return np.ravel(change * (np.pi - first) * 30.0 * (t * (1.0 - t)) ** 2)
 
-    log_r, h = 0.5 * np.log1p(tau0**2) + 0.0 * steep, 1.0 / RUNGE_KUTTA_STEPS
-    for k in range(RUNGE_KUTTA_STEPS):
-        k1 = slope(k * h, log_r)
-        k2 = slope((k + 0.5) * h, log_r + 0.5 * h * k1)
-        k3 = slope((k + 0.5) * h, log_r + 0.5 * h * k2)
-        k4 = slope((k + 1) * h, log_r + h * k3)
-        log_r = log_r + h / 6.0 * (k1 + 2.0 * (k2 + k3) + k4)
-    return np.exp(log_r)
+    tolerances = {"rtol": IMPACT_TOLERANCE, "atol": IMPACT_TOLERANCE}
+    motion = solve_ivp(slope, (0.0, 1.0), start.ravel(), "DOP853", **tolerances)
+    return np.exp(motion.y[:, -1]).reshape(start.shape)
 
 
 def fit_curvature(x: Array, y: Array) -> Fit:
-    """Fit parabolas to the lower and the upper half of y (lattices, points) over x; return their second derivatives.
-
-    Negative values are concave, the paper's "convex upwards".
-    """
+    """Fit parabolas to the lower and the upper half of y (lattices, points) over x; return their second derivatives."""
+    # Negative values are concave, the paper's "convex upwards".
     halves = slice(0, len(x) // 2), slice(len(x) // 2, None)
     powers = [np.vander(x[half] / x.max(), 3) for half in halves]
     inverse = [np.linalg.pinv(matrix) for matrix in powers]
@@ -232,7 +175,7 @@ def least_squares(model: Prediction, data: Array, start: Array) -> Array:
             for j, unit in enumerate(np.eye(x.shape[1]))
         ]
         J = np.stack(columns, axis=1)
-        square = np.linalg.pinv(J @ J.swapaxes(1, 2), hermitian=True)  # ten times as fast as pinv(J)
+        square = np.linalg.pinv(J @ J.swapaxes(1, 2), hermitian=True)  # ten times faster than pinv(J)
         x += (square @ (J @ (data - model(x))[:, :, None]))[:, :, 0]
     return x
 

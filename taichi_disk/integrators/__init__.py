@@ -1,14 +1,15 @@
-"""The time integrators, by the name that a scene gives them."""
+"""The time integrators, by their names in scene files."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from math import sqrt
+from typing import TYPE_CHECKING, Literal
 
-from taichi_disk.config.sections import DASHPOTS, Dashpots
-from taichi_disk.physics import Model
+if TYPE_CHECKING:  # scene files are checked without Taichi
+    from taichi_disk.physics import Model
 
-LARGEST_FACTORISED = 10_000  # points; for more, conjugate gradients make a step with implicit dashpots cheaper
+LARGEST_FACTORISED = 10_000  # lattices with more points solve for implicit dashpots by conjugate gradients
 
 
 @dataclass(frozen=True)
@@ -24,9 +25,9 @@ class Integrator:
         order: order of the error in h.
         kicks, moves: (s + 1,) and (s,) fractions of h, symmetric, so that the step is reversible; each adds up to 1.
         stable: largest h omega at which an oscillator x'' = -omega^2 x stays bounded.
-        dashpots: whether forces that depend on velocity are "explicit", from a predicted velocity, "implicit", or
-            "none".
-        correction: c, or 0.
+        dashpots: whether forces that depend on velocity are "explicit", from a predicted velocity, "implicit" (vector
+            dashpots only), or "none".
+        correction: c, or 0; the stepped velocities are then not those of the points, which a reset of a boundary stops.
     """
 
     name: str
@@ -34,41 +35,36 @@ class Integrator:
     kicks: tuple[float, ...]
     moves: tuple[float, ...]
     stable: float
-    dashpots: Dashpots
+    dashpots: Literal["explicit", "implicit", "none"]
     correction: float = 0.0
 
     @property
     def forces(self) -> int:
-        """Force evaluations in a step."""
         return len(self.stages)
 
     def takes(self, model: Model) -> bool:
-        """Whether the integrator can take all forces of `model`; implicit dashpots must also be of use."""
+        """Whether the integrator can treat all forces of `model`; implicit dashpots must also be useful."""
         if self.correction and (model.reset_interval or model.has_jumps):
             return False
         return {"explicit": True, "implicit": model.solvable, "none": not model.velocity_dependent}[self.dashpots]
 
     def cost(self, points: int) -> float:
-        """Estimate the cost of a step of a lattice of `points` points, in force evaluations of an explicit step.
-
-        The factor of implicit dashpots has some 2.5 n^(1/4) entries per point; conjugate gradients take its place in
-        large lattices. Measured on one core: 2.8 at n = 1,099, 4.0 at 5,000; 2.2 to 3.5 beyond.
-        """
+        """Estimate the cost of a step with `points` points in units of the force evaluation of an explicit step."""
+        # The factor of implicit dashpots has some 2.5 n^(1/4) entries per point; large lattices use conjugate gradients
+        # instead. Measured on one core: 2.8 at n = 1,099, 4.0 at 5,000, and 2.2 to 3.5 beyond.
         if self.dashpots != "implicit":
             return float(self.forces)
         return 3.5 if points > LARGEST_FACTORISED else max(2.8, 0.9 + 1.9 * (points / 1000.0) ** 0.25)
 
     @property
     def observed_kick(self) -> float:
-        """Fraction of h for which the force at a step has still to act on the velocities that are observed."""
+        """Fraction of h for which the force at a step must still act to give the observed velocities."""
         return self.kicks[-1] - self.correction
 
     @property
     def stages(self) -> tuple[tuple[float, float, float], ...]:
-        """Kick and move [h] before each force, and the c of a shift by c h^2 f/m.
-
-        The first kick includes the last kick of the step before.
-        """
+        """Kick and move [h] before each force, and c of a shift by c h^2 f/m."""
+        # The first kick includes the last kick of the step before.
         kicks = (self.kicks[-1] + self.kicks[0], *self.kicks[1:-1])
         shifted = ((0.0, 0.0, self.correction),) if self.correction else ()
         return tuple(stage for pair in zip(kicks, self.moves, strict=True) for stage in ((*pair, 0.0), *shifted))
@@ -77,14 +73,14 @@ class Integrator:
 # Leapfrog form (Hairer, Lubich & Wanner, Acta Numerica 12, 2003). The cheapest way to an error of e above 1e-7, because
 # the highest lattice frequency limits the step more than accuracy does. Dashpots take the predicted velocity
 # u_k = v_{k-1/2} + h/2 f_{k-1}/m, with an error O(h^2), and shorten the stable step (`stability.explicit_limit`).
-VELOCITY_VERLET = Integrator("velocity_verlet", 2, (0.5, 0.5), (1.0,), 2.0, DASHPOTS["velocity_verlet"])
+VELOCITY_VERLET = Integrator("velocity_verlet", 2, (0.5, 0.5), (1.0,), 2.0, dashpots="explicit")
 
 # Velocity Verlet with implicit dashpots: see `trapezoidal`.
-TRAPEZOIDAL = replace(VELOCITY_VERLET, name="trapezoidal", dashpots=DASHPOTS["trapezoidal"])
+TRAPEZOIDAL = replace(VELOCITY_VERLET, name="trapezoidal", dashpots="implicit")
 
-# I. P. Omelyan, I. M. Mryglod and R. Folk, Comput. Phys. Commun. 146, 188 (2002). Of use for errors of e below 1e-7,
-# where it needs fewer forces than velocity Verlet. Stability limits the step, and no other composition of order 4 has
-# as long a stable step per force: 0.87/omega (PEFRL 0.75, Suzuki 0.54, Forest-Ruth 0.52).
+# I. P. Omelyan, I. M. Mryglod and R. Folk, Comput. Phys. Commun. 146, 188 (2002). For errors of e below 1e-7 it needs
+# fewer forces than velocity Verlet. Stability limits the step, and no other composition of order 4 has as long a stable
+# step per force: 0.87/omega (PEFRL 0.75, Suzuki 0.54, Forest-Ruth 0.52).
 _XI, _LAMBDA, _CHI = 0.1644986515575760, -0.02094333910398989, 1.235692651138917
 _OUTER = 0.5 * (1.0 - 2.0 * _LAMBDA)
 VEFRL = Integrator(
@@ -93,14 +89,14 @@ VEFRL = Integrator(
     kicks=(_XI, _CHI, 1.0 - 2.0 * (_CHI + _XI), _CHI, _XI),
     moves=(_OUTER, _LAMBDA, _LAMBDA, _OUTER),
     stable=3.4696,
-    dashpots=DASHPOTS["vefrl"],
+    dashpots="none",
 )
 
 # M. Takahashi and M. Imada, J. Phys. Soc. Jpn. 53, 3765 (1984): velocity Verlet with the potential
-# U - h^2/24 sum(F^2/m), here without the gradient of F. The stepped X and V are, to order 4, x - h^2/12 a and
-# v + h^2/12 da/dt of an orbit. So X is set at the start, and x = X + h^2/12 a(X) is just where the force is taken.
+# U - h^2/24 sum(F^2/m), here without the gradient of F. To order 4 it steps X = x - h^2/12 a and V = v + h^2/12 da/dt
+# of an orbit x(t). So the start sets X, and the force is computed at x = X + h^2/12 a(X).
 TAKAHASHI_IMADA = Integrator(
-    "takahashi_imada", 4, (0.5, 0.5), (1.0,), sqrt(12.0), DASHPOTS["takahashi_imada"], correction=1.0 / 12.0
+    "takahashi_imada", 4, (0.5, 0.5), (1.0,), sqrt(12.0), dashpots="none", correction=1.0 / 12.0
 )
 
 INTEGRATORS = {each.name: each for each in (VELOCITY_VERLET, TRAPEZOIDAL, TAKAHASHI_IMADA, VEFRL)}

@@ -1,8 +1,8 @@
-"""The trapezoidal dashpots of a large lattice, solved by conjugate gradients instead of a factor.
+"""Solve for the trapezoidal dashpots of a large lattice by conjugate gradients instead of a factor.
 
-The larger the lattice, the more entries a Cholesky factor has per point. The matrix (see `trapezoidal`) is well
-conditioned: 3 at 5,000 points of the same body, 10 at 100,000. With the diagonal as preconditioner and the velocity
-extrapolated from the last five steps as first guess, three or four iterations suffice.
+In a larger lattice, a Cholesky factor has more entries per point. The matrix (see `trapezoidal`) is well conditioned: 3
+at 5,000 points of the same body, 10 at 100,000. With the diagonal as preconditioner and the velocity extrapolated from
+the last five steps as first guess, three or four iterations suffice.
 """
 
 from dataclasses import dataclass
@@ -19,17 +19,18 @@ from taichi_disk.physics.law import Capacity, Contents, array, get, pair_of, put
 from taichi_disk.physics.ordering import BLOCK
 from taichi_disk.physics.springs import Springs
 
-TOLERANCE = 3e-11  # residual over right-hand side, both as the preconditioner scales them; keeps e within 1e-8
-STEPS = 5  # to extrapolate from: 3.9 products with the matrix per step at 20,000 points, 5.0 from four, 4.3 from six
+TOLERANCE = 3e-11  # residual over right-hand side, both preconditioned; keeps the error of e below 1e-8
+# Steps of an extrapolation: 3.9 products with the matrix per step at 20,000 points (5.0 from four steps, 4.3 from six).
+STEPS = 5
 EXTRAPOLATIONS = [[-((-1.0) ** k) * comb(known, k) for k in range(1, known + 1)] for known in range(1, STEPS + 1)]
-MAX_ITERATIONS = 200  # far more than any step takes
+MAX_ITERATIONS = 200  # far more than any step needs
 
 
 @dataclass(frozen=True)
 class Diagonal:
-    """The dashpots' matrix without its springs, (n, c) [M], and 1 over its diagonal with them; 0 for pinned points.
+    """Diagonals (n, c) for implicit dashpots: without the springs [M], and the inverse of the full diagonal [1/M].
 
-    c = 2 if x and y have matrices of their own, else 1.
+    Both are 0 for pinned points. c = 2 if x and y have different matrices, else 1.
     """
 
     inertia: Array
@@ -37,7 +38,6 @@ class Diagonal:
 
 
 def diagonal(lattice: Lattice, model: Model, dt: float) -> Diagonal:
-    """Return the diagonals of m_i + h/2 (eta L + Z), Z the dashpots of a matched boundary."""
     half = 0.5 * dt
     inertia = lattice.masses[:, None] + boundary_dashpots(lattice, model, half)
     springs = lattice.stiffened(half * model.springs.eta * np.ones(len(lattice.bonds)))
@@ -50,7 +50,7 @@ def diagonal(lattice: Lattice, model: Model, dt: float) -> Diagonal:
 
 @ti.data_oriented
 class IterativeSolver(DashpotSolver):
-    """Solves for the velocities at a step without a factor; `previous`: velocities before the last, newest first."""
+    """Solves for the velocities at a step without a factor. `previous`: earlier velocities, newest first."""
 
     def __init__(self, builder: Any, capacity: Capacity, components: int, fillers: int, springs: Springs) -> None:
         self.components, self.springs, self.fillers = components, springs, fillers
@@ -88,7 +88,7 @@ class IterativeSolver(DashpotSolver):
         while left > goal and count < MAX_ITERATIONS:
             resisted = self.multiply(state, half, n)
             part = left / resisted
-            if count == 0:  # the whole step to the first guess
+            if count == 0:  # u still contains the whole step to the first guess
                 part = 1.0
             before = left
             left = 0.0
@@ -97,18 +97,18 @@ class IterativeSolver(DashpotSolver):
                 r = get(self.residual, i) - part * get(self.product, i)
                 put(self.residual, i, r)
                 left += self.inverse[0][i] * r[0] * r[0] + self.inverse[y][i] * r[1] * r[1]
-            kept = left / before
+            beta = left / before
             if count == 0:
-                kept = 0.0
+                beta = 0.0
             if left > goal:
                 for i in range(n):
                     r, last = get(self.residual, i), get(self.direction, i)
-                    self.search(i, ti.Vector([self.inverse[0][i] * r[0], self.inverse[y][i] * r[1]]) + kept * last)
+                    self.search(i, ti.Vector([self.inverse[0][i] * r[0], self.inverse[y][i] * r[1]]) + beta * last)
             count += 1
 
     @ti.func
     def extrapolated(self, state: ti.template(), i, age):
-        """Return the velocity of point i on the polynomial through the last five steps, or through all if fewer."""
+        """Return the velocity of point i on the polynomial through the last STEPS steps, or through all if fewer."""
         guess = get(state.u, i)
         for known in ti.static(range(2, STEPS + 1)):
             if ti.min(age, STEPS) == known:
@@ -119,14 +119,13 @@ class IterativeSolver(DashpotSolver):
 
     @ti.func
     def search(self, i, direction):
-        """Set the search direction of point i, and begin its product with the matrix."""
         y = ti.static(self.components - 1)
         put(self.direction, i, direction)
         put(self.product, i, ti.Vector([self.inertia[0][i] * direction[0], self.inertia[y][i] * direction[1]]))
 
     @ti.func
     def multiply(self, state: ti.template(), half, n):
-        """Add the springs' part to the product of matrix and direction; returns direction times product."""
+        """Add the springs to the product of matrix and direction, and return direction times product."""
         eta = half * self.springs.eta_now[None]
         for block in range(state.blocks[None]):
             dx, dy = self.springs.differences(self.direction, block)

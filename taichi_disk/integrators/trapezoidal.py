@@ -1,13 +1,13 @@
-"""Velocity Verlet with trapezoidal dashpots: order 2, stable up to the undamped limit however strong they are.
+"""Velocity Verlet with trapezoidal dashpots: order 2, stable up to the undamped limit for any damping.
 
 With F the force of springs and wall at this step, the velocity u at this step, centred between v_ and v_+ = 2 u - v_,
 obeys
 
     (1 + h/2 (eta/m) L) u = v_ + h/2 F/m,      L = graph Laplacian of the springs.
 
-If both sides are multiplied by the masses m_i, the matrix is constant, sparse, symmetric and positive definite, and the
-same for x and y (except for the dashpots of a matched boundary). One sparse Cholesky factor L D L^T, in an order that
-keeps it sparse, serves all steps.
+If both sides are multiplied by the masses m_i, the matrix is constant, sparse, symmetric and positive definite. It is
+the same for x and y, unless there are dashpots of a matched boundary. One sparse Cholesky factor L D L^T, in an order
+that keeps it sparse, serves all steps.
 """
 
 from dataclasses import dataclass
@@ -25,9 +25,9 @@ from taichi_disk.physics.law import Capacity, Contents, array, get, pair_of, put
 
 @dataclass(frozen=True)
 class Factor:
-    """L D L^T of the dashpots' matrix by columns; `order[k]` is the point eliminated k-th.
+    """The factor L D L^T of the dashpots' matrix by columns; `order[k]` is the point eliminated k-th.
 
-    `values` (entries, c) and `inverse_diagonal` (k, c): c = 2 if x and y have matrices of their own, else 1.
+    `values` (entries, c) and `inverse_diagonal` (k, c): c = 2 if x and y have different matrices, else 1.
     """
 
     order: NDArray[np.int32]
@@ -47,7 +47,7 @@ def boundary_dashpots(lattice: Lattice, model: Model, half: float) -> Array:
 
 
 def factorise(lattice: Lattice, model: Model, dt: float) -> Factor:
-    """Factorise m_i + h/2 (eta L + Z) over the points that move, Z the dashpots of a matched boundary."""
+    """Factorise m_i + h/2 (eta L + Z) over the moving points; Z are the dashpots of a matched boundary."""
     import scipy.sparse as sp
 
     free: NDArray[np.intp] = np.arange(len(lattice.positions))
@@ -71,7 +71,7 @@ def factorise(lattice: Lattice, model: Model, dt: float) -> Factor:
 
 @ti.data_oriented
 class DashpotSolver:
-    """Solves for the velocities at a step; `components`: 2 if x and y have factors of their own, else 1."""
+    """Solves for the velocities at a step. `components`: 2 if x and y have different matrices, else 1."""
 
     def __init__(self, builder: Any, capacity: Capacity, components: int) -> None:
         self.components = components
@@ -82,7 +82,6 @@ class DashpotSolver:
         self.inverse_diagonal = side_by_side(builder, capacity.points, components)
 
     def contents(self, factor: Any) -> Contents:
-        """Return what the fields hold for a `Factor`, or of a solver without one for its `Diagonal`."""
         single = ((self.order, factor.order), (self.column, factor.column), (self.row, factor.row))
         contents: Contents = [((field,), values) for field, values in (*single, (self.free, [len(factor.order)]))]
         return [*contents, (self.values, factor.values), (self.inverse_diagonal, factor.inverse_diagonal)]
@@ -91,7 +90,7 @@ class DashpotSolver:
     def solve(self, state: ti.template(), age):
         """Solve for v + h/2 f/m on the right-hand side; the result is in `z`, in the order of elimination.
 
-        `age`: number of steps since velocities jumped; iterative solvers begin with the velocities of those steps.
+        `age`: number of steps since velocities jumped. Iterative solvers begin with the velocities of those steps.
         """
         y = ti.static(self.components - 1)
         free, half = self.free[0], state.closing[None]
@@ -117,7 +116,7 @@ class DashpotSolver:
 
     @ti.func
     def solve_velocities(self, state: ti.template(), age):
-        """Solve for the velocities u at this step; returns u.D u, u.D u_before and u.D v with all dashpots D."""
+        """Solve for the velocities u at this step. Returns u.D u, u.D u_before and u.D v with all dashpots D."""
         self.solve(state, age)
         half = state.closing[None]
         power, cross, late = 0.0, 0.0, 0.0
@@ -134,11 +133,9 @@ class DashpotSolver:
 
     @ti.func
     def take_damped_force(self, state: ti.template()):
-        """Set `f` to the force that the solved velocities imply: v + h/2 f/m = u, v + h f/m = 2 u - v.
-
-        At t = 0, where v is v_0, this is an implicit half step, which stiff dashpots cannot overshoot. The energy
-        balance then begins with the returned h^2/(8 m) F.(F - D u), F the force without dashpots.
-        """
+        """Set `f` to the force that the solved velocities imply: v + h/2 f/m = u, v + h f/m = 2 u - v."""
+        # At t = 0, where v is v_0, this is an implicit half step, which is stable for stiff dashpots. The energy
+        # balance then begins with the returned h^2/(8 m) F.(F - D u), where F is the force without dashpots.
         half, stored = state.closing[None], 0.0
         for k in range(self.free[0]):
             i = self.order[k]
@@ -149,7 +146,7 @@ class DashpotSolver:
 
     @ti.func
     def restart(self, state: ti.template()):
-        """Solve for the next half step from velocities `u` after a loss and forces `f` without dashpots."""
+        """Solve for the next half step from velocities `u` after a reset and forces `f` without dashpots."""
         for k in range(self.free[0]):
             put(state.v, self.order[k], get(state.u, self.order[k]))
         self.solve(state, 0)
@@ -159,4 +156,4 @@ class DashpotSolver:
             u = get(state.u, i)
             put(state.v, i, 2.0 * u - z)
             put(state.f, i, state.mass[i] * (z - u) / half)
-            put(state.u, i, z)  # the velocity at which the dashpots act in that half step
+            put(state.u, i, z)  # the dashpots act at this velocity in that half step

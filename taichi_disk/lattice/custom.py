@@ -11,10 +11,10 @@ from taichi_disk.errors import InputError
 from taichi_disk.lattice.random_points import MAX_POINTS, MIN_POINTS, hexagonal_spacing
 from taichi_disk.lattice.triangles import Array, Long, double_area, pair_keys
 
-_MIN_EXTENT, _MAX_EXTENT = 1.0, 4.0  # [R], larger of width and height
-_MAX_OFFSET = 0.1  # distance of the points' mean from x = 0 [R]
-_MIN_DISTANCE = 1e-6  # of distinct points, in hexagonal spacings
-MASSES = 1e-150, 1e150, 1e15  # minimum, maximum and largest ratio; beyond them steps or sums are not finite
+_MIN_EXTENT, _MAX_EXTENT = 1.0, 4.0  # limits for the larger of width and height [R]
+_MAX_OFFSET = 0.1  # largest distance of the points' mean from x = 0 [R]
+_MIN_DISTANCE = 1e-6  # closer points are the same, in hexagonal spacings
+MASSES = 1e-150, 1e150, 1e15  # minimum, maximum, largest ratio; beyond these, steps or sums are not finite
 STIFFNESS, REST_LENGTHS = (1e-12, 1e12), (1e-9, 1e3)
 
 
@@ -77,7 +77,6 @@ def checked_triangles(triangles: ArrayLike, x: Array, springs: Long | None) -> L
 
 
 def positive(values: ArrayLike, count: int, name: str, low: float, high: float, ratio: float = np.inf) -> Array:
-    """Validate `values` (count,) between `low` and `high`, the largest at most `ratio` times the smallest."""
     array = numbers(values, name)
     if array.shape != (count,):
         raise InputError(f"{name} must have the shape ({count},), not {array.shape}")
@@ -92,8 +91,7 @@ def positive(values: ArrayLike, count: int, name: str, low: float, high: float, 
 
 
 def numbers(values: ArrayLike, name: str) -> Array:
-    """Convert `values` to float64. Raises InputError with their `name` if they are not real numbers."""
     with suppress(TypeError, ValueError, OverflowError):
         if not np.iscomplexobj(values):
             return np.array(values, dtype=np.float64, order="C")
-    raise InputError(f"{name} must be an array of numbers, real ones that float64 can hold")
+    raise InputError(f"{name} must be an array of real numbers that float64 can represent")

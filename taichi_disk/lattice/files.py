@@ -1,4 +1,4 @@
-"""Reading lattices and velocities from files, and the initial state that a user supplies for a run."""
+"""Read lattices and velocities from files, and the user-supplied initial state of a run."""
 
 from __future__ import annotations
 
@@ -20,19 +20,16 @@ from taichi_disk.lattice.lattice import Lattice, disk_of, disk_rows
 from taichi_disk.lattice.triangles import Array
 
 _ZIP_ERRORS = RuntimeError, EOFError, zipfile.BadZipFile, zlib.error
-MAX_BYTES = 500_000_000  # of a file; a disk and a wall of 2,000,000 points each take 430,000,000
+MAX_BYTES = 500_000_000  # size limit of a file; a disk and a wall of 2,000,000 points each take 430,000,000
 
 
 @contextmanager
 def reading(path: Path, key: str) -> Iterator[None]:
-    """Context in which errors become InputErrors with the path and its `key` in the section `lattice`.
-
-    Raises InputError for devices, pipes and files larger than MAX_BYTES.
-    """
+    """Turn errors within the block into InputErrors with the path and its `key` in the section `lattice`."""
     try:
         status = path.stat()
-        if not stat.S_ISREG(status.st_mode) or status.st_size > MAX_BYTES:  # reading a device or a pipe might never end
-            raise InputError(f"is no regular file of at most {MAX_BYTES / 1e6:,.0f} MB")
+        if not stat.S_ISREG(status.st_mode) or status.st_size > MAX_BYTES:  # a device or a pipe may never end
+            raise InputError(f"is not a regular file of at most {MAX_BYTES / 1e6:,.0f} MB")
         yield
     except (InputError, OSError, ValueError, TypeError, LookupError, OverflowError, MemoryError, *_ZIP_ERRORS) as error:
         raise InputError(f"lattice.{key}: {path}: {getattr(error, 'strerror', None) or error}") from error
@@ -63,7 +60,7 @@ def read_arrays(path: Path) -> dict[str, Any]:
         return _Arrays(positions=table[:, :2], masses=table[:, 2]) if table.shape[1] == 3 else _Arrays(positions=table)
     if path.suffix.lower() != ".npz":
         raise InputError("a lattice is read from a .csv or .npz file")
-    with zipfile.ZipFile(path) as archive:  # NumPy would report a broken zip file as a pickle
+    with zipfile.ZipFile(path) as archive:  # NumPy would take a broken zip file for a pickle
         if sum(item.file_size for item in archive.infolist()) > MAX_BYTES:
             raise InputError(f"unpacked it has more than {MAX_BYTES / 1e6:,.0f} MB")
     with np.load(path) as data:
@@ -71,7 +68,7 @@ def read_arrays(path: Path) -> dict[str, Any]:
 
 
 def points_of_disk(data: Mapping[str, Any], points: int) -> int:
-    """Return the number of points of the disk, which precede those of an elastic wall in a file of `points` points."""
+    """Return the number of the disk's points, which precede those of an elastic wall, in a file of `points` points."""
     n = np.asarray(data.get("disk_points", points))
     if n.shape or n.dtype.kind not in "iu" or not 0 <= n <= points:
         raise InputError(f"disk_points must be a whole number up to {points}, the number of points, not {n}")
@@ -83,8 +80,8 @@ def read_lattice(path: str | Path) -> Lattice:
 
     A csv file has the columns x, y [R] and optionally mass, with or without the header "x,y" or "x,y,mass". An npz file
     has `positions` (n, 2) and optionally `bonds`, `rest_lengths`, `triangles`, `stiffness` and `masses`, like
-    lattice.npz of a run; positions beyond `disk_points`, an elastic wall, are ignored. If a run has stored a
-    user-supplied lattice (`unloaded`, see docs/output.md), this is restored bit for bit.
+    lattice.npz of a run. Positions beyond `disk_points`, an elastic wall, are ignored. A user-supplied lattice that a
+    run has stored (`unloaded`, see docs/output.md) is restored bit for bit.
 
     Raises InputError with the file's name if the file cannot be read or its points do not form a disk.
     """
@@ -114,7 +111,6 @@ class OwnStart(NamedTuple):
 
     @property
     def digest(self) -> str:
-        """SHA-256 of the arrays; empty if there are none."""
         arrays: tuple[Any, ...] = ()
         if disk := self.disk:
             arrays = disk.positions, disk.bonds, disk.rest_lengths, disk.stiffness, disk.masses
@@ -122,14 +118,14 @@ class OwnStart(NamedTuple):
         return hashlib.sha256(data).hexdigest() if data else ""
 
     def repeating(self, scene: Any) -> Any:
-        """Return `scene` with the keys that read this initial state from lattice.npz, in the folder of the scene."""
+        """Return `scene` with the keys that read this initial state from lattice.npz in the folder of the scene."""
         files = {"file": self.disk, "velocities": self.velocities}
         named = {key: "lattice.npz" for key, array in files.items() if array is not None}
         return replace(scene, lattice=replace(scene.lattice, **named))
 
 
 def own_start(section: Any, lattice: Lattice | None, velocities: Any) -> OwnStart:
-    """Return the initial state of a run; `section` names the files of a lattice or velocities that are None.
+    """Return the initial state of a run. `section` names the files of a lattice or velocities that are None.
 
     If the file holds a wall as well, only the disk's velocities are used. Raises InputError with the file's name.
     """

@@ -1,4 +1,4 @@
-"""The lattice of a body: mass points, springs between them, and the triangles that tile the body."""
+"""The lattice of a body: mass points, springs, and the triangles that tile the body."""
 
 from __future__ import annotations
 
@@ -43,15 +43,15 @@ class Lattice:
     """
 
     positions: Array  # (n, 2) unloaded [R], in coordinates of the body
-    bonds: Indices  # (m, 2), bonds[:, 0] < bonds[:, 1], sorted lexicographically; so disk before wall
+    bonds: Indices  # (m, 2), bonds[:, 0] < bonds[:, 1], sorted lexicographically, so the disk precedes the wall
     rest_lengths: Array  # (m,) [R]
-    masses: Array  # (n,) [M]; the disk's sum is 1 M
+    masses: Array  # (n,) [M]; those of the disk add up to 1 M
     disk_points: int  # number of points of the disk, which come first
     disk_surface: Indices  # outer outline of the disk, counter-clockwise
     wall_surface: Indices  # elastic wall: top side, corners included, ordered by x (empty if none)
     wall_boundary: Indices  # elastic wall: left top corner -> bottom -> right top corner (empty if none)
     triangles: Indices  # (t, 3), counter-clockwise, disk before wall
-    origin: str = "a lattice of one's own"  # shown in titles
+    origin: str = "custom lattice"  # shown in titles
     stiffness: Array | None = None  # (m,) factors of k_a, k_b and eta of each spring; None: 1
 
     def __post_init__(self) -> None:
@@ -73,7 +73,7 @@ class Lattice:
 
     @property
     def whole(self) -> bool:
-        """Whether the disk has no hole, which Euler's formula tells from the number of its triangles."""
+        """Whether the disk has no hole, by Euler's formula for the number of its triangles."""
         n = self.disk_points
         return np.count_nonzero(self.triangles[:, 0] < n) == 2 * n - 2 - len(self.disk_surface)
 
@@ -88,7 +88,7 @@ class Lattice:
         return float(self.mean(((self.positions - self.mean(self.positions)) ** 2).sum(axis=1)))
 
     def stiffened(self, values: Any) -> Any:
-        """Multiply `values` of the springs, (..., m) or one number, by their factors `stiffness`."""
+        """Multiply `values` of the springs, (..., m) or one number, by the stiffness factors."""
         return values if self.stiffness is None else self.stiffness * values
 
     # ---- constructors
@@ -108,8 +108,8 @@ class Lattice:
         """Make a disk of `points` random points in the unit circle (R = 1), with a total mass of 1 M.
 
         The arguments are the keys of a scene's section `lattice`. The same arguments give bitwise the same lattice on
-        every machine. The edges of hole and core carry evenly spaced points. Points and springs on the core's edge
-        have the mean stiffness and density of the two materials.
+        every machine. The edges of hole and core carry evenly spaced points. Points and springs on the core's edge have
+        the mean density and stiffness of the two materials.
 
         Args:
             points: number of points, 3 to 2,000,000.
@@ -126,12 +126,12 @@ class Lattice:
         """
         x = circle_points(points, seed, rim, min_spacing, hole, core_radius)
         triangles = delaunay(x)
-        if hole:  # triangles with all corners on the edge of the hole would fill it
+        if hole:  # remove triangles with all corners on the edge of the hole, which would fill it
             triangles = triangles[(_distance(x) > (1.0 + 1e-9) * hole)[triangles].any(axis=1)]
         lattice = replace(tiled(x, triangles)[0], origin=f"seed {seed}" + f", hole {hole:g} R" * bool(hole))
         if not core_radius:
             return lattice
-        side = np.sign(np.round(core_radius - _distance(lattice.positions), 9))  # 1: inside, 0: on the edge
+        side = np.sign(np.round(core_radius - _distance(lattice.positions), 9))  # 1: inside the core, 0: on its edge
         masses = 0.5 * (1.0 + core_density + side * (core_density - 1.0))
         stiffness = 0.5 * (1.0 + core_stiffness + np.sign(side[lattice.bonds].sum(axis=1)) * (core_stiffness - 1.0))
         origin = f"{lattice.origin}, core {core_radius:g} R: k × {core_stiffness:g}, ρ × {core_density:g}"
@@ -153,11 +153,11 @@ class Lattice:
         Without `springs`, Delaunay neighbours are joined, and slivers along the hull are removed: triangles whose outer
         side is longer than 3 median springs or 4 times the triangle's height, if the third point lies inside (after
         Duckham et al., Pattern Recognition 41, 3224, 2008). If a spring is still longer than 5 median springs,
-        triangles with a wider circumcircle are removed, which keeps holes open. Given springs must form triangles.
-        They may cross if the Delaunay triangles are among them. Uncovered areas are holes.
+        triangles with a wider circumcircle are removed, which keeps holes open. Given springs must form triangles, and
+        may cross if the Delaunay triangles are among these. Uncovered areas are holes.
 
-        The points are renumbered: other arrays, such as velocities, follow the order of `lattice.positions`. The
-        springs are sorted by their points. If rest lengths differ from distances, an impact starts strained; a
+        The points are renumbered; other arrays, such as velocities, must have the order of `lattice.positions`. The
+        springs are sorted by their points. If rest lengths differ from distances, an impact starts strained, whereas a
         compression first lets the free body come to rest.
 
         Args:
@@ -165,7 +165,7 @@ class Lattice:
                 within 0.1 R of x = 0. The scene chooses the height.
             springs: (m, 2) integers, distinct pairs of rows of `points`. Every point is a corner of a triangle.
             rest_lengths: (m,) [R], 1e-9 to 1000, in the order of `springs`; default: distances between `points`.
-            triangles: (t, 3) rows of `points`. Their sides are springs; without `springs` they are all the springs.
+            triangles: (t, 3) rows of `points`. Their sides are springs; without `springs` there are no other springs.
             stiffness: (m,) factors of k_a, k_b and eta, 1e-12 to 1e12, in the order of `springs`. Most should be 1,
                 because the program estimates times and forces from k_a.
             masses: (n,) 1e-150 to 1e150 in any unit, none below 1e-15 of the largest; scaled to a sum of 1 M. Default:
@@ -202,12 +202,12 @@ def _require(name: str, holds: Any, what: str) -> None:
 
 
 def _distance(x: Array) -> Array:
-    # np.hypot rounds differently from machine to machine.
+    # not np.hypot, whose rounding depends on the machine
     return np.asarray(np.sqrt(x[:, 0] * x[:, 0] + x[:, 1] * x[:, 1]))
 
 
 def _non_uniform(masses: Array, stiffness: Array | None) -> dict[str, Any]:
-    """Fields `masses` and `stiffness` of a Lattice, the masses scaled to a sum of 1 M. Equal masses stay equal."""
+    """Return `masses`, scaled to a sum of 1 M, and `stiffness` for a Lattice. Equal masses are exactly equal."""
     n = len(masses)
     is_uniform = (masses == masses[0]).all()
     masses = np.full(n, 1.0 / n) if is_uniform else masses / math.fsum(masses)
@@ -215,7 +215,6 @@ def _non_uniform(masses: Array, stiffness: Array | None) -> dict[str, Any]:
 
 
 def triangulate(points: Array) -> Lattice:
-    """Join Delaunay neighbours among `points` (n, 2) by springs; see `tiled`."""
     return tiled(points, delaunay(points))[0]
 
 
@@ -223,15 +222,15 @@ def tiled(points: Array, triangles: Long, bonds: Long | None = None) -> tuple[La
     """Return a lattice of equal masses and unstretched springs, and the order with positions = points[order].
 
     `bonds` (m, 2) default to the sides of `triangles` (t, 3). Reverse Cuthill-McKee numbering from the leftmost point
-    keeps memory accesses local. The outline begins at its lowest index.
-    Raises SimulationError if the triangles do not tile the interior of the outline or leave points out.
+    keeps memory accesses local. The outline begins at its lowest index. Raises SimulationError if the triangles do not
+    tile the interior of the outline or leave points out.
     """
     n = len(points)
     side, first, count = distinct_sides(triangles, n)
     area = 0.5 * float(double_area(points[triangles]).sum())
-    # Each hole adds a clockwise chain.
+    # Each hole has a clockwise chain.
     rings = sorted(chains(side[first[count == 1]]), key=lambda ring: -polygon_area(points[ring]))
-    if not rings:  # without triangles, or if each is given twice
+    if not rings:  # there are no triangles, or each is given twice
         raise SimulationError("the triangulation has no outline: choose another lattice seed")
     outline, *holes = rings
     are_open = all(polygon_area(points[hole]) < -1e-9 * area for hole in holes)
@@ -252,7 +251,6 @@ def tiled(points: Array, triangles: Long, bonds: Long | None = None) -> tuple[La
 
 
 def _first_in_one_piece(x: Array, bonds: Long | None, *candidates: Long) -> tuple[Lattice, Long]:
-    """Return `tiled` for the first of the `candidates` (t, 3) without holes, or else for the last valid one."""
     tiling = None
     for triangles in candidates:
         with suppress(SimulationError):
@@ -265,7 +263,6 @@ def _first_in_one_piece(x: Array, bonds: Long | None, *candidates: Long) -> tupl
 
 
 def _meshed(x: Array) -> tuple[Lattice, Long]:
-    """Return `tiled` for the Delaunay triangles without slivers and without those that bridge wide holes."""
     triangles = delaunay(centred(x))
     lattice, order = _first_in_one_piece(x, None, without_slivers(x, triangles), triangles)
     length = lattice.rest_lengths

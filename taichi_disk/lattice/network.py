@@ -1,7 +1,7 @@
-"""Matrices of a spring network (stiffness, Laplacian), its frequencies and softness, and the moduli of its material.
+"""Matrices of a spring network (stiffness, Laplacian), their eigenvalues, and the elastic moduli of the material.
 
 The moduli are measured by stretching a rectangular sample. They are two-dimensional: stress is force per length, and
-the sheet is free to thin (plane stress).
+the thickness of the sheet is free to change (plane stress).
 """
 
 from __future__ import annotations
@@ -20,10 +20,10 @@ from taichi_disk.lattice.triangles import Array, Indices, bond_lengths
 
 Sparse = Any  # scipy.sparse.csr_matrix, which has no type stubs
 
-_MAX_DENSE_SIZE = 64  # degrees of freedom; for fewer, Lanczos iteration is slower or cannot start
-_LARGE_SIZE = 50_000  # degrees of freedom; for more, Lanczos iteration takes seconds, and a looser tolerance pays
-_MIN_SAMPLE, _MAX_SAMPLE = 300, 20_000  # points of the sample that measures bulk moduli
-_EDGE_LAYER = 3.0  # mean springs; moduli are measured farther from the sides of a sample than this
+_MAX_DENSE_SIZE = 64  # degrees of freedom; for fewer, Lanczos iteration is slower or impossible
+_LARGE_SIZE = 50_000  # degrees of freedom; for more, Lanczos iteration takes seconds and has a looser tolerance
+_MIN_SAMPLE, _MAX_SAMPLE = 300, 20_000  # points of the sample whose moduli are measured
+_EDGE_LAYER = 3.0  # width of the layer along the sides of a sample that is not measured, in mean springs
 
 
 def network_stiffness(positions: Array, bonds: Indices, k: Array | float) -> Sparse:
@@ -36,10 +36,7 @@ def network_stiffness(positions: Array, bonds: Indices, k: Array | float) -> Spa
 
 
 def laplacian(lattice: Lattice) -> Sparse:
-    """Return the graph Laplacian (n, n), weighted with the springs' stiffness factors.
-
-    Multiplied by eta, it is the damping matrix of vector dashpots for x and for y.
-    """
+    """Return the graph Laplacian (n, n) with stiffness factors; eta times it is the matrix of vector dashpots."""
     weights = lattice.stiffened(np.ones(len(lattice.bonds)))
     return assemble(weights[:, None, None], lattice.bonds, len(lattice.positions))
 
@@ -59,10 +56,8 @@ def assemble(block: Array, bonds: Indices, n: int) -> Sparse:
 
 
 def symmetric_factors(matrix: Any) -> Any:
-    """Return SciPy's sparse LU factors of a symmetric matrix, with pivots on the diagonal.
-
-    The order depends on the sparsity pattern only. The pivots have the signs of the eigenvalues (Sylvester).
-    """
+    """Return SciPy's sparse LU factors of a symmetric matrix, with pivots on the diagonal."""
+    # The order depends only on the sparsity pattern. The pivots have the signs of the eigenvalues (Sylvester).
     from scipy.sparse.linalg import splu
 
     symmetric = {"SymmetricMode": True}
@@ -86,21 +81,19 @@ def largest_eigenvalue(matrix: Sparse, masses: Array) -> float:
     else:
         start = np.random.default_rng(0).standard_normal(size)
         try:
-            # The error of the value is quadratic in that of the vector, so 1e-6 still gives the digits kept.
+            # The error of the eigenvalue is the square of the vector's error, so 1e-6 gives all the digits kept.
             tolerance = 1e-12 if size < _LARGE_SIZE else 1e-6
             value = eigsh(scaled, k=1, which="LA", v0=start, tol=tolerance, return_eigenvectors=False)[0]
         except ArpackNoConvergence as error:
             raise SimulationError("the highest frequency, which limits the step, was not found: set time.dt") from error
-    # The last digits depend on the machine's BLAS; the time step derived from this value must not.
+    # Round, because the last digits depend on the machine's BLAS and the time step must not.
     return float(f"{value:.10g}")
 
 
 def bending_compliance(stiffness: Sparse) -> float:
-    """Return the largest squared displacement of a point per 2 energy [R^2/(M c^2)] in the five softest vibrations.
-
-    `stiffness` (2n, 2n) belongs to a free body and has three rigid modes. The compliance of the sixth vibration is
-    subtracted from each, so that the result does not depend on the order of two equally soft vibrations.
-    """
+    """Return the largest squared displacement of a point per 2 energy [R^2/(M c^2)] in the five softest vibrations."""
+    # `stiffness` (2n, 2n) belongs to a free body and has three rigid modes. The compliance of the sixth vibration is
+    # subtracted from each, so that the result does not depend on the order of two equally soft vibrations.
     from scipy.sparse.linalg import eigsh
 
     stiffest = stiffness.diagonal().max()
@@ -110,7 +103,7 @@ def bending_compliance(stiffness: Sparse) -> float:
         start = np.random.default_rng(0).standard_normal(stiffness.shape[0])
         values, modes = eigsh(stiffness, k=9, sigma=-1e-9 * stiffest, v0=start)
     soft = values.argsort()[3:9]
-    compliance = 1.0 / np.maximum(values[soft], 1e-12 * stiffest)  # part of the body may move without energy
+    compliance = 1.0 / np.maximum(values[soft], 1e-12 * stiffest)  # finite even if a part of the body moves freely
     squares = modes[:, soft] ** 2 @ (compliance - compliance[-1])
     return float(f"{squares.reshape(-1, 2).sum(axis=1).max():.6g}")  # the last digits depend on the machine's BLAS
 
@@ -124,7 +117,7 @@ class Moduli:
 
     young: float  # [M c^2/R^2]
     poisson: float
-    density: float = 1.0 / math.pi  # [M/R^2], of M on pi R^2
+    density: float = 1.0 / math.pi  # [M/R^2], mass M over area pi R^2
 
     @property
     def wave_speed_p(self) -> float:
@@ -140,13 +133,13 @@ class Moduli:
 def bulk_moduli(points: int, seed: int, k: float, min_spacing: float) -> Moduli:
     """Measure the moduli of the material of a disk of `points` points by stretching a square sample.
 
-    The sample has as many points as the disk (limited to 300 to 20,000), so its moduli scatter as the disk's do.
-    `k` is the springs' stiffness [M c^2/R^2]; `seed` and `min_spacing` are as for `disk_lattice`.
+    The sample has as many points as the disk (but 300 to 20,000), so its moduli scatter like the disk's. `k` is the
+    springs' stiffness [M c^2/R^2]; `seed` and `min_spacing` are as for `Lattice.disk`.
     """
     side = math.sqrt(math.pi)
     mesh = rectangle(min(max(points, _MIN_SAMPLE), _MAX_SAMPLE), seed, min_spacing, side, side)
     x = mesh.positions[:, 0]
-    return inner_moduli(mesh, k, pulled(mesh, k, x == 0.0, x == side))
+    return inner_moduli(mesh, k, stretch(mesh, k, x == 0.0, x == side))
 
 
 def rectangle(points: int, seed: int, min_spacing: float, length: float, width: float) -> Lattice:
@@ -159,15 +152,15 @@ def rectangle(points: int, seed: int, min_spacing: float, length: float, width: 
     return triangulate(rectangle_points(np.random.default_rng([seed, 2]), count, low, high, row, spacing))
 
 
-def pulled(mesh: Lattice, k: float, left: NDArray[np.bool_], right: NDArray[np.bool_], clamped: bool = False) -> Array:
-    """Return the displacements (n, 2) in linear equilibrium if u_x = x is prescribed at both ends.
+def stretch(mesh: Lattice, k: float, left: NDArray[np.bool_], right: NDArray[np.bool_], clamped: bool = False) -> Array:
+    """Return the displacements (n, 2) in linear equilibrium with u_x = x prescribed at both ends.
 
     The end points `left` and `right` (n,) move freely in y unless `clamped`.
     """
     stiffness = network_stiffness(mesh.positions, mesh.bonds, k)
     ends = left | right
     fixed = np.stack([ends, ends & clamped], axis=1)
-    fixed[np.argmax(ends), 1] = True  # prevents a sideways shift of the whole sample
+    fixed[np.argmax(ends), 1] = True  # keeps the whole sample from shifting sideways
     fixed = fixed.ravel()
     u = (mesh.positions * [1.0, 0.0]).ravel()
     rows = stiffness[~fixed]
@@ -189,16 +182,16 @@ def inner_moduli(mesh: Lattice, k: float, u: Array) -> Moduli:
         raise InputError("the sample is too small: a stretch test needs more than 6 springs in length and in width")
     corner, u = corner[inside], u[mesh.triangles[inside]]
 
-    # Each triangle has half of a bond's force: area times stress = sum force length e e^T / 2.
+    # Each triangle carries half of a bond's force: area times stress = sum force length e e^T / 2.
     bond, elongation = (np.roll(a, -1, axis=1) - a for a in (corner, u))
     square = np.sum(bond * bond, axis=2)
     tension = 0.5 * k * np.sum(bond * elongation, axis=2) / square
     stress_x, stress_y = (float(np.sum(tension * bond[:, :, a] ** 2)) for a in (0, 1))
-    # Area times strain, by Gauss's theorem over the triangles' sides.
+    # Compute area times strain from the triangles' sides by Gauss's theorem.
     twice = u + np.roll(u, -1, axis=1)
     strain_x = 0.5 * float(np.sum(twice[:, :, 0] * bond[:, :, 1]))
     strain_y = -0.5 * float(np.sum(twice[:, :, 1] * bond[:, :, 0]))
-    # strain_x = (stress_x - nu stress_y)/E and the same with x and y exchanged; the common area cancels.
+    # Solve strain_x = (stress_x - nu stress_y)/E, and the same with x and y exchanged. The common area cancels.
     det = stress_x**2 - stress_y**2
     compliance = (strain_x * stress_x - strain_y * stress_y) / det
     cross = (strain_x * stress_y - strain_y * stress_x) / det

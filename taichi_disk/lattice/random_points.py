@@ -1,6 +1,6 @@
 """Random mass points with a minimum distance: in the unit circle for the disk, in a rectangle for the elastic wall.
 
-They are placed by exact random sequential adsorption with array operations.
+They are placed by exact random sequential adsorption, in array operations.
 """
 
 from __future__ import annotations
@@ -14,16 +14,16 @@ from taichi_disk.errors import InputError, SimulationError
 from taichi_disk.lattice.triangles import Array
 
 MIN_POINTS, MAX_POINTS = 3, 2_000_000
-MIN_ROWS = 3  # of springs across a wall or a ring; with fewer it is a truss rather than a lattice
-MIN_EDGE = 6  # points on the edge of a hole
+MIN_ROWS = 3  # rows of springs across a wall or a ring; with fewer it is a truss rather than a lattice
+MIN_EDGE = 6  # smallest number of points on the edge of a hole
 Depth = Callable[[Array], Array]
 """Signed distance of points (n, 2) to the edge of a region, positive inside."""
 
-# Random sequential adsorption jams at a minimum distance of 0.777 hexagonal spacings: disks of that diameter then
-# cover 0.547 of the plane (Feder, J. Theor. Biol. 87, 237, 1980). In small bodies the limit scatters.
+# Random sequential adsorption jams at a minimum distance of 0.777 hexagonal spacings, when disks of that diameter cover
+# 0.547 of the plane (Feder, J. Theor. Biol. 87, 237, 1980). In small bodies the limit scatters.
 MAX_SPACING = 0.75
 _MAX_ATTEMPTS = 1000
-_MIN_HIT_RATE = 0.04  # at a lower rate, covered cells are dropped and the others quartered
+_MIN_HIT_RATE = 0.04  # at a lower rate of hits, covered cells are removed and the others quartered
 
 
 def circle_points(points: int, seed: int, rim: bool, min_spacing: float, hole: float = 0.0, core: float = 0.0) -> Array:
@@ -40,10 +40,10 @@ def circle_points(points: int, seed: int, rim: bool, min_spacing: float, hole: f
     if rim:
         circle = _unit_circle((np.arange(count) + rng.random()) / count)
         apothem = float(_unit_circle(np.array([0.5 / count]))[0, 0])
-        # No triangle on a rim chord is flatter than an equilateral one. The minimum is for disks of four points.
+        # Triangles on a chord of the rim are at least as high as equilateral ones. The minimum is for four points.
         radius = max(apothem - spacing * np.sqrt(0.75), 0.2 * apothem)
     corner = np.full(2, radius)
-    # Closer points would prevent some chords of the inner circles from becoming springs.
+    # If points were closer, some chords of the inner circles would not become springs.
     clear = max(spacing * np.sqrt(0.75), 1.1 * np.pi / count)
     for inner in filter(None, (hole, core)):
         turns = np.arange(round(inner * count)) + rng.random()
@@ -61,12 +61,10 @@ def circle_points(points: int, seed: int, rim: bool, min_spacing: float, hole: f
 
 
 def rim_points(points: int, hole: float = 0.0) -> int:
-    """Return the number of points on the rim for which their spacing equals that of the inner points.
-
-    A rim point has half the area of an inner one, so the disk counts n = points - rim/2; hexagonal_spacing(n) =
-    2 pi/rim is then quadratic in rim. With a `hole` [R], the points on its edge count half as well.
-    At least one point stays inside.
-    """
+    """Return the number of points on the rim for which their spacing equals that of the inner points."""
+    # A rim point has half the area of an inner one, so the disk counts as n = points - rim/2 points;
+    # hexagonal_spacing(n) = 2 pi/rim is then quadratic in rim. With a `hole` [R], the points on its edge count half as
+    # well. At least one point stays inside.
     k = 2.0 * np.pi * np.sqrt(3.0) * (1.0 + hole) / (1.0 - hole)
     even = round(float(np.sqrt(k * points + k * k / 16.0) - k / 4.0) / (1.0 + hole))
     return min(even, points - 1) if points > 3 else 3
@@ -79,19 +77,18 @@ def circle_faults(points: int, hole: float, core: float) -> list[tuple[str, str]
     limits = {"hole": (hole, least, 1.0 - MIN_ROWS * row), "core_radius": (core, max(least, hole + row), 1.0 - row)}
     for key, (radius, low, high) in limits.items():
         if radius and not low <= radius <= high:
-            given = f"{points} points" + (f" and a hole of {hole:g} R" if hole and key != "hole" else "")
+            body = f"{points} points" + (f" and a hole of {hole:g} R" if hole and key != "hole" else "")
             bound = f"at least {low:.3g}" if radius < low else f"at most {high:.3g}"
             need = f"{MIN_EDGE} springs round its edge and {MIN_ROWS if key == 'hole' else 1} from there to the rim"
-            text = f"must be {bound} with {given}, not {radius:g}, because there must be at least {need}"
+            text = f"must be {bound} with {body}, not {radius:g}, because there must be at least {need}"
             faults.append((key, f"{text}: change the radius or increase lattice.points"))
     return faults
 
 
 def _unit_circle(turns: Array) -> Array:
-    """Return (cos, sin) of 2 pi `turns`, 0 <= turns < 1, by Taylor series.
-
-    Sums and products round alike on every machine; the last bit of NumPy's cos and sin depends on the processor.
-    """
+    """Return (cos, sin) of 2 pi `turns`, 0 <= turns < 1, by Taylor series."""
+    # Sums and products round alike on every machine, whereas the last bit of NumPy's cos and sin depends on the
+    # processor.
     angle = np.pi * (2.0 * turns - 1.0)
     square = angle * angle
     c, s = np.ones_like(angle), np.ones_like(angle)
@@ -103,7 +100,7 @@ def _unit_circle(turns: Array) -> Array:
 
 
 def hexagonal_spacing(points: int) -> float:
-    """Return the neighbour distance [R] of a hexagonal lattice with `points` points in the area of the unit circle."""
+    """Return the distance of neighbours [R] in a hexagonal lattice with `points` points in the unit circle."""
     return float(np.sqrt(2.0 * np.pi / (np.sqrt(3.0) * points)))
 
 
@@ -117,10 +114,10 @@ def least_distance(points: int, min_spacing: float) -> float:
 def scatter(
     rng: np.random.Generator, count: int, low: Array, high: Array, depth: Depth, spacing: float, fixed: Array
 ) -> Array:
-    """Return uniform random points (count, 2) [R] that keep the distance `spacing` from one another and from `fixed`.
+    """Return uniform random points (count, 2) [R] at distances of at least `spacing` from one another and from `fixed`.
 
-    The region is where `depth` is positive inside the box `low`..`high` (2,).
-    Raises SimulationError if the region has no room for `count` points.
+    The region is where `depth` is positive inside the box `low`..`high` (2,). Raises SimulationError if it has no room
+    for `count` points.
     """
     if spacing == 0.0 or count == 0:
         points: Array = np.empty((0, 2))
@@ -138,11 +135,9 @@ def scatter(
 def _adsorb(
     rng: np.random.Generator, count: int, low: Array, high: Array, depth: Depth, spacing: float, fixed: Array
 ) -> Array:
-    """Try once what `scatter` does; return fewer points if the region jams.
-
-    Darts are thrown into square cells. As the region fills up, cells covered by one point are dropped and the others
-    quartered (Ebeida et al., ACM Trans. Graph. 30, 49, 2011), so darts remain uniform in the free area but rarely miss.
-    """
+    """Try once to place the points of `scatter`; return fewer points if the region jams."""
+    # Darts are thrown into square cells. As the region fills up, cells covered by one point are removed and the others
+    # quartered (Ebeida et al., ACM Trans. Graph. 30, 49, 2011), so darts stay uniform in the free area but rarely miss.
     from taichi_disk.lattice.spatial import cKDTree
 
     side = float(np.sqrt(np.prod(high - low) / (4 * count)))
@@ -151,15 +146,15 @@ def _adsorb(
     points = fixed
     total = len(fixed) + count
     while len(points) < total and len(cells):
-        aimed = min(4 * count, 16 * (total - len(points)) + 16)
-        darts = cells[rng.integers(len(cells), size=aimed)] + side * rng.random((aimed, 2))
+        attempts = min(4 * count, 16 * (total - len(points)) + 16)
+        darts = cells[rng.integers(len(cells), size=attempts)] + side * rng.random((attempts, 2))
         darts = darts[depth(darts) >= 0.0]
         if len(points):
             darts = darts[cKDTree(points).query(darts, distance_upper_bound=spacing)[0] >= spacing]
         darts = _accepted(darts, spacing)
         points = np.concatenate([points, darts[: total - len(points)]])
-        if len(darts) < _MIN_HIT_RATE * aimed:
-            # Keep only cells that may extend into the region beyond the distance `spacing` from all points.
+        if len(darts) < _MIN_HIT_RATE * attempts:
+            # Keep only cells that may contain a place in the region at least `spacing` from all points.
             half_diagonal = side * np.sqrt(0.5)
             reach = max(spacing - half_diagonal, 0.0)
             cells = cells[depth(cells + side / 2) >= -half_diagonal]
@@ -171,17 +166,16 @@ def _adsorb(
 
 
 def _accepted(darts: Array, spacing: float) -> Array:
-    """Return the darts without those that are closer than `spacing` to an earlier accepted dart."""
     from taichi_disk.lattice.spatial import cKDTree
 
     pairs = np.sort(cKDTree(darts).query_pairs(spacing, output_type="ndarray"), axis=1)
-    dropped = np.zeros(len(darts), dtype=bool)
+    rejected = np.zeros(len(darts), dtype=bool)
     while len(pairs):
-        waiting = np.zeros(len(darts), dtype=bool)
-        waiting[pairs[:, 1]] = True
-        dropped[pairs[~waiting[pairs[:, 0]], 1]] = True
-        pairs = pairs[~dropped[pairs].any(axis=1)]
-    return darts[~dropped]
+        undecided = np.zeros(len(darts), dtype=bool)
+        undecided[pairs[:, 1]] = True
+        rejected[pairs[~undecided[pairs[:, 0]], 1]] = True
+        pairs = pairs[~rejected[pairs].any(axis=1)]
+    return darts[~rejected]
 
 
 def rectangle_points(
@@ -189,8 +183,8 @@ def rectangle_points(
 ) -> Array:
     """Return points (points, 2) [R] in the box `low`..`high` (2,), at least `spacing` apart.
 
-    Along the four sides they are evenly spaced by about `row`; an infinite `row` leaves out these points.
-    Raises InputError if the sides need all the points.
+    Along the four sides they are evenly spaced by about `row`; if `row` is infinite, there are none. Raises InputError
+    if the sides need all the points.
     """
     frame: Array = np.empty((0, 2))
     clear = 0.0

@@ -1,7 +1,7 @@
 """SciPy's Delaunay triangulation and k-d tree, without the rest of `scipy.spatial`, whose import takes 0.12 s.
 
-The rest (distances, rotations) comes with the package itself, so an empty package of its name stands in for it while
-the two extension modules are imported. Afterwards `import scipy.spatial` gives the whole package as ever.
+The package itself imports the rest (distances, rotations), so an empty package of the same name replaces it while the
+two extension modules are imported. Afterwards `import scipy.spatial` gives the whole package as usual.
 """
 
 from __future__ import annotations

@@ -11,10 +11,10 @@ Array = NDArray[np.float64]
 Indices = NDArray[np.int32]
 Long = NDArray[np.int64]
 
-_MIN_HEIGHT = 1e-9  # over the longest side; three points on a line span a triangle of zero area, up to rounding
-_MAX_OUTER_SIDE = 3.0  # median springs; a triangle with a longer outer side is a sliver
-_SLIVER_HEIGHT = 0.25  # over the outer side; a flatter triangle is a sliver
-MAX_SPRING = 5.0  # median springs; lattices of random points have springs of 4.4
+_MIN_HEIGHT = 1e-9  # height over longest side; a flatter triangle is three points on a line
+_MAX_OUTER_SIDE = 3.0  # a triangle with a longer outer side is a sliver, in median springs
+_SLIVER_HEIGHT = 0.25  # height over outer side; a flatter triangle is a sliver
+MAX_SPRING = 5.0  # longest spring without a gap, in median springs; lattices of random points have up to 4.4
 
 
 def bond_lengths(positions: Array, bonds: NDArray[np.signedinteger]) -> Array:
@@ -37,15 +37,13 @@ def delaunay(points: Array) -> Long:
 
 
 def centred(x: Array) -> Array:
-    """Shift points (n, 2) by whole numbers to the origin: far away, areas of triangles lose digits by cancellation."""
+    """Shift points (n, 2) by whole numbers to the origin; far away, areas of triangles lose digits by cancellation."""
     return x - np.round(x.mean(axis=0))
 
 
 def triangles_of(x: Array, springs: Long) -> tuple[Long, Long]:
-    """Return two tilings (t, 3) to choose from: Delaunay triangles with springs on all sides, and all spring triangles.
-
-    The first is right even if springs cross, the second only if none do.
-    """
+    """Return two tilings (t, 3): Delaunay triangles with springs on all sides, and all triangles of springs."""
+    # The first is right even if springs cross, the second only if none do.
     later: list[set[int]] = [set() for _ in x]
     pairs = np.sort(springs, axis=1)
     for i, j in pairs.tolist():
@@ -65,7 +63,7 @@ def triangles_of(x: Array, springs: Long) -> tuple[Long, Long]:
 
 
 def without_slivers(x: Array, triangles: Long) -> Long:
-    """Remove slivers from the outside in, longest outer side first. The outline remains one closed chain."""
+    """Remove slivers from the outside in, longest outer side first, so that the outline remains one closed chain."""
     n = len(x)
     side, first, _ = distinct_sides(triangles, n)
     longest = _MAX_OUTER_SIDE * float(np.median(bond_lengths(x, side[first])))
@@ -76,12 +74,12 @@ def without_slivers(x: Array, triangles: Long) -> Long:
         third = triangles[outer % len(triangles)].sum(axis=1) - end - start
         length = np.linalg.norm(x[start] - x[end], axis=1)
         flat = double_area(x[triangles[outer % len(triangles)]]) < _SLIVER_HEIGHT * length**2
-        # If the third point lies on the outline already, two parts of the body would share that point only.
+        # If the third point is already on the outline, two parts of the body would share only that point.
         sliver = np.flatnonzero(((length > longest) | flat) & ~np.isin(third, start))
         if not len(sliver):
             return triangles
         sliver = sliver[np.argsort(-length[sliver], kind="stable")]
-        removed = sliver[np.unique(third[sliver], return_index=True)[1]]  # a third point joins the outline only once
+        removed = sliver[np.unique(third[sliver], return_index=True)[1]]  # one sliver for each third point
         triangles = np.delete(triangles, outer[removed] % len(triangles), axis=0)
 
 
@@ -96,7 +94,7 @@ def without_bridges(x: Array, triangles: Long) -> Long:
 def distinct_sides(triangles: Long, n: int) -> tuple[Long, Long, Long]:
     """Return the sides (3t, 2) of `triangles` (t, 3), the first occurrence and the count (m,) of distinct sides.
 
-    Side k has the direction of triangle k % t. The direction does not distinguish sides.
+    Side k has the direction of triangle k % t. Sides of opposite directions are the same.
     """
     side = np.concatenate([triangles[:, [0, 1]], triangles[:, [1, 2]], triangles[:, [2, 0]]])
     _, first, count = np.unique(pair_keys(side, n), return_index=True, return_counts=True)
@@ -125,7 +123,7 @@ def _cross(a: Array, b: Array) -> Array:
 def chains(sides: Long) -> list[Long]:
     """Order directed `sides` (h, 2) into closed chains of points. Raises SimulationError if that is impossible."""
     following, rings = dict(sides.tolist()), list[Long]()
-    closed = len(following) == len(sides)  # false if two parts share a single point
+    closed = len(following) == len(sides)  # false if two parts share only a point
     while closed and following:
         chain = list(following.popitem())
         while chain[-1] not in (chain[0], None):
@@ -138,11 +136,9 @@ def chains(sides: Long) -> list[Long]:
 
 
 def reverse_cuthill_mckee(bonds: Long, n: int, start: int) -> Long:
-    """Return the reverse Cuthill-McKee order (n,) of points joined by `bonds` (m, 2), beginning at `start`.
-
-    SciPy begins at a point of lowest degree and breaks ties by an unstable sort. A further point, with a single bond
-    to `start`, makes its choice unique.
-    """
+    """Return the reverse Cuthill-McKee order (n,) of points joined by `bonds` (m, 2), beginning at `start`."""
+    # SciPy begins at a point of lowest degree and breaks ties by an unstable sort. An additional point, with a single
+    # bond to `start`, makes its choice unique.
     from scipy.sparse import coo_matrix
     from scipy.sparse.csgraph import reverse_cuthill_mckee
 

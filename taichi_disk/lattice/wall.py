@@ -1,4 +1,4 @@
-"""The elastic wall: a rectangle of the disk's material, its top at y = 0, under the disk."""
+"""The elastic wall: a rectangle of the disk's material below the disk, with its top at y = 0."""
 
 from __future__ import annotations
 
@@ -21,22 +21,22 @@ def with_wall(
     min_spacing: float = 0.7,
     stiffness: float = 1.0,
 ) -> Lattice:
-    """Return `disk` and below it an elastic wall, whose top side it touches: y = 0, centred at x = 0.
+    """Return `disk` with an elastic wall below, whose top side it touches at y = 0, centred at x = 0.
 
     The wall has the mass per point, 1/disk_points M, and the point density, disk_points/pi per R^2, of a plain disk.
-    `stiffness` is the factor of its springs. No bond joins disk and wall. `rim`: whether points lie along the
-    wall's sides, spaced as on the disk's rim.
+    `stiffness` is the factor of its springs. No bond joins disk and wall. `rim`: whether points lie along the wall's
+    sides, spaced as on the disk's rim.
 
     Raises InputError if the wall is too thin, SimulationError if its points cannot be placed or meshed.
     """
     spacing = least_distance(disk.disk_points, min_spacing)
     check_thickness(disk.disk_points, points, width)
-    # `seed` alone is the stream of the disk.
+    # The disk uses the random numbers of `seed` alone.
     rng = np.random.default_rng([seed, 1])
     row = 2.0 * math.pi / rim_points(disk.disk_points) if rim else math.inf
     low = np.array([-width / 2, -wall_height(disk.disk_points, points, width)])
     mesh = triangulate(rectangle_points(rng, points, low, np.array([width / 2, 0.0]), row, spacing))
-    # The corners at the top left and top right belong to both surface and boundary.
+    # The top left and top right corners belong to both surface and boundary.
     x, y = mesh.positions[mesh.disk_surface].T
     outline = np.roll(mesh.disk_surface, -int(np.argmax(y - x)))
     x, y = mesh.positions[outline].T
@@ -61,14 +61,13 @@ def with_wall(
 
 
 def wall_height(disk_points: int, points: int, width: float) -> float:
-    """Return the height [R] of a wall of `points` points at the disk's density of points, disk_points/pi."""
+    """Return the height [R] of a wall of `points` points with the disk's point density, disk_points/pi."""
     return math.pi * points / (disk_points * width)
 
 
 def check_thickness(disk_points: int, points: int, width: float) -> None:
-    """Raise InputError with the allowed range if the wall is too thin to be a lattice."""
     row = 2.0 * math.pi / rim_points(disk_points)
-    # With fewer, the rows along the sides of the widest or narrowest wall would take all points.
+    # With fewer points, the rows along the sides of the widest or narrowest wall would need all of them.
     fewest = math.ceil(20.0 * row**2 * disk_points / math.pi)
     if points < fewest:
         raise InputError(f"wall.points must be at least {fewest} for a disk of {disk_points} points, not {points}")

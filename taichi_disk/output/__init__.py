@@ -1,1 +1,1 @@
-"""What a run leaves: its folder, result files, plot, the lines on the screen, trajectories for other programs."""
+"""The output of a run: its folder, result files, plot, printed lines, and trajectories for other programs."""

@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Frame:
-    """Exported arrays of one moment, by what they belong to (see docs/output.md)."""
+    """Exported arrays of one moment; points, springs and triangles hold quantities by name (see docs/output.md)."""
 
     time: float  # [R/c]
     positions: Array  # (n, 2) [R]
@@ -68,7 +68,6 @@ def _frames(lattice: Lattice, model: Model, moments: Iterable[Moment]) -> Iterat
 
 
 def _in_a_line(scene: DiskScene) -> str:
-    """Return the scene without comments as YAML, in one line without double quotes."""
     text = yaml.safe_dump(yaml.safe_load(scene.to_yaml()), default_flow_style=True, sort_keys=False, width=inf)
     return str(text).strip().replace('"', "'")
 
@@ -98,7 +97,7 @@ def _write_xyz(path: Path, scene: DiskScene, lattice: Lattice, frames: Iterator[
             parts = {name: _three_dimensional(values).reshape(n, -1) for name, values in columns.items()}
             kinds = ":".join(f"{name}:R:{values.shape[1]}" for name, values in parts.items())
             energies = " ".join(f"{name}_energy={value:.17g}" for name, value in frame.energies.items())
-            # Without a box, OVITO before 3.17 does not read time and energies.
+            # OVITO before 3.17 reads time and energies only if there is a box.
             side = max(side, 2.0 * float(np.abs(frame.positions).max()))
             box = f'Lattice="{side:.12g} 0 0 0 {side:.12g} 0 0 0 1" Origin="{-side / 2:.12g} {-side / 2:.12g} -0.5"'
             properties = f"Properties=species:S:1:{kinds}"
@@ -113,21 +112,19 @@ def _write_gsd(path: Path, scene: DiskScene, lattice: Lattice, frames: Iterator[
     import gsd.hoomd
 
     n, m, reach = len(lattice.positions), len(lattice.bonds), 0.0
-    path.touch()  # with the user's file mode; gsd would make a private file
+    path.touch()  # creates the file with the user's file mode; gsd would make a private file
     with gsd.hoomd.open(name=str(path), mode="w") as file:
         file.file.write_chunk("taichi_disk/scene", np.frombuffer(origin(scene).encode(), np.uint8))
         for number, frame in enumerate(frames):
             shot = gsd.hoomd.Frame()
             shot.configuration.step, shot.configuration.dimensions = number, 2
-            # GSD knows no open box (OVITO wraps bonds even in one of size 0): at twice the size nothing is wrapped.
+            # GSD requires a box, in which OVITO wraps bonds; in a box of twice the size no bond is wrapped.
             reach = max(reach, float(np.abs(frame.positions).max()))
             shot.configuration.box = [4.0 * reach, 4.0 * reach, 0, 0, 0, 0]
             shot.particles.N, shot.particles.types = n, ["disk", "wall"]
             shot.particles.typeid = (np.arange(n) >= lattice.disk_points).astype(np.uint32)
-            shot.particles.position, shot.particles.velocity = (
-                _three_dimensional(frame.positions),
-                _three_dimensional(frame.velocities),
-            )
+            shot.particles.position = _three_dimensional(frame.positions)
+            shot.particles.velocity = _three_dimensional(frame.velocities)
             shot.particles.mass, shot.particles.diameter = lattice.masses, np.full(n, 2.0 * _radius(lattice))
             shot.bonds.N, shot.bonds.types = m, ["spring"]
             shot.bonds.group, shot.bonds.typeid = lattice.bonds, np.zeros(m, np.uint32)
@@ -139,11 +136,9 @@ def _write_gsd(path: Path, scene: DiskScene, lattice: Lattice, frames: Iterator[
 
 
 def _write_vtu(path: Path, scene: DiskScene, lattice: Lattice, frames: Iterator[Frame]) -> None:
-    """Write VTK unstructured grids: a .pvd file that lists the .vtu files in a folder of the same name.
-
-    Each frame has one file of springs (lines) and one of triangles, so that a viewer can hide either. The folder is
-    complete before the .pvd file is written.
-    """
+    """Write VTK unstructured grids: a .pvd file that lists the .vtu files in a folder of the same name."""
+    # Each frame has one file of springs (lines) and one of triangles, so that a viewer can hide either. The folder is
+    # complete before the .pvd file is written.
     import meshio
 
     folder, datasets = path.with_suffix(""), []
@@ -169,10 +164,9 @@ def _write_vtu(path: Path, scene: DiskScene, lattice: Lattice, frames: Iterator[
 
 
 def _write_npz(path: Path, scene: DiskScene, lattice: Lattice, frames: Iterator[Frame]) -> None:
-    """Write t (T,), positions and velocities (T, n, 2), points_…, springs_…, triangles_… as in `Frame`, and lattice.
-
-    The format is that of `np.savez`, but only one frame is in memory: temporary files collect the frames of each array.
-    """
+    """Write t (T,), positions and velocities (T, n, 2), lattice, and points_…, springs_…, triangles_… as in `Frame`."""
+    # The format is that of `np.savez`, but only one frame is in memory: temporary files collect the frames of each
+    # array.
     parts: dict[str, tuple[IO[bytes], Array]] = {}
     with ExitStack() as files, ZipFile(path, "w") as archive:
 
@@ -231,13 +225,10 @@ FORMATS = {
 
 
 def check_export(path: Path, format: str | None = None) -> tuple[Path, Format]:
-    """Return the file and the format of an export; call it before anything is computed.
+    """Return the file and the format of an export; call this before anything is computed.
 
-    Args:
-        path: a file whose suffix names the format, or a folder, in which the file will be called trajectory.
-        format: one of FORMATS, if `path` is a folder.
-
-    Raises InputError if the format does not exist, its package is missing, or the folder is not writable.
+    `path`: a file whose suffix names the format, or a folder; `format`: one of FORMATS, if `path` is a folder. Raises
+    InputError if the format does not exist, its package is missing, or the folder is not writable.
     """
     if path.is_dir() and format in FORMATS:
         path = path / f"trajectory{FORMATS[format].suffix}"
@@ -263,7 +254,7 @@ def export_run(scenario: Scenario, moments: Iterable[Moment], path: Path, format
     path, kind = check_export(path, format)
     scene, lattice = scenario.scene, scenario.lattice
     frames = _frames(lattice, scenario.model, moments)
-    if kind.write is _write_vtu:  # several files, written atomically by the writer itself
+    if kind.write is _write_vtu:  # writes several files, and makes them appear at once by itself
         _write_vtu(path, scene, lattice, frames)
     else:
         atomic_write(path, lambda new: kind.write(new, scene, lattice, frames))

@@ -1,4 +1,4 @@
-"""Result files, each whole or not there at all."""
+"""Result files, which are written completely or not at all."""
 
 from __future__ import annotations
 
@@ -17,6 +17,7 @@ from functools import lru_cache
 from importlib.metadata import version
 from io import StringIO
 from pathlib import Path
+from tempfile import TemporaryFile
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -34,52 +35,46 @@ if TYPE_CHECKING:
 PROGRAM = f"taichi-disk {__version__}"
 FILMS = ("video.mp4", "video.webm", "video.gif", "video.html", "frames")
 RESULTS = ("timeseries.csv", "lattice.npz", "final.npz", "failure.npz", "plot.png")
-# What `render` and `export` put beside a run if nobody says where.
+# Default names of films and trajectories that `render` and `export` add to a run's folder.
 MADE = re.compile(r"(render|comparison)(\.(mp4|webm|gif|html|png))?|trajectory(\.(xyz|gsd|pvd|npz))?")
 NUMBERED = re.compile(r"\d+(_[a-z]+)?\.(png|vtu)")  # files of a folder that holds a film's pictures, or a trajectory
 
 
 def prepare_output(out: Path) -> list[Path]:
-    """Make the folder `out`, or prove that the one that exists can be written.
+    """Make the folder `out`, or check that the existing one is writable, and return the new folders, outermost first.
 
-    Returns the folders that were made, outermost first. Raises InputError, and leaves nothing behind, if a file is in
+    Returns the folders that were made, innermost first. Raises InputError, and leaves nothing behind, if a file is in
     the way or the place is not writable.
     """
-    created: list[Path] = []
+    missing: list[Path] = []
     try:
-        for folder in (*reversed(out.parents), out):
-            if not folder.exists():
-                folder.mkdir()
-                created.append(folder)
-        probe = hidden(out / "probe")
-        probe.touch(exist_ok=False)
-        probe.unlink()
+        missing += [folder for folder in (out, *out.parents) if not folder.exists()]
+        out.mkdir(parents=True, exist_ok=True)
+        with TemporaryFile(dir=out):
+            return missing
     except (OSError, ValueError) as error:
-        remove_empty(created)
+        remove_empty(missing)
         raise cannot_write(out, error) from None
-    return created
 
 
 def remove_empty(folders: list[Path]) -> None:
     """Remove the folders that `prepare_output` made, as far as nothing is in them."""
-    for folder in reversed(folders):
+    for folder in folders:
         with contextlib.suppress(OSError):
             folder.rmdir()
 
 
 def cannot_write(out: Path, error: BaseException) -> InputError:
-    """Return the InputError for a folder that cannot be written."""
     blocker = next((path for path in (out, *out.parents) if os.path.isfile(path)), None)
     why = f"{blocker} is a file" if blocker else reason(error)
     return InputError(f"cannot write into the output folder {out}: {why}; choose another as `out`")
 
 
 def holds_working_directory(folder: Path) -> bool:
-    """Return whether the working directory is `folder` or lies in it."""
     return Path.cwd().is_relative_to(folder.resolve())
 
 
-# ---- whole or not at all: what is written under a hidden name, and then renamed
+# ---- atomic writing: files are written under a hidden name and then renamed
 
 
 def hidden(path: Path) -> Path:
@@ -94,12 +89,12 @@ def atomic_write(path: Path, writer: Callable[[Path], object]) -> None:
     if the disk is full or the folder has become read-only; the writer's other errors pass.
     """
     new = hidden(path)
-    remove(new)  # of an earlier process of this number
+    remove(new)  # left by a killed process with the same number
     try:
         writer(new)
         replace(new, path)
     except OSError as error:
-        # The hidden folder in which a run is built says nothing to a person.
+        # The user does not know the hidden folder in which a run is built.
         shown = path.name if path.parent.name.startswith(".") else path
         raise SimulationError(f"cannot write {shown}: {reason(error)}") from error
     finally:
@@ -129,7 +124,6 @@ def _displaced(path: Path) -> Path:
 
 
 def remove(path: Path) -> None:
-    """Remove a file or folder if possible."""
     shutil.rmtree(path, ignore_errors=True)
     with contextlib.suppress(OSError):
         path.unlink()
@@ -139,21 +133,19 @@ def remove(path: Path) -> None:
 
 
 class Contents(NamedTuple):
-    """Contents of a folder."""
-
-    names: Sequence[str] = ()  # of files and folders
-    foreign: str = ""  # the first name that no run wrote
-    run: tuple[str, str] | None = None  # scene.yaml, and digest of a custom lattice or custom velocities
-    status: str = ""  # of the run
+    names: Sequence[str] = ()  # names of files and folders
+    foreign: str = ""  # first name that no run has written
+    run: tuple[str, str] | None = None  # text of scene.yaml, and digest of a custom lattice or custom velocities
+    status: str = ""  # status of the run
 
 
 def look(folder: Path) -> Contents:
-    """Return the contents of `folder`, none if it does not exist. Raises OSError if it cannot be listed."""
+    """Return the contents of `folder`; they are empty if it does not exist. Raises OSError if it cannot be listed."""
     names = sorted(set(os.listdir(folder)) - {".DS_Store"}) if folder.exists() else []
     if not names:
         return Contents()
     summary, known = read_summary(folder), {"scene.yaml", "summary.json", *RESULTS, *FILMS}
-    # A run's folders hold nothing but pictures or frames of a trajectory.
+    # The only folders that a run makes hold pictures or the frames of a trajectory.
     foreign = [name for name in names if not (name in known or MADE.fullmatch(name))]
     foreign += [name for name in names if not ((folder / name).is_file() or only_numbered(folder / name))]
     if "scene.yaml" not in names or "status" not in summary:
@@ -165,7 +157,6 @@ def look(folder: Path) -> Contents:
 
 
 def read_summary(folder: Path) -> dict[str, Any]:
-    """Return the summary.json of a run, or an empty one if it cannot be read."""
     path = folder / "summary.json"
     try:
         summary = json.loads(path.read_text(encoding="utf-8")) if path.is_file() else {}
@@ -185,16 +176,14 @@ def digests(folder: Path, summary: dict[str, Any]) -> dict[str, str]:
 def check_pictures(folder: Path) -> None:
     """Raise InputError if `folder` exists and holds anything but numbered files."""
     if folder.exists() and not only_numbered(folder):
-        raise InputError(f"{folder} is not a folder of a film's pictures alone: remove it, or choose another")
+        raise InputError(f"{folder} is not a folder with only numbered pictures: remove it, or choose another")
 
 
 def only_numbered(folder: Path) -> bool:
-    """Return whether `folder` holds nothing but numbered pictures or frames of a trajectory."""
     return folder.is_dir() and all(NUMBERED.fullmatch(one.name) for one in folder.iterdir())
 
 
 def write_text(path: Path, text: str) -> None:
-    """Write `text` in UTF-8 with Unix line ends."""
     atomic_write(path, lambda new: new.write_bytes(text.encode("utf-8")))
 
 
@@ -204,11 +193,7 @@ def write_summary(path: Path, summary: dict[str, Any]) -> None:
 
 
 def write_timeseries(path: Path, columns: dict[str, Array], interval: float = 0.0) -> None:
-    """Write timeseries.csv: those of COLUMNS that the run has.
-
-    `columns` (rows,) have at least two rows. About one row per `interval` [R/c] is written, and the last one. Numbers
-    have 17 digits, so that reading them gives the same floating-point numbers.
-    """
+    """Write timeseries.csv with about one row per `interval` [R/c] and the last row; `columns` have at least two."""
     due = {"always": True, "never": False}
     names = [one.name for one in COLUMNS if one.name in columns and due.get(one.written, bool(columns[one.name].any()))]
     table = np.stack([columns[name] for name in names], axis=1)
@@ -219,7 +204,6 @@ def write_timeseries(path: Path, columns: dict[str, Array], interval: float = 0.
 
 
 def write_csv(path: Path, rows: Sequence[Mapping[str, Any]]) -> None:
-    """Write a table with a column for each key; all `rows` have the same keys. None becomes an empty cell."""
     text = StringIO()
     table = csv.DictWriter(text, list(rows[0]), lineterminator="\n")
     table.writeheader()
@@ -228,12 +212,11 @@ def write_csv(path: Path, rows: Sequence[Mapping[str, Any]]) -> None:
 
 
 def write_arrays(path: Path, **arrays: Any) -> None:
-    """Write an .npz file."""
     atomic_write(path, lambda new: np.savez(new, **arrays))
 
 
 def write_lattice(path: Path, lattice: Lattice, velocities: Array, impedance: Any = None, own: Any = None) -> None:
-    """Write lattice.npz: the state at t = 0 in scene coordinates, as another program needs it to repeat the run.
+    """Write lattice.npz: the state at t = 0 in scene coordinates, from which another program can repeat the run.
 
     `velocities` (n, 2) [c]; `impedance` (k, 2) [M c/R] of the points of a matched boundary; `own`: a custom unloaded
     disk, which `lattice.file` can read back.
@@ -253,34 +236,31 @@ def write_lattice(path: Path, lattice: Lattice, velocities: Array, impedance: An
 
 @lru_cache(maxsize=1)
 def versions() -> dict[str, str]:
-    """Return the versions of Python, this package, Taichi, NumPy and SciPy."""
     own = {"python": platform.python_version(), "taichi-disk": __version__}
     return own | engine.versions() | {name: version(name) for name in ("numpy", "scipy")}
 
 
 def provenance() -> dict[str, str]:
-    """Return date, processor and commit for summary.json, the only file that may differ between equal runs."""
+    """Return date, processor and commit for summary.json, the only file in which equal runs may differ."""
     found = {"date": datetime.now(timezone.utc).isoformat(timespec="seconds"), "processor": processor()}
     return found | ({"git_commit": commit} if (commit := _git_commit()) else {})
 
 
 @lru_cache(maxsize=1)
 def _git_commit() -> str:
-    """Return the commit of the checkout, or "" if the program runs from none."""
     root = Path(__file__).parents[2]
     if (root / ".git").exists():
         command = ["git", "-C", str(root), "describe", "--always", "--dirty", "--exclude=*", "--abbrev=40"]
-        with contextlib.suppress(OSError, subprocess.CalledProcessError):  # no git, or another user's folder
+        with contextlib.suppress(OSError, subprocess.CalledProcessError):  # git is missing, or the folder not ours
             found = subprocess.run(command, capture_output=True, text=True, check=True, stdin=subprocess.DEVNULL)
             return found.stdout.strip()
     return ""
 
 
 def origin(*scenes: DiskScene) -> str:
-    """Return the text that films, pictures and trajectories carry: version and scenes, as YAML for `load_scene`."""
+    """Return the metadata of films, pictures and trajectories: version and scenes, as YAML for `load_scene`."""
     return f"# {PROGRAM}\n" + "---\n".join(scene.to_yaml() for scene in scenes)
 
 
 def reason(error: BaseException) -> str:
-    """Return the operating system's message without error number and file name."""
     return (error.strerror if isinstance(error, OSError) else None) or str(error)

@@ -17,8 +17,8 @@ if TYPE_CHECKING:
     from pandas import DataFrame
 
 KINDS = {"mp4": "video/mp4", "webm": "video/webm", "gif": "image/gif", "png": "image/png"}
-FRAME = "width: 100%; height: 640px; border: 0"  # of an HTML film
-CARD_WIDTH = 560.0  # of a figure beside a table [px]; its labels are then as large as the text
+FRAME = "width: 100%; height: 640px; border: 0"  # style of an HTML film
+CARD_WIDTH = 560.0  # width of a figure beside a table [px], at which its labels are as large as the text
 
 
 class Plot(Figure):
@@ -47,7 +47,7 @@ class Film:
 
 
 def dataframe(data: Any, otherwise: str) -> DataFrame:
-    """Return `data` as a pandas table. Raises TaichiDiskError without pandas, which names `otherwise` instead."""
+    """Return `data` as a pandas table. Raises TaichiDiskError without pandas; the message recommends `otherwise`."""
     try:
         from pandas import DataFrame
     except ImportError as error:
@@ -56,7 +56,6 @@ def dataframe(data: Any, otherwise: str) -> DataFrame:
 
 
 def card(title: str, rows: Iterable[tuple[str, ...]], figure: Plot | None) -> str:
-    """Return HTML of a table under a bold title, with `figure` to its right, or below it on a narrow screen."""
     body = "".join(f"<tr>{''.join(f'<td {_LEFT}>{escape(cell)}</td>' for cell in row)}</tr>" for row in rows)
     table = f"<div><b>{escape(title)}</b><table {_LEFT}>{body}</table></div>"
     image = ""

@@ -1,4 +1,4 @@
-"""Draw plot.png: the curves of a run over time, or of a quasi-static loading over compression.
+"""Draw plot.png: the curves of a run over time or, for a quasi-static loading, over compression.
 
 Matplotlib takes 0.3 s to import, so it is imported only when something is drawn.
 """
@@ -47,11 +47,11 @@ STYLE: dict[Any, Any] = {
     "legend.fontsize": 8.5,
 }
 LINE, MARK, SUM = BLUE, "0.45", "#222222"
-VISIBLE_ENERGY = 2e-3  # of the largest energy; curves that stay below it are not drawn
-PANEL_HEIGHTS = (1.2, 1.0, 1.5)  # of motion, force and energies
+VISIBLE_ENERGY = 2e-3  # energies that stay below this fraction of the largest one are not drawn
+PANEL_HEIGHTS = (1.2, 1.0, 1.5)  # relative heights of the panels for motion, force and energies
 LAYOUT = {"left": 0.145, "right": 0.98, "bottom": 0.055, "top": 0.945, "hspace": 0.17}  # fractions of the figure
 _LOCK = threading.Lock()
-# Everything is imported before the run arrives. `os._exit` saves 0.1 s of unloading the libraries.
+# This program imports everything before it receives a run. `os._exit` saves 0.1 s of unloading the libraries.
 _DRAW = """import os, pickle, sys, matplotlib.figure, matplotlib.backends.backend_agg
 from taichi_disk.output.plot import plot_run
 plot_run(*pickle.load(sys.stdin.buffer))
@@ -61,7 +61,7 @@ _ENVIRONMENT = {"MPLBACKEND": "agg", "OPENBLAS_NUM_THREADS": "1"}
 
 @contextmanager
 def matplotlib_style(style: dict[Any, Any]) -> Iterator[None]:
-    """Draw with `style`, independent of the user's matplotlibrc; one thread at a time, because settings are global."""
+    """Replace the user's matplotlibrc by `style` while the block runs, in one thread at a time: settings are global."""
     import matplotlib
 
     with _LOCK, matplotlib.rc_context():
@@ -74,7 +74,7 @@ def draw_curves(axes: list[Any], scenario: Scenario, columns: Columns, **line: A
     """Draw motion, force of the wall and energies over time on three axes; return the lines.
 
     The potential of the load is drawn relative to its initial value, and omitted for quasi-static loading. A dot marks
-    the energy of vibration, kinetic and elastic, that an impact leaves.
+    the energy of vibration, kinetic and elastic, that is left after an impact.
     """
     largest = max(columns["kinetic"].max(), columns["elastic"].max())
     motion, label = scenario.motion(columns)
@@ -99,7 +99,7 @@ def draw_curves(axes: list[Any], scenario: Scenario, columns: Columns, **line: A
 
 
 def plot_run(path: Path, scenario: Scenario, columns: Columns, headline: str = "") -> None:
-    """Draw the samples of a run (columns as in timeseries.csv) into a PNG under a headline, bitwise reproducibly.
+    """Draw the time series of a run (columns as in timeseries.csv) into a bitwise reproducible PNG, under a headline.
 
     Raises SimulationError if the file cannot be written.
     """
@@ -110,7 +110,6 @@ def plot_run(path: Path, scenario: Scenario, columns: Columns, headline: str = "
 
 
 def run_figure(scenario: Scenario, columns: Columns, headline: str = "") -> Plot:
-    """Return the plot of a run as a figure, to show or to change."""
     with matplotlib_style(STYLE):
         figure = _drawn(scenario, columns, headline)
         figure.draw_without_rendering()  # fixes the style of ticks and grid
@@ -136,8 +135,8 @@ def _drawn(scenario: Scenario, columns: Columns, headline: str) -> Plot:
 def plotting_beside(film: bool) -> Iterator[Begin]:
     """Import Matplotlib and draw in a second process while the block runs; a thread would wait for Python's lock.
 
-    Yields a function that starts `plot_run` with its arguments and returns a function that waits for the plot. If the
-    second process fails, or if Matplotlib is imported here already and no `film` is made, this process draws.
+    Yields a function that starts `plot_run` with its arguments and returns a function that waits for the plot. This
+    process draws if the second one fails, or if it has already imported Matplotlib and no `film` is made.
     """
     child = None
     if film or "matplotlib" not in sys.modules:
@@ -167,7 +166,7 @@ def plotting_beside(film: bool) -> Iterator[Begin]:
 
 
 def _plot_answers(scenario: Scenario, columns: Columns) -> Any:
-    """Return a picklable stand-in for `scenario` with its answers, so that the second process needs no Taichi."""
+    """Return a picklable stand-in for `scenario` with ready answers, so that the second process needs no Taichi."""
     questions = ("motion", "marks", "continuum") if scenario.static else ("motion", "marks", "quality", "last_motion")
     answers = {name: getattr(scenario, name)(columns) for name in questions} | {"title": scenario.title()}
     answer_functions = {name: partial(_answer, answer) for name, answer in answers.items()}
@@ -180,12 +179,11 @@ def _answer(answer: Any, *_: Any) -> Any:
 
 
 def _draw_run(figure: Any, scenario: Scenario, columns: Columns) -> None:
-    """Draw the curves over time, and below them the quality of the run."""
     t, quality, (result, note) = columns["t"], scenario.quality(columns), scenario.marks(columns)
     ratios = (*PANEL_HEIGHTS[:2], 0.12, *PANEL_HEIGHTS[2:], *([0.8] if quality else []))
-    # layout="constrained" would draw everything twice, which is half of the time of a plot.
+    # layout="constrained" would draw everything twice and so double the time of a plot.
     axes = list(figure.subplots(len(ratios), 1, sharex=True, height_ratios=ratios, gridspec_kw=LAYOUT))
-    axes.pop(2).remove()  # its place is for the legend of the energies
+    axes.pop(2).remove()  # the legend of the energies takes the place of these axes
     axes[-1].set_xlim(t[0], scenario.last_motion(columns))
     motion = draw_curves(axes, scenario, columns)[0]
     _mark(axes[0], t, motion.get_ydata(), result)
@@ -199,7 +197,6 @@ def _draw_run(figure: Any, scenario: Scenario, columns: Columns) -> None:
 
 
 def _draw_loading(figure: Any, scenario: Scenario, columns: Columns) -> None:
-    """Draw the load of each equilibrium over compression, with continuum laws, and the stored energy."""
     (xi, label), load = scenario.motion(columns), columns["wall_force"]
     force, energy = figure.subplots(2, 1, sharex=True, height_ratios=(2.0, 1.0), gridspec_kw=LAYOUT)
     force.plot(xi, load, "o-", color=LINE, markersize=4, label="equilibria")
@@ -217,7 +214,6 @@ def _draw_loading(figure: Any, scenario: Scenario, columns: Columns) -> None:
 
 
 def _mark(ax: Any, t: Array, values: Array, text: str) -> None:
-    """Draw a dashed line at the last value of the curve, with `text` below it where it does not cover the curve."""
     level, (start, end) = values[-1], ax.get_xlim()
     before = np.abs(values[t <= start + 0.3 * (end - start)] - level)
     x = 0.02 if before.min() > 0.3 * np.ptp(values) else 0.7

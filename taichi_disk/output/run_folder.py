@@ -1,4 +1,4 @@
-"""The folder of one run: chosen before anything is computed; it appears by one rename when the run has ended.
+"""The folder of one run: it is chosen before anything is computed, and appears by one rename when the run has ended.
 
 Until then the run is built in a hidden folder beside it. docs/output.md says what may be replaced.
 """
@@ -8,7 +8,7 @@ from __future__ import annotations
 import os
 import shutil
 from collections.abc import Callable, Iterable, Iterator
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from dataclasses import dataclass
 from itertools import chain, count
 from pathlib import Path
@@ -20,14 +20,14 @@ from taichi_disk.output.files import Contents, look
 
 @dataclass
 class RunFolder:
-    """A run is written into the hidden folder `path`, which becomes `out`. `made`: films and exports to keep."""
+    """The folder `out` of a run, which is written at the hidden `path`. `made`: earlier films and exports to keep."""
 
     out: Path
     path: Path
     made: list[str]
 
     def take_over(self) -> str | None:
-        """Copy earlier films and trajectories of the same run; return the name of a film, if there is one."""
+        """Copy earlier films and trajectories of the same run; return the name of a film, or None."""
         for name in self.made:
             old, new = self.out / name, self.path / name
             if not new.exists():
@@ -46,36 +46,34 @@ def run_folder(
 ) -> Iterator[RunFolder]:
     """Use as `with run_folder(...) as folder:` and write the run's files, summary.json last, into `folder.path`.
 
-    When the block ends, also with an error or Ctrl-C, `folder.path` becomes `folder.out`, or is removed if it has no
+    When the block ends, also by an error or Ctrl-C, `folder.path` becomes `folder.out`, or is removed if it has no
     summary.json.
 
     Args:
         out: folder of the run.
         scene_yaml: the resolved scene; written as scene.yaml.
-        explicit: whether the user named `out`. If not, and it is taken, out-2, out-3, … are tried.
+        explicit: whether the user named `out`. If not, and `out` is in use, out-2, out-3, … are tried.
         overwrite: whether another run in `out` may be replaced.
         notify: receives a sentence if another folder is used.
         lattice: digest of a custom lattice or custom velocities, lattice_digest in the summary.
 
     Raises InputError on entry, with nothing left behind, if the folder holds something else, cannot be renamed or
-    cannot be written; SimulationError on leaving if the run cannot be renamed: it stays in `path`.
+    cannot be written. Raises SimulationError on exit if `path` cannot be renamed; the run then stays there.
     """
     run = scene_yaml, lattice
-    before: Contents | None = None  # what the folder held when the run began
+    before: Contents | None = None  # contents of the folder when the run began
 
     def refusal(held: Contents, status: str) -> str:
-        """Return why a run of this status may not be written into a folder; empty if it may."""
         if held.foreign:
             return f"holds {held.foreign}, which no run wrote"
         if held.status == "done" and status != "done":
             return "holds a finished run"
-        # `overwrite` does not extend to a run that appeared while this one was computed.
+        # `overwrite` does not permit replacing a run that appeared while this one was computed.
         if not held.names or run == held.run or (overwrite and before in (None, held)):
             return ""
         return "holds another run" + " (overwrite=True replaces it)" * explicit
 
     def choose(folders: Iterable[Path], status: str) -> Path:
-        """Return the first folder that a run of this status may be written into, or raise InputError."""
         why = ""
         for folder in folders:
             files.restore(folder)
@@ -88,7 +86,7 @@ def run_folder(
 
     asked, made = Path(out).expanduser(), list[Path]()
     try:
-        if asked.name == ".." or asked.is_symlink():  # a folder cannot be renamed to these
+        if asked.name == ".." or asked.is_symlink():  # a folder cannot be renamed to such a path
             asked = asked.resolve()
         refuse_place(asked)
         made = files.prepare_output(asked.parent)
@@ -96,7 +94,7 @@ def run_folder(
         before = look(chosen)
         kept = [name for name in before.names if name in files.FILMS or files.MADE.fullmatch(name)]
         folder = RunFolder(chosen, files.hidden(chosen), kept if run == before.run else [])
-        files.remove(folder.path)  # of an earlier process of this number: in a container all have the same
+        files.remove(folder.path)  # left by a killed process: in a container all processes may have the same number
         folder.path.mkdir()
     except (OSError, ValueError) as error:
         files.remove_empty(made)
@@ -121,19 +119,13 @@ def run_folder(
 
 def refuse_place(out: Path) -> None:
     """Raise InputError if `out` is a folder that no run can replace."""
-    what = ""
-    with suppress(RuntimeError):  # nobody has a home
-        what = "your home" if Path.home().resolve().is_relative_to(out.resolve()) else what
-    if files.holds_working_directory(out):
-        what = "the folder you are in"
-    elif os.path.ismount(out):
-        what = "where a file system is mounted"
-    if what:
+    here = files.holds_working_directory(out)
+    if here or os.path.ismount(out):
+        what = "the current folder" if here else "the mount point of a file system"
         raise InputError(f"{out} is {what}, which no run can replace: name a folder in it as `out`")
 
 
 def refuse_run(out: Path) -> None:
-    """Raise InputError if `out` holds a run: other files would spoil it."""
     if out.is_dir() and look(out).status:
         raise InputError(f"{out} holds a run; choose another folder as `out`")
 

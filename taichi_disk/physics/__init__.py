@@ -1,4 +1,4 @@
-"""The laws of motion: each with its numbers, its Taichi functions, and its energy and forces in NumPy."""
+"""The laws of motion, each with its parameters, its Taichi functions, and its energy and forces in NumPy."""
 
 from taichi_disk.physics.body_forces import ExponentialWall, Load, MouseSpring
 from taichi_disk.physics.boundaries import Boundary, MatchedBoundary, PinnedBoundary, ResetBoundary, matched_impedance

@@ -1,4 +1,4 @@
-"""Forces on single points: of the rigid wall, of the load that presses the disk on it, and of the user's mouse."""
+"""Forces on single points: by the rigid wall, by the load that presses the disk on it, and by the user's mouse."""
 
 from dataclasses import dataclass
 from math import exp
@@ -12,8 +12,8 @@ from taichi_disk.lattice import Array, Lattice
 from taichi_disk.physics.law import BodyForce, Capacity, Contents, Wall, array, get, pair_of, put
 from taichi_disk.physics.ordering import Arrangement
 
-NEGLIGIBLE_FORCE = exp(-45.0)  # of the rigid wall on a point [M c^2/R]
-STOPPING_TIME = 1e-9  # within which friction in NumPy stops a point, if it is strong enough [R/c]
+NEGLIGIBLE_FORCE = exp(-45.0)  # a smaller force of the rigid wall on a point is not computed [M c^2/R]
+STOPPING_TIME = 1e-9  # time in which friction in NumPy stops a point, if it is strong enough [R/c]
 
 
 @ti.data_oriented
@@ -22,8 +22,8 @@ class ExponentialWall(Wall, BodyForce):
     """A flat wall at y = 0 that pushes every point of the disk upwards with a V0 exp(-a y), paper eqs. (3) and (6)."""
 
     a: float  # hardness [1/R]
-    V0: float  # potential at y = 0 [M c^2]; another V0 shifts the wall by ln(ratio)/a and changes no result
-    friction: float = 0.0  # coefficient mu of Coulomb's friction; 0: none
+    V0: float  # potential at y = 0 [M c^2]; another V0 shifts the wall by ln(ratio)/a but changes no result
+    friction: float = 0.0  # Coulomb friction coefficient mu; 0: none
     switches = ("has_friction",)
 
     def __post_init__(self) -> None:
@@ -57,12 +57,12 @@ class ExponentialWall(Wall, BodyForce):
 
     @ti.func
     def add_friction(self, state: ti.template(), kick, late):
-        """Add Coulomb friction: the force that would stop a point within the next kick, at most mu times the wall's.
+        """Add Coulomb friction: the force that would stop a point within the next kick, at most mu times the push.
 
-        `kick` is the time for which the forces change the velocities of the state; `late` of it lies before this
-        moment [R/c]. So a point that sticks has exactly no velocity along the wall between two steps, and one that
-        slides is never turned round. No friction law that is smooth in the velocity can do that at such steps.
-        Returns the power lost [M c^3/R].
+        The forces change the velocities of the state for the time `kick`, of which `late` lies before this moment
+        [R/c]. So a point that sticks has exactly no velocity along the wall between two steps, and friction never
+        reverses a sliding point. A friction law that is smooth in the velocity cannot do that at such steps. Returns
+        the power lost [M c^3/R].
         """
         power = 0.0
         for i in range(state.n_disk[None]):
@@ -106,7 +106,7 @@ class ExponentialWall(Wall, BodyForce):
 @ti.data_oriented
 @dataclass(eq=False)
 class Load(BodyForce):
-    """-P m_i/M on every point of the disk, which is the -P/N of paper eq. (3); its potential is P y_cm."""
+    """The force -P m_i/M on every point of the disk, the -P/N of paper eq. (3). Its potential is P y_cm."""
 
     force: float  # total force P [M c^2/R]
     scalars = ("force",)
@@ -138,17 +138,17 @@ class Load(BodyForce):
 class MouseSpring(BodyForce):
     """A spring from at most one point to the mouse, whose pull is limited; see `Simulation.set_mouse_target`.
 
-    It derives from a potential, f r - f^2/(2 k) with the pull f = min(k r, F). So the energy that the user gives the
-    disk is the jump of the potential when the spring is tied, moved or untied. It exists in kernels only.
+    With the pull f = min(k r, F) it has the potential f r - f^2/(2 k). So the energy that the user gives to the disk is
+    the jump of the potential when the spring is tied, moved or untied. Only kernels compute this law.
     """
 
     k: float  # spring constant [M c^2/R^2]
-    strongest: float  # its largest pull F [M c^2/R]
+    strongest: float  # largest pull F [M c^2/R]
     scalars = ("k", "strongest")
 
     def make_fields(self, builder: Any, capacity: Capacity) -> None:
         super().make_fields(builder, capacity)
-        # Written and read in one kernel: Taichi 1.7.4 would hand a later reader of a 0-D field the value from before.
+        # One kernel writes and reads these fields. From a 0-D field Taichi 1.7.4 would then read the old value.
         self.target = pair_of(builder, 1)
         self.point = array(builder, 1)  # -1: none
 
@@ -174,11 +174,8 @@ class MouseSpring(BodyForce):
 
     @ti.func
     def change(self, state: ti.template(), factor):
-        """Add `factor` times the pull to the forces at this step; positions and velocities stay as they are.
-
-        Half a step's kick lies before this moment and half after it: only the second half changes. Returns `factor`
-        times the potential.
-        """
+        """Add `factor` times the pull to the forces at this step, and return `factor` times the potential [M c^2]."""
+        # Only the second half of this step's kick lies after this moment, so only that half changes.
         i = self.point[0]
         energy = 0.0
         if i >= 0:

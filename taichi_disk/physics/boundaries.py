@@ -1,9 +1,9 @@
 """Sides and bottom of the elastic wall (paper section 5): pinned, reset or matched.
 
-The paper says that "the energy of the particles at both sides and the bottom is reset to 0 at every time step". Three
-readings: `ResetBoundary` zeroes velocities at a fixed interval, whatever the time step is; `PinnedBoundary` is its
-limit for an interval of 0, a perfect reflector; `MatchedBoundary` absorbs waves (Lysmer & Kuhlemeyer 1969), which is
-what the reset was made for.
+The paper says that "the energy of the particles at both sides and the bottom is reset to 0 at every time step". This
+can be read in three ways: `ResetBoundary` zeroes velocities at a fixed interval that does not depend on the time step;
+`PinnedBoundary` is its limit for an interval of 0, a perfect reflector; `MatchedBoundary` absorbs waves (Lysmer &
+Kuhlemeyer 1969), which is the purpose of the reset.
 """
 
 from dataclasses import dataclass
@@ -19,10 +19,10 @@ from taichi_disk.physics.ordering import Arrangement
 
 @ti.data_oriented
 class Boundary(Law):
-    """The points of `Lattice.wall_boundary`, and what happens to them."""
+    """What happens to the points of `Lattice.wall_boundary`."""
 
-    interval = 0.0  # between two resets of their velocities [R/c]; 0: none
-    impedance: Array | None = None  # of dashpots at the points, as of `MatchedBoundary`
+    interval = 0.0  # time between two resets of the velocities [R/c]; 0: no resets
+    impedance: Array | None = None  # dashpot constants of a `MatchedBoundary`
     is_pinned = False
 
     def make_fields(self, builder: Any, capacity: Capacity) -> None:
@@ -34,13 +34,13 @@ class Boundary(Law):
 
 @ti.data_oriented
 class PinnedBoundary(Boundary):
-    """The points are held fast."""
+    """A boundary whose points cannot move."""
 
     is_pinned = True
 
     @ti.func
     def hold(self, state: ti.template()):
-        """Take the force from the points, so that they stay at rest."""
+        """Set the force on the points to zero, so that they stay at rest."""
         for k in range(self.count[0]):
             put(state.f, self.point[k], ti.Vector([0.0, 0.0]))
 
@@ -48,10 +48,10 @@ class PinnedBoundary(Boundary):
 @ti.data_oriented
 @dataclass(eq=False)
 class MatchedBoundary(Boundary):
-    """A force -Z v on each point, Z from `matched_impedance`: waves leave without reflection."""
+    """Dashpots with the force -Z v on each point, Z from `matched_impedance`: waves leave without reflection."""
 
     velocity_dependent = True
-    impedance: Array  # (k, 2) Z for x and y: rho c times the length of boundary that belongs to a point [M c/R]
+    impedance: Array  # (k, 2) Z for x and y: rho c times the length of boundary that a point represents [M c/R]
 
     def make_fields(self, builder: Any, capacity: Capacity) -> None:
         super().make_fields(builder, capacity)
@@ -67,7 +67,7 @@ class MatchedBoundary(Boundary):
 
     @ti.func
     def damp(self, state: ti.template(), half):
-        """Add the forces -Z v at this step; v results from the force for the time `half` after v_ in `state.v`.
+        """Add the forces -Z v at this step; v results from v_ in `state.v` and the force acting for the time `half`.
 
         Returns (v.Zv + 2 v_.Zv_)/3, for the energy balance.
         """
@@ -84,7 +84,7 @@ class MatchedBoundary(Boundary):
 
     @ti.func
     def solved_power(self, state: ti.template()):
-        """Return u.Zu, if the velocities u at this step have been solved for."""
+        """Return u.Zu if the velocities u at this step are solved for."""
         power = 0.0
         for k in range(self.count[0]):
             u = get(state.u, self.point[k])
@@ -95,17 +95,17 @@ class MatchedBoundary(Boundary):
 @ti.data_oriented
 @dataclass(eq=False)
 class ResetBoundary(Boundary):
-    """The velocities of the points are set to zero once every `interval`: a drag of 2 m/interval on each.
+    """A boundary whose velocities are set to zero once every `interval`: a drag of 2 m/interval on each point.
 
-    Springs do not notice a stop. Dashpots do: their force jumps with the velocity. The next half step has to start from
+    Springs do not depend on velocity, but the force of dashpots jumps at a reset. The next half step has to start from
     the force after the jump, or the reset would cost an order of accuracy.
     """
 
-    interval: float  # a whole number of time steps [R/c]
+    interval: float  # time between two resets, a whole number of time steps [R/c]
 
     @ti.func
     def stop(self, state: ti.template(), springs: ti.template(), solver: ti.template(), implicit: ti.template()):
-        """Set the velocities at this step to zero; returns the kinetic energy that they had [M c^2].
+        """Set the velocities at this step to zero, and return the kinetic energy that is lost [M c^2].
 
         Leapfrog conserves m/2 v_{k-1/2} v_{k+1/2} = m/2 v_k^2 - m/2 (h/2 f_k/m)^2, and with dashpots f_k jumps too.
         `implicit`: whether `solver` (see `trapezoidal`) has solved for the velocities in `state.u`.
@@ -138,7 +138,7 @@ class ResetBoundary(Boundary):
 
     @ti.func
     def restart_explicit(self, state: ti.template(), springs: ti.template()):
-        """Update `f` and `u` after a stop. Before it, `u` holds the velocity that each point has lost."""
+        """Update `f` and `u` after a reset. Before, `u` holds the velocity that each point has lost."""
         half, eta = state.closing[None], springs.eta_now[None]
         for i in range(state.n[None]):
             kick = half * state.inverse_mass[i] * get(state.f, i)
@@ -154,7 +154,7 @@ class ResetBoundary(Boundary):
 
     @ti.func
     def half_kick_energy(self, state: ti.template(), solved: ti.template()):
-        """Return sum(m/2 (h/2 f/m)^2); if velocities have only been `solved` for, h/2 f/m is u - v."""
+        """Return sum(m/2 (h/2 f/m)^2). If the velocities are `solved` for, h/2 f/m is u - v."""
         energy = 0.0
         for i in range(state.n[None]):
             kick = 0.5 * state.h[None] * state.inverse_mass[i] * get(state.f, i)
@@ -165,7 +165,7 @@ class ResetBoundary(Boundary):
 
     @ti.func
     def dashpot_work(self, state: ti.template(), springs: ti.template(), h):
-        """Return sum(eta (u_i - u_j).(w_i - w_j)) over the springs, w = v + h f/m; h = 0 for the last half step."""
+        """Return sum(eta (u_i - u_j).(w_i - w_j)) over the springs with w = v + h f/m; h = 0 for the last half step."""
         power = 0.0
         for b in range(state.blocks[None]):
             for k in ti.static(range(len(springs.first))):
@@ -180,8 +180,8 @@ class ResetBoundary(Boundary):
 def matched_impedance(lattice: Lattice, normal: float, tangential: float) -> Array:
     """Return the dashpot constants (k, 2) [M c/R] of `wall_boundary`.
 
-    Half of each segment of the boundary belongs to each of its ends. Across the segment they resist with rho c_p of the
-    wall (`normal`), along it with rho c_s (`tangential`) [M c/R^2].
+    Half of each segment of the boundary belongs to each of its ends. Dashpots resist with rho c_p (`normal`) across the
+    segment, and with rho c_s (`tangential`) along it [M c/R^2].
     """
     chain = lattice.positions[lattice.wall_boundary]
     segment = np.diff(chain, axis=0)

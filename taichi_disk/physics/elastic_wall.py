@@ -1,7 +1,7 @@
 """Contact with the elastic wall (paper section 5): a V0 exp(-a l) from the wall's surface spring below a point.
 
-The distance l is measured along the spring's normal n. The spring's two ends take the reaction by the lever rule, which
-balances force and torque and makes the force the gradient of V0 exp(-a l) while the point stays over one spring. The
+The distance l is measured along the spring's normal n. The ends of the spring take the reaction by the lever rule. This
+balances force and torque, and while the point stays above one spring the force is the gradient of V0 exp(-a l). The
 potential is shifted to be zero at the threshold, so that it does not jump when a contact begins.
 """
 
@@ -23,9 +23,9 @@ class Contacts:
 
     points: NDArray[np.intp]  # (k,) indices of the points in the lattice
     carriers: NDArray[np.intp]  # (k, w) indices in `wall_surface` of the points that take the reaction
-    shares: Array  # (k, w) fractions of the reaction that they take
+    shares: Array  # (k, w) fraction of the reaction on each of them
     energy: Array  # (k,) V0 exp(-a l), not shifted [M c^2]
-    force: Array  # (k, 2) on each point [M c^2/R]
+    force: Array  # (k, 2) force on each point [M c^2/R]
 
 
 @ti.data_oriented
@@ -62,14 +62,14 @@ class ElasticWall(Wall):
 
     @ti.func
     def add(self, state: ti.template(), move):
-        """Push every surface point of the disk off the wall below it.
+        """Push every surface point of the disk away from the wall below it.
 
         Returns the upward force on the disk [M c^2/R], the potential [M c^2], the largest force on one point, and the
-        energy that points lost by sliding in the last move, which was `move` times the velocity (see `slid`).
+        energy lost by sliding in the last move, which was `move` times the velocity (see `sliding_loss`).
         """
         a, V0, threshold = self.a_now[None], self.V0_now[None], self.threshold_now[None]
         x, y = ti.static(state.x[0], state.x[1])
-        upward, potential, peak_point_force, slid = 0.0, 0.0, 0.0, 0.0
+        upward, potential, peak_point_force, sliding = 0.0, 0.0, 0.0, 0.0
         last = self.count[1] - 1
         top, left = y[self.wall_surface[0]], x[self.wall_surface[0]]
         for k in range(1, self.count[1]):
@@ -92,40 +92,38 @@ class ElasticWall(Wall):
                     potential += energy - self.shift_now[None]
                     size = a * energy
                     if ti.static(self.has_jumps):
-                        slid += self.slid(state, i, k, move)
+                        sliding += self.sliding_loss(state, i, k, move)
                     else:
                         size = point_force.norm()
                     peak_point_force = ti.max(peak_point_force, size)
-        return upward, potential, peak_point_force, slid
+        return upward, potential, peak_point_force, sliding
 
     @ti.func
     def contact(self, state: ti.template(), i, k):
-        """Return the distance of point i from the wall near spring k, and the direction of the force.
+        """Return the contact of point i with the wall near spring k.
 
-        Then follow the index in `wall_surface` of the first point that takes the reaction, and the shares of all. The
-        distance is the threshold if there is no wall below the point.
+        The values are the distance (the threshold if there is no wall below the point), the direction of the force, the
+        index in `wall_surface` of the first point that takes the reaction, and the fractions of all such points.
         """
         distance, normal, lever = self.threshold_now[None], ti.Vector([0.0, 0.0]), 0.0
         x, p, q = state.x[0][i], self.wall_surface[k], self.wall_surface[k + 1]
         if x >= state.x[0][p] and x < state.x[0][q]:
-            distance, lever, normal = self.over(state, i, k, 0.0)
+            distance, lever, normal = self.position_above(state, i, k, 0.0)
         return distance, normal, k, ti.Vector([1.0 - lever, lever])
 
     @ti.func
-    def slid(self, state: ti.template(), i, k, move):
-        """Return the energy that point i, now over wall spring k, lost if it was over another one before the last move.
-
-        On a bent surface the distance l, and with it the potential, jumps when a point passes from one spring to the
-        next: half of the jumps at either end of the move, as the trapezoidal rule has it.
-        """
+    def sliding_loss(self, state: ti.template(), i, k, move):
+        """Return the energy that point i lost if the last move has brought it above wall spring k from another one."""
+        # On a bent surface the distance l, and with it the potential, jumps when a point passes from one spring to the
+        # next. By the trapezoidal rule, half of the jump at each end of the move counts.
         before = self.spring_below(state, i, k, move)
         lost = 0.0
         if before != k:
-            for case in range(4):  # a loop: four inlined calls take long to compile
+            for case in range(4):  # a loop, because four inlined calls take long to compile
                 spring, half = k, -0.5
                 if case < 2:
                     spring, half = before, 0.5
-                distance, _lever, _normal = self.over(state, i, spring, (case % 2) * move)
+                distance, _lever, _normal = self.position_above(state, i, spring, (case % 2) * move)
                 if distance < self.threshold_now[None]:
                     energy = self.V0_now[None] * ti.exp(-self.a_now[None] * distance)
                     lost += half * (energy - self.shift_now[None])
@@ -133,7 +131,7 @@ class ElasticWall(Wall):
 
     @ti.func
     def spring_below(self, state: ti.template(), i, guess, move):
-        """Return the wall spring below or nearest to point i, `move` times the velocity ago."""
+        """Return the wall spring below or nearest to point i, at its position before `move` times the velocity."""
         k = guess
         x = self.position_before(state, i, move)[0]
         while k > 0 and x < self.position_before(state, self.wall_surface[k], move)[0]:
@@ -143,8 +141,8 @@ class ElasticWall(Wall):
         return k
 
     @ti.func
-    def over(self, state: ti.template(), i, k, move):
-        """Return distance and lever of point i over wall spring k, and its normal, `move` times the velocity ago."""
+    def position_above(self, state: ti.template(), i, k, move):
+        """Return distance, lever and normal of point i above wall spring k, at the position before `move` times v."""
         start = self.position_before(state, self.wall_surface[k], move)
         along = self.position_before(state, self.wall_surface[k + 1], move) - start
         away = self.position_before(state, i, move) - start
@@ -159,7 +157,6 @@ class ElasticWall(Wall):
     # ---- in NumPy
 
     def contacts(self, lattice: Lattice, x: Array) -> Contacts:
-        """Return all contacts with the points at `x` (n, 2) [R]."""
         px, chain = x[lattice.disk_surface, 0][:, None], x[lattice.wall_surface]
         start, end = self.pieces(chain)
         over = (start[:, 0] <= px) & (px < end[:, 0])
@@ -167,17 +164,17 @@ class ElasticWall(Wall):
         points = lattice.disk_surface[rows].astype(np.intp)
         carriers = over[rows].argmax(axis=1)[:, None] + np.arange(self.carriers)
         distance, direction, shares = self.geometry(x[points], chain[carriers])
-        with np.errstate(over="ignore", invalid="ignore"):  # after a blow-up
+        with np.errstate(over="ignore", invalid="ignore"):  # values after a blow-up
             energy, force = self.potential(distance), self.force_at(distance)[:, None] * direction
-        near = distance < self.threshold
-        return Contacts(points[near], carriers[near], shares[near], energy[near], force[near])
+        in_reach = distance < self.threshold
+        return Contacts(points[in_reach], carriers[in_reach], shares[in_reach], energy[in_reach], force[in_reach])
 
     def pieces(self, chain: Array) -> tuple[Array, Array]:
-        """Return start and end (m, 2) of the pieces of the surface whose points are `chain` (n, 2)."""
+        """Return start and end (m, 2) of the pieces of the surface with the points `chain` (n, 2)."""
         return chain[:-1], chain[1:]
 
     def geometry(self, x: Array, ends: Array) -> tuple[Array, Array, Array]:
-        """Return distances (k,), directions (k, 2) and shares (k, w) as `contact` does.
+        """Return distances (k,), directions (k, 2) and fractions (k, w) as `contact` does.
 
         `x` (k, 2) are points of the disk, `ends` (k, w, 2) the wall's points that take the reactions.
         """

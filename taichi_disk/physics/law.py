@@ -1,10 +1,10 @@
-"""What all laws of motion have in common: numbers, fields, and the same law in NumPy.
+"""Common features of all laws of motion: parameters, fields, and the same law in NumPy.
 
-By default Taichi 1.7.4 takes local vectors apart into scalars and leaves it to LLVM 15 to find vectors again. On a
-processor that LLVM 15 does not know (Zen 4, Zen 5, ...) it finds pairs at best. `runtime.start` keeps vectors whole, in
-registers as wide as the processor has. Two things go wrong then: the address of an element of a vector field, so fields
-of vectors are pairs of scalar fields, side by side in memory; and `a -= b` of whole local vectors (LLVM aborts), so
-write a = a - b.
+By default Taichi 1.7.4 splits local vectors into scalars and leaves it to LLVM 15 to find vectors again, which finds at
+best pairs on processors that it does not know (Zen 4, Zen 5, ...). `runtime.start` keeps vectors whole, in registers as
+wide as the processor has. Taichi then fails in two cases. It cannot address an element of a vector field, so fields of
+vectors are pairs of scalar fields, adjacent in memory. And LLVM aborts at `a -= b` of whole local vectors, so write a =
+a - b.
 """
 
 from collections.abc import Callable
@@ -18,14 +18,14 @@ from taichi_disk.engine import ti
 from taichi_disk.lattice import Array, Lattice
 from taichi_disk.physics.ordering import Arrangement
 
-# NumPy arrays that kernels take.
+# Types of the NumPy arrays that kernels accept.
 Integers1 = ti.types.ndarray(ti.i32, ndim=1)
 Reals1 = ti.types.ndarray(ti.f64, ndim=1)
 Reals2 = ti.types.ndarray(ti.f64, ndim=2)
 Reals3 = ti.types.ndarray(ti.f64, ndim=3)
 
 Contents = list[tuple[tuple[Any, ...], ArrayLike]]
-"""What fields hold at the start: (fields, values (rows, fields)) pairs; row i goes to index i of each field."""
+"""Initial values of fields: pairs (fields, values (rows, fields)); row i goes to index i of each field."""
 
 
 @ti.func
@@ -41,14 +41,13 @@ def put(pair: ti.template(), i, value):
 
 
 def side_by_side(builder: Any, count: int, fields: int, kind: Any = ti.f64) -> tuple[Any, ...]:
-    """Make `fields` fields of `count` numbers. Numbers of one index are adjacent, so one instruction loads them."""
+    """Make `fields` fields of `count` numbers, adjacent in memory so that one instruction loads those of an index."""
     made = tuple(ti.field(kind) for _ in range(fields))
     builder.dense(ti.i, count).place(*made)
     return made
 
 
 def pair_of(builder: Any, count: int) -> tuple[Any, ...]:
-    """Make a field of `count` vectors, for `get` and `put`."""
     return side_by_side(builder, count, 2)
 
 
@@ -64,7 +63,7 @@ def scalar(builder: Any, kind: Any = ti.f64) -> Any:
 
 
 class Capacity(NamedTuple):
-    """How many points, blocks of springs and entries of a factor the fields of a simulation can hold."""
+    """Numbers of points, blocks of springs and entries of a factor for which the fields of a simulation have room."""
 
     points: int
     blocks: int
@@ -72,20 +71,15 @@ class Capacity(NamedTuple):
 
 
 class Law:
-    """A force or a constraint: numbers, Taichi functions, and energy and forces in NumPy.
+    """A force or a constraint: parameters, Taichi functions, and energy and forces in NumPy.
 
     Outside a `Simulation` a law is a plain value object. A simulation copies the law and gives the copy fields, which
-    kernels read.
-
-    Attributes:
-        velocity_dependent: whether the force depends on velocity.
-        scalars: names of the numbers that kernels read, `k` from the 0-D field `k_now`. They can change without a
-            compilation.
-        switches: names of the attributes for which kernels are compiled: they say which parts of the law are absent.
+    kernels read. Kernels read a parameter `k` that is named in `scalars` from the 0-D field `k_now`, so it can change
+    without a compilation.
     """
 
-    velocity_dependent: bool = False
-    switches: tuple[str, ...] = ()
+    velocity_dependent: bool = False  # whether the force depends on velocity
+    switches: tuple[str, ...] = ()  # attributes that tell which parts of the law are absent; each needs a compilation
 
     @property
     def scalars(self) -> tuple[str, ...]:
@@ -93,30 +87,27 @@ class Law:
 
     @property
     def signature(self) -> tuple[Any, ...]:
-        """All of the law that kernels are compiled for."""
+        """Everything about the law that requires a compilation of the kernels."""
         return (type(self), *(getattr(self, name) for name in self.switches))
 
     def make_fields(self, builder: Any, capacity: Capacity) -> None:
-        """Make the fields of `scalars`, and others that a law needs."""
         for name in self.scalars:
             setattr(self, f"{name}_now", scalar(builder))
 
     def take_values(self, other: "Law") -> None:
-        """Copy the attributes of `other`, a law with the same `signature`; the fields stay."""
+        """Copy the attributes of `other`, a law with the same `signature`, but keep the fields."""
         vars(self).update(vars(other))
 
     def numbers(self) -> list[tuple[Any, float]]:
-        """Return the 0-D fields, each with its number."""
         return [(getattr(self, f"{name}_now"), getattr(self, name)) for name in self.scalars]
 
     def contents(self, lattice: Lattice, arrangement: Arrangement) -> Contents:
-        """Return what the other fields hold for a lattice and the arrangement of its springs."""
         return []
 
     # ---- in NumPy
 
     def energy(self, lattice: Lattice, x: Array) -> float:
-        """Return the potential energy [M c^2] with the points at `x` (n, 2) [R]; 0 if only kernels know it."""
+        """Return the potential energy [M c^2] with the points at `x` (n, 2) [R]; 0 if only kernels compute it."""
         return 0.0
 
     def forces(self, lattice: Lattice, x: Array) -> Array:
@@ -130,7 +121,7 @@ class Law:
     def stiffness(self, lattice: Lattice, x: Array) -> Any:
         """Return the second derivative of `energy`, sparse (2n, 2n) [M c^2/R^2]; order x0, y0, x1, y1, ...
 
-        Only springs, rigid wall and load have one, because Newton's method needs no others; the rest return zero.
+        It is zero except for springs, rigid wall and load, because Newton's method needs no other.
         """
         from scipy.sparse import csr_matrix
 
@@ -138,27 +129,21 @@ class Law:
 
 
 class Wall(ExponentialPotential, Law):
-    """What the disk hits; its energy is the column `wall`.
+    """A law by which the disk is reflected. Its energy is the column `wall`."""
 
-    Attributes:
-        is_elastic: whether the wall is a lattice, whose points follow those of the disk.
-        has_friction: whether the wall resists sliding, by a Taichi function `add_friction`.
-        has_jumps: whether the force jumps when a point of the disk passes from one spring of the wall to the next.
-    """
-
-    is_elastic: bool = False
-    has_friction: bool = False
-    has_jumps: bool = False
+    is_elastic: bool = False  # whether the wall is a lattice, whose points follow those of the disk
+    has_friction: bool = False  # whether a Taichi function `add_friction` makes the wall resist sliding
+    has_jumps: bool = False  # whether the force jumps when a point passes to the next spring of the wall
 
     def contact_forces(self, lattice: Lattice, x: Array, *moving: Any) -> tuple[NDArray[np.intp], Array]:
         """Return (points (k,), forces (k, 2) [M c^2/R]) of the wall on the points of the disk within its reach.
 
-        `moving`: the velocities (n, 2) [c] and the springs, which friction depends on.
+        `moving`: the velocities (n, 2) [c] and the springs, on which friction depends.
         """
         raise NotImplementedError
 
     def friction_on(self, lattice: Lattice, x: Array, v: Array, others: Array) -> Array:
-        """Return the friction (n,) along the wall [M c^2/R] on points at `x` with velocities `v`, all (n, 2).
+        """Return the friction (n,) along the wall [M c^2/R] on points at `x` with velocities `v`, both (n, 2).
 
         `others` (n, 2) are the other forces on the points. Friction balances them if a point sticks.
         """
@@ -166,7 +151,7 @@ class Wall(ExponentialPotential, Law):
 
 
 class BodyForce(Law):
-    """A force on each point that depends on nothing but the point. Kernels add it while they move the point.
+    """A force on each point that depends only on that point. Kernels add it while they move the point.
 
     Its potential counts as `wall` in the time series if it is the model's wall, otherwise as `load`.
     """

@@ -1,4 +1,4 @@
-"""The set of laws that act in a scene, without those that the scene does not need."""
+"""The laws that act in a scene."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ from taichi_disk.physics.springs import Springs
 
 @dataclass(frozen=True)
 class Model:
-    """The laws of one scene. A law that is absent has no field, is not compiled and not computed."""
+    """The laws of one scene. A law that is absent has no field and is neither compiled nor computed."""
 
-    springs: Springs  # of all bodies, with their dashpots
+    springs: Springs  # springs and dashpots of disk and wall
     wall: Wall | None = None
     load: Load | None = None
-    boundary: Boundary | None = None  # what happens at the sides and bottom of the elastic wall
+    boundary: Boundary | None = None  # law for the sides and bottom of the elastic wall
     mouse: MouseSpring | None = None
-    others: tuple[BodyForce, ...] = ()  # see docs/extending.md
+    others: tuple[BodyForce, ...] = ()  # further forces, see docs/extending.md
 
     @property
     def laws(self) -> tuple[Law, ...]:
@@ -32,12 +32,10 @@ class Model:
 
     @property
     def body_forces(self) -> tuple[BodyForce, ...]:
-        """Laws in the order in which kernels add them."""
         return tuple(law for law in self.laws if isinstance(law, BodyForce))
 
     @property
     def elastic(self) -> Wall | None:
-        """The wall, if it is a lattice."""
         return self.wall if self.wall and self.wall.is_elastic else None
 
     @property
@@ -46,42 +44,37 @@ class Model:
 
     @property
     def solvable(self) -> bool:
-        """Whether `trapezoidal` is of use: it cannot take axial dashpots, and friction reduces its order to 1."""
+        """Whether `trapezoidal` is useful: it cannot treat axial dashpots, and with friction it has only order 1."""
         return self.springs.damped and not (self.springs.axial or self.has_friction)
 
     @property
     def velocity_dependent(self) -> bool:
-        """Whether any force depends on velocity."""
         return any(law.velocity_dependent for law in self.laws)
 
     @property
     def has_jumps(self) -> bool:
-        """Whether a force jumps where points of the disk pass from spring to spring of an elastic wall."""
         return self.wall is not None and self.wall.has_jumps
 
     @property
     def reset_interval(self) -> float:
-        """Time between two resets of the boundary [R/c]; 0 without one."""
+        """Time between two resets of the boundary [R/c]; 0: no resets."""
         return self.boundary.interval if self.boundary else 0.0
 
     @property
     def is_pinned(self) -> bool:
-        """Whether the points of the boundary are held fast."""
         return self.boundary is not None and self.boundary.is_pinned
 
     @property
     def impedance(self) -> Array | None:
-        """Dashpot constants (k, 2) of the points of a matched boundary [M c/R]; None without one."""
+        """Dashpot constants (k, 2) of the points of a matched boundary [M c/R], or None."""
         return self.boundary.impedance if self.boundary else None
 
     def signature(self) -> tuple[Any, ...]:
-        """All of the model that kernels are compiled for."""
         return tuple(law.signature for law in self.laws)
 
     # ---- in NumPy
 
     def energy(self, lattice: Lattice, x: Array) -> float:
-        """Return the potential energy [M c^2] with the points at `x` (n, 2) [R]."""
         return sum(law.energy(lattice, x) for law in self.laws)
 
     def forces(self, lattice: Lattice, x: Array) -> Array:
@@ -98,5 +91,5 @@ class Model:
         return np.asarray(force)
 
     def stiffness(self, lattice: Lattice, x: Array) -> Any:
-        """Return the second derivative of `energy` without that of an elastic wall, sparse (2n, 2n) [M c^2/R^2]."""
+        """Return the second derivative of `energy`, without an elastic wall, sparse (2n, 2n) [M c^2/R^2]."""
         return sum(law.stiffness(lattice, x) for law in self.laws)

@@ -1,14 +1,15 @@
-"""Smooth contact with the elastic wall: a V0 exp(-a l) over a curve through the wall's surface points.
+"""Smooth contact with the elastic wall: a V0 exp(-a l) from a curve along the wall's surface points.
 
-The paper's contact (`elastic_wall`) jumps when a point passes from one spring of the wall to the next. This one has a
-continuous force. The surface is a quadratic B-spline with the wall's surface points as control points: between the
+The paper's contact (`elastic_wall`) jumps when a point passes from one spring of the wall to the next. This contact has
+a continuous force. The surface is a quadratic B-spline with the wall's surface points as control points: between the
 middles of two springs it is the parabola
 
     S = sum_i B_i(t) P_i,   B = (1 - t)^2/2, 1/2 + t - t^2, t^2/2,   i the spring ends left, middle, right.
 
-At the height l = y - S(x) over it the potential is V0 exp(-a l). A point is pushed along (-S'(x), 1), and the three
-control points take the fractions B_i of the reaction: forces add up to zero, and are the gradient of the potential. A
-torque remains, l times the horizontal force. Beyond the middles of the outermost springs there is no wall.
+At the height l = y - S(x) above the curve the potential is V0 exp(-a l). A point is pushed along (-S'(x), 1), and the
+three control points take the fractions B_i of the reaction. The forces add up to zero and are the gradient of the
+potential, but a torque remains: l times the horizontal force. There is no wall beyond the middles of the outermost
+springs.
 """
 
 import numpy as np
@@ -29,7 +30,6 @@ class SmoothElasticWall(ElasticWall):
 
     @ti.func
     def contact(self, state: ti.template(), i, k):
-        """Return the height of point i over the curve near spring k, and the rest as `ElasticWall.contact` does."""
         height, direction, shares = self.threshold_now[None], ti.Vector([0.0, 0.0]), ti.Vector([0.0, 0.0, 0.0])
         x, first = get(state.x, i), k - 1
         p, q = get(state.x, self.wall_surface[k]), get(state.x, self.wall_surface[k + 1])
@@ -39,7 +39,7 @@ class SmoothElasticWall(ElasticWall):
             before, middle, after = [get(state.x, self.wall_surface[first + c]) for c in range(3)]
             p, q = middle - before, after - middle
             start = before + 0.5 * p
-            # start + p t + (q - p) t^2/2 is at x: the root in 0..1, whichever way the parabola bends.
+            # Solve start + p t + (q - p) t^2/2 = x for t in 0..1, for either sign of the curvature.
             ahead = x[0] - start[0]
             t = 2.0 * ahead / (p[0] + ti.sqrt(ti.max(p[0] * p[0] + 2.0 * (q[0] - p[0]) * ahead, 0.0)))
             height = x[1] - (start[1] + t * (p[1] + 0.5 * t * (q[1] - p[1])))

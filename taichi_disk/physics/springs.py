@@ -1,10 +1,9 @@
 """Springs and dashpots: f_ij = -(k_a s + k_b s^3) e - eta (v_i - v_j), paper eqs. (1), (3) and (6).
 
-The paper's dashpots resist all relative velocity of their ends, including that of a rotation. Axial dashpots, which the
-paper does not have, exert -eta ((v_i - v_j).e) e instead and conserve angular momentum.
-
-s = |r_i - r_j| - L_ij is the stretch of a spring beyond its rest length L_ij, the distance in the unloaded lattice;
-e = (r_i - r_j)/|r_i - r_j|. (The plus sign before eta in eq. (1) is a slip of the paper: (3) and (6) have a minus.)
+s = |r_i - r_j| - L_ij is the stretch of a spring beyond its rest length L_ij, the distance in the unloaded lattice; e =
+(r_i - r_j)/|r_i - r_j|. The paper's dashpots resist the whole relative velocity of their ends, including a rotation.
+Axial dashpots, which are not in the paper, exert -eta ((v_i - v_j).e) e and conserve angular momentum. (The plus sign
+before eta in eq. (1) is a misprint: (3) and (6) have a minus.)
 """
 
 from dataclasses import dataclass
@@ -22,10 +21,9 @@ from taichi_disk.physics.ordering import BLOCK, Arrangement
 @ti.data_oriented
 @dataclass(eq=False)
 class Springs(Law):
-    """The springs of a lattice, each with a dashpot in parallel.
+    """The springs of a lattice, each with a dashpot in parallel."""
 
-    Kernels take blocks of BLOCK springs, so that square roots and divisions become vector instructions.
-    """
+    # Kernels compute blocks of BLOCK springs, so that square roots and divisions become vector instructions.
 
     k_a: float = 1.0  # linear spring constant [M c^2/R^2]
     k_b: float = 0.0  # cubic spring constant [M c^2/R^4]; 0: no cubic term is computed
@@ -33,7 +31,7 @@ class Springs(Law):
     axial: bool = False  # whether dashpots resist only the relative velocity along their spring
     scalars = ("k_a", "k_b", "eta")
     switches = ("cubic", "damped", "axial")
-    unlike = False  # whether the springs have a `Lattice.stiffness`: a simulation sets it on its copy
+    non_uniform = False  # whether the springs have a `Lattice.stiffness`; a simulation sets this on its copy
 
     def __post_init__(self) -> None:
         self.cubic, self.damped = self.k_b != 0.0, self.eta != 0.0
@@ -41,12 +39,12 @@ class Springs(Law):
 
     @property
     def modulus(self) -> float:
-        """Young's modulus of the lattice, about: measured values are 1.04 to 1.11 times larger [M c^2/R^2]."""
+        """Approximate Young's modulus of the lattice [M c^2/R^2]; measured values are 1.04 to 1.11 times larger."""
         return self.k_a
 
     @property
     def time_unit(self) -> float:
-        """Time in which a wave crosses R, about [R/c]; its inverse is the speed of sound [c]."""
+        """Approximate time in which a wave crosses R [R/c]; its inverse is the speed of sound [c]."""
         return float(1.0 / np.sqrt(self.modulus))
 
     def make_fields(self, builder: Any, capacity: Capacity) -> None:
@@ -54,7 +52,7 @@ class Springs(Law):
         self.first, self.second, self.rest = (
             side_by_side(builder, capacity.blocks, BLOCK, kind) for kind in (ti.i32, ti.i32, ti.f64)
         )
-        if self.unlike:
+        if self.non_uniform:
             self.factor = side_by_side(builder, capacity.blocks, BLOCK)
 
     def contents(self, lattice: Lattice, arrangement: Arrangement) -> Contents:
@@ -70,9 +68,9 @@ class Springs(Law):
     def add(self, state: ti.template(), dashpots: ti.template(), begin, end):
         """Add the forces of the springs in blocks begin..end, and of their `dashpots` at the velocities u.
 
-        Returns the elastic energy sum(k_a s^2/2 + k_b s^4/4) [M c^2] and, for the power lost in the dashpots,
-        sum((u_i - u_j).(w_i - w_j)) [c^2] over these springs with w = (u + 2 v)/3. Axial dashpots count only the
-        components along the spring; springs with a stiffness factor are weighted with it.
+        Returns the elastic energy sum(k_a s^2/2 + k_b s^4/4) [M c^2] and, for the power lost in the dashpots, sum((u_i
+        - u_j). (w_i - w_j)) [c^2] over these springs with w = (u + 2 v)/3. Axial dashpots count only the components
+        along the spring. Stiffness factors weight the springs.
         """
         all_k_a, all_k_b, all_eta = self.k_a_now[None], self.k_b_now[None], self.eta_now[None]
         energy = ti.Vector.zero(ti.f64, BLOCK)
@@ -110,19 +108,17 @@ class Springs(Law):
 
     @ti.func
     def stiffened(self, value, block):
-        """Multiply `value`, a number or BLOCK numbers, by the stiffness factors of a block, if there are any."""
-        if ti.static(self.unlike):
+        if ti.static(self.non_uniform):
             return value * ti.Vector([self.factor[k][block] for k in range(BLOCK)])
         else:
             return value
 
     @ti.func
     def differences(self, pair: ti.template(), block):
-        """Return x and y of the difference between the first and the second end of each spring of a block."""
         x, y = ti.static(pair[0], pair[1])
         i = [self.first[k][block] for k in range(BLOCK)]
         j = [self.second[k][block] for k in range(BLOCK)]
-        # x and y of a point are adjacent in memory: they are loaded and subtracted together.
+        # x and y of a point are adjacent in memory, so one instruction loads or subtracts both.
         d = [ti.Vector([x[i[k]], y[i[k]]]) - ti.Vector([x[j[k]], y[j[k]]]) for k in range(BLOCK)]
         return ti.Vector([vector[0] for vector in d]), ti.Vector([vector[1] for vector in d])
 
@@ -130,7 +126,7 @@ class Springs(Law):
     def damped_part(self, state: ti.template(), k: ti.template(), block, velocity):
         """Return the component of a relative `velocity` that the dashpot of spring k damps, times its stiffness."""
         part = velocity
-        if ti.static(self.unlike):
+        if ti.static(self.non_uniform):
             part = self.factor[k][block] * velocity
         if ti.static(self.axial):
             d = get(state.x, self.first[k][block]) - get(state.x, self.second[k][block])
@@ -148,13 +144,11 @@ class Springs(Law):
 
     @staticmethod
     def ends_apart(lattice: Lattice, x: Array) -> Array:
-        """Return x and y (2, m) of the difference between the first and the second end of each spring."""
         i, j = lattice.bonds.T
-        return np.stack([column[i] - column[j] for column in x.T])  # columns are gathered nine times faster than pairs
+        return np.stack([column[i] - column[j] for column in x.T])  # gathering columns is nine times faster than pairs
 
     @staticmethod
     def lengths(vectors: Array) -> Array:
-        """Return the lengths (m,) of `vectors` (2, m)."""
         return np.asarray(np.sqrt(vectors[0] * vectors[0] + vectors[1] * vectors[1]))
 
     def stretch(self, lattice: Lattice, x: Array) -> Array:
@@ -195,21 +189,15 @@ class Springs(Law):
 
     @staticmethod
     def _gathered(lattice: Lattice, n: int, pulls: Array) -> Array:
-        """Sum `pulls` (2, m), subtracted at first ends and added at second ends, to forces (n, 2)."""
         i, j = lattice.bonds.T
         return np.stack([np.bincount(j, pull, n) - np.bincount(i, pull, n) for pull in pulls], axis=1)
 
-    def stiffness(self, lattice: Lattice, x: Array, rate: float = 0.0) -> Any:
-        """Return the stiffness: of a spring of length r and tension T it is T' e e^T + T/r (1 - e e^T).
-
-        With `rate` [c/R], `rate` times the damping matrix is added, for displacements that grow as exp(rate t).
-        """
+    def stiffness(self, lattice: Lattice, x: Array) -> Any:
+        """Return the stiffness: of a spring of length r and tension T it is T' e e^T + T/r (1 - e e^T)."""
         s = self.stretch(lattice, x)
         length = s + lattice.rest_lengths
         ex, ey = self.ends_apart(lattice, x) / length
         along, across = lattice.stiffened(self.k_a + 3.0 * self.k_b * s * s), self.pull(lattice, s) / length
-        damped = rate * lattice.stiffened(self.eta)
-        along, across = along + damped, across + (0.0 if self.axial else damped)
         xx, yy = along * ex * ex + across * ey * ey, along * ey * ey + across * ex * ex
         xy = (along - across) * ex * ey
         return assemble(np.stack([xx, xy, xy, yy], axis=1).reshape(-1, 2, 2), lattice.bonds, len(x))

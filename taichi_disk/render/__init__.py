@@ -1,4 +1,4 @@
-"""Pictures and films of the disk: one drawing routine on a GGUI canvas, text around it, an encoder behind it."""
+"""Pictures and films of the disk: drawn on a GGUI canvas, completed with text and curves, and encoded."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from taichi_disk.errors import TaichiDiskError
 
 
 def film_problem() -> str | None:
-    """Why no film can be made on this machine and the command that mends it, or None. Needs no `ti.init`."""
+    """Return why this machine cannot make films, with the command that helps, or None. Needs no `ti.init`."""
     try:
         from taichi_disk.engine import ti
     except ImportError as error:
@@ -18,6 +18,5 @@ def film_problem() -> str | None:
 
 
 def require_film() -> None:
-    """Raise TaichiDiskError if no film can be made on this machine."""
     if problem := film_problem():
         raise TaichiDiskError(f"no film: {problem}")

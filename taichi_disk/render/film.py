@@ -1,4 +1,4 @@
-"""Make films and still pictures of runs: choose the view, the scales of colours and arrows, and write the file."""
+"""Make films and still pictures of runs: choose view and scales, and write the file."""
 
 from __future__ import annotations
 
@@ -29,14 +29,14 @@ from taichi_disk.render.video import video as encoded
 from taichi_disk.signals import raise_if_interrupted
 
 FORMATS = (".mp4", ".webm", ".gif", ".html", ".png", "")
-_MAX_ARROW = 4.0  # longest arrow, in units of the arrow of the full force, so that it ends in the picture
+_MAX_ARROW = 4.0  # longest arrow over the arrow of `full_force`, so that arrows stay in the picture
 _SIDE_MARGIN = 0.05  # smallest distance of the disk to the left and right edge of the picture [R]
-_MAX_HEIGHT = 4.0  # of a disk that flies on while another run of the comparison has not ended [R]
+_MAX_HEIGHT = 4.0  # greatest visible height of a disk that flies on until all compared runs have ended [R]
 _WALL_DEPTH = 0.16  # visible part of the rigid wall below its edge [R]
-_LABEL_SIZE = 1.5  # of the keys that differ in a comparison, in units of the title's size
-MAX_BYTES = 5e8  # of positions that are kept between the choice of the scales and the pictures
-_MAX_NAME = 16  # letters
-_MIN_PANEL_SIZE = 360  # of a picture whose curves have room for their labels [px]
+_LABEL_SIZE = 1.5  # how much larger than the title the differing keys of a comparison are
+MAX_BYTES = 5e8  # most memory for positions between the choice of the scales and the pictures
+_MAX_NAME = 16  # most letters in the name of a curve
+_MIN_PANEL_SIZE = 360  # smallest picture beside which curves have room for their labels [px]
 
 
 def check_target(path: Path) -> None:
@@ -80,7 +80,7 @@ def film(path: Path, runs: Sequence[Run], video: VideoSection, progress: Progres
         states = [States(run, video, shots) for run in runs]
         with (
             closing(_pictures(states, video, shots)) as pictures,
-            encoded(new, path.suffix, pictures.width, video.size, video.fps, carried) as append,
+            encoded(new, path.suffix, (pictures.width, video.size), video.fps, carried) as append,
         ):
             moments = zip(*(one.moments() for one in states), strict=True)
             words = zip(*(lines(run, shots) for run in runs), strict=True)
@@ -96,7 +96,6 @@ def film(path: Path, runs: Sequence[Run], video: VideoSection, progress: Progres
 
 
 def film_origin(runs: Sequence[Run], video: VideoSection) -> str:
-    """Return the metadata of a film: its scenes."""
     return origin(*(replace(run.scenario.scene, video=video) for run in runs))
 
 
@@ -123,7 +122,6 @@ def _pictures(states: Sequence[States], video: VideoSection, shots: Sequence[Cue
 
 
 def _names(titles: Sequence[tuple[str, ...]]) -> list[str]:
-    """Return the names of the curves of each run: titles, or places if titles are long or equal."""
     names = [title[0] for title in titles]
     fit = len(set(names)) == len(names) and max(map(len, names)) <= _MAX_NAME
     return names if fit else [f"{k}. from the left" for k in range(1, len(names) + 1)]
@@ -132,8 +130,8 @@ def _names(titles: Sequence[tuple[str, ...]]) -> list[str]:
 class States:
     """Moments of a run for its pictures, and the painter that draws them; both come from one replay.
 
-    Colours, arrows, the wall's edge and the view fit the greatest compression and, for films, moments before it. The
-    view also contains the end of a film, until which the disk flies on.
+    Scales of colours and arrows, the wall's edge and the view fit the greatest compression and, for films, moments
+    before it. The view also contains the end of a film, when the disk has flown on.
     """
 
     def __init__(self, run: Run, video: VideoSection, shots: Sequence[Cue]) -> None:
@@ -150,7 +148,7 @@ class States:
         sampled = np.union1d(sampled, [peak, *self._times[-1:]] if flies_on else [peak])
         times = np.union1d(sampled, self._times)
         until_scale = times[times <= sampled[-1]]
-        # These moments of millions of points do not fit into memory: replay such a film twice.
+        # The moments of millions of points do not fit into memory, so such a film is replayed twice.
         self._is_twice = len(until_scale) * run.positions.nbytes > MAX_BYTES
         times, until_scale = (sampled, sampled) if self._is_twice else (times, until_scale)
         replay = run.frames(times)
@@ -162,7 +160,6 @@ class States:
         self._fit([(x, v) for t, x, v in scale_states if t <= peak])
 
     def _fit(self, states: Sequence[tuple[Array, Array]]) -> None:
-        """Choose the scales from `states`, of which the last is the most compressed."""
         painter = self.painter
         painter.limit = max(painter.scale(painter.values(x, v)) for x, v in states)
         _, forces = painter.wall.contact_forces(painter.lattice, states[-1][0])
@@ -184,7 +181,6 @@ class States:
         return min(xmin, left - _SIDE_MARGIN), max(xmax, right + _SIDE_MARGIN), ymin, max(ymax, top)
 
     def moments(self) -> Iterator[Moment]:
-        """Return the moments of the pictures in order."""
         if self._is_twice:
             return self.run.frames(self._times)
         return (moment for t, moment in self._replay if t in self._times)

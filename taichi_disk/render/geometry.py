@@ -1,10 +1,10 @@
 """Camera, and triangles of wall, outlines and arrows. NumPy only.
 
-A potential has no edge. The wall is drawn solid up to the height where it exerts the largest force of the run on one
-point, so the disk visibly rests on it when it is compressed most. Above that edge the wall fades like its force, with
-exp(-a distance). On an elastic wall this is a layer on the surface.
+A potential has no edge. The wall is drawn solid up to the height at which it exerts the largest force of the run on one
+point, so the disk visibly rests on it at the greatest compression. Above that edge the wall fades like its force, with
+exp(-a distance). An elastic wall has this layer on its surface.
 
-GGUI has no antialiasing, so lines fade to the colours beside them over a pixel.
+GGUI has no antialiasing, so lines fade to the adjacent colours over one pixel.
 """
 
 from __future__ import annotations
@@ -22,39 +22,26 @@ from taichi_disk.statics.equilibrium import roll_angle, turned
 View = tuple[float, float, float, float]
 Shape = tuple[Array, Array]  # corners of triangles (3 k, 2) [R] and their colours (3 k, 3)
 
-ARROW = 0.35  # length of the arrow of the full force [R]
-_FADES = np.array([0.0, 0.4, 1.0, 1.8, 3.0, 5.0])  # decay lengths between which colours are mixed, 2 % off at most
-FLATTENING = 0.05  # of the disk, as it is drawn, where displacements are magnified so that it is seen [R]
+ARROW = 0.35  # length of the arrow of `full_force` [R]
+_FADES = np.array([0.0, 0.4, 1.0, 1.8, 3.0, 5.0])  # heights in decay lengths; mixing between them is within 2 %
+FLATTENING = 0.05  # flattening of the drawn disk at automatic magnification [R]
 NOTHING: Shape = np.zeros((0, 2)), np.zeros((0, 3))
 
 
 @dataclass(frozen=True)
 class Camera:
-    """A view with equal scales in x and y. Pixels count from the canvas's upper left corner, rows downwards.
+    """A view with equal scales in x and y. Pixels count from the canvas's upper left corner, rows downwards."""
 
-    Attributes:
-        width, height: of the canvas [px].
-        scale: pixels per R.
-        look_at: a point of the scene [R] ...
-        middle: ... and where it is seen (column, row) [px].
-        viewport: (left, right, top, bottom) [px], the part of the canvas that is for the scene.
-    """
-
-    width: int
-    height: int
-    scale: float
-    look_at: tuple[float, float]
-    middle: tuple[float, float]
-    viewport: View
+    width: int  # width of the canvas [px]
+    height: int  # height of the canvas [px]
+    scale: float  # pixels per R
+    look_at: tuple[float, float]  # point of the scene [R] that is shown at `middle`
+    middle: tuple[float, float]  # (column, row) [px]
+    viewport: View  # (left, right, top, bottom) [px], the part of the canvas for the scene
 
     @classmethod
     def fit(cls, view: View, width: int, height: int, margin: float = 0.0, viewport: View | None = None) -> Camera:
-        """Return the camera that shows `view` (xmin, xmax, ymin, ymax) [R] as large as possible, centred.
-
-        Args:
-            margin: around the view [px].
-            viewport: the part of the canvas to fill; by default all of it.
-        """
+        """Return the camera that shows `view` (xmin, xmax, ymin, ymax) [R] as large as possible in `viewport`."""
         xmin, xmax, ymin, ymax = view
         left, right, top, bottom = viewport = viewport or (0.0, float(width), 0.0, float(height))
         room = right - left - 2.0 * margin, bottom - top - 2.0 * margin
@@ -62,13 +49,8 @@ class Camera:
         middle = (left + right) / 2.0, (top + bottom) / 2.0
         return cls(width, height, scale, ((xmin + xmax) / 2.0, (ymin + ymax) / 2.0), middle, viewport)
 
-    def to_pixels(self, xy: ArrayLike) -> Array:
-        """Convert points (..., 2) [R] to (column, row) [px]; pixel k covers k to k + 1."""
-        offset = (np.asarray(xy, dtype=np.float64) - self.look_at) * self.scale
-        return np.stack([self.middle[0] + offset[..., 0], self.middle[1] - offset[..., 1]], axis=-1)
-
     def to_scene(self, pixels: ArrayLike) -> Array:
-        """Convert (column, row) (..., 2) [px] to points of the scene [R]."""
+        """Convert (column, row) (..., 2) [px] to points of the scene [R]; pixel k covers k to k + 1."""
         offset = (np.asarray(pixels, dtype=np.float64) - self.middle) / self.scale
         return np.stack([self.look_at[0] + offset[..., 0], self.look_at[1] - offset[..., 1]], axis=-1)
 
@@ -79,7 +61,6 @@ class Camera:
         return replace(self, scale=self.scale * factor, middle=middle)
 
     def panned(self, columns: float, rows: float) -> Camera:
-        """Return a camera in which the scene is moved by so many pixels."""
         return replace(self, middle=(self.middle[0] + columns, self.middle[1] + rows))
 
     @property
@@ -101,10 +82,8 @@ class Camera:
 
 
 def flattening(lattice: Lattice, x: Array) -> float:
-    """Return by how much the lowest point of a disk at `x` (n, 2) has approached its centre [R].
-
-    Return 1 on an elastic wall: magnified, disk and dent would be drawn apart.
-    """
+    """Return how much the lowest point of a disk at `x` (n, 2) has approached its centre [R]."""
+    # Return 1 on an elastic wall, because magnified displacements would separate disk and dent.
     if len(lattice.wall_surface):
         return 1.0
     rest, now = lattice.positions[: lattice.disk_points], x[: lattice.disk_points]
@@ -121,12 +100,11 @@ def magnification(wanted: float | str, flattest: float) -> float:
 
 
 def joined(*shapes: Shape) -> Shape:
-    """Return one shape that draws `shapes` one after the other."""
     return np.concatenate([one[0] for one in shapes]), np.concatenate([one[1] for one in shapes])
 
 
 def edge_height(wall: Any, force: float) -> float:
-    """Return the height of a wall's edge above its surface [R]: there it exerts `force` [M c^2/R] on a point."""
+    """Return the height of a wall's edge above its surface [R], where it exerts `force` [M c^2/R] on a point."""
     return max(wall.height_of_force(force), 0.0) if wall is not None and force > 0.0 else 0.0
 
 
@@ -146,7 +124,6 @@ def wall_body(chain: Array, depth: float, edge: float, decay: float, theme: Them
 
 
 def _strips(chain: Array, heights: Array, colours: Array) -> Shape:
-    """Return strips between `heights` (k,) [R] above a chain, with `colours` (k, 3) at these heights."""
     ends = np.concatenate([chain[:1], chain, chain[-1:]])
     along = ends[2:] - ends[:-2]
     normal = np.stack([-along[:, 1], along[:, 0]], axis=1) / np.hypot(*along.T)[:, None]
@@ -165,18 +142,15 @@ def quads(a: Array, b: Array, c: Array, d: Array, *colours: Array) -> Shape:
 
 
 def _left(start: Array, end: Array, half: float) -> Array:
-    """Return the vectors (k, 2) [R] from lines to their left edges."""
     along = end - start
     along *= half / np.maximum(np.hypot(*along.T), 1e-300)[:, None]
     return np.stack([-along[:, 1], along[:, 0]], axis=1)
 
 
 def outline(start: Array, end: Array, half: float, inside: NDArray[Any], ink: Colour, outside: Colour | Array) -> Shape:
-    """Return lines from `start` to `end` (k, 2), 2 `half` [R] wide, that fade to the colours on both sides.
+    """Return lines from `start` to `end` (k, 2), 2 `half` [R] wide, which fade to the colours on both sides.
 
-    Args:
-        inside: colours (k, 2, 3) on the left, at both ends.
-        outside: colour on the right.
+    `inside`: colours (k, 2, 3) on the left, at both ends; `outside`: colour on the right.
     """
     left = _left(start, end, half)
     along = np.stack([left[:, 1], -left[:, 0]], axis=1)
@@ -187,10 +161,9 @@ def outline(start: Array, end: Array, half: float, inside: NDArray[Any], ink: Co
 
 
 def arrows(feet: Array, forces: Array, head: float, width: float, rim: float, theme: Theme) -> Shape:
-    """Return arrows that start at `feet` (k, 2) [R], along `forces` (k, 2); a force of 1 is ARROW long.
+    """Return arrows that start at `feet` (k, 2) [R], along `forces` (k, 2); a force of 1 has the length ARROW.
 
-    Args:
-        head, width, rim: half the width of the largest head, width of the shaft, width of the rim around both [R].
+    `head`, `width`, `rim`: half the width of the largest head, width of the shaft, width of the rim around both [R].
     """
     size = np.hypot(forces[:, 0], forces[:, 1])[:, None]
     along = forces / size

@@ -1,7 +1,7 @@
-"""Average the samples that GGUI drew to the pixels of a picture.
+"""Average the samples that GGUI drew into the pixels of a picture.
 
-The kernel takes NumPy arrays, so it is compiled once for all lattices. Its loops are serial: waking a second thread
-costs more than these light iterations.
+The kernel takes NumPy arrays, so it is compiled once for all lattices. Its loops are serial, because waking a second
+thread costs more than these light iterations.
 """
 
 import numpy as np
@@ -9,13 +9,13 @@ from numpy.typing import NDArray
 
 from taichi_disk.engine import ti
 
-VERTEX = 12  # numbers of a vertex as GGUI takes it: position (3), normal (3), texture (2), colour (4)
+VERTEX = 12  # length of a GGUI vertex: position (3), normal (3), texture (2), colour (4)
 
 _Sample = ti.types.vector(4, ti.f32)
 
 
 def weights(samples: int) -> NDArray[np.float64]:
-    """(2, samples): how much of each of two neighbouring pixels each of the samples across both covers."""
+    """Return (2, samples): the fraction of each of two adjacent pixels that each of the samples across both covers."""
     edges = np.arange(samples + 1) * 2.0 / samples
     return np.array([np.diff(np.clip(edges, pixel, pixel + 1)) for pixel in (0, 1)])
 
@@ -31,8 +31,8 @@ def shrink(
 ):
     """Average `samples` x `samples` samples [x, y upwards] over the 2 x 2 pixels that they cover.
 
-    `picture` [row downwards, column, colour]: what was drawn gets its lower left corner at row `bottom` (not included)
-    and column `left`. Its first and last column are repeated over `beside` more.
+    The image `drawn` fills `picture` [row downwards, column, colour] upwards from row `bottom` (not included) and to
+    the right from column `left`. Its first and last column are repeated over `beside` further columns.
     """
     ti.loop_config(serialize=True)
     for x in range(drawn.shape[0] // samples):

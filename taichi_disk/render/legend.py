@@ -1,4 +1,4 @@
-"""The text around the disk: title in the upper left corner, changing lines in the upper right, scales below."""
+"""The text around the disk: title at the upper left, changing lines at the upper right, scales below."""
 
 from __future__ import annotations
 
@@ -21,39 +21,35 @@ from taichi_disk.render.palette import THEMES, Colour
 
 Ink = tuple[int, int, int]
 
-LEAST = 11.0  # pixels of the smallest letters
-# Sizes in pixels of a picture of 720; other pictures scale them, as far as letters stay readable.
+LEAST = 11.0  # smallest size of letters [px]
+# Sizes [px] in a picture of 720 pixels; other pictures scale them, but not below LEAST.
 _MARGIN, _HEADING, _SMALL = 20.0, 17.0, 13.0
 _BAR_WIDTH, _BAR_HEIGHT = 300.0, 10.0
-_LABELLED = 240  # pixels of a picture from which there is room for text
-_MOST = 0.34  # of the height for the header: lines that do not fit are left out
+_LABELLED = 240  # smallest picture with room for text [px]
+_MOST = 0.34  # largest height of the header over that of the picture; lines that do not fit are left out
 _RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 _ARROWS = "wall force on one point"
-_ARROW, _LENGTH = 0.1, 0.2  # of the width that the arrow of the scale, and a length, may take
+_ARROW, _LENGTH = 0.1, 0.2  # largest length of the scale's arrow and of its bar, over the width of the picture
 
 
 def ink(colour: Colour | NDArray[np.float32]) -> Ink:
-    """Return a colour in bytes."""
     red, green, blue = (round(255 * c) for c in colour)
     return red, green, blue
 
 
 @lru_cache(maxsize=32)
 def font(size: float, bold: bool = False) -> ImageFont.FreeTypeFont:
-    """Return DejaVu Sans; `size` in pixels."""
-    spec = find_spec("matplotlib")  # to import it takes 0.3 s
+    spec = find_spec("matplotlib")  # finds the font without importing Matplotlib, which takes 0.3 s
     assert spec and spec.origin
     path = Path(spec.origin).parent / "mpl-data/fonts/ttf" / ("DejaVuSans-Bold.ttf" if bold else "DejaVuSans.ttf")
     return ImageFont.truetype(path, size, layout_engine=ImageFont.Layout.BASIC)
 
 
 def text_width(line: str, size: float, bold: bool = False) -> float:
-    """Return the width of a line set in `size` [px]."""
     return font(size, bold).getlength(line)
 
 
 def draw_line(draw: Any, at: tuple[float, float], line: str, size: float, ink: Ink, bold: bool = False) -> None:
-    """Set a line with Pillow's ImageDraw; `at` (column, row) is the left end of its baseline."""
     draw.text(at, line, fill=ink, font=font(size, bold), anchor="ls")
 
 
@@ -64,7 +60,6 @@ def round_below(value: float) -> float:
 
 
 def ticks_to(limit: float, signed: bool) -> list[float]:
-    """Return 0 and two or three round values up to `limit`; if `signed`, their negatives, too."""
     count = 3 if f"{limit:e}"[:3] in ("1.5", "3.0", "6.0") else 2
     return [limit * k / count for k in range(-count if signed else 0, count + 1)]
 
@@ -85,7 +80,7 @@ class Legend:
 
     Attributes:
         header, footer: heights above and below the disk's part of the picture [px].
-        unit: pixels that are one in a picture of 720.
+        unit: factor of all sizes, 1 in a picture of 720 pixels.
     """
 
     def __init__(
@@ -99,11 +94,8 @@ class Legend:
     ) -> None:
         """Lay out the text.
 
-        Args:
-            title: lines that do not change.
-            samples: the changing lines, or the longest of them.
-            rows: number of changing lines in a picture.
-            enlarged: factor for the size of the title's first line.
+        `title`: constant lines; `samples`: the changing lines, or the longest of them; `rows`: number of changing lines
+        in a picture; `enlarged`: factor for the size of the title's first line.
         """
         title = [*title[:-1], "    ".join([title[-1], *painter.remarks])]
         self.painter, self.unit, self._width, self._size = painter, size / 720, size, size
@@ -120,7 +112,6 @@ class Legend:
         self.footer = _even(2.0 * self._leading + (_BAR_HEIGHT + 20.0) * self.unit + 4.0) if fits else 0
 
     def _wrapped(self, title: Sequence[str]) -> list[tuple[str, float, bool]]:
-        """Return the title's lines, broken to fit beside the column: between parts if possible, else between words."""
         width, lines = self._width - self._column - 2.0 * self._margin, []
         for k, line in enumerate(title):
             size, bold, now = (self._small, False, "") if k else (self._first, True, "")
@@ -136,14 +127,14 @@ class Legend:
         return lines
 
     def _set(self, line: str) -> tuple[str, float, bool]:
-        """Return text, size and boldness of a changing line; a leading `*` makes it large and bold."""
+        """Return text, size and boldness of a changing line. A leading `*` makes it large and bold."""
         return line.removeprefix("*"), self._heading if line.startswith("*") else self._small, line.startswith("*")
 
     def _baseline(self, k: int) -> float:
         return self._margin + 0.72 * self._first + self._leading * k
 
     def still(self, scale: float) -> NDArray[np.uint8]:
-        """Return the picture (size, size, 3) of title and scales, which do not change; `scale`: pixels per R."""
+        """Return the picture (size, size, 3) of title and scales, which do not change. `scale`: pixels per R."""
         image = Image.new("RGB", (self._width, self._size), self._ground)
         draw = ImageDraw.Draw(image)
         for k, (line, size, bold) in enumerate(self._title):
@@ -153,13 +144,12 @@ class Legend:
         return np.array(image)
 
     def below(self, width: int, scale: float) -> NDArray[np.uint8]:
-        """Return the picture (footer, width, 3) of the scales that several disks, `width` pixels in all, share."""
+        """Return the picture (footer, `width`, 3) of the scales that stand below several disks."""
         wide = copy(self)
         wide._width, wide._title = width, []
         return wide.still(scale)[self._size - self.footer :]
 
     def write(self, picture: NDArray[np.uint8], lines: Sequence[str]) -> None:
-        """Set the changing lines in the upper right corner of a picture (size, size, 3)."""
         if self._rows:
             patch = Image.new("RGB", (self._column, self.header), self._ground)
             for k, line in enumerate(lines[: self._rows]):
@@ -167,7 +157,7 @@ class Legend:
                 draw_line(ImageDraw.Draw(patch), (0.0, self._baseline(k)), text, size, self._ink, bold)
             picture[: self.header, -self._column :] = np.asarray(patch)
 
-    # ---- below the disk: bar, arrow and length in one row, their numbers in the next, words in the last
+    # ---- scales below the disk: a row with bar, arrow and length, a row with numbers, and a row with words
 
     def _draw_scales(self, draw: Any, scale: float) -> None:
         top = round(self._size - self.footer + 12.0 * self.unit)
@@ -175,7 +165,7 @@ class Legend:
         numbers = top + height + 0.95 * self._leading
         left, right, row = self._margin, self._width - self._margin, top + height / 2
         if full := self.painter.full_force:
-            pixels = ARROW * scale / full  # of a force of 1 Mc²/R
+            pixels = ARROW * scale / full  # length of an arrow for a force of 1 Mc²/R
             force = round_below(_ARROW * self._size / pixels)
             ends, line = (left, left + force * pixels), f"{label(force)} Mc²/R"
             _, left = self._draw_length(draw, ends, row, line, numbers, arrow=True)
@@ -185,7 +175,7 @@ class Legend:
         free = 2.0 * (self._width / 2 - max(left, self._width - right) - 3.0 * self._small)
         self._draw_bar(draw, round(min(_BAR_WIDTH * self.unit, free)), top, height, numbers)
         quantity = QUANTITIES[self.painter.colour]
-        line = quantity.label + " (averaged)" * (quantity.on != "points")  # single triangles reach farther
+        line = quantity.label + " (averaged)" * (quantity.on != "points")  # values of single triangles are larger
         line = f"{line}  [{quantity.unit}]" if quantity.unit else line
         if self.painter.colour == "fringes":
             line = f"difference of the principal stresses, one fringe {label(self.painter.limit)} Mc²/R²"
@@ -199,7 +189,7 @@ class Legend:
             draw_line(draw, (self._margin, words), _ARROWS, self._small, self._faint)
 
     def _draw_bar(self, draw: Any, width: int, top: int, height: int, numbers: float) -> None:
-        """Draw the colour scale; a tip marks an end beyond which all values have the same colour."""
+        """Draw the colour scale. A pointed end means that all values beyond it have the same colour."""
         painter, left = self.painter, (self._width - width) // 2
         fringes, percent = painter.colour == "fringes", painter.colour == "strain"
         limit = float(FRINGES) if fringes else painter.limit
@@ -207,7 +197,7 @@ class Legend:
         across = np.linspace(0.0, limit if fringes else 1.0, width, dtype=np.float64)
         colours = [ink(colour) for colour in painter.colours(across)]
         bottom, ends = top + height - 1, left + width - 1
-        if not painter.signed:  # a pale end needs a border
+        if not painter.signed:  # the pale end of the map needs a border
             draw.rectangle([left - 1, top - 1, ends + 1, bottom + 1], outline=self._rule)
         for k, colour in enumerate(colours):
             draw.line([(left + k, top), (left + k, bottom)], fill=colour)
@@ -232,7 +222,6 @@ class Legend:
     def _draw_length(
         self, draw: Any, ends: tuple[float, float], row: float, line: str, numbers: float, arrow: bool = False
     ) -> tuple[float, float]:
-        """Draw an arrow, or a length between two marks, with its meaning below; return their first and last column."""
         (x0, x1), head = ends, max(4.0 * self.unit, 3.0)
         draw.line([(x0, row), (x1 - head * arrow, row)], fill=self._ink, width=max(round(1.8 * self.unit), 1))
         if arrow:

@@ -8,19 +8,19 @@ from typing import Any
 
 import numpy as np
 
-from taichi_disk.computation.outcome import Outcome, greatest_compression
+from taichi_disk.computation.contact import CONTACT_LEVEL, greatest_compression
+from taichi_disk.computation.outcome import Outcome
 from taichi_disk.computation.scenario import Scenario
 from taichi_disk.errors import InputError
 from taichi_disk.lattice import Array
 
 Run = Outcome
-Cue = tuple[float, str | None]  # t [R/c] and the last line, None for the result
+Cue = tuple[float, str | None]  # t [R/c] and the last line of text, or None to show the result
 
 MOMENTS = {"greatest": "greatest compression", "contact": "first contact", "end": None}
-CONTACT_FORCE = 0.01  # first contact, as a fraction of the wall's largest force
 _PAUSE, _END = 0.06, 0.10  # fractions of a film that pause at the greatest compression and at the end
-_SCALE_TIMES = 12  # times before the greatest compression that set the scale of colours
-_PACE_TIMES = 1000  # samples of the pace of a whole film, for a film of a part of it
+_SCALE_TIMES = 12  # number of times before the greatest compression that determine the colour scale
+_PACE_TIMES = 1000  # samples of the whole film's pace, which a film of a part of the run keeps
 
 
 @dataclass(frozen=True)
@@ -44,7 +44,7 @@ def time_of(moment: Any, columns: dict[str, Array]) -> float:
     if moment == "greatest":
         return greatest_compression(columns)
     if moment == "contact":
-        return float(columns["t"][int((force >= CONTACT_FORCE * force.max()).argmax())])
+        return float(columns["t"][int((force >= CONTACT_LEVEL * force.max()).argmax())])
     try:
         t = last if moment == "end" else float(moment)
     except (TypeError, ValueError):
@@ -57,7 +57,7 @@ def time_of(moment: Any, columns: dict[str, Array]) -> float:
 
 
 def cues(runs: Sequence[Run], frames: int, fps: int, span: Span) -> list[Cue]:
-    """Return the cues of a film, which follow the run that lasts longest; repeated times are a pause.
+    """Return the cues of a film, which follow the run that lasts longest. A pause is a repeated time.
 
     Raises InputError for an empty span.
     """
@@ -73,7 +73,7 @@ def cues(runs: Sequence[Run], frames: int, fps: int, span: Span) -> list[Cue]:
     pause = round(_PAUSE * count) if has_peak else 0
     end = max(round(_END * count), 1) if whole else 0
     times = scenario.frame_times(columns, count - pause - end)
-    if first > 0.0 or not whole:  # at the pace of the whole film
+    if first > 0.0 or not whole:  # keep the pace of the whole film
         every, number = scenario.frame_times(columns, _PACE_TIMES), np.arange(_PACE_TIMES)
         begin, stop = np.interp([first, last], every, number)
         times = np.asarray(np.interp(np.linspace(begin, stop, count - pause - end), number, every))
@@ -89,12 +89,10 @@ def cues(runs: Sequence[Run], frames: int, fps: int, span: Span) -> list[Cue]:
 
 
 def still_cue(run: Run, span: Span) -> Cue:
-    """Return the cue of a still."""
     return time_of(span.at, run.columns), MOMENTS.get(str(span.at), "")
 
 
 def lines(run: Run, cues: Sequence[Cue]) -> Iterator[tuple[str, ...]]:
-    """Yield the lines of text for each cue; after the end of the run observables keep their last values."""
     scenario, columns, times = run.scenario, run.columns, [t for t, _ in cues]
     peak = greatest_compression(columns)
     rows = {name: np.interp(times, columns["t"], values) for name, values in columns.items()} | {"t": times}
@@ -106,20 +104,19 @@ def lines(run: Run, cues: Sequence[Cue]) -> Iterator[tuple[str, ...]]:
 
 
 def scale_times(scenario: Scenario, columns: dict[str, Array]) -> list[float]:
-    """Return the times [R/c] that set the scale of a film's colours, up to the greatest compression."""
+    """Return the times [R/c], up to the greatest compression, that determine the scale of a film's colours."""
     peak = greatest_compression(columns)
     return [*[t for t in scenario.frame_times(columns, 2 * _SCALE_TIMES).tolist() if t < peak][-_SCALE_TIMES:], peak]
 
 
-# ---- runs side by side
+# ---- comparisons of runs
 
 _SYMBOLS = {"eta_star": "η*", "viscosity": "η", "velocity": "v", "friction": "μ", "points": "N", "pressure": "P"}
 MAX_RUNS = 4
-_NOT_PHYSICAL = ("time", "video")  # sections
+_NOT_PHYSICAL = ("time", "video")  # sections that do not change the physics
 
 
 def check_runs(runs: Sequence[Run]) -> None:
-    """Raise InputError unless `runs` can be shown side by side."""
     if len(runs) > MAX_RUNS:
         raise InputError(f"{len(runs)} runs side by side: compare {MAX_RUNS} at most")
     if len({(run.scenario.time_label, *run.scenario.labels) for run in runs}) > 1:
@@ -127,7 +124,6 @@ def check_runs(runs: Sequence[Run]) -> None:
 
 
 def titles(runs: Sequence[Run]) -> list[tuple[str, ...]]:
-    """Return the title lines of each run; in a comparison the first line shows the keys that differ."""
     scenes = [run.scenario.scene for run in runs]
     if len(runs) == 1 or len({scene.scene for scene in scenes}) > 1:
         return [run.scenario.title() for run in runs]

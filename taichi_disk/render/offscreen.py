@@ -1,4 +1,4 @@
-"""A window without a screen, to draw pictures in."""
+"""A window of GGUI, with or without a screen, to draw pictures in."""
 
 from __future__ import annotations
 
@@ -12,20 +12,20 @@ from taichi_disk.engine import ti
 from taichi_disk.errors import TaichiDiskError
 
 
-def offscreen_window(size: tuple[int, int]) -> Any:
-    """Return a new `ti.ui.Window` of `size` (width, height) [px]. GGUI crashes if two are alive: destroy it.
+def open_window(title: str, size: tuple[int, int], **options: Any) -> Any:
+    """Return a new `ti.ui.Window` of `size` (width, height) [px]. GGUI crashes if two exist: destroy it after use.
 
     Raises TaichiDiskError if Vulkan cannot draw.
     """
     try:
-        return ti.ui.Window("taichi-disk", size, show_window=False)
-    except RuntimeError as error:  # a Vulkan driver that is there and does not work
+        return ti.ui.Window(title, size, **options)
+    except RuntimeError as error:  # the Vulkan driver exists but does not work
         raise TaichiDiskError(f"no picture: Vulkan cannot draw {size[0]} x {size[1]} pixels: {error}") from error
 
 
 @contextlib.contextmanager
 def elsewhere() -> Iterator[None]:
-    """Work in another folder: a window that closes leaves an imgui.ini in the current one."""
+    """Work in a temporary folder, because closing a window leaves an imgui.ini in the current folder."""
     here = os.getcwd()
     with tempfile.TemporaryDirectory() as folder:
         os.chdir(folder)

@@ -1,4 +1,4 @@
-"""Draw field, springs or points, wall and arrows on a GGUI canvas: in films, stills and the window."""
+"""Draw field, springs or points, wall and arrows on a GGUI canvas, for films, stills and the window."""
 
 from __future__ import annotations
 
@@ -21,35 +21,36 @@ from taichi_disk.statics.equilibrium import roll_angle, turned
 Vertices = NDArray[np.float32]
 get_field_info = import_module(f"{ti.__name__}.ui.utils").get_field_info
 
-_SPRING, _OUTLINE = 0.65, 1.3  # half the width of a spring on the field, and of an outline: pixels in a picture of 720
-_ARROW, _HEAD, _RIM, _NEXT = 1.8, 4.5, 1.0, 10.0  # an arrow's shaft, half its head, its rim, its distance to the next
-_FINE, _COARSE = 5.0, 14.0  # pixels between two points, from which on springs are seen on the field, and seen in full
-_WEAK = 0.02  # of the full force: less has no arrow
-_SEEN = 0.25  # how much of the springs' ink is mixed into the field
-_FRINGE_PARTS = 20_000  # small triangles, about, into which the triangles of a coarse lattice are cut for fringes
+# Sizes are [px] in a picture of 720 pixels.
+_SPRING, _OUTLINE = 0.65, 1.3  # half the widths of a spring on the field and of an outline
+_ARROW, _HEAD, _RIM, _NEXT = 1.8, 4.5, 1.0, 10.0  # widths of an arrow's shaft, half head and rim; distance of arrows
+_FINE, _COARSE = 5.0, 14.0  # distances of points at which springs on the field begin to appear, and appear fully
+_WEAK = 0.02  # a force below this fraction of `full_force` has no arrow
+_SEEN = 0.25  # fraction of the springs' ink in the colour of springs on the field
+_FRINGE_PARTS = 20_000  # approximate number of small triangles into which a coarse lattice is divided for fringes
 
 
 class Painter:
     """Draws one lattice. `ti.init` must have been called. A window, or a film, does this with each state:
 
         painter = Painter(lattice, model.springs, model.wall)
-        painter.limit = painter.scale(painter.values(x, v))           # once, or as often as the colours shall change
+        painter.limit = painter.scale(painter.values(x, v))           # once, or whenever the colour scale shall change
         painter.paint(window.get_canvas(), camera, x, v)
 
     `x` (n, 2) [R] and `v` (n, 2) [c] are in the lattice's order; all values must be finite.
 
     Attributes, all of which may be changed at any time:
-        colour: a name of `fields.QUANTITIES`: what colours show.
-        draw: "field" (triangles), "both" (and faint springs on it if points are far enough apart, except on fringes),
-            "springs" or "points" alone. On the field a line separates triangles of different stiffness.
+        colour: the coloured quantity, a name of `fields.QUANTITIES`.
+        draw: "field" (triangles), "both" (also faint springs, if points are far enough apart, except on fringes),
+            "springs" or "points". On the field a line separates triangles of different stiffness.
         theme: "light" or "dark".
-        limit: value of full colour, from -limit where values have a sign, else from 0; of fringes: the stress
-            difference from one to the next. In units of the quantity.
-        full_force: force that an arrow of `geometry.ARROW` stands for [M c^2/R]; 0: no arrows.
-        edge: height of the wall's edge over its surface [R], see `geometry.edge_height`.
-        spoke: the point to which a line is drawn from the disk's centre; -1: none.
-        magnify: how many times as large as they are displacements are drawn, see `placed`.
-        shown: (n,) the values in the last picture.
+        limit: end of the colour scale, which starts at -limit for signed quantities, else at 0; for fringes, the stress
+            difference of one fringe. In units of the quantity.
+        full_force: force whose arrow has the length `geometry.ARROW` [M c^2/R]; 0: no arrows.
+        edge: height of the wall's edge above its surface [R], see `geometry.edge_height`.
+        spoke: point to which a line is drawn from the disk's centre; -1: none.
+        magnify: factor by which displacements are magnified, see `placed`.
+        shown: (n,) values in the last picture.
     """
 
     shown: Array
@@ -63,16 +64,15 @@ class Painter:
     # ---- values
 
     def values(self, x: Array, v: Array) -> Array:
-        """Return the coloured quantity at the points (n,)."""
+        """Return the coloured quantity (n,) at the points."""
         return at_points(self.colour, self.triangles, self.springs, x, v)
 
     def scale(self, values: Array) -> float:
-        """Return a round `limit` for `values` (n,), from those of the disk."""
+        """Return a round `limit` for `values` (n,), using the disk's points only."""
         return full_scale(values[: self.lattice.disk_points], self.colour)
 
     @property
     def remarks(self) -> list[str]:
-        """Remarks for the title on how the picture is drawn."""
         elastic = self.wall is not None and len(self.lattice.wall_surface) > 0
         grown = [f"displacements × {self.magnify:g}"] * (self.magnify > 1.0)
         return grown + ["grey: reach of the contact force"] * elastic
@@ -83,22 +83,21 @@ class Painter:
 
     @property
     def map(self) -> NDArray[np.float32]:
-        """Colour map (LEVELS, 3) from the lowest value to the highest; of fringes, from dark to bright."""
+        """Colour map (LEVELS, 3) from the lowest value to the highest; for fringes, from dark to bright."""
         return colour_map(self.theme, map_kind(self.colour), self.draw in ("springs", "points"))
 
     def normalised(self, values: Array) -> Array:
-        """Return `values` as positions in the colour map, 0 to 1; of fringes, their order."""
+        """Return `values` as positions 0 to 1 in the colour map; for fringes, the fringe order."""
         return np.asarray(0.5 + 0.5 * values / self.limit if self.signed else values / self.limit)
 
     def colours(self, normalised: Array) -> NDArray[np.float32]:
-        """Return the colours (..., 3) of `normalised` values (...)."""
         if self.colour == "fringes":
             normalised = np.sin(np.pi * normalised) ** 2
         table = self.map
         return table[(np.clip(normalised, 0.0, 1.0) * (len(table) - 1) + 0.5).astype(np.intp)]
 
     def mesh(self, x: Array, normalised: Array) -> tuple[Array, Array, NDArray[np.int32]]:
-        """Return points (k, 2), their normalised values (k,) and triangles (t, 3) between which colours are linear.
+        """Return points (k, 2), normalised values (k,) and triangles (t, 3), in which colours vary linearly.
 
         `x` (n, 2), `normalised` (n,): of the lattice's points. For fringes each triangle of the lattice is subdivided.
         """
@@ -115,8 +114,8 @@ class Painter:
     def placed(self, x: Array) -> Array:
         """Return where points at `x` (n, 2) are drawn [R].
 
-        Displacements are relative to the initial lattice, rotated like the disk, with its lowest point at the same
-        height. Points near a contact may be drawn inside the wall, which hides them.
+        Displacements are taken relative to the initial lattice, rotated like the disk, with its lowest point at the
+        same height. Points near a contact may be drawn inside the wall, which hides them.
         """
         out, n = np.array(x, order="C"), self.lattice.disk_points
         if self.magnify != 1.0:
@@ -127,10 +126,7 @@ class Painter:
         return out
 
     def paint(self, canvas: Any, camera: Camera, x: Array, v: Array, unit: float = 1.0) -> None:
-        """Draw the state on a `ti.ui.Canvas` after filling it with the theme's ground.
-
-        `unit`: factor for the widths of lines, 1 in a picture of 720 pixels.
-        """
+        """Draw the state on a `ti.ui.Canvas`. `unit`: factor for the widths of lines, 1 in a picture of 720 pixels."""
         placed = self.placed(x)
         theme, pixel = THEMES[self.theme], 1.0 / camera.scale
         self.shown = self.values(x, v)
@@ -141,8 +137,8 @@ class Painter:
         if self.wall is not None:
             left, right, bottom, _ = camera.seen
             if len(self.lattice.wall_surface):
-                chain, depth = placed[self.lattice.wall_surface], half  # over its own outline
-            else:  # as far as can be seen
+                chain, depth = placed[self.lattice.wall_surface], half  # the solid body covers the outline of the wall
+            else:  # across the visible part of the scene
                 chain, depth = np.array([(left - pixel, 0.0), (right + pixel, 0.0)]), max(pixel - bottom, -self.edge)
             decay = max(self.wall.decay_length, 0.4 * pixel)
             haze, solid = geometry.wall_body(chain, depth, self.edge, decay, theme)
@@ -161,7 +157,7 @@ class Painter:
                 start, end = placed[sides.T]
                 above.append(geometry.outline(start, end, half, inside, theme.ink, outside))
         elif self.draw == "springs":
-            # Few springs need not be thick to be seen; a line below about a pixel vanishes.
+            # Thin lines suffice if there are few springs, but a line thinner than about a pixel vanishes.
             width = max(min(0.15 * self._spacing * camera.scale, 2.5 * unit), 1.1)
             each = np.repeat(self.colours(self._of_springs(x, values)), 2, axis=0)
             self._springs(canvas, camera, placed, each, width)
@@ -177,21 +173,19 @@ class Painter:
         self.draw_shape(canvas, geometry.joined(*above), camera)
         if self.draw == "points":
             radius = max(min(0.3 * self._spacing * camera.scale, 6.0 * unit), 1.0) / camera.height
-            out = _put(camera, placed, colours)  # GGUI reads its memory
+            out = _put(camera, placed, colours)  # keep this array alive: GGUI reads its memory
             canvas.canvas.circles(get_field_info(out), True, False, (0.0, 0.0, 0.0), radius)
 
     def pushes(self, x: Array, v: Array, distance: float) -> tuple[Array, Array]:
-        """Return feet (k, 2) [R] and forces (k, 2) of arrows, relative to the full force.
-
-        If points are closer than `distance` [R], one arrow shows the mean force of all within that distance.
-        """
+        """Return the starts (k, 2) [R] of arrows and their forces (k, 2) over `full_force`."""
+        # If points are closer than `distance` [R], one arrow shows the mean force of all points within that distance.
         points, forces = self.wall.contact_forces(self.lattice, x, v, self.springs)
         forces = forces / self.full_force
         strong = np.hypot(*forces.T) > _WEAK
         placed = self.placed(x)
         feet, forces = placed[points[strong]], forces[strong]
         chain = placed[self.lattice.wall_surface] if len(self.lattice.wall_surface) else np.zeros((1, 2))
-        # Magnified displacements put points into the wall, which hides them.
+        # Magnified displacements may move points into the wall, which would hide their arrows.
         feet[:, 1] = np.maximum(feet[:, 1], np.interp(feet[:, 0], *chain.T) + self.edge)
         if self._spacing > 0.8 * distance and self._spacing > self.wall.decay_length:
             return feet, forces
@@ -201,7 +195,6 @@ class Painter:
         return np.stack(mean[:2], axis=1), np.stack(mean[2:], axis=1)
 
     def _of_springs(self, x: Array, values: Array) -> Array:
-        """Return the normalised values (m,) of springs; `values` (n,): those of the points."""
         if self.colour not in ("strain", "force"):
             return np.asarray(values[self.lattice.bonds].mean(axis=1))
         law = self.springs.strain if self.colour == "strain" else self.springs.tension
@@ -217,7 +210,6 @@ class Painter:
 
 
 def _put(camera: Camera, points: Array, colours: NDArray[Any]) -> Vertices:
-    """Return opaque vertices (k, VERTEX) at `points` (k, 2) [R] with `colours` (k, 3)."""
     out = np.zeros((len(points), VERTEX), dtype=np.float32)
     factor, shift = camera.canvas_map()
     out[:, :2], out[:, 8:11], out[:, 11] = factor * points + shift, colours, 1.0
@@ -225,18 +217,16 @@ def _put(camera: Camera, points: Array, colours: NDArray[Any]) -> Vertices:
 
 
 def draw_triangles(canvas: Any, vertices: Vertices, corners: NDArray[np.int32] | None = None) -> None:
-    """Draw triangles from arrays; `corners` (k, 3): vertices of each triangle, by default three in turn.
-
-    `Canvas.triangles` of Taichi 1.7.4 copies fields into such arrays first, with a kernel for each lattice (0.3 s).
-    """
+    """Draw triangles from arrays. `corners` (k, 3): vertices of each triangle; by default three consecutive ones."""
+    # `Canvas.triangles` of Taichi 1.7.4 first copies fields into such arrays, with a kernel for each lattice (0.3 s).
     indices = get_field_info(None if corners is None else corners.ravel())
     canvas.canvas.triangles(get_field_info(vertices), indices, True, (0.0, 0.0, 0.0))
 
 
 def subdivision(parts: int) -> tuple[Array, NDArray[np.int32]]:
-    """Return the points and triangles of a triangle that is cut into parts x parts smaller ones.
+    """Return the points and triangles of a triangle that is divided into parts x parts smaller ones.
 
-    Points are weights (q, 3) of its corners, triangles are indices (parts^2, 3) of points.
+    Points are weights (q, 3) of the corners, triangles are indices (parts^2, 3) of points.
     """
     places = [(m, n) for m in range(parts + 1) for n in range(parts + 1 - m)]
     number = {place: k for k, place in enumerate(places)}

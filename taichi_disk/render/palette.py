@@ -14,18 +14,18 @@ from taichi_disk.fields import FRINGES, QUANTITIES
 
 Colour = tuple[float, float, float]  # sRGB, 0 to 1
 
-LEVELS = 512  # of a colour map
-_BARE = 0.7  # of the lightness that a map spans is left to one that stands out from the ground
+LEVELS = 512  # number of colours of a map
+_BARE = 0.7  # fraction of the lightness range that is used in maps for lines and points
 
 
 @dataclass(frozen=True)
 class Theme:
-    """The colours of a picture. `zero`, `low`, `high`: of the maps, CIELAB; `low` and `high` run outwards from zero."""
+    """The colours of a picture. `zero`, `low`, `high` define the maps in CIELAB; `low` and `high` begin at zero."""
 
     ground: Colour
-    ink: Colour  # text that matters, outlines
+    ink: Colour  # important text, outlines
     faint: Colour  # other text
-    wall: Colour  # the body of the rigid wall, and the skin of the elastic one
+    wall: Colour  # body of the rigid wall, surface layer of the elastic wall
     arrow: Colour
     rule: Colour  # lines of a graph
     low: tuple[tuple[float, float, float], ...]
@@ -66,7 +66,6 @@ THEMES: dict[str, Theme] = {
 
 
 def map_kind(quantity: str) -> str:
-    """Return the kind of `colour_map` that shows one of `fields.QUANTITIES`."""
     known = {"pressure": "pressure", "rate": "pressure", "fringes": "fringes"}
     return known.get(quantity, "stretch" if QUANTITIES[quantity].signed else "amount")
 
@@ -78,7 +77,7 @@ def colour_map(theme: str, kind: str, bare: bool = False) -> NDArray[np.float32]
     Args:
         kind: "pressure" (compression, the positive values, is blue), "stretch" (compression, the negative values, is
             blue; both have zero in the middle), "amount" (from zero up), "fringes" (from dark field to light).
-        bare: for lines and points on the ground, from which zero then stands out.
+        bare: whether it colours lines and points on the background, from which zero must then differ.
     """
     look = THEMES[theme]
     if kind == "fringes":
@@ -91,18 +90,17 @@ def colour_map(theme: str, kind: str, bare: bool = False) -> NDArray[np.float32]
         lab = np.concatenate([below[::-1], above])
     if bare:
         lab[:, 0] = lab[-1, 0] + _BARE * (lab[:, 0] - lab[-1, 0])
-        lab[:, 1:] *= 0.9  # within what screens show at that lightness
+        lab[:, 1:] *= 0.9  # stay within the colours that screens can show
     return lab_to_srgb(lab).astype(np.float32)
 
 
 def _curve(nodes: tuple[tuple[float, float, float], ...], count: int) -> NDArray[np.float64]:
-    """Return `count` points (count, 3) on the polynomial through `nodes`; a kink would look like an edge."""
     known, at = np.linspace(0.0, 1.0, len(nodes)), np.linspace(0.0, 1.0, count)
     powers = np.arange(len(nodes))
     return np.asarray(at[:, None] ** powers @ np.linalg.solve(known[:, None] ** powers, np.array(nodes, dtype=float)))
 
 
-_WHITE = np.array([0.95047, 1.0, 1.08883])  # D65
+_WHITE = np.array([0.95047, 1.0, 1.08883])  # white point D65
 _XYZ_TO_RGB = np.array(
     [
         [3.2404542, -1.5371385, -0.4985314],
@@ -124,18 +122,18 @@ def lab_to_srgb(lab: NDArray[np.float64]) -> NDArray[np.float64]:
 
 # ---- scales
 
-FULL_COLOUR = 98.0  # percentile of the values that has the full colour
+FULL_COLOUR = 98.0  # percentile of the values at the end of the colour scale
 _STEPS = (1.0, 1.5, 2.0, 3.0, 4.0, 5.0, 6.0, 8.0, 10.0)
 
 
 def full_scale(values: NDArray[np.floating[Any]], colour: str) -> float:
-    """Return a rounded FULL_COLOUR percentile of |values|; for fringes, the stress difference that gives FRINGES."""
+    """Return the FULL_COLOUR percentile of |values|, rounded; for fringes, the stress difference that gives FRINGES."""
     largest = float(np.percentile(np.abs(values), FULL_COLOUR))
     return round_near(largest / FRINGES if colour == "fringes" else largest)
 
 
 def round_near(value: float) -> float:
-    """Return the round number (one of _STEPS times a power of ten) with the ratio to `value` nearest to 1."""
+    """Return the round number (a power of ten times one of _STEPS) whose ratio to `value` is closest to 1."""
     value = max(value, 1e-12)
     decade = 10.0 ** math.floor(math.log10(value))
     return float(decade * min(_STEPS, key=lambda step: abs(math.log(step * decade / value))))

@@ -1,4 +1,4 @@
-"""Draw states and curves into finished pictures, without a screen."""
+"""Draw states and curves into finished pictures, off screen."""
 
 from __future__ import annotations
 
@@ -14,24 +14,21 @@ from taichi_disk.output.plot import LINE, MARK, PANEL_HEIGHTS, STYLE, draw_curve
 from taichi_disk.render import kernels
 from taichi_disk.render.geometry import Camera, View
 from taichi_disk.render.legend import LEAST, Legend
-from taichi_disk.render.offscreen import elsewhere, offscreen_window
+from taichi_disk.render.offscreen import elsewhere, open_window
 from taichi_disk.render.palette import Theme
 from taichi_disk.render.video import Picture
 
-_MARGIN = 8.0  # around the view: pixels in a picture of 720
-_LETTER = 13.2  # pixels of letters in a picture of 720
-_FAINT = 0.2  # of its contrast is left to what is still to come
-_LINES: tuple[Any, ...] = ("solid", (0, (3, 1.5)), (0, (1, 1.2)), (0, (5, 1.5, 1, 1.5)))  # of the runs, in turn
+_MARGIN = 8.0  # margin around the view, in a picture of 720 pixels [px]
+_LETTER = 13.2  # size of letters in a picture of 720 pixels [px]
+_FAINT = 0.2  # contrast of curves at times still to come
+_LINES: tuple[Any, ...] = ("solid", (0, (3, 1.5)), (0, (1, 1.2)), (0, (5, 1.5, 1, 1.5)))  # line style of each run
 
 
 class Pictures:
     """Pictures of one disk or of several side by side, optionally with a panel of curves at the right.
 
     An instance holds the process's only window until it is closed. Call `draw` in the thread that made the instance;
-    `finish` may run in another thread.
-
-    Attributes:
-        width: of a picture [px].
+    `finish` may run in another thread. `width`: of a picture [px].
     """
 
     def __init__(
@@ -39,28 +36,27 @@ class Pictures:
     ) -> None:
         """`size`: of the picture of one disk [px], even; `supersample`: samples across a pixel, 1, 1.5 or 2."""
         self._legends, self._size, self._samples, self._panel = legends, size, round(2 * supersample), panel
-        # Side by side all disks lie at the same height: below the longest title.
+        # Compared disks lie at the same height, below the longest title.
         header, self._bottom = max(legend.header for legend in legends), size - legends[0].footer
         self._unit = legends[0].unit * supersample
         width, height = round(size * supersample), round((self._bottom - header) * supersample)
         margin = _MARGIN * self._unit
-        # Beside the view there is nothing but ground and rigid wall: columns there repeat the last one that is drawn.
+        # Columns beside the view show only background and rigid wall, so they repeat the last drawn column.
         seen = 2.0 * margin + Camera.fit(view, width, height, margin).scale * (view[1] - view[0])
         self._beside = int((width - seen) / (2.0 * supersample))
         drawn = round((size - 2 * self._beside) * supersample), height
         self._camera = Camera.fit(view, *drawn, margin)
         scale = self._camera.scale / supersample
         parts = [legend.still(scale) for legend in legends]
-        if len(legends) > 1:  # the scales are the same: they stand below all of them, once
+        if len(legends) > 1:  # the disks share one row of scales
             scales = np.hsplit(legends[0].below(len(legends) * size, scale), len(legends))
             for part, below in zip(parts, scales, strict=True):
                 part[self._bottom :] = below
         self._blank = np.concatenate([*parts, panel.full] if panel else parts, axis=1)
         self.width = self._blank.shape[1]
-        self._window = offscreen_window(drawn)
+        self._window = open_window("taichi-disk", drawn, show_window=False)
 
     def draw(self, states: Sequence[tuple[float, Array, Array]]) -> Picture:
-        """Return a picture (size, width, 3) of the states (t, x, v) of all disks, still without its changing text."""
         picture = self._blank.copy()
         for k, (legend, (_, x, v)) in enumerate(zip(self._legends, states, strict=True)):
             legend.painter.paint(self._window.get_canvas(), self._camera, x, v, self._unit)
@@ -86,24 +82,15 @@ class Pictures:
 
 @dataclass(frozen=True)
 class Panel:
-    """Curves that are drawn once; those of later times are shown faded.
+    """Curves that are drawn once; those of later times are shown faded."""
 
-    Attributes:
-        full: (rows, columns, 3) the complete curves.
-        faint: the same, faded.
-        end: end of the time axis, which begins at 0 [R/c].
-        boxes: first and last column, first and last row of each pair of axes.
-        ink: colour of the line that marks the time.
-    """
-
-    full: Picture
-    faint: Picture
-    end: float
-    boxes: tuple[tuple[int, int, int, int], ...]
-    ink: tuple[int, ...]
+    full: Picture  # (rows, columns, 3) the complete curves
+    faint: Picture  # the same, faded
+    end: float  # end of the time axis, which begins at 0 [R/c]
+    boxes: tuple[tuple[int, int, int, int], ...]  # first and last column, first and last row of each pair of axes
+    ink: tuple[int, ...]  # colour of the line that marks the time
 
     def draw(self, picture: Picture, t: float) -> None:
-        """Fade the curves after time `t` [R/c] in `picture` (rows, columns, 3), a copy of `full`."""
         for left, right, top, bottom in self.boxes:
             now = round(float(np.interp(t, (0.0, self.end), (left, right))))
             picture[top:bottom, now:] = self.faint[top:bottom, now:]
@@ -118,7 +105,7 @@ def side_panel(runs: Sequence[Outcome], names: Sequence[str], size: int, theme: 
 
     width, dpi, letter = 2 * round(size * 7 / 18), size / 7.2, max(_LETTER * size / 720, LEAST)
     with matplotlib_style(_style(theme, 72.0 * letter / dpi)):
-        # A hair larger, as matplotlib rounds down.
+        # Slightly larger, because Matplotlib rounds down.
         figure = Figure(figsize=((width + 0.1) / dpi, (size + 0.1) / dpi), dpi=dpi)
         canvas = FigureCanvasAgg(figure)
         axes = list(figure.subplots(3, 1, sharex=True, height_ratios=PANEL_HEIGHTS))
@@ -131,7 +118,7 @@ def side_panel(runs: Sequence[Outcome], names: Sequence[str], size: int, theme: 
         axes[-1].set_xlim(0.0, end)
         for ax in axes:
             ax.margins(y=0.06)
-            # The power of ten of an axis stands in its title: above it there is no other room.
+            # There is no room above an axis for its power of ten, so the label of the axis contains it.
             numbers = ax.yaxis.get_major_formatter()
             numbers.format_ticks(ax.get_yticks())
             ax.yaxis.get_offset_text().set_visible(False)
@@ -139,8 +126,8 @@ def side_panel(runs: Sequence[Outcome], names: Sequence[str], size: int, theme: 
             ax.set_ylabel("")
         for line in lines:
             if len(runs) > 1 and line.get_label().startswith("vibration left"):
-                line.set_label("vibration left")  # each run has a number of its own
-        energies = {line.get_label(): line for line in lines[::-1] if line.axes is axes[2]}  # the first run's
+                line.set_label("vibration left")  # without the number, which differs from run to run
+        energies = {line.get_label(): line for line in lines[::-1] if line.axes is axes[2]}  # those of the first run
         handles = list(energies.values())[::-1]
         if len(runs) > 1:
             named = zip(names, _LINES, strict=False)

@@ -1,4 +1,4 @@
-"""Draw a state on Matplotlib axes in the colours of films, for papers."""
+"""Draw a state on Matplotlib axes, in the colours of films, for publications."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ def draw_state(run: Run, video: VideoSection, t: float | str, ax: Axes | None = 
 
 def _draw(ax: Axes, states: States, video: VideoSection, x: Any, v: Any, title: str) -> None:
     painter, theme, (xmin, xmax, ymin, ymax) = states.painter, THEMES[video.theme], states.view
-    painter.draw = "both"  # with "springs" the field would have no colours
+    painter.draw = "both"  # "springs" would leave the field without colours
     ax.set(xlim=(xmin, xmax), ylim=(ymin, ymax), aspect="equal", facecolor=theme.ground)
     ax.set(xlabel="x  [R]", ylabel="y  [R]", title=title)
     ax.grid(visible=False)
@@ -75,7 +75,6 @@ def _draw(ax: Axes, states: States, video: VideoSection, x: Any, v: Any, title: 
 
 
 def _mesh(points: Any, colours: Any, order: float, corners: Any = None) -> TriMesh:
-    """Return triangles between `points` (k, 2) [R] with `colours` (k, 3); by default every three points form one."""
     corners = np.arange(len(points)).reshape(-1, 3) if corners is None else corners
     mesh = TriMesh(Triangulation(points[:, 0], points[:, 1], corners), zorder=order)
     mesh.set_facecolor(list(map(tuple, colours.astype(float))))
@@ -83,7 +82,6 @@ def _mesh(points: Any, colours: Any, order: float, corners: Any = None) -> TriMe
 
 
 def _scale(painter: Painter) -> ScalarMappable:
-    """Return the colour map with its scale; for fringes the scale is their order."""
     if painter.colour == "fringes":
         places = np.linspace(0.0, 1.0, 256)
         return ScalarMappable(Normalize(0.0, 1.0), ListedColormap(painter.colours(places)))

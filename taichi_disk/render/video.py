@@ -4,83 +4,72 @@ from __future__ import annotations
 
 import sys
 import zlib
+from collections import deque
 from collections.abc import Callable, Iterator
-from concurrent.futures import ThreadPoolExecutor
-from contextlib import contextmanager, suppress
+from concurrent.futures import Future, ThreadPoolExecutor
+from contextlib import contextmanager
 from fractions import Fraction
+from itertools import count
 from pathlib import Path
-from queue import Full, Queue
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from taichi_disk.errors import SimulationError
-
 Picture = NDArray[np.uint8]
-Size = tuple[int, int]
+Append = Callable[[Picture], object]
 
 _CODECS = {".mp4": "libx264", ".webm": "libvpx-vp9"}
 _OPTIONS = {
-    # Compared with "veryfast" at crf 22: 0.8 of the time, 1.5 times the bytes, no visible difference. The macroblock
-    # tree of x264 reads uninitialised memory (valgrind shows it), so that bytes would differ from run to run.
+    # "veryfast" at crf 22 takes 1.25 times as long for 0.67 of the bytes, without a visible difference. The macroblock
+    # tree of x264 reads uninitialised memory (found by valgrind), so bytes would differ from run to run.
     ".mp4": {"preset": "superfast", "crf": "24", "coder": "0", "bf": "0", "partitions": "none", "mbtree": "0"},
     ".webm": {"crf": "32", "b": "0", "deadline": "realtime", "cpu-used": "6"},
 }
 _BT709 = 1  # primaries, transfer and matrix in H.273; without tags players guess the colours
+_WAITING = 3  # pictures that may wait for the encoder
 _GIF_SAMPLES = 12  # approximate number of pictures from which the palette is chosen
 
 
 @contextmanager
 def video(
-    path: Path, form: str, width: int, height: int, fps: int, origin: str = ""
-) -> Iterator[Callable[[Callable[[], Picture] | None], None]]:
+    path: Path, form: str, size: tuple[int, int], fps: int, origin: str
+) -> Iterator[Callable[[Callable[[], Picture]], None]]:
     """Write a film as ".mp4", ".webm" or ".gif", one picture as ".png", or a folder of pictures as "".
 
-    Equal pictures give equal bytes. Raises OSError, at the next picture or at the end, if the file cannot be written.
+    Equal pictures give equal bytes. Raises OSError, at a later picture or at the end, if the file cannot be written.
 
     Args:
-        width, height: in pixels, even.
+        size: width and height [px], even.
         origin: text for the metadata of the file.
 
     Yields `write(picture)`, which appends the array (height, width, 3) that `picture()` returns in another thread.
     """
-    encode = {"": _encode_pngs, ".png": _encode_pngs, ".gif": _encode_gif}.get(form, _encode_stream)
-    pictures: Queue[Callable[[], Picture] | None] = Queue(maxsize=2)
+    encoder = {"": _folder, ".png": _still, ".gif": _gif}.get(form, _stream)
     # Drawing holds Python's lock for milliseconds at a time; by default the encoder would wait 5 ms more.
-    switch_interval = sys.getswitchinterval()
+    switch_interval, waiting = sys.getswitchinterval(), deque[Future[object]]()
     sys.setswitchinterval(5e-4)
-    with ThreadPoolExecutor(1) as thread:
-        incoming = (picture() for picture in iter(pictures.get, None))
-        encoded = thread.submit(encode, path, form, (width, height), fps, origin, incoming)
+    try:
+        with encoder(path, size, fps, origin) as append, ThreadPoolExecutor(1) as thread:
 
-        def write(picture: Callable[[], Picture] | None) -> None:
-            while not encoded.done():  # a failed encoder no longer empties the queue
-                with suppress(Full):
-                    return pictures.put(picture, timeout=0.1)
-            encoded.result()
+            def write(picture: Callable[[], Picture]) -> None:
+                if len(waiting) == _WAITING:
+                    waiting.popleft().result()
+                waiting.append(thread.submit(lambda: append(picture())))
 
-        try:
             yield write
-            write(None)
-        except BaseException:
-            with suppress(Exception):
-                write(_cancel)
-            raise
-        finally:
-            sys.setswitchinterval(switch_interval)
-        encoded.result()
+            for one in waiting:
+                one.result()
+    finally:
+        sys.setswitchinterval(switch_interval)
 
 
-def _cancel() -> Picture:
-    raise SimulationError("the film was cancelled")
-
-
-def _encode_stream(path: Path, form: str, size: Size, fps: int, origin: str, pictures: Iterator[Picture]) -> None:
+@contextmanager
+def _stream(path: Path, size: tuple[int, int], fps: int, origin: str) -> Iterator[Append]:
     """Encode one stream of H.264 or VP9."""
     import av
 
-    width, height = size
+    form, (width, height) = path.suffix, size
     options = {"fflags": "+bitexact"} | ({"movflags": "+faststart"} if form == ".mp4" else {})
     with open(path, "w+b") as file:  # a Python file raises errors such as a full disk; FFmpeg does not
         container = av.open(file, "w", format=form[1:], options=options)
@@ -96,26 +85,32 @@ def _encode_stream(path: Path, form: str, size: Size, fps: int, origin: str, pic
         context.color_primaries = context.color_trc = _BT709
         # Reuse one converter: creating it takes twice as long as converting a picture.
         converter: Any = av.video.reformatter.VideoReformatter()
-        for number, picture in enumerate(pictures):
+        number = count()
+
+        def append(picture: Picture) -> None:
             frame: Any = av.VideoFrame.from_numpy_buffer(np.ascontiguousarray(picture), format="rgb24")
             frame = converter.reformat(
                 frame, format="yuv420p", dst_colorspace="ITU709", dst_color_range="MPEG", interpolation="POINT"
             )
-            frame.pts, frame.time_base = number, Fraction(1, fps)
+            frame.pts, frame.time_base = next(number), Fraction(1, fps)
             container.mux(stream.encode(frame))
+
+        yield append
         container.mux(stream.encode(None))
         container.close()
 
 
-def _encode_gif(path: Path, form: str, size: Size, fps: int, origin: str, pictures: Iterator[Picture]) -> None:
+@contextmanager
+def _gif(path: Path, size: tuple[int, int], fps: int, origin: str) -> Iterator[Append]:
     """Encode with one palette for all pictures, so that resting parts do not flicker; pictures wait compressed."""
     from PIL import Image
 
-    packed = [zlib.compress(picture.tobytes(), 1) for picture in pictures]
+    packed: list[bytes] = []
 
     def unpacked(step: int = 1) -> Iterator[Any]:
         return (Image.frombytes("RGB", size, zlib.decompress(one)) for one in packed[::step])
 
+    yield lambda picture: packed.append(zlib.compress(picture.tobytes(), 1))
     sampled = np.concatenate([np.asarray(one) for one in unpacked(1 + len(packed) // _GIF_SAMPLES)])
     palette = Image.fromarray(sampled).quantize(256, Image.Quantize.MAXCOVERAGE)
     first, *others = (one.quantize(palette=palette, dither=Image.Dither.NONE) for one in unpacked())
@@ -125,16 +120,24 @@ def _encode_gif(path: Path, form: str, size: Size, fps: int, origin: str, pictur
         first.save(file, "GIF", save_all=True, append_images=others, duration=durations, loop=0, comment=origin)
 
 
-def _encode_pngs(path: Path, form: str, size: Size, fps: int, origin: str, pictures: Iterator[Picture]) -> None:
-    """Write one picture, or a folder of pictures 00001.png, 00002.png, …"""
+@contextmanager
+def _still(path: Path, size: tuple[int, int], fps: int, origin: str) -> Iterator[Append]:
+    """Write one picture."""
+    yield lambda picture: _save(picture, path, origin, optimize=True)
+
+
+@contextmanager
+def _folder(path: Path, size: tuple[int, int], fps: int, origin: str) -> Iterator[Append]:
+    """Write a folder of pictures 00001.png, 00002.png, …"""
+    path.mkdir()
+    number = count(1)
+    yield lambda picture: _save(picture, path / f"{next(number):05d}.png", origin, compress_level=6)
+
+
+def _save(picture: Picture, path: Path, origin: str, **options: Any) -> None:
     from PIL import Image
     from PIL.PngImagePlugin import PngInfo
 
     info = PngInfo()
     info.add_itxt("Description", origin)
-    if form:
-        Image.fromarray(next(pictures)).save(path, optimize=True, pnginfo=info)
-        return
-    path.mkdir()
-    for number, picture in enumerate(pictures, 1):
-        Image.fromarray(picture).save(path / f"{number:05d}.png", compress_level=6, pnginfo=info)
+    Image.fromarray(picture).save(path, pnginfo=info, **options)

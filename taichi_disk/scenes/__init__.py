@@ -45,7 +45,6 @@ def load_sweep(source: Source, overrides: Sequence[str] = ()) -> Sweep:
 
 
 def load_any(source: Source, overrides: Sequence[str] = ()) -> Scene | Sweep:
-    """Read a source once and return a sweep if it has a section `sweep:`, else a scene."""
     return cast("Scene | Sweep", _load(source, overrides))
 
 
@@ -85,7 +84,6 @@ def check_feasible(scene: Scene | Sweep) -> None:
 
 
 def check_memory(scene: DiskScene) -> None:
-    """Raise InputError if there is not enough free memory for the points."""
     points = scene.lattice.points + scene.wall_points
     needed, free = workload.memory(points), free_memory()
     if points > 20_000 and needed > free:

@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
 import numpy as np
 
-from taichi_disk.config.conflicts import Conflicts, least_threshold, rounded_up, time_conflicts
 from taichi_disk.config.sections import ElasticImpactSection, ElasticWallSection, MaterialSection
 from taichi_disk.lattice import Lattice, check_thickness, with_wall
 from taichi_disk.scenes import oblique
+from taichi_disk.scenes.conflicts import Conflicts, least_threshold, rounded_up, time_conflicts
 from taichi_disk.scenes.impact import ImpactScenario, ImpactScene
 from taichi_disk.simulation.observables import Columns
 
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 
 class AbsorbingWallScene(ImpactScene):
-    """Scene file of this kind."""
+    """A scene with an elastic wall, as read from its file."""
 
     title: ClassVar[str] = "impact on an elastic, absorbing wall"
     lattice_keys: ClassVar[tuple[str, ...]] = ("lattice", "wall.points", "wall.width", "wall.k_a", "material.k_a")
@@ -52,18 +52,16 @@ class AbsorbingWallScene(ImpactScene):
         if interval and dt != "auto" and dt > interval:
             conflicts.append(("time.dt", f"{dt:g} is longer than wall.reset_interval = {interval:g} [R/c]"))
         if self.video.magnify not in ("auto", 1.0):
-            conflicts.append(("video.magnify", "disk and dent would be drawn apart: write 1 with an elastic wall"))
+            conflicts.append(("video.magnify", "disk and dent would be drawn apart: with an elastic wall write 1"))
         return conflicts
 
     def unused(self) -> Collection[tuple[str, str]]:
-        of_wall = ("seed", "rim", "min_spacing")  # the wall is random, too
+        of_wall = ("seed", "rim", "min_spacing")  # these keys also shape the wall, whose points are random
         return [key for key in super().unused() if key[1] not in of_wall]
 
     def changes_with(self, key: str, value: Any) -> dict[str, Any]:
-        """Return changes as every scene does; a softer contact or a slower impact also needs a larger threshold.
-
-        The wall keeps the point density of the disk.
-        """
+        """Return the changes of every scene and, for a softer contact or a slower impact, a larger threshold."""
+        # The wall keeps the point density of the disk.
         changes = super().changes_with(key, value)
         if key in ("wall.a", "impact.velocity", "impact.angle"):
             section, name = key.split(".")
@@ -109,8 +107,6 @@ class AbsorbingWallScene(ImpactScene):
 
 
 class AbsorbingWallImpact(ImpactScenario):
-    """A disk thrown at the elastic wall."""
-
     scene: AbsorbingWallScene
     kind = "Impact on an elastic wall"
 
@@ -132,7 +128,7 @@ class AbsorbingWallImpact(ImpactScenario):
             boundary = physics.ResetBoundary(wall.reset_interval)
         elif wall.boundary == "dashpot":
             moduli = self.scene.moduli(self.lattice.disk_points)
-            ratio = np.sqrt(self.scene.wall_k_a / self.scene.material.k_a)  # of the speeds of sound, wall to disk
+            ratio = np.sqrt(self.scene.wall_k_a / self.scene.material.k_a)  # of the wall's speed of sound to the disk's
             p, s = (ratio * moduli.density * speed for speed in (moduli.wave_speed_p, moduli.wave_speed_s))
             boundary = physics.MatchedBoundary(physics.matched_impedance(self.lattice, p, s))
         return physics.Model(self.springs, contact(wall.a, wall.V0, wall.threshold), boundary=boundary)

@@ -9,10 +9,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from taichi_disk.computation.scenario import Array, Scenario, distribute
-from taichi_disk.config.conflicts import Conflicts, time_conflicts
 from taichi_disk.config.sections import CompressionSection, MaterialSection, WallSection
 from taichi_disk.lattice import Lattice
 from taichi_disk.progress import Progress, silent
+from taichi_disk.scenes.conflicts import Conflicts, time_conflicts
 from taichi_disk.scenes.scene import DiskScene
 from taichi_disk.simulation.observables import Columns
 
@@ -20,13 +20,13 @@ if TYPE_CHECKING:
     from taichi_disk.computation.outcome import Outcome
     from taichi_disk.statics.equilibrium import Equilibrium
 
-TOUCH = 1e-3  # fraction of the load that the wall bears at the start: a gentler start than in contact or far away
+TOUCH = 1e-3  # fraction of the load that the wall bears at the start, so that the disk is released gently
 STRAINED = 1e-9  # a lattice with a larger strain is not at rest
-AT_REST = 1e-8  # fraction of the largest kinetic energy at which curves end; the amplitude goes as its square root
+AT_REST = 1e-8  # curves end when the kinetic energy falls below this fraction of its maximum (amplitude: 1e-4)
 
 
 class CompressionScene(DiskScene):
-    """Scene file of this kind."""
+    """A compression on a rigid wall, as read from its file."""
 
     title: ClassVar[str] = "compression on a rigid wall"
     abscissa: ClassVar[tuple[str, str]] = ("compression", "pressure")
@@ -68,7 +68,7 @@ class Compression(Scenario):
     notes: ClassVar = {
         "xi": "centre of mass to lowest point, unloaded minus loaded [R]",
         "xi_nominal": "R = 1 minus the loaded distance from centre of mass to lowest point [R]",
-        "xi_extrapolated": "part of xi from extrapolating the last slow roll [R]",
+        "xi_extrapolated": "part of xi that comes from extrapolating the last slow roll [R]",
     }
 
     def __init__(self, scene: CompressionScene, disk: Lattice) -> None:
@@ -88,7 +88,7 @@ class Compression(Scenario):
         self.lattice = place_on_wall(disk, self.rest.roll, wall, TOUCH * self.pressure)
         self.unloaded = depth(self.lattice, self.lattice.positions)
         self.velocities = np.zeros_like(self.lattice.positions)
-        # Released without damping, the contact force would swing to twice the load.
+        # A disk that is released without damping loads the contact with up to twice the load.
         self.point_force = contact_point_force(self.lattice, self.model, 2.0 * self.pressure)
         unit = springs.time_unit
         self.sample_interval = float(0.1 * unit)
@@ -140,7 +140,7 @@ class Compression(Scenario):
         )
 
     def energy_scale(self, columns: Columns) -> float:
-        # Nothing moves at first, so that the work of the load replaces the kinetic energy.
+        # The disk starts at rest, so the work of the load replaces the initial kinetic energy.
         return float(np.ptp(columns["load"])) or self.pressure**2
 
     @property
@@ -148,11 +148,9 @@ class Compression(Scenario):
         return self.pressure**2 / self.model.springs.modulus
 
     def result(self, columns: Columns) -> dict[str, float]:
-        """Return xi at the end of the roll, too, by extrapolation.
-
-        Dashpots slow the last roll down, theta ~ exp(-t/T) with T up to 10^4 R/c. xi - xi_end falls like the angular
-        momentum, so that the last rows give the rest.
-        """
+        """Return xi and, extrapolated, the part of it that is due to the end of the last roll."""
+        # Dashpots slow the last roll down, theta ~ exp(-t/T) with T up to 10^4 R/c. xi - xi_end falls like the angular
+        # momentum, so the last rows determine what is missing.
         t, spin = columns["t"], columns["angular_momentum"]
         distance = columns["com_y"] - columns["lowest_y"]
         before = int(np.searchsorted(t, t[-1] - self.quiet_time))
@@ -226,16 +224,16 @@ def _shown(xi: float) -> str:
 
 
 def paper_compression(pressure: ArrayLike, young: ArrayLike, poisson: ArrayLike, b: ArrayLike = 1.0) -> Array:
-    """Eq. (2): xi = b P/(pi E) {ln(4 pi E R/(b P)) - 1 - nu} [R]."""
+    """Return xi = b P/(pi E) {ln(4 pi E R/(b P)) - 1 - nu} [R], eq. (2)."""
     p = np.asarray(b, float) * pressure / (np.pi * np.asarray(young, float))
     return np.asarray(p * (np.log(4.0 / p) - 1.0 - np.asarray(poisson)))
 
 
 def exact_compression(pressure: ArrayLike, young: ArrayLike, poisson: ArrayLike) -> Array:
-    """xi = P/(pi E) {ln(pi E R/P) - (1 + nu)/4} [R]: a disk under a uniform body force P, on one hard contact.
+    """Return xi = P/(pi E) {ln(pi E R/P) - (1 + nu)/4} [R]: a disk under a uniform body force P, on one hard contact.
 
-    xi is measured from the centre of mass. The law follows from Michell's series for the disk and Hertz's pressure
-    in the contact (Johnson, Contact Mechanics, 1985, section 5.6, treats two contacts). Its relative error is O(P/E).
+    xi is measured from the centre of mass. The law follows from Michell's series for the disk and Hertz's pressure in
+    the contact (Johnson, Contact Mechanics, 1985, section 5.6, treats two contacts). Its relative error is O(P/E).
     """
     p = np.asarray(pressure, float) / (np.pi * np.asarray(young, float))
     return np.asarray(p * (np.log(1.0 / p) - 0.25 * (1.0 + np.asarray(poisson))))

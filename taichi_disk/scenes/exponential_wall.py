@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, ClassVar, Literal
 
-from taichi_disk.config.conflicts import Conflicts, time_conflicts
 from taichi_disk.config.sections import ImpactSection, RoughWallSection
 from taichi_disk.lattice import Lattice
+from taichi_disk.scenes.conflicts import Conflicts, time_conflicts
 from taichi_disk.scenes.impact import ImpactScenario, ImpactScene
 
 if TYPE_CHECKING:
@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 
 class ExponentialWallScene(ImpactScene):
-    """Scene file of this kind."""
+    """An impact on a rigid wall, as read from its file."""
 
     title: ClassVar[str] = "impact on a rigid wall"
 
@@ -30,8 +30,6 @@ class ExponentialWallScene(ImpactScene):
 
 
 class ExponentialWallImpact(ImpactScenario):
-    """A disk thrown at the rigid wall."""
-
     scene: ExponentialWallScene
     kind = "Impact on a rigid wall"
 

@@ -1,4 +1,4 @@
-"""Impacts on either wall: the start beyond the reach of the wall, and the end when the disk has left for good."""
+"""Impacts on either wall: where the flight starts, and when the disk has left for good."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ import numpy as np
 
 from taichi_disk.computation.contact import CONTACT_LEVEL, contact_interval
 from taichi_disk.computation.scenario import Array, Scenario, distribute
-from taichi_disk.config.conflicts import Conflicts, gap_conflicts
 from taichi_disk.errors import InputError
 from taichi_disk.lattice import Lattice, disk_of
 from taichi_disk.lattice.network import bending_compliance, network_stiffness
 from taichi_disk.scenes import oblique
+from taichi_disk.scenes.conflicts import Conflicts, gap_conflicts
 from taichi_disk.scenes.scene import DiskScene
 from taichi_disk.simulation.observables import Columns
 
@@ -23,23 +23,23 @@ if TYPE_CHECKING:
 
     from taichi_disk.physics import Model
 
-# The wall's potential at the start and at the end is counted as speed, but it also deforms the disk. With potentials of
-# 1e-7 the error of e was up to 0.15 of this correction (compared with potentials of 1e-10).
+# e counts the wall's potential at the start and at the end as speed, but the potential also deforms the disk. With
+# potentials of 1e-7 the error of e was up to 0.15 of this correction, measured against potentials of 1e-10.
 POTENTIAL_CAUTION = 0.2
-# Time between two rows in decay times 1/(a v) of the wall. A point is pushed for a few of these, and on a hard wall the
-# first and the last of such pushes bound the contact.
+# Time between two rows in decay times 1/(a v) of the wall. The wall pushes a point for a few decay times, and on a hard
+# wall the first and the last such push bound the contact.
 DECAY_TIMES_PER_ROW = 0.3
-MAX_INTERVAL = 0.05  # between two rows, in time units of the springs: some 100 rows of contact
-MAX_HALVINGS = 8  # of that interval: some 30,000 rows
+MAX_INTERVAL = 0.05  # longest time between two rows, in time units of the springs: some 100 rows of contact
+MAX_HALVINGS = 8  # how often MAX_INTERVAL may be halved: some 30,000 rows
 MAX_OUTLINE_DEPTH = 0.2  # [radius]: a body with a deeper outline bends more easily than a disk
-# Wall potential over kinetic energy at the start and the end of such a body, whose ends return to the wall. With 1e-7
-# the error of e of a rod was 1.5e-6.
+# Wall potential over kinetic energy at the start and the end of a body with a deeper outline, whose ends swing back to
+# the wall. With 1e-7 the error of e of a rod was 1.5e-6.
 BENDING_POTENTIAL = 1e-10
-RESOLVED = 0.49  # fraction of the wall's decay length that a step may cross if another step is to show its error
+RESOLVED = 0.49  # largest fraction of the wall's decay length per step at which another step shows the error
 
 
 class ImpactScene(DiskScene):
-    """Scene file of an impact."""
+    """An impact, as read from its file."""
 
     abscissa: ClassVar[tuple[str, str]] = ("impact", "velocity")
     results: ClassVar[tuple[str, ...]] = ("restitution", "contact_time")
@@ -90,7 +90,6 @@ class ImpactScenario(Scenario):
     }
 
     def __init__(self, scene: Any, body: Lattice) -> None:
-        """Place the unloaded lattice `body`, whose elastic wall has its surface at y = 0, if it has one."""
         from taichi_disk.computation.stability import impact_point_force
         from taichi_disk.statics.equilibrium import turned
 
@@ -140,19 +139,16 @@ class ImpactScenario(Scenario):
     def _model(self) -> Model: ...
 
     def _offset(self) -> float:
-        """Return the initial x of the disk's centre [R]."""
         return 0.0
 
     def _view(self) -> tuple[float, float, float, float]:
-        along = 3.0 * self.gap * float(np.tan(self.scene.impact.angle))  # to the wall and away, about
+        along = 3.0 * self.gap * float(np.tan(self.scene.impact.angle))  # about the path along the wall, there and back
         return min(along, 0.0) - 1.1, max(along, 0.0) + 1.1, -0.1, 2.0 + self.gap
 
     def _default_max_time(self) -> float:
-        """Return the time [R/c] of the flight to the wall, ten contacts and a flight away with e = 0.05.
-
-        A contact takes pi sqrt(ln(4 c/v)) R/c by Hertz's law. A body that is not round has left when none of its
-        corners reaches down to the wall.
-        """
+        """Return the time [R/c] of the flight to the wall, ten contacts, and a flight away with e = 0.05."""
+        # A contact takes pi sqrt(ln(4 c/v)) R/c by Hertz's law. A body that is not round has left when none of its
+        # corners reaches down to the wall.
         unit = self.springs.time_unit
         contact = np.pi * unit * np.sqrt(np.log(4.0 / min(self.velocity * unit, 1.0)))
         contact = max(contact, np.pi * np.sqrt(self._compliance))  # half a period of bending
@@ -162,10 +158,9 @@ class ImpactScenario(Scenario):
         return {"com_vy": (0.0, np.inf), "lowest_y": (self.gap, np.inf)}
 
     def ended(self, columns: Columns) -> bool:
-        # A disk that leaves may still vibrate so much that it touches again. Its lowest point must be higher than at
-        # the start by sqrt(2 U/E), with U all energy but that of flight and spin: 1.4 to 2.3 times the measured
-        # amplitude of the rim. A rod bends more. If the disk turns faster than it rises, every point must clear the
-        # wall.
+        # A disk that leaves may vibrate so strongly that it touches again. Its lowest point must be higher than at the
+        # start by sqrt(2 U/E), where U is all energy except flight and spin: 1.4 to 2.3 times the measured amplitude
+        # of the rim. A rod bends more. A disk that turns faster than it rises must clear the wall entirely.
         last = {name: float(values[-1]) for name, values in columns.items()}
         spin = last["angular_momentum"] / self._inertia
         rigid = 0.5 * (last["com_vx"] ** 2 + last["com_vy"] ** 2 + self._inertia * spin**2)
@@ -190,13 +185,13 @@ class ImpactScenario(Scenario):
 
     @property
     def reference_energy(self) -> float:
-        """Initial kinetic energy without that of the flight along the wall [M c^2]."""
+        """Initial kinetic energy [M c^2] without the part of the flight along the wall."""
         lattice, disk = self.lattice, self.velocities[: self.lattice.disk_points]
         return self.kinetic + 0.5 * float(lattice.mean(((disk - lattice.mean(disk)) ** 2).sum(axis=1)))
 
     @property
     def sensitivity(self) -> float:
-        # The spin does work on the flight of the order of the geometric mean of their energies.
+        # The work of the spin on the flight is of the order of the geometric mean of the two energies.
         return float(np.sqrt(self.reference_energy / self.kinetic))
 
     def result(self, columns: Columns) -> dict[str, float]:
@@ -209,7 +204,6 @@ class ImpactScenario(Scenario):
         return scales | (oblique.scales_along_the_wall(columns, self._radius, self._inertia) if self.oblique else {})
 
     def _speed_after(self, columns: Columns) -> float:
-        """Return the speed far from the wall [c], where the wall's last potential has become kinetic energy."""
         return float(np.sqrt(columns["com_vy"][-1] ** 2 + 2.0 * max(columns["wall"][-1], 0.0)))
 
     def marks(self, columns: Columns) -> tuple[str, str]:
@@ -221,11 +215,9 @@ class ImpactScenario(Scenario):
         return lost, "energy imbalance\n/ initial kinetic", "linear"
 
     def motion(self, columns: Columns) -> tuple[Array, str]:
-        label = (
-            "velocity away\nfrom the wall, $v_n/v_n(0)$"
-            if self.oblique
-            else "velocity of the centre\nof mass, $v_{cm}/v$"
-        )
+        label = "velocity of the centre\nof mass, $v_{cm}/v$"
+        if self.oblique:
+            label = "velocity away\nfrom the wall, $v_n/v_n(0)$"
         return columns["com_vy"] / self.velocity, label
 
     def frame_times(self, columns: Columns, frames: int) -> Array:
@@ -233,7 +225,7 @@ class ImpactScenario(Scenario):
         last = columns["t"][-1]
         margin = 0.1 * (end - start)
         first, second = max(start - margin, 0.1 * start), min(end + margin, 0.9 * last + 0.1 * end)
-        # The contact is shown in slow motion; the flights before and after take little of the film.
+        # The film shows the contact in slow motion, and the flights before and after it briefly.
         flights = [min(0.5 * flight, 0.2 * (second - first)) for flight in (first, last - second)]
         return distribute([0.0, first, second, last], [flights[0], second - first, flights[1]], frames)
 

@@ -1,4 +1,4 @@
-"""Quasi-static loading: equilibria of the disk under a load that grows from almost nothing to the whole."""
+"""Quasi-static loading: equilibria of the disk under a load that grows from almost zero to its full value."""
 
 from __future__ import annotations
 
@@ -27,35 +27,28 @@ class Equilibria:
     states: list[Array]
 
     def loaded(self, fraction: float) -> Model:
-        """Return the model with this fraction of its load."""
         assert self.model.load is not None
         return replace(self.model, load=Load(fraction * self.model.load.force))
 
     def under(self, fraction: float, start: Array) -> Array:
-        """Solve for the equilibrium (n, 2) [R] from the nearby state `start`."""
         return solve_equilibrium(self.lattice, self.loaded(fraction), start, is_close=True).positions
 
     def interpolated(self, times: Array) -> Iterator[Moment]:
-        """Yield moments, linear between the states."""
         for t in np.clip(times, self.fractions[0], 1.0).tolist():
             k = max(int(np.searchsorted(self.fractions, t)), 1)
             weight = (t - self.fractions[k - 1]) / (self.fractions[k] - self.fractions[k - 1])
             yield t, (1.0 - weight) * self.states[k - 1] + weight * self.states[k], np.zeros_like(self.states[0])
 
     def solved(self, times: Array) -> Iterator[Moment]:
-        """Yield moments, each an equilibrium."""
         for t, x, v in self.interpolated(times):
             yield t, x if t in self.fractions else self.under(t, x), v
 
 
 def quasistatic(scenario: Any, loads: int, progress: Progress) -> Outcome:
-    """Solve for the equilibria of a compression under `loads` growing loads, of which `t` is the fraction.
-
-    They are solved for from the full load down, each from the one above, so that the last does not depend on their
-    number.
-    """
+    """Solve for the equilibria of a compression under `loads` growing loads; `t` is the fraction of the full load."""
+    # The full load is solved first and each lower load from the one above it, so the result does not depend on `loads`.
     lattice, model, rest = scenario.lattice, scenario.model, scenario.rest
-    fractions = (np.arange(1, loads + 1) / loads) ** 1.5  # closer where the disk settles down
+    fractions = (np.arange(1, loads + 1) / loads) ** 1.5  # denser at small loads, where the disk settles
     path = Equilibria(lattice, model, fractions, [rest.positions])
     progress("simulate", 0, loads)
     for fraction in fractions[-2::-1]:
@@ -66,7 +59,7 @@ def quasistatic(scenario: Any, loads: int, progress: Progress) -> Outcome:
     for k, x in enumerate(path.states):
         columns["com_x"][k], columns["com_y"][k] = lattice.mean(x)
         columns["lowest_y"][k] = x[:, 1].min()
-        # Against the unloaded disk as it lies under this load: it rolls a little as the load grows.
+        # xi compares with the unloaded disk in its orientation under this load: it rolls a little as the load grows.
         unloaded = turned(lattice.positions, roll_angle(lattice.positions, x))
         columns["xi"][k] = depth(lattice, unloaded) - depth(lattice, x)
         columns["wall_force"][k] = model.wall.forces(lattice, x)[:, 1].sum()

@@ -17,7 +17,7 @@ RESULTS = {
     "tangential_restitution": (
         "tangential restitution",
         "",
-        "-(v_t + omega R) after over before, of the disk's lowest point; v_t to the right, omega counter-clockwise",
+        "-(v_t + omega R) of the disk's lowest point, after over before; v_t to the right, omega counter-clockwise",
     ),
     "spin_after": (
         "spin after",
@@ -27,19 +27,19 @@ RESULTS = {
     "tangential_impulse": ("tangential impulse", "M c", "of the wall on the disk, to the right: change of v_t times M"),
     "normal_impulse": ("normal impulse", "M c", "of the wall on the disk, upwards: change of v_n times M"),
 }
-START_POTENTIAL = 1e-7  # of the wall at the start, as a fraction of the kinetic energy
-TANGENTIAL_FACTOR = 10.0  # errors along the wall, where friction jumps, over those normal to it, at most, about
+START_POTENTIAL = 1e-7  # wall potential at the start over the kinetic energy
+TANGENTIAL_FACTOR = 10.0  # largest error along the wall, where friction jumps, over the error normal to it
 MIN_TANGENTIAL = 1e-9  # fraction of the speed: a slower lowest point has no tangential restitution
 
 
 def along_the_wall(columns: Columns, radius: float, inertia: float) -> dict[str, float]:
-    """Return the numbers of RESULTS, without a tangential restitution if the lowest point was at rest.
+    """Return the numbers of RESULTS; a lowest point at rest has no tangential restitution.
 
     `columns` is the time series of a finished impact; `radius` [R] and `inertia` [M R^2] belong to the unloaded disk.
     """
     end, t = results_time(columns), columns["t"]
     vx, vy, spin = (columns[name][[0, -1]] for name in ("com_vx", "com_vy", "angular_momentum"))
-    # After that time the wall changes the rotation only by the moment of its tangential impulse.
+    # After that time only the moment of the wall's tangential impulse changes the rotation.
     spin[1] = np.interp(end, t, columns["angular_momentum"]) + radius * (vx[1] - np.interp(end, t, columns["com_vx"]))
     before, after = (vx + spin / inertia * radius).tolist()
     found = {} if abs(before) <= MIN_TANGENTIAL * abs(vy[0]) else {"tangential_restitution": -after / before}
@@ -51,7 +51,7 @@ def along_the_wall(columns: Columns, radius: float, inertia: float) -> dict[str,
 
 
 def scales_along_the_wall(columns: Columns, radius: float, inertia: float) -> dict[str, float]:
-    """Return the error of each of RESULTS if that of the normal impulse is the initial momentum towards the wall."""
+    """Return the largest error of each of RESULTS if the normal impulse has a relative error of 1."""
     vx, vy, spin = (float(columns[name][0]) for name in ("com_vx", "com_vy", "angular_momentum"))
     turned, lowest = radius / inertia, abs(vx + spin / inertia * radius)
     scales = {"normal_impulse": 1.0, "tangential_impulse": TANGENTIAL_FACTOR, "spin_after": TANGENTIAL_FACTOR * turned}
@@ -69,8 +69,8 @@ def start_gap(
 ) -> float:
     """Return the distance of the lowest point from the wall at the start [R].
 
-    With `impact.gap: auto` the wall's potential there is `potential` times the kinetic energy, or `time.tolerance`
-    times if that is less; `heights` as for `wall.height_of`.
+    With `impact.gap: auto` the wall's potential there is the kinetic energy times `potential`, or times
+    `time.tolerance` if that is smaller; `heights` as for `wall.height_of`.
     """
     if impact.gap != "auto":
         return impact.gap
@@ -80,11 +80,9 @@ def start_gap(
 
 
 def least_width(wall: Any, impact: sections.ElasticImpactSection, time: sections.TimeSection, k_a: float) -> float:
-    """Return the width [R] that an elastic wall needs to contain the whole contact; 0 for an impact straight down.
-
-    The middle of the contact moves with the disk for the contact time of Hertz's law. The contact is half as wide as
-    the chord at the depth v. `k_a` is that of the softer of disk and wall [M c^2/R^2].
-    """
+    """Return the width [R] that an elastic wall needs to contain the whole contact; 0 for an impact straight down."""
+    # The middle of the contact moves with the disk for the contact time of Hertz's law. The contact is half as wide as
+    # the chord at the depth v. `k_a` [M c^2/R^2]: spring constant of the softer of disk and wall.
     if not impact.angle and impact.offset == "auto":
         return 0.0
     gap = start_gap(wall, impact, time)

@@ -1,4 +1,4 @@
-"""Scenes as values: sections of keys, which are checked, written and changed. Each kind of scene is a subclass."""
+"""Scenes as values: sections of keys, which can be checked, changed and written. Each kind of scene is a subclass."""
 
 from __future__ import annotations
 
@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING, Any, ClassVar, TypeAlias, cast
 
 import numpy as np
 
-from taichi_disk.config.conflicts import Conflicts
 from taichi_disk.config.sections import Frozen, LatticeSection, MaterialSection, Section, TimeSection, VideoSection
 from taichi_disk.config.tree import Keys, Tree, tree_of
 from taichi_disk.config.words import ALIASES, UNITS, number_hint
@@ -27,6 +26,7 @@ from taichi_disk.lattice import (
     own_start,
     read_lattice,
 )
+from taichi_disk.scenes.conflicts import Conflicts
 
 if TYPE_CHECKING:
     from typing_extensions import Self
@@ -36,27 +36,17 @@ if TYPE_CHECKING:
 
 Value: TypeAlias = bool | int | float | str
 
-MAX_VELOCITY = 100.0  # of a point at the start [c]
+MAX_VELOCITY = 100.0  # largest velocity component of a point at the start [c]
 
 
 class DiskScene(Frozen):
-    """Base class of all kinds of scenes.
+    """Base class of all kinds of scenes. A kind sets `scene` to its name, adds sections, and defines `of_body`."""
 
-    A kind sets `scene` to its name, adds sections, and defines `of_body`.
-
-    Attributes:
-        title: description of the kind.
-        lattice_keys: sections and keys on which `body` depends.
-        abscissa: section and key against which a sweep draws curves.
-        results: names of the results.
-        optional_results: names of results that only some scenes have.
-    """
-
-    title: ClassVar[str] = ""
-    lattice_keys: ClassVar[tuple[str, ...]] = ("lattice",)
-    abscissa: ClassVar[tuple[str, str]]
-    results: ClassVar[tuple[str, ...]] = ()
-    optional_results: ClassVar[tuple[str, ...]] = ()
+    title: ClassVar[str] = ""  # description of the kind
+    lattice_keys: ClassVar[tuple[str, ...]] = ("lattice",)  # sections and keys on which `body` depends
+    abscissa: ClassVar[tuple[str, str]]  # section and key against which a sweep draws curves
+    results: ClassVar[tuple[str, ...]] = ()  # names of the results
+    optional_results: ClassVar[tuple[str, ...]] = ()  # names of results that only some scenes have
 
     scene: str = ""
     lattice: LatticeSection = LatticeSection()
@@ -66,13 +56,12 @@ class DiskScene(Frozen):
 
     @classmethod
     def sections(cls) -> dict[str, Section]:
-        """Return the default sections by name, in the order in which they are written."""
         ordered = sorted(fields(cls), key=lambda one: one.name in ("time", "video"))
         return {one.name: cast(Section, one.default) for one in ordered if one.name != "scene"}
 
     @classmethod
     def homes(cls, key: str) -> list[tuple[str, str]]:
-        """Return (section, key) of every key of that name, which may be dotted to name the section, too."""
+        """Return (section, key) of every key with this name; a dotted name also names the section."""
         *home, name = key.split(".")
         return [(one, name) for one, keys in cls.sections().items() if name in keys.schema() and home in ([], [one])]
 
@@ -82,9 +71,8 @@ class DiskScene(Frozen):
         found: Conflicts = []
         if material.viscosity != "auto" and material.eta_star != usual:
             both = f"{material.viscosity:g} and material.eta_star = {material.eta_star:g} both set the dashpots"
-            found.append(
-                ("material.viscosity", f"{both}: write auto, or leave material.eta_star at its default, {usual:g}")
-            )
+            remedy = f"write auto, or leave material.eta_star at its default, {usual:g}"
+            found.append(("material.viscosity", f"{both}: {remedy}"))
         if spec.file != "none":  # which defines the whole lattice
             return found
         faults = circle_faults(spec.points, spec.hole, spec.core_radius)
@@ -95,7 +83,7 @@ class DiskScene(Frozen):
         return found
 
     def unused(self) -> Collection[tuple[str, str]]:
-        """Return (section, key) of the keys without effect beside `lattice.file`, which cannot be swept."""
+        """Return (section, key) of the keys that have no effect with `lattice.file` and cannot be swept."""
         if self.lattice.file == "none":
             return []
         return [("lattice", key) for key in self.lattice.schema() if key not in ("file", "velocities")]
@@ -106,8 +94,6 @@ class DiskScene(Frozen):
         A key needs no section if its name is unique; a section takes a mapping of its keys.
         Raises InputError with all faults.
         """
-        if not isinstance(changes or {}, Mapping) or not all(isinstance(name, str) for name in changes or ()):
-            raise InputError(f'with_: takes keys and values, as {{"wall.a": 3000}}, not {changes!r:.60}')
         data, others = asdict(self), dict[str, Any]()
         for name, value in {**(changes or {}), **keys}.items():
             homes = self.homes(name)
@@ -134,7 +120,7 @@ class DiskScene(Frozen):
                     lines.append(f"{entry:<32} # {f'[{key.unit}] ' if key.unit else ''}{key.meaning}")
         return "\n".join(lines) + "\n"
 
-    # ---- what there is to compute
+    # ---- the computation
 
     @property
     def wall_points(self) -> int:
@@ -150,7 +136,7 @@ class DiskScene(Frozen):
         return 0.0
 
     def body(self) -> Lattice:
-        """Return the unloaded lattice. Raises InputError if its file holds no disk, or as `disk_lattice`."""
+        """Return the unloaded lattice. Raises InputError as `disk_lattice` does, or if the file holds no disk."""
         spec = self.lattice
         if spec.file != "none":
             return read_lattice(spec.file)
@@ -159,13 +145,13 @@ class DiskScene(Frozen):
 
     @abstractmethod
     def of_body(self, body: Lattice) -> Scenario:
-        """Return the scene of the unloaded lattice `body`, with or without its wall, ready to be computed."""
+        """Return the scenario of the unloaded lattice `body`, which may contain its wall."""
 
     def scenario(self, lattice: Lattice | None = None, velocities: Array | None = None) -> Scenario:
-        """Return the scene ready to be computed.
+        """Return the scenario that computes the scene.
 
         Args:
-            lattice: unloaded disk to use instead of the scene's, or a disk with its wall as from `body`.
+            lattice: unloaded disk to use instead of the scene's, or a disk with its wall, as `body` returns it.
             velocities: (N, 2) initial velocities of the disk's points to use instead of the scene's [c].
         """
         body = lattice or self.body()
@@ -182,19 +168,14 @@ class DiskScene(Frozen):
         return scenario
 
     def thrown_with(self, body: Lattice, velocities: Array) -> Self:
-        """Return the scene with the speed and the angle of the mean of `velocities` (N, 2) [c] of the points of `body`.
-
-        A scene without a throw stays as it is.
-        """
+        """Return the scene with the mean speed and direction of `velocities` (N, 2) [c], unchanged without a throw."""
         return self
 
     def moduli(self, points: int) -> Moduli:
-        """Return the moduli of the material of a disk of `points` random points."""
         spec = self.lattice
         return bulk_moduli(points, spec.seed, self.material.k_a, spec.min_spacing)
 
     def springs(self, lattice: Lattice) -> Springs:
-        """Return the springs and dashpots of the scene's material."""
         from taichi_disk.physics import Springs
 
         material = self.material
@@ -202,10 +183,8 @@ class DiskScene(Frozen):
         return Springs(material.k_a, material.k_b, eta, axial=material.dashpot == "axial")
 
     def changes_with(self, key: str, value: Any) -> dict[str, Any]:
-        """Return a dotted key with its new value, and the keys that have to follow, for `with_`.
-
-        With other points the body stays as viscous as it is.
-        """
+        """Return a dotted key with its new value, and the other keys that must change with it, for `with_`."""
+        # If the number of points changes, the viscosity of the body is kept.
         name, number = self.material.dashpots
         if key != "lattice.points" or name == "viscosity" or not number or self.lattice.file != "none":
             return {key: value}
@@ -213,43 +192,37 @@ class DiskScene(Frozen):
         return {key: value, "material.viscosity": eta, "material.eta_star": type(self).material.eta_star}
 
     def in_time(self) -> Self:
-        """Return the scene by a method that moves the disk in time."""
         return self
 
     def notes(self, points: int) -> list[str]:
-        """Return notes for the user on a result with `points` points: how viscous the body is."""
+        """Return notes for the user, such as how viscous a body of `points` points is."""
         (name, value), paper = self.material.dashpots, LatticeSection.points
         if name == "viscosity" or not value or points == paper:
             return []
-        compared = (
-            f"with {points:,} points the body is {paper / points:.3g} times as viscous as with the paper's {paper}"
-        )
+        found = f"material.eta_star = {value:g} is per point: with {points:,} points the body is {paper / points:.3g}"
         remedy = f"material.viscosity = {value / paper:.3g} makes it the same"
-        return [f"material.eta_star = {value:g} is per point: {compared}; {remedy}"]
+        return [f"{found} times as viscous as with the paper's {paper}; {remedy}"]
 
     @property
     def damping(self) -> str:
-        """The viscosity, for titles."""
         name, value = self.material.dashpots
         return f"η* = {value:g}" if name == "eta_star" else f"η = {value:g} Mc/R"
 
     def described(self, lattice: Lattice) -> str:
-        """Return the number of points and the origin of the lattice, for titles."""
         return f"N = {lattice.disk_points:,}    {lattice.origin}"
 
 
 def yaml_scalar(value: Value) -> str:
-    """Return YAML text that reads back as the same value in YAML 1.1 and 1.2."""
     if isinstance(value, str) and re.fullmatch(r"[a-z][a-z0-9]+(_[a-z]+)*", value):
         return value
-    text = json.dumps(value, ensure_ascii=False)  # a path: quoted; a float: the shortest text that reads back bit-equal
-    # Without a point, YAML 1.1 readers (PyYAML too) take 1e-05 for a string.
+    text = json.dumps(value, ensure_ascii=False)  # quotes a path, and writes a float with just enough digits
+    # YAML 1.1 readers such as PyYAML take 1e-05, which has no point, for a string.
     return text.replace("e", ".0e") if isinstance(value, float) and "." not in text else text
 
 
-# ---- from a tree of values to a scene, or every fault in words, with the nearest name
+# ---- make a scene of a tree of values, or report all faults
 
-Kinds: TypeAlias = Mapping[str, type[DiskScene]]  # of scenes, by the name that `scene:` takes
+Kinds: TypeAlias = Mapping[str, type[DiskScene]]  # kinds of scenes by the value of `scene:`
 
 
 def check(tree: Tree, kinds: Kinds) -> DiskScene | None:
@@ -262,14 +235,8 @@ def check(tree: Tree, kinds: Kinds) -> DiskScene | None:
     if "scene" in tree.value:
         what = f"must be {either(kinds)}, not {entry.shown}{did_you_mean(kind, kinds)}"
     tree.fault(entry.value, ("scene",), what)
-
-    def known(name: str) -> int:
-        sections = kinds[name].sections()
-        paths = [path for path in tree.entries if path and path[0] in sections]
-        return sum(set(path[1:2]) <= sections[path[0]].schema().keys() for path in paths)
-
-    # The other keys are checked for the kind that was probably meant, or else for the kind that has most of them.
-    _read((nearest(kind, kinds) or [max(kinds, key=known)])[0], tree, kinds)
+    for meant in nearest(kind, kinds):  # the other keys are checked for the kind that was probably meant
+        _read(meant, tree, kinds)
     return None
 
 
@@ -299,18 +266,17 @@ def _read(kind: str, tree: Tree, kinds: Kinds) -> DiskScene | None:
 
 
 def _value(kind: str, path: Keys, value: Any, tree: Tree, kinds: Kinds) -> Any:
-    """Return `value` as the scene stores it; a fault is added to the tree."""
     key, entry = kinds[kind].sections()[path[0]].schema().get(path[1]), tree.entry(path)
     if key is None:
         tree.fault(entry.key, path, _unknown(kind, path, kinds))
     elif key.kind is int and isinstance(value, float) and value.is_integer() and key.accepts(int(value)):
-        return int(value)  # 1e3
+        return int(value)  # such as 1e3
     elif not key.accepts(value):
         hint = did_you_mean(value, key.words) or number_hint(value, key.unit, path[-1])
         what = f"must be {key.allowed()}, not {entry.shown}{hint} ({key.meaning})"
         tree.fault(entry.value, path, what)
     elif path in (("lattice", "file"), ("lattice", "velocities")) and value != "none":
-        # A path is relative to the working directory on the command line, and to the folder of a scene file in it.
+        # On the command line a path is relative to the working directory, in a scene file to the folder of that file.
         folder = "" if entry.value.rank else tree.folder
         return os.path.realpath(os.path.join(folder, os.path.expanduser(value)))
     elif key.kind is float and not isinstance(value, str):
@@ -319,7 +285,6 @@ def _value(kind: str, path: Keys, value: Any, tree: Tree, kinds: Kinds) -> Any:
 
 
 def _unknown(kind: str, path: Keys, kinds: Kinds) -> str:
-    """Return why the scene has no key at `path`, and what was probably meant."""
     section, *keys = path
     if path[-1].lower() in UNITS:
         return f"no key: {UNITS[path[-1].lower()]}"
@@ -328,7 +293,7 @@ def _unknown(kind: str, path: Keys, kinds: Kinds) -> str:
         return f"belongs to scene: {either(others)}, not to scene: {kind}"
     sections, word = kinds[kind].sections(), ALIASES.get(path[-1].lower(), path[-1])
     siblings = list(having[kind]) if keys else ["scene", *sections]
-    if not keys:  # within a section, another section's key only if it bears exactly this name
+    if not keys:  # inside a section, suggest another section's key only if its name is exactly the same
         word = (nearest(word, [*siblings, *(key for one in sections.values() for key in one.schema())]) or [word])[0]
     if homes := kinds[kind].homes(word):
         return f"unknown key; did you mean {either('.'.join(home) for home in homes)}?"

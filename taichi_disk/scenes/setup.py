@@ -5,11 +5,14 @@ from __future__ import annotations
 from collections.abc import Hashable
 from functools import cached_property
 from operator import attrgetter
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from taichi_disk.lattice import file_digest
 from taichi_disk.scenes import Scene
 from taichi_disk.signals import interruptible
+
+if TYPE_CHECKING:
+    from taichi_disk.computation.outcome import Outcome
 
 MAX_POINTS = 100_000  # of all cached lattices
 
@@ -30,10 +33,9 @@ class LatticeSetup:
         return {"young": found.young, "poisson": found.poisson}
 
     def modes(self, model: Any) -> Any:
-        """Return the spectrum of the lattice with the springs and dashpots of `model`."""
         from taichi_disk.computation.stability import spectrum
 
-        key = model.springs.damped, model.springs.k_b  # k_b stiffens springs that are strained at rest
+        key = model.springs.damped, model.springs.k_b  # with k_b, springs that are strained at rest are stiffer
         if key not in self._modes:
             self._modes[key] = spectrum(self.body, model)
         return self._modes[key]
@@ -51,7 +53,16 @@ def setup_of(scene: Scene) -> LatticeSetup:
     return setup
 
 
+def outcome_of(scene: Scene, **options: Any) -> Outcome:
+    """Compute a scene on its cached lattice, of a loading the last equilibrium. Options and errors as for `compute`."""
+    from taichi_disk.computation.outcome import compute
+
+    setup = setup_of(scene)
+    scenario = scene.scenario(setup.body)
+    modes = None if scenario.static else setup.modes(scenario.model)
+    return compute(scenario, scene.time, modes=modes, loads=1, **options)
+
+
 def lattice_key(scene: Scene) -> Hashable:
-    """Return a key that is equal for scenes with the same lattice and stiffness of its springs."""
     of_lattice = (attrgetter(name)(scene) for name in scene.lattice_keys)
     return (type(scene), scene.material.k_a, file_digest(scene.lattice.file), *of_lattice)

@@ -19,7 +19,7 @@ from taichi_disk.scenes.scene import DiskScene, Kinds, Value, check, yaml_scalar
 
 MAX_SCENES = 100_000
 FORMS = "a list of values, {lin: [from, to, count]}, {geom: [from, to, count]} or {range: count}"
-Axes: TypeAlias = dict[str, list[tuple[Value, Entry]]]  # values of each axis, with the entry that a fault names
+Axes: TypeAlias = dict[str, list[tuple[Value, Entry]]]  # values of each axis, with the entry for messages
 
 
 @dataclass(frozen=True)
@@ -27,7 +27,7 @@ class Sweep:
     """Scenes that differ in some keys.
 
     Attributes:
-        blocks: names and values of the axes of each section, whose product gives its scenes.
+        blocks: axes of each section `sweep:`, name to values; a block stands for all combinations of its values.
         scenes: all scenes without duplicates; the last axis of a block varies fastest.
     """
 
@@ -36,7 +36,6 @@ class Sweep:
 
     @property
     def axes(self) -> list[str]:
-        """Names of all axes in the order of the file."""
         return list(dict.fromkeys(name for block in self.blocks for name in block))
 
     def to_yaml(self) -> str:
@@ -55,7 +54,6 @@ def target_of(scene: DiskScene | type[DiskScene], name: str) -> tuple[str, str] 
 
 
 def value_of(scene: DiskScene, name: str) -> Any:
-    """Return the value of `scene` at the axis `name`."""
     section, key = target_of(scene, name) or ("", "")
     return getattr(getattr(scene, section), key)
 
@@ -127,7 +125,7 @@ def _combine(kind: type[DiskScene], blocks: list[Axes], tree: Tree, kinds: Kinds
     if total > MAX_SCENES:
         tree.fault(tree.entries[("sweep",)].key, ("sweep",), f"{total} combinations: at most {MAX_SCENES}")
         return None
-    # First each value by itself, to report all faulty ones at once.
+    # Check each value by itself first, to report all faulty values at once.
     swept: list[dict[str, tuple[Any, ...]]] = []
     for block in blocks:
         start = {name: values[0] for name, values in block.items()}
@@ -158,7 +156,6 @@ def _combine(kind: type[DiskScene], blocks: list[Axes], tree: Tree, kinds: Kinds
 
 
 def _with(kind: type[DiskScene], tree: Tree, chosen: dict[str, tuple[Value, Entry]]) -> Tree:
-    """Return the tree of one scene with the `chosen` values of the axes."""
     scene = Tree({**tree.value}, {**tree.entries}, folder=tree.folder)
     for name, (one, entry) in chosen.items():
         target = section, key = target_of(kind, name) or ("", "")

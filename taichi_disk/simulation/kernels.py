@@ -1,9 +1,9 @@
-"""Kernels that make many steps at once, on one core or several, and measure the observables.
+"""Kernels that make many steps, on one core or several, and measure the observables.
 
 All steps between two rows run inside one kernel, because launching a kernel costs as much as a step. For a large
-lattice a step is two loops: the first moves all subdomains (see `physics.ordering`) with the springs inside them, in
-parallel; the second does the rest on one core: the springs across the seams, the sums (subdomain by subdomain, in their
-order), contact, boundary, implicit dashpots. So the results are bitwise those of one core.
+lattice a step consists of two loops. The first moves all subdomains (see `physics.ordering`) with the springs inside
+them, in parallel. The second does the rest on one core: springs across the seams, sums over the subdomains in order,
+contact, boundary, implicit dashpots. So the results are bitwise the same as on one core.
 """
 
 from typing import Any
@@ -22,8 +22,8 @@ from taichi_disk.simulation.stepping import ABSORBED, DISSIPATED, FRICTION, SLID
 
 Counts = NDArray[np.int32]
 
-GRAIN = 512  # iterations that Taichi 1.7.4 gives to a core at once, whatever block_dim says: a subdomain each
-FORCES_PER_LAUNCH = 2  # of a large lattice; more take long to compile
+GRAIN = 512  # iterations that Taichi 1.7.4 gives to a core at once (it ignores block_dim): one subdomain
+FORCES_PER_LAUNCH = 2  # force evaluations per launch for a large lattice; more take long to compile
 
 
 @ti.data_oriented
@@ -32,17 +32,17 @@ class Kernels(Stepping):
 
     @ti.kernel
     def advance(self, first: ti.i32, steps: ti.i32, stride: ti.i32, rows: Reals2, bounds: Reals2, counts: Integers1):
-        """Make `steps` steps after step `first` (-1 for the start), fewer if the scene's end is reached.
+        """Make `steps` steps after step `first` (-1 for the start), or fewer if the scene's end is reached.
 
         `rows` is filled at every multiple of `stride` and after the last step. `bounds` (2, columns): smallest and
-        largest value of every column at the end. `counts`: how many successive rows have to be within the bounds, and
-        how many are; then the number of steps made, and of rows at multiples of `stride`.
+        largest value of every column at the end. `counts`: number of successive rows that must be within the bounds,
+        number that are, number of steps made, number of rows at multiples of `stride`.
         """
         ti.loop_config(serialize=True)
         for _ in range(1):
             sums = ti.Vector([self.state.sums[k] for k in range(self.state.summed)])
-            made, row, needed, quiet = 0, 0, counts[0], counts[1]
-            while made < steps and quiet < needed:
+            made, row, needed, settled = 0, 0, counts[0], counts[1]
+            while made < steps and settled < needed:
                 made += 1
                 elastic, upward, potential = 0.0, 0.0, 0.0
                 sums, elastic, upward, potential = self.step(first + made, sums)
@@ -54,15 +54,15 @@ class Kernels(Stepping):
                     for k in ti.static(range(len(INDEX))):
                         if rows[row, k] < bounds[0, k] or rows[row, k] > bounds[1, k]:
                             inside = 0
-                    quiet = (quiet + 1) * inside
+                    settled = (settled + 1) * inside
                     row += 1
-            counts[1], counts[2], counts[3] = quiet, made, row
+            counts[1], counts[2], counts[3] = settled, made, row
             for k in ti.static(range(self.state.summed)):
                 self.state.sums[k] = sums[k]
 
     @ti.kernel
     def set_mouse_target(self, point: ti.i32, x: ti.f64, y: ti.f64) -> ti.f64:
-        """Let the mouse pull `point` (-1: none) towards (x, y); returns the energy that this adds [M c^2]."""
+        """Let the mouse pull `point` (-1: none) towards (x, y), and return the added energy [M c^2]."""
         energy = self.mouse.change(self.state, -1.0)
         self.mouse.point[0], self.mouse.target[0][0], self.mouse.target[1][0] = point, x, y
         energy += self.mouse.change(self.state, 1.0)
@@ -70,7 +70,6 @@ class Kernels(Stepping):
 
     @ti.func
     def observe(self, rows: ti.template(), s, sums, elastic, upward, potential):
-        """Fill row `s` with the observables of INDEX. `upward`, `potential`: of the contact with an elastic wall."""
         mass, sx, sy, svx, svy, spin = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
         kinetic2, residual2 = 0.0, 0.0
         force, energy, load = upward, potential, 0.0
@@ -91,7 +90,7 @@ class Kernels(Stepping):
                 residual2 = ti.max(residual2, f[0] * f[0] + f[1] * f[1])
                 if ti.static(self.rigid):
                     point_force = self.wall.at(self.state, i)
-                    if point_force[0] != 0.0 or point_force[1] != 0.0:  # out of reach there is no potential either
+                    if point_force[0] != 0.0 or point_force[1] != 0.0:  # without a force there is no potential
                         energy += self.wall.potential_at(self.state, i)
                         force += point_force[1]
                 for law in ti.static(self.loads):
@@ -129,9 +128,8 @@ class SubdomainKernels(Kernels):
         self.latest = array(builder, 3, ti.f64)  # elastic energy, contact force, contact potential
 
     def advance(self, first: int, steps: int, stride: int, rows: Array, bounds: Array, counts: Counts) -> None:
-        """Do what the kernel of one core does, in many short launches."""
-        needed, quiet, made, count = (int(number) for number in counts)
-        while made < steps and quiet < needed:
+        needed, settled, made, count = (int(number) for number in counts)
+        while made < steps and settled < needed:
             few = min(steps - made, stride - (first + made) % stride, self.steps_per_launch)
             self.advance_few(first + made, few)
             made += few
@@ -139,27 +137,26 @@ class SubdomainKernels(Kernels):
             if due or made == steps:
                 self.fill_row(rows, count)
             if due:
-                quiet = (quiet + 1) * bool(within(rows[[count]], bounds))
+                settled = (settled + 1) * bool(within(rows[[count]], bounds))
                 count += 1
-        counts[1:] = quiet, made, count
+        counts[1:] = settled, made, count
 
     @ti.func
     def move_subdomain(self, stage: ti.template(), number, c):
-        """Move the points of subdomain c and add the springs inside it."""
         begin = 0
         if c > 0:
             begin = self.state.subdomain_ends[c - 1]
         first = c * self.state.subdomain_points[None]
         last = ti.min(first + self.state.subdomain_points[None], self.state.n[None])
         kick, move, shift = ti.static(*self.integrator.stages[stage])
-        h = self.passed(number, self.state.h[None])
+        h = self.elapsed(number, self.state.h[None])
         peak_point_force = self.drift(kick * h, move * h, shift * h * h, first, last)
         elastic, products = self.springs.add(self.state, self.explicit, begin, self.state.subdomain_ends[c])
         self.parts[0][c], self.parts[1][c], self.parts[2][c] = peak_point_force, elastic, products
 
     @ti.func
     def join(self, stage: ti.template(), number):
-        """Add seams, sums and contact of the whole lattice; after the last stage, end the step."""
+        """Add the springs across the seams, the sums and the contact; after the last stage, end the step."""
         sums = ti.Vector([self.state.sums[k] for k in range(self.state.summed)])
         seams = self.state.subdomain_ends[self.count - 1]
         elastic, products = self.springs.add(self.state, self.explicit, seams, self.state.blocks[None])
@@ -168,7 +165,7 @@ class SubdomainKernels(Kernels):
             peak_point_force = ti.max(peak_point_force, self.parts[0][c])
             elastic += self.parts[1][c]
             products += self.parts[2][c]
-        move = ti.static(self.integrator.stages[stage][1]) * self.passed(number, self.state.h[None])
+        move = ti.static(self.integrator.stages[stage][1]) * self.elapsed(number, self.state.h[None])
         sums, upward, potential = self.add_contact(move, sums, peak_point_force)
         if ti.static(stage == self.integrator.forces - 1):
             sums = self.account(number, sums, products)
@@ -178,7 +175,6 @@ class SubdomainKernels(Kernels):
 
     @ti.kernel
     def advance_few(self, number: ti.i32, steps: ti.i32):
-        """Make `steps` steps after step `number`, at most `steps_per_launch`."""
         for k in ti.static(range(self.steps_per_launch)):
             for stage in ti.static(range(self.integrator.forces)):
                 for q in range(GRAIN * self.count * self.is_due(stage, number + k + 1, k < steps)):
@@ -189,9 +185,8 @@ class SubdomainKernels(Kernels):
                     self.join(stage, number + k + 1)
 
     @ti.func
-    def is_due(self, stage: ti.template(), number, asked):
-        """Return 1 if `stage` of step `number` is to be made, else 0; step 0 has only its last stage."""
-        return ti.cast(asked and (number > 0 or stage == self.integrator.forces - 1), ti.i32)
+    def is_due(self, stage: ti.template(), number, requested):
+        return ti.cast(requested and (number > 0 or stage == self.integrator.forces - 1), ti.i32)
 
     @ti.kernel
     def fill_row(self, rows: Reals2, s: ti.i32):

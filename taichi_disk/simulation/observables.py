@@ -14,23 +14,17 @@ BLUE, RED, GREEN, PINK, ORANGE, SKY = "#0072B2", "#D55E00", "#009E73", "#CC79A7"
 
 
 class Column(NamedTuple):
-    """A column of the time series.
-
-    Attributes:
-        name, unit, meaning: as in timeseries.csv and its description.
-        kind: "motion"; stored "energy" and "loss" since t = 0, which add up to `total`; "part" of the kinetic energy;
-            "derived" from other columns. Kernels measure the first three kinds.
-        label, colour: of its curve among the energies of a plot, if it has one.
-        written: whether timeseries.csv has it: "always", "nonzero" (unless it is 0 throughout), or "never".
-    """
+    """A column of the time series."""
 
     name: str
     unit: str
     meaning: str
+    # "motion"; stored "energy" and "loss" since t = 0, which add up to `total`; "part" of the kinetic energy; "derived"
+    # from other columns. Kernels measure the first three kinds.
     kind: str
-    label: str = ""
+    label: str = ""  # of its curve among the energies of a plot, if it has one
     colour: str = ""
-    written: str = "always"
+    written: str = "always"  # to timeseries.csv: "always", "nonzero" (unless it is 0 throughout) or "never"
 
 
 _PARTS_OF_LOAD = "for Newton's method the fraction of the load *P*, up to 1: one line for each equilibrium"
@@ -38,10 +32,10 @@ COLUMNS = (
     Column("t", "R/c", f"time; {_PARTS_OF_LOAD}", "derived"),
     Column("com_x", "R", "centre of mass of the disk, to the right", "motion"),
     Column("com_y", "R", "centre of mass of the disk, upwards", "motion"),
-    Column("com_vx", "c", "its velocity to the right", "motion"),
-    Column("com_vy", "c", "its velocity upwards", "motion"),
-    Column("angular_momentum", "M R c", "of the disk about its centre of mass", "motion"),
-    Column("lowest_y", "R", "lowest point of the disk", "motion"),
+    Column("com_vx", "c", "velocity of the centre of mass to the right", "motion"),
+    Column("com_vy", "c", "velocity of the centre of mass upwards", "motion"),
+    Column("angular_momentum", "M R c", "angular momentum of the disk about its centre of mass", "motion"),
+    Column("lowest_y", "R", "height of the lowest point of the disk", "motion"),
     Column("wall_force", "M c²/R", "upward force of the wall on the disk", "motion"),
     Column("residual", "M c²/R", "largest force on a point of the disk", "motion", written="never"),
     Column("kinetic", "M c²", "kinetic energy of the disk and an elastic wall", "energy"),
@@ -49,7 +43,7 @@ COLUMNS = (
     Column("wall", "M c²", "potential of the contact", "energy", "wall potential", ORANGE),
     Column("dissipated", "M c²", "lost in dashpots", "loss", "lost in dashpots", GREEN),
     Column("absorbed", "M c²", "lost at the boundary of an elastic wall", "loss", "lost at the boundary", PINK),
-    Column("total", "M c²", "sum of all energies, what was lost included", "derived"),
+    Column("total", "M c²", "sum of all energies and losses", "derived"),
     Column("load", "M c²", "potential of the load and other forces", "energy", "load potential", "#A89A00", "nonzero"),
     Column(
         "sliding",
@@ -70,7 +64,6 @@ BY_NAME = {column.name: column for column in COLUMNS}
 
 
 def of_kind(*kinds: str) -> list[str]:
-    """Return the names of all columns of these kinds, in the order of the kinds."""
     return [column.name for kind in kinds for column in COLUMNS if column.kind == kind]
 
 
@@ -81,10 +74,10 @@ ENERGY_INDICES = sorted(INDEX[name] for name in of_kind("energy", "loss"))
 
 
 def as_columns(rows: Array, interval: float) -> Columns:
-    """Name the columns of `rows` (rows, columns), `interval` [R/c] apart; add time and total energy."""
+    """Return `rows` (rows, columns), which are `interval` [R/c] apart, by name, with time and total energy."""
     columns: Columns = {"t": np.arange(len(rows), dtype=np.float64) * interval}
     columns |= {name: values.copy() for name, values in zip(INDEX, rows.T, strict=True)}
-    with np.errstate(invalid="ignore"):  # after a blow-up there may be infinite energies of both signs
+    with np.errstate(invalid="ignore"):  # a blow-up may cause infinite energies of both signs
         columns["total"] = total_energy(rows)
     return columns
 
@@ -95,15 +88,14 @@ def total_energy(rows: Array) -> Array:
 
 
 def within(rows: Array, bounds: Array) -> Array:
-    """Return whether each of `rows` (rows, columns) lies within `bounds`, which `bounds_array` returned: (rows,)."""
     return np.asarray(((rows >= bounds[0]) & (rows <= bounds[1])).all(axis=1))
 
 
 def split(columns: Columns, inertia: float) -> Columns:
-    """Return `columns` with `translation` and `rotation` of the disk and `vibration`, the rest of `kinetic`.
+    """Return `columns` with the kinetic energies `translation` and `rotation` of the disk and the rest, `vibration`.
 
-    `inertia` [M R^2] is that of the unloaded disk; a compression changes it by some per cent at most. If a fast spin
-    stretches the disk, `vibration` may be below 0. The motion of an elastic wall counts as vibration.
+    `inertia` [M R^2] is that of the unloaded disk; a compression changes it by at most some per cent. If a fast spin
+    stretches the disk, `vibration` may be negative. The motion of an elastic wall counts as vibration.
     """
     translation = 0.5 * (columns["com_vx"] ** 2 + columns["com_vy"] ** 2)
     rotation = columns["angular_momentum"] ** 2 / (2.0 * inertia)
@@ -112,7 +104,7 @@ def split(columns: Columns, inertia: float) -> Columns:
 
 
 def bounds_array(bounds: dict[str, tuple[float, float]]) -> Array:
-    """Return the smallest and largest value (2, columns) of every column; infinite for columns not in `bounds`."""
+    """Return (2, columns) with the smallest and largest value of every column, infinite for columns not in `bounds`."""
     array = np.array([[-np.inf], [np.inf]]) * np.ones(len(INDEX))
     for name, limits in bounds.items():
         array[:, INDEX[name]] = limits

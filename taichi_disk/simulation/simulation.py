@@ -1,9 +1,9 @@
-"""A lattice, its laws and an integrator, composed into kernels that move it."""
+"""A lattice, its laws and an integrator, combined into kernels that move the lattice."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from copy import deepcopy
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -23,14 +23,14 @@ from taichi_disk.simulation.kernels import Kernels, SubdomainKernels
 from taichi_disk.simulation.observables import INDEX, bounds_array
 from taichi_disk.simulation.stepping import PEAK_POINT_FORCE, Snapshot, State
 
-# Of every simulation, so that kernels of one size serve all lattices of usual size: 12,000 points with 3 springs (a
-# triangulation has fewer) and 27 entries of the dashpots' factor each.
+# Smallest capacity, so that all lattices of usual size can share compiled kernels: 12,000 points, each with 3 springs
+# (a triangulation has fewer) and 27 entries of the dashpots' factor.
 MIN_CAPACITY = Capacity(12_000, 3 * 12_000 // BLOCK, 27 * 12_000)
-NEVER = 2**30  # successive rows
-DIFFERENCE_TIME = 1e-4  # over which the rate of change of forces at t = 0 is taken [R/c]
-CONTACT_ENERGY = 1e-3  # potential of a point, over the kinetic energy of the flight, at which contact begins
+NEVER = 2**30  # number of successive rows that no run reaches
+DIFFERENCE_TIME = 1e-4  # time difference for the rate of change of forces at t = 0 [R/c]
+CONTACT_ENERGY = 1e-3  # potential of a point at which contact begins, over the kinetic energy of the flight
 
-Dashpots = Factor | Diagonal | None  # what solves for implicit dashpots
+Dashpots = Factor | Diagonal | None  # matrix of implicit dashpots
 
 
 class Simulation:
@@ -39,15 +39,15 @@ class Simulation:
     Attributes:
         step_number: number of steps made since t = 0.
         first_row, now: (columns,) observables at t = 0, and after the last step.
-        generation: number of starts at t = 0; if it changes, another user has restarted the simulation.
-        subdomains: number of subdomains into which the lattice is cut, 1 unless it is large.
+        generation: number of restarts at t = 0; if it changes, another user has restarted the simulation.
+        subdomains: number of subdomains of the lattice, 1 unless it is large.
     """
 
     def __init__(self, lattice: Lattice, model: Model, integrator: Integrator, velocities: Array, dt: float) -> None:
         self.integrator, self.model, self.generation = integrator, deepcopy(model), 0
         self._program = engine.program()
         self.features = compiled_for(lattice, model)
-        self.model.springs.unlike = lattice.stiffness is not None
+        self.model.springs.non_uniform = lattice.stiffness is not None
         arrangement = interruptible(arrange, lattice.bonds, len(lattice.positions))
         factor = self._factor(lattice, model, dt)
         self.subdomains = arrangement.subdomains
@@ -72,7 +72,7 @@ class Simulation:
     def restart(self, lattice: Lattice, model: Model, integrator: Integrator, velocities: Array, dt: float) -> bool:
         """Become the simulation that these arguments would make, without a compilation.
 
-        Returns False and changes nothing if that is impossible: laws of other kinds, or a lattice too large.
+        Returns False and changes nothing if the laws are of other kinds or the lattice is too large.
         """
         if integrator is not self.integrator or compiled_for(lattice, model) != self.features:
             return False
@@ -95,12 +95,12 @@ class Simulation:
     def _start(
         self, lattice: Lattice, model: Model, v: Array, dt: float, arrangement: Arrangement, factor: Dashpots
     ) -> None:
-        for own, given in zip(self.model.laws, model.laws, strict=True):
-            own.take_values(given)
+        for law, new in zip(self.model.laws, model.laws, strict=True):
+            law.take_values(new)
         self.lattice, self.dt, self._arrangement, self.step_number = lattice, dt, arrangement, 0
         self.generation += 1
         state, solver, laws = self.state, self.kernels.solver, self.model.laws
-        flight = 0.5 * float(lattice.mean(v[:, 1])) ** 2  # towards the wall
+        flight = 0.5 * float(lattice.mean(v[:, 1])) ** 2  # kinetic energy of the flight towards the wall
         contact = CONTACT_ENERGY * flight * model.wall.added_stiffness(1.0) if model.wall else float("inf")
         numbers: list[tuple[Any, float]] = [
             (state.h, dt),
@@ -125,7 +125,6 @@ class Simulation:
         self.first_row = self.now = rows[0]
 
     def _vectors(self, lattice: Lattice, model: Model, v: Array) -> list[Array]:
-        """Return the first vectors of `Snapshot` at t = 0, with forces of 0."""
         x, c = lattice.positions, self.integrator.correction * self.dt**2
         zero, mass = np.zeros_like(x), lattice.masses[:, None]
         if not c:
@@ -139,29 +138,27 @@ class Simulation:
     # ---- time
 
     def advance(
-        self, steps: int, stride: int = 1, bounds: Array | None = None, needed: int = NEVER, quiet: int = 0
+        self, steps: int, stride: int = 1, bounds: Array | None = None, needed: int = NEVER, settled: int = 0
     ) -> tuple[Array, int]:
-        """Make `steps` steps, fewer if the scene's end is reached.
+        """Make `steps` steps, or fewer if the scene's end is reached.
 
-        Args:
-            stride: a row of observables is returned for every step whose number is a multiple of `stride`.
-            bounds: (2, columns) smallest and largest value of every column at the end.
-            needed, quiet: how many successive rows have to be within the bounds to stop, and how many already are.
-
-        Returns the rows (rows, columns), and how many successive rows are within the bounds now.
+        A row of observables is returned for every step whose number is a multiple of `stride`. `bounds` (2, columns):
+        smallest and largest value of every column at the end. `needed`, `settled`: number of successive rows within the
+        bounds that end the scene, and the number so far. Returns the rows (rows, columns) and the new number of
+        successive rows within the bounds.
         """
         raise_if_interrupted()
         if not self.is_alive:
             raise TaichiDiskError("a later ti.init or ti.reset has deleted the fields of this simulation: make another")
         rows = np.empty(((self.step_number % stride + steps) // stride + 1, self.now.size))
         bounds = bounds_array({}) if bounds is None else bounds
-        counts = np.array([needed, quiet, 0, 0], np.int32)
+        counts = np.array([needed, settled, 0, 0], np.int32)
         self.kernels.advance(self.step_number, steps, stride, rows, bounds, counts)
-        quiet, made, count = (int(number) for number in counts[1:])
+        settled, made, count = (int(number) for number in counts[1:])
         self.step_number += made
         if steps:
             self.now = rows[count - (self.step_number % stride == 0)]
-        return rows[:count], quiet
+        return rows[:count], settled
 
     @property
     def time(self) -> float:
@@ -190,10 +187,7 @@ class Simulation:
         return float((snapshot or self.snapshot()).sums[PEAK_POINT_FORCE])
 
     def set_mouse_target(self, point: int, target: tuple[float, float] = (0.0, 0.0)) -> float:
-        """Tie `point` (-1: none) to the mouse at `target` [R]; the model needs a `mouse`.
-
-        Returns the jump of the observable `load` [M c^2].
-        """
+        """Tie `point` (-1: none) to the mouse at `target` [R], and return the jump of `load` [M c^2]."""
         return float(self.kernels.set_mouse_target(point, *target))
 
     @property
@@ -202,47 +196,50 @@ class Simulation:
         return engine.program() is self._program
 
     def destroy(self) -> None:
-        """Free the memory of the fields; the simulation cannot be used afterwards."""
         self.generation = -1
         self._tree.destroy()
 
 
 class KernelCache:
-    """Reuses compiled simulations, because a compilation takes seconds.
+    """Reuses compiled simulations, because a compilation takes seconds."""
 
-    `before_compiling` is called before a compilation.
-    """
-
-    def __init__(self, before_compiling: Callable[[], None] = lambda: None) -> None:
-        self._before_compiling = before_compiling
+    def __init__(self) -> None:
         self._known: dict[Any, Simulation] = {}
 
     def __reduce__(self) -> Any:
-        return KernelCache, ()  # another process compiles for itself
+        return KernelCache, ()  # a pickled cache is empty: another process compiles its own kernels
 
     def simulation(
         self, lattice: Lattice, model: Model, integrator: Integrator, velocities: Array, dt: float
     ) -> Simulation:
-        """Return a simulation reset to t = 0, reusing a compiled one if possible. Invalidates earlier returns."""
+        """Return a simulation reset to t = 0, reusing a compiled one if possible, which invalidates earlier returns."""
         key = (compiled_for(lattice, model), integrator.name)
         known = self._known.get(key)
         arguments = lattice, model, integrator, velocities, dt
         if known is None or not known.is_alive or not known.restart(*arguments):
             raise_if_interrupted()
-            self._before_compiling()
             if known is not None and known.is_alive:
                 known.destroy()
             known = self._known[key] = Simulation(*arguments)
         return known
 
 
+@lru_cache(maxsize=1)
+def _kernels_of(program: Any) -> KernelCache:
+    return KernelCache()
+
+
+def shared_kernels() -> KernelCache:
+    """Return the compiled simulations of this process, in which Taichi exists once."""
+    return _kernels_of(engine.program())
+
+
 def compiled_for(lattice: Lattice, model: Model) -> tuple[Any, ...]:
-    """Return all that kernels are compiled for: laws, whether springs differ, and the solver of implicit dashpots."""
     return model.signature(), lattice.stiffness is None, iterates(lattice, model)
 
 
 def iterates(lattice: Lattice, model: Model) -> bool:
-    """Whether implicit dashpots are solved by conjugate gradients, without a factor, because the lattice is large."""
+    """Whether conjugate gradients solve for implicit dashpots, because the lattice is too large for a factor."""
     return model.springs.damped and len(lattice.positions) > LARGEST_FACTORISED
 
 
@@ -252,7 +249,6 @@ def _needed(lattice: Lattice, arrangement: Arrangement, factor: Dashpots) -> Cap
 
 
 def _doubled(needed: int, least: int) -> int:
-    """Return `least`, doubled until it is at least `needed`."""
     while least < needed:
         least *= 2
     return least

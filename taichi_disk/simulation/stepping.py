@@ -1,7 +1,6 @@
 """The state of the points in Taichi fields, and the step that changes it: drift, forces, boundary, dashpots.
 
-Between steps the state holds x_k, f_k and the velocity before the last kick, v_k - closing f_k (in leapfrog:
-v_{k-1/2}).
+Between steps the state holds x_k, f_k and the velocity before the last kick, v_k - closing f_k (v_{k-1/2} in leapfrog).
 """
 
 from collections.abc import Sequence
@@ -18,33 +17,28 @@ from taichi_disk.physics import Model
 from taichi_disk.physics.law import Capacity, Contents, Integers1, Reals1, Reals3, array, get, pair_of, put, scalar
 from taichi_disk.physics.ordering import Arrangement
 
-# Accumulators of a run. They travel through a kernel as a local vector and are stored once, at its end. Taichi 1.7.4
-# keeps 0-D fields in registers across loops and hands later readers in the same kernel the value from before: an energy
-# kept in such a field would be one launch late.
+# Accumulators of a run. A kernel keeps them in a local vector and stores them at its end. In a 0-D field they would be
+# late by one launch: Taichi 1.7.4 keeps such fields in registers across loops, so later loops read the old value.
 SUMS = 8
 DISSIPATED, POWER, ABSORBED, BOUNDARY_POWER, PEAK_POINT_FORCE, SLIDING, LEAVING, INITIAL_LOSS = range(SUMS)
-FRICTION, FRICTION_POWER = range(SUMS, SUMS + 2)  # only with friction
+FRICTION, FRICTION_POWER = range(SUMS, SUMS + 2)  # present only with friction
 
 
 @dataclass(frozen=True)
 class Snapshot:
-    """All that a simulation needs to continue from step `step` with bitwise the same results.
-
-    Attributes:
-        vectors: (3 to 7, n, 2) positions [R], velocities before the last kick [c] and forces [M c^2/R]. Dashpots add
-            the velocities at the step, predicted or solved for; conjugate gradients add the velocities of three steps
-            before. A correction adds the observed velocities before their last kick, and the positions X.
-        sums: (SUMS,) accumulators, in the order of the constants in `observables`; (SUMS + 2,) with friction.
-    """
+    """All values from which a simulation continues bitwise after step `step`."""
 
     step: int
+    # (3 to 8, n, 2): positions [R], velocities before the last kick [c], forces [M c^2/R]; with dashpots the velocities
+    # at the step, and with conjugate gradients those of earlier steps; with a correction the observed velocities
+    # before their last kick and the positions X.
     vectors: Array
-    sums: Array
+    sums: Array  # (SUMS,) accumulators; (SUMS + 2,) with friction
 
     def velocities(self, integrator: Integrator, dt: float, lattice: Lattice) -> Array:
         """Return the velocities (n, 2) at the step, after its last kick [c]."""
         v, f = self.vectors[3 if integrator.correction else 1], self.vectors[2]
-        inverse_mass = 1.0 / lattice.masses[:, None]  # kernels round in this order
+        inverse_mass = 1.0 / lattice.masses[:, None]  # dividing first gives the rounding of the kernels
         return np.asarray(v + integrator.observed_kick * dt * inverse_mass * f)
 
 
@@ -53,18 +47,18 @@ class State:
     """Fields of the points, and 0-D fields of the numbers that every kernel needs.
 
     Attributes:
-        x, v, f, u: vectors of the points: see `Snapshot`.
+        x, v, f, u: vectors of the points, see `Snapshot`.
         mass, inverse_mass: of each point [M], [1/M]; the masses of the disk add up to 1 M.
         h: time step [R/c].
-        closing: time for which the last kick of a step acts, h/2 in leapfrog; `observed`: the same for the velocities
-            that are observed [R/c].
+        closing, observed: time for which the last kick of a step acts, h/2 in leapfrog, and the same for the observed
+            velocities [R/c].
         contact: force of the wall on one point at which contact begins [M c^2/R].
         n, n_disk: number of all points and of the disk's points.
         reset_steps: steps between two resets of the boundary.
     """
 
     def __init__(self, builder: Any, capacity: Capacity, subdomains: int, model: Model, corrected: bool) -> None:
-        self.fillers = 2 * subdomains  # extra points that carry the springs that fill up blocks
+        self.fillers = 2 * subdomains  # extra points for the filler springs of blocks
         filled = capacity.points + self.fillers
         self.x, self.v, self.f = (pair_of(builder, filled) for _ in range(3))
         self.vectors = [self.x, self.v, self.f]
@@ -84,15 +78,14 @@ class State:
         self.summed = SUMS + 2 * model.has_friction
         self.sums = array(builder, self.summed, ti.f64)
 
-    # ---- in and out
+    # ---- write and read the fields
 
     def contents(self, lattice: Lattice, arrangement: Arrangement, start: Sequence[Array]) -> Contents:
-        """Return what the fields hold at t = 0. `start`: the first of the vectors, each (n, 2); the others are 0."""
         n, masses = len(lattice.masses), lattice.masses
         vectors = np.zeros((n + self.fillers, len(self.vectors), 2))
         for k, values in enumerate(start):
             vectors[:n, k] = values
-        vectors[n + 1 :: 2, 0, 0] = 1.0  # springs that fill up blocks lie at rest between (0, 0) and (1, 0)
+        vectors[n + 1 :: 2, 0, 0] = 1.0  # filler springs are at rest between (0, 0) and (1, 0)
         return [
             ((self.mass, self.inverse_mass), np.stack([masses, 1.0 / masses], axis=1)),
             (tuple(component for pair in self.vectors for component in pair), vectors),
@@ -101,10 +94,8 @@ class State:
         ]
 
     def begin(self, numbers: Sequence[tuple[Any, float]], contents: Contents) -> None:
-        """Write `numbers` into their 0-D fields and `contents` into other fields, the same fields in every call.
-
-        One kernel writes all of them, because loading a compiled kernel takes 30 ms.
-        """
+        """Write `numbers` into 0-D fields and `contents` into other fields, which must be the same in all calls."""
+        # One kernel writes all of them, because loading a compiled kernel takes 30 ms.
         self.scalars, self.fields = [field for field, _ in numbers], [fields for fields, _ in contents]
         values = [np.asarray(values, np.float64).ravel() for _, values in contents]
         rows = [len(data) // len(fields) for data, fields in zip(values, self.fields, strict=True)]
@@ -120,7 +111,7 @@ class State:
             at, i = 0, 0
             for k in ti.static(range(len(self.fields))):
                 i = 0
-                while i < rows[k]:  # of a `for`, LLVM makes vectors, which takes longer than this loop
+                while i < rows[k]:  # LLVM would vectorise a `for`, which takes longer than this loop
                     for c in ti.static(range(len(self.fields[k]))):
                         self.fields[k][c][i] = ti.cast(values[at + c], self.fields[k][c].dtype)
                     at += ti.static(len(self.fields[k]))
@@ -156,19 +147,18 @@ class State:
 
 @ti.data_oriented
 class Stepping:
-    """Moves the points of `state` by the laws of `model`, on one core.
+    """Moves the points of `state` by the laws of `model`, on one core."""
 
-    Kernels contain no trace of absent laws: all conditions on laws are decided at compile time.
-    """
+    # All conditions on laws are decided at compile time, so kernels contain no trace of absent laws.
 
     def __init__(self, state: State, model: Model, integrator: Integrator, solver: DashpotSolver | None) -> None:
         self.state, self.integrator, self.solver = state, integrator, solver
-        laws: Any = model  # where a law is absent, no kernel asks for it
+        laws: Any = model  # no kernel uses a law that is absent
         self.springs, self.wall, self.mouse, self.boundary = laws.springs, laws.wall, laws.mouse, laws.boundary
         self.contact, self.has_friction = model.elastic is not None, model.has_friction
         self.rigid = model.wall is not None and not self.contact
         self.loads = tuple(law for law in model.body_forces if law is not model.wall)
-        self.observed_velocities = state.u if state.corrected else state.v  # before a last kick
+        self.observed_velocities = state.u if state.corrected else state.v  # before their last kick
         self.damped, self.implicit = model.springs.damped, solver is not None
         self.explicit = self.damped and not self.implicit
         self.pinned, self.matched, self.reset = model.is_pinned, model.impedance is not None, model.reset_interval > 0.0
@@ -192,7 +182,7 @@ class Stepping:
                 if move != 0.0:
                     put(self.state.X, i, get(self.state.X, i) + move * v)
                     put(self.state.x, i, get(self.state.X, i))
-                    # v - h^2/12 da/dt, with the difference of two steps' accelerations
+                    # V = v - h^2/12 da/dt, where da/dt is the difference of the accelerations of two steps
                     put(self.state.u, i, v + (self.state.closing[None] - self.state.observed[None]) * acceleration)
                 elif shift != 0.0:
                     put(self.state.x, i, get(self.state.X, i) + shift * acceleration)
@@ -205,7 +195,7 @@ class Stepping:
 
     @ti.func
     def body_force(self, i):
-        """Set `f` of point i to the forces on single points; returns the rigid wall's upward force on it."""
+        """Set `f` of point i to the forces on single points, and return the rigid wall's upward force on it."""
         force, point_force = ti.Vector([0.0, 0.0]), 0.0
         if ti.static(self.rigid):
             force = self.wall.at(self.state, i)
@@ -217,7 +207,6 @@ class Stepping:
 
     @ti.func
     def stage(self, kick, move, shift, sums):
-        """Kick, move and compute the forces. Returns sums, elastic energy, products (see `Springs.add`) and contact."""
         peak_point_force = self.drift(kick, move, shift, 0, self.state.n[None])
         elastic, products = self.springs.add(self.state, self.explicit, 0, self.state.blocks[None])
         result, upward, potential = self.add_contact(move, sums, peak_point_force)
@@ -233,9 +222,9 @@ class Stepping:
         result, peak_point_force = sums, rigid_peak
         upward, potential = 0.0, 0.0
         if ti.static(self.contact):
-            slid = 0.0
-            upward, potential, peak_point_force, slid = self.wall.add(self.state, move)
-            result[SLIDING] += slid
+            sliding = 0.0
+            upward, potential, peak_point_force, sliding = self.wall.add(self.state, move)
+            result[SLIDING] += sliding
         if ti.static(self.pinned):
             self.boundary.hold(self.state)
         result[PEAK_POINT_FORCE] = ti.max(result[PEAK_POINT_FORCE], peak_point_force)
@@ -245,18 +234,19 @@ class Stepping:
 
     @ti.func
     def step(self, number, before):
-        """Make step `number`; returns sums, elastic energy, contact force and contact potential after it.
+        """Make step `number`. Returns the sums, elastic energy, contact force and contact potential after it.
 
         Step 0 moves nothing: it computes the forces at t = 0 from x_0 and v_0 (in `v` and `u`) and subtracts the last
-        kick of a step before.
+        kick of a preceding step.
         """
-        sums, h = before, self.passed(number, self.state.h[None])
+        sums, h = before, self.elapsed(number, self.state.h[None])
         elastic, products, upward, potential = 0.0, 0.0, 0.0, 0.0
         if ti.static(self.integrator.forces == 1):
             sums, elastic, products, upward, potential = self.stage(h, h, 0.0, sums)
         else:
             last = ti.static(self.integrator.forces - 1)
-            for k in range(ti.select(number > 0, 0, last), last + 1):  # a loop: four inlined stages compile slowly
+            # This is a loop, because four inlined stages compile slowly.
+            for k in range(ti.select(number > 0, 0, last), last + 1):
                 kick, move, shift = 0.0, 0.0, 0.0
                 for s in ti.static(range(self.integrator.forces)):
                     if k == s:
@@ -265,13 +255,12 @@ class Stepping:
         return self.account(number, sums, products), elastic, upward, potential
 
     @ti.func
-    def passed(self, number, time):
-        """Return `time` [R/c], or 0 for step 0, in which no time passes."""
+    def elapsed(self, number, time):
         return time * ti.cast(number > 0, ti.f64)
 
     @ti.func
     def age(self, number):
-        """Return the number of steps since velocities jumped: at t = 0, or when the boundary was reset."""
+        """Return the number of steps since velocities jumped, at t = 0 or by a reset of the boundary."""
         age = number
         if ti.static(self.reset):
             if number > 0:
@@ -280,11 +269,11 @@ class Stepping:
 
     @ti.func
     def account(self, number, sums, products):
-        """End step `number`: apply dashpots on points, the boundary's reset and friction, and sum up the energy lost.
+        """End step `number`: apply point dashpots, the boundary's reset and friction, and sum up the lost energy.
 
         `products`: see `Springs.add`. Returns sums.
         """
-        h, closing = self.passed(number, self.state.h[None]), self.passed(number, self.state.closing[None])
+        h, closing = self.elapsed(number, self.state.h[None]), self.elapsed(number, self.state.closing[None])
         power, cross, late, boundary_power = 0.0, 0.0, 0.0, 0.0
         if ti.static(self.explicit):
             power = self.springs.eta_now[None] * products
@@ -296,15 +285,15 @@ class Stepping:
             boundary_power = self.boundary.damp(self.state, 0.5 * h)
         result = sums
         p0, p1, b0, b1 = sums[POWER], power, sums[BOUNDARY_POWER], boundary_power
-        # Leapfrog conserves E + h^2 E_2 + O(h^4), which loses in a dashpot g not g int(x1^2) but g int(x1^2 + c h^2
-        # x2^2), xn the n-th derivative: c = 2/3 if the velocity is predicted, 1/6 if it is centred, -1/6 if it is
-        # solved for. The sums are correct to O(h^4), although some velocities are half a step late.
+        # Leapfrog conserves E + h^2 E_2 + O(h^4). A dashpot g takes g int(x1^2 + c h^2 x2^2) of it, not g int(x1^2); xn
+        # is the n-th derivative; c = 2/3 if the velocity is predicted, 1/6 if it is centred, -1/6 if it is solved for.
+        # The sums are correct to O(h^4), although some velocities are half a step late.
         loss = h * (p0 + 2.0 * p1) / 3.0
         boundary_loss = h * (b0 + 5.0 * b1) / 6.0
         if ti.static(self.implicit):
             boundary_loss = 0.5 * h * (b0 + b1)
-            # For solved velocities, the sum with c = -1/6 holds only while h times the fastest rate is small. In flight
-            # another sum is exact for linear springs at any rate; in contact it would drift as h^2.
+            # For solved velocities, c = -1/6 is right only if h times the fastest rate is small. In flight another sum
+            # is exact for linear springs at any rate; in contact that sum would drift as h^2.
             loss = 0.25 * h * (sums[LEAVING] + p1 + late)
             if sums[PEAK_POINT_FORCE] >= self.state.contact[None]:
                 loss = h * (2.0 / 3.0 * (p0 + p1) - 1.0 / 3.0 * cross)
@@ -331,20 +320,17 @@ class Stepping:
 
     @ti.func
     def take_damped_force(self, number, sums):
-        """Set `f` to the force that the solved velocities imply; returns the loss that step 0 leaves to step 1."""
         stored = self.solver.take_damped_force(self.state)
-        # Only the sum of the flight includes this loss.
+        # Only the sum for flight contains this loss.
         return ti.select(number == 0 and sums[PEAK_POINT_FORCE] < self.state.contact[None], stored, 0.0)
 
     @ti.func
     def reset_boundary(self, number, before, sums):
-        """Stop the boundary if a reset is due; returns sums with the energy absorbed.
-
-        The force of dashpots jumps at a reset. Their loss over a step is summed as -h/2 (f_k + f_{k+1}) v_{k+1/2}, with
-        the forces of the dashpots as they acted at both ends.
-        """
+        """Reset the boundary if that is due, and return sums with the absorbed energy."""
+        # The force of dashpots jumps at a reset. Their loss over a step is summed as -h/2 (f_k + f_{k+1}) v_{k+1/2},
+        # with the forces of the dashpots as they acted at both ends of the step.
         result = sums
-        h = self.passed(number, self.state.h[None])
+        h = self.elapsed(number, self.state.h[None])
         if ti.static(self.damped):
             power = self.boundary.dashpot_work(self.state, self.springs, 0.0)
             loss = 0.5 * h * (before[POWER] + power) + before[INITIAL_LOSS]
@@ -354,6 +340,6 @@ class Stepping:
         elif ti.static(self.implicit):
             result[INITIAL_LOSS] = self.take_damped_force(number, before)
         if ti.static(self.damped):
-            next_kick = self.passed(number, self.state.closing[None]) + self.state.closing[None]
+            next_kick = self.elapsed(number, self.state.closing[None]) + self.state.closing[None]
             result[POWER] = self.boundary.dashpot_work(self.state, self.springs, next_kick)
         return result

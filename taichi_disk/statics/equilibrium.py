@@ -15,27 +15,20 @@ from taichi_disk.physics import ExponentialWall, Model
 from taichi_disk.signals import raise_if_interrupted
 
 _EPS = float(np.finfo(np.float64).eps)
-_TOLERANCE = 1e-12  # residual force over the load on a point
-_FIRST_SHIFT, _MIN_SHIFT, _MAX_SHIFT = 1e-5, 1e-12, 1e6  # over the largest diagonal element of the stiffness
-_MAX_ROLL = 0.1  # [rad] per Newton step
-_TIP_ANGLE = 1e-3  # [rad] by which a disk balanced on a tip is turned
+_TOLERANCE = 1e-12  # largest residual force over the load on a point
+_FIRST_SHIFT, _MIN_SHIFT, _MAX_SHIFT = 1e-5, 1e-12, 1e6  # shifts over the largest diagonal element of the stiffness
+_MAX_ROLL = 0.1  # largest rotation in a Newton step [rad]
+_TIP_ANGLE = 1e-3  # rotation of a disk that is balanced on a tip [rad]
 
 
 @dataclass(frozen=True)
 class Equilibrium:
-    """A state of minimum energy.
+    """A state of minimum energy."""
 
-    Attributes:
-        positions: (n, 2) [R], wall at y = 0.
-        iterations: number of Newton iterations.
-        residual: largest force component on any point [M c^2/R].
-        roll: counter-clockwise rotation relative to the unloaded lattice [rad].
-    """
-
-    positions: Array
-    iterations: int
-    residual: float
-    roll: float
+    positions: Array  # (n, 2) [R], wall at y = 0
+    iterations: int  # number of Newton iterations
+    residual: float  # largest force component on any point [M c^2/R]
+    roll: float  # counter-clockwise rotation relative to the unloaded lattice [rad]
 
 
 def solve_equilibrium(
@@ -44,7 +37,7 @@ def solve_equilibrium(
     """Find the stable equilibrium of a disk under its load on the exponential wall, or of a free disk.
 
     Newton's method lowers the energy from `start` (n, 2) and keeps the mean x. The disk rolls until its centre of mass
-    is above the contact. Set `is_close` if `start` is the equilibrium under a similar load: the first step is then a
+    is above the contact. Set `is_close` if `start` is the equilibrium under a similar load; then the first step is a
     full one.
 
     Raises SimulationError if the forces do not vanish within `max_iterations`.
@@ -56,7 +49,7 @@ def solve_equilibrium(
         raise_if_interrupted()
         force, tangent = model.forces(lattice, x), model.stiffness(lattice, x)
         residual = float(np.abs(force).max())
-        # About ten forces meet at a point; each is rounded as the last bit of a coordinate is.
+        # About ten forces act on a point, and the last bit of a coordinate rounds each of them.
         rounding = 10.0 * _EPS * float(tangent.diagonal().max()) * max(1.0, float(np.abs(x).max()))
         goal = max(_TOLERANCE * load / len(x), rounding)
         if residual > goal:
@@ -74,11 +67,9 @@ def solve_equilibrium(
 def _downhill(
     lattice: Lattice, model: Model, x: Array, force: Array, tangent: Any, shift: float, stiffest: float
 ) -> tuple[Array, float]:
-    """Make a Levenberg-Marquardt step; return the new positions and the next shift of the tangent's diagonal.
-
-    The shift grows until the matrix is positive definite and the energy falls by a tenth of the predicted amount. Its
-    minimum is tiny, because rolling, which may be 1e-8 times as stiff as the springs, must converge too.
-    """
+    """Make a Levenberg-Marquardt step; return the new positions and the next shift of the tangent's diagonal."""
+    # The shift grows until the matrix is positive definite and the energy falls by a tenth of the predicted amount. It
+    # may become tiny, because rolling, which may be 1e-8 times as stiff as the springs, must converge too.
     energy, residual = model.energy(lattice, x), np.abs(force).max()
     while shift < _MAX_SHIFT * stiffest:
         factors = _factors(tangent, shift)
@@ -86,7 +77,7 @@ def _downhill(
             shift *= 4.0
             continue
         move = factors.solve(force.ravel()).reshape(-1, 2)
-        move[:, 0] -= move[:, 0].mean()  # removes rounding errors, which would make the disk slide along the wall
+        move[:, 0] -= move[:, 0].mean()  # removes rounding errors that would make the disk slide along the wall
         slope = float(np.sum(move * force))
         curvature = slope - shift * float(np.sum(move * move))
         fraction = min(1.0, _MAX_ROLL / max(abs(_rotation(x, move)), _EPS))
@@ -95,7 +86,7 @@ def _downhill(
             predicted = fraction * slope - 0.5 * fraction**2 * curvature
             if predicted > 64.0 * _EPS * abs(energy):
                 gain = (energy - model.energy(lattice, trial)) / predicted
-            else:  # the change of energy is lost in rounding: judge by the forces
+            else:  # the change of energy is below rounding errors, so judge by the forces
                 gain = float(np.abs(model.forces(lattice, trial)).max() <= 2.0 * residual)
             if gain > 0.1:
                 if fraction == 1.0 and gain > 0.5:
@@ -109,7 +100,6 @@ def _downhill(
 
 
 def _factors(matrix: Any, shift: float) -> Any:
-    """Return the factors of matrix + shift, or None if it is not positive definite."""
     from scipy.sparse import identity
 
     factors = symmetric_factors(matrix + shift * identity(matrix.shape[0]))
@@ -117,13 +107,12 @@ def _factors(matrix: Any, shift: float) -> Any:
 
 
 def _rotation(x: Array, move: Array) -> float:
-    """Return the rotation [rad] about the mean position that a small displacement contains."""
     arm = x - x.mean(axis=0)
     return float(np.sum(arm[:, 0] * move[:, 1] - arm[:, 1] * move[:, 0]) / np.sum(arm * arm))
 
 
 def _moved(x: Array, move: Array) -> Array:
-    """Displace `x` by `move`, applying the rotation as a finite one: a linear rotation would stretch the disk."""
+    """Displace `x` by `move`, but rotate by a finite rotation: a linear one would stretch the disk."""
     angle, arm, drift = _rotation(x, move), x - x.mean(axis=0), move.mean(axis=0)
     strain = move - drift - angle * np.stack([-arm[:, 1], arm[:, 0]], axis=1)
     return turned(x + strain, angle) + drift
@@ -137,7 +126,6 @@ def roll_angle(unloaded: Array, positions: Array) -> float:
 
 
 def depth(lattice: Lattice, positions: Array) -> float:
-    """Return the depth [R] of the lowest of the points (n, 2) of a disk below its centre of mass."""
     y = positions[:, 1]
     return float(lattice.mean(y) - y.min())
 
@@ -153,17 +141,15 @@ def turned(positions: Array, angle: float) -> Array:
 
 
 def rigid_balance(heights: Array, wall: ExponentialWall, load: float) -> float:
-    """Return by how much to lift points at `heights` (n,) [R] so that sum_i a V0 exp(-a y_i) equals the load."""
+    """Return how far to lift points at `heights` (n,) [R] so that sum_i a V0 exp(-a y_i) equals the load."""
     lowest = float(heights.min())
     return wall.height_of_force(load, heights - lowest) - lowest
 
 
 def resting_angle(disk: Lattice, modulus: float, a: float, pressure: float) -> float:
-    """Return the counter-clockwise rotation [rad] at which the unloaded disk rests on the wall.
-
-    A rigid body on a wall V0 exp(-y/L) minimizes L ln sum_i exp(-y_i/L), with y_i relative to the centre of mass.
-    L = 1/a + 2 P/(pi E) makes the contact about as wide as Hertz's.
-    """
+    """Return the counter-clockwise rotation at which the unloaded disk rests on the wall [rad]."""
+    # A rigid body on a wall V0 exp(-y/L) minimizes L ln sum_i exp(-y_i/L), with y_i relative to the centre of mass.
+    # With L = 1/a + 2 P/(pi E) the contact is about as wide as Hertz's.
     from scipy.optimize import minimize_scalar
 
     depth = 1.0 / a + 2.0 * pressure / (np.pi * modulus)
@@ -180,9 +166,7 @@ def resting_angle(disk: Lattice, modulus: float, a: float, pressure: float) -> f
 
 
 def place_on_wall(disk: Lattice, angle: float, wall: ExponentialWall, load: float) -> Lattice:
-    """Rotate `disk` to the resting `angle` and move it to the height at which the wall carries the `load`.
-
-    From another angle it would roll for 10^4 R/c, and the compression would refer to the wrong radius.
-    """
+    """Rotate `disk` to the resting `angle` and move it to the height at which the wall carries the `load`."""
+    # From another angle it would roll for 10^4 R/c, and the compression would refer to the wrong radius.
     positions = turned(disk.positions, angle)
     return replace(disk, positions=positions + np.array([0.0, rigid_balance(positions[:, 1], wall, load)]))

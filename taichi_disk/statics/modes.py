@@ -1,4 +1,4 @@
-"""Normal modes of the free disk, and the distribution of a state's energy over them, for example after an impact."""
+"""Normal modes of the free disk, and the distribution over them of the energy of a state, such as after an impact."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ from taichi_disk.lattice import Array, Lattice
 from taichi_disk.physics import Model, Springs
 from taichi_disk.statics.equilibrium import solve_equilibrium
 
-MAX_STRAIN = 1e-9  # of a spring; a disk strained more is first brought to equilibrium
-_RIGID_MODES = 3  # of zero frequency: two translations and a rotation
-_DENSE_FRACTION = 0.2  # of all modes; if more are asked for, a dense solver is faster
+MAX_STRAIN = 1e-9  # largest strain of a spring; a disk with more is first brought to equilibrium
+_RIGID_MODES = 3  # modes of zero frequency: two translations and a rotation
+_DENSE_FRACTION = 0.2  # a dense solver is faster if more than this fraction of all modes is requested
 
 
 @dataclass(frozen=True)
@@ -22,20 +22,13 @@ class Modes:
     """The lowest normal modes of the free disk, and a state's energy in each.
 
     `energies`, `rest` and `anharmonic` add up to the energy without translation and rotation.
-
-    Attributes:
-        frequencies: (count,) angular frequencies, ascending [c/R].
-        shapes: (count, n, 2) displacements in the orientation at t = 0, normalized so that sum m shape^2 = 1 M.
-        energies: (count,) kinetic and elastic energy of each mode [M c^2].
-        rest: energy of all higher modes [M c^2].
-        anharmonic: energy beyond the linear modes [M c^2], due to changes of the springs' directions, to k_b and, in
-            a spinning disk, to centrifugal forces.
     """
 
-    frequencies: Array
-    shapes: Array
-    energies: Array
-    rest: float
+    frequencies: Array  # (count,) angular frequencies, ascending [c/R]
+    shapes: Array  # (count, n, 2) displacements in the orientation at t = 0, with sum m shape^2 = 1 M
+    energies: Array  # (count,) kinetic and elastic energy of each mode [M c^2]
+    rest: float  # energy of all higher modes [M c^2]
+    # Energy beyond the linear modes [M c^2]: changed directions of springs, k_b and, with a spin, centrifugal forces.
     anharmonic: float
 
 
@@ -53,7 +46,7 @@ def modes(disk: Lattice, springs: Springs, positions: Array, velocities: Array, 
     masses, matrix = disk.masses, springs.stiffness(disk, disk.positions)
     frequencies, shapes = _vibrations(matrix, masses, count)
 
-    # Vectors are complex numbers: the product of conj(a) and b is their dot product + i times their cross product.
+    # Vectors are complex numbers: conj(a) b is the dot product of a and b plus i times their cross product.
     at_rest, x, v = ((a - disk.mean(a)) @ [1.0, 1.0j] for a in (disk.positions, positions, velocities))
     inertia, momentum = ((masses * a.conj() * b).sum() for a, b in ((at_rest, at_rest), (x, v)))
     energy = 0.5 * float(masses @ np.abs(v) ** 2 - momentum.imag**2 / inertia.real)

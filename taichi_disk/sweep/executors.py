@@ -23,18 +23,18 @@ from taichi_disk.scenes.setup import lattice_key
 from taichi_disk.signals import POLL_INTERVAL, ignored_by_children, raise_if_interrupted
 from taichi_disk.sweep.work import PointResult, compute_points, compute_task, relevant_versions
 
-Scenes = dict[str, Scene]  # by key
+Scenes = dict[str, Scene]  # scenes by the key of their point
 Results = Generator[tuple[str, PointResult], None, None]
 Finished = Future[list[PointResult]]
 Say = Callable[[str], None]
 
-SCENES_PER_TASK = 6  # figure 3: 96 tasks of 0.25 s, of which setting up the lattice takes a tenth
-LARGE_LATTICE = 2000  # points; a scene with more is a task by itself
-CONNECT_TIMEOUT = 8.0  # [s] for the answer of a scheduler
+SCENES_PER_TASK = 6  # figure 3 then has 96 tasks of 0.25 s; setting up the lattice takes a tenth of that
+LARGE_LATTICE = 2000  # a scene with more points is a task by itself
+CONNECT_TIMEOUT = 8.0  # how long a scheduler may take to answer [s]
 
 
 def ordered(scenes: Scenes) -> Scenes:
-    """Sort scenes by lattice, then by key. Keys are hashes, so each part of the order is a fair sample."""
+    """Sort scenes by lattice, then by key. Keys are hashes, so every section of the order is a random sample."""
     lattices: dict[object, list[str]] = {}
     for key, scene in scenes.items():
         lattices.setdefault(lattice_key(scene), []).append(key)
@@ -51,7 +51,6 @@ def part_of(part: str, scenes: Scenes) -> Scenes:
 
 
 def tasks_of(scenes: Scenes) -> list[list[str]]:
-    """Group the keys of `ordered` scenes to tasks of one lattice each."""
     tasks: list[list[str]] = []
     for _, group in groupby(scenes, lambda key: lattice_key(scenes[key])):
         keys = list(group)
@@ -90,7 +89,7 @@ def computed(
                     future = pool.submit(compute_task, relevant_versions(), packed, estimate)
                     futures[future] = keys
                     future.add_done_callback(finished.put)
-            import taichi_disk.figures.curves  # noqa: F401 (takes time, while workers compute)
+            import taichi_disk.figures.curves  # noqa: F401 (import now, while workers compute)
 
             for _ in tasks:
                 future = _next(finished)
@@ -110,9 +109,9 @@ def computed(
 
 @contextmanager
 def _pool(jobs: int) -> Iterator[Executor]:
-    """Context with a pool whose processes end with this one, and immediately after an error in the block."""
+    """Open a pool whose processes end with this one, and at once after an error in the block."""
     context = multiprocessing.get_context("spawn")  # a forked Taichi hangs
-    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # of the workers: this process has imported NumPy
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # affects only workers: NumPy is already imported here
     receiver, sender = context.Pipe(duplex=False)
     pool = ProcessPoolExecutor(jobs, context, _watch_parent, (receiver,))
     try:
@@ -134,7 +133,7 @@ def _next(finished: SimpleQueue[Finished]) -> Finished:
 
 
 def _watch_parent(receiver: Connection) -> None:
-    """Exit when the other end of the pipe closes; otherwise workers would survive a parent that is killed."""
+    """Exit when the other end of the pipe closes; otherwise workers would survive a killed parent."""
 
     def watch() -> None:
         with suppress(EOFError, OSError):
@@ -146,7 +145,7 @@ def _watch_parent(receiver: Connection) -> None:
 
 @contextmanager
 def _dask(address: str, say: Say) -> Iterator[Executor]:
-    """Context with an executor of the Dask scheduler at `address`. Raises InputError if none answers."""
+    """Connect to the Dask scheduler at `address` as an executor. Raises InputError if none answers."""
     try:
         from distributed import Client, Security
         from distributed.core import rpc
@@ -158,11 +157,11 @@ def _dask(address: str, say: Say) -> Iterator[Executor]:
             return await asyncio.wait_for(scheduler.identity(), CONNECT_TIMEOUT)
 
     try:
-        # Ask first: a client waits for ever for a silent server. The thread avoids the event loop of a notebook.
+        # A client waits for ever for a silent server, so ask first. The thread avoids the event loop of a notebook.
         with ThreadPoolExecutor(1) as thread:
             workers = len(thread.submit(asyncio.run, identity()).result()["workers"])
         client = Client(address, timeout=CONNECT_TIMEOUT, set_as_default=False)
-    except Exception as error:  # any server may answer
+    except Exception as error:  # a server of another kind may answer anything
         cause = f" ({error})" if isinstance(error, ValueError) else ""
         raise InputError(f"no Dask scheduler answers at {address}{cause}; start one with `dask scheduler`") from None
     with client:

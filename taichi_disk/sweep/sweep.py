@@ -6,7 +6,7 @@ import hashlib
 import json
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Executor
-from contextlib import closing, contextmanager, suppress
+from contextlib import closing, contextmanager
 from dataclasses import asdict, dataclass, fields
 from pathlib import Path
 from time import perf_counter
@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     from taichi_disk.output.inline import Plot
 
 FILES = ("scene.yaml", "points.csv", "summary.json", "figure.png", "figure.svg", "figure.pdf")
-MAX_FAILURES = 10  # printed
+MAX_FAILURES = 10  # number of failed points that are printed
 DIAGNOSTICS = ("young", "poisson", "error_estimate", "energy_imbalance", "residual", "steps", "dt", "integrator")
 
 Row = dict[str, Any]
@@ -150,11 +150,11 @@ def run_sweep(
                 for name in FILES:
                     remove(out / name)
             write_text(file, text)
-        results = {
-            key: point for key in scenes if (point := _read_point(out, key)) and (point.estimated or not estimate)
-        }
-        for key in results:
-            _write_scene(out, key, scenes[key])
+        results = dict[str, PointResult]()
+        for key, scene in scenes.items():
+            if (point := _read_point(out, key)) and (point.estimated or not estimate):
+                results[key] = point
+                _write_scene(out, key, scene)
         missing, before = {key: scene for key, scene in scenes.items() if key not in results}, len(results)
         of_all = f" (part {part} of {len(keys)})" if part else ""
         say(f"{len(scenes)} scenes{of_all}, {before} of them computed before")
@@ -185,22 +185,17 @@ def run_sweep(
 
         from taichi_disk.figures.curves import figure_of
 
-        summary |= {
-            "curves": figure_of(sweep, rows, out),
-            "wall_clock": perf_counter() - started,
-            "versions": versions(),
-        }
+        summary["curves"] = figure_of(sweep, rows, out)
+        summary |= {"wall_clock": perf_counter() - started, "versions": versions()}
         write_summary(out / "summary.json", summary)
         return SweepResult(rows, summary, out, sweep)
 
 
 @contextmanager
 def _claimed(folder: Path, sweep: Sweep) -> Iterator[None]:
-    """Context in which only this sweep, or parts of it in other processes, may write points to `folder`.
-
-    Each process locks a hidden file with the hash of the sweep in its name. The system releases the lock of a killed
-    process. Raises InputError if another sweep holds a lock.
-    """
+    """Let only this sweep, or parts of it in other processes, write points to `folder` while the block runs."""
+    # Each process locks a hidden file whose name contains the hash of the sweep. The system releases the lock of a
+    # killed process. Raises InputError if another sweep holds a lock.
     name = hashlib.sha256(sweep.to_yaml().encode()).hexdigest()[:20]
     own_lock = FileLock(folder / f".{name}.{uuid4().hex}.lock")
     with FileLock(folder / ".lock"):
@@ -222,18 +217,14 @@ def _claimed(folder: Path, sweep: Sweep) -> Iterator[None]:
 
 
 def _mixed_versions(points: list[dict[str, str]]) -> str:
-    """Describe packages with more than one version; empty if there are none."""
     packages = {name: sorted({point.get(name, "?") for point in points}) for name in points[0]} if points else {}
     return ", ".join(f"{name} {' and '.join(used)}" for name, used in packages.items() if len(used) > 1)
 
 
 def _prepare(out: Path) -> None:
-    """Make the folder. Raises InputError if this would overwrite files of another kind."""
     refuse_run(out)
-    with suppress(OSError, ValueError):
-        if not (out / "points").is_dir() and (files := [name for name in FILES if (out / name).exists()]):
-            raise InputError(f"{out} holds {files[0]}, which is not from a sweep: choose another folder as `out`")
-        (out / "points").mkdir(parents=True, exist_ok=True)  # parts may start at the same time
+    if not (out / "points").is_dir() and (files := [name for name in FILES if (out / name).exists()]):
+        raise InputError(f"{out} holds {files[0]}, which is not from a sweep: choose another folder as `out`")
     prepare_output(out / "points")
 
 
@@ -251,11 +242,14 @@ def _counted(result: SweepResult) -> str:
 
 def print_sweep(result: SweepResult) -> None:
     """Print the fits, the failed points and the output folder."""
-    from taichi_disk.figures.curves import print_curves
+    from taichi_disk.figures.curves import curve_rows
 
     summary, failed = result.summary, result.failed
     part = f"part {summary['part']}: " if "part" in summary else ""
-    print_curves(summary.get("curves", ()))
+    for label, fits in curve_rows(summary.get("curves", ())):
+        print(label)
+        for law, parameters in fits:
+            print(f"  {law:<24}{parameters}")
     for row in failed[:MAX_FAILURES]:
         print(f"failed at {', '.join(f'{name}: {row[name]}' for name in summary['axes'])}: {row['reason']}")
     if len(failed) > MAX_FAILURES:
@@ -272,9 +266,9 @@ def print_sweep(result: SweepResult) -> None:
 
 
 def point_key(scene: Scene) -> str:
-    """Return the name of a point: a hash of the version, the resolved scene without `video`, and the files it names.
+    """Return the name of a point: a hash of the version, the resolved scene without `video`, and the scene's files.
 
-    Raises InputError if a file of the scene cannot be read.
+    Raises InputError if such a file cannot be read.
     """
     sections = asdict(scene)
     del sections["video"]
@@ -283,7 +277,6 @@ def point_key(scene: Scene) -> str:
 
 
 def _read_point(out: Path, key: str) -> PointResult | None:
-    """Return the stored result of a point, or None. Raises InputError if its file is invalid."""
     path = out / "points" / f"{key}.json"
     try:
         record = json.loads(path.read_bytes())
@@ -297,7 +290,6 @@ def _read_point(out: Path, key: str) -> PointResult | None:
 
 
 def _write_point(out: Path, key: str, scene: Scene, result: PointResult) -> None:
-    """Write a point with its result, if it has one. Raises SimulationError if a file cannot be written."""
     _write_scene(out, key, scene)
     if result.status == "done":  # failed points are tried again
         record = json.dumps(asdict(result) | {"key": key}, indent=1, allow_nan=False)

@@ -15,43 +15,31 @@ from taichi_disk import engine, runtime
 from taichi_disk.errors import InputError, TaichiDiskError
 from taichi_disk.output.files import versions
 from taichi_disk.scenes import Scene, check_memory
-from taichi_disk.scenes.setup import setup_of
+from taichi_disk.scenes.setup import outcome_of, setup_of
 
 
 @dataclass(frozen=True)
 class PointResult:
-    """Result of one scene of a sweep.
+    """Result of one scene of a sweep."""
 
-    Attributes:
-        status: "done" or "failed".
-        reason: reason of a failure.
-        numbers: results, moduli, error estimate, energy imbalance, steps, dt, integrator; empty after a failure.
-        warnings: warnings of the run.
-        estimated: whether an error estimate was requested.
-        versions: versions of the packages that computed it.
-    """
-
-    status: str
-    reason: str | None = None
+    status: str  # "done" or "failed"
+    reason: str | None = None  # of a failure
+    # Results, moduli, error estimate, energy imbalance, steps, dt, integrator; empty after a failure.
     numbers: dict[str, Any] = field(default_factory=dict)
     warnings: list[str] = field(default_factory=list)
-    estimated: bool = False
-    versions: dict[str, str] = field(default_factory=dict)
+    estimated: bool = False  # whether an error estimate was requested
+    versions: dict[str, str] = field(default_factory=dict)  # of the packages that computed the result
 
 
 def relevant_versions() -> dict[str, str]:
-    """Return the versions of the packages that determine the results."""
     return {name: version for name, version in versions().items() if name != "python"}
 
 
 def compute_task(expected: dict[str, str], scenes: bytes, estimate: bool) -> list[PointResult]:
     """Compute a task of an executor and return the results of its scenes, in order.
 
-    Args:
-        expected: versions installed where the sweep was started.
-        scenes: pickled scenes, which are unpickled only if the versions agree.
-
-    Raises InputError if other versions are installed here.
+    `expected`: versions installed where the sweep was started; `scenes`: pickled scenes, which are unpickled only if
+    the versions here agree. Raises InputError if they do not.
     """
     installed = relevant_versions()
     mismatches = [
@@ -69,13 +57,12 @@ def compute_task(expected: dict[str, str], scenes: bytes, estimate: bool) -> lis
 
 @lru_cache(maxsize=1)
 def _start_worker() -> None:
-    """Start Taichi on one core unless this process uses it already, and stop it at exit, which saves its cache."""
+    """Start Taichi on one core unless this process uses it already. Taichi stops at exit, which saves its cache."""
     runtime.start(None if engine.loaded() else 1)
     atexit.register(engine.loaded().reset)
 
 
 def compute_points(scenes: Iterable[Scene], estimate: bool) -> Iterator[PointResult]:
-    """Yield the results of `scenes`. Taichi must have been started."""
     for scene in scenes:
         try:
             yield _computed(scene, estimate)
@@ -85,16 +72,10 @@ def compute_points(scenes: Iterable[Scene], estimate: bool) -> Iterator[PointRes
 
 @runtime.alone()
 def _computed(scene: Scene, estimate: bool) -> PointResult:
-    from taichi_disk.api import shared_kernels
-    from taichi_disk.computation.outcome import compute
-
     check_memory(scene)
-    setup = setup_of(scene)
-    scenario = scene.scenario(setup.body)
-    modes = None if scenario.static else setup.modes(scenario.model)
-    outcome = compute(scenario, scene.time, kernels=shared_kernels(), modes=modes, estimate=estimate, loads=1)
+    outcome = outcome_of(scene, estimate=estimate)
     summary = outcome.summary
-    numbers: dict[str, Any] = scenario.result(outcome.columns) | setup.moduli
+    numbers: dict[str, Any] = outcome.scenario.result(outcome.columns) | setup_of(scene).moduli
     if not all(map(isfinite, numbers.values())):
         return PointResult("failed", "a result is not a finite number")
     numbers["error_estimate"] = next(iter(summary["error_estimate"].values()), None)

@@ -11,14 +11,13 @@ class Slider {
     const number = { type: "text", inputMode: "decimal" };
     this.name = element("span");
     this.ends = [element("i"), element("i")];
-    this.range = element("input", { type: "range", max: 1000 });
+    this.range = element("input", { type: "range", step: "any" });
     this.number = element("input", number);
     this.degrees = element("input", { ...number, ariaLabel: "angle in degrees" });
     const fields = key === "impact.angle" ? [this.number, this.degrees] : [this.number];
     this.node = element("div", { className: "slider" }, this.name, ...this.ends, this.range, ...fields);
     const lead = () => {
-      const part = this.range.value / 1000, { low, high } = this.spec;
-      const value = low > 0 ? low * (high / low) ** part : low + part * (high - low);
+      const place = Number(this.range.value), value = this.spec.low > 0 ? Math.exp(place) : place;
       set(key, key === "lattice.points" ? Math.round(value) : Number(digits(value, 3)));
     };
     this.range.oninput = () => this.spec.live && lead();
@@ -28,24 +27,23 @@ class Slider {
     for (const field of fields) {
       field.onchange = () => {
         this.edited = null;
-        const text = field.value.trim().replace(",", ".").replace("−", "-").replace("°", "");
-        if (text === "" || Number.isNaN(Number(text))) this.show(this.spec);
-        else set(key, Number(digits(field === this.degrees ? text / DEGREE : Number(text))));
+        const value = parseFloat(field.value.replace(",", ".").replace("−", "-"));
+        if (Number.isNaN(value)) this.show(this.spec);
+        else set(key, Number(digits(field === this.degrees ? value / DEGREE : value)));
       };
     }
   }
 
   show(spec) {
     const { key, name, unit, low, high, value, meaning, keys, live } = (this.spec = spec);
-    const text = unit ? `${name} [${unit}]` : name;
-    const part = low > 0 ? Math.log(value / low) / Math.log(high / low) : (value - low) / (high - low);
+    const text = unit ? `${name} [${unit}]` : name, place = low > 0 ? Math.log : Number, { range } = this;
+    const ends = { min: place(low), max: place(high) };
     this.name.textContent = key === "impact.angle" ? `${name} [${unit}, °]` : text;
     this.node.title = keys ? `${meaning} (keys ${keys})` : meaning;
     this.ends[0].textContent = digits(low);
     this.ends[1].textContent = digits(high);
-    const isLed = this.node.getRootNode().activeElement === this.range;
-    if (!isLed || live) this.range.value = Math.round(1000 * part);
-    Object.assign(this.range, { ariaLabel: text, ariaValueText: `${digits(value)} ${unit}` });
+    Object.assign(range, { ...ends, ariaLabel: text, ariaValueText: `${digits(value)} ${unit}` });
+    if (live || range.getRootNode().activeElement !== range) range.value = place(value);
     this.number.ariaLabel = `${text}, number`;
     if (this.edited !== this.number) this.number.value = digits(value);
     if (this.edited !== this.degrees) this.degrees.value = `${(value * DEGREE).toFixed(1)}°`;

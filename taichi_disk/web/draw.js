@@ -2,15 +2,15 @@
 //   {t, x: Float32Array(2n) [R], values: Float32Array(n, or one for each spring), limit, row: {com_x, com_y, …},
 //    forces: Float32Array(3k) with point, fx, fy [Mc²/R], fullForce, path: [[x, y], …] or nothing}.
 // `limit` is the value of full colour (of fringes: the stress between two), `fullForce` that of an arrow ARROW long.
-// Without `path` the drawing remembers where the centre of mass was since `setScene` or `forget`.
+// Without `path` the drawing remembers where the centre of mass was since `setScene`.
 
 import { Field } from "./field.js";
+import { resize } from "./html.js";
 import { ARROW, arrow, drawLegend, footer, line } from "./legend.js";
 
 export const AIM = 0.05; // velocity that an arrow as long as R stands for [c]
-const FADES = Array.from({ length: 25 }, (_, k) => (24 - k) / 5); // decay lengths between the layers of the wall's haze
 const VISIBLE_WALL = 0.16; // depth of a rigid wall that is always seen [R]
-const ARROW_DISTANCE = 9; // of two arrows [px]
+const ARROW_DISTANCE = 9; // of two arrows, about [px]
 const INDICES = ["triangles", "springs", "outline", "edges"]; // of the scene's message
 
 export const bytes = (text) => Uint8Array.from(atob(text), (letter) => letter.charCodeAt(0));
@@ -37,22 +37,14 @@ export class Drawing {
     if (message.wall.surface) this.scene.wall.surface = decoded(message.wall.surface, Uint32Array);
     this.maps = Object.fromEntries(Object.entries(message.maps).map(([name, map]) => [name, bytes(map)]));
     this.set(message.options);
-    const { springs, rest } = this.scene;
-    const side = (k, axis) => rest[2 * springs[k] + axis] - rest[2 * springs[k + 1] + axis];
-    let length = 0;
-    for (let k = 0; k < springs.length; k += 2) length += Math.hypot(side(k, 0), side(k, 1));
-    this.spacing = (2 * length) / springs.length; // mean length of a spring [R]
+    this.spacing = Math.sqrt(3.63 / message.disk_points); // of a triangular lattice that fills the disk [R]
     this.field = this.state = null;
+    this.track = [];
     this.camera.home = true;
-    this.forget();
   }
 
   set(options) {
     Object.assign(this.options, options);
-  }
-
-  forget() {
-    this.track = [];
   }
 
   // ---- the view: pixels are CSS pixels from the canvas's upper left corner
@@ -98,13 +90,17 @@ export class Drawing {
     return [mx + (x - camera.x) * camera.scale, my - (y - camera.y) * camera.scale];
   }
 
+  point(x, i) {
+    return this.toScreen(x[2 * i], x[2 * i + 1]);
+  }
+
   // ---- drawing
 
   draw(state = this.state) {
     const { canvas, context: ctx, scene, options } = this, ratio = devicePixelRatio;
     const { clientWidth: width, clientHeight: height } = canvas;
     const pixels = [Math.round(width * ratio), Math.round(height * ratio)];
-    if (canvas.width !== pixels[0] || canvas.height !== pixels[1]) [canvas.width, canvas.height] = pixels;
+    resize(canvas, ...pixels);
     if (!scene || !state || !pixels[0] || !pixels[1]) return;
     const resized = this.width !== width || this.height !== height;
     Object.assign(this, { width, height, state });
@@ -116,14 +112,12 @@ export class Drawing {
     const quantity = scene.quantities.find((one) => one.name === options.quantity), { limit } = state;
     const filled = ["field", "both"].includes(options.draw);
     const colours = this.maps[`${options.theme} ${quantity.map}${filled ? "" : " bare"}`];
-    const screen = (i, points = x) => this.toScreen(points[2 * i], points[2 * i + 1]);
 
     ctx.setTransform(ratio, 0, 0, ratio, 0, 0);
     ctx.fillStyle = theme.ground;
     ctx.fillRect(0, 0, width, height);
     ctx.lineJoin = ctx.lineCap = "round";
-    ctx.fillStyle = theme.wall;
-    if (scene.wall.kind !== "none") this.drawHaze(x);
+    if (scene.wall.kind !== "none") this.drawWall(x, theme.wall, ratio);
     const [ox, oy] = this.toScreen(0, 0);
     if (!this.field || this.field.gl.isContextLost()) this.field = new Field(scene);
     const field = this.field.draw(...pixels, {
@@ -133,32 +127,25 @@ export class Drawing {
     });
     ctx.drawImage(field, 0, 0, width, height);
     if (filled) {
-      const outside = new Path2D(), { edges, wall, disk_points } = scene;
-      for (let k = 0; k < edges.length; k += 2) {
-        const [i, j] = edges.subarray(k, k + 2);
-        if (i < disk_points && wall.surface && this.isInWall(x, i) && this.isInWall(x, j)) continue;
-        outside.moveTo(...screen(i));
-        outside.lineTo(...screen(j));
-      }
+      const sides = new Path2D(); // of the body, of holes, and between materials
+      scene.edges.forEach((i, k) => sides[k % 2 ? "lineTo" : "moveTo"](...this.point(x, i)));
       Object.assign(ctx, { strokeStyle: theme.ink, lineWidth: 1.5 });
-      ctx.stroke(outside);
+      ctx.stroke(sides);
     }
     if (scene.spoke >= 0) {
-      const spoke = [this.toScreen(...centre), screen(scene.spoke)];
+      const spoke = [this.toScreen(...centre), this.point(x, scene.spoke)];
       line(ctx, spoke, theme.ground, 4);
       line(ctx, spoke, theme.ink, 2);
     }
     ctx.fillStyle = theme.wall;
     if (scene.wall.kind !== "none") ctx.fill(this.wallPath(x, scene.wall.edge));
-    if (options.outline) {
-      const ring = Array.from(scene.outline, (i) => screen(i, unmoved));
-      line(ctx, [...ring, ring[0]], theme.faint, 1.3, [5, 4]);
-    }
+    const ring = () => Array.from([...scene.outline, scene.outline[0]], (i) => this.point(unmoved, i));
+    if (options.outline) line(ctx, ring(), theme.faint, 1.3, [5, 4]);
     if (!state.path) this.remember(state.t, centre);
     const path = state.path ?? this.track;
     if (options.path) line(ctx, path.map(([px, py]) => this.toScreen(px, py)), theme.accent, 1.8);
     if (options.forces) this.drawForces(state, x, theme);
-    const tip = options.arrow?.map((v, axis) => centre[axis] + v / AIM);
+    const tip = options.arrow && options.arrow.map((v, axis) => centre[axis] + v / AIM);
     if (tip) this.drawArrow(centre, tip, theme.accent, theme);
     const force = options.forces && scene.wall.kind !== "none" ? state.fullForce : 0;
     drawLegend(ctx, { width, height, theme, quantity, limit, colours, scale: camera.scale, force });
@@ -220,7 +207,7 @@ export class Drawing {
   // The wall up to a height above its points [R].
   wallPath(x, height) {
     const { surface } = this.scene.wall, path = new Path2D();
-    const [left, low] = this.toWorld(0, this.height), [right] = this.toWorld(this.width, 0);
+    const [left, low] = this.toWorld(-this.width, this.height), [right] = this.toWorld(2 * this.width, 0);
     const chain = surface ? Array.from(surface, (i) => [x[2 * i], x[2 * i + 1]]) : [[left, 0], [right, 0]];
     const bottom = surface ? -1.3 / this.camera.scale : Math.min(low, 0) - 1;
     for (const [px, py] of chain) path.lineTo(...this.toScreen(px, py + height));
@@ -228,39 +215,20 @@ export class Drawing {
     return path;
   }
 
-  // The wall's force fades above its edge: layers that cover each other leave 1 - exp(-distance) of the ground.
-  drawHaze(x) {
-    const { context: ctx, scene: { wall } } = this, decay = Math.max(wall.decay, 0.4 / this.camera.scale);
-    FADES.slice(0, -1).forEach((fade, k) => {
-      ctx.globalAlpha = 1 - (1 - Math.exp(-FADES[k + 1] - 0.1)) / (k ? 1 - Math.exp(-fade - 0.1) : 1);
-      ctx.fill(this.wallPath(x, wall.edge + decay * fade));
-    });
-    ctx.globalAlpha = 1;
+  // The wall, and above its edge a haze that fades as its force does.
+  drawWall(x, colour, ratio) {
+    const { context: ctx, scene: { wall }, camera } = this;
+    Object.assign(ctx, { fillStyle: colour, shadowColor: colour, shadowBlur: 4 * wall.decay * camera.scale * ratio });
+    ctx.fill(this.wallPath(x, wall.edge));
+    ctx.shadowBlur = 0;
   }
 
-  isInWall(x, i) {
-    return x[2 * i + 1] < this.wallHeight(x[2 * i], x) - this.scene.wall.edge;
-  }
-
-  wallHeight(px, x) {
-    const { surface, edge } = this.scene.wall;
-    if (!surface) return edge;
-    const k = surface.findIndex((i, n) => x[2 * i] <= px && px < x[2 * surface[n + 1]]);
-    return k < 0 ? -Infinity : edge + Math.max(x[2 * surface[k] + 1], x[2 * surface[k + 1] + 1]);
-  }
-
-  // Points within ARROW_DISTANCE have one arrow of their mean force, which begins above the wall's edge.
+  // An arrow for each point on which the wall acts, or for some of them where they are close to each other.
   drawForces({ forces, fullForce }, x, theme) {
-    const columns = new Map();
+    const every = Math.ceil(ARROW_DISTANCE / (this.spacing * this.camera.scale)), length = ARROW / fullForce;
     for (let k = 0; k < forces.length; k += 3) {
-      const [i, fx, fy] = forces.subarray(k, k + 3);
-      const column = Math.floor(this.toScreen(x[2 * i], 0)[0] / ARROW_DISTANCE);
-      if (Math.hypot(fx, fy) < 0.02 * fullForce) continue;
-      columns.set(column, [...(columns.get(column) ?? []), [x[2 * i], x[2 * i + 1], fx, fy]]);
-    }
-    for (const column of columns.values()) {
-      const [px, py, fx, fy] = [0, 1, 2, 3].map((n) => column.reduce((sum, one) => sum + one[n], 0) / column.length);
-      const foot = [px, Math.max(py, this.wallHeight(px, x))], length = ARROW / fullForce;
+      const [i, fx, fy] = forces.subarray(k, k + 3), foot = [x[2 * i], x[2 * i + 1]];
+      if (i % every || Math.hypot(fx, fy) < 0.02 * fullForce) continue;
       this.drawArrow(foot, [foot[0] + length * fx, foot[1] + length * fy], theme.arrow, theme, 1.8);
     }
   }

@@ -1,8 +1,9 @@
 // Plays the states that `taichi_disk/web/film.py` packed into this document.
 
+import { Controls } from "./controls.js";
 import { Drawing, bytes, centroid, decoded } from "./draw.js";
 import { followPointers } from "./gestures.js";
-import { download, element, elements } from "./html.js";
+import { element, elements } from "./html.js";
 
 // The states of one run.
 class Recording {
@@ -56,8 +57,8 @@ async function play() {
   const length = new Uint32Array(data, 0, 1)[0];
   const { runs, cues, fps } = JSON.parse(new TextDecoder().decode(data.slice(4, 4 + length)));
   const { scene } = runs[0], last = cues.length - 1, plain = (text) => text.replace(/^\*/, "");
-  let place = 0, before = 0, isVisible = true, isUsed = window.top === window;
-  let isPlaying = !matchMedia("(prefers-reduced-motion: reduce)").matches;
+  const settings = { ...scene.options, speed: 1 };
+  let place = 0, before = 0, isPlaying, isVisible = true, isUsed = window.top === window;
 
   const panes = runs.map((run) => {
     const [name, ...lines] = run.scene.title, caption = element("p"), canvas = element("canvas", { role: "img" });
@@ -82,27 +83,24 @@ async function play() {
   }
 
   function show() {
-    const from = Math.floor(place), to = Math.min(from + 1, last);
+    const from = Math.floor(place), to = Math.min(from + 1, last), captions = (run) => run.captions[Math.round(place)];
     const at = cues[from] + (place - from) * (cues[to] - cues[from]);
     for (const { drawing, caption, run, recording } of panes) {
-      const { quantity, magnify } = drawing.options;
-      drawing.draw(recording.state(at, quantity));
-      const lines = [...run.captions[Math.round(place)], magnify > 1 ? `displacements ${ui.times.textContent}` : ""];
+      drawing.draw(recording.state(at, settings.quantity));
+      const magnified = settings.magnify > 1 ? `displacements × ${Number(settings.magnify.toPrecision(2))}` : "";
       // A blank line keeps its height.
-      const words = lines.map((line) => element(line.startsWith("*") ? "b" : "span", {}, `${plain(line)}\u00a0\n`));
-      caption.replaceChildren(...words);
+      const word = (line) => element(line.startsWith("*") ? "b" : "span", {}, `${plain(line)}\u00a0\n`);
+      caption.replaceChildren(...[...captions(run), magnified].map(word));
     }
     ui.moment.value = place;
-    ui.moment.ariaValueText = runs[0].captions[Math.round(place)].join(", ");
+    ui.moment.ariaValueText = captions(runs[0]).join(", ");
   }
 
   function change() {
-    const theme = ui.dark.checked ? "dark" : "light", magnify = Number(ui.magnify.value);
-    document.documentElement.style.colorScheme = theme;
-    ui.times.textContent = `× ${Number(magnify.toPrecision(2))}`;
-    const options = { quantity: ui.quantity.value, draw: ui.draw.value, magnify, theme };
-    for (const id of ["outline", "path", "forces"]) options[id] = ui[id].checked;
-    all((one) => one.set(options));
+    controls.show(specs.map((spec) => ({ ...spec, value: settings[spec.key] })));
+    document.documentElement.style.colorScheme = settings.theme;
+    const options = Object.fromEntries([...ui.options.querySelectorAll("input")].map((one) => [one.id, one.checked]));
+    all((one) => one.set({ ...settings, ...options }));
     show();
   }
 
@@ -111,45 +109,31 @@ async function play() {
     ui.play.textContent = yes ? "Pause" : "Play";
   }
 
-  function jump(to) {
-    setPlaying(false);
-    place = Math.min(Math.max(to, 0), last);
-    show();
-  }
-
-  for (const curve of Object.values(runs[0].curves)) {
-    const points = curve.map((value, k) => `${k / last},${0.95 - 0.9 * value}`).join(" ");
-    ui.curves.insertAdjacentHTML("beforeend", `<polyline points="${points}"/>`);
-  }
-  ui.quantity.append(...scene.quantities.map(({ name, label }) => new Option(label.split(",")[0], name)));
-  const { quantity, draw, magnify, theme } = scene.options;
-  ui.magnify.max = Math.max(20, magnify);
-  for (const [id, value] of Object.entries({ quantity, draw, magnify })) ui[id].value = value;
-  ui.dark.checked = theme === "dark";
+  const factor = { unit: "", meaning: "a factor", live: true };
+  const specs = [
+    { key: "quantity", name: "colours show", options: scene.quantities.map(({ name }) => name) },
+    { key: "draw", name: "drawn as", options: ["field", "springs", "both", "points"] },
+    { key: "theme", name: "background", options: ["light", "dark"] },
+    { key: "magnify", name: "displacements ×", low: 1, high: Math.max(20, settings.magnify), ...factor },
+    { key: "speed", name: "speed ×", low: 0.1, high: 2, ...factor },
+  ];
+  const controls = new Controls(() => ui.looks, (key, value) => change((settings[key] = value)));
   document.querySelector("details").open = matchMedia("(min-width: 960px)").matches;
   ui.moment.max = last;
-  ui.options.oninput = change;
-  ui.moment.oninput = () => jump(Number(ui.moment.value));
+  ui.options.onchange = change;
+  ui.moment.oninput = () => {
+    setPlaying(false);
+    place = Number(ui.moment.value);
+    show();
+  };
   ui.play.onclick = () => setPlaying(!isPlaying);
-  ui.picture.onclick = async () => {
-    const lines = [...scene.title, ...runs[0].captions[Math.round(place)].map(plain)];
-    download(await panes[0].drawing.picture(lines), "disk.png", "image/png");
-  };
-  onkeydown = (event) => {
-    if (event.target !== document.body) return;
-    const step = { ArrowLeft: -1, ArrowRight: 1 }[event.key];
-    if (event.key === " ") setPlaying(!isPlaying);
-    else if (step) jump(Math.round(place) + step);
-    else return;
-    event.preventDefault();
-  };
   new IntersectionObserver(([entry]) => (isVisible = entry.isIntersecting)).observe(document.body); // in a frame
   new ResizeObserver(show).observe(ui.disks);
-  setPlaying(isPlaying);
+  setPlaying(!matchMedia("(prefers-reduced-motion: reduce)").matches);
   change();
   requestAnimationFrame(function next(now) {
     if (isPlaying && isVisible) {
-      place += Math.min((now - before) / 1000, 0.1) * fps * ui.speed.value;
+      place += Math.min((now - before) / 1000, 0.1) * fps * settings.speed;
       if (place > last) place = 0;
       show();
     }

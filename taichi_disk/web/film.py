@@ -59,9 +59,7 @@ def film(path: Path, runs: Sequence[Run], video: VideoSection, progress: Progres
     force = round_near(largest) if largest else 0.0
     data, packed = b"", []
     for run, one, title in zip(runs, recorded, titles(runs), strict=True):
-        scenario, columns = run.scenario, run.columns
-        curves = {"velocity": scenario.motion(columns)[0], "force": columns["wall_force"]}
-        message = scene_message(scenario, shown, largest_force=one.largest_force)
+        message = scene_message(run.scenario, shown, largest_force=one.largest_force)
         arrays, scales = one.arrays(limits)
         places = {}
         for name, array in arrays.items():
@@ -77,7 +75,6 @@ def film(path: Path, runs: Sequence[Run], video: VideoSection, progress: Progres
                 "first": np.cumsum([0, *(len(each) for each in one.forces)]).tolist(),
                 "limits": scales,
                 "captions": [list(each) for each in lines(run, shots)],
-                "curves": {name: _in_unit_range(np.interp(at, columns["t"], y)) for name, y in curves.items()},
                 "arrays": places,
             }
         )
@@ -90,7 +87,7 @@ def film(path: Path, runs: Sequence[Run], video: VideoSection, progress: Progres
         origin=escape(pictures.film_origin(runs, video)),
         states=b64encode(states).decode(),
         style=source("style.css"),
-        script=bundle(*DRAWING, "film.js"),
+        script=bundle(*DRAWING, "controls.js", "film.js"),
     )
     write_text(path, text)
     progress("render", len(runs), len(runs))
@@ -187,8 +184,3 @@ def _recorded(run: Run, times: Array) -> _Recorded:
 def _differences(states: Array) -> Array:
     """Return (T, ...) each less the one before, which is small, so that it packs well; integers wrap round."""
     return np.diff(states, axis=0, prepend=np.zeros_like(states[:1]))
-
-
-def _in_unit_range(curve: Array) -> list[float]:
-    low, high = float(curve.min()), float(curve.max())
-    return np.round((curve - low) / max(high - low, 1e-300), 4).tolist()

@@ -57,11 +57,8 @@ export function grip(sandbox, px, py) {
   });
   const [tipX, tipY] = drawing.toScreen(cx + com_vx / AIM, cy + com_vy / AIM);
   if (ui.arrow.checked && Math.hypot(tipX - px, tipY - py) < REACH) return aim(cx, cy);
-  let radius = 0;
-  for (let i = 0; i < 2 * drawing.scene.disk_points; i += 2) {
-    radius = Math.max(radius, Math.hypot(state.x[i] - cx, state.x[i + 1] - cy));
-  }
-  if (Math.hypot(x0 - cx, y0 - cy) > radius) return aim(x0, y0);
+  const distances = Array.from(drawing.scene.outline, (i) => Math.hypot(state.x[2 * i] - cx, state.x[2 * i + 1] - cy));
+  if (Math.hypot(x0 - cx, y0 - cy) > Math.max(...distances)) return aim(x0, y0);
   let angle = 0;
   return {
     move(...at) {

@@ -3,12 +3,15 @@
 import { Controls, asText, showResults, showScenes } from "./controls.js";
 import { Drawing } from "./draw.js";
 import { followPointers, grip } from "./gestures.js";
-import { Graphs, drawResults, legend } from "./graphs.js";
+import { Graphs, legend, showDiagram } from "./graphs.js";
 import { download, element, elements } from "./html.js";
 import { unpacked } from "./message.js";
 
 const KEYS = { " ": "space", ArrowLeft: "Left", ArrowRight: "Right", ArrowUp: "Up", ArrowDown: "Down" };
 const REPEATED = "Left Right Up Down e d a z s f i u".split(" ");
+const OWN_KEYS = [ // of controls that have the focus
+  ["input[type=text], select", /./], ["input[type=range]", /^[A-Z]/], ["button, input", /^(space|Enter)$/],
+];
 const NEWEST = 9e6; // a state's number beyond all others: none is waited for
 const WATCHED = "Somebody else plays; you are watching.";
 const LOST = "The program does not answer; waiting for it …";
@@ -34,7 +37,7 @@ export class Sandbox {
     const own = [...node.querySelectorAll("[aria-keyshortcuts]")];
     this.shortcuts = own.map((one) => [one.getAttribute("aria-keyshortcuts"), one.title || one.textContent]);
     own.forEach((one, k) => (one.title = `${this.shortcuts[k][1]} (${this.shortcuts[k][0]})`));
-    this.showTab(node.clientWidth > 640 ? "graphs" : "experiment"); // on a narrow page one panel is seen at a time
+    this.showTab(node.clientWidth > 900 ? "graphs" : "experiment"); // on a narrow page one panel is seen at a time
     new ResizeObserver(() => this.redraw()).observe(node);
     // A state may be lost on its way: the program waits for none that has not come for 2 s.
     setInterval(() => performance.now() - this.arrived > 2000 && this.redraw(NEWEST), 2000);
@@ -75,9 +78,7 @@ export class Sandbox {
   key(event) {
     const { target } = event, key = KEYS[event.key] ?? event.key;
     if (event.ctrlKey || event.altKey || event.metaKey || this.node.querySelector(":popover-open")) return;
-    const isField = target.matches("input[type=text], select"), isName = /^[A-Z]/.test(key);
-    if (isField || (target.matches("input[type=range]") && isName)) return;
-    if (target.matches("button, input[type=checkbox]") && [" ", "Enter"].includes(event.key)) return;
+    if (OWN_KEYS.some(([controls, keys]) => target.matches(controls) && keys.test(key))) return;
     if (event.repeat && !REPEATED.includes(key)) return;
     const button = this.node.querySelector(`[aria-keyshortcuts="${CSS.escape(key)}"]`);
     if (button) button.click();
@@ -97,17 +98,14 @@ export class Sandbox {
   // Begin to record what the canvas shows, or save what was recorded.
   film() {
     if (this.recorder) return this.recorder.stop();
-    const parts = [], recorder = (this.recorder = new MediaRecorder(this.ui.disk.captureStream(30)));
-    const showButton = (words) => Object.assign(this.ui.film, { textContent: words, ariaPressed: words !== "Film" });
-    recorder.ondataavailable = ({ data }) => parts.push(data);
-    recorder.onstop = () => {
-      const type = recorder.mimeType;
-      download(new Blob(parts), `disk.${type.includes("mp4") ? "mp4" : "webm"}`, type);
+    const { disk, film } = this.ui, recorder = (this.recorder = new MediaRecorder(disk.captureStream(30)));
+    recorder.ondataavailable = ({ data }) => {
+      download(data, /mp4/.test(data.type) ? "disk.mp4" : "disk.webm", data.type);
+      Object.assign(film, { textContent: "Film", ariaPressed: false });
       this.recorder = null;
-      showButton("Film");
     };
     recorder.start();
-    showButton("End the film");
+    Object.assign(film, { textContent: "End the film", ariaPressed: true });
   }
 
   // ---- what the program sends
@@ -167,8 +165,7 @@ export class Sandbox {
     drawing.draw(state);
     const theme = drawing.scene.themes[drawing.options.theme], held = 2 * state.pulled;
     if (held >= 0 && target) drawing.drawArrow([state.x[held], state.x[held + 1]], target, theme.accent, theme);
-    this.graphs.draw(state.t, theme);
-    if (this.node.dataset.tab === "results") drawResults(ui.diagram, panel.results, theme);
+    this.graphs.draw(state.t, theme.accent);
   }
 
   showGraphs(message) {
@@ -190,7 +187,6 @@ export class Sandbox {
       drop: panel.paused ? (panel.atStart ? labels.drop : "Go on") : "Pause",
       scenes: `${panel.name} ▾`,
       sentence: panel.sentence,
-      solver: `Solver: ${panel.solver}`,
       lattice: `Another random lattice (now ${panel.seed})`,
       status: panel.status,
       message: throwing || panel.message || panel.hint,
@@ -198,13 +194,12 @@ export class Sandbox {
       "tab-results": results.length ? `Results (${results.length})` : "Results",
     };
     for (const [id, text] of Object.entries(texts)) ui[id].textContent = text;
-    const lines = (tag, words) => words.map((text) => element(tag, { textContent: text.replace(/ {4}/g, " · ") }));
-    ui.title.replaceChildren(...lines("div", panel.title));
-    ui.warnings.replaceChildren(...lines("li", panel.warnings));
+    ui.warnings.replaceChildren(...panel.warnings.map((text) => element("li", {}, text)));
     ui.status.className = panel.status.startsWith("same") ? "" : "disturbed";
     ui.slow.checked = panel.slow;
     for (const id of ["copy", "csv", "clear"]) ui[id].disabled = !results.length;
     showResults(ui.table, results);
+    showDiagram(ui.diagram, results);
     showScenes(ui.entries, this.hello.playlist, panel.number);
     node.ariaBusy = false; // all that was empty until now is filled
     this.redraw();

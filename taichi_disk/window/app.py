@@ -12,22 +12,17 @@ from pathlib import Path
 
 import yaml
 
+from taichi_disk import runtime
 from taichi_disk.errors import InputError, TaichiDiskError
 from taichi_disk.render import film_problem
 from taichi_disk.scenes import Scene, load_scene
 from taichi_disk.window.controls import Entry
+from taichi_disk.window.server import serve
 
 _X11 = sys.platform.startswith("linux")
 
 
-def view(
-    scene_or_folder: Scene | Path,
-    out: Path,
-    window: bool = False,
-    host: str = "127.0.0.1",
-    port: int = 0,
-    open_browser: bool = True,
-) -> None:
+def view(scene_or_folder: Scene | Path, out: Path, window: bool, host: str, port: int, open_browser: bool) -> None:
     """Serve the sandbox as a page until Ctrl-C, or open it in a window until that has been closed.
 
     Args:
@@ -40,55 +35,42 @@ def view(
     Raises TaichiDiskError, with the remedy, if the page cannot be served or no window can be opened; InputError for a
     folder without scenes.
     """
-    from taichi_disk import runtime
-
-    playlist = folder(scene_or_folder) if isinstance(scene_or_folder, Path) else presets(scene_or_folder)
-    if not window:
-        from taichi_disk.window.server import serve
-
-        runtime.start()
-        serve(playlist, host, port, open_browser and has_browser())
-        return
-    if problem := window_problem():
+    if window and (problem := window_problem()):
         raise TaichiDiskError(f"no window: {problem}; `taichi-disk view` without --window serves a page instead")
-    from taichi_disk.window.viewer import Viewer
-
+    playlist = folder(scene_or_folder) if isinstance(scene_or_folder, Path) else presets(scene_or_folder)
     runtime.start()
-    for _ in Viewer(playlist, out, screen()).pictures():
-        pass
+    if window:
+        from taichi_disk.window.viewer import Viewer  # needs Vulkan
+
+        for _ in Viewer(playlist, out).pictures():
+            pass
+    else:
+        serve(playlist, host, port, open_browser and has_browser())
 
 
 def presets(first: Scene) -> list[Entry]:
     """Return `first`, then the scenes of playlist.yaml, which has name and sentence of `first` if it is shipped."""
-    text = Path(__file__).with_name("playlist.yaml").read_text(encoding="utf-8")
-    entries = []
-    opened = Entry(first.title[0].upper() + first.title[1:], "The scene that you opened.", lambda: first)
-    for shipped, change, name, sentence in yaml.safe_load(text):
-        entry = Entry(name, sentence, partial(load_scene, shipped, [change] if change else []))
-        if not change and entry.load() == first:
-            opened = entry
-        else:
-            entries.append(entry)
-    return [opened, *entries]
+    rows = yaml.safe_load(Path(__file__).with_name("playlist.yaml").read_text(encoding="utf-8"))
+    entries = [Entry(name, text, partial(load_scene, scene, change.split())) for scene, change, name, text in rows]
+    same = [entry for entry, row in zip(entries, rows, strict=True) if not row[1] and entry.load() == first]
+    opened = same or [Entry(first.title[0].upper() + first.title[1:], "The scene that you opened.", lambda: first)]
+    return opened + [entry for entry in entries if entry not in same]
 
 
 def folder(path: Path) -> list[Entry]:
-    """The scenes in a folder: a sweep's points in their order, a run's scene, or its YAML files but for sweeps.
+    """Return the scenes in a folder: a sweep's points in their order, a run's scene, or its YAML files but for sweeps.
 
     Raises InputError if there is none.
     """
     path = path.resolve()  # an open window works in another folder
-    table = path / "points.csv"
-    if table.is_file():
-        rows = list(csv.DictReader(table.read_text(encoding="utf-8").splitlines()))
+    files = sorted(path.glob("[!.]*.yaml"))
+    if (table := path / "points.csv").is_file():
+        rows = csv.DictReader(table.read_text(encoding="utf-8").splitlines())
         files = [path / "points" / f"{row.get('key')}.yaml" for row in rows]
-    else:
-        files = sorted(path.glob("[!.]*.yaml"))
     files = [file for file in files if file.is_file() and not re.search(rb"^sweep:", file.read_bytes(), re.MULTILINE)]
-    entries = [Entry(file.stem, f"From {path}.", partial(load_scene, file)) for file in files]
-    if not entries:
+    if not files:
         raise InputError(f"{path}: there is no scene in this folder (*.yaml, or points.csv with points/*.yaml)")
-    return entries
+    return [Entry(file.stem, f"From {path}.", partial(load_scene, file)) for file in files]
 
 
 def has_browser() -> bool:
@@ -99,26 +81,18 @@ def has_browser() -> bool:
 
 
 def window_problem() -> str | None:
-    """Why no window can be opened on this machine, or None. Needs no `ti.init`.
+    """Return why no window can be opened on this machine, or None. Needs no `ti.init`.
 
-    It is asked without opening one: GLFW ends the process where it cannot.
+    It opens none to find out: GLFW ends the process if it cannot.
     """
     name = os.environ.get("DISPLAY")
-    if not _X11:
-        return film_problem()
-    if name and ((problem := film_problem()) or screen()):
+    if _X11 and not name:
+        return "there is no display (DISPLAY is not set)"
+    if (problem := film_problem()) or not _X11:
         return problem
-    return f"the display {name} does not answer" if name else "there is no display (DISPLAY is not set)"
-
-
-def screen() -> tuple[int, int] | None:
-    """Width and height of the X display [px], None where there is none."""
-    if not _X11:
-        return None
     x11 = CDLL("libX11.so.6")
     x11.XOpenDisplay.restype = c_void_p
-    if not (display := c_void_p(x11.XOpenDisplay(None))):
-        return None
-    size = x11.XDisplayWidth(display, 0), x11.XDisplayHeight(display, 0)
-    x11.XCloseDisplay(display)
-    return size
+    if not (display := x11.XOpenDisplay(None)):
+        return f"the display {name} does not answer"
+    x11.XCloseDisplay(c_void_p(display))
+    return None

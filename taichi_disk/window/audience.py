@@ -1,52 +1,49 @@
-"""The visitors of a sandbox: each page gets states as fast as it draws them, and never a queue."""
+"""The pages of a sandbox: each gets states as fast as it draws them, and never a queue."""
 
 from __future__ import annotations
 
 import asyncio
 import json
-from collections.abc import Awaitable, Callable
+from collections.abc import Callable
 from time import perf_counter
 
 from taichi_disk.runtime import alone
-from taichi_disk.window.commands import understood
-from taichi_disk.window.session import Session
+from taichi_disk.window.session import Session, understood
 
 MAX_RATE = 60.0  # pictures per second
 _MAX_IN_FLIGHT = 2  # states that were sent to a page and not yet drawn
-Send = Callable[[str | bytes], Awaitable[None]]
+Message = str | bytes
 
 
 class Visitor:
-    """One page. `send` sends it a text or a state."""
+    """One page, to which `send` sends a text or a state."""
 
-    def __init__(self, send: Send) -> None:
-        self.news = asyncio.Event()  # something may have to be sent
-        self.plays: bool | None = None  # as the page was told
-        self.number = 0  # of the last state that was sent
-        self.feeding: asyncio.Task[None] | None = None
+    def __init__(self, send: Callable[[Message], None]) -> None:
         self._send = send
         self._in_flight: list[int] = []  # numbers of states
-        self._texts: dict[str, str] = {}
-
-    def acknowledge(self, number: float) -> None:
-        """Note that the page has drawn a state."""
-        self._in_flight = [one for one in self._in_flight if one > number]
-        self.news.set()
+        self._sent: dict[str, Message] = {}  # the last message of each kind
 
     @property
-    def keeps_up(self) -> bool:
+    def is_ready(self) -> bool:
         """Whether the page may be sent another state."""
         return len(self._in_flight) < _MAX_IN_FLIGHT
 
-    async def show(self, session: Session, plays: bool) -> None:
-        """Send the texts that have changed for the page, and the last state."""
-        state, self.number, self.plays = session.state, session.number, plays
-        self._in_flight.append(session.number)
-        for kind, text in (session.texts | {"role": json.dumps({"kind": "role", "plays": plays})}).items():
-            if self._texts.get(kind) != text:
-                self._texts[kind] = text
-                await self._send(text)
-        await self._send(state)
+    def acknowledge(self, number: float) -> None:
+        """Note that the page has drawn the state with this number."""
+        self._in_flight = [one for one in self._in_flight if one > number]
+
+    def show(self, messages: dict[str, Message], number: int) -> bool:
+        """Send those `messages` by kind that the page does not have; return whether there were any.
+
+        `number` is that of the message of the kind "state".
+        """
+        news = {kind: message for kind, message in messages.items() if self._sent.get(kind) != message}
+        self._sent |= news
+        if "state" in news:
+            self._in_flight.append(number)
+        for message in news.values():
+            self._send(message)
+        return bool(news)
 
 
 class Audience:
@@ -59,27 +56,27 @@ class Audience:
     def __init__(self, session: Session, all_play: bool = False) -> None:
         self.session, self.ignored, self._all_play = session, 0, all_play
         self._visitors: list[Visitor] = []
+        self._news = asyncio.Event()  # something may have to be sent
 
-    def join(self, visitor: Visitor) -> None:
-        """Begin to send; within a running event loop."""
-        self._visitors.append(visitor)
-        visitor.feeding = asyncio.create_task(self._feed(visitor))
+    def join(self, send: Callable[[Message], None]) -> Visitor:
+        """Return a new visitor, to whom `run` will send everything."""
+        self._visitors.append(visitor := Visitor(send))
+        self._news.set()
+        return visitor
 
     def leave(self, visitor: Visitor) -> None:
         """Send no more. After the player, the next visitor plays; after the last visitor, the sandbox pauses."""
         played = self.plays(visitor)
         self._visitors.remove(visitor)
-        if visitor.feeding:
-            visitor.feeding.cancel()
         if played:
-            self.session.let_go(pause=not self._visitors)
-        self._tell()
+            self.session.release(pause=not self._visitors)
+        self._news.set()
 
     def plays(self, visitor: Visitor) -> bool:
         """Whether a visitor may change anything."""
         return self._all_play or visitor is self._visitors[0]
 
-    def hear(self, visitor: Visitor, text: str | bytes) -> None:
+    def hear(self, visitor: Visitor, text: Message) -> None:
         """Carry out a page's message if its visitor plays; ignore and count malformed messages."""
         message = understood(text)
         if message is None:
@@ -88,30 +85,23 @@ class Audience:
             visitor.acknowledge(message["number"])
         elif self.plays(visitor):
             self.session.hear(message)
-            visitor.news.set()
+        self._news.set()
 
-    @property
-    def failure(self) -> BaseException | None:
-        """The error of this program that has ended the feeding of a present visitor."""
-        ended = [one.feeding for one in self._visitors if one.feeding and one.feeding.done()]
-        return ended[0].exception() if ended else None
-
-    def _tell(self) -> None:
-        for one in self._visitors:
-            one.news.set()
-
-    async def _feed(self, visitor: Visitor) -> None:
-        """Send states for as long as the page draws them; the page of the player is the sandbox's clock."""
+    async def run(self) -> None:
+        """Send states for as long as pages draw them; the pages of those who play are the sandbox's clock."""
         session = self.session
         while True:
-            began, plays = perf_counter(), self.plays(visitor)
-            visitor.news.clear()
-            if visitor.keeps_up and plays and session.is_busy:
+            began = perf_counter()
+            self._news.clear()
+            ready = [one for one in self._visitors if one.is_ready]
+            if session.is_busy and any(map(self.plays, ready)):
                 with alone():  # another thread may compute
                     session.advance()
-                self._tell()
-            if visitor.keeps_up and (visitor.number < session.number or visitor.plays is not plays):
-                await visitor.show(session, plays)
+            is_sent = False
+            for one in ready:
+                role = json.dumps({"kind": "role", "plays": self.plays(one)})
+                is_sent |= one.show({**session.texts, "role": role, "state": session.state}, session.number)
+            if is_sent:
                 await asyncio.sleep(max(0.0, 1.0 / MAX_RATE - (perf_counter() - began)))
             else:
-                await visitor.news.wait()
+                await self._news.wait()

@@ -4,19 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
-from functools import partial
+from functools import partial, partialmethod
 from typing import Any, NamedTuple, get_args
 
 from taichi_disk.config.sections import Boundary, Colour, Dashpot, Draw, Theme
 from taichi_disk.errors import TaichiDiskError
 from taichi_disk.scenes import Scene
-from taichi_disk.window.sandbox import Sandbox, load_key
+from taichi_disk.window.sandbox import Sandbox, load_key, value_of
 
 STEPS, POINT_STEPS = (1.12, 1 / 1.12), (1 / 1.5, 1.5)  # factors of one press of a key: of a value, of the points
 REPEATED = ("Left", "Right", "Up", "Down", "e", "d", "a", "z", "s", "f", "i", "u")  # keys that repeat while held
 LEAST = {"material.eta_star": 0.1, "material.viscosity": 1e-4}  # viscosity that keys reach before 0
 MAX_POINTS = 20_000  # that can be typed: larger disks take minutes to build
-SPEED_LIMITS = 0.01, 100.0  # [R/c per s]
+MIN_SPEED, MAX_SPEED = 0.01, 100.0  # [R/c per s]
 CURVE, CURVE_SPAN = 8, 30.0  # experiments of a collected curve, and the ratio of their largest load to the least
 
 
@@ -80,24 +80,24 @@ class Controls:
         self.add("h", "hit again", sandbox.hit_again)
         self.add("Left Right", "back and forth in time", sandbox.step, -1, 1)
         self.add("s f", "time slower, faster", partial(scale, "speed"), *STEPS[::-1])
-        self.add("y", "slow motion in contact", self._toggle_slow)
+        self.add("y", "slow motion in contact", lambda: setattr(sandbox, "slow", not sandbox.slow))
         self.add("e d", "viscosity up, down", lambda factor: scale(self.dashpot_key, factor), *STEPS)
         self.add("Up Down", "speed or load up, down", lambda factor: scale(load_key(sandbox.scene), factor), *STEPS)
         self.add("a z", "wall harder, softer", partial(scale, "wall.a"), *STEPS)
         self.add("j k", "fewer, more mass points", partial(scale, "lattice.points"), *POINT_STEPS)
-        self.add("l", "another random lattice", self._next_lattice)
+        self.add("l", "another random lattice", lambda: sandbox.set("lattice.seed", sandbox.scene.lattice.seed + 1))
         self.add("x", "boundary of the elastic wall", self._next, "wall.boundary")
         self.add("b n", "scene before, after this one", lambda step: self.play(self.number + step), -1, 1)
         self.add("c", "quantity shown by colours", self._next, "video.colour")
         self.add("o", "field, springs, both, points", self._next, "video.draw")
         self.add("t", "light or dark", self._next, "video.theme")
-        self.add("Escape", "let go of the disk", sandbox.let_go)
+        self.add("Escape", "let go of the disk", sandbox.release)
 
     def add(self, keys: str, meaning: str, act: Callable[..., None], *values: Any) -> None:
         """Let each of `keys` call `act` with its own one of `values`, or a single key call it without a value."""
         self.reference.append((keys, meaning))
-        given: list[tuple[Any, ...]] = [(value,) for value in values] or [()]
-        self.actions |= {key: partial(act, *value) for key, value in zip(keys.split(), given, strict=True)}
+        each: list[tuple[Any, ...]] = [(value,) for value in values] or [()]
+        self.actions |= {key: partial(act, *value) for key, value in zip(keys.split(), each, strict=True)}
 
     def press(self, key: str) -> None:
         """Do the action of a key; an unknown key does nothing."""
@@ -120,33 +120,32 @@ class Controls:
     @property
     def ranges(self) -> dict[str, Range]:
         """The numbers of the present scene by their keys; a value outside its range widens the range."""
-        found = {}
-        for key, one in RANGES.items():
-            value = self.value(key)
-            unused = key.startswith("material.") and key != self.dashpot_key
-            if value is not None and not unused:
-                found[key] = one._replace(low=min(one.low, value), high=max(one.high, value))
-        return found
+        keys = [key for key in RANGES if not key.startswith("material.") or key == self.dashpot_key]
+        values = {key: value for key in keys if (value := self.value(key)) is not None}
+        return {
+            key: (one := RANGES[key])._replace(low=min(one.low, value), high=max(one.high, value))
+            for key, value in values.items()
+        }
 
     def value(self, key: str) -> Any:
         """Return the value of "speed" or of a dotted key of the scene, or None if the scene has no such key."""
         if key == "speed":
             return self.sandbox.speed
-        section, name = key.split(".")
-        value = getattr(getattr(self.sandbox.scene, section, None), name, None)
+        value = value_of(self.sandbox.scene, key)
         return 1.0 if value == "auto" else value  # the largest displacement is not known here
 
     def set(self, key: str, value: Any) -> None:
-        """Change a number or a choice; a key that the scene does not have is ignored."""
+        """Change a number or a choice; a key that the scene does not have is ignored. Raises TaichiDiskError."""
         now = self.value(key)
         if key == "speed":
-            low, high = SPEED_LIMITS
-            self.sandbox.speed = float(f"{min(max(value, low), high):.3g}")
+            self.sandbox.speed = float(f"{min(max(value, MIN_SPEED), MAX_SPEED):.3g}")
         elif isinstance(now, (int, float)):
             value = min(value, max(MAX_POINTS, now)) if key == "lattice.points" else value
             self.sandbox.set(key, type(now)(float(f"{value:.6g}")))
         elif now is not None:
             self.sandbox.set(key, value)
+
+    speed = partialmethod(set, "speed")
 
     def _scale(self, key: str, factor: float) -> None:
         """Multiply the value of `key` by `factor`, clipped to its slider range."""
@@ -157,15 +156,10 @@ class Controls:
         self.set(key, new)
 
     def _next(self, key: str) -> None:
+        """Change a choice to the next of its values, if the scene has it."""
         values, value = get_args(CHOICES[key][1]), self.value(key)
         if value in values:
             self.sandbox.set(key, values[(values.index(value) + 1) % len(values)])
-
-    def _next_lattice(self) -> None:
-        self.sandbox.set("lattice.seed", self.sandbox.scene.lattice.seed + 1)
-
-    def _toggle_slow(self) -> None:
-        self.sandbox.slow = not self.sandbox.slow
 
     # ---- scenes
 

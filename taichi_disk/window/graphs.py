@@ -1,14 +1,16 @@
-"""The curves below the disk: energies of the hit on display, force of the wall, motion of the centre of mass."""
+"""What helps to read a picture: curves of the hit on display, the meaning of full colour and of the longest arrow."""
 
 from __future__ import annotations
 
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from taichi_disk.lattice import Array, disk_of
+from taichi_disk.render.palette import full_scale, round_near
 from taichi_disk.simulation.observables import BLUE, BY_NAME, INDEX, PINK, of_kind, split
-from taichi_disk.window.sandbox import Sandbox
+from taichi_disk.window.sandbox import Sandbox, load_key, value_of
 
 POINTS = 400  # of a curve at most
 # Graph, name and colour of each curve. The name of the last curve depends on the scene.
@@ -19,7 +21,6 @@ CURVES = (
     ("force", "force of the wall", PINK),
     ("motion", "motion", BLUE),
 )
-_LOST_CURVE = [name for _, name, _ in CURVES].index("lost")
 _LOST = [INDEX[name] for name in of_kind("loss")]
 
 
@@ -31,21 +32,18 @@ class Graphs:
 
     def message(self) -> dict[str, Any]:
         """Return times since the hit began [R/c] and the values of CURVES, at most POINTS of each."""
-        disk, segments = disk_of(self._sandbox.start.body), self._sandbox.time.hit_segments
+        disk, segments = disk_of(self._sandbox.time.body), self._sandbox.time.hit_segments
         arm = disk.positions - disk.mean(disk.positions)
         self._inertia, self._scenario = float(disk.mean((arm**2).sum(axis=1))), segments[0].scenario
-        times, parts, lost = [], [], 0.0
-        for segment in segments:
-            self._lost_before = lost  # in earlier segments of the hit [M c^2]
-            parts.append(self.values(np.vstack([segment.rows, segment.row])))
-            times.append(np.append(segment.began + np.arange(segment.count) * segment.interval, segment.now))
-            lost = float(parts[-1][-1, _LOST_CURVE])
-        t, values = np.concatenate(times) - segments[0].began, np.concatenate(parts)
-        chosen = np.unique(np.linspace(0, len(t) - 1, POINTS).astype(int))
-        shown = np.column_stack([t, values])[chosen].T
-        curves = [[float(f"{value:.5g}") for value in curve] for curve in shown]
-        motion = self._scenario.momentary_label
-        return {"t": curves[0], "values": curves[1:], "motion": motion, "began": segments[0].began}
+        began, parts = segments[0].hit_began, []
+        for k, segment in enumerate(segments):
+            self._lost_before = float(sum(one.row[_LOST].sum() for one in segments[:k]))
+            times = np.append(segment.began + np.arange(segment.count) * segment.interval, segment.now) - began
+            parts.append(np.column_stack([times, self.values(np.vstack([segment.rows, segment.row]))]))
+        known = np.concatenate(parts)
+        chosen = np.unique(np.linspace(0, len(known) - 1, POINTS).astype(int))
+        t, *values = [[float(f"{value:.5g}") for value in curve] for curve in known[chosen].T]
+        return {"t": t, "values": values, "motion": self._scenario.momentary_label, "began": began}
 
     def values(self, rows: Array) -> Array:
         """Return CURVES (rows, curves) of observables (rows, k): energies [M c^2], force [M c^2/R], velocity or ξ."""
@@ -53,3 +51,36 @@ class Graphs:
         lost = rows[:, _LOST].sum(axis=1) + self._lost_before
         stored, motion = columns["elastic"] + columns["wall"], self._scenario.momentary_motion(columns)
         return np.stack([*(columns[name] for name in of_kind("part")), stored, lost, columns["wall_force"], motion], 1)
+
+
+class Scales:
+    """The scales grow with what they show, and begin again with each hit and quantity.
+
+    Attributes:
+        colour: value of full colour, in units of the quantity; for fringes the stress from one fringe to the next.
+        force: force of the wall on one point at the longest arrow [M c^2/R].
+    """
+
+    colour = force = 1.0
+    _key: tuple[int, float, str] | None = None
+
+    def __init__(self, sandbox: Sandbox) -> None:
+        self._sandbox = sandbox
+
+    def update(self, values: NDArray[Any], forces: NDArray[Any]) -> None:
+        """Enlarge the scales to hold the disk's `values` (N,) and the wall's `forces` (k, 3): point, fx, fy."""
+        sandbox = self._sandbox
+        scenario, name = sandbox.time.seen.segment.scenario, sandbox.scene.video.colour
+        key = sandbox.starts, sandbox.time.seen.segment.hit_began, name
+        if key != self._key:  # a guess, before anything is known
+            self._key, load = key, value_of(scenario.scene, load_key(scenario.scene))
+            self.colour = round_near(0.25 * load**2 / len(values) if name == "kinetic" else 0.05 * load)
+            self.force = round_near(0.5 * scenario.point_force)
+        self.colour = max(self.colour, full_scale(values.astype(np.float64), name))
+        largest = float(np.hypot(forces[:, 1], forces[:, 2]).max(initial=0.0))
+        if largest > self.force:
+            self.force = round_near(1.2 * largest)
+
+    def rescale(self) -> None:
+        """Fit the colour scale to the next picture alone."""
+        self.colour = 0.0

@@ -3,22 +3,27 @@
 from __future__ import annotations
 
 from bisect import bisect_left
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import inf
+from operator import attrgetter
 from time import perf_counter
+from typing import Any
 
 import numpy as np
 
 from taichi_disk.computation.diagnostics import EnergyBalance
 from taichi_disk.computation.driver import Driver, Status
 from taichi_disk.computation.scenario import Scenario
-from taichi_disk.computation.stability import Spectrum
-from taichi_disk.lattice import Array
+from taichi_disk.computation.stability import Spectrum, spectrum
+from taichi_disk.lattice import Array, Lattice
+from taichi_disk.physics import MouseSpring
+from taichi_disk.scenes import Scene
 from taichi_disk.simulation.observables import INDEX, within
 from taichi_disk.simulation.simulation import KernelCache
 from taichi_disk.simulation.stepping import Snapshot
 
 SPACING = 1.5e-2  # first time between two stored states, over the springs' time unit
+HIT_AGAIN, DISTURBED, PULLED = "hit again", "disturbed", "pulled"  # changes by the user
 MAX_STATES, MAX_BYTES = 1280, 1.7e9  # stored states and their memory; then every second one is dropped
 
 
@@ -26,33 +31,33 @@ class Segment(Driver):
     """The time between two changes by the user. It can continue after the scene's end, and go back to an earlier state.
 
     Attributes:
-        began: time at its start [R/c].
-        hit: number of the hit, from 1.
-        label: the change at its start: "", "hit again" or "disturbed".
-        pulled_from: number of the step at which the mouse began to pull, inf if it did not; after it, the segment
-            neither ends nor begins again with a shorter step.
+        label: the change at which the segment began: "", HIT_AGAIN, DISTURBED or PULLED. While the mouse pulls a
+            point, the scene does not end and does not begin again with a shorter step.
+        began: time at which the segment began [R/c].
+        hit_began: time at which the last start or further hit began [R/c].
         reference_energy: kinetic energy at the start, or about the work of the load [M c^2].
     """
 
     def __init__(
-        self, scenario: Scenario, kernels: KernelCache, modes: Spectrum, began: float = 0, hit: int = 1, label: str = ""
+        self, scenario: Scenario, kernels: KernelCache, modes: Spectrum, label: str = "", before: Segment | None = None
     ) -> None:
-        self.began, self.hit, self.label = began, hit, label
+        """Begin at t = 0, or at the present of the segment `before`."""
+        self.label, self.began = label, before.now if before else 0.0
+        self.hit_began: float = before.hit_began if before and label != HIT_AGAIN else self.began
         self.reference_energy = scenario.reference_energy
         super().__init__(scenario, scenario.scene.time, kernels, modes)
 
     def _begin(self) -> None:
         super()._begin()
-        self._last, self.pulled_from = 2**31 - 1, inf
+        self._last = 2**31 - 1  # steps; there is no time limit
 
     def advance(self, seconds: float = inf, steps: int | None = None) -> Status:
-        """Advance as a `Driver`, but without `max_time`; after the end, the status stays "finished"."""
-        is_over = self.status == "finished"
-        self.can_end = not is_over and self.pulled_from == inf
-        if is_over:
+        """Advance as a `Driver` does; the disk still moves after the end, and the status stays "finished"."""
+        self.can_end = not self.end and self.label != PULLED
+        if self.status == "finished":
             self.status = "running"
         super().advance(seconds, steps)
-        if is_over and self.status == "running":
+        if self.end and self.status == "running":
             self.status = "finished"
         return self.status
 
@@ -64,15 +69,15 @@ class Segment(Driver):
     @property
     def present(self) -> Checkpoint:
         """The last valid state."""
-        return Checkpoint(self, self.now, self.row, self.state, self.state.step > self.pulled_from)
+        return Checkpoint(self, self.now, self.row, self.state)
 
     @property
     def imbalance(self) -> float:
-        """Error of the energy balance [M c^2]."""
-        return float(self._balance.imbalance(self.row[None])[0])
+        """Error of the energy balance since the segment began, relative to `reference_energy`."""
+        return float(self._balance.imbalance(self.row[None])[0]) / self.reference_energy
 
     def back_to(self, checkpoint: Checkpoint) -> None:
-        """Continue from an earlier state of this attempt, of which the mouse has pulled none; forget all later ones."""
+        """Continue from an earlier state of this attempt, and forget all later ones."""
         snapshot = checkpoint.snapshot
         self.simulation = self._simulation()
         self.simulation.restore(snapshot)
@@ -82,13 +87,11 @@ class Segment(Driver):
         self._balance = EnergyBalance(self.rows[0])
         self._balance.first_lost(self.rows)
         self.state, self.row, self.failure = snapshot, checkpoint.row, None
-        self.pulled_from = 0 if checkpoint.pulled else inf
-        is_over = self.end is not None and snapshot.step >= self.end.step
-        self.status, self.end = ("finished", self.end) if is_over else ("running", None)
+        self.end = self.end if self.end and snapshot.step >= self.end.step else None
+        self.status = "finished" if self.end else "running"
 
     def pull(self, point: int, target: tuple[float, float]) -> None:
-        """Tie a point (-1: no point) to the mouse at `target` [R] from now on; the model needs a `mouse`."""
-        self.pulled_from = min(self.pulled_from, self.simulation.step_number)
+        """Tie a point to the mouse at `target` [R] from now on."""
         jump = self.simulation.set_mouse_target(point, target)
         self.row = self.row.copy()
         self.row[INDEX["load"]] += jump
@@ -101,18 +104,16 @@ class Checkpoint:
     """A state that can be displayed or resumed.
 
     Attributes:
-        segment: the run segment that the state was taken from.
+        segment: the segment that the state was taken from.
         t: time since the start [R/c].
         row: (columns,) the observables.
         snapshot: the simulation's state.
-        pulled: whether the mouse had pulled in this segment.
     """
 
     segment: Segment
     t: float
     row: Array
     snapshot: Snapshot
-    pulled: bool
 
     @property
     def x(self) -> Array:
@@ -126,35 +127,70 @@ class Checkpoint:
         return self.snapshot.velocities(step.integrator, step.dt, self.segment.scenario.lattice)
 
     @property
-    def is_disturbed(self) -> bool:
-        """Whether the user has interfered before this state."""
-        return self.pulled or bool(self.segment.label)
-
-    @property
     def values(self) -> dict[str, float]:
         """The observables by their names."""
         return dict(zip(INDEX, map(float, self.row), strict=True))
+
+
+def with_mouse(scene: Scene, body: Lattice) -> Scenario:
+    """Return the scene at t = 0, with a mouse spring that pulls no point; `body`: its unloaded lattice."""
+    scenario = scene.scenario(body)
+    modulus = scenario.model.springs.modulus
+    # A force above 0.02 modulus R would turn triangles of a fine lattice inside out.
+    scenario.model = replace(scenario.model, mouse=MouseSpring(0.2 * modulus, 0.02 * modulus))
+    return scenario
+
+
+def _lattice_values(scene: Scene) -> Any:
+    """Return the values on which the unloaded lattice and its spectrum depend."""
+    return attrgetter("material.k_a", *scene.lattice_keys)(scene)
 
 
 class Timeline:
     """The states since the last start.
 
     Attributes:
-        last: the segment that moves.
+        scenario: the scene at t = 0.
+        body: its unloaded lattice.
+        spectrum: of the springs at t = 0.
+        segment: the segment that moves.
         spacing: time between two stored states [R/c]; storing one takes longer than a few steps.
         checkpoints: the stored states, the latest last.
         seen: the state on display: the present, an earlier state, or the latest state reached before the scene began
             again with a shorter step.
     """
 
-    def __init__(self, first: Segment) -> None:
+    def __init__(self, scene: Scene, kernels: KernelCache, before: Timeline | None = None) -> None:
+        """Begin at t = 0 of a scene, and take from `before` what the scenes share. Raises TaichiDiskError."""
+        scene = scene.in_time()
+        if before and _lattice_values(scene) != _lattice_values(before.scenario.scene):
+            before = None
+        self.body: Lattice = before.body if before else scene.body()
+        self.scenario: Scenario = with_mouse(scene, self.body)
+        scenario, lattice, springs = self.scenario, self.scenario.lattice, self.scenario.model.springs
+        if before and np.array_equal(before.scenario.lattice.positions, lattice.positions):
+            self.spectrum: Spectrum = before.spectrum
+        else:  # with the rates of dashpots, which may be switched on later
+            self.spectrum = spectrum(lattice, replace(scenario.model, springs=replace(springs, eta=1.0)))
         self.checkpoints: list[Checkpoint] = []
-        self.spacing = SPACING * first.scenario.model.springs.time_unit
-        self.follow(first)
+        self.spacing = SPACING * springs.time_unit
+        self._follow(Segment(scenario, kernels, self.spectrum))
 
-    def follow(self, segment: Segment) -> None:
-        """Continue with another segment."""
-        self.last = segment
+    def carry_on(self, scene: Scene, label: str, velocities: Array | None = None) -> None:
+        """Begin another segment, with `velocities` (n, 2) [c] (default: those of the present).
+
+        Raises TaichiDiskError, and then leaves everything as it was.
+        """
+        last, now = self.segment, self.segment.present
+        scenario = with_mouse(scene, self.body)
+        scenario.go_on_from(now.x, now.v if velocities is None else velocities)
+        if last.status != "failed":  # a time step set by the user would be refused for the force of a blow-up
+            peak = last.simulation.peak_point_force(now.snapshot)
+            scenario.point_force = max(scenario.point_force, peak)
+        self._follow(Segment(scenario, last.kernels, self.spectrum, label, last))
+
+    def _follow(self, segment: Segment) -> None:
+        self.segment = segment
         self._store()
         self.seen = segment.present
 
@@ -162,54 +198,43 @@ class Timeline:
 
     @property
     def hit_segments(self) -> list[Segment]:
-        """The stored segments of the hit on display."""
-        known = dict.fromkeys([*(one.segment for one in self.checkpoints), self.last])
-        return [one for one in known if one.hit == self.seen.segment.hit]
+        """The segments of the hit on display of which a state is stored, and the one that moves."""
+        known = dict.fromkeys([*(one.segment for one in self.checkpoints), self.segment])
+        return [one for one in known if one.hit_began == self.seen.segment.hit_began]
 
     @property
-    def hit_began(self) -> float:
-        """Time of the start of the hit on display [R/c]."""
-        return self.hit_segments[0].began
-
-    @property
-    def past(self) -> bool:
-        """Whether the state on display is earlier than the present."""
-        return self.seen.t < self.last.now
-
-    @property
-    def behind(self) -> float:
-        """Time by which the present is earlier than the state on display [R/c]."""
-        return max(0.0, self.seen.t - self.last.now)
+    def lead(self) -> float:
+        """Time by which the state on display is later than the present [R/c], negative if it is earlier."""
+        return self.seen.t - self.segment.now
 
     @property
     def due(self) -> int:
         """Steps until the next state is stored."""
-        dt = self.last.step.dt
-        return round((self.checkpoints[-1].t + max(self.spacing, dt) - self.last.now) / dt)
+        dt = self.segment.step.dt
+        return round((self.checkpoints[-1].t + max(self.spacing, dt) - self.segment.now) / dt)
 
     def go(self, steps: int, seconds: float) -> int:
         """Make at most `steps` steps, within about `seconds` of the clock and up to the scene's end.
 
         Returns the number of steps made.
         """
-        segment, until, made = self.last, perf_counter() + seconds, 0
-        while made < steps and segment.status != "failed":
-            before, number = segment.status, segment.simulation.step_number
-            segment.advance(max(until - perf_counter(), 0.0), min(steps - made, self.due))
-            made += max(segment.simulation.step_number - number, 0)
+        segment, until, start = self.segment, perf_counter() + seconds, self.segment.simulation.step_number
+        while (left := start + steps - segment.simulation.step_number) > 0 and segment.status != "failed":
+            before = segment.status
+            segment.advance(until - perf_counter(), min(left, self.due))
             if segment.status == "restarted":
                 self.checkpoints = [one for one in self.checkpoints if one.segment is not segment]
             self._store()
             if segment.status not in ("running", before) or perf_counter() >= until:
                 break
-        if not self.behind or segment.status in ("finished", "failed"):
+        if self.lead <= 0.0 or segment.status in ("finished", "failed"):
             self.seen = segment.present
-        return made
+        return max(segment.simulation.step_number - start, 0)
 
     def _store(self) -> None:
         if self.checkpoints and self.due > 0:
             return
-        now = self.last.present
+        now = self.segment.present
         self.checkpoints.append(now)
         if len(self.checkpoints) >= min(MAX_STATES, MAX_BYTES / now.snapshot.vectors.nbytes):
             self.checkpoints = self.checkpoints[::2]
@@ -217,25 +242,19 @@ class Timeline:
 
     # ---- the state on display
 
-    def look_at(self, t: float) -> None:
-        """Show the stored state nearest to the time `t` [R/c]."""
-        self._show(int(np.abs(np.array([one.t for one in self.checkpoints]) - t).argmin()))
+    def look_at(self, t: float, later: int = 0) -> bool:
+        """Show the first state stored at or after the time `t` [R/c], or the one `later` places after it.
 
-    def look_beside(self, count: int) -> bool:
-        """Show the state `count` checkpoints later, or earlier if negative. Returns False after the last one."""
-        place = bisect_left(self.checkpoints, self.seen.t, key=lambda one: one.t) + count
-        self._show(max(place, 0))
-        return place < len(self.checkpoints)
-
-    def _show(self, place: int) -> None:
-        """Show a checkpoint, or the present if none is as late as that."""
+        Shows the present and returns False after the last stored state.
+        """
+        place = max(bisect_left(self.checkpoints, t, key=lambda one: one.t) + later, 0)
         known = self.checkpoints[place : place + 1]
-        self.seen = known[0] if known and known[0].t < self.last.now else self.last.present
+        self.seen = known[0] if known and known[0].t < self.segment.now else self.segment.present
+        return bool(known)
 
     def cut(self) -> None:
         """Make the earlier state on display the present: all later states are forgotten."""
-        seen = self.seen
-        del self.checkpoints[self.checkpoints.index(seen) + 1 :]
-        self.last = seen.segment
-        self.last.back_to(seen)
-        self.seen = self.last.present
+        del self.checkpoints[self.checkpoints.index(self.seen) + 1 :]
+        self.segment = self.seen.segment
+        self.segment.back_to(self.seen)
+        self.seen = self.segment.present

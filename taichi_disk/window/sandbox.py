@@ -1,27 +1,26 @@
-"""The sandbox without its window: a scene that moves, is changed by the user, goes back in time, and can be saved."""
+"""The sandbox without its page or window: a scene that moves, is changed by the user, and goes back in time."""
 
 from __future__ import annotations
 
+from collections import namedtuple
 from dataclasses import replace
 from math import ceil, inf
-from operator import attrgetter
-from pathlib import Path
-from typing import Any, NamedTuple
+from time import perf_counter
+from typing import Any
 
 import numpy as np
 
-from taichi_disk.errors import TaichiDiskError
 from taichi_disk.lattice import Array
-from taichi_disk.output.files import write_text
 from taichi_disk.scenes import Scene
 from taichi_disk.simulation.observables import INDEX
 from taichi_disk.simulation.simulation import KernelCache
-from taichi_disk.window.history import Checkpoint, Segment, Timeline
-from taichi_disk.window.start import Start, start_of, with_mouse
+from taichi_disk.statics.equilibrium import turned
+from taichi_disk.window.history import DISTURBED, HIT_AGAIN, PULLED, Segment, Timeline
 
 IMMEDIATE_KEYS = ("material.eta_star", "material.viscosity", "wall.boundary", "compression.pressure")
 THROW_KEYS = ("impact.velocity", "impact.angle")
 AIM = 0.05  # velocity of a throw for each R of its arrow [c/R]
+MAX_PASSED = 0.1  # longest time that passes between two pictures, however late a picture comes [s]
 PATIENCE = 0.025  # longest time of computing between two pictures [s]
 SLOWDOWN = 0.2  # fraction of the speed at which a contact passes in slow motion
 CONTACT = 0.01  # fraction of M v over the springs' time unit, about the largest force of an impact, that is contact
@@ -35,9 +34,10 @@ def load_key(scene: Scene) -> str:
     return ".".join(scene.abscissa)
 
 
-def load_of(scene: Scene) -> float:
-    """Return the swept quantity of a scene: speed [c] of an impact, pressure [M c^2/R] of a compression."""
-    return float(attrgetter(load_key(scene))(scene))
+def value_of(scene: Scene, key: str) -> Any:
+    """Return the value of a dotted key, or None if the scene has no such key."""
+    section, name = key.split(".")
+    return getattr(getattr(scene, section, None), name, None)
 
 
 def with_key(scene: Scene, key: str, value: Any) -> Scene:
@@ -45,30 +45,25 @@ def with_key(scene: Scene, key: str, value: Any) -> Scene:
     return scene.with_(scene.changes_with(key, value))
 
 
-class Result(NamedTuple):
-    """One finished experiment.
+class Result(namedtuple("Result", "result value load angle spin friction eta_star a points contact_time disturbance")):
+    """One finished experiment, a row of the table of results; None stands for a number that its scene does not have.
 
     Attributes:
-        value: restitution e, or compression xi [R].
-        scene: the scene that was computed.
-        points: number of the disk's mass points.
-        numbers: all results by name.
-        disturbance: "" if the user did not interfere, else "hit again" or "disturbed".
+        result: "e" or "ξ".
+        value: restitution e, or compression ξ [R].
+        load: speed [c] or pressure [M c^2/R].
+        angle, spin, friction: of the throw [rad], [c/R], and of the wall.
+        eta_star, a, points: viscosity, hardness of the wall [1/R], number of the disk's mass points.
+        contact_time: [R/c].
+        disturbance: "" if the user did not interfere, else HIT_AGAIN or DISTURBED.
     """
-
-    value: float
-    scene: Any
-    points: int
-    numbers: dict[str, float]
-    disturbance: str
 
 
 class Sandbox:
-    """`ti.init` must have been called. Needs no display.
+    """A scene that a user plays with. `ti.init` must have been called; no display is needed.
 
     Attributes:
-        scene: the scene as `save` would write it.
-        start: the scene at t = 0.
+        scene: the present scene, as it would be saved.
         starts: number of starts so far.
         time: the states since the start.
         speed: simulated time per second of the clock [R/c per s].
@@ -81,25 +76,21 @@ class Sandbox:
         aimed: velocity [c] and angle [rad] of the throw that is being drawn, or None.
     """
 
-    start: Start
-    starts, speed, slow = 0, 1.0, False
+    starts, speed, slow, _clock = 0, 1.0, False, 0.0
 
     def __init__(self, scene: Scene, kernels: KernelCache) -> None:
-        """Raises TaichiDiskError."""
+        """Begin with `scene`. Raises TaichiDiskError."""
         self.kernels, self.scene = kernels, scene
         self.results: list[Result] = []
         self.begin()
-
-    # ---- the start
 
     def begin(self, scene: Scene | None = None) -> None:
         """Go to t = 0 of `scene` (default: the present scene) and pause: the motion from there is that of `run`.
 
         Raises TaichiDiskError, and then leaves everything as it was.
         """
-        start = start_of(scene or self.scene, getattr(self, "start", None))
-        self.time = Timeline(Segment(start.scenario, self.kernels, start.spectrum))
-        self.start, self.scene, self.starts = start, start.scenario.scene, self.starts + 1
+        self.time = Timeline(scene or self.scene, self.kernels, getattr(self, "time", None))
+        self.scene, self.starts = self.time.segment.scenario.scene, self.starts + 1
         self.paused, self.message, self._due = True, "", 0.0
         self.collected: list[float] = []
         self.dragged: tuple[int, tuple[float, float]] | None = None
@@ -108,64 +99,53 @@ class Sandbox:
     # ---- the present state
 
     @property
-    def segment(self) -> Segment:
-        """The segment that moves."""
-        return self.time.last
-
-    @property
-    def seen(self) -> Checkpoint:
-        """The state on display."""
-        return self.time.seen
-
-    @property
     def at_start(self) -> bool:
         """Whether nothing has moved yet, and the user has not interfered."""
-        return self.segment.state.step == 0 and not self.segment.label
+        return self.time.segment.state.step == 0 and not self.time.segment.label
 
     @property
-    def is_thrown(self) -> bool:
-        return self.segment.scenario.is_thrown
+    def can_aim(self) -> bool:
+        """Whether the disk can be turned and its throw be drawn."""
+        return self.at_start and self.time.segment.scenario.is_thrown
 
     @property
     def status(self) -> str:
         """Whether the state on display is that of `taichi-disk run`, for the user."""
-        if self.time.behind:
+        if self.time.lead > 0.0:
             return "computing again"
-        return "disturbed" if self.seen.is_disturbed else "same as taichi-disk run"
-
-    @property
-    def imbalance(self) -> float:
-        """Error of the energy balance since the last change, relative to the kinetic energy or the load's work."""
-        return float(self.segment.imbalance / self.segment.reference_energy)
+        return DISTURBED if self.time.seen.segment.label else "same as taichi-disk run"
 
     @property
     def warnings(self) -> list[str]:
         """The notes that `run` would print with the result of this scene."""
-        scenario = self.segment.scenario
+        scenario = self.time.segment.scenario
         return self.scene.notes(scenario.lattice.disk_points) if scenario.step_dependent else []
 
     @property
     def pace(self) -> float:
         """Simulated time per second of the clock now [R/c per s]."""
-        scenario: Any = self.segment.scenario
-        if self.collected:
-            return COLLECTING_PACE
-        if not (self.slow and scenario.is_thrown):
-            return self.speed
-        force = CONTACT * scenario.velocity / scenario.model.springs.time_unit
-        return self.speed * (SLOWDOWN if self.segment.row[INDEX["wall_force"]] > force else 1.0)
+        scenario: Any = self.time.segment.scenario
+        slows = self.slow and scenario.is_thrown
+        contact = CONTACT * scenario.velocity / scenario.model.springs.time_unit if slows else inf
+        pace = self.speed * (SLOWDOWN if self.time.segment.row[INDEX["wall_force"]] > contact else 1.0)
+        return COLLECTING_PACE if self.collected else pace
 
     # ---- time
+
+    def tick(self) -> int:
+        """Let the time since the last tick pass, at most MAX_PASSED; return the number of steps made."""
+        before, self._clock = self._clock, perf_counter()
+        return self.advance(min(self._clock - before, MAX_PASSED))
 
     def advance(self, seconds: float, patience: float = PATIENCE) -> int:
         """Let `seconds` of the clock pass and return the number of steps made.
 
-        It is smaller than due if computing the steps would take longer than `patience` [s], and unrelated to
-        `seconds` while the scene is computed again with a shorter step.
+        Fewer steps are made if they would take longer than `patience` [s]. While the scene is computed again with a
+        shorter step, `seconds` has no influence.
         """
-        segment = self.segment
-        if self.time.behind:
-            return self._go(ceil(self.time.behind / segment.step.dt), patience)
+        segment = self.time.segment
+        if self.time.lead > 0.0:
+            return self._go(ceil(self.time.lead / segment.step.dt), patience)
         if self.paused or segment.status == "failed":
             return 0
         self._due += seconds * self.pace / segment.step.dt
@@ -174,7 +154,8 @@ class Sandbox:
         return made
 
     def _go(self, steps: int, patience: float) -> int:
-        segment = self.segment
+        """Make steps and report the end of the scene, a failure or a shorter step."""
+        segment = self.time.segment
         before, made = segment.status, self.time.go(steps, patience)
         if segment.status == "restarted":
             self.message = f"computed again with a shorter step, {segment.step.dt:.2g} R/c"
@@ -187,15 +168,19 @@ class Sandbox:
 
     def _finish(self, segment: Segment) -> None:
         """Enter the result into the table, and begin the next experiment of a curve that is being collected."""
-        scenario = segment.scenario
+        scenario, label = segment.scenario, segment.label
+        scene, points = scenario.scene, scenario.lattice.disk_points
         numbers = scenario.result(segment.columns)
-        value = next(iter(numbers.values()))
-        result = Result(value, scenario.scene, scenario.lattice.disk_points, numbers, segment.label)
+        value, unit = next(iter(numbers.values())), next(iter(scenario.labels.values()))[1]
+        angle, spin, friction = (value_of(scene, key) for key in ("impact.angle", "impact.spin", "wall.friction"))
+        eta_star, contact_time = scene.material.eta(points) * points, numbers.get("contact_time")
+        load = value_of(scene, load_key(scene))
+        settings = load, angle, spin, friction, eta_star, scene.wall.a, points
+        result = Result(scenario.symbol, value, *settings, contact_time, label)
         self.results = [*self.results, result][-MAX_RESULTS:]
         self.paused = True
-        unit = next(iter(scenario.labels.values()))[1]
         text = f"{scenario.end_words}: {scenario.symbol} = {value:.6f} {unit}".rstrip()
-        self.message = f"{text}, {segment.label}" if segment.label else text
+        self.message = f"{text}, {label}" if label else text
         self.collect(self.collected[1:])
 
     def collect(self, loads: list[float]) -> None:
@@ -215,7 +200,7 @@ class Sandbox:
 
     def pause(self) -> None:
         """Pause, or go on from the state on display."""
-        if self.paused and self.segment.status == "failed" and not self.time.past:
+        if self.paused and self.time.segment.status == "failed" and self.time.lead >= 0.0:
             return
         self.paused, self.collected = not self.paused, []
         if not self.paused:
@@ -223,91 +208,78 @@ class Sandbox:
             self.message = ""
 
     def scrub(self, t: float) -> None:
-        """Show the stored state nearest to the time `t` [R/c], and pause."""
-        if self._hold_still():
-            self.time.look_at(t)
+        """Show the state stored at the time `t` since the hit on display began [R/c], or the next one, and pause."""
+        self._look_at(self.time.seen.segment.hit_began + t)
 
     def step(self, count: int) -> None:
         """Show the state `count` checkpoints later, or earlier if negative, and pause; after the last, time goes on."""
-        if self._hold_still() and not self.time.look_beside(count):
+        if not self._look_at(self.time.seen.t, count):
             self._go(self.time.due, inf)
 
-    def _hold_still(self) -> bool:
-        self.let_go()
-        if self.time.behind:
-            return False
-        self.paused, self._due, self.collected = True, 0.0, []
-        return True
+    def _look_at(self, t: float, later: int = 0) -> bool:
+        """Pause and show a state as `Timeline.look_at` does, but not while the scene is computed again."""
+        self.release()
+        if self.time.lead > 0.0:
+            return True
+        self.paused, self.collected = True, []
+        return self.time.look_at(t, later)
 
     def _settle(self) -> None:
-        """Make the state on display the present: all later states are forgotten."""
-        seen = self.seen
-        if self.time.past:
+        """Make an earlier state on display the present: all later states are forgotten."""
+        if self.time.lead < 0.0:
             self.time.cut()
-            self.scene = replace(seen.segment.scenario.scene, video=self.scene.video)
-            if seen.pulled:  # the pull of the mouse cannot be repeated
-                self._carry_on(self.scene, "disturbed")
+            self.scene = replace(self.time.segment.scenario.scene, video=self.scene.video)
+            if self.time.segment.label == PULLED:  # the pull of the mouse cannot be repeated
+                self._carry_on(self.scene, DISTURBED)
 
     # ---- changes by the user
 
     def set(self, key: str, value: Any) -> None:
         """Change one key of the scene ("material.eta_star"); immediately, if the lattice stays the same.
 
-        A value that the scene refuses changes nothing and is explained in `message`.
+        Raises TaichiDiskError if the scene refuses the value, and then leaves everything as it was.
         """
-        try:
-            scene = with_key(self.scene, key, value)
-            if scene == self.scene:
-                return
-            if key.startswith("video."):
-                self.scene = scene
-            elif self.at_start or key not in (*IMMEDIATE_KEYS, *THROW_KEYS):
-                self.begin(scene)
-            elif key in THROW_KEYS:
-                self.scene = scene
-                self.message = "a new velocity or angle takes effect at the next hit or start"
-            else:
-                self.collected = []
-                self.let_go()
-                self._settle()
-                self._carry_on(with_key(self.scene, key, value), "disturbed")
-                self.message = ""
-        except TaichiDiskError as error:
-            self.message = str(error)
+        scene = with_key(self.scene, key, value)
+        if scene == self.scene:
+            return
+        if key.startswith("video."):
+            self.scene = scene
+        elif self.at_start or key not in (*IMMEDIATE_KEYS, *THROW_KEYS):
+            self.begin(scene)
+        elif key in THROW_KEYS:
+            self.scene = scene
+            self.message = "a new velocity or angle takes effect at the next hit or start"
+        else:
+            self.collected = []
+            self.release()
+            self._settle()
+            self._carry_on(with_key(self.scene, key, value), DISTURBED)
+            self.message = ""
 
     def hit_again(self) -> None:
         """Send the disk at the wall with the velocity of the scene; its vibration continues.
 
         Raises TaichiDiskError, and then leaves everything as it was.
         """
-        if not self.is_thrown:
+        if not self.time.segment.scenario.is_thrown:
             return
         if not self.at_start:
-            scene: Any = self.scene
-            self.let_go()
+            self.release()
             self._settle()
-            v, impact, body = self.segment.present.v, scene.impact, self.start.body
+            scene: Any = self.scene
+            v, impact, body = self.time.segment.present.v, scene.impact, self.time.body
             disk = v[: body.disk_points]
             disk += (impact.along, -impact.towards) - body.mean(disk)
-            self._carry_on(scene, "hit again", v)
+            self._carry_on(scene, HIT_AGAIN, v)
             self.message = f"sent back with v = {impact.velocity:g} c"
         self.paused = False
 
-    def _carry_on(self, scene: Scene, label: str, hit: Array | None = None) -> None:
-        """Begin another segment; `hit`: velocities (n, 2) [c] of a further hit.
-
-        Raises TaichiDiskError, and then leaves everything as it was.
-        """
-        last, start, now = self.segment, self.start, self.segment.present
-        scenario = with_mouse(scene, start.body)
-        scenario.go_on_from(now.x, now.v if hit is None else hit)
-        if last.status != "failed":  # a time step set by the user would be refused for the force of a blow-up
-            peak = last.simulation.peak_point_force(now.snapshot)
-            scenario.point_force = max(scenario.point_force, peak)
-        self.time.follow(Segment(scenario, self.kernels, start.spectrum, now.t, last.hit + (hit is not None), label))
-        self.scene, self._due, self.dragged = scene, 0.0, None
-        if last.status in ("failed", "finished"):
-            self.paused = False
+    def _carry_on(self, scene: Scene, label: str, velocities: Array | None = None) -> None:
+        """Begin another segment; time that the end of the scene or a blow-up has stopped goes on."""
+        status = self.time.segment.status
+        self.time.carry_on(scene, label, velocities)
+        self.scene, self.dragged = scene, None
+        self.paused = self.paused and status not in ("failed", "finished")
 
     # ---- the mouse
 
@@ -316,31 +288,28 @@ class Sandbox:
 
         `final` changes `impact.turn` of the scene; otherwise the turned disk is only shown.
         """
-        scene: Any = self.scene
-        if not (self.at_start and self.is_thrown):
+        if not self.can_aim:
             return
-        turn = np.angle(np.exp(1j * (scene.impact.turn + angle)))
-        scene = scene.with_({"impact.turn": float(f"{turn:.4f}")})
         if final:
-            self.begin(scene)
+            turn = np.angle(np.exp(1j * (value_of(self.scene, "impact.turn") + angle)))
+            self.begin(self.scene.with_({"impact.turn": float(f"{turn:.4f}")}))
         else:
-            snapshot, body = self.seen.snapshot, self.start.body
-            x, disk = with_mouse(scene, body).lattice.positions, slice(body.disk_points)
-            x[disk] += self.segment.present.x[disk].mean(axis=0) - x[disk].mean(axis=0)
-            snapshot = replace(snapshot, vectors=np.stack([x, *snapshot.vectors[1:]]))
-            self.time.seen = replace(self.seen, snapshot=snapshot)
+            now, n = self.time.segment.present, self.time.body.disk_points
+            vectors = now.snapshot.vectors.copy()
+            vectors[0, :n] = turned(now.x[:n], angle)
+            self.time.seen = replace(now, snapshot=replace(now.snapshot, vectors=vectors))
 
     def aim(self, dx: float, dy: float) -> None:
         """Draw the throw along (dx, dy) [R] at the start of an impact: AIM c for each R, never upwards."""
-        if self.at_start and self.is_thrown:
+        if self.can_aim:
             velocity, angle = max(AIM * np.hypot(dx, dy), 1e-3), np.clip(np.arctan2(dx, -dy), -1.5, 1.5)
             self.aimed = float(f"{velocity:.3g}"), float(f"{angle:.3g}")
 
     def throw(self) -> None:
-        """Apply the velocity and the angle of the drawn throw to the scene."""
-        for key, value in zip(THROW_KEYS, self.aimed or (), strict=False):
+        """Apply the velocity and the angle of the drawn throw to the scene. Raises TaichiDiskError."""
+        aimed, self.aimed = self.aimed, None
+        for key, value in zip(THROW_KEYS, aimed or (), strict=False):
             self.set(key, value)
-        self.aimed = None
 
     def pull(self, x: float, y: float) -> None:
         """Tie the disk's point nearest to (x, y) [R] to the mouse there, or move the mouse of the tied point.
@@ -348,25 +317,18 @@ class Sandbox:
         An earlier state on display becomes the present.
         """
         self._settle()
-        if self.segment.status == "failed" or self.time.behind:
+        if self.time.segment.status == "failed" or self.time.lead > 0.0:
             return
-        disk = self.segment.present.x[: self.start.body.disk_points]
-        point = self.dragged[0] if self.dragged else int(np.hypot(disk[:, 0] - x, disk[:, 1] - y).argmin())
-        self.dragged = point, (x, y)
-        self.segment.pull(*self.dragged)
+        if not self.dragged:
+            self._carry_on(self.scene, PULLED)
+            disk = self.time.segment.present.x[: self.time.body.disk_points]
+            self.dragged = int(np.hypot(*(disk - (x, y)).T).argmin()), (x, y)
+        self.dragged = self.dragged[0], (x, y)
+        self.time.segment.pull(*self.dragged)
 
-    def let_go(self) -> None:
+    def release(self) -> None:
         """Untie the point, after which the scene can end again, and forget a throw that is being drawn."""
         self.aimed = None
-        if self.dragged:
-            self.dragged = None
-            if self.segment.status != "failed":
-                self.segment.pull(-1, (0.0, 0.0))
-                self._carry_on(self.scene, "disturbed")
-
-    # ---- files
-
-    def save(self, path: Path) -> None:
-        """Write the scene; `run` repeats bit for bit what is seen after a start. Raises SimulationError."""
-        write_text(path, self.scene.to_yaml())
-        self.message = f"saved {path}{', without the changes on the way' if self.seen.is_disturbed else ''}"
+        if self.dragged and self.time.segment.status != "failed":
+            self._carry_on(self.scene, DISTURBED)
+        self.dragged = None

@@ -3,7 +3,7 @@
     python -m tests.benchmarks                                      everything but the long part
     python -m tests.benchmarks kernel numba --set lattice.seed=1    some parts; --help lists them
 
-Runs take turns, so that what disturbs the machine meets all of them alike; read ratios, not times.
+Runs take turns, so that disturbances of the machine affect all of them equally. Compare ratios, not times.
 """
 
 from taichi_disk.engine import environment

@@ -13,7 +13,7 @@ from taichi_disk.output.files import versions
 
 from . import commands, kernel, precision, window
 
-Part = Callable[..., Iterator[str]]  # given the turns and the settings
+Part = Callable[..., Iterator[str]]  # arguments: number of turns, settings
 PARTS: dict[str, tuple[Part, str]] = {
     "kernel": (kernel.kernel, "ns per spring and step, by what the scene models"),
     "numba": (kernel.numba, "the same steps by Numba"),

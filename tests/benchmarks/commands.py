@@ -1,4 +1,4 @@
-"""Whole commands, as processes of their own."""
+"""Measure whole commands, each in a process of its own."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from .timing import in_turn, table
 
 
 def seconds(*arguments: str, cache: Path | None = None) -> float:
-    """Of Python with these arguments; `cache`: where compiled kernels are kept."""
+    """Return the wall-clock time of Python with these arguments. `cache`: folder of the compiled kernels."""
     environment = os.environ | ({"TI_OFFLINE_CACHE_FILE_PATH": str(cache)} if cache else {})
     began = perf_counter()
     line = [sys.executable, *arguments]
@@ -31,7 +31,7 @@ def command(name: str, scene: str, settings: tuple[str, ...]) -> list[str]:
 
 
 def start_up(repeats: int, settings: tuple[str, ...]) -> Iterator[str]:
-    """Commands that compute nothing, beside Python itself."""
+    """Measure commands that compute nothing, compared with Python itself."""
     runs: dict[str, Callable[[], float]] = {"python": partial(seconds, "-c", "")}
     runs["--help"] = partial(seconds, "-m", "taichi_disk", "--help")
     runs["check"] = partial(seconds, *command("check", "exponential_wall", settings))
@@ -39,7 +39,7 @@ def start_up(repeats: int, settings: tuple[str, ...]) -> Iterator[str]:
 
 
 def film(repeats: int, settings: tuple[str, ...]) -> Iterator[str]:
-    """`run exponential_wall` to its film: once with empty caches, then warm, with and without a film."""
+    """Measure `run exponential_wall` with its film: once with empty caches, then warm, with and without a film."""
     with tempfile.TemporaryDirectory() as folder:
         cache, line = Path(folder) / "cache", command("run", "exponential_wall", settings)
         cold = seconds(*line, "--out", f"{folder}/film", cache=cache)
@@ -53,7 +53,7 @@ def film(repeats: int, settings: tuple[str, ...]) -> Iterator[str]:
 
 
 def sweep(_repeats: int, settings: tuple[str, ...]) -> Iterator[str]:
-    """Once each: the sweeps of figures 3 and 6 on one process and on two, beside the bare stepping of their impacts."""
+    """Measure once the sweeps of figures 3 and 6 in one process and in two, and the bare steps of their impacts."""
     for name in ("figure3", "figure6"):
         with tempfile.TemporaryDirectory() as folder:
             line = command("sweep", name, settings)
@@ -66,7 +66,7 @@ def sweep(_repeats: int, settings: tuple[str, ...]) -> Iterator[str]:
 
 
 def bare_steps(folder: Path) -> float:
-    """Seconds that the steps of a sweep's scenes take by themselves, each in one launch."""
+    """Return the time that the steps of a sweep's scenes alone take [s], each scene in one launch."""
     kernels = KernelCache()
     impacts = (Impact(kernels, scene) for scene in sorted(folder.glob("points/*.yaml")))
     return sum(impact.bare() * impact.work for impact in impacts)

@@ -1,4 +1,4 @@
-"""What a step costs by itself, by Numba, and in a run."""
+"""Measure the cost of a step by itself, in Numba, and in a run."""
 
 from __future__ import annotations
 
@@ -26,11 +26,11 @@ NS = "ns per spring and step"
 
 
 class Impact:
-    """A whole impact at the step that a run takes.
+    """A whole impact at the step of a run.
 
     Attributes:
-        dt, steps: of the run [R/c].
-        attempts: until its step was accepted.
+        dt, steps: time step of the run [R/c], and number of steps.
+        attempts: number of runs until the step was accepted.
         velocities: (n, 2) at the end [c].
         work: springs times steps, in 10^9.
     """
@@ -38,7 +38,7 @@ class Impact:
     def __init__(self, kernels: KernelCache, scene: str | Path, *settings: str) -> None:
         loaded = load_scene(scene, settings)
         self.kernels, self.time, self.scenario = kernels, loaded.time, loaded.scenario()
-        outcome = compute(self.scenario, self.time, kernels=kernels, estimate=False)
+        outcome = compute(self.scenario, self.time, estimate=False)
         summary, self.velocities = outcome.summary, outcome.velocities
         self.integrator = INTEGRATORS[summary["integrator"]]
         self.dt, self.steps, self.attempts = summary["dt"], summary["steps"], summary["attempts"]
@@ -46,19 +46,19 @@ class Impact:
         self.modes = spectrum(self.scenario.lattice, self.scenario.model)
 
     def cost(self, run: Callable[[], Any]) -> float:
-        """Of a run of all steps [ns per spring and step]."""
+        """Return the cost of a run of all steps [ns per spring and step]."""
         began = perf_counter()
         run()
         return (perf_counter() - began) / self.work
 
     def bare(self) -> float:
-        """The cost of the steps in one launch."""
+        """Return the cost of the steps in one launch."""
         lattice, model, velocities = self.scenario.lattice, self.scenario.model, self.scenario.velocities
         simulation = self.kernels.simulation(lattice, model, self.integrator, velocities, self.dt)
         return self.cost(partial(simulation.advance, self.steps, self.steps))
 
     def driven(self) -> float:
-        """The same with all that a run does around them but start-up and compiling."""
+        """Return the cost of the steps with everything that a run does around them, except start-up and compiling."""
 
         def drive() -> None:
             driver = Driver(self.scenario, self.time, self.kernels, self.modes)
@@ -69,7 +69,7 @@ class Impact:
 
 
 def kernel(repeats: int, settings: tuple[str, ...]) -> Iterator[str]:
-    """Whole impacts in one launch each, by what the scene models."""
+    """Measure whole impacts in one launch each, for several models."""
     kernels = KernelCache()
     scenes = {
         "wall": (RIGID, FREE),
@@ -84,7 +84,7 @@ def kernel(repeats: int, settings: tuple[str, ...]) -> Iterator[str]:
 
 
 def numba(repeats: int, settings: tuple[str, ...]) -> Iterator[str]:
-    """The same impacts by Numba."""
+    """Measure the same impacts in Numba."""
     if find_spec("numba") is None:
         yield "numba: not installed: pip install '.[peers]'"
         return

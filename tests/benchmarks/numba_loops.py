@@ -1,7 +1,7 @@
-"""Numba, one thread, as fast as it can be made: fastmath, no checks, springs in the order of their first points.
+"""Numba on one thread, as fast as possible: fastmath, no checks, springs in the order of their first points.
 
-It keeps no account of the energy. (Tried and not faster: an order in which neighbours in the list share no point; pulls
-of all springs into an array first, so that roots and divisions become vector instructions; arrays for x and y each.)
+It does not sum up energies. (Tried and not faster: an order in which consecutive springs share no point; storing the
+tensions of all springs first, so that roots and divisions become vector instructions; separate arrays for x and y.)
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 
 def leapfrog(impact: Any) -> NDArray[np.float64]:
-    """Step an impact on the rigid wall; returns the velocities (n, 2) at the end [c]."""
+    """Step an impact on the rigid wall, and return the velocities (n, 2) at the end [c]."""
     scenario, h = impact.scenario, impact.dt
     lattice, springs, wall = scenario.lattice, scenario.model.springs, scenario.model.wall
     first, second = (np.ascontiguousarray(end) for end in lattice.bonds.T)
@@ -30,7 +30,7 @@ def leapfrog(impact: Any) -> NDArray[np.float64]:
 def _leapfrog(
     x: Any, v: Any, first: Any, second: Any, rest: Any, mass: float, h: float, steps: int, numbers: Any
 ) -> Any:
-    """Steps x and v (n, 2) in place, v to half a step before the end; returns the force."""
+    """Step x and v (n, 2) in place, v to half a step before the end, and return the force."""
     k_a, k_b, eta, a, V0, reach = numbers
     g = h / mass
     f, u = np.zeros_like(x), v.copy()

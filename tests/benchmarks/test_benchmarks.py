@@ -1,4 +1,4 @@
-"""`python -m tests.benchmarks` measures: no times are asserted."""
+"""`python -m tests.benchmarks` runs; times are not checked."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def test_every_program_finds_the_same_restitution(tmp_path: Path) -> None:
 
 
 def benchmarks(*arguments: str) -> str:
-    """What is printed."""
+    """Return the printed output."""
     line = [sys.executable, "-m", "tests.benchmarks", *arguments]
     ended = subprocess.run(line, capture_output=True, text=True, cwd=Path(__file__).parents[2])
     assert ended.returncode == 0, ended.stderr

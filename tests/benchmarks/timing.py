@@ -1,4 +1,4 @@
-"""Taking times in turn, and a table of ratios."""
+"""Measure times in turn, and print ratios."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ Costs = dict[str, list[float]]
 
 
 def in_turn(runs: Mapping[str, Callable[[], float]], repeats: int) -> Costs:
-    """What each run returns, `repeats` times A B C A B C ...: what disturbs the machine meets all of them alike."""
+    """Return the costs of each run, called `repeats` times in turn (A B C A B C ...) to share disturbances."""
     costs: Costs = {name: [] for name in runs}
     for _ in range(repeats):
         for name, run in runs.items():
@@ -18,7 +18,7 @@ def in_turn(runs: Mapping[str, Callable[[], float]], repeats: int) -> Costs:
 
 
 def table(title: str, costs: Costs, unit: str = "s", remarks: Mapping[str, str] | None = None) -> Iterator[str]:
-    """Ratios to the first row (medians over the turns), the least and the median cost."""
+    """Yield a table of ratios to the first row (medians over the turns), and the smallest and median cost."""
     base = next(iter(costs.values()))
     yield f"{title:<62}{'ratio':>8}{'min':>9}{'median':>9}  {unit}"
     for name, own in costs.items():

@@ -1,4 +1,4 @@
-"""How smoothly page and window of `taichi-disk view` move: the real ones, nobody at them."""
+"""Measure how smoothly the page and the window of `taichi-disk view` move, without a user."""
 
 from __future__ import annotations
 
@@ -22,13 +22,13 @@ SCENES = (
     ("exponential_wall", "lattice.points=4400"),
     ("exponential_wall", "lattice.points=20000"),
 )
-WARM_UP, WATCHED = 2.0, 6.0  # seconds
-BROWSED = 4.0  # the same of the page: no scene ends so soon
-COUNTED = 200  # states
+WARM_UP, WATCHED = 2.0, 6.0  # times before and during the measurement in the window [s]
+BROWSED = 4.0  # time of the measurement on the page [s]; no scene ends sooner
+COUNTED = 200  # number of states that are measured
 
 
 def window(_repeats: int, settings: tuple[str, ...]) -> Iterator[str]:
-    """Pictures and steps a second, of the shipped scenes and two larger disks."""
+    """Measure pictures and steps per second of the shipped scenes and two larger disks."""
     from taichi_disk.window.app import window_problem
 
     if problem := window_problem():
@@ -38,7 +38,7 @@ def window(_repeats: int, settings: tuple[str, ...]) -> Iterator[str]:
     for scene, *own in SCENES:
         given = (*own, *settings)
         name = " ".join((scene, *given))
-        # One process each, because GLFW ends a process that it finds no window for.
+        # Each scene has its own process, because GLFW ends a process if it cannot open a window.
         with ProcessPoolExecutor(1, multiprocessing.get_context("spawn")) as process:
             try:
                 seconds, steps = process.submit(watch, scene, given).result()
@@ -50,19 +50,22 @@ def window(_repeats: int, settings: tuple[str, ...]) -> Iterator[str]:
 
 
 def watch(scene: str, settings: tuple[str, ...]) -> tuple[list[float], int]:
-    """Seconds between the pictures of a window, and the steps made for them; what has ended begins again."""
+    """Return the times between the pictures of a window [s], and the number of steps. A scene that has ended begins
+    again.
+    """
     from taichi_disk import runtime
 
     runtime.start()
     from taichi_disk.scenes import load_scene
-    from taichi_disk.window.app import presets, screen
+    from taichi_disk.window.app import presets
     from taichi_disk.window.viewer import Viewer
 
-    seconds, steps, clock = [], 0, 0.0
+    seconds, steps, clock, last = [], 0, 0.0, time.perf_counter()
     with tempfile.TemporaryDirectory() as folder:
-        viewer = Viewer(presets(load_scene(scene, settings)), Path(folder), screen(), fastest=1000)
+        viewer = Viewer(presets(load_scene(scene, settings)), Path(folder), max_rate=1000)
         pictures = viewer.pictures()
-        for elapsed, made in pictures:
+        for made in pictures:
+            elapsed, last = time.perf_counter() - last, time.perf_counter()
             clock += elapsed
             if clock > WARM_UP:
                 seconds.append(elapsed)
@@ -77,7 +80,7 @@ def watch(scene: str, settings: tuple[str, ...]) -> tuple[list[float], int]:
 
 
 def page(_repeats: int, settings: tuple[str, ...]) -> Iterator[str]:
-    """States a second that a Chromium beside the program draws, and the server's processor time for each."""
+    """Measure the states per second that Chromium draws, and the server's processor time for a state."""
     from tests.browser import MISSING
 
     yield f"{'the page, 1400 x 900':<46}{'ms/state':>10}{'kB/state':>10}{'states/s':>10}{'slowest 1 %':>13}"
@@ -95,7 +98,7 @@ def page(_repeats: int, settings: tuple[str, ...]) -> Iterator[str]:
 
 
 def states(scene: str, settings: tuple[str, ...]) -> tuple[float, int]:
-    """Processor seconds of the server for a state beyond those of the computation, and the bytes of a state."""
+    """Return the server's processor time for a state without the computation [s], and the bytes of a state."""
     from taichi_disk import runtime
 
     runtime.start()
@@ -125,7 +128,7 @@ def states(scene: str, settings: tuple[str, ...]) -> tuple[float, int]:
 
 
 def browse(scene: str, settings: tuple[str, ...]) -> list[float]:
-    """Seconds between the pictures of a page, while its scene moves."""
+    """Return the times between the pictures of a page [s], while its scene moves."""
     from tests.browser import Browser
 
     command = [sys.executable, "-m", "taichi_disk", "view", scene, "--no-open"]

@@ -1,4 +1,4 @@
-"""`taichi-disk accuracy`: a sentence, tables, a picture."""
+"""`taichi-disk accuracy`: its sentence, tables and picture."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ def test_a_user_s_step_too_long_for_finer_lattices_still_gives_a_report(
     with (tmp_path / "out" / "error_sources.csv").open() as file:
         found = list(csv.DictReader(file))
     assert [row["source"] for row in found] == ["scene", *2 * ["lattice sample"], "points", *2 * ["wall hardness"]]
-    # A run with the changed key, by its automatic step, gives the very number.
+    # A run with the changed key and the automatic step gives exactly this number.
     e = run(load_scene("exponential_wall", ["lattice.points=30", "lattice.seed=2"]), lattices=1).restitution
     assert float(found[2]["result"]) == pytest.approx(e, rel=1e-12)
     assert float(found[2]["difference"]) == pytest.approx(e - float(found[0]["result"]), rel=1e-9)
@@ -68,5 +68,5 @@ def test_a_user_s_step_beyond_the_limit_is_refused_before_anything_is_measured(
 
 def test_a_compression_has_no_steps_to_measure(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert accuracy(tmp_path / "out", "compression", "lattice.points=30") == 0
-    assert capsys.readouterr().out.startswith("xi: time step none (an equilibrium), lattice scatter")
+    assert capsys.readouterr().out.startswith("xi: no time step (an equilibrium), lattice scatter")
     assert not (tmp_path / "out" / "accuracy.csv").exists() and (tmp_path / "out" / "error_sources.csv").exists()

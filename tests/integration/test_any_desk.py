@@ -1,4 +1,4 @@
-"""Nothing that only POSIX has is needed, nor a console that knows Greek, nor a path without spaces."""
+"""The program needs nothing that only POSIX has, no Unicode console, and no path without spaces."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ from taichi_disk.engine import environment
 from taichi_disk.errors import InputError
 
 ROOT = Path(__file__).parents[2]
-# Every Python that starts with this in its path, workers and the one that draws the plot too, lacks what Windows lacks.
-# Parts of the standard library that Windows has in another form are imported before modules go.
+# Every Python with this file in its path, including workers and the process that draws the plot, lacks what Windows
+# lacks. Parts of the standard library that differ on Windows are imported before the modules are removed.
 BARE = """
 import os, signal, sys
 
@@ -104,7 +104,7 @@ def test_windows_keeps_kernels_in_the_user_s_own_folder(monkeypatch, tmp_path, c
     monkeypatch.setattr(sys, "platform", "win32")
     monkeypatch.setenv("USERPROFILE", str(tmp_path))
     for name in ("HOME", environment.CACHE):
-        monkeypatch.setenv(name, "")  # so that it is put back
+        monkeypatch.setenv(name, "")  # monkeypatch then restores it
         monkeypatch.delenv(name)
     environment.prepare()
     assert Path(os.environ[environment.CACHE]).is_relative_to(tmp_path) and "HOME" not in os.environ

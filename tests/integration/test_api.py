@@ -1,4 +1,4 @@
-"""taichi_disk from Python: what the library promises, without a file."""
+"""taichi_disk from Python: the promises of the library."""
 
 from __future__ import annotations
 
@@ -169,7 +169,7 @@ def test_a_saved_result_is_loaded_bitwise_the_same(result, tmp_path):
         assert (again.series[name] == values).all(), name
     assert json.loads((tmp_path / "r" / "summary.json").read_text())["restitution"] == result.restitution
     (tmp_path / "r" / "video.gif").touch()
-    for folder, film in (("s", None), ("r", "video.gif")):  # the summary names the film that is there, of this scene
+    for folder, film in (("s", None), ("r", "video.gif")):  # the summary names the existing film of this scene
         outcome = replace(result.outcome, summary=result.summary | {"video": "video.mp4"})
         replace(result, outcome=outcome).save(tmp_path / folder)
         assert json.loads((tmp_path / folder / "summary.json").read_text())["video"] == film
@@ -210,7 +210,7 @@ def test_titles_say_where_a_lattice_comes_from(tmp_path):
     own = Lattice.from_points(other.positions)
     scenarios = scene.scenario(), scene.scenario(other), scene.scenario(own), from_file.scenario()
     origins = [scenario.title()[-1].removeprefix("N = 60    ") for scenario in scenarios]
-    assert origins == ["seed 0", "seed 5", "a lattice of one's own", "points.csv"]
+    assert origins == ["seed 0", "seed 5", "custom lattice", "points.csv"]
     thrown = scene.scenario(velocities=np.tile([0.0, -0.05], (60, 1)))
     pressed = load_scene("compression").with_({"lattice.points": 60}).scenario(velocities=np.full((60, 2), 1e-3))
     assert all("own velocities" in one.title()[1] for one in (thrown, pressed))
@@ -327,7 +327,7 @@ def test_a_progress_of_another_shape_is_refused_by_name(result, progress, tmp_pa
     assert not list(tmp_path.iterdir())
 
 
-def test_what_a_progress_computes_of_its_own_is_refused_and_spoils_nothing(result):
+def test_a_progress_callback_may_not_compute_and_spoils_nothing(result):
     calls, refused = [lambda: run(other, lattices=1), lambda: result.state(1.0), lambda: result.film("never.mp4")], []
     scene, other = result.scene.with_(velocity=2e-3), result.scene.with_(points=30)
     expected = run(scene, lattices=1).restitution
@@ -364,7 +364,7 @@ def test_a_lattice_file_gives_what_the_lattice_gives(tmp_path):
     assert Result.load(tmp_path / "r").restitution == by_file.restitution
     other = Lattice.disk(60, seed=4)
     np.savetxt(tmp_path / "points.csv", other.positions, delimiter=",")
-    assert Result.load(tmp_path / "r").restitution == by_file.restitution  # the run has kept its lattice
+    assert Result.load(tmp_path / "r").restitution == by_file.restitution  # the run has stored its lattice
     with pytest.raises(InputError, match="holds another run"):
         run(load_scene(tmp_path / "s.yaml"), tmp_path / "r", video=False, lattices=1)
 
@@ -399,7 +399,7 @@ ELLIPSE = Lattice.from_points(DISK.positions * [1.1, 0.9])
 STRAINED = Lattice.from_points(ELLIPSE.positions, ELLIPSE.bonds, ELLIPSE.rest_lengths * 1.002)
 RING = Lattice.disk(150, hole=0.3)
 FACTORS = np.where(RING.bonds[:, 0] % 3, 1.0, 2.0)
-UNLIKE = Lattice.from_points(RING.positions, RING.bonds, stiffness=FACTORS, masses=1.0 + np.arange(150) % 2)
+NON_UNIFORM = Lattice.from_points(RING.positions, RING.bonds, stiffness=FACTORS, masses=1.0 + np.arange(150) % 2)
 THROWN = np.random.default_rng(0).normal(0.0, 1e-3, (60, 2)) + [0.002, -0.04]
 OWN = {
     "turned": ("exponential_wall", {"impact.turn": 0.7}, {"lattice": ELLIPSE}),
@@ -407,7 +407,7 @@ OWN = {
     "strained": ("exponential_wall", {"impact.spin": 0.01}, {"lattice": STRAINED, "velocities": THROWN}),
     "walled": ("absorbing_wall", {"wall.points": 100}, {"lattice": ELLIPSE, "velocities": THROWN}),
     "pressed": ("compression", {"compression.method": "newton"}, {"lattice": STRAINED}),
-    "unlike": ("absorbing_wall", {"wall.points": 200, "impact.spin": 0.01}, {"lattice": UNLIKE}),
+    "non-uniform": ("absorbing_wall", {"wall.points": 200, "impact.spin": 0.01}, {"lattice": NON_UNIFORM}),
 }
 
 
@@ -418,12 +418,15 @@ def assert_same(one: Result, other: Result) -> None:
 
 @pytest.mark.parametrize(
     "name",
-    [pytest.param(one, marks=pytest.mark.validate if one in ("thrown", "pressed", "unlike") else ()) for one in OWN],
+    [
+        pytest.param(one, marks=pytest.mark.validate if one in ("thrown", "pressed", "non-uniform") else ())
+        for one in OWN
+    ],
 )
 def test_scene_yaml_alone_repeats_a_run_with_custom_arrays_bitwise(tmp_path, name):
     kind, changes, own = OWN[name]
     first = run(load_scene(kind).with_(changes), tmp_path / "first", video=False, **own, lattices=1)
-    (tmp_path / "first").rename(tmp_path / "moved")  # it needs nothing but its folder
+    (tmp_path / "first").rename(tmp_path / "moved")  # a run needs only its folder
     before = {path.name: path.read_bytes() for path in (tmp_path / "moved").iterdir()}
     again = run(load_scene(tmp_path / "moved" / "scene.yaml"), tmp_path / "again", video=False, lattices=1)
     in_place = run(load_scene(tmp_path / "moved" / "scene.yaml"), tmp_path / "moved", video=False, lattices=1)
@@ -497,7 +500,7 @@ def test_anything_but_a_path_is_refused_as_a_path(result, path):
         result.state(10**400)
 
 
-def test_in_python_messages_speak_of_arguments(result, tmp_path, monkeypatch):
+def test_messages_in_python_name_arguments(result, tmp_path, monkeypatch):
     result.save(tmp_path / "r")
     other = replace(result, scene=result.scene.with_(velocity=0.03))
     (tmp_path / "file").touch()

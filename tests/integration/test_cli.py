@@ -1,4 +1,4 @@
-"""The command line: arguments, exit status, where messages go, what is loaded."""
+"""The command line: arguments, exit status, messages, imports."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from taichi_disk.errors import InputError, SimulationError
 from taichi_disk.scenes import load_scene
 
 SMALL = ("lattice.points=60", "material.eta_star=0")
-WILD = (*SMALL, "time.dt=0.22")  # half as large again as the limit
+WILD = (*SMALL, "time.dt=0.22")  # 1.5 times the limit
 RUN = {"scene.yaml", "lattice.npz", "summary.json", "timeseries.csv", "final.npz", "plot.png"}
 
 
@@ -28,7 +28,7 @@ def arguments(out: Path, *settings: str, scene: str = "exponential_wall") -> lis
 
 
 def command(*words: str, **options: Any) -> subprocess.CompletedProcess[str]:
-    """`taichi-disk` in a process of its own."""
+    """Run `taichi-disk` in a process of its own."""
     return subprocess.run([sys.executable, "-m", "taichi_disk", *words], capture_output=True, text=True, **options)
 
 
@@ -83,7 +83,7 @@ def test_a_run_goes_into_out_and_the_name_of_the_scene_unless_a_folder_is_named(
     assert [out for out, *_ in given[3:]] == ["out/a", "out/b", "out/v0.05", "out/...yaml", "out/..yaml", "out/....yml"]
 
 
-def test_the_command_line_speaks_of_options(tmp_path, capsys):
+def test_messages_of_the_command_line_name_options(tmp_path, capsys):
     for velocity in (0.03, 0.04):
         status = main(arguments(tmp_path / "r", "lattice.points=30", f"impact.velocity={velocity}"))
     assert status == 2
@@ -200,7 +200,7 @@ def test_the_bare_command_version_and_help_exit_0(capsys):
 
 
 def test_check_and_help_load_nothing_that_is_slow():
-    # Start-up is a matter of imports; a test by the clock would fail on a busy machine.
+    # Imports determine the start-up time; a test with a clock would fail on a busy machine.
     code = """
 import sys
 from taichi_disk.cli import main
@@ -219,7 +219,7 @@ for words in ["check", "exponential_wall"], ["check", "figure3"], ["check", "no-
 
 @pytest.mark.parametrize(
     ("redirection", "status"),
-    # The first is `taichi-disk check ... | head -1`, where nobody reads.
+    # The first is `taichi-disk check ... | head -1`, whose reader has ended.
     [
         ("| true", 1),
         (">/dev/full", 1),
@@ -272,7 +272,7 @@ def test_in_a_strange_environment_a_run_is_the_same_and_its_wall_clock_adds_up(t
     assert len(notes) == ("HOME" in environment) and all("note: no writable home" in line for line in notes)
     summary = json.loads((tmp_path / "o" / "summary.json").read_text())
     assert summary["status"] == "done"
-    # What comes after summary.json is written, and before the process is counted, is not in it.
+    # The time before the process is counted and after summary.json is written is not included.
     assert 0.6 * took <= sum(summary["wall_clock"].values()) <= took
     assert main(arguments(tmp_path / "plain", *SMALL)) == 0
     assert (tmp_path / "o/plot.png").read_bytes() == (tmp_path / "plain/plot.png").read_bytes()

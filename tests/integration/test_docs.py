@@ -28,7 +28,7 @@ every_page = pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
 
 
 def blocks(page: Path, language: str) -> Iterator[tuple[str, str]]:
-    """(remark, text) of each block of a language."""
+    """Yield (remark, text) of each block in a language."""
     return ((remark.strip(), text) for kind, remark, text in BLOCK.findall(page.read_text("utf-8")) if kind == language)
 
 
@@ -37,10 +37,10 @@ def prose(page: Path) -> str:
 
 
 def commands(page: Path) -> Iterator[tuple[bool, list[str]]]:
-    """(whether it may be run, arguments) of each `taichi-disk` command of a page: in blocks of sh, or within a line."""
+    """Yield (whether it may run, arguments) of each `taichi-disk` command of a page, in sh blocks or in a line."""
     for text in INLINE.findall(prose(page)):
         words = shlex.split(text, comments=True)
-        yield False, words if len(words) > 1 else [*words, "--help"]  # the name of a command alone
+        yield False, words if len(words) > 1 else [*words, "--help"]  # only the name of a command
     for remark, text in blocks(page, "sh"):
         for line in text.replace("\\\n", " ").splitlines():
             for part in re.split(r"&&|\|\||;", line.split(" #")[0]):
@@ -89,7 +89,7 @@ def test_commands_run(page, tmp_path):
         if may_run and words and words[0] not in ("view", "doctor"):  # these need a display
             scene = words[1] if len(words) > 1 else ""
             if scene.endswith(".yaml") and not (tmp_path / scene).exists():
-                continue  # a file of the reader's own
+                continue  # a file that the reader makes
             call = [sys.executable, "-m", "taichi_disk", *words]
             ended = subprocess.run(call, cwd=tmp_path, capture_output=True, text=True)
             assert ended.returncode == 0, f"{shlex.join(words)}\n{ended.stderr[-2000:]}"

@@ -1,4 +1,4 @@
-"""Every example in docs/examples runs as it stands, and finds what it promises."""
+"""Every example in docs/examples runs unchanged, and finds what it promises."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def numbers(pattern: str, text: str) -> tuple[float, ...]:
 
 def test_the_example_of_one_impact_accounts_for_its_energy():
     e, lost = numbers(r"(?s)restitution +([\d.]+).*took ([\d.]+)%", output_of("one_impact"))
-    # e^2 + dissipated share <= 1; the rest is left as vibration.
+    # e^2 + dissipated fraction <= 1; the rest remains as vibration.
     assert 0.8 < e < 1 and 0.95 < e * e + lost / 100 <= 1.001
 
 
@@ -63,10 +63,10 @@ def test_a_thin_ring_sinks_as_its_closed_form_says():
     found = re.findall(r"hole ([\d.]+) R: xi/P = (\S+) .*thin ring (\S+)", output_of("ring"))
     assert len(found) == 4 and float(found[-1][1]) == pytest.approx(float(found[-1][2]), rel=0.04)
     ratios = [float(xi) / float(thin) for _, xi, thin in found]
-    assert all(np.diff(ratios) < 0)  # the thicker, the more there is beside bending
+    assert all(np.diff(ratios) < 0)  # a thicker ring deforms more in other ways than bending
 
 
-def test_an_inclusion_aside_makes_the_disk_spin():
+def test_an_off_centre_inclusion_makes_the_disk_spin():
     shown = output_of("inclusion")
     found = {
         name: tuple(map(float, one)) for name, *one in re.findall(r"(\w+) +e = (\S+), .*x = (\S+) R, .* (\S+) M", shown)
@@ -94,7 +94,7 @@ def test_what_the_modes_took_is_missing_in_e_squared(tmp_path):
 
 def test_a_new_force_moves_the_disk_as_its_law_says():
     off, imbalance = numbers(r"(?s)off an oscillator by (\S+) R.*imbalance (\S+)", output_of("new_force"))
-    assert off < 1e-4  # of 0.045; the step's error, and the contact's
+    assert off < 1e-4  # compared with 0.045; errors of the step and of the contact
     assert abs(imbalance) < 2e-5
 
 

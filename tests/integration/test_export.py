@@ -1,4 +1,4 @@
-"""Trajectories read back with other libraries hold the model's positions, strains, forces, stresses and energies."""
+"""Trajectories, read by other libraries, contain the model's positions, strains, forces, stresses and energies."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from bodies import computed, unlike
+from bodies import computed, non_uniform
 
 from taichi_disk import load_scene
 from taichi_disk.errors import InputError, SimulationError
@@ -20,8 +20,8 @@ from taichi_disk.physics import ElasticWall, Model, Springs
 
 TIMES = np.array([0.0, 0.5, 1.0])
 SINGLE = {"rtol": 1e-6, "atol": 1e-7}
-# A small disk of unlike points and springs that sinks onto an elastic wall and is squeezed.
-LATTICE = unlike(with_wall(disk_lattice(40, seed=1), 60, 3.0, seed=1))
+# A small disk of non-uniform points and springs that sinks onto an elastic wall and is squeezed.
+LATTICE = non_uniform(with_wall(disk_lattice(40, seed=1), 60, 3.0, seed=1))
 MODEL = Model(Springs(1.3, 0.2, 0.5), ElasticWall(300.0, 150.0, 0.1))
 SCENE = load_scene("absorbing_wall", ["lattice.points=40", "lattice.seed=1"])
 SCENARIO = SimpleNamespace(scene=SCENE, lattice=LATTICE, model=MODEL)
@@ -38,7 +38,7 @@ def state(t):
 
 
 def truth(t):
-    """Strain, tension and energy of the springs, and the contact's forces, by plain formulae."""
+    """Return strain, tension and energy of the springs, and the contact's forces, by plain formulae."""
     x, _ = state(t)
     i, j = LATTICE.bonds.T
     stretch = np.linalg.norm(x[i] - x[j], axis=1) - LATTICE.rest_lengths
@@ -49,7 +49,7 @@ def truth(t):
     return {"strain": stretch / LATTICE.rest_lengths, "tension": tension, "energy": energy, "contact_force": contact}
 
 
-# Balls as programs for particles draw them take up half of a typical spring: the other half of it is seen.
+# The balls that particle programs draw cover half of a typical spring, so the other half is visible.
 BALL = 0.25 * np.median(LATTICE.rest_lengths)
 
 
@@ -58,7 +58,7 @@ def close(found, expected):
 
 
 def tensor(x):
-    """Stress at the points in the order XX, YY, ZZ, XY, XZ, YZ, of which OVITO and ParaView know the first four."""
+    """Return the stress at the points as XX, YY, ZZ, XY, XZ, YZ, of which OVITO and ParaView know the first four."""
     xx, yy, xy = point_stress(Triangles(LATTICE), MODEL.springs, x).T
     return np.stack([xx, yy, 0.0 * xx, xy, 0.0 * xx, 0.0 * xx], axis=1)
 
@@ -95,7 +95,7 @@ def test_npz_takes_no_more_memory_for_more_frames(tmp_path):
         return found
 
     peak(5)
-    assert peak(200) < peak(20) + 50_000  # of 3 MB more
+    assert peak(200) < peak(20) + 50_000  # although the file has 3 MB more
 
 
 def test_gsd_read_by_gsd(tmp_path):
@@ -156,7 +156,7 @@ def test_xyz_and_gsd_read_by_ovito(tmp_path, format):
     pipeline = import_file(str(exported(tmp_path, format)))
     assert pipeline.source.num_frames == len(TIMES)
     (x, v), true, data = state(1.0), truth(1.0), pipeline.compute(len(TIMES) - 1)
-    # All that it takes for a property that it knows, and our own.
+    # The properties that OVITO recognises, and our own.
     known = {"Particle Type", "Position", "Velocity", "Velocity Magnitude", "Mass", "Radius"}
     ours = {
         "gsd": {"stress"},
@@ -177,7 +177,7 @@ def test_xyz_and_gsd_read_by_ovito(tmp_path, format):
     if format == "gsd":
         np.testing.assert_array_equal(data.particles.bonds.topology, LATTICE.bonds)
         close(data.particles.bonds["strain"], true["strain"])
-        assert not np.any(data.particles.bonds.pbc_vectors)  # no spring is taken across an edge of the box
+        assert not np.any(data.particles.bonds.pbc_vectors)  # no spring crosses an edge of the box
 
 
 @pytest.mark.validate
@@ -193,7 +193,7 @@ def test_xyz_read_by_ase(tmp_path):
     np.testing.assert_allclose(atoms.get_velocities()[:, :2], v, rtol=1e-9, atol=1e-15)
     np.testing.assert_allclose(atoms.get_masses(), LATTICE.masses, rtol=1e-10)
     np.testing.assert_allclose(atoms.arrays["Stress"], tensor(x), rtol=1e-10, atol=1e-12)
-    assert atoms.calc is None  # nothing is taken for what a calculator of atoms has found
+    assert atoms.calc is None  # ASE takes no column for the result of a calculator
     assert atoms.info["elastic_energy"] == pytest.approx(truth(1.0)["energy"].sum(), rel=1e-9)
 
 
@@ -204,7 +204,7 @@ def test_xyz_is_lines_that_can_be_read_without_a_library(tmp_path):
     header = lines[1].partition("Properties=")[2].split()[0].split(":")
     assert header[:6] == ["species", "S", "1", "pos", "R", "3"]
     names, widths = header[3::3], [int(width) for width in header[5::3]]
-    # Species are elements, and no column has a name that OVITO or ASE takes for something else.
+    # Species are elements, and OVITO or ASE misinterpret no column because of its name.
     springs = ["springs_strain", "springs_tension", "springs_energy"]
     assert names == [
         "pos",
@@ -243,7 +243,7 @@ def test_what_cannot_be_exported_is_refused_before_anything_is_computed(tmp_path
     for name, format, told in (
         ("a.lammps", None, r"formats are xyz \(\.xyz\), gsd"),
         ("a.xyz", "gsd", r"a\.xyz as gsd: the formats are"),
-        ("mine.pvd", None, "is not a folder of a film's pictures alone"),
+        ("mine.pvd", None, "is not a folder with only numbered pictures"),
     ):
         with pytest.raises(InputError, match=told):
             check_export(tmp_path / name, format)

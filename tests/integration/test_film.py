@@ -1,4 +1,4 @@
-"""Films: what comes out is what went in, whole or not at all, the same bytes each time, and it explains itself."""
+"""Films: the right content, complete or not at all, the same bytes each time, and with explanations."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def run():
     settings = ["lattice.points=150", "impact.velocity=0.05", "material.eta_star=5", "impact.gap=0.2"]  # with a flight
     scene = load_scene("exponential_wall", settings)
     scenario = scene.scenario()
-    outcome = compute(scenario, scene.time, kernels=api.shared_kernels())
+    outcome = compute(scenario, scene.time)
     # Its states are kept, so that tests may start Taichi anew.
     times = np.linspace(0.0, outcome.columns["t"][-1], 400)
     states = list(outcome.replay(times))
@@ -54,7 +54,7 @@ def video(**keys):
 
 @pytest.fixture
 def captions(monkeypatch):
-    """The lines that change, of each picture that is made."""
+    """Return the changing lines of each picture that is made."""
     seen, write = [], Legend.write
 
     def record(self, picture, lines):
@@ -85,10 +85,10 @@ def test_a_film_has_the_frames_size_and_rate_asked_for_and_the_same_bytes_twice(
     assert told == [("render", done, COUNT) for done in range(COUNT + 1)] and list(tmp_path.iterdir()) == [path]
     files = sorted(path.iterdir()) if path.is_dir() else [path]
     first = digests(files)
-    film(path, [run], video(), QUIET)  # what is there is replaced
+    film(path, [run], video(), QUIET)  # replaces the existing film
     assert digests(files) == first
     pictures = np.array([frame[..., :3] for frame in iio.imiter(path)]) if suffix else pictures_in(path)
-    if suffix == ".gif":  # pictures that repeat the one before are one that lasts longer
+    if suffix == ".gif":  # repeated pictures become one picture that lasts longer
         with Image.open(path) as gif:
             assert sum(gif.seek(k) or gif.info["duration"] for k in range(gif.n_frames)) == 100 * COUNT
     else:
@@ -103,7 +103,7 @@ from functools import partial
 from pathlib import Path
 from taichi_disk.render.video import video
 path, (rows, columns) = Path(sys.argv[1]), np.mgrid[:240, :240]
-with video(path, path.suffix, 240, 240, 10) as write:
+with video(path, path.suffix, (240, 240), 10, "") as write:
     for k in range(10):
         grey = 128 + 100 * np.sin(0.002 * (rows - 4 * k) ** 2 + 0.01 * columns * np.cos(k))
         write(partial(np.stack, [grey.astype(np.uint8)] * 3, axis=2))
@@ -115,7 +115,7 @@ with video(path, path.suffix, 240, 240, 10) as write:
 )
 def test_the_bytes_of_a_film_do_not_depend_on_what_lay_in_memory(tmp_path, suffix):
     files = [tmp_path / f"{fill}{suffix}" for fill in (0, 170)]
-    for path in files:  # glibc fills new memory with the complement of this number, and freed memory with it
+    for path in files:  # glibc fills freed memory with this number, and new memory with its complement
         environment = os.environ | {"MALLOC_PERTURB_": path.stem}
         subprocess.run([sys.executable, "-c", ENCODE, path], env=environment, check=True)
     assert len(set(digests(files).values())) == 1
@@ -131,7 +131,7 @@ def test_scales_and_pictures_come_from_one_replay(run, tmp_path, monkeypatch):
 
     film(tmp_path / "once.gif", [replace(run, frames=frames)], video(), QUIET)
     assert len(asked) == 1
-    monkeypatch.setattr("taichi_disk.render.film.MAX_BYTES", 0)  # of a lattice too large to keep states of
+    monkeypatch.setattr("taichi_disk.render.film.MAX_BYTES", 0)  # as for a lattice too large to store its states
     film(tmp_path / "twice.gif", [replace(run, frames=frames)], video(), QUIET)
     assert len(asked) == 3 and (tmp_path / "once.gif").read_bytes() == (tmp_path / "twice.gif").read_bytes()
 
@@ -173,8 +173,8 @@ def test_a_disk_that_flies_aside_stays_whole_in_the_film_and_the_wall_spans_it(t
 
 
 @needs_vulkan
-def test_an_arrow_of_any_push_ends_in_the_picture(tmp_path, monkeypatch):
-    # A rod that falls on its side is bent most between two hits, which are far harder.
+def test_an_arrow_of_any_force_ends_in_the_picture(tmp_path, monkeypatch):
+    # A rod that falls on its side is bent most between two hits, during which the force is far larger.
     scales, write = [], Legend.write
 
     def record(self, picture, lines):
@@ -203,11 +203,11 @@ def test_the_film_holds_at_the_greatest_compression_shows_its_pace_and_ends_with
     peak = outcome.columns["t"][outcome.columns["elastic"].argmax()]
     assert len(held) >= 2 and set(held) == {f"t = {peak:7.3f} R/c"}
     pictures = iio.imread(tmp_path / "film.mp4").astype(int)
-    assert np.abs(pictures[-1] - pictures[-4])[60:].mean() < 1.0  # at the end all stands still
+    assert np.abs(pictures[-1] - pictures[-4])[60:].mean() < 1.0  # nothing moves at the end
     assert (pictures[-1, 40:60, 120:].sum(axis=-1) < 300).sum() > 20  # and the bold result is there
     moving = [(time_of(lines), lines[-1]) for lines in captions if lines[-1].startswith("slow motion: 1 s = ")]
     pace = np.array([float(text.split()[5]) for _, text in moving])
-    # What was said adds up to the time that passed; the contact, in the middle, is slowed down.
+    # The stated paces add up to the simulated time; the contact in the middle is in slow motion.
     assert (pace[:-1] / 10).sum() == pytest.approx(moving[-1][0], rel=0.04)
     assert 1.8 * pace[len(pace) // 2] < pace[1] and pace[len(pace) // 2] < pace[-2]
 
@@ -229,7 +229,7 @@ def test_a_comparison_shows_both_runs_at_the_same_times_in_the_same_colours(run,
     film(tmp_path / "both", [run, run], video(), QUIET)
     left, right = np.split(pictures_in(tmp_path / "both"), 2, axis=2)
     assert left.shape == (COUNT, SIZE, SIZE, 3)
-    below = SIZE - 60  # where the scales stand, once for both
+    below = SIZE - 60  # the position of the scales, which both disks share
     assert np.array_equal(left[:, :below], right[:, :below]) and captions[0::2] == captions[1::2]
 
 
@@ -278,7 +278,7 @@ def test_a_single_picture_of_a_comparison_shows_the_whole_of_a_disk_that_has_lef
     slow.film(tmp_path / "both.png", beside=fast, size=360, draw="field", panel=False)
     picture = np.asarray(Image.open(tmp_path / "both.png")).astype(float)[76:280, 360:]  # between the words
     inked = (np.abs(picture - 255 * np.array(THEMES["light"].ground)).max(axis=2) > 20).sum(axis=1)
-    assert 0 < inked[np.flatnonzero(inked)[0]] < 120  # its top, no cut through its middle
+    assert 0 < inked[np.flatnonzero(inked)[0]] < 120  # the top of the text is complete
 
 
 @needs_vulkan
@@ -290,11 +290,11 @@ def test_a_faster_disk_stays_whole_in_a_comparison_to_the_end(tmp_path):
     slow.film(tmp_path / "both", beside=fast, size=128, fps=10, seconds=1)
     last = pictures_in(tmp_path / "both")[-1]
     inked = (last[:, 128:] != last[0, 0]).any(axis=2).sum(axis=1)
-    assert inked[:4].max() < 60 < inked[20]  # its top, no cut through its middle
+    assert inked[:4].max() < 60 < inked[20]  # the top of the text is complete
 
 
 @needs_vulkan
-def test_a_compression_that_looks_like_nothing_is_seen_where_displacements_are_drawn_larger(tmp_path):
+def test_a_small_compression_is_visible_with_magnified_displacements(tmp_path):
     pressed = api.run(load_scene("compression", ["lattice.points=60", "compression.method=newton"]), lattices=1)
     flatness = []
     for factor in (1.0, 30.0):
@@ -306,7 +306,7 @@ def test_a_compression_that_looks_like_nothing_is_seen_where_displacements_are_d
 
 
 @needs_vulkan
-def test_by_itself_a_film_shows_a_flattening_of_a_twentieth_of_r_and_says_how(tmp_path, monkeypatch):
+def test_by_default_a_film_magnifies_the_flattening_to_a_twentieth_of_r_and_says_so(tmp_path, monkeypatch):
     said, pictures = [], Legend.__init__
     monkeypatch.setattr(
         Legend, "__init__", lambda self, painter, *rest: said.append(painter) or pictures(self, painter, *rest)
@@ -316,7 +316,7 @@ def test_by_itself_a_film_shows_a_flattening_of_a_twentieth_of_r_and_says_how(tm
     (painter,) = said
     x, n = pressed.state(1.0).positions, 60
     rest, drawn, floor = pressed.lattice.positions[:n, 1], painter.placed(x)[:n, 1], x[:n, 1].min()
-    seen = (rest.mean() - rest.min()) - (drawn.mean() - floor)  # the wall hides what lies below
+    seen = (rest.mean() - rest.min()) - (drawn.mean() - floor)  # the wall hides everything below
     assert painter.magnify > 1.0 and f"displacements × {painter.magnify:g}" in painter.remarks
     assert seen == pytest.approx(0.05, rel=0.2)  # the factor is a round number
 
@@ -339,7 +339,7 @@ def test_the_panel_s_curves_end_where_the_time_series_is(run, tmp_path, captions
     film(tmp_path / "frames", [run], video(size=720, seconds=0.8, panel="true"), QUIET)
     frames = pictures_in(tmp_path / "frames")
     assert frames.shape[1:] == (720, 1280, 3)
-    # v_cm, in the uppermost axes: the last blue pixels, and nothing beyond them.
+    # The curve of v_cm in the uppermost axes: the last blue pixels.
     ends = [np.argwhere(np.abs(frame[:205, 740:] - (0, 114, 178)).sum(axis=-1) < 60) for frame in frames[1:]]
     columns = np.array([one[:, 1].max() for one in ends])
     rows = np.array([one[one[:, 1] >= one[:, 1].max() - 1, 0].mean() for one in ends])
@@ -347,7 +347,7 @@ def test_the_panel_s_curves_end_where_the_time_series_is(run, tmp_path, captions
     slope, _ = np.polyfit(times, columns, 1)
     assert columns == pytest.approx(columns[-1] + slope * (times - times[-1]), abs=2.0) and np.ptp(columns) > 300
     v = np.interp(times, series["t"], series["com_vy"])
-    # Rows are linear in v: the first and the last end say how.
+    # Rows are linear in v; the first and the last value give the scale.
     assert rows == pytest.approx(np.interp(v, [v[0], v[-1]], [rows[0], rows[-1]]), abs=2.5) and np.ptp(rows) > 100
 
 
@@ -375,14 +375,14 @@ def test_an_interrupted_film_leaves_the_old_one_as_it_was(run, tmp_path, suffix)
     with pytest.raises(KeyboardInterrupt):
         film(path, [run], video(), impatient)
     assert digests(one for one in tmp_path.rglob("*") if one.is_file()) == before
-    film(path, [run], video(seconds=0.3), QUIET)  # a window was open when it happened: the next one must still work
+    film(path, [run], video(seconds=0.3), QUIET)  # after a failure with an open window, the next must work
 
 
 @needs_vulkan
 @FORMATS
 @pytest.mark.parametrize("room", [0, 3000])
 def test_a_full_file_system_is_reported_and_leaves_no_film(run, tmp_path, suffix, room):
-    # A limit of files' sizes stands for a full disk: the same error of the system, at the same calls.
+    # A limit on file sizes simulates a full disk: the same system error in the same calls.
     _, most = resource.getrlimit(resource.RLIMIT_FSIZE)
     resource.setrlimit(resource.RLIMIT_FSIZE, (room, most))
     try:
@@ -420,7 +420,7 @@ def test_the_greatest_compression_of_a_spinning_disk_is_where_it_turns_back(spin
     scene = load_scene("exponential_wall").with_(points=60, spin=spin, eta_star=eta_star)
     columns = api.run(scene, lattices=1).series
     force, stretched = columns["wall_force"], columns["elastic"].argmax()
-    assert force[stretched] < 1e-3 * force.max()  # by its spin, before it touches the wall
+    assert force[stretched] < 1e-3 * force.max()  # stretched by its spin before it touches the wall
     assert abs(np.interp(greatest_compression(columns), columns["t"], columns["com_vy"])) < 0.1 * scene.impact.velocity
 
 

@@ -1,4 +1,4 @@
-"""The film that is one HTML file: small, offline, and in a real browser it plays and shows what was computed."""
+"""The HTML film: a small file that needs no network, and in a real browser plays and shows the computed data."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ TOOLS = [tool for tool in ("chromium", "chromedriver") if not shutil.which(tool)
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
-    """A run without film, and its HTML film."""
+    """Return a run without film, and its HTML film."""
     folder = tmp_path_factory.mktemp("html") / "run"
     scene = load_scene("oblique_impact", ["lattice.points=150", "video.fps=10", "video.seconds=3"])
     api.run(scene, folder, video=False, lattices=1)
@@ -36,7 +36,7 @@ def folder(tmp_path_factory):
 
 
 def packed(path):
-    """The JSON and the bytes that a film holds."""
+    """Return the JSON and the bytes in a film."""
     text = re.search(r'id="states">([^<]*)<', path.read_text())[1]
     data = zlib.decompress(base64.b64decode(text))
     length = int(np.frombuffer(data[:4], "<u4")[0])
@@ -64,7 +64,7 @@ def test_states_survive_the_packing_to_a_ten_thousandth_of_r(folder):
         *centre, angle = motion[k]
         turn = np.array([[np.cos(angle), np.sin(angle)], [-np.sin(angle), np.cos(angle)]])
         x = centre + (rest - rest.mean(axis=0) + moved[k]) @ turn
-        assert x == pytest.approx(result.state(t).positions, abs=1e-3)  # captions round the time
+        assert x == pytest.approx(result.state(t).positions, abs=1e-3)  # the captions have a rounded time
         assert (x - x.mean(axis=0)) @ turn.T == pytest.approx(
             (result.state(t).positions - result.state(t).positions.mean(axis=0)) @ turn.T, abs=3e-4
         )
@@ -76,7 +76,7 @@ def test_states_survive_the_packing_to_a_ten_thousandth_of_r(folder):
 
 @pytest.mark.validate
 def test_240_states_of_1099_points_take_less_than_3_mb(tmp_path):
-    path = api.run(load_scene("oblique_impact"), lattices=1).film(tmp_path / "film.html")  # a rotation packs worst
+    path = api.run(load_scene("oblique_impact"), lattices=1).film(tmp_path / "film.html")  # rotations lose most
     assert packed(path)[0]["runs"][0]["states"] > 200 and path.stat().st_size < 3e6
 
 
@@ -133,7 +133,7 @@ def opened(browser, folder, size):
 
 
 def stop_at(browser, part):
-    """Pause the film at a part of its length."""
+    """Pause the film at a fraction of its length."""
     browser.execute_script(
         "const m = document.getElementById('moment'); m.value = arguments[0] * m.max; m.oninput()", part
     )
@@ -146,9 +146,9 @@ def canvas(browser):
 
 def choose(browser, name, value):
     browser.execute_script(
-        "const e = document.getElementById(arguments[0]); "
+        "const e = document.querySelector(`#${arguments[0]}, [data-key=${arguments[0]}] :is(select, input)`);"
         "e.type === 'checkbox' ? e.checked = arguments[1] : e.value = arguments[1];"
-        "e.dispatchEvent(new Event('input', { bubbles: true }))",
+        "for (const kind of ['input', 'change']) e.dispatchEvent(new Event(kind, { bubbles: true }))",
         name,
         value,
     )
@@ -171,7 +171,7 @@ def test_from_a_file_it_plays_scrubs_zooms_magnifies_and_shows_every_quantity(br
     disk = np.abs(seen["shear"][:-90] - ground).sum(axis=2) > 30
     assert disk.mean() > 0.1 and len(np.unique(seen["shear"].reshape(-1, 3), axis=0)) > 200
     choose(browser, "quantity", "shear")
-    for name, value in (("magnify", 10), ("draw", "springs"), ("draw", "points"), ("outline", True), ("dark", True)):
+    for name, value in (("magnify", 10), ("draw", "springs"), ("draw", "points"), ("outline", True), ("theme", "dark")):
         old = canvas(browser)
         choose(browser, name, value)
         assert np.abs(canvas(browser) - old).mean() > 0.2, name

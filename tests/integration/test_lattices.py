@@ -1,4 +1,4 @@
-"""A result is the mean over random lattices, with their scatter; this lattice's own value stands beside it."""
+"""A result is the mean over random lattices with their scatter, followed by the value of the scene's lattice."""
 
 from __future__ import annotations
 
@@ -65,21 +65,21 @@ def test_a_custom_body_has_no_seeds_and_the_run_notes_it():
 
 
 def test_a_lattice_without_a_result_is_reported_and_left_out(monkeypatch):
-    plain = lattices.results_on
+    plain = lattices.outcome_of
 
-    def fails_at_5(scene, kernels, force=False):
+    def fails_at_5(scene, **options):
         if scene.lattice.seed == 5:
             raise SimulationError("blow-up")
-        return plain(scene, kernels, force)
+        return plain(scene, **options)
 
-    monkeypatch.setattr(lattices, "results_on", fails_at_5)
+    monkeypatch.setattr(lattices, "outcome_of", fails_at_5)
     summary = run(load_scene("exponential_wall").with_(SMALL), lattices=4).summary
     assert summary["lattices"]["seeds"] == [3, 4, 6] and len(summary["lattices"]["restitution"]["values"]) == 3
     assert summary["warnings"] == ["there is no result on the lattice of seed 5: blow-up"]
 
 
 @pytest.mark.parametrize("count", [0, -1, 2.5, "8", 10_001])
-def test_their_number_is_a_whole_one(count):
+def test_the_number_of_lattices_must_be_whole(count):
     with pytest.raises(InputError, match="lattices: must be a whole number from 1 to 10,000, not"):
         run(load_scene("exponential_wall").with_(SMALL), lattices=count)
 

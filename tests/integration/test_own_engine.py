@@ -1,4 +1,4 @@
-"""The user's own Taichi beside ours: started before a run or after it; and nothing leaves the machine."""
+"""The user's own Taichi, started before or after a run; and the engine sends nothing over the network."""
 
 from __future__ import annotations
 
@@ -86,8 +86,8 @@ def test_an_architecture_from_the_environment_is_refused_by_name(tmp_path):
         ),
     ],
 )
-def test_nothing_is_sent_to_anybody(tmp_path, way):
-    # A new home has no date of a last check, so that Taichi would look for a newer version.
+def test_the_engine_sends_nothing_over_the_network(tmp_path, way):
+    # A new home has no date of the last version check, so Taichi would check for a newer version.
     (tmp_path / "sitecustomize.py").write_text(HOOK)
     known = os.pathsep.join(filter(None, [str(tmp_path), os.environ.get("PYTHONPATH")]))
     home = {"HOME": str(tmp_path), "PYTHONPATH": known, environment.CACHE: str(environment.cache_folder())}

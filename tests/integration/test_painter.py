@@ -1,4 +1,4 @@
-"""Pictures of the painter: everything is where the camera says, in the colour that the map gives to its value."""
+"""Pictures of the painter: everything is at the place given by the camera, in the colour given by the map."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from bodies import RIGID, shaken
+from bodies import RIGID, shaken, to_pixels
 from scipy.spatial import cKDTree
 
 from taichi_disk import runtime
@@ -31,7 +31,7 @@ X += [0.0, 1.1]
 
 @pytest.fixture(scope="module")
 def shoot(tmp_path_factory):
-    """Draws a state of a lattice: (SIZE, SIZE, 3), rows downwards, 0 to 1."""
+    """Return a function that draws a state of a lattice: (SIZE, SIZE, 3), rows downwards, 0 to 1."""
     runtime.start()
     window, here = ti.ui.Window("test", (SIZE, SIZE), show_window=False), os.getcwd()
 
@@ -42,7 +42,7 @@ def shoot(tmp_path_factory):
         return window.get_image_buffer_as_numpy()[..., :3].transpose(1, 0, 2)[::-1].astype(float)
 
     yield draw
-    os.chdir(tmp_path_factory.mktemp("window"))  # a window leaves an imgui.ini where it closes
+    os.chdir(tmp_path_factory.mktemp("window"))  # a closing window writes an imgui.ini
     window.destroy()
     os.chdir(here)
 
@@ -52,12 +52,12 @@ def ground(theme="light"):
 
 
 def pixel(picture, at, camera=CAMERA):
-    column, row = camera.to_pixels(at).astype(int)
+    column, row = to_pixels(camera, at).astype(int)
     return picture[row, column]
 
 
 def inner_triangles(lattice):
-    """Those that do not touch the outline, which is drawn over them."""
+    """Return the triangles that do not touch the outline, which is drawn over them."""
     return lattice.triangles[~np.isin(lattice.triangles, lattice.disk_surface).any(axis=1)]
 
 
@@ -69,13 +69,14 @@ def test_colours_equal_the_field_s_values(shoot, colour):
     for painter.theme in THEMES:
         picture = shoot(DISK, X, V, colour=colour, theme=painter.theme, limit=painter.limit)
         seen = np.array([pixel(picture, X[three].mean(axis=0)) for three in corners])
-        # In the middle of a triangle: the mean of its corners, of colours or, where those are not linear, of values.
+        # The middle of a triangle has the mean colour of its corners or, for nonlinear colours, the colour of the mean
+        # value.
         colours = painter.colours(painter.normalised(values))[corners].mean(axis=1)
         if colour == "fringes":
             light = fringes(values[corners].mean(axis=1) / 2.0, painter.limit)
             colours = painter.map[np.rint(511 * light).astype(int)]
         assert np.median(np.abs(seen - colours)) < 0.01
-        assert np.percentile(np.abs(seen - colours), 95) < 0.06  # half a pixel off the middle, where colours are steep
+        assert np.percentile(np.abs(seen - colours), 95) < 0.06  # half a pixel off the middle, in steep colours
 
 
 @pytest.mark.parametrize("draw", ["field", "both", "springs", "points"])
@@ -85,7 +86,7 @@ def test_a_disk_of_any_number_of_points_is_seen_whole(shoot, points, draw):
     x = disk.positions + [0.0, 1.1]
     rows, columns = np.nonzero(np.abs(shoot(disk, x, draw=draw, theme="dark") - ground("dark")).sum(axis=-1) > 0.05)
     seen = np.array([(columns.min(), rows.min()), (columns.max() + 1, rows.max() + 1)])
-    there = CAMERA.to_pixels(x)
+    there = to_pixels(CAMERA, x)
     # Lines and points are drawn around the positions, by less than 4 pixels at this size.
     assert (seen[0] <= there.min(axis=0) + 1.0).all() and (seen[0] > there.min(axis=0) - 4).all()
     assert (seen[1] >= there.max(axis=0) - 1.0).all() and (seen[1] < there.max(axis=0) + 4).all()
@@ -110,7 +111,7 @@ def test_a_spring_has_the_colour_of_its_strain(shoot):
         low = x[np.argsort(x[:, 1])[:2]]
         seen = pixel(shoot(triangle, x, colour="strain", draw="springs"), low.mean(axis=0))
         assert seen == pytest.approx(painter.colours(painter.normalised(np.array([strain])))[0], abs=2 / 255)
-        painter.magnify = 3.0  # where it is drawn, not what it shows
+        painter.magnify = 3.0  # changes the place, not the colours
         low = painter.placed(x)[np.argsort(x[:, 1])[:2]]
         grown = pixel(shoot(triangle, x, colour="strain", draw="springs", magnify=3.0), low.mean(axis=0))
         assert grown == pytest.approx(seen, abs=2 / 255)
@@ -128,12 +129,12 @@ def test_the_wall_is_solid_up_to_where_the_disk_rests(shoot, theme, a):
     share = np.exp(-a * 0.1) * np.linalg.norm(body - ground(theme))
     assert np.linalg.norm(haze) == pytest.approx(share, abs=0.02)
     # Between disk and wall there is nothing: the lowest point lies on the edge.
-    column = int(CAMERA.to_pixels(x[x[:, 1].argmin()])[0])
+    column = int(to_pixels(CAMERA, x[x[:, 1].argmin()])[0])
     gap = np.abs(picture[:, column] - ground(theme)).sum(axis=-1) < 0.01
     assert gap[:15].any() and not gap[40:].any()
 
 
-def test_the_elastic_wall_wears_its_potential_as_a_skin(shoot):
+def test_the_potential_of_the_elastic_wall_is_drawn_as_a_layer(shoot):
     both = with_wall(disk_lattice(200, 1), 220, 2.2, 0)
     x = both.positions + [0.0, 0.9]
     x[:200] += [0.0, 0.3]
@@ -149,7 +150,7 @@ def test_an_arrow_stands_on_a_pushed_point_as_long_as_its_force(shoot):
     full = float(RIGID.forces(DISK, x)[lowest, 1]) / 0.8
     plain, pushed = (shoot(DISK, x, wall=RIGID, full_force=force) for force in (0.0, full))
     rows, columns = np.nonzero((plain != pushed).any(axis=-1))
-    column, foot = CAMERA.to_pixels(x[lowest])
+    column, foot = to_pixels(CAMERA, x[lowest])
     near = np.abs(columns - column) < 4
     assert rows[near].min() == pytest.approx(foot - 0.8 * ARROW * CAMERA.scale, abs=2.5)
     assert rows[near].max() == pytest.approx(foot, abs=2.0)
@@ -166,13 +167,13 @@ def test_springs_across_triangles_and_the_edge_of_a_core_are_drawn(shoot):
     darker = (field - both).sum(axis=-1) > 0.02
     for a, b in x[triangles.crossing]:
         part = a + 0.3 * (b - a)
-        column, row = CAMERA.to_pixels(part).astype(int)
+        column, row = to_pixels(CAMERA, part).astype(int)
         assert darker[row - 1 : row + 2, column - 1 : column + 2].any()
     core = disk_lattice(400, 0, core_radius=0.5, core_stiffness=2.0)
     x = core.positions + [0.0, 1.1]
     ink = shoot(core, x).sum(axis=-1) < 1.5
     turns = np.linspace(0.0, 6.2, 40)
-    rows = CAMERA.to_pixels(0.499 * np.stack([np.cos(turns), np.sin(turns)], axis=1) + [0.0, 1.1]).astype(int)
+    rows = to_pixels(CAMERA, 0.499 * np.stack([np.cos(turns), np.sin(turns)], axis=1) + [0.0, 1.1]).astype(int)
     assert all(ink[row - 1 : row + 2, column - 1 : column + 2].any() for column, row in rows)
     assert not (shoot(replace(core, stiffness=None), x).sum(axis=-1) < 1.5)[rows[:, 1], rows[:, 0]].any()
 
@@ -190,7 +191,7 @@ def test_smoothing_averages_over_the_area_of_each_pixel_and_repeats_the_outermos
     picture = np.zeros((20, 40, 3), dtype=np.uint8)
     shrink(drawn, picture, 10, 18, 3, samples)
     assert not picture[:, :7].any() and not picture[:, 37:].any() and not picture[:2].any() and not picture[18:].any()
-    # samples/2 a pixel: cut each into 2 x 2, average samples x samples of those; [x, y up] becomes [row, column].
+    # samples/2 per pixel: split each into 2 x 2 and average samples x samples of them; [x, y up] becomes [row, column].
     fine = drawn.repeat(2, axis=0).repeat(2, axis=1).astype(float)
     mean = fine.reshape(24, samples, 16, samples, 4).mean(axis=(1, 3)).transpose(1, 0, 2)[::-1]
     assert np.abs(picture[2:18, 10:34] - 255 * mean[..., :3]).max() < 0.5 + 1e-3
@@ -202,7 +203,7 @@ def test_the_rigid_wall_fills_its_viewport_below_the_edge_and_nothing_else(shoot
     viewport = (40.0, 320.0, 30.0, 250.0)
     camera = Camera.fit((-1.1, 1.1, edge - 0.1, edge + 1.6), SIZE, SIZE, viewport=viewport)
     picture = shoot(DISK, X + [0.0, edge], wall=ExponentialWall(a, a), camera=camera, edge=edge)
-    below = int(camera.to_pixels((0.0, edge))[1]) + 1
+    below = int(to_pixels(camera, (0.0, edge))[1]) + 1
     solid = (np.abs(picture - THEMES["light"].wall) < 0.01).all(axis=2)
     assert solid[below:250, 40:320].all() and not solid[251:].any()
     assert not solid[:, :39].any() and not solid[:, 321:].any()

@@ -1,4 +1,4 @@
-"""Where results come from: files carry their scene and version, the summary day, machine and commit, too."""
+"""The origin of results: files contain their scene and version; the summary also has date, machine and commit."""
 
 from __future__ import annotations
 
@@ -79,7 +79,7 @@ def in_npz(path):
 def test_a_trajectory_carries_the_scene_and_the_same_bytes_come_twice(result, tmp_path, suffix, read):
     first, second = (result.export(tmp_path / f"{name}{suffix}", frames=2) for name in "ab")
     assert load_scene(read(first)) == SCENE
-    if suffix != ".pvd":  # which names its folder
+    if suffix != ".pvd":  # a .pvd file contains the name of its folder
         assert first.read_bytes() == second.read_bytes()
 
 

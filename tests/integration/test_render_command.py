@@ -1,4 +1,4 @@
-"""Filming finished runs again: the film of the run, comparison, refusals, and results that stay as they are."""
+"""Filming finished runs again: the same film, comparisons, refusals, and unchanged results."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ needs_vulkan = pytest.mark.skipif(film_problem() is not None, reason=str(film_pr
 
 @pytest.fixture(scope="module")
 def runs(tmp_path_factory):
-    """An impact that is filmed; without film one with weak dashpots, one begun in Python, and a compression."""
+    """Return an impact with a film, one without film and with weak dashpots, one from Python, and a compression."""
     folder, problem = tmp_path_factory.mktemp("runs"), film_problem()
     small = ["lattice.points=100", "impact.velocity=0.05", "video.size=240", "video.seconds=0.5", "video.fps=10"]
     for name, eta in (("lossy", 20), ("elastic", 1)):
@@ -70,6 +70,6 @@ def test_what_cannot_be_filmed_is_refused_with_the_reason(runs, tmp_path, capsys
 
 def test_a_run_with_a_damaged_summary_is_refused(runs, tmp_path, capsys):
     damaged = shutil.copytree(runs[2], tmp_path / "damaged")
-    (damaged / "summary.json").write_text("{}")  # that Python gave the lattice stood there
+    (damaged / "summary.json").write_text("{}")  # the removed text said that the lattice came from Python
     assert main(["render", str(damaged)]) == 2
     assert "no summary.json that can be read" in capsys.readouterr().err

@@ -1,4 +1,4 @@
-"""What a run leaves: names, columns and units, and enough to repeat it with another program."""
+"""The files of a run: names, columns and units, and all data to repeat it with another program."""
 
 from __future__ import annotations
 
@@ -95,7 +95,7 @@ def test_a_picture_that_fails_takes_no_result_with_it(tmp_path, monkeypatch):
 
     monkeypatch.setattr("taichi_disk.output.plot.plot_run", fails)
     monkeypatch.setattr("taichi_disk.render.film.film", fails)
-    monkeypatch.setattr(sys, "executable", "/nowhere/python")  # which would draw the plot
+    monkeypatch.setattr(sys, "executable", "/nowhere/python")  # the process that would draw the plot
     result = run(load_scene("exponential_wall", SMALL), tmp_path / "o", lattices=1)
     one = Run(result, tmp_path / "o")
     assert {path.name for path in one.out.iterdir()} == {
@@ -140,7 +140,7 @@ def test_the_wall_s_force_is_the_change_of_momentum(runs):
 
 
 def test_lattice_npz_alone_repeats_the_run(runs):
-    # An independent program with nothing but the file and the scene's numbers: matched boundary.
+    # An independent program uses only the file and the scene's parameters; the boundary is matched.
     one = runs["absorbing_wall"]
     start, final = np.load(one.out / "lattice.npz"), np.load(one.out / "final.npz")
     d = start["positions"][start["bonds"][:, 0]] - start["positions"][start["bonds"][:, 1]]
@@ -175,5 +175,5 @@ def test_the_spectrum_is_looked_for_once_and_rows_are_as_far_apart_as_asked(monk
     scene = load_scene("exponential_wall", (*SMALL, "lattice.seed=77", "time.sample_interval=1.0"))
     for name in ("o", "again"):
         result = run(scene, tmp_path / name, video=False, lattices=1)
-    assert len(asked) == 2  # of the springs, and of the dashpots
-    assert Run(result, tmp_path / "o").table["t"][1] == pytest.approx(1.0, abs=0.02)  # the rows asked for
+    assert len(asked) == 2  # for the springs and for the dashpots
+    assert Run(result, tmp_path / "o").table["t"][1] == pytest.approx(1.0, abs=0.02)  # the requested rows

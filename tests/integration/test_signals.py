@@ -1,4 +1,4 @@
-"""Signals: whenever Ctrl-C or SIGTERM comes, the exit status is 130 and what remains is whole."""
+"""Signals: whenever Ctrl-C or SIGTERM comes, the exit status is 130 and all files are complete."""
 
 from __future__ import annotations
 
@@ -82,7 +82,7 @@ time.sleep(30.0)
 
 @pytest.fixture(autouse=True)
 def _heard_signals():
-    """Python's own answer to Ctrl-C, also for children, if the shell ignores it, as for jobs in the background."""
+    """Restore Python's own handling of Ctrl-C, also for children: the shell ignores it for background jobs."""
     before = signal.signal(signal.SIGINT, signal.default_int_handler)
     yield
     signal.signal(signal.SIGINT, before)
@@ -90,7 +90,7 @@ def _heard_signals():
 
 @pytest.fixture(scope="module")
 def run_time(tmp_path_factory):
-    """How long COMMAND takes [s]."""
+    """Return how long COMMAND takes [s]."""
     began = time.monotonic()
     subprocess.run([*COMMAND, "--out", str(tmp_path_factory.mktemp("whole") / "o")], check=True, capture_output=True)
     return time.monotonic() - began
@@ -105,7 +105,7 @@ def interrupted(out, after, number):
     finally:
         process.kill()
     if process.returncode == -number or ("Traceback" in err and "in process" not in err):
-        # Before Python has come to our first line.
+        # The signal comes before Python has reached our first line.
         assert not out.exists()
         return
     assert process.returncode in (0, 130), err
@@ -118,7 +118,7 @@ def interrupted(out, after, number):
         assert films <= {"video.mp4"} and (status == "done" or not films)
 
 
-def test_ctrl_c_comes_out_where_it_is_asked_for_or_at_the_end_and_a_second_one_at_once():
+def test_ctrl_c_is_raised_at_a_check_or_at_the_end_and_a_second_one_at_once():
     with pytest.raises(KeyboardInterrupt), deferred_interrupts():
         signal.raise_signal(signal.SIGINT)
         heard = True
@@ -126,7 +126,7 @@ def test_ctrl_c_comes_out_where_it_is_asked_for_or_at_the_end_and_a_second_one_a
     with deferred_interrupts():
         signal.raise_signal(signal.SIGINT)
         with ThreadPoolExecutor(1) as thread:
-            thread.submit(raise_if_interrupted).result()  # the main thread's to answer
+            thread.submit(raise_if_interrupted).result()  # only the main thread raises
         with pytest.raises(KeyboardInterrupt):
             raise_if_interrupted()
         raise_if_interrupted()  # once
@@ -156,7 +156,7 @@ def test_ctrl_c_ends_the_building_of_a_large_lattice_within_two_seconds(tmp_path
     assert process.wait(60) == INTERRUPTED and time.monotonic() - began < 2.0
 
 
-def test_processes_started_for_a_sweep_hear_no_ctrl_c_and_it_is_not_lost_to_their_parent():
+def test_processes_of_a_sweep_ignore_ctrl_c_and_their_parent_receives_it():
     code = "import os, signal; os.kill(os.getpid(), signal.SIGINT); print('alive')"
 
     def start():
@@ -183,7 +183,7 @@ def test_a_second_signal_ends_a_command_at_once_but_two_together_are_one():
 
 
 @pytest.mark.validate
-def test_an_interrupt_while_the_first_picture_is_read_is_one_like_others(tmp_path):
+def test_an_interrupt_while_the_first_picture_is_read_is_handled_like_any_other(tmp_path):
     assert subprocess.run([sys.executable, "-c", FIRST_PICTURE], cwd=tmp_path).returncode == 7
 
 

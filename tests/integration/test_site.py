@@ -1,4 +1,4 @@
-"""The documentation site: formulas without the internet, a page of references, words that a search finds."""
+"""The documentation site: formulas without the internet, reference pages, and a search that finds words."""
 
 from __future__ import annotations
 

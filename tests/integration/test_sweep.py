@@ -1,4 +1,4 @@
-"""Sweeps: a row is what `run` gives for its scene, whatever is computed beside it, before it, or by whom."""
+"""Sweeps: a row is what `run` gives for its scene, independent of other scenes, of the order and of the executor."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ ONE = "scene: exponential_wall\nlattice: {points: 60}\nmaterial: {eta_star: 0.0}
 
 
 def swept(text: Any, out: Path, *settings: str, **options: Any) -> SweepResult:
-    """The sweep `text`, in this process."""
+    """Compute the sweep `text` in this process."""
     return run_sweep(load_sweep(text, settings), out, jobs=1, **options)
 
 
@@ -64,7 +64,7 @@ def small(tmp_path_factory: pytest.TempPathFactory) -> SweepResult:
 
 @pytest.fixture(autouse=True)
 def no_figures(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A figure takes a second; that of `small` is enough."""
+    """Draw no figures, because a figure takes a second and the one of `small` is enough."""
     monkeypatch.setattr("taichi_disk.figures.curves.draw", lambda scene, curves, out: None)
 
 
@@ -97,7 +97,7 @@ def test_a_sweep_leaves_one_row_per_point_and_its_fits_and_figure(small: SweepRe
     summary = json.loads((small.out / "summary.json").read_text())
     assert [curve["eta_star"] for curve in summary["curves"]] == [0, 30]
     assert set(summary["curves"][1]["fits"]) == {"eq5", "eq5_d1_is_1", "eq4"}
-    # The scatter over lattices, as a sample of them tells it.
+    # The scatter over lattices, as a sample of them shows it.
     for curve in summary["curves"]:
         for v, mean, deviation in zip(curve["x"], curve["mean"], curve["standard_deviation"], strict=True):
             at = (curve["eta_star"], v)
@@ -128,7 +128,7 @@ def test_a_row_is_what_running_its_scene_gives_bit_for_bit(text: str, small: Swe
 @pytest.mark.parametrize(
     ("axes", "statuses", "told"),
     [
-        # A small lattice in a short time: only the fast disk is back by then.
+        # In this short time, only the fast disk has left the wall.
         ("impact: {max_time: 30.0}\nsweep: {velocity: [0.003, 0.05]}", ["failed", "done"], "has not left the wall"),
         ("sweep: {dt: [0.02, 0.5]}", ["done", "failed"], "stability limit"),
     ],
@@ -142,7 +142,7 @@ def test_failed_points_are_listed_and_tried_again_and_do_not_stop_the_others(
     assert swept(ONE + axes + "\n", tmp_path / "out").summary["computed_now"] == 1
 
 
-def test_errors_are_estimated_where_that_is_asked_for(small: SweepResult, tmp_path: Path) -> None:
+def test_errors_are_estimated_on_request(small: SweepResult, tmp_path: Path) -> None:
     sweep = SMALL, tmp_path / "out", "sweep.velocity=[0.02, 0.05]", "sweep.seed=[3]"
     shutil.copytree(small.out, tmp_path / "out")
     plain = swept(*sweep)
@@ -232,7 +232,7 @@ def test_another_sweep_in_a_folder_keeps_its_points_and_says_that_its_table_is_r
     said: list[str] = []
     for velocities, before in (("[0.01]", False), ("[0.01]", True), ("[0.01, 0.03]", False)):
         result = swept(ONE + f"sweep: {{velocity: {velocities}}}", tmp_path, say=said.append)
-        assert (tmp_path / "figure.svg").exists() == before  # the picture of another table goes with it
+        assert (tmp_path / "figure.svg").exists() == before  # the figure of another table is removed with the table
         (tmp_path / "figure.svg").touch()
     assert [text for text in said if "table" in text] == [
         f"{tmp_path} held another sweep: its points are kept, its table is replaced"
@@ -250,7 +250,7 @@ def test_another_sweep_into_a_folder_in_use_is_refused_and_a_part_of_the_same_is
     one, other = (ONE + f"sweep: {{velocity: {speeds}}}" for speeds in ("[0.01, 0.02]", "[0.03]"))
     out, refused, beside = tmp_path / "out", list[str](), list[SweepResult]()
     (out / "points").mkdir(parents=True)
-    (out / "points" / ".00000000000000000000.0.lock").touch()  # of a process that was killed
+    (out / "points" / ".00000000000000000000.0.lock").touch()  # left by a killed process
 
     def meanwhile(stage: str, done: float, total: float | None) -> None:
         for part in (None, "1/1"):
@@ -265,7 +265,7 @@ def test_another_sweep_into_a_folder_in_use_is_refused_and_a_part_of_the_same_is
     assert swept(other, out).summary["computed_now"] == 1
 
 
-def test_a_record_counts_for_its_own_point_alone(small: SweepResult, tmp_path: Path) -> None:
+def test_a_stored_result_is_used_only_for_its_own_point(small: SweepResult, tmp_path: Path) -> None:
     shutil.copytree(small.out, tmp_path / "out")
     first, second = points(tmp_path / "out")[4:6]
     shutil.copy(first, second)
@@ -274,7 +274,7 @@ def test_a_record_counts_for_its_own_point_alone(small: SweepResult, tmp_path: P
     assert second.read_bytes() == (small.out / "points" / second.name).read_bytes()
 
 
-def test_a_point_s_scene_is_written_again_where_it_is_missing_or_another(small: SweepResult, tmp_path: Path) -> None:
+def test_the_scene_of_a_point_is_written_again_if_missing_or_different(small: SweepResult, tmp_path: Path) -> None:
     shutil.copytree(small.out, tmp_path / "out")
     scenes = sorted((tmp_path / "out" / "points").glob("*.yaml"))
     expected = {path: path.read_bytes() for path in scenes}
@@ -334,7 +334,7 @@ def test_every_scene_is_in_one_part_and_in_one_task_of_one_lattice() -> None:
     assert all(len({scenes[key].lattice.seed for key in task}) == 1 for task in tasks)
     shares = [executors.part_of(f"{k}/16", scenes) for k in range(1, 17)]
     assert [key for share in shares for key in share] == list(scenes) and {len(share) for share in shares} == {36}
-    # Slow and fast, soft and stiff: a share takes about as long as another.
+    # Each part has slow and fast, soft and stiff scenes, so all parts take about the same time.
     assert all(len({scene.impact.velocity for scene in share.values()}) > 8 for share in shares)
 
 

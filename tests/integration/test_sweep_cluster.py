@@ -1,4 +1,6 @@
-"""Sweeps by several processes, some of them killed: the same bytes as one process, and nothing finished is lost."""
+"""Sweeps by several processes, some of which are killed: the same bytes as with one process, and no finished point is
+lost.
+"""
 
 from __future__ import annotations
 
@@ -35,7 +37,7 @@ def scene(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def expected(tmp_path_factory: pytest.TempPathFactory) -> bytes:
-    """points.csv of one process."""
+    """Return points.csv of a single process."""
     out = run_sweep(load_sweep(SWEEP), tmp_path_factory.mktemp("one") / "out", jobs=1).out
     return (out / "points.csv").read_bytes()
 
@@ -49,7 +51,7 @@ def started(*arguments: object) -> subprocess.Popen[bytes]:
 
 
 def finish(scene: Path, out: Path, *options: str) -> int:
-    """Run the command to its end; how many points it has computed."""
+    """Run the command to its end, and return the number of computed points."""
     done = subprocess.run(command(scene, out, *options), capture_output=True, text=True, check=True)
     if "--part" in options:
         return int(done.stdout.split(" points, ")[1].split()[0])
@@ -73,7 +75,7 @@ def children(process: subprocess.Popen[bytes]) -> list[int]:
 
 
 def workers(process: subprocess.Popen[bytes]) -> list[int]:
-    """Of its children those that compute, not the one that tracks semaphores."""
+    """Return the child processes that compute, without the one that tracks semaphores."""
     return [one for one in children(process) if b"spawn_main" in Path(f"/proc/{one}/cmdline").read_bytes()]
 
 

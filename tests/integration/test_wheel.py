@@ -1,4 +1,4 @@
-"""What `python -m build` makes is whole: installed elsewhere, without the checkout, it does the main job."""
+"""The files of `python -m build` are complete: installed elsewhere, without the checkout, they do the main job."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ pytestmark = pytest.mark.validate
 
 @pytest.fixture(scope="module")
 def built(tmp_path_factory):
-    """The folder with the sdist, and the wheel that was built from it."""
+    """Return the folder with the sdist, and the wheel that was built from it."""
     out = tmp_path_factory.mktemp("dist")
     subprocess.run([sys.executable, "-m", "build", "--outdir", str(out), str(ROOT)], check=True, capture_output=True)
     return out

@@ -1,4 +1,4 @@
-"""Rings, cores and other bodies of unlike points and springs, against closed forms and dense matrices."""
+"""Rings, cores and other bodies of non-uniform points and springs, against closed forms and dense matrices."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from bodies import FALLING, FREE, advance, computed, disk, pressed, shaken, unlike
+from bodies import FALLING, FREE, advance, computed, disk, non_uniform, pressed, shaken
 from numpy.testing import assert_allclose
 from scipy.linalg import eigh
 
@@ -24,7 +24,7 @@ LONG = pytest.mark.validate
 
 
 def test_observables_are_weighted_with_mass(kernels):
-    lattice = unlike(disk(60, height=0.03), 0.2, 3.0)
+    lattice = non_uniform(disk(60, height=0.03), 0.2, 3.0)
     (x, v), m = shaken(lattice, 1, 0.01), lattice.masses
     row = kernels.simulation(replace(lattice, positions=x), pressed(0.02, 0.3), TRAPEZOIDAL, v, 1e-3).first_row
     centre, flight = m @ x, m @ v
@@ -37,7 +37,7 @@ def test_observables_are_weighted_with_mass(kernels):
 
 @pytest.mark.parametrize(("eta", "integrator"), [(0.0, VELOCITY_VERLET), (0.3, TRAPEZOIDAL)])
 def test_a_free_body_of_non_uniform_masses_keeps_its_momentum(eta, integrator, kernels):
-    lattice = unlike(disk(60, height=1.0), 0.2, 3.0)
+    lattice = non_uniform(disk(60, height=1.0), 0.2, 3.0)
     (x, v), m = shaken(lattice, 0, 0.01), lattice.masses
     model = pressed(0.0, eta) if eta else FALLING
     simulation = kernels.simulation(replace(lattice, positions=x), model, integrator, v, 1e-3)
@@ -86,7 +86,7 @@ def test_the_softest_vibration_of_a_composite_has_the_frequency_of_its_matrices(
 
 
 def test_the_step_limit_of_a_non_uniform_body_is_sharp(kernels):
-    lattice, grown = unlike(disk(60, height=1.0), 0.2, 3.0), []
+    lattice, grown = non_uniform(disk(60, height=1.0), 0.2, 3.0), []
     v = 1e-6 * shaken(lattice, 2, 0.0)[1]
     for part in (0.995, 1.005):
         dt = part * 2.0 / spectrum(lattice, FREE).omega
@@ -112,7 +112,7 @@ def test_an_impact_of_a_ring_with_a_core_ends_with_its_energy_accounted_for(kern
 def test_the_compression_of_a_non_uniform_body_counts_from_its_centre_of_mass(kernels):
     # The load, too, acts in proportion to mass: at rest it is borne below that centre.
     settings = ["compression.method=newton", "compression.pressure=0.02"]
-    scenario = load_scene("compression", settings).scenario(unlike(disk(100), 0.2, 3.0))
+    scenario = load_scene("compression", settings).scenario(non_uniform(disk(100), 0.2, 3.0))
     outcome, m = compute(scenario, scenario.scene.time), scenario.lattice.masses
     x = outcome.positions
     sunk = [m @ one[:, 1] - one[:, 1].min() for one in (scenario.lattice.positions, x)]

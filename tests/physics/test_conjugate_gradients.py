@@ -1,10 +1,10 @@
-"""Implicit dashpots solved by iteration, as of a large lattice: the motion and energies that a factor gives."""
+"""Implicit dashpots of a large lattice, solved by iteration: the same motion and energies as with a factor."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
-from bodies import ELASTIC, disk, disk_and_wall, matched, moving_down, pressed, unlike
+from bodies import ELASTIC, disk, disk_and_wall, matched, moving_down, non_uniform, pressed
 from numpy.testing import assert_array_equal
 
 from taichi_disk import runtime
@@ -19,7 +19,7 @@ LONG = pytest.mark.validate
 
 def body(name):
     if name == "rigid":
-        lattice, model = unlike(disk(90, height=0.02)), pressed(0.02, 0.3)
+        lattice, model = non_uniform(disk(90, height=0.02)), pressed(0.02, 0.3)
     else:
         lattice = disk_and_wall(60, 80, height=0.02)
         boundary = {"matched": matched(lattice), "reset": ResetBoundary(1e-2), "pinned": PinnedBoundary()}[name]

@@ -1,4 +1,4 @@
-"""What a free lattice keeps, and small bodies whose motion is known in closed form."""
+"""Conservation laws of a free lattice, and small bodies with a known motion."""
 
 from __future__ import annotations
 
@@ -27,8 +27,8 @@ def angular(mass, x, v):
     ],
 )
 def test_a_free_disk_keeps_its_momentum(eta_star, integrator, axial, kernels):
-    # Every force comes in pairs: linear momentum to rounding, with dashpots too. Central forces make no torque, so
-    # that angular momentum stays as well, also with axial dashpots; vector ones resist rotation.
+    # All forces come in pairs, so linear momentum is conserved to rounding, also with dashpots. Central forces have no
+    # torque, so angular momentum is conserved too, also with axial dashpots; vector dashpots resist rotation.
     lattice = disk(80, height=1.0)  # out of every reach of the wall at y = 0
     m, (x, v) = lattice.masses[0], shaken(lattice, 0, 0.02)
     v += np.array([0.3, -0.2])
@@ -46,14 +46,14 @@ def test_a_free_disk_keeps_its_momentum(eta_star, integrator, axial, kernels):
     change = abs(angular(m, x1, v1) - angular(m, x, v))
     assert change > 1e-6 if eta_star and not axial else change < 1e-12
     assert np.abs(v1 - v).max() > 0.01  # the disk did not just fly
-    # Dashpots brake velocities that jump from point to point within a few steps: the sum over these is good to 1 %.
+    # Dashpots damp velocities that differ from point to point within a few steps; their sum is accurate to 1 %.
     assert np.ptp(columns["total"]) < 0.01 * columns["kinetic"][0]
 
 
 @pytest.mark.parametrize("integrator", [VELOCITY_VERLET, TRAPEZOIDAL])
 def test_dashpots_brake_a_rotation(integrator, kernels):
-    # The dashpot takes the full relative velocity, eq. (3): v_i - v_j = Omega x r_ij. Power eta Omega^2 sum r_ij^2,
-    # torque -eta Omega sum r_ij^2. (A dashpot along the spring would leave a rotation alone.)
+    # The dashpot acts on the full relative velocity, eq. (3): v_i - v_j = Omega x r_ij. Power eta Omega^2 sum r_ij^2,
+    # torque -eta Omega sum r_ij^2. (An axial dashpot does not act on a rotation.)
     lattice, eta, spin, h, steps = disk(60, height=1.0), 0.05, 0.02, 1e-5, 20
     x = lattice.positions - lattice.positions.mean(axis=0)
     v = spin * np.stack([-x[:, 1], x[:, 0]], axis=1)

@@ -1,4 +1,4 @@
-"""Contact with the elastic wall: every point finds the spring below it, and pushes its two ends by the lever rule."""
+"""Contact with the elastic wall: every point finds the spring below it and pushes its two ends by the lever rule."""
 
 from __future__ import annotations
 
@@ -15,22 +15,22 @@ from scipy.optimize import brentq
 from taichi_disk.integrators import VELOCITY_VERLET
 from taichi_disk.physics import Model, ResetBoundary, SmoothElasticWall, Springs
 
-# Next to no springs: what is left is the contact.
+# Almost no springs, so that only the contact acts.
 BARE = Model(Springs(1e-12, 1e-12), ELASTIC, boundary=ResetBoundary(1.0))
 LATTICE = disk_and_wall()
 N = LATTICE.disk_points
 
 
 def forces(kernels, x, model=BARE):
-    """Of the kernels, at rest with the points at `x`."""
+    """Return the kernels' forces at rest with the points at `x`."""
     still = np.zeros_like(x)
     return kernels.simulation(replace(LATTICE, positions=x), model, VELOCITY_VERLET, still, 1e-3).snapshot().vectors[2]
 
 
 @pytest.mark.parametrize("roughness", [0.0, 0.03, 0.06])
 def test_every_point_finds_the_spring_below_it_and_the_lever_rule_balances_force_and_torque(roughness, kernels):
-    # Against every point held to every spring, on a surface so rough that springs stand at 45 degrees; the disk
-    # somewhere along the wall, even beyond its ends.
+    # Compare with a search over all pairs of points and springs. The surface is so rough that springs are inclined by
+    # 45 degrees, and the disk is anywhere along the wall, even beyond its ends.
     plain, touching = reference.Model(LATTICE, BARE), 0
     for seed in range(12):
         rng = np.random.default_rng(seed)
@@ -58,7 +58,7 @@ SMOOTH = SmoothElasticWall(A, V0, 0.1)
 
 
 def smooth_potential(x):
-    """V0 exp(-a l) - V0 exp(-a 0.1) over SciPy's B-spline through the wall's surface, point by point."""
+    """Return V0 exp(-a l) - V0 exp(-a 0.1) above SciPy's B-spline through the wall's surface, point by point."""
     chain = x[LATTICE.wall_surface]
     curve = BSpline(np.arange(len(chain) + 3) - 1.5, chain, 2)  # over its control point k at the parameter k
     energy = 0.0
@@ -95,7 +95,7 @@ def test_the_smooth_contact_pushes_along_the_gradient_of_its_potential_and_keeps
 
 @pytest.mark.validate
 def test_an_impact_that_slides_over_the_smooth_surface_converges_with_order_2(kernels):
-    # A spin leads points from spring to spring: over springs the energy jumps there, and e follows no order.
+    # A spin moves points from spring to spring, where with contact `springs` the energy jumps and e follows no order.
     settings = *WALL, "wall.boundary=pinned", "impact.velocity=0.05", "impact.spin=0.1", "impact.gap=0.08"
     settings += ("time.integrator=velocity_verlet",)
     e = {}

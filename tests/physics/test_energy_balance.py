@@ -1,7 +1,7 @@
-"""The energy balance: kinetic + elastic + wall + load + dissipated + absorbed + sliding stays what it was.
+"""The energy balance: kinetic + elastic + wall + load + dissipated + absorbed + sliding stays constant.
 
-Leapfrog keeps a modified energy, E + h^2 E_2 + ..., so that the imbalance at any instant falls as h^2; after an impact,
-where the state is smooth again, it is far smaller than amid it.
+Leapfrog conserves a modified energy, E + h^2 E_2 + ..., so the imbalance during an impact is proportional to h^2; after
+the impact, when the state is smooth again, it is far smaller.
 """
 
 from __future__ import annotations
@@ -70,11 +70,11 @@ def test_energy_is_accounted_for_at_the_automatic_step(scene, kernels):
         pytest.param("reset", 20.0, VV, marks=LONG),
         pytest.param("reset", 20.0, TRAPEZOIDAL, marks=LONG),
         pytest.param("axial reset", 20.0, VV, marks=LONG),
-        pytest.param("unlike rigid", 20.0, VV, marks=LONG),
-        ("unlike compression", 20.0, TRAPEZOIDAL),
-        pytest.param("unlike matched", 100.0, TRAPEZOIDAL, marks=LONG),
-        pytest.param("unlike reset", 20.0, VV, marks=LONG),
-        pytest.param("unlike reset", 20.0, TRAPEZOIDAL, marks=LONG),
+        pytest.param("non-uniform rigid", 20.0, VV, marks=LONG),
+        ("non-uniform compression", 20.0, TRAPEZOIDAL),
+        pytest.param("non-uniform matched", 100.0, TRAPEZOIDAL, marks=LONG),
+        pytest.param("non-uniform reset", 20.0, VV, marks=LONG),
+        pytest.param("non-uniform reset", 20.0, TRAPEZOIDAL, marks=LONG),
     ],
 )
 def test_the_imbalance_falls_with_the_square_of_the_step(scene, eta_star, integrator, kernels):
@@ -93,7 +93,7 @@ def test_the_imbalance_falls_with_the_square_of_the_step(scene, eta_star, integr
     [("rigid", 1.0, VV), ("rigid", 20.0, TRAPEZOIDAL), pytest.param("matched", 3.0, VV, marks=LONG)],
 )
 def test_the_imbalance_once_nothing_vibrates_falls_with_the_fourth_power(scene, eta_star, integrator, kernels):
-    """E_2 is gone then, and what the dashpots took is summed to the order of what is left."""
+    """E_2 is then 0, and the energy taken by dashpots is summed to the order of the remaining terms."""
     lattice, velocities, model = bouncing(scene, N, eta_star / N, height=0.12)
     closing = []
     for steps in (400, 800):
@@ -103,11 +103,11 @@ def test_the_imbalance_once_nothing_vibrates_falls_with_the_fourth_power(scene, 
     assert abs(closing[1]) < 3e-6 * 0.5 * 0.05**2
 
 
-def test_losses_are_booked_where_they_happen(kernels):
+def test_losses_are_recorded_where_they_occur(kernels):
     # dissipated = int eta sum |v_i - v_j|^2 dt over the springs, absorbed = int sum Z v^2 dt over the boundary, by the
     # trapezoidal rule over every step: both sums are O(h^2) from the integrals.
     lattice, velocities, model = bouncing("matched", N, 20.0 / N)
-    # The boundary is already on the move, or it would take until the wave arrives.
+    # The boundary already moves at the start; otherwise the wave would have to arrive first.
     velocities[lattice.disk_points :] = [0.01, -0.02]
     h, (i, j), powers = 1e-3, lattice.bonds.T, []
     simulation = kernels.simulation(lattice, model, TRAPEZOIDAL, velocities, h)
@@ -121,9 +121,9 @@ def test_losses_are_booked_where_they_happen(kernels):
     assert_allclose([columns["dissipated"][-1], columns["absorbed"][-1]], lost, rtol=1e-4)
 
 
-def test_what_a_point_loses_by_sliding_over_the_bent_wall_is_booked(kernels):
-    # Where the surface is bent, l jumps as a point passes from one spring to the next: at any step the energy changes
-    # by that much, and the imbalance beyond it falls with the square of the step.
+def test_the_energy_that_a_point_loses_by_sliding_over_the_bent_wall_is_recorded(kernels):
+    # On a bent surface l jumps when a point passes from one spring to the next. The energy changes by this amount at
+    # any step; the remaining imbalance falls with the square of the step.
     lattice, velocities, model = bouncing("pinned", N, 0.0)
     velocities[:N] = [0.2, -0.3]
     found = []

@@ -1,4 +1,4 @@
-"""The pressed disk's equilibrium: at rest, stable, and the same as an independent minimiser and a relaxation find."""
+"""The equilibrium of the pressed disk: at rest, stable, and the same as by a minimiser and by relaxation."""
 
 from __future__ import annotations
 
@@ -25,18 +25,18 @@ MODEL = pressed(P, k_b=1e-3)
 
 
 def forces(lattice, model, x):
-    """By the independent implementation."""
+    """Return the forces by the independent implementation."""
     return reference.Model(lattice, model).force(x, np.zeros_like(x))
 
 
 def rest_of(lattice, model, **options):
-    """By Newton's method from the unloaded disk, at the height where the wall bears it as a rigid body."""
+    """Solve by Newton's method from the unloaded disk, at the height at which the wall carries it as a rigid body."""
     start = place_on_wall(lattice, 0.0, model.wall, model.load.force).positions
     return solve_equilibrium(lattice, model, start, **options)
 
 
 def xi(lattice, x):
-    """How much nearer the lowest point has come to the centre of mass."""
+    """Return how much the lowest point has approached the centre of mass."""
     before, after = (p[:, 1].mean() - p[:, 1].min() for p in (lattice.positions, x))
     return before - after
 
@@ -53,13 +53,13 @@ def test_it_comes_to_rest_for_soft_and_hard_walls_and_all_loads(rim, a, pressure
     model = pressed(pressure, k_b=1e-3, wall=ExponentialWall(a, 150.0))
     rest = rest_of(lattice, model)
     x = rest.positions
-    # Rounding of coordinates of 2 R, times the stiffest direction.
+    # Allow rounding errors of coordinates up to 2 R times the largest stiffness.
     stiffest = model.stiffness(lattice, x).diagonal().max()
     assert np.abs(forces(lattice, model, x)).max() < 30 * np.finfo(float).eps * max(stiffest, 1.0)
     bearing = reference.Model(lattice, model).wall_force(x)[:, 1]
     assert bearing.sum() == pytest.approx(pressure, rel=1e-10)
     assert abs(np.sum(bearing * spread(x)[:, 0])) < 1e-9 * pressure  # no torque
-    # The mean stays where it was, however far it has rolled; it would not move again.
+    # The mean stays in place even if the disk rolls far, and another call does not move it again.
     assert x[:, 0].mean() == pytest.approx(lattice.positions[:, 0].mean(), abs=1e-12)
     assert solve_equilibrium(lattice, model, x).iterations == 0
 
@@ -74,7 +74,7 @@ def test_it_is_the_minimum_that_bfgs_finds():
         method="BFGS",
         options={"gtol": 1e-12, "maxiter": 20000},
     ).x.reshape(-1, 2)
-    # BFGS stalls where the energy rounds, eps U = 2e-18: displacements of the soft modes to about 1e-6.
+    # BFGS stalls at rounding errors of the energy, eps U = 2e-18: displacements of soft modes of about 1e-6.
     assert xi(lattice, rest_of(lattice, MODEL).positions) == pytest.approx(xi(lattice, found), rel=1e-5)
 
 
@@ -100,8 +100,8 @@ def test_an_equilibrium_that_is_not_found_is_an_error():
 
 
 def test_a_rigid_disk_lies_with_its_centre_of_mass_as_low_as_it_can():
-    # Height at which a wall exp(-y/L) bears the weight, by bisection, at 500 angles. Points inside the disk weigh less
-    # than exp(-10) here.
+    # Find the height at which a wall exp(-y/L) carries the weight, by bisection, at 500 angles. Points inside the disk
+    # contribute less than exp(-10) here.
     arm, depth = spread(disk(150, 4).positions), 1 / 3000 + 2e-3 / np.pi
 
     def height(angle):
@@ -123,7 +123,7 @@ def test_it_does_not_matter_how_the_lattice_is_turned_when_it_is_put_down():
 
 @pytest.fixture(scope="module")
 def loading():
-    """Scene, scenario and outcome of a loading."""
+    """Return scene, scenario and outcome of a loading."""
     scene = load_scene("compression", ("lattice.points=100", "compression.method=newton"))
     scenario = scene.scenario()
     return scene, scenario, compute(scenario, scene.time)
@@ -206,7 +206,7 @@ def test_the_rest_under_the_full_load_alone_is_bitwise_that_of_the_loading(loadi
     ],
 )
 def test_relaxation_comes_to_newtons_rest(settings, rolls, kernels):
-    """Begun at the angle of Newton's rest, as it is (rolling there takes 10^4 R/c), or at that of the rigid disk."""
+    """It begins at the angle of Newton's equilibrium (rolling there takes 10^4 R/c), or at that of the rigid disk."""
     scene = load_scene("compression", settings)
     scenario = scene.scenario()
     lattice, model = scenario.lattice, scenario.model
@@ -215,16 +215,16 @@ def test_relaxation_comes_to_newtons_rest(settings, rolls, kernels):
         assert abs(scenario.rest.roll - angle) > 0.02
         scenario.lattice = place_on_wall(scene.body(), angle, WALL, 1e-3 * P)
     start = scenario.lattice.positions
-    outcome = compute(scenario, scene.time, kernels=kernels)
+    outcome = compute(scenario, scene.time)
     values, rest = scenario.result(outcome.columns), solve_equilibrium(lattice, model, lattice.positions)
     assert abs(rest.roll) < 1e-6
-    # What is left is the end of the roll.
+    # The remaining difference is the end of the roll.
     assert values["xi"] == pytest.approx(xi(lattice, rest.positions), rel=2e-5)
-    # It starts as the lattice itself, turned and lifted: every spring at rest, a thousandth of the load on the wall.
+    # It starts as the unloaded lattice, turned and lifted: springs at rest, a thousandth of the load on the wall.
     wall_force = reference.Model(lattice, model).wall_force
     assert np.abs(model.springs.strain(lattice, start)).max() < 1e-12
     assert wall_force(start)[:, 1].sum() == pytest.approx(1e-3 * P, rel=1e-9)
-    # At the end nothing pulls on any point any more; the load P/N is the scale.
+    # At the end no point feels a force, compared with the load P/N.
     x, slack = outcome.positions, values["xi_extrapolated"] + 1e-12
     assert np.abs(forces(lattice, model, x)).max() < 1e-3 * P / lattice.disk_points
     assert wall_force(x)[:, 1].sum() == pytest.approx(P, rel=1e-6)
@@ -233,7 +233,7 @@ def test_relaxation_comes_to_newtons_rest(settings, rolls, kernels):
 
 
 def test_a_compression_within_a_tolerance_ends_as_near_to_newtons_rest(kernels):
-    """By itself it is at rest, to its own tolerance, when the last of the roll still changes xi by 3e-7 R."""
+    """Without `time.tolerance` it counts as at rest while the end of the roll still changes xi by 3e-7 R."""
     settings = ["lattice.points=60", "lattice.seed=9162", "wall.a=44", "wall.V0=22", "compression.pressure=4e-3"]
     settings += ["material.k_a=0.76", "material.eta_star=68"]
     loose, early = computed(kernels, "compression", *settings)
@@ -246,7 +246,7 @@ def test_a_compression_within_a_tolerance_ends_as_near_to_newtons_rest(kernels):
     rest = solve_equilibrium(scenario.lattice, scenario.model, scenario.lattice.positions).positions
     assert scenario.result(outcome.columns)["xi"] == pytest.approx(xi(scenario.lattice, rest), abs=1e-7)
     assert scenario.ended(outcome.columns) and not scenario.ended(early.columns)
-    # Once at rest it is asked at every row, not at every end of another quiet time.
+    # Once the disk is at rest, the end is checked at every row, not after another settling time.
     assert 0.0 < outcome.columns["t"][-1] - early.columns["t"][-1] < 0.5 * scenario.quiet_time
     assert re.search(r"xi still differs .* from that of Newton's.*time\.tolerance", scenario.unfinished(early.columns))
 
@@ -263,20 +263,20 @@ def test_xi_is_near_that_of_the_continuum():
 
 @pytest.mark.parametrize("method", ["newton", "relaxation"])
 def test_springs_that_are_strained_without_a_load_rest_before_xi_counts(method, kernels):
-    # Springs 1 % longer than their distances make the body 1 % larger, and nothing else.
+    # Springs 1 % longer than their distances only make the body 1 % larger.
     scene = load_scene("compression", [f"compression.method={method}"])
     disk = disk_lattice(100, 0)
     strained = Lattice.from_points(disk.positions, disk.bonds, 1.01 * disk.rest_lengths)
     found = []
     for lattice in (strained, Lattice.from_points(1.01 * disk.positions)):
         scenario = scene.scenario(lattice)
-        outcome = compute(scenario, scene.time, kernels=kernels, estimate=False)
+        outcome = compute(scenario, scene.time, estimate=False)
         found.append(scenario.result(outcome.columns)["xi"])
     assert found[0] == pytest.approx(found[1], rel=1e-6)
 
 
 def test_xi_keeps_its_sign():
-    # The lowest points of this flat bar go down more than its centre of mass.
+    # The lowest points of this flat bar go down by more than its centre of mass.
     x, y = np.meshgrid(np.linspace(-0.9, 0.9, 14), [0.0, 0.12])
     bar = Lattice.from_points(np.stack([x.ravel(), y.ravel()], axis=1))
     scenario = load_scene("compression", ["compression.method=newton", "compression.pressure=1e-3"]).scenario(bar)

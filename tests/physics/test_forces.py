@@ -1,7 +1,8 @@
-"""The forces of every law: kernels, NumPy and an independent implementation agree, and follow from the energy.
+"""The forces of every law: kernels, NumPy and an independent implementation agree, and the forces follow from the
+energy.
 
-Two implementations differ by rounding. Each force is a sum of some ten terms of its own size, so that 1e-13 of the
-largest force present is allowed. The walls here are so soft that they push many points no harder than the springs do.
+Two implementations differ by rounding. Each force is a sum of some ten terms of similar size, so 1e-13 of the largest
+force is allowed. The walls here are so soft that they push many points about as hard as the springs do.
 """
 
 from __future__ import annotations
@@ -11,7 +12,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import reference
-from bodies import FALLING, FREE, damped, disk, disk_and_wall, matched, pressed, shaken, unlike
+from bodies import FALLING, FREE, damped, disk, disk_and_wall, matched, non_uniform, pressed, shaken
 from numpy.testing import assert_allclose
 
 from taichi_disk.integrators import TRAPEZOIDAL, VELOCITY_VERLET
@@ -34,14 +35,14 @@ CASES = {
         Model(Springs(1.0, 2.0, 0.3), ELASTIC, boundary=matched(BOTH)),
         TRAPEZOIDAL,
     ),
-    "unlike, wall, axial dashpots": (
-        unlike(DISK, 0.2, 3.0),
+    "non-uniform, wall, axial dashpots": (
+        non_uniform(DISK, 0.2, 3.0),
         replace(FALLING, springs=Springs(1.0, 2.0, 0.3, axial=True), wall=SOFT),
         VV,
     ),
-    "unlike, wall, load, dashpots": (unlike(DISK, 0.2, 3.0), pressed(0.02, 0.3, k_b=2.0, wall=SOFT), VV),
-    "unlike, elastic wall, pinned": (
-        unlike(BOTH, 0.2, 3.0),
+    "non-uniform, wall, load, dashpots": (non_uniform(DISK, 0.2, 3.0), pressed(0.02, 0.3, k_b=2.0, wall=SOFT), VV),
+    "non-uniform, elastic wall, pinned": (
+        non_uniform(BOTH, 0.2, 3.0),
         Model(Springs(1.0, 2.0), ELASTIC, boundary=PinnedBoundary()),
         VV,
     ),
@@ -52,7 +53,7 @@ def assert_equal_forces(force, expected):
     assert_allclose(force, expected, rtol=0, atol=1e-13 * np.abs(expected).max())
 
 
-RARE = "unlike, elastic wall, pinned", "unlike, wall, axial dashpots"
+RARE = "non-uniform, elastic wall, pinned", "non-uniform, wall, axial dashpots"
 
 
 @pytest.mark.parametrize("name", [pytest.param(name, marks=(pytest.mark.validate,) * (name in RARE)) for name in CASES])
@@ -65,7 +66,7 @@ def test_kernels_and_numpy_have_the_forces_and_energies_of_plain_numpy(name, ker
             v[lattice.wall_boundary] = 0.0
         simulation = kernels.simulation(replace(lattice, positions=x), model, integrator, v, 1e-3)
         f, wall = simulation.snapshot().vectors[2], plain.wall_force(x)[: lattice.disk_points]
-        # Dashpots that are solved for act at the velocity in the middle of the first step.
+        # Implicit dashpots act at the velocity in the middle of the first step.
         at = v + 0.5 * simulation.dt / lattice.masses[:, None] * f if integrator is TRAPEZOIDAL else v
         force = plain.force(x, at)
         assert_equal_forces(f, force)
@@ -94,7 +95,7 @@ def test_kernels_and_numpy_have_the_forces_and_energies_of_plain_numpy(name, ker
 
 
 @pytest.mark.parametrize(
-    "name", ["wall, load, dashpots solved for", "elastic wall, reset", "unlike, wall, load, dashpots"]
+    "name", ["wall, load, dashpots solved for", "elastic wall, reset", "non-uniform, wall, load, dashpots"]
 )
 def test_the_force_is_minus_the_slope_of_the_reported_energies(name, kernels):
     # Central differences, step d: error d^2 U'''/6 with U''' ~ a^2 F at the wall, 3e-12 F, and rounding eps U/d.
@@ -119,7 +120,9 @@ def test_the_force_is_minus_the_slope_of_the_reported_energies(name, kernels):
                 assert abs(force[i, c] + slope) < 1e-7 * np.abs(force).max()
 
 
-@pytest.mark.parametrize("lattice", [disk(40, height=0.05), unlike(disk(40, height=0.05))], ids=["equal", "unlike"])
+@pytest.mark.parametrize(
+    "lattice", [disk(40, height=0.05), non_uniform(disk(40, height=0.05))], ids=["equal", "non-uniform"]
+)
 def test_the_stiffness_is_minus_the_derivative_of_the_forces(lattice):
     model = pressed(0.02, k_b=40.0)
     plain, x, d = reference.Model(lattice, model), shaken(lattice, 1, 0.02)[0], 3e-7

@@ -22,17 +22,17 @@ from taichi_disk.simulation.observables import INDEX, split
 SMALL = ("lattice.points=60", "material.eta_star=0", "impact.velocity=0.05")
 SLIDING = (*SMALL, "impact.angle=1.2", "wall.friction=0.1")
 STICKING = (*SMALL, "impact.angle=0.3", "wall.friction=0.5", "impact.spin=0.02")
-ROWS = ("time.sample_interval=1e-6",)  # one for each step
+ROWS = ("time.sample_interval=1e-6",)  # a row for each step
 
 
 def impact(kernels, *settings, **options):
-    """(scenario, outcome, results) of a throw at the rigid wall."""
+    """Return scenario, outcome and results of a throw at the rigid wall."""
     scenario, outcome = computed(kernels, "exponential_wall", *settings, estimate=False, **options)
     return scenario, outcome, scenario.result(outcome.columns)
 
 
 def inertia(scenario):
-    """Of the unloaded disk about its centre [M R^2]."""
+    """Return the moment of inertia of the unloaded disk about its centre [M R^2]."""
     x = scenario.lattice.positions
     return np.mean(np.sum((x - x.mean(axis=0)) ** 2, axis=1))
 
@@ -45,9 +45,9 @@ def test_a_disk_that_slides_takes_mu_times_the_normal_impulse(sign, kernels):
 
 @pytest.mark.parametrize("throw", [SLIDING, STICKING], ids=["slides", "sticks"])
 def test_spin_and_sideways_velocity_change_by_just_what_the_wall_does(throw, kernels):
-    # The wall's forces by Newton's third law from the motion alone: springs add up to none and make no torque, so that
-    # the sum of m a is the wall's force, and its torque about the centre changes the angular momentum. (It starts so
-    # far away that the half force of the first step counts for nothing.)
+    # Compute the wall's force from the motion alone: spring forces cancel and have no torque, so the sum of m a is the
+    # wall's force, and its torque about the centre changes the angular momentum. (The start is so far away that the
+    # half force of the first step is negligible.)
     scenario, outcome, found = impact(kernels, *throw, *ROWS, "impact.gap=0.11")
     columns, h = outcome.columns, outcome.summary["dt"]
     wall, torque, push = scenario.model.wall, 0.0, 0.0
@@ -60,17 +60,19 @@ def test_spin_and_sideways_velocity_change_by_just_what_the_wall_does(throw, ker
         torque += h * np.sum(arm[:, 0] * normal - arm[:, 1] * tangential)
         push += h * tangential.sum()
     change = columns["angular_momentum"][-1] - columns["angular_momentum"][0]
-    # A point that begins or ceases to stick within a step takes what stops it there, which NumPy cannot know.
+    # NumPy cannot know the force on a point that begins or ceases to stick within a step.
     allowed = 1e-12 if throw is SLIDING else 2e-3 * abs(change)
     assert change == pytest.approx(torque, abs=allowed)
     assert found["tangential_impulse"] == pytest.approx(push, abs=allowed) and abs(push) > 1e-3
     assert found["spin_after"] - scenario.scene.impact.spin == pytest.approx(change / inertia(scenario), rel=1e-9)
 
 
-@pytest.mark.parametrize("alike", [True, pytest.param(False, marks=pytest.mark.validate)], ids=["", "unlike masses"])
+@pytest.mark.parametrize(
+    "alike", [True, pytest.param(False, marks=pytest.mark.validate)], ids=["", "non-uniform masses"]
+)
 def test_every_point_obeys_coulomb_at_every_step(alike, kernels):
-    # Of a point that the wall pushes, what is left of its force beside springs and normal push is friction: mu times
-    # the push against the velocity to come, or less where that is 0.
+    # The force on a pushed point minus springs and normal force is friction: mu times the normal force against the next
+    # velocity, or less if that velocity is 0.
     body, mu, h, slid, stuck = Lattice.disk(60), 0.5, 0.01, 0, 0
     if not alike:
         masses = np.random.default_rng(2).uniform(0.5, 2.0, 60)
@@ -100,7 +102,7 @@ def test_a_throw_and_its_mirror_image_are_mirror_images(kernels):
     runs = []
     for one, lattice in ((scene, body), (other, mirrored)):
         scenario = one.scenario(lattice)
-        runs.append(compute(scenario, one.time, kernels=kernels, estimate=False))
+        runs.append(compute(scenario, one.time, estimate=False))
     assert_array_equal(runs[0].positions * [-1.0, 1.0], runs[1].positions)
     assert runs[0].columns["com_vx"][-1] != 0.0
 
@@ -146,7 +148,7 @@ def test_sliding_is_of_order_2_against_dop853(kernels):
 
 
 def test_a_run_with_e_above_1_says_which_energy_became_flight(kernels):
-    throw = (*SMALL, "lattice.points=150")  # whose rim is not quite round the centre of mass
+    throw = (*SMALL, "lattice.points=150")  # the rim is not exactly centred at the centre of mass
     scenario, outcome, found = impact(kernels, *throw, "impact.spin=0.3")
     assert found["restitution"] > 1.01
     (text,) = outcome.summary["warnings"]
@@ -161,8 +163,8 @@ THROWS = [(angle, mu, spin) for angle in (0.2, 0.6, 1.0, 1.3) for mu in (0.1, 0.
 
 @pytest.mark.parametrize("throws", [THROWS[2:11:4], pytest.param(THROWS, marks=pytest.mark.validate)], ids=["3", "all"])
 def test_where_points_stick_errors_fall_as_the_square_of_the_step_on_average(throws, kernels):
-    # Against a step of 1/64 of the first, 0.016 R/c. When a point begins to stick is known to a step, so that the
-    # errors of a single throw fall in jumps. Of all 24 throws their geometric mean falls with the power 1.85.
+    # Compared with 1/64 of the first step, 0.016 R/c. The time when a point begins to stick is known to within a step,
+    # so errors of a single throw fall in jumps. The geometric mean over 24 throws falls with the power 1.85.
     scene, end, errors, imbalance = load_scene("exponential_wall", ["lattice.points=150"]), 12.8, [], []
     for angle, mu, spin in throws:
         keys = {"impact.angle": angle, "impact.spin": spin, "wall.friction": mu, "material.eta_star": 0}
@@ -172,7 +174,7 @@ def test_where_points_stick_errors_fall_as_the_square_of_the_step_on_average(thr
             columns = advance(kernels.simulation(*start, end / count), count, count // 200)
             found.append([columns[name][-1] for name in ("com_vx", "com_vy", "angular_momentum")])
             imbalance.append(np.ptp(columns["total"]) / columns["kinetic"][0])
-            assert (np.diff(columns["friction"]) > -1e-12).all()  # friction gives nothing
+            assert (np.diff(columns["friction"]) > -1e-12).all()  # friction returns no energy
         errors.append(np.abs(np.array(found[:-1]) - found[-1]).max(axis=1))
     means = np.exp(np.log(errors).mean(axis=0))
     assert 1.6 < 0.5 * np.log2(means[0] / means[2]) < 2.4
@@ -192,7 +194,7 @@ def test_a_slow_throw_is_that_of_a_rigid_disk(seed, kernels):
     assert found["tangential_impulse"] == pytest.approx(sticking, rel=0.03)
     assert found["spin_after"] == pytest.approx(sticking / inertia(scenario), rel=0.03)
     assert found["tangential_restitution"] == pytest.approx(0.0, abs=0.02)
-    # What slides throughout: spin mu J_n R/I, the rest by itself.
+    # A disk that slides throughout has the spin mu J_n R/I.
     _, _, found = impact(kernels, *slow, "impact.angle=1.2", "wall.friction=0.1")
     normal = 2.0 * 0.005 * np.cos(1.2)
     assert found["tangential_impulse"] == pytest.approx(-0.1 * normal, rel=1e-3)
@@ -200,7 +202,7 @@ def test_a_slow_throw_is_that_of_a_rigid_disk(seed, kernels):
 
 
 def test_a_disk_that_spins_fast_enough_leaves_the_other_way(kernels):
-    # Backspin: the lowest point runs to the right, friction to the left, until the disk goes back.
+    # Backspin: the lowest point moves to the right and friction acts to the left, until the disk goes back.
     _, outcome, found = impact(kernels, *SMALL, "impact.angle=0.3", "impact.spin=0.2", "wall.friction=0.5")
     assert outcome.columns["com_vx"][0] > 0.0 > outcome.columns["com_vx"][-1]
     assert found["spin_after"] < 0.2
@@ -228,7 +230,7 @@ def test_a_disk_flying_sideways_meets_the_middle_of_an_elastic_wall(angle, kerne
     columns, found = outcome.columns, scenario.result(outcome.columns)
     first = int(np.argmax(columns["wall_force"] > 0.01 * columns["wall_force"].max()))
     assert abs(columns["com_x"][first]) < 0.11 and abs(columns["com_x"][0]) > 1.2
-    # It is level and has no friction: what pushes sideways is its dent.
+    # The wall is level and has no friction, so only its dent pushes sideways.
     assert 0.0 < abs(found["tangential_impulse"]) < 0.02 * found["normal_impulse"]
     assert found["normal_impulse"] == pytest.approx((1.0 + found["restitution"]) * 0.02 * np.cos(0.9), rel=1e-12)
     assert abs(outcome.summary["energy"]["closing_imbalance"]) < 1e-4
@@ -243,7 +245,7 @@ def test_on_an_elastic_wall_a_disk_may_start_anywhere(kernels):
 
 @pytest.mark.validate
 def test_the_stiffer_an_elastic_wall_the_nearer_it_is_to_the_rigid_one(kernels):
-    # Kernels, contact and lattice are others; what is left falls as 1/k_a.
+    # Kernels, contact and lattice differ; the difference of the results falls as 1/k_a.
     thrown = (
         "lattice.points=60",
         "material.eta_star=0",

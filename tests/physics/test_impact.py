@@ -1,4 +1,4 @@
-"""Impacts as scenes: restitution and contact time against an independent solver, how they start and how they end."""
+"""Impacts as scenes: start, end, and restitution and contact time compared with an independent solver."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ TURNING = ("lattice.points=5", "lattice.seed=2", "impact.turn=0.51")  # a corner
 
 
 def reference_impact(scenario, end):
-    """DOP853 on the same lattice: e at `end`, and the contact time with the wall's force looked at 4000 times."""
+    """Return e at `end` and the contact time by DOP853 on the same lattice, with 4000 samples of the wall's force."""
     model, t = reference.Model(scenario.lattice, scenario.model), np.linspace(0.0, end, 4001)
     states = model.solve(scenario.lattice.positions, scenario.velocities, t, rtol=1e-10)
     force = np.array([model.wall_force(x)[:, 1].sum() for x, _ in states])
@@ -46,19 +46,19 @@ def test_restitution_and_contact_time_equal_those_of_dop853(eta_star, velocity, 
     values, end = scenario.result(outcome.columns), outcome.columns["t"][-1]
     end += 8.0 / (scenario.model.wall.a * velocity)  # until the wall's last potential is energy of the flight
     e, duration = reference_impact(scenario, end)
-    # The error that 1099 points have at the automatic step is below 2e-5, and estimated to be.
+    # The error of 1099 points at the automatic step is below 2e-5, and so is its estimate.
     off = abs(values["restitution"] - e)
     assert off < 2e-5 and off <= 1.5 * outcome.summary["error_estimate"]["restitution"] < 5e-5
-    # The reference's times stand on a grid of 1/4000 of the whole.
+    # The times of the reference have a resolution of 1/4000 of the run.
     assert values["contact_time"] == pytest.approx(duration, abs=2 * end / 4000)
     assert values["restitution"] == pytest.approx(outcome.columns["com_vy"][-1] / velocity, abs=1e-5)
 
 
 def test_a_viscosity_is_that_of_the_body_and_eta_star_that_of_a_point(kernels):
     def thrown(points, **keys):
-        """e of three lattices."""
+        """Return e of three lattices."""
         scenes = (load_scene("exponential_wall").with_(points=points, seed=seed, **keys) for seed in range(3))
-        runs = [compute(scene.scenario(), scene.time, kernels=kernels, estimate=False) for scene in scenes]
+        runs = [compute(scene.scenario(), scene.time, estimate=False) for scene in scenes]
         return np.array([run.columns["com_vy"][-1] for run in runs]) / 0.02
 
     eta = {"viscosity": 10.0 / 1099}
@@ -77,7 +77,7 @@ def reset_impact(kernels, points, *settings):
 
 @pytest.mark.validate
 @pytest.mark.parametrize("points", [30, 60])
-def test_an_automatic_step_resolves_what_resets_stir_up_beside_dashpots(points, kernels):
+def test_an_automatic_step_resolves_the_vibrations_excited_by_resets_with_dashpots(points, kernels):
     for eta_star, integrator in ((10.0, VELOCITY_VERLET), (100.0, TRAPEZOIDAL)):
         own = (f"material.eta_star={eta_star}", f"time.integrator={integrator.name}")
         scenario, outcome, found = reset_impact(kernels, points, *own)
@@ -86,9 +86,9 @@ def test_an_automatic_step_resolves_what_resets_stir_up_beside_dashpots(points, 
             end = outcome.columns["t"][-1]
             _, v = model.solve_with_resets(start, scenario.velocities, end, 0.02, rtol=1e-8)
             e = v[:points, 1].mean() / scenario.velocity
-            # The energy balance, with the kicks that a reset cuts in half, asks for no shorter step.
+            # The energy balance, with kicks that a reset cuts in half, does not require a shorter step.
             assert outcome.summary["attempts"] == 1
-        else:  # by the other integrator, with a step that is a tenth of what strong dashpots let it take
+        else:  # compare with the other integrator at a tenth of the step that strong dashpots allow
             explicit = (own[0], "time.integrator=velocity_verlet", "time.dt=1e-4")
             e = reset_impact(kernels, points, *explicit)[2]
         assert abs(found - e) < 3e-5
@@ -109,24 +109,25 @@ def test_custom_velocities_give_the_run_of_a_scene_with_their_speed(kernels):
     fast = load_scene("exponential_wall", ["lattice.points=40", "impact.velocity=0.5"])
     scene = fast.scenario()
     own = fast.with_(velocity=0.01).scenario(velocities=scene.velocities.copy())
-    columns = [compute(one, fast.time, kernels=kernels, estimate=False).columns for one in (own, scene)]
+    columns = [compute(one, fast.time, estimate=False).columns for one in (own, scene)]
     assert own.result(columns[0]) == scene.result(columns[1])
     assert_array_equal(columns[0]["wall_force"], columns[1]["wall_force"])
 
 
 def test_a_spinning_custom_body_bounces_as_in_dop853(kernels):
-    # A hexagonal lattice, cut as a disk; two springs of it are too long for their place, so that it starts strained.
+    # A round piece of a hexagonal lattice; two springs are too long for their place, so it starts strained.
     i, j = np.meshgrid(np.arange(-4, 5), np.arange(-4, 5), indexing="ij")
     points = 0.3 * np.stack([i + 0.5 * j, np.sqrt(0.75) * j], axis=-1).reshape(-1, 2)
     plain = Lattice.from_points(points[np.hypot(*points.T) < 1.0])
     rest = plain.rest_lengths.copy()
     rest[[3, 20]] *= 1.02
     settings = ["material.eta_star=0", "impact.velocity=0.05", "impact.spin=0.05", "impact.turn=0.3"]
-    # It vibrates from the start, in its highest modes too: 3 % of the limit, where a phase is off by 1e-4 in a turn.
+    # It vibrates from the start, also in its highest modes, so the step is 3 % of the limit: phase error 1e-4 per
+    # period.
     scene = load_scene("exponential_wall", [*settings, "time.safety=0.03"])
     scenario = scene.scenario(Lattice.from_points(plain.positions, plain.bonds, rest))
     assert np.ptp(scenario.lattice.rest_lengths) > 0.005
-    columns = compute(scenario, scene.time, kernels=kernels, estimate=False).columns
+    columns = compute(scenario, scene.time, estimate=False).columns
     e, _ = reference_impact(scenario, columns["t"][-1])
     assert scenario.result(columns)["restitution"] == pytest.approx(e, abs=1e-5)
     assert np.ptp(columns["angular_momentum"]) > 1e-4
@@ -140,7 +141,7 @@ def test_a_spinning_custom_body_bounces_as_in_dop853(kernels):
     ],
 )
 def test_the_disk_starts_out_of_the_walls_reach(name, settings):
-    # The wall's potential at the start is below 1e-7 of the kinetic energy, and no more than needed: the way is short.
+    # The wall's potential at the start is below 1e-7 of the kinetic energy, but not far below: the way is short.
     scenario = load_scene(name, settings).scenario()
     x, v, wall, n = scenario.lattice.positions, scenario.velocities, scenario.model.wall, scenario.lattice.disk_points
     kinetic = 0.5 * scenario.lattice.masses[0] * np.sum(v**2)
@@ -164,7 +165,7 @@ def test_the_disk_starts_out_of_the_walls_reach(name, settings):
     ],
 )
 def test_when_it_ends_the_disk_has_left_for_good(name, settings, kernels):
-    # (Without dashpots the disk vibrates on, which is the hard case.)
+    # (Without dashpots the disk goes on vibrating, which is the hard case.)
     assert_has_left(kernels, name, *settings)
 
 
@@ -182,7 +183,7 @@ def test_a_body_that_turns_faster_than_it_rises_ends_no_sooner_than_its_corners_
 
 
 def test_when_it_ends_a_rod_that_bends_has_left_for_good(tmp_path, kernels):
-    # Its end bends seven times as far down as the rim of a disk of the same energy.
+    # Its end bends down seven times as far as the rim of a disk with the same energy.
     rod = np.stack(np.meshgrid(np.linspace(-1.5, 1.5, 31), np.linspace(-0.15, 0.15, 4)), axis=-1)
     np.savetxt(tmp_path / "rod.csv", rod.reshape(-1, 2), delimiter=",")
     settings = (f"lattice.file={tmp_path / 'rod.csv'}", "impact.turn=0.2", "material.eta_star=0")
@@ -190,18 +191,19 @@ def test_when_it_ends_a_rod_that_bends_has_left_for_good(tmp_path, kernels):
 
 
 def test_a_flight_along_the_rigid_wall_changes_nothing(kernels):
-    # The wall's force depends on y alone. (Kinetic energy is rounded more coarsely, and the step follows its balance.)
+    # The wall's force depends only on y. (The kinetic energy is rounded more coarsely, and the step follows its
+    # balance.)
     scene = load_scene("exponential_wall", ["lattice.points=60"])
     ends = []
     for along in (0.0, 0.2):
         scenario = scene.scenario(velocities=scene.scenario().velocities + [along, 0.0])
-        columns = compute(scenario, scene.time, kernels=kernels, estimate=False).columns
+        columns = compute(scenario, scene.time, estimate=False).columns
         ends.append((columns["t"][-1], columns["com_vy"][-1]))
     assert ends[1] == pytest.approx(ends[0], rel=1e-6)
 
 
 def assert_has_left(kernels, name, *settings):
-    """Run on for as long again: the wall never touches the disk again, which flies on as fast as `run` says it will."""
+    """Run on for as long again, and check that the disk never touches the wall and flies as fast as `run` says."""
     scenario, outcome = computed(kernels, name, *settings)
     columns, steps, integrator = outcome.columns, outcome.summary["steps"], INTEGRATORS[outcome.summary["integrator"]]
     end = replace(scenario.lattice, positions=outcome.positions)
@@ -236,8 +238,8 @@ def test_on_a_hard_wall_contact_lasts_as_long_as_hertz_says(kernels):
 
 
 @pytest.mark.validate
-def test_the_contact_time_does_not_hang_on_the_rows_where_a_hard_wall_rattles(kernels):
-    # Against a row for every step; rows 0.05 R/c apart miss the first and the last of the pushes.
+def test_the_contact_time_on_a_hard_wall_does_not_depend_on_the_rows(kernels):
+    # Compare with a row for every step; rows at intervals of 0.05 R/c miss the first and the last push.
     hard = ("lattice.points=300", "wall.a=12000", "wall.V0=6000", "material.eta_star=0", "impact.velocity=0.05")
     found = {}
     for rows in ("auto", "1e-6"):
@@ -251,14 +253,14 @@ def test_the_contact_time_does_not_hang_on_the_rows_where_a_hard_wall_rattles(ke
 
 
 def test_a_contact_lasts_while_the_force_exceeds_a_hundredth_of_its_peak():
-    # F = exp(-|t - t_0|/tau) is 0.01 of its peak at t_0 -+ tau ln 100, and log-linear interpolation is exact on it.
+    # F = exp(-|t - t_0|/tau) is 0.01 of its peak at t_0 -+ tau ln 100, where log-linear interpolation is exact.
     t = np.linspace(0.0, 30.0, 1001)
     tau, t0 = 1.7, t[500]
     found = contact_interval(t, 3.0 * np.exp(-np.abs(t - t0) / tau), t - t0)
     assert found == pytest.approx((t0 - tau * np.log(100.0), t0 + tau * np.log(100.0)), abs=1e-9)
-    # Two touches: from the first to the last.
+    # For two contacts, the time from the first to the last.
     found = contact_interval(t, np.exp(-((t - 8.0) ** 2)) + 0.5 * np.exp(-((t - 20.0) ** 2)), t - t0)
     assert found == pytest.approx((8.0 - np.sqrt(np.log(100.0)), 20.0 + np.sqrt(np.log(50.0))), abs=1e-3)
-    # A hit that no row has seen lies between the rows before and after it.
+    # A contact without any row lies between the rows before and after it.
     t, v = np.arange(5.0), np.array([-1.0, -1.0, -1.0, 0.9, 0.9])
     assert contact_interval(t, np.zeros(5), v) == (2.0, 3.0)

@@ -1,4 +1,4 @@
-"""The mouse's pull on a point: against DOP853, at every strength of the dashpots, and in the energy balance."""
+"""The mouse's pull on a point: compared with DOP853, with dashpots of every strength, and in the energy balance."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import reference
-from bodies import FALLING, disk, moving_down, unlike
+from bodies import FALLING, disk, moving_down, non_uniform
 from numpy.testing import assert_array_equal
 
 from taichi_disk.integrators import TAKAHASHI_IMADA, TRAPEZOIDAL, VELOCITY_VERLET
@@ -15,7 +15,7 @@ from taichi_disk.physics import Model, MouseSpring, Springs
 from taichi_disk.simulation.observables import INDEX
 
 MOUSE, POINT, LONG = MouseSpring(0.2, 0.02), 7, pytest.mark.validate
-# Beyond strongest/k = 0.1 R from its target the pull stays what it is: (point pulled, target beside it), 24 steps each.
+# Farther than strongest/k = 0.1 R from its target the pull is constant. (pulled point, offset of the target), 24 steps.
 LED = ((POINT, (0.05, 0.02)), (POINT, (0.3, 0.1)), (-1, (0.0, 0.0)))
 
 
@@ -38,7 +38,7 @@ class Pulled(reference.Model):
         *(pytest.param(*one, 0.02, marks=LONG) for one in ((0.0, TAKAHASHI_IMADA), (1.0, TRAPEZOIDAL))),
     ],
 )
-@pytest.mark.parametrize("body", [lambda one: one, pytest.param(unlike, marks=LONG)], ids=["equal", "unlike"])
+@pytest.mark.parametrize("body", [lambda one: one, pytest.param(non_uniform, marks=LONG)], ids=["equal", "non-uniform"])
 def test_a_pulled_point_moves_as_the_exact_solution_and_its_energy_is_accounted_for(body, eta, integrator, dt, kernels):
     lattice = body(disk(60, height=0.5))
     model = Model(Springs(1.0, 1.0, eta), FALLING.wall, mouse=MOUSE)
@@ -56,7 +56,7 @@ def test_a_pulled_point_moves_as_the_exact_solution_and_its_energy_is_accounted_
         errors.append(np.abs(simulation.positions() - y[0]).max())
         row = simulation.now
         energy = sum(row[INDEX[name]] for name in ("kinetic", "elastic", "wall", "load", "dissipated"))
-    least = 0.8 * 2**2  # of order 4 as well: the pull jumps
+    least = 0.8 * 2**2  # also for order 4, because the pull jumps
     assert errors[0] > least * errors[1] > least**2 * errors[2]
     assert errors[-1] < 2e-3 * np.abs(y[0] - x).max()
     assert energy == pytest.approx(given, rel=2e-3)

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import reference
-from bodies import ELASTIC, FREE, RIGID, computed, disk, disk_and_wall, unlike
+from bodies import ELASTIC, FREE, RIGID, computed, disk, disk_and_wall, non_uniform
 from scipy.integrate import solve_ivp
 
 from taichi_disk.computation.stability import explicit_limit, impact_point_force, spectrum, step_limit
@@ -17,7 +17,7 @@ from taichi_disk.physics import ExponentialWall, Model, Springs
 
 
 def oscillator(integrator, angle):
-    """Half the trace of one step of x'' = -x by h = `angle`: cos of the phase it turns by, at most 1 while stable."""
+    """Return half the trace of a step of x'' = -x by h = `angle`: cos of its phase, within -1..1 if stable."""
     step = np.eye(2)
     for kick, move in zip(integrator.kicks, (*integrator.moves, 0.0), strict=True):
         force = angle * (1.0 - integrator.correction * angle**2)
@@ -37,7 +37,7 @@ def test_an_oscillator_is_stable_up_to_the_stated_limit_and_its_phase_has_the_st
 
 
 def jacobian(model, x):
-    """-df/dx (2n, 2n) by central differences of the reference's forces."""
+    """Return -df/dx (2n, 2n) by central differences of the reference's forces."""
     d, still, columns = 1e-7, np.zeros_like(x), []
     for k in range(x.size):
         step = d * np.eye(1, x.size, k).reshape(x.shape)
@@ -45,23 +45,25 @@ def jacobian(model, x):
     return np.array(columns).T
 
 
-@pytest.mark.parametrize("lattice", [disk(40), unlike(disk(40), 0.2, 3.0)], ids=["equal", "unlike"])
+@pytest.mark.parametrize("lattice", [disk(40), non_uniform(disk(40), 0.2, 3.0)], ids=["equal", "non-uniform"])
 def test_highest_frequency_and_damping_rate_are_those_of_the_matrices(lattice):
     model, m = Model(Springs(1.0, 1.0, 0.3)), lattice.masses[:, None]
     modes, plain = spectrum(lattice, model), reference.Model(lattice, model)
     omega2 = np.linalg.eigvals(jacobian(plain, lattice.positions) / np.repeat(m, 2, axis=0)).real.max()
     assert modes.omega**2 == pytest.approx(omega2, rel=1e-6)
-    # The dashpots' matrix, column by column: force of a unit velocity.
+    # Find the dashpots' matrix column by column as the force at a unit velocity.
     unit = np.eye(40)[:, :, None] * [1.0, 0.0]
     matrix = np.array([-plain.force(lattice.positions, v)[:, 0] for v in unit])
     assert modes.damping * 0.3 == pytest.approx(np.linalg.eigvals(matrix / m).real.max(), rel=1e-9)
 
 
-@pytest.mark.parametrize("body", [lambda one: one, lambda one: unlike(one, 0.2, 3.0)], ids=["equal", "unlike"])
+@pytest.mark.parametrize(
+    "body", [lambda one: one, lambda one: non_uniform(one, 0.2, 3.0)], ids=["equal", "non-uniform"]
+)
 @pytest.mark.parametrize("wall", [RIGID, ELASTIC], ids=["rigid", "elastic"])
 def test_the_walls_stiffness_is_bounded_by_the_force_on_a_point(wall, body):
-    # omega^2 <= omega_lattice^2 + a F/m beside a rigid wall (twice that against an elastic one), F the largest force
-    # on one point: exact for the undeformed lattice, whose springs carry nothing.
+    # omega^2 <= omega_lattice^2 + a F/m on a rigid wall (2 a F/m on an elastic one), where F is the largest force on
+    # one point. This is exact for the undeformed lattice, whose springs carry no force.
     for height in (0.02, 0.03, 0.05):
         lattice = body(disk(30, height=height) if wall is RIGID else disk_and_wall(30, 45, height=height))
         model = replace(FREE, wall=wall)
@@ -74,7 +76,7 @@ def test_the_walls_stiffness_is_bounded_by_the_force_on_a_point(wall, body):
 
 
 def swings(omega, rate, h):
-    """Largest |x| in 4000 steps of x'' = -omega^2 x - rate x' with the dashpot's velocity predicted."""
+    """Return the largest |x| in 4000 steps of x'' = -omega^2 x - rate x' with a predicted dashpot velocity."""
     x, v, a, most = 1.0, 0.5 * h * omega**2, -(omega**2), 0.0
     for _ in range(4000):
         u = v + 1.5 * h * a  # predicted for the end of the step
@@ -98,7 +100,7 @@ def test_the_explicit_limit_holds_for_every_mode_and_is_sharp_at_its_ends():
         assert max(swings(30.0, r, 1.05 * limit) for r in (0.0, 0.5 * damping, damping)) > 1e6
 
 
-@pytest.mark.parametrize("body", [disk(60), unlike(disk(60), 0.2, 3.0)], ids=["equal", "unlike"])
+@pytest.mark.parametrize("body", [disk(60), non_uniform(disk(60), 0.2, 3.0)], ids=["equal", "non-uniform"])
 def test_a_hard_wall_is_expected_to_stop_the_heaviest_point_by_itself(body):
     a, speed, mass = 1e4, 0.3, body.masses.max()
 
@@ -110,16 +112,16 @@ def test_a_hard_wall_is_expected_to_stop_the_heaviest_point_by_itself(body):
     assert flight.y[1, -1] == pytest.approx(speed, rel=1e-6)  # it has come back
     largest = (0.5 * a * np.exp(-a * flight.y[0])).max()
     foreseen = impact_point_force(body, Model(Springs(), ExponentialWall(a, 0.5)), speed)
-    assert foreseen == pytest.approx(largest, rel=1e-2)  # more than the share of the disk's whole contact force
+    assert foreseen == pytest.approx(largest, rel=1e-2)  # more than this point's part of the whole contact force
 
 
 @pytest.mark.validate
 @pytest.mark.parametrize(("a", "speed"), [(100.0, 0.02), (3000.0, 0.1)])
-def test_the_force_on_a_point_is_foreseen_as_well_as_the_margin_of_the_step_asks(a, speed, kernels):
+def test_the_force_on_a_point_is_estimated_as_well_as_the_step_margin_requires(a, speed, kernels):
     settings = ("lattice.points=300", "time.safety=0.5", f"wall.a={a}", f"impact.velocity={speed}")
     scenario, outcome = computed(kernels, "exponential_wall", *settings, estimate=False)
     integrator = INTEGRATORS[outcome.summary["integrator"]]
-    # The wall's stiffness a F makes up at most all of omega^2, and the step goes as its root.
+    # The wall's stiffness a F contributes at most all of omega^2, and the step depends on its root.
     peak, modes = outcome.largest_force, spectrum(scenario.lattice, scenario.model)
     assert 0.4 < peak / scenario.point_force < (LIMIT_MARGIN / 0.8) ** 2
     assert outcome.summary["dt_limit"] == step_limit(modes, scenario.model, integrator, peak)

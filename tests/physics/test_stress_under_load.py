@@ -1,4 +1,4 @@
-"""The stress of a disk at rest under its load: what it transmits, and the pressure of its contact after Hertz."""
+"""The stress of a disk at rest under its load: what it transmits, and Hertz's pressure in its contact."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from taichi_disk.statics.equilibrium import place_on_wall, resting_angle, solve_
 
 
 def pressed(points, seed, a, pressure):
-    """(lattice, model, positions) of a disk at rest."""
+    """Return lattice, model and positions of a disk at rest."""
     disk, wall = disk_lattice(points, seed), ExponentialWall(a, 150.0)
     model = Model(Springs(1.0, 1e-3), wall, Load(pressure))
     start = place_on_wall(disk, resting_angle(disk, 1.0, a, pressure), wall, pressure).positions
@@ -33,7 +33,7 @@ def test_each_level_carries_the_load_of_what_is_above_it(height):
 
 @pytest.mark.validate
 def test_the_contact_is_as_wide_as_hertz_says():
-    """Half width b = sqrt(4 P R/(pi E)) of p = 2P/(pi b) sqrt(1 - x^2/b^2), whose second moment is P b^2/4."""
+    """The half width is b = sqrt(4 P R/(pi E)) of p = 2P/(pi b) sqrt(1 - x^2/b^2), whose second moment is P b^2/4."""
     load = 0.03
     disk, model, x = pressed(17_600, 0, 30_000.0, load)
     young = bulk_moduli(17_600, 0, 1.0, 0.7).young
@@ -43,7 +43,7 @@ def test_the_contact_is_as_wide_as_hertz_says():
     middle = np.average(place, weights=push)
     assert push.sum() == pytest.approx(load, rel=1e-9)
     assert 2.0 * np.sqrt(np.average((place - middle) ** 2, weights=push)) == pytest.approx(b, rel=0.03)
-    # The stress just inside: of the springs of 17,600 random points it scatters by some per cent.
+    # The stress just inside the contact scatters by some per cent among the springs of 17,600 random points.
     inner = np.hypot(x[:, 0] - middle, x[:, 1] - x[:, 1].min()) < 0.5 * b
     tiles = Triangles(disk)
     near = inner[disk.triangles].all(axis=1)
@@ -55,7 +55,7 @@ def test_the_contact_is_as_wide_as_hertz_says():
 
 
 def _hertz(x, z):
-    """Vertical pressure over its peak at (x, z) half widths, from the line loads of the ellipse (Flamant)."""
+    """Return the vertical pressure over its peak at (x, z) half widths, by the line loads of the ellipse (Flamant)."""
     s = np.linspace(-1.0, 1.0, 4001)
     load = np.sqrt(1.0 - s**2)
     d = x[:, None] - s

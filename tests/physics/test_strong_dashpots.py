@@ -1,4 +1,4 @@
-"""Dashpots so strong that a step is long beside their own time, where points move against each other from the start."""
+"""Dashpots so strong that a step is longer than their relaxation time, in bodies that vibrate from the start."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def test_a_disk_that_spins_beside_strong_dashpots_meets_its_estimate(points, eta
     ("mass", "stretch"), [(0.5, 0.1), pytest.param(0.5, 0.0, marks=LONG), pytest.param(0.1, 0.1, marks=LONG)]
 )
 def test_the_balance_of_a_free_disk_with_dashpots_is_exact_at_any_step_for_linear_springs(mass, stretch, kernels):
-    # What leapfrog keeps is E - h^2/(8 m) f.F; at rest at the end nothing of that is left.
+    # Leapfrog conserves E - h^2/(8 m) f.F, whose second term is 0 when the body is at rest in the end.
     rod, masses = chain([[-0.5, 0.0], [0.5, 0.0]], [[0, 1]], 0.5), np.array([mass, 1.0 - mass])
     rod = replace(rod, masses=masses, rest_lengths=np.array([1.0 - stretch]))
     velocities = np.array([[0.05, 0.0], [-0.05, 0.0]]) / masses[:, None]  # along the spring: its force is linear
@@ -54,7 +54,7 @@ def test_dashpots_brake_a_spin_in_flight_with_a_warning_and_axial_ones_do_not(ke
     force, spin = axial.columns["wall_force"], axial.columns["angular_momentum"]
     before = force < 1e-6 * force.max()
     before[int(force.argmax()) :] = False
-    # Round to where the wall's torque begins.
+    # The disk flies until the wall's torque begins.
     assert np.ptp(spin[before]) < 1e-6 * abs(spin[0]) and before.sum() > 10
     assert axial.summary["integrator"] == "velocity_verlet"
     with pytest.raises(InputError, match=r"time\.integrator: trapezoidal .* axial"):

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import reference
-from bodies import ELASTIC, FALLING, disk, disk_and_wall, matched, moving_down, pressed, unlike
+from bodies import ELASTIC, FALLING, disk, disk_and_wall, matched, moving_down, non_uniform, pressed
 from numpy.testing import assert_allclose, assert_array_equal
 
 from taichi_disk import runtime
@@ -41,7 +41,7 @@ def test_subdomains_share_no_point_and_hold_every_spring_once(monkeypatch):
 
 
 def body(name):
-    """Lattice, model, integrator and velocities of a disk in contact that is stretched by some per cent."""
+    """Return lattice, model, integrator and velocities of a disk in contact, stretched by some per cent."""
     integrator = TRAPEZOIDAL if "trapezoidal" in name else VEFRL if "four" in name else VELOCITY_VERLET
     integrator = TAKAHASHI_IMADA if "corrected" in name else integrator
     if name.startswith("rigid"):
@@ -50,20 +50,20 @@ def body(name):
         lattice = disk_and_wall(500, 500)
         boundary = ResetBoundary(1e-2) if "reset" in name else matched(lattice)
         model = Model(Springs(1.0, 2.0, 0.02), ELASTIC, boundary=boundary)
-    lattice = unlike(lattice) if "unlike" in name else lattice
+    lattice = non_uniform(lattice) if "non-uniform" in name else lattice
     rng, shape = np.random.default_rng(0), lattice.positions.shape
     v = moving_down(lattice, 0.05) + 0.01 * rng.standard_normal(shape)
     return replace(lattice, positions=lattice.positions + 2e-3 * rng.uniform(-1, 1, shape)), model, integrator, v, 2e-3
 
 
 def steps(simulation):
-    """Rows of the first 105 steps, and a hash of all that is known after them."""
+    """Return the rows of the first 105 steps, and a hash of the whole state after them."""
     rows, state = simulation.advance(105, 21)[0], simulation.snapshot()
     return rows, hashlib.sha256(state.vectors.tobytes() + state.sums.tobytes() + rows.tobytes()).hexdigest()
 
 
 def both(name):
-    """In one piece, and in subdomains."""
+    """Return the simulations in one piece and in subdomains."""
     serial = Simulation(*body(name))
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(ordering, "PARALLEL_FROM", 1)
@@ -73,7 +73,7 @@ def both(name):
 
 
 def elsewhere(name, threads):
-    """The hashes of both in a process with so many threads."""
+    """Return the hashes of both in another process with this number of threads."""
     code = (
         "import sys; sys.path[:0] = ['tests', 'tests/physics']; from taichi_disk import runtime; "
         f"runtime.start(threads={threads}); "
@@ -91,7 +91,7 @@ def elsewhere(name, threads):
         "rigid wall, four forces",
         "rigid wall, corrected forces",
         "rigid wall, dashpots, trapezoidal",
-        "rigid wall, dashpots, unlike",
+        "rigid wall, dashpots, non-uniform",
         "elastic wall, reset",
         "elastic wall, matched, trapezoidal",
     ],
@@ -106,19 +106,19 @@ def test_subdomains_on_any_number_of_cores_move_as_one_core_without_them_does(na
     force = reference.Model(lattice, model).force(lattice.positions, w)
     assert_allclose(f, force, rtol=0, atol=(1e-11 if solved else 1e-13) * np.abs(force).max())
     (rows, _), (own, bits) = found = steps(serial), steps(cut)
-    # Only the order of additions differs; what rounding leaves grows with the steps.
+    # Only the order of additions differs, so rounding differences grow with the steps.
     assert_allclose(cut.positions(), serial.positions(), rtol=0, atol=1e-11)
     assert_allclose(cut.velocities(), serial.velocities(), rtol=0, atol=1e-11)
     assert (np.abs(own - rows) <= 1e-10 * np.maximum(np.abs(rows).max(axis=0), 1e-3)).all()
     assert cut.peak_point_force() == pytest.approx(serial.peak_point_force(), rel=1e-9, abs=1e-12)
-    # A saved state goes on with the same bits, in however many launches; one thread gives those of all cores.
+    # A saved state continues bitwise in any number of launches, and one thread gives the same bits as all cores.
     before = cut.snapshot()
     expected = cut.advance(20, 10)[0]
     cut.restore(before)
     pieces = np.concatenate([cut.advance(few, 10)[0] for few in (7, 3, 6, 4)])
     assert_array_equal(pieces, expected)
     assert [hashed for _, hashed in found] == elsewhere(name, 1)
-    # So does one that begins anew.
+    # So does a simulation that starts again.
     assert cut.restart(cut.lattice, *body(name)[1:]) and steps(cut)[1] == bits
     for simulation in (serial, cut):
         simulation.destroy()

@@ -1,4 +1,4 @@
-"""Where the energy of an impact goes: translation, rotation and vibration, and what each normal mode holds of it."""
+"""Where the energy of an impact goes: translation, rotation, vibration, and the normal modes."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from bodies import FREE, SMALL, WALL, disk, unlike
+from bodies import FREE, SMALL, WALL, disk, non_uniform
 from scipy.special import jn_zeros
 
 from taichi_disk import Lattice, load_scene, run
@@ -17,7 +17,7 @@ from taichi_disk.statics.modes import modes
 
 @pytest.fixture(scope="module")
 def thrown():
-    """An impact without dashpots of a disk that spins a little."""
+    """Return an impact without dashpots of a disk that spins a little."""
     return run(load_scene("exponential_wall", SMALL).with_(eta_star=0, velocity=0.05, spin=0.005), lattices=1)
 
 
@@ -27,12 +27,12 @@ def test_the_parts_of_the_kinetic_energy_are_those_of_the_states(thrown):
     for t, x, v in zip(*thrown.trajectory(times), strict=True):
         row, m = int(np.abs(series["t"] - t).argmin()), lattice.masses
         r, w = x - m @ x, v - m @ v
-        spin = (m @ (r[:, 0] * w[:, 1] - r[:, 1] * w[:, 0])) / (m @ (r * r).sum(axis=1))  # with the inertia of now
+        spin = (m @ (r[:, 0] * w[:, 1] - r[:, 1] * w[:, 0])) / (m @ (r * r).sum(axis=1))  # with the present inertia
         rotation = spin * np.stack([-r[:, 1], r[:, 0]], axis=1)
         found = [series[name][row] for name in ("translation", "rotation", "vibration")]
         true = [0.5 * float(m @ (one * one).sum(axis=1)) for one in (v - w, rotation, w - rotation)]
         assert found[0] == pytest.approx(true[0], rel=1e-9) and sum(found) == pytest.approx(sum(true), rel=1e-12)
-        # A disk pressed flat has an inertia other than the unloaded one.
+        # The inertia of a flattened disk differs from the unloaded one.
         assert found[1:] == pytest.approx(true[1:], abs=0.02 * true[1])
 
 
@@ -66,7 +66,7 @@ def test_energy_of_the_elastic_wall_is_none_of_the_disk_s_modes():
     assert 0.0 < found.energies.sum() + found.rest + found.anharmonic < 0.9 * both
 
 
-@pytest.mark.parametrize("body", [disk(60), unlike(disk(60))], ids=["like", "unlike"])
+@pytest.mark.parametrize("body", [disk(60), non_uniform(disk(60))], ids=["like", "non-uniform"])
 def test_a_state_is_made_of_the_modes_that_it_was_made_from(body):
     springs, small = Springs(), 1e-6
     all_modes = modes(body, springs, body.positions, np.zeros((60, 2)), 117)

@@ -1,4 +1,4 @@
-"""`taichi_disk.accuracy`: what is changed, what is measured, what is concluded."""
+"""`taichi_disk.accuracy`: the changes of the scene, the measurements and the conclusions."""
 
 from __future__ import annotations
 
@@ -10,11 +10,10 @@ import pytest
 
 from taichi_disk.accuracy import steps
 from taichi_disk.accuracy.steps import StepError, StepStudy
-from taichi_disk.accuracy.study import POINTS, SAMPLE, WALL, Change, Findings, changes, measured
+from taichi_disk.accuracy.study import POINTS, SAMPLE, WALL, Change, Findings, changes, with_result
 from taichi_disk.computation.outcome import compute
 from taichi_disk.computation.stability import spectrum
 from taichi_disk.scenes import load_scene
-from taichi_disk.simulation.simulation import KernelCache
 
 STEP = StepError("velocity_verlet", True, 0.8, 0.01, 100, 0.1, 3.0, 1e-6, 1e-6, 0.0, 0.0)
 
@@ -26,7 +25,7 @@ def test_finer_lattices_are_of_the_same_material(kind: str) -> None:
     assert [one.refinement for one in finer] == [4, 16, 64]
     changed = scene.with_(finer[0].keys)
     assert changed.lattice.points == 240
-    # eta of a spring and mass of the whole stay, so does the shape of a wall, and the drag of its boundary.
+    # The eta of a spring, the total mass, the shape of a wall and the drag of its boundary stay the same.
     before, after = scene.scenario(), changed.scenario()
     if kind == "absorbing_wall":
         drags = [
@@ -61,27 +60,29 @@ def test_no_lattice_is_tried_that_takes_hours_or_whose_points_come_from_a_file(t
     assert {one.source for one in changes(own)} == {WALL}
 
 
-def test_a_change_without_a_result_says_why(kernels: KernelCache) -> None:
+@pytest.mark.usefixtures("kernels")
+def test_a_change_without_a_result_says_why() -> None:
     scene = load_scene("exponential_wall", ["lattice.points=60", "impact.max_time=9.0"])
-    one = measured(scene, 0.9, Change(WALL, "a", {"impact.max_time": 0.1}), kernels)
+    one = with_result(scene, 0.9, Change(WALL, "a", {"impact.max_time": 0.1}))
     assert math.isnan(one.difference) and "has not left the wall" in one.remark
-    one = measured(scene, 0.9, Change(WALL, "a", {"wall.a": -1.0}), kernels)
+    one = with_result(scene, 0.9, Change(WALL, "a", {"wall.a": -1.0}))
     assert math.isnan(one.result) and "wall.a" in one.remark
 
 
-def study_of(kernels: KernelCache, scene: str, *settings: str) -> StepStudy:
+def study_of(scene: str, *settings: str) -> StepStudy:
     loaded = load_scene(scene, settings)
     scenario = loaded.scenario()
     modes = spectrum(scenario.lattice, scenario.model)
-    return StepStudy(scenario, modes, compute(scenario, loaded.time, kernels=kernels, modes=modes, estimate=False))
+    return StepStudy(scenario, modes, compute(scenario, loaded.time, modes=modes, estimate=False))
 
 
 @pytest.mark.validate
-def test_errors_fall_with_the_square_of_the_step(kernels: KernelCache, monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.usefixtures("kernels")
+def test_errors_fall_with_the_square_of_the_step(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(steps, "FRACTIONS", (0.4, 0.2, 0.1))
     monkeypatch.setattr(steps, "REPEATS", 1)
-    study = study_of(kernels, "exponential_wall", "lattice.points=30", "material.eta_star=20")
-    found = study.measure(kernels, lambda number: None)
+    study = study_of("exponential_wall", "lattice.points=30", "material.eta_star=20")
+    found = study.measure(lambda number: None)
     assert sum(one.is_default for one in found) == 1
     for integrator in ("velocity_verlet", "trapezoidal"):
         curve = [one for one in found if one.integrator == integrator and not one.is_default]
@@ -91,8 +92,9 @@ def test_errors_fall_with_the_square_of_the_step(kernels: KernelCache, monkeypat
         assert off[-1] < 1e-3 and [one.steps * one.dt for one in curve] == pytest.approx(len(curve) * [study.end])
 
 
-def test_steps_fit_the_resets_of_a_boundary(kernels: KernelCache) -> None:
-    study = study_of(kernels, "absorbing_wall", "lattice.points=30", "wall.points=36", "wall.width=3.0")
+@pytest.mark.usefixtures("kernels")
+def test_steps_fit_the_resets_of_a_boundary() -> None:
+    study = study_of("absorbing_wall", "lattice.points=30", "wall.points=36", "wall.width=3.0")
     resets = study.end / study.scenario.model.reset_interval
     assert resets == pytest.approx(round(resets), rel=1e-12)
     assert all(number % round(resets) == 0 for _, number in study.runs)

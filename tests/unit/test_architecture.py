@@ -1,4 +1,4 @@
-"""The house: imports go one way, rooms stay small."""
+"""The structure of the code: imports go in one direction, and files and folders stay small."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ def test_imports_go_one_way():
 
 
 def test_no_imports_go_in_a_circle():
-    # From file to file, those within functions and for types alone included.
+    # Imports between files, including those within functions and for types only.
     files = (ROOT / "taichi_disk").rglob("*.py")
     names = {".".join(path.relative_to(ROOT).with_suffix("").parts).removesuffix(".__init__"): path for path in files}
     graph = {}
@@ -39,7 +39,8 @@ def test_files_and_the_top_folder_stay_small():
 
 
 def test_every_package_is_in_an_installation():
-    # An editable one has them all, whatever the list says. (The scenes' files are a package without a folder.)
+    # An editable installation has all packages, even if the list misses some. (The scene files are a package without a
+    # folder.)
     folders = {path.parent.relative_to(ROOT) for path in (ROOT / "taichi_disk").rglob("__init__.py")}
     listed = (ROOT / "pyproject.toml").read_text().split("\npackages = [")[1].split("]")[0]
     names = set(re.findall(r"[\w.]+", listed))

@@ -1,4 +1,4 @@
-"""A blow-up is found within one launch of steps and told with time, place, likely cause and remedy."""
+"""A blow-up is detected within one launch of steps, and reported with time, place, likely cause and remedy."""
 
 from __future__ import annotations
 
@@ -23,13 +23,13 @@ ON_WALL = Model(Springs(), ELASTIC)
         ({"kinetic": [1.0, 1.05, 1.2]}, 2),
         ({"kinetic": [1.0, np.nan]}, 1),
         ({"kinetic": [1.0, 1.0, np.inf]}, 2),
-        # What sliding takes or gives is no reason to believe the rest.
+        # A balance that closes only because of a huge sliding energy is not valid.
         ({"kinetic": [1.0, 0.95, 0.8], "sliding": [0.0, 0.05, 0.2]}, 2),
-        # A tenth of the largest energy so far.
+        # The limit is a tenth of the largest energy so far.
         ({"kinetic": [1.0, 0.0, 0.0], "elastic": [0.0, 1.0, 0.06], "absorbed": [0.0, 0.0, 0.9]}, None),
     ],
 )
-def test_a_lost_balance_is_seen_in_the_first_row_that_shows_it(energies, lost):
+def test_a_lost_balance_is_detected_in_its_first_row(energies, lost):
     rows = np.zeros((len(energies["kinetic"]), len(INDEX)))
     for name, values in energies.items():
         rows[:, INDEX[name]] = values
@@ -50,7 +50,7 @@ def test_a_blow_up_at_a_forced_step_is_reported_with_the_last_good_state(kernels
     assert message.endswith("the step is beyond the stability limit: set time.dt: auto")
     lattice, springs = driver.scenario.lattice, driver.scenario.model.springs
     assert int(found[2]) == np.abs(springs.strain(lattice, good["positions"])).argmax()
-    # Up to there little is wrong: the disk falls at its speed. All rows until then are known.
+    # Before the blow-up the disk falls at its speed, and all rows until then are available.
     assert np.isfinite(good["positions"]).all()
     assert good["velocities"][:, 1].mean() == pytest.approx(-0.02, abs=1e-4)
     assert 0.0 <= good["t"] - driver.columns["t"][-1] <= driver.stride * 0.2
@@ -60,11 +60,11 @@ def test_a_blow_up_at_a_forced_step_is_reported_with_the_last_good_state(kernels
 def test_a_number_that_is_not_finite_is_reported_after_the_launch(dt, kernels, monkeypatch):
     monkeypatch.setattr("taichi_disk.computation.driver.SPRINGS_PER_LAUNCH", 20_000)
     driver = driver_of(kernels, *SMALL, "impact.gap=0.13", f"time.dt={dt}")
-    driver.advance(steps=60 if dt == "auto" else 500)  # amid the impact
+    driver.advance(steps=60 if dt == "auto" else 500)  # to the middle of the impact
     snapshot = driver.simulation.snapshot()
     snapshot.vectors[1, 5, 1] = np.nan
     driver.simulation.restore(snapshot)
-    if dt == "auto":  # a shorter step, from the start: nothing is wrong then
+    if dt == "auto":  # the run begins again with a shorter step, and succeeds
         assert driver.advance() == "restarted"
         while driver.advance() == "restarted":
             pass
@@ -77,7 +77,7 @@ def test_a_number_that_is_not_finite_is_reported_after_the_launch(dt, kernels, m
         assert all(np.isfinite(values).all() for values in good.values())
 
 
-def test_a_disk_in_the_wall_is_seen():
+def test_a_disk_in_the_wall_is_detected():
     lattice = disk_and_wall()
 
     def found(y, model=ON_WALL):
@@ -87,7 +87,7 @@ def test_a_disk_in_the_wall_is_seen():
 
     assert found(-0.05) and not found(0.0) and not found(0.5)
     assert not found(-1.0, Model(Springs(), RIGID))
-    # In a potential too weak to keep a point of this energy out, this depth is allowed.
+    # This depth is allowed if the potential is too weak to stop a point of this energy.
     assert not found(-0.05, Model(Springs(), ElasticWall(1.0, 1e-5, 0.1)))
 
 

@@ -1,5 +1,5 @@
 # ruff: noqa: E501 (messages stand as they are read)
-"""What a user reads when a scene cannot be used: place, key, range, nearest name; every fault at once."""
+"""Messages about a scene that cannot be used: place, key, range, nearest name, and all faults at once."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def path(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def faults(path: Path, text: str | bytes, *overrides: str) -> list[str]:
-    """The faults of a scene file, one string each, without the file's name."""
+    """Return the faults of a scene file, one string each, without the file's name."""
     path.write_bytes(text if isinstance(text, bytes) else text.encode())
     with pytest.raises(InputError) as refusal:
         load_scene(path, overrides)
@@ -40,7 +40,7 @@ def faults(path: Path, text: str | bytes, *overrides: str) -> list[str]:
 @pytest.mark.parametrize(
     ("text", "expected"),
     [
-        # The nearest name is sought in the section, and elsewhere only where exactly this key exists.
+        # The nearest name is searched in the section, and in other sections only if they have exactly this key.
         ("lattice:\n  pionts: 9\n", "3:3: lattice.pionts: unknown key; did you mean points?"),
         ("wall:\n  v0: 3\n", "3:3: wall.v0: unknown key; did you mean V0?"),
         ("velocity: 0.1\n", "2:1: velocity: unknown key; did you mean impact.velocity?"),
@@ -62,7 +62,7 @@ def faults(path: Path, text: str | bytes, *overrides: str) -> list[str]:
         ("lattice: {file: 3}\n", "2:17: lattice.file: must be none or the name of a file, not 3 (.csv or .npz file with custom points instead of random ones; relative to the scene file)"),
         ("material:\n  k_a: .nan\n", "3:8: " + K_A.format(".nan")),
         ("material:\n  k_a:\n", "3:7: " + K_A.format("nothing")),
-        # A bound that is shown is one that is kept: 1e-308 is above 0, and no gap.
+        # The bounds in the message are the bounds that are checked: 1e-308 is above 0, but is not a valid gap.
         ("time: {safety: 1e-308}\n", "2:16: time.safety: must be a number from 1e-6 to 1, not 1e-308 (fraction of the largest stable step)"),
         ("time: {dt: 0}\n", "2:12: time.dt: must be auto or a number from 1e-9 to 1000 [R/c], not 0 (time step; auto: safety times the largest stable step)"),
         ("impact:\n", "2:8: impact: an empty section: give it a key, or leave it out"),
@@ -71,7 +71,6 @@ def faults(path: Path, text: str | bytes, *overrides: str) -> list[str]:
         ("video: {? [a] : 3}\n", "2:11: video: a key must be a name, not a list"),
         ('"\\ud800": 3\n', '2:1: a key must be a name, not the text "\\ud800"'),
         ("video: {fps: !!python/object/apply:os.abort []}\n", "2:14: video.fps: a list cannot be read as python/object/apply:os.abort"),
-        (f"video: {{fps: {'9' * 5000}}}\n", f"2:14: video.fps: {'9' * 37}... cannot be read as int"),
         ("lattice: {hole: 1.2}\n", "2:17: lattice.hole: must be a number from 0 to 0.95 [R], not 1.2 (radius of a concentric hole; 0: none)"),
         ("lattice: {hole: 0.94}\n", "2:17: lattice.hole: must be at most 0.932 with 1099 points, not 0.94, because there must be at least 6 springs round its edge and 3 from there to the rim: change the radius or increase lattice.points"),
         ("lattice:\n  core_radius: 0.3\n  hole: 0.4\n", "3:16: lattice.core_radius: must be at least 0.455 with 1099 points and a hole of 0.4 R, not 0.3, because there must be at least 6 springs round its edge and 1 from there to the rim: change the radius or increase lattice.points"),
@@ -117,12 +116,14 @@ MISSING = f"scene: missing: write scene: {KINDS}"
     ("text", "expected"),
     [
         ("scene: exponental_wall\n", [f"1:8: scene: must be {KINDS}, not exponental_wall; did you mean exponential_wall?"]),
-        # The rest is judged as the scene that was meant, or as the one that it fits best.
+        # The rest is judged as the scene that was meant, if one is near.
         ("scene: absorbing\nwall: {pints: 1}\n", [f"1:8: scene: must be {KINDS}, not absorbing; did you mean absorbing_wall?", "2:8: wall.pints: unknown key; did you mean points?"]),
-        ("wall: {points: 1}\n", [MISSING, "1:16: wall.points: must be a whole number from 4 to 2000000, not 1 (number of mass points of the wall)"]),
+        ("wall: {points: 1}\n", [MISSING]),
     ],
 )  # fmt: skip
-def test_without_a_valid_kind_of_scene_the_rest_is_checked_too(path: Path, text: str, expected: list[str]) -> None:
+def test_the_rest_is_checked_too_for_the_kind_of_scene_that_was_probably_meant(
+    path: Path, text: str, expected: list[str]
+) -> None:
     assert faults(path, text) == expected
 
 
@@ -135,13 +136,14 @@ def test_without_a_valid_kind_of_scene_the_rest_is_checked_too(path: Path, text:
         (b"scene: compression\n# \0", "2:3: the character 0x0 is not allowed in YAML: remove it"),
         (b"scene: compression\n# \xfcber\n", "2: not UTF-8 text (byte 0xfc): save it as UTF-8"),
         (b"lattice:\n\tpoints: 3\n", "2:1: not readable as YAML: found character '\\t' that cannot start any token (YAML allows no tabs for indentation: use spaces)"),
-        (b"wall: &x {a: *x}\n", "1:14: not readable as YAML: aliases (*) are not supported: write the value out"),
+        (b"wall: &x {a: *x}\n", OUT_OF_RANGE),
         (b"scene: compression\n---\nscene: compression\n", "2:1: not readable as YAML: but found another"),
         (b'scene: "\\UFFFFFFFF"\n', OUT_OF_RANGE),
         (b"a: " + b"[" * 5000, OUT_OF_RANGE),
+        (b"a: " + b"9" * 5000, OUT_OF_RANGE),
     ],
 )  # fmt: skip
-def test_what_is_no_scene_at_all_is_one_clear_line(path: Path, text: bytes, expected: str) -> None:
+def test_a_text_that_is_no_scene_gives_one_clear_line(path: Path, text: bytes, expected: str) -> None:
     (fault,) = faults(path, text)
     assert fault.startswith(expected)
 
@@ -155,6 +157,11 @@ def test_numbers_are_read_as_yaml_1_2_has_them(path: Path, text: str, value: flo
     path.write_bytes(b"\xef\xbb\xbfscene: compression\r\nmaterial:\r\n  k_a: " + text.encode())  # as Windows writes it
     assert load_scene(path).material.k_a == value
     assert load_scene("compression", [f"material.k_a={text}"]).material.k_a == value
+
+
+def test_a_value_that_is_written_once_can_be_used_again() -> None:
+    scene = load_scene("scene: compression\nmaterial: {k_a: &stiff 2.0, k_b: *stiff}\n")
+    assert scene.material.k_a == scene.material.k_b == 2.0
 
 
 def test_the_last_override_of_a_key_wins() -> None:
@@ -183,7 +190,7 @@ def test_a_faulty_override_is_quoted(path: Path, override: str, expected: str) -
     assert fault.startswith(f"--set {override.encode('ascii', 'backslashreplace').decode()}: {expected}")
 
 
-def test_a_missing_file_is_met_with_the_nearest_name(tmp_path: Path) -> None:
+def test_a_missing_file_is_answered_with_the_nearest_name(tmp_path: Path) -> None:
     shipped = "The shipped scenes are absorbing_wall, compression, exponential_wall, figure2, figure3, figure6, oblique_impact"
     for source, told in (
         (tmp_path / "scenes" / "exponental_wall.yaml", rf"no such file; did you mean exponential_wall\? {shipped}$"),
@@ -205,7 +212,7 @@ def test_a_path_that_cannot_be_read_is_refused(tmp_path: Path) -> None:
 
 def test_a_file_in_the_way_has_precedence_over_a_shipped_scene(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
-    (tmp_path / "compression").mkdir()  # as left by a run
+    (tmp_path / "compression").mkdir()  # such a folder is the output of a run
     assert load_scene("compression") == SCENES["compression"]()
     (tmp_path / "exponential_wall").write_text("scene: exponential_wall\nlattice: {points: 7}\n")
     assert load_scene("exponential_wall").lattice.points == 7

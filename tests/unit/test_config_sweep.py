@@ -1,5 +1,5 @@
 # ruff: noqa: E501 (messages stand as they are read)
-"""Sweep sections: what they stand for, and what a user reads when they cannot be used."""
+"""Sweep sections: which scenes they define, and the messages about faulty sections."""
 
 from __future__ import annotations
 
@@ -111,7 +111,7 @@ def test_a_wall_is_random_where_the_disk_comes_from_a_file() -> None:
 
 
 def test_values_that_disagree_only_together_are_reported_with_the_combination() -> None:
-    # At 0.065 R the fast disk may start, the slow one not.
+    # The fast disk may start at 0.065 R, but the slow one may not.
     assert faults("sweep: {gap: [0.2, 0.065], velocity: [0.05, 0.01]}")[-1].endswith("(at gap: 0.065, velocity: 0.01)")
 
 

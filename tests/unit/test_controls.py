@@ -29,7 +29,7 @@ def test_every_key_is_explained_and_reaches_what_it_names(controls: Controls) ->
     assert set(explained) == set(controls.actions) >= {*REPEATED} - {"i", "u"} and len(explained) == len({*explained})
     for key in ("a", "Up", "e", "t", "c", "f", "n"):
         controls.press(key)
-    assert sandbox.scene.wall.a == 300.0 and controls.number == 1  # the next scene has its own numbers
+    assert sandbox.scene.wall.a == 300.0 and controls.number == 1  # the next scene has its own values
     assert sandbox.scene.impact.velocity == 0.05 and sandbox.scene.video.theme == "dark"  # type: ignore[union-attr]
     assert sandbox.speed == 1.12
     for _ in range(60):
@@ -42,17 +42,17 @@ def test_every_key_is_explained_and_reaches_what_it_names(controls: Controls) ->
     assert sandbox.scene.wall.a == 3000.0
     controls.press("k")
     assert sandbox.scene.lattice.points == 180
-    controls.press("F1")  # a key that means nothing
+    controls.press("F1")  # a key without a meaning
 
 
 @pytest.mark.validate
 def test_the_keys_for_points_keep_the_viscosity_of_the_body(controls: Controls) -> None:
     sandbox = controls.sandbox
-    eta = sandbox.segment.scenario.model.springs.eta
+    eta = sandbox.time.segment.scenario.model.springs.eta
     assert controls.dashpot_key == "material.eta_star"
     for key in ("k", "j", "j"):
         controls.press(key)
-        assert sandbox.segment.scenario.model.springs.eta == eta == 10.0 / 120
+        assert sandbox.time.segment.scenario.model.springs.eta == eta == 10.0 / 120
     assert sandbox.scene.lattice.points != 120 and controls.dashpot_key == "material.viscosity"
     controls.press("e")
     assert sandbox.scene.material.viscosity == pytest.approx(1.12 * eta, rel=1e-2)

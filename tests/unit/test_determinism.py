@@ -1,4 +1,4 @@
-"""The same scene gives the same bits: again, after other scenes, from a saved state."""
+"""The same scene gives the same bits: when repeated, after other scenes, and from a saved state."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def test_replayed_moments_are_those_of_the_run_whatever_the_kernels_do_meanwhile
     _, outcome = computed(kernels, *IMPACT)
     columns = outcome.columns
     rows = np.array([0, 3, 3, len(columns["t"]) // 2, len(columns["t"]) - 1])
-    times = columns["t"][rows] - 0.4 * outcome.summary["dt"]  # the nearest steps are taken
+    times = columns["t"][rows] - 0.4 * outcome.summary["dt"]  # `replay` uses the nearest steps
     for row, (t, x, v) in zip(rows, outcome.replay(times), strict=True):
         computed(kernels, *IMPACT, "lattice.points=50")  # with the same kernels
         assert t == pytest.approx(columns["t"][row], rel=1e-12)
@@ -54,7 +54,7 @@ def test_a_simulation_goes_on_from_a_saved_state_with_the_same_bits(kernels):
     simulation.restore(state)
     assert simulation.step_number == 300
     assert_array_equal(simulation.advance(200, 50)[0], expected)
-    # What is observed after the last step does not depend on which rows were asked for.
+    # The observables after the last step do not depend on which rows were requested.
     simulation.restore(state)
     simulation.advance(57, 50)
     last = simulation.now

@@ -1,4 +1,4 @@
-"""The doctor tries a run in earnest without falling ill itself, and names the remedy where it fails."""
+"""The doctor tries a real run in another process, survives its crash, and names the remedy."""
 
 from __future__ import annotations
 

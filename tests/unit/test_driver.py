@@ -1,4 +1,4 @@
-"""The loop over time: launches, the end of a scene, retries, reasons to give up, and what is told of a run."""
+"""The loop over time: launches, the end of a scene, restarts, failures, and messages about a run."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def test_the_steps_are_those_reported_and_launches_leave_no_trace(name, kernels,
     assert state.step == driver.stride * (len(columns["t"]) - 1)
     summary = computed(kernels, *SCENES[name], estimate=False)[1].summary
     assert (summary["steps"], summary["dt"], summary["attempts"]) == (state.step, driver.step.dt, 1)
-    # Launches of a few steps come to the same end, bit for bit.
+    # Launches of a few steps give bitwise the same end.
     monkeypatch.setattr("taichi_disk.computation.driver.SPRINGS_PER_LAUNCH", 20_000)
     short = driver_of(kernels, *SCENES[name])
     assert short.advance(steps=11) == "running" and short.simulation.step_number == 11
@@ -40,7 +40,7 @@ def test_the_steps_are_those_reported_and_launches_leave_no_trace(name, kernels,
     assert_array_equal(short.end.vectors, state.vectors)
     for key, column in columns.items():
         assert_array_equal(short.columns[key], column)
-    assert short.advance(steps=5) == "finished" and short.simulation.step_number == state.step  # over is over
+    assert short.advance(steps=5) == "finished" and short.simulation.step_number == state.step  # it stays finished
 
 
 def test_a_wall_harder_than_foreseen_makes_the_step_shorter_until_it_holds(kernels):

@@ -1,4 +1,4 @@
-"""The engine: chosen in one file, imported in an environment that suits it, patched where that is needed."""
+"""The engine: selected in one file, imported in a suitable environment, and patched if necessary."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How far a result is off for its time step, by another run: exact for powers, careful elsewhere."""
+"""The error estimate by another run: exact if errors are powers of the step, safe in other cases."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from bodies import computed, driver_of
 from taichi_disk.computation import error_estimate
 from taichi_disk.computation.error_estimate import richardson
 
-HELD = (  # friction holds points, and their number changes with the step
+HELD = (  # friction holds points, whose number depends on the step
     *("exponential_wall", "lattice.points=58", "lattice.seed=3290", "impact.velocity=0.017432537234003606"),
     *("impact.angle=-1.2053025128894208", "wall.friction=0.6", "material.eta_star=0"),
     *("wall.a=114.41203024441383", "wall.V0=57.206015122206914"),
@@ -19,12 +19,12 @@ CROSSED = (  # the step crosses more than a quarter of the wall's decay length
     *("material.eta_star=0", "impact.angle=0.289942393455374", "lattice.hole=0.3881259104443627"),
     *("wall.a=1761.1271665782585", "wall.V0=880.5635832891293"),
 )
-AGREEING = (  # e of a step and of half of it agree by chance: all points slide, on a hard wall
+AGREEING = (  # e at a step and at half of it agree by chance: all points slide, on a hard wall
     *("exponential_wall", "lattice.points=60", "lattice.seed=6976", "impact.velocity=0.03023", "impact.turn=-3.1078"),
     *("impact.angle=1.2217", "material.viscosity=0.01315", "material.dashpot=axial", "wall.friction=0.07868"),
     *("wall.a=2617.0", "wall.V0=1308.5"),
 )
-HELD_AGREEING = (  # the same, where points stick
+HELD_AGREEING = (  # the same, but points stick
     *("exponential_wall", "lattice.points=100", "lattice.seed=4324", "impact.velocity=0.06199", "impact.turn=2.7359"),
     *("material.eta_star=0", "lattice.core_radius=0.573", "lattice.core_stiffness=3.778", "wall.friction=1.969"),
     *("lattice.core_density=1.264", "wall.a=299.9", "wall.V0=149.95"),
@@ -41,7 +41,7 @@ def test_the_estimate_is_exact_where_the_error_is_a_power_of_the_step(order, oth
 
 
 def truth(kernels, *settings):
-    """e with steps so short that its error of order 4 is below 1e-7."""
+    """Return e with steps so short that the error, of order 4, is below 1e-7."""
     fine = ("time.integrator=vefrl", "time.safety=0.05")
     scenario, outcome = computed(kernels, *settings, *fine, estimate=False)
     return scenario.result(outcome.columns)["restitution"]
@@ -57,8 +57,8 @@ def truth(kernels, *settings):
     ],
 )
 def test_every_result_has_an_estimate_that_holds_where_errors_are_no_power_of_the_step(settings, kernels):
-    # With 1.25 between the steps, and order 2, the error of e was 9 and 1.9 times its estimate in the first two; with
-    # half the step alone 13 and 2.3 times in the others.
+    # With a step ratio of 1.25 and order 2, the error of e was 9 and 1.9 times its estimate in the first two scenes;
+    # with only half the step it was 13 and 2.3 times the estimate in the others.
     scenario, outcome = computed(kernels, *settings)
     found, errors = scenario.result(outcome.columns), outcome.summary["error_estimate"]
     assert next(iter(errors)) == "restitution" and set(errors) == set(found)
@@ -70,7 +70,8 @@ def test_every_result_has_an_estimate_that_holds_where_errors_are_no_power_of_th
 
 
 def test_the_estimate_of_the_contact_time_holds_when_half_of_the_rows_agree_with_all_by_chance(kernels):
-    # Without every other row it changes by an eighth of its error, without two of three by nine times its error.
+    # If every other row is left out, the contact time changes by an eighth of its error; if two of three rows are left
+    # out, by nine times its error.
     settings = (
         "exponential_wall",
         "lattice.points=100",
@@ -96,9 +97,9 @@ def test_with_friction_two_more_runs_are_made(friction, ratios, kernels):
     assert [driver.step.dt / other for other in error_estimate._other_steps(driver)] == pytest.approx(ratios)
 
 
-def test_a_step_as_long_as_the_wall_is_soft_is_not_told_to_be_better_than_it_is(kernels):
-    # In a step of 3.3e-3 R/c the disk flies over the wall's decay length 1/a. Results of two such steps may agree by
-    # chance: Richardson's estimate, enlarged by ERROR_SAFETY, is three quarters of the true error here.
+def test_the_error_of_a_step_as_long_as_the_decay_length_is_not_understated(kernels):
+    # In a step of 3.3e-3 R/c the disk crosses the wall's decay length 1/a. Results at two such steps may agree by
+    # chance: Richardson's estimate times ERROR_SAFETY is only three quarters of the true error here.
     scenario, outcome = computed(kernels, *HARD, "time.dt=0.00327")
     off = abs(scenario.result(outcome.columns)["restitution"] - truth(kernels, *HARD))
     assert off <= outcome.summary["error_estimate"]["restitution"] < 5e-3
@@ -106,7 +107,7 @@ def test_a_step_as_long_as_the_wall_is_soft_is_not_told_to_be_better_than_it_is(
 
 @pytest.mark.parametrize("spin", [0.0, 0.3])
 def test_where_a_step_does_not_resolve_the_wall_the_estimate_is_half_the_worst_imbalance_at_least(spin, kernels):
-    # Over the kinetic energy K of the flight; of a spin, whose energy is in E, over sqrt(E K).
+    # Relative to the kinetic energy K of the flight; with a spin, whose energy is part of E, relative to sqrt(E K).
     scenario, outcome = computed(kernels, *HARD, f"impact.spin={spin}", "time.dt=0.00327")
     flight, whole = 0.5 * 0.1**2, 0.5 * (scenario.velocities**2).sum() / 30
     lost = np.abs(outcome.columns["total"] - outcome.columns["total"][0]).max()
@@ -114,7 +115,7 @@ def test_where_a_step_does_not_resolve_the_wall_the_estimate_is_half_the_worst_i
 
 
 def test_a_fast_spin_leaves_the_restitution_as_good_as_none(kernels):
-    # It holds three thousand times the energy of the flight.
+    # The spin has three thousand times the energy of the flight.
     settings = (*SMALL, "impact.velocity=0.01", "impact.spin=1", "impact.gap=0.128")
     scenario, outcome = computed(kernels, *settings, estimate=False)
     assert scenario.result(outcome.columns)["restitution"] == pytest.approx(truth(kernels, *settings), abs=5e-5)

@@ -1,4 +1,4 @@
-"""Fields of a state, against what is known of them otherwise: elasticity of a perfect lattice, virial, rigid motion."""
+"""Fields of a state, compared with independent results: elasticity of a perfect lattice, virial, rigid motion."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from taichi_disk.physics import ElasticWall, ExponentialWall, Springs
 SPRINGS = Springs(1.3, 0.4)
 DISK = disk_lattice(300, 1)
 DISK_MESH = Triangles(DISK)
-# Of the perfect triangular lattice, k_a = 1.
+# Moduli of the perfect triangular lattice with k_a = 1.
 YOUNG, POISSON = 2.0 / np.sqrt(3.0), 1.0 / 3.0
 
 
@@ -38,7 +38,7 @@ RINGS = 6
 PATCH = hexagon(RINGS)
 PATCH_DISTANCES = np.hypot(*(PATCH.positions[:, None] - PATCH.positions).transpose(2, 0, 1))
 MESH = Triangles(PATCH)
-# The triangles without a corner on the outline, whose springs are all shared by two.
+# Triangles without a corner on the outline; each of their springs belongs to two triangles.
 INSIDE = ~np.isin(PATCH.triangles, np.unique(MESH.outline)).any(axis=1)
 
 
@@ -64,7 +64,7 @@ def test_springs_that_cross_triangles_and_the_edge_of_a_core_are_reported():
 def test_a_perfect_lattice_has_young_s_modulus_2_over_root_3_and_poisson_s_ratio_1_3():
     size, k_a = 1e-7, 1.7
     both = [stress(MESH, Springs(k_a), strained(*strain))[INSIDE] / size for strain in ((size, 0, 0), (0, 0, size))]
-    assert max(np.ptp(one, axis=0).max() for one in both) < 1e-6  # uniform, as the strain is
+    assert max(np.ptp(one, axis=0).max() for one in both) < 1e-6  # uniform, like the strain
     (along, across, turned), (_, _, sideways) = (one.mean(axis=0) for one in both)
     assert turned == pytest.approx(0.0, abs=1e-6)
     assert across / along == pytest.approx(POISSON, rel=1e-6)  # plane stress: C12/C11
@@ -82,7 +82,7 @@ def test_the_area_integral_of_the_stress_is_the_virial_of_all_other_forces_and_o
     x, _ = shaken(lattice)
     triangles = Triangles(lattice)
     total = (triangles.areas(x)[:, None] * stress(triangles, SPRINGS, x)).sum(axis=0)
-    # m a = f_springs + f_wall, so that minus the springs' virial is that of the wall minus that of m a.
+    # m a = f_springs + f_wall, so minus the springs' virial is the virial of the wall minus that of m a.
     outer = wall.forces(lattice, x)
     inertia = SPRINGS.forces(lattice, x) + outer
     virial = x.T @ (outer - inertia)
@@ -152,7 +152,7 @@ def test_the_rate_of_compression_is_minus_the_divergence_of_the_velocity():
 def test_speed_and_kinetic_energy_are_those_in_the_frame_of_the_disk_s_centre_of_mass():
     lattice = with_wall(replace(DISK, masses=DISK.masses * np.linspace(0.5, 1.5, 300)), 260, 3.0, 0)
     x, v = shaken(lattice)
-    # König: the kinetic energy is that of the motion against the centre of mass and that of the whole.
+    # König's theorem: the kinetic energy is that relative to the centre of mass plus that of the centre of mass.
     m, mv = lattice.masses[:300, None], (lattice.masses[:300, None] * v[:300]).sum(axis=0)
     whole = 0.5 * float((m * v[:300] ** 2).sum())
     inner = field("kinetic", lattice, SPRINGS, x, v).values[:300].sum()
@@ -178,7 +178,7 @@ def test_a_disk_without_stress_is_dark():
     assert field("fringes", DISK, SPRINGS, x, np.zeros_like(x)).values.max() < 1e-9
 
 
-def test_smoothing_keeps_what_is_uniform_and_averages_neighbours():
+def test_smoothing_keeps_uniform_values_and_averages_neighbours():
     assert DISK_MESH.smoothed(np.full((300, 2), 0.7), 5) == pytest.approx(np.full((300, 2), 0.7), rel=1e-14)
     values, i = np.random.default_rng(0).random((300, 1)), 40
     mean = values[np.unique(DISK.bonds[(DISK.bonds == i).any(axis=1)])].mean()
@@ -187,7 +187,7 @@ def test_smoothing_keeps_what_is_uniform_and_averages_neighbours():
 
 @pytest.mark.parametrize("rings", [20, 30])
 def test_fringes_show_stress_smoothed_to_a_width_of_0_06_r_whatever_the_spacing(rings):
-    # Half of the lattice is shifted along a row: the row of triangles between bears pure shear, all others none.
+    # Half of the lattice is shifted along a row, so the row of triangles between the halves is in pure shear.
     lattice, spacing = hexagon(rings), 1.0 / rings
     x = lattice.positions.copy()
     rows = np.round(x[:, 1] / (np.sqrt(0.75) * spacing)).astype(int)
@@ -197,7 +197,7 @@ def test_fringes_show_stress_smoothed_to_a_width_of_0_06_r_whatever_the_spacing(
     weight, height = light[near], (rows[near] - 0.5) * np.sqrt(0.75) * spacing
     # The points on either side of that row are half of its height away from its middle.
     width2 = np.average(height**2, weights=weight) - 3.0 / 16.0 * spacing**2
-    # A whole number of averages comes as near to it as half of one, each the variance of six neighbours and oneself.
+    # The number of averages is whole, so the width may deviate by half an average (over six neighbours and the point).
     assert width2 == pytest.approx(0.06**2, abs=0.51 * 3.0 / 7.0 * spacing**2)
     assert np.average(height, weights=weight) == pytest.approx(0.0, abs=0.01 * spacing)
 

@@ -1,4 +1,4 @@
-"""Fits recover what was planted, and their intervals hold it as often as they say."""
+"""Fits recover known parameters, and their intervals contain them as often as they should."""
 
 from __future__ import annotations
 
@@ -8,9 +8,11 @@ from typing import Any
 import numpy as np
 import pytest
 
+from docs.experiments.quasistatic import quasistatic_impact
 from taichi_disk.figures import theory
 from taichi_disk.figures.curves import analyse, draw
 from taichi_disk.scenes import load_scene
+from taichi_disk.scenes.compression import paper_compression
 
 V = np.geomspace(3e-3, 5e-2, 12)
 P = np.linspace(4e-3, 1e-2, 7)
@@ -27,14 +29,14 @@ def test_planted_parameters_of_eq_5_come_back() -> None:
 
 def test_a_planted_b_comes_back_and_each_lattice_has_its_own() -> None:
     b = np.array([0.9, 1.5, 2.4])
-    fit = theory.fit_b(P, theory.paper_compression(P, 1.1, 0.29, b[:, None]), 1.1, 0.29)
+    fit = theory.fit_b(P, paper_compression(P, 1.1, 0.29, b[:, None]), 1.1, 0.29)
     assert [fit.values[f"b_{name}"] for name in ("min", "median", "max")] == pytest.approx(list(b), rel=1e-6)
     low, high = fit.intervals["b"]
     assert 0.9 <= low < fit.values["b"] < high <= 2.4
 
 
 def test_a_planted_tau0_comes_back() -> None:
-    e = np.array([[theory.quasistatic_impact(v, 0.0731, 1.1).restitution for v in V]])
+    e = np.array([[quasistatic_impact(v, 0.0731, 1.1).restitution for v in V]])
     fit = theory.fit_tau0(V, e, 1.1)
     assert fit.values["tau0"] == pytest.approx(0.0731, rel=1e-4)
     assert fit.rms < 1e-6
@@ -44,7 +46,7 @@ def test_the_residuals_are_data_minus_fit() -> None:
     e = theory.paper_restitution(V, 1.0, 0.6)
     bump = np.where(np.arange(12) == 5, 1e-3, 0.0)
     fit = theory.fit_restitution(V, np.stack([e + bump, e + bump]))
-    # Two parameters on twelve points take up about a sixth of a lone bump.
+    # Two parameters at twelve points absorb about a sixth of a single outlier.
     assert 0.7e-3 < fit.residuals[5] < 1e-3
 
 
@@ -56,7 +58,7 @@ def test_curvature_is_the_second_derivative_of_either_half() -> None:
 
 
 def test_intervals_hold_the_truth_about_as_often_as_their_level(monkeypatch: pytest.MonkeyPatch) -> None:
-    # Lattices that scatter by a common factor each: what a bootstrap over single points would miss.
+    # Each lattice deviates by a common factor, which a bootstrap over single points would miss.
     monkeypatch.setattr(theory, "RESAMPLES", 200)
     rng = np.random.default_rng(1)
     true = theory.paper_restitution(V, 1.0, 0.6)
@@ -76,12 +78,12 @@ def test_intervals_hold_the_truth_about_as_often_as_their_level(monkeypatch: pyt
 def test_the_table_of_eq_4_is_as_good_as_its_integral_at_any_stiffness(e_star: float) -> None:
     predict, unit = theory.quasistatic_curves((3e-3, 5e-2), e_star), e_star**-0.5
     for tau0 in (0.0, 3e-3 * unit, 0.0412 * unit, 0.33 * unit, 1.7 * unit):
-        exact = [theory.quasistatic_impact(v, tau0, e_star).restitution for v in (3e-3, 5e-2)]
+        exact = [quasistatic_impact(v, tau0, e_star).restitution for v in (3e-3, 5e-2)]
         np.testing.assert_allclose(predict(np.array([tau0]))[0], exact, rtol=0, atol=1e-6)
     again = theory.quasistatic_curves.__wrapped__((3e-3, 5e-2), e_star)
     assert (again(np.array([0.33 * unit])) == predict(np.array([0.33 * unit]))).all()
     # And so is a fit to data that it has made.
-    e = np.array([[theory.quasistatic_impact(v, 0.3 * unit, e_star).restitution for v in V]])
+    e = np.array([[quasistatic_impact(v, 0.3 * unit, e_star).restitution for v in V]])
     assert theory.fit_tau0(V, e, e_star).values["tau0"] == pytest.approx(0.3 * unit, rel=1e-4)
 
 
@@ -128,7 +130,7 @@ def test_eq_4_is_fitted_where_there_are_dashpots_swept_or_not() -> None:
     undamped = load_scene("exponential_wall", ["material.eta_star=0"])
     assert "eq4" not in analyse(undamped, axes[1:], thrown(0.0, "other"))[0].fits
     assert "eq4" not in analyse(load_scene("absorbing_wall"), axes, thrown(30.0))[0].fits
-    # The dashpot constant of a spring counts as well, swept or not.
+    # The dashpot constant of a spring also counts as damping, swept or not.
     axes = ["viscosity", "seed", "velocity"]
     soft, stiff = analyse(undamped, axes, thrown(0.0, "viscosity") + thrown(0.03, "viscosity"))
     assert "eq4" not in soft.fits and "eq4" in stiff.fits
@@ -179,7 +181,7 @@ def test_the_legend_names_all_that_is_drawn_and_the_same_values_draw_the_same_by
     for _ in range(2 if kind == "compression" else 1):
         draw(scene, curves, tmp_path)
         drawn.append([(tmp_path / f"figure.{suffix}").read_bytes() for suffix in ("svg", "png", "pdf")])
-    # Text is drawn as outlines; matplotlib leaves what it says in a comment.
+    # Text is drawn as outlines; Matplotlib repeats it in a comment.
     assert [one for one in legend if f"<!-- {one} -->" not in drawn[0][0].decode()] == []
     assert b"LineCollection" in drawn[0][0]  # the bars
     assert drawn[0] == drawn[-1]

@@ -1,4 +1,4 @@
-"""The disk's lattice: exact counts, distances, a sound triangulation, reproducible to the last bit."""
+"""The disk's lattice: exact numbers of points, distances, a valid triangulation, reproducible to the last bit."""
 
 from __future__ import annotations
 
@@ -74,7 +74,7 @@ def test_a_hole_is_round_and_empty_and_the_points_are_as_many_as_asked(points, s
     area = 0.5 * double_area(disk.positions[disk.triangles])
     outer = disk.positions[disk.disk_surface]
     assert area.min() > 0 and area.sum() == pytest.approx(polygon_area(outer) - polygon)
-    if rim and points > 1000:  # as dense everywhere
+    if rim and points > 1000:  # the density is the same everywhere
         assert len(disk.disk_surface) / len(edge) == pytest.approx(1 / hole, rel=0.1)
 
 
@@ -107,7 +107,7 @@ def test_a_core_has_the_points_and_springs_within_and_the_mean_on_its_edge():
     on_edge = (np.abs(r[stiff.bonds] - 0.5) < 1e-9).all(axis=1)
     assert set(stiff.stiffness[on_edge]) == {5.5} and on_edge.sum() == len(kinds[1])
     assert set(stiff.stiffness[~on_edge & (middle < 0.5)]) == {10.0} and set(stiff.stiffness[middle > 0.5]) == {1.0}
-    # The core's share of mass is that of its area, 3 (a^2 - h^2) to 1 - a^2, up to the rim's whole points.
+    # The core has the mass fraction of its area, 3 (a^2 - h^2) to 1 - a^2, up to the whole number of rim points.
     heavy = kinds[2].sum() + 0.75 * kinds[1].sum()
     assert heavy == pytest.approx(3 * 0.21 / (3 * 0.21 + 0.75), rel=0.04)
 
@@ -136,7 +136,7 @@ def test_the_disk_has_no_slivers():
     side = np.roll(corner, -1, axis=1) - corner
     length = np.linalg.norm(side, axis=2)
     cosine = -np.sum(side * np.roll(side, 1, axis=1), axis=2) / (length * np.roll(length, 1, axis=1))
-    # With a least distance l and a greatest circumradius R, the smallest angle has sin >= l/(2 R).
+    # With the smallest distance l and the largest circumradius R, the smallest angle has sin >= l/(2 R).
     assert np.degrees(np.arccos(cosine.max())) > 20
 
 
@@ -156,25 +156,25 @@ def test_points_without_a_minimum_distance_are_uniform_in_the_circle():
 
 
 def test_scattered_points_are_as_dense_everywhere():
-    # 0.75 is close to jamming, where the search goes over to the uncovered cells.
+    # 0.75 is close to jamming, so only uncovered cells are searched in the end.
     points, box, rng = 20_000, np.full(2, np.sqrt(np.pi)), np.random.default_rng(0)
 
     def depth(p):
         return np.minimum(p, box - p).min(axis=1)
 
     p = scatter(rng, points, np.zeros(2), box, depth, 0.75 * hexagonal_spacing(points), np.empty((0, 2)))
-    # Points that keep apart fluctuate less than Poisson's sqrt(n) = 35 for n = 1250 in a bin.
+    # Points at a minimum distance fluctuate less than by sqrt(n) = 35 (Poisson) for n = 1250 in a bin.
     assert np.abs(np.histogram2d(*p.T, bins=4)[0] - points / 16).max() < 60
 
 
 def test_numbering_keeps_neighbours_close_in_memory():
-    # A level of a breadth-first search through a disk has about 2/d = 1.05 sqrt(N) points; a bond spans two.
+    # A level of a breadth-first search through a disk has about 2/d = 1.05 sqrt(N) points; a bond spans two levels.
     assert np.abs(np.diff(disk_lattice(5000, 0).bonds, axis=1)).max() < 2.5 * np.sqrt(5000)
 
 
 @pytest.mark.parametrize("angle", np.arange(4) * 1.65)
 def test_points_in_a_row_make_no_flat_triangles(angle):
-    # A square grid whose inner points are jittered, turned so that its sides are straight to rounding only.
+    # A square grid with displaced inner points, rotated so that its sides are straight only up to rounding.
     grid = np.stack(np.meshgrid(np.arange(30.0), np.arange(9.0)), axis=-1)
     grid[1:-1, 1:-1] += 0.4 * np.random.default_rng(0).random((7, 28, 2)) - 0.2
     c, s = np.cos(angle), np.sin(angle)
@@ -209,7 +209,7 @@ def test_largest_eigenvalue_is_that_of_the_dense_matrix(points):
 
 @pytest.mark.parametrize("rings", [2, 6])
 def test_bending_compliance_is_that_of_the_dense_matrix(rings):
-    # A hexagon has pairs of vibrations of one frequency, of which any mixture may be found.
+    # A hexagon has pairs of vibrations with the same frequency, and the solver may return any mixture of them.
     i, j = (one.ravel() for one in np.meshgrid(*[np.arange(-rings, rings + 1.0)] * 2))
     points = (np.stack([i + 0.5 * j, np.sqrt(0.75) * j], axis=1) / rings)[np.abs(i + j) <= rings]
     hexagon = Lattice.from_points(points)

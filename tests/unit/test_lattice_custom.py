@@ -1,4 +1,4 @@
-"""Lattices of one's own: from arrays, from files, and what is refused."""
+"""Custom lattices: from arrays, from files, and the messages about invalid ones."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ RISE = np.prod(GRID[CROSSED[:, 1]] - GRID[CROSSED[:, 0]], axis=1)
 
 
 def order_of(lattice, points):
-    """(n,) positions = points[order]."""
+    """Return the order (n,) with positions = points[order]."""
     return cKDTree(points).query(lattice.positions)[1]
 
 
@@ -80,7 +80,7 @@ RING = ROUND[np.hypot(*ROUND.T) > 0.6]
     ("arguments", "message"),
     [
         ((ROUND[:, 0],), "shape (n, 2)"),
-        ((["a"],), "array of numbers"),
+        ((["a"],), "array of real numbers"),
         ((ROUND[:2],), "3 to 2000000 points, not 2"),
         ((np.where(ROUND == 0, np.nan, ROUND),), "is not finite"),
         ((ROUND * 10,), "extend over 20 x"),
@@ -219,7 +219,7 @@ def test_a_disk_needs_no_seed():
 
 
 def test_a_wide_hole_stays_open_and_a_notch_is_what_the_springs_leave():
-    # All springs of the ring are first neighbours, 1/8 R, but for second ones along its edges.
+    # All springs of the ring join first neighbours, 1/8 R, except for second neighbours along its edges.
     ring = Lattice.from_points(RING)
     assert len(holes_of(ring)) == 1 and holes_of(ring)[0] == pytest.approx(np.pi * 0.6**2, rel=0.15)
     assert ring.rest_lengths.max() < 0.23 and len(ring.masses) == len(RING)
@@ -269,8 +269,8 @@ def test_custom_triangles_stiffness_and_masses_follow_their_points_and_springs()
 
 
 @pytest.mark.parametrize("values", [10**400, 1 + 2j, [[1j, 0.0]] * 5, "a", [[1, 2], [3]]])
-def test_what_is_no_real_number_is_no_point(values):
-    with pytest.raises(InputError, match="points must be an array of numbers"):
+def test_values_that_are_no_real_numbers_are_refused_as_points(values):
+    with pytest.raises(InputError, match="points must be an array of real numbers"):
         Lattice.from_points(values)
 
 
@@ -287,7 +287,7 @@ def test_only_a_file_of_a_sensible_size_is_read(tmp_path, name, kind):
     else:
         with path.open("wb") as file:
             file.truncate(10**12)
-    with pytest.raises(InputError, match="is no regular file of at most 500 MB"):
+    with pytest.raises(InputError, match="is not a regular file of at most 500 MB"):
         read_lattice(path)
 
 

@@ -9,15 +9,15 @@ import pytest
 
 from taichi_disk.errors import InputError
 from taichi_disk.lattice.lattice import triangulate
-from taichi_disk.lattice.network import bulk_moduli, inner_moduli, pulled, rectangle
+from taichi_disk.lattice.network import bulk_moduli, inner_moduli, rectangle, stretch
 
 
 def test_perfect_triangular_lattice_has_the_textbook_moduli():
-    # Equal springs k on a triangular lattice: E = 2/sqrt(3) k, nu = 1/3. It is pulled along its rows, a unit apart.
+    # Equal springs k on a triangular lattice: E = 2/sqrt(3) k, nu = 1/3. It is stretched along its rows, a unit apart.
     i, j = np.meshgrid(np.arange(16), np.arange(16), indexing="ij")
     mesh = triangulate(np.stack([i + 0.5 * (j % 2), j * math.sqrt(0.75)], axis=-1).reshape(-1, 2))
     x = mesh.positions[:, 0]
-    bulk = inner_moduli(mesh, 0.3, pulled(mesh, 0.3, x <= 0.5, x >= 15.0))
+    bulk = inner_moduli(mesh, 0.3, stretch(mesh, 0.3, x <= 0.5, x >= 15.0))
     assert (bulk.young, bulk.poisson) == pytest.approx((2 / math.sqrt(3) * 0.3, 1 / 3), rel=1e-9)
 
 

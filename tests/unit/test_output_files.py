@@ -1,4 +1,4 @@
-"""Result files appear whole or not at all, and a folder that cannot be written is refused without a trace."""
+"""Result files appear completely or not at all, and a folder that is not writable is refused without a trace."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ def everything(folder):
 
 def test_a_new_folder_is_made_with_its_parents_and_one_that_is_there_is_left_alone(tmp_path):
     out = tmp_path / "a" / "b"
-    assert prepare_output(out) == [tmp_path / "a", out]
+    assert prepare_output(out) == [out, tmp_path / "a"]
     assert prepare_output(out) == [] and everything(tmp_path) == {tmp_path / "a", out}
 
 
@@ -72,7 +72,7 @@ def test_only_a_folder_of_numbered_files_is_replaced(tmp_path):
     atomic_write(folder, write)
     assert {path.name for path in folder.iterdir()} == {"0.png"}
     (folder / "me.png").touch()
-    with pytest.raises(InputError, match="not a folder of a film's pictures alone"):
+    with pytest.raises(InputError, match="not a folder with only numbered pictures"):
         check_pictures(folder)
     assert everything(tmp_path) == {folder, folder / "0.png", folder / "me.png"}
 
@@ -80,7 +80,7 @@ def test_only_a_folder_of_numbered_files_is_replaced(tmp_path):
 def test_the_time_series_reads_back_bitwise_without_columns_of_zeros_and_is_thinned_on_request(tmp_path):
     columns = {one.name: np.random.default_rng(k).random(20) for k, one in enumerate(COLUMNS)}
     columns |= {"t": 0.1 * np.arange(20), "sliding": np.zeros(20), "friction": np.zeros(20)}
-    del columns["xi"]  # of a loading
+    del columns["xi"]  # only a loading has this column
     files.write_timeseries(tmp_path / "a.csv", columns)
     table = np.genfromtxt(tmp_path / "a.csv", delimiter=",", names=True)
     absent = ("residual", "sliding", "friction", "xi")

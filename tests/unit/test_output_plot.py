@@ -1,4 +1,4 @@
-"""plot.png: the curves are the run's numbers, named and with units, and the same bytes each time."""
+"""plot.png: the curves are the data of the run, with names and units, and the same bytes each time."""
 
 from __future__ import annotations
 
@@ -15,18 +15,18 @@ from bodies import computed, disk
 from PIL import Image
 
 from taichi_disk import runtime
-from taichi_disk.api import shared_kernels
 from taichi_disk.computation.contact import results_time
 from taichi_disk.computation.outcome import compute
 from taichi_disk.lattice import Lattice, bulk_moduli
 from taichi_disk.output import inline
 from taichi_disk.output.plot import matplotlib_style, plot_run, plotting_beside
 from taichi_disk.scenes import load_scene
+from taichi_disk.simulation.simulation import shared_kernels
 
 
 @pytest.fixture(scope="module")
 def impact():
-    """Scenario and time series of an impact."""
+    """Return scenario and time series of an impact."""
     runtime.start()
     scenario, outcome = computed(shared_kernels(), "exponential_wall", "lattice.points=100", estimate=False)
     return scenario, outcome.columns
@@ -34,7 +34,7 @@ def impact():
 
 @pytest.fixture
 def figures(monkeypatch):
-    """The figures that plot_run makes."""
+    """Return the figures that plot_run makes."""
     made = []
 
     class Kept(inline.Plot):
@@ -65,7 +65,7 @@ def test_an_impact_shows_velocity_force_energies_and_imbalance_with_the_same_byt
     assert "contact" in force.texts[0].get_text()
     assert np.array_equal(force.lines[0].get_ydata(), columns["wall_force"])
     shown = {line.get_label(): line.get_ydata() for line in energy.lines}
-    # What this run has not (nothing absorbed, no load, hardly a rotation) is not shown; the parts add up to the sum.
+    # Energies that this run does not have (absorbed, load, rotation) are not shown; the others add up to the sum.
     *parts, left, total = shown
     assert parts == ["flight", "vibration", "elastic", "wall potential", "lost in dashpots"] and total == "sum of all"
     assert sum(shown[name] for name in parts) == pytest.approx(shown[total], rel=1e-3)
@@ -102,14 +102,14 @@ def test_a_loading_shows_the_load_against_the_compression_with_the_paper_s_law_a
 def test_no_law_is_drawn_for_custom_points_whose_moduli_are_unknown(kernels, tmp_path, figures):
     scene = load_scene("compression", ["compression.method=newton"])
     scenario = scene.scenario(Lattice.from_points(disk(60).positions))
-    plot_run(tmp_path / "a.png", scenario, compute(scenario, scene.time, kernels=kernels).columns)
+    plot_run(tmp_path / "a.png", scenario, compute(scenario, scene.time).columns)
     assert [text.get_text() for text in figures[0].axes[0].get_legend().get_texts()] == ["equilibria"]
 
 
 def test_plots_drawn_by_threads_beside_other_styles_and_by_another_process_have_the_same_bytes(
     impact, tmp_path, monkeypatch
 ):
-    # Also of a user, whose settings would need LaTeX, or make a plot of 36 MB.
+    # This includes a user whose settings need LaTeX, or make a plot of 36 MB.
     monkeypatch.setitem(matplotlib.rcParams, "text.usetex", True)
     monkeypatch.setitem(matplotlib.rcParams, "savefig.dpi", 900)
 
@@ -124,7 +124,7 @@ def test_plots_drawn_by_threads_beside_other_styles_and_by_another_process_have_
     assert first == second and len(first) < 500_000
     drawn_here = []
     monkeypatch.setattr("taichi_disk.output.plot.plot_run", lambda *run: (drawn_here.append(run), plot_run(*run)))
-    for python in (sys.executable, "/nowhere/python", "/bin/false"):  # whatever becomes of that process
+    for python in (sys.executable, "/nowhere/python", "/bin/false"):  # also if that process fails
         monkeypatch.setattr(sys, "executable", python)
         (tmp_path / "b.png").unlink()
         with plotting_beside(film=True) as plot:

@@ -1,4 +1,4 @@
-"""The result on the screen: no more digits than are meant, the error beside it."""
+"""The printed result: no more digits than are significant, with the error beside it."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from taichi_disk.progress import print_result, shown
+from taichi_disk.output.report import print_result, shown
 
 LABELS = {"restitution": ("restitution e", ""), "contact_time": ("contact time", "R/c")}
 SUMMARY = {
@@ -66,7 +66,7 @@ def test_the_screen_says_the_result_how_it_was_computed_and_how_long_that_took(c
     ]
     print_result(SUMMARY | {"error_estimate": {}}, LABELS, Path("o"))
     assert "0.9672 (error of the time step not estimated)" in capsys.readouterr().out
-    # What may be written down comes first: the mean over lattices, with their scatter.
+    # The result to quote comes first: the mean over lattices, with their scatter.
     e = {"values": [0.967234, 0.9664], "mean": 0.966817, "standard_deviation": 5.8e-4}
     print_result(SUMMARY | {"seed": 4, "lattices": {"seeds": [4, 5], "restitution": e}}, LABELS, Path("o"))
     lines = [" ".join(line.split()) for line in capsys.readouterr().out.splitlines()]

@@ -1,4 +1,4 @@
-"""What a wall answers for itself agrees with its potential."""
+"""Heights, forces and stiffness of a wall agree with its potential."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ ABOVE = np.array([0.0, 0.01, 0.07])  # heights of three points over the lowest
 
 @pytest.mark.parametrize("wall", WALLS, ids=lambda wall: type(wall).__name__)
 def test_at_the_height_of_an_energy_or_a_force_the_wall_has_it(wall):
-    for wanted in (1e-10, 1.0, 20.0):  # 20: more than at distance 0, so below the surface
+    for wanted in (1e-10, 1.0, 20.0):  # 20 is more than the potential at distance 0, so the height is negative
         assert wall.potential(wall.height_of(wanted)) == pytest.approx(wanted)
         assert wall.force_at(wall.height_of_force(wanted)) == pytest.approx(wanted)
         assert wall.potential(wall.height_of(wanted, ABOVE) + ABOVE).sum() == pytest.approx(wanted)
@@ -30,10 +30,10 @@ def test_the_force_is_the_slope_of_the_potential_and_the_stiffness_that_of_the_f
     assert wall.potential(y + wall.decay_length) == pytest.approx(wall.potential(y) / np.e)
     slope = (wall.force_at(y - step) - wall.force_at(y + step)) / (2.0 * step)
     assert wall.added_stiffness(wall.force_at(y)) == pytest.approx(slope, rel=1e-8)
-    # Two points that approach each other, against one that approaches a wall at rest.
+    # Two points that approach each other, compared with one that approaches a fixed wall.
     assert ELASTIC.added_stiffness(3.0) == 2.0 * wall.added_stiffness(3.0)
 
 
-def test_what_does_not_push_is_out_of_reach():
+def test_a_wall_without_force_is_out_of_reach():
     assert RIGID.force_at(RIGID.reach) == pytest.approx(np.exp(-45.0))
     assert ExponentialWall(1.0, 1e-30).reach == 0.0

@@ -1,4 +1,4 @@
-"""Progress: a bar where somebody looks, silence elsewhere, and no terminal left in disorder."""
+"""Progress: a bar on a terminal, silence elsewhere, and a terminal that is left in order."""
 
 from __future__ import annotations
 
@@ -6,7 +6,8 @@ import io
 
 import pytest
 
-from taichi_disk.progress import duration, terminal
+from taichi_disk.computation.workload import duration
+from taichi_disk.progress import terminal
 
 
 class Terminal(io.StringIO):
@@ -24,7 +25,7 @@ def test_without_a_terminal_nothing_is_written():
 
 
 def test_a_stage_that_ends_early_is_shown_as_complete_and_the_cursor_comes_back():
-    # An impact is over when the disk has left, before the time at which it would be given up.
+    # An impact ends when the disk has left, before the time limit.
     stream = Terminal()
     with terminal(stream) as progress:
         for told in (("simulate", 0.0, 1000.0), ("simulate", 250.0, 1000.0), ("render", 0, 4), ("render", 1, 4)):

@@ -1,4 +1,4 @@
-"""What pictures are made of, without a graphics device: camera, colours, scales, wall, arrows, text."""
+"""The parts of pictures, without a graphics device: camera, colours, scales, wall, arrows, text."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from bodies import RIGID
+from bodies import RIGID, to_pixels
 
 from taichi_disk.lattice import disk_lattice
 from taichi_disk.physics import ExponentialWall, Springs
@@ -31,7 +31,7 @@ def linear(rgb):
 
 
 def lightness(rgb):
-    """CIE L* of sRGB colours, from the standard's own luminance weights."""
+    """Return CIE L* of sRGB colours, from the luminance weights of the standard."""
     return 116 * np.cbrt(linear(np.asarray(rgb, dtype=float)) @ [0.2126, 0.7152, 0.0722]) - 16
 
 
@@ -46,23 +46,20 @@ def painter(**attributes):
 
 def test_the_camera_keeps_the_view_in_the_viewport_with_equal_scales():
     camera = Camera.fit((-1.9, 1.9, -0.95, 2.1), 720, 700, 14.0, (0.0, 720.0, 60.0, 640.0))
-    (left, bottom), (right, top) = camera.to_pixels([(-1.9, -0.95), (1.9, 2.1)])
-    assert left >= 14 and right <= 706 and top >= 60 + 14 and bottom <= 640 - 14
-    assert camera.to_pixels((1.0, 0.0)) - camera.to_pixels((0.0, 1.0)) == pytest.approx([camera.scale] * 2)
+    (left, bottom), (right, top) = to_pixels(camera, [(-1.9, -0.95), (1.9, 2.1)])
+    assert left >= 14 and right <= 706 and top >= 73.999 and bottom <= 626.001
+    assert to_pixels(camera, (1.0, 0.0)) - to_pixels(camera, (0.0, 1.0)) == pytest.approx([camera.scale] * 2)
 
 
 def test_zooming_keeps_the_point_under_the_cursor_and_every_camera_has_an_inverse():
     wide, cursor = Camera.fit(VIEW, 640, 480), (100.0, 50.0)
     closer = wide.zoomed(2.5, cursor)
-    assert closer.to_pixels(wide.to_scene(cursor)) == pytest.approx(cursor)
+    assert to_pixels(closer, wide.to_scene(cursor)) == pytest.approx(cursor)
     left, right, low, high = closer.seen
     assert (right - left, high - low) == pytest.approx((640 / (2.5 * wide.scale), 480 / (2.5 * wide.scale)))
     camera = closer.panned(7.0, -30.0)
     points = np.random.default_rng(0).random((20, 2))
-    assert camera.to_scene(camera.to_pixels(points)) == pytest.approx(points, abs=1e-12)
-    factor, shift = camera.canvas_map()
-    canvas = np.stack([camera.to_pixels(points)[:, 0] / 640, 1.0 - camera.to_pixels(points)[:, 1] / 480], axis=1)
-    assert factor * points + shift == pytest.approx(canvas, abs=1e-12)
+    assert camera.to_scene(to_pixels(camera, points)) == pytest.approx(points, abs=1e-12)
 
 
 # ---- colours
@@ -83,7 +80,7 @@ def test_maps_are_even_in_lightness(theme, kind, bare):
 def test_the_colour_blind_tell_compression_from_stretching(theme, eyes):
     seen = linear(colour_map(theme, "pressure")) @ DICHROMATS[eyes].T
     low, high = seen[: LEVELS // 8].mean(axis=0), seen[-LEVELS // 8 :].mean(axis=0)
-    # Yellow against blue is what they have: the share of blue in what they see is quite another.
+    # They can distinguish yellow from blue, so the fractions of blue in the seen colours must differ.
     assert high[2] / high.sum() - low[2] / low.sum() > 0.25
 
 
@@ -120,7 +117,7 @@ def test_numbers_are_written_as_in_print():
 
 
 def test_the_round_number_next_to_a_value_is_the_one_nearest_in_ratio():
-    # 8.97 is nearer to 8 by difference and nearer to 10 by ratio, 2.46 nearer to 2 and to 3.
+    # 8.97 is nearer to 8 by difference but nearer to 10 by ratio; likewise 2.46 is nearer to 2, but to 3 by ratio.
     assert palette.round_near(0.0897) == 0.1 and palette.round_near(0.0246) == 0.03
     assert palette.round_near(0.0892) == 0.08 and palette.round_near(0.0244) == 0.02
 
@@ -166,7 +163,7 @@ def test_the_head_of_a_short_arrow_is_in_proportion_and_never_longer_than_the_ar
     force, head = np.array([1.0, 0.3, 0.02]), 0.06
     forces = np.stack([np.zeros(3), force], axis=1)
     points, _ = arrows(np.zeros((3, 2)), forces, head, 0.02, 0.01, THEMES["light"])
-    _, front = np.split(points.reshape(2, 3, 9, 2), 2)  # on its ground, then itself; nine corners an arrow
+    _, front = np.split(points.reshape(2, 3, 9, 2), 2)  # first its rim, then the arrow; nine corners each
     back, tip = front[0, :, 6], front[0, :, 8]
     assert tip[:, 1] == pytest.approx(ARROW * force)
     half, length = np.abs(back[:, 0]), tip[:, 1] - back[:, 1]
@@ -184,7 +181,7 @@ def test_a_rigid_motion_stays_where_it_is_and_a_strain_is_drawn_so_many_times_as
     cos, sin = np.cos(0.7), np.sin(0.7)
     flown = (rest - rest_at) @ np.array([[cos, sin], [-sin, cos]]) + [3.0, 1.5]
     assert one.placed(flown) == pytest.approx(flown, abs=1e-12)
-    # A disk that has become smaller all around: the lowest point stays, all else goes 20 times as far from there.
+    # A disk that has shrunk uniformly: the lowest point stays, and all other displacements are 20 times as large.
     middle, low = rest_at[0], rest[:, 1].min()
     x = rest - 0.003 * (rest - [middle, low])
     assert one.placed(x) == pytest.approx(rest - 0.06 * (rest - [middle, low]), abs=1e-12)
@@ -219,7 +216,7 @@ def test_letters_have_11_pixels_or_are_left_out_and_nothing_overlaps(size, monke
     assert all(a[2] != b[2] or a[1] <= b[0] or b[1] <= a[0] for a in still for b in still if a is not b)
     one.write(picture, lines)
     assert all(letters >= LEAST and end <= size for _, letters, _, end, _ in drawn)
-    assert scale * 2.2 > 0.4 * size  # the disk is still seen
+    assert scale * 2.2 > 0.4 * size  # the disk is still visible
     shown = " ".join(line for line, *_ in drawn)
     if size >= 360:
         wanted = (

@@ -1,4 +1,4 @@
-"""Which integrator and step are chosen; when a step is shortened and tried again, and when it stands."""
+"""The choice of integrator and step, and when a step is shortened or accepted."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ SMALL = ("exponential_wall", "lattice.points=60", "material.eta_star=0", "impact
 
 
 def control_of(name, *settings):
-    """The control of a shipped scene with some `settings`."""
+    """Return the control of a shipped scene with some `settings`."""
     scene = load_scene(name, settings)
     scenario = scene.scenario()
     return StepControl(scenario, scene.time, spectrum(scenario.lattice, scenario.model))
@@ -32,7 +32,7 @@ def control_of(name, *settings):
 
 @pytest.fixture
 def finished(kernels):
-    """A driver at the end of an impact without dashpots."""
+    """Return a driver at the end of an impact without dashpots."""
     driver = driver_of(kernels, *SMALL)
     while driver.advance() == "restarted":
         pass
@@ -40,7 +40,9 @@ def finished(kernels):
 
 
 def off_by(driver, worst, closing=0.0):
-    """The time series of `driver` with an energy that is off by `worst`, and at the end by `closing`, of its scale."""
+    """Return the time series of `driver` with energy errors of `worst`, and `closing` at the end, over its energy
+    scale.
+    """
     columns, scale = driver.columns, driver.scenario.energy_scale(driver.columns)
     error = np.full(len(columns["t"]), worst)
     error[0], error[-1] = 0.0, closing
@@ -56,18 +58,18 @@ def test_an_imbalance_shortens_the_step_as_order_2_asks(finished):
     first = control.step.dt
     assert first == pytest.approx(0.8 * control.step.limit)
     assert not follows(control, 0.9, closing=0.9) and control.attempt == 1
-    # dt -> dt 0.9/sqrt(4): the error, of order 2, falls to 0.81 of what is allowed.
+    # dt -> dt 0.9/sqrt(4): the error, of order 2, falls to 0.81 of the allowed one.
     assert follows(control, 4.0) and control.attempt == 2
     assert control.step.dt == pytest.approx(0.45 * first)
-    # Not where shorter steps leave the imbalance as it is, and not where a person has chosen the step.
+    # The step stays if shorter steps do not reduce the imbalance, or if the user has chosen the step.
     assert not follows(control, 3.9)
     assert follows(control, 0.9, closing=-1.5)
     assert not follows(control_of(*SMALL, f"time.dt={first}"), 100.0)
 
 
 def test_what_a_fast_spin_loses_counts_against_the_slow_flight(kernels):
-    # A part of the energy E that is off reaches the flight's kinetic energy K by the work of one motion on the other,
-    # of the order of sqrt(E K): sqrt(E/K) times as much of K.
+    # An error of the energy E affects the kinetic energy K of the flight through the work of one motion on the other,
+    # of the order of sqrt(E K). Relative to K it is larger by sqrt(E/K).
     driver = driver_of(kernels, *SMALL, "impact.velocity=0.01", "impact.spin=1.0", "impact.gap=0.3")
     control, scenario = driver.control, driver.scenario
     more = np.sqrt(0.5 * (scenario.velocities**2).sum() / 60 / (0.5 * 0.01**2))
@@ -79,11 +81,11 @@ def test_what_a_fast_spin_loses_counts_against_the_slow_flight(kernels):
     assert control.step.dt == pytest.approx(0.45 * first)
 
 
-def test_a_harder_wall_than_estimated_is_met_with_its_measured_force(finished):
+def test_on_a_harder_wall_than_estimated_the_measured_force_sets_the_step(finished):
     for after_blow_up in (False, True):
         control = control_of(*SMALL)
         limit = partial(step_limit, control.spectrum, control.scenario.model, control.step.integrator)
-        # The step is to keep 5 % from the limit that the measured force leaves.
+        # The step must stay 5 % below the limit with the measured force.
         peak = next(force for force in np.geomspace(1e-3, 1e3, 2000) if control.step.dt > 0.95 * limit(force))
         assert not control.shorten_after_run(0.99 * peak, finished.columns) and control.attempt == 1
         assert (
@@ -115,7 +117,7 @@ def test_warnings_say_what_makes_a_result_doubtful(finished):
 
 
 def test_dashpots_are_solved_for_where_that_costs_less_than_the_steps_that_it_saves():
-    # A step with the factor of 60 points costs 2.8 explicit ones, an iterated one of a million points 3.5.
+    # A step with the factor of 60 points costs 2.8 explicit ones; a step by iteration with a million points costs 3.5.
     for eta_star, saved, few, many in (
         (1.5, 2.03, VV, VV),
         (3.0, 3.37, TRAPEZOIDAL, VV),
@@ -150,7 +152,8 @@ def test_order_4_is_taken_where_forces_are_smooth_and_depend_on_positions_alone(
 
 
 def test_the_elimination_order_keeps_the_factor_of_the_dashpots_sparse():
-    # Minimum degree: some 15,000 entries for 1099 points (3,187 springs); in the points' own order, ten times that.
+    # Minimum degree order: some 15,000 entries for 1099 points (3,187 springs); the points' own order gives ten times
+    # that.
     lattice = disk_lattice(1099, 0)
     assert len(lattice.bonds) < len(factorise(lattice, damped(0.1), 0.01).row) < 20_000
 
@@ -165,7 +168,7 @@ def test_a_whole_number_of_steps_fits_the_reset_interval(interval):
     assert count == pytest.approx(round(count), abs=1e-9)
     assert step.dt <= 0.8 * step.limit * (1 + 1e-12)
     assert round(count) == 1 or interval / (round(count) - 1) > 0.8 * step.limit
-    # What was taken, written as dt, is taken again, however the division was rounded.
+    # A step that was chosen and is then set as dt stays the same, in spite of rounding.
     for part in range(1 + int(interval / step.limit), 100):
         time = replace(scenario.scene.time, dt=interval / part)
         assert StepControl(scenario, time, control.spectrum).step.dt == interval / part
@@ -182,7 +185,7 @@ def test_a_small_tolerance_is_reached_from_a_first_step_that_is_far_too_long(ker
 
 @pytest.mark.parametrize("tolerance", [1e-3, 1e-7])
 def test_a_run_within_a_tolerance_is_as_near_as_it_says(tolerance, kernels):
-    # Against one with steps so short that its error of order 4 is below 1e-9.
+    # Compare with a run whose steps are so short that its error, of order 4, is below 1e-9.
     fine = ("time.integrator=vefrl", "time.safety=0.1")
     exact, run = computed(kernels, *SMALL, *fine, estimate=False)
     scenario, outcome = computed(kernels, *SMALL, f"time.tolerance={tolerance}")
@@ -198,7 +201,7 @@ def test_what_the_wall_still_holds_when_the_run_ends_is_part_of_the_error(kernel
     exact = scenario.result(far.columns)["restitution"]
     for one in (near, (*near, "time.tolerance=1e-3")):
         scenario, outcome = computed(kernels, *one)
-        # Two steps differ by 1e-7.
+        # The results at two steps differ by 1e-7.
         off = abs(scenario.result(outcome.columns)["restitution"] - exact)
         assert 5e-6 < off <= outcome.summary["error_estimate"]["restitution"]
     with pytest.raises(SimulationError, match=r"due to where the run ends, at any step; a larger impact\.gap"):

@@ -1,4 +1,4 @@
-"""The continuum laws against closed forms, limits and each other."""
+"""The continuum laws, compared with closed forms, limits and each other."""
 
 from __future__ import annotations
 
@@ -8,24 +8,26 @@ import numpy as np
 import pytest
 from scipy.integrate import quad
 
+from docs.experiments.quasistatic import quasistatic_impact
 from taichi_disk.figures import theory
+from taichi_disk.scenes.compression import exact_compression, paper_compression
 
 E, NU = 1.1, 0.29
 
 
 def test_eq_2_lies_a_known_amount_above_the_exact_law_and_depends_on_b_over_e() -> None:
-    # (2) with b = 1 - exact = P/(pi E) {ln 4 - 3 (1 + nu)/4}, whatever P is.
+    # (2) with b = 1 minus the exact law is P/(pi E) {ln 4 - 3 (1 + nu)/4} at any P.
     P = np.array([4e-3, 1e-2])
-    apart = theory.paper_compression(P, E, NU) - theory.exact_compression(P, E, NU)
+    apart = paper_compression(P, E, NU) - exact_compression(P, E, NU)
     np.testing.assert_allclose(apart, P / (math.pi * E) * (math.log(4) - 0.75 * (1 + NU)), rtol=1e-12)
     # So a fitted b is proportional to the E that it is fitted with.
-    np.testing.assert_allclose(theory.paper_compression(P, 2 * E, NU, 2.0), theory.paper_compression(P, E, NU))
+    np.testing.assert_allclose(paper_compression(P, 2 * E, NU, 2.0), paper_compression(P, E, NU))
 
 
 def test_the_exact_law_is_the_integral_of_its_compliance() -> None:
     # d xi/dP = {ln(pi E/P) - (1 + nu)/4 - 1}/(pi E)
     compliance = quad(lambda P: (math.log(math.pi * E / P) - (1 + NU) / 4 - 1) / (math.pi * E), 0, 0.01)[0]
-    assert theory.exact_compression(0.01, E, NU) == pytest.approx(compliance, rel=1e-9)
+    assert exact_compression(0.01, E, NU) == pytest.approx(compliance, rel=1e-9)
 
 
 def twice_potential(x: float, start: float = 0.0) -> float:
@@ -35,7 +37,7 @@ def twice_potential(x: float, start: float = 0.0) -> float:
 
 @pytest.mark.parametrize("v", [3e-3, 5e-2])
 def test_without_viscosity_the_impact_conserves_energy(v: float) -> None:
-    e, contact_time, top = theory.quasistatic_impact(v, 0.0, E)
+    e, contact_time, top = quasistatic_impact(v, 0.0, E)
     assert e == pytest.approx(1.0, abs=1e-8)
     assert twice_potential(top) == pytest.approx(v**2, rel=1e-7)  # at the turn all energy is elastic
 
@@ -49,14 +51,14 @@ def test_without_viscosity_the_impact_conserves_energy(v: float) -> None:
 @pytest.mark.parametrize("v", [3e-3, 5e-2])
 def test_a_small_viscosity_takes_the_power_of_its_dashpot_over_the_elastic_impact(v: float) -> None:
     # 1 - e = (2 tau0/v^2) int_0^xi_max pi E/ln(4/xi) sqrt(v^2 - 2 U) dxi + O(tau0^2), taken with xi = xi_max (1 - s^2).
-    top = theory.quasistatic_impact(v, 0.0, E).compression
+    top = quasistatic_impact(v, 0.0, E).compression
 
     def power(s: float) -> float:
         x = top * (1 - s * s)
         speed = math.sqrt(max(v**2 - twice_potential(x), 0.0))
         return 2 * math.pi * E / v**2 * speed / math.log(4 / x) * 2 * top * s
 
-    slopes = [(1 - theory.quasistatic_impact(v, tau, E).restitution) / tau for tau in (2e-3, 1e-3)]
+    slopes = [(1 - quasistatic_impact(v, tau, E).restitution) / tau for tau in (2e-3, 1e-3)]
     # The slope's own error is O(tau): extrapolate it away.
     assert 2 * slopes[1] - slopes[0] == pytest.approx(quad(power, 0, 1 - 1e-9)[0], rel=1e-5)
 
@@ -71,14 +73,14 @@ def test_a_constant_logarithm_would_make_the_impact_a_damped_oscillator() -> Non
     # With g = tau w/2, s = w t: z = exp(-g s) sin(W s)/W; the force z + tau w z' = 0 at tan(W s) = -2 g W/(1 - 2 g^2).
     s = (math.pi - math.atan2(2 * g * W, 1 - 2 * g * g)) / W
     e = -math.exp(-g * s) * (math.cos(W * s) - g / W * math.sin(W * s))
-    assert theory.quasistatic_impact(v, tau, E).restitution == pytest.approx(e, abs=3 * (1 - e) / L)
+    assert quasistatic_impact(v, tau, E).restitution == pytest.approx(e, abs=3 * (1 - e) / L)
 
 
 # d1 with c = 1 in the logarithm, twelve speeds from 0.003 to 0.05 c, E = 1.107.
 @pytest.mark.parametrize(("tau0", "d1", "d2"), [(0.0039, 0.999, 0.016), (0.39, 0.839, 0.859)])
 def test_eq_5_fitted_to_eq_4_has_a_d1_below_1(tau0: float, d1: float, d2: float) -> None:
     v = np.geomspace(3e-3, 5e-2, 12)
-    e = np.array([[theory.quasistatic_impact(one, tau0, 1.107).restitution for one in v]])
+    e = np.array([[quasistatic_impact(one, tau0, 1.107).restitution for one in v]])
     assert theory.fit_restitution(v, e).values == pytest.approx({"d1": d1, "d2": d2}, abs=6e-4)
 
 
@@ -88,4 +90,4 @@ def test_eq_5_has_no_value_beyond_its_root_and_eq_4_no_impact_that_crushes_the_d
         0.9 * math.sqrt(1 - 0.3 / math.sqrt(math.log(400)))
     )
     with pytest.raises(ValueError, match="no impact"):
-        theory.quasistatic_impact(3.0, 0.0, E)
+        quasistatic_impact(3.0, 0.0, E)

@@ -1,4 +1,4 @@
-"""The elastic wall's lattice: the disk's material in a rectangle below y = 0, apart from the disk."""
+"""The elastic wall's lattice: the disk's material in a rectangle below y = 0, separate from the disk."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def test_the_disk_comes_first_unchanged_but_lifted_and_triangles_tile_the_wall_b
     surface, boundary = both.wall_surface, both.wall_boundary
     bonds, triangles = both.bonds[len(DISK.bonds) :], both.triangles[len(DISK.triangles) :]
     assert min(bonds.min(), triangles.min(), boundary.min(), surface.min()) >= 1099
-    # The outline is cut at the top corners, which belong to both parts.
+    # The outline is split at the top corners, which belong to both parts.
     assert (surface[[0, -1]] == boundary[[0, -1]]).all()
     outline = np.concatenate([boundary, surface[-2:0:-1]])
     assert len(np.unique(outline)) == len(outline)

@@ -1,7 +1,7 @@
 """Long checks of the physics: tests (`pytest --validate`), and two programs (`python -m tests.validation.NAME`).
 
-estimate_trial: does the error estimate that every run reports hold, and is `time.tolerance` kept?
-hard_cases: what the program does at the edge of what it can; the table of docs/stability.md.
+estimate_trial: checks whether the error estimate of every run holds, and whether `time.tolerance` is kept. hard_cases:
+shows what the program does with extreme scenes; the table of docs/stability.md.
 """
 
 from taichi_disk.engine import environment

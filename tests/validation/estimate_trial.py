@@ -1,10 +1,10 @@
-"""Random scenes whose truth is known: does the error estimate that every run reports hold, is `time.tolerance` kept?
+"""Check on random scenes with known results whether error estimates hold and tolerances are kept.
 
     python -m tests.validation.estimate_trial [--tolerance | --hard | --features] [--first 0] [--scenes 100]
 
-Scenes are drawn by number (`trial_scene`, `hard_scene`, `feature_scene`), truths are those of `truth`. A scene whose
-truth is in doubt by more than a tenth of what is claimed cannot be judged. With `--features` every result is judged,
-and `--log FILE` keeps what was judged: the same command goes on from there.
+Scenes are drawn by number (`trial_scene`, `hard_scene`, `feature_scene`); `truth` computes the true results. A scene
+whose true result is uncertain by more than a tenth of the claimed error cannot be judged. With `--features` every
+result is judged, and `--log FILE` stores the judgements, so that the same command can go on from there.
 """
 
 from __future__ import annotations
@@ -27,18 +27,18 @@ from taichi_disk.simulation.simulation import KernelCache
 from .random_scenes import custom_body, feature_scene, hard_scene, trial_scene
 from .truth import refined, true_result
 
-FINEST = 1e-8  # error of an estimate that a truth is made for
-ROUNDING = 1e-13  # of a result: an impulse along a wall without friction is 0 but for that
-MOST_WORK = 3e9  # spring evaluations of a truth: scenes that take longer are left out
+FINEST = 1e-8  # smallest claimed error that is judged
+ROUNDING = 1e-13  # rounding error of a result, such as the tangential impulse without friction
+MOST_WORK = 3e9  # most spring evaluations for a true result; longer scenes are left out
 
 
 @dataclass(frozen=True)
 class Judgement:
-    """What became of scene `number`. Numbers are of e or of xi [R].
+    """The judgement of scene `number`. Numbers refer to e or to xi [R].
 
-    `end`: held or exceeded; warned: exceeded, and the run warns; untold: no truth to judge by; ended: the scene has no
-    result, or none within the tolerance.
-    `claim`: the estimate or the tolerance. `result`: its name, if it is not the primary one.
+    `end`: held or exceeded; warned: exceeded, and the run warns; untold: the true result is unknown; ended: the scene
+    has no result, or none within the tolerance. `claim`: the estimate or the tolerance. `result`: name of the result,
+    if it is not the primary one.
     """
 
     number: int
@@ -51,7 +51,7 @@ class Judgement:
 
 
 def judge(number: int, kernels: KernelCache, tolerance: bool = False, hard: bool = False) -> Judgement:
-    """Run scene `number` as `run` does, and hold its estimate, or its tolerance, against the truth."""
+    """Run scene `number` as `run` does, and compare its estimate, or its tolerance, with the true error."""
     strain = wanted = 0.0
     if hard:
         name, settings, strain = hard_scene(number)
@@ -66,7 +66,7 @@ def judge(number: int, kernels: KernelCache, tolerance: bool = False, hard: bool
         body = replace(body, rest_lengths=body.rest_lengths * (1.0 + off))
     scenario = scene.scenario(body)
     try:
-        outcome = compute(scenario, scene.time, kernels=kernels)
+        outcome = compute(scenario, scene.time)
         key, found = scenario.primary(outcome.columns)
         claim, dt = wanted if tolerance else outcome.summary["error_estimate"].get(key), outcome.summary["dt"]
         if claim is None:
@@ -82,14 +82,14 @@ def judge(number: int, kernels: KernelCache, tolerance: bool = False, hard: bool
 
 
 def judge_features(number: int, kernels: KernelCache) -> list[Judgement]:
-    """Run scene `number` as `run` does, and hold the estimate of each result against shorter steps."""
+    """Run scene `number` as `run` does, and compare the estimate of each result with runs at shorter steps."""
     name, settings, aspect = feature_scene(number)
     text = " ".join((name, *settings, f"aspect={aspect:.3f}" * (aspect > 0.0)))
     try:
         scene = load_scene(name, settings)
         body = custom_body(scene.body(), aspect, number) if aspect else scene.body()
         scenario = scene.scenario(body)
-        outcome = compute(scenario, scene.time, kernels=kernels)
+        outcome = compute(scenario, scene.time)
         claims, found = outcome.summary["error_estimate"], scenario.result(outcome.columns)
         if not claims:
             return [Judgement(number, "ended", f"{text}: no estimate")]
@@ -114,7 +114,7 @@ def judge_features(number: int, kernels: KernelCache) -> list[Judgement]:
 
 
 def report(found: list[Judgement]) -> Iterator[str]:
-    """The figures in Markdown, then every scene whose claim did not hold."""
+    """Yield a summary in Markdown, and then every scene whose claim does not hold."""
     from scipy.stats import binomtest
 
     judged = [one for one in found if one.end in ("held", "exceeded")]

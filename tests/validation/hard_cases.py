@@ -1,9 +1,9 @@
-"""Hard cases: scenes at and beyond the edge of what the model can hold, and what the program should do with each.
+"""Hard cases: scenes at and beyond the limits of the model, and how the program should end each.
 
-Each ends in one of three ways: done, with an energy balance that closes; stopped, with the reason and a remedy named;
-refused before anything is computed. The tests hold every case to that.
+Each ends in one of three ways: done, with a closed energy balance; stopped, with a reason and a remedy; refused before
+anything is computed. The tests check every case.
 
-    python -m tests.validation.hard_cases [--out docs/data]     makes the table of docs/stability.md, hard_cases.csv
+    python -m tests.validation.hard_cases [--out docs/data]     writes hard_cases.csv, the table of docs/stability.md
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ End = Literal["done", "stopped", "refused", "long"]
 
 @dataclass(frozen=True)
 class Verdict:
-    """How a scene ended: `text` is the error's message or the warnings, `summary` the outcome's with the result."""
+    """How a scene ended. `text`: the error message or the warnings; `summary`: that of the outcome, with the result."""
 
     end: End
     text: str
@@ -44,7 +44,7 @@ def judge(prepare: Callable[[], tuple[Scene, Scenario]], kernels: KernelCache, *
     """Compute a scene as `run` does."""
     try:
         scene, scenario = prepare()
-        outcome = compute(scenario, scene.time, kernels=kernels, **options)
+        outcome = compute(scenario, scene.time, **options)
     except InputError as error:
         return Verdict("refused", str(error))
     except SimulationError as error:
@@ -55,10 +55,10 @@ def judge(prepare: Callable[[], tuple[Scene, Scenario]], kernels: KernelCache, *
 
 @dataclass(frozen=True)
 class Case:
-    """A scene with `settings`, perhaps another body or a changed start, and how it should end.
+    """A scene with `settings`, possibly another body or a changed start, and how it should end.
 
-    `tells`: a regular expression that the message, or the warnings, must contain; none where there must be none. (Where
-    it says that energy is missing, energy may be.) `quick`: whether the default tests run it.
+    `tells`: regular expression that the message or the warnings must contain; if empty, there must be none. If it
+    mentions missing energy, the balance need not close. `quick`: whether the default tests run the case.
     """
 
     name: str
@@ -82,7 +82,7 @@ class Case:
         return judge(prepare, kernels, force=self.force)
 
     def failings(self, verdict: Verdict) -> list[str]:
-        """What is not as it should be; empty where all is."""
+        """Return the deviations from the expected end, an empty list if there are none."""
         found = []
         if verdict.end != self.end:
             found.append(f"{verdict.end}, not {self.end}: {verdict.text}")
@@ -95,7 +95,7 @@ class Case:
 
 
 def _twins(scene: Scene) -> Lattice:
-    """The scene's disk with one point moved to 1e-6 R from another."""
+    """Return the scene's disk with one point moved to 1e-6 R from another."""
     disk = scene.body()
     x = disk.positions.copy()
     inside = np.setdiff1d(np.arange(len(x)), disk.disk_surface)
@@ -178,10 +178,10 @@ CASES = (
     Case("elastic wall, dented: points slide", ELASTIC, SLIDING, tells=SLIDES),
     Case("elastic wall at v = 2: gone through", ELASTIC, BED + "impact.velocity=2", "stopped", DENTED),
     Case("elastic wall, k_a = 10⁻³", ELASTIC, BED + "material.k_a=1e-3 impact.velocity=0.05", "stopped", DENTED),
-    Case("dt by hand, beyond the limit", RIGID, EIGHTY + "time.dt=0.2", "refused", "stability limit", quick=True),
-    Case("dt by hand, beyond the limit, forced", RIGID, EIGHTY + "time.dt=0.2", "stopped", BEYOND, force=True),
+    Case("user's dt, beyond the limit", RIGID, EIGHTY + "time.dt=0.2", "refused", "stability limit", quick=True),
+    Case("user's dt, beyond the limit, forced", RIGID, EIGHTY + "time.dt=0.2", "stopped", BEYOND, force=True),
     Case(
-        "dt by hand, stable by the estimated force of the wall only",
+        "user's dt, stable by the estimated force of the wall only",
         RIGID,
         f"lattice.points=3 material.eta_star=0 time.dt=0.38 {EXPLICIT}",
         tells=HARDER,
@@ -195,12 +195,12 @@ CASES = (
         BEYOND,
         force=True,
     ),
-    Case("dt by hand, crushed", RIGID, CRUSHED, "stopped", "beyond the stability limit: set time.dt: auto", quick=True),
+    Case("user's dt, crushed", RIGID, CRUSHED, "stopped", "beyond the stability limit: set time.dt: auto", quick=True),
 )
 
 
 def row(case: Case, kernels: KernelCache) -> dict[str, Any]:
-    """Of the table: the case, and what the program does."""
+    """Return a row of the table: the case, and what the program does."""
     verdict = case.judge(kernels)
     summary, energy = verdict.summary, verdict.summary.get("energy", {})
     name = "restitution" if "restitution" in summary else "xi"

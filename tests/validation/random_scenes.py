@@ -1,4 +1,4 @@
-"""Scenes drawn at random, by number: the same number is the same scene everywhere."""
+"""Random scenes by number. A number gives the same scene everywhere."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from taichi_disk.simulation.simulation import KernelCache, Simulation
 from .hard_cases import Verdict, judge
 
 BOUNDARIES = ("reset", "pinned", "dashpot")
-# Few and small, so that scenes share lattices: points, seed, rim, min_spacing; points and width of the wall
+# Few and small lattices, which many scenes share: points, seed, rim, min_spacing; points and width of the wall
 WILD_LATTICES = (
     (3, 1, True, 0.7, 100, 8.0),
     (7, 2, False, 0.0, 60, 5.0),
@@ -28,20 +28,20 @@ WILD_LATTICES = (
     (50, 5, True, 0.4, 80, 2.5),
 )
 TRIAL_POINTS, SHARES = (30, 60, 100, 200, 400), (0.35, 0.35, 0.2, 0.07, 0.03)
-# rim, min_spacing; the default one more often
+# rim, min_spacing; the default is more frequent
 TRIAL_LATTICES = ((True, 0.7), (True, 0.7), (True, 0.7), (True, 0.4), (True, 0.4), (False, 0.7), (False, 0.0))
 KEY = re.compile(r"\b(lattice|material|wall|impact|compression|time)\.[a-z_0A-Z]+")
 TOO_LONG = "too long"
 
 
 class Draw:
-    """What scene `number` of a series is made from."""
+    """The random numbers of scene `number` of a series."""
 
     def __init__(self, series: int, number: int) -> None:
         self.rng = np.random.default_rng([series, number])
 
     def between(self, low: float, high: float) -> float:
-        """Evenly in the logarithm, to four digits."""
+        """Return a number with a uniform logarithm, rounded to four digits."""
         return float(f"{np.exp(self.rng.uniform(np.log(low), np.log(high))):.4g}")
 
     def one_of(self, choices: Any) -> Any:
@@ -49,9 +49,9 @@ class Draw:
 
 
 def wild_scene(number: int) -> tuple[str, tuple[str, ...]]:
-    """Name and settings of a scene from all that a scene file may say.
+    """Return name and settings of a scene that may use every key of a scene file.
 
-    Six decades of k_a, five of eta*, five of the walls' hardness, twelve of their strength, four of speed.
+    It covers six decades of k_a, five of eta*, five of the walls' hardness, twelve of their strength, four of speed.
     """
     draw = Draw(20, number)
     rng, between = draw.rng, draw.between
@@ -86,7 +86,7 @@ def wild_scene(number: int) -> tuple[str, tuple[str, ...]]:
 
 
 def trial_scene(number: int) -> tuple[str, tuple[str, ...], float]:
-    """Name and settings of a scene whose truth can be found, and a tolerance for it.
+    """Return name, settings and a tolerance of a scene whose true result can be computed.
 
     Impacts and compressions with N 30 to 400, v 2e-3 to 0.2, eta* 0 or 0.1 to 100, a 30 to 3000, k_a 1 or 0.01 to 10,
     tolerances 1e-8 to 1e-3; rim and literal lattices; all boundaries of the elastic wall.
@@ -122,7 +122,7 @@ def trial_scene(number: int) -> tuple[str, tuple[str, ...], float]:
 
 
 def hard_scene(number: int) -> tuple[str, tuple[str, ...], float]:
-    """Name and settings of an impact that is hard on a step, and by how much its springs are strained at the start.
+    """Return name and settings of an impact that needs short steps, and the strain of its springs at the start.
 
     N 25 to 100, v 0.01 to 0.2, a spin in two of three, eta* 0 or 1 to 2000; rest lengths that differ by up to 3 % in
     one of three; the elastic wall with both of its contacts.
@@ -148,11 +148,12 @@ def hard_scene(number: int) -> tuple[str, tuple[str, ...], float]:
 
 
 def feature_scene(number: int) -> tuple[str, tuple[str, ...], float]:
-    """Name and settings of an impact over all features of bodies, throws and walls, and the aspect of a custom body.
+    """Return name and settings of an impact with any features of bodies, throws and walls, and the aspect of a custom
+    body.
 
     N 30 to 400 with holes and cores, angles, spins, friction 0.05 to 5, both dashpots, all boundaries and contacts of
-    the elastic wall, v 5e-3 to 0.2, a 30 to 3000. The aspect is 0 of a disk from the settings; otherwise the body is an
-    ellipse as high or wide as that, with unequal masses and springs (`custom_body`).
+    the elastic wall, v 5e-3 to 0.2, a 30 to 3000. The aspect is 0 for a disk from the settings; otherwise the body is
+    an ellipse with this ratio of height to width, with unequal masses and springs (`custom_body`).
     """
     draw = Draw(35, number)
     rng, between = draw.rng, draw.between
@@ -191,7 +192,7 @@ def feature_scene(number: int) -> tuple[str, tuple[str, ...], float]:
 
 
 def custom_body(disk: Lattice, aspect: float, seed: int) -> Lattice:
-    """An ellipse from a disk's lattice, its masses and springs unequal by up to a factor of 2; a wall stays."""
+    """Return an ellipse made of a disk's lattice, with masses and springs unequal by up to a factor of 2."""
     rng, n = np.random.default_rng([36, seed]), disk.disk_points
     x, inside = disk.positions.copy(), (disk.bonds < n).all(axis=1)
     x[:n, 1] *= aspect
@@ -204,7 +205,7 @@ def custom_body(disk: Lattice, aspect: float, seed: int) -> Lattice:
 
 
 class ShortOnly:
-    """Gives up scenes that might take more than `most_work`, springs times steps up to the scene's `max_time`."""
+    """A kernel cache that refuses scenes with possibly more than `most_work`, springs times steps up to `max_time`."""
 
     def __init__(self, kernels: KernelCache, most_work: float) -> None:
         self.kernels, self.most_work, self.max_time = kernels, most_work, math.inf
@@ -216,7 +217,7 @@ class ShortOnly:
 
 
 def fate(number: int, kernels: ShortOnly) -> tuple[Verdict, str]:
-    """What becomes of a wild scene when it is run, and what it did that no scene must ever do, if it did."""
+    """Run a wild scene, and return how it ended, and a fault that no scene may have ("" if there is none)."""
 
     def prepare() -> tuple[Scene, Scenario]:
         name, settings = wild_scene(number)

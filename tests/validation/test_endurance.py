@@ -1,6 +1,6 @@
-"""How long a step may be, and whether energy stays, by stepping small disks for very long.
+"""Check the stability limit and the conservation of energy by stepping small disks for very long.
 
-A disk of 60 points: its modes are those of any lattice, and 10^6 steps take a second.
+The disk has 60 points; its modes are like those of any lattice, and 10^6 steps take a second.
 """
 
 from __future__ import annotations
@@ -23,20 +23,21 @@ pytestmark = pytest.mark.validate
 
 POINTS = 60
 WALL = ExponentialWall(300.0, 150.0)
-LOAD = 0.01  # P of a disk that rests on the wall [M c^2/R], times k_a
+LOAD = 0.01  # load P of a disk that rests on the wall, in units of k_a R
 MECHANICAL = [INDEX[name] for name in ("kinetic", "elastic", "wall", "load")]
-ROWS = 2000  # looks at the energy in a long run
-# Energy over its first value. At h omega = 1.96 leapfrog's swings by 1/(1 - 0.98^2) = 25; random velocities, which
-# strong dashpots would stop at once, an implicit one turns into an alternation that dies out slowly.
+ROWS = 2000  # samples of the energy in a long run
+# Energy over its initial value. At h omega = 1.96 leapfrog's energy oscillates by a factor 1/(1 - 0.98^2) = 25.
+# Implicit dashpots turn random velocities, which strong dashpots would stop at once, into a slowly decaying
+# alternation.
 BOUNDED, LOST = 1e3, 1e6
-BELOW, ABOVE = 100_000, 200_000  # steps at 0.98 and 1.05 of the limit; strong implicit dashpots make a blow-up slow
+BELOW, ABOVE = 100_000, 200_000  # steps at 0.98 and 1.05 of the limit; strong implicit dashpots blow up slowly
 
 
 def growth(simulation: Simulation, steps: int) -> float:
-    """Energy above rest over its first value: the largest of the second half of `steps` steps; inf beyond LOST.
+    """Return the largest energy in the second half of `steps` steps over its initial value; inf beyond LOST.
 
-    What comes first is a transient. (Not the kinetic energy alone: a mode that changes sign at every step has none at
-    the steps.)
+    The first half is a transient. (Kinetic energy alone does not suffice: a mode that changes its sign at every step
+    has none at the steps.)
     """
     first = simulation.first_row[INDEX["kinetic"]]
     potential = simulation.first_row[MECHANICAL].sum() - first
@@ -62,28 +63,28 @@ def test_steps_below_the_limit_stay_bounded_and_above_blow_up(
             lattice = replace(lattice, positions=solve_equilibrium(lattice, model, start).positions)
             point_force = float(WALL.forces(lattice, lattice.positions).max())
         limit = step_limit(spectrum(lattice, model), model, integrator, point_force)
-        # So slow that forces stay linear, whose frequencies the limits are about.
+        # The disk is so slow that forces stay linear; the limits refer to linear frequencies.
         v = 1e-6 * np.sqrt(k_a) * np.random.default_rng(0).standard_normal((POINTS, 2))
         assert growth(kernels.simulation(lattice, model, integrator, v, 0.98 * limit), BELOW) < BOUNDED
-        if not pressed:  # beside the wall the limit is on the safe side
+        if not pressed:  # the limit of a pressed disk is on the safe side
             assert growth(kernels.simulation(lattice, model, integrator, v, 1.05 * limit), ABOVE) == np.inf
 
 
 class Wander(NamedTuple):
-    """How the energy changed in a run, relative to that which the disk has above its rest."""
+    """How the energy changed in a run, relative to the energy above rest."""
 
     swing: float  # largest deviation from the mean
-    slope: float  # of a straight line through it, over the whole run
-    slope_error: float  # one standard error, from the means of 20 stretches
+    slope: float  # change of a straight line through the energy, over the whole run
+    slope_error: float  # standard error of the slope, from the means of 20 sections
 
 
 def wander(
     kernels: KernelCache, integrator: Integrator, bouncing: bool, fraction: float, steps: int, seed: int = 0
 ) -> Wander:
-    """The energy over `steps` steps of `fraction` of the limit, without dashpots.
+    """Return how the energy changes in `steps` steps of `fraction` of the limit, without dashpots.
 
-    A free disk that vibrates at strains of some per cent, or one that bounces on the rigid wall: there energy goes
-    to and from vibration for as long as one looks.
+    A free disk vibrates at strains of some per cent, or a disk bounces on the rigid wall, where energy moves between
+    flight and vibration all the time.
     """
     disk, model, force = disk_lattice(POINTS, 0), Model(Springs(1.0, 1e-3)), 0.0
     v = 0.003 * np.random.default_rng(seed).standard_normal((POINTS, 2))
@@ -99,7 +100,7 @@ def wander(
     scale = simulation.first_row[ENERGY_INDICES].sum() - model.energy(disk, rest)
     energy = simulation.advance(steps, steps // ROWS)[0][:, ENERGY_INDICES].sum(axis=1) / scale
     relative = energy - energy.mean()
-    from scipy.stats import linregress  # which takes a second to import
+    from scipy.stats import linregress  # takes a second to import
 
     fit = linregress(np.linspace(0.025, 0.975, 20), relative.reshape(20, -1).mean(axis=1))
     return Wander(float(np.abs(relative).max()), float(fit.slope), float(fit.stderr))
@@ -108,16 +109,17 @@ def wander(
 def test_the_energy_of_a_free_disk_does_not_drift_in_a_million_steps(kernels: KernelCache) -> None:
     for integrator, fraction in ((VELOCITY_VERLET, 0.8), (VELOCITY_VERLET, 0.4), (TAKAHASHI_IMADA, 0.8), (VEFRL, 0.6)):
         found = wander(kernels, integrator, False, fraction, 1_000_000)
-        # Leapfrog's energy swings by up to (h omega/2)^2 for the fastest mode, the mean over all modes far less.
+        # Leapfrog's energy oscillates by up to (h omega/2)^2 in the fastest mode, but far less in the mean over all
+        # modes.
         assert found.swing < (0.25 if fraction > 0.5 else 0.02)
-        # Corrected forces have no potential, beyond order h^2: they take 2.4e-3 of the energy in these million steps.
+        # Beyond order h^2 corrected forces have no potential; they take 2.4e-3 of the energy in these million steps.
         drift = 5e-3 if integrator.correction else 0.0
         assert abs(found.slope) < drift + 4.0 * found.slope_error < drift + 8e-3
 
 
 def test_the_energy_of_a_bouncing_disk_wanders_as_the_square_of_the_step(kernels: KernelCache) -> None:
-    # Some 2,500 bounces, each with the error of an impact. The motion is chaotic: another step gives another course of
-    # the same kind, and only the median over several starts shows the order.
+    # Some 2,500 bounces, each with the error of an impact. The motion is chaotic, so another step gives another path,
+    # and only the median over several starts shows the order.
     orders = []
     for seed in range(5):
         coarse = wander(kernels, VELOCITY_VERLET, True, 0.4, 1_000_000, seed)

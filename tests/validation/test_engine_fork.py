@@ -1,4 +1,4 @@
-"""Taichi Forge, which computes where Taichi has no wheels, gives bitwise the same results and films."""
+"""Taichi Forge, which runs where Taichi has no wheels, gives bitwise the same results and films."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ SCENES = {
 
 @pytest.fixture(scope="module")
 def fork(tmp_path_factory):
-    """A Python in an environment of its own, with all packages of this one, the fork, and no Taichi."""
+    """Return a Python in its own environment, with all packages of this one and the fork, but without Taichi."""
     folder = tmp_path_factory.mktemp("fork")
     subprocess.run([sys.executable, "-m", "venv", str(folder)], check=True)
     python = folder / "bin" / "python"

@@ -1,4 +1,4 @@
-"""Random scenes whose truth is known: a tolerance is kept, and the error estimate of every run holds."""
+"""Random scenes with known results: tolerances are kept, and the error estimates of runs hold."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from taichi_disk.simulation.simulation import KernelCache
 from .estimate_trial import judge, judge_features, report
 from .random_scenes import feature_scene, trial_scene
 
-SMALL = [number for number in range(60) if "lattice.points=30" in trial_scene(number)[1]]  # whose truth is soon known
+SMALL = [number for number in range(60) if "lattice.points=30" in trial_scene(number)[1]]  # quick to check
 
 SMALL_WITH_FRICTION = [
     number
@@ -17,7 +17,7 @@ SMALL_WITH_FRICTION = [
     if {"lattice.points=30", "wall.friction=0.0"} & {*(settings := feature_scene(number)[1])} == {"lattice.points=30"}
     and any(text.startswith("wall.friction") for text in settings)
 ]
-AGREEING = [390, 395, 458]  # e of a step and of half of it agree by chance
+AGREEING = [390, 395, 458]  # e at a step and at half of it agree by chance
 
 
 @pytest.mark.validate

@@ -1,4 +1,4 @@
-"""The research programs of docs/experiments: theory that they have to meet."""
+"""The research programs of docs/experiments reproduce known theory."""
 
 from __future__ import annotations
 
@@ -11,9 +11,10 @@ from typing import Any
 import numpy as np
 import pytest
 
+from docs.experiments.quasistatic import quasistatic_impact
 from taichi_disk.computation.outcome import compute
-from taichi_disk.figures.theory import exact_compression, quasistatic_impact
 from taichi_disk.scenes import load_scene
+from taichi_disk.scenes.compression import exact_compression
 from taichi_disk.simulation.simulation import KernelCache
 
 LONG = pytest.mark.validate
@@ -34,7 +35,7 @@ def experiment(name: str) -> Any:
     ("wave", "impedance"), [("p", 0.0), ("s", 0.5), ("p", 1.0), ("s", 1.0), ("s", 3.0), ("p", 1e6)]
 )
 def test_dashpots_send_back_the_amplitude_of_theory(wave: str, impedance: float) -> None:
-    # A dashpot q rho c at the end of a rod: (1 - q)/(1 + q) of the velocity; free end +1, matched 0, fixed end -1.
+    # A dashpot q rho c at the end of a rod reflects (1 - q)/(1 + q) of the velocity: free end +1, matched 0, fixed -1.
     energy, amplitude = experiment("reflection").reflect(wave, 0.5, 1, impedance=impedance)
     theory = (1 - impedance) / (1 + impedance)
     assert amplitude == pytest.approx(theory, abs=0.03) and energy == pytest.approx(theory**2, abs=0.03)
@@ -45,7 +46,7 @@ def test_the_continuum_at_finite_strain_tends_to_the_exact_law_and_exceeds_it_by
     finite = experiment("finite_strain")
     for pressure, excess in ((1e-6, 0.0), (4e-3, 0.0127), (1e-2, 0.0227)):
         law = float(exact_compression(pressure, 1.1, finite.POISSON))
-        # A mesh half as fine as that of the results: an eighth of the time.
+        # The mesh is half as fine as for the published results, which takes an eighth of the time.
         assert finite.finite_compression(pressure, 1.1, rays=16) / law - 1.0 == pytest.approx(excess, abs=1e-3)
 
 
@@ -61,25 +62,25 @@ def test_vibrations_of_the_continuum_are_loves_and_its_impact_keeps_the_energy()
 
 @LONG
 def test_impacts_of_the_lattice_lie_by_the_continuum_and_its_linearised_springs(kernels: KernelCache) -> None:
-    # Lattice by lattice e scatters by 0.001; no dashpots.
+    # Without dashpots; e scatters by 0.001 from lattice to lattice.
     e, _ = impact(kernels, 1099, 3000.0, 0.0, 0.05)
     assert e == pytest.approx(experiment("linear_lattice").restitution(1099, 0, 0.05), abs=3e-3)
     assert e == pytest.approx(0.9852, abs=5e-3)
 
 
 def impact(kernels: KernelCache, points: int, a: float, eta_star: float, velocity: float) -> tuple[float, float]:
-    """e and contact time [R/c]."""
+    """Return e and the contact time [R/c]."""
     settings = {"points": points, "a": a, "eta_star": eta_star, "velocity": velocity}
     scene = load_scene("exponential_wall").with_(settings)
     scenario = scene.scenario()
-    found = scenario.result(compute(scenario, scene.time, kernels=kernels, estimate=False).columns)
+    found = scenario.result(compute(scenario, scene.time, estimate=False).columns)
     return found["restitution"], found["contact_time"]
 
 
 def from_equation_4(
     kernels: KernelCache, points: int, a: float, eta_star: float, velocity: float
 ) -> tuple[float, float]:
-    """By how much e lies above that of eq. (4), integrated, and the contact time over it minus 1."""
+    """Return how much e lies above eq. (4), integrated, and the contact time over that of eq. (4) minus 1."""
     e, contact_time = impact(kernels, points, a, eta_star, velocity)
     tau0 = eta_star * experiment("contact_viscosity").contact_viscosity(points, 0, a)
     law = quasistatic_impact(velocity, tau0, 1.1025)  # E of 16 stretched samples of 17,600 points: +- 0.2 %
@@ -88,7 +89,7 @@ def from_equation_4(
 
 @LONG
 def test_strongly_damped_impacts_tend_to_equation_4(kernels: KernelCache) -> None:
-    # eta, not eta*, is the same: eta* grows with N. What is left at N = 4396 are 2 %.
+    # eta, not eta*, is the same, so eta* grows with N. At N = 4396 the deviation is 2 %.
     coarse = [abs(one) for one in from_equation_4(kernels, 1099, 300.0, 100.0, 7.5e-3)]
     fine = [abs(one) for one in from_equation_4(kernels, 4396, 12000.0, 400.0, 7.5e-3)]
     assert fine[0] < 0.02 and fine[1] < 0.03
@@ -99,7 +100,7 @@ def test_strongly_damped_impacts_tend_to_equation_4(kernels: KernelCache) -> Non
 def test_the_contact_of_an_undamped_disk_lasts_as_long_as_equation_4_says(kernels: KernelCache) -> None:
     e, time = from_equation_4(kernels, 4396, 12000.0, 0.0, 2e-2)
     assert abs(time) < 0.02
-    assert -0.03 < e < 0.0  # vibrations take a little with them, at any N
+    assert -0.03 < e < 0.0  # vibrations take a little energy at any N
 
 
 def test_a_clamped_strip_hardly_narrows() -> None:
@@ -121,4 +122,4 @@ def test_an_oblique_impact_lies_within_the_scatter_of_its_table(roughness: float
     assert float(row["lowest"]) - 1e-4 <= found[0] <= float(row["highest"]) + 1e-4
     assert np.isnan(found[1])  # a run that does not end is discarded
     area = oblique.area(body.positions, body.triangles)
-    assert area.min() > 0.0  # rough or not, no triangle is inside out
+    assert area.min() > 0.0  # no triangle is inverted, even on a rough surface

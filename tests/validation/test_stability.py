@@ -1,4 +1,4 @@
-"""Whatever a scene says, it ends: done with a closed energy balance, or stopped with the reason and what mends it."""
+"""Every scene ends: done with a closed energy balance, or stopped with the reason and a remedy."""
 
 from __future__ import annotations
 
@@ -24,6 +24,6 @@ def test_random_scenes_end_well_or_say_why(kernels: KernelCache) -> None:
     short = ShortOnly(kernels, 1e7)
     found = {number: fate(number, short) for number in range(100)}
     assert {number: fault for number, (_, fault) in found.items() if fault} == {}
-    # Not by refusing them.
+    # Most scenes must be computed, not refused.
     ends = Counter(verdict.end for verdict, _ in found.values())
     assert ends["done"] > 0.7 * (len(found) - ends["long"]) > 0.3 * len(found)

@@ -1,8 +1,8 @@
 """The true result of a scene, by solvers that share nothing with the stepping kernels.
 
-An impact: SciPy's DOP853 on the laws' NumPy twins. A compression: SciPy's hybrid Powell method brings the forces on all
-points to zero. Friction that holds points, and a contact that jumps from spring to spring, is no smooth force: there
-the truth is that of the program itself at a 32nd of the step (`refined`).
+For an impact: SciPy's DOP853 with the laws in NumPy. For a compression: SciPy's hybrid Powell method finds the point
+where all forces vanish. Friction that holds points, and a contact that jumps from spring to spring, are not smooth
+forces; then the true result is the program's own at a 32nd of the step (`refined`).
 """
 
 from __future__ import annotations
@@ -21,12 +21,12 @@ from taichi_disk.physics import Model
 from taichi_disk.simulation.observables import Columns
 from taichi_disk.simulation.simulation import KernelCache
 
-ROWS = 8  # as many of a truth as of a run: both truths would share the error of what is read between two rows
-ROUGH = 0.3  # of the wall's decay length crossed in a step, from which the truth itself may be in doubt
+ROWS = 8  # rows of a true result over rows of a run, to reduce the error of values between two rows
+ROUGH = 0.3  # decay lengths per step from which the true result itself may be uncertain
 
 
 def at_rest(lattice: Lattice, model: Model, start: Array) -> Array:
-    """(n, 2): positions near `start` at which no point feels a force. Raises SimulationError where none are found."""
+    """Return positions (n, 2) near `start` at which all forces vanish. Raises SimulationError if there are none."""
     from scipy.optimize import root
 
     assert model.load is not None
@@ -44,21 +44,21 @@ def at_rest(lattice: Lattice, model: Model, start: Array) -> Array:
 
 
 def true_result(scenario: Scenario, columns: Columns, end: Array, dt: float, tolerance: float) -> tuple[float, float]:
-    """e or xi [R] of a scenario, and how far that is in doubt itself.
+    """Return e or xi [R] of a scenario, and its uncertainty.
 
     Args:
-        columns, end, dt: of a run: its time series, positions (n, 2) at the end, step [R/c].
-        tolerance: the error of e that is to be judged. Where contacts jump or the wall is hard the truth is computed at
-            two tolerances of its own, and in doubt by what they differ by.
+        columns, end, dt: time series of a run, its positions (n, 2) at the end, and its step [R/c].
+        tolerance: the error of e that is to be judged. If contacts jump or the wall is hard, the true result is
+            computed at two tolerances, whose difference is its uncertainty.
     """
     if not scenario.step_dependent:
         y = at_rest(scenario.lattice, scenario.model, end)[:, 1]
         return scenario.unloaded - float(y.mean() - y.min()), 0.0  # type: ignore[attr-defined]
     wall, lattice = scenario.model.wall, scenario.lattice
     a, speed = wall.a, scenario.velocity  # type: ignore[union-attr, attr-defined]
-    # Far from the wall, whose potential is 1e-7 of the kinetic energy at the start: 5e-8 of e.
+    # Speed far from the wall; its potential at the start is 1e-7 of the kinetic energy, or 5e-8 of e.
     far = float(np.sqrt(speed**2 + 2.0 * wall.energy(lattice, lattice.positions)))  # type: ignore[union-attr]
-    # On until the wall's potential has fallen by e^3: the run ends where it is small, not where it is zero.
+    # Go on until the wall's potential has fallen by e^3: at the end of the run it is small, but not zero.
     t, v = float(columns["t"][-1]), float(columns["com_vy"][-1])
     stop = t + min(3.0 / (a * v), 0.3 * t)
 
@@ -68,7 +68,7 @@ def true_result(scenario: Scenario, columns: Columns, end: Array, dt: float, tol
         found = reference.solve(scenario.velocities, stop, rtol)
         return float(found[1, : scenario.lattice.disk_points, 1].mean()) / far
 
-    # The elastic wall's force jumps where a point comes to another of its springs: there the order is lost.
+    # The elastic wall's force jumps when a point passes to another spring, so errors follow no order.
     rtol = max(1e-12, (1e-8 if elastic else 1e-4) * tolerance)
     tight = solved(rtol)
     return tight, abs(tight - solved(10.0 * rtol)) if elastic or a * speed * dt > ROUGH else 0.0
@@ -77,10 +77,10 @@ def true_result(scenario: Scenario, columns: Columns, end: Array, dt: float, tol
 def refined(
     scenario: Scenario, summary: dict[str, Any], kernels: KernelCache, finest: int
 ) -> dict[str, tuple[float, float]]:
-    """Each result with the step of `summary` over `finest`, and how far it is from that with twice this step."""
+    """Return each result at 1/`finest` of the step of `summary`, and its difference from that at twice the step."""
     found, rows = [], scenario.row_interval / ROWS
     for finer in (finest // 2, finest):
         step = {"dt": summary["dt"] / finer, "integrator": summary["integrator"]}
         time = replace(scenario.scene.time, **step, sample_interval=rows, tolerance="none")
-        found.append(scenario.result(compute(scenario, time, kernels=kernels, estimate=False).columns))
+        found.append(scenario.result(compute(scenario, time, estimate=False).columns))
     return {name: (value, abs(value - found[0][name])) for name, value in found[1].items() if name in found[0]}

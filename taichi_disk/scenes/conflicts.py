@@ -5,7 +5,8 @@ from __future__ import annotations
 from typing import TypeAlias
 
 from taichi_disk.config.potential import ExponentialPotential
-from taichi_disk.config.sections import CORRECTED, DASHPOTS, ImpactSection, MaterialSection, TimeSection
+from taichi_disk.config.sections import ImpactSection, MaterialSection, TimeSection
+from taichi_disk.integrators import INTEGRATORS
 
 Conflicts: TypeAlias = list[tuple[str, str]]  # (dotted key, message)
 
@@ -15,15 +16,16 @@ def time_conflicts(
 ) -> Conflicts:
     """Return the conflicts of the section `time`.
 
-    `others`: "key = value" of further velocity-dependent forces. `resets`: whether wall.boundary is reset.
+    `others`: further velocity-dependent forces, as "key = value". `resets`: whether wall.boundary is reset.
     """
     dashpot, eta = material.dashpots
     damping = {f"material.{dashpot} = {eta:g}": eta, f"wall.friction = {friction:g}": friction}
     forces = [*others, *(name for name, value in damping.items() if value)]
-    name, treatment, limits = time.integrator, DASHPOTS.get(time.integrator), []
+    name, integrator, limits = time.integrator, INTEGRATORS.get(time.integrator), []
+    treatment = integrator.dashpots if integrator else "auto"
     if treatment == "none" and forces:
         limits.append(f"cannot integrate velocity-dependent forces ({forces[0]}): write auto or velocity_verlet")
-    if name in CORRECTED and resets:
+    if integrator and integrator.correction and resets:
         limits.append("has only order 2 with wall.boundary = reset: write auto, or vefrl for order 4")
     if treatment == "implicit" and friction:
         limits.append("has only order 1 with friction: write auto or velocity_verlet")
@@ -36,7 +38,6 @@ def time_conflicts(
 
 
 def gap_conflicts(wall: ExponentialPotential, impact: ImpactSection) -> Conflicts:
-    """Return the conflict of a start too close to the wall, whose potential energy would make e > 1."""
     least = wall.height_of(1e-3 * 0.5 * impact.towards**2)  # M = 1
     if impact.gap == "auto" or impact.gap >= least:
         return []
@@ -53,5 +54,4 @@ def least_threshold(wall: ExponentialPotential, velocity: float) -> float:
 
 
 def rounded_up(value: float) -> str:
-    """Format `value` with four digits, rounded up."""
     return f"{value * 1.001:.4g}"

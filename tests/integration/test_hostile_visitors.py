@@ -1,0 +1,260 @@
+"""Visitors who come in crowds, never read, or send rubbish, and a server that dies: the sandbox goes on."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import random
+import re
+import socket
+import subprocess
+import sys
+from collections.abc import AsyncIterator, Awaitable, Callable
+from contextlib import AsyncExitStack, asynccontextmanager, suppress
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import pytest
+from websockets.asyncio.client import ClientConnection, connect
+from websockets.exceptions import ConnectionClosed
+
+from taichi_disk.scenes import load_scene
+from taichi_disk.simulation.simulation import KernelCache
+from taichi_disk.window import server
+from taichi_disk.window.controls import Entry
+from taichi_disk.window.server import Page
+from taichi_disk.window.session import HEADER, MAX_BYTES, Session
+from tests.browser import MISSING, Browser
+
+SETTINGS = ["lattice.points=60", "impact.velocity=0.05", "material.eta_star=1"]
+SMALL_BUFFER = 2**12  # of sockets, so that little is under way to somebody who does not read [bytes]
+MOST_UNDER_WAY = 150_000  # the largest message, and what a socket of the server holds [bytes]
+Act = Callable[[int], Awaitable[None]]  # what visitors do, given the port
+
+
+@pytest.fixture
+def page(kernels: KernelCache) -> Page:
+    entry = Entry("bounce", "Look.", partial(load_scene, "exponential_wall", SETTINGS))
+    return Page(Session([entry] * 2, kernels), "secret")
+
+
+class Guest:
+    """A page without a browser, over a real socket."""
+
+    def __init__(self, connection: ClientConnection) -> None:
+        self.connection, self.plays, self.number = connection, False, 0
+
+    async def say(self, kind: str, **more: Any) -> None:
+        await self.connection.send(json.dumps({"do": kind} | more))
+
+    async def see(self, states: int = 1) -> None:
+        """Take what comes up to a state, and draw that."""
+        for _ in range(states):
+            while isinstance(message := await asyncio.wait_for(self.connection.recv(), 10.0), str):
+                if (content := json.loads(message))["kind"] == "role":
+                    self.plays = content["plays"]
+            self.number = HEADER.unpack(message[: HEADER.size])[0]
+            await self.say("seen", number=self.number)
+
+
+@asynccontextmanager
+async def guest(port: int, **options: Any) -> AsyncIterator[Guest]:
+    address = f"ws://127.0.0.1:{port}/secret/socket"
+    async with connect(address, origin=f"http://127.0.0.1:{port}", **options) as connection:  # type: ignore[arg-type]
+        yield Guest(connection)
+
+
+def visited(page: Page, act: Act) -> None:
+    """Serve `page` while visitors act; whoever comes afterwards must be served and play."""
+
+    async def visit() -> None:
+        with socket.create_server(("127.0.0.1", 0), backlog=128) as listening:
+            listening.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, SMALL_BUFFER)
+            port = listening.getsockname()[1]
+            serving = asyncio.create_task(page.run(listening, "127.0.0.1", False))
+            await asyncio.wait_for(act(port), 30.0)
+            async with guest(port) as last:
+                await until(lambda: len(page.audience._visitors) == 1)
+                await last.see()
+                assert last.plays
+            assert not serving.done()
+            serving.cancel()
+            await asyncio.wait([serving])
+
+    asyncio.run(visit())
+
+
+async def until(condition: Callable[[], object]) -> None:
+    for _ in range(300):
+        if condition():
+            return
+        await asyncio.sleep(0.02)
+    raise AssertionError("it does not come to that")
+
+
+@pytest.mark.parametrize("count", [20, pytest.param(100, marks=pytest.mark.validate)])
+def test_a_crowd_that_comes_at_once_is_served_and_one_of_it_plays(page: Page, count: int) -> None:
+    async def act(port: int) -> None:
+        async with AsyncExitStack() as stack:
+            crowd = await asyncio.gather(*(stack.enter_async_context(guest(port)) for _ in range(count)))
+            await asyncio.gather(*(one.see() for one in crowd))
+            (player,) = [one for one in crowd if one.plays]
+            await player.say("press", key="space")
+            await asyncio.gather(*(one.see(5) for one in crowd))
+            assert not page.audience.session.sandbox.paused
+        await until(lambda: page.audience.session.sandbox.paused)  # all have left
+
+    visited(page, act)
+
+
+@pytest.mark.parametrize("count", [30, pytest.param(300, marks=pytest.mark.validate)])
+def test_a_page_that_is_reloaded_again_and_again_leaves_nothing_behind(page: Page, count: int) -> None:
+    async def act(port: int) -> None:
+        tasks = len(asyncio.all_tasks())
+        for k in range(count):
+            async with guest(port) as one:
+                if k % 3:
+                    await one.see()
+                if k % 3 == 1:
+                    one.connection.transport.abort()  # the network went away
+        await until(lambda: len(asyncio.all_tasks()) == tasks)
+
+    visited(page, act)
+    assert page.audience.ignored == 0
+
+
+def test_a_player_who_reads_nothing_gets_no_queue_and_must_give_way(
+    page: Page, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    connections: list[Any] = []
+    monkeypatch.setattr(server, "_GONE_AFTER", 0.4)
+    monkeypatch.setattr(server, "listen", partial(server.listen, ping_interval=0.4))
+    monkeypatch.setattr(page, "answer", lambda one, request: connections.append(one) or Page.answer(page, one, request))
+
+    async def act(port: int) -> None:
+        deaf = socket.socket()
+        deaf.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, SMALL_BUFFER)
+        deaf.connect(("127.0.0.1", port))
+        async with guest(port, sock=deaf, max_queue=1) as player, guest(port) as watcher:
+            await watcher.see()
+            await player.say("press", key="space")
+            with suppress(ConnectionClosed):
+                while True:  # it says that it has drawn everything, until it is put out
+                    await player.say("seen", number=9e6)
+                    await asyncio.sleep(0.005)
+                    assert connections[0].transport.get_write_buffer_size() < MOST_UNDER_WAY
+            while not watcher.plays:
+                await watcher.see()
+            await watcher.see(3)  # it moves on
+            player.connection.transport.abort()
+
+    visited(page, act)
+
+
+NOISE = [
+    b"OPTIONS * HTTP/1.1\r\nHost: x\r\n\r\n",
+    b"GET /" + b"9" * 4000 + b" HTTP/1.1\r\n\r\n",
+    b"GET /secret/%00 HTTP/1.1\r\n\r\n",
+    b"GET /\xff\xfe HTTP/1.1\r\n\r\n",
+    b"POST /secret/ HTTP/1.1\r\nContent-Length: 99999999999\r\n\r\n",
+    b"GET / HTTP/1.1\r\n" + b"A: b\r\n" * 1000 + b"\r\n",
+    b"\x16\x03\x01\x02\x00\x01\x00\x01\xfc\x03\x03" + bytes(range(256)),  # TLS
+    b"\r\n" * 100,
+    b"",
+]
+
+
+def test_requests_that_are_none_get_no_answer_or_a_refusal(page: Page) -> None:
+    async def ask(port: int, noise: bytes) -> bytes:
+        reader, writer = await asyncio.open_connection("127.0.0.1", port)
+        writer.write(noise)
+        writer.write_eof()
+        answer = await asyncio.wait_for(reader.read(), 5.0)
+        writer.close()
+        return answer
+
+    async def act(port: int) -> None:
+        silent = [await asyncio.open_connection("127.0.0.1", port) for _ in range(50)]  # they ask for nothing
+        for noise in NOISE:
+            answer = await ask(port, noise)
+            assert not answer or re.match(rb"HTTP/1.1 4\d\d ", answer), (noise[:40], answer[:80])
+        async with guest(port) as one:
+            await one.see()
+        for _, writer in silent:
+            writer.close()
+
+    visited(page, act)
+
+
+@pytest.mark.parametrize("count", [300, pytest.param(5000, marks=pytest.mark.validate)])
+def test_a_flood_of_rubbish_is_counted_and_everybody_else_goes_on(page: Page, count: int) -> None:
+    choose = random.Random(4)
+    values = {"value": 1e300, "x": 0.1, "y": 2, "t": -1, "angle": 1, "final": 0}
+    kinds = [{"do": do, "key": key} for do in ("press", "set", "pull", "turn", "scrub") for key in ("space", "wall.a")]
+    whole = [json.dumps(kind | values) for kind in kinds]
+
+    def rubbish() -> str | bytes:
+        text = choose.choice(whole)
+        cut = text[: choose.randrange(len(text))] + choose.choice(["", "\0", "}" * 9, "[" * 500, "😀"])
+        return choose.choice([cut, cut.encode(), choose.randbytes(choose.randrange(MAX_BYTES)), whole[0]])
+
+    async def act(port: int) -> None:
+        async with guest(port) as vandal, guest(port) as watcher:
+            await vandal.see()
+            for _ in range(count):
+                await vandal.connection.send(rubbish())
+            await watcher.see()
+            await vandal.see()
+            assert page.audience.ignored > count / 2
+            await vandal.connection.send("x" * (MAX_BYTES + 1))
+            with pytest.raises(ConnectionClosed):
+                while True:
+                    await vandal.see()
+            await watcher.say("press", key="space")
+            while not watcher.plays:
+                await watcher.see()
+        for frame in (b"\xff" * 20, b"\x81\x05hello", b"\x8f\x80\0\0\0\0", b"\x01\xff" + b"\x7f" * 12):
+            async with guest(port) as broken:  # frames without mask, of unknown kind, longer than the sea
+                broken.connection.transport.write(frame)
+                with pytest.raises(ConnectionClosed):
+                    while True:
+                        await broken.connection.recv()
+
+    visited(page, act)
+
+
+@pytest.mark.validate
+@pytest.mark.skipif(bool(MISSING), reason=MISSING)
+def test_a_film_survives_a_program_that_is_killed_and_its_page_finds_the_next_one(tmp_path: Path) -> None:
+    with socket.create_server(("127.0.0.1", 0)) as free:
+        port = free.getsockname()[1]
+    code = "import secrets, sys; secrets.token_urlsafe = lambda _: 'secret'; from taichi_disk.cli import main; "
+    arguments = ["view", "--no-open", "--port", str(port), *(f"--set={one}" for one in SETTINGS)]
+
+    def started() -> subprocess.Popen[str]:
+        command = [sys.executable, "-c", f"{code} sys.exit(main({arguments!r}))"]
+        program = subprocess.Popen(command, stdout=subprocess.PIPE, text=True, cwd=tmp_path)
+        assert program.stdout and "/secret/" in program.stdout.readline()
+        return program
+
+    program, browser = started(), Browser()
+    try:
+        browser.open(f"http://127.0.0.1:{port}/secret/")
+        browser.click("film")
+        browser.click("drop")
+        browser.wait(lambda: browser.state("t") > 0.5)
+        program.kill()
+        program.wait()
+        browser.wait(lambda: "does not answer" in browser.text("role"))
+        browser.click("film")
+        film = browser.wait(lambda: browser.downloaded("disk.webm") or browser.downloaded("disk.mp4"))
+        browser.wait(lambda: film.stat().st_size > 10_000)
+        program = started()
+        browser.wait(lambda: browser.text("role") == "" and browser.state("t") == 0.0)
+        browser.click("drop")
+        browser.wait(lambda: browser.state("t") > 0.5)
+    finally:
+        browser.driver.quit()
+        program.kill()
+        program.wait()
