@@ -36,7 +36,7 @@ def impact(*settings: str) -> Any:
 
 
 def dop853(start: Any, rtol: float, end: float) -> Array:
-    """Return the velocities (n, 2) at the end by SciPy; sums over springs are products with a sparse matrix."""
+    """Return positions and velocities (2, n, 2) at the end by SciPy, with products of sparse matrices for sums over springs."""
     from scipy.integrate import solve_ivp
     from scipy.sparse import csr_array
 
@@ -60,7 +60,7 @@ def dop853(start: Any, rtol: float, end: float) -> Array:
     # atol applies to positions and velocities, which change by 0.1 R and 0.02 c.
     with np.errstate(all="ignore"):  # DOP853 rejects trial steps that crush the disk
         found = solve_ivp(rate, (0.0, end), y, "DOP853", t_eval=[end], rtol=rtol, atol=1e-2 * rtol)
-    return np.asarray(found.y[2 * n :, -1].reshape(n, 2))
+    return np.asarray(found.y[:, -1].reshape(2, n, 2))
 
 
 def numba(start: Any, dt: float, end: float) -> Array:
@@ -108,7 +108,7 @@ fix wall all wall/morse ylo 0.0 {depth} {wall.a / 2} {far} {wall.reach} units bo
         for name, values in (("x", x), ("v", v)):
             run.numpy.extract_atom(name)[:n] = values
         run.command(f"run {steps}")
-        return np.array(run.numpy.extract_atom("v")[:n, :2])
+        return np.array([run.numpy.extract_atom(name)[:n, :2] for name in ("x", "v")])
     run = start.lammps = program(cmdargs=["-log", "none", "-screen", "none"])
     run.commands_string(setup)
     run.create_atoms(n, np.arange(1, n + 1), np.ones(n, int), x.ravel(), v.ravel())
@@ -116,11 +116,11 @@ fix wall all wall/morse ylo 0.0 {depth} {wall.a / 2} {far} {wall.reach} units bo
         run.command(f"bond_coeff {b} {r!r} {springs.k_a / 2} 0.0 {springs.k_b / 4}")
         run.command(f"create_bonds single/bond {b} {i} {j} special no")
     run.command(f"run {steps}")
-    return np.array(run.numpy.extract_atom("v")[:n, :2])
+    return np.array([run.numpy.extract_atom(name)[:n, :2] for name in ("x", "v")])
 
 
 def nothing(start: Any, _number: float, _end: float) -> Array:
-    return np.asarray(start.velocities)
+    return np.array([start.lattice.positions, start.velocities])
 
 
 PROGRAMS: dict[str, Callable[[Any, float, float], Array]] = {
@@ -133,9 +133,19 @@ PROGRAMS: dict[str, Callable[[Any, float, float], Array]] = {
 
 def main(program: str, number: str, end: str, further: str, *settings: str) -> None:
     start = impact(*settings)
-    print(repr(float(PROGRAMS[program](start, float(number), float(end))[:, 1].mean() / start.speed)))
+    print(repr(restitution(start, *PROGRAMS[program](start, float(number), float(end)))))
     if int(further):
         print(least_seconds(lambda: PROGRAMS[program](start, float(number), float(end)), int(further)))
+
+
+def restitution(start: Any, x: Array, v: Array) -> float:
+    """Return the ratio of the speeds far from the wall, from positions and velocities (n, 2) at the end."""
+    wall = start.model.wall
+
+    def energy(x: Array, v: Array) -> Any:  # twice that of the flight, which includes the wall's potential
+        return v[:, 1].mean() ** 2 + 2.0 * wall.V0 * np.exp(-wall.a * x[:, 1]).sum()
+
+    return float(np.sqrt(energy(x, v) / energy(start.lattice.positions, start.velocities)))
 
 
 def least_seconds(act: Callable[[], object], times: int) -> float:
