@@ -36,7 +36,7 @@ def impact(*settings: str) -> Any:
 
 
 def dop853(start: Any, rtol: float, end: float) -> Array:
-    """Return positions and velocities (2, n, 2) at the end by SciPy, with products of sparse matrices for sums over springs."""
+    """Return positions and velocities (2, n, 2) at the end by SciPy, summing over springs with sparse matrices."""
     from scipy.integrate import solve_ivp
     from scipy.sparse import csr_array
 
