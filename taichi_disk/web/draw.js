@@ -9,7 +9,7 @@ import { ARROW, arrow, drawLegend, footer, line } from "./legend.js";
 
 export const AIM = 0.05; // velocity that an arrow as long as R stands for [c]
 const VISIBLE_WALL = 0.16; // depth of a rigid wall that is always seen [R]
-const ARROW_DISTANCE = 9; // of two arrows, about [px]
+const ARROW_DISTANCE = 7; // of two arrows, about [px]
 const INDICES = ["triangles", "springs", "outline", "edges"]; // of the scene's message
 
 export const bytes = (text) => Uint8Array.from(atob(text), (letter) => letter.charCodeAt(0));
@@ -174,7 +174,7 @@ export class Drawing {
     return ink ? [{ mark: 0 }, { mark: 1, radius: 0.75 * ratio, ink }] : [{ mark: 0 }];
   }
 
-  // Return the undeformed disk where the disk at `x` is, turned and lowered as it is. The wall's points are not changed.
+  // Return the undeformed disk at the place, height and angle of the disk at `x`. Points of the wall stay.
   unmoved(x) {
     const { rest, disk_points: count } = this.scene, out = x.slice();
     const [fromX, fromY] = centroid(rest, count), [toX, toY] = centroid(x, count);

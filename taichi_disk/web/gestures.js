@@ -4,7 +4,7 @@ import { AIM } from "./draw.js";
 
 const REACH = 24; // distance from the velocity's tip within which it is taken hold of [px]
 
-// `view` has `pan` and `zoom`. `grip` returns what one finger or the main button holds at a place: {move, end}, or nothing.
+// `view` has `pan` and `zoom`. `grip` returns what one finger or the main button holds: {move, end}, or nothing.
 export function followPointers(canvas, view, redraw, grip = () => null) {
   const pointers = new Map(), place = (event) => [event.offsetX, event.offsetY];
   let held = null;
