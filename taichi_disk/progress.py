@@ -13,7 +13,7 @@ from typing import Any, TextIO, TypeAlias, TypeVar
 from taichi_disk.errors import InputError
 
 Progress: TypeAlias = Callable[[str, float, "float | None"], object]  # callback(stage, done, total)
-BAR_DELAY, BAR_INTERVAL = 0.5, 0.1  # [s]; first appearance and updates of a bar in a notebook
+BAR_DELAY, BAR_INTERVAL = 0.5, 0.1  # delay of a bar's appearance and time between its updates in a notebook [s]
 F = TypeVar("F", bound=Callable[..., Any])
 
 

@@ -11,7 +11,7 @@ from taichi_disk.lattice import Array
 
 
 class QuasistaticImpact(NamedTuple):
-    """Solution of eq. (4): e, contact time [R/c], and maximum compression [R]."""
+    """Solution of eq. (4): e, contact time [R/c], and largest compression [R]."""
 
     restitution: float
     contact_time: float
@@ -21,16 +21,11 @@ class QuasistaticImpact(NamedTuple):
 def quasistatic_impact(velocity: float, tau0: float, e_star: float, rtol: float = 1e-9) -> QuasistaticImpact:
     """Integrate eq. (4), xi'' = -pi E_* (xi + tau0 xi')/ln(4/xi), from xi = 0, xi' = v [c] until separation.
 
-    Separation is where the force vanishes, xi + tau0 xi' = 0, because contact does not pull. Integration to xi = 0
+    The disk separates when the force vanishes, xi + tau0 xi' = 0, because a contact cannot pull. Integration to xi = 0
     would change e by O(tau0^2). The paper takes e at the fixed time pi (R/c) sqrt(ln(4 c/v)) instead.
 
-    Args:
-        velocity: v [c].
-        tau0: time scale of dissipation [R/c].
-        e_star: E_* [M c^2/R^2].
-        rtol: relative tolerance of the integration.
-
-    Raises ValueError if xi reaches 4 R/e, where the stiffness of the law loses its meaning.
+    `velocity`: v [c]; `tau0`: time scale of dissipation [R/c]; `e_star`: E_* [M c^2/R^2]; `rtol`: relative tolerance.
+    Raises ValueError if xi reaches 4 R/e, where the stiffness of the law has no meaning.
     """
     stiffness = math.pi * e_star
     deepest = 4.0 / math.e / velocity

@@ -81,11 +81,11 @@ class StepStudy:
         return (1 + REPEATS) * work * run + self.end * rate * evaluation
 
     def measure(self, done: Callable[[int], object]) -> list[StepError]:
-        """Compute the reference and all runs, calling `done` with the number of finished ones."""
+        """Compute the reference and all runs. `done` is called with the number of finished runs."""
         scenario, (integrator, steps), errors = self.scenario, self.default, []
         x, v = self.reference.solve(scenario.velocities, self.end)
         end = replace(scenario.lattice, positions=x)
-        # A simulation started from the reference solution measures it in the same way as it measures the runs.
+        # A simulation that starts from the reference solution measures the same observables as in the runs.
         first = shared_kernels().simulation(end, scenario.model, integrator, v, self.end / steps).first_row
         truth = scenario.primary(as_columns(first[None], 0.0))[1]
         for number, (integrator, steps) in enumerate(self.runs):
@@ -94,7 +94,6 @@ class StepStudy:
         return errors
 
     def _measured(self, integrator: Integrator, steps: int, x: Array, truth: float) -> StepError:
-        """Measure one run against the reference, which ends at the positions `x` (n, 2) [R] with the result `truth`."""
         scenario, dt, stride = self.scenario, self.end / steps, max(1, steps // ENERGY_SAMPLES)
         simulation = shared_kernels().simulation(scenario.lattice, scenario.model, integrator, scenario.velocities, dt)
         start = simulation.snapshot()

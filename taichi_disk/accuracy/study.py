@@ -32,10 +32,10 @@ MAX_POINTS = 200_000  # largest disk of a refinement, except for the first
 HARDNESS_FACTORS = (3.0, 10.0)  # factors of wall.a
 VISCOSITY = "material.viscosity"
 SAMPLE, POINTS, WALL = "lattice sample", "points", "wall hardness"
-SIGNIFICANCE = 2.0  # lattice scatters; a larger difference is an effect of the number of points
-COMPILE_TIME = 5.0  # [s], typical
-COLOURS = dict(zip(INTEGRATORS, (BLUE, RED, GREEN, ORANGE, PINK), strict=False))  # of the integrators
-TABLE_WIDTH = 120  # without a terminal
+SIGNIFICANCE = 2.0  # a difference of more lattice scatters is an effect of the number of points
+COMPILE_TIME = 5.0  # typical time of a compilation [s]
+COLOURS = dict(zip(INTEGRATORS, (BLUE, RED, GREEN, ORANGE, PINK), strict=False))  # colours of the integrators
+TABLE_WIDTH = 120  # width of a printed table without a terminal
 
 
 @dataclass(frozen=True)
@@ -121,7 +121,6 @@ def study(scene: Scene, out: Path, title: str, note: Callable[[str], None]) -> N
 
 
 def assess(scene: Scene, progress: Progress, note: Callable[[str], None]) -> Findings:
-    """Measure what `study` reports. Taichi must have been started."""
     scenario, study = scene.scenario(), None
     progress("simulate", 0, None)
     if scenario.model.has_friction:
@@ -172,7 +171,6 @@ def changes(scene: Scene) -> Iterator[Change]:
 
 
 def with_result(scene: Scene, base: float, change: Change) -> Change:
-    """Compute the changed scene and return `change` with the result, or with the reason why there is none."""
     try:
         result = result_of(scene.with_(change.keys))
     except TaichiDiskError as error:
@@ -181,10 +179,8 @@ def with_result(scene: Scene, base: float, change: Change) -> Change:
 
 
 def result_of(scene: Scene) -> float:
-    """Compute the primary result, by Newton's method if it does not depend on the step.
-
-    The step is automatic, because a user's dt seldom suits a finer lattice.
-    """
+    """Compute the primary result, by Newton's method if it does not depend on the step."""
+    # The step is automatic, because a user's dt rarely suits a finer lattice.
     scenario = scene.scenario()
     if not scenario.step_dependent:
         return scenario.primary(scenario.quasistatic(loads=1).columns)[1]

@@ -173,15 +173,14 @@ class Result:
         at: "own" for values on the triangles, springs or points that the quantity belongs to; "points" for values (n,)
         at the points, as in pictures. Raises InputError for an unknown name or place, or a time outside the run.
         """
-        from taichi_disk.fields import QUANTITIES, point_field
-        from taichi_disk.fields import field as own_field
+        from taichi_disk.fields import QUANTITIES, field
 
         if name not in QUANTITIES:
             raise InputError(f"no quantity {name!r}; there are {', '.join(QUANTITIES)}")
         if at not in ("own", "points"):
             raise InputError(f'at: must be "own", the triangles or springs of the quantity, or "points", not {at!r}')
         _, x, v = self.state(t)
-        return (own_field if at == "own" else point_field)(name, self.lattice, self.scenario.model.springs, x, v)
+        return field(name, self.lattice, self.scenario.model.springs, x, v, at)
 
     def modes(self, count: int = 40) -> Modes:
         """Return the lowest normal modes of the free disk and their energies at the end of the run.
@@ -422,7 +421,7 @@ def run(
     if lattices is not None and not (isinstance(lattices, (int, np.integer)) and 1 <= lattices <= MOST_LATTICES):
         raise InputError(f"lattices: must be a whole number from 1 to {MOST_LATTICES:,}, not {lattices!r}")
     work = Work(scene, OwnStart(), progress, started)
-    own = work.own = own_start(scene.lattice, lattice, velocities)  # read before a folder is chosen: files may change
+    own = work.own = own_start(scene.lattice, lattice, velocities)  # read only once, because the files may change
     options: dict[str, Any] = {"lattices": lattices, "force": force, "say": say}
     if out is None:
         if export:

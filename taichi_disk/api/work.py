@@ -28,16 +28,9 @@ FRAMES = 200  # default number of frames of a trajectory
 
 
 class Work:
-    """The work of one run: its computation and its files.
+    """The computation of one run and its files. `clock` holds the wall-clock time of each stage [s].
 
-    Args:
-        scene: scene to compute.
-        own: user-supplied lattice and velocities.
-        progress: called as for `run`.
-        started: time that the process has taken before [s].
-
-    Attributes:
-        clock: wall-clock time of each stage [s].
+    `own`: user-supplied lattice and velocities; `started`: time that the process has taken before [s].
     """
 
     def __init__(self, scene: Scene, own: OwnStart, progress: Progress | None = None, started: float = 0.0) -> None:
@@ -52,12 +45,12 @@ class Work:
         self._since = now
 
     def build(self, threads: int | None = None) -> Scenario:
-        """Return the scene ready to be computed. Raises InputError if that is impossible; `threads` as for `run`."""
+        """Return the scenario of the scene. Raises InputError if it cannot be computed. `threads` as for `run`."""
         scene, own = self.scene, self.own
         check_memory(scene)
         runtime.start(threads)
         scenario = scene.scenario(setup_of(scene).body if own.disk is None else own.disk, own.velocities)
-        scenario.scene = own.repeating(scenario.scene)  # which names the file of a user-supplied lattice
+        scenario.scene = own.repeating(scenario.scene)  # names the file of a user-supplied lattice
         self.lap("build")
         return scenario
 
@@ -116,18 +109,17 @@ class Work:
             raise
 
     def write_start(self, path: Path, scenario: Scenario) -> None:
-        """Write lattice.npz into the folder `path`."""
         lattice, impedance = scenario.lattice, scenario.model.impedance
         files.write_lattice(path / "lattice.npz", lattice, scenario.velocities, impedance, self.own.disk)
 
     def write(self, folder: RunFolder, outcome: Outcome, video: bool, plot: Begin) -> None:
-        """Write the files of a run: results, then pictures, summary.json last. `plot`: what `plotting_beside` yields.
+        """Write the files of a run: results, then pictures, and summary.json last, which says why a picture is missing.
 
-        If a picture cannot be drawn, the summary says why.
+        `plot` is what `plotting_beside` yields.
         """
         path, summary, scenario = folder.path, outcome.summary, outcome.scenario
         section, asked = scenario.scene.video, scenario.scene.time.sample_interval
-        # Rows of a loading are not equally spaced in time.
+        # Write all rows of a loading, because they are not equally spaced.
         interval = 0.0 if asked == "auto" or scenario.static else asked
         files.write_timeseries(path / "timeseries.csv", outcome.columns, interval)
         end = {"positions": outcome.positions, "velocities": outcome.velocities, "t": outcome.columns["t"][-1]}

@@ -68,10 +68,10 @@ QUANTITIES: dict[str, Quantity] = {
 }
 
 
-def field(name: str, lattice: Lattice, springs: Springs, x: Array, v: Array) -> Field:
+def field(name: str, lattice: Lattice, springs: Springs, x: Array, v: Array, at: str = "own") -> Field:
     """Compute the quantity `name` of QUANTITIES for points at `x` (n, 2) [R] with velocities `v` (n, 2) [c].
 
-    `springs` are the laws of the springs of `lattice`.
+    `springs` are the laws of the springs of `lattice`; `at`: "own", or "points" for values as in pictures: `at_points`.
 
     - pressure, shear: from the `stress` of each triangle; pressure is positive under compression.
     - fringes: brightness from 0 to 1 at the points, see `fringes` and `smooth_stress`.
@@ -79,8 +79,10 @@ def field(name: str, lattice: Lattice, springs: Springs, x: Array, v: Array) -> 
     - strain, force: of each spring, positive if stretched.
     - speed, kinetic: of each point; for the disk, relative to its centre of mass.
     """
-    values, kind = _values(name, Triangles(lattice), springs, x, v), QUANTITIES[name]
-    return Field(fringes(0.5 * values) if name == "fringes" else values, kind.on, kind.unit)
+    kind, compute = QUANTITIES[name], _values if at == "own" else at_points
+    values = compute(name, Triangles(lattice), springs, x, v)
+    place = kind.on if at == "own" else "points"
+    return Field(fringes(0.5 * values) if name == "fringes" else values, place, kind.unit)
 
 
 def _values(name: str, triangles: Triangles, springs: Springs, x: Array, v: Array) -> Array:
@@ -118,12 +120,6 @@ def at_points(name: str, triangles: Triangles, springs: Springs, x: Array, v: Ar
         ends, n = triangles.lattice.bonds.ravel(), len(x)
         return np.bincount(ends, np.repeat(values, 2), n) / np.maximum(np.bincount(ends, minlength=n), 1)
     return values
-
-
-def point_field(name: str, lattice: Lattice, springs: Springs, x: Array, v: Array) -> Field:
-    """Return the quantity `name` at the points, as pictures show it; see `at_points`. Arguments as for `field`."""
-    values, kind = at_points(name, Triangles(lattice), springs, x, v), QUANTITIES[name]
-    return Field(fringes(0.5 * values) if name == "fringes" else values, "points", kind.unit)
 
 
 def fringes(largest_shear: Array, fringe: float = 0.0) -> Array:

@@ -25,8 +25,8 @@ from taichi_disk.scenes.compression import paper_compression
 Prediction = Callable[[Array], Array]  # maps parameters (k, p) of k data sets to values (k, points)
 RESAMPLES = 1000
 LEVEL = 0.95
-MAX_TAU0 = 2.0  # [R/c], at e_star = 1
-IMPACT_TOLERANCE = 1e-9  # relative, of the integration of eq. (4); the error of e is 2e-10
+MAX_TAU0 = 2.0  # largest tau0 at e_star = 1 [R/c]
+IMPACT_TOLERANCE = 1e-9  # relative tolerance of the integration of eq. (4); the error of e is 2e-10
 
 
 def paper_restitution(velocity: ArrayLike, d1: float, d2: float) -> Array:
@@ -121,14 +121,14 @@ def quasistatic_curves(velocity: tuple[float, ...], e_star: float) -> Prediction
 
 
 def _restitutions(velocity: Array, tau0: Array) -> Array:
-    """Return e of eq. (4) at e_star = 1, (k, velocities), for speeds (velocities,) and tau0 (k, 1) [R/c].
+    """Return e of eq. (4), (k, velocities), at e_star = 1 for speeds (velocities,) [c] and tau0 (k, 1) [R/c].
 
-    Eq. (4) is xi'' = -pi E_* (xi + tau0 xi')/ln(4/xi), from xi = 0, xi' = v. The impact ends where the force vanishes,
-    xi + tau0 xi' = 0, because contact does not pull; up to xi = 0 instead, e would change by O(tau0^2). The paper takes
-    e at the fixed time pi (R/c) sqrt(ln(4 c/v)) instead. With xi' = v r cos(phi) and xi + tau0 xi' = v r sin(phi), r is
-    integrated over phi, from r = sqrt(1 + tau0^2) at atan(tau0) to r = e at pi. Steps are short at both ends, where
-    ln xi is steep.
+    Eq. (4) is xi'' = -pi E_* (xi + tau0 xi')/ln(4/xi), from xi = 0, xi' = v. The disk separates when the force
+    vanishes, xi + tau0 xi' = 0, because a contact cannot pull. Integration to xi = 0 would change e by O(tau0^2). The
+    paper takes e at the fixed time pi (R/c) sqrt(ln(4 c/v)) instead.
     """
+    # With xi' = v r cos(phi) and xi + tau0 xi' = v r sin(phi), r is integrated over phi, from r = sqrt(1 + tau0^2) at
+    # atan(tau0) to r = e at pi. Steps are short at both ends, where ln xi is steep.
     from scipy.integrate import solve_ivp
 
     steep, first = np.log(4.0 / velocity), np.arctan(tau0)

@@ -16,27 +16,19 @@ LARGEST_FACTORISED = 10_000  # lattices with more points solve for implicit dash
 class Integrator:
     """A step of length h: v += kicks[0] h f/m, x += moves[0] h v, force, v += kicks[1] h f/m ... and a last kick.
 
-    The last kick of a step and the first kick of the next use the same force and are made as one. The force, the only
-    costly part, is computed once for each move. With a `correction` c it is computed twice: f at x, then the force that
-    kicks, at x + c h^2 f/m.
-
-    Attributes:
-        name: value of the key `time.integrator`.
-        order: order of the error in h.
-        kicks, moves: (s + 1,) and (s,) fractions of h, symmetric, so that the step is reversible; each adds up to 1.
-        stable: largest h omega at which an oscillator x'' = -omega^2 x stays bounded.
-        dashpots: whether forces that depend on velocity are "explicit", from a predicted velocity, "implicit" (vector
-            dashpots only), or "none".
-        correction: c, or 0; the stepped velocities are then not those of the points, which a reset of a boundary stops.
+    The last kick of a step and the first kick of the next have the same force and are made together. The force, the
+    only expensive part, is computed once for each move. With a `correction` c it is computed twice: f at x, and at x +
+    c h^2 f/m the force for the kick.
     """
 
-    name: str
-    order: int
-    kicks: tuple[float, ...]
-    moves: tuple[float, ...]
-    stable: float
+    name: str  # value of the key `time.integrator`
+    order: int  # order of the error in h
+    kicks: tuple[float, ...]  # (s + 1,) fractions of h, symmetric so that the step is reversible; their sum is 1
+    moves: tuple[float, ...]  # (s,) fractions of h, symmetric; their sum is 1
+    stable: float  # largest h omega at which an oscillator x'' = -omega^2 x stays bounded
+    # Treatment of velocity-dependent forces: from a predicted velocity, implicit (vector dashpots only), or not at all.
     dashpots: Literal["explicit", "implicit", "none"]
-    correction: float = 0.0
+    correction: float = 0.0  # c, or 0; then the stepped velocities are transformed, and a reset cannot set them to zero
 
     @property
     def forces(self) -> int:
@@ -70,9 +62,9 @@ class Integrator:
         return tuple(stage for pair in zip(kicks, self.moves, strict=True) for stage in ((*pair, 0.0), *shifted))
 
 
-# Leapfrog form (Hairer, Lubich & Wanner, Acta Numerica 12, 2003). The cheapest way to an error of e above 1e-7, because
-# the highest lattice frequency limits the step more than accuracy does. Dashpots take the predicted velocity
-# u_k = v_{k-1/2} + h/2 f_{k-1}/m, with an error O(h^2), and shorten the stable step (`stability.explicit_limit`).
+# Leapfrog form (Hairer, Lubich & Wanner, Acta Numerica 12, 2003), the cheapest for errors of e above 1e-7, because then
+# the highest lattice frequency limits the step. Dashpots use the predicted velocity u_k = v_{k-1/2} + h/2 f_{k-1}/m,
+# with an error O(h^2), and shorten the stable step (`stability.explicit_limit`).
 VELOCITY_VERLET = Integrator("velocity_verlet", 2, (0.5, 0.5), (1.0,), 2.0, dashpots="explicit")
 
 # Velocity Verlet with implicit dashpots: see `trapezoidal`.

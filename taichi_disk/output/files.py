@@ -58,7 +58,6 @@ def prepare_output(out: Path) -> list[Path]:
 
 
 def remove_empty(folders: list[Path]) -> None:
-    """Remove the folders that `prepare_output` made, as far as nothing is in them."""
     for folder in folders:
         with contextlib.suppress(OSError):
             folder.rmdir()

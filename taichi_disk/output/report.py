@@ -11,14 +11,14 @@ from typing import Any, TypeAlias
 Summary: TypeAlias = Mapping[str, Any]  # contents of summary.json
 Labels: TypeAlias = Mapping[str, tuple[str, str]]  # name and unit of each result that is shown
 
-MAX_ROUNDING = 1e-12  # smaller errors are rounding errors
-DIGITS = 8  # of a result that does not depend on a time step
-UNESTIMATED_DIGITS = 4  # of a result whose error has not been estimated
+MAX_ROUNDING = 1e-12  # smaller values are rounding errors
+DIGITS = 8  # printed digits of a result that does not depend on a time step
+UNESTIMATED_DIGITS = 4  # printed digits of a result whose error has not been estimated
 UNESTIMATED = "(error of the time step not estimated)"
 
 
 def print_result(summary: Summary, labels: Labels, out: Path) -> None:
-    """Print the result, its computation, its time and the folder `out`, and warnings on stderr.
+    """Print the result, how it was computed, its time and the folder `out`; print warnings on stderr.
 
     `labels` maps keys of the summary to (name, unit). The text is plain, because paths must not be wrapped.
     """
@@ -30,7 +30,6 @@ def print_result(summary: Summary, labels: Labels, out: Path) -> None:
 
 
 def rows(summary: Summary, labels: Labels) -> Iterator[tuple[str, str, str]]:
-    """Yield (name, value, unit and remarks) for each line."""
     errors, source = summary.get("error_estimate") or {}, summary.get("error_source", "time step")
     for key, (name, unit) in labels.items():
         if key in summary:
@@ -51,7 +50,7 @@ def rows(summary: Summary, labels: Labels) -> Iterator[tuple[str, str, str]]:
 
 
 def over_lattices(summary: Summary, key: str) -> tuple[str, str] | None:
-    """Return the mean of a result over lattices and "± scatter", or None for a single lattice."""
+    """Return the mean of a result over lattices and "± scatter", or None if there is only one lattice."""
     lattices = summary.get("lattices", {})
     if key not in lattices:
         return None
@@ -60,7 +59,6 @@ def over_lattices(summary: Summary, key: str) -> tuple[str, str] | None:
 
 
 def headline(summary: Summary, labels: Labels) -> str:
-    """Return the primary result over lattices as a line of text; empty for a single lattice."""
     key, (name, unit) = next(iter(labels.items()))
     value, scatter = over_lattices(summary, key) or ("", "")
     return " ".join(f"{name} {value} {unit} {scatter}".split()) if value else ""
@@ -69,15 +67,15 @@ def headline(summary: Summary, labels: Labels) -> str:
 def shown(value: float, error: float | None, exact: bool = False, source: str = "time step") -> tuple[str, str]:
     """Format a result and "± error"; the latter is empty if the error is not known.
 
-    The error (None: not estimated) is rounded up to two digits, and the value has the same last digit: 0.967234 ±
-    1.4e-5. A value has at most 12 digits. `exact`: only rounding limits the result, as with Newton's method.
+    The error (None: not estimated) is rounded up to two digits, and the value gets the same last digit: 0.967234 ±
+    1.4e-5. A value has at most 12 digits. `exact`: only rounding limits the result, as in Newton's method.
     """
-    if error is None or not error < 1e9:  # also if NaN
+    if error is None or not error < 1e9:  # also true for NaN
         return f"{value:.{DIGITS if exact else UNESTIMATED_DIGITS}g}", ""
     bound = Decimal(repr(max(error, 1e-10 * abs(value), 1e-300)))
     rounded = bound.quantize(Decimal(1).scaleb(min(0, bound.adjusted() - 1)), ROUND_CEILING)
     number = Decimal(repr(value)).quantize(rounded)
     text = f"{number:f}" if abs(value) >= 1e-4 or not value else f"{number:e}"
-    if not number and error < MAX_ROUNDING:  # for example an impulse along a wall without friction
+    if not number and error < MAX_ROUNDING:  # for example the tangential impulse without friction
         text = "0"
     return text, f"± {rounded:{'f' if error >= 1e-3 else 'e'}} ({source})"

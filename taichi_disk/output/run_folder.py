@@ -118,7 +118,6 @@ def run_folder(
 
 
 def refuse_place(out: Path) -> None:
-    """Raise InputError if `out` is a folder that no run can replace."""
     here = files.holds_working_directory(out)
     if here or os.path.ismount(out):
         what = "the current folder" if here else "the mount point of a file system"

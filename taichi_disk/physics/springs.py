@@ -193,7 +193,7 @@ class Springs(Law):
         return np.stack([np.bincount(j, pull, n) - np.bincount(i, pull, n) for pull in pulls], axis=1)
 
     def stiffness(self, lattice: Lattice, x: Array) -> Any:
-        """Return the stiffness: of a spring of length r and tension T it is T' e e^T + T/r (1 - e e^T)."""
+        """Return the stiffness: T' e e^T + T/r (1 - e e^T) of a spring of length r and tension T."""
         s = self.stretch(lattice, x)
         length = s + lattice.rest_lengths
         ex, ey = self.ends_apart(lattice, x) / length

@@ -28,7 +28,7 @@ _OPTIONS = {
 }
 _BT709 = 1  # primaries, transfer and matrix in H.273; without tags players guess the colours
 _WAITING = 3  # pictures that may wait for the encoder
-_GIF_SAMPLES = 12  # approximate number of pictures from which the palette is chosen
+_GIF_SAMPLES = 12  # approximate number of pictures that determine the palette
 
 
 @contextmanager
@@ -37,16 +37,12 @@ def video(
 ) -> Iterator[Callable[[Callable[[], Picture]], None]]:
     """Write a film as ".mp4", ".webm" or ".gif", one picture as ".png", or a folder of pictures as "".
 
-    Equal pictures give equal bytes. Raises OSError, at a later picture or at the end, if the file cannot be written.
-
-    Args:
-        size: width and height [px], even.
-        origin: text for the metadata of the file.
-
-    Yields `write(picture)`, which appends the array (height, width, 3) that `picture()` returns in another thread.
+    `size`: width and height, even numbers [px]; `origin`: text for the metadata of the file. Yields `write(picture)`,
+    which appends the array (height, width, 3) that `picture()` returns in another thread. Equal pictures give equal
+    bytes. Raises OSError, at a later picture or at the end, if the file cannot be written.
     """
     encoder = {"": _folder, ".png": _still, ".gif": _gif}.get(form, _stream)
-    # Drawing holds Python's lock for milliseconds at a time; by default the encoder would wait 5 ms more.
+    # Drawing holds Python's lock for milliseconds at a time; by default the encoder would wait 5 ms longer.
     switch_interval, waiting = sys.getswitchinterval(), deque[Future[object]]()
     sys.setswitchinterval(5e-4)
     try:
@@ -66,7 +62,6 @@ def video(
 
 @contextmanager
 def _stream(path: Path, size: tuple[int, int], fps: int, origin: str) -> Iterator[Append]:
-    """Encode one stream of H.264 or VP9."""
     import av
 
     form, (width, height) = path.suffix, size
@@ -102,7 +97,7 @@ def _stream(path: Path, size: tuple[int, int], fps: int, origin: str) -> Iterato
 
 @contextmanager
 def _gif(path: Path, size: tuple[int, int], fps: int, origin: str) -> Iterator[Append]:
-    """Encode with one palette for all pictures, so that resting parts do not flicker; pictures wait compressed."""
+    """Encode with one palette for all pictures, so that still parts do not flicker; until then they are compressed."""
     from PIL import Image
 
     packed: list[bytes] = []
@@ -122,13 +117,11 @@ def _gif(path: Path, size: tuple[int, int], fps: int, origin: str) -> Iterator[A
 
 @contextmanager
 def _still(path: Path, size: tuple[int, int], fps: int, origin: str) -> Iterator[Append]:
-    """Write one picture."""
     yield lambda picture: _save(picture, path, origin, optimize=True)
 
 
 @contextmanager
 def _folder(path: Path, size: tuple[int, int], fps: int, origin: str) -> Iterator[Append]:
-    """Write a folder of pictures 00001.png, 00002.png, …"""
     path.mkdir()
     number = count(1)
     yield lambda picture: _save(picture, path / f"{next(number):05d}.png", origin, compress_level=6)

@@ -73,7 +73,7 @@ class DiskScene(Frozen):
             both = f"{material.viscosity:g} and material.eta_star = {material.eta_star:g} both set the dashpots"
             remedy = f"write auto, or leave material.eta_star at its default, {usual:g}"
             found.append(("material.viscosity", f"{both}: {remedy}"))
-        if spec.file != "none":  # which defines the whole lattice
+        if spec.file != "none":  # the file defines the whole lattice
             return found
         faults = circle_faults(spec.points, spec.hole, spec.core_radius)
         found += [(f"lattice.{key}", fault) for key, fault in faults]
@@ -200,7 +200,7 @@ class DiskScene(Frozen):
         if name == "viscosity" or not value or points == paper:
             return []
         found = f"material.eta_star = {value:g} is per point: with {points:,} points the body is {paper / points:.3g}"
-        remedy = f"material.viscosity = {value / paper:.3g} makes it the same"
+        remedy = f"this changes e; material.viscosity = {value / paper:.3g} keeps the damping"
         return [f"{found} times as viscous as with the paper's {paper}; {remedy}"]
 
     @property
@@ -235,7 +235,7 @@ def check(tree: Tree, kinds: Kinds) -> DiskScene | None:
     if "scene" in tree.value:
         what = f"must be {either(kinds)}, not {entry.shown}{did_you_mean(kind, kinds)}"
     tree.fault(entry.value, ("scene",), what)
-    for meant in nearest(kind, kinds):  # the other keys are checked for the kind that was probably meant
+    for meant in nearest(kind, kinds):  # check the other keys for the most similar kind
         _read(meant, tree, kinds)
     return None
 

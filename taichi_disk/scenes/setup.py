@@ -14,7 +14,7 @@ from taichi_disk.signals import interruptible
 if TYPE_CHECKING:
     from taichi_disk.computation.outcome import Outcome
 
-MAX_POINTS = 100_000  # of all cached lattices
+MAX_POINTS = 100_000  # total number of points of the cached lattices
 
 
 class LatticeSetup:

@@ -241,7 +241,6 @@ def _counted(result: SweepResult) -> str:
 
 
 def print_sweep(result: SweepResult) -> None:
-    """Print the fits, the failed points and the output folder."""
     from taichi_disk.figures.curves import curve_rows
 
     summary, failed = result.summary, result.failed

@@ -20,7 +20,7 @@ def test_eq_2_lies_a_known_amount_above_the_exact_law_and_depends_on_b_over_e() 
     P = np.array([4e-3, 1e-2])
     apart = paper_compression(P, E, NU) - exact_compression(P, E, NU)
     np.testing.assert_allclose(apart, P / (math.pi * E) * (math.log(4) - 0.75 * (1 + NU)), rtol=1e-12)
-    # So a fitted b is proportional to the E that it is fitted with.
+    # So a fitted b is proportional to the E that is used in the fit.
     np.testing.assert_allclose(paper_compression(P, 2 * E, NU, 2.0), paper_compression(P, E, NU))
 
 
@@ -59,7 +59,7 @@ def test_a_small_viscosity_takes_the_power_of_its_dashpot_over_the_elastic_impac
         return 2 * math.pi * E / v**2 * speed / math.log(4 / x) * 2 * top * s
 
     slopes = [(1 - quasistatic_impact(v, tau, E).restitution) / tau for tau in (2e-3, 1e-3)]
-    # The slope's own error is O(tau): extrapolate it away.
+    # Extrapolate, because the slope has an error of O(tau).
     assert 2 * slopes[1] - slopes[0] == pytest.approx(quad(power, 0, 1 - 1e-9)[0], rel=1e-5)
 
 
@@ -80,7 +80,7 @@ def test_a_constant_logarithm_would_make_the_impact_a_damped_oscillator() -> Non
 @pytest.mark.parametrize(("tau0", "d1", "d2"), [(0.0039, 0.999, 0.016), (0.39, 0.839, 0.859)])
 def test_eq_5_fitted_to_eq_4_has_a_d1_below_1(tau0: float, d1: float, d2: float) -> None:
     v = np.geomspace(3e-3, 5e-2, 12)
-    e = np.array([[quasistatic_impact(one, tau0, 1.107).restitution for one in v]])
+    e = np.array([[quasistatic_impact(velocity, tau0, 1.107).restitution for velocity in v]])
     assert theory.fit_restitution(v, e).values == pytest.approx({"d1": d1, "d2": d2}, abs=6e-4)
 
 
