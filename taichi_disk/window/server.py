@@ -23,11 +23,12 @@ from taichi_disk.errors import TaichiDiskError
 from taichi_disk.signals import raise_if_interrupted
 from taichi_disk.simulation.simulation import KernelCache
 from taichi_disk.web.drawing import source
-from taichi_disk.window.audience import Audience
+from taichi_disk.window.audience import Audience, Message
 from taichi_disk.window.controls import Entry
 from taichi_disk.window.session import MAX_BYTES, Session
 
 LOCAL = ("127.0.0.1", "localhost")
+_MAX_UNREAD = 2**23  # messages that wait for a page that does not read them [bytes]; pings wait with more
 _POLL_INTERVAL = 0.1  # between two checks for a signal [s]
 _TYPES = {"html": "html", "js": "javascript", "css": "css"}  # of text, by the ends of names
 _POLICY = "default-src 'self' data: blob:; connect-src 'self' ws: wss:; style-src 'self' 'unsafe-inline'"
@@ -63,6 +64,7 @@ async def _run(audience: Audience, token: str, listening: socket.socket) -> None
     # Ends with the KeyboardInterrupt of a signal, or with the error that has ended `audience`.
     logger = logging.Logger("page", logging.CRITICAL + 1)  # what strangers send is not worth a line
     options: dict[str, Any] = {"max_size": MAX_BYTES, "compression": None, "server_header": None, "logger": logger}
+    options["write_limit"] = _MAX_UNREAD
     async with server.serve(
         partial(_meet, audience), sock=listening, process_request=partial(answer, token), **options
     ):
@@ -74,7 +76,12 @@ async def _run(audience: Audience, token: str, listening: socket.socket) -> None
 
 
 async def _meet(audience: Audience, connection: server.ServerConnection) -> None:
-    visitor = audience.join(partial(server.broadcast, [connection]))
+    def send(message: Message) -> None:
+        server.broadcast([connection], message)
+        if connection.transport.get_write_buffer_size() > _MAX_UNREAD:
+            connection.transport.abort()
+
+    visitor = audience.join(send)
     try:
         async for text in connection:
             audience.hear(visitor, text)
