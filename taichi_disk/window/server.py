@@ -28,7 +28,7 @@ from taichi_disk.window.controls import Entry
 from taichi_disk.window.session import MAX_BYTES, Session
 
 LOCAL = ("127.0.0.1", "localhost")
-MAX_UNREAD = 100_000_000  # that a page may leave unread before it is put out [bytes]
+_MAX_UNREAD = 2**23  # messages that wait for a page that does not read them [bytes]; pings wait with more
 _POLL_INTERVAL = 0.1  # between two checks for a signal [s]
 _TYPES = {"html": "html", "js": "javascript", "css": "css"}  # of text, by the ends of names
 _POLICY = "default-src 'self' data: blob:; connect-src 'self' ws: wss:; style-src 'self' 'unsafe-inline'"
@@ -64,6 +64,7 @@ async def run(audience: Audience, token: str, listening: socket.socket) -> None:
     """Serve the pages of `audience` until a signal, which becomes KeyboardInterrupt, or until `audience` fails."""
     logger = logging.Logger("page", logging.CRITICAL + 1)  # what strangers send is not worth a line
     options: dict[str, Any] = {"max_size": MAX_BYTES, "compression": None, "server_header": None, "logger": logger}
+    options["write_limit"] = _MAX_UNREAD
     async with server.serve(
         partial(_meet, audience), sock=listening, process_request=partial(answer, token), **options
     ):
@@ -77,7 +78,7 @@ async def run(audience: Audience, token: str, listening: socket.socket) -> None:
 async def _meet(audience: Audience, connection: server.ServerConnection) -> None:
     def send(message: Message) -> None:
         server.broadcast([connection], message)
-        if connection.transport.get_write_buffer_size() > MAX_UNREAD:
+        if connection.transport.get_write_buffer_size() > _MAX_UNREAD:
             connection.transport.abort()
 
     visitor = audience.join(send)
