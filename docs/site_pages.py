@@ -23,7 +23,7 @@ ROOT = Path(__file__).parents[1]
 PYTHON = {
     "Scenes": ("taichi_disk.scenes.load_scene", "taichi_disk.scenes.load_sweep"),
     "Running": ("taichi_disk.api.run", "taichi_disk.api.Result", "taichi_disk.api.State"),
-    "Scenes in hand": tuple(f"taichi_disk.scenes.scene.DiskScene.{name}" for name in ("with_", "to_yaml")),
+    "Scene objects": tuple(f"taichi_disk.scenes.scene.DiskScene.{name}" for name in ("with_", "to_yaml")),
     "Lattices": ("taichi_disk.lattice.lattice.Lattice",),
     "Sweeps": ("taichi_disk.sweep.sweep.run_sweep", "taichi_disk.sweep.sweep.SweepResult"),
     "Fields": ("taichi_disk.fields.field", "taichi_disk.fields.Field", "taichi_disk.fields.stress"),

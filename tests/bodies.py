@@ -87,7 +87,7 @@ def holes_of(lattice):
     rings, x = [part[lattice.disk_surface[0]]], lattice.positions
     inner = side[~np.isin(part[side[:, 0]], rings)]
     cross = x[inner[:, 0], 0] * x[inner[:, 1], 1] - x[inner[:, 0], 1] * x[inner[:, 1], 0]
-    return [-0.5 * cross[part[inner[:, 0]] == one].sum() for one in np.unique(part[inner[:, 0]])]
+    return [-0.5 * cross[part[inner[:, 0]] == number].sum() for number in np.unique(part[inner[:, 0]])]
 
 
 def shaken(lattice, seed, amplitude):

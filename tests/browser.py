@@ -24,8 +24,8 @@ class Browser:
         from selenium.webdriver.chrome.service import Service
 
         options = webdriver.ChromeOptions()
-        for one in (*OPTIONS, "--enable-unsafe-swiftshader"):
-            options.add_argument(one)
+        for option in (*OPTIONS, "--enable-unsafe-swiftshader"):
+            options.add_argument(option)
         options.binary_location = shutil.which("chromium")
         options.set_capability("goog:loggingPrefs", {"browser": "ALL"})
         self._folder = tempfile.TemporaryDirectory()
@@ -56,7 +56,7 @@ class Browser:
         return found
 
     def errors(self) -> list[Any]:
-        return [one for one in self.driver.get_log("browser") if one["level"] == "SEVERE"]
+        return [entry for entry in self.driver.get_log("browser") if entry["level"] == "SEVERE"]
 
     # ---- what the page shows
 

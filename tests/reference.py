@@ -53,7 +53,7 @@ class Model:
         normal = np.stack([-t[:, 1], t[:, 0]], axis=1) / length[:, None]
         distance, lever = (away * normal).sum(axis=1), (away * t).sum(axis=1) / length**2
         near = distance < self.threshold
-        return Contacts(*(one[near] for one in (point, left, right, normal, distance, lever)))
+        return Contacts(*(values[near] for values in (point, left, right, normal, distance, lever)))
 
     def elastic(self, x):
         d = x[self.bonds[:, 0]] - x[self.bonds[:, 1]]

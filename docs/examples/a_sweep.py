@@ -16,7 +16,7 @@ sweep: {seed: {range: 3}, velocity: {geom: [1.0e-2, 5.0e-2, 4]}}
 
 
 def main() -> None:
-    # Stop it at any time and start it again: what is done is not computed twice.
+    # You can stop the sweep at any time and start it again: finished scenes are not computed twice.
     result = run_sweep(load_sweep(SWEEP), sys.argv[1] if len(sys.argv) > 1 else "out/a_sweep")
     for row in result.rows:
         print(f"seed {row['seed']}  v = {row['velocity']:.4f} c  e = {row['restitution']:.5f}")

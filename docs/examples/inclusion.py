@@ -1,4 +1,4 @@
-"""A disk with an inclusion beside its middle, stiffer, softer or heavier: it comes back spinning.
+"""A disk with an off-centre inclusion, stiffer, softer or heavier: it comes back spinning.
 
 python docs/examples/inclusion.py [picture.png]
 """
@@ -18,10 +18,10 @@ for name, stiffness, density in (("none", 1.0, 1.0), ("stiff", 20.0, 1.0), ("sof
         disk.positions,
         disk.bonds,
         stiffness=np.where(springs, stiffness, 1.0),  # times k_a, k_b and eta of each spring
-        masses=np.where(points, density, 1.0),  # scaled to 1 M in all
+        masses=np.where(points, density, 1.0),  # scaled to a total of 1 M
     )
     result = run(scene, lattice=body)
-    aside = body.mean(body.positions)[0]  # of the centre of mass
+    aside = body.mean(body.positions)[0]  # x of the centre of mass
     spin = result.series["angular_momentum"][-1]
     print(f"{name:6} e = {result.restitution:.4f}, centre of mass at x = {aside:+.3f} R, spin after {spin:+.5f} M R c")
     if name == "stiff" and len(sys.argv) > 1:

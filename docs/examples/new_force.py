@@ -1,4 +1,4 @@
-"""A force of one's own: a trap that pulls every point of the disk back to x = 0.
+"""A force of your own: a trap that pulls every point of the disk back to x = 0.
 
 python docs/examples/new_force.py
 """
@@ -50,7 +50,7 @@ scenario.velocities[:, 0] = 0.01  # across the trap
 outcome = compute(scenario, scene.time)
 
 t, x = outcome.columns["t"], outcome.columns["com_x"]
-angle = np.sqrt(0.05) * t  # of an oscillator with k = 0.05 and the mass 1
+angle = np.sqrt(0.05) * t  # phase of an oscillator with k = 0.05 and the mass 1
 oscillator = x[0] * np.cos(angle) + 0.01 / np.sqrt(0.05) * np.sin(angle)
 print(f"the centre of mass is off an oscillator by {np.abs(x - oscillator).max():.1e} R")
 print(f"e = {scenario.result(outcome.columns)['restitution']:.5f}")

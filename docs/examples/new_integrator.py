@@ -1,4 +1,4 @@
-"""An integrator of one's own: Forest and Ruth's composition of three leapfrog steps, order 4 (Physica D 43, 105, 1990).
+"""An integrator of your own: Forest and Ruth's composition of three leapfrog steps, order 4 (Physica D 43, 105, 1990).
 
 In the project: a file in taichi_disk/integrators and an entry of INTEGRATORS; scenes may then name it.
 
@@ -28,7 +28,7 @@ scenario: Any = load_scene("exponential_wall").with_(points=200, eta_star=0).sce
 
 
 def velocity_at(time: float, steps: int) -> float:
-    """Of the centre of mass after `time` [R/c], in so many steps."""
+    """Return the velocity of the centre of mass after `time` [R/c], computed in `steps` steps."""
     simulation = Simulation(scenario.lattice, scenario.model, FOREST_RUTH, scenario.velocities, time / steps)
     simulation.advance(steps, steps)
     return float(simulation.velocities()[:, 1].mean())

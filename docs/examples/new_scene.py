@@ -1,4 +1,4 @@
-"""A scene of one's own: a disk that is stretched, let go, and rings. There is no wall.
+"""A scene of your own: a disk that is stretched, released, and vibrates. There is no wall.
 
 In the project: these classes in a file of taichi_disk/scenes, an entry of SCENES, and a YAML file in scenes/.
 
@@ -20,7 +20,7 @@ from taichi_disk.scenes.scene import DiskScene
 
 class StretchSection(Section):
     strain: float = key(0.01, "stretch at the start", low=1e-6, high=0.1)
-    time: float = key(12.0, "how long to listen", "R/c", low=1.0, high=1e3)
+    time: float = key(12.0, "duration of the run", "R/c", low=1.0, high=1e3)
 
 
 class RingingScene(DiskScene):
@@ -41,7 +41,7 @@ class Ringing(Scenario):
         self.velocities = np.zeros_like(disk.positions)
         self.point_force, self.sample_interval = 0.0, 0.02
         self.max_time, self.view = 2 * scene.stretch.time, (-1.2, 1.2, -1.2, 1.2)
-        self.quiet_time = scene.stretch.time  # rows have to be within `end_bounds`, here any, for so long
+        self.quiet_time = scene.stretch.time  # how long rows have to be within `end_bounds`, which are infinite here
 
     def result(self, columns: Columns) -> dict[str, float]:
         t, y = columns["t"], columns["lowest_y"] - columns["lowest_y"].mean()

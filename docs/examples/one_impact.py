@@ -1,4 +1,4 @@
-"""One impact: choose numbers, run it, look at what came out.
+"""One impact: choose parameters, run it, and print the results.
 
 python docs/examples/one_impact.py
 """

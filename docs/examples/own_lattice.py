@@ -1,4 +1,4 @@
-"""A lattice of one's own: a perfect triangular one, cut out as a hexagon, thrown at the rigid wall.
+"""A lattice of your own: a hexagon of a perfect triangular lattice, thrown at the rigid wall.
 
 python docs/examples/own_lattice.py
 """
@@ -7,8 +7,8 @@ import numpy as np
 
 from taichi_disk import Lattice, load_scene, run
 
-k = 8  # points along an edge, less one
-i, j = (one.ravel() for one in np.meshgrid(np.arange(-k, k + 1), np.arange(-k, k + 1)))
+k = 8  # springs along an edge
+i, j = (indices.ravel() for indices in np.meshgrid(np.arange(-k, k + 1), np.arange(-k, k + 1)))
 inside = np.abs(i + j) <= k
 hexagon = Lattice.from_points(np.stack([i + 0.5 * j, np.sqrt(0.75) * j], axis=1)[inside] / k)
 

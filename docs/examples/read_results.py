@@ -1,4 +1,4 @@
-"""Reading what a run has left, with NumPy alone: which springs are strained most at the end?
+"""Read the files of a run with NumPy alone: which springs are strained most at the end?
 
 python docs/examples/read_results.py FOLDER
 """

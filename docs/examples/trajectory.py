@@ -15,8 +15,8 @@ top = positions[0, :, 1].argmax()
 print(f"the top comes down by {positions[0, top, 1] - positions[:, top, 1].min():.4f} R")
 
 tightest = result.series["t"][result.series["elastic"].argmax()]
-strain = result.field("strain", tightest).values  # of each spring
+strain = result.field("strain", tightest).values  # strain of each spring
 i, j = result.lattice.bonds[np.abs(strain).argmax()]
 print(f"at t = {tightest:.3f} R/c the spring between points {i} and {j} is strained most, by {strain.min():+.2%}")
-pressure = result.field("pressure", tightest)  # of each triangle
+pressure = result.field("pressure", tightest)  # pressure of each triangle
 print(f"the largest pressure is {pressure.values.max():.3g} {pressure.unit}")

@@ -1,4 +1,4 @@
-"""Why a disk without dashpots comes back slower than it came: its normal modes keep vibrating.
+"""Why a disk without dashpots comes back slower than it arrived: its normal modes go on vibrating.
 
 python docs/examples/why_e_is_below_one.py [picture]
 """

@@ -2,9 +2,9 @@
 
     python docs/experiments/contact_viscosity.py [points] [lattices] [a]
 
-The dashpots are the matrix eta L, L the graph Laplacian of the springs; the springs are the stiffness matrix K. Where
-all points move as u, the dissipated over the elastic power is tau0 = eta u.L u/(u.K u). Here u is the change of shape
-of a disk pressed on the wall when the load changes, as in the middle of a slow impact.
+The dashpots have the matrix eta L, where L is the graph Laplacian of the springs; K is the stiffness matrix. If all
+points move as u, the ratio of dissipated and elastic power is tau0 = eta u.L u/(u.K u). Here u is the change of shape
+of a pressed disk when the load changes, as in the middle of a slow impact.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from taichi_disk.lattice.network import laplacian
 
 
 def contact_viscosity(points: int, seed: int, a: float) -> float:
-    """tau0/eta* [R/c] of a default lattice under P = 0.01 M c^2/R on a wall of hardness a [1/R]."""
+    """Return tau0/eta* [R/c] of a default lattice under P = 0.01 M c^2/R on a wall of hardness a [1/R]."""
     scene = load_scene("compression").with_(points=points, seed=seed, a=a, method="newton")
     scenario = scene.scenario()
     lattice, model, rest = scenario.lattice, scenario.model, scenario.rest.positions
@@ -38,5 +38,5 @@ def contact_viscosity(points: int, seed: int, a: float) -> float:
 if __name__ == "__main__":
     points, lattices, a = map(int, sys.argv[1:] + ["1099", "4", "300"][len(sys.argv) - 1 :])
     found = np.array([contact_viscosity(points, seed, a) for seed in range(lattices)])
-    each = ", ".join(f"{one:.3e}" for one in found)
+    each = ", ".join(f"{value:.3e}" for value in found)
     print(f"tau0/eta* = {found.mean():.3e} R/c, mean of {lattices}; lattice by lattice {each}")

@@ -3,26 +3,26 @@
     python docs/experiments/disk_modes.py        (NumPy and SciPy; about a minute)
 
 Disk. Linear elasticity in plane stress; disk mass M = radius R = c = 1, E and nu as measured in the bulk of the
-lattices. Displacements symmetric about the vertical, u_r cos(n theta) and u_theta sin(n theta) with theta from the
-lowest point, are expanded (Ritz) in u_r - u_theta ~ r^(n-1) p(r^2) and u_r + u_theta ~ r^(n+1) q(r^2), p and q
-polynomials: all smooth fields, and with two terms each already the exact static answer to a traction on the rim.
-Diagonalised they are the free vibrations of the disk; the lowest are checked against Bessel functions (Love).
-The translation is the mode of frequency 0. Rotation does not occur in a symmetric impact.
+lattices. Displacements are symmetric about the vertical: u_r cos(n theta) and u_theta sin(n theta), with theta from the
+lowest point. They are expanded (Ritz) in u_r - u_theta ~ r^(n-1) p(r^2) and u_r + u_theta ~ r^(n+1) q(r^2) with
+polynomials p and q. These are all smooth fields, and two terms each give the exact static response to a traction on the
+rim. Diagonalisation gives the free vibrations of the disk; the lowest are compared with Bessel functions (Love). The
+translation is the mode of frequency 0. Rotation does not occur in a symmetric impact.
 
-Wall. Each point of the lattice feels V0 exp(-a y). A point at the depth d below the rim feels exp(-a d) of what the rim
-feels, so the wall acts on the rim alone, with the potential w int exp(-a y(theta)) d theta. y is the height of
-the displaced rim, w = V0 n/(2 pi) for n points on the rim. As for the lattice, w moves the wall by ln(w)/a and
-changes no result, so w = 1. The integral is a sum over evenly spaced points in |theta| < 0.7.
+Wall. Each point of the lattice has the potential V0 exp(-a y). It is smaller by exp(-a d) at the depth d inside the
+rim, so the wall acts only on the rim, with the potential w int exp(-a y(theta)) d theta. y is the height of the
+displaced rim, w = V0 n/(2 pi) for n points on the rim. As for the lattice, w shifts the wall by ln(w)/a but changes no
+result, so w = 1. The integral is a sum over evenly spaced points in |theta| < 0.7.
 
-Motion. The modes are independent but for the wall: kicks from the wall, and between two kicks the exact rotation of
-every mode (Strang splitting: order 2, symplectic). The step h keeps omega h <= 1 and a v h <= 0.3. The second table
-shows that orders, polynomials, points of the rim and step each change e by less than 1e-4 in the end.
+Motion. Only the wall couples the modes: kicks from the wall, and between two kicks the exact rotation of every mode
+(Strang splitting: order 2, symplectic). The step h satisfies omega h <= 1 and a v h <= 0.3. The second table shows that
+more orders, polynomials, points of the rim or steps change e by less than 1e-4.
 
 Lattice. The numbers below are means over 8 lattices of 17,584 points with a = 3000/R, from a sweep of
-`exponential_wall` over {points: [17584], a: [3000.0], eta_star: [0.0], seed: {range: 8}, velocity: [...]}.
-"linearised" are the same lattices with the stiffness matrix of the unloaded lattice in place of the springs. The
-lattice lies within 0.002 of the continuum. What is left at v = 0.02 c, -0.0019, are its finite strains and rotations:
-the linearised lattice lies within 0.0005, about twice its standard error, of the continuum at all four speeds.
+`exponential_wall` over {points: [17584], a: [3000.0], eta_star: [0.0], seed: {range: 8}, velocity: [...]}. "linearised"
+are the same lattices with the stiffness matrix of the unloaded lattice instead of springs. The lattice lies within
+0.002 of the continuum. The difference at v = 0.02 c, -0.0019, is due to finite strains and rotations: the linearised
+lattice lies within 0.0005, about twice its standard error, of the continuum at all four speeds.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ from scipy.optimize import brentq
 from scipy.special import eval_jacobi, jv, jvp, roots_legendre
 
 Array = NDArray[np.float64]
-YOUNG, POISSON = 1.103, 0.287  # of the lattices [M c^2/R^2]
+YOUNG, POISSON = 1.103, 0.287  # E [M c^2/R^2] and nu of the lattices
 HARDNESS = 3000.0  # a [1/R]
 # v [c]: mean and standard error of e, of the lattice and of the linearised lattice
 LATTICE = {
@@ -45,7 +45,7 @@ LATTICE = {
 
 
 def vibrations(n: int, radial: int, young: float = YOUNG, poisson: float = POISSON) -> tuple[Array, Array, Array]:
-    """Frequencies (k,) [c/R] of the vibrations of angular order n, and u_r, u_theta (k,) on the rim.
+    """Return the frequencies (k,) [c/R] of the vibrations of angular order n, and u_r, u_theta (k,) on the rim.
 
     k is 2 `radial`, or `radial` for n = 0. Modes are normalised to the mass M = 1.
     """
@@ -71,7 +71,7 @@ def vibrations(n: int, radial: int, young: float = YOUNG, poisson: float = POISS
     radial_strain, hoop, shear = du, (u + n * w) / r, dw - (n * u + w) / r
     law = [(radial_strain + poisson * hoop, radial_strain), (hoop + poisson * radial_strain, hoop)]
     law.append((0.5 * (1.0 - poisson) * shear, shear))
-    # Both energies have the same factor from the angle; the density is 1/pi.
+    # Both energies have the same angular factor; the density is 1/pi.
     stiffness = sum((stress * weight) @ strain.T for stress, strain in law) * np.pi * young / (1.0 - poisson**2)
     squares, shapes = np.linalg.eigh(stiffness)
     shapes /= 1.0 if n else np.sqrt(2.0)
@@ -79,7 +79,7 @@ def vibrations(n: int, radial: int, young: float = YOUNG, poisson: float = POISS
 
 
 def exact_frequency(n: int, near: float, young: float = YOUNG, poisson: float = POISSON) -> float:
-    """Frequency [c/R] next to `near` at which the rim is free, with displacements grad phi + curl psi (Love)."""
+    """Return the frequency [c/R] next to `near` at which the rim is free; displacements grad phi + curl psi (Love)."""
     speed = np.sqrt(np.pi * young / (1.0 - poisson**2)), np.sqrt(0.5 * np.pi * young / (1.0 + poisson))
 
     def determinant(omega: float) -> float:
@@ -93,11 +93,11 @@ def exact_frequency(n: int, near: float, young: float = YOUNG, poisson: float = 
 
 
 class Disk:
-    """All vibrations up to angular order `orders`, as the rim near the wall sees them.
+    """All vibrations up to angular order `orders`, evaluated on the rim near the wall.
 
     Attributes:
-        omega: (modes,) frequencies [c/R]; `translation` is the index of the one that is 0.
-        lift: (points, modes) how much a unit of each mode lifts a point of the rim; the translation's is 1.
+        omega: (modes,) frequencies [c/R]; `translation` is the index of the frequency 0.
+        lift: (points, modes) by which a unit of each mode lifts a point of the rim; 1 for the translation.
         height: (points,) of the undeformed rim above its lowest point [R].
         weight: of one point in the integral over the rim, both sides.
     """
@@ -118,7 +118,8 @@ class Disk:
         self.weight = 2.0 * width
 
     def impact(self, velocity: float, a: float = HARDNESS, shorter: float = 1.0) -> tuple[float, float, float, float]:
-        """e; energy imbalance and share left in the ellipse, of the kinetic energy before; contact time [R/c].
+        """Return e; energy imbalance and energy left in the ellipse mode over the kinetic energy before; contact time
+        [R/c].
 
         The contact lasts while the force is above 1 % of its peak, as in a scene.
         """
@@ -135,7 +136,7 @@ class Disk:
         while True:
             q, p = cosine * q + sine_over * p, cosine * p - sine_times * q
             y = height + self.lift @ q
-            # Vibrations move the rim by much less than v R/c: from there on it touches no more.
+            # Vibrations move the rim by much less than v R/c, so beyond this height it cannot touch again.
             if p[self.translation] > 0.0 and y.min() > gap + velocity:
                 break
             kick = h * a * self.weight * (np.exp(-a * y) @ self.lift)

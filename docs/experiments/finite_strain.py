@@ -1,11 +1,11 @@
-"""How far the exact law of compression, one of small strains, errs for a continuum of the lattice's springs.
+"""The error of the exact law of compression, which assumes small strains, for a continuum of the lattice's springs.
 
     python docs/experiments/finite_strain.py     (scikit-fem: pip install '.[experiments]'; half a minute)
 
-The continuum: springs of every direction in equal numbers, all stretched as the whole is (Cauchy and Born),
-W = 3 E/2 <(|F e| - 1)^2> per area, <> over directions e, F the deformation gradient. For small strains that is plane
-stress with E and nu = 1/3. A disk of it is pressed on a hard wall, by linear triangles and Newton's method, contact
-node by node. Neither the lattice nor the exponential wall has a part in it.
+The continuum has equally many springs of all directions, which are stretched like the material (Cauchy and Born): W = 3
+E/2 <(|F e| - 1)^2> per area, with the mean over directions e and the deformation gradient F. For small strains this is
+plane stress with E and nu = 1/3. A disk of this material is pressed on a hard wall, with linear triangles, Newton's
+method, and contact at the nodes. Neither the lattice nor the exponential wall is used.
 """
 
 from __future__ import annotations
@@ -23,13 +23,13 @@ from taichi_disk.scenes.compression import exact_compression
 Array = NDArray[np.float64]
 
 POISSON = 1.0 / 3.0
-ANGLES = np.arange(12) * np.pi / 12  # of springs: their mean of a fourth power of e is exact from 3 on
+ANGLES = np.arange(12) * np.pi / 12  # directions of springs; their mean of a fourth power of e is exact for 3 or more
 E = np.stack([np.cos(ANGLES), np.sin(ANGLES)])  # (2, directions)
-RAYS = 32  # of the finer mesh
+RAYS = 32  # rays of the finer mesh
 
 
 def springs(w: Any) -> tuple[Array, Array]:
-    """Stress P and its slope dP/dF of springs of unit modulus, at the displacements w.u."""
+    """Return the stress P and its slope dP/dF of springs of unit modulus, at the displacements w.u."""
     F = grad(w.u) + np.eye(2)[:, :, None, None]
     spring = np.einsum("ij...,jd->id...", F, E)
     length = np.sqrt((spring**2).sum(axis=0))
@@ -55,13 +55,13 @@ def height(v: Any, _w: Any) -> Any:
 
 
 def finite_compression(pressure: float, young: float, rays: int = RAYS) -> float:
-    """xi [R] under `pressure` [M c^2/R], centre of mass to lowest point: of two meshes, extrapolated by order 2."""
-    coarse, fine = (pressed(pressure / young, one) for one in (rays // 2, rays))
+    """Return xi [R] under `pressure` [M c^2/R], extrapolated by order 2 from two meshes."""
+    coarse, fine = (pressed(pressure / young, count) for count in (rays // 2, rays))
     return (4.0 * fine - coarse) / 3.0
 
 
 def pressed(load: float, rays: int) -> float:
-    """How far the centre of mass comes down under the body force `load` in all, in units of E R."""
+    """Return how far the centre of mass moves down under the total body force `load`, in units of E R."""
     mesh, rim = graded_mesh(0.02 * np.sqrt(load), rays)
     basis = Basis(mesh, ElementVector(ElementTriP1()))
     weight = height.assemble(basis)
@@ -69,7 +69,7 @@ def pressed(load: float, rays: int) -> float:
     _, y = mesh.p
     near = rim[y[rim] < -0.8]
     vertical = basis.nodal_dofs[1, near]
-    room = y[near] + 1.0  # above the wall
+    room = y[near] + 1.0  # height above the wall
     middle = basis.nodal_dofs[0, [rim[np.argmin(y[rim])], rim[np.argmax(y[rim])]]]  # symmetry
     touching, u = room < 0.3 * load, basis.zeros()
     for _ in range(100):
@@ -85,15 +85,16 @@ def pressed(load: float, rays: int) -> float:
         sunk = ~touching & (u[vertical] < -room - 1e-12)
         if np.abs(move).max() < 1e-11 and not (pulled.any() or sunk.any()):
             return -float(weight @ u)
-        if np.abs(move).max() < 1e-3:  # not before the shape is about that of the contact so far
+        if np.abs(move).max() < 1e-3:  # update the contact only when the shape has nearly converged
             touching = (touching & ~pulled) | sunk
     raise ArithmeticError(f"no equilibrium at P = {load:g} E R")
 
 
 def graded_mesh(smallest: float, rays: int) -> tuple[MeshTri, NDArray[np.intp]]:
-    """A mesh of the unit disk, fine at (0, -1), and its nodes on the rim.
+    """Return a mesh of the unit disk, fine at (0, -1), and its nodes on the rim.
 
-    Half circles about the origin of the upper half-plane, of radii in geometric progression, mapped conformally.
+    It consists of half circles about the origin of the upper half-plane, with radii in geometric progression, mapped
+    conformally.
     """
     radius = np.exp(np.arange(np.log(smallest), 4.0, np.pi / rays))
     w = np.concatenate([[0.0], np.outer(radius, np.exp(1j * np.linspace(0.0, np.pi, rays + 1))).ravel()])

@@ -2,7 +2,8 @@
 
     python docs/experiments/linear_lattice.py [points] [lattices] > docs/data/linear_lattice.csv
 
-What it differs by from the lattice is the effect of finite strains and rotations; from disk_modes.py, of the lattice.
+The difference from the lattice is the effect of finite strains and rotations; that from disk_modes.py is the effect of
+the lattice.
 """
 
 import sys
@@ -15,7 +16,7 @@ from taichi_disk.lattice import disk_lattice
 
 
 def restitution(points: int, seed: int, velocity: float, a: float = 3000.0) -> float:
-    """e on the wall exp(-a y) per point, k_a = 1, by velocity Verlet."""
+    """Return e on the wall exp(-a y) per point, with k_a = 1, by velocity Verlet."""
     lattice = disk_lattice(points, seed)
     x, (i, j), m = lattice.positions, lattice.bonds.T, len(lattice.bonds)
     direction = (x[i] - x[j]) / lattice.rest_lengths[:, None]

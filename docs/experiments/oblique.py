@@ -4,13 +4,13 @@
     python docs/experiments/oblique.py claim [lattices] > docs/data/oblique_claim.csv
 
 Means over lattices, for walls softer and stiffer than the disk, both contact laws, plain and rough surfaces. A run is
-discarded if it does not end, if its energy is off at the end by more than DISCARD, or if the program stops it: it does
-so where the balance of energy is lost, or where a point has gone through the wall.
+discarded if it does not end, if its energy is off at the end by more than DISCARD, or if the program stops it because
+the energy balance is lost or a point has gone through the wall.
 
-`claim` takes more lattices where the mean e exceeds 1, and a wall that hardly gives way, and tells why. `tilt` is the
-angle [rad] between the impulse on the disk and the wall's mean normal, positive if the impulse points back to where the
-disk came from. `e_impulse` is the restitution along the direction of the impulse: minus the velocity after the impact
-over the velocity before it, both along that direction.
+`claim` examines the cases with a mean e above 1, with more lattices and with an almost rigid wall. `tilt` is the angle
+[rad] between the impulse on the disk and the wall's mean normal, positive if the impulse points back to where the disk
+came from. `e_impulse` is the restitution along the direction of the impulse: minus the velocity after the impact over
+the velocity before it, both along that direction.
 """
 
 from __future__ import annotations
@@ -34,30 +34,30 @@ from taichi_disk.computation.stability import spectrum  # noqa: E402
 from taichi_disk.simulation.simulation import shared_kernels  # noqa: E402
 
 SCENE = Path(__file__).with_suffix(".yaml")
-WALLS = (10.0, 1.0, 0.1, 0.02)  # k_a [M c^2/R^2]; the disk's is 1
-TANGENTS = (0.0, 1.5, 3.0, 5.0)  # of the angle between flight and normal
+WALLS = (10.0, 1.0, 0.1, 0.02)  # k_a of the wall [M c^2/R^2]; the disk has 1
+TANGENTS = (0.0, 1.5, 3.0, 5.0)  # tangents of the angle between flight and normal
 ROUGH = 0.03  # noise of a rough surface [R]
-LATTICES, CLAIM_LATTICES = 20, 100  # of each row
-CLAIM_WALLS = (100.0, 10.0, 1.0)  # with the smooth contact, which discards no run there
-DISCARD = 0.02  # of the kinetic energy of the flight towards the wall; the program itself allows 0.001
-ATTEMPTS = 8  # each with a shorter step than the one before that lost the balance of energy or blew up
+LATTICES, CLAIM_LATTICES = 20, 100  # number of lattices for each row
+CLAIM_WALLS = (100.0, 10.0, 1.0)  # k_a of walls with the smooth contact, with which no run is discarded
+DISCARD = 0.02  # largest imbalance over the kinetic energy towards the wall; the program itself allows 0.001
+ATTEMPTS = 8  # number of runs with ever shorter steps after a lost balance or a blow-up
 
 
 def thrown(tangent: float, **wall: float | str) -> Scene:
-    """The scene at that angle, with other keys of its wall. An oblique throw lands so much before the wall's middle."""
+    """Return the scene at that angle, with other keys of its wall. An oblique throw starts off the middle."""
     angle = atan(tangent)
     keys = {f"wall.{key}": value for key, value in wall.items()}
     return load_scene(str(SCENE)).with_({"impact.angle": angle, "impact.offset": -1.5 * sin(angle), **keys})
 
 
 def roughened(body: Lattice, roughness: float, seed: int) -> Lattice:
-    """Disk and wall, their surface points moved along the normal by normal noise [R], the same springs unloaded.
+    """Return disk and wall with their surface points displaced along the normal by normal noise [R], springs unloaded.
 
-    Where a triangle would be flatter than a quarter of what it was, its points of the surface are drawn again. The
-    wall goes down until its highest point is at y = 0.
+    If a triangle would be flatter than a quarter of its former height, its surface points are drawn again. The wall is
+    moved down until its highest point is at y = 0.
     """
     rng, n = np.random.default_rng([seed, 3]), body.disk_points
-    surface = np.concatenate([body.disk_surface, body.wall_surface[1:-1]])  # the corners are held
+    surface = np.concatenate([body.disk_surface, body.wall_surface[1:-1]])  # the corners stay in place
     normal = np.where((surface < n)[:, None], body.positions[surface] - body.mean(body.positions), [0.0, 1.0])
     normal /= np.hypot(*normal.T)[:, None]
     noise, again = np.zeros(len(surface)), np.ones(len(surface), bool)
@@ -78,7 +78,7 @@ def area(x: np.ndarray, triangles: np.ndarray) -> np.ndarray:
 
 
 def impact(scene: Scene, body: Lattice) -> tuple[float, float, float]:
-    """Normal e, e along the impulse, tilt of the impulse [rad]; not numbers if the run is discarded."""
+    """Return normal e, e along the impulse, and tilt of the impulse [rad]; NaN if the run is discarded."""
     scenario = scene.scenario(body)
     modes = spectrum(scenario.lattice, scenario.model)
     driver = Driver(scenario, scene.time, shared_kernels(), modes)
@@ -102,19 +102,19 @@ def body(k_a: float, roughness: float, seed: int) -> Lattice:
 
 
 def rows() -> Iterator[tuple[float, str, float, float]]:
-    """Wall's k_a, contact, roughness [R] and tan gamma of each row of the table."""
+    """Yield the wall's k_a, contact, roughness [R] and tan gamma of each row of the table."""
     for tangent, roughness, contact, k_a in product(TANGENTS, (0.0, ROUGH), ("springs", "smooth"), WALLS):
         yield k_a, contact, roughness, tangent
 
 
 def claim_rows() -> Iterator[tuple[float, str, float, float]]:
-    """The same of rough walls at the largest angle."""
+    """Yield the same for rough walls at the largest angle."""
     for k_a in CLAIM_WALLS:
         yield k_a, "smooth", ROUGH, TANGENTS[-1]
 
 
 def statistics(found: np.ndarray, claim: bool) -> list[str]:
-    """Columns of a row from `found` (lattices, 3), what `impact` returned."""
+    """Return the columns of a row from `found` (lattices, 3), the results of `impact`."""
     kept = found[np.isfinite(found[:, 0])]
     e, along, tilt = kept.T
     numbers: list[float] = []

@@ -1,11 +1,11 @@
-"""What the elastic wall's matched dashpots (wall.boundary: dashpot) send back of a plane wave that meets them head-on.
+"""Reflection of plane waves at normal incidence by the matched dashpots of the elastic wall (wall.boundary: dashpot).
 
     python docs/experiments/reflection.py        (two minutes)
 
-A slab of the wall's own lattice, stepped by the same kernels. A bump of velocity exp(-y^2/(2 sigma^2)) at its free top
-runs down as a plane pulse to the dashpots at the bottom. The sides let a plane wave pass as if there were none: they
-hold what such a wave does not move (x under a P wave, y under an S wave) by dashpots too strong to yield, and leave the
-rest free. An impact sends waves longer than these: they last as long as the contact, some 4 R/c.
+A slab of the wall's lattice is stepped by the same kernels. A velocity pulse exp(-y^2/(2 sigma^2)) at its free top
+travels as a plane wave to the dashpots at the bottom. The sides do not disturb a plane wave: very strong dashpots hold
+the component that the wave does not move (x for a P wave, y for an S wave), and the other component is free. Impacts
+emit longer waves, which last as long as the contact, some 4 R/c.
 """
 
 from __future__ import annotations
@@ -24,21 +24,22 @@ from taichi_disk.physics import ElasticWall, MatchedBoundary, Model, Springs, ma
 from taichi_disk.simulation.observables import INDEX  # noqa: E402
 from taichi_disk.simulation.simulation import Simulation  # noqa: E402
 
-WIDTH = 2.0  # of the slab [R]
+WIDTH = 2.0  # width of the slab [R]
 RIGID = 1e6  # dashpots that hold a point fast [M c/R]
-SPEED = 1e-6  # of the pulse [c]: small enough for linear waves
+SPEED = 1e-6  # speed of the pulse [c], small enough for linear waves
 LATTICES = 4
 
 
 def reflect(wave: str, sigma: float, seed: int, points: int = 1099, impedance: float = 1.0) -> tuple[float, float]:
-    """What comes back, once the pulse has had time to be half way up again: energy, and amplitude of the plane pulse.
+    """Return the energy, and the amplitude of the plane pulse, that come back after half the way up again.
 
     Args:
         wave: "p" or "s"; sigma: [R], a tenth of the slab's depth.
         points: of the disk whose material the slab is made of.
         impedance: the bottom's dashpots over matched ones. Theory: the amplitude is (1 - impedance)/(1 + impedance).
 
-    The energy counts all that is left in the slab over all that was sent, also what the random lattice has scattered.
+    The energy is everything that is left in the slab, including waves scattered by the random lattice, over the energy
+    sent.
     """
     moduli, depth = bulk_moduli(points, seed, 1.0, 0.7), 10.0 * sigma
     lattice = with_wall(disk_lattice(points, seed), round(points * WIDTH * depth / np.pi), WIDTH, seed)
@@ -58,17 +59,17 @@ def reflect(wave: str, sigma: float, seed: int, points: int = 1099, impedance: f
     returned = np.exp(-0.5 * ((y + 0.5 * depth) / sigma) ** 2)
     after = simulation.velocities()[points:, along]
     simulation.destroy()
-    # Of the bump at a free end, and of its mirror image beyond, one half runs down.
+    # At a free end the pulse and its mirror image form a full pulse, one half of which travels down.
     return float(left) / sent, float(after @ returned) / (0.5 * SPEED * float(returned @ returned))
 
 
 def dashpots(lattice: Lattice, moduli: Moduli, along: int, impedance: float) -> NDArray[np.float64]:
-    """(k, 2) dashpot constants [M c/R]: those of the scene at the bottom, sides that only guide."""
+    """Return the dashpot constants (k, 2) [M c/R]: those of the scene at the bottom, and guiding ones at the sides."""
     z = matched_impedance(lattice, moduli.density * moduli.wave_speed_p, moduli.density * moduli.wave_speed_s)
     chain = lattice.positions[lattice.wall_boundary]
     side = np.abs(chain[:, 0]) >= 0.5 * WIDTH - 1e-9
     bottom = np.flatnonzero(chain[:, 1] <= chain[:, 1].min() + 1e-9)
-    z[bottom[[0, -1]], along] = 0.5 * z[bottom[1], along]  # a corner's own share holds half a spring of the side too
+    z[bottom[[0, -1]], along] = 0.5 * z[bottom[1], along]  # the length of a corner includes half a spring of the side
     z[bottom] *= impedance
     z[side, 1 - along] = RIGID
     z[np.setdiff1d(np.flatnonzero(side), bottom), along] = 0.0

@@ -2,7 +2,7 @@
 
     python docs/experiments/strip_moduli.py      (ten seconds)
 
-The paper's nu = 0.075 is no bulk value; a clamped strip four times as wide as long comes near it.
+The paper's nu = 0.075 is not a bulk value; a clamped strip four times as wide as long has a similar value.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ SEEDS, LENGTH, WIDTH = 8, 0.9, 3.6
 
 
 def moduli(spacing: float, seed: int, points: int = 1000) -> tuple[float, float, float]:
-    """E/k_a and nu of a square sample, and the apparent nu of the strip; `spacing` is `lattice.min_spacing`."""
+    """Return E/k_a and nu of a square sample, and the apparent nu of the strip; `spacing` is `lattice.min_spacing`."""
     bulk, strip = bulk_moduli(points, seed, 1.0, spacing), rectangle(points, seed, spacing, LENGTH, WIDTH)
     x, y = strip.positions.T
     rise = stretch(strip, 1.0, x == 0.0, x == LENGTH, clamped=True)[:, 1]

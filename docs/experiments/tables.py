@@ -22,11 +22,11 @@ from taichi_disk.figures import theory
 from taichi_disk.scenes.compression import exact_compression, paper_compression
 
 YOUNG = 1.107  # mean of 32 lattices of 1099 points [M c^2/R^2]
-# tau0 of a pressed contact, per unit of eta*, by the number of points [R/c]: contact_viscosity.py with 1099 4,
-# 4396 2 12000 and 17584 1 48000
+# tau0 of a pressed contact per unit of eta*, by the number of points [R/c], from contact_viscosity.py with the
+# arguments 1099 4, 4396 2 12000 and 17584 1 48000.
 TAU0 = {1099: 3.9e-3, 4396: 9.94e-4, 17584: 2.62e-4}
 SPEEDS = np.geomspace(3e-3, 5e-2, 12)  # [c] the paper's range, as in scenes/figure3.yaml
-PAPER = {"b": 1.55, "nu": 0.075, "d1": 0.973, "d2": 0.119}  # of figures 2 and 6
+PAPER = {"b": 1.55, "nu": 0.075, "d1": 0.973, "d2": 0.119}  # values of figures 2 and 6
 
 Row = dict[str, Any]
 
@@ -44,7 +44,7 @@ def write(name: str, rows: list[Row]) -> None:
 
 
 def fitted(curve: Row, law: str, prefix: str = "") -> Row:
-    """Parameters of a fit with their intervals."""
+    """Return the parameters of a fit with their intervals."""
     fit = curve["fits"][law]
     row: Row = {}
     for name, value in fit["values"].items():
@@ -55,7 +55,7 @@ def fitted(curve: Row, law: str, prefix: str = "") -> Row:
 
 
 def points(*sweeps: str) -> list[Row]:
-    """Mean and standard deviation of the primary result at each speed or force."""
+    """Return mean and standard deviation of the primary result at each speed or force."""
     return [
         {k: v for k, v in curve.items() if not isinstance(v, (list, dict))} | {"x": x, "mean": mean, "deviation": sd}
         for sweep in sweeps
@@ -108,7 +108,7 @@ def impacts() -> None:
 
 
 def towards_eq4() -> None:
-    """Impacts of finer lattices on harder walls beside equation (4)."""
+    """Write impacts of finer lattices on harder walls, compared with equation (4)."""
     with (SWEEPS / "continuum_impact" / "points.csv").open() as file:
         measured = list(csv.DictReader(file))
     rows = []
@@ -116,10 +116,10 @@ def towards_eq4() -> None:
         tau0 = TAU0[row["points"]] * row["eta_star"]
         theirs = quasistatic_impact(row["x"], tau0, row["young"])
         same = [
-            float(one["contact_time"])
-            for one in measured
-            if all(float(one[key]) == row[key] for key in ("points", "a", "eta_star"))
-            and float(one["velocity"]) == row["x"]
+            float(run["contact_time"])
+            for run in measured
+            if all(float(run[key]) == row[key] for key in ("points", "a", "eta_star"))
+            and float(run["velocity"]) == row["x"]
         ]
         row |= {"tau0": tau0, "eq4": theirs.restitution, "difference": row["mean"] - theirs.restitution}
         row |= {"contact_time": float(np.mean(same)), "eq4_contact_time": theirs.contact_time}
@@ -129,7 +129,7 @@ def towards_eq4() -> None:
 
 
 def undamped() -> None:
-    """The continuum by its vibrations, and lattices beside it."""
+    """Write the continuum by its vibrations, and lattices for comparison."""
     rows: list[Row] = []
     speeds = (3e-3, 7.5e-3, 2e-2, 5e-2)
     for body, a in ((Disk(128, 5, 400), 3000.0), (Disk(256, 5, 800), 48000.0)):
@@ -144,9 +144,9 @@ def undamped() -> None:
         setting = {"body": f"lattice of {row['points']}", "a": 3000.0, "velocity": row["x"], "e": row["mean"]}
         rows.append(setting | {"error": error, "lattices": row["lattices"]})
     with (TABLES / "linear_lattice.csv").open() as file:
-        for one in csv.DictReader(file):
-            row = {"body": f"linearised lattice of {one['points']}", "a": 3000.0, "velocity": float(one["velocity"])}
-            row |= {"e": float(one["e"]), "error": float(one["error"]), "lattices": one["lattices"]}
+        for line in csv.DictReader(file):
+            row = {"body": f"linearised lattice of {line['points']}", "a": 3000.0, "velocity": float(line["velocity"])}
+            row |= {"e": float(line["e"]), "error": float(line["error"]), "lattices": line["lattices"]}
             rows.append(row)
     write("undamped", rows)
 
@@ -177,7 +177,7 @@ def absorbing() -> None:
 
 
 def paper() -> None:
-    """What the paper prints, and its curve of figure 6 at the slowest and the fastest speed."""
+    """Write the values that the paper prints, and its curve of figure 6 at the slowest and the fastest speed."""
     e = theory.paper_restitution(SPEEDS[[0, -1]], PAPER["d1"], PAPER["d2"])
     write("paper", [PAPER | {"limit_of_d1": 1, "e_slowest": float(e[0]), "e_fastest": float(e[1])}])
 

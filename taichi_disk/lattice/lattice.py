@@ -281,10 +281,7 @@ def _meshed(x: Array) -> tuple[Lattice, Long]:
 
 
 def disk_of(lattice: Lattice) -> Lattice:
-    """Return `lattice` without the elastic wall.
-
-    Raises InputError if `lattice` is no Lattice or the masses of the disk do not add up to 1 M.
-    """
+    """Return `lattice` without the elastic wall. Raises InputError if the disk's masses do not add up to 1 M."""
     if not isinstance(lattice, Lattice):
         raise InputError(f"lattice: must be a Lattice (see Lattice.from_points), not {type(lattice).__name__}")
     n = lattice.disk_points

@@ -57,13 +57,10 @@ class ExponentialWall(Wall, BodyForce):
 
     @ti.func
     def add_friction(self, state: ti.template(), kick, late):
-        """Add Coulomb friction: the force that would stop a point within the next kick, at most mu times the push.
-
-        The forces change the velocities of the state for the time `kick`, of which `late` lies before this moment
-        [R/c]. So a point that sticks has exactly no velocity along the wall between two steps, and friction never
-        reverses a sliding point. A friction law that is smooth in the velocity cannot do that at such steps. Returns
-        the power lost [M c^3/R].
-        """
+        """Add Coulomb friction, limited to mu times the wall's force, and return the power lost [M c^3/R]."""
+        # It is the force that would stop a point within the next kick: forces act for the time `kick`, of which `late`
+        # lies before this moment [R/c]. So a sticking point has exactly no velocity between two steps, and a sliding
+        # point is never reversed. A law that is smooth in the velocity cannot do that at such steps.
         power = 0.0
         for i in range(state.n_disk[None]):
             point_force = self.at(state, i)[1]
@@ -136,11 +133,10 @@ class Load(BodyForce):
 @ti.data_oriented
 @dataclass(eq=False)
 class MouseSpring(BodyForce):
-    """A spring from at most one point to the mouse, whose pull is limited; see `Simulation.set_mouse_target`.
+    """A spring from at most one point to the mouse, whose pull is limited; see `Simulation.set_mouse_target`."""
 
-    With the pull f = min(k r, F) it has the potential f r - f^2/(2 k). So the energy that the user gives to the disk is
-    the jump of the potential when the spring is tied, moved or untied. Only kernels compute this law.
-    """
+    # With the pull f = min(k r, F) it has the potential f r - f^2/(2 k). So the energy that the user gives to the disk
+    # is the jump of the potential when the spring is tied, moved or untied. Only kernels compute this law.
 
     k: float  # spring constant [M c^2/R^2]
     strongest: float  # largest pull F [M c^2/R]

@@ -95,11 +95,10 @@ class MatchedBoundary(Boundary):
 @ti.data_oriented
 @dataclass(eq=False)
 class ResetBoundary(Boundary):
-    """A boundary whose velocities are set to zero once every `interval`: a drag of 2 m/interval on each point.
+    """A boundary whose velocities are set to zero once every `interval`: a drag of 2 m/interval on each point."""
 
-    Springs do not depend on velocity, but the force of dashpots jumps at a reset. The next half step has to start from
-    the force after the jump, or the reset would cost an order of accuracy.
-    """
+    # Springs do not depend on velocity, but the force of dashpots jumps at a reset. The next half step has to start
+    # from the force after the jump, or the reset would cost an order of accuracy.
 
     interval: float  # time between two resets, a whole number of time steps [R/c]
 

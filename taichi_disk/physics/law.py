@@ -151,10 +151,9 @@ class Wall(ExponentialPotential, Law):
 
 
 class BodyForce(Law):
-    """A force on each point that depends only on that point. Kernels add it while they move the point.
+    """A force on each point that depends only on that point; kernels add it while they move the point."""
 
-    Its potential counts as `wall` in the time series if it is the model's wall, otherwise as `load`.
-    """
+    # Its potential counts as `wall` in the time series if it is the model's wall, otherwise as `load`.
 
     at: Callable[..., Any]  # ti.func (state, i) -> force vector on point i [M c^2/R]
     potential_at: Callable[..., Any]  # ti.func (state, i) -> energy of point i [M c^2]

@@ -1,4 +1,4 @@
-"""From a scene, or a folder of scenes, to its page or its window; the list of scenes to choose from."""
+"""The command `view`: the list of scenes to choose from, shown on a page or in a window."""
 
 from __future__ import annotations
 
@@ -32,15 +32,15 @@ def view(scene_or_folder: Scene | Path, out: Path, window: bool, host: str, port
         host, port: where to serve the page; 0: a port that is free.
         open_browser: whether to open the page in the user's browser, if there is one.
 
-    Raises TaichiDiskError, with the remedy, if the page cannot be served or no window can be opened; InputError for a
-    folder without scenes.
+    Raises TaichiDiskError, with the remedy, if the page cannot be served or no window can be opened; InputError if a
+    folder has no scenes.
     """
     if window and (problem := window_problem()):
         raise TaichiDiskError(f"no window: {problem}; `taichi-disk view` without --window serves a page instead")
     playlist = folder(scene_or_folder) if isinstance(scene_or_folder, Path) else presets(scene_or_folder)
     runtime.start()
     if window:
-        from taichi_disk.window.viewer import Viewer  # needs Vulkan
+        from taichi_disk.window.viewer import Viewer
 
         for _ in Viewer(playlist, out).pictures():
             pass
@@ -49,7 +49,7 @@ def view(scene_or_folder: Scene | Path, out: Path, window: bool, host: str, port
 
 
 def presets(first: Scene) -> list[Entry]:
-    """Return `first`, then the scenes of playlist.yaml, which has name and sentence of `first` if it is shipped."""
+    """Return `first`, then the other scenes of playlist.yaml. A shipped scene has its name and sentence from there."""
     rows = yaml.safe_load(Path(__file__).with_name("playlist.yaml").read_text(encoding="utf-8"))
     entries = [Entry(name, text, partial(load_scene, scene, change.split())) for scene, change, name, text in rows]
     same = [entry for entry, row in zip(entries, rows, strict=True) if not row[1] and entry.load() == first]
@@ -58,9 +58,9 @@ def presets(first: Scene) -> list[Entry]:
 
 
 def folder(path: Path) -> list[Entry]:
-    """Return the scenes in a folder: a sweep's points in their order, a run's scene, or its YAML files but for sweeps.
+    """Return the scenes of a folder: the points of a sweep in their order, or else every scene in a YAML file.
 
-    Raises InputError if there is none.
+    Raises InputError if there is no scene.
     """
     path = path.resolve()  # an open window works in another folder
     files = sorted(path.glob("[!.]*.yaml"))
@@ -74,16 +74,15 @@ def folder(path: Path) -> list[Entry]:
 
 
 def has_browser() -> bool:
-    """Whether a browser can be opened before the user's eyes: not over SSH, and on Linux not without a display."""
-    if os.environ.get("SSH_CONNECTION") or os.environ.get("SSH_TTY"):
-        return False
-    return not _X11 or bool(os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"))
+    """Return whether the user would see a browser: not over SSH, and on Linux not without a display."""
+    has_display = os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY") or not _X11
+    return bool(has_display) and not (os.environ.get("SSH_CONNECTION") or os.environ.get("SSH_TTY"))
 
 
 def window_problem() -> str | None:
     """Return why no window can be opened on this machine, or None. Needs no `ti.init`.
 
-    It opens none to find out: GLFW ends the process if it cannot.
+    No window is opened to find out, because GLFW ends the process if it cannot open one.
     """
     name = os.environ.get("DISPLAY")
     if _X11 and not name:

@@ -172,11 +172,10 @@ class Sandbox:
         scene, points = scenario.scene, scenario.lattice.disk_points
         numbers = scenario.result(segment.columns)
         value, unit = next(iter(numbers.values())), next(iter(scenario.labels.values()))[1]
-        angle, spin, friction = (value_of(scene, key) for key in ("impact.angle", "impact.spin", "wall.friction"))
         eta_star, contact_time = scene.material.eta(points) * points, numbers.get("contact_time")
-        load = value_of(scene, load_key(scene))
-        settings = load, angle, spin, friction, eta_star, scene.wall.a, points
-        result = Result(scenario.symbol, value, *settings, contact_time, label)
+        keys = load_key(scene), "impact.angle", "impact.spin", "wall.friction"
+        settings = [*(value_of(scene, key) for key in keys), eta_star, scene.wall.a, points]
+        result = Result._make([scenario.symbol, value, *settings, contact_time, label])
         self.results = [*self.results, result][-MAX_RESULTS:]
         self.paused = True
         text = f"{scenario.end_words}: {scenario.symbol} = {value:.6f} {unit}".rstrip()

@@ -22,16 +22,15 @@ from taichi_disk.window.sandbox import Sandbox
 
 MAX_BYTES, MAX_NUMBER = 2**10, 1e7  # of a page's message, and in it
 _MAX_PENDING = 64  # commands between two pictures that do not replace each other
-# Commands of a page and their values, by the part of `Session` that has the method; "seen": the page has drawn a state.
+# A page's commands and their values, by the part of `Session` whose method of that name carries them out. "seen" tells
+# the audience that the page has drawn a state.
 _METHODS = {
     "controls": "press key, play number, set key value, speed value, collect",
     "sandbox": "scrub t, turn angle final, aim dx dy, throw, pull x y, release, clear",
     "scales": "rescale",
     "audience": "seen number",
 }
-_COMMANDS = {
-    name: (part, values) for part, methods in _METHODS.items() for name, *values in map(str.split, methods.split(", "))
-}
+_COMMANDS = {do: (part, values) for part, text in _METHODS.items() for do, *values in map(str.split, text.split(", "))}
 _REPLACED = ("set", "speed", "scrub", "turn", "aim", "pull")  # commands of which only the latest counts
 LARGE = 5000  # points; building a larger lattice takes longer than a picture may
 HEADER = struct.Struct("<IIdIIiI4f")  # see `Session._state`
@@ -55,7 +54,7 @@ def understood(text: Any) -> dict[str, Any] | None:
 
 
 class Session:
-    """`ti.init` must have been called. Needs no display and no Vulkan.
+    """One sandbox for all pages. `ti.init` must have been called; neither a display nor Vulkan is needed.
 
     Attributes:
         sandbox, controls, scales: the disk, what can be done with it, and the meaning of its colours.
@@ -65,7 +64,7 @@ class Session:
     """
 
     def __init__(self, playlist: list[Entry], kernels: KernelCache) -> None:
-        """Raises TaichiDiskError for a scene that cannot be built."""
+        """Begin with the first scene of the list. Raises TaichiDiskError if it cannot be built."""
         self.sandbox = Sandbox(playlist[0].load(), kernels)
         self.controls = Controls(self.sandbox, playlist)
         self.scales, self.graphs = Scales(self.sandbox), Graphs(self.sandbox)
@@ -89,7 +88,7 @@ class Session:
             self._pending[key] = message
 
     def release(self, pause: bool) -> None:
-        """Let the next picture begin without the player, who has left; `pause`: nobody else is there."""
+        """Let go of the disk with the next picture, because its player has left; `pause`: nobody else is there."""
         self._pending = {"release": {"do": "release"}}
         if pause and not self.sandbox.paused:
             self.sandbox.pause()

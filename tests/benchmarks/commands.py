@@ -27,7 +27,7 @@ def seconds(*arguments: str, cache: Path | None = None) -> float:
 
 
 def command(name: str, scene: str, settings: tuple[str, ...]) -> list[str]:
-    return ["-m", "taichi_disk", name, scene, *(f"--set={one}" for one in settings)]
+    return ["-m", "taichi_disk", name, scene, *(f"--set={setting}" for setting in settings)]
 
 
 def start_up(repeats: int, settings: tuple[str, ...]) -> Iterator[str]:

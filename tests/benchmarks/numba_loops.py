@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 
 def leapfrog(impact: Any) -> NDArray[np.float64]:
-    """Step an impact on the rigid wall, and return the velocities (n, 2) at the end [c]."""
+    """Step an impact on the rigid wall, and return positions [R] and velocities [c] (2, n, 2) at the end."""
     scenario, h = impact.scenario, impact.dt
     lattice, springs, wall = scenario.lattice, scenario.model.springs, scenario.model.wall
     first, second = (np.ascontiguousarray(end) for end in lattice.bonds.T)
@@ -23,7 +23,7 @@ def leapfrog(impact: Any) -> NDArray[np.float64]:
     numbers = springs.k_a, springs.k_b, springs.eta, wall.a, wall.V0, wall.reach
     x, v = lattice.positions.copy(), scenario.velocities.copy()
     f = _leapfrog(x, v, first, second, lattice.rest_lengths, mass, h, impact.steps, numbers)
-    return np.asarray(v + 0.5 * h / mass * f)
+    return np.array([x, v + 0.5 * h / mass * f])
 
 
 @numba.njit(fastmath=True, error_model="numpy", cache=True)

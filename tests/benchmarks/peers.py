@@ -1,9 +1,10 @@
 """The restitution of an undamped impact on the rigid wall by other programs, each as fast as we could make it.
 
-    python -m tests.benchmarks.peers PROGRAM NUMBER END KEY=VALUE ...
+    python -m tests.benchmarks.peers PROGRAM NUMBER END FURTHER KEY=VALUE ...
 
-prints e. NUMBER: rtol of DOP853, step [R/c] of the others; END: time at which the disk has left [R/c]. `impact.gap` has
-to be among the settings. The programs take lattice and parameters from the scene, and step the whole flight.
+prints e and, after FURTHER further impacts in the same process, the least seconds of one of them. NUMBER: rtol of
+DOP853, step [R/c] of the other programs; END: time at which the disk has left [R/c], which the programs are told.
+`impact.gap` must be among the settings. They take lattice and numbers from the scene, and step the whole flight.
 """
 
 from __future__ import annotations
@@ -12,6 +13,7 @@ import ctypes
 import sys
 from collections.abc import Callable
 from dataclasses import replace
+from time import perf_counter
 from types import SimpleNamespace
 from typing import Any
 
@@ -34,7 +36,7 @@ def impact(*settings: str) -> Any:
 
 
 def dop853(start: Any, rtol: float, end: float) -> Array:
-    """Return the velocities (n, 2) at the end by SciPy; sums over springs are products with a sparse matrix."""
+    """Return positions and velocities (2, n, 2) at the end by SciPy, summing over springs with sparse matrices."""
     from scipy.integrate import solve_ivp
     from scipy.sparse import csr_array
 
@@ -58,7 +60,7 @@ def dop853(start: Any, rtol: float, end: float) -> Array:
     # atol applies to positions and velocities, which change by 0.1 R and 0.02 c.
     with np.errstate(all="ignore"):  # DOP853 rejects trial steps that crush the disk
         found = solve_ivp(rate, (0.0, end), y, "DOP853", t_eval=[end], rtol=rtol, atol=1e-2 * rtol)
-    return np.asarray(found.y[2 * n :, -1].reshape(n, 2))
+    return np.asarray(found.y[:, -1].reshape(2, n, 2))
 
 
 def numba(start: Any, dt: float, end: float) -> Array:
@@ -100,20 +102,25 @@ thermo 1000000000
 timestep {end / steps}
 fix move all nve
 fix wall all wall/morse ylo 0.0 {depth} {wall.a / 2} {far} {wall.reach} units box"""
-    run = program(cmdargs=["-log", "none", "-screen", "none"])
-    run.commands_string(setup)
     x = np.column_stack([lattice.positions, np.zeros(n)])
     v = np.column_stack([start.velocities, np.zeros(n)])
+    if run := vars(start).get("lammps"):  # a further impact: the bonds stay
+        for name, values in (("x", x), ("v", v)):
+            run.numpy.extract_atom(name)[:n] = values
+        run.command(f"run {steps}")
+        return np.array([run.numpy.extract_atom(name)[:n, :2] for name in ("x", "v")])
+    run = start.lammps = program(cmdargs=["-log", "none", "-screen", "none"])
+    run.commands_string(setup)
     run.create_atoms(n, np.arange(1, n + 1), np.ones(n, int), x.ravel(), v.ravel())
     for b, (r, (i, j)) in enumerate(zip(lattice.rest_lengths.tolist(), (lattice.bonds + 1).tolist(), strict=True), 1):
         run.command(f"bond_coeff {b} {r!r} {springs.k_a / 2} 0.0 {springs.k_b / 4}")
         run.command(f"create_bonds single/bond {b} {i} {j} special no")
     run.command(f"run {steps}")
-    return np.array(run.numpy.extract_atom("v")[:n, :2])
+    return np.array([run.numpy.extract_atom(name)[:n, :2] for name in ("x", "v")])
 
 
 def nothing(start: Any, _number: float, _end: float) -> Array:
-    return np.asarray(start.velocities)
+    return np.array([start.lattice.positions, start.velocities])
 
 
 PROGRAMS: dict[str, Callable[[Any, float, float], Array]] = {
@@ -124,9 +131,31 @@ PROGRAMS: dict[str, Callable[[Any, float, float], Array]] = {
 }
 
 
-def main(program: str, number: str, end: str, *settings: str) -> None:
+def main(program: str, number: str, end: str, further: str, *settings: str) -> None:
     start = impact(*settings)
-    print(repr(float(PROGRAMS[program](start, float(number), float(end))[:, 1].mean() / start.speed)))
+    print(repr(restitution(start, *PROGRAMS[program](start, float(number), float(end)))))
+    if int(further):
+        print(least_seconds(lambda: PROGRAMS[program](start, float(number), float(end)), int(further)))
+
+
+def restitution(start: Any, x: Array, v: Array) -> float:
+    """Return the ratio of the speeds far from the wall, from positions and velocities (n, 2) at the end."""
+    wall = start.model.wall
+
+    def energy(x: Array, v: Array) -> Any:  # twice that of the flight, which includes the wall's potential
+        return v[:, 1].mean() ** 2 + 2.0 * wall.V0 * np.exp(-wall.a * x[:, 1]).sum()
+
+    return float(np.sqrt(energy(x, v) / energy(start.lattice.positions, start.velocities)))
+
+
+def least_seconds(act: Callable[[], object], times: int) -> float:
+    """Return the least wall clock of `times` calls of `act` [s]."""
+    seconds = []
+    for _ in range(times):
+        began = perf_counter()
+        act()
+        seconds.append(perf_counter() - began)
+    return min(seconds)
 
 
 if __name__ == "__main__":

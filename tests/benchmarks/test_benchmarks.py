@@ -22,7 +22,7 @@ def test_every_program_finds_the_same_restitution(tmp_path: Path) -> None:
     figure = tmp_path / "precision.png"
     printed = benchmarks("precision", "--repeats=1", "--set=lattice.points=200", f"--figure={figure}")
     rows = [line.split("|")[1:4] for line in printed.splitlines() if line.startswith("| ") and "setting" not in line]
-    errors = [float(found) for *_, told in rows for found in re.findall(r"\$.*10\^{(-\d+)}", told)]
+    errors = [float(found) for *_, text in rows for found in re.findall(r"\$.*10\^{(-\d+)}", text)]
     assert len(errors) == len(rows) >= 16 and max(errors) <= -5 and figure.exists()
 
 

@@ -13,7 +13,7 @@ from taichi_disk.cli import main
 
 
 def accuracy(out: Path, scene: str, *settings: str) -> int:
-    return main(["accuracy", scene, "--out", str(out), *(part for one in settings for part in ("--set", one))])
+    return main(["accuracy", scene, "--out", str(out), *(part for setting in settings for part in ("--set", setting))])
 
 
 @pytest.fixture(autouse=True)
@@ -37,9 +37,9 @@ def test_a_user_s_step_too_long_for_finer_lattices_still_gives_a_report(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert accuracy(tmp_path / "out", "exponential_wall", "lattice.points=30", "time.dt=0.04") == 0
-    told = capsys.readouterr()
-    assert " runs and a reference solution, about " in told.err
-    first, *rest = told.out.splitlines()
+    output = capsys.readouterr()
+    assert " runs and a reference solution, about " in output.err
+    first, *rest = output.out.splitlines()
     assert first.startswith("restitution: time step ") and first.endswith("not smaller steps")
     assert any(line.startswith(" integrator ") for line in rest)
     text = (tmp_path / "out" / "accuracy.md").read_text(encoding="utf-8")

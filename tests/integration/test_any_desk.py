@@ -48,7 +48,7 @@ for module in pkgutil.walk_packages(taichi_disk.__path__, "taichi_disk."):
     if not module.name.endswith("__main__"):
         importlib.import_module(module.name)
 small = ["lattice.points=20", "video.size=64", "video.seconds=0.2"]
-raise SystemExit(main(["run", "exponential_wall", "--out", "out/a run", *(f"--set={one}" for one in small)]))
+raise SystemExit(main(["run", "exponential_wall", "--out", "out/a run", *(f"--set={setting}" for setting in small)]))
 """
 SWEEP = """
 from taichi_disk import load_sweep, run_sweep

@@ -123,7 +123,10 @@ def test_run_changes_keys_like_with_():
 def test_a_state_is_drawn_in_the_colours_of_films_where_it_is(result):
     figure = result.draw(colour="pressure")
     axes, bar = figure.axes
-    field = max((one for one in axes.collections if isinstance(one, TriMesh)), key=lambda one: len(one.get_facecolor()))
+    field = max(
+        (artist for artist in axes.collections if isinstance(artist, TriMesh)),
+        key=lambda artist: len(artist.get_facecolor()),
+    )
     state, shown = result.greatest_compression, result.lattice.triangles.ravel()
     drawn = np.array([*field.get_paths()[0].vertices[:3]])
     assert (drawn == state.positions[shown[:3]]).all()
@@ -213,14 +216,14 @@ def test_titles_say_where_a_lattice_comes_from(tmp_path):
     assert origins == ["seed 0", "seed 5", "custom lattice", "points.csv"]
     thrown = scene.scenario(velocities=np.tile([0.0, -0.05], (60, 1)))
     pressed = load_scene("compression").with_({"lattice.points": 60}).scenario(velocities=np.full((60, 2), 1e-3))
-    assert all("own velocities" in one.title()[1] for one in (thrown, pressed))
+    assert all("own velocities" in scenario.title()[1] for scenario in (thrown, pressed))
     assert "own velocities" not in scenarios[0].title()[1]
 
 
 def test_what_cannot_be_computed_as_given_is_refused(result):
     heavy = replace(result.lattice, masses=np.linspace(0.5, 1.6, 60) / 60)
-    for lattice, told in ((heavy, r"must add up to 1 M, not 1\.05"), (result.lattice.positions, "from_points")):
-        with pytest.raises(InputError, match=told):
+    for lattice, message in ((heavy, r"must add up to 1 M, not 1\.05"), (result.lattice.positions, "from_points")):
+        with pytest.raises(InputError, match=message):
             run(result.scene, lattice=lattice, lattices=1)
     for frames in (0, -1, 2.5):
         with pytest.raises(InputError, match="frames: must be a whole number"):
@@ -274,8 +277,8 @@ except InputError as error:
 @pytest.mark.validate
 def test_the_threads_of_a_process_are_chosen_once_and_all_its_results_live_on():
     code = ONE_NUMBER.replace("cores", str(cores()))
-    told = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
-    assert told.returncode == 0 and ("this process already computes with" in told.stdout or cores() == 1), told.stderr
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    assert done.returncode == 0 and ("this process already computes with" in done.stdout or cores() == 1), done.stderr
 
 
 @pytest.mark.parametrize("threads", [0, -1, 1.5, "2", 100_000, cores() + 1])
@@ -288,9 +291,9 @@ def test_threads_are_a_whole_number_up_to_the_cores(threads):
 def test_the_environment_says_how_many_threads_where_nobody_else_does(number):
     code = "from taichi_disk import engine, runtime; runtime.start(); print(engine.ti.cfg.cpu_max_num_threads)"
     environment = os.environ | {"TAICHI_DISK_THREADS": number}
-    told = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, env=environment)
-    assert told.stdout == ("1\n" if number == "1" else "")
-    assert number == "1" or "TAICHI_DISK_THREADS: must be a whole number from 1 to" in told.stderr
+    process = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, env=environment)
+    assert process.stdout == ("1\n" if number == "1" else "")
+    assert number == "1" or "TAICHI_DISK_THREADS: must be a whole number from 1 to" in process.stderr
 
 
 # ---- progress
@@ -298,31 +301,31 @@ def test_the_environment_says_how_many_threads_where_nobody_else_does(number):
 
 @pytest.mark.parametrize("scene", ["exponential_wall", "compression"])
 def test_a_progress_callback_receives_every_stage_from_its_beginning(scene, tmp_path):
-    told = []
+    calls = []
     keys = {"lattice.points": 60, "video.seconds": 0.3, "video.size": 64}
     keys |= {"compression.method": "newton"} if scene == "compression" else {"impact.velocity": 2e-3}
     scene = load_scene(scene).with_(keys)
-    done = run(scene, tmp_path / "o", progress=lambda *what: told.append(what), video=False, lattices=2)
-    assert told.pop() == ("lattices", 0, 1)
-    assert {stage for stage, _, _ in told} == {"simulate"} and told[0][1] == 0
-    assert [now for _, now, _ in told] == sorted(now for _, now, _ in told) and told[-1][1] <= told[-1][2]
-    told.clear()
-    Result.load(tmp_path / "o", progress=lambda *what: told.append(what))
-    assert told[0] == ("simulate", 0, told[0][2])
+    done = run(scene, tmp_path / "o", progress=lambda *what: calls.append(what), video=False, lattices=2)
+    assert calls.pop() == ("lattices", 0, 1)
+    assert {stage for stage, _, _ in calls} == {"simulate"} and calls[0][1] == 0
+    assert [now for _, now, _ in calls] == sorted(now for _, now, _ in calls) and calls[-1][1] <= calls[-1][2]
+    calls.clear()
+    Result.load(tmp_path / "o", progress=lambda *what: calls.append(what))
+    assert calls[0] == ("simulate", 0, calls[0][2])
     assert done.numbers
 
 
 @pytest.mark.parametrize("progress", [3, "bar", lambda done: None, object(), []])
 def test_a_progress_of_another_shape_is_refused_by_name(result, progress, tmp_path):
     name = getattr(progress, "__name__", type(progress).__name__)
-    told = rf"progress: must be a function of \(stage, done, total\), which {name} is not"
+    message = rf"progress: must be a function of \(stage, done, total\), which {name} is not"
     sweep = load_sweep({"scene": "exponential_wall", "sweep": {"seed": [0]}})
     for call in (
         lambda: run(result.scene, tmp_path / "o", progress=progress, lattices=1),
         lambda: result.film(tmp_path / "o.mp4", progress=progress),
         lambda: run_sweep(sweep, tmp_path / "o", progress=progress),
     ):
-        with pytest.raises(InputError, match=told):
+        with pytest.raises(InputError, match=message):
             call()
     assert not list(tmp_path.iterdir())
 
@@ -419,8 +422,8 @@ def assert_same(one: Result, other: Result) -> None:
 @pytest.mark.parametrize(
     "name",
     [
-        pytest.param(one, marks=pytest.mark.validate if one in ("thrown", "pressed", "non-uniform") else ())
-        for one in OWN
+        pytest.param(kind, marks=pytest.mark.validate if kind in ("thrown", "pressed", "non-uniform") else ())
+        for kind in OWN
     ],
 )
 def test_scene_yaml_alone_repeats_a_run_with_custom_arrays_bitwise(tmp_path, name):
@@ -436,20 +439,20 @@ def test_scene_yaml_alone_repeats_a_run_with_custom_arrays_bitwise(tmp_path, nam
         assert_same(first, other)
     for folder in ("moved", "again", "saved"):
         after = {path.name: path.read_bytes() for path in (tmp_path / folder).iterdir()}
-        assert {one for one in before if after[one] != before[one]} == {"summary.json"}  # its wall clock
+        assert {name for name in before if after[name] != before[name]} == {"summary.json"}  # its wall clock
     with pytest.raises(InputError, match="holds another run"):
         run(load_scene(kind).with_(changes), tmp_path / "moved", video=False, lattices=1)
 
 
 @pytest.mark.parametrize(
-    ("name", "told"), [("summary.json", "warned"), ("timeseries.csv", "warned"), ("scene.yaml", "")]
+    ("name", "reaction"), [("summary.json", "warned"), ("timeseries.csv", "warned"), ("scene.yaml", "")]
 )
-def test_an_edited_file_of_a_run_is_noticed(result, tmp_path, name, told):
+def test_an_edited_file_of_a_run_is_noticed(result, tmp_path, name, reaction):
     result.save(tmp_path / "r")
     Result.load(tmp_path / "r", say=pytest.fail)
     path = tmp_path / "r" / name
     path.write_text(path.read_text().replace("0", "1", 1))
-    if told:
+    if reaction:
         with pytest.warns(UserWarning, match=f"{name} has been changed since the run; the result is computed again"):
             assert Result.load(tmp_path / "r", estimate=False).restitution == result.restitution
     else:
@@ -505,12 +508,12 @@ def test_messages_in_python_name_arguments(result, tmp_path, monkeypatch):
     other = replace(result, scene=result.scene.with_(velocity=0.03))
     (tmp_path / "file").touch()
     monkeypatch.chdir(tmp_path)
-    for act, told in (
+    for act, message in (
         (lambda: other.save("r"), r"overwrite=True replaces it\); choose another folder as `out`"),
         (lambda: other.save("."), "name a folder in it as `out`"),
         (lambda: other.save("file/r"), "choose another as `out`"),
         (lambda: Result.load("nothing"), "no run is here"),
     ):
-        with pytest.raises(InputError, match=told) as refusal:
+        with pytest.raises(InputError, match=message) as refusal:
             act()
         assert "--" not in str(refusal.value)

@@ -24,7 +24,15 @@ RUN = {"scene.yaml", "lattice.npz", "summary.json", "timeseries.csv", "final.npz
 
 
 def arguments(out: Path, *settings: str, scene: str = "exponential_wall") -> list[str]:
-    return ["run", scene, "--out", str(out), "--no-video", "--lattices=1", *(f"--set={one}" for one in settings)]
+    return [
+        "run",
+        scene,
+        "--out",
+        str(out),
+        "--no-video",
+        "--lattices=1",
+        *(f"--set={setting}" for setting in settings),
+    ]
 
 
 def command(*words: str, **options: Any) -> subprocess.CompletedProcess[str]:
@@ -53,8 +61,8 @@ def test_a_run_notes_that_eta_star_counts_per_point_where_it_makes_another_body(
     few = (*SMALL, "material.eta_star=10")
     assert main(arguments(tmp_path / "few", *few)) == 0
     (note,) = json.loads((tmp_path / "few" / "summary.json").read_text())["notes"]
-    told = capsys.readouterr().err
-    assert told.count(f"note: {note}") == 1 and "18.3 times as viscous" in note and "viscosity = 0.0091" in note
+    output = capsys.readouterr().err
+    assert output.count(f"note: {note}") == 1 and "18.3 times as viscous" in note and "viscosity = 0.0091" in note
     for number, settings in enumerate(((*few, "material.viscosity=0.1"), SMALL)):
         assert main(arguments(tmp_path / f"{number}", *settings)) == 0
         assert "note" not in capsys.readouterr().err
@@ -65,22 +73,22 @@ def test_a_run_notes_that_eta_star_counts_per_point_where_it_makes_another_body(
 
 
 def test_a_run_goes_into_out_and_the_name_of_the_scene_unless_a_folder_is_named(tmp_path, monkeypatch):
-    given = []
+    calls = []
 
     def run(scene, out, *, count_on, overwrite, **_):
-        given.append((str(out), count_on, overwrite))
+        calls.append((str(out), count_on, overwrite))
         raise InputError("enough")
 
     monkeypatch.setattr("taichi_disk.api.run", run)
     monkeypatch.setenv("HOME", "/home/me")
     for words in ((), ("--out", "o", "--overwrite"), ("--out=~/o",)):
         assert main(["run", "exponential_wall", *words]) == 2
-    assert given == [("out/exponential_wall", True, False), ("o", False, True), ("/home/me/o", False, False)]
+    assert calls == [("out/exponential_wall", True, False), ("o", False, True), ("/home/me/o", False, False)]
     monkeypatch.chdir(tmp_path)
     for name in ("a.yaml", "b.yml", "v0.05", "...yaml", "..yaml", "....yml"):
         (tmp_path / name).write_text("scene: exponential_wall\n")
         main(["run", name])
-    assert [out for out, *_ in given[3:]] == ["out/a", "out/b", "out/v0.05", "out/...yaml", "out/..yaml", "out/....yml"]
+    assert [out for out, *_ in calls[3:]] == ["out/a", "out/b", "out/v0.05", "out/...yaml", "out/..yaml", "out/....yml"]
 
 
 def test_messages_of_the_command_line_name_options(tmp_path, capsys):
@@ -92,11 +100,11 @@ def test_messages_of_the_command_line_name_options(tmp_path, capsys):
 
 def test_export_notes_an_edited_table_and_refuses_an_edited_scene(tmp_path, capsys):
     assert main(arguments(tmp_path / "r", "lattice.points=30")) == 0
-    for name, status, told in (("timeseries.csv", 0, "note: "), ("scene.yaml", 2, "error: ")):
+    for name, status, prefix in (("timeseries.csv", 0, "note: "), ("scene.yaml", 2, "error: ")):
         with (tmp_path / "r" / name).open("a") as file:
             file.write("\n")
         assert main(["export", str(tmp_path / "r"), "--frames", "2"]) == status
-        assert f"{told}{tmp_path / 'r' / name} has been changed since the run" in capsys.readouterr().err
+        assert f"{prefix}{tmp_path / 'r' / name} has been changed since the run" in capsys.readouterr().err
 
 
 def test_a_forced_blow_up_is_reported_and_the_last_good_state_saved(tmp_path, capsys):
@@ -163,16 +171,16 @@ def test_check_prints_a_scene_that_checks_as_the_same(tmp_path, capsys):
     ],
 )
 def test_check_refuses_what_run_refuses_and_in_the_same_words(tmp_path, capsys, scene, settings):
-    assert main(["check", scene, *(f"--set={one}" for one in settings)]) == 2
-    told = capsys.readouterr().err
+    assert main(["check", scene, *(f"--set={setting}" for setting in settings)]) == 2
+    message = capsys.readouterr().err
     assert main(arguments(tmp_path / "o", *settings, scene=scene)) == 2
-    assert capsys.readouterr().err == told
-    assert settings[0].partition(".")[0] in told
+    assert capsys.readouterr().err == message
+    assert settings[0].partition(".")[0] in message
     assert not (tmp_path / "o").exists()
 
 
 @pytest.mark.parametrize(
-    ("wrong", "told"),
+    ("wrong", "advice"),
     [
         (["jump"], "usage: taichi-disk"),
         (["run"], "usage: taichi-disk"),
@@ -182,11 +190,11 @@ def test_check_refuses_what_run_refuses_and_in_the_same_words(tmp_path, capsys, 
         (["run", "exponential_wall", "--set", "material.eta_star", "=", "30"], "--set material.eta_star=30"),
     ],
 )
-def test_wrong_usage_exits_2_with_advice(wrong, told, capsys):
+def test_wrong_usage_exits_2_with_advice(wrong, advice, capsys):
     with pytest.raises(SystemExit) as leaving:
         main(wrong)
     assert leaving.value.code == 2
-    assert told in capsys.readouterr().err
+    assert advice in capsys.readouterr().err
 
 
 def test_the_bare_command_version_and_help_exit_0(capsys):
@@ -225,7 +233,7 @@ for words in ["check", "exponential_wall"], ["check", "figure3"], ["check", "no-
         (">/dev/full", 1),
         (">&-", 0),
         ("2>&-", 0),
-        *(pytest.param(*one, marks=pytest.mark.validate) for one in ((">&- 2>&-", 0), ("2>/dev/full", 0))),
+        *(pytest.param(*case, marks=pytest.mark.validate) for case in ((">&- 2>&-", 0), ("2>/dev/full", 0))),
     ],
 )
 def test_a_closed_or_full_output_ends_without_a_traceback(redirection, status):
@@ -264,8 +272,8 @@ def test_a_folder_of_that_name_hides_no_shipped_scene(tmp_path, monkeypatch, cap
 def test_in_a_strange_environment_a_run_is_the_same_and_its_wall_clock_adds_up(tmp_path, environment, drawn_plots):
     (tmp_path / "matplotlibrc").write_text("text.usetex: True\nsavefig.dpi: 900\naxes.facecolor: red\n")
     changed = os.environ | {"MATPLOTLIBRC": str(tmp_path / "matplotlibrc")} | environment
-    given, began = {name: value for name, value in changed.items() if value is not None}, monotonic()
-    done = command(*arguments(tmp_path / "o", *SMALL), env=given)
+    variables, began = {name: value for name, value in changed.items() if value is not None}, monotonic()
+    done = command(*arguments(tmp_path / "o", *SMALL), env=variables)
     took = monotonic() - began
     assert done.returncode == 0, done.stderr
     notes = done.stderr.splitlines()
@@ -300,5 +308,5 @@ def test_too_little_memory_is_reported_in_a_sentence(tmp_path):
 def test_more_points_than_memory_are_refused_beforehand(tmp_path, monkeypatch, capsys):
     monkeypatch.setattr("taichi_disk.scenes.free_memory", lambda: 1e9)
     assert main(["check", "exponential_wall", "--set", "lattice.points=2000000"]) == 2
-    told = capsys.readouterr().err
-    assert "lattice.points" in told and "at most 350,000" in told
+    message = capsys.readouterr().err
+    assert "lattice.points" in message and "at most 350,000" in message

@@ -105,7 +105,9 @@ def test_links_resolve(page):
         assert path.exists(), target
         if anchor and path.suffix == ".md":
             headings = re.findall(r"^#+ (.*)$", prose(path), re.MULTILINE)
-            assert anchor in [re.sub(r"[^\w\- ]", "", one.strip().lower()).replace(" ", "-") for one in headings]
+            assert anchor in [
+                re.sub(r"[^\w\- ]", "", heading.strip().lower()).replace(" ", "-") for heading in headings
+            ]
 
 
 @pytest.mark.parametrize("name", ["results.md", "stability.md"])
@@ -129,9 +131,9 @@ def test_the_docstrings_of_the_reference_say_what_every_argument_is():
     from taichi_disk.fields import field
 
     methods = Result.state, Result.trajectory, Result.field, Result.export, Result.film, Result.save, Result.load
-    for one in (load_scene, run, run_sweep, field, Lattice.disk, Lattice.from_points, *methods):
-        for name in signature(one).parameters.keys() - {"self", "cls"}:
-            assert re.search(rf"\b{name}: |`{name}`", one.__doc__), f"{one.__qualname__}: {name}"
+    for function in (load_scene, run, run_sweep, field, Lattice.disk, Lattice.from_points, *methods):
+        for name in signature(function).parameters.keys() - {"self", "cls"}:
+            assert re.search(rf"\b{name}: |`{name}`", function.__doc__), f"{function.__qualname__}: {name}"
 
 
 @pytest.mark.validate

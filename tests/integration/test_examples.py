@@ -43,8 +43,8 @@ def test_results_are_read_back(tmp_path):
 
     assert main(["run", "exponential_wall", "--set=lattice.points=60", "--no-video", f"--out={tmp_path / 'o'}"]) == 0
     shown = output_of("read_results", str(tmp_path / "o"))
-    found, told = numbers(r"kinetic energy (\S+) M c\^2; the energy balance says (\S+)", shown)
-    assert found == pytest.approx(told, rel=1e-5)
+    found, stated = numbers(r"kinetic energy (\S+) M c\^2; the energy balance says (\S+)", shown)
+    assert found == pytest.approx(stated, rel=1e-5)
 
 
 def test_a_sweep_prints_rows_and_fit(tmp_path):

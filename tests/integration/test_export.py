@@ -83,7 +83,7 @@ def test_npz_holds_every_quantity_at_every_time(tmp_path):
     assert file["points_contact_force"][-1].any()
     for name in ("bonds", "triangles", "rest_lengths", "masses", "disk_points", "stiffness"):
         np.testing.assert_array_equal(file[name], getattr(LATTICE, name))
-    assert [one.name for one in tmp_path.iterdir()] == ["trajectory.npz"]
+    assert [path.name for path in tmp_path.iterdir()] == ["trajectory.npz"]
 
 
 def test_npz_takes_no_more_memory_for_more_frames(tmp_path):
@@ -125,8 +125,8 @@ def test_gsd_read_by_gsd(tmp_path):
 def test_vtu_read_by_meshio_and_vtk(tmp_path):
     meshio = pytest.importorskip("meshio")
     listed = list(ElementTree.parse(exported(tmp_path / "R&D.pvd", "vtu")).iter("DataSet"))
-    assert [float(one.get("timestep", "")) for one in listed] == [0.0, 0.0, 0.5, 0.5, 1.0, 1.0]
-    springs, triangles = (tmp_path / one.get("file", "") for one in listed[-2:])
+    assert [float(entry.get("timestep", "")) for entry in listed] == [0.0, 0.0, 0.5, 0.5, 1.0, 1.0]
+    springs, triangles = (tmp_path / entry.get("file", "") for entry in listed[-2:])
     (x, v), true, mesh = state(1.0), truth(1.0), meshio.read(springs)
     np.testing.assert_array_equal(mesh.points[:, :2], x)
     np.testing.assert_array_equal(mesh.point_data["velocity"][:, :2], v)
@@ -158,11 +158,11 @@ def test_xyz_and_gsd_read_by_ovito(tmp_path, format):
     (x, v), true, data = state(1.0), truth(1.0), pipeline.compute(len(TIMES) - 1)
     # The properties that OVITO recognises, and our own.
     known = {"Particle Type", "Position", "Velocity", "Velocity Magnitude", "Mass", "Radius"}
-    ours = {
+    own = {
         "gsd": {"stress"},
         "xyz": {"Stress Tensor", "masses", "momenta", "springs_strain", "springs_tension", "springs_energy"},
     }
-    assert set(data.particles.keys()) == known | {"contact_force", "pressure"} | ours[format]
+    assert set(data.particles.keys()) == known | {"contact_force", "pressure"} | own[format]
     stress = data.particles["Stress Tensor" if format == "xyz" else "stress"]
     np.testing.assert_allclose(stress, tensor(x), rtol=1e-9, atol=1e-12)
     if format == "xyz":
@@ -240,12 +240,12 @@ def test_xyz_is_lines_that_can_be_read_without_a_library(tmp_path):
 def test_what_cannot_be_exported_is_refused_before_anything_is_computed(tmp_path, monkeypatch):
     (tmp_path / "mine").mkdir()
     (tmp_path / "mine" / "thesis.tex").touch()
-    for name, format, told in (
+    for name, format, message in (
         ("a.lammps", None, r"formats are xyz \(\.xyz\), gsd"),
         ("a.xyz", "gsd", r"a\.xyz as gsd: the formats are"),
         ("mine.pvd", None, "is not a folder with only numbered pictures"),
     ):
-        with pytest.raises(InputError, match=told):
+        with pytest.raises(InputError, match=message):
             check_export(tmp_path / name, format)
     monkeypatch.setattr(export, "find_spec", lambda name: None)
     with pytest.raises(InputError, match=r"needs the package gsd: .*taichi-disk\[export\]"):

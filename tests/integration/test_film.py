@@ -55,14 +55,14 @@ def video(**keys):
 @pytest.fixture
 def captions(monkeypatch):
     """Return the changing lines of each picture that is made."""
-    seen, write = [], Legend.write
+    captured, write = [], Legend.write
 
     def record(self, picture, lines):
-        seen.append(tuple(lines))
+        captured.append(tuple(lines))
         write(self, picture, lines)
 
     monkeypatch.setattr(Legend, "write", record)
-    return seen
+    return captured
 
 
 def pictures_in(folder):
@@ -80,9 +80,9 @@ def time_of(lines):
 @needs_vulkan
 @FORMATS
 def test_a_film_has_the_frames_size_and_rate_asked_for_and_the_same_bytes_twice(run, tmp_path, suffix):
-    path, told = tmp_path / f"film{suffix}", []
-    film(path, [run], video(), lambda *what: told.append(what))
-    assert told == [("render", done, COUNT) for done in range(COUNT + 1)] and list(tmp_path.iterdir()) == [path]
+    path, calls = tmp_path / f"film{suffix}", []
+    film(path, [run], video(), lambda *what: calls.append(what))
+    assert calls == [("render", done, COUNT) for done in range(COUNT + 1)] and list(tmp_path.iterdir()) == [path]
     files = sorted(path.iterdir()) if path.is_dir() else [path]
     first = digests(files)
     film(path, [run], video(), QUIET)  # replaces the existing film
@@ -111,7 +111,7 @@ with video(path, path.suffix, (240, 240), 10, "") as write:
 
 
 @pytest.mark.parametrize(
-    "suffix", [".mp4", *(pytest.param(one, marks=pytest.mark.validate) for one in (".webm", ".gif"))]
+    "suffix", [".mp4", *(pytest.param(suffix, marks=pytest.mark.validate) for suffix in (".webm", ".gif"))]
 )
 def test_the_bytes_of_a_film_do_not_depend_on_what_lay_in_memory(tmp_path, suffix):
     files = [tmp_path / f"{fill}{suffix}" for fill in (0, 170)]
@@ -307,13 +307,13 @@ def test_a_small_compression_is_visible_with_magnified_displacements(tmp_path):
 
 @needs_vulkan
 def test_by_default_a_film_magnifies_the_flattening_to_a_twentieth_of_r_and_says_so(tmp_path, monkeypatch):
-    said, pictures = [], Legend.__init__
+    painters, pictures = [], Legend.__init__
     monkeypatch.setattr(
-        Legend, "__init__", lambda self, painter, *rest: said.append(painter) or pictures(self, painter, *rest)
+        Legend, "__init__", lambda self, painter, *rest: painters.append(painter) or pictures(self, painter, *rest)
     )
     pressed = api.run(load_scene("compression", ["lattice.points=60", "compression.method=newton"]), lattices=1)
     pressed.film(tmp_path / "picture.png", size=240)
-    (painter,) = said
+    (painter,) = painters
     x, n = pressed.state(1.0).positions, 60
     rest, drawn, floor = pressed.lattice.positions[:n, 1], painter.placed(x)[:n, 1], x[:n, 1].min()
     seen = (rest.mean() - rest.min()) - (drawn.mean() - floor)  # the wall hides everything below
@@ -341,8 +341,8 @@ def test_the_panel_s_curves_end_where_the_time_series_is(run, tmp_path, captions
     assert frames.shape[1:] == (720, 1280, 3)
     # The curve of v_cm in the uppermost axes: the last blue pixels.
     ends = [np.argwhere(np.abs(frame[:205, 740:] - (0, 114, 178)).sum(axis=-1) < 60) for frame in frames[1:]]
-    columns = np.array([one[:, 1].max() for one in ends])
-    rows = np.array([one[one[:, 1] >= one[:, 1].max() - 1, 0].mean() for one in ends])
+    columns = np.array([end[:, 1].max() for end in ends])
+    rows = np.array([end[end[:, 1] >= end[:, 1].max() - 1, 0].mean() for end in ends])
     times, series = np.array([time_of(lines) for lines in captions[1:]]), run.columns
     slope, _ = np.polyfit(times, columns, 1)
     assert columns == pytest.approx(columns[-1] + slope * (times - times[-1]), abs=2.0) and np.ptp(columns) > 300
@@ -371,10 +371,10 @@ def test_an_interrupted_film_leaves_the_old_one_as_it_was(run, tmp_path, suffix)
 
     path = tmp_path / f"film{suffix}"
     film(path, [run], video(seconds=0.3), QUIET)
-    before = digests(one for one in tmp_path.rglob("*") if one.is_file())
+    before = digests(path for path in tmp_path.rglob("*") if path.is_file())
     with pytest.raises(KeyboardInterrupt):
         film(path, [run], video(), impatient)
-    assert digests(one for one in tmp_path.rglob("*") if one.is_file()) == before
+    assert digests(path for path in tmp_path.rglob("*") if path.is_file()) == before
     film(path, [run], video(seconds=0.3), QUIET)  # after a failure with an open window, the next must work
 
 
@@ -473,8 +473,8 @@ def test_curves_without_room_beside_a_small_film_are_left_out(tmp_path):
 )
 def test_no_word_beside_the_curves_of_a_small_film_is_cut(tmp_path, scene):
     result = api.run(load_scene(scene[0], [*scene[1:], "lattice.points=30"]), lattices=1)
-    one = iio.imread(result.film(tmp_path / "one.png", size=360, panel=True))[:, 360:]
+    single = iio.imread(result.film(tmp_path / "one.png", size=360, panel=True))[:, 360:]
     two = iio.imread(result.film(tmp_path / "two.png", size=360, panel=True, beside=result))[:, 720:]
-    for panel in (one, two):
+    for panel in (single, two):
         for edge in (panel[0], panel[-1], panel[:, 0], panel[:, -1]):
             assert (edge == panel[0, 0]).all()

@@ -109,8 +109,8 @@ def browser():
     from selenium.webdriver.chrome.service import Service
 
     options = webdriver.ChromeOptions()
-    for one in ("--headless=new", "--no-sandbox", "--disable-dev-shm-usage", "--enable-unsafe-swiftshader"):
-        options.add_argument(one)
+    for option in ("--headless=new", "--no-sandbox", "--disable-dev-shm-usage", "--enable-unsafe-swiftshader"):
+        options.add_argument(option)
     options.binary_location = shutil.which("chromium")
     driver = webdriver.Chrome(options, Service(shutil.which("chromedriver")))
     driver.execute_cdp_cmd("Network.enable", {})
@@ -165,11 +165,11 @@ def test_from_a_file_it_plays_scrubs_zooms_magnifies_and_shows_every_quantity(br
     there = browser.execute_script(place)
     browser.execute_async_script("setTimeout(arguments[0], 300)")
     assert browser.execute_script(place) == there
-    seen = {name: canvas(browser) for name in QUANTITIES if not choose(browser, "quantity", name)}
-    assert len({picture.tobytes() for picture in seen.values()}) == len(QUANTITIES)
-    ground = seen["shear"][1, 1]
-    disk = np.abs(seen["shear"][:-90] - ground).sum(axis=2) > 30
-    assert disk.mean() > 0.1 and len(np.unique(seen["shear"].reshape(-1, 3), axis=0)) > 200
+    pictures = {name: canvas(browser) for name in QUANTITIES if not choose(browser, "quantity", name)}
+    assert len({picture.tobytes() for picture in pictures.values()}) == len(QUANTITIES)
+    ground = pictures["shear"][1, 1]
+    disk = np.abs(pictures["shear"][:-90] - ground).sum(axis=2) > 30
+    assert disk.mean() > 0.1 and len(np.unique(pictures["shear"].reshape(-1, 3), axis=0)) > 200
     choose(browser, "quantity", "shear")
     for name, value in (("magnify", 10), ("draw", "springs"), ("draw", "points"), ("outline", True), ("theme", "dark")):
         old = canvas(browser)
@@ -179,7 +179,7 @@ def test_from_a_file_it_plays_scrubs_zooms_magnifies_and_shows_every_quantity(br
     old = canvas(browser)
     browser.execute_script(script)
     assert np.abs(canvas(browser) - old).mean() > 1.0
-    assert [one for one in browser.get_log("browser") if one["level"] == "SEVERE"] == []
+    assert [entry for entry in browser.get_log("browser") if entry["level"] == "SEVERE"] == []
 
 
 @pytest.mark.validate

@@ -34,11 +34,11 @@ def test_mean_and_scatter_are_those_of_a_sweep_over_the_same_seeds_to_all_digits
     rows = run_sweep(load_sweep(nested), tmp_path / "sweep", jobs=1).rows
     found = json.loads((tmp_path / "run" / "summary.json").read_text())["lattices"]
     assert found.pop("seeds") == [3, 4, 5, 6] and list(found) == list(result.numbers)
-    for name, one in found.items():
+    for name, summary in found.items():
         values = [row[name] for row in rows]
-        assert one == {"values": values, "mean": np.mean(values), "standard_deviation": np.std(values, ddof=1)}
+        assert summary == {"values": values, "mean": np.mean(values), "standard_deviation": np.std(values, ddof=1)}
     assert result.scatter == found[next(iter(found))]["standard_deviation"] > 0.0
-    assert {name: one["values"][0] for name, one in found.items()} == result.numbers
+    assert {name: summary["values"][0] for name, summary in found.items()} == result.numbers
 
 
 def test_eight_lattices_are_computed_or_fewer_with_a_note_if_that_takes_long(monkeypatch):

@@ -7,12 +7,15 @@ import base64
 import builtins
 import json
 import re
+import socket
 import subprocess
 import sys
 from collections.abc import Awaitable, Callable
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
+import nbformat
 import numpy as np
 import pytest
 
@@ -115,6 +118,39 @@ def test_the_widget_s_module_shows_the_sandbox_in_a_browser(tmp_path: Path) -> N
     played(SETTINGS, act)
 
 
+JUPYTERLAB = "no JupyterLab (pip install jupyterlab)" if find_spec("jupyterlab") is None else MISSING
+
+
+@pytest.mark.validate
+@pytest.mark.skipif(bool(JUPYTERLAB), reason=JUPYTERLAB)
+def test_in_jupyterlab_a_widget_is_played_with(tmp_path: Path) -> None:
+    code = f"from taichi_disk.notebook import Sandbox\nSandbox('exponential_wall', {SETTINGS})"
+    kernel = {"kernelspec": {"name": "python3", "display_name": "Python 3"}}
+    notebook = nbformat.v4.new_notebook(cells=[nbformat.v4.new_code_cell(code)], metadata=kernel)
+    nbformat.write(notebook, tmp_path / "play.ipynb")
+    with socket.create_server(("127.0.0.1", 0)) as free:
+        port = free.getsockname()[1]
+    options = ["--no-browser", "--allow-root", "--IdentityProvider.token=", f"--port={port}"]
+    command = [sys.executable, "-m", "jupyterlab", *options]
+    with subprocess.Popen(command, cwd=tmp_path, stderr=subprocess.DEVNULL) as lab:
+        browser = Browser((1200, 900))
+        try:
+            browser.wait(lambda: not socket.socket().connect_ex(("127.0.0.1", port)))
+            browser.driver.get(f"http://127.0.0.1:{port}/lab/tree/play.ipynb")
+            idle = "return document.querySelector('#jp-main-statusbar')?.textContent.includes('| Idle')"
+            browser.wait(lambda: browser.script(idle))  # a cell that is run earlier never ends
+            browser.driver.find_element("css selector", ".jp-Notebook .cm-content").send_keys("\ue008\ue007")
+            outputs = "[...document.querySelectorAll('.jp-OutputArea-output *')]"
+            found = f"window.sandbox = {outputs}.find((one) => one.sandbox?.drawing.state)?.sandbox"
+            browser.wait(lambda: browser.script(f"return Boolean({found})"))
+            browser.script("window.sandbox.ui.drop.click()")
+            browser.wait(lambda: browser.state("t") > 1.0)
+            assert browser.colours() > 50
+        finally:
+            browser.driver.quit()
+            lab.terminate()
+
+
 def test_without_the_extra_the_message_names_it() -> None:
     code = "import sys; sys.modules['anywidget'] = None; import taichi_disk.notebook"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
@@ -203,7 +239,6 @@ NOTEBOOKS = sorted((Path(__file__).parents[2] / "docs/notebooks").glob("*.ipynb"
 @pytest.mark.validate
 @pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
 def test_notebooks_run_and_print_nothing_that_is_not_theirs(path: Path, tmp_path: Path) -> None:
-    import nbformat
     from nbclient import NotebookClient
 
     notebook = nbformat.read(path, 4)

@@ -49,8 +49,8 @@ sys.addaudithook(heard)
 
 def python(folder, *arguments, **changes):
     command = [sys.executable, *arguments]
-    given = os.environ | changes
-    return subprocess.run(command, cwd=folder, env=given, capture_output=True, text=True, timeout=300)
+    variables = os.environ | changes
+    return subprocess.run(command, cwd=folder, env=variables, capture_output=True, text=True, timeout=300)
 
 
 @pytest.mark.validate
@@ -61,12 +61,12 @@ def test_an_old_result_outlives_the_user_s_own_init_and_reset(tmp_path):
 
 def test_an_engine_started_with_other_settings_is_refused_with_the_line_to_write(tmp_path):
     done = python(tmp_path, "-c", BEFORE)
-    told = [line for line in done.stdout.splitlines() if line.startswith("Taichi runs")]
-    assert [line.partition(",")[0] for line in told] == [
-        f"Taichi runs with {one}" for one in ("default_fp=f32", "fast_math=True", "arch=vulkan")
+    messages = [line for line in done.stdout.splitlines() if line.startswith("Taichi runs")]
+    assert [line.partition(",")[0] for line in messages] == [
+        f"Taichi runs with {option}" for option in ("default_fp=f32", "fast_math=True", "arch=vulkan")
     ] or done.stderr
     line = "ti.init(arch=ti.cpu, default_fp=ti.f64, fast_math=False)"
-    assert len(told) == 3 and all(line in one for one in told), done.stdout + done.stderr
+    assert len(messages) == 3 and all(line in message for message in messages), done.stdout + done.stderr
 
 
 def test_an_architecture_from_the_environment_is_refused_by_name(tmp_path):

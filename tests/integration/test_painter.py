@@ -68,15 +68,15 @@ def test_colours_equal_the_field_s_values(shoot, colour):
     painter.colour, painter.limit = colour, 1.3 * float(np.abs(values).max())
     for painter.theme in THEMES:
         picture = shoot(DISK, X, V, colour=colour, theme=painter.theme, limit=painter.limit)
-        seen = np.array([pixel(picture, X[three].mean(axis=0)) for three in corners])
+        drawn = np.array([pixel(picture, X[three].mean(axis=0)) for three in corners])
         # The middle of a triangle has the mean colour of its corners or, for nonlinear colours, the colour of the mean
         # value.
         colours = painter.colours(painter.normalised(values))[corners].mean(axis=1)
         if colour == "fringes":
             light = fringes(values[corners].mean(axis=1) / 2.0, painter.limit)
             colours = painter.map[np.rint(511 * light).astype(int)]
-        assert np.median(np.abs(seen - colours)) < 0.01
-        assert np.percentile(np.abs(seen - colours), 95) < 0.06  # half a pixel off the middle, in steep colours
+        assert np.median(np.abs(drawn - colours)) < 0.01
+        assert np.percentile(np.abs(drawn - colours), 95) < 0.06  # half a pixel off the middle, in steep colours
 
 
 @pytest.mark.parametrize("draw", ["field", "both", "springs", "points"])
@@ -85,11 +85,11 @@ def test_a_disk_of_any_number_of_points_is_seen_whole(shoot, points, draw):
     disk = disk_lattice(points, 1)
     x = disk.positions + [0.0, 1.1]
     rows, columns = np.nonzero(np.abs(shoot(disk, x, draw=draw, theme="dark") - ground("dark")).sum(axis=-1) > 0.05)
-    seen = np.array([(columns.min(), rows.min()), (columns.max() + 1, rows.max() + 1)])
+    drawn = np.array([(columns.min(), rows.min()), (columns.max() + 1, rows.max() + 1)])
     there = to_pixels(CAMERA, x)
     # Lines and points are drawn around the positions, by less than 4 pixels at this size.
-    assert (seen[0] <= there.min(axis=0) + 1.0).all() and (seen[0] > there.min(axis=0) - 4).all()
-    assert (seen[1] >= there.max(axis=0) - 1.0).all() and (seen[1] < there.max(axis=0) + 4).all()
+    assert (drawn[0] <= there.min(axis=0) + 1.0).all() and (drawn[0] > there.min(axis=0) - 4).all()
+    assert (drawn[1] >= there.max(axis=0) - 1.0).all() and (drawn[1] < there.max(axis=0) + 4).all()
 
 
 def test_springs_are_seen_on_the_field_of_a_coarse_lattice_only(shoot):
@@ -109,12 +109,12 @@ def test_a_spring_has_the_colour_of_its_strain(shoot):
     for strain in (0.013, -0.008, 0.0, 0.05, -0.05):
         x = triangle.positions * [1.0 + strain, 1.0]
         low = x[np.argsort(x[:, 1])[:2]]
-        seen = pixel(shoot(triangle, x, colour="strain", draw="springs"), low.mean(axis=0))
-        assert seen == pytest.approx(painter.colours(painter.normalised(np.array([strain])))[0], abs=2 / 255)
+        drawn = pixel(shoot(triangle, x, colour="strain", draw="springs"), low.mean(axis=0))
+        assert drawn == pytest.approx(painter.colours(painter.normalised(np.array([strain])))[0], abs=2 / 255)
         painter.magnify = 3.0  # changes the place, not the colours
         low = painter.placed(x)[np.argsort(x[:, 1])[:2]]
         grown = pixel(shoot(triangle, x, colour="strain", draw="springs", magnify=3.0), low.mean(axis=0))
-        assert grown == pytest.approx(seen, abs=2 / 255)
+        assert grown == pytest.approx(drawn, abs=2 / 255)
 
 
 @pytest.mark.parametrize("a", [10.0, 300.0])

@@ -84,9 +84,9 @@ def test_a_trajectory_carries_the_scene_and_the_same_bytes_come_twice(result, tm
 
 
 def test_the_summary_says_when_on_what_and_from_which_commit_a_run_came(result):
-    told = json.loads((result.out / "summary.json").read_bytes())
-    assert timedelta() <= datetime.now(timezone.utc) - datetime.fromisoformat(told["date"]) < timedelta(hours=1)
-    assert told["processor"]
+    summary = json.loads((result.out / "summary.json").read_bytes())
+    assert timedelta() <= datetime.now(timezone.utc) - datetime.fromisoformat(summary["date"]) < timedelta(hours=1)
+    assert summary["processor"]
     if (ROOT / ".git").exists():
         head = subprocess.run(["git", "rev-parse", "HEAD"], cwd=ROOT, capture_output=True, text=True, check=True)
-        assert told["git_commit"].removesuffix("-dirty") == head.stdout.strip()
+        assert summary["git_commit"].removesuffix("-dirty") == head.stdout.strip()

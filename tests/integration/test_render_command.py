@@ -47,21 +47,21 @@ def test_two_runs_are_shown_side_by_side(runs, tmp_path):
 
 
 def test_what_cannot_be_filmed_is_refused_with_the_reason(runs, tmp_path, capsys, monkeypatch):
-    one, _, _, pressed = map(str, runs)
+    impact, _, _, pressed = map(str, runs)
     monkeypatch.chdir(tmp_path)
     for words, says in (
         ([str(tmp_path)], "no run is here"),
         (
-            [one, "--out", str(tmp_path / "film.avi")],
+            [impact, "--out", str(tmp_path / "film.avi")],
             "film.avi: end the name with .mp4, .webm or .gif for a film, .html for",
         ),
-        ([one, "--out", "."], "the current folder"),
-        ([one, "--out", "film.mp4", "--format", "png"], "--format png contradicts --out film.mp4"),
-        ([one, "--out", "pictures", "--format", "gif"], "--format gif contradicts --out pictures"),
-        ([one, "--compare", pressed], "cannot be compared"),
-        ([one, "--size", "4000"], "video.size"),
-        ([one, "--colour", "stress"], "video.colour"),
-        ([one, "--supersample", "1.2"], "video.supersample"),
+        ([impact, "--out", "."], "the current folder"),
+        ([impact, "--out", "film.mp4", "--format", "png"], "--format png contradicts --out film.mp4"),
+        ([impact, "--out", "pictures", "--format", "gif"], "--format gif contradicts --out pictures"),
+        ([impact, "--compare", pressed], "cannot be compared"),
+        ([impact, "--size", "4000"], "video.size"),
+        ([impact, "--colour", "stress"], "video.colour"),
+        ([impact, "--supersample", "1.2"], "video.supersample"),
     ):
         assert main(["render", *words]) == 2
         assert says in capsys.readouterr().err

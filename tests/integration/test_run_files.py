@@ -58,19 +58,19 @@ def runs(tmp_path_factory, drawn_plots):
 
 @pytest.mark.parametrize("kind", SCENES)
 def test_files_summary_and_columns_are_those_of_the_contract(runs, kind):
-    one, summary, table = runs[kind], runs[kind].summary, runs[kind].table
-    names = {path.name for path in one.out.iterdir()}
+    stored_run, summary, table = runs[kind], runs[kind].summary, runs[kind].table
+    names = {path.name for path in stored_run.out.iterdir()}
     assert names == {"scene.yaml", "summary.json", "timeseries.csv", "lattice.npz", "final.npz", "plot.png"}
-    assert (one.out / "plot.png").read_bytes().startswith(b"\x89PNG\r\n\x1a\n")
+    assert (stored_run.out / "plot.png").read_bytes().startswith(b"\x89PNG\r\n\x1a\n")
 
     common = {"scene", "status", "reason", "seed", "versions", "wall_clock", "measured", "steps", "integrator"}
-    assert summary == one.result.summary and common | SCENES[kind][1] <= set(summary)
-    told = (Path(__file__).parents[2] / "docs/output.md").read_text(encoding="utf-8")
-    assert set(summary) <= set(re.findall(r"`(\w+)`", told.partition("### summary.json")[2].partition("###")[0]))
+    assert summary == stored_run.result.summary and common | SCENES[kind][1] <= set(summary)
+    page = (Path(__file__).parents[2] / "docs/output.md").read_text(encoding="utf-8")
+    assert set(summary) <= set(re.findall(r"`(\w+)`", page.partition("### summary.json")[2].partition("###")[0]))
     assert summary["status"] == "done" and summary["reason"] is None
     assert {"build", "simulate"} <= set(summary["wall_clock"])
     assert {"python", engine.PACKAGE, "numpy", "taichi-disk"} <= set(summary["versions"])
-    assert all(summary[key] == value for key, value in one.result.numbers.items())
+    assert all(summary[key] == value for key, value in stored_run.result.numbers.items())
 
     assert ",".join(table) == ALWAYS + (",load,xi" if kind == "compression" else ",translation,rotation,vibration")
     assert np.isfinite(list(table.values())).all()
@@ -84,8 +84,8 @@ def test_files_summary_and_columns_are_those_of_the_contract(runs, kind):
 
 def test_the_columns_are_described_as_they_are_declared():
     described = (Path(__file__).parents[2] / "docs/output.md").read_text(encoding="utf-8")
-    written = [one for one in COLUMNS if one.written != "never"]
-    table = "".join(f"| `{one.name}` | {one.meaning} | {one.unit} |\n" for one in written)
+    written = [column for column in COLUMNS if column.written != "never"]
+    table = "".join(f"| `{column.name}` | {column.meaning} | {column.unit} |\n" for column in written)
     assert table in described
 
 
@@ -97,22 +97,26 @@ def test_a_picture_that_fails_takes_no_result_with_it(tmp_path, monkeypatch):
     monkeypatch.setattr("taichi_disk.render.film.film", fails)
     monkeypatch.setattr(sys, "executable", "/nowhere/python")  # the process that would draw the plot
     result = run(load_scene("exponential_wall", SMALL), tmp_path / "o", lattices=1)
-    one = Run(result, tmp_path / "o")
-    assert {path.name for path in one.out.iterdir()} == {
+    stored_run = Run(result, tmp_path / "o")
+    assert {path.name for path in stored_run.out.iterdir()} == {
         "scene.yaml",
         "summary.json",
         "timeseries.csv",
         "lattice.npz",
         "final.npz",
     }
-    assert one.summary["status"] == "done" and one.summary["video_error"] == "latex could not be found"
-    assert one.summary["warnings"] == ["there is no plot.png: latex could not be found"]
+    assert stored_run.summary["status"] == "done" and stored_run.summary["video_error"] == "latex could not be found"
+    assert stored_run.summary["warnings"] == ["there is no plot.png: latex could not be found"]
 
 
 @pytest.mark.parametrize("kind", ["exponential_wall", "absorbing_wall"])
 def test_first_and_last_row_are_the_states_in_the_npz_files(runs, kind):
-    one = runs[kind]
-    table, start, final = one.table, np.load(one.out / "lattice.npz"), np.load(one.out / "final.npz")
+    stored_run = runs[kind]
+    table, start, final = (
+        stored_run.table,
+        np.load(stored_run.out / "lattice.npz"),
+        np.load(stored_run.out / "final.npz"),
+    )
     n, m = int(start["disk_points"]), start["masses"][0]
     assert n == 100
     for row, state in ((0, start), (-1, final)):
@@ -123,7 +127,7 @@ def test_first_and_last_row_are_the_states_in_the_npz_files(runs, kind):
         names = ("com_x", "com_y", "com_vx", "com_vy", "angular_momentum", "lowest_y", "kinetic")
         values = [*centre, *speed, spin, x[:, 1].min(), kinetic]
         assert [table[name][row] for name in names] == pytest.approx(values, rel=1e-11, abs=1e-14)
-    summary = one.summary
+    summary = stored_run.summary
     assert table["t"][-1] == final["t"] == pytest.approx(summary["steps"] * summary["dt"])
     before, after = np.sqrt(table["com_vy"] ** 2 + 2.0 * table["wall"])[[0, -1]]  # far from the wall
     assert after / before == pytest.approx(summary["restitution"], rel=1e-12)
@@ -141,26 +145,26 @@ def test_the_wall_s_force_is_the_change_of_momentum(runs):
 
 def test_lattice_npz_alone_repeats_the_run(runs):
     # An independent program uses only the file and the scene's parameters; the boundary is matched.
-    one = runs["absorbing_wall"]
-    start, final = np.load(one.out / "lattice.npz"), np.load(one.out / "final.npz")
+    stored_run = runs["absorbing_wall"]
+    start, final = np.load(stored_run.out / "lattice.npz"), np.load(stored_run.out / "final.npz")
     d = start["positions"][start["bonds"][:, 0]] - start["positions"][start["bonds"][:, 1]]
     np.testing.assert_allclose(np.hypot(*d.T), start["rest_lengths"], rtol=0, atol=1e-13)
     assert (np.diff(start["positions"][start["wall_surface"], 0]) > 0).all()
     own = Model(Springs(1.0, 1e-3), ElasticWall(300.0, 150.0, 0.1), boundary=MatchedBoundary(start["wall_impedance"]))
     plain = reference.Model(SimpleNamespace(**start), own)
     _, v = plain.solve(start["positions"], start["velocities"], (0.0, float(final["t"])), rtol=1e-8)[-1]
-    assert one.summary["restitution"] == pytest.approx(v[:100, 1].mean() / 0.02, abs=2e-5)
+    assert stored_run.summary["restitution"] == pytest.approx(v[:100, 1].mean() / 0.02, abs=2e-5)
 
 
 def test_the_saved_scene_is_the_scene_with_every_default_and_repeats_the_run_bitwise(runs):
-    one = runs["compression"]
-    path = one.out / "scene.yaml"
+    stored_run = runs["compression"]
+    path = stored_run.out / "scene.yaml"
     assert load_scene(path) == load_scene("compression", SCENES["compression"][0])
     for key in ("points", "seed", "k_a", "eta_star", "a", "V0", "pressure", "integrator", "safety"):
         assert re.search(rf"^  {key}: ", path.read_text(), re.MULTILINE), key
-    before = {path.name: path.read_bytes() for path in one.out.iterdir()}
-    run(load_scene(path), one.out, video=False, lattices=1)
-    after = {path.name: path.read_bytes() for path in one.out.iterdir()}
+    before = {path.name: path.read_bytes() for path in stored_run.out.iterdir()}
+    run(load_scene(path), stored_run.out, video=False, lattices=1)
+    after = {path.name: path.read_bytes() for path in stored_run.out.iterdir()}
     assert {name for name in before if after[name] != before[name]} == {"summary.json"}  # its wall clock
 
 

@@ -27,7 +27,9 @@ def site() -> Any:
 def formulas(text: str) -> list[tuple[str, bool]]:
     blocks = re.findall(r"^```math\n(.*?)^```$|^\$\$\n(.*?)^\$\$$", text, re.MULTILINE | re.DOTALL)
     prose = re.sub(r"^(```|\$\$).*?^\1$", "", text, flags=re.MULTILINE | re.DOTALL)
-    return [("".join(one), True) for one in blocks] + [(one, False) for one in re.findall(r"\$([^$\n]+)\$", prose)]
+    return [("".join(block), True) for block in blocks] + [
+        (block, False) for block in re.findall(r"\$([^$\n]+)\$", prose)
+    ]
 
 
 def test_every_formula_of_every_page_becomes_mathml(site: Any) -> None:
@@ -50,7 +52,7 @@ def test_formulas_of_a_page_keep_their_numbers_and_their_vectors(site: Any) -> N
 def test_the_reference_has_a_page_that_leads_to_every_reference(site: Any) -> None:
     targets = re.findall(r"\]\(([^)]*)\)", site.reference())
     own = {"scenes.md", "commands.md", "python.md"}
-    assert own <= set(targets) and all((ROOT / "docs" / one[3:]).exists() for one in set(targets) - own)
+    assert own <= set(targets) and all((ROOT / "docs" / target[3:]).exists() for target in set(targets) - own)
 
 
 @pytest.mark.validate
@@ -66,4 +68,4 @@ def test_the_site_is_built_fetches_nothing_and_finds_what_a_reader_looks_for(tmp
     assert (tmp_path / "reference/index.html").exists()
     found = json.loads((tmp_path / "search/search_index.json").read_text("utf-8"))["docs"]
     for words in ("degrees", "phone", "still picture"):
-        assert any(words in one["text"] for one in found), words
+        assert any(words in page["text"] for page in found), words

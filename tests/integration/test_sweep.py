@@ -126,7 +126,7 @@ def test_a_row_is_what_running_its_scene_gives_bit_for_bit(text: str, small: Swe
 
 
 @pytest.mark.parametrize(
-    ("axes", "statuses", "told"),
+    ("axes", "statuses", "reason"),
     [
         # In this short time, only the fast disk has left the wall.
         ("impact: {max_time: 30.0}\nsweep: {velocity: [0.003, 0.05]}", ["failed", "done"], "has not left the wall"),
@@ -134,11 +134,11 @@ def test_a_row_is_what_running_its_scene_gives_bit_for_bit(text: str, small: Swe
     ],
 )
 def test_failed_points_are_listed_and_tried_again_and_do_not_stop_the_others(
-    axes: str, statuses: list[str], told: str, tmp_path: Path
+    axes: str, statuses: list[str], reason: str, tmp_path: Path
 ) -> None:
     result = swept(ONE + axes + "\n", tmp_path / "out")
     assert [row["status"] for row in result.rows] == statuses
-    assert told in result.failed[0]["reason"] and told in result.summary["failed"][0]["reason"]
+    assert reason in result.failed[0]["reason"] and reason in result.summary["failed"][0]["reason"]
     assert swept(ONE + axes + "\n", tmp_path / "out").summary["computed_now"] == 1
 
 
@@ -147,9 +147,9 @@ def test_errors_are_estimated_on_request(small: SweepResult, tmp_path: Path) -> 
     shutil.copytree(small.out, tmp_path / "out")
     plain = swept(*sweep)
     assert [row["error_estimate"] for row in plain.rows] == [None] * 4
-    told = swept(*sweep, estimate=True)
-    assert told.summary["computed_now"] == 4 and all(0 < row["error_estimate"] < 1e-2 for row in told.rows)
-    assert [row["restitution"] for row in told.rows] == [row["restitution"] for row in plain.rows]
+    estimated = swept(*sweep, estimate=True)
+    assert estimated.summary["computed_now"] == 4 and all(0 < row["error_estimate"] < 1e-2 for row in estimated.rows)
+    assert [row["restitution"] for row in estimated.rows] == [row["restitution"] for row in plain.rows]
     assert swept(*sweep).summary["computed_now"] == 0
 
 
@@ -208,8 +208,8 @@ def test_a_result_that_cannot_be_read_is_named_in_one_clear_error(
     path = points(tmp_path / "out")[5]
     path.write_bytes(UNREADABLE[name](path.read_text()).encode("utf-8", "surrogateescape"))
     assert main(["sweep", scene, "--out", str(tmp_path / "out"), "--jobs", "1"]) == 2
-    told = capsys.readouterr().err
-    assert told.count("error:") == 1 and path.name in told and "delete the file" in told and "Traceback" not in told
+    text = capsys.readouterr().err
+    assert text.count("error:") == 1 and path.name in text and "delete the file" in text and "Traceback" not in text
     assert table(tmp_path / "out") == table(small.out)
 
 
@@ -229,12 +229,12 @@ def test_a_folder_of_a_run_or_of_a_person_is_not_touched(tmp_path: Path) -> None
 
 
 def test_another_sweep_in_a_folder_keeps_its_points_and_says_that_its_table_is_replaced(tmp_path: Path) -> None:
-    said: list[str] = []
+    notices: list[str] = []
     for velocities, before in (("[0.01]", False), ("[0.01]", True), ("[0.01, 0.03]", False)):
-        result = swept(ONE + f"sweep: {{velocity: {velocities}}}", tmp_path, say=said.append)
+        result = swept(ONE + f"sweep: {{velocity: {velocities}}}", tmp_path, say=notices.append)
         assert (tmp_path / "figure.svg").exists() == before  # the figure of another table is removed with the table
         (tmp_path / "figure.svg").touch()
-    assert [text for text in said if "table" in text] == [
+    assert [text for text in notices if "table" in text] == [
         f"{tmp_path} held another sweep: its points are kept, its table is replaced"
     ]
     assert result.summary["computed_now"] == 1
@@ -248,19 +248,19 @@ def test_a_sweep_over_steps_has_columns_for_the_asked_and_the_used_step(tmp_path
 
 def test_another_sweep_into_a_folder_in_use_is_refused_and_a_part_of_the_same_is_not(tmp_path: Path) -> None:
     one, other = (ONE + f"sweep: {{velocity: {speeds}}}" for speeds in ("[0.01, 0.02]", "[0.03]"))
-    out, refused, beside = tmp_path / "out", list[str](), list[SweepResult]()
+    out, refused, parts = tmp_path / "out", list[str](), list[SweepResult]()
     (out / "points").mkdir(parents=True)
     (out / "points" / ".00000000000000000000.0.lock").touch()  # left by a killed process
 
     def meanwhile(stage: str, done: float, total: float | None) -> None:
         for part in (None, "1/1"):
-            with pytest.raises(InputError, match="another sweep is writing to this folder") as told:
+            with pytest.raises(InputError, match="another sweep is writing to this folder") as refusal:
                 swept(other, out, part=part)
-            refused.append(str(told.value))
-        beside.append(swept(one, out, part="1/2"))
+            refused.append(str(refusal.value))
+        parts.append(swept(one, out, part="1/2"))
 
     swept(one, out, progress=meanwhile)
-    assert len(beside) == 3 and all("--" not in text and str(out) in text for text in refused)
+    assert len(parts) == 3 and all("--" not in text and str(out) in text for text in refused)
     assert [path.name for path in (out / "points").glob(".*")] == [".lock"]
     assert swept(other, out).summary["computed_now"] == 1
 
@@ -291,13 +291,13 @@ def test_rows_of_different_versions_are_reported_once(small: SweepResult, tmp_pa
         assert set(record["versions"]) == {"python", "taichi-disk", engine.PACKAGE, "numpy", "scipy"}
         record["versions"] |= {"python": "2.7.18", "numpy": "1.6.0"}
         path.write_text(json.dumps(record))
-    said: list[str] = []
-    here = swept(SMALL, tmp_path / "out", say=said.append).summary["versions"]
-    (told,) = (text for text in said if "versions" in text)
-    assert f"python 2.7.18 and {here['python']}, numpy 1.6.0 and {here['numpy']}:" in told and "scipy" not in told
-    said.clear()
-    swept(SMALL, tmp_path / "other", "sweep.eta_star=[0]", "sweep.seed=[3]", say=said.append)
-    assert not [text for text in said if "versions" in text]
+    notices: list[str] = []
+    here = swept(SMALL, tmp_path / "out", say=notices.append).summary["versions"]
+    (notice,) = (text for text in notices if "versions" in text)
+    assert f"python 2.7.18 and {here['python']}, numpy 1.6.0 and {here['numpy']}:" in notice and "scipy" not in notice
+    notices.clear()
+    swept(SMALL, tmp_path / "other", "sweep.eta_star=[0]", "sweep.seed=[3]", say=notices.append)
+    assert not [text for text in notices if "versions" in text]
 
 
 def test_one_lattice_has_no_scatter(small: SweepResult, tmp_path: Path) -> None:
@@ -313,9 +313,9 @@ def test_one_lattice_has_no_scatter(small: SweepResult, tmp_path: Path) -> None:
 
 
 def test_parts_are_gathered_with_nothing_computed_anew(small: SweepResult, tmp_path: Path) -> None:
-    said: list[str] = []
-    first = swept(SMALL, tmp_path / "a", part="1/2", say=said.append)
-    assert said == ["6 scenes (part 1/2 of 12), 0 of them computed before"]
+    notices: list[str] = []
+    first = swept(SMALL, tmp_path / "a", part="1/2", say=notices.append)
+    assert notices == ["6 scenes (part 1/2 of 12), 0 of them computed before"]
     assert first.summary["computed_now"] == len(first.rows) == 6
     assert [path.name for path in (tmp_path / "a").iterdir()] == ["points"]
     points(tmp_path / "a")[2].unlink()
@@ -383,8 +383,8 @@ def test_what_was_done_is_kept_when_the_workers_fail(small: SweepResult, tmp_pat
 
     with pytest.raises(SimulationError, match="connection lost"):
         run_sweep(load_sweep(SMALL), tmp_path / "out", executor=Failing())
-    kept = {path.name: path.read_bytes() for path in points(tmp_path / "out")}
-    assert kept.items() <= {path.name: path.read_bytes() for path in points(small.out)}.items()
+    copied = {path.name: path.read_bytes() for path in points(tmp_path / "out")}
+    assert copied.items() <= {path.name: path.read_bytes() for path in points(small.out)}.items()
 
 
 def test_without_a_scheduler_the_error_says_so(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -420,8 +420,8 @@ def test_an_address_without_a_scheduler_is_refused_soon(
         with pytest.raises(InputError, match=f"no Dask scheduler answers at {address}"):
             run_sweep(load_sweep(SMALL), tmp_path / "out", scheduler=address)
         assert time.monotonic() - began < 8.0
-        for one in connections:
-            one.close()
+        for connection in connections:
+            connection.close()
 
 
 # ---- what a person sees
@@ -431,8 +431,8 @@ def test_the_command_says_how_many_scenes_and_prints_fits_and_where_the_files_ar
     small: SweepResult, scene: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert main(["sweep", scene, "--out", str(small.out), "--jobs", "1"]) == 0
-    shown, told = capsys.readouterr()
-    assert "note: 12 scenes, 12 of them computed before" in told
+    shown, notes = capsys.readouterr()
+    assert "note: 12 scenes, 12 of them computed before" in notes
     assert "eta_star: 30, 2 lattices" in shown and "eq. (4) integrated" in shown
     assert "12 points, 0 of them computed now, 0 failed" in shown and f"files in {small.out}" in shown
 

@@ -71,12 +71,12 @@ def count(out: Path) -> int:
 
 
 def children(process: subprocess.Popen[bytes]) -> list[int]:
-    return [int(one) for one in Path(f"/proc/{process.pid}/task/{process.pid}/children").read_text().split()]
+    return [int(pid) for pid in Path(f"/proc/{process.pid}/task/{process.pid}/children").read_text().split()]
 
 
 def workers(process: subprocess.Popen[bytes]) -> list[int]:
     """Return the child processes that compute, without the one that tracks semaphores."""
-    return [one for one in children(process) if b"spawn_main" in Path(f"/proc/{one}/cmdline").read_bytes()]
+    return [pid for pid in children(process) if b"spawn_main" in Path(f"/proc/{pid}/cmdline").read_bytes()]
 
 
 def kill(process: subprocess.Popen[bytes]) -> None:
@@ -93,7 +93,7 @@ def test_a_killed_sweep_goes_on_where_it_was(scene: Path, expected: bytes, tmp_p
     wait_until(lambda: count(out) > 0, "no point is done")
     descendants = children(first)
     kill(first)
-    wait_until(lambda: not any(Path(f"/proc/{one}").exists() for one in descendants), "workers outlive their parent")
+    wait_until(lambda: not any(Path(f"/proc/{pid}").exists() for pid in descendants), "workers outlive their parent")
     done = count(out)
     assert 0 < done < POINTS
     assert finish(scene, out, "--jobs", "2") == POINTS - done
@@ -114,7 +114,7 @@ def test_an_interrupted_sweep_ends_at_once_and_says_so(scene: Path, tmp_path: Pa
     os.killpg(process.pid, signal.SIGINT)  # as a terminal does
     assert process.wait(PATIENCE) == 130
     assert time.monotonic() - began < 10.0
-    assert not any(Path(f"/proc/{one}").exists() for one in computing)
+    assert not any(Path(f"/proc/{pid}").exists() for pid in computing)
     assert not (out / "points.csv").exists()
     assert process.stderr is not None
     last = process.stderr.read().decode().splitlines()[-1]
@@ -128,10 +128,10 @@ def test_a_killed_worker_ends_the_sweep_and_the_same_command_goes_on(
     process = subprocess.Popen(command(scene, out, "--jobs", "2"), stdout=subprocess.DEVNULL, stderr=subprocess.PIPE)
     wait_until(lambda: count(out) > 0, "no point is done")
     os.kill(workers(process)[0], signal.SIGKILL)
-    told = process.communicate(timeout=PATIENCE)[1].decode()
-    assert process.returncode == 1 and "Traceback" not in told
-    assert told.splitlines()[-1].startswith("error: the workers failed (one died, perhaps for lack of memory")
-    assert told.endswith("repeat the command to go on\n")
+    error = process.communicate(timeout=PATIENCE)[1].decode()
+    assert process.returncode == 1 and "Traceback" not in error
+    assert error.splitlines()[-1].startswith("error: the workers failed (one died, perhaps for lack of memory")
+    assert error.endswith("repeat the command to go on\n")
     done = count(out)
     assert 0 < done < POINTS and finish(scene, out, "--jobs", "2") == POINTS - done
     assert (out / "points.csv").read_bytes() == expected
@@ -142,7 +142,7 @@ def test_parts_at_the_same_time_in_one_folder_one_of_them_killed(scene: Path, ex
     parts = [started(*command(scene, out, "--part", f"{k}/3", "--jobs", "1")) for k in (1, 2, 3)]
     wait_until(lambda: count(out) > 3, "no point is done")
     kill(parts[0])
-    assert [one.wait(PATIENCE) for one in parts[1:]] == [0, 0]
+    assert [part.wait(PATIENCE) for part in parts[1:]] == [0, 0]
     assert not (out / "points.csv").exists() and 48 <= count(out) < POINTS
     assert finish(scene, out, "--part", "1/3") == POINTS - count(out) or count(out) == POINTS
     assert count(out) == POINTS

@@ -46,8 +46,8 @@ def test_the_wheel_runs_an_impact_with_film_in_an_empty_environment(built, tmp_p
     command("python", "-m", "pip", "install", "--quiet", str(next(built.glob("*.whl"))))
     where = command("python", "-c", "import taichi_disk; print(taichi_disk.__file__)")
     assert str(place) in where and str(ROOT) not in where
-    told = command("taichi-disk", "run", "exponential_wall", "--set=video.size=128", "--set=video.seconds=0.5")
-    assert told.startswith("restitution e")
+    output = command("taichi-disk", "run", "exponential_wall", "--set=video.size=128", "--set=video.seconds=0.5")
+    assert output.startswith("restitution e")
     made = {path.name for path in (place / "out" / "exponential_wall").iterdir()}
     assert {"video.mp4", "plot.png", "summary.json"} <= made
     assert "git_commit" not in (place / "out" / "exponential_wall" / "summary.json").read_text("utf-8")

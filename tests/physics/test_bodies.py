@@ -30,8 +30,12 @@ def test_observables_are_weighted_with_mass(kernels):
     centre, flight = m @ x, m @ v
     arm, own = x - centre, v - flight
     spin = np.sum(m * (arm[:, 0] * own[:, 1] - arm[:, 1] * own[:, 0]))
-    told = [row[INDEX[name]] for name in ("com_x", "com_y", "com_vx", "com_vy", "angular_momentum", "kinetic", "load")]
-    assert_allclose(told, [*centre, *flight, spin, 0.5 * m @ np.sum(v**2, axis=1), 0.02 * centre[1]], rtol=1e-11)
+    names = "com_x", "com_y", "com_vx", "com_vy", "angular_momentum", "kinetic", "load"
+    assert_allclose(
+        [row[INDEX[name]] for name in names],
+        [*centre, *flight, spin, 0.5 * m @ np.sum(v**2, axis=1), 0.02 * centre[1]],
+        rtol=1e-11,
+    )
     assert np.abs(lattice.mean(x) - x.mean(axis=0)).max() > 1e-3
 
 
@@ -115,7 +119,7 @@ def test_the_compression_of_a_non_uniform_body_counts_from_its_centre_of_mass(ke
     scenario = load_scene("compression", settings).scenario(non_uniform(disk(100), 0.2, 3.0))
     outcome, m = compute(scenario, scenario.scene.time), scenario.lattice.masses
     x = outcome.positions
-    sunk = [m @ one[:, 1] - one[:, 1].min() for one in (scenario.lattice.positions, x)]
+    sunk = [m @ positions[:, 1] - positions[:, 1].min() for positions in (scenario.lattice.positions, x)]
     assert scenario.result(outcome.columns)["xi"] == pytest.approx(sunk[0] - sunk[1], rel=1e-9)
     push = scenario.model.wall.forces(scenario.lattice, x)[:, 1]
     assert push.sum() == pytest.approx(0.02, rel=1e-9) and m @ x[:, 0] == pytest.approx(push @ x[:, 0] / 0.02, abs=1e-9)
@@ -142,7 +146,7 @@ def test_a_ring_under_its_own_weight_sinks_as_the_thin_ring_does(hole, points, s
     ring = Lattice.disk(points, 0, hole=hole)
     scenario = load_scene("compression", settings).scenario(ring if skin else without_skin(ring))
     lattice, x = scenario.lattice, scenario.rest.positions
-    sunk = np.ptp([lattice.mean(one)[1] - one[:, 1].min() for one in (lattice.positions, x)])
+    sunk = np.ptp([lattice.mean(positions)[1] - positions[:, 1].min() for positions in (lattice.positions, x)])
     young, thick, r = bulk_moduli(points, 0, 1.0, 0.7).young, 1.0 - hole, 0.5 * (1.0 + hole)
     bending = young * thick**3 / 12.0
     if skin:  # of half a spring more on either side, thick/2 from the middle
@@ -158,7 +162,7 @@ def test_a_core_too_large_for_its_place_is_pressed_and_the_ring_around_it_pulled
     a, f, misfit, points = 0.5, 4.0, 1e-4, 3000
     lattice = without_skin(Lattice.disk(points, 0, core_radius=a, core_stiffness=f))
     part = {1.0: 0.0, 0.5: 0.0, f: 1.0, 0.5 * (1.0 + f): f / (1.0 + f)}  # of a spring that is the core's
-    rest = lattice.rest_lengths * (1.0 + misfit * np.array([part[one] for one in lattice.stiffness]))
+    rest = lattice.rest_lengths * (1.0 + misfit * np.array([part[spring] for spring in lattice.stiffness]))
     strained = replace(lattice, rest_lengths=rest)
     x = solve_equilibrium(strained, FREE, lattice.positions).positions
     moduli, triangles = bulk_moduli(points, 0, 1.0, 0.7), Triangles(strained)
@@ -169,15 +173,15 @@ def test_a_core_too_large_for_its_place_is_pressed_and_the_ring_around_it_pulled
     r = np.hypot(*middle.T)
     c, s = middle.T / r
     radial = sigma[:, 0] * c * c + sigma[:, 1] * s * s + 2.0 * sigma[:, 2] * c * s
-    hoop, told = sigma[:, 0] + sigma[:, 1] - radial, []
+    hoop, means = sigma[:, 0] + sigma[:, 1] - radial, []
     for low, high in ((0.1, 0.4), (0.4, 0.5), (0.5, 0.6), (0.6, 0.8)):
         ring = (r > low) & (r < high)
-        told.append([np.average(one[ring], weights=areas[ring]) for one in (radial, hoop)])
+        means.append([np.average(stress[ring], weights=areas[ring]) for stress in (radial, hoop)])
         square = np.average(r[ring] ** -2.0, weights=areas[ring])
         expected = (-p, -p) if high <= a else (share * (1.0 - square), share * (1.0 + square))
-        assert told[-1][0] == pytest.approx(expected[0], abs=0.05 * p)
+        assert means[-1][0] == pytest.approx(expected[0], abs=0.05 * p)
         if low == 0.1 or high == 0.8:  # springs of the edge carry the hoop stress of both sides
-            assert told[-1][1] == pytest.approx(expected[1], abs=0.05 * p)
-    assert told[2][1] - told[1][1] > 1.5 * p
+            assert means[-1][1] == pytest.approx(expected[1], abs=0.05 * p)
+    assert means[2][1] - means[1][1] > 1.5 * p
     edge = np.sort(np.hypot(*x[np.unique(triangles.interfaces)].T))
     assert len(triangles.interfaces) == len(edge) and np.abs(edge - a).max() < 1e-3  # one closed line is drawn

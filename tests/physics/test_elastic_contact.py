@@ -89,7 +89,7 @@ def test_the_smooth_contact_pushes_along_the_gradient_of_its_potential_and_keeps
                 moved = [x.copy(), x.copy()]
                 moved[0][i, c] -= 1e-7
                 moved[1][i, c] += 1e-7
-                slope = np.diff([smooth_potential(one) for one in moved])[0] / 2e-7
+                slope = np.diff([smooth_potential(x) for x in moved])[0] / 2e-7
                 assert f[i, c] == pytest.approx(-slope, abs=1e-6 * scale)
 
 

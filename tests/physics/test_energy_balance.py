@@ -21,7 +21,7 @@ VV, LONG = VELOCITY_VERLET, pytest.mark.validate
 
 
 def imbalance(columns):
-    total = np.sum([columns[one] for one in ENERGIES], axis=0)
+    total = np.sum([columns[name] for name in ENERGIES], axis=0)
     return total - total[0]
 
 
@@ -44,7 +44,7 @@ def imbalance(columns):
 def test_energy_is_accounted_for_at_the_automatic_step(scene, kernels):
     _, outcome = computed(kernels, *scene, estimate=False)
     columns, energy = outcome.columns, outcome.summary["energy"]
-    assert_allclose(columns["total"], np.sum([columns[one] for one in ENERGIES], axis=0), rtol=1e-13)
+    assert_allclose(columns["total"], np.sum([columns[name] for name in ENERGIES], axis=0), rtol=1e-13)
     work = 0.01 * np.ptp(columns["com_y"])  # of the load of a compression, where nothing moves at first
     scale = work if scene[0] == "compression" else columns["kinetic"][0]
     lost = imbalance(columns) / scale
@@ -52,8 +52,8 @@ def test_energy_is_accounted_for_at_the_automatic_step(scene, kernels):
     assert energy["worst_imbalance"] == pytest.approx(np.abs(lost).max(), abs=1e-12)
     assert abs(lost[-1]) < 2e-5 and np.abs(lost).max() < 1e-4
     # Losses only grow. (Centred sums may dip by their own error.)
-    for one in ("dissipated", "absorbed"):
-        assert np.diff(columns[one]).min() >= -1e-6 * scale
+    for name in ("dissipated", "absorbed"):
+        assert np.diff(columns[name]).min() >= -1e-6 * scale
 
 
 @pytest.mark.parametrize(

@@ -180,10 +180,10 @@ def test_each_load_of_a_loading_compresses_as_much_as_a_run_under_that_load_alon
 def test_a_state_at_any_load_is_an_equilibrium_and_a_film_s_is_near_it(loading):
     _, scenario, outcome = loading
     columns, asked = outcome.columns, np.array([0.0, 0.4, 0.5, 1.0])
-    for (t, x, _), (same, seen, _) in zip(outcome.replay(asked), outcome.frames(asked), strict=True):
+    for (t, x, _), (same, drawn, _) in zip(outcome.replay(asked), outcome.frames(asked), strict=True):
         model = replace(scenario.model, load=Load(t * P))
         assert t == same and np.abs(forces(scenario.lattice, model, x)).max() < 1e-9 * t * P / 100
-        assert (np.abs(seen - x).max() < 1e-4) if t not in columns["t"] else np.array_equal(seen, x)
+        assert (np.abs(drawn - x).max() < 1e-4) if t not in columns["t"] else np.array_equal(drawn, x)
     assert t == 1.0 and next(outcome.replay(asked))[0] == columns["t"][0]  # under no load at all it rests nowhere
 
 
@@ -280,7 +280,7 @@ def test_xi_keeps_its_sign():
     x, y = np.meshgrid(np.linspace(-0.9, 0.9, 14), [0.0, 0.12])
     bar = Lattice.from_points(np.stack([x.ravel(), y.ravel()], axis=1))
     scenario = load_scene("compression", ["compression.method=newton", "compression.pressure=1e-3"]).scenario(bar)
-    rest, unloaded = (one.positions[:, 1] for one in (scenario.rest, scenario.lattice))
+    rest, unloaded = (lattice.positions[:, 1] for lattice in (scenario.rest, scenario.lattice))
     columns = compute(scenario, scenario.scene.time).columns
     difference = (unloaded.mean() - unloaded.min()) - (rest.mean() - rest.min())
     assert scenario.result(columns)["xi"] == pytest.approx(difference, rel=1e-9) and difference < 0.0

@@ -106,7 +106,7 @@ def test_the_force_is_minus_the_slope_of_the_reported_energies(name, kernels):
 
     def reported(x):
         simulation = kernels.simulation(replace(lattice, positions=x), model, integrator, v, 1e-3)
-        return simulation.first_row[[INDEX[one] for one in ("elastic", "wall", "load")]].sum()
+        return simulation.first_row[[INDEX[name] for name in ("elastic", "wall", "load")]].sum()
 
     force, d, surface = plain.force(x, v), 2e-7, lattice.wall_surface
     lowest = np.argsort(x[: lattice.disk_points, 1])[:4]

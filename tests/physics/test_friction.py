@@ -100,9 +100,9 @@ def test_a_throw_and_its_mirror_image_are_mirror_images(kernels):
     mirrored = replace(body, positions=body.positions * [-1.0, 1.0], triangles=body.triangles[:, ::-1].copy())
     other = scene.with_({"impact.angle": -scene.impact.angle, "impact.spin": -scene.impact.spin})
     runs = []
-    for one, lattice in ((scene, body), (other, mirrored)):
-        scenario = one.scenario(lattice)
-        runs.append(compute(scenario, one.time, estimate=False))
+    for case, lattice in ((scene, body), (other, mirrored)):
+        scenario = case.scenario(lattice)
+        runs.append(compute(scenario, case.time, estimate=False))
     assert_array_equal(runs[0].positions * [-1.0, 1.0], runs[1].positions)
     assert runs[0].columns["com_vx"][-1] != 0.0
 
@@ -288,15 +288,15 @@ def test_results_along_the_wall_do_not_depend_on_how_far_from_it_the_run_ends(ke
         scenario, outcome, numbers = impact(kernels, *throw, "impact.velocity=0.05", f"impact.gap={gap}")
         left = summary(scenario, split(outcome.columns, scenario.lattice.inertia))["vibration_left"]
         found.append([numbers["spin_after"], numbers["tangential_restitution"], left])
-        told = [text for text in warnings(scenario, outcome.columns) if "after the contact" in text]
-        assert len(told) == 1 and "axial" in told[0]
+        messages = [text for text in warnings(scenario, outcome.columns) if "after the contact" in text]
+        assert len(messages) == 1 and "axial" in messages[0]
     assert_allclose(found, np.broadcast_to(found[-1], np.shape(found)), rtol=2e-3, atol=1e-5)
 
 
-@pytest.mark.parametrize(("eta_star", "told"), [(0.002, False), (0.02, True)])
-def test_a_warning_says_that_dashpots_took_one_per_cent_of_a_spin(eta_star, told, kernels):
+@pytest.mark.parametrize(("eta_star", "is_warned"), [(0.002, False), (0.02, True)])
+def test_a_warning_says_that_dashpots_took_one_per_cent_of_a_spin(eta_star, is_warned, kernels):
     spinning = ("impact.spin=0.05", "impact.gap=0.2", f"material.eta_star={eta_star}")
     scenario, outcome, _ = impact(kernels, *SMALL, *spinning)
     found = [text for text in warnings(scenario, outcome.columns) if "angular momentum" in text]
-    assert len(found) == told
-    assert not told or re.search("took 2% .* before the contact and 2% .* after the contact.*axial", found[0])
+    assert len(found) == is_warned
+    assert not is_warned or re.search("took 2% .* before the contact and 2% .* after the contact.*axial", found[0])

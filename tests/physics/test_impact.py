@@ -109,7 +109,7 @@ def test_custom_velocities_give_the_run_of_a_scene_with_their_speed(kernels):
     fast = load_scene("exponential_wall", ["lattice.points=40", "impact.velocity=0.5"])
     scene = fast.scenario()
     own = fast.with_(velocity=0.01).scenario(velocities=scene.velocities.copy())
-    columns = [compute(one, fast.time, estimate=False).columns for one in (own, scene)]
+    columns = [compute(case, fast.time, estimate=False).columns for case in (own, scene)]
     assert own.result(columns[0]) == scene.result(columns[1])
     assert_array_equal(columns[0]["wall_force"], columns[1]["wall_force"])
 

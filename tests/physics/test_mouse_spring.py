@@ -35,7 +35,7 @@ class Pulled(reference.Model):
     # Overdamped: eta times the largest eigenvalue of the Laplacian over m is 14 times the inverse step.
     [
         (0.0, VELOCITY_VERLET, 0.02),
-        *(pytest.param(*one, 0.02, marks=LONG) for one in ((0.0, TAKAHASHI_IMADA), (1.0, TRAPEZOIDAL))),
+        *(pytest.param(*case, 0.02, marks=LONG) for case in ((0.0, TAKAHASHI_IMADA), (1.0, TRAPEZOIDAL))),
     ],
 )
 @pytest.mark.parametrize("body", [lambda one: one, pytest.param(non_uniform, marks=LONG)], ids=["equal", "non-uniform"])
@@ -44,14 +44,14 @@ def test_a_pulled_point_moves_as_the_exact_solution_and_its_energy_is_accounted_
     model = Model(Springs(1.0, 1.0, eta), FALLING.wall, mouse=MOUSE)
     x, v = lattice.positions, np.zeros_like(lattice.positions)
     plain, y = Pulled(lattice, model), (x, v)
-    for plain.point, beside in LED:
-        plain.target = x[POINT] + beside
+    for plain.point, offset in LED:
+        plain.target = x[POINT] + offset
         y = plain.solve(*y, (0.0, 24 * dt))[-1]
     errors = []
     for steps in (1, 2, 4):
-        simulation, given = kernels.simulation(lattice, model, integrator, v, dt / steps), 0.0
-        for point, beside in LED:
-            given += simulation.set_mouse_target(point, tuple(x[POINT] + beside))
+        simulation, work = kernels.simulation(lattice, model, integrator, v, dt / steps), 0.0
+        for point, offset in LED:
+            work += simulation.set_mouse_target(point, tuple(x[POINT] + offset))
             simulation.advance(24 * steps)
         errors.append(np.abs(simulation.positions() - y[0]).max())
         row = simulation.now
@@ -59,12 +59,12 @@ def test_a_pulled_point_moves_as_the_exact_solution_and_its_energy_is_accounted_
     least = 0.8 * 2**2  # also for order 4, because the pull jumps
     assert errors[0] > least * errors[1] > least**2 * errors[2]
     assert errors[-1] < 2e-3 * np.abs(y[0] - x).max()
-    assert energy == pytest.approx(given, rel=2e-3)
+    assert energy == pytest.approx(work, rel=2e-3)
 
 
 def test_a_mouse_that_pulls_at_nothing_changes_no_bit(kernels):
     lattice = disk(60, height=0.05)
     models = FALLING, replace(FALLING, mouse=MOUSE)
     down = moving_down(lattice, 0.05)
-    rows = [kernels.simulation(lattice, one, VELOCITY_VERLET, down, 5e-3).advance(400, 20)[0] for one in models]
+    rows = [kernels.simulation(lattice, model, VELOCITY_VERLET, down, 5e-3).advance(400, 20)[0] for model in models]
     assert_array_equal(*rows)

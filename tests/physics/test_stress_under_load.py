@@ -50,8 +50,8 @@ def test_the_contact_is_as_wide_as_hertz_says():
     areas = tiles.areas(x)[near]
     corner = x[disk.triangles[near]].mean(axis=1)
     depth, across = (corner[:, 1] - x[:, 1].min()) / b, (corner[:, 0] - middle) / b
-    seen = np.average(-stress(tiles, model.springs, x)[near, 1], weights=areas)
-    assert seen == pytest.approx(np.average(_hertz(across, depth), weights=areas) * 2.0 * load / (np.pi * b), rel=0.08)
+    found = np.average(-stress(tiles, model.springs, x)[near, 1], weights=areas)
+    assert found == pytest.approx(np.average(_hertz(across, depth), weights=areas) * 2.0 * load / (np.pi * b), rel=0.08)
 
 
 def _hertz(x, z):

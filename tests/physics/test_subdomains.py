@@ -25,16 +25,18 @@ def test_subdomains_share_no_point_and_hold_every_spring_once(monkeypatch):
     assert ordering.arrange(bonds, 900).subdomains == 1
     assert ordering.arrange(bonds, ordering.PARALLEL_FROM).subdomains > 1
     monkeypatch.setattr(ordering, "PARALLEL_FROM", 1)
-    one = ordering.arrange(bonds, 900)
-    assert one.subdomains >= 4
-    used = one.source[one.source >= 0]
+    arrangement = ordering.arrange(bonds, 900)
+    assert arrangement.subdomains >= 4
+    used = arrangement.source[arrangement.source >= 0]
     assert_array_equal(np.sort(used), np.arange(len(bonds)))
-    assert_array_equal(one.ends[one.source >= 0], bonds[used])
+    assert_array_equal(arrangement.ends[arrangement.source >= 0], bonds[used])
     owned, begin = [], 0
-    for c, end in enumerate(one.subdomain_ends):
-        inside = one.ends[begin * ordering.BLOCK : end * ordering.BLOCK]
+    for c, end in enumerate(arrangement.subdomain_ends):
+        inside = arrangement.ends[begin * ordering.BLOCK : end * ordering.BLOCK]
         points = inside[inside < 900]
-        assert c * one.subdomain_points <= points.min() and points.max() < (c + 1) * one.subdomain_points
+        assert (
+            c * arrangement.subdomain_points <= points.min() and points.max() < (c + 1) * arrangement.subdomain_points
+        )
         owned.append(set(inside.ravel().tolist()))
         begin = int(end)
     assert sum(map(len, owned)) == len(set().union(*owned))
@@ -77,7 +79,7 @@ def elsewhere(name, threads):
     code = (
         "import sys; sys.path[:0] = ['tests', 'tests/physics']; from taichi_disk import runtime; "
         f"runtime.start(threads={threads}); "
-        f"from test_subdomains import *; print(*(steps(one)[1] for one in both('{name}')))"
+        f"from test_subdomains import *; print(*(steps(simulation)[1] for simulation in both('{name}')))"
     )
     folder, command = Path(__file__).parents[2], [sys.executable, "-c", code]
     return subprocess.run(command, check=True, cwd=folder, capture_output=True, text=True, timeout=200).stdout.split()

@@ -30,7 +30,9 @@ def test_the_parts_of_the_kinetic_energy_are_those_of_the_states(thrown):
         spin = (m @ (r[:, 0] * w[:, 1] - r[:, 1] * w[:, 0])) / (m @ (r * r).sum(axis=1))  # with the present inertia
         rotation = spin * np.stack([-r[:, 1], r[:, 0]], axis=1)
         found = [series[name][row] for name in ("translation", "rotation", "vibration")]
-        true = [0.5 * float(m @ (one * one).sum(axis=1)) for one in (v - w, rotation, w - rotation)]
+        true = [
+            0.5 * float(m @ (velocities * velocities).sum(axis=1)) for velocities in (v - w, rotation, w - rotation)
+        ]
         assert found[0] == pytest.approx(true[0], rel=1e-9) and sum(found) == pytest.approx(sum(true), rel=1e-12)
         # The inertia of a flattened disk differs from the unloaded one.
         assert found[1:] == pytest.approx(true[1:], abs=0.02 * true[1])
@@ -51,8 +53,8 @@ def test_all_modes_hold_all_of_the_vibration_but_for_what_is_anharmonic(thrown):
     assert few.frequencies == pytest.approx(all_modes.frequencies[:20]) and few.shapes.shape == (20, n, 2)
     assert few.energies == pytest.approx(all_modes.energies[:20], abs=1e-6 * vibration)
     assert all_modes.rest == pytest.approx(0.0, abs=1e-9 * vibration)
-    for one in (few, all_modes):
-        assert one.energies.sum() + one.rest + one.anharmonic == pytest.approx(vibration, rel=1e-9)
+    for result in (few, all_modes):
+        assert result.energies.sum() + result.rest + result.anharmonic == pytest.approx(vibration, rel=1e-9)
     assert 0.0 < abs(all_modes.anharmonic) < 0.05 * vibration and few.rest < 0.2 * vibration
 
 
@@ -94,7 +96,9 @@ def test_a_spin_and_a_flight_are_no_part_of_any_mode():
 def test_a_body_that_is_strained_as_given_vibrates_about_its_rest():
     body = disk(60)
     longer = Lattice.from_points(body.positions, body.bonds, rest_lengths=1.01 * body.rest_lengths)
-    found, plain = (modes(one, FREE.springs, 1.01 * one.positions, np.zeros((60, 2)), 10) for one in (longer, body))
+    found, plain = (
+        modes(lattice, FREE.springs, 1.01 * lattice.positions, np.zeros((60, 2)), 10) for lattice in (longer, body)
+    )
     assert found.energies.sum() + found.rest < 1e-12 < 1e-6 < plain.energies.sum()
     assert found.frequencies == pytest.approx(plain.frequencies, rel=1e-6)
 
@@ -112,8 +116,10 @@ def test_frequencies_are_those_of_the_continuum(monkeypatch):
     shear = np.sqrt(0.5 * np.pi * young / (1.0 + poisson))
     exact = [shear * jn_zeros(2, 1)[0]]  # torsion
     for order in range(8):
-        near = [one for one in vibrations(order, 8, young, poisson)[0][:3] if one > 0.1]
-        exact += [exact_frequency(order, one, young, poisson) for one in near] * (1 if order == 0 else 2)  # sin and cos
+        near = [frequency for frequency in vibrations(order, 8, young, poisson)[0][:3] if frequency > 0.1]
+        exact += [exact_frequency(order, frequency, young, poisson) for frequency in near] * (
+            1 if order == 0 else 2
+        )  # sin and cos
     assert found == pytest.approx(np.sort(exact)[:14], rel=0.011)
 
 

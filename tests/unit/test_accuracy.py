@@ -21,16 +21,16 @@ STEP = StepError("velocity_verlet", True, 0.8, 0.01, 100, 0.1, 3.0, 1e-6, 1e-6, 
 @pytest.mark.parametrize("kind", ["exponential_wall", "absorbing_wall"])
 def test_finer_lattices_are_of_the_same_material(kind: str) -> None:
     scene = load_scene(kind, ["lattice.points=60", "material.eta_star=5"])
-    finer = [one for one in changes(scene) if one.source == POINTS]
-    assert [one.refinement for one in finer] == [4, 16, 64]
+    finer = [change for change in changes(scene) if change.source == POINTS]
+    assert [change.refinement for change in finer] == [4, 16, 64]
     changed = scene.with_(finer[0].keys)
     assert changed.lattice.points == 240
     # The eta of a spring, the total mass, the shape of a wall and the drag of its boundary stay the same.
     before, after = scene.scenario(), changed.scenario()
     if kind == "absorbing_wall":
         drags = [
-            2.0 * one.lattice.masses[0] * len(one.lattice.wall_boundary) / one.model.reset_interval
-            for one in (before, after)
+            2.0 * scenario.lattice.masses[0] * len(scenario.lattice.wall_boundary) / scenario.model.reset_interval
+            for scenario in (before, after)
         ]
         assert drags[1] == pytest.approx(drags[0], rel=0.1)
     assert after.model.springs.eta == pytest.approx(before.model.springs.eta) and before.model.springs.eta > 0.0
@@ -41,7 +41,7 @@ def test_finer_lattices_are_of_the_same_material(kind: str) -> None:
 
 def test_the_advice_to_take_more_points_says_what_keeps_the_body() -> None:
     scene = load_scene("exponential_wall", ["lattice.points=300"])
-    finer = [replace(one, result=0.9, difference=0.1) for one in changes(scene) if one.source == POINTS]
+    finer = [replace(change, result=0.9, difference=0.1) for change in changes(scene) if change.source == POINTS]
     sources = [Change("scene", "as it is", result=0.8), Change(SAMPLE, "seed 1", result=0.81), *finer]
     advice = Findings("restitution", [STEP], sources).sentence
     assert (
@@ -49,24 +49,24 @@ def test_the_advice_to_take_more_points_says_what_keeps_the_body() -> None:
         in advice
     )
     own = scene.with_(viscosity=0.01)
-    assert all("viscosity" not in key for one in changes(own) for key in one.keys)
+    assert all("viscosity" not in key for change in changes(own) for key in change.keys)
 
 
 def test_no_lattice_is_tried_that_takes_hours_or_whose_points_come_from_a_file(tmp_path) -> None:
-    finer = [one.change for one in changes(load_scene("exponential_wall", ["lattice.points=40000"]))]
+    finer = [change.change for change in changes(load_scene("exponential_wall", ["lattice.points=40000"]))]
     assert "N = 160,000, same η" in finer and "N = 640,000, same η" not in finer
     (tmp_path / "points.csv").write_text("x,y\n0,0\n1,0\n0,1\n")
     own = load_scene({"scene": "exponential_wall", "lattice": {"file": str(tmp_path / "points.csv")}})
-    assert {one.source for one in changes(own)} == {WALL}
+    assert {change.source for change in changes(own)} == {WALL}
 
 
 @pytest.mark.usefixtures("kernels")
 def test_a_change_without_a_result_says_why() -> None:
     scene = load_scene("exponential_wall", ["lattice.points=60", "impact.max_time=9.0"])
-    one = with_result(scene, 0.9, Change(WALL, "a", {"impact.max_time": 0.1}))
-    assert math.isnan(one.difference) and "has not left the wall" in one.remark
-    one = with_result(scene, 0.9, Change(WALL, "a", {"wall.a": -1.0}))
-    assert math.isnan(one.result) and "wall.a" in one.remark
+    change = with_result(scene, 0.9, Change(WALL, "a", {"impact.max_time": 0.1}))
+    assert math.isnan(change.difference) and "has not left the wall" in change.remark
+    change = with_result(scene, 0.9, Change(WALL, "a", {"wall.a": -1.0}))
+    assert math.isnan(change.result) and "wall.a" in change.remark
 
 
 def study_of(scene: str, *settings: str) -> StepStudy:
@@ -83,13 +83,13 @@ def test_errors_fall_with_the_square_of_the_step(monkeypatch: pytest.MonkeyPatch
     monkeypatch.setattr(steps, "REPEATS", 1)
     study = study_of("exponential_wall", "lattice.points=30", "material.eta_star=20")
     found = study.measure(lambda number: None)
-    assert sum(one.is_default for one in found) == 1
+    assert sum(point.is_default for point in found) == 1
     for integrator in ("velocity_verlet", "trapezoidal"):
-        curve = [one for one in found if one.integrator == integrator and not one.is_default]
-        dt, error, off = np.array([(one.dt, one.error, one.trajectory_error) for one in curve]).T
+        curve = [point for point in found if point.integrator == integrator and not point.is_default]
+        dt, error, off = np.array([(point.dt, point.error, point.trajectory_error) for point in curve]).T
         assert np.polyfit(np.log(dt), np.log(off), 1)[0] == pytest.approx(2.0, abs=0.1)
         assert np.polyfit(np.log(dt), np.log(error), 1)[0] == pytest.approx(2.0, abs=0.2)
-        assert off[-1] < 1e-3 and [one.steps * one.dt for one in curve] == pytest.approx(len(curve) * [study.end])
+        assert off[-1] < 1e-3 and [point.steps * point.dt for point in curve] == pytest.approx(len(curve) * [study.end])
 
 
 @pytest.mark.usefixtures("kernels")

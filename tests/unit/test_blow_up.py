@@ -43,8 +43,8 @@ def test_a_blow_up_at_a_forced_step_is_reported_with_the_last_good_state(kernels
     driver = driver_of(kernels, *SMALL, "impact.gap=0.13", "time.dt=0.2", "time.sample_interval=1.8", force=True)
     assert driver.advance() == "failed" and isinstance(driver.failure, BlowUp)
     message, good = str(driver.failure), driver.failure.last_good
-    told = r"blow-up after t = ([0-9.]+) R/c: the energy balance is off by .*; before that spring (\d+) between points"
-    found = re.match(told, message)
+    text = r"blow-up after t = ([0-9.]+) R/c: the energy balance is off by .*; before that spring (\d+) between points"
+    found = re.match(text, message)
     assert float(found[1]) == pytest.approx(float(good["t"]))
     assert float(re.search(r"is ([0-9.]+) of the stability limit", message)[1]) > 1.0
     assert message.endswith("the step is beyond the stability limit: set time.dt: auto")

@@ -192,11 +192,11 @@ def test_a_faulty_override_is_quoted(path: Path, override: str, expected: str) -
 
 def test_a_missing_file_is_answered_with_the_nearest_name(tmp_path: Path) -> None:
     shipped = "The shipped scenes are absorbing_wall, compression, exponential_wall, figure2, figure3, figure6, oblique_impact"
-    for source, told in (
+    for source, message in (
         (tmp_path / "scenes" / "exponental_wall.yaml", rf"no such file; did you mean exponential_wall\? {shipped}$"),
         ("nonsense", rf"^nonsense: no such file\. {shipped}$"),
     ):
-        with pytest.raises(InputError, match=told):
+        with pytest.raises(InputError, match=message):
             load_scene(source)
 
 

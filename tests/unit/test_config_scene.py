@@ -19,7 +19,11 @@ from taichi_disk.scenes.scene import DiskScene
 
 ROOT = Path(__file__).parents[2]
 KEYS = {
-    kind: {(name, one): key for name, section in scene.sections().items() for one, key in section.schema().items()}
+    kind: {
+        (section_name, name): key
+        for section_name, section in scene.sections().items()
+        for name, key in section.schema().items()
+    }
     for kind, scene in SCENES.items()
 }
 
@@ -73,16 +77,16 @@ ODD = [None, [], [0], {}, {"lin": [0, 1, 2]}, "", "a\nb", "\ud800", float("nan")
 def test_every_key_takes_what_is_within_its_bounds_and_nothing_else() -> None:
     for kind, keys in KEYS.items():
         for (section, name), key in keys.items():
-            taken, refused = list[Any](key.words), [*ODD, "1", "nonsense"]
+            accepted, refused = list[Any](key.words), [*ODD, "1", "nonsense"]
             if key.kind is bool:
-                taken += [True, False]
+                accepted += [True, False]
             elif key.kind in (int, float):
-                taken += [key.low, key.high]
+                accepted += [key.low, key.high]
                 refused += [True, key.low - 1, key.low - 1e-9, key.high + 1, key.high * 1.01 + 1e-9]
                 refused += [key.low + 0.5] * (key.kind is int) + [key.low + key.step / 2] * bool(key.step)
             elif not key.words:
-                taken, refused = ["none", "/a b.csv"], [one for one in ODD if not isinstance(one, float)]
-            assert all(map(key.accepts, taken)) and len(key.meaning) > 10
+                accepted, refused = ["none", "/a b.csv"], [text for text in ODD if not isinstance(text, float)]
+            assert all(map(key.accepts, accepted)) and len(key.meaning) > 10
             for value in refused:
                 assert not key.accepts(value)
                 with pytest.raises(InputError) as refusal:
@@ -112,7 +116,7 @@ def test_a_scene_cannot_be_changed_and_an_int_becomes_a_float() -> None:
 # 1e-3 of it at y = ln(150/(1e-3 * 2e-4))/300 = 0.06812;
 # 1e-5 of it with v = 1e-3 at ln(150/5e-12)/300 = 0.10344.
 @pytest.mark.parametrize(
-    ("kind", "refused", "told", "accepted"),
+    ("kind", "refused", "message", "accepted"),
     [
         ("exponential_wall", {"gap": 0.068}, "impact.gap: .* write at least 0.06819 R", {"gap": 0.0682}),
         ("absorbing_wall", {"gap": 0.06}, "impact.gap", {"gap": 0.0682}),
@@ -133,9 +137,9 @@ def test_a_scene_cannot_be_changed_and_an_int_becomes_a_float() -> None:
     ],
 )
 def test_keys_that_contradict_each_other_are_refused(
-    kind: str, refused: dict[str, Any], told: str, accepted: dict[str, Any]
+    kind: str, refused: dict[str, Any], message: str, accepted: dict[str, Any]
 ) -> None:
-    with pytest.raises(InputError, match=told):
+    with pytest.raises(InputError, match=message):
         load_scene(kind).with_(refused)
     load_scene(kind).with_(accepted)
 

@@ -25,7 +25,7 @@ def faults(text: str, *overrides: str) -> list[str]:
 
 def test_axes_multiply_and_the_last_varies_fastest() -> None:
     sweep = load_sweep(IMPACT + "sweep: {eta_star: [0, 10], velocity: {lin: [0.01, 0.03, 3]}, seed: {range: 2}}\n")
-    found = [(one.material.eta_star, one.impact.velocity, one.lattice.seed) for one in sweep.scenes]
+    found = [(scene.material.eta_star, scene.impact.velocity, scene.lattice.seed) for scene in sweep.scenes]
     assert found == list(itertools.product((0.0, 10.0), (0.01, 0.02, 0.03), (0, 1)))
 
 
@@ -46,12 +46,12 @@ def test_geometric_axes_have_equal_ratios_and_their_ends() -> None:
     ratios = [float(b) / float(a) for a, b in itertools.pairwise(v)]
     assert max(ratios) - min(ratios) < 1e-10
     whole = load_sweep(IMPACT + "sweep: {points: {geom: [1000, 4000, 3]}}\n")
-    assert [one.lattice.points for one in whole.scenes] == [1000, 2000, 4000]
+    assert [scene.lattice.points for scene in whole.scenes] == [1000, 2000, 4000]
 
 
 def test_a_list_of_sections_is_swept_one_after_the_other_without_repeats() -> None:
     text = IMPACT + "sweep:\n  - {seed: [0, 1, 1]}\n  - {seed: [1, 2], eta_star: [10.0, 3.0]}\n"
-    found = [(one.lattice.seed, one.material.eta_star) for one in load_sweep(text).scenes]
+    found = [(scene.lattice.seed, scene.material.eta_star) for scene in load_sweep(text).scenes]
     assert found == [(0, 10.0), (1, 10.0), (1, 3.0), (2, 10.0), (2, 3.0)]  # 10 is the default
 
 
@@ -68,7 +68,7 @@ def test_axes_can_be_set_from_the_command_line() -> None:
     new = ("sweep.velocity={lin: [0.01, 0.02, 2]}", "sweep.seed=[4]", "sweep.lattice.points=[500]")
     sweep = load_sweep(text, new)
     assert sweep.axes == ["velocity", "seed", "lattice.points"]
-    assert [one.lattice.points for one in sweep.scenes] == [500, 500]
+    assert [scene.lattice.points for scene in sweep.scenes] == [500, 500]
 
 
 def test_an_override_sets_the_axis_in_every_section() -> None:
@@ -83,10 +83,10 @@ def test_an_override_sets_the_axis_in_every_section() -> None:
     [
         ("sweep: {eta_sta: [1]}", "2:9: sweep.eta_sta: no key of scene: exponential_wall that can be swept; did you mean eta_star?"),
         ("sweep: {colour: [strain]}", "2:9: sweep.colour: no key of scene: exponential_wall that can be swept"),
-        *((f"sweep: {{seed: {one}}}", f"2:15: sweep.seed: must be {FORMS}, not {one}") for one in ("3", "lin")),
+        *((f"sweep: {{seed: {values}}}", f"2:15: sweep.seed: must be {FORMS}, not {values}") for values in ("3", "lin")),
         *(
-            (f"sweep: {{velocity: {one}}}", f"2:19: sweep.velocity: must be {FORMS}, not {one}")
-            for one in ("{'range': 0}", "{'lin': [1, 3]}", "{'lin': [1, 3, 1.5]}", "{'geom': [0, 1, 3]}", "{'log': [1, 2, 3]}")
+            (f"sweep: {{velocity: {values}}}", f"2:19: sweep.velocity: must be {FORMS}, not {values}")
+            for values in ("{'range': 0}", "{'lin': [1, 3]}", "{'lin': [1, 3, 1.5]}", "{'geom': [0, 1, 3]}", "{'log': [1, 2, 3]}")
         ),
         ("sweep: {seed: []}", f"2:15: sweep.seed: must be {FORMS}, not a list"),
         ("sweep: {seed: {range: 100001}}", f"2:15: sweep.seed: must be {FORMS}, not {{'range': 100001}}"),

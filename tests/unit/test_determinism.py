@@ -20,12 +20,12 @@ SCENES = [
 
 def test_scenes_give_the_same_bits_again_in_any_order(kernels):
     first = [computed(kernels, *scene)[1] for scene in SCENES]
-    for scene, one in zip(SCENES[::-1], first[::-1], strict=True):
+    for scene, result in zip(SCENES[::-1], first[::-1], strict=True):
         _, other = computed(kernels, *scene)
-        assert_array_equal(one.positions, other.positions)
-        assert_array_equal(one.velocities, other.velocities)
-        assert one.summary == other.summary
-        for name, column in one.columns.items():
+        assert_array_equal(result.positions, other.positions)
+        assert_array_equal(result.velocities, other.velocities)
+        assert result.summary == other.summary
+        for name, column in result.columns.items():
             assert_array_equal(column, other.columns[name], err_msg=name)
 
 

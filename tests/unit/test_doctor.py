@@ -15,21 +15,21 @@ def test_a_ready_machine_is_reported_ready_and_nothing_is_left_behind(tmp_path, 
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("TMPDIR", str(tmp_path))
     assert main(["doctor"]) == 0
-    told = capsys.readouterr().out
-    assert told.endswith("\nReady: scenes can be run and filmed here.\n")
-    assert re.search(rf"^engine +{engine.PACKAGE} \d+\.\d+\.\d+$", told, re.MULTILINE)
+    message = capsys.readouterr().out
+    assert message.endswith("\nReady: scenes can be run and filmed here.\n")
+    assert re.search(rf"^engine +{engine.PACKAGE} \d+\.\d+\.\d+$", message, re.MULTILINE)
     assert list(tmp_path.iterdir()) == []
 
 
 @pytest.mark.parametrize(
-    ("script", "told"),
+    ("script", "message"),
     [
         ("echo note: slow >&2; echo error: no film >&2; exit 1", "no film"),
         ("kill -SEGV $$", "crashed (SIGSEGV)"),
         ("exec sleep 60", "no answer within 0.5 s"),
     ],
 )
-def test_an_error_a_crash_and_a_hang_are_reported_with_the_remedy(tmp_path, monkeypatch, capsys, script, told):
+def test_an_error_a_crash_and_a_hang_are_reported_with_the_remedy(tmp_path, monkeypatch, capsys, script, message):
     python = tmp_path / "python"
     python.write_text(f"#!/bin/bash\n{script}\n")
     python.chmod(0o700)
@@ -38,5 +38,5 @@ def test_an_error_a_crash_and_a_hang_are_reported_with_the_remedy(tmp_path, monk
     monkeypatch.setenv("TI_OFFLINE_CACHE_FILE_PATH", str(python / "cache"))
     assert main(["doctor"]) == 1
     text = capsys.readouterr().out
-    assert text.endswith(f"\nNot ready: {told}\n    {doctor.REMEDY}\n")
+    assert text.endswith(f"\nNot ready: {message}\n    {doctor.REMEDY}\n")
     assert f"{python}/cache cannot be written: set TI_OFFLINE_CACHE_FILE_PATH and HOME" in text

@@ -30,5 +30,5 @@ def test_the_lock_of_a_process_that_was_killed_goes_and_that_of_another_process_
 def test_one_file_alone_names_the_engines():
     naming = re.compile(r"^\s*(import|from) taichi(_forge)?\b|[\"']taichi(_forge|-forge)?[\"']", re.MULTILINE)
     files = [*(ROOT / "taichi_disk").rglob("*.py"), *(ROOT / "docs").rglob("*.py")]
-    assert [one.name for one in files if naming.search(one.read_text(encoding="utf-8"))] == ["__init__.py"]
+    assert [path.name for path in files if naming.search(path.read_text(encoding="utf-8"))] == ["__init__.py"]
     assert naming.search((ROOT / "taichi_disk/engine/__init__.py").read_text(encoding="utf-8"))

@@ -64,8 +64,8 @@ def test_springs_that_cross_triangles_and_the_edge_of_a_core_are_reported():
 def test_a_perfect_lattice_has_young_s_modulus_2_over_root_3_and_poisson_s_ratio_1_3():
     size, k_a = 1e-7, 1.7
     both = [stress(MESH, Springs(k_a), strained(*strain))[INSIDE] / size for strain in ((size, 0, 0), (0, 0, size))]
-    assert max(np.ptp(one, axis=0).max() for one in both) < 1e-6  # uniform, like the strain
-    (along, across, turned), (_, _, sideways) = (one.mean(axis=0) for one in both)
+    assert max(np.ptp(values, axis=0).max() for values in both) < 1e-6  # uniform, like the strain
+    (along, across, turned), (_, _, sideways) = (values.mean(axis=0) for values in both)
     assert turned == pytest.approx(0.0, abs=1e-6)
     assert across / along == pytest.approx(POISSON, rel=1e-6)  # plane stress: C12/C11
     assert along * (1.0 - POISSON**2) == pytest.approx(YOUNG * k_a, rel=1e-6)
@@ -217,6 +217,6 @@ def test_every_spring_of_a_lattice_is_carried_by_one_or_two_triangles():
 def test_a_field_says_where_it_lives_and_in_which_unit():
     count = {"triangles": len(DISK.triangles), "springs": len(DISK.bonds), "points": 300}
     for name, quantity in QUANTITIES.items():
-        one = field(name, DISK, SPRINGS, X, V)
-        assert one.values.shape == (count[one.on],) and one.unit == quantity.unit
-        assert quantity.signed or one.values.min() >= 0.0
+        found = field(name, DISK, SPRINGS, X, V)
+        assert found.values.shape == (count[found.on],) and found.unit == quantity.unit
+        assert quantity.signed or found.values.min() >= 0.0

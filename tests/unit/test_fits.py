@@ -105,10 +105,10 @@ def test_the_moduli_are_the_mean_over_lattices_however_many_rows_each_has() -> N
 
 
 def test_the_moduli_are_those_of_all_lattices_of_the_material() -> None:
-    one = [row | {"method": "relaxation"} for row in pressed([(0, 1e-3, 1.0)])]
+    single = [row | {"method": "relaxation"} for row in pressed([(0, 1e-3, 1.0)])]
     many = [row | {"method": "newton"} for row in pressed([(0, 1e-3, 1.0), (1, 1e-3, 1.2)])]
     other = [row | {"method": "newton", "points": 60} for row in pressed([(0, 1e-3, 1.5)])]
-    axes, rows = ["points", "method", "seed", "pressure"], [row | {"points": 300} for row in one + many] + other
+    axes, rows = ["points", "method", "seed", "pressure"], [row | {"points": 300} for row in single + many] + other
     curves = analyse(load_scene("compression"), axes, rows)
     assert [curve.young for curve in curves] == pytest.approx([1.1, 1.1, 1.5])
 
@@ -165,7 +165,8 @@ def test_lattices_from_a_file_have_no_moduli_and_no_fit_that_needs_them() -> Non
 
 @pytest.mark.parametrize(
     "kind",
-    [pytest.param(one, marks=pytest.mark.validate) for one in ("compression", "absorbing_wall")] + ["exponential_wall"],
+    [pytest.param(scene, marks=pytest.mark.validate) for scene in ("compression", "absorbing_wall")]
+    + ["exponential_wall"],
 )
 def test_the_legend_names_all_that_is_drawn_and_the_same_values_draw_the_same_bytes(kind: str, tmp_path: Path) -> None:
     if kind == "compression":
@@ -182,7 +183,7 @@ def test_the_legend_names_all_that_is_drawn_and_the_same_values_draw_the_same_by
         draw(scene, curves, tmp_path)
         drawn.append([(tmp_path / f"figure.{suffix}").read_bytes() for suffix in ("svg", "png", "pdf")])
     # Text is drawn as outlines; Matplotlib repeats it in a comment.
-    assert [one for one in legend if f"<!-- {one} -->" not in drawn[0][0].decode()] == []
+    assert [label for label in legend if f"<!-- {label} -->" not in drawn[0][0].decode()] == []
     assert b"LineCollection" in drawn[0][0]  # the bars
     assert drawn[0] == drawn[-1]
 

@@ -95,14 +95,16 @@ def test_the_edges_of_hole_and_core_are_rings_of_springs_without_flat_triangles(
 
 
 def test_a_core_has_the_points_and_springs_within_and_the_mean_on_its_edge():
-    plain, core = (disk_lattice(1099, 2, hole=0.2, core_radius=0.5, **one) for one in ({}, {"core_density": 3.0}))
+    plain, core = (
+        disk_lattice(1099, 2, hole=0.2, core_radius=0.5, **options) for options in ({}, {"core_density": 3.0})
+    )
     stiff = disk_lattice(1099, 2, hole=0.2, core_radius=0.5, core_stiffness=10.0)
     assert plain.stiffness is core.stiffness is None and np.ptp(plain.masses) == np.ptp(stiff.masses) == 0.0
     assert (core.positions == plain.positions).all() and core.masses.sum() == pytest.approx(1.0, abs=1e-14)
     r = np.hypot(*core.positions.T)
-    kinds = [core.masses[one] for one in (r > 0.5 + 1e-9, np.abs(r - 0.5) < 1e-9, r < 0.5 - 1e-9)]
-    assert [np.ptp(one) for one in kinds] == [0.0, 0.0, 0.0]
-    assert [one[0] / kinds[0][0] for one in kinds] == pytest.approx([1.0, 2.0, 3.0])
+    kinds = [core.masses[part] for part in (r > 0.5 + 1e-9, np.abs(r - 0.5) < 1e-9, r < 0.5 - 1e-9)]
+    assert [np.ptp(masses) for masses in kinds] == [0.0, 0.0, 0.0]
+    assert [masses[0] / kinds[0][0] for masses in kinds] == pytest.approx([1.0, 2.0, 3.0])
     middle = np.hypot(*stiff.positions[stiff.bonds].mean(axis=1).T)
     on_edge = (np.abs(r[stiff.bonds] - 0.5) < 1e-9).all(axis=1)
     assert set(stiff.stiffness[on_edge]) == {5.5} and on_edge.sum() == len(kinds[1])
@@ -210,7 +212,7 @@ def test_largest_eigenvalue_is_that_of_the_dense_matrix(points):
 @pytest.mark.parametrize("rings", [2, 6])
 def test_bending_compliance_is_that_of_the_dense_matrix(rings):
     # A hexagon has pairs of vibrations with the same frequency, and the solver may return any mixture of them.
-    i, j = (one.ravel() for one in np.meshgrid(*[np.arange(-rings, rings + 1.0)] * 2))
+    i, j = (indices.ravel() for indices in np.meshgrid(*[np.arange(-rings, rings + 1.0)] * 2))
     points = (np.stack([i + 0.5 * j, np.sqrt(0.75) * j], axis=1) / rings)[np.abs(i + j) <= rings]
     hexagon = Lattice.from_points(points)
     stiffness = network_stiffness(hexagon.positions, hexagon.bonds, 2.0)

@@ -17,7 +17,7 @@ from taichi_disk.errors import InputError
 from taichi_disk.lattice import Lattice, disk_lattice, files, read_lattice, with_wall
 from taichi_disk.lattice.lattice import polygon_area
 
-COLUMN, ROW = (one.ravel() for one in np.meshgrid(np.arange(-12, 13), np.arange(-12, 13)))
+COLUMN, ROW = (indices.ravel() for indices in np.meshgrid(np.arange(-12, 13), np.arange(-12, 13)))
 HEXAGONAL = np.stack([COLUMN + 0.5 * ROW, np.sqrt(0.75) * ROW], axis=1) / 8
 ROUND = HEXAGONAL[np.hypot(*HEXAGONAL.T) < 1 + 1e-9]
 GRID = np.stack(np.meshgrid(np.arange(-4, 5), np.arange(-4, 5)), axis=-1).reshape(-1, 2) / 4

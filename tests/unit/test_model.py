@@ -75,10 +75,10 @@ def test_equal_springs_are_computed_by_a_kernel_that_knows_no_others_and_masses_
     ones, masses = np.ones(len(lattice.bonds)), lattice.masses * np.linspace(0.5, 1.5, 60)
     cases = {"plain": lattice, "stiff": replace(lattice, stiffness=ones), "heavy": replace(lattice, masses=masses)}
     rows, made = {}, {}
-    for name, one in cases.items():
-        made[name] = kernels.simulation(one, FALLING, VV, moving_down(one, 0.05), 1e-3)
+    for name, body in cases.items():
+        made[name] = kernels.simulation(body, FALLING, VV, moving_down(body, 0.05), 1e-3)
         rows[name] = made[name].advance(30, 3)[0]
-    assert {k: hasattr(one.model.springs, "factor") for k, one in made.items()} == {
+    assert {k: hasattr(simulation.model.springs, "factor") for k, simulation in made.items()} == {
         "plain": False,
         "stiff": True,
         "heavy": False,
@@ -132,10 +132,10 @@ def test_other_parameters_compile_nothing_and_a_lattice_without_room_replaces_th
 def test_a_lattice_with_other_rest_lengths_alone_is_another_lattice(kernels):
     lattice = disk(30, height=1.0)
     strained = replace(lattice, rest_lengths=1.01 * lattice.rest_lengths)
-    for one in (lattice, strained):
-        simulation = kernels.simulation(one, FALLING, VV, 0 * lattice.positions, 1e-3)
+    for body in (lattice, strained):
+        simulation = kernels.simulation(body, FALLING, VV, 0 * lattice.positions, 1e-3)
         force = simulation.snapshot().vectors[2]
-        np.testing.assert_allclose(force, FALLING.forces(one, one.positions), rtol=0, atol=1e-15)
+        np.testing.assert_allclose(force, FALLING.forces(body, body.positions), rtol=0, atol=1e-15)
     assert np.abs(force).max() > 0.01
 
 

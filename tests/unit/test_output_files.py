@@ -84,7 +84,7 @@ def test_the_time_series_reads_back_bitwise_without_columns_of_zeros_and_is_thin
     files.write_timeseries(tmp_path / "a.csv", columns)
     table = np.genfromtxt(tmp_path / "a.csv", delimiter=",", names=True)
     absent = ("residual", "sliding", "friction", "xi")
-    assert table.dtype.names == tuple(one.name for one in COLUMNS if one.name not in absent)
+    assert table.dtype.names == tuple(column.name for column in COLUMNS if column.name not in absent)
     assert all(np.array_equal(table[name], columns[name]) for name in table.dtype.names)
     files.write_timeseries(tmp_path / "b.csv", columns, 0.6)
     table = np.genfromtxt(tmp_path / "b.csv", delimiter=",", names=True)

@@ -67,12 +67,12 @@ def test_the_same_scene_replaces_its_run(tmp_path):
 
 
 def test_a_default_name_counts_on_past_other_runs_and_says_so(tmp_path):
-    said = []
+    notices = []
     for k, scene in enumerate((SCENE, OTHER, OTHER.replace("200", "300"), OTHER)):
-        compute(tmp_path / "run", scene, explicit=False, mark=str(k), notify=said.append)
+        compute(tmp_path / "run", scene, explicit=False, mark=str(k), notify=notices.append)
     marks = {name: text for name, text in content(tmp_path).items() if name.endswith("plot.png")}
     assert marks == {"run/plot.png": "0", "run-2/plot.png": "3", "run-3/plot.png": "2"}
-    assert said[0] == f"{tmp_path}/run holds another run; this run goes into {tmp_path}/run-2" and len(said) == 3
+    assert notices[0] == f"{tmp_path}/run holds another run; this run goes into {tmp_path}/run-2" and len(notices) == 3
 
 
 def test_a_folder_that_was_named_is_refused_if_it_holds_another_run_unless_overwriting(tmp_path):
@@ -110,13 +110,13 @@ def test_files_that_no_run_wrote_are_never_touched(tmp_path, name, text, overwri
     assert content(tmp_path) == {f"run/{name}": text}
 
 
-@pytest.mark.parametrize("mine", ["thesis.tex", "scene.yaml"])
-def test_a_run_s_folder_with_a_person_s_file_is_left_as_it_is(tmp_path, mine):
+@pytest.mark.parametrize("name", ["thesis.tex", "scene.yaml"])
+def test_a_run_s_folder_with_a_person_s_file_is_left_as_it_is(tmp_path, name):
     out = compute(tmp_path / "run")
-    (out / mine).write_text("# mine\n" + SCENE)
+    (out / name).write_text("# mine\n" + SCENE)
     before = content(out)
-    with pytest.raises(InputError, match="no run wrote" if mine == "thesis.tex" else "holds another run"):
-        compute(out, overwrite=mine == "thesis.tex")
+    with pytest.raises(InputError, match="no run wrote" if name == "thesis.tex" else "holds another run"):
+        compute(out, overwrite=name == "thesis.tex")
     assert compute(out, explicit=False) == tmp_path / "run-2"
     assert content(out) == before
 
@@ -168,14 +168,14 @@ def test_runs_that_began_with_arrays_of_a_person_are_no_runs_of_the_same_scene(t
 @pytest.mark.parametrize("status", ["failed", "interrupted"])
 @pytest.mark.parametrize("explicit", [False, True])
 def test_a_run_without_end_never_replaces_a_finished_one(tmp_path, status, explicit):
-    said = []
+    notices = []
     compute(tmp_path / "run", mark="good")
     for mark in ("bad", "worse"):
-        out = compute(tmp_path / "run", status=status, explicit=explicit, mark=mark, notify=said.append)
+        out = compute(tmp_path / "run", status=status, explicit=explicit, mark=mark, notify=notices.append)
         assert out == tmp_path / f"run-{status}"
     marks = {name: text for name, text in content(tmp_path).items() if name.endswith("plot.png")}
     assert marks == {"run/plot.png": "good", f"run-{status}/plot.png": "worse"}
-    assert said[0] == f"{tmp_path}/run holds a finished run; this run goes into {tmp_path}/run-{status}"
+    assert notices[0] == f"{tmp_path}/run holds a finished run; this run goes into {tmp_path}/run-{status}"
 
 
 @pytest.mark.parametrize("overwrite", [False, True])
@@ -185,25 +185,25 @@ def test_of_two_simultaneous_runs_the_later_to_finish_takes_another_folder_and_s
 ):
     if before:
         compute(tmp_path / "run", before, mark="before")
-    said, pid, third = [], os.getpid(), OTHER.replace("200", "300")
+    notices, pid, third = [], os.getpid(), OTHER.replace("200", "300")
     overwrite = overwrite or bool(before)
-    with run_folder(tmp_path / "run", OTHER, True, overwrite, said.append) as first:
+    with run_folder(tmp_path / "run", OTHER, True, overwrite, notices.append) as first:
         (first.path / "summary.json").write_text('{"status": "done"}')
         with monkeypatch.context() as patch:
             patch.setattr(os, "getpid", lambda: pid + 1)
             assert compute(tmp_path / "run", third, mark="second", overwrite=overwrite) == tmp_path / "run"
-    assert first.out == tmp_path / "run-2" and len(said) == 1 and f"goes into {tmp_path}/run-2" in said[0]
+    assert first.out == tmp_path / "run-2" and len(notices) == 1 and f"goes into {tmp_path}/run-2" in notices[0]
     assert content(tmp_path / "run")["plot.png"] == "second"
     assert set(content(first.out)) == {"scene.yaml", "summary.json"} and set(os.listdir(tmp_path)) == {"run", "run-2"}
 
 
 def test_a_file_that_comes_while_the_run_computes_stays_and_the_run_is_not_lost(tmp_path):
-    said = []
-    with run_folder(tmp_path / "run", SCENE, explicit=True, notify=said.append) as folder:
+    notices = []
+    with run_folder(tmp_path / "run", SCENE, explicit=True, notify=notices.append) as folder:
         (folder.path / "summary.json").write_text('{"status": "done"}')
         (tmp_path / "run").mkdir()
         (tmp_path / "run" / "notes").write_text("mine")
-    assert folder.out == tmp_path / "run-2" and len(said) == 1
+    assert folder.out == tmp_path / "run-2" and len(notices) == 1
     assert set(content(tmp_path)) == {"run/notes", "run-2/scene.yaml", "run-2/summary.json"}
 
 

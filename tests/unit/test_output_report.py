@@ -53,9 +53,9 @@ def test_without_an_estimate_few_digits_are_shown_unless_there_are_no_steps():
 
 def test_the_screen_says_the_result_how_it_was_computed_and_how_long_that_took(capsys):
     print_result(SUMMARY | {"warnings": ["too hot"]}, LABELS, Path("out/run-2"))
-    told = capsys.readouterr()
-    assert told.err == "warning: too hot\n"
-    assert [" ".join(line.split()) for line in told.out.splitlines()] == [
+    output = capsys.readouterr()
+    assert output.err == "warning: too hot\n"
+    assert [" ".join(line.split()) for line in output.out.splitlines()] == [
         "restitution e 0.967234 ± 1.6e-5 (time step)",
         "contact time 4.123 R/c",
         "time step 0.0123457 R/c",

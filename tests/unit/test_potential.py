@@ -16,11 +16,11 @@ ABOVE = np.array([0.0, 0.01, 0.07])  # heights of three points over the lowest
 
 @pytest.mark.parametrize("wall", WALLS, ids=lambda wall: type(wall).__name__)
 def test_at_the_height_of_an_energy_or_a_force_the_wall_has_it(wall):
-    for wanted in (1e-10, 1.0, 20.0):  # 20 is more than the potential at distance 0, so the height is negative
-        assert wall.potential(wall.height_of(wanted)) == pytest.approx(wanted)
-        assert wall.force_at(wall.height_of_force(wanted)) == pytest.approx(wanted)
-        assert wall.potential(wall.height_of(wanted, ABOVE) + ABOVE).sum() == pytest.approx(wanted)
-        assert wall.force_at(wall.height_of_force(wanted, ABOVE) + ABOVE).sum() == pytest.approx(wanted)
+    for value in (1e-10, 1.0, 20.0):  # 20 is more than the potential at distance 0, so the height is negative
+        assert wall.potential(wall.height_of(value)) == pytest.approx(value)
+        assert wall.force_at(wall.height_of_force(value)) == pytest.approx(value)
+        assert wall.potential(wall.height_of(value, ABOVE) + ABOVE).sum() == pytest.approx(value)
+        assert wall.force_at(wall.height_of_force(value, ABOVE) + ABOVE).sum() == pytest.approx(value)
 
 
 def test_the_force_is_the_slope_of_the_potential_and_the_stiffness_that_of_the_force():

@@ -18,9 +18,9 @@ class Terminal(io.StringIO):
 def test_without_a_terminal_nothing_is_written():
     stream = io.StringIO()
     with terminal(stream) as progress, terminal(None) as no_stderr:
-        for one in (progress, no_stderr):
-            one("simulate", 0.0, 10.0)
-            one("simulate", 5.0, 10.0)
+        for report in (progress, no_stderr):
+            report("simulate", 0.0, 10.0)
+            report("simulate", 5.0, 10.0)
     assert stream.getvalue() == ""
 
 
@@ -28,8 +28,8 @@ def test_a_stage_that_ends_early_is_shown_as_complete_and_the_cursor_comes_back(
     # An impact ends when the disk has left, before the time limit.
     stream = Terminal()
     with terminal(stream) as progress:
-        for told in (("simulate", 0.0, 1000.0), ("simulate", 250.0, 1000.0), ("render", 0, 4), ("render", 1, 4)):
-            progress(*told)
+        for report in (("simulate", 0.0, 1000.0), ("simulate", 250.0, 1000.0), ("render", 0, 4), ("render", 1, 4)):
+            progress(*report)
     simulate, render = [line for line in stream.getvalue().splitlines() if "%" in line][-2:]
     assert "simulate" in simulate and "100%" in simulate
     assert "render" in render and "25%" in render
@@ -62,5 +62,5 @@ def test_a_bar_that_was_never_needed_writes_nothing():
 
 
 def test_an_expected_time_has_no_more_digits_than_it_is_worth():
-    told = [duration(one) for one in (3.0, 44.0, 100.0, 1000.0, 9000.0)]
-    assert told == ["10 s", "40 s", "2 min", "17 min", "2.5 h"]
+    texts = [duration(seconds) for seconds in (3.0, 44.0, 100.0, 1000.0, 9000.0)]
+    assert texts == ["10 s", "40 s", "2 min", "17 min", "2.5 h"]

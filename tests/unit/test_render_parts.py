@@ -139,24 +139,26 @@ def test_the_wall_s_edge_is_where_it_pushes_with_the_largest_force():
 
 
 def test_arrows_that_would_touch_become_one_with_the_mean_force_and_weak_ones_are_left_out():
-    one = painter()
-    lowest, forces = np.argsort(one.lattice.positions[:, 1])[:4], np.array([0.002, 0.004, 0.006, 1e-6])
+    default_painter = painter()
+    lowest, forces = np.argsort(default_painter.lattice.positions[:, 1])[:4], np.array([0.002, 0.004, 0.006, 1e-6])
     pushes = lowest, np.stack([np.zeros(4), forces], axis=1)
-    one.wall = SimpleNamespace(decay_length=1 / 300, contact_forces=lambda *state: pushes)
-    x = one.lattice.positions + [5.0, 0.0]
-    feet, mean = one.pushes(x, 0 * x, 10.0)
+    default_painter.wall = SimpleNamespace(decay_length=1 / 300, contact_forces=lambda *state: pushes)
+    x = default_painter.lattice.positions + [5.0, 0.0]
+    feet, mean = default_painter.pushes(x, 0 * x, 10.0)
     assert feet == pytest.approx(x[lowest[:3]].mean(axis=0)[None]) and mean == pytest.approx(np.array([[0.0, 0.4]]))
-    assert len(one.pushes(x, 0 * x, 1e-3)[0]) == 3
+    assert len(default_painter.pushes(x, 0 * x, 1e-3)[0]) == 3
 
 
 def test_arrows_begin_above_the_wall_s_edge_however_much_displacements_are_magnified():
-    one = painter(magnify=20.0)
-    lowest = np.argsort(one.lattice.positions[:, 1])[:6]
-    one.wall = SimpleNamespace(decay_length=1e-9, contact_forces=lambda *state: (lowest, np.full((6, 2), 0.01)))
-    x = np.maximum(one.lattice.positions, [-9.0, 0.1])  # flat below
-    assert one.placed(x)[lowest, 1].min() < 0.0 < one.edge
-    feet, _ = one.pushes(x, 0 * x, 1e-3)
-    assert feet[:, 1].min() == one.edge
+    default_painter = painter(magnify=20.0)
+    lowest = np.argsort(default_painter.lattice.positions[:, 1])[:6]
+    default_painter.wall = SimpleNamespace(
+        decay_length=1e-9, contact_forces=lambda *state: (lowest, np.full((6, 2), 0.01))
+    )
+    x = np.maximum(default_painter.lattice.positions, [-9.0, 0.1])  # flat below
+    assert default_painter.placed(x)[lowest, 1].min() < 0.0 < default_painter.edge
+    feet, _ = default_painter.pushes(x, 0 * x, 1e-3)
+    assert feet[:, 1].min() == default_painter.edge
 
 
 def test_the_head_of_a_short_arrow_is_in_proportion_and_never_longer_than_the_arrow():
@@ -175,20 +177,20 @@ def test_the_head_of_a_short_arrow_is_in_proportion_and_never_longer_than_the_ar
 
 
 def test_a_rigid_motion_stays_where_it_is_and_a_strain_is_drawn_so_many_times_as_large():
-    one = painter(magnify=20.0)
-    rest = one.lattice.positions
+    magnified_painter = painter(magnify=20.0)
+    rest = magnified_painter.lattice.positions
     rest_at = rest.mean(axis=0)
     cos, sin = np.cos(0.7), np.sin(0.7)
     flown = (rest - rest_at) @ np.array([[cos, sin], [-sin, cos]]) + [3.0, 1.5]
-    assert one.placed(flown) == pytest.approx(flown, abs=1e-12)
+    assert magnified_painter.placed(flown) == pytest.approx(flown, abs=1e-12)
     # A disk that has shrunk uniformly: the lowest point stays, and all other displacements are 20 times as large.
     middle, low = rest_at[0], rest[:, 1].min()
     x = rest - 0.003 * (rest - [middle, low])
-    assert one.placed(x) == pytest.approx(rest - 0.06 * (rest - [middle, low]), abs=1e-12)
+    assert magnified_painter.placed(x) == pytest.approx(rest - 0.06 * (rest - [middle, low]), abs=1e-12)
     assert (painter().placed(x) == x).all()
-    assert one.remarks == ["displacements × 20"] and painter().remarks == []
-    plain, told = (Legend(each, 720, ("A", "B"), ("t",), 1).still(250.0) for each in (painter(), one))
-    assert (plain[:60] != told[:60]).any() and (plain[60:] == told[60:]).all()
+    assert magnified_painter.remarks == ["displacements × 20"] and painter().remarks == []
+    plain, titled = (Legend(each, 720, ("A", "B"), ("t",), 1).still(250.0) for each in (painter(), magnified_painter))
+    assert (plain[:60] != titled[:60]).any() and (plain[60:] == titled[60:]).all()
 
 
 # ---- text
@@ -209,12 +211,12 @@ def test_letters_have_11_pixels_or_are_left_out_and_nothing_overlaps(size, monke
         "v = 0.1 c    η* = 0    a = 300/R",
         "N = 1,099    seed 0    reset every 0.003 R/c",
     )
-    one = Legend(painter(), size, title, lines, 2)
-    scale = Camera.fit(VIEW, size, size - one.header - one.footer).scale
-    picture = one.still(scale)
+    block = Legend(painter(), size, title, lines, 2)
+    scale = Camera.fit(VIEW, size, size - block.header - block.footer).scale
+    picture = block.still(scale)
     still = [(start, end, row) for _, _, start, end, row in drawn]
     assert all(a[2] != b[2] or a[1] <= b[0] or b[1] <= a[0] for a in still for b in still if a is not b)
-    one.write(picture, lines)
+    block.write(picture, lines)
     assert all(letters >= LEAST and end <= size for _, letters, _, end, _ in drawn)
     assert scale * 2.2 > 0.4 * size  # the disk is still visible
     shown = " ".join(line for line, *_ in drawn)
@@ -233,6 +235,8 @@ def test_letters_have_11_pixels_or_are_left_out_and_nothing_overlaps(size, monke
 
 @pytest.mark.parametrize("colour", ["pressure", "shear"])
 def test_the_colour_bar_shows_the_map(colour):
-    one = painter(colour=colour, theme="dark")
-    bar = np.rint(255 * one.colours(np.linspace(0.0, 1.0, 300))).astype(np.uint8)
-    assert any(np.array_equal(row[210:510], bar) for row in Legend(one, 720, ("A",), ("t",), 1).still(250.0))
+    coloured_painter = painter(colour=colour, theme="dark")
+    bar = np.rint(255 * coloured_painter.colours(np.linspace(0.0, 1.0, 300))).astype(np.uint8)
+    assert any(
+        np.array_equal(row[210:510], bar) for row in Legend(coloured_painter, 720, ("A",), ("t",), 1).still(250.0)
+    )

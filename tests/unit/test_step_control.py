@@ -108,9 +108,9 @@ def test_warnings_say_what_makes_a_result_doubtful(finished):
     for part, expected in ((0.8, 0), (1.1, 2)):
         columns = off_by(finished, 0.0, closing=-part * MAX_IMBALANCE)
         columns["sliding"] = np.full_like(columns["t"], scenario.reference_energy * part * MAX_IMBALANCE)
-        told = diagnostics.warnings(scenario, columns)
-        assert len(told) == expected
-    assert "imbalance at the end is -0.0011" in told[0] and "slid from spring to spring" in told[1]
+        messages = diagnostics.warnings(scenario, columns)
+        assert len(messages) == expected
+    assert "imbalance at the end is -0.0011" in messages[0] and "slid from spring to spring" in messages[1]
 
 
 # ---- the first choice
@@ -199,8 +199,8 @@ def test_what_the_wall_still_holds_when_the_run_ends_is_part_of_the_error(kernel
     near = (*soft, "impact.gap=1.6")
     scenario, far = computed(kernels, *soft, "time.tolerance=1e-7")
     exact = scenario.result(far.columns)["restitution"]
-    for one in (near, (*near, "time.tolerance=1e-3")):
-        scenario, outcome = computed(kernels, *one)
+    for settings in (near, (*near, "time.tolerance=1e-3")):
+        scenario, outcome = computed(kernels, *settings)
         # The results at two steps differ by 1e-7.
         off = abs(scenario.result(outcome.columns)["restitution"] - exact)
         assert 5e-6 < off <= outcome.summary["error_estimate"]["restitution"]

@@ -80,7 +80,7 @@ def test_a_constant_logarithm_would_make_the_impact_a_damped_oscillator() -> Non
 @pytest.mark.parametrize(("tau0", "d1", "d2"), [(0.0039, 0.999, 0.016), (0.39, 0.839, 0.859)])
 def test_eq_5_fitted_to_eq_4_has_a_d1_below_1(tau0: float, d1: float, d2: float) -> None:
     v = np.geomspace(3e-3, 5e-2, 12)
-    e = np.array([[quasistatic_impact(one, tau0, 1.107).restitution for one in v]])
+    e = np.array([[quasistatic_impact(velocity, tau0, 1.107).restitution for velocity in v]])
     assert theory.fit_restitution(v, e).values == pytest.approx({"d1": d1, "d2": d2}, abs=6e-4)
 
 

@@ -117,20 +117,20 @@ def report(found: list[Judgement]) -> Iterator[str]:
     """Yield a summary in Markdown, and then every scene whose claim does not hold."""
     from scipy.stats import binomtest
 
-    judged = [one for one in found if one.end in ("held", "exceeded")]
-    held = sum(one.end == "held" for one in judged)
+    judged = [judgement for judgement in found if judgement.end in ("held", "exceeded")]
+    held = sum(judgement.end == "held" for judgement in judged)
     low, high = binomtest(held, len(judged)).proportion_ci()
     yield (
         f"{len(found)} scenes, {len(judged)} judged: the claim holds in {held} ({held / len(judged):.1%}; "
         f"95 % interval {low:.1%} to {high:.1%}, Clopper and Pearson)."
     )
-    ratios = np.array([one.claim / max(one.error, 1e-15) for one in judged])
+    ratios = np.array([judgement.claim / max(judgement.error, 1e-15) for judgement in judged])
     middle, most = np.quantile(ratios, [0.5, 0.95])
     yield f"* claim over true error: median {middle:.2f}, 95 % of scenes below {most:.1f}, least {ratios.min():.2f}"
-    for one in sorted(found, key=lambda one: one.end):
-        if one.end != "held":
-            numbers = f"error {one.error:.2g}, claim {one.claim:.2g}, doubt {one.doubt:.1g}"
-            yield f"* {one.end}: {one.number}: {numbers}: {one.text}"
+    for judgement in sorted(found, key=lambda judgement: judgement.end):
+        if judgement.end != "held":
+            numbers = f"error {judgement.error:.2g}, claim {judgement.claim:.2g}, doubt {judgement.doubt:.1g}"
+            yield f"* {judgement.end}: {judgement.number}: {numbers}: {judgement.text}"
 
 
 def main() -> None:
@@ -149,15 +149,19 @@ def main() -> None:
         print(*report([judge(number, kernels, given.tolerance, given.hard) for number in numbers]), sep="\n")
         return
     found = logged(given.log)
-    for number in [number for number in numbers if number not in {one.number for one in found}]:
+    for number in [number for number in numbers if number not in {judgement.number for judgement in found}]:
         judged = judge_features(number, kernels)
         found += judged
         if given.log:
             with given.log.open("a", encoding="utf-8") as file:
-                file.writelines(json.dumps(asdict(one)) + "\n" for one in judged)
-    found = [one for one in found if one.number in numbers]
-    for result in dict.fromkeys(one.result for one in found):
-        print(f"\n{result or 'primary result'}:", *report([one for one in found if one.result == result]), sep="\n")
+                file.writelines(json.dumps(asdict(judgement)) + "\n" for judgement in judged)
+    found = [judgement for judgement in found if judgement.number in numbers]
+    for result in dict.fromkeys(judgement.result for judgement in found):
+        print(
+            f"\n{result or 'primary result'}:",
+            *report([judgement for judgement in found if judgement.result == result]),
+            sep="\n",
+        )
 
 
 def logged(path: Path | None) -> list[Judgement]:

@@ -87,7 +87,7 @@ class Case:
         if verdict.end != self.end:
             found.append(f"{verdict.end}, not {self.end}: {verdict.text}")
         if bool(self.tells) != bool(verdict.text) or not re.search(self.tells, verdict.text, re.DOTALL):
-            found.append(f"told {verdict.text!r}, not {self.tells!r}")
+            found.append(f"the message {verdict.text!r} does not match {self.tells!r}")
         energy = verdict.summary.get("energy")
         if energy and "imbalance" not in self.tells and not energy["worst_imbalance"] <= MAX_IMBALANCE:
             found.append(f"the energy imbalance is {energy['worst_imbalance']:.1e}")
@@ -204,7 +204,7 @@ def row(case: Case, kernels: KernelCache) -> dict[str, Any]:
     verdict = case.judge(kernels)
     summary, energy = verdict.summary, verdict.summary.get("energy", {})
     name = "restitution" if "restitution" in summary else "xi"
-    told = {
+    entries = {
         "case": case.name,
         "scene": case.scene,
         "settings": " ".join(case.settings.split()) + (" --force" if case.force else ""),
@@ -219,7 +219,7 @@ def row(case: Case, kernels: KernelCache) -> dict[str, Any]:
         "message": re.sub(r"\s+", " ", verdict.text),
         "not_as_it_should_be": "; ".join(case.failings(verdict)),
     }
-    return {key: f"{value:.6g}" if isinstance(value, float) else value for key, value in told.items()}
+    return {key: f"{value:.6g}" if isinstance(value, float) else value for key, value in entries.items()}
 
 
 def main() -> None:

@@ -27,7 +27,7 @@ def fork(tmp_path_factory):
     install = [str(python), "-m", "pip", "install", "--quiet", "--no-deps", "taichi-forge==0.7.0"]
     subprocess.run([*install, "taichi-forge-runtime==0.7.0", "dill", "colorama"], check=True)
     (site,) = folder.glob("lib/python*/site-packages")
-    (site / "zz_others.pth").write_text("\n".join(one for one in sys.path if one.endswith("-packages")) + "\n")
+    (site / "zz_others.pth").write_text("\n".join(folder for folder in sys.path if folder.endswith("-packages")) + "\n")
     (site / "sitecustomize.py").write_text('import sys\nsys.modules["taichi"] = None  # as if it were not installed\n')
     return str(python)
 
@@ -35,14 +35,14 @@ def fork(tmp_path_factory):
 @pytest.mark.validate
 @pytest.mark.parametrize("scene", SCENES)
 def test_the_fork_computes_and_films_bitwise_the_same(fork, scene, tmp_path):
-    told = []
+    outputs = []
     for name, python in (("taichi", sys.executable), ("taichi-forge", fork)):
         out = str(tmp_path / name)
         command = [python, "-m", "taichi_disk", "run", scene, "--out", out, *SCENES[scene]]
         done = subprocess.run(command, env=os.environ | {"PYTHONPATH": str(ROOT)}, capture_output=True, text=True)
         assert done.returncode == 0, done.stderr
-        told.append(done.stderr)
+        outputs.append(done.stderr)
         assert name in json.loads((tmp_path / name / "summary.json").read_text())["versions"]
-    assert told[0] == told[1]
+    assert outputs[0] == outputs[1]
     for file in ("final.npz", "timeseries.csv", *["video.mp4"] * (scene == "exponential_wall")):
         assert (tmp_path / "taichi" / file).read_bytes() == (tmp_path / "taichi-forge" / file).read_bytes(), file

@@ -27,15 +27,15 @@ AGREEING = [390, 395, 458]  # e at a step and at half of it agree by chance
 )
 def test_what_a_run_claims_of_its_error_holds(scenes: list[int], tolerance: bool, kernels: KernelCache) -> None:
     found = [judge(number, kernels, tolerance) for number in scenes]
-    judged = [one for one in found if one.end in ("held", "exceeded")]
+    judged = [judgement for judgement in found if judgement.end in ("held", "exceeded")]
     assert len(judged) > 0.8 * len(scenes)
-    assert sum(one.end == "held" for one in judged) >= 0.95 * len(judged), "\n".join(report(found))
+    assert sum(judgement.end == "held" for judgement in judged) >= 0.95 * len(judged), "\n".join(report(found))
 
 
 @pytest.mark.validate
 def test_what_a_run_claims_of_every_result_holds_with_friction(kernels: KernelCache) -> None:
-    found = [one for number in SMALL_WITH_FRICTION + AGREEING for one in judge_features(number, kernels)]
-    judged = [one for one in found if one.end in ("held", "exceeded")]
+    found = [judgement for number in SMALL_WITH_FRICTION + AGREEING for judgement in judge_features(number, kernels)]
+    judged = [judgement for judgement in found if judgement.end in ("held", "exceeded")]
     assert len(judged) > 0.8 * len(found)
-    assert all(one.end == "held" for one in judged if not one.result), "\n".join(report(found))
-    assert sum(one.end == "held" for one in judged) >= 0.98 * len(judged), "\n".join(report(found))
+    assert all(judgement.end == "held" for judgement in judged if not judgement.result), "\n".join(report(found))
+    assert sum(judgement.end == "held" for judgement in judged) >= 0.98 * len(judged), "\n".join(report(found))

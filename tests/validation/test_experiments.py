@@ -90,8 +90,8 @@ def from_equation_4(
 @LONG
 def test_strongly_damped_impacts_tend_to_equation_4(kernels: KernelCache) -> None:
     # eta, not eta*, is the same, so eta* grows with N. At N = 4396 the deviation is 2 %.
-    coarse = [abs(one) for one in from_equation_4(kernels, 1099, 300.0, 100.0, 7.5e-3)]
-    fine = [abs(one) for one in from_equation_4(kernels, 4396, 12000.0, 400.0, 7.5e-3)]
+    coarse = [abs(error) for error in from_equation_4(kernels, 1099, 300.0, 100.0, 7.5e-3)]
+    fine = [abs(error) for error in from_equation_4(kernels, 4396, 12000.0, 400.0, 7.5e-3)]
     assert fine[0] < 0.02 and fine[1] < 0.03
     assert coarse[0] > 5 * fine[0] and coarse[1] > 5 * fine[1]
 
@@ -118,7 +118,7 @@ def test_an_oblique_impact_lies_within_the_scatter_of_its_table(roughness: float
         rows = [row for row in csv.DictReader(file) if (row["wall_k_a"], row["contact"]) == ("10.0", "smooth")]
     (row,) = (row for row in rows if float(row["roughness"]) == roughness and row["tan_gamma"] == "3.0")
     scene, body = oblique.thrown(3.0, k_a=10.0, contact="smooth"), oblique.body(10.0, roughness, 0)
-    found = [oblique.impact(one, body)[0] for one in (scene, scene.with_(max_time=0.5))]
+    found = [oblique.impact(case, body)[0] for case in (scene, scene.with_(max_time=0.5))]
     assert float(row["lowest"]) - 1e-4 <= found[0] <= float(row["highest"]) + 1e-4
     assert np.isnan(found[1])  # a run that does not end is discarded
     area = oblique.area(body.positions, body.triangles)

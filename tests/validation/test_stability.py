@@ -14,7 +14,7 @@ from .random_scenes import ShortOnly, fate
 LONG = pytest.mark.validate
 
 
-@pytest.mark.parametrize("case", [pytest.param(one, id=one.name, marks=() if one.quick else LONG) for one in CASES])
+@pytest.mark.parametrize("case", [pytest.param(case, id=case.name, marks=() if case.quick else LONG) for case in CASES])
 def test_a_hard_case_ends_as_it_should(case: Case, kernels: KernelCache) -> None:
     assert case.failings(case.judge(kernels)) == []
 
