@@ -57,7 +57,9 @@ class Work:
     def solve(self, scenario: Scenario, lattices: int | None = None, **options: Any) -> Outcome:
         """Compute `scenario` and return the outcome with a complete summary. Options and errors as for `compute`."""
         scene, own = self.scene, self.own
-        known = None if own.disk or scenario.static else setup_of(scene).modes(scenario.model)
+        known = None
+        if not (own.disk or scenario.static):
+            known = setup_of(scene).modes(scenario.lattice, scenario.model)
         outcome = compute(scenario, scene.time, self.progress, modes=known, **options)
         self.lap("simulate", compile=outcome.compile_seconds)
         summary = self._heading("done") | outcome.summary | {"video": None}

@@ -162,7 +162,8 @@ class Timeline:
         self.scenario: Scenario = with_mouse(scene, self.body)
         model = self.scenario.model
         # With the rates of dashpots, which may be switched on later.
-        self.spectrum: Spectrum = setup.modes(replace(model, springs=replace(model.springs, eta=1.0)))
+        damped = replace(model, springs=replace(model.springs, eta=1.0))
+        self.spectrum: Spectrum = setup.modes(self.scenario.lattice, damped)
         self.checkpoints: list[Checkpoint] = []
         self.spacing = SPACING * model.springs.time_unit
         self._follow(Segment(self.scenario, kernels, self.spectrum))
