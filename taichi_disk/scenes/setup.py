@@ -62,8 +62,7 @@ def outcome_of(scene: Scene, **options: Any) -> Outcome:
 
     setup = setup_of(scene)
     scenario = scene.scenario(setup.body)
-    modes = None if scenario.static else setup.modes(scenario.lattice, scenario.model)
-    return compute(scenario, scene.time, modes=modes, loads=1, **options)
+    return compute(scenario, scene.time, modes=setup.modes, loads=1, **options)
 
 
 def lattice_key(scene: Scene) -> Hashable:
