@@ -28,7 +28,7 @@ from taichi_disk.window.controls import Entry
 from taichi_disk.window.session import MAX_BYTES, Session
 
 LOCAL = ("127.0.0.1", "localhost")
-_MAX_UNREAD = 2**23  # messages that wait for a page that does not read them [bytes]; pings wait with more
+_MAX_UNREAD = 2**26  # messages that wait for a page [bytes]: 10 MB show 200,000 points, and pings wait with more
 _POLL_INTERVAL = 0.1  # between two checks for a signal [s]
 _TYPES = {"html": "html", "js": "javascript", "css": "css"}  # of text, by the ends of names
 _POLICY = "default-src 'self' data: blob:; connect-src 'self' ws: wss:; style-src 'self' 'unsafe-inline'"

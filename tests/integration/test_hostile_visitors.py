@@ -73,7 +73,7 @@ def visited(audience: Audience, act: Act) -> None:
         with socket.create_server(("127.0.0.1", 0), backlog=128) as listening:
             listening.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, SMALL_BUFFER)
             port = listening.getsockname()[1]
-            serving = asyncio.create_task(server._run(audience, "secret", listening))
+            serving = asyncio.create_task(server.run(audience, "secret", listening))
             await asyncio.wait_for(act(port), 30.0)
             async with guest(port) as last:
                 await until(lambda: len(audience._visitors) == 1)
