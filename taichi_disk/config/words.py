@@ -26,7 +26,7 @@ _COMMA = re.compile(r"[-+]?[0-9]+,[0-9]+(e[-+]?[0-9]+)?")
 
 
 def number_hint(value: Any, unit: str, key: str) -> str:
-    if isinstance(value, list) and len(value) > 1:
+    if isinstance(value, list) and len(value) > 1 and not any(isinstance(one, (list, dict)) for one in value):
         return f"; several values are a sweep: write them in the section sweep, as sweep: {{{key}: {value}}}"
     if not isinstance(value, str):
         return ""
