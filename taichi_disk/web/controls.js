@@ -96,8 +96,8 @@ export function showScenes(parent, playlist, number) {
 
 const COLUMNS = {
   result: "result", value: "value", load: "v [c], P [Mc²/R]", angle: "angle [rad]", spin: "spin [c/R]",
-  friction: "friction μ", eta_star: "η*", a: "a [1/R]", points: "N", contact_time: "contact [R/c]",
-  disturbance: "disturbed",
+  turn: "turn [rad]", friction: "friction μ", eta_star: "η*", a: "a [1/R]", points: "N", seed: "seed",
+  contact_time: "contact [R/c]", disturbance: "disturbed",
 };
 
 // The newest result comes first. Each cell's `title` has all digits.

@@ -45,7 +45,9 @@ def with_key(scene: Scene, key: str, value: Any) -> Scene:
     return scene.with_(scene.changes_with(key, value))
 
 
-class Result(namedtuple("Result", "result value load angle spin friction eta_star a points contact_time disturbance")):
+class Result(
+    namedtuple("Result", "result value load angle spin friction eta_star a points contact_time disturbance turn seed")
+):
     """One finished experiment, a row of the table of results; None stands for a number that its scene does not have.
 
     Attributes:
@@ -56,6 +58,7 @@ class Result(namedtuple("Result", "result value load angle spin friction eta_sta
         eta_star, a, points: viscosity, hardness of the wall [1/R], number of the disk's mass points.
         contact_time: [R/c].
         disturbance: "" if the user did not interfere, else HIT_AGAIN or DISTURBED.
+        turn, seed: initial rotation of the disk [rad], seed of its random points.
     """
 
 
@@ -175,7 +178,8 @@ class Sandbox:
         eta_star, contact_time = scene.material.eta(points) * points, numbers.get("contact_time")
         keys = load_key(scene), "impact.angle", "impact.spin", "wall.friction"
         settings = [*(value_of(scene, key) for key in keys), eta_star, scene.wall.a, points]
-        result = Result._make([scenario.symbol, value, *settings, contact_time, label])
+        which = value_of(scene, "impact.turn"), scene.lattice.seed
+        result = Result._make([scenario.symbol, value, *settings, contact_time, label, *which])
         self.results = [*self.results, result][-MAX_RESULTS:]
         self.paused = True
         text = f"{scenario.end_words}: {scenario.symbol} = {value:.6f} {unit}".rstrip()

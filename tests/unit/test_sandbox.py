@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+import taichi_disk
 from taichi_disk.computation.outcome import Outcome, compute
 from taichi_disk.computation.stability import spectrum
 from taichi_disk.errors import InputError
@@ -16,7 +17,7 @@ from taichi_disk.simulation.observables import ENERGY_INDICES, INDEX
 from taichi_disk.simulation.simulation import KernelCache
 from taichi_disk.window.app import folder, presets
 from taichi_disk.window.history import MAX_STATES, Segment
-from taichi_disk.window.sandbox import SLOWDOWN, Sandbox, with_key
+from taichi_disk.window.sandbox import SLOWDOWN, Result, Sandbox, with_key
 
 SMALL = ["lattice.points=120", "impact.velocity=0.05", "material.eta_star=1"]
 UNDAMPED = [*SMALL, "material.eta_star=0"]
@@ -156,6 +157,17 @@ def test_a_run_of_a_saved_scene_gives_what_was_seen_of_a_disk_turned_by_hand(
     scene: Any = load_scene(tmp_path / "scene.yaml")
     assert scene.impact.turn == pytest.approx(3.7 - 2 * np.pi, abs=1e-4) and scene.material.eta_star == 3.0
     assert sandbox.results[-1].value == computed(kernels, scene)[1]
+    assert sandbox.results[-1].turn == scene.impact.turn
+
+
+def test_a_row_of_the_table_tells_throws_of_different_lattices_apart(kernels: KernelCache) -> None:
+    sandbox = opened(kernels)
+    for seed in (3, 4):
+        sandbox.set("lattice.seed", seed)
+        to_the_end(sandbox)
+    assert [one.seed for one in sandbox.results] == [3, 4]
+    columns = (Path(taichi_disk.__file__).parent / "web" / "controls.js").read_text(encoding="utf-8")
+    assert all(f"{name}: " in columns.split("const COLUMNS")[1].split(";")[0] for name in Result._fields)
 
 
 # ---- time
