@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from numbers import Integral
 
 import numpy as np
 
@@ -28,8 +29,10 @@ _MIN_HIT_RATE = 0.04  # at a lower rate of hits, covered cells are removed and t
 
 def circle_points(points: int, seed: int, rim: bool, min_spacing: float, hole: float = 0.0, core: float = 0.0) -> Array:
     """Return the points (points, 2) [R] of `Lattice.disk`. Raises InputError or SimulationError as it does."""
-    if not MIN_POINTS <= points <= MAX_POINTS:
-        raise InputError(f"lattice.points must be between {MIN_POINTS} and {MAX_POINTS}, not {points}")
+    if points not in range(MIN_POINTS, MAX_POINTS + 1):
+        raise InputError(f"lattice.points must be between {MIN_POINTS} and {MAX_POINTS}, not {points!r}")
+    if not (isinstance(seed, Integral) and int(seed) >= 0):
+        raise InputError(f"lattice.seed must be a whole number from 0 on, not {seed!r}")
     for key, fault in circle_faults(points, hole, core):
         raise InputError(f"lattice.{key}: {fault}")
     spacing = least_distance(points, min_spacing) * math.sqrt(1.0 - hole**2)
@@ -72,7 +75,7 @@ def rim_points(points: int, hole: float = 0.0) -> int:
 
 def circle_faults(points: int, hole: float, core: float) -> list[tuple[str, str]]:
     """Return (key, message) for a hole or a core radius [R] that `points` points cannot resolve."""
-    row = 2.0 * np.pi / rim_points(points, min(hole, 0.99))
+    row = 2.0 * np.pi / rim_points(points, min(0.99, hole))  # 0.99 if `hole` is not a number
     least, faults = MIN_EDGE * row / (2.0 * np.pi), []
     limits = {"hole": (hole, least, 1.0 - MIN_ROWS * row), "core_radius": (core, max(least, hole + row), 1.0 - row)}
     for key, (radius, low, high) in limits.items():

@@ -39,8 +39,9 @@ def modes(disk: Lattice, springs: Springs, positions: Array, velocities: Array, 
     mode contains rotation. Raises InputError unless `count` is from 1 to 2 n - 3.
     """
     most = 2 * len(disk.masses) - _RIGID_MODES
-    if not 1 <= count <= most:
-        raise InputError(f"count: must be from 1 to {most}, the number of vibrations of this disk, not {count}")
+    if count not in range(1, most + 1):
+        bounds = f"from 1 to {most}, the number of vibrations of this disk"
+        raise InputError(f"count: must be a whole number {bounds}, not {count!r}")
     if np.abs(springs.strain(disk, disk.positions)).max() > MAX_STRAIN:
         disk = replace(disk, positions=solve_equilibrium(disk, Model(springs), disk.positions).positions)
     masses, matrix = disk.masses, springs.stiffness(disk, disk.positions)

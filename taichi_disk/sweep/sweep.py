@@ -8,6 +8,7 @@ from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Executor
 from contextlib import closing, contextmanager
 from dataclasses import asdict, dataclass, fields
+from numbers import Integral
 from pathlib import Path
 from time import perf_counter
 from typing import TYPE_CHECKING, Any
@@ -138,6 +139,8 @@ def run_sweep(
         SimulationError: the workers failed. Finished points are kept.
     """
     out, progress, started = Path(out), progress or silent, perf_counter()
+    if jobs is not None and not (isinstance(jobs, Integral) and int(jobs) >= 1):
+        raise InputError(f"jobs: must be a whole number from 1 on, not {jobs!r}")
     keys = [point_key(scene) for scene in sweep.scenes]
     scenes = executors.ordered(dict(zip(keys, sweep.scenes, strict=True)))
     scenes = scenes if part is None else executors.part_of(part, scenes)

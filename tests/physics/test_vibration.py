@@ -124,6 +124,6 @@ def test_frequencies_are_those_of_the_continuum(monkeypatch):
 
 
 def test_a_wrong_count_is_refused(thrown):
-    for count in (0, 2 * thrown.lattice.disk_points - 2):
-        with pytest.raises(InputError, match=rf"count: must be from 1 to .*, not {count}"):
+    for count in (0, 1.5, 2 * thrown.lattice.disk_points - 2):
+        with pytest.raises(InputError, match=rf"count: must be a whole number from 1 to .*, not {count}"):
             thrown.modes(count)

@@ -121,6 +121,7 @@ def test_a_core_has_the_points_and_springs_within_and_the_mean_on_its_edge():
         ({"hole": 1.5}, "hole: must be at most"),
         ({"hole": -0.1}, "hole: must be at least"),
         ({"hole": 0.01}, "hole: must be at least 0.056"),
+        ({"hole": np.nan}, "hole: must be at most .*, not nan"),
         ({"hole": 0.5, "core_radius": 0.4}, "core_radius: must be at least 0.55.* and a hole of 0.5 R, not 0.4"),
         ({"core_radius": 0.99}, "core_radius: must be at most 0.94"),
         ({"core_radius": 0.5, "core_density": 0.0}, "masses"),
@@ -196,6 +197,12 @@ def test_arguments_out_of_range_are_named_and_are_those_of_a_scene():
     for points, min_spacing in ((2, 0.7), (2_000_001, 0.7), (50, 0.76), (50, -0.1), (50, np.nan)):
         with pytest.raises(InputError, match=f"lattice.{'min_spacing' if points == 50 else 'points'} must be between"):
             disk_lattice(points, 0, True, min_spacing)
+    for points in ("60", 60.5, np.nan):
+        with pytest.raises(InputError, match=f"lattice.points must be between .*, not {points!r}"):
+            Lattice.disk(points)
+    for seed in (-1, 1.5, "1", None):
+        with pytest.raises(InputError, match=f"lattice.seed must be a whole number from 0 on, not {seed!r}"):
+            Lattice.disk(60, seed=seed)
     points = LatticeSection.schema()["points"]
     assert (points.low, points.high) == (MIN_POINTS, MAX_POINTS)
 
