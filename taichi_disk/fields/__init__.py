@@ -86,7 +86,7 @@ def field(name: str, lattice: Lattice, springs: Springs, x: Array, v: Array, at:
 
 
 def own_values(name: str, triangles: Triangles, springs: Springs, x: Array, v: Array) -> Array:
-    """Return the quantity `name` on the triangles, springs or points to which it belongs; of fringes twice the shear."""
+    """Return the quantity `name` on the triangles, springs or points to which it belongs; of fringes twice shear."""
     lattice = triangles.lattice
     if name == "pressure":
         return pressure(stress(triangles, springs, x))
