@@ -170,8 +170,8 @@ class Triangles:
             if len(np.unique(stiffness)) <= MAX_MATERIALS:
                 self.interfaces = lattice.bonds[maximum > minimum]
         self._min_area = 0.5 * MIN_AREA * np.abs(double_area(lattice.positions[self.triangles]))
-        # Matrices that sum over the springs of a triangle, the triangles around a point, the springs of all these
-        # triangles, a point and its neighbours.
+        # Four matrices for sums: `carried` over the springs of a triangle, `_around` over the triangles around a point,
+        # `gathered` over the springs of all these triangles, `_neighbours` over a point and its neighbours.
         owner, ones = np.repeat(np.arange(t), 3), np.ones(3 * t)
         self.carried = csr_array((self.fraction[sides], (owner, sides)), (t, m))
         self._around = csr_array((ones, (self.triangles.ravel(), owner)), (n, t))

@@ -23,11 +23,12 @@ from taichi_disk.errors import TaichiDiskError
 from taichi_disk.signals import raise_if_interrupted
 from taichi_disk.simulation.simulation import KernelCache
 from taichi_disk.web.drawing import source
-from taichi_disk.window.audience import Audience
+from taichi_disk.window.audience import Audience, Message
 from taichi_disk.window.controls import Entry
 from taichi_disk.window.session import MAX_BYTES, Session
 
 LOCAL = ("127.0.0.1", "localhost")
+_MAX_UNREAD = 2**26  # messages that wait for a page [bytes]: 10 MB show 200,000 points, and pings wait with more
 _POLL_INTERVAL = 0.1  # between two checks for a signal [s]
 _TYPES = {"html": "html", "js": "javascript", "css": "css"}  # of text, by the ends of names
 _POLICY = "default-src 'self' data: blob:; connect-src 'self' ws: wss:; style-src 'self' 'unsafe-inline'"
@@ -53,16 +54,17 @@ def serve(playlist: list[Entry], host: str = LOCAL[0], port: int = 0, open_brows
     if open_browser:
         webbrowser.open(address)
     try:
-        asyncio.run(_run(audience, token, listening))
+        asyncio.run(run(audience, token, listening))
     finally:
         if audience.ignored:
             print(f"note: {audience.ignored} malformed messages were ignored", file=sys.stderr)
 
 
-async def _run(audience: Audience, token: str, listening: socket.socket) -> None:
-    # Ends with the KeyboardInterrupt of a signal, or with the error that has ended `audience`.
+async def run(audience: Audience, token: str, listening: socket.socket) -> None:
+    """Serve the pages of `audience` until a signal, which becomes KeyboardInterrupt, or until `audience` fails."""
     logger = logging.Logger("page", logging.CRITICAL + 1)  # what strangers send is not worth a line
     options: dict[str, Any] = {"max_size": MAX_BYTES, "compression": None, "server_header": None, "logger": logger}
+    options["write_limit"] = _MAX_UNREAD
     async with server.serve(
         partial(_meet, audience), sock=listening, process_request=partial(answer, token), **options
     ):
@@ -74,7 +76,12 @@ async def _run(audience: Audience, token: str, listening: socket.socket) -> None
 
 
 async def _meet(audience: Audience, connection: server.ServerConnection) -> None:
-    visitor = audience.join(partial(server.broadcast, [connection]))
+    def send(message: Message) -> None:
+        server.broadcast([connection], message)
+        if connection.transport.get_write_buffer_size() > _MAX_UNREAD:
+            connection.transport.abort()
+
+    visitor = audience.join(send)
     try:
         async for text in connection:
             audience.hear(visitor, text)
