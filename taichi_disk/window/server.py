@@ -62,7 +62,7 @@ def serve(playlist: list[Entry], host: str = LOCAL[0], port: int = 0, open_brows
 
 async def run(audience: Audience, token: str, listening: socket.socket) -> None:
     """Serve the pages of `audience` until it fails or a signal comes, which raises KeyboardInterrupt."""
-    logger = logging.Logger("page", logging.CRITICAL + 1)  # what strangers send is not worth a line
+    logger = logging.Logger("page", logging.CRITICAL + 1)  # what strangers send is not logged
     options: dict[str, Any] = {"max_size": MAX_BYTES, "compression": None, "server_header": None, "logger": logger}
     options["write_limit"] = _MAX_UNREAD
     async with server.serve(

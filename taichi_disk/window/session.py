@@ -21,7 +21,7 @@ from taichi_disk.window.graphs import CURVES, Graphs, Scales
 from taichi_disk.window.sandbox import Sandbox
 
 MAX_BYTES, MAX_NUMBER = 2**10, 1e7  # limits of a page's message and of a number in it
-_MAX_PENDING = 64  # commands between two pictures that do not replace each other
+_MAX_PENDING = 64  # most commands between two pictures, without those that a later one replaces
 # A page's commands and their values, by the part of `Session` that has a method of the same name. "seen" tells
 # the audience that the page has drawn a state.
 _METHODS = {

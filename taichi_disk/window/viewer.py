@@ -65,7 +65,7 @@ class Viewer:
         add("p w", "save a picture, the scene", self._save, ".png", ".yaml")
         add("Tab", "these keys", self._toggle, "keys")
         add("q", "close the window", self._toggle, "close")
-        self._modes: set[str] = set()  # of "follow", "keys" and "close"
+        self._modes: set[str] = set()  # those of "follow", "keys" and "close" that are on
         self._at = (0.0, 0.0)  # position of the mouse [px]
         # Action of the pressed mouse at (x, y) [R]; the third argument says whether it has been released.
         self._drag: Callable[[float, float, bool], None] | None = None
