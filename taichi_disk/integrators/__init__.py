@@ -52,7 +52,7 @@ class Integrator:
 
     @property
     def observed_kick(self) -> float:
-        """Last part of the step, as a fraction of h: the force of its end turns stepped into observed velocities."""
+        """Kick [h] with the force at a step's end that turns the stepped into the observed velocities."""
         return self.kicks[-1] - self.correction
 
     @property

@@ -33,9 +33,9 @@ class Visitor:
         self._in_flight = [one for one in self._in_flight if one > number]
 
     def show(self, messages: dict[str, Message], number: int) -> bool:
-        """Send those `messages` by kind that the page does not have; return whether there were any.
+        """Send those of `messages` (by kind) that the page does not have yet; return whether there were any.
 
-        `number` is that of the message of the kind "state".
+        `number`: number of the state.
         """
         news = {kind: message for kind, message in messages.items() if self._sent.get(kind) != message}
         self._sent |= news
@@ -88,7 +88,7 @@ class Audience:
         self._news.set()
 
     async def run(self) -> None:
-        """Send states for as long as pages draw them; the pages of those who play are the sandbox's clock."""
+        """Send states as fast as pages draw them; the pages of visitors who play set the sandbox's clock."""
         session = self.session
         while True:
             began = perf_counter()

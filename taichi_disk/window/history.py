@@ -161,7 +161,7 @@ class Timeline:
         self.body: Lattice = setup.body
         self.scenario: Scenario = with_mouse(scene, self.body)
         model = self.scenario.model
-        # With the rates of dashpots, which may be switched on later.
+        # Include the damping rates of dashpots, which the user may switch on later.
         damped = replace(model, springs=replace(model.springs, eta=1.0))
         self.spectrum: Spectrum = setup.modes(self.scenario.lattice, damped)
         self.checkpoints: list[Checkpoint] = []
@@ -169,7 +169,7 @@ class Timeline:
         self._follow(Segment(self.scenario, kernels, self.spectrum))
 
     def carry_on(self, scene: Scene, label: str, velocities: Array | None = None) -> None:
-        """Begin another segment, with `velocities` (n, 2) [c] (default: those of the present).
+        """Begin another segment from the present state, or with other `velocities` (n, 2) [c].
 
         Raises TaichiDiskError, and then leaves everything as it was.
         """
@@ -190,7 +190,7 @@ class Timeline:
 
     @property
     def hit_segments(self) -> list[Segment]:
-        """The segments of the hit on display of which a state is stored, and the one that moves."""
+        """The segments of the hit on display that have a stored state or are moving."""
         known = dict.fromkeys([*(one.segment for one in self.checkpoints), self.segment])
         return [one for one in known if one.hit_began == self.seen.segment.hit_began]
 

@@ -28,9 +28,9 @@ from taichi_disk.window.controls import Entry
 from taichi_disk.window.session import MAX_BYTES, Session
 
 LOCAL = ("127.0.0.1", "localhost")
-_MAX_UNREAD = 2**26  # messages that wait for a page [bytes]: 10 MB show 200,000 points, and pings wait with more
-_POLL_INTERVAL = 0.1  # between two checks for a signal [s]
-_TYPES = {"html": "html", "js": "javascript", "css": "css"}  # of text, by the ends of names
+_MAX_UNREAD = 2**26  # largest backlog of a page [bytes]; 200,000 points need 10 MB
+_POLL_INTERVAL = 0.1  # time between two checks for a signal [s]
+_TYPES = {"html": "html", "js": "javascript", "css": "css"}  # text types by file suffix
 _POLICY = "default-src 'self' data: blob:; connect-src 'self' ws: wss:; style-src 'self' 'unsafe-inline'"
 _HEADERS = {"Cache-Control": "no-store", "Referrer-Policy": "no-referrer", "Content-Security-Policy": _POLICY}
 
@@ -61,7 +61,7 @@ def serve(playlist: list[Entry], host: str = LOCAL[0], port: int = 0, open_brows
 
 
 async def run(audience: Audience, token: str, listening: socket.socket) -> None:
-    """Serve the pages of `audience` until a signal, which becomes KeyboardInterrupt, or until `audience` fails."""
+    """Serve the pages of `audience` until it fails or a signal comes, which raises KeyboardInterrupt."""
     logger = logging.Logger("page", logging.CRITICAL + 1)  # what strangers send is not worth a line
     options: dict[str, Any] = {"max_size": MAX_BYTES, "compression": None, "server_header": None, "logger": logger}
     options["write_limit"] = _MAX_UNREAD
@@ -99,7 +99,7 @@ def answer(token: str, connection: server.ServerConnection, request: Request) ->
         origin = request.headers.get("Origin", "").partition("://")[2]
         if name == "socket" and origin and origin == request.headers.get("Host"):
             return None
-        return connection.respond(403, "This websocket is for its own page.")
+        return connection.respond(403, "This websocket accepts only its own page.")
     if request.path == f"/{token}":
         response = connection.respond(307, "")
         response.headers["Location"] = f"/{token}/"
