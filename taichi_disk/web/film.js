@@ -117,7 +117,11 @@ async function play() {
     { key: "magnify", name: "displacements ×", low: 1, high: Math.max(20, settings.magnify), ...factor },
     { key: "speed", name: "speed ×", low: 0.1, high: 2, ...factor },
   ];
-  const controls = new Controls(() => ui.looks, (key, value) => change((settings[key] = value)));
+  const controls = new Controls(() => ui.looks, (key, value) => {
+    const { options, low, high } = specs.find((spec) => spec.key === key);
+    settings[key] = options ? value : Math.min(Math.max(value, low), high);
+    change();
+  });
   document.querySelector("details").open = matchMedia("(min-width: 960px)").matches;
   ui.moment.max = last;
   ui.options.onchange = change;
