@@ -40,7 +40,7 @@ class Segment(Driver):
     def __init__(
         self, scenario: Scenario, kernels: KernelCache, modes: Spectrum, label: str = "", before: Segment | None = None
     ) -> None:
-        """Begin at t = 0, or at the present of the segment `before`."""
+        """Begin at t = 0, or at the present state of the segment `before`."""
         self.label, self.began = label, before.now if before else 0.0
         self.hit_began: float = before.hit_began if before and label != HIT_AGAIN else self.began
         self.reference_energy = scenario.reference_energy

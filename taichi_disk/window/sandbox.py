@@ -105,7 +105,7 @@ class Sandbox:
 
     @property
     def can_aim(self) -> bool:
-        """Whether the disk can be turned and its throw be drawn."""
+        """Whether the disk can be turned, and its throw drawn."""
         return self.at_start and self.time.segment.scenario.is_thrown
 
     @property

@@ -57,7 +57,7 @@ class Session:
     """One sandbox for all pages. `ti.init` must have been called; neither a display nor Vulkan is needed.
 
     Attributes:
-        sandbox, controls, scales: the disk, what can be done with it, and the meaning of its colours.
+        sandbox, controls, scales: the disk, the user's controls, and the scales of colours and arrows.
         texts: the present JSON message of each kind: "hello", "scene", "graphs", "yaml" and "panel".
         number: of the last state.
         state: the last state, the binary message of a picture.

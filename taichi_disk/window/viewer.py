@@ -41,7 +41,7 @@ class Viewer:
     """Holds the only window of the process; `pictures` ends when the window has been closed.
 
     Attributes:
-        sandbox, controls: the disk, and what can be done.
+        sandbox, controls: the disk, and the user's controls.
         camera: through which the disk is seen.
     """
 
