@@ -23,7 +23,7 @@ AIM = 0.05  # velocity of a throw for each R of its arrow [c/R]
 MAX_PASSED = 0.1  # longest time that passes between two pictures, however late a picture comes [s]
 PATIENCE = 0.025  # longest time of computing between two pictures [s]
 SLOWDOWN = 0.2  # fraction of the speed at which a contact passes in slow motion
-CONTACT = 0.01  # contact force over M v/(springs' time unit), about the largest force of an impact
+CONTACT = 0.01  # wall force during a contact, at least, in units of M v/(time unit of the springs), about its peak
 MAX_RESULTS = 200  # most rows of the table of results
 COLLECTING_PACE = 50.0  # simulated time per second of the clock while a curve is collected [R/c per s]
 COLLECTING_SPACING = 20.0  # factor by which stored states are further apart then
@@ -110,7 +110,7 @@ class Sandbox:
 
     @property
     def status(self) -> str:
-        """Whether the state on display is that of `taichi-disk run`, for the user."""
+        """Text for the user: whether the state on display is the same as in `taichi-disk run`."""
         if self.time.lead > 0.0:
             return "computing again"
         return DISTURBED if self.time.seen.segment.label else "same as taichi-disk run"
