@@ -10,7 +10,7 @@ export function legend(caption, names) {
   caption.replaceChildren(...names.map(name));
 }
 
-// Return the numbers around a plot: scales {low, high} at its left and right, and [part of the width, text] below it.
+// Return the numbers around a plot: scales {low, high} at its left and right, [fraction of the width, text] below it.
 function numbers(below, ...scales) {
   const beside = ({ low, high }, k) => [0, 0.5, 1].map((part) => {
     const place = { className: k ? "right" : "left", style: `bottom: ${100 * part}%` };

@@ -49,7 +49,7 @@ def view(scene_or_folder: Scene | Path, out: Path, window: bool, host: str, port
 
 
 def presets(first: Scene) -> list[Entry]:
-    """Return `first`, then the other scenes of playlist.yaml. A shipped scene has its name and sentence from there."""
+    """Return `first`, then the other scenes of playlist.yaml, which also names and describes shipped scenes."""
     rows = yaml.safe_load(Path(__file__).with_name("playlist.yaml").read_text(encoding="utf-8"))
     entries = [Entry(name, text, partial(load_scene, scene, change.split())) for scene, change, name, text in rows]
     same = [entry for entry, row in zip(entries, rows, strict=True) if not row[1] and entry.load() == first]

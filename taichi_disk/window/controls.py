@@ -1,4 +1,4 @@
-"""What a user can do in the sandbox: one table of actions and keys, one of numbers, one of choices."""
+"""The user's controls of the sandbox: a table of actions and their keys, one of numbers, one of choices."""
 
 from __future__ import annotations
 
@@ -12,10 +12,10 @@ from taichi_disk.errors import TaichiDiskError
 from taichi_disk.scenes import Scene
 from taichi_disk.window.sandbox import Sandbox, load_key, value_of
 
-STEPS, POINT_STEPS = (1.12, 1 / 1.12), (1 / 1.5, 1.5)  # factors of one press of a key: of a value, of the points
+STEPS, POINT_STEPS = (1.12, 1 / 1.12), (1 / 1.5, 1.5)  # factors by which a key changes a value or the number of points
 REPEATED = ("Left", "Right", "Up", "Down", "e", "d", "a", "z", "s", "f", "i", "u")  # keys that repeat while held
-LEAST = {"material.eta_star": 0.1, "material.viscosity": 1e-4}  # viscosity that keys reach before 0
-MAX_POINTS = 20_000  # that can be typed: larger disks take minutes to build
+LEAST = {"material.eta_star": 0.1, "material.viscosity": 1e-4}  # smallest value above 0 that keys set
+MAX_POINTS = 20_000  # largest number that can be typed; larger disks take minutes to build
 MIN_SPEED, MAX_SPEED = 0.01, 100.0  # [R/c per s]
 CURVE, CURVE_SPAN = 8, 30.0  # experiments of a collected curve, and the ratio of their largest load to the least
 
@@ -94,7 +94,7 @@ class Controls:
         self.add("Escape", "let go of the disk", sandbox.release)
 
     def add(self, keys: str, meaning: str, act: Callable[..., None], *values: Any) -> None:
-        """Let each of `keys` call `act` with its own one of `values`, or a single key call it without a value."""
+        """Let each of `keys` call `act` with the value at its place in `values`; a single key needs no value."""
         self.reference.append((keys, meaning))
         each: list[tuple[Any, ...]] = [(value,) for value in values] or [()]
         self.actions |= {key: partial(act, *value) for key, value in zip(keys.split(), each, strict=True)}
@@ -164,10 +164,10 @@ class Controls:
     # ---- scenes
 
     def play(self, number: float) -> None:
-        """Begin with a scene of the playlist, counted round it; the drawing options stay. Raises TaichiDiskError."""
+        """Begin the scene `number` modulo the playlist's length; keep the drawing options. Raises TaichiDiskError."""
         sandbox, number = self.sandbox, int(number) % len(self.playlist)
         scene = self.playlist[number].load()
-        # Displacements may not be drawn larger on an elastic wall.
+        # On an elastic wall displacements may not be magnified.
         sandbox.begin(replace(scene, video=replace(sandbox.scene.video, magnify=scene.video.magnify)))
         self.number = number
 

@@ -1,4 +1,4 @@
-"""What helps to read a picture: curves of the hit on display, the meaning of full colour and of the longest arrow."""
+"""Curves of the hit on display, and the scales of its pictures: the values of full colour and of the longest arrow."""
 
 from __future__ import annotations
 
@@ -7,12 +7,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from taichi_disk.lattice import Array, disk_of
+from taichi_disk.lattice import Array
 from taichi_disk.render.palette import full_scale, round_near
 from taichi_disk.simulation.observables import BLUE, BY_NAME, INDEX, PINK, of_kind, split
 from taichi_disk.window.sandbox import Sandbox, load_key, value_of
 
-POINTS = 400  # of a curve at most
+POINTS = 400  # most points of a curve
 # Graph, name and colour of each curve. The name of the last curve depends on the scene.
 CURVES = (
     *(("energy", BY_NAME[name].label, BY_NAME[name].colour) for name in ("translation", "rotation", "vibration")),
@@ -32,9 +32,8 @@ class Graphs:
 
     def message(self) -> dict[str, Any]:
         """Return times since the hit began [R/c] and the values of CURVES, at most POINTS of each."""
-        disk, segments = disk_of(self._sandbox.time.body), self._sandbox.time.hit_segments
-        arm = disk.positions - disk.mean(disk.positions)
-        self._inertia, self._scenario = float(disk.mean((arm**2).sum(axis=1))), segments[0].scenario
+        body, segments = self._sandbox.time.body, self._sandbox.time.hit_segments
+        self._inertia, self._scenario = body.inertia, segments[0].scenario
         began, parts = segments[0].hit_began, []
         for k, segment in enumerate(segments):
             self._lost_before = float(sum(one.row[_LOST].sum() for one in segments[:k]))
@@ -54,7 +53,7 @@ class Graphs:
 
 
 class Scales:
-    """The scales grow with what they show, and begin again with each hit and quantity.
+    """Scales of colours and arrows. They grow with the values shown, and start anew with each hit and quantity.
 
     Attributes:
         colour: value of full colour, in units of the quantity; for fringes the stress from one fringe to the next.

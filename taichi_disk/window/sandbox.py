@@ -23,8 +23,8 @@ AIM = 0.05  # velocity of a throw for each R of its arrow [c/R]
 MAX_PASSED = 0.1  # longest time that passes between two pictures, however late a picture comes [s]
 PATIENCE = 0.025  # longest time of computing between two pictures [s]
 SLOWDOWN = 0.2  # fraction of the speed at which a contact passes in slow motion
-CONTACT = 0.01  # fraction of M v over the springs' time unit, about the largest force of an impact, that is contact
-MAX_RESULTS = 200  # in the table
+CONTACT = 0.01  # contact force over M v/(springs' time unit), about the largest force of an impact
+MAX_RESULTS = 200  # most rows of the table of results
 COLLECTING_PACE = 50.0  # simulated time per second of the clock while a curve is collected [R/c per s]
 COLLECTING_SPACING = 20.0  # factor by which stored states are further apart then
 
@@ -85,11 +85,11 @@ class Sandbox:
         self.begin()
 
     def begin(self, scene: Scene | None = None) -> None:
-        """Go to t = 0 of `scene` (default: the present scene) and pause: the motion from there is that of `run`.
+        """Go to t = 0 of `scene` (default: the present scene) and pause; from there the disk moves as in `run`.
 
         Raises TaichiDiskError, and then leaves everything as it was.
         """
-        self.time = Timeline(scene or self.scene, self.kernels, getattr(self, "time", None))
+        self.time = Timeline(scene or self.scene, self.kernels)
         self.scene, self.starts = self.time.segment.scenario.scene, self.starts + 1
         self.paused, self.message, self._due = True, "", 0.0
         self.collected: list[float] = []
@@ -207,7 +207,7 @@ class Sandbox:
             self.message = ""
 
     def scrub(self, t: float) -> None:
-        """Show the state stored at the time `t` since the hit on display began [R/c], or the next one, and pause."""
+        """Pause, and show the first state stored `t` [R/c] or later after the hit on display began."""
         self._look_at(self.time.seen.segment.hit_began + t)
 
     def step(self, count: int) -> None:
@@ -274,7 +274,7 @@ class Sandbox:
         self.paused = False
 
     def _carry_on(self, scene: Scene, label: str, velocities: Array | None = None) -> None:
-        """Begin another segment; time that the end of the scene or a blow-up has stopped goes on."""
+        """Begin another segment; time goes on even if the end of the scene or a blow-up had stopped it."""
         status = self.time.segment.status
         self.time.carry_on(scene, label, velocities)
         self.scene, self.dragged = scene, None
@@ -283,7 +283,7 @@ class Sandbox:
     # ---- the mouse
 
     def turn(self, angle: float, final: bool = True) -> None:
-        """Turn the disk by `angle` [rad] from its place in the scene, at the start of an impact.
+        """Turn the disk by `angle` [rad] from its orientation in the scene, at the start of an impact.
 
         `final` changes `impact.turn` of the scene; otherwise the turned disk is only shown.
         """

@@ -28,8 +28,8 @@ from taichi_disk.window.controls import Entry
 from taichi_disk.window.session import MAX_BYTES, Session
 
 LOCAL = ("127.0.0.1", "localhost")
-_MAX_UNREAD = 2**23  # messages that wait for a page that does not read them [bytes]; pings wait with more
 _POLL_INTERVAL = 0.1  # between two checks for a signal [s]
+_WRITE_LIMIT = 2**24  # more than a scene and two states [bytes]
 _TYPES = {"html": "html", "js": "javascript", "css": "css"}  # of text, by the ends of names
 _POLICY = "default-src 'self' data: blob:; connect-src 'self' ws: wss:; style-src 'self' 'unsafe-inline'"
 _HEADERS = {"Cache-Control": "no-store", "Referrer-Policy": "no-referrer", "Content-Security-Policy": _POLICY}
@@ -54,20 +54,19 @@ def serve(playlist: list[Entry], host: str = LOCAL[0], port: int = 0, open_brows
     if open_browser:
         webbrowser.open(address)
     try:
-        asyncio.run(_run(audience, token, listening))
+        asyncio.run(run(audience, token, listening))
     finally:
         if audience.ignored:
             print(f"note: {audience.ignored} malformed messages were ignored", file=sys.stderr)
 
 
-async def _run(audience: Audience, token: str, listening: socket.socket) -> None:
-    # Ends with the KeyboardInterrupt of a signal, or with the error that has ended `audience`.
+async def run(audience: Audience, token: str, listening: socket.socket) -> None:
+    """Serve until a signal, which raises KeyboardInterrupt, or until an error has ended `audience`."""
     logger = logging.Logger("page", logging.CRITICAL + 1)  # what strangers send is not worth a line
     options: dict[str, Any] = {"max_size": MAX_BYTES, "compression": None, "server_header": None, "logger": logger}
-    options["write_limit"] = _MAX_UNREAD
-    async with server.serve(
-        partial(_meet, audience), sock=listening, process_request=partial(answer, token), **options
-    ):
+    # `websockets` would wait with its pings for a page that never reads.
+    options |= {"process_request": partial(answer, token), "write_limit": _WRITE_LIMIT}
+    async with server.serve(partial(_meet, audience), sock=listening, **options):
         playing = asyncio.create_task(audience.run())
         while not playing.done():
             raise_if_interrupted()
@@ -76,12 +75,7 @@ async def _run(audience: Audience, token: str, listening: socket.socket) -> None
 
 
 async def _meet(audience: Audience, connection: server.ServerConnection) -> None:
-    def send(message: Message) -> None:
-        server.broadcast([connection], message)
-        if connection.transport.get_write_buffer_size() > _MAX_UNREAD:
-            connection.transport.abort()
-
-    visitor = audience.join(send)
+    visitor = audience.join(partial(server.broadcast, [connection]), connection.transport.get_write_buffer_size)
     try:
         async for text in connection:
             audience.hear(visitor, text)
@@ -99,7 +93,7 @@ def answer(token: str, connection: server.ServerConnection, request: Request) ->
         origin = request.headers.get("Origin", "").partition("://")[2]
         if name == "socket" and origin and origin == request.headers.get("Host"):
             return None
-        return connection.respond(403, "This websocket is for its own page.")
+        return connection.respond(403, "This websocket accepts only its own page.")
     if request.path == f"/{token}":
         response = connection.respond(307, "")
         response.headers["Location"] = f"/{token}/"

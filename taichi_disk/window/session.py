@@ -20,9 +20,9 @@ from taichi_disk.window.controls import CHOICES, RANGES, Controls, Entry
 from taichi_disk.window.graphs import CURVES, Graphs, Scales
 from taichi_disk.window.sandbox import Sandbox
 
-MAX_BYTES, MAX_NUMBER = 2**10, 1e7  # of a page's message, and in it
+MAX_BYTES, MAX_NUMBER = 2**10, 1e7  # limits of a page's message and of a number in it
 _MAX_PENDING = 64  # commands between two pictures that do not replace each other
-# A page's commands and their values, by the part of `Session` whose method of that name carries them out. "seen" tells
+# A page's commands and their values, by the part of `Session` that has a method of the same name. "seen" tells
 # the audience that the page has drawn a state.
 _METHODS = {
     "controls": "press key, play number, set key value, speed value, collect",
@@ -32,7 +32,7 @@ _METHODS = {
 }
 _COMMANDS = {do: (part, values) for part, text in _METHODS.items() for do, *values in map(str.split, text.split(", "))}
 _REPLACED = ("set", "speed", "scrub", "turn", "aim", "pull")  # commands of which only the latest counts
-LARGE = 5000  # points; building a larger lattice takes longer than a picture may
+LARGE = 5000  # points; a larger lattice takes longer to build than a picture may take
 HEADER = struct.Struct("<IIdIIiI4f")  # see `Session._state`
 PAST_HINT = "earlier state: Go on continues from here"
 AIM_HINT = "drag the disk to turn it, or from beside it to aim"
@@ -112,8 +112,8 @@ class Session:
         self.number += 1
         last, seen = sandbox.time.segment, sandbox.time.seen
         scenario, is_past = seen.segment.scenario, sandbox.time.lead < 0.0
-        # A scene for each lattice, start and drawing of the wall; graphs if other curves are shown or the curves are
-        # complete: with each state the page adds a point to them.
+        # Send the scene again if the lattice, the start or the wall's drawing changes, and the graphs if other curves
+        # are shown or the curves end; until then the page itself adds a point with each state.
         look = id(scenario.lattice.bonds), scenario.spoke, scenario.view, scenario.scene.wall.a, scenario.point_force
         curves = last, seen.segment.hit_began, last.attempt, last.status, sandbox.paused, is_past
         self._write("scene", look, self._scene)

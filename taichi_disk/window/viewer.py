@@ -27,18 +27,18 @@ from taichi_disk.window.controls import REPEATED, Controls, Entry
 from taichi_disk.window.graphs import Scales
 from taichi_disk.window.sandbox import AIM, Sandbox
 
-MAX_RATE = 75  # pictures per second: more are not seen, and cost
-SIZE = (1200, 700)  # of the window at first, with which it fits on the screen of any notebook [px]
+MAX_RATE = 75  # pictures per second; more would cost time and not be seen
+SIZE = (1200, 700)  # initial size of the window, which fits on the screen of any laptop [px]
 PANEL = 300  # width of the widgets [px]
-_FIRST, _AGAIN = 0.35, 0.07  # when a held key repeats [s]
+_FIRST, _AGAIN = 0.35, 0.07  # delay before a held key repeats, and between repeats [s]
 _SLIDERS = ("material.eta_star", "material.viscosity", "impact.velocity", "compression.pressure", "wall.a")
 _BUTTONS = (("space", "drop / pause"), ("r", "to the start"), ("h", "hit again"), ("b", "scene <"), ("n", "scene >"))
-# GGUI has no other letters.
+# GGUI can show only ASCII.
 _ASCII = str.maketrans({"η": "eta", "ξ": "xi", "μ": "mu", "·": "*", "²": "2", "°": " deg", "−": "-", "×": "x"})
 
 
 class Viewer:
-    """Holds the one window that may be alive; `pictures` ends when it has been closed.
+    """Holds the only window of the process; `pictures` ends when the window has been closed.
 
     Attributes:
         sandbox, controls: the disk, and what can be done.
@@ -66,8 +66,8 @@ class Viewer:
         add("Tab", "these keys", self._toggle, "keys")
         add("q", "close the window", self._toggle, "close")
         self._modes: set[str] = set()  # of "follow", "keys" and "close"
-        self._at = (0.0, 0.0)  # where the mouse is [px]
-        # What a pressed mouse does at (x, y) [R]; the third value says that it has been released.
+        self._at = (0.0, 0.0)  # position of the mouse [px]
+        # Action of the pressed mouse at (x, y) [R]; the third argument says whether it has been released.
         self._drag: Callable[[float, float, bool], None] | None = None
         self._repeat = 0.0  # when held keys act again
         self._bonds: Any = None  # of the lattice that `painter` is for
@@ -111,7 +111,7 @@ class Viewer:
         painter.limit, painter.full_force = self._scales.colour, self._scales.force
         canvas = self._window.get_canvas()
         painter.paint(canvas, self.camera, seen.x, seen.v)
-        strokes: list[Any] = []  # (foot, tip) [R] of the throw that is drawn, and of the mouse that pulls
+        strokes: list[Any] = []  # (foot, tip) [R] of the drawn throw and of the mouse's pull
         if sandbox.aimed:
             (velocity, angle), (x, y) = sandbox.aimed, self._centre
             strokes.append(((x, y), (x + velocity / AIM * np.sin(angle), y - velocity / AIM * np.cos(angle))))
@@ -202,7 +202,7 @@ class Viewer:
             self._drag = None if is_over else self._drag
 
     def _press(self, right: bool) -> None:
-        """Take hold of what is there: the picture, at the start the disk or the throw beside it, later a point."""
+        """Start a drag: pan with the right button; with the left, turn or aim before the throw, later pull a point."""
         if self._at[0] < PANEL:
             return
         sandbox, (cx, cy) = self.sandbox, self._centre
@@ -246,4 +246,4 @@ class Viewer:
         else:
             write_text(path, self.sandbox.scene.to_yaml())
         incomplete = suffix == ".yaml" and self.sandbox.time.seen.segment.label
-        self.sandbox.message = f"wrote {path}{', without the changes on the way' if incomplete else ''}"
+        self.sandbox.message = f"wrote {path}{', without the changes during the motion' if incomplete else ''}"
