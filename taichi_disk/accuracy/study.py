@@ -129,7 +129,7 @@ def assess(scene: Scene, progress: Progress, note: Callable[[str], None]) -> Fin
         )
     if scenario.step_dependent:
         modes = spectrum(scenario.lattice, scenario.model)
-        outcome = compute(scenario, scene.time, modes=modes, estimate=False)
+        outcome = compute(scenario, scene.time, estimate=False)
         study = StepStudy(scenario, modes, outcome)
     others, started = list(changes(scene)), perf_counter()
     base = result_of(scene)

@@ -347,7 +347,7 @@ class Result:
         if not path.is_file() or "status" not in summary:
             name = "summary.json that can be read" if path.is_file() else "scene.yaml"
             raise InputError(f"{folder}: no run is here (no {name}): compute one with `taichi-disk run`")
-        kept = given if isinstance(given := summary.get("digests"), dict) else {}
+        kept = summary.get("digests", {})
         changed = [name for name, digest in files.digests(folder, summary).items() if kept.get(name, digest) != digest]
         if "scene.yaml" in changed:
             raise InputError(f"{path} has been changed since the run: undo the change, or run it as a new scene")

@@ -14,6 +14,7 @@ from taichi_disk.api.lattices import compare_lattices, lattice_count
 from taichi_disk.computation.diagnostics import BlowUp
 from taichi_disk.computation.outcome import Outcome, compute
 from taichi_disk.computation.scenario import Scenario
+from taichi_disk.computation.stability import spectrum
 from taichi_disk.errors import SimulationError
 from taichi_disk.lattice import OwnStart
 from taichi_disk.output import files
@@ -57,8 +58,8 @@ class Work:
     def solve(self, scenario: Scenario, lattices: int | None = None, **options: Any) -> Outcome:
         """Compute `scenario` and return the outcome with a complete summary. Options and errors as for `compute`."""
         scene, own = self.scene, self.own
-        known = None if own.disk or scenario.static else setup_of(scene).modes(scenario.model)
-        outcome = compute(scenario, scene.time, self.progress, modes=known, **options)
+        modes = spectrum if own.disk else setup_of(scene).modes
+        outcome = compute(scenario, scene.time, self.progress, modes=modes, **options)
         self.lap("simulate", compile=outcome.compile_seconds)
         summary = self._heading("done") | outcome.summary | {"video": None}
         notes = scene.notes(scenario.lattice.disk_points) if scenario.step_dependent else []

@@ -19,7 +19,7 @@ from taichi_disk.simulation.observables import Columns
 
 # The constants were measured on scenes with a known result: `python -m tests.validation.estimate_trial`.
 STEP_RATIO = 1.25  # step of a run over the shorter step of its second run
-HALF_STEP, QUARTER_STEP = 2.0, 4.0  # the same ratio on a hard wall, and of the third run with friction
+HALF_STEP, QUARTER_STEP = 2.0, 4.0  # the same ratios of the further runs if errors fall irregularly
 # The second run has the longer step of 0.95 of the stability limit if the first has at least 0.75 of it.
 LONGER_STEP, LONGER_FROM = 0.95, 0.75
 # Stated error over the difference found by Richardson's extrapolation, by the assumed order. Order 1 has a reserve.
@@ -27,7 +27,7 @@ ERROR_SAFETY = {1: 1.5, 2: 2.0, 4: 2.0}
 JUMPS_SAFETY = 2.0  # further factor at order 1 for secondary results: along the wall they jump
 UNRESOLVED_PART = 0.5  # smallest stated error over the worst energy imbalance if the step does not resolve the wall
 ROUNDING = 1e-14  # rounding error of sums over many steps
-HALF_FROM = 0.51  # step over the step that resolves the wall, from which a second run halves it
+IRREGULAR_FROM = 0.51  # step over the step that resolves the wall, from which errors fall irregularly
 
 SEARCH = 12  # number of steps tried for a tolerance
 TOLERANCE_PART = 0.75  # error that the next step should have, over the tolerance
@@ -47,10 +47,9 @@ def richardson(result: float, dt: float, other_result: float, other_dt: float, o
 
 
 def second_run(driver: Driver) -> SecondRun:
-    """Run the finished scene of `driver` again with another step and, with friction, once more with a third."""
-    # While a step crosses much of the wall's decay length 1/a at the speed of the impact, the error stays at a plateau
-    # that differences do not show; the estimate is then at least a fraction of the worst energy imbalance. With
-    # friction errors fall in jumps, and two results may agree by chance, so the larger of two differences counts.
+    """Run the finished scene of `driver` again with another step and, if errors fall irregularly, with a third."""
+    # Irregular errors may agree by chance, so the larger of two differences counts. On the hardest walls the error also
+    # stays at a plateau, which differences do not show: the estimate is at least a fraction of the worst imbalance.
     scenario, columns, dt = driver.scenario, driver.columns, driver.step.dt
     others: list[tuple[float, dict[str, float]]] = []
     x = driver.start.vectors[0]
@@ -94,12 +93,22 @@ def _sampling_errors(scenario: Scenario, columns: Columns) -> dict[str, float]:
     return errors
 
 
+def _is_irregular(driver: Driver) -> bool:
+    """Return whether errors fall irregularly: with friction, or if a step crosses much of the wall's decay length."""
+    return driver.scenario.model.has_friction or driver.step.dt > IRREGULAR_FROM * driver.scenario.wall_step
+
+
+def _slides(driver: Driver) -> bool:
+    """Return whether a point has slid from one spring of a wall to the next, where the force jumps."""
+    return bool(driver.columns["sliding"].any())
+
+
 def _other_steps(driver: Driver) -> list[float]:
     """Return the steps [R/c] of the other runs: shorter ones, or a longer one, which costs less, if that is stable."""
     step, interval = driver.step, driver.scenario.model.reset_interval
-    if driver.scenario.model.has_friction:
-        return [step.dt / HALF_STEP, step.dt / QUARTER_STEP]
-    if step.dt > HALF_FROM * driver.scenario.wall_step:
+    if _is_irregular(driver):
+        return [fitted(step.dt / ratio, interval) for ratio in (HALF_STEP, QUARTER_STEP)]
+    if _slides(driver):
         return [fitted(step.dt / HALF_STEP, interval)]
     limit = driver.control.limit(step.integrator, driver.largest_force)
     longer = fitted(LONGER_STEP * limit, interval)
@@ -107,9 +116,8 @@ def _other_steps(driver: Driver) -> list[float]:
 
 
 def _order(driver: Driver) -> int:
-    """Return the order of the error: 1 if forces jump, by friction or where points slide between springs of a wall."""
-    jumps = driver.scenario.model.has_friction or driver.columns["sliding"].any()
-    return 1 if jumps else driver.step.integrator.order
+    """Return the assumed order of the error: 1 if errors are irregular or forces jump."""
+    return 1 if _is_irregular(driver) or _slides(driver) else driver.step.integrator.order
 
 
 def within_tolerance(driver: Driver, run: Callable[[Any], Driver]) -> tuple[Driver, SecondRun]:

@@ -15,8 +15,9 @@ from taichi_disk.computation.error_estimate import SecondRun, second_run, within
 from taichi_disk.computation.scenario import Scenario
 from taichi_disk.computation.stability import Spectrum, spectrum
 from taichi_disk.computation.workload import announcement
-from taichi_disk.lattice import Array
+from taichi_disk.lattice import Array, Lattice
 from taichi_disk.lattice.lattice import double_area
+from taichi_disk.physics import Model
 from taichi_disk.progress import Progress, silent
 from taichi_disk.simulation.observables import Columns, split
 from taichi_disk.simulation.simulation import shared_kernels
@@ -47,7 +48,7 @@ def compute(
     time: Any,
     progress: Progress = silent,
     *,
-    modes: Spectrum | None = None,
+    modes: Callable[[Lattice, Model], Spectrum] = spectrum,
     force: bool = False,
     estimate: bool = True,
     loads: int = LOADS,
@@ -57,7 +58,7 @@ def compute(
 
     Args:
         time: the scene's section `time`.
-        modes: spectrum of the lattice and the model, if known.
+        modes: returns the spectrum of the lattice and the model.
         force: whether to accept a user's step beyond the stability limit.
         estimate: whether a second run estimates the error and counts inverted triangles, unless that takes long.
         loads: number of equilibria of a quasi-static loading; 1: only the full load, bitwise the same.
@@ -68,10 +69,10 @@ def compute(
     """
     if scenario.static:
         return scenario.quasistatic(loads, progress)
-    modes = modes or spectrum(scenario.lattice, scenario.model)
+    found = modes(scenario.lattice, scenario.model)
 
     def finished(time: Any) -> Driver:
-        driver = Driver(scenario, time, shared_kernels(), modes, force=force)
+        driver = Driver(scenario, time, shared_kernels(), found, force=force)
         if text := announcement(driver):
             say(text)
         progress("simulate", 0.0, scenario.max_time)

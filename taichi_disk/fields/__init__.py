@@ -79,13 +79,14 @@ def field(name: str, lattice: Lattice, springs: Springs, x: Array, v: Array, at:
     - strain, force: of each spring, positive if stretched.
     - speed, kinetic: of each point; for the disk, relative to its centre of mass.
     """
-    kind, compute = QUANTITIES[name], _values if at == "own" else at_points
+    kind, compute = QUANTITIES[name], own_values if at == "own" else at_points
     values = compute(name, Triangles(lattice), springs, x, v)
     place = kind.on if at == "own" else "points"
     return Field(fringes(0.5 * values) if name == "fringes" else values, place, kind.unit)
 
 
-def _values(name: str, triangles: Triangles, springs: Springs, x: Array, v: Array) -> Array:
+def own_values(name: str, triangles: Triangles, springs: Springs, x: Array, v: Array) -> Array:
+    """Return the quantity `name` on the triangles, springs or points to which it belongs; of fringes twice shear."""
     lattice = triangles.lattice
     if name == "pressure":
         return pressure(stress(triangles, springs, x))
@@ -115,7 +116,7 @@ def at_points(name: str, triangles: Triangles, springs: Springs, x: Array, v: Ar
         return (pressure if name == "pressure" else shear)(point_stress(triangles, springs, x))
     if name == "rate":
         return -triangles.around(triangles.area_rates(x, v)) / triangles.areas_around(x)
-    values = _values(name, triangles, springs, x, v)
+    values = own_values(name, triangles, springs, x, v)
     if QUANTITIES[name].on == "springs":
         ends, n = triangles.lattice.bonds.ravel(), len(x)
         return np.bincount(ends, np.repeat(values, 2), n) / np.maximum(np.bincount(ends, minlength=n), 1)
@@ -169,8 +170,8 @@ class Triangles:
             if len(np.unique(stiffness)) <= MAX_MATERIALS:
                 self.interfaces = lattice.bonds[maximum > minimum]
         self._min_area = 0.5 * MIN_AREA * np.abs(double_area(lattice.positions[self.triangles]))
-        # Matrices that sum over the springs of a triangle, the triangles around a point, the springs of all these
-        # triangles, a point and its neighbours.
+        # Four matrices for sums: `carried` over the springs of a triangle, `_around` over the triangles around a point,
+        # `gathered` over the springs of all these triangles, `_neighbours` over a point and its neighbours.
         owner, ones = np.repeat(np.arange(t), 3), np.ones(3 * t)
         self.carried = csr_array((self.fraction[sides], (owner, sides)), (t, m))
         self._around = csr_array((ones, (self.triangles.ravel(), owner)), (n, t))

@@ -28,7 +28,9 @@ class Integrator:
     stable: float  # largest h omega at which an oscillator x'' = -omega^2 x stays bounded
     # Treatment of velocity-dependent forces: from a predicted velocity, implicit (vector dashpots only), or not at all.
     dashpots: Literal["explicit", "implicit", "none"]
-    correction: float = 0.0  # c, or 0; then the stepped velocities are transformed, and a reset cannot set them to zero
+    # c of a force at x + c h^2 f/m, or 0. With it the stepped velocities are not the observed ones, so a reset of the
+    # wall's boundary, which sets observed velocities to zero, is impossible.
+    correction: float = 0.0
 
     @property
     def forces(self) -> int:
@@ -50,7 +52,7 @@ class Integrator:
 
     @property
     def observed_kick(self) -> float:
-        """Fraction of h for which the force at a step must still act to give the observed velocities."""
+        """Last part of the step, as a fraction of h: the force of its end turns stepped into observed velocities."""
         return self.kicks[-1] - self.correction
 
     @property

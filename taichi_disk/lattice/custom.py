@@ -13,7 +13,7 @@ from taichi_disk.lattice.triangles import Array, Long, double_area, pair_keys
 
 _MIN_EXTENT, _MAX_EXTENT = 1.0, 4.0  # limits for the larger of width and height [R]
 _MAX_OFFSET = 0.1  # largest distance of the points' mean from x = 0 [R]
-_MIN_DISTANCE = 1e-6  # closer points are the same, in hexagonal spacings
+_MIN_DISTANCE = 1e-6  # points closer than this are the same point [spacing of a hexagonal lattice]
 MASSES = 1e-150, 1e150, 1e15  # minimum, maximum, largest ratio; beyond these, steps or sums are not finite
 STIFFNESS, REST_LENGTHS = (1e-12, 1e12), (1e-9, 1e3)
 

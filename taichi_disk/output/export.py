@@ -8,11 +8,9 @@ from dataclasses import dataclass
 from importlib.util import find_spec
 from math import inf
 from pathlib import Path
-from shutil import copyfileobj
 from tempfile import TemporaryFile
 from typing import IO, TYPE_CHECKING, Any, NamedTuple
 from xml.sax.saxutils import quoteattr
-from zipfile import ZipFile
 
 import numpy as np
 import yaml
@@ -165,14 +163,9 @@ def _write_vtu(path: Path, scene: DiskScene, lattice: Lattice, frames: Iterator[
 
 def _write_npz(path: Path, scene: DiskScene, lattice: Lattice, frames: Iterator[Frame]) -> None:
     """Write t (T,), positions and velocities (T, n, 2), lattice, and points_…, springs_…, triangles_… as in `Frame`."""
-    # The format is that of `np.savez`, but only one frame is in memory: temporary files collect the frames of each
-    # array.
+    # One frame is in memory, then 16 MiB of one array: temporary files collect the frames of each array.
     parts: dict[str, tuple[IO[bytes], Array]] = {}
-    with ExitStack() as files, ZipFile(path, "w") as archive:
-
-        def member(name: str) -> IO[bytes]:
-            return archive.open(f"{name}.npy", "w", force_zip64=True)
-
+    with ExitStack() as files:
         for frame in frames:
             row: dict[str, Any] = {"t": frame.time, "positions": frame.positions, "velocities": frame.velocities}
             for kind in ("points", "springs", "triangles"):
@@ -182,19 +175,13 @@ def _write_npz(path: Path, scene: DiskScene, lattice: Lattice, frames: Iterator[
                 if name not in parts:
                     parts[name] = files.enter_context(TemporaryFile(dir=path.parent)), np.asarray(value)
                 parts[name][0].write(np.asarray(value).tobytes())
+        arrays: dict[str, Any] = {"scene": origin(scene)}
         for name, (file, first) in parts.items():
-            shape = file.tell() // first.nbytes, *first.shape
-            header = {"descr": first.dtype.str, "fortran_order": False, "shape": shape}
-            file.seek(0)
-            with member(name) as out:
-                np.lib.format.write_array_header_1_0(out, header)
-                copyfileobj(file, out)
-        with member("scene") as out:
-            np.lib.format.write_array(out, np.array(origin(scene)))
+            arrays[name] = np.memmap(file, first.dtype, "r", shape=(file.tell() // first.nbytes, *first.shape))
         optional = ("stiffness",) if lattice.stiffness is not None else ()
         for name in ("bonds", "triangles", "rest_lengths", "masses", "disk_points", *optional):
-            with member(name) as out:
-                np.lib.format.write_array(out, np.asarray(getattr(lattice, name)))
+            arrays[name] = getattr(lattice, name)
+        np.savez(path, **arrays)
 
 
 def _radius(lattice: Lattice) -> float:

@@ -67,7 +67,7 @@ class MatchedBoundary(Boundary):
 
     @ti.func
     def damp(self, state: ti.template(), half):
-        """Add the forces -Z v at this step; v results from v_ in `state.v` and the force acting for the time `half`.
+        """Add the forces -Z v, with v from the velocity v_ in `state.v` and all forces, which act for the time `half`.
 
         Returns (v.Zv + 2 v_.Zv_)/3, for the energy balance.
         """
@@ -153,7 +153,7 @@ class ResetBoundary(Boundary):
 
     @ti.func
     def half_kick_energy(self, state: ti.template(), solved: ti.template()):
-        """Return sum(m/2 (h/2 f/m)^2). If the velocities are `solved` for, h/2 f/m is u - v."""
+        """Return the kinetic energy of a half step's change of velocity: h/2 f/m, or u - v if u is `solved` for."""
         energy = 0.0
         for i in range(state.n[None]):
             kick = 0.5 * state.h[None] * state.inverse_mass[i] * get(state.f, i)

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taichi_disk.engine import ti
-from taichi_disk.fields import QUANTITIES, Triangles, at_points
+from taichi_disk.fields import QUANTITIES, Triangles, at_points, own_values
 from taichi_disk.lattice import Array, Lattice
 from taichi_disk.physics import Springs
 from taichi_disk.render import geometry
@@ -159,7 +159,7 @@ class Painter:
         elif self.draw == "springs":
             # Thin lines suffice if there are few springs, but a line thinner than about a pixel vanishes.
             width = max(min(0.15 * self._spacing * camera.scale, 2.5 * unit), 1.1)
-            each = np.repeat(self.colours(self._of_springs(x, values)), 2, axis=0)
+            each = np.repeat(self.colours(self._of_springs(x, v, values)), 2, axis=0)
             self._springs(canvas, camera, placed, each, width)
         if self.spoke >= 0:
             ends = self.lattice.mean(placed)[None], placed[[self.spoke]]
@@ -194,11 +194,10 @@ class Painter:
         mean = [np.bincount(group, part) / count for part in (*feet.T, *forces.T)]
         return np.stack(mean[:2], axis=1), np.stack(mean[2:], axis=1)
 
-    def _of_springs(self, x: Array, values: Array) -> Array:
-        if self.colour not in ("strain", "force"):
+    def _of_springs(self, x: Array, v: Array, values: Array) -> Array:
+        if QUANTITIES[self.colour].on != "springs":
             return np.asarray(values[self.lattice.bonds].mean(axis=1))
-        law = self.springs.strain if self.colour == "strain" else self.springs.tension
-        return self.normalised(law(self.lattice, x))
+        return self.normalised(own_values(self.colour, self.triangles, self.springs, x, v))
 
     def _springs(self, canvas: Any, camera: Camera, x: Array, colours: NDArray[Any], width: float) -> None:
         out = _put(camera, x[self.lattice.bonds.ravel()], colours)

@@ -7,7 +7,7 @@ from functools import cached_property
 from operator import attrgetter
 from typing import TYPE_CHECKING, Any
 
-from taichi_disk.lattice import file_digest
+from taichi_disk.lattice import Lattice, file_digest
 from taichi_disk.scenes import Scene
 from taichi_disk.signals import interruptible
 
@@ -22,7 +22,7 @@ class LatticeSetup:
 
     def __init__(self, scene: Scene) -> None:
         self._scene, self.body = scene, interruptible(scene.body)
-        self._modes: dict[tuple[bool, float], Any] = {}
+        self._modes: dict[bool, Any] = {}
 
     @cached_property
     def moduli(self) -> dict[str, float]:
@@ -32,13 +32,16 @@ class LatticeSetup:
         found = self._scene.moduli(self._scene.lattice.points)
         return {"young": found.young, "poisson": found.poisson}
 
-    def modes(self, model: Any) -> Any:
+    def modes(self, lattice: Lattice, model: Any) -> Any:
+        """Return the spectrum of `lattice`, which is this one at t = 0, with the springs and dashpots of `model`."""
         from taichi_disk.computation.stability import spectrum
 
-        key = model.springs.damped, model.springs.k_b  # with k_b, springs that are strained at rest are stiffer
-        if key not in self._modes:
-            self._modes[key] = spectrum(self.body, model)
-        return self._modes[key]
+        if self._scene.lattice.file != "none":  # springs of a file may be strained, and relax before a compression
+            return spectrum(lattice, model)
+        damped = model.springs.damped
+        if damped not in self._modes:
+            self._modes[damped] = spectrum(self.body, model)
+        return self._modes[damped]
 
 
 _SETUPS: dict[Hashable, LatticeSetup] = {}  # in the order of their last use
@@ -59,8 +62,7 @@ def outcome_of(scene: Scene, **options: Any) -> Outcome:
 
     setup = setup_of(scene)
     scenario = scene.scenario(setup.body)
-    modes = None if scenario.static else setup.modes(scenario.model)
-    return compute(scenario, scene.time, modes=modes, loads=1, **options)
+    return compute(scenario, scene.time, modes=setup.modes, loads=1, **options)
 
 
 def lattice_key(scene: Scene) -> Hashable:

@@ -64,7 +64,7 @@ class Choice {
   }
 }
 
-// Sliders and choices as the program describes them, each in the element that `parent` returns for its key.
+// Sliders and choices, as the program describes them. `parent` returns the element for a key.
 export class Controls {
   constructor(parent, set) {
     Object.assign(this, { parent, set, made: new Map() });

@@ -5,12 +5,11 @@
 // Without `path` the drawing remembers where the centre of mass was since `setScene`.
 
 import { Field } from "./field.js";
-import { resize } from "./html.js";
 import { ARROW, arrow, drawLegend, footer, line } from "./legend.js";
 
 export const AIM = 0.05; // velocity that an arrow as long as R stands for [c]
 const VISIBLE_WALL = 0.16; // depth of a rigid wall that is always seen [R]
-const ARROW_DISTANCE = 9; // of two arrows, about [px]
+const ARROW_DISTANCE = 7; // of two arrows, about [px]
 const INDICES = ["triangles", "springs", "outline", "edges"]; // of the scene's message
 
 export const bytes = (text) => Uint8Array.from(atob(text), (letter) => letter.charCodeAt(0));
@@ -58,7 +57,7 @@ export class Drawing {
     this.camera = { x: (left + right) / 2, y: (top + bottom + spare / 2) / 2, scale, home: true };
   }
 
-  // Show a point in the middle, and as much to its sides as a width [R] holds.
+  // Show a point in the middle of a picture as wide as `width` [R].
   show(x, y, width) {
     this.camera = { x, y, scale: this.width / width, home: false };
   }
@@ -100,7 +99,7 @@ export class Drawing {
     const { canvas, context: ctx, scene, options } = this, ratio = devicePixelRatio;
     const { clientWidth: width, clientHeight: height } = canvas;
     const pixels = [Math.round(width * ratio), Math.round(height * ratio)];
-    resize(canvas, ...pixels);
+    if (canvas.width !== pixels[0] || canvas.height !== pixels[1]) [canvas.width, canvas.height] = pixels;
     if (!scene || !state || !pixels[0] || !pixels[1]) return;
     const resized = this.width !== width || this.height !== height;
     Object.assign(this, { width, height, state });
@@ -151,7 +150,7 @@ export class Drawing {
     drawLegend(ctx, { width, height, theme, quantity, limit, colours, scale: camera.scale, force });
   }
 
-  // A promise of the canvas as a PNG, with the lines of a title.
+  // Return a promise of the picture as a PNG, with the lines of a title.
   picture(lines) {
     const { context: ctx } = this;
     this.draw();
@@ -165,7 +164,7 @@ export class Drawing {
     return picture;
   }
 
-  // What the lattice is drawn as: triangles, springs faintly on them where they are far enough apart, springs, points.
+  // Return what the field draws: triangles, with faint springs on them if these are long enough, or springs, or points.
   marks(ratio) {
     const apart = this.spacing * this.camera.scale, { draw, quantity } = this.options;
     const between = (low, value, high) => Math.min(Math.max(value, low), high);
@@ -175,7 +174,7 @@ export class Drawing {
     return ink ? [{ mark: 0 }, { mark: 1, radius: 0.75 * ratio, ink }] : [{ mark: 0 }];
   }
 
-  // The undeformed disk, turned as much and standing as low as the disk at `x`; a wall stays as it is.
+  // Return the undeformed disk at the place, height and angle of the disk at `x`. Points of the wall stay.
   unmoved(x) {
     const { rest, disk_points: count } = this.scene, out = x.slice();
     const [fromX, fromY] = centroid(rest, count), [toX, toY] = centroid(x, count);
@@ -198,13 +197,13 @@ export class Drawing {
     return out;
   }
 
-  // Where the centre of mass has been up to now.
+  // Add the present place of the centre of mass to its path.
   remember(t, centre) {
     while (this.track.at(-1)?.[2] >= t) this.track.pop();
     this.track.push([...centre, t]);
   }
 
-  // The wall up to a height above its points [R].
+  // Return the outline of the wall, up to a height above its points [R].
   wallPath(x, height) {
     const { surface } = this.scene.wall, path = new Path2D();
     const [left, low] = this.toWorld(-this.width, this.height), [right] = this.toWorld(2 * this.width, 0);
@@ -215,7 +214,7 @@ export class Drawing {
     return path;
   }
 
-  // The wall, and above its edge a haze that fades as its force does.
+  // Draw the wall, and above its edge a haze that fades as the force does.
   drawWall(x, colour, ratio) {
     const { context: ctx, scene: { wall }, camera } = this;
     Object.assign(ctx, { fillStyle: colour, shadowColor: colour, shadowBlur: 4 * wall.decay * camera.scale * ratio });
@@ -223,7 +222,7 @@ export class Drawing {
     ctx.shadowBlur = 0;
   }
 
-  // An arrow for each point on which the wall acts, or for some of them where they are close to each other.
+  // Draw an arrow for each point on which the wall acts, or for some of the points if they are too close.
   drawForces({ forces, fullForce }, x, theme) {
     const every = Math.ceil(ARROW_DISTANCE / (this.spacing * this.camera.scale)), length = ARROW / fullForce;
     for (let k = 0; k < forces.length; k += 3) {

@@ -16,13 +16,12 @@ from numpy.typing import NDArray
 
 from taichi_disk.computation.scenario import Scenario
 from taichi_disk.config.sections import VideoSection
-from taichi_disk.fields import QUANTITIES, Triangles, at_points
+from taichi_disk.fields import QUANTITIES, Triangles, at_points, own_values
 from taichi_disk.lattice import Array, Lattice
 from taichi_disk.render.geometry import edge_height
 from taichi_disk.render.palette import THEMES, Theme, colour_map, map_kind, round_near
 
 _ACCENT = "rgb(230, 115, 0)"  # of what the user draws, and of the path of the centre of mass
-_OF_SPRINGS = ("strain", "force")
 # What the page calls the start, a collected curve and its axes.
 _IMPACT_LABELS = {"drop": "Drop", "collect": "Collect e(v)", "curve": "restitution e over the speed v [c]"}
 _LOAD_LABELS = {"drop": "Load", "collect": "Collect ξ(P)", "curve": "compression ξ [R] over the load P [Mc²/R]"}
@@ -116,10 +115,8 @@ def colour_values(
         x, v: (n, 2) positions [R] and velocities [c].
         of_springs: for a drawing of the springs alone: (m,) of each spring, if the quantity is one of springs.
     """
-    if of_springs and quantity in _OF_SPRINGS:
-        law = springs.strain if quantity == "strain" else springs.tension
-        return np.asarray(law(triangles.lattice, x), dtype=np.float32)
-    return at_points(quantity, triangles, springs, x, v).astype(np.float32)
+    own = of_springs and QUANTITIES[quantity].on == "springs"
+    return (own_values if own else at_points)(quantity, triangles, springs, x, v).astype(np.float32)
 
 
 def contact_forces(wall: Any, lattice: Lattice, springs: Any, x: Array, v: Array) -> NDArray[np.float32]:

@@ -1,7 +1,5 @@
 // Draws triangles, springs and points by WebGL2. A new state uploads one texture: positions and values.
 
-import { resize } from "./html.js";
-
 const WIDTH = 2048; // texels in a row of that texture
 const VERTEX = `#version 300 es
 precision highp float;
@@ -96,7 +94,7 @@ export class Field {
   // colours: 256 x 3 bytes; factor, shift, scale and fringes are the shaders' uniforms.
   draw(width, height, { positions, values, marks, colours, factor, shift, scale, fringes }) {
     const { gl, texels, canvas, count } = this, own = values.length === count.points ? 0 : count.points;
-    resize(canvas, width, height);
+    if (canvas.width !== width || canvas.height !== height) Object.assign(canvas, { width, height });
     for (let i = 0; i < count.points; i++) {
       texels[4 * i] = positions[2 * i];
       texels[4 * i + 1] = positions[2 * i + 1];

@@ -29,7 +29,7 @@ class Recording {
     this.values = new Float32Array(points);
   }
 
-  // The state at a place in the list of states, between two of them unless that is whole.
+  // Return the state at a place in the list of states; between two states it is interpolated.
   state(place, quantity) {
     const { run, rest, centre, displacements, x, values } = this, { points, disk_points } = run.scene;
     const k = Math.min(Math.floor(place), run.states - 1), next = Math.min(k + 1, run.states - 1), part = place - k;

@@ -1,10 +1,10 @@
-// What mouse, wheel and fingers do on a disk: pan, zoom, pinch, and what a sandbox lets them take hold of.
+// Mouse, wheel and fingers on a disk: they move and zoom the picture, and take hold of things in a sandbox.
 
 import { AIM } from "./draw.js";
 
 const REACH = 24; // distance from the velocity's tip within which it is taken hold of [px]
 
-// `view` pans and zooms; `grip` returns what one finger or the main button holds at a place, {move, end}, or nothing.
+// `view` has `pan` and `zoom`. `grip` returns what one finger or the main button holds: {move, end}, or nothing.
 export function followPointers(canvas, view, redraw, grip = () => null) {
   const pointers = new Map(), place = (event) => [event.offsetX, event.offsetY];
   let held = null;
@@ -44,7 +44,7 @@ export function followPointers(canvas, view, redraw, grip = () => null) {
   };
 }
 
-// What a press at (px, py) takes hold of. Before a throw: the disk, to turn it, or its velocity; later: a point.
+// Return what a press at (px, py) holds: before the throw the disk, which turns, or its velocity; later a point.
 export function grip(sandbox, px, py) {
   const { drawing, state, panel, send, plays, ui } = sandbox;
   if (!plays || !state) return null;

@@ -1,4 +1,4 @@
-// Curves over time that can be dragged back, and the diagram of results. CSS draws their frames.
+// Curves over time, in which a drag goes back in time, and the diagram of results. CSS draws their frames.
 
 import { element } from "./html.js";
 import { label, line, roundAbove } from "./legend.js";
@@ -10,7 +10,7 @@ export function legend(caption, names) {
   caption.replaceChildren(...names.map(name));
 }
 
-// Numbers at the edges of a plot: scales {low, high} on the left and right, and below it [part of the width, text].
+// Return the numbers around a plot: scales {low, high} at its left and right, and [part of the width, text] below it.
 function numbers(below, ...scales) {
   const beside = ({ low, high }, k) => [0, 0.5, 1].map((part) => {
     const place = { className: k ? "right" : "left", style: `bottom: ${100 * part}%` };
@@ -47,7 +47,7 @@ export class Graphs {
   draw(t, accent) {
     const { data, curves, canvases } = this;
     if (!data || !canvases[0].clientWidth) return;
-    const largest = (curve) => curve.reduce((most, value) => Math.max(most, Math.abs(value)), 1e-30);
+    const largest = (curve) => curve.reduce((most, value) => Math.max(most, Math.abs(value)), 0);
     const end = (this.end = roundAbove(Math.max(1.1 * data.t.at(-1), 1)));
     canvases.forEach((canvas, k) => {
       const { clientWidth: width, clientHeight: height } = canvas, ctx = canvas.getContext("2d");
@@ -56,7 +56,7 @@ export class Graphs {
       const scales = GRAPHS[k].map((graph) => {
         const shown = curves.map(([name, , colour], n) => ({ name, colour, values: data.values[n] }));
         const own = shown.filter(({ name }) => name === graph);
-        const high = roundAbove(1.05 * Math.max(...own.map(({ values }) => largest(values))));
+        const high = roundAbove(1.05 * Math.max(...own.map(({ values }) => largest(values))) || 1);
         const low = k && data.motion[1] === "c" ? -high : 0; // a velocity has both signs
         const place = (value, n) => [(data.t[n] / end) * width, ((high - value) / (high - low)) * height];
         for (const { colour, values } of own) line(ctx, values.map(place), colour, 1.8);

@@ -1,11 +1,11 @@
-// What stands below the disk: the colour scale, a length, and the arrow of the wall's force. Numbers and arrows.
+// Draws what stands below the disk: the colour scale, a length, and the arrow of a force. Also numbers, lines, arrows.
 
 export const FONT = "12px system-ui, sans-serif";
 export const ARROW = 0.35; // length of the arrow of the full force [R]
 const FRINGES = 5; // in a scale of fringes
 const RAISED = "⁰¹²³⁴⁵⁶⁷⁸⁹";
 
-// A number as +5, 0.02 or 2·10⁻⁷.
+// Return a number as +5, 0.02 or 2·10⁻⁷.
 export function label(value, signed = false) {
   const small = value && Math.abs(value) < 1e-3;
   const [digits, power] = (small ? value.toExponential(3) : value.toPrecision(4)).split("e");
@@ -14,7 +14,7 @@ export function label(value, signed = false) {
   return signed && value > 0 ? `+${text}` : text;
 }
 
-// The largest of 1, 2 and 5 times a power of ten up to a value > 0.
+// Return the largest of 1, 2 and 5 times a power of ten up to a value > 0.
 function roundBelow(value) {
   const decade = 10 ** Math.floor(Math.log10(value));
   return decade * [5, 2, 1].find((step) => step <= (value / decade) * (1 + 1e-9));
@@ -33,7 +33,7 @@ export function line(ctx, points, colour, thickness, dash = []) {
   ctx.stroke();
 }
 
-// An arrow between two points [px], with a rim that sets it off against the disk.
+// Draw an arrow between two points [px], with a rim that sets it off against the disk.
 export function arrow(ctx, [x0, y0], [x1, y1], thickness, colour, rim) {
   const length = Math.hypot(x1 - x0, y1 - y0), wing = Math.min(4 * thickness, 0.4 * length) / length;
   if (length < 2 * thickness + 4) return;

@@ -1,4 +1,4 @@
-// A state as the server packs it (`Session._state` in Python): as the drawing, the graphs and the read-outs take it.
+// Unpacks a state, which `Session._state` has packed in Python, for the drawing, the graphs and the read-outs.
 
 export function unpacked(buffer, columns, curves) {
   const view = new DataView(buffer), word = (at) => view.getUint32(at, true);

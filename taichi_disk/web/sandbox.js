@@ -13,8 +13,6 @@ const OWN_KEYS = [ // of controls that have the focus
   ["input[type=text], select", /./], ["input[type=range]", /^[A-Z]/], ["button, input", /^(space|Enter)$/],
 ];
 const NEWEST = 9e6; // a state's number beyond all others: none is waited for
-const WATCHED = "Somebody else plays; you are watching.";
-const LOST = "The program does not answer; waiting for it …";
 
 export class Sandbox {
   // `node` holds the elements of index.html; `send` takes a command for the program.
@@ -111,18 +109,23 @@ export class Sandbox {
   // ---- what the program sends
 
   lost() {
-    this.ui.role.textContent = LOST;
+    this.ui.role.textContent = "The program does not answer; waiting for it …";
   }
 
   receive(data) {
     if (typeof data !== "string") return this.showState(data);
     const message = JSON.parse(data), { kind } = message;
     if (kind === "hello") this.showKeys((this.hello = message));
-    else if (kind === "role") this.ui.role.textContent = (this.plays = message.plays) ? "" : WATCHED;
+    else if (kind === "role") this.showRole(message);
     else if (kind === "scene") this.showScene(message);
     else if (kind === "graphs") this.showGraphs(message);
     else if (kind === "panel") this.showPanel(message);
     else if (kind === "yaml") this.scene = message.text;
+  }
+
+  showRole({ plays }) {
+    this.plays = plays;
+    this.ui.role.textContent = plays ? "" : "Somebody else plays; you are watching.";
   }
 
   showKeys({ keys }) {

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from taichi_disk.lattice import Array, disk_of
+from taichi_disk.lattice import Array
 from taichi_disk.render.palette import full_scale, round_near
 from taichi_disk.simulation.observables import BLUE, BY_NAME, INDEX, PINK, of_kind, split
 from taichi_disk.window.sandbox import Sandbox, load_key, value_of
@@ -32,9 +32,8 @@ class Graphs:
 
     def message(self) -> dict[str, Any]:
         """Return times since the hit began [R/c] and the values of CURVES, at most POINTS of each."""
-        disk, segments = disk_of(self._sandbox.time.body), self._sandbox.time.hit_segments
-        arm = disk.positions - disk.mean(disk.positions)
-        self._inertia, self._scenario = float(disk.mean((arm**2).sum(axis=1))), segments[0].scenario
+        body, segments = self._sandbox.time.body, self._sandbox.time.hit_segments
+        self._inertia, self._scenario = body.inertia, segments[0].scenario
         began, parts = segments[0].hit_began, []
         for k, segment in enumerate(segments):
             self._lost_before = float(sum(one.row[_LOST].sum() for one in segments[:k]))

@@ -5,19 +5,18 @@ from __future__ import annotations
 from bisect import bisect_left
 from dataclasses import dataclass, replace
 from math import inf
-from operator import attrgetter
 from time import perf_counter
-from typing import Any
 
 import numpy as np
 
 from taichi_disk.computation.diagnostics import EnergyBalance
 from taichi_disk.computation.driver import Driver, Status
 from taichi_disk.computation.scenario import Scenario
-from taichi_disk.computation.stability import Spectrum, spectrum
+from taichi_disk.computation.stability import Spectrum
 from taichi_disk.lattice import Array, Lattice
 from taichi_disk.physics import MouseSpring
 from taichi_disk.scenes import Scene
+from taichi_disk.scenes.setup import setup_of
 from taichi_disk.simulation.observables import INDEX, within
 from taichi_disk.simulation.simulation import KernelCache
 from taichi_disk.simulation.stepping import Snapshot
@@ -141,11 +140,6 @@ def with_mouse(scene: Scene, body: Lattice) -> Scenario:
     return scenario
 
 
-def _lattice_values(scene: Scene) -> Any:
-    """Return the values on which the unloaded lattice and its spectrum depend."""
-    return attrgetter("material.k_a", *scene.lattice_keys)(scene)
-
-
 class Timeline:
     """The states since the last start.
 
@@ -160,21 +154,19 @@ class Timeline:
             again with a shorter step.
     """
 
-    def __init__(self, scene: Scene, kernels: KernelCache, before: Timeline | None = None) -> None:
-        """Begin at t = 0 of a scene, and take from `before` what the scenes share. Raises TaichiDiskError."""
+    def __init__(self, scene: Scene, kernels: KernelCache) -> None:
+        """Begin at t = 0 of a scene. Raises TaichiDiskError."""
         scene = scene.in_time()
-        if before and _lattice_values(scene) != _lattice_values(before.scenario.scene):
-            before = None
-        self.body: Lattice = before.body if before else scene.body()
+        setup = setup_of(scene)
+        self.body: Lattice = setup.body
         self.scenario: Scenario = with_mouse(scene, self.body)
-        scenario, lattice, springs = self.scenario, self.scenario.lattice, self.scenario.model.springs
-        if before and np.array_equal(before.scenario.lattice.positions, lattice.positions):
-            self.spectrum: Spectrum = before.spectrum
-        else:  # with the rates of dashpots, which may be switched on later
-            self.spectrum = spectrum(lattice, replace(scenario.model, springs=replace(springs, eta=1.0)))
+        model = self.scenario.model
+        # With the rates of dashpots, which may be switched on later.
+        damped = replace(model, springs=replace(model.springs, eta=1.0))
+        self.spectrum: Spectrum = setup.modes(self.scenario.lattice, damped)
         self.checkpoints: list[Checkpoint] = []
-        self.spacing = SPACING * springs.time_unit
-        self._follow(Segment(scenario, kernels, self.spectrum))
+        self.spacing = SPACING * model.springs.time_unit
+        self._follow(Segment(self.scenario, kernels, self.spectrum))
 
     def carry_on(self, scene: Scene, label: str, velocities: Array | None = None) -> None:
         """Begin another segment, with `velocities` (n, 2) [c] (default: those of the present).

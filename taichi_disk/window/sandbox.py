@@ -89,7 +89,7 @@ class Sandbox:
 
         Raises TaichiDiskError, and then leaves everything as it was.
         """
-        self.time = Timeline(scene or self.scene, self.kernels, getattr(self, "time", None))
+        self.time = Timeline(scene or self.scene, self.kernels)
         self.scene, self.starts = self.time.segment.scenario.scene, self.starts + 1
         self.paused, self.message, self._due = True, "", 0.0
         self.collected: list[float] = []

@@ -29,7 +29,7 @@ from taichi_disk.window.session import MAX_BYTES, Session
 
 LOCAL = ("127.0.0.1", "localhost")
 _POLL_INTERVAL = 0.1  # between two checks for a signal [s]
-_WRITE_LIMIT = 2**24  # more than a scene and two states [bytes]
+_WRITE_LIMIT = 2**26  # [bytes]; more than a scene and two states: those of 200,000 points have 10 MB
 _TYPES = {"html": "html", "js": "javascript", "css": "css"}  # of text, by the ends of names
 _POLICY = "default-src 'self' data: blob:; connect-src 'self' ws: wss:; style-src 'self' 'unsafe-inline'"
 _HEADERS = {"Cache-Control": "no-store", "Referrer-Policy": "no-referrer", "Content-Security-Policy": _POLICY}
