@@ -23,7 +23,7 @@ from taichi_disk.errors import TaichiDiskError
 from taichi_disk.signals import raise_if_interrupted
 from taichi_disk.simulation.simulation import KernelCache
 from taichi_disk.web.drawing import source
-from taichi_disk.window.audience import Audience, Message
+from taichi_disk.window.audience import Audience
 from taichi_disk.window.controls import Entry
 from taichi_disk.window.session import MAX_BYTES, Session
 
