@@ -22,7 +22,7 @@ from taichi_disk.integrators import AUTOMATIC, INTEGRATORS, Integrator
 from taichi_disk.simulation.observables import Columns
 
 LIMIT_MARGIN = 0.95  # largest automatic step, as a fraction of the stability limit with the measured wall force
-FORCE_SAFETY = 1.5  # force for which the next step is chosen, over the measured force of the wall
+FORCE_SAFETY = 1.5  # ratio of the force for which the next step is chosen to the measured force of the wall
 MAX_ATTEMPTS = 8
 MAX_BLOW_UPS = 5  # a disk that has dented the wall blows up at any step
 RESET_ERROR = 2e-5  # error of e that resets combined with dashpots may cause at an automatic step

@@ -57,7 +57,7 @@ class Integrator:
 
     @property
     def stages(self) -> tuple[tuple[float, float, float], ...]:
-        """Kick and move [h] before each force, and c of a shift by c h^2 f/m."""
+        """(kick [h], move [h], c) before each force; c is the factor of a shift by c h^2 f/m."""
         # The first kick includes the last kick of the step before.
         kicks = (self.kicks[-1] + self.kicks[0], *self.kicks[1:-1])
         shifted = ((0.0, 0.0, self.correction),) if self.correction else ()

@@ -15,7 +15,7 @@ from taichi_disk.errors import TaichiDiskError, pip_install
 from taichi_disk.scenes import Scene, load_scene
 from taichi_disk.simulation.simulation import KernelCache
 from taichi_disk.web.drawing import DRAWING, bundle, source
-from taichi_disk.window.app import presets
+from taichi_disk.window.app import list_presets
 from taichi_disk.window.audience import Audience, Message, Visitor
 from taichi_disk.window.sandbox import Result
 from taichi_disk.window.session import Session
@@ -45,7 +45,7 @@ class Sandbox(AnyWidget):
         runtime.start()
         first = scene if isinstance(scene, Scene) else load_scene(scene, overrides)
         with runtime.alone():
-            self._session = Session(presets(first), KernelCache())
+            self._session = Session(list_presets(first), KernelCache())
         self._audience = Audience(self._session, all_play=True)
         self._views: dict[float, Visitor] = {}
         self._running: asyncio.Task[None] | None = None

@@ -33,7 +33,7 @@ class LatticeSetup:
         return {"young": found.young, "poisson": found.poisson}
 
     def modes(self, lattice: Lattice, model: Any) -> Any:
-        """Return the spectrum of `lattice`, which is this one at t = 0, with the springs and dashpots of `model`."""
+        """Return the spectrum of this body at t = 0, which is `lattice`, with the springs and dashpots of `model`."""
         from taichi_disk.computation.stability import spectrum
 
         if self._scene.lattice.file != "none":  # a file's springs may be strained, and relax before a compression

@@ -54,7 +54,7 @@ export class Drawing {
     const bottom = wall.kind === "rigid" ? wall.edge - VISIBLE_WALL : view[2];
     const width = this.width - margin, height = this.height - footer(this.width) - margin;
     const scale = Math.max(Math.min(width / (right - left), height / (top - bottom)), 1);
-    const spare = Math.max(height / scale - (top - bottom), 0); // a quarter of it is seen below
+    const spare = Math.max(height / scale - (top - bottom), 0); // free height, of which a quarter lies below
     this.camera = { x: (left + right) / 2, y: (top + bottom + spare / 2) / 2, scale, home: true };
   }
 

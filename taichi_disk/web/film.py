@@ -125,7 +125,7 @@ class _Recorded:
         return max(float(np.abs(self.displacements).max()), 1e-9) / _LEVELS
 
     def arrays(self, limits: dict[str, float]) -> tuple[dict[str, Array], dict[str, Any]]:
-        """Return the arrays to pack, by name, and the scale of each quantity; integers are differences in time."""
+        """Return the arrays to pack, by name, and the scale of each quantity; integers hold changes between states."""
         steps = _differences(np.rint(self.displacements / self.unit).astype(np.int16)).astype("<i2")
         found = {
             "motion": self.motion.astype("<f4"),

@@ -149,7 +149,7 @@ export class Sandbox {
     this.redraw(this.state.number);
   }
 
-  // Draw once before the next picture of the screen; only then the program is told that a state was seen.
+  // Draw once before the next picture of the screen; only then tell the program that a state was seen.
   redraw(number) {
     this.unseen = number ?? this.unseen;
     this.frame ??= requestAnimationFrame(() => {

@@ -8,7 +8,7 @@ from collections.abc import Callable
 from time import perf_counter
 
 from taichi_disk.runtime import alone
-from taichi_disk.window.session import Session, understood
+from taichi_disk.window.session import Session, read_command
 
 MAX_RATE = 60.0  # pictures per second
 _MAX_IN_FLIGHT = 2  # states that were sent to a page and not yet drawn
@@ -21,7 +21,7 @@ class Visitor:
     def __init__(self, send: Callable[[Message], None], unsent: Callable[[], int]) -> None:
         self._send, self._unsent = send, unsent
         self._in_flight: list[int] = []  # numbers of states
-        self._sent: dict[str, Message] = {}  # the last message of each kind
+        self._messages: dict[str, Message] = {}  # the last message of each kind
 
     @property
     def is_ready(self) -> bool:
@@ -37,8 +37,8 @@ class Visitor:
 
         `number`: number of the state.
         """
-        news = {kind: message for kind, message in messages.items() if self._sent.get(kind) != message}
-        self._sent |= news
+        news = {kind: message for kind, message in messages.items() if self._messages.get(kind) != message}
+        self._messages |= news
         if "state" in news:
             self._in_flight.append(number)
         for message in news.values():
@@ -78,7 +78,7 @@ class Audience:
 
     def hear(self, visitor: Visitor, text: Message) -> None:
         """Carry out a page's message if its visitor plays; ignore and count malformed messages."""
-        message = understood(text)
+        message = read_command(text)
         if message is None:
             self.ignored += 1
         elif message["do"] == "seen":

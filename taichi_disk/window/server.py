@@ -27,15 +27,15 @@ from taichi_disk.window.audience import Audience
 from taichi_disk.window.controls import Entry
 from taichi_disk.window.session import MAX_BYTES, Session
 
-LOCAL = ("127.0.0.1", "localhost")
+LOCAL_HOSTS = ("127.0.0.1", "localhost")
 _POLL_INTERVAL = 0.1  # between two checks for a signal [s]
-_WRITE_LIMIT = 2**24  # more than a scene and two states [bytes]
+_WRITE_LIMIT = 2**26  # [bytes]; more than a scene and two states: those of 200,000 points have 10 MB
 _TYPES = {"html": "html", "js": "javascript", "css": "css"}  # of text, by the ends of names
 _POLICY = "default-src 'self' data: blob:; connect-src 'self' ws: wss:; style-src 'self' 'unsafe-inline'"
 _HEADERS = {"Cache-Control": "no-store", "Referrer-Policy": "no-referrer", "Content-Security-Policy": _POLICY}
 
 
-def serve(playlist: list[Entry], host: str = LOCAL[0], port: int = 0, open_browser: bool = False) -> None:
+def serve(playlist: list[Entry], host: str = LOCAL_HOSTS[0], port: int = 0, open_browser: bool = False) -> None:
     """Serve the sandbox until Ctrl-C, at a free port if `port` is 0.
 
     Prints the address, with the token that every request needs. Raises TaichiDiskError if it cannot listen there,
@@ -49,7 +49,7 @@ def serve(playlist: list[Entry], host: str = LOCAL[0], port: int = 0, open_brows
     name = socket.gethostname() if host == "0.0.0.0" else host
     address = f"http://{name}:{listening.getsockname()[1]}/{token}/"
     print(f"the sandbox is at {address}\nCtrl-C ends it", flush=True)
-    if host not in LOCAL:
+    if host not in LOCAL_HOSTS:
         print("note: whoever has this address and reaches this machine can play; nothing is encrypted", flush=True)
     if open_browser:
         webbrowser.open(address)
