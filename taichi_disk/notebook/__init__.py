@@ -35,13 +35,13 @@ class Sandbox(AnyWidget):
         from taichi_disk.notebook import Sandbox
         Sandbox("exponential_wall", ["material.eta_star=30"])
 
-    It moves while no cell runs, and while it is seen.
+    It moves while it is visible and no cell runs.
     """
 
     height = traitlets.Int(760).tag(sync=True)
 
     def __init__(self, scene: str | Path | Scene, overrides: Sequence[str] = (), height: int = 760) -> None:
-        """`height` in pixels; the width is the cell's. Raises InputError for a bad scene."""
+        """Make a widget `height` pixels high and as wide as its cell. Raises InputError if the scene is bad."""
         runtime.start()
         first = scene if isinstance(scene, Scene) else load_scene(scene, overrides)
         with runtime.alone():
@@ -55,7 +55,7 @@ class Sandbox(AnyWidget):
         self.on_msg(self._hear)
 
     def _hear(self, _: Any, message: Any, buffers: list[bytes]) -> None:
-        """Let a view open, close, or send what a page sends."""
+        """Carry out a message of one view: it opens, closes, or sends what a page sends."""
         name = message.pop("visitor")
         if message["do"] == "open":
             self._views[name] = self._audience.join(partial(self._show, name))

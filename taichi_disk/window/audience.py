@@ -25,7 +25,7 @@ class Visitor:
 
     @property
     def is_ready(self) -> bool:
-        """Whether the page may be sent another state. A page may say that it has drawn states, and never read."""
+        """Whether the page may be sent another state; a page that claims to draw, but does not read, is not ready."""
         return len(self._in_flight) < _MAX_IN_FLIGHT and not self._unsent()
 
     def acknowledge(self, number: float) -> None:
@@ -33,9 +33,9 @@ class Visitor:
         self._in_flight = [one for one in self._in_flight if one > number]
 
     def show(self, messages: dict[str, Message], number: int) -> bool:
-        """Send those `messages` by kind that the page does not have; return whether there were any.
+        """Send those of the `messages`, by their kinds, that the page does not have; return whether there were any.
 
-        `number` is that of the message of the kind "state".
+        `number` is the number of the state among them.
         """
         news = {kind: message for kind, message in messages.items() if self._messages.get(kind) != message}
         self._messages |= news
@@ -65,7 +65,7 @@ class Audience:
         return visitor
 
     def leave(self, visitor: Visitor) -> None:
-        """Send no more. After the player, the next visitor plays; after the last visitor, the sandbox pauses."""
+        """Forget a visitor. The next one plays if the player leaves; the sandbox pauses if nobody is left."""
         played = self.plays(visitor)
         self._visitors.remove(visitor)
         if played:
