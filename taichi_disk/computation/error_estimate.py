@@ -18,20 +18,20 @@ from taichi_disk.lattice import Array
 from taichi_disk.simulation.observables import Columns
 
 # The constants were measured on scenes with a known result: `python -m tests.validation.estimate_trial`.
-STEP_RATIO = 1.25  # step of a run over the shorter step of its second run
+STEP_RATIO = 1.25  # ratio of a run's step to the shorter step of its second run
 HALF_STEP, QUARTER_STEP = 2.0, 4.0  # the same ratios of the further runs if errors fall irregularly
 # The second run has the longer step of 0.95 of the stability limit if the first has at least 0.75 of it.
 LONGER_STEP, LONGER_FROM = 0.95, 0.75
-# Stated error over the difference found by Richardson's extrapolation, by the assumed order. Order 1 has a reserve.
+# Ratio of the stated error to the error by Richardson's extrapolation, for each assumed order. Order 1 has a reserve.
 ERROR_SAFETY = {1: 1.5, 2: 2.0, 4: 2.0}
 JUMPS_SAFETY = 2.0  # further factor at order 1 for secondary results: along the wall they jump
-UNRESOLVED_PART = 0.5  # smallest stated error over the worst energy imbalance if the step does not resolve the wall
+UNRESOLVED_PART = 0.5  # smallest stated error over the worst energy imbalance, if the step does not resolve the wall
 ROUNDING = 1e-14  # rounding error of sums over many steps
-IRREGULAR_FROM = 0.51  # step over the step that resolves the wall, from which errors fall irregularly
+IRREGULAR_FROM = 0.51  # ratio of the step to the step that resolves the wall, from which errors fall irregularly
 
 SEARCH = 12  # number of steps tried for a tolerance
-TOLERANCE_PART = 0.75  # error that the next step should have, over the tolerance
-LEAST_RATIO, MOST_RATIO = 1.15, 3.0  # step over the next step; a power law cannot be trusted farther than 3
+TOLERANCE_PART = 0.75  # ratio of the error that the next step should have to the tolerance
+LEAST_RATIO, MOST_RATIO = 1.15, 3.0  # ratio of a step to the next; a power law is not reliable beyond 3
 
 
 class SecondRun(NamedTuple):
@@ -42,7 +42,7 @@ class SecondRun(NamedTuple):
 
 
 def richardson(result: float, dt: float, other_result: float, other_dt: float, order: int) -> float:
-    """Return the error of `result` at the step `dt`, if errors are C dt^order, from the result of another run."""
+    """Return the error of `result` at the step `dt` from the result of another run, if errors are C dt^order."""
     return abs(result - other_result) / abs((other_dt / dt) ** order - 1.0)
 
 

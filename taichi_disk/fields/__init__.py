@@ -107,10 +107,10 @@ def own_values(name: str, triangles: Triangles, springs: Springs, x: Array, v: A
 
 
 def at_points(name: str, triangles: Triangles, springs: Springs, x: Array, v: Array) -> Array:
-    """Return the quantity `name` averaged to the points (n,), between which pictures interpolate.
+    """Return the quantity `name` averaged to the points (n,); pictures interpolate between these values.
 
-    Triangles around a point are weighted with their areas, springs at a point equally. Shear is that of the mean
-    stress. For "fringes" the result is twice the shear, the argument of `fringes`.
+    Triangles around a point are weighted with their areas, springs at a point equally. Shear is computed from
+    the averaged stress. For "fringes" the result is twice the shear, the argument of `fringes`.
     """
     if name in ("pressure", "shear"):
         return (pressure if name == "pressure" else shear)(point_stress(triangles, springs, x))

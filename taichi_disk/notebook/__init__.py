@@ -35,13 +35,13 @@ class Sandbox(AnyWidget):
         from taichi_disk.notebook import Sandbox
         Sandbox("exponential_wall", ["material.eta_star=30"])
 
-    It moves while it is visible and no cell runs.
+    The disk moves only while no cell runs and the widget is visible.
     """
 
     height = traitlets.Int(760).tag(sync=True)
 
     def __init__(self, scene: str | Path | Scene, overrides: Sequence[str] = (), height: int = 760) -> None:
-        """Make a widget `height` pixels high and as wide as its cell. Raises InputError if the scene is bad."""
+        """`height` in pixels; the width is the cell's. Raises InputError for a bad scene."""
         runtime.start()
         first = scene if isinstance(scene, Scene) else load_scene(scene, overrides)
         with runtime.alone():
@@ -55,7 +55,7 @@ class Sandbox(AnyWidget):
         self.on_msg(self._hear)
 
     def _hear(self, _: Any, message: Any, buffers: list[bytes]) -> None:
-        """Carry out a message of one view: it opens, closes, or sends what a page sends."""
+        """Handle a message of a view: it opens, closes, or sends a command as a page does."""
         name = message.pop("visitor")
         if message["do"] == "open":
             self._views[name] = self._audience.join(partial(self._show, name))
@@ -80,10 +80,10 @@ class Sandbox(AnyWidget):
 
     @property
     def scene(self) -> Scene:
-        """The present scene, as it would be saved: it can be given to `run`."""
+        """The present scene as it would be saved, for example for `run`."""
         return self._session.sandbox.scene
 
     @property
     def results(self) -> list[Result]:
-        """The rows of the table of results, the newest last: each has its `value`."""
+        """The rows of the table of results, the newest last; `value` is e or ξ [R]."""
         return self._session.sandbox.results

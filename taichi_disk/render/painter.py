@@ -24,9 +24,9 @@ get_field_info = import_module(f"{ti.__name__}.ui.utils").get_field_info
 # Sizes are [px] in a picture of 720 pixels.
 _SPRING, _OUTLINE = 0.65, 1.3  # half the widths of a spring on the field and of an outline
 _ARROW, _HEAD, _RIM, _NEXT = 1.8, 4.5, 1.0, 10.0  # widths of an arrow's shaft, half head and rim; distance of arrows
-_FINE, _COARSE = 5.0, 14.0  # distances of points at which springs on the field begin to appear, and appear fully
+_FINE, _COARSE = 5.0, 14.0  # springs on the field fade in between these distances of points
 _WEAK = 0.02  # a force below this fraction of `full_force` has no arrow
-_SEEN = 0.25  # fraction of the springs' ink in the colour of springs on the field
+_SEEN = 0.25  # largest opacity of springs on the field
 _FRINGE_PARTS = 20_000  # approximate number of small triangles into which a coarse lattice is divided for fringes
 
 

@@ -25,7 +25,7 @@ class Visitor:
 
     @property
     def is_ready(self) -> bool:
-        """Whether the page may be sent another state; a page that claims to draw, but does not read, is not ready."""
+        """Whether the page may be sent another state. A page may say that it has drawn states, and never read."""
         return len(self._in_flight) < _MAX_IN_FLIGHT and not self._unsent()
 
     def acknowledge(self, number: float) -> None:
@@ -33,9 +33,9 @@ class Visitor:
         self._in_flight = [one for one in self._in_flight if one > number]
 
     def show(self, messages: dict[str, Message], number: int) -> bool:
-        """Send those of the `messages`, by their kinds, that the page does not have; return whether there were any.
+        """Send those of `messages` (by kind) that the page does not have yet; return whether there were any.
 
-        `number` is the number of the state among them.
+        `number`: number of the state.
         """
         news = {kind: message for kind, message in messages.items() if self._messages.get(kind) != message}
         self._messages |= news
@@ -65,7 +65,7 @@ class Audience:
         return visitor
 
     def leave(self, visitor: Visitor) -> None:
-        """Forget a visitor. The next one plays if the player leaves; the sandbox pauses if nobody is left."""
+        """Send no more. After the player, the next visitor plays; after the last visitor, the sandbox pauses."""
         played = self.plays(visitor)
         self._visitors.remove(visitor)
         if played:
@@ -88,7 +88,7 @@ class Audience:
         self._news.set()
 
     async def run(self) -> None:
-        """Send states for as long as pages draw them; the pages of those who play are the sandbox's clock."""
+        """Send states as fast as pages draw them; the pages of visitors who play set the sandbox's clock."""
         session = self.session
         while True:
             began = perf_counter()

@@ -1,4 +1,4 @@
-"""What a user can do in the sandbox: one table of actions and keys, one of numbers, one of choices."""
+"""The user's controls of the sandbox: a table of actions and their keys, one of numbers, one of choices."""
 
 from __future__ import annotations
 
@@ -94,7 +94,7 @@ class Controls:
         self.add("Escape", "let go of the disk", sandbox.release)
 
     def add(self, keys: str, meaning: str, act: Callable[..., None], *values: Any) -> None:
-        """Let each of `keys` call `act` with its own one of `values`, or a single key call it without a value."""
+        """Let each of `keys` call `act` with the value at its place in `values`; a single key needs no value."""
         self.reference.append((keys, meaning))
         each: list[tuple[Any, ...]] = [(value,) for value in values] or [()]
         self.actions |= {key: partial(act, *value) for key, value in zip(keys.split(), each, strict=True)}
@@ -164,10 +164,10 @@ class Controls:
     # ---- scenes
 
     def play(self, number: float) -> None:
-        """Begin with a scene of the playlist, counted round it; the drawing options stay. Raises TaichiDiskError."""
+        """Begin the scene `number` modulo the playlist's length; keep the drawing options. Raises TaichiDiskError."""
         sandbox, number = self.sandbox, int(number) % len(self.playlist)
         scene = self.playlist[number].load()
-        # Displacements may not be drawn larger on an elastic wall.
+        # On an elastic wall displacements may not be magnified.
         sandbox.begin(replace(scene, video=replace(sandbox.scene.video, magnify=scene.video.magnify)))
         self.number = number
 

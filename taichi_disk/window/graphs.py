@@ -1,4 +1,4 @@
-"""What helps to read a picture: curves of the hit on display, the meaning of full colour and of the longest arrow."""
+"""Curves of the hit on display, and the scales of its pictures: the values of full colour and of the longest arrow."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ class Graphs:
 
 
 class Scales:
-    """The scales grow with what they show, and begin again with each hit and quantity.
+    """Scales of colours and arrows. They grow with the values shown, and start anew with each hit and quantity.
 
     Attributes:
         colour: value of full colour, in units of the quantity; for fringes the stress from one fringe to the next.

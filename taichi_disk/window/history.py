@@ -40,7 +40,7 @@ class Segment(Driver):
     def __init__(
         self, scenario: Scenario, kernels: KernelCache, modes: Spectrum, label: str = "", before: Segment | None = None
     ) -> None:
-        """Begin at t = 0, or at the present of the segment `before`."""
+        """Begin at t = 0, or at the present state of the segment `before`."""
         self.label, self.began = label, before.now if before else 0.0
         self.hit_began: float = before.hit_began if before and label != HIT_AGAIN else self.began
         self.reference_energy = scenario.reference_energy
@@ -161,7 +161,7 @@ class Timeline:
         self.body: Lattice = setup.body
         self.scenario: Scenario = with_mouse(scene, self.body)
         model = self.scenario.model
-        # With the rates of dashpots, which may be switched on later.
+        # Include the damping rates of dashpots, which the user may switch on later.
         damped = replace(model, springs=replace(model.springs, eta=1.0))
         self.spectrum: Spectrum = setup.modes(self.scenario.lattice, damped)
         self.checkpoints: list[Checkpoint] = []
@@ -169,7 +169,7 @@ class Timeline:
         self._follow(Segment(self.scenario, kernels, self.spectrum))
 
     def carry_on(self, scene: Scene, label: str, velocities: Array | None = None) -> None:
-        """Begin another segment, with `velocities` (n, 2) [c] (default: those of the present).
+        """Begin another segment from the present state, or with other `velocities` (n, 2) [c].
 
         Raises TaichiDiskError, and then leaves everything as it was.
         """
@@ -190,7 +190,7 @@ class Timeline:
 
     @property
     def hit_segments(self) -> list[Segment]:
-        """The segments of the hit on display of which a state is stored, and the one that moves."""
+        """The segments of the hit on display that have a stored state or are moving."""
         known = dict.fromkeys([*(one.segment for one in self.checkpoints), self.segment])
         return [one for one in known if one.hit_began == self.display.segment.hit_began]
 

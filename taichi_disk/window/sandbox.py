@@ -85,7 +85,7 @@ class Sandbox:
         self.begin()
 
     def begin(self, scene: Scene | None = None) -> None:
-        """Go to t = 0 of `scene` (default: the present scene) and pause: the motion from there is that of `run`.
+        """Go to t = 0 of `scene` (default: the present scene) and pause; from there the disk moves as in `run`.
 
         Raises TaichiDiskError, and then leaves everything as it was.
         """
@@ -105,7 +105,7 @@ class Sandbox:
 
     @property
     def can_aim(self) -> bool:
-        """Whether the disk can be turned and its throw be drawn."""
+        """Whether the disk can be turned, and its throw drawn."""
         return self.at_start and self.time.segment.scenario.is_thrown
 
     @property
@@ -274,7 +274,7 @@ class Sandbox:
         self.paused = False
 
     def _carry_on(self, scene: Scene, label: str, velocities: Array | None = None) -> None:
-        """Begin another segment; time that the end of the scene or a blow-up has stopped goes on."""
+        """Begin another segment; time goes on even if the end of the scene or a blow-up had stopped it."""
         status = self.time.segment.status
         self.time.carry_on(scene, label, velocities)
         self.scene, self.grip = scene, None
@@ -283,7 +283,7 @@ class Sandbox:
     # ---- the mouse
 
     def turn(self, angle: float, final: bool = True) -> None:
-        """Turn the disk by `angle` [rad] from its place in the scene, at the start of an impact.
+        """Turn the disk by `angle` [rad] from its orientation in the scene, at the start of an impact.
 
         `final` changes `impact.turn` of the scene; otherwise the turned disk is only shown.
         """

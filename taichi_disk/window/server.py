@@ -93,7 +93,7 @@ def answer(token: str, connection: server.ServerConnection, request: Request) ->
         origin = request.headers.get("Origin", "").partition("://")[2]
         if name == "socket" and origin and origin == request.headers.get("Host"):
             return None
-        return connection.respond(403, "This websocket is for its own page.")
+        return connection.respond(403, "This websocket accepts only its own page.")
     if request.path == f"/{token}":
         response = connection.respond(307, "")
         response.headers["Location"] = f"/{token}/"

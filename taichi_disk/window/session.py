@@ -20,9 +20,9 @@ from taichi_disk.window.controls import CHOICES, RANGES, Controls, Entry
 from taichi_disk.window.graphs import CURVES, Graphs, Scales
 from taichi_disk.window.sandbox import Sandbox
 
-MAX_BYTES, MAX_NUMBER = 2**10, 1e7  # of a page's message, and in it
-_MAX_PENDING = 64  # commands between two pictures that do not replace each other
-# A page's commands and their values, by the part of `Session` whose method of that name carries them out. "seen" tells
+MAX_BYTES, MAX_NUMBER = 2**10, 1e7  # limits of a page's message and of a number in it
+_MAX_PENDING = 64  # most commands between two pictures, without those that a later one replaces
+# A page's commands and their values, by the part of `Session` that has a method of the same name. "seen" tells
 # the audience that the page has drawn a state.
 _METHODS = {
     "controls": "press key, play number, set key value, speed value, collect",
@@ -57,7 +57,7 @@ class Session:
     """One sandbox for all pages. `ti.init` must have been called; neither a display nor Vulkan is needed.
 
     Attributes:
-        sandbox, controls, scales: the disk, what can be done with it, and the meaning of its colours.
+        sandbox, controls, scales: the disk, the user's controls, and the scales of colours and arrows.
         texts: the present JSON message of each kind: "hello", "scene", "graphs", "yaml" and "panel".
         number: of the last state.
         state: the last state, the binary message of a picture.

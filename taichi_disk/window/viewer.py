@@ -33,7 +33,7 @@ PANEL_WIDTH = 300  # width of the widgets [px]
 _REPEAT_DELAY, _REPEAT_INTERVAL = 0.35, 0.07  # when a held key repeats [s]
 _SLIDERS = ("material.eta_star", "material.viscosity", "impact.velocity", "compression.pressure", "wall.a")
 _BUTTONS = (("space", "drop / pause"), ("r", "to the start"), ("h", "hit again"), ("b", "scene <"), ("n", "scene >"))
-# GGUI has no other letters.
+# GGUI can show only ASCII.
 _ASCII = str.maketrans({"η": "eta", "ξ": "xi", "μ": "mu", "·": "*", "²": "2", "°": " deg", "−": "-", "×": "x"})
 
 
@@ -65,9 +65,9 @@ class Viewer:
         add("p w", "save a picture, the scene", self._save, ".png", ".yaml")
         add("Tab", "these keys", self._toggle, "keys")
         add("q", "close the window", self._toggle, "close")
-        self._modes: set[str] = set()  # of "follow", "keys" and "close"
-        self._at = (0.0, 0.0)  # where the mouse is [px]
-        # What a pressed mouse does at (x, y) [R]; the third value says that it has been released.
+        self._modes: set[str] = set()  # those of "follow", "keys" and "close" that are on
+        self._at = (0.0, 0.0)  # position of the mouse [px]
+        # Action of the pressed mouse at (x, y) [R]; the third argument says whether it has been released.
         self._drag: Callable[[float, float, bool], None] | None = None
         self._repeat = 0.0  # when held keys act again
         self._bonds: Any = None  # of the lattice that `painter` is for
