@@ -326,6 +326,9 @@ def test_what_the_mouse_pulled_cannot_be_made_again_and_its_energy_is_no_imbalan
     sandbox.scrub(0.9 * untouched)
     sandbox.pause()
     assert not sandbox.time.display.segment.label
+    to_the_end(sandbox)
+    sandbox.pull(0.0, 9.0)  # time goes on, as for every change
+    assert not sandbox.paused and sandbox.advance(0.1) > 0 and sandbox.status == "disturbed"
 
 
 @pytest.mark.parametrize("change", ["hit", "rewind", "start"])
