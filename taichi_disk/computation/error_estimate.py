@@ -24,7 +24,7 @@ HALF_STEP, QUARTER_STEP = 2.0, 4.0  # the same ratios of the further runs if err
 LONGER_STEP, LONGER_FROM = 0.95, 0.75
 # Ratio of the stated error to the error by Richardson's extrapolation, for each assumed order. Order 1 has a reserve.
 ERROR_SAFETY = {1: 1.5, 2: 2.0, 4: 2.0}
-JUMPS_SAFETY = 2.0  # further factor at order 1 for secondary results: along the wall they jump
+SECONDARY_SAFETY = 2.0  # further factor for results other than the primary one, which converge less regularly
 UNRESOLVED_PART = 0.5  # smallest stated error over the worst energy imbalance, if the step does not resolve the wall
 ROUNDING = 1e-14  # rounding error of sums over many steps
 IRREGULAR_FROM = 0.51  # ratio of the step to the step that resolves the wall, from which errors fall irregularly
@@ -73,7 +73,7 @@ def second_run(driver: Driver) -> SecondRun:
     order, primary = _order(driver), scenario.primary(columns)[0]
     for name in [name for name in scales if all(name in one for one in (found, *(results for _, results in others)))]:
         difference = max(richardson(found[name], dt, results[name], other_dt, order) for other_dt, results in others)
-        safety = ERROR_SAFETY[order] * (JUMPS_SAFETY if order == 1 and name != primary else 1.0)
+        safety = ERROR_SAFETY[order] * (SECONDARY_SAFETY if name != primary else 1.0)
         errors[name] = max(safety * difference, least * scales[name]) + sampling.get(name, 0.0)
     errors[primary] += scenario.end_truncation_error(columns)
     return SecondRun(errors, x)
@@ -94,13 +94,10 @@ def _sampling_errors(scenario: Scenario, columns: Columns) -> dict[str, float]:
 
 
 def _is_irregular(driver: Driver) -> bool:
-    """Return whether errors fall irregularly: with friction, or if a step crosses much of the wall's decay length."""
-    return driver.scenario.model.has_friction or driver.step.dt > IRREGULAR_FROM * driver.scenario.wall_step
-
-
-def _slides(driver: Driver) -> bool:
-    """Return whether a point has slid from one spring of a wall to the next, where the force jumps."""
-    return bool(driver.columns["sliding"].any())
+    """Return whether errors fall irregularly: if forces jump, or if a step crosses much of the wall's decay length."""
+    scenario = driver.scenario
+    jumps = scenario.model.has_friction or driver.columns["sliding"].any()  # from spring to spring of a wall
+    return bool(jumps or driver.step.dt > IRREGULAR_FROM * scenario.wall_step)
 
 
 def _other_steps(driver: Driver) -> list[float]:
@@ -108,16 +105,14 @@ def _other_steps(driver: Driver) -> list[float]:
     step, interval = driver.step, driver.scenario.model.reset_interval
     if _is_irregular(driver):
         return [fitted(step.dt / ratio, interval) for ratio in (HALF_STEP, QUARTER_STEP)]
-    if _slides(driver):
-        return [fitted(step.dt / HALF_STEP, interval)]
     limit = driver.control.limit(step.integrator, driver.largest_force)
     longer = fitted(LONGER_STEP * limit, interval)
     return [longer if step.dt > LONGER_FROM * limit and longer > step.dt else fitted(step.dt / STEP_RATIO, interval)]
 
 
 def _order(driver: Driver) -> int:
-    """Return the assumed order of the error: 1 if errors are irregular or forces jump."""
-    return 1 if _is_irregular(driver) or _slides(driver) else driver.step.integrator.order
+    """Return the assumed order of the error."""
+    return 1 if _is_irregular(driver) else driver.step.integrator.order
 
 
 def within_tolerance(driver: Driver, run: Callable[[Any], Driver]) -> tuple[Driver, SecondRun]:
