@@ -18,7 +18,7 @@ def process() -> None:
     from taichi_disk.runtime import leave
 
     os.environ["MPLBACKEND"] = "agg"  # draws into files; the user's backend may need a display or not exist
-    gc.set_threshold(100_000)  # the default threshold costs 3 % of a run, and nothing is collected
+    gc.set_threshold(100_000)  # collecting at the default threshold costs 3 % of a run and frees nothing
     for stream in (sys.stdout, sys.stderr):
         if stream is not None:  # a closed stream is None
             stream.reconfigure(errors="replace")  # type: ignore[union-attr]  # a CP1252 console cannot show η

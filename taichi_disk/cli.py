@@ -230,12 +230,12 @@ def _parser() -> argparse.ArgumentParser:
     add = command("view", _view, "play with a scene on a page in the browser, or in a window")
     scenes = f"{_shipped()}; or a folder of scenes"
     _add_scene(add, scenes, out="out/view", nargs="?", default="exponential_wall")
-    add("--no-open", dest="open", action="store_false", help="print the address of the page, and open no browser")
+    add("--no-open", dest="open", action="store_false", help="print the address of the page, but do not open a browser")
     add("--host", default="127.0.0.1", help="address of the server (default: 127.0.0.1, this machine only)")
     add("--port", type=partial(_count, most=65_535), default=0, metavar="P", help="port (default: a free one)")
     either = commands.choices["view"].add_mutually_exclusive_group()
     either.add_argument("--browser", action="store_true", help="serve a page (the default)")
-    either.add_argument("--window", action="store_true", help="open a window of the desktop instead; needs Vulkan")
+    either.add_argument("--window", action="store_true", help="open a window on the desktop instead; needs Vulkan")
 
     add = command("render", _render, "film a finished run again, or up to four runs side by side")
     add("folder", type=_path, metavar="DIR", help="folder of the run")

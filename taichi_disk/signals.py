@@ -36,7 +36,7 @@ def raise_if_interrupted() -> None:
 
 
 def interruptible(function: Callable[..., T], *arguments: Any) -> T:
-    """Return the value of `function`, or raise KeyboardInterrupt at once after a signal, while the function goes on."""
+    """Return the value of `function`. A signal raises KeyboardInterrupt at once, although the function goes on."""
     # The function runs in a thread of its own, because a long call of SciPy cannot be interrupted.
     if threading.current_thread() is not threading.main_thread():
         return function(*arguments)

@@ -22,7 +22,7 @@ from taichi_disk.signals import raise_if_interrupted
 from taichi_disk.simulation.observables import as_columns
 from taichi_disk.simulation.simulation import shared_kernels
 
-FRACTIONS = (0.95, 0.8, 0.6, 0.4, 0.2, 0.1, 0.05)  # steps over the stability limit
+FRACTIONS = (0.95, 0.8, 0.6, 0.4, 0.2, 0.1, 0.05)  # steps as fractions of the stability limit
 REPEATS = 3
 ENERGY_SAMPLES = 200  # number of samples of the energy imbalance
 REFERENCE_RTOL = 1e-11
@@ -34,15 +34,15 @@ class StepError:
 
     integrator: str
     is_default: bool  # whether `run` would choose this step
-    fraction: float  # step over the stability limit
+    fraction: float  # step as a fraction of the stability limit
     dt: float  # [R/c]
     steps: int
     seconds: float  # shortest of REPEATS runs, without compilation
     ns_per_spring_and_step: float
     error: float  # error of the primary result
     trajectory_error: float  # largest error of a coordinate at the end [R]
-    closing_imbalance: float  # energy imbalance at the end, over the energy scale of the scene
-    worst_imbalance: float  # largest energy imbalance, over the energy scale of the scene
+    closing_imbalance: float  # energy imbalance at the end, relative to the energy scale of the scene
+    worst_imbalance: float  # largest energy imbalance, relative to the energy scale of the scene
 
 
 class StepStudy:

@@ -32,7 +32,7 @@ MAX_POINTS = 200_000  # largest disk of a refinement, except for the first
 HARDNESS_FACTORS = (3.0, 10.0)  # factors of wall.a
 VISCOSITY = "material.viscosity"
 SAMPLE, POINTS, WALL = "lattice sample", "points", "wall hardness"
-SIGNIFICANCE = 2.0  # a difference of more lattice scatters is an effect of the number of points
+SIGNIFICANCE = 2.0  # in lattice scatters: a larger difference is an effect of the number of points
 COMPILE_TIME = 5.0  # typical time of a compilation [s]
 COLOURS = dict(zip(INTEGRATORS, (BLUE, RED, GREEN, ORANGE, PINK), strict=False))  # colours of the integrators
 TABLE_WIDTH = 120  # width of a printed table without a terminal

@@ -178,7 +178,7 @@ class Result:
         if name not in QUANTITIES:
             raise InputError(f"no quantity {name!r}; there are {', '.join(QUANTITIES)}")
         if at not in ("own", "points"):
-            raise InputError(f'at: must be "own", the triangles or springs of the quantity, or "points", not {at!r}')
+            raise InputError(f'at: must be "own" (values on triangles or springs) or "points", not {at!r}')
         _, x, v = self.state(t)
         return field(name, self.lattice, self.scenario.model.springs, x, v, at)
 
@@ -286,8 +286,8 @@ class Result:
             beside: up to three other runs, to be shown at the right.
             progress: called as for `run`.
             at: the moment of a picture: a time [R/c], "greatest" (compression), "contact" (the first) or "end".
-            start: where a film begins, a moment like `at`; by default with the run.
-            end: where it ends; by default with the run.
+            start: moment at which a film begins, like `at`; by default the start of the run.
+            end: moment at which it ends; by default the end of the run.
             video: keys of a scene's `video` section in place of the scene's own, as `colour="shear"`.
 
         Raises InputError for a wrong key or moment, TaichiDiskError if no film can be drawn or written.

@@ -36,7 +36,7 @@ def lattice_count(own: OwnStart, outcome: Outcome, asked: int | None) -> tuple[i
     if count == LATTICES:
         return count, []
     found = f"only {count} lattices were computed" if count > 1 else "no other lattices were computed"
-    return count, [f"{found}, which takes long here: lattices={LATTICES} shows how far the result depends on them"]
+    return count, [f"{found}, because more take long; lattices={LATTICES} shows how much the result depends on them"]
 
 
 def affordable(outcome: Outcome) -> int:
@@ -51,7 +51,7 @@ def affordable(outcome: Outcome) -> int:
 
 
 def compare_lattices(scene: Scene, outcome: Outcome, count: int, progress: Progress, force: bool) -> dict[str, Any]:
-    """Compute the results on `count` lattices, of the scene's seed and the next ones, for summary.json.
+    """Compute the results on `count` lattices with consecutive seeds, from the scene's on, for summary.json.
 
     Returns `seeds` and, for each result, its `values`, `mean` and `standard_deviation`. Seeds without a result are left
     out and named in the warnings of the outcome's summary.

@@ -42,7 +42,7 @@ def results_time(columns: Columns) -> float:
 
 
 def vibration_left(columns: Columns) -> float:
-    """Return the energy of the vibration at `results_time`, kinetic and elastic, over that of the flight at t = 0."""
+    """Return the vibration's energy at `results_time`, kinetic and elastic, over the flight's energy at t = 0."""
     stored = columns["vibration"] + columns["elastic"]
     return float((np.interp(results_time(columns), columns["t"], stored) - stored[0]) / columns["translation"][0])
 

@@ -161,7 +161,7 @@ def gone_through(lattice: Lattice, model: Model, x: Array, energy: float) -> boo
 def explained(scenario: Scenario, dt: float, part: float, x: Array, lost: str) -> str:
     """Return a message on what was `lost` after the last valid row, with advice.
 
-    `dt` [R/c] is the step, `part` is `dt` over the stability limit, and `x` (n, 2) [R] are the positions at that row.
+    `dt` [R/c]: the step; `part`: `dt` as a fraction of the stability limit; `x` (n, 2) [R]: positions at that row.
     """
     lattice, model = scenario.lattice, scenario.model
     strain = model.springs.strain(lattice, x)

@@ -85,7 +85,7 @@ class Driver:
 
     @property
     def rows(self) -> Array:
-        """Observables of all rows so far (rows, columns), at the distance `interval` in time."""
+        """Observables (rows, columns) of all rows so far, which are `interval` apart in time."""
         return self._rows[: self.count]
 
     @property

@@ -18,20 +18,20 @@ from taichi_disk.lattice import Array
 from taichi_disk.simulation.observables import Columns
 
 # The constants were measured on scenes with a known result: `python -m tests.validation.estimate_trial`.
-STEP_RATIO = 1.25  # step of a run over the shorter step of its second run
-HALF_STEP, QUARTER_STEP = 2.0, 4.0  # the same ratio on a hard wall, and of the third run with friction
+STEP_RATIO = 1.25  # ratio of a run's step to the shorter step of its second run
+HALF_STEP, QUARTER_STEP = 2.0, 4.0  # the same ratios of the further runs if errors fall irregularly
 # The second run has the longer step of 0.95 of the stability limit if the first has at least 0.75 of it.
 LONGER_STEP, LONGER_FROM = 0.95, 0.75
-# Stated error over the difference found by Richardson's extrapolation, by the assumed order. Order 1 has a reserve.
+# Ratio of the stated error to the error by Richardson's extrapolation, for each assumed order. Order 1 has a reserve.
 ERROR_SAFETY = {1: 1.5, 2: 2.0, 4: 2.0}
-JUMPS_SAFETY = 2.0  # further factor at order 1 for secondary results: along the wall they jump
-UNRESOLVED_PART = 0.5  # smallest stated error over the worst energy imbalance if the step does not resolve the wall
+SECONDARY_SAFETY = 2.0  # further factor for results other than the primary one, which converge less regularly
+UNRESOLVED_PART = 0.5  # smallest stated error over the worst energy imbalance, if the step does not resolve the wall
 ROUNDING = 1e-14  # rounding error of sums over many steps
-HALF_FROM = 0.51  # step over the step that resolves the wall, from which a second run halves it
+IRREGULAR_FROM = 0.51  # ratio of the step to the step that resolves the wall, from which errors fall irregularly
 
 SEARCH = 12  # number of steps tried for a tolerance
-TOLERANCE_PART = 0.75  # error that the next step should have, over the tolerance
-LEAST_RATIO, MOST_RATIO = 1.15, 3.0  # step over the next step; a power law cannot be trusted farther than 3
+TOLERANCE_PART = 0.75  # ratio of the error that the next step should have to the tolerance
+LEAST_RATIO, MOST_RATIO = 1.15, 3.0  # ratio of a step to the next; a power law is not reliable beyond 3
 
 
 class SecondRun(NamedTuple):
@@ -42,15 +42,14 @@ class SecondRun(NamedTuple):
 
 
 def richardson(result: float, dt: float, other_result: float, other_dt: float, order: int) -> float:
-    """Return the error of `result` at the step `dt`, if errors are C dt^order, from the result of another run."""
+    """Return the error of `result` at the step `dt` from the result of another run, if errors are C dt^order."""
     return abs(result - other_result) / abs((other_dt / dt) ** order - 1.0)
 
 
 def second_run(driver: Driver) -> SecondRun:
-    """Run the finished scene of `driver` again with another step and, with friction, once more with a third."""
-    # While a step crosses much of the wall's decay length 1/a at the speed of the impact, the error stays at a plateau
-    # that differences do not show; the estimate is then at least a fraction of the worst energy imbalance. With
-    # friction errors fall in jumps, and two results may agree by chance, so the larger of two differences counts.
+    """Run the finished scene of `driver` again with another step and, if errors fall irregularly, with a third."""
+    # Irregular errors may agree by chance, so the larger of two differences counts. On the hardest walls the error also
+    # stays at a plateau, which differences do not show: the estimate is at least a fraction of the worst imbalance.
     scenario, columns, dt = driver.scenario, driver.columns, driver.step.dt
     others: list[tuple[float, dict[str, float]]] = []
     x = driver.start.vectors[0]
@@ -74,7 +73,7 @@ def second_run(driver: Driver) -> SecondRun:
     order, primary = _order(driver), scenario.primary(columns)[0]
     for name in [name for name in scales if all(name in one for one in (found, *(results for _, results in others)))]:
         difference = max(richardson(found[name], dt, results[name], other_dt, order) for other_dt, results in others)
-        safety = ERROR_SAFETY[order] * (JUMPS_SAFETY if order == 1 and name != primary else 1.0)
+        safety = ERROR_SAFETY[order] * (SECONDARY_SAFETY if name != primary else 1.0)
         errors[name] = max(safety * difference, least * scales[name]) + sampling.get(name, 0.0)
     errors[primary] += scenario.end_truncation_error(columns)
     return SecondRun(errors, x)
@@ -94,22 +93,26 @@ def _sampling_errors(scenario: Scenario, columns: Columns) -> dict[str, float]:
     return errors
 
 
+def _is_irregular(driver: Driver) -> bool:
+    """Return whether errors fall irregularly: if forces jump, or if a step crosses much of the wall's decay length."""
+    scenario = driver.scenario
+    jumps = scenario.model.has_friction or driver.columns["sliding"].any()  # from spring to spring of a wall
+    return bool(jumps or driver.step.dt > IRREGULAR_FROM * scenario.wall_step)
+
+
 def _other_steps(driver: Driver) -> list[float]:
     """Return the steps [R/c] of the other runs: shorter ones, or a longer one, which costs less, if that is stable."""
     step, interval = driver.step, driver.scenario.model.reset_interval
-    if driver.scenario.model.has_friction:
-        return [step.dt / HALF_STEP, step.dt / QUARTER_STEP]
-    if step.dt > HALF_FROM * driver.scenario.wall_step:
-        return [fitted(step.dt / HALF_STEP, interval)]
+    if _is_irregular(driver):
+        return [fitted(step.dt / ratio, interval) for ratio in (HALF_STEP, QUARTER_STEP)]
     limit = driver.control.limit(step.integrator, driver.largest_force)
     longer = fitted(LONGER_STEP * limit, interval)
     return [longer if step.dt > LONGER_FROM * limit and longer > step.dt else fitted(step.dt / STEP_RATIO, interval)]
 
 
 def _order(driver: Driver) -> int:
-    """Return the order of the error: 1 if forces jump, by friction or where points slide between springs of a wall."""
-    jumps = driver.scenario.model.has_friction or driver.columns["sliding"].any()
-    return 1 if jumps else driver.step.integrator.order
+    """Return the assumed order of the error."""
+    return 1 if _is_irregular(driver) else driver.step.integrator.order
 
 
 def within_tolerance(driver: Driver, run: Callable[[Any], Driver]) -> tuple[Driver, SecondRun]:

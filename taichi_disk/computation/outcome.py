@@ -23,7 +23,7 @@ from taichi_disk.simulation.observables import Columns, split
 from taichi_disk.simulation.simulation import shared_kernels
 
 ESTIMATE_UP_TO = 1.3e9  # a run with more spring evaluations (some 5 s) gets no second run for an error estimate
-REST_CAUTION = 1.1  # stated error over the distance from Newton's equilibrium
+REST_CAUTION = 1.1  # ratio of the stated error to the distance from Newton's equilibrium
 ROUNDING = 1e-11  # approximate error of xi by rounding and by the solver's tolerance [R]
 LOADS = 24  # number of equilibria of a quasi-static loading; a film hardly changes from one to the next
 
@@ -61,7 +61,7 @@ def compute(
         modes: returns the spectrum of the lattice and the model.
         force: whether to accept a user's step beyond the stability limit.
         estimate: whether a second run estimates the error and counts inverted triangles, unless that takes long.
-        loads: number of equilibria of a quasi-static loading; 1: only the full load, bitwise the same.
+        loads: number of equilibria of a quasi-static loading; 1: only the full load, with bitwise the same result.
         say: receives the cost of a long run before it begins.
 
     Raises InputError if the user's step is beyond the stability limit, SimulationError if the scene does not end in

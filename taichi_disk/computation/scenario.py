@@ -88,7 +88,7 @@ class Scenario(ABC):
         return next(iter(self.result(columns).items()))
 
     def end_truncation_error(self, columns: Columns) -> float:
-        """Return how much the primary result would change if a finished scene went on; the step does not matter."""
+        """Return how much the primary result would change if a finished scene went on, whatever the step."""
         return 0.0
 
     def energy_scale(self, columns: Columns) -> float:

@@ -1,9 +1,9 @@
 """The largest stable time step, and one that resolves resets, from the lattice, the dashpots and the wall.
 
-Without damping a step is stable while h omega, at the highest frequency omega, is below the integrator's own limit. The
-wall adds the stiffness a F of the point that carries the force F, at most to the point's own mass: omega^2 <=
-omega_lattice^2 + a F/m (twice that for an elastic wall, where two points of mass m approach each other). Trapezoidal
-dashpots do not lower the limit; predicted ones do, see `explicit_limit`.
+Without damping a step h is stable if h omega is below the integrator's limit, where omega is the highest frequency. A
+wall that exerts the force F on a point adds at most the stiffness a F at this point: omega^2 <= omega_lattice^2 + a F/m
+(2 a F/m for an elastic wall, where two points of mass m approach each other). Trapezoidal dashpots do not lower the
+limit; predicted ones do, see `explicit_limit`.
 """
 
 from __future__ import annotations
@@ -18,8 +18,8 @@ from taichi_disk.lattice.network import laplacian, largest_eigenvalue
 from taichi_disk.physics import Model
 from taichi_disk.signals import interruptible
 
-# Largest force on one point over the force on a point of a smooth rim. Measured: 0.06 to 1.5, with 0.005 <= v <= 0.1,
-# 30 <= a <= 30,000 and N = 300, 1099, 4000. The margin of an automatic step allows another factor of 1.4.
+# Ratio of the largest force on one point to the force on a point of a smooth rim. Measured: 0.06 to 1.5, with
+# 0.005 <= v <= 0.1, 30 <= a <= 30,000 and N = 300, 1099, 4000. The margin of an automatic step allows another 1.4.
 ROUGHNESS = 1.2
 MODULUS = 1.2  # Young's modulus over `Springs.modulus`, for estimates of contact forces
 

@@ -2,9 +2,9 @@
 
 | reason to shorten | by how much | at most |
 |---|---|---|
-| the run blew up | by half, or to what the measured force of the wall requires | 5 times |
-| the step exceeds 0.95 of the limit with the measured force | to what 1.5 times that force requires | 8 runs |
-| the energy imbalance exceeds 2e-5 at the end or 1e-4 ever | as order 2 requires, up to 4 | if each run halves it |
+| the run blew up | to a half, or to the step that the measured force of the wall requires | 5 times |
+| the step exceeds 0.95 of the limit with the measured force | to the step that 1.5 times that force requires | 8 runs |
+| the energy imbalance exceeds 2e-5 at the end or 1e-4 ever | as order 2 requires, by up to 4 | if each run halves it |
 | the estimated error exceeds `time.tolerance` | as the order requires, by 1.15 to 3 | 12 times: `error_estimate` |
 """
 
@@ -21,8 +21,8 @@ from taichi_disk.errors import InputError
 from taichi_disk.integrators import AUTOMATIC, INTEGRATORS, Integrator
 from taichi_disk.simulation.observables import Columns
 
-LIMIT_MARGIN = 0.95  # largest automatic step over the stability limit with the measured force of the wall
-FORCE_SAFETY = 1.5  # force for which the next step is chosen, over the measured force of the wall
+LIMIT_MARGIN = 0.95  # largest automatic step, as a fraction of the stability limit with the measured wall force
+FORCE_SAFETY = 1.5  # ratio of the force for which the next step is chosen to the measured force of the wall
 MAX_ATTEMPTS = 8
 MAX_BLOW_UPS = 5  # a disk that has dented the wall blows up at any step
 RESET_ERROR = 2e-5  # error of e that resets combined with dashpots may cause at an automatic step
@@ -73,7 +73,7 @@ class StepControl:
         return TimeStep(integrator, self.limit(integrator, self._point_force), fitted(dt, model.reset_interval))
 
     def _longest(self, integrator: Integrator) -> float:
-        """Return the largest step [R/c] within the safety margin; if automatic, it also resolves resets."""
+        """Return the largest step [R/c] within the safety margin; an automatic step also resolves resets."""
         stable = self._safety * self.limit(integrator, self._point_force)
         if self.time.dt != "auto":
             return stable

@@ -11,7 +11,7 @@ if TYPE_CHECKING:
 
 PROCESS, POINT = 3e8, 2e3  # bytes of a process and of each point; measured with 1,099 to 2,000,000 points
 LONG_RUN = 60.0, 1e7  # [s], number of steps; a longer run is announced
-EXPLICIT, IMPLICIT = 4e-9, 20e-9  # [s] for one spring force on one core, with explicit and implicit dashpots
+FORCE_TIME = 4e-9  # [s] for one spring force on one core
 PART_OF_LIMIT = 0.1  # fraction of the default time limit after which scenes usually end
 
 
@@ -27,13 +27,11 @@ def duration(seconds: float) -> str:
 
 
 def announcement(driver: Driver) -> str | None:
-    scenario, step = driver.scenario, driver.step
+    scenario, step, points = driver.scenario, driver.step, len(driver.scenario.lattice.positions)
     steps, springs = PART_OF_LIMIT * scenario.max_time / step.dt, len(scenario.lattice.bonds)
-    implicit = step.integrator.dashpots == "implicit" and scenario.model.springs.damped
     parallel = cores() if driver.simulation.subdomains > 1 else 1
-    seconds = steps * springs * step.integrator.forces * (IMPLICIT if implicit else EXPLICIT) / parallel
+    seconds = steps * springs * step.integrator.cost(points) * FORCE_TIME / parallel
     if seconds < LONG_RUN[0] and steps < LONG_RUN[1]:
         return None
-    size = memory(len(scenario.lattice.positions)) / 1e9
-    text = f"this will take about {duration(seconds)} and {size:.1f} GB of memory"
+    text = f"this will take about {duration(seconds)} and {memory(points) / 1e9:.1f} GB of memory"
     return f"{text}: some {steps:.0e} steps of {step.dt:.2g} R/c for {springs:,} springs".replace("e+0", "e")

@@ -101,7 +101,7 @@ class LatticeSection(Section):
     points: int = key(1099, "number of mass points N of the disk", low=3, high=2_000_000)
     seed: int = key(0, "seed of the random points; the same seed gives the same lattice", high=2**32 - 1)
     rim: bool = key(True, "evenly spaced points on the circle; false: random points only")
-    min_spacing: float = key(0.7, "least distance of random points, in hexagonal spacings; 0: none", high=0.75)
+    min_spacing: float = key(0.7, "smallest distance of random points, in hexagonal spacings; 0: none", high=0.75)
     hole: float = key(0.0, "radius of a concentric hole; 0: none", "R", high=0.95)
     core_radius: float = key(0.0, "radius of a concentric core of another material; 0: none", "R", high=0.95)
     core_stiffness: float = key(1.0, "factor of k_a, k_b and eta in the core", low=1e-3, high=1e3)
@@ -203,7 +203,7 @@ class TimeSection(Section):
     dt: Auto | float = key("auto", "time step; auto: safety times the largest stable step", "R/c", low=1e-9, high=1e3)
     safety: float = key(0.8, "fraction of the largest stable step", low=1e-6, high=1)
     tolerance: Literal["none"] | float = key(
-        "none", "largest time-step error of e, or of xi [R], absolute; the run adapts its step", low=1e-10, high=1e-2
+        "none", "largest absolute time-step error of e, or of xi [R]; the run adapts its step", low=1e-10, high=1e-2
     )
     sample_interval: Auto | float = key("auto", "time between two rows of timeseries.csv", "R/c", low=1e-9, high=1e6)
 
@@ -215,7 +215,7 @@ class VideoSection(Section):
     colour: Colour = key("shear", "quantity shown in colour")
     draw: Draw = key("both", "what is drawn; both: coloured field and springs")
     theme: Theme = key("light", "background of pictures")
-    magnify: Auto | float = key("auto", "factor on drawn displacements; auto: disk flattened 0.05 R", low=1, high=1000)
+    magnify: Auto | float = key("auto", "factor on displacements; auto: disk looks 0.05 R flatter", low=1, high=1000)
     panel: bool = key(True, "curves of v_cm, wall force and energies beside the disk (16:9); from size 360 on")
     supersample: float = key(1.0, "samples per pixel width; 2: smoothest and slowest", low=1, high=2, step=0.5)
     format: Literal["mp4", "webm", "gif", "html", "png"] = key("mp4", "html: page with player; png: folder of pictures")

@@ -21,7 +21,7 @@ def cache_folder() -> Path:
 
 
 def is_writable(folder: Path) -> bool:
-    """Whether `folder` can be made and written into. Tried out, because permissions do not tell (root, /proc)."""
+    """Whether `folder` can be made and written into. Tried out: permissions are not reliable (root, /proc)."""
     try:
         folder.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryFile(dir=folder):

@@ -49,7 +49,7 @@ def apply(ti: Any) -> None:
 
 
 def remove_stale_lock() -> None:
-    """Remove the lock that a killed process has left in the cache, with which Taichi would never use the cache."""
+    """Remove the lock that a killed process has left in the cache, because Taichi would not use a locked cache."""
     lock = cache_folder() / "ticache.lock"
     with suppress(OSError):  # there is no lock, or another process has removed it
         if time.time() - lock.stat().st_mtime > STALE:

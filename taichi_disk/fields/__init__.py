@@ -79,13 +79,14 @@ def field(name: str, lattice: Lattice, springs: Springs, x: Array, v: Array, at:
     - strain, force: of each spring, positive if stretched.
     - speed, kinetic: of each point; for the disk, relative to its centre of mass.
     """
-    kind, compute = QUANTITIES[name], _values if at == "own" else at_points
+    kind, compute = QUANTITIES[name], own_values if at == "own" else at_points
     values = compute(name, Triangles(lattice), springs, x, v)
     place = kind.on if at == "own" else "points"
     return Field(fringes(0.5 * values) if name == "fringes" else values, place, kind.unit)
 
 
-def _values(name: str, triangles: Triangles, springs: Springs, x: Array, v: Array) -> Array:
+def own_values(name: str, triangles: Triangles, springs: Springs, x: Array, v: Array) -> Array:
+    """Return the quantity `name` on the triangles, springs or points to which it belongs; of fringes twice shear."""
     lattice = triangles.lattice
     if name == "pressure":
         return pressure(stress(triangles, springs, x))
@@ -106,16 +107,16 @@ def _values(name: str, triangles: Triangles, springs: Springs, x: Array, v: Arra
 
 
 def at_points(name: str, triangles: Triangles, springs: Springs, x: Array, v: Array) -> Array:
-    """Return the quantity `name` averaged to the points (n,), between which pictures interpolate.
+    """Return the quantity `name` averaged to the points (n,); pictures interpolate between these values.
 
-    Triangles around a point are weighted with their areas, springs at a point equally. Shear is that of the mean
-    stress. For "fringes" the result is twice the shear, the argument of `fringes`.
+    Triangles around a point are weighted with their areas, springs at a point equally. Shear is computed from
+    the averaged stress. For "fringes" the result is twice the shear, the argument of `fringes`.
     """
     if name in ("pressure", "shear"):
         return (pressure if name == "pressure" else shear)(point_stress(triangles, springs, x))
     if name == "rate":
         return -triangles.around(triangles.area_rates(x, v)) / triangles.areas_around(x)
-    values = _values(name, triangles, springs, x, v)
+    values = own_values(name, triangles, springs, x, v)
     if QUANTITIES[name].on == "springs":
         ends, n = triangles.lattice.bonds.ravel(), len(x)
         return np.bincount(ends, np.repeat(values, 2), n) / np.maximum(np.bincount(ends, minlength=n), 1)

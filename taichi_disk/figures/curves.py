@@ -23,7 +23,7 @@ from taichi_disk.output.inline import Plot
 from taichi_disk.output.plot import STYLE, SUM, matplotlib_style
 from taichi_disk.scenes import Scene
 from taichi_disk.scenes.compression import exact_compression, paper_compression
-from taichi_disk.scenes.sweep_axes import Sweep, target_of
+from taichi_disk.scenes.sweep_axes import target_of
 
 Row = dict[str, Any]
 # Keys in the summary of a curve that follow its label.
@@ -193,14 +193,6 @@ def _parameters(fit: dict[str, Any]) -> str:
 
 
 # ---- drawing, as wide as a column of a journal
-
-
-def figure_of(sweep: Sweep, rows: Sequence[Row], out: Path) -> list[dict[str, Any]]:
-    """Draw the figure of a sweep from rows of points.csv into `out`; return the curves for summary.json, if any."""
-    curves = analyse(sweep.scenes[0], sweep.axes, rows)
-    if curves:
-        draw(sweep.scenes[0], curves, out)
-    return [curve.summary() for curve in curves]
 
 
 def draw(scene: Scene, curves: list[Curve], out: Path) -> None:

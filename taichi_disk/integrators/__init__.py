@@ -52,12 +52,12 @@ class Integrator:
 
     @property
     def observed_kick(self) -> float:
-        """Last part of the step, as a fraction of h: the force of its end turns stepped into observed velocities."""
+        """Kick [h] with the force at a step's end that turns the stepped into the observed velocities."""
         return self.kicks[-1] - self.correction
 
     @property
     def stages(self) -> tuple[tuple[float, float, float], ...]:
-        """Kick and move [h] before each force, and c of a shift by c h^2 f/m."""
+        """(kick [h], move [h], c) before each force; c is the factor of a shift by c h^2 f/m."""
         # The first kick includes the last kick of the step before.
         kicks = (self.kicks[-1] + self.kicks[0], *self.kicks[1:-1])
         shifted = ((0.0, 0.0, self.correction),) if self.correction else ()

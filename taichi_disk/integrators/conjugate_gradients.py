@@ -1,8 +1,8 @@
 """Solve for the trapezoidal dashpots of a large lattice by conjugate gradients instead of a factor.
 
-In a larger lattice, a Cholesky factor has more entries per point. The matrix (see `trapezoidal`) is well conditioned: 3
-at 5,000 points of the same body, 10 at 100,000. With the diagonal as preconditioner and the velocity extrapolated from
-the last five steps as first guess, three or four iterations suffice.
+In a larger lattice, a Cholesky factor has more entries per point. The matrix (see `trapezoidal`) has a small condition
+number: 3 at 5,000 points of the same body, 10 at 100,000. With the diagonal as preconditioner and the velocity
+extrapolated from the last five steps as first guess, three or four iterations suffice.
 """
 
 from dataclasses import dataclass

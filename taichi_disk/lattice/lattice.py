@@ -294,7 +294,7 @@ def disk_of(lattice: Lattice) -> Lattice:
 
 
 def disk_rows(arrays: Mapping[str, Any], n: int) -> dict[str, Any]:
-    """Return the rows that belong to the first `n` points, of those `arrays` of a lattice that are not None."""
+    """Return the rows of the first `n` points for each of a lattice's `arrays` that is not None."""
     rows: dict[str, Any] = dict.fromkeys(("positions", "masses"), slice(n))
     for key, names in (("bonds", ("bonds", "rest_lengths", "stiffness")), ("triangles", ("triangles",))):
         if arrays.get(key) is not None:

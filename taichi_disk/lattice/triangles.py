@@ -12,7 +12,7 @@ Indices = NDArray[np.int32]
 Long = NDArray[np.int64]
 
 _MIN_HEIGHT = 1e-9  # height over longest side; a flatter triangle is three points on a line
-_MAX_OUTER_SIDE = 3.0  # a triangle with a longer outer side is a sliver, in median springs
+_MAX_OUTER_SIDE = 3.0  # in median springs; a triangle with a longer outer side is a sliver
 _SLIVER_HEIGHT = 0.25  # height over outer side; a flatter triangle is a sliver
 MAX_SPRING = 5.0  # longest spring without a gap, in median springs; lattices of random points have up to 4.4
 
@@ -43,7 +43,7 @@ def centred(x: Array) -> Array:
 
 def triangles_of(x: Array, springs: Long) -> tuple[Long, Long]:
     """Return two tilings (t, 3): Delaunay triangles with springs on all sides, and all triangles of springs."""
-    # The first is right even if springs cross, the second only if none do.
+    # The first tiling is right even if springs cross, the second only if no springs cross.
     later: list[set[int]] = [set() for _ in x]
     pairs = np.sort(springs, axis=1)
     for i, j in pairs.tolist():

@@ -15,7 +15,7 @@ from taichi_disk.errors import TaichiDiskError, pip_install
 from taichi_disk.scenes import Scene, load_scene
 from taichi_disk.simulation.simulation import KernelCache
 from taichi_disk.web.drawing import DRAWING, bundle, source
-from taichi_disk.window.app import presets
+from taichi_disk.window.app import list_presets
 from taichi_disk.window.audience import Audience, Message, Visitor
 from taichi_disk.window.sandbox import Result
 from taichi_disk.window.session import Session
@@ -35,7 +35,7 @@ class Sandbox(AnyWidget):
         from taichi_disk.notebook import Sandbox
         Sandbox("exponential_wall", ["material.eta_star=30"])
 
-    It moves while no cell runs, and while it is seen.
+    The disk moves only while no cell runs and the widget is visible.
     """
 
     height = traitlets.Int(760).tag(sync=True)
@@ -45,7 +45,7 @@ class Sandbox(AnyWidget):
         runtime.start()
         first = scene if isinstance(scene, Scene) else load_scene(scene, overrides)
         with runtime.alone():
-            self._session = Session(presets(first), KernelCache())
+            self._session = Session(list_presets(first), KernelCache())
         self._audience = Audience(self._session, all_play=True)
         self._views: dict[float, Visitor] = {}
         self._running: asyncio.Task[None] | None = None
@@ -55,7 +55,7 @@ class Sandbox(AnyWidget):
         self.on_msg(self._hear)
 
     def _hear(self, _: Any, message: Any, buffers: list[bytes]) -> None:
-        """Let a view open, close, or send what a page sends."""
+        """Handle a message of a view: it opens, closes, or sends a command as a page does."""
         name = message.pop("visitor")
         if message["do"] == "open":
             self._views[name] = self._audience.join(partial(self._show, name))
@@ -80,10 +80,10 @@ class Sandbox(AnyWidget):
 
     @property
     def scene(self) -> Scene:
-        """The present scene, as it would be saved: it can be given to `run`."""
+        """The present scene as it would be saved, for example for `run`."""
         return self._session.sandbox.scene
 
     @property
     def results(self) -> list[Result]:
-        """The rows of the table of results, the newest last: each has its `value`."""
+        """The rows of the table of results, the newest last; `value` is e or ξ [R]."""
         return self._session.sandbox.results

@@ -185,7 +185,7 @@ def _write_npz(path: Path, scene: DiskScene, lattice: Lattice, frames: Iterator[
 
 
 def _radius(lattice: Lattice) -> float:
-    """Return the radius [R] for programs that draw points as balls: a quarter of a typical spring shows the springs."""
+    """Return a radius [R] at which programs can draw points as balls: a quarter of a spring, so springs are visible."""
     return 0.25 * float(np.median(lattice.rest_lengths))
 
 

@@ -41,10 +41,9 @@ NUMBERED = re.compile(r"\d+(_[a-z]+)?\.(png|vtu)")  # files of a folder that hol
 
 
 def prepare_output(out: Path) -> list[Path]:
-    """Make the folder `out`, or check that the existing one is writable, and return the new folders, outermost first.
+    """Make the folder `out`, or check that the existing one is writable, and return the new folders, innermost first.
 
-    Returns the folders that were made, innermost first. Raises InputError, and leaves nothing behind, if a file is in
-    the way or the place is not writable.
+    Raises InputError, and leaves nothing behind, if a file is in the way or the place is not writable.
     """
     missing: list[Path] = []
     try:

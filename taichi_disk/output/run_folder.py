@@ -8,7 +8,7 @@ from __future__ import annotations
 import os
 import shutil
 from collections.abc import Callable, Iterable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from itertools import chain, count
 from pathlib import Path
@@ -118,9 +118,16 @@ def run_folder(
 
 
 def refuse_place(out: Path) -> None:
-    here = files.holds_working_directory(out)
-    if here or os.path.ismount(out):
-        what = "the current folder" if here else "the mount point of a file system"
+    """Raise InputError if `out` is a folder that no run can replace."""
+    what = ""
+    with suppress(RuntimeError):  # a user without a home
+        if Path.home().resolve().is_relative_to(out.resolve()):
+            what = "your home"
+    if files.holds_working_directory(out):
+        what = "the current folder"
+    elif os.path.ismount(out):
+        what = "the mount point of a file system"
+    if what:
         raise InputError(f"{out} is {what}, which no run can replace: name a folder in it as `out`")
 
 

@@ -113,7 +113,7 @@ class ElasticWall(Wall):
 
     @ti.func
     def sliding_loss(self, state: ti.template(), i, k, move):
-        """Return the energy that point i lost if the last move has brought it above wall spring k from another one."""
+        """Return the energy that point i lost if it passed from another wall spring to spring k in the last move."""
         # On a bent surface the distance l, and with it the potential, jumps when a point passes from one spring to the
         # next. By the trapezoidal rule, half of the jump at each end of the move counts.
         before = self.spring_below(state, i, k, move)

@@ -41,7 +41,7 @@ def put(pair: ti.template(), i, value):
 
 
 def side_by_side(builder: Any, count: int, fields: int, kind: Any = ti.f64) -> tuple[Any, ...]:
-    """Make `fields` fields of `count` numbers, adjacent in memory so that one instruction loads those of an index."""
+    """Make `fields` fields of `count` numbers, adjacent in memory, so that one instruction loads all for an index."""
     made = tuple(ti.field(kind) for _ in range(fields))
     builder.dense(ti.i, count).place(*made)
     return made

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 BLOCK = 8  # springs computed together, so that their square roots and divisions become one vector instruction
-WINDOW = 16  # points whose springs are interleaved; so few stay in the first-level cache
+WINDOW = 16  # points whose springs are interleaved; they fit into the first-level cache
 PARALLEL_FROM = 50_000  # points from which two cores are clearly faster; they break even near 35,000
 MAX_SUBDOMAINS = 8  # most subdomains of a large lattice; each adds a seam, which a single core computes
 MIN_REACHES = 4  # smallest length of a subdomain in units of `reach`, so that few springs cross a seam

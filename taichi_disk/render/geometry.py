@@ -23,7 +23,7 @@ View = tuple[float, float, float, float]
 Shape = tuple[Array, Array]  # corners of triangles (3 k, 2) [R] and their colours (3 k, 3)
 
 ARROW = 0.35  # length of the arrow of `full_force` [R]
-_FADES = np.array([0.0, 0.4, 1.0, 1.8, 3.0, 5.0])  # heights in decay lengths; mixing between them is within 2 %
+_FADES = np.array([0.0, 0.4, 1.0, 1.8, 3.0, 5.0])  # heights [decay lengths]; the haze is interpolated, within 2 %
 FLATTENING = 0.05  # flattening of the drawn disk at automatic magnification [R]
 NOTHING: Shape = np.zeros((0, 2)), np.zeros((0, 3))
 
@@ -92,7 +92,7 @@ def flattening(lattice: Lattice, x: Array) -> float:
 
 
 def magnification(wanted: float | str, flattest: float) -> float:
-    """Return the factor for displacements; "auto" draws the largest flattening `flattest` [R] as FLATTENING."""
+    """Return the factor for displacements; "auto" makes the flattening `flattest` [R] look like FLATTENING."""
     return max(1.0, round_near(FLATTENING / max(flattest, 1e-9))) if wanted == "auto" else float(wanted)
 
 

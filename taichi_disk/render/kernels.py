@@ -15,7 +15,7 @@ _Sample = ti.types.vector(4, ti.f32)
 
 
 def weights(samples: int) -> NDArray[np.float64]:
-    """Return (2, samples): the fraction of each of two adjacent pixels that each of the samples across both covers."""
+    """Return the fractions (2, samples) of two adjacent pixels that each of the samples across both covers."""
     edges = np.arange(samples + 1) * 2.0 / samples
     return np.array([np.diff(np.clip(edges, pixel, pixel + 1)) for pixel in (0, 1)])
 

@@ -20,7 +20,7 @@ Cue = tuple[float, str | None]  # t [R/c] and the last line of text, or None to 
 MOMENTS = {"greatest": "greatest compression", "contact": "first contact", "end": None}
 _PAUSE, _END = 0.06, 0.10  # fractions of a film that pause at the greatest compression and at the end
 _SCALE_TIMES = 12  # number of times before the greatest compression that determine the colour scale
-_PACE_TIMES = 1000  # samples of the whole film's pace, which a film of a part of the run keeps
+_PACE_TIMES = 1000  # samples of the pace of a whole film; a film of a part of the run keeps this pace
 
 
 @dataclass(frozen=True)

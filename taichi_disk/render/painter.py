@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taichi_disk.engine import ti
-from taichi_disk.fields import QUANTITIES, Triangles, at_points
+from taichi_disk.fields import QUANTITIES, Triangles, at_points, own_values
 from taichi_disk.lattice import Array, Lattice
 from taichi_disk.physics import Springs
 from taichi_disk.render import geometry
@@ -24,9 +24,9 @@ get_field_info = import_module(f"{ti.__name__}.ui.utils").get_field_info
 # Sizes are [px] in a picture of 720 pixels.
 _SPRING, _OUTLINE = 0.65, 1.3  # half the widths of a spring on the field and of an outline
 _ARROW, _HEAD, _RIM, _NEXT = 1.8, 4.5, 1.0, 10.0  # widths of an arrow's shaft, half head and rim; distance of arrows
-_FINE, _COARSE = 5.0, 14.0  # distances of points at which springs on the field begin to appear, and appear fully
+_FINE, _COARSE = 5.0, 14.0  # springs on the field fade in between these distances of points
 _WEAK = 0.02  # a force below this fraction of `full_force` has no arrow
-_SEEN = 0.25  # fraction of the springs' ink in the colour of springs on the field
+_SEEN = 0.25  # largest opacity of springs on the field
 _FRINGE_PARTS = 20_000  # approximate number of small triangles into which a coarse lattice is divided for fringes
 
 
@@ -159,7 +159,7 @@ class Painter:
         elif self.draw == "springs":
             # Thin lines suffice if there are few springs, but a line thinner than about a pixel vanishes.
             width = max(min(0.15 * self._spacing * camera.scale, 2.5 * unit), 1.1)
-            each = np.repeat(self.colours(self._of_springs(x, values)), 2, axis=0)
+            each = np.repeat(self.colours(self._of_springs(x, v, values)), 2, axis=0)
             self._springs(canvas, camera, placed, each, width)
         if self.spoke >= 0:
             ends = self.lattice.mean(placed)[None], placed[[self.spoke]]
@@ -194,11 +194,10 @@ class Painter:
         mean = [np.bincount(group, part) / count for part in (*feet.T, *forces.T)]
         return np.stack(mean[:2], axis=1), np.stack(mean[2:], axis=1)
 
-    def _of_springs(self, x: Array, values: Array) -> Array:
-        if self.colour not in ("strain", "force"):
+    def _of_springs(self, x: Array, v: Array, values: Array) -> Array:
+        if QUANTITIES[self.colour].on != "springs":
             return np.asarray(values[self.lattice.bonds].mean(axis=1))
-        law = self.springs.strain if self.colour == "strain" else self.springs.tension
-        return self.normalised(law(self.lattice, x))
+        return self.normalised(own_values(self.colour, self.triangles, self.springs, x, v))
 
     def _springs(self, canvas: Any, camera: Camera, x: Array, colours: NDArray[Any], width: float) -> None:
         out = _put(camera, x[self.lattice.bonds.ravel()], colours)

@@ -77,7 +77,7 @@ def colour_map(theme: str, kind: str, bare: bool = False) -> NDArray[np.float32]
     Args:
         kind: "pressure" (compression, the positive values, is blue), "stretch" (compression, the negative values, is
             blue; both have zero in the middle), "amount" (from zero up), "fringes" (from dark field to light).
-        bare: whether it colours lines and points on the background, from which zero must then differ.
+        bare: whether the map is for lines and points on the background; zero then differs from the background.
     """
     look = THEMES[theme]
     if kind == "fringes":

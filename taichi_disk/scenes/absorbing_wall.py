@@ -60,7 +60,7 @@ class AbsorbingWallScene(ImpactScene):
         return [key for key in super().unused() if key[1] not in of_wall]
 
     def changes_with(self, key: str, value: Any) -> dict[str, Any]:
-        """Return the changes of every scene and, for a softer contact or a slower impact, a larger threshold."""
+        """Return the changes that every scene makes, and a larger `wall.threshold` for a softer or slower contact."""
         # The wall keeps the point density of the disk.
         changes = super().changes_with(key, value)
         if key in ("wall.a", "impact.velocity", "impact.angle"):

@@ -148,7 +148,7 @@ class Compression(Scenario):
         return self.pressure**2 / self.model.springs.modulus
 
     def result(self, columns: Columns) -> dict[str, float]:
-        """Return xi and, extrapolated, the part of it that is due to the end of the last roll."""
+        """Return xi at rest, and the part of xi that is extrapolated from the last roll."""
         # Dashpots slow the last roll down, theta ~ exp(-t/T) with T up to 10^4 R/c. xi - xi_end falls like the angular
         # momentum, so the last rows determine what is missing.
         t, spin = columns["t"], columns["angular_momentum"]

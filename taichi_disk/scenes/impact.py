@@ -35,7 +35,7 @@ MAX_OUTLINE_DEPTH = 0.2  # [radius]: a body with a deeper outline bends more eas
 # Wall potential over kinetic energy at the start and the end of a body with a deeper outline, whose ends swing back to
 # the wall. With 1e-7 the error of e of a rod was 1.5e-6.
 BENDING_POTENTIAL = 1e-10
-RESOLVED = 0.49  # largest fraction of the wall's decay length per step at which another step shows the error
+RESOLVED = 0.49  # largest path per step, in decay lengths of the wall, at which a second run shows the error
 
 
 class ImpactScene(DiskScene):

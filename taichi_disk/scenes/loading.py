@@ -59,7 +59,7 @@ def quasistatic(scenario: Any, loads: int, progress: Progress) -> Outcome:
     for k, x in enumerate(path.states):
         columns["com_x"][k], columns["com_y"][k] = lattice.mean(x)
         columns["lowest_y"][k] = x[:, 1].min()
-        # xi compares with the unloaded disk in its orientation under this load: it rolls a little as the load grows.
+        # Compare with the unloaded disk in the same orientation, because the disk rolls a little as the load grows.
         unloaded = turned(lattice.positions, roll_angle(lattice.positions, x))
         columns["xi"][k] = depth(lattice, unloaded) - depth(lattice, x)
         columns["wall_force"][k] = model.wall.forces(lattice, x)[:, 1].sum()

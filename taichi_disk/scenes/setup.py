@@ -33,10 +33,10 @@ class LatticeSetup:
         return {"young": found.young, "poisson": found.poisson}
 
     def modes(self, lattice: Lattice, model: Any) -> Any:
-        """Return the spectrum of `lattice`, which is this one at t = 0, with the springs and dashpots of `model`."""
+        """Return the spectrum of this body at t = 0, which is `lattice`, with the springs and dashpots of `model`."""
         from taichi_disk.computation.stability import spectrum
 
-        if self._scene.lattice.file != "none":  # springs of a file may be strained, and relax before a compression
+        if self._scene.lattice.file != "none":  # a file's springs may be strained, and relax before a compression
             return spectrum(lattice, model)
         damped = model.springs.damped
         if damped not in self._modes:
@@ -57,7 +57,7 @@ def setup_of(scene: Scene) -> LatticeSetup:
 
 
 def outcome_of(scene: Scene, **options: Any) -> Outcome:
-    """Compute a scene on its cached lattice, of a loading the last equilibrium. Options and errors as for `compute`."""
+    """Compute a scene on its cached lattice, without the path of a loading. Options and errors as for `compute`."""
     from taichi_disk.computation.outcome import compute
 
     setup = setup_of(scene)

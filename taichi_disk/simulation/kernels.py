@@ -36,7 +36,7 @@ class Kernels(Stepping):
 
         `rows` is filled at every multiple of `stride` and after the last step. `bounds` (2, columns): smallest and
         largest value of every column at the end. `counts`: number of successive rows that must be within the bounds,
-        number that are, number of steps made, number of rows at multiples of `stride`.
+        number of such rows so far, number of steps made, number of rows at multiples of `stride`.
         """
         ti.loop_config(serialize=True)
         for _ in range(1):

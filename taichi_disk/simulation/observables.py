@@ -22,7 +22,7 @@ class Column(NamedTuple):
     # "motion"; stored "energy" and "loss" since t = 0, which add up to `total`; "part" of the kinetic energy; "derived"
     # from other columns. Kernels measure the first three kinds.
     kind: str
-    label: str = ""  # of its curve among the energies of a plot, if it has one
+    label: str = ""  # of its curve among the energies of a plot; "": no curve
     colour: str = ""
     written: str = "always"  # to timeseries.csv: "always", "nonzero" (unless it is 0 throughout) or "never"
 
@@ -74,7 +74,7 @@ ENERGY_INDICES = sorted(INDEX[name] for name in of_kind("energy", "loss"))
 
 
 def as_columns(rows: Array, interval: float) -> Columns:
-    """Return `rows` (rows, columns), which are `interval` [R/c] apart, by name, with time and total energy."""
+    """Return the columns of `rows` (rows, columns), `interval` [R/c] apart, by name; add time and total energy."""
     columns: Columns = {"t": np.arange(len(rows), dtype=np.float64) * interval}
     columns |= {name: values.copy() for name, values in zip(INDEX, rows.T, strict=True)}
     with np.errstate(invalid="ignore"):  # a blow-up may cause infinite energies of both signs

@@ -33,7 +33,7 @@ class Modes:
 
 
 def modes(disk: Lattice, springs: Springs, positions: Array, velocities: Array, count: int) -> Modes:
-    """Compute `count` modes of the unloaded `disk` and the energies of a state (n, 2) [R] and [c] in them.
+    """Compute `count` modes of the unloaded `disk`, and the energy that each has in a state (n, 2) [R], (n, 2) [c].
 
     The state is rotated into the frame of Eckart, Phys. Rev. 47, 552 (1935), where the sum of m x_0 × x is 0 and no
     mode contains rotation. Raises InputError unless `count` is from 1 to 2 n - 3.

@@ -174,7 +174,7 @@ def run_sweep(
         rows = [_row(sweep, scenes[key], names, key, results[key]) for key in keys if key in scenes]
         failed = [row for row in rows if row["status"] != "done"]
         summary = {
-            "scene": sweep.scenes[0].scene,
+            "scene": base.scene,
             "axes": sweep.axes,
             "points": len(rows),
             "computed_now": len(results) - before,
@@ -186,9 +186,11 @@ def run_sweep(
         table = [{k: yaml[v] if isinstance(v, bool) else v for k, v in row.items()} for row in rows]
         write_csv(out / "points.csv", table)
 
-        from taichi_disk.figures.curves import figure_of
+        from taichi_disk.figures.curves import analyse, draw
 
-        summary["curves"] = figure_of(sweep, rows, out)
+        if curves := analyse(base, sweep.axes, rows):
+            draw(base, curves, out)
+        summary["curves"] = [curve.summary() for curve in curves]
         summary |= {"wall_clock": perf_counter() - started, "versions": versions()}
         write_summary(out / "summary.json", summary)
         return SweepResult(rows, summary, out, sweep)

@@ -1,1 +1,1 @@
-"""The page that draws the disk: ES modules for a browser, and what they are told in Python."""
+"""The page that draws the disk: ES modules for a browser, and the messages that Python sends to them."""

@@ -1,7 +1,8 @@
 // Draws a disk in one state on a canvas of any size. `drawing.py` makes the scene's message; a state is
 //   {t, x: Float32Array(2n) [R], values: Float32Array(n, or one for each spring), limit, row: {com_x, com_y, …},
 //    forces: Float32Array(3k) with point, fx, fy [Mc²/R], fullForce, path: [[x, y], …] or nothing}.
-// `limit` is the value of full colour (of fringes: the stress between two), `fullForce` that of an arrow ARROW long.
+// `limit` is the value of full colour (for fringes: the stress difference of one fringe), and `fullForce` is the force
+// of an arrow of the length ARROW.
 // Without `path` the drawing remembers where the centre of mass was since `setScene`.
 
 import { Field } from "./field.js";
@@ -9,7 +10,7 @@ import { ARROW, arrow, drawLegend, footer, line } from "./legend.js";
 
 export const AIM = 0.05; // velocity that an arrow as long as R stands for [c]
 const VISIBLE_WALL = 0.16; // depth of a rigid wall that is always seen [R]
-const ARROW_DISTANCE = 7; // of two arrows, about [px]
+const ARROW_DISTANCE = 7; // approximate distance of two arrows [px]
 const INDICES = ["triangles", "springs", "outline", "edges"]; // of the scene's message
 
 export const bytes = (text) => Uint8Array.from(atob(text), (letter) => letter.charCodeAt(0));
@@ -53,7 +54,7 @@ export class Drawing {
     const bottom = wall.kind === "rigid" ? wall.edge - VISIBLE_WALL : view[2];
     const width = this.width - margin, height = this.height - footer(this.width) - margin;
     const scale = Math.max(Math.min(width / (right - left), height / (top - bottom)), 1);
-    const spare = Math.max(height / scale - (top - bottom), 0); // a quarter of it is seen below
+    const spare = Math.max(height / scale - (top - bottom), 0); // free height, of which a quarter lies below
     this.camera = { x: (left + right) / 2, y: (top + bottom + spare / 2) / 2, scale, home: true };
   }
 
@@ -178,7 +179,7 @@ export class Drawing {
   unmoved(x) {
     const { rest, disk_points: count } = this.scene, out = x.slice();
     const [fromX, fromY] = centroid(rest, count), [toX, toY] = centroid(x, count);
-    let dot = 0, cross = 0; // whose ratio is the tangent of the angle that turns the disk best
+    let dot = 0, cross = 0; // their ratio is the tangent of the disk's best-fitting rotation
     for (let i = 0; i < 2 * count; i += 2) {
       const ax = rest[i] - fromX, ay = rest[i + 1] - fromY, bx = x[i] - toX, by = x[i + 1] - toY;
       dot += ax * bx + ay * by;

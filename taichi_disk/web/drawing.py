@@ -1,4 +1,4 @@
-"""What the page's drawing (draw.js) is told: a scene once, then values and forces of each state.
+"""Messages for the page's drawing (draw.js): a scene once, then values and forces of each state.
 
 JSON cannot hold arrays: they are little-endian bytes in base64. `bundle` joins modules for documents that cannot load
 any: a file opened from disk, a notebook.
@@ -16,14 +16,13 @@ from numpy.typing import NDArray
 
 from taichi_disk.computation.scenario import Scenario
 from taichi_disk.config.sections import VideoSection
-from taichi_disk.fields import QUANTITIES, Triangles, at_points
+from taichi_disk.fields import QUANTITIES, Triangles, at_points, own_values
 from taichi_disk.lattice import Array, Lattice
 from taichi_disk.render.geometry import edge_height
 from taichi_disk.render.palette import THEMES, Theme, colour_map, map_kind, round_near
 
-_ACCENT = "rgb(230, 115, 0)"  # of what the user draws, and of the path of the centre of mass
-_OF_SPRINGS = ("strain", "force")
-# What the page calls the start, a collected curve and its axes.
+_ACCENT = "rgb(230, 115, 0)"  # colour of what the user draws, and of the centre of mass's path
+# Texts of the page for the start, a collected curve and its axes.
 _IMPACT_LABELS = {"drop": "Drop", "collect": "Collect e(v)", "curve": "restitution e over the speed v [c]"}
 _LOAD_LABELS = {"drop": "Load", "collect": "Collect ξ(P)", "curve": "compression ξ [R] over the load P [Mc²/R]"}
 
@@ -31,11 +30,11 @@ _LOAD_LABELS = {"drop": "Load", "collect": "Collect ξ(P)", "curve": "compressio
 def scene_message(
     scenario: Scenario, video: VideoSection | None = None, *, largest_force: float | None = None
 ) -> dict[str, Any]:
-    """Return what `Drawing.setScene` takes, ready for JSON.
+    """Return the argument of `Drawing.setScene`, ready for JSON.
 
     Args:
         video: the section whose colour, draw, theme and magnify the drawing begins with; by default the scene's.
-        largest_force: of the wall on one point, if it is known [M c^2/R]: the wall's edge is drawn where it pushes so.
+        largest_force: largest force of the wall on one point, if known [M c^2/R]; it determines the wall's drawn edge.
     """
     lattice, wall, video = scenario.lattice, scenario.model.wall, video or scenario.scene.video
     triangles = Triangles(lattice)
@@ -99,7 +98,7 @@ def _colours(theme: Theme) -> dict[str, str]:
 
 
 def encoded(values: Any, kind: Any) -> str:
-    """Return base64 of the little-endian bytes of `values` as a NumPy `kind`."""
+    """Encode `values` as little-endian numbers of a NumPy `kind` in base64."""
     return b64encode(np.ascontiguousarray(values, np.dtype(kind).newbyteorder("<")).tobytes()).decode()
 
 
@@ -109,17 +108,15 @@ def encoded(values: Any, kind: Any) -> str:
 def colour_values(
     quantity: str, triangles: Triangles, springs: Any, x: Array, v: Array, of_springs: bool = False
 ) -> NDArray[np.float32]:
-    """Return what the films show at the points, (n,) in the quantity's unit; of fringes twice the shear stress.
+    """Return the values that films show at the points, (n,) in the quantity's unit; for fringes twice the shear stress.
 
     Args:
         triangles: `fields.Triangles` of the lattice, made once.
         x, v: (n, 2) positions [R] and velocities [c].
-        of_springs: for a drawing of the springs alone: (m,) of each spring, if the quantity is one of springs.
+        of_springs: whether to return a spring quantity's values (m,) on the springs, for a drawing of springs alone.
     """
-    if of_springs and quantity in _OF_SPRINGS:
-        law = springs.strain if quantity == "strain" else springs.tension
-        return np.asarray(law(triangles.lattice, x), dtype=np.float32)
-    return at_points(quantity, triangles, springs, x, v).astype(np.float32)
+    own = of_springs and QUANTITIES[quantity].on == "springs"
+    return (own_values if own else at_points)(quantity, triangles, springs, x, v).astype(np.float32)
 
 
 def contact_forces(wall: Any, lattice: Lattice, springs: Any, x: Array, v: Array) -> NDArray[np.float32]:
@@ -139,7 +136,7 @@ def source(name: str) -> str:
 
 
 def bundle(*names: str) -> str:
-    """Return modules of this folder as one, which imports nothing; each stands after those that it needs."""
+    """Join modules of this folder into one without imports; name each after the modules that it needs."""
     text = "\n".join(source(name) for name in names)
     text = re.sub(r"^import .*?;\n", "", text, flags=re.MULTILINE | re.DOTALL)
     return re.sub(r"^export (?=(class|const|function|async|let) )", "", text, flags=re.MULTILINE)

@@ -5,7 +5,7 @@ const VERTEX = `#version 300 es
 precision highp float;
 uniform highp sampler2D points; // x, y [R] and value of each point, then values of springs
 uniform float factor; // pixels per R
-uniform vec2 shift, size; // of the origin, and of the canvas [px], y upwards
+uniform vec2 shift, size; // position of the origin, size of the canvas [px], y upwards
 uniform highp int mark; // 0: triangle, 1: spring, 2: point
 uniform highp int own; // where values of springs begin; 0: a spring has the mean of its ends
 uniform float radius; // half the width of a spring or a point [px]

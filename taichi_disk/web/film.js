@@ -11,7 +11,7 @@ class Recording {
     const array = (name, Kind) => new Kind(data, ...run.arrays[name]), { points, disk_points } = run.scene;
     this.run = run;
     for (const name of ["motion", "forces", "centres"]) this[name] = array(name, Float32Array);
-    // Numbers are differences from the state before; of displacements all low bytes come first.
+    // Numbers are differences from the state before; all low bytes of displacements come before the high bytes.
     const halves = array("displacements", Uint8Array), count = halves.length / 2;
     this.displacements = new Int16Array(count);
     for (let i = 0; i < count; i++) {
@@ -72,7 +72,7 @@ async function play() {
   const all = (act) => panes.forEach(({ drawing }) => act(drawing));
   const view = { pan: (...at) => all((one) => one.pan(...at)), zoom: (...at) => all((one) => one.zoom(...at)) };
   for (const { canvas } of panes) {
-    // In the frame of a page that scrolls, the wheel is the film's only after a press.
+    // In a frame of a page that scrolls, the wheel zooms the film only after a press.
     canvas.addEventListener("wheel", (event) => isUsed || event.stopImmediatePropagation());
     canvas.addEventListener("pointerdown", () => (isUsed = true));
     followPointers(canvas, view, show);
@@ -117,7 +117,11 @@ async function play() {
     { key: "magnify", name: "displacements ×", low: 1, high: Math.max(20, settings.magnify), ...factor },
     { key: "speed", name: "speed ×", low: 0.1, high: 2, ...factor },
   ];
-  const controls = new Controls(() => ui.looks, (key, value) => change((settings[key] = value)));
+  const controls = new Controls(() => ui.looks, (key, value) => {
+    const { options, low, high } = specs.find((spec) => spec.key === key);
+    settings[key] = options ? value : Math.min(Math.max(value, low), high);
+    change();
+  });
   document.querySelector("details").open = matchMedia("(min-width: 960px)").matches;
   ui.moment.max = last;
   ui.options.onchange = change;

@@ -28,14 +28,14 @@ from taichi_disk.signals import raise_if_interrupted
 from taichi_disk.statics.equilibrium import roll_angle, turned
 from taichi_disk.web.drawing import DRAWING, bundle, colour_values, contact_forces, scene_message, source
 
-_LEVELS = 32_000  # of a displacement on either side of zero
+_LEVELS = 32_000  # levels of a displacement on either side of zero
 _SIGNED, _AMOUNT = 127, 255  # levels of a colour on either side of zero, and from zero up
-_STATES = 300_000  # points in all states together, about, that one file holds
-_FEWEST = 40  # states of a large disk, between which the page interpolates
+_STATES = 300_000  # approximate number of points in all states of a file together
+_FEWEST = 40  # fewest states, for a large disk; the page interpolates between them
 
 
 def film(path: Path, runs: Sequence[Run], video: VideoSection, progress: Progress, span: Span = WHOLE) -> None:
-    """Film `runs` side by side into `path` as `render.film.film` does; .html: a page that plays their states.
+    """Write a page (.html) that plays the states of `runs` side by side, with the arguments of `render.film.film`.
 
     A page needs no Vulkan. Raises what `render.film.film` raises.
     """
@@ -99,14 +99,14 @@ class _Recorded:
 
     Attributes:
         motion: (T, 3) mean position of the disk's points [R] and angle [rad] by which the disk is turned.
-        displacements: (T, n, 2) of the points beyond that motion, in the axes of the unloaded disk [R].
-        forces: of each state, see `contact_forces`.
-        values: (T, n) of each quantity.
-        limits: of each quantity's colours.
-        flattest: the disk at the greatest compression [R].
-        largest_force: of the wall on one point at the greatest compression [M c^2/R].
-        centres: (T, 2) of mass [R].
-        view: what holds all states [R].
+        displacements: (T, n, 2) of the points without that motion, in the axes of the unloaded disk [R].
+        forces: the `contact_forces` of each state.
+        values: (T, n) values of each quantity at the points.
+        limits: end of each quantity's colour scale.
+        flattest: flattening of the disk at the greatest compression [R].
+        largest_force: largest force of the wall on one point at the greatest compression [M c^2/R].
+        centres: (T, 2) centres of mass [R].
+        view: bounds of all states [R].
     """
 
     motion: Array
@@ -121,11 +121,11 @@ class _Recorded:
 
     @property
     def unit(self) -> float:
-        """A displacement's last digit [R]."""
+        """Resolution of the stored displacements [R]."""
         return max(float(np.abs(self.displacements).max()), 1e-9) / _LEVELS
 
     def arrays(self, limits: dict[str, float]) -> tuple[dict[str, Array], dict[str, Any]]:
-        """Return what is packed, by name, and the scale of each quantity; integers are differences in time."""
+        """Return the arrays to pack, by name, and the scale of each quantity; integers hold changes between states."""
         steps = _differences(np.rint(self.displacements / self.unit).astype(np.int16)).astype("<i2")
         found = {
             "motion": self.motion.astype("<f4"),
@@ -182,5 +182,5 @@ def _recorded(run: Run, times: Array) -> _Recorded:
 
 
 def _differences(states: Array) -> Array:
-    """Return (T, ...) each less the one before, which is small, so that it packs well; integers wrap round."""
+    """Return the differences (T, ...) of successive states, which are small and so compress well; integers wrap."""
     return np.diff(states, axis=0, prepend=np.zeros_like(states[:1]))

@@ -2,7 +2,7 @@
 
 import { AIM } from "./draw.js";
 
-const REACH = 24; // distance from the velocity's tip within which it is taken hold of [px]
+const REACH = 24; // largest distance from the velocity's tip at which a press grasps it [px]
 
 // `view` has `pan` and `zoom`. `grip` returns what one finger or the main button holds: {move, end}, or nothing.
 export function followPointers(canvas, view, redraw, grip = () => null) {

@@ -10,7 +10,7 @@ export function legend(caption, names) {
   caption.replaceChildren(...names.map(name));
 }
 
-// Return the numbers around a plot: scales {low, high} at its left and right, and [part of the width, text] below it.
+// Return the numbers around a plot: scales {low, high} at its left and right, [fraction of the width, text] below it.
 function numbers(below, ...scales) {
   const beside = ({ low, high }, k) => [0, 0.5, 1].map((part) => {
     const place = { className: k ? "right" : "left", style: `bottom: ${100 * part}%` };
@@ -34,29 +34,28 @@ export class Graphs {
   }
 
   replace(data, curves) {
-    Object.assign(this, { data, curves });
+    this.data = data;
+    this.curves = curves.map(([graph, , colour], k) => ({ graph, colour, values: data.values[k] }));
   }
 
   add({ t, graph }) {
-    const { data } = this;
-    if (!data || t <= data.t.at(-1)) return;
-    data.t.push(t);
-    data.values.forEach((curve, k) => curve.push(graph[k]));
+    if (!this.data || t <= this.data.t.at(-1)) return;
+    this.data.t.push(t);
+    this.curves.forEach(({ values }, k) => values.push(graph[k]));
   }
 
   draw(t, accent) {
     const { data, curves, canvases } = this;
     if (!data || !canvases[0].clientWidth) return;
-    const largest = (curve) => curve.reduce((most, value) => Math.max(most, Math.abs(value)), 0);
+    const largest = ({ values }) => values.reduce((most, value) => Math.max(most, Math.abs(value)), 0);
     const end = (this.end = roundAbove(Math.max(1.1 * data.t.at(-1), 1)));
     canvases.forEach((canvas, k) => {
       const { clientWidth: width, clientHeight: height } = canvas, ctx = canvas.getContext("2d");
       Object.assign(canvas, { width: width * devicePixelRatio, height: height * devicePixelRatio });
       ctx.scale(devicePixelRatio, devicePixelRatio);
       const scales = GRAPHS[k].map((graph) => {
-        const shown = curves.map(([name, , colour], n) => ({ name, colour, values: data.values[n] }));
-        const own = shown.filter(({ name }) => name === graph);
-        const high = roundAbove(1.05 * Math.max(...own.map(({ values }) => largest(values))) || 1);
+        const own = curves.filter((one) => one.graph === graph);
+        const high = roundAbove(1.05 * Math.max(...own.map(largest)) || 1);
         const low = k && data.motion[1] === "c" ? -high : 0; // a velocity has both signs
         const place = (value, n) => [(data.t[n] / end) * width, ((high - value) / (high - low)) * height];
         for (const { colour, values } of own) line(ctx, values.map(place), colour, 1.8);

@@ -1,4 +1,4 @@
-// What pages and films do with HTML.
+// Helpers with which pages and films build HTML.
 
 export function element(tag, properties = {}, ...children) {
   const made = Object.assign(document.createElement(tag), properties);

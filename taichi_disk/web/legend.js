@@ -2,7 +2,7 @@
 
 export const FONT = "12px system-ui, sans-serif";
 export const ARROW = 0.35; // length of the arrow of the full force [R]
-const FRINGES = 5; // in a scale of fringes
+const FRINGES = 5; // number of fringes in their scale
 const RAISED = "⁰¹²³⁴⁵⁶⁷⁸⁹";
 
 // Return a number as +5, 0.02 or 2·10⁻⁷.
@@ -49,7 +49,7 @@ export function arrow(ctx, [x0, y0], [x1, y1], thickness, colour, rim) {
 const isNarrow = (width) => width < 720;
 export const footer = (width) => (isNarrow(width) ? 94 : 66); // height [px]
 
-// `scale`: pixels per R; `force`: of an arrow ARROW long, 0 for none [Mc²/R]; `colours`: 256 x 3 bytes.
+// `scale`: pixels per R; `force`: force of an arrow of the length ARROW, 0 for none [Mc²/R]; `colours`: 256 x 3 bytes.
 export function drawLegend(ctx, { width, height, theme, quantity, limit, colours, scale, force }) {
   const left = 16, right = width - 16, longest = Math.min(width, 700);
   const names = height - 10, numbers = names - 18, bar = numbers - 24, row = isNarrow(width) ? bar - 28 : bar + 5;

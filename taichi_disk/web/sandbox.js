@@ -9,10 +9,10 @@ import { unpacked } from "./message.js";
 
 const KEYS = { " ": "space", ArrowLeft: "Left", ArrowRight: "Right", ArrowUp: "Up", ArrowDown: "Down" };
 const REPEATED = "Left Right Up Down e d a z s f i u".split(" ");
-const OWN_KEYS = [ // of controls that have the focus
+const OWN_KEYS = [ // keys that a control with the focus uses itself
   ["input[type=text], select", /./], ["input[type=range]", /^[A-Z]/], ["button, input", /^(space|Enter)$/],
 ];
-const NEWEST = 9e6; // a state's number beyond all others: none is waited for
+const NEWEST = 9e6; // above the number of every state: acknowledges all of them
 
 export class Sandbox {
   // `node` holds the elements of index.html; `send` takes a command for the program.
@@ -37,7 +37,7 @@ export class Sandbox {
     own.forEach((one, k) => (one.title = `${this.shortcuts[k][1]} (${this.shortcuts[k][0]})`));
     this.showTab(node.clientWidth > 900 ? "graphs" : "experiment"); // on a narrow page one panel is seen at a time
     new ResizeObserver(() => this.redraw()).observe(node);
-    // A state may be lost on its way: the program waits for none that has not come for 2 s.
+    // A state may be lost on its way: after 2 s without one, acknowledge all, so that the program sends again.
     setInterval(() => performance.now() - this.arrived > 2000 && this.redraw(NEWEST), 2000);
   }
 
@@ -149,7 +149,7 @@ export class Sandbox {
     this.redraw(this.state.number);
   }
 
-  // Draw once before the next picture of the screen; only then the program is told that a state was seen.
+  // Draw once before the next picture of the screen; only then tell the program that a state was seen.
   redraw(number) {
     this.unseen = number ?? this.unseen;
     this.frame ??= requestAnimationFrame(() => {

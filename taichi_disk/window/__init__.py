@@ -1,1 +1,1 @@
-"""The sandbox: a disk that lives in a window, is changed by hand while it moves, and goes back in time."""
+"""The sandbox: a disk on a page or in a window, which the user changes while it moves and can send back in time."""

@@ -37,7 +37,7 @@ def view(scene_or_folder: Scene | Path, out: Path, window: bool, host: str, port
     """
     if window and (problem := window_problem()):
         raise TaichiDiskError(f"no window: {problem}; `taichi-disk view` without --window serves a page instead")
-    playlist = folder(scene_or_folder) if isinstance(scene_or_folder, Path) else presets(scene_or_folder)
+    playlist = list_folder(scene_or_folder) if isinstance(scene_or_folder, Path) else list_presets(scene_or_folder)
     runtime.start()
     if window:
         from taichi_disk.window.viewer import Viewer
@@ -48,8 +48,8 @@ def view(scene_or_folder: Scene | Path, out: Path, window: bool, host: str, port
         serve(playlist, host, port, open_browser and has_browser())
 
 
-def presets(first: Scene) -> list[Entry]:
-    """Return `first`, then the other scenes of playlist.yaml. A shipped scene has its name and sentence from there."""
+def list_presets(first: Scene) -> list[Entry]:
+    """Return `first`, then the other scenes of playlist.yaml, which also names and describes shipped scenes."""
     rows = yaml.safe_load(Path(__file__).with_name("playlist.yaml").read_text(encoding="utf-8"))
     entries = [Entry(name, text, partial(load_scene, scene, change.split())) for scene, change, name, text in rows]
     same = [entry for entry, row in zip(entries, rows, strict=True) if not row[1] and entry.load() == first]
@@ -57,7 +57,7 @@ def presets(first: Scene) -> list[Entry]:
     return opened + [entry for entry in entries if entry not in same]
 
 
-def folder(path: Path) -> list[Entry]:
+def list_folder(path: Path) -> list[Entry]:
     """Return the scenes of a folder: the points of a sweep in their order, or else every scene in a YAML file.
 
     Raises InputError if there is no scene.

@@ -8,7 +8,7 @@ from collections.abc import Callable
 from time import perf_counter
 
 from taichi_disk.runtime import alone
-from taichi_disk.window.session import Session, understood
+from taichi_disk.window.session import Session, read_command
 
 MAX_RATE = 60.0  # pictures per second
 _MAX_IN_FLIGHT = 2  # states that were sent to a page and not yet drawn
@@ -16,29 +16,29 @@ Message = str | bytes
 
 
 class Visitor:
-    """One page, to which `send` sends a text or a state."""
+    """One page. `send` sends it a text or a state, `unsent` returns how many bytes still wait for the network."""
 
-    def __init__(self, send: Callable[[Message], None]) -> None:
-        self._send = send
+    def __init__(self, send: Callable[[Message], None], unsent: Callable[[], int]) -> None:
+        self._send, self._unsent = send, unsent
         self._in_flight: list[int] = []  # numbers of states
-        self._sent: dict[str, Message] = {}  # the last message of each kind
+        self._messages: dict[str, Message] = {}  # the last message of each kind
 
     @property
     def is_ready(self) -> bool:
-        """Whether the page may be sent another state."""
-        return len(self._in_flight) < _MAX_IN_FLIGHT
+        """Whether the page may be sent another state. A page may say that it has drawn states, and never read."""
+        return len(self._in_flight) < _MAX_IN_FLIGHT and not self._unsent()
 
     def acknowledge(self, number: float) -> None:
         """Note that the page has drawn the state with this number."""
         self._in_flight = [one for one in self._in_flight if one > number]
 
     def show(self, messages: dict[str, Message], number: int) -> bool:
-        """Send those `messages` by kind that the page does not have; return whether there were any.
+        """Send those of `messages` (by kind) that the page does not have yet; return whether there were any.
 
-        `number` is that of the message of the kind "state".
+        `number`: number of the state.
         """
-        news = {kind: message for kind, message in messages.items() if self._sent.get(kind) != message}
-        self._sent |= news
+        news = {kind: message for kind, message in messages.items() if self._messages.get(kind) != message}
+        self._messages |= news
         if "state" in news:
             self._in_flight.append(number)
         for message in news.values():
@@ -58,9 +58,9 @@ class Audience:
         self._visitors: list[Visitor] = []
         self._news = asyncio.Event()  # something may have to be sent
 
-    def join(self, send: Callable[[Message], None]) -> Visitor:
-        """Return a new visitor, to whom `run` will send everything."""
-        self._visitors.append(visitor := Visitor(send))
+    def join(self, send: Callable[[Message], None], unsent: Callable[[], int] = int) -> Visitor:
+        """Return a new `Visitor`, to whom `run` will send everything."""
+        self._visitors.append(visitor := Visitor(send, unsent))
         self._news.set()
         return visitor
 
@@ -78,7 +78,7 @@ class Audience:
 
     def hear(self, visitor: Visitor, text: Message) -> None:
         """Carry out a page's message if its visitor plays; ignore and count malformed messages."""
-        message = understood(text)
+        message = read_command(text)
         if message is None:
             self.ignored += 1
         elif message["do"] == "seen":
@@ -88,7 +88,7 @@ class Audience:
         self._news.set()
 
     async def run(self) -> None:
-        """Send states for as long as pages draw them; the pages of those who play are the sandbox's clock."""
+        """Send states as fast as pages draw them; the pages of visitors who play set the sandbox's clock."""
         session = self.session
         while True:
             began = perf_counter()

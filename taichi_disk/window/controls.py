@@ -1,4 +1,4 @@
-"""What a user can do in the sandbox: one table of actions and keys, one of numbers, one of choices."""
+"""The user's controls of the sandbox: a table of actions and their keys, one of numbers, one of choices."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ from taichi_disk.errors import TaichiDiskError
 from taichi_disk.scenes import Scene
 from taichi_disk.window.sandbox import Sandbox, load_key, value_of
 
-STEPS, POINT_STEPS = (1.12, 1 / 1.12), (1 / 1.5, 1.5)  # factors of one press of a key: of a value, of the points
-REPEATED = ("Left", "Right", "Up", "Down", "e", "d", "a", "z", "s", "f", "i", "u")  # keys that repeat while held
-LEAST = {"material.eta_star": 0.1, "material.viscosity": 1e-4}  # viscosity that keys reach before 0
-MAX_POINTS = 20_000  # that can be typed: larger disks take minutes to build
+FACTORS, POINT_FACTORS = (1.12, 1 / 1.12), (1 / 1.5, 1.5)  # by which keys change a value, and the number of points
+REPEATING_KEYS = ("Left", "Right", "Up", "Down", "e", "d", "a", "z", "s", "f", "i", "u")  # keys that repeat while held
+MIN_VISCOSITY = {"material.eta_star": 0.1, "material.viscosity": 1e-4}  # smallest value above 0 that keys set
+MAX_POINTS = 20_000  # largest number that can be typed; larger disks take minutes to build
 MIN_SPEED, MAX_SPEED = 0.01, 100.0  # [R/c per s]
-CURVE, CURVE_SPAN = 8, 30.0  # experiments of a collected curve, and the ratio of their largest load to the least
+CURVE_POINTS, CURVE_RATIO = 8, 30.0  # experiments of a collected curve, and their largest load over the least
 
 
 class Range(NamedTuple):
@@ -79,12 +79,12 @@ class Controls:
         self.add("r", "back to the start", sandbox.begin)
         self.add("h", "hit again", sandbox.hit_again)
         self.add("Left Right", "back and forth in time", sandbox.step, -1, 1)
-        self.add("s f", "time slower, faster", partial(scale, "speed"), *STEPS[::-1])
+        self.add("s f", "time slower, faster", partial(scale, "speed"), *FACTORS[::-1])
         self.add("y", "slow motion in contact", lambda: setattr(sandbox, "slow", not sandbox.slow))
-        self.add("e d", "viscosity up, down", lambda factor: scale(self.dashpot_key, factor), *STEPS)
-        self.add("Up Down", "speed or load up, down", lambda factor: scale(load_key(sandbox.scene), factor), *STEPS)
-        self.add("a z", "wall harder, softer", partial(scale, "wall.a"), *STEPS)
-        self.add("j k", "fewer, more mass points", partial(scale, "lattice.points"), *POINT_STEPS)
+        self.add("e d", "viscosity up, down", lambda factor: scale(self.dashpot_key, factor), *FACTORS)
+        self.add("Up Down", "speed or load up, down", lambda factor: scale(load_key(sandbox.scene), factor), *FACTORS)
+        self.add("a z", "wall harder, softer", partial(scale, "wall.a"), *FACTORS)
+        self.add("j k", "fewer, more mass points", partial(scale, "lattice.points"), *POINT_FACTORS)
         self.add("l", "another random lattice", lambda: sandbox.set("lattice.seed", sandbox.scene.lattice.seed + 1))
         self.add("x", "boundary of the elastic wall", self._next, "wall.boundary")
         self.add("b n", "scene before, after this one", lambda step: self.play(self.number + step), -1, 1)
@@ -94,7 +94,7 @@ class Controls:
         self.add("Escape", "let go of the disk", sandbox.release)
 
     def add(self, keys: str, meaning: str, act: Callable[..., None], *values: Any) -> None:
-        """Let each of `keys` call `act` with its own one of `values`, or a single key call it without a value."""
+        """Let each of `keys` call `act` with the value at its place in `values`; a single key needs no value."""
         self.reference.append((keys, meaning))
         each: list[tuple[Any, ...]] = [(value,) for value in values] or [()]
         self.actions |= {key: partial(act, *value) for key, value in zip(keys.split(), each, strict=True)}
@@ -151,8 +151,8 @@ class Controls:
         """Multiply the value of `key` by `factor`, clipped to its slider range."""
         one, value = self.ranges[key], self.value(key)
         new = float(f"{min(max(value * factor, RANGES[key].low), one.high):.3g}")
-        if new < LEAST.get(key, 0.0):
-            new = LEAST[key] if factor > 1.0 else 0.0
+        if new < MIN_VISCOSITY.get(key, 0.0):
+            new = MIN_VISCOSITY[key] if factor > 1.0 else 0.0
         self.set(key, new)
 
     def _next(self, key: str) -> None:
@@ -164,15 +164,15 @@ class Controls:
     # ---- scenes
 
     def play(self, number: float) -> None:
-        """Begin with a scene of the playlist, counted round it; the drawing options stay. Raises TaichiDiskError."""
+        """Begin the scene `number` modulo the playlist's length; keep the drawing options. Raises TaichiDiskError."""
         sandbox, number = self.sandbox, int(number) % len(self.playlist)
         scene = self.playlist[number].load()
-        # Displacements may not be drawn larger on an elastic wall.
+        # On an elastic wall displacements may not be magnified.
         sandbox.begin(replace(scene, video=replace(sandbox.scene.video, magnify=scene.video.magnify)))
         self.number = number
 
     def collect(self) -> None:
         """Collect a curve of results over the range of speeds or loads, or stop collecting. Raises TaichiDiskError."""
         high = RANGES[load_key(self.sandbox.scene)].high
-        loads = [float(f"{high * CURVE_SPAN ** (-k / (CURVE - 1)):.2g}") for k in range(CURVE)]
-        self.sandbox.collect([] if self.sandbox.collected else loads)
+        loads = [float(f"{high * CURVE_RATIO ** (-k / (CURVE_POINTS - 1)):.2g}") for k in range(CURVE_POINTS)]
+        self.sandbox.collect([] if self.sandbox.remaining_loads else loads)

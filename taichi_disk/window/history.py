@@ -21,7 +21,7 @@ from taichi_disk.simulation.observables import INDEX, within
 from taichi_disk.simulation.simulation import KernelCache
 from taichi_disk.simulation.stepping import Snapshot
 
-SPACING = 1.5e-2  # first time between two stored states, over the springs' time unit
+STORE_SPACING = 1.5e-2  # first time between two stored states, over the springs' time unit
 HIT_AGAIN, DISTURBED, PULLED = "hit again", "disturbed", "pulled"  # changes by the user
 MAX_STATES, MAX_BYTES = 1280, 1.7e9  # stored states and their memory; then every second one is dropped
 
@@ -40,7 +40,7 @@ class Segment(Driver):
     def __init__(
         self, scenario: Scenario, kernels: KernelCache, modes: Spectrum, label: str = "", before: Segment | None = None
     ) -> None:
-        """Begin at t = 0, or at the present of the segment `before`."""
+        """Begin at t = 0, or at the present state of the segment `before`."""
         self.label, self.began = label, before.now if before else 0.0
         self.hit_began: float = before.hit_began if before and label != HIT_AGAIN else self.began
         self.reference_energy = scenario.reference_energy
@@ -150,7 +150,7 @@ class Timeline:
         segment: the segment that moves.
         spacing: time between two stored states [R/c]; storing one takes longer than a few steps.
         checkpoints: the stored states, the latest last.
-        seen: the state on display: the present, an earlier state, or the latest state reached before the scene began
+        display: the state on display: the present, an earlier state, or the latest state reached before the scene began
             again with a shorter step.
     """
 
@@ -161,15 +161,15 @@ class Timeline:
         self.body: Lattice = setup.body
         self.scenario: Scenario = with_mouse(scene, self.body)
         model = self.scenario.model
-        # With the rates of dashpots, which may be switched on later.
+        # Include the damping rates of dashpots, which the user may switch on later.
         damped = replace(model, springs=replace(model.springs, eta=1.0))
         self.spectrum: Spectrum = setup.modes(self.scenario.lattice, damped)
         self.checkpoints: list[Checkpoint] = []
-        self.spacing = SPACING * model.springs.time_unit
+        self.spacing = STORE_SPACING * model.springs.time_unit
         self._follow(Segment(self.scenario, kernels, self.spectrum))
 
     def carry_on(self, scene: Scene, label: str, velocities: Array | None = None) -> None:
-        """Begin another segment, with `velocities` (n, 2) [c] (default: those of the present).
+        """Begin another segment from the present state, or with other `velocities` (n, 2) [c].
 
         Raises TaichiDiskError, and then leaves everything as it was.
         """
@@ -184,20 +184,20 @@ class Timeline:
     def _follow(self, segment: Segment) -> None:
         self.segment = segment
         self._store()
-        self.seen = segment.present
+        self.display = segment.present
 
     # ---- time
 
     @property
     def hit_segments(self) -> list[Segment]:
-        """The segments of the hit on display of which a state is stored, and the one that moves."""
+        """The segments of the hit on display that have a stored state or are moving."""
         known = dict.fromkeys([*(one.segment for one in self.checkpoints), self.segment])
-        return [one for one in known if one.hit_began == self.seen.segment.hit_began]
+        return [one for one in known if one.hit_began == self.display.segment.hit_began]
 
     @property
     def lead(self) -> float:
         """Time by which the state on display is later than the present [R/c], negative if it is earlier."""
-        return self.seen.t - self.segment.now
+        return self.display.t - self.segment.now
 
     @property
     def due(self) -> int:
@@ -220,7 +220,7 @@ class Timeline:
             if segment.status not in ("running", before) or perf_counter() >= until:
                 break
         if self.lead <= 0.0 or segment.status in ("finished", "failed"):
-            self.seen = segment.present
+            self.display = segment.present
         return max(segment.simulation.step_number - start, 0)
 
     def _store(self) -> None:
@@ -241,12 +241,12 @@ class Timeline:
         """
         place = max(bisect_left(self.checkpoints, t, key=lambda one: one.t) + later, 0)
         known = self.checkpoints[place : place + 1]
-        self.seen = known[0] if known and known[0].t < self.segment.now else self.segment.present
+        self.display = known[0] if known and known[0].t < self.segment.now else self.segment.present
         return bool(known)
 
     def cut(self) -> None:
         """Make the earlier state on display the present: all later states are forgotten."""
-        del self.checkpoints[self.checkpoints.index(self.seen) + 1 :]
-        self.segment = self.seen.segment
-        self.segment.back_to(self.seen)
-        self.seen = self.segment.present
+        del self.checkpoints[self.checkpoints.index(self.display) + 1 :]
+        self.segment = self.display.segment
+        self.segment.back_to(self.display)
+        self.display = self.segment.present

@@ -19,12 +19,12 @@ from taichi_disk.window.history import DISTURBED, HIT_AGAIN, PULLED, Segment, Ti
 
 IMMEDIATE_KEYS = ("material.eta_star", "material.viscosity", "wall.boundary", "compression.pressure")
 THROW_KEYS = ("impact.velocity", "impact.angle")
-AIM = 0.05  # velocity of a throw for each R of its arrow [c/R]
+AIM_SCALE = 0.05  # velocity of a throw for each R of its arrow [c/R]
 MAX_PASSED = 0.1  # longest time that passes between two pictures, however late a picture comes [s]
-PATIENCE = 0.025  # longest time of computing between two pictures [s]
+MAX_COMPUTING_TIME = 0.025  # longest time of computing between two pictures [s]
 SLOWDOWN = 0.2  # fraction of the speed at which a contact passes in slow motion
-CONTACT = 0.01  # fraction of M v over the springs' time unit, about the largest force of an impact, that is contact
-MAX_RESULTS = 200  # in the table
+CONTACT_FORCE = 0.01  # smallest wall force in a contact, over M v per time unit of the springs (about its peak)
+MAX_RESULTS = 200  # most rows of the table of results
 COLLECTING_PACE = 50.0  # simulated time per second of the clock while a curve is collected [R/c per s]
 COLLECTING_SPACING = 20.0  # factor by which stored states are further apart then
 
@@ -74,9 +74,9 @@ class Sandbox:
         paused: whether `advance` lets no time pass.
         message: the last event, for the user.
         results: the last experiments that came to their end, the newest last.
-        collected: loads for which a curve still needs results, the next one first: see `collect`.
-        dragged: the point tied to the mouse and the mouse's position [R], or None.
-        aimed: velocity [c] and angle [rad] of the throw that is being drawn, or None.
+        remaining_loads: loads for which a curve still needs results, the next one first: see `collect`.
+        grip: the point tied to the mouse and the mouse's position [R], or None.
+        drawn_throw: velocity [c] and angle [rad] of the throw that is being drawn, or None.
     """
 
     starts, speed, slow, _clock = 0, 1.0, False, 0.0
@@ -88,16 +88,16 @@ class Sandbox:
         self.begin()
 
     def begin(self, scene: Scene | None = None) -> None:
-        """Go to t = 0 of `scene` (default: the present scene) and pause: the motion from there is that of `run`.
+        """Go to t = 0 of `scene` (default: the present scene) and pause; from there the disk moves as in `run`.
 
         Raises TaichiDiskError, and then leaves everything as it was.
         """
         self.time = Timeline(scene or self.scene, self.kernels)
         self.scene, self.starts = self.time.segment.scenario.scene, self.starts + 1
         self.paused, self.message, self._due = True, "", 0.0
-        self.collected: list[float] = []
-        self.dragged: tuple[int, tuple[float, float]] | None = None
-        self.aimed: tuple[float, float] | None = None
+        self.remaining_loads: list[float] = []
+        self.grip: tuple[int, tuple[float, float]] | None = None
+        self.drawn_throw: tuple[float, float] | None = None
 
     # ---- the present state
 
@@ -108,15 +108,15 @@ class Sandbox:
 
     @property
     def can_aim(self) -> bool:
-        """Whether the disk can be turned and its throw be drawn."""
+        """Whether the disk can be turned, and its throw drawn."""
         return self.at_start and self.time.segment.scenario.is_thrown
 
     @property
     def status(self) -> str:
-        """Whether the state on display is that of `taichi-disk run`, for the user."""
+        """Text for the user: whether the state on display is the same as in `taichi-disk run`."""
         if self.time.lead > 0.0:
             return "computing again"
-        return DISTURBED if self.time.seen.segment.label else "same as taichi-disk run"
+        return DISTURBED if self.time.display.segment.label else "same as taichi-disk run"
 
     @property
     def warnings(self) -> list[str]:
@@ -129,9 +129,9 @@ class Sandbox:
         """Simulated time per second of the clock now [R/c per s]."""
         scenario: Any = self.time.segment.scenario
         slows = self.slow and scenario.is_thrown
-        contact = CONTACT * scenario.velocity / scenario.model.springs.time_unit if slows else inf
+        contact = CONTACT_FORCE * scenario.velocity / scenario.model.springs.time_unit if slows else inf
         pace = self.speed * (SLOWDOWN if self.time.segment.row[INDEX["wall_force"]] > contact else 1.0)
-        return COLLECTING_PACE if self.collected else pace
+        return COLLECTING_PACE if self.remaining_loads else pace
 
     # ---- time
 
@@ -140,30 +140,30 @@ class Sandbox:
         before, self._clock = self._clock, perf_counter()
         return self.advance(min(self._clock - before, MAX_PASSED))
 
-    def advance(self, seconds: float, patience: float = PATIENCE) -> int:
+    def advance(self, seconds: float, max_seconds: float = MAX_COMPUTING_TIME) -> int:
         """Let `seconds` of the clock pass and return the number of steps made.
 
-        Fewer steps are made if they would take longer than `patience` [s]. While the scene is computed again with a
+        Fewer steps are made if they would take longer than `max_seconds` [s]. While the scene is computed again with a
         shorter step, `seconds` has no influence.
         """
         segment = self.time.segment
         if self.time.lead > 0.0:
-            return self._go(ceil(self.time.lead / segment.step.dt), patience)
+            return self._go(ceil(self.time.lead / segment.step.dt), max_seconds)
         if self.paused or segment.status == "failed":
             return 0
         self._due += seconds * self.pace / segment.step.dt
-        made = self._go(int(self._due), patience)
+        made = self._go(int(self._due), max_seconds)
         self._due = min(max(self._due - made, 0.0), 1.0)
         return made
 
-    def _go(self, steps: int, patience: float) -> int:
+    def _go(self, steps: int, max_seconds: float) -> int:
         """Make steps and report the end of the scene, a failure or a shorter step."""
         segment = self.time.segment
-        before, made = segment.status, self.time.go(steps, patience)
+        before, made = segment.status, self.time.go(steps, max_seconds)
         if segment.status == "restarted":
             self.message = f"computed again with a shorter step, {segment.step.dt:.2g} R/c"
         elif segment.status == "failed":
-            self.paused, self.collected = True, []
+            self.paused, self.remaining_loads = True, []
             self.message = f"{segment.failure} (go back to the start or back in time, or change something)"
         elif segment.status == "finished" != before:
             self._finish(segment)
@@ -184,7 +184,7 @@ class Sandbox:
         self.paused = True
         text = f"{scenario.end_words}: {scenario.symbol} = {value:.6f} {unit}".rstrip()
         self.message = f"{text}, {label}" if label else text
-        self.collect(self.collected[1:])
+        self.collect(self.remaining_loads[1:])
 
     def collect(self, loads: list[float]) -> None:
         """Run the present scene with each of `loads` (speeds [c] or pressures [M c^2/R]) in turn; [] ends that.
@@ -195,7 +195,7 @@ class Sandbox:
             self.begin(with_key(self.scene, load_key(self.scene), loads[0]))
             self.time.spacing *= COLLECTING_SPACING
             self.paused = False
-        self.collected = loads
+        self.remaining_loads = loads
 
     def clear(self) -> None:
         """Empty the table of results."""
@@ -205,18 +205,18 @@ class Sandbox:
         """Pause, or go on from the state on display."""
         if self.paused and self.time.segment.status == "failed" and self.time.lead >= 0.0:
             return
-        self.paused, self.collected = not self.paused, []
+        self.paused, self.remaining_loads = not self.paused, []
         if not self.paused:
             self._settle()
             self.message = ""
 
     def scrub(self, t: float) -> None:
-        """Show the state stored at the time `t` since the hit on display began [R/c], or the next one, and pause."""
-        self._look_at(self.time.seen.segment.hit_began + t)
+        """Pause, and show the first state stored `t` [R/c] or later after the hit on display began."""
+        self._look_at(self.time.display.segment.hit_began + t)
 
     def step(self, count: int) -> None:
         """Show the state `count` checkpoints later, or earlier if negative, and pause; after the last, time goes on."""
-        if not self._look_at(self.time.seen.t, count):
+        if not self._look_at(self.time.display.t, count):
             self._go(self.time.due, inf)
 
     def _look_at(self, t: float, later: int = 0) -> bool:
@@ -224,7 +224,7 @@ class Sandbox:
         self.release()
         if self.time.lead > 0.0:
             return True
-        self.paused, self.collected = True, []
+        self.paused, self.remaining_loads = True, []
         return self.time.look_at(t, later)
 
     def _settle(self) -> None:
@@ -253,7 +253,7 @@ class Sandbox:
             self.scene = scene
             self.message = "a new velocity or angle takes effect at the next hit or start"
         else:
-            self.collected = []
+            self.remaining_loads = []
             self.release()
             self._settle()
             self._carry_on(with_key(self.scene, key, value), DISTURBED)
@@ -278,16 +278,16 @@ class Sandbox:
         self.paused = False
 
     def _carry_on(self, scene: Scene, label: str, velocities: Array | None = None) -> None:
-        """Begin another segment; time that the end of the scene or a blow-up has stopped goes on."""
+        """Begin another segment; time goes on even if the end of the scene or a blow-up had stopped it."""
         status = self.time.segment.status
         self.time.carry_on(scene, label, velocities)
-        self.scene, self.dragged = scene, None
+        self.scene, self.grip = scene, None
         self.paused = self.paused and status not in ("failed", "finished")
 
     # ---- the mouse
 
     def turn(self, angle: float, final: bool = True) -> None:
-        """Turn the disk by `angle` [rad] from its place in the scene, at the start of an impact.
+        """Turn the disk by `angle` [rad] from its orientation in the scene, at the start of an impact.
 
         `final` changes `impact.turn` of the scene; otherwise the turned disk is only shown.
         """
@@ -300,18 +300,18 @@ class Sandbox:
             now, n = self.time.segment.present, self.time.body.disk_points
             vectors = now.snapshot.vectors.copy()
             vectors[0, :n] = turned(now.x[:n], angle)
-            self.time.seen = replace(now, snapshot=replace(now.snapshot, vectors=vectors))
+            self.time.display = replace(now, snapshot=replace(now.snapshot, vectors=vectors))
 
     def aim(self, dx: float, dy: float) -> None:
-        """Draw the throw along (dx, dy) [R] at the start of an impact: AIM c for each R, never upwards."""
+        """Draw the throw along (dx, dy) [R] at the start of an impact: AIM_SCALE c for each R, never upwards."""
         if self.can_aim:
-            velocity, angle = max(AIM * np.hypot(dx, dy), 1e-3), np.clip(np.arctan2(dx, -dy), -1.5, 1.5)
-            self.aimed = float(f"{velocity:.3g}"), float(f"{angle:.3g}")
+            velocity, angle = max(AIM_SCALE * np.hypot(dx, dy), 1e-3), np.clip(np.arctan2(dx, -dy), -1.5, 1.5)
+            self.drawn_throw = float(f"{velocity:.3g}"), float(f"{angle:.3g}")
 
     def throw(self) -> None:
         """Apply the velocity and the angle of the drawn throw to the scene. Raises TaichiDiskError."""
-        aimed, self.aimed = self.aimed, None
-        for key, value in zip(THROW_KEYS, aimed or (), strict=False):
+        values, self.drawn_throw = self.drawn_throw, None
+        for key, value in zip(THROW_KEYS, values or (), strict=False):
             self.set(key, value)
 
     def pull(self, x: float, y: float) -> None:
@@ -322,16 +322,16 @@ class Sandbox:
         self._settle()
         if self.time.segment.status == "failed" or self.time.lead > 0.0:
             return
-        if not self.dragged:
+        if not self.grip:
             self._carry_on(self.scene, PULLED)
             disk = self.time.segment.present.x[: self.time.body.disk_points]
-            self.dragged = int(np.hypot(*(disk - (x, y)).T).argmin()), (x, y)
-        self.dragged = self.dragged[0], (x, y)
-        self.time.segment.pull(*self.dragged)
+            self.grip = int(np.hypot(*(disk - (x, y)).T).argmin()), (x, y)
+        self.grip = self.grip[0], (x, y)
+        self.time.segment.pull(*self.grip)
 
     def release(self) -> None:
         """Untie the point, after which the scene can end again, and forget a throw that is being drawn."""
-        self.aimed = None
-        if self.dragged and self.time.segment.status != "failed":
+        self.drawn_throw = None
+        if self.grip and self.time.segment.status != "failed":
             self._carry_on(self.scene, DISTURBED)
-        self.dragged = None
+        self.grip = None

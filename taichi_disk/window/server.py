@@ -23,19 +23,19 @@ from taichi_disk.errors import TaichiDiskError
 from taichi_disk.signals import raise_if_interrupted
 from taichi_disk.simulation.simulation import KernelCache
 from taichi_disk.web.drawing import source
-from taichi_disk.window.audience import Audience, Message
+from taichi_disk.window.audience import Audience
 from taichi_disk.window.controls import Entry
 from taichi_disk.window.session import MAX_BYTES, Session
 
-LOCAL = ("127.0.0.1", "localhost")
-_MAX_UNREAD = 2**26  # messages that wait for a page [bytes]: 10 MB show 200,000 points, and pings wait with more
-_POLL_INTERVAL = 0.1  # between two checks for a signal [s]
-_TYPES = {"html": "html", "js": "javascript", "css": "css"}  # of text, by the ends of names
+LOCAL_HOSTS = ("127.0.0.1", "localhost")
+_POLL_INTERVAL = 0.1  # time between two checks for a signal [s]
+_WRITE_LIMIT = 2**26  # [bytes]; more than a scene and two states: those of 200,000 points have 10 MB
+_TYPES = {"html": "html", "js": "javascript", "css": "css"}  # text types by file suffix
 _POLICY = "default-src 'self' data: blob:; connect-src 'self' ws: wss:; style-src 'self' 'unsafe-inline'"
 _HEADERS = {"Cache-Control": "no-store", "Referrer-Policy": "no-referrer", "Content-Security-Policy": _POLICY}
 
 
-def serve(playlist: list[Entry], host: str = LOCAL[0], port: int = 0, open_browser: bool = False) -> None:
+def serve(playlist: list[Entry], host: str = LOCAL_HOSTS[0], port: int = 0, open_browser: bool = False) -> None:
     """Serve the sandbox until Ctrl-C, at a free port if `port` is 0.
 
     Prints the address, with the token that every request needs. Raises TaichiDiskError if it cannot listen there,
@@ -49,7 +49,7 @@ def serve(playlist: list[Entry], host: str = LOCAL[0], port: int = 0, open_brows
     name = socket.gethostname() if host == "0.0.0.0" else host
     address = f"http://{name}:{listening.getsockname()[1]}/{token}/"
     print(f"the sandbox is at {address}\nCtrl-C ends it", flush=True)
-    if host not in LOCAL:
+    if host not in LOCAL_HOSTS:
         print("note: whoever has this address and reaches this machine can play; nothing is encrypted", flush=True)
     if open_browser:
         webbrowser.open(address)
@@ -61,13 +61,12 @@ def serve(playlist: list[Entry], host: str = LOCAL[0], port: int = 0, open_brows
 
 
 async def run(audience: Audience, token: str, listening: socket.socket) -> None:
-    """Serve the pages of `audience` until a signal, which becomes KeyboardInterrupt, or until `audience` fails."""
-    logger = logging.Logger("page", logging.CRITICAL + 1)  # what strangers send is not worth a line
+    """Serve until a signal, which raises KeyboardInterrupt, or until an error has ended `audience`."""
+    logger = logging.Logger("page", logging.CRITICAL + 1)  # what strangers send is not logged
     options: dict[str, Any] = {"max_size": MAX_BYTES, "compression": None, "server_header": None, "logger": logger}
-    options["write_limit"] = _MAX_UNREAD
-    async with server.serve(
-        partial(_meet, audience), sock=listening, process_request=partial(answer, token), **options
-    ):
+    # `websockets` would wait with its pings for a page that never reads.
+    options |= {"process_request": partial(answer, token), "write_limit": _WRITE_LIMIT}
+    async with server.serve(partial(_meet, audience), sock=listening, **options):
         playing = asyncio.create_task(audience.run())
         while not playing.done():
             raise_if_interrupted()
@@ -76,12 +75,7 @@ async def run(audience: Audience, token: str, listening: socket.socket) -> None:
 
 
 async def _meet(audience: Audience, connection: server.ServerConnection) -> None:
-    def send(message: Message) -> None:
-        server.broadcast([connection], message)
-        if connection.transport.get_write_buffer_size() > _MAX_UNREAD:
-            connection.transport.abort()
-
-    visitor = audience.join(send)
+    visitor = audience.join(partial(server.broadcast, [connection]), connection.transport.get_write_buffer_size)
     try:
         async for text in connection:
             audience.hear(visitor, text)
@@ -99,7 +93,7 @@ def answer(token: str, connection: server.ServerConnection, request: Request) ->
         origin = request.headers.get("Origin", "").partition("://")[2]
         if name == "socket" and origin and origin == request.headers.get("Host"):
             return None
-        return connection.respond(403, "This websocket is for its own page.")
+        return connection.respond(403, "This websocket accepts only its own page.")
     if request.path == f"/{token}":
         response = connection.respond(307, "")
         response.headers["Location"] = f"/{token}/"

@@ -20,9 +20,9 @@ from taichi_disk.window.controls import CHOICES, RANGES, Controls, Entry
 from taichi_disk.window.graphs import CURVES, Graphs, Scales
 from taichi_disk.window.sandbox import Sandbox
 
-MAX_BYTES, MAX_NUMBER = 2**10, 1e7  # of a page's message, and in it
-_MAX_PENDING = 64  # commands between two pictures that do not replace each other
-# A page's commands and their values, by the part of `Session` whose method of that name carries them out. "seen" tells
+MAX_BYTES, MAX_NUMBER = 2**10, 1e7  # limits of a page's message and of a number in it
+_MAX_PENDING = 64  # most commands between two pictures, without those that a later one replaces
+# A page's commands and their values, by the part of `Session` that has a method of the same name. "seen" tells
 # the audience that the page has drawn a state.
 _METHODS = {
     "controls": "press key, play number, set key value, speed value, collect",
@@ -32,13 +32,13 @@ _METHODS = {
 }
 _COMMANDS = {do: (part, values) for part, text in _METHODS.items() for do, *values in map(str.split, text.split(", "))}
 _REPLACED = ("set", "speed", "scrub", "turn", "aim", "pull")  # commands of which only the latest counts
-LARGE = 5000  # points; building a larger lattice takes longer than a picture may
+LARGE_LATTICE = 5000  # points; a larger lattice takes longer to build than a picture may take
 HEADER = struct.Struct("<IIdIIiI4f")  # see `Session._state`
 PAST_HINT = "earlier state: Go on continues from here"
 AIM_HINT = "drag the disk to turn it, or from beside it to aim"
 
 
-def understood(text: Any) -> dict[str, Any] | None:
+def read_command(text: Any) -> dict[str, Any] | None:
     """Return a page's message as {"do": …} with the values of that command, or None if no page sends the message."""
     try:
         content = json.loads(text)
@@ -57,7 +57,7 @@ class Session:
     """One sandbox for all pages. `ti.init` must have been called; neither a display nor Vulkan is needed.
 
     Attributes:
-        sandbox, controls, scales: the disk, what can be done with it, and the meaning of its colours.
+        sandbox, controls, scales: the disk, the user's controls, and the scales of colours and arrows.
         texts: the present JSON message of each kind: "hello", "scene", "graphs", "yaml" and "panel".
         number: of the last state.
         state: the last state, the binary message of a picture.
@@ -69,9 +69,9 @@ class Session:
         self.controls = Controls(self.sandbox, playlist)
         self.scales, self.graphs = Scales(self.sandbox), Graphs(self.sandbox)
         self.texts: dict[str, str] = {}
-        self.number, self.state, self._heard = 0, b"", 0
+        self.number, self.state, self._command_count = 0, b"", 0
         self._pending: dict[Any, dict[str, Any]] = {}
-        self._keys: dict[str, Any] = {}
+        self._text_keys: dict[str, Any] = {}
         names = [entry[:2] for entry in playlist]
         hello = {"columns": [*INDEX], "playlist": names, "curves": CURVES, "keys": self.controls.reference}
         self._write("hello", 0, lambda: hello)
@@ -80,9 +80,9 @@ class Session:
     # ---- commands
 
     def hear(self, message: dict[str, Any]) -> None:
-        """Keep a command, as `understood` returns it, until the next picture."""
-        self._heard += 1
-        key = (message["do"], message.get("key")) if message["do"] in _REPLACED else self._heard
+        """Keep a command, as `read_command` returns it, until the next picture."""
+        self._command_count += 1
+        key = (message["do"], message.get("key")) if message["do"] in _REPLACED else self._command_count
         self._pending.pop(key, None)  # the latest stands at the end
         if len(self._pending) < _MAX_PENDING:
             self._pending[key] = message
@@ -99,7 +99,7 @@ class Session:
     def is_busy(self) -> bool:
         """Whether the next picture will differ from the last one even if nobody does anything."""
         sandbox = self.sandbox
-        return bool(self._pending or sandbox.dragged or sandbox.time.lead > 0.0 or not sandbox.paused)
+        return bool(self._pending or sandbox.grip or sandbox.time.lead > 0.0 or not sandbox.paused)
 
     def advance(self) -> None:
         """Carry out the commands, let the time since the last picture pass, and write the next picture's messages."""
@@ -110,12 +110,12 @@ class Session:
         sandbox = self.sandbox
         sandbox.tick()
         self.number += 1
-        last, seen = sandbox.time.segment, sandbox.time.seen
-        scenario, is_past = seen.segment.scenario, sandbox.time.lead < 0.0
-        # A scene for each lattice, start and drawing of the wall; graphs if other curves are shown or the curves are
-        # complete: with each state the page adds a point to them.
+        last, state = sandbox.time.segment, sandbox.time.display
+        scenario, is_past = state.segment.scenario, sandbox.time.lead < 0.0
+        # Send the scene again if the lattice, the start or the wall's drawing changes, and the graphs if other curves
+        # are shown or the curves end; until then the page itself adds a point with each state.
         look = id(scenario.lattice.bonds), scenario.spoke, scenario.view, scenario.scene.wall.a, scenario.point_force
-        curves = last, seen.segment.hit_began, last.attempt, last.status, sandbox.paused, is_past
+        curves = last, state.segment.hit_began, last.attempt, last.status, sandbox.paused, is_past
         self._write("scene", look, self._scene)
         self._write("graphs", curves, self.graphs.message)
         self._write("yaml", sandbox.scene, lambda: {"text": sandbox.scene.to_yaml()})
@@ -125,12 +125,12 @@ class Session:
 
     def _write(self, kind: str, key: Any, content: Callable[[], dict[str, Any]]) -> None:
         """Replace the text of a kind if `key`, on which its content depends, has changed."""
-        if self._keys.get(kind) != key:
-            self._keys[kind] = key
+        if self._text_keys.get(kind) != key:
+            self._text_keys[kind] = key
             self.texts[kind] = json.dumps({"kind": kind} | content(), ensure_ascii=False)
 
     def _scene(self) -> dict[str, Any]:
-        scenario = self.sandbox.time.seen.segment.scenario
+        scenario = self.sandbox.time.display.segment.scenario
         self._triangles = Triangles(scenario.lattice)
         return scene_message(scenario, self.sandbox.scene.video) | {"start": self.sandbox.starts}
 
@@ -142,33 +142,34 @@ class Session:
         imbalance and the pace [R/c per s]. Observables (INDEX), graph values (CURVES), positions (2n), values and
         forces (3k) follow as float32, and the caption in UTF-8.
         """
-        sandbox, seen, video = self.sandbox, self.sandbox.time.seen, self.sandbox.scene.video
-        scenario, x, v = seen.segment.scenario, seen.x, seen.v
+        sandbox, state, video = self.sandbox, self.sandbox.time.display, self.sandbox.scene.video
+        scenario, x, v = state.segment.scenario, state.x, state.v
         springs, wall, lattice = scenario.model.springs, scenario.model.wall, scenario.lattice
         values = colour_values(video.colour, self._triangles, springs, x, v, video.draw == "springs")
         forces = contact_forces(wall, lattice, springs, x, v)
         self.scales.update(values[: lattice.disk_points], forces)
-        t = seen.t - seen.segment.hit_began
-        pulled = sandbox.dragged[0] if sandbox.dragged else -1
+        t = state.t - state.segment.hit_began
+        pulled = sandbox.grip[0] if sandbox.grip else -1
         pace = 0.0 if sandbox.paused else sandbox.pace
         numbers = self.scales.colour, self.scales.force, sandbox.time.segment.imbalance, pace
-        header = HEADER.pack(self.number, self._heard, t, len(x), len(forces), pulled, len(values), *numbers)
-        curves = self.graphs.values(seen.row[None])[0]
-        floats = np.concatenate([seen.row, curves, x.ravel(), values, forces.ravel()]).astype("<f4")
-        caption = "\n".join(scenario.caption(seen.values | {"t": t}))
+        header = HEADER.pack(self.number, self._command_count, t, len(x), len(forces), pulled, len(values), *numbers)
+        curves = self.graphs.values(state.row[None])[0]
+        floats = np.concatenate([state.row, curves, x.ravel(), values, forces.ravel()]).astype("<f4")
+        caption = "\n".join(scenario.caption(state.values | {"t": t}))
         return header + floats.tobytes() + caption.encode()
 
     def _panel(self) -> dict[str, Any]:
         sandbox, controls = self.sandbox, self.controls
         segment, scene, entry = sandbox.time.segment, sandbox.scene, controls.playlist[controls.number]
         # A change that needs a new start waits for the end of the drag if the start takes long.
-        is_slow = sandbox.at_start and (scene.lattice.points > LARGE or not sandbox.can_aim)
+        is_slow = sandbox.at_start and (scene.lattice.points > LARGE_LATTICE or not sandbox.can_aim)
         can_aim = sandbox.can_aim and not sandbox.message
         return {
-            **{name: getattr(sandbox, name) for name in ("message", "status", "warnings", "paused", "slow", "aimed")},
+            **{name: getattr(sandbox, name) for name in ("message", "status", "warnings", "paused", "slow")},
+            "aimed": sandbox.drawn_throw,
             **{name: getattr(entry, name) for name in ("name", "sentence")},
             "number": controls.number,
-            "title": [*sandbox.time.seen.segment.scenario.title()],
+            "title": [*sandbox.time.display.segment.scenario.title()],
             "hint": PAST_HINT if sandbox.time.lead < 0.0 else AIM_HINT if can_aim else "",
             "solver": f"{segment.step.integrator.name}, step {segment.step.dt:.3g} R/c",
             "atStart": sandbox.at_start,
@@ -184,6 +185,6 @@ class Session:
                 if (value := controls.value(key)) is not None
             ],
             "seed": scene.lattice.seed,
-            "collecting": len(sandbox.collected),
+            "collecting": len(sandbox.remaining_loads),
             "results": [one._asdict() for one in sandbox.results],
         }

@@ -23,26 +23,26 @@ from taichi_disk.render.palette import THEMES
 from taichi_disk.signals import raise_if_interrupted
 from taichi_disk.simulation.simulation import KernelCache
 from taichi_disk.web.drawing import contact_forces
-from taichi_disk.window.controls import REPEATED, Controls, Entry
+from taichi_disk.window.controls import REPEATING_KEYS, Controls, Entry
 from taichi_disk.window.graphs import Scales
-from taichi_disk.window.sandbox import AIM, Sandbox
+from taichi_disk.window.sandbox import AIM_SCALE, Sandbox
 
-MAX_RATE = 75  # pictures per second: more are not seen, and cost
-SIZE = (1200, 700)  # of the window at first, with which it fits on the screen of any notebook [px]
-PANEL = 300  # width of the widgets [px]
-_FIRST, _AGAIN = 0.35, 0.07  # when a held key repeats [s]
+MAX_RATE = 75  # pictures per second: more are not visible, and cost
+WINDOW_SIZE = (1200, 700)  # initial size of the window, which fits on the screen of any laptop [px]
+PANEL_WIDTH = 300  # width of the widgets [px]
+_REPEAT_DELAY, _REPEAT_INTERVAL = 0.35, 0.07  # delay before a held key repeats, and between repeats [s]
 _SLIDERS = ("material.eta_star", "material.viscosity", "impact.velocity", "compression.pressure", "wall.a")
 _BUTTONS = (("space", "drop / pause"), ("r", "to the start"), ("h", "hit again"), ("b", "scene <"), ("n", "scene >"))
-# GGUI has no other letters.
+# GGUI can show only ASCII.
 _ASCII = str.maketrans({"η": "eta", "ξ": "xi", "μ": "mu", "·": "*", "²": "2", "°": " deg", "−": "-", "×": "x"})
 
 
 class Viewer:
-    """Holds the one window that may be alive; `pictures` ends when it has been closed.
+    """The one window that may be alive; `pictures` ends when it has been closed.
 
     Attributes:
-        sandbox, controls: the disk, and what can be done.
-        camera: through which the disk is seen.
+        sandbox, controls: the disk, and what can be done with it.
+        camera: the camera that shows the disk.
     """
 
     camera: Camera
@@ -65,13 +65,13 @@ class Viewer:
         add("p w", "save a picture, the scene", self._save, ".png", ".yaml")
         add("Tab", "these keys", self._toggle, "keys")
         add("q", "close the window", self._toggle, "close")
-        self._modes: set[str] = set()  # of "follow", "keys" and "close"
-        self._at = (0.0, 0.0)  # where the mouse is [px]
-        # What a pressed mouse does at (x, y) [R]; the third value says that it has been released.
+        self._modes: set[str] = set()  # those of "follow", "keys" and "close" that are on
+        self._at = (0.0, 0.0)  # position of the mouse [px]
+        # Action of the pressed mouse at (x, y) [R]; the third argument says whether it has been released.
         self._drag: Callable[[float, float, bool], None] | None = None
         self._repeat = 0.0  # when held keys act again
         self._bonds: Any = None  # of the lattice that `painter` is for
-        self._window = open_window("taichi-disk view", SIZE, fps_limit=max_rate, pos=(30, 30))
+        self._window = open_window("taichi-disk view", WINDOW_SIZE, fps_limit=max_rate, pos=(30, 30))
 
     def pictures(self) -> Generator[int, None, None]:
         """Yield the number of steps made for each picture, until the window is closed."""
@@ -92,8 +92,8 @@ class Viewer:
     # ---- the picture
 
     def _draw(self) -> None:
-        sandbox, seen, video = self.sandbox, self.sandbox.time.seen, self.sandbox.scene.video
-        scenario = seen.segment.scenario
+        sandbox, state, video = self.sandbox, self.sandbox.time.display, self.sandbox.scene.video
+        scenario = state.segment.scenario
         springs, wall, lattice = scenario.model.springs, scenario.model.wall, scenario.lattice
         if fresh := self._bonds is not lattice.bonds:
             self.painter, self._bonds = Painter(lattice, springs, wall), lattice.bonds
@@ -106,17 +106,17 @@ class Viewer:
             self.see_all()
         if "follow" in self._modes:
             self.camera = replace(self.camera, look_at=self._centre)
-        values = painter.values(seen.x, seen.v)[: lattice.disk_points]
-        self._scales.update(values, contact_forces(wall, lattice, springs, seen.x, seen.v))
+        values = painter.values(state.x, state.v)[: lattice.disk_points]
+        self._scales.update(values, contact_forces(wall, lattice, springs, state.x, state.v))
         painter.limit, painter.full_force = self._scales.colour, self._scales.force
         canvas = self._window.get_canvas()
-        painter.paint(canvas, self.camera, seen.x, seen.v)
-        strokes: list[Any] = []  # (foot, tip) [R] of the throw that is drawn, and of the mouse that pulls
-        if sandbox.aimed:
-            (velocity, angle), (x, y) = sandbox.aimed, self._centre
-            strokes.append(((x, y), (x + velocity / AIM * np.sin(angle), y - velocity / AIM * np.cos(angle))))
-        if sandbox.dragged:
-            strokes.append((seen.x[sandbox.dragged[0]], sandbox.dragged[1]))
+        painter.paint(canvas, self.camera, state.x, state.v)
+        strokes: list[Any] = []  # (foot, tip) [R] of the drawn throw and of the mouse's pull
+        if sandbox.drawn_throw:
+            (velocity, angle), centre = sandbox.drawn_throw, np.array(self._centre)
+            strokes.append((centre, centre + velocity / AIM_SCALE * np.array([np.sin(angle), -np.cos(angle)])))
+        if sandbox.grip:
+            strokes.append((state.x[sandbox.grip[0]], sandbox.grip[1]))
         for foot, tip in np.array(strokes):
             px, along = 1.0 / self.camera.scale, tip - foot
             shape = arrows(foot[None], along[None] / ARROW, 9 * px, 3 * px, px, THEMES[video.theme])
@@ -124,16 +124,16 @@ class Viewer:
 
     def _draw_widgets(self) -> None:
         sandbox, controls, gui = self.sandbox, self.controls, self._window.get_gui()
-        seen, (width, _) = sandbox.time.seen, self._window.get_window_shape()
+        state, (width, _) = sandbox.time.display, self._window.get_window_shape()
         entry, quantity = controls.playlist[controls.number], QUANTITIES[sandbox.scene.video.colour]
-        with gui.sub_window("taichi-disk", 0.0, 0.0, PANEL / width, 1.0) as panel:
+        with gui.sub_window("taichi-disk", 0.0, 0.0, PANEL_WIDTH / width, 1.0) as panel:
 
             def write(*lines: str) -> None:
                 for line in lines:
-                    for part in wrap(line.translate(_ASCII), PANEL // 7 - 2) or [""]:
+                    for part in wrap(line.translate(_ASCII), PANEL_WIDTH // 7 - 2) or [""]:
                         panel.text(part)
 
-            write(entry.name, *seen.segment.scenario.title(), "")
+            write(entry.name, *state.segment.scenario.title(), "")
             for key, label in _BUTTONS:
                 if panel.button(label):
                     controls.press(key)
@@ -142,7 +142,7 @@ class Viewer:
                 new = panel.slider_float(one.name.split()[-1].translate(_ASCII), value, one.low, one.high)
                 if abs(new - value) > 1e-6 * (one.high - one.low):
                     controls.attempt(controls.set, key, float(f"{new:.3g}"))
-            write("", *seen.segment.scenario.caption(seen.values | {"t": seen.t}))
+            write("", *state.segment.scenario.caption(state.values | {"t": state.t}))
             write(f"energy imbalance {sandbox.time.segment.imbalance:+.1e}")
             write(f"colours: {quantity.label}", f"up to {self._scales.colour:.3g} {quantity.unit}")
             write(sandbox.status, *sandbox.warnings, sandbox.message)
@@ -154,14 +154,14 @@ class Viewer:
 
     @property
     def _centre(self) -> tuple[float, float]:
-        x, y = self.painter.lattice.mean(self.sandbox.time.seen.x)
+        x, y = self.painter.lattice.mean(self.sandbox.time.display.x)
         return float(x), float(y)
 
     def see_all(self) -> None:
         """See the whole scene."""
-        left, right, low, high = self.sandbox.time.seen.segment.scenario.view
+        left, right, low, high = self.sandbox.time.display.segment.scenario.view
         low = low if len(self.painter.lattice.wall_surface) else self.painter.edge - 0.14
-        self._see((left, right, low, max(high, float(self.sandbox.time.seen.x[:, 1].max()) + 0.02)))
+        self._see((left, right, low, max(high, float(self.sandbox.time.display.x[:, 1].max()) + 0.02)))
 
     def _see_contact(self) -> None:
         x, low = self._centre[0], self.painter.edge
@@ -169,7 +169,7 @@ class Viewer:
 
     def _see(self, view: tuple[float, float, float, float]) -> None:
         width, height = self._window.get_window_shape()
-        viewport = min(PANEL, 0.5 * width), float(width), 0.0, float(height)
+        viewport = min(PANEL_WIDTH, 0.5 * width), float(width), 0.0, float(height)
         self.camera = Camera.fit(view, width, height, 6.0, viewport)
         self._modes.discard("follow")
 
@@ -191,10 +191,10 @@ class Viewer:
             else:
                 key = "space" if event.key == ti.ui.SPACE else event.key
                 self.controls.press(key)
-                self._repeat = now + _FIRST
+                self._repeat = now + _REPEAT_DELAY
         if now >= self._repeat:
-            self._repeat = now + _AGAIN
-            for key in filter(window.is_pressed, REPEATED):
+            self._repeat = now + _REPEAT_INTERVAL
+            for key in filter(window.is_pressed, REPEATING_KEYS):
                 self.controls.press(key)
         if self._drag:
             is_over = not (window.is_pressed(ti.ui.LMB) or window.is_pressed(ti.ui.RMB))
@@ -202,12 +202,12 @@ class Viewer:
             self._drag = None if is_over else self._drag
 
     def _press(self, right: bool) -> None:
-        """Take hold of what is there: the picture, at the start the disk or the throw beside it, later a point."""
-        if self._at[0] < PANEL:
+        """Begin to drag the picture; at the start the disk, or beside it the throw; later a point."""
+        if self._at[0] < PANEL_WIDTH:
             return
         sandbox, (cx, cy) = self.sandbox, self._centre
         x0, y0 = self.camera.to_scene(self._at).tolist()
-        disk = sandbox.time.seen.x[: self.painter.lattice.disk_points]
+        disk = sandbox.time.display.x[: self.painter.lattice.disk_points]
         is_inside = hypot(x0 - cx, y0 - cy) <= np.hypot(*(disk - (cx, cy)).T).max()
 
         def pan(x: float, y: float, is_over: bool) -> None:
@@ -245,5 +245,5 @@ class Viewer:
             self._window.save_image(str(path))
         else:
             write_text(path, self.sandbox.scene.to_yaml())
-        incomplete = suffix == ".yaml" and self.sandbox.time.seen.segment.label
-        self.sandbox.message = f"wrote {path}{', without the changes on the way' if incomplete else ''}"
+        incomplete = suffix == ".yaml" and self.sandbox.time.display.segment.label
+        self.sandbox.message = f"wrote {path}{', without the changes during the motion' if incomplete else ''}"

@@ -57,12 +57,12 @@ def watch(scene: str, settings: tuple[str, ...]) -> tuple[list[float], int]:
 
     runtime.start()
     from taichi_disk.scenes import load_scene
-    from taichi_disk.window.app import presets
+    from taichi_disk.window.app import list_presets
     from taichi_disk.window.viewer import Viewer
 
     seconds, steps, clock, last = [], 0, 0.0, time.perf_counter()
     with tempfile.TemporaryDirectory() as folder:
-        viewer = Viewer(presets(load_scene(scene, settings)), Path(folder), max_rate=1000)
+        viewer = Viewer(list_presets(load_scene(scene, settings)), Path(folder), max_rate=1000)
         pictures = viewer.pictures()
         for made in pictures:
             elapsed, last = time.perf_counter() - last, time.perf_counter()
@@ -104,10 +104,10 @@ def states(scene: str, settings: tuple[str, ...]) -> tuple[float, int]:
     runtime.start()
     from taichi_disk.scenes import load_scene
     from taichi_disk.simulation.simulation import KernelCache
-    from taichi_disk.window.app import presets
+    from taichi_disk.window.app import list_presets
     from taichi_disk.window.session import Session
 
-    session, stepping = Session(presets(load_scene(scene, settings)), KernelCache()), 0.0
+    session, stepping = Session(list_presets(load_scene(scene, settings)), KernelCache()), 0.0
     advance = session.sandbox.advance
 
     def stepped(*given: float) -> int:

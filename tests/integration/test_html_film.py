@@ -175,6 +175,9 @@ def test_from_a_file_it_plays_scrubs_zooms_magnifies_and_shows_every_quantity(br
         old = canvas(browser)
         choose(browser, name, value)
         assert np.abs(canvas(browser) - old).mean() > 0.2, name
+    speed = "document.querySelector('[data-key=speed] [type=text]')"
+    browser.execute_script(f"{speed}.value = '-3'; {speed}.onchange()")
+    assert browser.execute_script(f"return {speed}.value") == "0.1"
     script = "document.querySelector('canvas').dispatchEvent(new WheelEvent('wheel', {deltaY: -600, clientX: 300, clientY: 300}))"  # noqa: E501
     old = canvas(browser)
     browser.execute_script(script)

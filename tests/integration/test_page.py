@@ -32,7 +32,7 @@ from taichi_disk.window.audience import Audience
 from taichi_disk.window.controls import CHOICES, RANGES, Entry
 from taichi_disk.window.graphs import CURVES
 from taichi_disk.window.server import answer
-from taichi_disk.window.session import HEADER, Session, understood
+from taichi_disk.window.session import HEADER, Session, read_command
 from tests.browser import MISSING, Browser
 
 WEB = Path(__file__).parents[2] / "taichi_disk" / "web"
@@ -48,7 +48,7 @@ def session(kernels: KernelCache) -> Session:
 
 def say(session: Session, kind: str, **more: Any) -> None:
     """As a page does, through the check of messages."""
-    message = understood(json.dumps({"do": kind} | more))
+    message = read_command(json.dumps({"do": kind} | more))
     assert message
     session.hear(message)
     session.advance()
@@ -163,8 +163,8 @@ def test_no_message_makes_an_error(session: Session) -> None:
         message: dict[str, Any] = {"do": choose.choice([*kinds, "set", "set", "what"]), "key": choose.choice(keys)}
         for name in ("value", "number", "t", "angle", "final", "dx", "dy", "x", "y"):
             message[name] = choose.choice([choose.uniform(-2.0, 3.0), choose.choice(values)])
-        understood(json.dumps(message)[: choose.randrange(60)])
-        if found := understood(json.dumps(message)):
+        read_command(json.dumps(message)[: choose.randrange(60)])
+        if found := read_command(json.dumps(message)):
             message_points = found.get("key") == "lattice.points"
             found |= {"value": 60 + abs(found["value"]) % 60} if message_points and found["do"] == "set" else {}
             session.hear(found)
@@ -196,10 +196,10 @@ def unpacked(session: Session) -> tuple[tuple[Any, ...], np.ndarray]:
 
 def test_a_state_holds_what_the_sandbox_sees(session: Session) -> None:
     say(session, "press", key="space")
-    while session.sandbox.time.seen.values["wall_force"] < 1e-3:
+    while session.sandbox.time.display.values["wall_force"] < 1e-3:
         session.advance()
     (number, _, t, points, forces, pulled, *_), floats = unpacked(session)
-    seen = session.sandbox.time.seen
+    seen = session.sandbox.time.display
     assert number == session.number and t == seen.t and points == len(seen.x) and forces > 0 and pulled == -1
     np.testing.assert_allclose(floats[: len(INDEX)], seen.row, rtol=1e-6)
     x = floats[len(INDEX) + len(CURVES) :][: 2 * points].reshape(-1, 2)
@@ -226,7 +226,7 @@ def test_the_page_s_modules_parse_and_read_a_state_as_it_was_packed(session: Ses
     )
     read = subprocess.run(["node", "read.mjs"], cwd=tmp_path, capture_output=True, text=True, check=True).stdout
     number, t, com_y, length, caption = json.loads(read)
-    seen = session.sandbox.time.seen
+    seen = session.sandbox.time.display
     assert (number, t, length) == (session.number, seen.t, 2 * len(seen.x)) and com_y == pytest.approx(
         seen.values["com_y"]
     )
@@ -258,7 +258,7 @@ def test_a_curve_is_collected_by_itself_and_stops_when_asked(session: Session) -
     outcome = compute(scenario, scene.time)
     assert first["value"] == scenario.primary(outcome.columns)[1]  # in all digits
     say(session, "collect")
-    assert not session.sandbox.collected
+    assert not session.sandbox.remaining_loads
     say(session, "clear")
     assert panel(session)["results"] == []
 
@@ -321,9 +321,9 @@ def test_a_page_gets_no_more_states_than_it_draws_and_holds_up_nobody(session: S
         assert (
             len(sleeper.numbers) <= 4 and sleeper.numbers[-1] >= player.numbers[-3]
         )  # the latest, not the missed ones
-        t = session.sandbox.time.seen.t
+        t = session.sandbox.time.display.t
         await asyncio.sleep(0.3)  # the player's page is hidden
-        assert session.sandbox.time.seen.t == t
+        assert session.sandbox.time.display.t == t
         player.numbers.clear()  # or its states were lost: it says that it waits for none
         player.say("seen", number=9e6)
         await asyncio.sleep(0.05)
@@ -343,15 +343,15 @@ def test_the_first_visitor_plays_the_next_one_follows_and_the_last_one_pauses(se
             await player.draw(2)
         player.say("pull", x=0.0, y=2.5)
         await player.draw(3)
-        assert sandbox.dragged and not sandbox.paused and player.plays and not watcher.plays
+        assert sandbox.grip and not sandbox.paused and player.plays and not watcher.plays
         watcher.say("press", key="n")
         watcher.say("release")
         audience.leave(guest.visitor)
         await player.draw(3)
-        assert sandbox.dragged and session.controls.number == 0  # a watcher changes nothing, nor by leaving
+        assert sandbox.grip and session.controls.number == 0  # a watcher changes nothing, nor by leaving
         audience.leave(player.visitor)
         await watcher.draw(3)
-        assert not sandbox.dragged and not sandbox.paused
+        assert not sandbox.grip and not sandbox.paused
         assert watcher.plays
         watcher.say("press", key="n")
         await watcher.draw(3)

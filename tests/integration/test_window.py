@@ -19,7 +19,7 @@ from taichi_disk.cli import main
 from taichi_disk.render import film_problem
 from taichi_disk.render.palette import THEMES
 from taichi_disk.scenes import load_scene
-from taichi_disk.window.viewer import PANEL
+from taichi_disk.window.viewer import PANEL_WIDTH
 
 TOOLS = [tool for tool in ("Xvfb", "xdotool", "import") if not shutil.which(tool)]
 MISSING = f"not installed: {', '.join(TOOLS)} (apt-get install xvfb xdotool imagemagick)" if TOOLS else film_problem()
@@ -135,13 +135,13 @@ def test_the_window_opens_obeys_and_shows_the_disk(display: dict[str, str], tmp_
         assert hand.saved().impact.angle == pytest.approx(np.arctan2(60, 120), abs=0.05)
         shown = hand.picture()
         inked = np.abs(shown - GROUND).sum(axis=-1) > 100
-        assert 0.05 < inked[:, PANEL:].mean() < 0.95  # outline, springs and wall; widgets are not in a picture
+        assert 0.05 < inked[:, PANEL_WIDTH:].mean() < 0.95  # outline, springs and wall; widgets are not in a picture
 
         # The disk falls, comes back in time, and is pulled; another scene, another size of the window.
         hand.key("space")
         time.sleep(2.0)
         hand.key("space")
-        assert np.abs(hand.picture() - shown)[:, PANEL:].max() > 100
+        assert np.abs(hand.picture() - shown)[:, PANEL_WIDTH:].max() > 100
         hand.key("Left", 1.0)
         hand.drag(DISK, (DISK[0] + 80, DISK[1] - 60))
         for key in ("n", "n", "c", "o", "t", "i", "u", "g", "Return", "BackSpace", "Tab"):

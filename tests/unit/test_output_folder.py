@@ -133,9 +133,15 @@ def test_a_folder_that_cannot_be_renamed_is_refused_with_advice_and_an_empty_one
     assert compute(Path("out/run"), OTHER, explicit=False) == Path("out/run-2")  # reported as a relative path
 
 
-def test_a_folder_in_the_home_may_be_named_by_its_tilde(tmp_path, monkeypatch):
-    monkeypatch.setenv("HOME", str(tmp_path))
-    assert compute("~/run") == tmp_path / "run"
+def test_a_home_is_refused_even_if_it_is_empty(tmp_path, monkeypatch):
+    monkeypatch.setenv("HOME", str(tmp_path / "home"))
+    (tmp_path / "home").mkdir(mode=0o700)
+    before = os.stat(tmp_path / "home")
+    for out in ("~", tmp_path / "home", "~/../home"):
+        with pytest.raises(InputError, match="is your home, which no run can replace: name a folder in it as `out`"):
+            compute(out)
+    assert os.stat(tmp_path / "home") == before and content(tmp_path) == {}
+    assert compute("~/run") == tmp_path / "home" / "run"
 
 
 def test_films_and_trajectories_made_from_a_run_stay_beside_it(tmp_path):
