@@ -159,11 +159,9 @@ def test_numbers_are_read_as_yaml_1_2_has_them(path: Path, text: str, value: flo
     assert load_scene("compression", [f"material.k_a={text}"]).material.k_a == value
 
 
-@pytest.mark.parametrize("depth", [1, 20])
-def test_a_list_of_lists_is_not_quoted(path: Path, depth: int) -> None:
-    aliases = "".join(f"b{k + 1}: &b{k + 1} [*b{k}, *b{k}]\n" for k in range(depth))  # 2^20 lists in 20 lines
-    *others, fault = faults(path, f"scene: compression\nb0: &b0 [1, 2]\n{aliases}lattice: {{points: *b{depth}}}\n")
-    assert len(others) == depth + 1 and fault.endswith("not a list (number of mass points N of the disk)")
+def test_a_list_of_lists_is_not_quoted(path: Path) -> None:
+    (fault,) = faults(path, "scene: compression\nlattice: {points: [[1, 2], [1, 2]]}\n")
+    assert fault.endswith("not a list (number of mass points N of the disk)")
 
 
 def test_a_value_that_is_written_once_can_be_used_again() -> None:
