@@ -86,11 +86,19 @@ _INTEGER = re.compile("[-+]?[0-9]+|0o[0-7]+|0x[0-9a-f]+")
 _FLOAT = re.compile(r"[-+]?(\.[0-9]+|[0-9]+(\.[0-9]*)?)(e[-+]?[0-9]+)?|[-+]?\.inf|\.nan")
 
 
+class _Loader(yaml.BaseLoader):  # a BaseLoader keeps scalars as text
+    def compose_node(self, parent: yaml.Node | None, index: int) -> yaml.Node | None:
+        if self.check_event(yaml.AliasEvent):  # twenty lines of aliases can stand for millions of values
+            what = "aliases (*) are not supported: write the value out"
+            raise yaml.composer.ComposerError(None, None, what, self.peek_event().start_mark)
+        return super().compose_node(parent, index)
+
+
 def parse(text: str, source: Mark, path: Keys = ()) -> Tree:
     """Parse YAML `text`, whose values belong at `path`. Unreadable values are None and listed in the tree's faults."""
     tree, where = Tree(), source
     try:
-        if node := yaml.BaseLoader(text).get_single_node():  # which keeps scalars as text
+        if node := _Loader(text).get_single_node():
             tree.value = _value(node, path, None, tree, source)
         return tree
     except yaml.reader.ReaderError as error:
