@@ -14,6 +14,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Literal
+from unittest.mock import patch
 
 import numpy as np
 
@@ -44,7 +45,8 @@ def judge(prepare: Callable[[], tuple[Scene, Scenario]], kernels: KernelCache, *
     """Compute a scene as `run` does."""
     try:
         scene, scenario = prepare()
-        outcome = compute(scenario, scene.time, **options)
+        with patch("taichi_disk.computation.outcome.shared_kernels", lambda: kernels):
+            outcome = compute(scenario, scene.time, **options)
     except InputError as error:
         return Verdict("refused", str(error))
     except SimulationError as error:
