@@ -94,10 +94,8 @@ def _sampling_errors(scenario: Scenario, columns: Columns) -> dict[str, float]:
 
 
 def _is_irregular(driver: Driver) -> bool:
-    """Return whether errors fall irregularly: if forces jump, or if a step crosses much of the wall's decay length."""
-    scenario = driver.scenario
-    jumps = scenario.model.has_friction or driver.columns["sliding"].any()  # from spring to spring of a wall
-    return bool(jumps or driver.step.dt > IRREGULAR_FROM * scenario.wall_step)
+    """Return whether errors fall irregularly: with friction, or if a step crosses much of the wall's decay length."""
+    return driver.scenario.model.has_friction or driver.step.dt > IRREGULAR_FROM * driver.scenario.wall_step
 
 
 def _other_steps(driver: Driver) -> list[float]:
@@ -111,8 +109,9 @@ def _other_steps(driver: Driver) -> list[float]:
 
 
 def _order(driver: Driver) -> int:
-    """Return the assumed order of the error."""
-    return 1 if _is_irregular(driver) else driver.step.integrator.order
+    """Return the assumed order of the error: 1 if it falls irregularly, or if points slide along a wall of springs."""
+    jumps = driver.columns["sliding"].any()
+    return 1 if jumps or _is_irregular(driver) else driver.step.integrator.order
 
 
 def within_tolerance(driver: Driver, run: Callable[[Any], Driver]) -> tuple[Driver, SecondRun]:
