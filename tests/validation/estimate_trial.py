@@ -50,7 +50,7 @@ class Judgement:
     result: str = ""
 
 
-def judge(number: int, kernels: KernelCache, tolerance: bool = False, hard: bool = False) -> Judgement:
+def judge(number: int, tolerance: bool = False, hard: bool = False) -> Judgement:
     """Run scene `number` as `run` does, and compare its estimate, or its tolerance, with the true error."""
     strain = wanted = 0.0
     if hard:
@@ -146,7 +146,7 @@ def main() -> None:
     kernels = KernelCache()
     numbers = range(given.first, given.first + given.scenes)
     if not given.features:
-        print(*report([judge(number, kernels, given.tolerance, given.hard) for number in numbers]), sep="\n")
+        print(*report([judge(number, given.tolerance, given.hard) for number in numbers]), sep="\n")
         return
     found = logged(given.log)
     for number in [number for number in numbers if number not in {judgement.number for judgement in found}]:
