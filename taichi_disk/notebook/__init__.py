@@ -41,8 +41,9 @@ class Sandbox(AnyWidget):
     height = traitlets.Int(760).tag(sync=True)
 
     def __init__(self, scene: str | Path | Scene, overrides: Sequence[str] = (), height: int = 760) -> None:
-        """`height` in pixels; the width is the cell's. Raises InputError for a bad scene."""
+        """`height` in pixels; the width is the cell's. Raises InputError for a bad scene, RuntimeError if no event loop runs."""
         runtime.start()
+        self._loop = asyncio.get_running_loop()
         first = scene if isinstance(scene, Scene) else load_scene(scene, overrides)
         with runtime.alone():
             self._session = Session(list_presets(first), KernelCache())
@@ -52,9 +53,10 @@ class Sandbox(AnyWidget):
         (page,) = re.findall(r"<main.*</main>", source("index.html"), re.DOTALL)
         constants = f"const PAGE = {json.dumps(page)}, STYLE = {json.dumps(source('style.css'))};\n"
         super().__init__(_esm=constants + bundle(*_MODULES), height=height)
-        self.on_msg(self._hear)
+        # JupyterLab delivers messages in a second thread, where an event that is set does not wake up the loop.
+        self.on_msg(lambda _, message, buffers: self._loop.call_soon_threadsafe(self._hear, message))
 
-    def _hear(self, _: Any, message: Any, buffers: list[bytes]) -> None:
+    def _hear(self, message: Any) -> None:
         """Handle a message of a view: it opens, closes, or sends a command as a page does."""
         name = message.pop("visitor")
         if message["do"] == "open":

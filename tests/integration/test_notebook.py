@@ -10,6 +10,7 @@ import re
 import socket
 import subprocess
 import sys
+import time
 from collections.abc import Awaitable, Callable
 from importlib.util import find_spec
 from pathlib import Path
@@ -37,7 +38,7 @@ def played(settings: list[str], act: Callable[[Any, Callable[..., None], list[An
         sandbox, sent = Sandbox("exponential_wall", settings), list[Any]()
 
         def say(kind: str, **more: Any) -> None:
-            sandbox._hear(sandbox, {"visitor": 0.5, "do": kind} | more, [])
+            sandbox._handle_custom_msg({"visitor": 0.5, "do": kind} | more, [])
 
         def send(message: dict[str, Any], buffers: list[bytes]) -> None:
             sent.append(message.get("text") or buffers[0])
@@ -75,6 +76,21 @@ def test_a_widget_is_played_with_while_cells_compute(tmp_path: Path) -> None:
         say("press", key="t")
         await asyncio.sleep(0.2)
         assert len(sent) <= states + 1 and sandbox.scene.video.theme == "dark"
+
+    played(SETTINGS, act)
+
+
+def test_a_message_that_another_thread_delivers_is_obeyed_at_once() -> None:
+    async def act(sandbox: Any, say: Callable[..., None], sent: list[Any]) -> None:
+        def press_and_wait() -> None:
+            time.sleep(0.2)
+            say("press", key="t")
+            Browser.wait(lambda: sent, 10.0)
+
+        await until(lambda: any(isinstance(one, bytes) for one in sent))
+        await asyncio.sleep(0.2)
+        sent.clear()
+        await asyncio.to_thread(press_and_wait)  # nothing but the message wakes up the loop
 
     played(SETTINGS, act)
 
