@@ -9,7 +9,7 @@ import { Field } from "./field.js";
 import { ARROW, arrow, drawLegend, footer, line } from "./legend.js";
 
 export const AIM = 0.05; // velocity that an arrow as long as R stands for [c]
-const VISIBLE_WALL = 0.16; // depth of a rigid wall that is always seen [R]
+const VISIBLE_WALL = 40; // least height of a rigid wall that is always seen, with room for a line of text [px]
 const ARROW_DISTANCE = 7; // approximate distance of two arrows [px]
 const INDICES = ["triangles", "springs", "outline", "edges"]; // of the scene's message
 
@@ -50,12 +50,13 @@ export class Drawing {
   // ---- the view: pixels are CSS pixels from the canvas's upper left corner
 
   fit() {
-    const { view, wall } = this.scene, [left, right, , top] = view, margin = 16;
-    const bottom = wall.kind === "rigid" ? wall.edge - VISIBLE_WALL : view[2];
-    const width = this.width - margin, height = this.height - footer(this.width) - margin;
+    const { view, wall } = this.scene, [left, right, , top] = view, margin = 8, isRigid = wall.kind === "rigid";
+    const [bottom, below] = isRigid ? [wall.edge, VISIBLE_WALL] : [view[2], margin];
+    const width = this.width - 2 * margin, height = this.height - footer(this.width) - margin - below;
     const scale = Math.max(Math.min(width / (right - left), height / (top - bottom)), 1);
     const spare = Math.max(height / scale - (top - bottom), 0); // free height, of which a quarter lies below
-    this.camera = { x: (left + right) / 2, y: (top + bottom + spare / 2) / 2, scale, home: true };
+    const y = (top + bottom + spare / 2 - (below - margin) / scale) / 2;
+    this.camera = { x: (left + right) / 2, y, scale, home: true };
   }
 
   // Show a point in the middle of a picture as wide as `width` [R].

@@ -10,14 +10,18 @@ export function legend(caption, names) {
   caption.replaceChildren(...names.map(name));
 }
 
-// Return the numbers around a plot: scales {low, high} at its left and right, [fraction of the width, text] below it.
-function numbers(below, ...scales) {
-  const beside = ({ low, high }, k) => [0, 0.5, 1].map((part) => {
-    const place = { className: k ? "right" : "left", style: `bottom: ${100 * part}%` };
-    return element("i", place, label(low + part * (high - low)));
+// Write numbers around a plot: its scales {low, high} left and right, [fraction of the width, text] below. A rule is
+// drawn at 0, or in the middle if the scales have no 0 inside; all scales have it at the same height.
+function frame(plot, contents, below, ...scales) {
+  const middle = ({ low, high }) => (low < 0 ? 0 : (low + high) / 2);
+  const height = (scale, value) => (100 * (value - scale.low)) / (scale.high - scale.low);
+  const beside = (scale, k) => [scale.low, middle(scale), scale.high].map((value) => {
+    const place = { className: k ? "right" : "left", style: `bottom: ${height(scale, value)}%` };
+    return element("i", place, label(value));
   });
   const under = ([part, text]) => element("i", { style: `left: ${100 * part}%` }, text);
-  return [...scales.flatMap(beside), ...below.map(under)];
+  plot.replaceChildren(...contents, ...scales.flatMap(beside), ...below.map(under));
+  plot.style.setProperty("--rule-top", `${100 - height(scales[0], middle(scales[0]))}%`);
 }
 
 export class Graphs {
@@ -44,26 +48,32 @@ export class Graphs {
     this.curves.forEach(({ values }, k) => values.push(graph[k]));
   }
 
-  draw(t, accent) {
+  // `fullForce`: a force that the scene will reach [Mc²/R], which the scale of the force holds from the beginning.
+  draw({ t, fullForce }, accent) {
     const { data, curves, canvases } = this;
     if (!data || !canvases[0].clientWidth) return;
-    const largest = ({ values }) => values.reduce((most, value) => Math.max(most, Math.abs(value)), 0);
     const end = (this.end = roundAbove(Math.max(1.1 * data.t.at(-1), 1)));
     canvases.forEach((canvas, k) => {
       const { clientWidth: width, clientHeight: height } = canvas, ctx = canvas.getContext("2d");
       Object.assign(canvas, { width: width * devicePixelRatio, height: height * devicePixelRatio });
       ctx.scale(devicePixelRatio, devicePixelRatio);
-      const scales = GRAPHS[k].map((graph) => {
-        const own = curves.filter((one) => one.graph === graph);
-        const high = roundAbove(1.05 * Math.max(...own.map(largest)) || 1);
-        const low = k && data.motion[1] === "c" ? -high : 0; // a velocity has both signs
+      const graphs = GRAPHS[k].map((graph) => {
+        const shown = curves.filter((one) => one.graph === graph), values = shown.flatMap((one) => one.values);
+        const first = graph === "force" ? fullForce : 0;
+        const high = roundAbove(1.05 * values.reduce((most, value) => Math.max(most, Math.abs(value)), first) || 1);
+        return { shown, high, least: values.reduce((least, value) => Math.min(least, value / high), 0) };
+      });
+      const least = Math.min(...graphs.map((one) => one.least)); // some energies of a spinning disk are below 0
+      const depth = [0, 0.2, 1].find((part) => least > -part - 0.005);
+      const scales = graphs.map(({ shown, high }) => {
+        const low = -depth * high;
         const place = (value, n) => [(data.t[n] / end) * width, ((high - value) / (high - low)) * height];
-        for (const { colour, values } of own) line(ctx, values.map(place), colour, 1.8);
+        for (const { colour, values } of shown) line(ctx, values.map(place), colour, 1.8);
         return { low, high };
       });
       line(ctx, [0, height].map((y) => [Math.min(t / end, 1) * width, y]), accent, 2);
-      const key = JSON.stringify([end, scales]), times = [[0, "0"], [0.5, label(end / 2)], [1, `${label(end)} R/c`]];
-      if (key !== canvas.key) canvas.parentNode.replaceChildren(canvas, ...numbers(times, ...scales));
+      const key = JSON.stringify([end, scales]), times = [[0, "0"], [0.5, `${label(end / 2)} R/c`], [1, label(end)]];
+      if (key !== canvas.key) frame(canvas.parentNode, [canvas], times, ...scales);
       canvas.key = key;
     });
   }
@@ -83,5 +93,5 @@ export function showDiagram(plot, results) {
     const title = `${result} = ${label(value)} at ${label(load)}`;
     return element("b", { style, title, className: disturbance && "hollow" });
   });
-  plot.replaceChildren(...numbers(decades.map((load) => [part(load), label(load)]), { low, high }), ...dots);
+  frame(plot, dots, decades.map((load) => [part(load), label(load)]), { low, high });
 }

@@ -168,7 +168,7 @@ export class Sandbox {
     drawing.draw(state);
     const theme = drawing.scene.themes[drawing.options.theme], held = 2 * state.pulled;
     if (held >= 0 && target) drawing.drawArrow([state.x[held], state.x[held + 1]], target, theme.accent, theme);
-    this.graphs.draw(state.t, theme.accent);
+    this.graphs.draw(state, theme.accent);
   }
 
   showGraphs(message) {

@@ -184,17 +184,25 @@ class Sandbox:
         self.paused = True
         text = f"{scenario.end_words}: {scenario.symbol} = {value:.6f} {unit}".rstrip()
         self.message = f"{text}, {label}" if label else text
-        self.collect(self.remaining_loads[1:])
+        if self.remaining_loads:
+            self.collect(self.remaining_loads[1:])
+            if not self.remaining_loads:
+                self.begin(with_key(self.scene, load_key(self.scene), self._load_before))
+                self.message = "the curve is complete; the disk is at the start again"
 
     def collect(self, loads: list[float]) -> None:
         """Run the present scene with each of `loads` (speeds [c] or pressures [M c^2/R]) in turn; [] ends that.
 
+        After the last load the disk is at the start again, with the load that it had before.
+
         Raises TaichiDiskError, and then leaves everything as it was.
         """
         if loads:
-            self.begin(with_key(self.scene, load_key(self.scene), loads[0]))
+            key = load_key(self.scene)
+            before = self._load_before if self.remaining_loads else value_of(self.scene, key)
+            self.begin(with_key(self.scene, key, loads[0]))
             self.time.spacing *= COLLECTING_SPACING
-            self.paused = False
+            self.paused, self._load_before = False, before
         self.remaining_loads = loads
 
     def clear(self) -> None:
