@@ -38,10 +38,13 @@ class Sandbox(AnyWidget):
     The disk moves only while no cell runs and the widget is visible.
     """
 
-    height = traitlets.Int(760).tag(sync=True)
+    height = traitlets.Int(900).tag(sync=True)
 
-    def __init__(self, scene: str | Path | Scene, overrides: Sequence[str] = (), height: int = 760) -> None:
-        """`height` in pixels; the width is the cell's. Raises InputError for a bad scene, RuntimeError if no event loop runs."""
+    def __init__(self, scene: str | Path | Scene, overrides: Sequence[str] = (), height: int = 900) -> None:
+        """`height` in pixels; the width is the cell's.
+
+        Raises InputError for a bad scene, RuntimeError if no event loop runs.
+        """
         runtime.start()
         self._loop = asyncio.get_running_loop()
         first = scene if isinstance(scene, Scene) else load_scene(scene, overrides)
