@@ -11,7 +11,7 @@ import { ARROW, arrow, drawLegend, footer, line } from "./legend.js";
 export const AIM = 0.05; // velocity that an arrow as long as R stands for [c]
 const VISIBLE_WALL = 40; // least height of a rigid wall that is always seen, with room for a line of text [px]
 const ARROW_DISTANCE = 7; // approximate distance of two arrows [px]
-const INDICES = ["triangles", "springs", "outline", "edges"]; // of the scene's message
+const INDICES = ["triangles", "springs", "outline", "edges", "wall_surface"]; // of the scene's message
 
 export const bytes = (text) => Uint8Array.from(atob(text), (letter) => letter.charCodeAt(0));
 export const decoded = (text, Kind) => new Kind(bytes(text).buffer);
@@ -31,10 +31,9 @@ export class Drawing {
   }
 
   setScene(message) {
-    this.scene = { ...message, wall: { ...message.wall } };
+    this.scene = { ...message };
     for (const name of INDICES) this.scene[name] = decoded(message[name], Uint32Array);
     this.scene.rest = decoded(message.rest, Float32Array);
-    if (message.wall.surface) this.scene.wall.surface = decoded(message.wall.surface, Uint32Array);
     this.maps = Object.fromEntries(Object.entries(message.maps).map(([name, map]) => [name, bytes(map)]));
     this.set(message.options);
     this.spacing = Math.sqrt(3.63 / message.disk_points); // of a triangular lattice that fills the disk [R]
@@ -207,10 +206,10 @@ export class Drawing {
 
   // Return the outline of the wall, up to a height above its points [R].
   wallPath(x, height) {
-    const { surface } = this.scene.wall, path = new Path2D();
+    const { wall_surface: surface } = this.scene, isRigid = !surface.length, path = new Path2D();
     const [left, low] = this.toWorld(-this.width, this.height), [right] = this.toWorld(2 * this.width, 0);
-    const chain = surface ? Array.from(surface, (i) => [x[2 * i], x[2 * i + 1]]) : [[left, 0], [right, 0]];
-    const bottom = surface ? -1.3 / this.camera.scale : Math.min(low, 0) - 1;
+    const chain = isRigid ? [[left, 0], [right, 0]] : Array.from(surface, (i) => [x[2 * i], x[2 * i + 1]]);
+    const bottom = isRigid ? Math.min(low, 0) - 1 : -1.3 / this.camera.scale;
     for (const [px, py] of chain) path.lineTo(...this.toScreen(px, py + height));
     for (const [px, py] of chain.reverse()) path.lineTo(...this.toScreen(px, py + bottom));
     return path;

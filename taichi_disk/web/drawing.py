@@ -19,7 +19,7 @@ from taichi_disk.config.sections import VideoSection
 from taichi_disk.fields import QUANTITIES, Triangles, at_points, own_values
 from taichi_disk.lattice import Array, Lattice
 from taichi_disk.render.geometry import edge_height
-from taichi_disk.render.palette import THEMES, Theme, colour_map, map_kind, round_near
+from taichi_disk.render.palette import THEMES, Theme, colour_map, map_kind
 
 _ACCENT = "rgb(230, 115, 0)"  # colour of what the user draws, and of the centre of mass's path
 # Texts of the page for the start, a collected curve and its axes.
@@ -40,7 +40,6 @@ def scene_message(
     triangles = Triangles(lattice)
     force = scenario.point_force if largest_force is None else largest_force
     return {
-        "title": list(scenario.title()),
         "points": len(lattice.positions),
         "disk_points": lattice.disk_points,
         "triangles": encoded(triangles.triangles, np.uint32),
@@ -49,9 +48,9 @@ def scene_message(
         "edges": encoded(np.concatenate([triangles.outline, triangles.interfaces]), np.uint32),
         "rest": encoded(lattice.positions, np.float32),
         "wall": _wall(lattice, wall, force),
+        "wall_surface": encoded(lattice.wall_surface, np.uint32),
         "spoke": scenario.spoke,
         "view": [float(one) for one in scenario.view],
-        "full_force": round_near(force) if force else 0.0,
         "labels": _IMPACT_LABELS if scenario.is_thrown else _LOAD_LABELS,
         "unused": [] if scenario.is_thrown else ["hit", "slow", "arrow"],
         "options": {
@@ -85,10 +84,8 @@ def scene_message(
 def _wall(lattice: Lattice, wall: Any, force: float) -> dict[str, Any]:
     if wall is None:
         return {"kind": "none"}
-    shape = {"edge": edge_height(wall, force), "decay": wall.decay_length}
-    if not len(lattice.wall_surface):
-        return {"kind": "rigid", **shape}
-    return {"kind": "elastic", "surface": encoded(lattice.wall_surface, np.uint32), **shape}
+    kind = "elastic" if len(lattice.wall_surface) else "rigid"
+    return {"kind": kind, "edge": edge_height(wall, force), "decay": wall.decay_length}
 
 
 def _colours(theme: Theme) -> dict[str, str]:

@@ -3,7 +3,7 @@
 import { Controls } from "./controls.js";
 import { Drawing, bytes, centroid, decoded } from "./draw.js";
 import { followPointers } from "./gestures.js";
-import { element, elements } from "./html.js";
+import { checked, element, elements } from "./html.js";
 
 // The states of one run.
 class Recording {
@@ -99,8 +99,7 @@ async function play() {
   function change() {
     controls.show(specs.map((spec) => ({ ...spec, value: settings[spec.key] })));
     document.documentElement.style.colorScheme = settings.theme;
-    const options = Object.fromEntries([...ui.options.querySelectorAll("input")].map((one) => [one.id, one.checked]));
-    all((one) => one.set({ ...settings, ...options }));
+    all((one) => one.set({ ...settings, ...checked(ui.options) }));
     show();
   }
 

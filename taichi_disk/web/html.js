@@ -11,6 +11,11 @@ export function elements(root) {
   return Object.fromEntries([...root.querySelectorAll("[id]")].map((one) => [one.id, one]));
 }
 
+// Return the states of the check boxes in `root` by their ids.
+export function checked(root) {
+  return Object.fromEntries([...root.querySelectorAll("input")].map((one) => [one.id, one.checked]));
+}
+
 export function download(content, name, type) {
   const link = element("a", { download: name, href: URL.createObjectURL(new Blob([content], { type })) });
   link.click();

@@ -4,7 +4,7 @@ import { Controls, asText, showResults, showScenes } from "./controls.js";
 import { Drawing } from "./draw.js";
 import { followPointers, grip } from "./gestures.js";
 import { Graphs, legend, showDiagram } from "./graphs.js";
-import { download, element, elements } from "./html.js";
+import { checked, download, element, elements } from "./html.js";
 import { unpacked } from "./message.js";
 
 const KEYS = { " ": "space", ArrowLeft: "Left", ArrowRight: "Right", ArrowUp: "Up", ArrowDown: "Down" };
@@ -162,9 +162,9 @@ export class Sandbox {
 
   draw() {
     const { drawing, state, panel, ui, target } = this, { com_vx, com_vy } = state.row;
-    const options = Object.fromEntries([...ui.options.querySelectorAll("input")].map((one) => [one.id, one.checked]));
     const [v, angle] = panel.aimed ?? [], velocity = v ? [v * Math.sin(angle), -v * Math.cos(angle)] : [com_vx, com_vy];
-    drawing.set({ ...options, arrow: (v || (options.arrow && !ui.arrow.disabled)) && velocity });
+    const isShown = v || (ui.arrow.checked && !ui.arrow.disabled);
+    drawing.set({ ...checked(ui.options), arrow: isShown && velocity });
     drawing.draw(state);
     const theme = drawing.scene.themes[drawing.options.theme], held = 2 * state.pulled;
     if (held >= 0 && target) drawing.drawArrow([state.x[held], state.x[held + 1]], target, theme.accent, theme);

@@ -7,12 +7,9 @@ export default {
       <div class="frame">${PAGE}</div>`;
     const send = (message) => model.send({ visitor, ...message });
     const sandbox = (el.sandbox = new Sandbox(shadow.querySelector(".sandbox"), send));
-    const hear = (message, buffers) => {
-      if (message.to !== visitor) return;
-      if (message.text) sandbox.receive(message.text);
-      for (const { buffer, byteOffset, byteLength } of buffers) {
-        sandbox.receive(buffer.slice(byteOffset, byteOffset + byteLength));
-      }
+    const hear = ({ to, text }, [view]) => {
+      const state = () => view.buffer.slice(view.byteOffset, view.byteOffset + view.byteLength);
+      if (to === visitor) sandbox.receive(text ?? state());
     };
     model.on("msg:custom", hear);
     send({ do: "open" });

@@ -33,7 +33,7 @@ _METHODS = {
 _COMMANDS = {do: (part, values) for part, text in _METHODS.items() for do, *values in map(str.split, text.split(", "))}
 _REPLACED = ("set", "speed", "scrub", "turn", "aim", "pull")  # commands of which only the latest counts
 LARGE_LATTICE = 5000  # points; a larger lattice takes longer to build than a picture may take
-HEADER = struct.Struct("<IIdIIiI4f")  # see `Session._state`
+HEADER = struct.Struct("<IdIIiI2f")  # see `Session._state`
 PAST_HINT = "earlier state: Go on continues from here"
 AIM_HINT = "drag the disk to turn it, or from beside it to aim"
 
@@ -137,10 +137,9 @@ class Session:
     def _state(self) -> bytes:
         """Return the binary message of a picture, little-endian.
 
-        HEADER holds the number, commands heard, t since the hit began [R/c], points, forces, the point that the mouse
-        pulls (-1: none), values, the value of full colour, the force of the longest arrow [M c^2/R], the energy
-        imbalance and the pace [R/c per s]. Observables (INDEX), graph values (CURVES), positions (2n), values and
-        forces (3k) follow as float32, and the caption in UTF-8.
+        HEADER holds the number, t since the hit began [R/c], points, forces, the point that the mouse pulls (-1: none),
+        values, the value of full colour and the force of the longest arrow [M c^2/R]. Observables (INDEX), graph
+        values (CURVES), positions (2n), values and forces (3k) follow as float32, and the caption in UTF-8.
         """
         sandbox, state, video = self.sandbox, self.sandbox.time.display, self.sandbox.scene.video
         scenario, x, v = state.segment.scenario, state.x, state.v
@@ -150,9 +149,8 @@ class Session:
         self.scales.update(values[: lattice.disk_points], forces)
         t = state.t - state.segment.hit_began
         pulled = sandbox.grip[0] if sandbox.grip else -1
-        pace = 0.0 if sandbox.paused else sandbox.pace
-        numbers = self.scales.colour, self.scales.force, sandbox.time.segment.imbalance, pace
-        header = HEADER.pack(self.number, self._command_count, t, len(x), len(forces), pulled, len(values), *numbers)
+        full = self.scales.colour, self.scales.force
+        header = HEADER.pack(self.number, t, len(x), len(forces), pulled, len(values), *full)
         curves = self.graphs.values(state.row[None])[0]
         floats = np.concatenate([state.row, curves, x.ravel(), values, forces.ravel()]).astype("<f4")
         caption = "\n".join(scenario.caption(state.values | {"t": t}))
@@ -160,7 +158,7 @@ class Session:
 
     def _panel(self) -> dict[str, Any]:
         sandbox, controls = self.sandbox, self.controls
-        segment, scene, entry = sandbox.time.segment, sandbox.scene, controls.playlist[controls.number]
+        scene, entry = sandbox.scene, controls.playlist[controls.number]
         # A change that needs a new start waits for the end of the drag if the start takes long.
         is_slow = sandbox.at_start and (scene.lattice.points > LARGE_LATTICE or not sandbox.can_aim)
         can_aim = sandbox.can_aim and not sandbox.message
@@ -171,7 +169,6 @@ class Session:
             "number": controls.number,
             "title": [*sandbox.time.display.segment.scenario.title()],
             "hint": PAST_HINT if sandbox.time.lead < 0.0 else AIM_HINT if can_aim else "",
-            "solver": f"{segment.step.integrator.name}, step {segment.step.dt:.3g} R/c",
             "atStart": sandbox.at_start,
             "sliders": [
                 {"key": key, "value": controls.value(key)}

@@ -189,7 +189,7 @@ def test_a_slider_that_is_held_while_the_scene_changes_is_let_be(session: Sessio
 
 def unpacked(session: Session) -> tuple[tuple[Any, ...], np.ndarray]:
     header = HEADER.unpack(session.state[: HEADER.size])
-    points, forces, values = header[3], header[4], header[6]
+    points, forces, values = header[2], header[3], header[5]
     count = len(INDEX) + len(CURVES) + 2 * points + values + 3 * forces
     return header, np.frombuffer(session.state, "<f4", count, HEADER.size)
 
@@ -198,7 +198,7 @@ def test_a_state_holds_what_the_sandbox_sees(session: Session) -> None:
     say(session, "press", key="space")
     while session.sandbox.time.display.values["wall_force"] < 1e-3:
         session.advance()
-    (number, _, t, points, forces, pulled, *_), floats = unpacked(session)
+    (number, t, points, forces, pulled, *_), floats = unpacked(session)
     seen = session.sandbox.time.display
     assert number == session.number and t == seen.t and points == len(seen.x) and forces > 0 and pulled == -1
     np.testing.assert_allclose(floats[: len(INDEX)], seen.row, rtol=1e-6)
