@@ -48,7 +48,8 @@ export class Graphs {
     this.curves.forEach(({ values }, k) => values.push(graph[k]));
   }
 
-  // `fullForce`: a force that the scene will reach [Mc²/R], which the scale of the force holds from the beginning.
+  // `fullForce`: a force that the scene will reach [Mc²/R]. Its number is also below the speed of a throw [c] and about
+  // the compression [R]; these scales end at it at least, and show no rounding errors at the start.
   draw({ t, fullForce }, accent) {
     const { data, curves, canvases } = this;
     if (!data || !canvases[0].clientWidth) return;
@@ -59,7 +60,7 @@ export class Graphs {
       ctx.scale(devicePixelRatio, devicePixelRatio);
       const graphs = GRAPHS[k].map((graph) => {
         const shown = curves.filter((one) => one.graph === graph), values = shown.flatMap((one) => one.values);
-        const first = graph === "force" ? fullForce : 0;
+        const first = graph === "energy" ? 0 : fullForce;
         const high = roundAbove(1.05 * values.reduce((most, value) => Math.max(most, Math.abs(value)), first) || 1);
         return { shown, high, least: values.reduce((least, value) => Math.min(least, value / high), 0) };
       });

@@ -8,7 +8,6 @@ import { checked, download, element, elements } from "./html.js";
 import { unpacked } from "./message.js";
 
 const KEYS = { " ": "space", ArrowLeft: "Left", ArrowRight: "Right", ArrowUp: "Up", ArrowDown: "Down" };
-const REPEATED = "Left Right Up Down e d a z s f i u".split(" ");
 const OWN_KEYS = [ // keys that a control with the focus uses itself
   ["input[type=text], select", /./], ["input[type=range]", /^[A-Z]/], ["button, input", /^(space|Enter)$/],
 ];
@@ -77,7 +76,7 @@ export class Sandbox {
     const { target } = event, key = KEYS[event.key] ?? event.key;
     if (event.ctrlKey || event.altKey || event.metaKey || this.node.querySelector(":popover-open")) return;
     if (OWN_KEYS.some(([controls, keys]) => target.matches(controls) && keys.test(key))) return;
-    if (event.repeat && !REPEATED.includes(key)) return;
+    if (event.repeat && !this.hello.repeating.includes(key)) return;
     const button = this.node.querySelector(`[aria-keyshortcuts="${CSS.escape(key)}"]`);
     if (button) button.click();
     else if (this.hello.keys.some(([keys]) => keys.split(" ").includes(key))) this.send({ do: "press", key });
@@ -143,7 +142,7 @@ export class Sandbox {
     this.state = unpacked(buffer, this.hello.columns, this.hello.curves.length);
     this.arrived = performance.now();
     this.graphs.add(this.state);
-    this.ui.caption.textContent = this.state.caption;
+    this.ui.caption.replaceChildren(...this.state.caption.split("\n").map((text) => element("span", {}, text)));
     this.waiting = clearTimeout(this.waiting);
     this.ui.busy.hidden = true;
     this.redraw(this.state.number);

@@ -79,7 +79,7 @@ class Sandbox:
         drawn_throw: velocity [c] and angle [rad] of the throw that is being drawn, or None.
     """
 
-    starts, speed, slow, _clock = 0, 1.0, False, 0.0
+    starts, speed, slow, _clock, _load_before = 0, 1.0, False, 0.0, 0.0
 
     def __init__(self, scene: Scene, kernels: KernelCache) -> None:
         """Begin with `scene`. Raises TaichiDiskError."""

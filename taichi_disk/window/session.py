@@ -16,7 +16,7 @@ from taichi_disk.fields import Triangles
 from taichi_disk.simulation.observables import INDEX
 from taichi_disk.simulation.simulation import KernelCache
 from taichi_disk.web.drawing import colour_values, contact_forces, scene_message
-from taichi_disk.window.controls import CHOICES, RANGES, Controls, Entry
+from taichi_disk.window.controls import CHOICES, RANGES, REPEATING_KEYS, Controls, Entry
 from taichi_disk.window.graphs import CURVES, Graphs, Scales
 from taichi_disk.window.sandbox import Sandbox
 
@@ -73,7 +73,8 @@ class Session:
         self._pending: dict[Any, dict[str, Any]] = {}
         self._text_keys: dict[str, Any] = {}
         names = [entry[:2] for entry in playlist]
-        hello = {"columns": [*INDEX], "playlist": names, "curves": CURVES, "keys": self.controls.reference}
+        keys = {"keys": self.controls.reference, "repeating": REPEATING_KEYS}
+        hello = {"columns": [*INDEX], "playlist": names, "curves": CURVES, **keys}
         self._write("hello", 0, lambda: hello)
         self.advance()
 

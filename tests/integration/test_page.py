@@ -550,8 +550,8 @@ def test_graphs_show_energies_below_0_and_no_noise(served: tuple[subprocess.Pope
     program, url = served
     browser.open(url)
 
-    def ends(graph: str) -> list[str]:
-        found = f"[...document.querySelectorAll('#{graph} ~ .left')].map((one) => one.textContent)"
+    def ends(graph: str, side: str = "left") -> list[str]:
+        found = f"[...document.querySelectorAll('#{graph} ~ .{side}')].map((one) => one.textContent)"
         return list(browser.script(f"return {found}"))
 
     assert ends("motion")[1] == "0" and float(ends("motion")[2]) > 1e-3  # not the force of rounding errors
@@ -562,6 +562,10 @@ def test_graphs_show_energies_below_0_and_no_noise(served: tuple[subprocess.Pope
     lowest = browser.script("return Math.min(...window.sandbox.graphs.curves[2].values)")
     low, middle, _ = ends("energy")
     assert lowest < 0.0 and middle == "0" and float(low.replace("\u2212", "-")) < lowest
+    browser.script("window.sandbox.send({ do: 'play', number: 7 })")
+    browser.wait(lambda: browser.text("drop") == "Load")
+    browser.wait(lambda: ends("motion", "right")[0] == "0")  # a compression of zero
+    assert float(ends("motion", "right")[2]) > 1e-3
     ended(program)
 
 
