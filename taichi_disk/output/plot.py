@@ -52,8 +52,18 @@ PANEL_HEIGHTS = (1.2, 1.0, 1.5)  # relative heights of the panels for motion, fo
 LAYOUT = {"left": 0.145, "right": 0.98, "bottom": 0.055, "top": 0.945, "hspace": 0.17}  # fractions of the figure
 _LOCK = threading.Lock()
 # This program imports everything before it receives a run. `os._exit` saves 0.1 s of unloading the libraries.
-_DRAW = """import os, pickle, sys, matplotlib.figure, matplotlib.backends.backend_agg
+_DRAW = """import gc, io, os, pickle, sys
+gc.disable()
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
 from taichi_disk.output.plot import plot_run
+if os.cpu_count() > 1:
+    figure = Figure()
+    FigureCanvasAgg(figure)
+    ax = figure.subplots()
+    ax.plot([0.0, 1.0], label="$x$")
+    ax.legend()
+    figure.savefig(io.BytesIO())
 plot_run(*pickle.load(sys.stdin.buffer))
 os._exit(0)"""
 _ENVIRONMENT = {"MPLBACKEND": "agg", "OPENBLAS_NUM_THREADS": "1"}
