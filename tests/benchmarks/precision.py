@@ -79,7 +79,7 @@ def precision(repeats: int, settings: tuple[str, ...], figure: Path | None = Non
         further = {row: command.further() for row, command in runs.items()}
     points = {row: (abs(command.result - truth), min(costs[row])) for row, command in runs.items()}
     yield f"e = {truth:.12f} by DOP853 at rtol 1e-12; least of {min(repeats, 5)} runs of each command."
-    yield f"Last column: least of {FURTHER} further impacts in a process that has computed one, or of those within 10 s.\n"
+    yield f"Last column: least of {FURTHER} further impacts in a warm process, or of those within 10 s.\n"
     yield "| program | setting | error of $e$ | command [s] | further impact [ms] |\n|---|---|---|---|---|"
     for (program, setting), (error, seconds) in points.items():
         digits, _, power = f"{error:.1e}".partition("e")
