@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import gc
 import multiprocessing
 import os
 import pickle
@@ -113,7 +114,7 @@ def _pool(jobs: int) -> Iterator[Executor]:
     context = multiprocessing.get_context("spawn")  # a forked Taichi hangs
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # affects only workers: NumPy is already imported here
     receiver, sender = context.Pipe(duplex=False)
-    pool = ProcessPoolExecutor(jobs, context, _watch_parent, (receiver,))
+    pool = ProcessPoolExecutor(jobs, context, _begin_worker, (receiver,))
     try:
         yield pool
     except BaseException:
@@ -132,8 +133,9 @@ def _next(finished: SimpleQueue[Finished]) -> Finished:
             return finished.get(timeout=POLL_INTERVAL)
 
 
-def _watch_parent(receiver: Connection) -> None:
+def _begin_worker(receiver: Connection) -> None:
     """Exit when the other end of the pipe closes; otherwise workers would survive a killed parent."""
+    gc.set_threshold(100_000)  # as in the commands
 
     def watch() -> None:
         with suppress(EOFError, OSError):
