@@ -144,7 +144,21 @@ def run_sweep(
     keys = [point_key(scene) for scene in sweep.scenes]
     scenes = executors.ordered(dict(zip(keys, sweep.scenes, strict=True)))
     scenes = scenes if part is None else executors.part_of(part, scenes)
-    _prepare(out)
+    _refuse(out)
+    results = dict[str, PointResult]()
+    for key in scenes:
+        if (point := _read_point(out, key)) and (point.estimated or not estimate):
+            results[key] = point
+    missing, before = {key: scene for key, scene in scenes.items() if key not in results}, len(results)
+    of_all = f" (part {part} of {len(keys)})" if part else ""
+    say(f"{len(scenes)} scenes{of_all}, {before} of them computed before")
+    generated = [scene for scene in scenes.values() if scene.lattice.file == "none"]
+    for note in [note for scene in generated for note in scene.notes(scene.lattice.points)][:1]:
+        say(note)
+    if missing and scheduler is not None:  # a client waits for ever for a silent server
+        count = executors.count_workers(scheduler)
+        say(f"{count} Dask workers" if count else f"waiting: the scheduler at {scheduler} has no workers yet")
+    prepare_output(out / "points")
     with _claimed(out / "points", sweep):
         if part is None:
             file, text = out / "scene.yaml", sweep.to_yaml()
@@ -153,16 +167,10 @@ def run_sweep(
                 for name in FILES:
                     remove(out / name)
             write_text(file, text)
-        results = dict[str, PointResult]()
-        for key, scene in scenes.items():
-            if (point := _read_point(out, key)) and (point.estimated or not estimate):
-                results[key] = point
-                _write_scene(out, key, scene)
-        missing, before = {key: scene for key, scene in scenes.items() if key not in results}, len(results)
-        of_all = f" (part {part} of {len(keys)})" if part else ""
-        say(f"{len(scenes)} scenes{of_all}, {before} of them computed before")
+        for key in results:
+            _write_scene(out, key, scenes[key])
         progress("sweep", before, len(scenes))
-        with closing(executors.computed(missing, estimate, jobs, executor, scheduler, say)) as computed:
+        with closing(executors.computed(missing, estimate, jobs, executor, scheduler)) as computed:
             for key, result in computed:
                 _write_point(out, key, missing[key], result)
                 results[key] = result
@@ -226,11 +234,10 @@ def _mixed_versions(points: list[dict[str, str]]) -> str:
     return ", ".join(f"{name} {' and '.join(used)}" for name, used in packages.items() if len(used) > 1)
 
 
-def _prepare(out: Path) -> None:
+def _refuse(out: Path) -> None:
     refuse_run(out)
     if not (out / "points").is_dir() and (files := [name for name in FILES if (out / name).exists()]):
         raise InputError(f"{out} holds {files[0]}, which is not from a sweep: choose another folder as `out`")
-    prepare_output(out / "points")
 
 
 def _row(sweep: Sweep, scene: Scene, names: Sequence[str], key: str, result: PointResult) -> Row:
@@ -286,7 +293,7 @@ def _read_point(out: Path, key: str) -> PointResult | None:
         record = json.loads(path.read_bytes())
         result = PointResult(**{item.name: record[item.name] for item in fields(PointResult)})
         return result if record["key"] == key else None
-    except FileNotFoundError:
+    except (FileNotFoundError, NotADirectoryError):
         return None
     except (ValueError, TypeError, LookupError, RecursionError, OSError) as error:
         text = f"{path}: not the result of a point ({reason(error)}): delete the file to compute it again"
