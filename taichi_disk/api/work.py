@@ -25,7 +25,7 @@ from taichi_disk.progress import Progress, silent
 from taichi_disk.scenes import Scene, check_memory
 from taichi_disk.scenes.setup import setup_of
 
-FRAMES = 200  # default number of frames of a trajectory
+FRAMES, MOST_FRAMES = 200, 100_000  # default and greatest number of frames of a trajectory
 
 
 class Work:

@@ -16,6 +16,7 @@ from uuid import uuid4
 
 from filelock import FileLock, Timeout
 
+from taichi_disk.config.tree import as_path
 from taichi_disk.errors import InputError
 from taichi_disk.lattice import file_digest
 from taichi_disk.output.files import prepare_output, reason, remove, versions, write_csv, write_summary, write_text
@@ -138,7 +139,9 @@ def run_sweep(
             answers; or workers have other versions.
         SimulationError: the workers failed. Finished points are kept.
     """
-    out, progress, started = Path(out), progress or silent, perf_counter()
+    out, progress, started = as_path(out, "out"), progress or silent, perf_counter()
+    if not isinstance(sweep, Sweep):
+        raise InputError(f"sweep: must be what load_sweep returns, not {sweep!r:.60}")
     if jobs is not None and not (isinstance(jobs, Integral) and int(jobs) >= 1):
         raise InputError(f"jobs: must be a whole number from 1 on, not {jobs!r}")
     keys = [point_key(scene) for scene in sweep.scenes]
