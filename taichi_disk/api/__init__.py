@@ -302,9 +302,12 @@ class Result:
             raise InputError(f"beside: must be a result of run, or a list of results, not {beside!r:.60}")
         section = self.scene.with_({f"video.{key}": value for key, value in video.items()}).video
         check_target(path)
-        files.prepare_output(path.parent)
         runs = [result.outcome for result in (self, *others)]
-        film(path, runs, section, progress or silent, Span(at, start, end))
+        made = files.prepare_output(path.parent)
+        try:
+            film(path, runs, section, progress or silent, Span(at, start, end))
+        finally:
+            files.remove_empty(made)  # they are empty if there is no film
         return path
 
     @runtime.alone()

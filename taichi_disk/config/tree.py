@@ -153,7 +153,7 @@ def _meaning(text: str) -> Any:
 
 def _as_written(node: yaml.Node) -> str:
     if not isinstance(node, yaml.ScalarNode):
-        return "a mapping" if isinstance(node, yaml.MappingNode) else "a list"
+        return f"{'a' if node.value else 'an empty'} {'mapping' if isinstance(node, yaml.MappingNode) else 'list'}"
     return f'the text "{printable(node.value)}"' if node.style else printable(node.value) or "nothing"
 
 

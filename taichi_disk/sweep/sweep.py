@@ -19,7 +19,16 @@ from filelock import FileLock, Timeout
 from taichi_disk.config.tree import as_path
 from taichi_disk.errors import InputError
 from taichi_disk.lattice import file_digest
-from taichi_disk.output.files import prepare_output, reason, remove, versions, write_csv, write_summary, write_text
+from taichi_disk.output.files import (
+    prepare_output,
+    reason,
+    remove,
+    remove_empty,
+    versions,
+    write_csv,
+    write_summary,
+    write_text,
+)
 from taichi_disk.output.run_folder import refuse_run
 from taichi_disk.progress import Progress, reported, silent
 from taichi_disk.scenes import Scene
@@ -147,7 +156,7 @@ def run_sweep(
     keys = [point_key(scene) for scene in sweep.scenes]
     scenes = executors.ordered(dict(zip(keys, sweep.scenes, strict=True)))
     scenes = scenes if part is None else executors.part_of(part, scenes)
-    _refuse(out)
+    made = _prepare(out)
     results = dict[str, PointResult]()
     for key in scenes:
         if (point := _read_point(out, key)) and (point.estimated or not estimate):
@@ -159,9 +168,12 @@ def run_sweep(
     for note in [note for scene in generated for note in scene.notes(scene.lattice.points)][:1]:
         say(note)
     if missing and scheduler is not None:  # a client waits for ever for a silent server
-        count = executors.count_workers(scheduler)
+        try:
+            count = executors.count_workers(scheduler)
+        except InputError:
+            remove_empty(made)
+            raise
         say(f"{count} Dask workers" if count else f"waiting: the scheduler at {scheduler} has no workers yet")
-    prepare_output(out / "points")
     with _claimed(out / "points", sweep):
         if part is None:
             file, text = out / "scene.yaml", sweep.to_yaml()
@@ -237,10 +249,11 @@ def _mixed_versions(points: list[dict[str, str]]) -> str:
     return ", ".join(f"{name} {' and '.join(used)}" for name, used in packages.items() if len(used) > 1)
 
 
-def _refuse(out: Path) -> None:
+def _prepare(out: Path) -> list[Path]:
     refuse_run(out)
     if not (out / "points").is_dir() and (files := [name for name in FILES if (out / name).exists()]):
         raise InputError(f"{out} holds {files[0]}, which is not from a sweep: choose another folder as `out`")
+    return prepare_output(out / "points")
 
 
 def _row(sweep: Sweep, scene: Scene, names: Sequence[str], key: str, result: PointResult) -> Row:
@@ -296,7 +309,7 @@ def _read_point(out: Path, key: str) -> PointResult | None:
         record = json.loads(path.read_bytes())
         result = PointResult(**{item.name: record[item.name] for item in fields(PointResult)})
         return result if record["key"] == key else None
-    except (FileNotFoundError, NotADirectoryError):
+    except FileNotFoundError:
         return None
     except (ValueError, TypeError, LookupError, RecursionError, OSError) as error:
         text = f"{path}: not the result of a point ({reason(error)}): delete the file to compute it again"
