@@ -125,7 +125,7 @@ class MaterialSection(Section):
 
     @property
     def dashpots(self) -> tuple[str, float]:
-        """Key that sets the dashpots, and its value; 0: no dashpots."""
+        """Name and value of the key that sets the dashpots; the value 0 means no dashpots."""
         return ("eta_star", self.eta_star) if self.viscosity == "auto" else ("viscosity", self.viscosity)
 
 

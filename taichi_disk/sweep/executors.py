@@ -1,4 +1,4 @@
-"""Computation of the points of a sweep by this process, a pool of processes, or a `concurrent.futures.Executor`."""
+"""Compute the points of a sweep in this process, a pool of processes, or a `concurrent.futures.Executor`."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Sweeps: compute the missing points, keep the others, and write the table and its figure."""
+"""Sweeps: compute the points that are not finished, and write the table and its figure."""
 
 from __future__ import annotations
 
