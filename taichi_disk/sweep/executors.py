@@ -44,7 +44,7 @@ def part_of(part: str, scenes: Scenes) -> Scenes:
     """Return part K of N, written "K/N", of `ordered` scenes; consecutive scenes share lattices."""
     k, _, n = part.partition("/")
     if not (k.isdecimal() and n.isdecimal() and 1 <= int(k) <= int(n) <= 1_000_000):
-        raise InputError(f"--part: must be K/N with 1 <= K <= N, for example 3/16, not {part}")
+        raise InputError(f"part: must be K/N with 1 <= K <= N, for example 3/16, not {part}")
     first, last = ((len(scenes) * edge) // int(n) for edge in (int(k) - 1, int(k)))
     return dict(list(scenes.items())[first:last])
 
@@ -98,7 +98,7 @@ def computed(
         except Exception as error:
             cause = f"{type(error).__name__}: {error}"
             if isinstance(error, BrokenExecutor):
-                cause = "one died, perhaps for lack of memory: use fewer --jobs"
+                cause = "one died, perhaps for lack of memory: use fewer jobs"
             text = f"the workers failed ({cause}); finished points are kept: repeat the command to go on"
             raise SimulationError(text) from error
         finally:
@@ -148,7 +148,7 @@ def count_workers(address: str) -> int:
         from distributed import Security
         from distributed.core import rpc
     except ImportError:
-        raise InputError(f"--scheduler needs the package distributed: {pip_install('taichi-disk[cluster]')}") from None
+        raise InputError(f"Dask needs the package distributed: {pip_install('taichi-disk[cluster]')}") from None
 
     async def identity() -> Any:
         async with rpc(address, connection_args=Security().get_connection_args("client")) as scheduler:
