@@ -97,7 +97,10 @@ def _stream(path: Path, size: tuple[int, int], fps: int, origin: str) -> Iterato
 
 @contextmanager
 def _gif(path: Path, size: tuple[int, int], fps: int, origin: str) -> Iterator[Append]:
-    """Encode with one palette for all pictures, so that still parts do not flicker; until then they are compressed."""
+    """Encode with one palette for all pictures, so that still parts do not flicker.
+
+    The pictures are kept compressed in memory until the palette is known.
+    """
     from PIL import Image
 
     packed: list[bytes] = []
