@@ -57,8 +57,8 @@ def main(argv: Sequence[str] | None = None) -> int:
         return 1
     except OSError as error:
         if not isinstance(error, BrokenPipeError):  # the reader has gone (| head)
-            _print_error(f"error: {error.strerror or error}")
-        return 1
+            _print_error(f"error: {f'{error.filename}: ' if error.filename else ''}{error.strerror or error}")
+        return InputError.exit_status if isinstance(error, PermissionError) else 1
 
 
 def _print_error(text: str) -> None:

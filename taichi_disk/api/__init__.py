@@ -14,7 +14,7 @@ import numpy as np
 
 from taichi_disk import runtime
 from taichi_disk.api.lattices import MOST_LATTICES
-from taichi_disk.api.work import FRAMES, Work
+from taichi_disk.api.work import FRAMES, MOST_FRAMES, Work
 from taichi_disk.computation.contact import greatest_compression
 from taichi_disk.computation.outcome import Outcome
 from taichi_disk.computation.scenario import Scenario
@@ -212,8 +212,8 @@ class Result:
         from taichi_disk.output.export import export_run
 
         if times is None:
-            if not isinstance(frames, (int, np.integer)) or frames < 1:
-                raise InputError(f"frames: must be a whole number above 0, not {frames}")
+            if not (isinstance(frames, (int, np.integer)) and 1 <= frames <= MOST_FRAMES):
+                raise InputError(f"frames: must be a whole number from 1 to {MOST_FRAMES:,}, not {frames}")
             times = np.linspace(0.0, self.series["t"][-1], frames)
         return export_run(self.scenario, self._moments(times), as_path(path, "path"), format)
 
@@ -297,12 +297,17 @@ class Result:
         from taichi_disk.web.film import film
 
         path = as_path(path, "path")
+        others = [beside] if isinstance(beside, Result) else beside or ()
+        if not (isinstance(others, (list, tuple)) and all(isinstance(result, Result) for result in others)):
+            raise InputError(f"beside: must be a result of run, or a list of results, not {beside!r:.60}")
         section = self.scene.with_({f"video.{key}": value for key, value in video.items()}).video
         check_target(path)
-        files.prepare_output(path.parent)
-        others = [beside] if isinstance(beside, Result) else beside or ()
-        runs = [one.outcome for one in (self, *others)]
-        film(path, runs, section, progress or silent, Span(at, start, end))
+        runs = [result.outcome for result in (self, *others)]
+        made = files.prepare_output(path.parent)
+        try:
+            film(path, runs, section, progress or silent, Span(at, start, end))
+        finally:
+            files.remove_empty(made)  # they are empty if there is no film
         return path
 
     @runtime.alone()

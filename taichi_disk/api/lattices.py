@@ -25,7 +25,7 @@ EQUILIBRIUM = 3000  # Newton's method takes as long as this many evaluations of 
 def lattice_count(own: OwnStart, outcome: Outcome, asked: int | None) -> tuple[int, list[str]]:
     """Return the number of lattices to compute, and notes about it for the user.
 
-    `own`: user-supplied lattice; `outcome`: of the scene; `asked`: number of lattices that the user wants.
+    `own`: user-supplied lattice; `outcome`: the computed scene; `asked`: number of lattices that the user wants.
     """
     if own.digest:
         text = "a lattice or velocities of your own have no seed: how far the result depends on the points is not known"

@@ -25,7 +25,7 @@ from taichi_disk.progress import Progress, silent
 from taichi_disk.scenes import Scene, check_memory
 from taichi_disk.scenes.setup import setup_of
 
-FRAMES = 200  # default number of frames of a trajectory
+FRAMES, MOST_FRAMES = 200, 100_000  # default and greatest number of frames of a trajectory
 
 
 class Work:
@@ -62,7 +62,7 @@ class Work:
         outcome = compute(scenario, scene.time, self.progress, modes=modes, **options)
         self.lap("simulate", compile=outcome.compile_seconds)
         summary = self._heading("done") | outcome.summary | {"video": None}
-        notes = scene.notes(scenario.lattice.disk_points) if scenario.step_dependent else []
+        notes = scene.notes(scenario.lattice.disk_points)
         count, note = lattice_count(own, outcome, lattices)
         if count > 1:
             summary["lattices"] = compare_lattices(scene, outcome, count, self.progress, options["force"])

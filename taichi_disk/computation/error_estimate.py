@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from itertools import combinations
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -41,29 +42,33 @@ class SecondRun(NamedTuple):
     compressed: Array
 
 
-def richardson(result: float, dt: float, other_result: float, other_dt: float, order: int) -> float:
-    """Return the error of `result` at the step `dt` from the result of another run, if errors are C dt^order."""
-    return abs(result - other_result) / abs((other_dt / dt) ** order - 1.0)
+def richardson(dt: float, runs: list[tuple[float, float]], order: int) -> float:
+    """Return the error at the step `dt` from the steps and results of two or more `runs`, if errors are C dt^order.
+
+    Each two runs give a C, and the largest counts.
+    """
+    pairs = combinations(runs, 2)
+    return max(abs((one - two) / ((step / dt) ** order - (other / dt) ** order)) for (step, one), (other, two) in pairs)
 
 
 def second_run(driver: Driver) -> SecondRun:
     """Run the finished scene of `driver` again with another step and, if errors fall irregularly, with a third."""
-    # Irregular errors may agree by chance, so the larger of two differences counts. On the hardest walls the error also
-    # stays at a plateau, which differences do not show: the estimate is at least a fraction of the worst imbalance.
+    # Irregular errors may agree by chance, hence three runs. On the hardest walls the error also stays at a plateau,
+    # which differences do not show: the estimate is at least a fraction of the worst imbalance.
     scenario, columns, dt = driver.scenario, driver.columns, driver.step.dt
-    others: list[tuple[float, dict[str, float]]] = []
+    runs: list[tuple[float, dict[str, float]]] = []
     x = driver.start.vectors[0]
     try:
         for other_dt in _other_steps(driver):
             time = replace(driver.control.time, dt=other_dt, integrator=driver.step.integrator.name)
             other = Driver(scenario, time, driver.kernels, driver.control.spectrum, force=True)
-            if not others:
+            if not runs:
                 other.advance(steps=round(greatest_compression(columns) / other.step.dt))
                 x = other.state.vectors[0]
             if other.advance() == "failed":
                 return SecondRun({}, x)
-            others.append((other.step.dt, scenario.result(other.columns)))
-        found = scenario.result(columns)
+            runs.append((other.step.dt, scenario.result(other.columns)))
+        runs.append((dt, scenario.result(columns)))
     except TaichiDiskError:  # the other step gives no result
         return SecondRun({}, x)
     least = ROUNDING
@@ -71,8 +76,8 @@ def second_run(driver: Driver) -> SecondRun:
         least += UNRESOLVED_PART * scenario.sensitivity * relative_imbalance(scenario, columns)[1]
     errors, scales, sampling = {}, scenario.result_scales(columns), _sampling_errors(scenario, columns)
     order, primary = _order(driver), scenario.primary(columns)[0]
-    for name in [name for name in scales if all(name in one for one in (found, *(results for _, results in others)))]:
-        difference = max(richardson(found[name], dt, results[name], other_dt, order) for other_dt, results in others)
+    for name in [name for name in scales if all(name in results for _, results in runs)]:
+        difference = richardson(dt, [(step, results[name]) for step, results in runs], order)
         safety = ERROR_SAFETY[order] * (SECONDARY_SAFETY if name != primary else 1.0)
         errors[name] = max(safety * difference, least * scales[name]) + sampling.get(name, 0.0)
     errors[primary] += scenario.end_truncation_error(columns)
@@ -94,8 +99,14 @@ def _sampling_errors(scenario: Scenario, columns: Columns) -> dict[str, float]:
 
 
 def _is_irregular(driver: Driver) -> bool:
-    """Return whether errors fall irregularly: with friction, or if a step crosses much of the wall's decay length."""
-    return driver.scenario.model.has_friction or driver.step.dt > IRREGULAR_FROM * driver.scenario.wall_step
+    """Return whether errors fall irregularly, so that results at two steps may agree by chance.
+
+    They do with friction, if a step crosses much of the wall's decay length, and if points slide along a wall of
+    springs. The search for a tolerance estimates the error of sliding points from one further run: two took minutes.
+    """
+    scenario = driver.scenario
+    sliding = driver.columns["sliding"].any() and driver.control.time.tolerance == "none"
+    return bool(scenario.model.has_friction or sliding or driver.step.dt > IRREGULAR_FROM * scenario.wall_step)
 
 
 def _other_steps(driver: Driver) -> list[float]:
@@ -109,9 +120,8 @@ def _other_steps(driver: Driver) -> list[float]:
 
 
 def _order(driver: Driver) -> int:
-    """Return the assumed order of the error: 1 if it falls irregularly, or if points slide along a wall of springs."""
-    jumps = driver.columns["sliding"].any()
-    return 1 if jumps or _is_irregular(driver) else driver.step.integrator.order
+    """Return the assumed order of the error: 1 if it falls irregularly or points slide, otherwise the integrator's."""
+    return 1 if driver.columns["sliding"].any() or _is_irregular(driver) else driver.step.integrator.order
 
 
 def within_tolerance(driver: Driver, run: Callable[[Any], Driver]) -> tuple[Driver, SecondRun]:

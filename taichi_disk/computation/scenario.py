@@ -116,7 +116,7 @@ class Scenario(ABC):
         """Return the main curve of the scene (rows,) and the label of its axis."""
 
     def momentary_motion(self, row: Any) -> Any:
-        """Return the quantity of `momentary_label` from the observables of any moment, numbers or arrays (rows,)."""
+        """Return the quantity that `momentary_label` names. `row`: observables, as numbers or as arrays (rows,)."""
         return row["com_vy"]
 
     def continuum(self, columns: Columns) -> dict[str, Array]:

@@ -125,14 +125,14 @@ class MaterialSection(Section):
 
     @property
     def dashpots(self) -> tuple[str, float]:
-        """Key that sets the dashpots, and its value; 0: no dashpots."""
+        """Name and value of the key that sets the dashpots; the value 0 means no dashpots."""
         return ("eta_star", self.eta_star) if self.viscosity == "auto" else ("viscosity", self.viscosity)
 
 
 class WallSection(ExponentialPotential, Section):
     """Rigid wall: potential V0 exp(-a y) for every point of the disk, eqs. (3) and (6)."""
 
-    a: float = key(300.0, "steepness of the wall potential V0 exp(-a y)", "1/R", low=0.1, high=1e6)
+    a: float = key(300.0, "hardness of the wall: potential V0 exp(-a y)", "1/R", low=0.1, high=1e6)
     V0: float = key(150.0, "wall potential at distance 0", "M c^2", low=1e-12, high=1e12)
 
 
@@ -148,7 +148,7 @@ class ElasticWallSection(ExponentialPotential, Section):
         "same", "spring constant; scales k_b and dashpots, too; same: material.k_a", "M c^2/R^2", low=1e-9, high=1e6
     )
     width: float = key(3.8, "width of the wall; its depth follows from the density of points", "R", low=0.1, high=100)
-    a: float = key(300.0, "steepness of the contact potential V0 exp(-a l)", "1/R", low=0.1, high=1e6)
+    a: float = key(300.0, "hardness of the contact: potential V0 exp(-a l)", "1/R", low=0.1, high=1e6)
     V0: float = key(150.0, "contact potential at distance 0", "M c^2", low=1e-12, high=1e12)
     contact: Contact = key("springs", "distance l from springs of the surface (paper) or from a smooth curve")
     threshold: float = key(0.1, "distance l beyond which there is no contact force", "R", low=1e-3, high=1e3)

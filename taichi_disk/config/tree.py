@@ -16,6 +16,7 @@ from typing import Any, NamedTuple, TypeAlias
 import yaml
 
 from taichi_disk.errors import InputError, did_you_mean
+from taichi_disk.signals import interruptible
 
 Source: TypeAlias = "str | os.PathLike[str] | Mapping[str, Any]"
 Keys: TypeAlias = tuple[str, ...]  # from the top of the scene down to a value
@@ -152,7 +153,7 @@ def _meaning(text: str) -> Any:
 
 def _as_written(node: yaml.Node) -> str:
     if not isinstance(node, yaml.ScalarNode):
-        return "a mapping" if isinstance(node, yaml.MappingNode) else "a list"
+        return f"{'a' if node.value else 'an empty'} {'mapping' if isinstance(node, yaml.MappingNode) else 'list'}"
     return f'the text "{printable(node.value)}"' if node.style else printable(node.value) or "nothing"
 
 
@@ -224,7 +225,7 @@ def _read(source: str | os.PathLike[str]) -> tuple[str, str, str]:
         path = shipped_scenes().get(str(path), path)
     label = printable(str(path), width=1000)
     try:
-        data = path.read_bytes()
+        data = interruptible(path.read_bytes)  # a pipe may wait for its writer
         # A pipe has no folder.
         return label, str(path.parent) if path.is_file() else "", data.decode("utf-8-sig")
     except UnicodeDecodeError as error:

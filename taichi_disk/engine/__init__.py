@@ -1,6 +1,6 @@
 """The engine that compiles and runs kernels: Taichi, or its fork Taichi Forge if Taichi is not installed.
 
-There are no Taichi wheels for Python 3.14 and later, but there are for the fork, which gives bitwise the same results.
+Taichi has no wheels for Python 3.14 and later. The fork has, and it gives bitwise the same results.
 Only this file names the two. The rest of the package writes `from taichi_disk.engine import ti`, which prepares the
 environment and imports the engine at that moment.
 """

@@ -191,7 +191,10 @@ class Triangles:
         return np.subtract(b, a), np.subtract(c, a)
 
     def areas(self, x: Array) -> Array:
-        """Return the areas (t,) [R^2] with points at `x` (n, 2) [R], at least MIN_AREA of the unloaded areas."""
+        """Return the areas (t,) [R^2] of the triangles if the points are at `x` (n, 2) [R].
+
+        An area below MIN_AREA times the unloaded area, or a negative one, is replaced by this bound.
+        """
         u, w = self._edges(x)
         return np.asarray(np.maximum(0.5 * (u[0] * w[1] - u[1] * w[0]), self._min_area))
 

@@ -52,9 +52,10 @@ class Fit:
 
 
 def fit_b(pressure: Array, xi: Array, young: float, poisson: float) -> Fit:
-    """Fit b of eq. (2) to xi (lattices, pressures) [R] by relative least squares; `young` is E [M c^2/R^2].
+    """Fit b of eq. (2) to `xi` (lattices, pressures) [R] by relative least squares.
 
-    `values` also has b_min, b_median and b_max of separate fits to each lattice.
+    `young`: E [M c^2/R^2]. The `values` of the fit also contain the smallest, median and largest b of fits to single
+    lattices.
     """
 
     def solve(weights: Array) -> Array:
@@ -135,7 +136,7 @@ def _restitutions(velocity: Array, tau0: Array) -> Array:
     start = 0.5 * np.log1p(tau0**2) + 0.0 * steep
 
     def slope(t: float, y: Array) -> Array:
-        """Return the derivative of log r by t, where phi = first + (pi - first) (10 t^3 - 15 t^4 + 6 t^5)."""
+        """Return d(log r)/dt, where phi = first + (pi - first) (10 t^3 - 15 t^4 + 6 t^5)."""
         phi = first + (np.pi - first) * t**3 * (10.0 - 15.0 * t + 6.0 * t**2)
         s, c = np.sin(phi), np.cos(phi)
         depth = np.maximum(s - tau0 * c, 1e-300)

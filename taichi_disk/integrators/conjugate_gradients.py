@@ -108,7 +108,7 @@ class IterativeSolver(DashpotSolver):
 
     @ti.func
     def extrapolated(self, state: ti.template(), i, age):
-        """Return the velocity of point i on the polynomial through the last STEPS steps, or through all if fewer."""
+        """Extrapolate the velocity of point i from the last STEPS steps, or from all if there are fewer."""
         guess = get(state.u, i)
         for known in ti.static(range(2, STEPS + 1)):
             if ti.min(age, STEPS) == known:

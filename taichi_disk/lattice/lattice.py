@@ -219,11 +219,11 @@ def triangulate(points: Array) -> Lattice:
 
 
 def tiled(points: Array, triangles: Long, bonds: Long | None = None) -> tuple[Lattice, Long]:
-    """Return a lattice of equal masses and unstretched springs, and the order with positions = points[order].
+    """Return a lattice of equal masses and unstretched springs, and `order`: its positions are points[order].
 
     `bonds` (m, 2) default to the sides of `triangles` (t, 3). Reverse Cuthill-McKee numbering from the leftmost point
     keeps memory accesses local. The outline begins at its lowest index. Raises SimulationError if the triangles do not
-    tile the interior of the outline or leave points out.
+    tile the interior of the outline, or if a point belongs to no triangle.
     """
     n = len(points)
     side, first, count = distinct_sides(triangles, n)

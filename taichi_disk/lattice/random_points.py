@@ -81,7 +81,7 @@ def circle_faults(points: int, hole: float, core: float) -> list[tuple[str, str]
     for key, (radius, low, high) in limits.items():
         if radius and not low <= radius <= high:
             body = f"{points} points" + (f" and a hole of {hole:g} R" if hole and key != "hole" else "")
-            bound = f"at least {low:.3g}" if radius < low else f"at most {high:.3g}"
+            bound = "0" if low > high else f"at least {low:.3g}" if radius < low else f"at most {high:.3g}"
             need = f"{MIN_EDGE} springs round its edge and {MIN_ROWS if key == 'hole' else 1} from there to the rim"
             text = f"must be {bound} with {body}, not {radius:g}, because there must be at least {need}"
             faults.append((key, f"{text}: change the radius or increase lattice.points"))

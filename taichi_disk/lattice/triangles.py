@@ -42,7 +42,7 @@ def centred(x: Array) -> Array:
 
 
 def triangles_of(x: Array, springs: Long) -> tuple[Long, Long]:
-    """Return two tilings (t, 3): Delaunay triangles with springs on all sides, and all triangles of springs."""
+    """Return two tilings (t, 3): the Delaunay triangles whose sides are springs, and all triangles whose sides are."""
     # The first tiling is right even if springs cross, the second only if no springs cross.
     later: list[set[int]] = [set() for _ in x]
     pairs = np.sort(springs, axis=1)

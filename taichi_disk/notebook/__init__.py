@@ -60,7 +60,7 @@ class Sandbox(AnyWidget):
         self.on_msg(lambda _, message, buffers: self._loop.call_soon_threadsafe(self._hear, message))
 
     def _hear(self, message: Any) -> None:
-        """Handle a message of a view: it opens, closes, or sends a command as a page does."""
+        """Handle a message from a view, which opens, closes, or sends a command like that of a page."""
         name = message.pop("visitor")
         if message["do"] == "open":
             self._views[name] = self._audience.join(partial(self._show, name))

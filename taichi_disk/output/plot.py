@@ -5,6 +5,8 @@ Matplotlib takes 0.3 s to import, so it is imported only when something is drawn
 
 from __future__ import annotations
 
+import gc
+import io
 import os
 import pickle
 import subprocess
@@ -21,6 +23,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from taichi_disk.computation.contact import results_time, vibration_left
+from taichi_disk.machine import cores
 from taichi_disk.output.files import Array, atomic_write, origin
 from taichi_disk.signals import ignored_by_children
 from taichi_disk.simulation.observables import BLUE, BY_NAME, SKY, of_kind
@@ -51,11 +54,7 @@ VISIBLE_ENERGY = 2e-3  # energies that stay below this fraction of the largest o
 PANEL_HEIGHTS = (1.2, 1.0, 1.5)  # relative heights of the panels for motion, force and energies
 LAYOUT = {"left": 0.145, "right": 0.98, "bottom": 0.055, "top": 0.945, "hspace": 0.17}  # fractions of the figure
 _LOCK = threading.Lock()
-# This program imports everything before it receives a run. `os._exit` saves 0.1 s of unloading the libraries.
-_DRAW = """import os, pickle, sys, matplotlib.figure, matplotlib.backends.backend_agg
-from taichi_disk.output.plot import plot_run
-plot_run(*pickle.load(sys.stdin.buffer))
-os._exit(0)"""
+_DRAW = "from taichi_disk.output.plot import _draw_received; _draw_received()"
 _ENVIRONMENT = {"MPLBACKEND": "agg", "OPENBLAS_NUM_THREADS": "1"}
 
 
@@ -163,6 +162,23 @@ def plotting_beside(film: bool) -> Iterator[Begin]:
         if child:
             child.kill()
             child.communicate()
+
+
+def _draw_received() -> None:
+    """Draw the plot whose arguments arrive at standard input, and end this process."""
+    gc.disable()  # collecting would cost time and free nothing that matters
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    if cores() > 1:  # while the run is computed: a first figure loads fonts and fills caches, which takes 0.1 s
+        figure = Figure()
+        FigureCanvasAgg(figure)
+        ax = figure.subplots()
+        ax.plot([0.0, 1.0], label="$x$")
+        ax.legend()
+        figure.savefig(io.BytesIO())
+    plot_run(*pickle.load(sys.stdin.buffer))
+    os._exit(0)  # saves 0.1 s of unloading the libraries
 
 
 def _plot_answers(scenario: Scenario, columns: Columns) -> Any:

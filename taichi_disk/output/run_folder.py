@@ -132,7 +132,11 @@ def refuse_place(out: Path) -> None:
 
 
 def refuse_run(out: Path) -> None:
-    if out.is_dir() and look(out).status:
+    try:
+        held = out.is_dir() and look(out).status
+    except OSError as error:
+        raise files.cannot_write(out, error) from None
+    if held:
         raise InputError(f"{out} holds a run; choose another folder as `out`")
 
 

@@ -136,7 +136,7 @@ class Wall(ExponentialPotential, Law):
     has_jumps: bool = False  # whether the force jumps when a point passes to the next spring of the wall
 
     def contact_forces(self, lattice: Lattice, x: Array, *moving: Any) -> tuple[NDArray[np.intp], Array]:
-        """Return (points (k,), forces (k, 2) [M c^2/R]) of the wall on the points of the disk within its reach.
+        """Return the points (k,) of the disk near the wall, and the forces (k, 2) of the wall on them [M c^2/R].
 
         `moving`: the velocities (n, 2) [c] and the springs, on which friction depends.
         """

@@ -29,10 +29,10 @@ def shrink(
     beside: ti.i32,
     samples: ti.template(),
 ):
-    """Average `samples` x `samples` samples [x, y upwards] over the 2 x 2 pixels that they cover.
+    """Shrink the image `drawn` [x, y upwards] into `picture` [row downwards, column, colour].
 
-    The image `drawn` fills `picture` [row downwards, column, colour] upwards from row `bottom` (not included) and to
-    the right from column `left`. Its first and last column are repeated over `beside` further columns.
+    Each block of `samples` x `samples` pixels becomes 2 x 2 pixels. The shrunk image ends above row `bottom`. Columns
+    from `left` on show it; its first and last column are repeated over `beside` further columns.
     """
     ti.loop_config(serialize=True)
     for x in range(drawn.shape[0] // samples):

@@ -28,7 +28,7 @@ _BAR_WIDTH, _BAR_HEIGHT = 300.0, 10.0
 _LABELLED = 240  # smallest picture with room for text [px]
 _MOST = 0.34  # largest height of the header over the picture's; lines that do not fit are left out
 _RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
-_ARROWS = "wall force on one point"
+_ARROWS, _ARROWS_SHORT = "wall force on one point", "wall force"
 _ARROW, _LENGTH = 0.1, 0.2  # largest length of the scale's arrow and of its bar, over the width of the picture
 
 
@@ -185,8 +185,11 @@ class Legend:
         start, words = (self._width - text_width(line, self._small)) / 2, numbers + self._leading
         if start > 0:
             draw_line(draw, (start, words), line, self._small, self._faint)
-        if self.painter.full_force and self._margin + text_width(_ARROWS, self._small) < start - self._small:
+        if full and self._margin + text_width(_ARROWS, self._small) < start - self._small:
             draw_line(draw, (self._margin, words), _ARROWS, self._small, self._faint)
+        elif full:
+            behind = ends[1] + 0.4 * self._small, row + 0.36 * self._small
+            draw_line(draw, behind, _ARROWS_SHORT, self._small, self._faint)
 
     def _draw_bar(self, draw: Any, width: int, top: int, height: int, numbers: float) -> None:
         """Draw the colour scale. A pointed end means that all values beyond it have the same colour."""

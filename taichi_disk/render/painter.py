@@ -75,7 +75,7 @@ class Painter:
     def remarks(self) -> list[str]:
         elastic = self.wall is not None and len(self.lattice.wall_surface) > 0
         grown = [f"displacements × {self.magnify:g}"] * (self.magnify > 1.0)
-        return grown + ["grey: reach of the contact force"] * elastic
+        return grown + ["grey: range of the contact force"] * elastic
 
     @property
     def signed(self) -> bool:

@@ -127,7 +127,7 @@ _STEPS = (1.0, 1.5, 2.0, 3.0, 4.0, 5.0, 6.0, 8.0, 10.0)
 
 
 def full_scale(values: NDArray[np.floating[Any]], colour: str) -> float:
-    """Return the FULL_COLOUR percentile of |values|, rounded; for fringes, the stress difference that gives FRINGES."""
+    """Return the FULL_COLOUR percentile of |values|, rounded; for fringes, the stress difference of one fringe."""
     largest = float(np.percentile(np.abs(values), FULL_COLOUR))
     return round_near(largest / FRINGES if colour == "fringes" else largest)
 

@@ -14,6 +14,7 @@ from matplotlib.figure import Figure
 from matplotlib.tri import Triangulation
 
 from taichi_disk.config.sections import VideoSection
+from taichi_disk.errors import InputError
 from taichi_disk.fields import QUANTITIES
 from taichi_disk.output.inline import Plot
 from taichi_disk.output.plot import STYLE, matplotlib_style
@@ -31,8 +32,11 @@ _SPRING_OPACITY = 0.25
 def draw_state(run: Run, video: VideoSection, t: float | str, ax: Axes | None = None) -> Figure:
     """Draw the state of `run` at the moment `t` on `ax`, or on the axes of a new figure; return the figure.
 
-    Colours and their scale are those of a picture of that moment. Raises InputError for a moment outside the run.
+    Colours and their scale are those of a picture of that moment. Raises InputError for a moment outside the run, or if
+    `ax` is something else.
     """
+    if not (ax is None or isinstance(ax, Axes)):
+        raise InputError(f"ax: must be axes of Matplotlib, as plt.subplots() returns, not {ax!r:.60}")
     cue = still_cue(run, Span(at=t))
     states = States(run, video, [cue])
     _, x, v = next(states.moments())

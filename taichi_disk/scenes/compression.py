@@ -44,6 +44,9 @@ class CompressionScene(DiskScene):
             conflicts.append(("time.tolerance", text))
         return conflicts
 
+    def notes(self, points: int) -> list[str]:
+        return []  # damping does not change the equilibrium
+
     def in_time(self) -> CompressionScene:
         return self.with_({"compression.method": "relaxation"})
 

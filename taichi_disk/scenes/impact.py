@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 # potentials of 1e-7 the error of e was up to 0.15 of this correction, measured against potentials of 1e-10.
 POTENTIAL_CAUTION = 0.2
 # Time between two rows in decay times 1/(a v) of the wall. The wall pushes a point for a few decay times, and on a hard
-# wall the first and the last such push bound the contact.
+# wall the first and the last of these times bound the contact.
 DECAY_TIMES_PER_ROW = 0.3
 MAX_INTERVAL = 0.05  # longest time between two rows, in time units of the springs: some 100 rows of contact
 MAX_HALVINGS = 8  # how often MAX_INTERVAL may be halved: some 30,000 rows

@@ -94,13 +94,18 @@ class DiskScene(Frozen):
         A key needs no section if its name is unique; a section takes a mapping of its keys.
         Raises InputError with all faults.
         """
-        data, others = asdict(self), dict[str, Any]()
-        for name, value in {**(changes or {}), **keys}.items():
+        data, others, given = asdict(self), dict[str, Any](), dict[str, str]()
+        for name, value in [*(changes or {}).items(), *keys.items()]:
             homes = self.homes(name)
             if len(homes) > 1:
                 raise InputError(f"{name}: write {either('.'.join(home) for home in homes)}")
             section, key = homes[0] if homes else name.partition(".")[::2]
             if section in self.sections() and (key or isinstance(value, Mapping)):
+                for part in {key: value} if key else value:
+                    path = f"{section}.{part}"
+                    if path in given:
+                        raise InputError(f"{given[path]} and {name} both set {path}: leave one of the two out")
+                    given[path] = name
                 data[section] |= {key: value} if key else value
             else:
                 others[name] = value

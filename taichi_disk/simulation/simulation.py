@@ -230,7 +230,7 @@ def _kernels_of(program: Any) -> KernelCache:
 
 
 def shared_kernels() -> KernelCache:
-    """Return the compiled simulations of this process, in which Taichi exists once."""
+    """Return the cache of compiled simulations. A process has one, because it has one Taichi."""
     return _kernels_of(engine.program())
 
 

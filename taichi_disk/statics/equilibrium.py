@@ -112,7 +112,7 @@ def _rotation(x: Array, move: Array) -> float:
 
 
 def _moved(x: Array, move: Array) -> Array:
-    """Displace `x` by `move`, but rotate by a finite rotation: a linear one would stretch the disk."""
+    """Displace `x` by `move`, with its rotation made a finite one, because a linear one would stretch the disk."""
     angle, arm, drift = _rotation(x, move), x - x.mean(axis=0), move.mean(axis=0)
     strain = move - drift - angle * np.stack([-arm[:, 1], arm[:, 0]], axis=1)
     return turned(x + strain, angle) + drift

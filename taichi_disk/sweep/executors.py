@@ -1,13 +1,14 @@
-"""Computation of the points of a sweep by this process, a pool of processes, or a `concurrent.futures.Executor`."""
+"""Compute the points of a sweep in this process, a pool of processes, or a `concurrent.futures.Executor`."""
 
 from __future__ import annotations
 
 import asyncio
+import gc
 import multiprocessing
 import os
 import pickle
 import threading
-from collections.abc import Callable, Generator, Iterator
+from collections.abc import Generator, Iterator
 from concurrent.futures import BrokenExecutor, Executor, Future, ProcessPoolExecutor, ThreadPoolExecutor
 from contextlib import AbstractContextManager, contextmanager, nullcontext, suppress
 from itertools import groupby
@@ -26,7 +27,6 @@ from taichi_disk.sweep.work import PointResult, compute_points, compute_task, re
 Scenes = dict[str, Scene]  # scenes by the key of their point
 Results = Generator[tuple[str, PointResult], None, None]
 Finished = Future[list[PointResult]]
-Say = Callable[[str], None]
 
 SCENES_PER_TASK = 6  # figure 3 then has 96 tasks of 0.25 s; setting up the lattice takes a tenth of that
 LARGE_LATTICE = 2000  # a scene with more points is a task by itself
@@ -45,7 +45,7 @@ def part_of(part: str, scenes: Scenes) -> Scenes:
     """Return part K of N, written "K/N", of `ordered` scenes; consecutive scenes share lattices."""
     k, _, n = part.partition("/")
     if not (k.isdecimal() and n.isdecimal() and 1 <= int(k) <= int(n) <= 1_000_000):
-        raise InputError(f"--part: must be K/N with 1 <= K <= N, for example 3/16, not {part}")
+        raise InputError(f"part: must be K/N with 1 <= K <= N, for example 3/16, not {part}")
     first, last = ((len(scenes) * edge) // int(n) for edge in (int(k) - 1, int(k)))
     return dict(list(scenes.items())[first:last])
 
@@ -60,11 +60,11 @@ def tasks_of(scenes: Scenes) -> list[list[str]]:
 
 
 def computed(
-    scenes: Scenes, estimate: bool, jobs: int | None, executor: Executor | None, scheduler: str | None, say: Say
+    scenes: Scenes, estimate: bool, jobs: int | None, executor: Executor | None, scheduler: str | None
 ) -> Results:
     """Yield (key, result) of `ordered` scenes as they finish, computed by a scheduler, an executor or `jobs` processes.
 
-    Raises InputError if no scheduler answers or workers have other versions, SimulationError if workers fail.
+    Raises InputError if workers have other versions, SimulationError if workers fail.
     """
     tasks, futures, finished = tasks_of(scenes), {}, SimpleQueue[Finished]()
     processes = min(jobs or cores(), len(tasks))
@@ -72,7 +72,7 @@ def computed(
     if not tasks:
         return
     if scheduler is not None:
-        workers = _dask(scheduler, say)
+        workers = _dask(scheduler)
     elif executor is not None:
         workers = nullcontext(executor)
     elif processes > 1:
@@ -99,7 +99,7 @@ def computed(
         except Exception as error:
             cause = f"{type(error).__name__}: {error}"
             if isinstance(error, BrokenExecutor):
-                cause = "one died, perhaps for lack of memory: use fewer --jobs"
+                cause = "one died, perhaps for lack of memory: use fewer jobs"
             text = f"the workers failed ({cause}); finished points are kept: repeat the command to go on"
             raise SimulationError(text) from error
         finally:
@@ -113,7 +113,7 @@ def _pool(jobs: int) -> Iterator[Executor]:
     context = multiprocessing.get_context("spawn")  # a forked Taichi hangs
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # affects only workers: NumPy is already imported here
     receiver, sender = context.Pipe(duplex=False)
-    pool = ProcessPoolExecutor(jobs, context, _watch_parent, (receiver,))
+    pool = ProcessPoolExecutor(jobs, context, _begin_worker, (receiver,))
     try:
         yield pool
     except BaseException:
@@ -132,8 +132,9 @@ def _next(finished: SimpleQueue[Finished]) -> Finished:
             return finished.get(timeout=POLL_INTERVAL)
 
 
-def _watch_parent(receiver: Connection) -> None:
+def _begin_worker(receiver: Connection) -> None:
     """Exit when the other end of the pipe closes; otherwise workers would survive a killed parent."""
+    gc.set_threshold(100_000)  # as in the commands
 
     def watch() -> None:
         with suppress(EOFError, OSError):
@@ -143,27 +144,29 @@ def _watch_parent(receiver: Connection) -> None:
     threading.Thread(target=watch, daemon=True).start()
 
 
-@contextmanager
-def _dask(address: str, say: Say) -> Iterator[Executor]:
-    """Connect to the Dask scheduler at `address` as an executor. Raises InputError if none answers."""
+def count_workers(address: str) -> int:
+    """Return the number of workers of the Dask scheduler at `address`. Raises InputError if no scheduler answers."""
     try:
-        from distributed import Client, Security
+        from distributed import Security
         from distributed.core import rpc
     except ImportError:
-        raise InputError(f"--scheduler needs the package distributed: {pip_install('taichi-disk[cluster]')}") from None
+        raise InputError(f"Dask needs the package distributed: {pip_install('taichi-disk[cluster]')}") from None
 
     async def identity() -> Any:
         async with rpc(address, connection_args=Security().get_connection_args("client")) as scheduler:
             return await asyncio.wait_for(scheduler.identity(), CONNECT_TIMEOUT)
 
     try:
-        # A client waits for ever for a silent server, so ask first. The thread avoids the event loop of a notebook.
-        with ThreadPoolExecutor(1) as thread:
-            workers = len(thread.submit(asyncio.run, identity()).result()["workers"])
-        client = Client(address, timeout=CONNECT_TIMEOUT, set_as_default=False)
+        with ThreadPoolExecutor(1) as thread:  # avoids the event loop of a notebook
+            return len(thread.submit(asyncio.run, identity()).result()["workers"])
     except Exception as error:  # a server of another kind may answer anything
         cause = f" ({error})" if isinstance(error, ValueError) else ""
         raise InputError(f"no Dask scheduler answers at {address}{cause}; start one with `dask scheduler`") from None
-    with client:
-        say(f"{workers} Dask workers" if workers else f"waiting: the scheduler at {address} has no workers yet")
+
+
+@contextmanager
+def _dask(address: str) -> Iterator[Executor]:
+    from distributed import Client
+
+    with Client(address, timeout=CONNECT_TIMEOUT, set_as_default=False) as client:
         yield client.get_executor()

@@ -1,4 +1,4 @@
-"""Sweeps: compute the missing points, keep the others, and write the table and its figure."""
+"""Sweeps: compute the points that are not finished, and write the table and its figure."""
 
 from __future__ import annotations
 
@@ -16,9 +16,19 @@ from uuid import uuid4
 
 from filelock import FileLock, Timeout
 
+from taichi_disk.config.tree import as_path
 from taichi_disk.errors import InputError
 from taichi_disk.lattice import file_digest
-from taichi_disk.output.files import prepare_output, reason, remove, versions, write_csv, write_summary, write_text
+from taichi_disk.output.files import (
+    prepare_output,
+    reason,
+    remove,
+    remove_empty,
+    versions,
+    write_csv,
+    write_summary,
+    write_text,
+)
 from taichi_disk.output.run_folder import refuse_run
 from taichi_disk.progress import Progress, reported, silent
 from taichi_disk.scenes import Scene
@@ -138,13 +148,32 @@ def run_sweep(
             answers; or workers have other versions.
         SimulationError: the workers failed. Finished points are kept.
     """
-    out, progress, started = Path(out), progress or silent, perf_counter()
+    out, progress, started = as_path(out, "out"), progress or silent, perf_counter()
+    if not isinstance(sweep, Sweep):
+        raise InputError(f"sweep: must be what load_sweep returns, not {sweep!r:.60}")
     if jobs is not None and not (isinstance(jobs, Integral) and int(jobs) >= 1):
         raise InputError(f"jobs: must be a whole number from 1 on, not {jobs!r}")
     keys = [point_key(scene) for scene in sweep.scenes]
     scenes = executors.ordered(dict(zip(keys, sweep.scenes, strict=True)))
     scenes = scenes if part is None else executors.part_of(part, scenes)
-    _prepare(out)
+    made = _prepare(out)
+    results = dict[str, PointResult]()
+    for key in scenes:
+        if (point := _read_point(out, key)) and (point.estimated or not estimate):
+            results[key] = point
+    missing, before = {key: scene for key, scene in scenes.items() if key not in results}, len(results)
+    of_all = f" (part {part} of {len(keys)})" if part else ""
+    say(f"{len(scenes)} scenes{of_all}, {before} of them computed before")
+    generated = [scene for scene in scenes.values() if scene.lattice.file == "none"]
+    for note in [note for scene in generated for note in scene.notes(scene.lattice.points)][:1]:
+        say(note)
+    if missing and scheduler is not None:  # a client waits for ever for a silent server
+        try:
+            count = executors.count_workers(scheduler)
+        except InputError:
+            remove_empty(made)
+            raise
+        say(f"{count} Dask workers" if count else f"waiting: the scheduler at {scheduler} has no workers yet")
     with _claimed(out / "points", sweep):
         if part is None:
             file, text = out / "scene.yaml", sweep.to_yaml()
@@ -153,16 +182,10 @@ def run_sweep(
                 for name in FILES:
                     remove(out / name)
             write_text(file, text)
-        results = dict[str, PointResult]()
-        for key, scene in scenes.items():
-            if (point := _read_point(out, key)) and (point.estimated or not estimate):
-                results[key] = point
-                _write_scene(out, key, scene)
-        missing, before = {key: scene for key, scene in scenes.items() if key not in results}, len(results)
-        of_all = f" (part {part} of {len(keys)})" if part else ""
-        say(f"{len(scenes)} scenes{of_all}, {before} of them computed before")
+        for key in results:
+            _write_scene(out, key, scenes[key])
         progress("sweep", before, len(scenes))
-        with closing(executors.computed(missing, estimate, jobs, executor, scheduler, say)) as computed:
+        with closing(executors.computed(missing, estimate, jobs, executor, scheduler)) as computed:
             for key, result in computed:
                 _write_point(out, key, missing[key], result)
                 results[key] = result
@@ -226,11 +249,11 @@ def _mixed_versions(points: list[dict[str, str]]) -> str:
     return ", ".join(f"{name} {' and '.join(used)}" for name, used in packages.items() if len(used) > 1)
 
 
-def _prepare(out: Path) -> None:
+def _prepare(out: Path) -> list[Path]:
     refuse_run(out)
     if not (out / "points").is_dir() and (files := [name for name in FILES if (out / name).exists()]):
         raise InputError(f"{out} holds {files[0]}, which is not from a sweep: choose another folder as `out`")
-    prepare_output(out / "points")
+    return prepare_output(out / "points")
 
 
 def _row(sweep: Sweep, scene: Scene, names: Sequence[str], key: str, result: PointResult) -> Row:

@@ -133,7 +133,7 @@ def source(name: str) -> str:
 
 
 def bundle(*names: str) -> str:
-    """Join modules of this folder into one without imports; name each after the modules that it needs."""
+    """Join modules of this folder into one without imports. `names`: the modules, each after those that it imports."""
     text = "\n".join(source(name) for name in names)
     text = re.sub(r"^import .*?;\n", "", text, flags=re.MULTILINE | re.DOTALL)
     return re.sub(r"^export (?=(class|const|function|async|let) )", "", text, flags=re.MULTILINE)

@@ -39,7 +39,7 @@ RANGES = {
     "impact.spin": Range("spin", "c/R", "", -0.5, 0.5, "at the start, counter-clockwise"),
     "wall.friction": Range("friction μ", "", "", 0.0, 1.0, "Coulomb's coefficient of the wall"),
     "compression.pressure": Range("load P", "Mc²/R", "Up Down", 1e-4, 0.05, "force that presses the disk on the wall"),
-    "wall.a": Range("wall hardness a", "1/R", "a z", 10.0, 3000.0, "steepness of the wall's potential"),
+    "wall.a": Range("wall hardness a", "1/R", "a z", 10.0, 3000.0, "potential V0 exp(-a y)"),
     "lattice.points": Range("mass points N", "", "j k", 100, 5000, "of the disk"),
     "speed": Range("speed of time", "R/c per s", "s f", 0.05, 5.0, "simulated time that one second shows"),
     "video.magnify": Range("displacements ×", "", "", 1.0, 20.0, "factor by which drawn displacements are larger"),

@@ -155,7 +155,7 @@ class Timeline:
     """
 
     def __init__(self, scene: Scene, kernels: KernelCache) -> None:
-        """Begin at t = 0 of a scene. Raises TaichiDiskError."""
+        """Begin at t = 0 of a scene. Raises TaichiDiskError if the scene cannot be computed."""
         scene = scene.in_time()
         setup = setup_of(scene)
         self.body: Lattice = setup.body
@@ -235,9 +235,9 @@ class Timeline:
     # ---- the state on display
 
     def look_at(self, t: float, later: int = 0) -> bool:
-        """Show the first state stored at or after the time `t` [R/c], or the one `later` places after it.
+        """Show the first state stored at or after the time `t` [R/c], or the stored state `later` places further.
 
-        Shows the present and returns False after the last stored state.
+        If there is none, show the present and return False.
         """
         place = max(bisect_left(self.checkpoints, t, key=lambda one: one.t) + later, 0)
         known = self.checkpoints[place : place + 1]

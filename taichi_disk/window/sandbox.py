@@ -121,8 +121,7 @@ class Sandbox:
     @property
     def warnings(self) -> list[str]:
         """The notes that `run` would print with the result of this scene."""
-        scenario = self.time.segment.scenario
-        return self.scene.notes(scenario.lattice.disk_points) if scenario.step_dependent else []
+        return self.scene.notes(self.time.segment.scenario.lattice.disk_points)
 
     @property
     def pace(self) -> float:

@@ -19,7 +19,7 @@ from typing import Any
 from websockets.asyncio import server
 from websockets.http11 import Request, Response
 
-from taichi_disk.errors import TaichiDiskError
+from taichi_disk.errors import InputError
 from taichi_disk.signals import raise_if_interrupted
 from taichi_disk.simulation.simulation import KernelCache
 from taichi_disk.web.drawing import source
@@ -38,13 +38,13 @@ _HEADERS = {"Cache-Control": "no-store", "Referrer-Policy": "no-referrer", "Cont
 def serve(playlist: list[Entry], host: str = LOCAL_HOSTS[0], port: int = 0, open_browser: bool = False) -> None:
     """Serve the sandbox until Ctrl-C, at a free port if `port` is 0.
 
-    Prints the address, with the token that every request needs. Raises TaichiDiskError if it cannot listen there,
+    Prints the address, with the token that every request needs. Raises InputError if it cannot listen there,
     KeyboardInterrupt after Ctrl-C.
     """
     try:
         listening = socket.create_server((host, port))
     except (OSError, OverflowError) as error:
-        raise TaichiDiskError(f"cannot listen at {host}, port {port}: {error}; choose another --port") from None
+        raise InputError(f"cannot listen at {host}, port {port}: {error}; choose another --host or --port") from None
     audience, token = Audience(Session(playlist, KernelCache())), secrets.token_urlsafe(16)
     name = socket.gethostname() if host == "0.0.0.0" else host
     address = f"http://{name}:{listening.getsockname()[1]}/{token}/"

@@ -220,14 +220,22 @@ def test_titles_say_where_a_lattice_comes_from(tmp_path):
     assert "own velocities" not in scenarios[0].title()[1]
 
 
-def test_what_cannot_be_computed_as_given_is_refused(result):
+def test_what_cannot_be_computed_as_given_is_refused(result, tmp_path):
     heavy = replace(result.lattice, masses=np.linspace(0.5, 1.6, 60) / 60)
     for lattice, message in ((heavy, r"must add up to 1 M, not 1\.05"), (result.lattice.positions, "from_points")):
         with pytest.raises(InputError, match=message):
             run(result.scene, lattice=lattice, lattices=1)
-    for frames in (0, -1, 2.5):
+    for frames in (0, -1, 2.5, 10**12):
         with pytest.raises(InputError, match="frames: must be a whole number"):
             result.export("never.xyz", frames=frames)
+    for beside in (3, [3], "result"):
+        with pytest.raises(InputError, match="beside: must be a result of run"):
+            result.film(tmp_path / "never" / "never.png", beside=beside)
+    assert list(tmp_path.iterdir()) == []
+    with pytest.raises(InputError, match="ax: must be axes of Matplotlib"):
+        result.draw(ax=3)
+    with pytest.raises(InputError, match="sweep: must be what load_sweep returns, not None"):
+        run_sweep(None, "never")
     with pytest.raises(InputError, match="export: needs a folder"):
         run(result.scene, export="xyz", lattices=1)
     near = result.scene.with_({"impact.gap": 0.08})

@@ -62,6 +62,8 @@ def test_what_cannot_be_filmed_is_refused_with_the_reason(runs, tmp_path, capsys
         ([impact, "--size", "4000"], "video.size"),
         ([impact, "--colour", "stress"], "video.colour"),
         ([impact, "--supersample", "1.2"], "video.supersample"),
+        ([impact, "--out", "new/film.mp4", "--from", "1e9"], "no moment 1e9"),
+        ([impact, "--out", "new/film.png", "--at", "never"], "no moment never"),
     ):
         assert main(["render", *words]) == 2
         assert says in capsys.readouterr().err

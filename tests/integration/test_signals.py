@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import random
 import signal
 import subprocess
@@ -180,6 +181,15 @@ def test_a_second_signal_ends_a_command_at_once_but_two_together_are_one():
     time.sleep(REPEAT_TIME)
     child.send_signal(signal.SIGINT)
     assert child.wait(timeout=10) == INTERRUPTED
+
+
+def test_one_signal_ends_a_command_that_waits_for_its_scene(tmp_path):
+    os.mkfifo(tmp_path / "scene")
+    command = [sys.executable, "-m", "taichi_disk", "check", "scene"]
+    waiting = subprocess.Popen(command, cwd=tmp_path, stderr=subprocess.PIPE, text=True)
+    with (tmp_path / "scene").open("w"):  # waits for the reader
+        waiting.send_signal(signal.SIGTERM)
+        assert waiting.communicate(timeout=10) == (None, "interrupted\n") and waiting.returncode == INTERRUPTED
 
 
 @pytest.mark.validate

@@ -227,6 +227,8 @@ def test_a_folder_of_a_run_or_of_a_person_is_not_touched(tmp_path: Path) -> None
         swept(SMALL, tmp_path / "run")
     (tmp_path / "mine").mkdir()
     (tmp_path / "mine" / "scene.yaml").write_text("# mine\n" + SMALL)
+    with pytest.raises(InputError, match="File name too long"):
+        swept(SMALL, tmp_path / ("x" * 300))
     with pytest.raises(InputError, match=r"holds scene\.yaml, which is not from a sweep"):
         swept(SMALL, tmp_path / "mine")
     assert [path.name for path in (tmp_path / "mine").iterdir()] == ["scene.yaml"]
@@ -322,7 +324,7 @@ def test_one_lattice_has_no_scatter(small: SweepResult, tmp_path: Path) -> None:
 def test_parts_are_gathered_with_nothing_computed_anew(small: SweepResult, tmp_path: Path) -> None:
     notices: list[str] = []
     first = swept(SMALL, tmp_path / "a", part="1/2", say=notices.append)
-    assert notices == ["6 scenes (part 1/2 of 12), 0 of them computed before"]
+    assert notices[0] == "6 scenes (part 1/2 of 12), 0 of them computed before"
     assert first.summary["computed_now"] == len(first.rows) == 6
     assert [path.name for path in (tmp_path / "a").iterdir()] == ["points"]
     points(tmp_path / "a")[2].unlink()
@@ -407,6 +409,7 @@ def test_without_a_scheduler_the_error_says_so(tmp_path: Path, monkeypatch: pyte
     for address in ("tcp://127.0.0.1:9", "nonsense://x"):
         with pytest.raises(InputError, match="no Dask scheduler answers at"):
             run_sweep(load_sweep(SMALL), tmp_path / "out", scheduler=address)
+    assert list(tmp_path.iterdir()) == []
 
 
 @pytest.mark.parametrize("says", [b"", b"HTTP/1.1 400 Bad Request\r\n\r\n" * 10, b"\x01" + bytes(1000)])
@@ -447,6 +450,7 @@ def test_the_command_says_how_many_scenes_and_prints_fits_and_where_the_files_ar
     assert main(["sweep", scene, "--out", str(small.out), "--jobs", "1"]) == 0
     shown, notes = capsys.readouterr()
     assert "note: 12 scenes, 12 of them computed before" in notes
+    assert notes.count("eta_star = 30 is per point") == notes.count("per point") == 1
     assert "eta_star: 30, 2 lattices" in shown and "eq. (4) integrated" in shown
     assert "12 points, 0 of them computed now, 0 failed" in shown and f"files in {small.out}" in shown
 

@@ -70,7 +70,7 @@ def faults(path: Path, text: str | bytes, *overrides: str) -> list[str]:
         ("video: {fps: 30, size: 100, fps: 40}\n", "2:29: video.fps: is given twice, first in line 2"),
         ("video: {? [a] : 3}\n", "2:11: video: a key must be a name, not a list"),
         ('"\\ud800": 3\n', '2:1: a key must be a name, not the text "\\ud800"'),
-        ("video: {fps: !!python/object/apply:os.abort []}\n", "2:14: video.fps: a list cannot be read as python/object/apply:os.abort"),
+        ("video: {fps: !!python/object/apply:os.abort []}\n", "2:14: video.fps: an empty list cannot be read as python/object/apply:os.abort"),
         ("lattice: {hole: 1.2}\n", "2:17: lattice.hole: must be a number from 0 to 0.95 [R], not 1.2 (radius of a concentric hole; 0: none)"),
         ("lattice: {hole: 0.94}\n", "2:17: lattice.hole: must be at most 0.932 with 1099 points, not 0.94, because there must be at least 6 springs round its edge and 3 from there to the rim: change the radius or increase lattice.points"),
         ("lattice:\n  core_radius: 0.3\n  hole: 0.4\n", "3:16: lattice.core_radius: must be at least 0.455 with 1099 points and a hole of 0.4 R, not 0.3, because there must be at least 6 springs round its edge and 1 from there to the rim: change the radius or increase lattice.points"),

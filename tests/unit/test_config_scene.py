@@ -153,6 +153,9 @@ def test_with_changes_keys_and_nothing_else(tmp_path: Path) -> None:
     assert type(changed.impact.gap) is float
     assert scene.material.eta_star == 10 and scene.with_() == scene
     assert scene.with_(lattice={"points": 50}) == scene.with_(points=50)
+    for changes, keys in (({"wall.a": 1}, {"a": 2}), ({"wall": {"a": 1}}, {"wall.a": 1}), ({"a": 1}, {"a": 1})):
+        with pytest.raises(InputError, match=rf"^{next(iter(changes))} and {next(iter(keys))} both set wall\.a: leave"):
+            scene.with_(changes, **keys)
     with pytest.raises(InputError) as refusal:
         load_scene("compression").with_({"wall.b": 3, "pints": 4}, eta_star=-1, lattice=3)
     assert str(refusal.value).split("\n  ")[1:] == [

@@ -88,10 +88,10 @@ def test_an_override_sets_the_axis_in_every_section() -> None:
             (f"sweep: {{velocity: {values}}}", f"2:19: sweep.velocity: must be {FORMS}, not {values}")
             for values in ("{'range': 0}", "{'lin': [1, 3]}", "{'lin': [1, 3, 1.5]}", "{'geom': [0, 1, 3]}", "{'log': [1, 2, 3]}")
         ),
-        ("sweep: {seed: []}", f"2:15: sweep.seed: must be {FORMS}, not a list"),
+        ("sweep: {seed: []}", f"2:15: sweep.seed: must be {FORMS}, not an empty list"),
         ("sweep: {seed: {range: 100001}}", f"2:15: sweep.seed: must be {FORMS}, not {{'range': 100001}}"),
         ("sweep: {points: {lin: [3, .inf, 3]}}", f"2:17: sweep.points: must be {FORMS}, not {{'lin': [3, inf, 3]}}"),
-        ("sweep: {}", "2:8: sweep: must be lines of key: values, not a mapping"),
+        ("sweep: {}", "2:8: sweep: must be lines of key: values, not an empty mapping"),
         ("sweep: {seed: [0, [1]]}", "2:19: lattice.seed: must be a whole number from 0 to 4294967295, not a list (seed of the random points; the same seed gives the same lattice)"),
         ("lattice: {seed: 1}\nsweep: {seed: [0]}", "3:9: sweep.seed: lattice.seed is also given by the scene: leave one of the two out"),
         ("sweep: {seed: [0], lattice.seed: [1]}", "2:20: sweep.lattice.seed: lattice.seed is also given by seed: leave one of the two out"),

@@ -34,10 +34,14 @@ HARD = (*SMALL, "wall.a=3000", "wall.V0=1500", "impact.velocity=0.1")
 
 
 @pytest.mark.parametrize("order", [1, 2, 4])
-@pytest.mark.parametrize("other", [0.02, 0.007], ids=["longer", "shorter"])
-def test_the_estimate_is_exact_where_the_error_is_a_power_of_the_step(order, other):
-    result, compared = (0.9 + 3.0 * dt**order for dt in (0.014, other))
-    assert richardson(result, 0.014, compared, other, order) == pytest.approx(3.0 * 0.014**order, rel=1e-5)
+@pytest.mark.parametrize("others", [[0.02], [0.007], [0.007, 0.0035]], ids=["longer", "shorter", "half and quarter"])
+def test_the_estimate_is_exact_where_the_error_is_a_power_of_the_step(order, others):
+    runs = [(dt, 0.9 + 3.0 * dt**order) for dt in (0.014, *others)]
+    assert richardson(0.014, runs, order) == pytest.approx(3.0 * 0.014**order, rel=1e-5)
+
+
+def test_two_results_that_agree_do_not_hide_a_third_one():
+    assert richardson(1.0, [(1.0, 0.5), (0.5, 0.5), (0.25, 0.6)], order=1) == pytest.approx(0.4)
 
 
 def truth(kernels, *settings):

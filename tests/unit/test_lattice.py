@@ -234,8 +234,10 @@ def test_a_lattice_needs_a_part_of_scipy_spatial_alone_and_the_package_stays_who
 import sys
 from taichi_disk import Lattice
 Lattice.from_points([(-1, -1), (1, -1), (1, 1), (-1, 1), (0, 0)])
-assert not {"scipy.spatial", "scipy.spatial.distance", "scipy.special"} & set(sys.modules)
-import scipy.interpolate, scipy.spatial
+unneeded = {"scipy.spatial", "scipy.spatial.distance", "scipy.special", "numpy.f2py", "numpy.testing"}
+assert not unneeded & set(sys.modules)
+import numpy, scipy.interpolate, scipy.spatial
+assert numpy.testing.assert_allclose and numpy.f2py.crackfortran
 from taichi_disk.lattice import spatial
 assert scipy.spatial.Delaunay is spatial.Delaunay and scipy.spatial.distance
 """

@@ -229,6 +229,7 @@ def test_letters_have_11_pixels_or_are_left_out_and_nothing_overlaps(size, monke
             "−0.02",
             "pressure (averaged)  [Mc²/R²]",
             "0.5 R",
+            "wall force",
         )
         assert all(part in shown for part in wanted)
 
