@@ -379,7 +379,7 @@ def test_the_first_visitor_plays_the_next_one_follows_and_the_last_one_pauses(se
 def test_a_port_that_is_taken_is_told(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
     with socket.create_server(("127.0.0.1", 0)) as taken:
         port = str(taken.getsockname()[1])
-        assert main(["view", "--set", "lattice.points=60", "--no-open", "--port", port]) == 1
+        assert main(["view", "--set", "lattice.points=60", "--no-open", "--port", port]) == 2
     assert f"port {port}" in (said := capsys.readouterr().err) and "--port" in said
 
 
