@@ -247,7 +247,7 @@ def test_a_film_survives_a_program_that_is_killed_and_its_page_finds_the_next_on
         browser.open(f"http://127.0.0.1:{port}/secret/")
         browser.click("film")
         browser.click("drop")
-        browser.wait(lambda: browser.state("t") > 0.5)
+        browser.wait(lambda: browser.state("t") > 2.0)
         program.kill()
         program.wait()
         browser.wait(lambda: "does not answer" in browser.text("role"))
