@@ -72,9 +72,8 @@ class Session:
         self.number, self.state, self._command_count = 0, b"", 0
         self._pending: dict[Any, dict[str, Any]] = {}
         self._text_keys: dict[str, Any] = {}
-        names = [entry[:2] for entry in playlist]
-        keys = {"keys": self.controls.reference, "repeating": REPEATING_KEYS}
-        hello = {"columns": [*INDEX], "playlist": names, "curves": CURVES, **keys}
+        hello = {"columns": [*INDEX], "playlist": [entry[:2] for entry in playlist], "curves": CURVES}
+        hello |= {"keys": self.controls.reference, "repeating": REPEATING_KEYS}
         self._write("hello", 0, lambda: hello)
         self.advance()
 
