@@ -166,11 +166,11 @@ def plotting_beside(film: bool) -> Iterator[Begin]:
 
 def _draw_received() -> None:
     """Draw the plot whose arguments arrive at standard input, and end this process."""
-    gc.disable()  # collecting would cost time and free nothing that matters
+    gc.disable()  # this process ends before collecting would pay
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
-    if cores() > 1:  # while the run is computed: a first figure loads fonts and fills caches, which takes 0.1 s
+    if cores() > 1:  # draw a first figure during the run: it loads fonts and fills caches, which takes 0.1 s
         figure = Figure()
         FigureCanvasAgg(figure)
         ax = figure.subplots()

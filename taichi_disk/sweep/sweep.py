@@ -19,16 +19,7 @@ from filelock import FileLock, Timeout
 from taichi_disk.config.tree import as_path
 from taichi_disk.errors import InputError
 from taichi_disk.lattice import file_digest
-from taichi_disk.output.files import (
-    prepare_output,
-    reason,
-    remove,
-    remove_empty,
-    versions,
-    write_csv,
-    write_summary,
-    write_text,
-)
+from taichi_disk.output.files import prepare_output, reason, remove, versions, write_csv, write_summary, write_text
 from taichi_disk.output.run_folder import refuse_run
 from taichi_disk.progress import Progress, reported, silent
 from taichi_disk.scenes import Scene
@@ -156,24 +147,19 @@ def run_sweep(
     keys = [point_key(scene) for scene in sweep.scenes]
     scenes = executors.ordered(dict(zip(keys, sweep.scenes, strict=True)))
     scenes = scenes if part is None else executors.part_of(part, scenes)
-    made = _prepare(out)
-    results = dict[str, PointResult]()
-    for key in scenes:
-        if (point := _read_point(out, key)) and (point.estimated or not estimate):
-            results[key] = point
+    _check_folder(out)
+    found = {key: _read_point(out, key) for key in scenes}
+    results = {key: point for key, point in found.items() if point and (point.estimated or not estimate)}
     missing, before = {key: scene for key, scene in scenes.items() if key not in results}, len(results)
     of_all = f" (part {part} of {len(keys)})" if part else ""
     say(f"{len(scenes)} scenes{of_all}, {before} of them computed before")
-    generated = [scene for scene in scenes.values() if scene.lattice.file == "none"]
-    for note in [note for scene in generated for note in scene.notes(scene.lattice.points)][:1]:
+    generated = (scene for scene in scenes.values() if scene.lattice.file == "none")
+    if note := next((note for scene in generated for note in scene.notes(scene.lattice.points)), None):
         say(note)
-    if missing and scheduler is not None:  # a client waits for ever for a silent server
-        try:
-            count = executors.count_workers(scheduler)
-        except InputError:
-            remove_empty(made)
-            raise
+    if missing and scheduler is not None:  # ask first, because a client waits for ever for a silent server
+        count = executors.count_workers(scheduler)
         say(f"{count} Dask workers" if count else f"waiting: the scheduler at {scheduler} has no workers yet")
+    prepare_output(out / "points")
     with _claimed(out / "points", sweep):
         if part is None:
             file, text = out / "scene.yaml", sweep.to_yaml()
@@ -249,11 +235,10 @@ def _mixed_versions(points: list[dict[str, str]]) -> str:
     return ", ".join(f"{name} {' and '.join(used)}" for name, used in packages.items() if len(used) > 1)
 
 
-def _prepare(out: Path) -> list[Path]:
+def _check_folder(out: Path) -> None:
     refuse_run(out)
     if not (out / "points").is_dir() and (files := [name for name in FILES if (out / name).exists()]):
         raise InputError(f"{out} holds {files[0]}, which is not from a sweep: choose another folder as `out`")
-    return prepare_output(out / "points")
 
 
 def _row(sweep: Sweep, scene: Scene, names: Sequence[str], key: str, result: PointResult) -> Row:
@@ -309,7 +294,7 @@ def _read_point(out: Path, key: str) -> PointResult | None:
         record = json.loads(path.read_bytes())
         result = PointResult(**{item.name: record[item.name] for item in fields(PointResult)})
         return result if record["key"] == key else None
-    except FileNotFoundError:
+    except (FileNotFoundError, NotADirectoryError):
         return None
     except (ValueError, TypeError, LookupError, RecursionError, OSError) as error:
         text = f"{path}: not the result of a point ({reason(error)}): delete the file to compute it again"

@@ -48,8 +48,9 @@ export class Graphs {
     this.curves.forEach(({ values }, k) => values.push(graph[k]));
   }
 
-  // `fullForce`: a force that the scene will reach [Mc²/R]. Its number is also below the speed of a throw [c] and about
-  // the compression [R]; these scales end at it at least, and show no rounding errors at the start.
+  // `fullForce`: a force that the scene will reach [Mc²/R]. In these units its number is smaller than the speed of a
+  // throw, and similar to a compression. So no scale but that of the energies ends below it: rounding errors at the
+  // start stay invisible.
   draw({ t, fullForce }, accent) {
     const { data, curves, canvases } = this;
     if (!data || !canvases[0].clientWidth) return;

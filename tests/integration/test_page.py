@@ -657,7 +657,7 @@ def test_anything_that_a_user_does_leaves_the_page_alive(
     browser.open(url)
     choose = random.Random(3)
     keys = [*"rhbnlxedazjksfycotiug ", "\ue003", "\ue006", "\ue00c", "\ue012", "\ue013", "\ue014", "\ue015", "?", "5"]
-    end = time.monotonic() + 120.0  # seconds
+    end = time.monotonic() + 120.0
     while time.monotonic() < end:
         what, place = choose.random(), lambda: (choose.randrange(1, 990), choose.randrange(60, 750))
         if what < 0.3:
