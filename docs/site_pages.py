@@ -1,4 +1,5 @@
-"""Generate the pages of the site that are not in docs: README, CONTRIBUTING, notebooks, and references from the code.
+"""Generate the pages of the site that are not in docs: README, CONTRIBUTING, notebooks,
+and references from the code.
 
 Formulas become MathML, which browsers draw without the internet.
 """
@@ -13,8 +14,11 @@ from typing import Any
 
 from mkdocs.structure.files import File, Files
 
-# A formula in the output of pymdownx.arithmatex: inline, or a block with a number at its end.
-FORMULA = re.compile(r'<(span|div) class="arithmatex">\\[(\[](.*?)\\[)\]]</\1>', re.DOTALL)
+# A formula in the output of pymdownx.arithmatex: inline, or a block with a number at
+# its end.
+FORMULA = re.compile(
+    r'<(span|div) class="arithmatex">\\[(\[](.*?)\\[)\]]</\1>', re.DOTALL
+)
 NUMBER = re.compile(r"\\tag\{(\w+)\}")
 # In MathML, bold and sans-serif letters are characters of their own, not a style.
 STYLED = re.compile(r'<mi mathvariant="(bold|sans-serif)">([A-Za-z])<')
@@ -22,12 +26,28 @@ STYLES = {"bold": 0x1D400, "sans-serif": 0x1D5A0}  # the code points of A
 ROOT = Path(__file__).parents[1]
 PYTHON = {
     "Scenes": ("taichi_disk.scenes.load_scene", "taichi_disk.scenes.load_sweep"),
-    "Running": ("taichi_disk.api.run", "taichi_disk.api.Result", "taichi_disk.api.State"),
-    "Scene objects": tuple(f"taichi_disk.scenes.scene.DiskScene.{name}" for name in ("with_", "to_yaml")),
+    "Running": (
+        "taichi_disk.api.run",
+        "taichi_disk.api.Result",
+        "taichi_disk.api.State",
+    ),
+    "Scene objects": tuple(
+        f"taichi_disk.scenes.scene.DiskScene.{name}" for name in ("with_", "to_yaml")
+    ),
     "Lattices": ("taichi_disk.lattice.lattice.Lattice",),
-    "Sweeps": ("taichi_disk.sweep.sweep.run_sweep", "taichi_disk.sweep.sweep.SweepResult"),
-    "Fields": ("taichi_disk.fields.field", "taichi_disk.fields.Field", "taichi_disk.fields.stress"),
-    "Errors": tuple(f"taichi_disk.errors.{name}Error" for name in ("TaichiDisk", "Input", "Simulation")),
+    "Sweeps": (
+        "taichi_disk.sweep.sweep.run_sweep",
+        "taichi_disk.sweep.sweep.SweepResult",
+    ),
+    "Fields": (
+        "taichi_disk.fields.field",
+        "taichi_disk.fields.Field",
+        "taichi_disk.fields.stress",
+    ),
+    "Errors": tuple(
+        f"taichi_disk.errors.{name}Error"
+        for name in ("TaichiDisk", "Input", "Simulation")
+    ),
 }
 
 
@@ -43,32 +63,50 @@ def on_files(files: Files, config: Any) -> Files:
     for name, text in pages.items():
         files.append(File.generated(config, name, content=text))
     for path in (ROOT / "docs" / "notebooks").glob("*.ipynb"):
-        files.append(File.generated(config, f"notebooks/{path.stem}.md", content=notebook(path)))
+        files.append(
+            File.generated(config, f"notebooks/{path.stem}.md", content=notebook(path))
+        )
     for path in [*(ROOT / "scenes").glob("*.yaml"), ROOT / "CITATION.cff"]:
-        files.append(File.generated(config, str(path.relative_to(ROOT)), abs_src_path=str(path)))
+        files.append(
+            File.generated(config, str(path.relative_to(ROOT)), abs_src_path=str(path))
+        )
     return files
 
 
 def on_page_markdown(markdown: str, page: Any, **_: Any) -> str:
     """Return the Markdown of a page with links as the site needs them."""
-    if page.file.src_uri.startswith(("notebooks/", "reference/")):  # their links are made for the site
+    # their links are made for the site
+    if page.file.src_uri.startswith(("notebooks/", "reference/")):
         return markdown
     at_top = page.file.src_uri in ("index.md", "contributing.md")
     text = re.sub(r"^```(\w+) no-run$", r"```\1", markdown, flags=re.MULTILINE)
     text = text.replace("](../README.md", "](index.md")
-    text = text.replace("](../CONTRIBUTING.md", "](contributing.md").replace("](CONTRIBUTING.md", "](contributing.md")
+    text = text.replace("](../CONTRIBUTING.md", "](contributing.md").replace(
+        "](CONTRIBUTING.md", "](contributing.md"
+    )
     text = text.replace("](docs/", "](") if at_top else text.replace("](../", "](")
     text = text.replace(".ipynb)", ".md)")
-    # On the site, a line that only links to a film shows the film; code forges show no frames.
+    # On the site, a line that only links to a film shows the film; code forges show no
+    # frames.
     style, folder = "width: 100%; height: 640px; border: 0", "" if at_top else "../"
-    frame = f'<iframe style="{style}" title="\\1" src="{folder}\\2" loading="lazy"></iframe>'
-    text = re.sub(r"^\[(Play with [^]]+)\]\((films/\w+\.html)\)$", frame, text, flags=re.MULTILINE)
-    return re.sub(r"\[`?([^]\n`]*)`?\]\((?:scenes|examples|experiments|data)\)", r"`\1`", text)  # a folder has no page
+    frame = (
+        f'<iframe style="{style}" title="\\1" src="{folder}\\2"'
+        ' loading="lazy"></iframe>'
+    )
+    text = re.sub(
+        r"^\[(Play with [^]]+)\]\((films/\w+\.html)\)$", frame, text, flags=re.MULTILINE
+    )
+    # a folder has no page
+    return re.sub(
+        r"\[`?([^]\n`]*)`?\]\((?:scenes|examples|experiments|data)\)", r"`\1`", text
+    )
 
 
 def on_page_content(html: str, **_: Any) -> str:
     """Return the HTML of a page with its formulas in MathML."""
-    return FORMULA.sub(lambda found: mathml(unescape(found[2]), block=found[1] == "div"), html)
+    return FORMULA.sub(
+        lambda found: mathml(unescape(found[2]), block=found[1] == "div"), html
+    )
 
 
 def mathml(formula: str, block: bool) -> str:
@@ -76,11 +114,14 @@ def mathml(formula: str, block: bool) -> str:
     from latex2mathml.converter import convert
 
     number = NUMBER.search(formula)
-    drawn = convert(NUMBER.sub("", formula).strip(), display="block" if block else "inline")
+    drawn = convert(
+        NUMBER.sub("", formula).strip(), display="block" if block else "inline"
+    )
     drawn = STYLED.sub(lambda found: f"<mi>{styled(*found.groups())}<", drawn)
     if not block:
         return drawn
-    return f'<div class="formula">{drawn}{f"<span>({number[1]})</span>" if number else ""}</div>'
+    label = f"<span>({number[1]})</span>" if number else ""
+    return f'<div class="formula">{drawn}{label}</div>'
 
 
 def styled(style: str, letter: str) -> str:
@@ -95,7 +136,11 @@ def notebook(path: Path) -> str:
         if cell["cell_type"] == "code":
             parts.append(f"```python\n{text}\n```")
         else:
-            parts.append(text.replace(".ipynb)", ".md)").replace("<details>", '<details markdown="1">'))
+            parts.append(
+                text.replace(".ipynb)", ".md)").replace(
+                    "<details>", '<details markdown="1">'
+                )
+            )
     title, text = parts[0].split("\n", 1)
     parts[0] = f"{title}\n\n[Download this notebook]({path.name})\n{text}"
     return "\n\n".join(parts)
@@ -109,12 +154,20 @@ def reference() -> str:
             "",
             "These pages are generated from the code of this version.",
             "",
-            "* [Keys of a scene file](scenes.md): every key with its default, its range and its unit.",
-            "* [Commands](commands.md): arguments and options of `taichi-disk` and its commands.",
+            (
+                "* [Keys of a scene file](scenes.md): every key with its default, its"
+                " range and its unit."
+            ),
+            (
+                "* [Commands](commands.md): arguments and options of `taichi-disk` and"
+                " its commands."
+            ),
             "* [Python](python.md): functions and classes for scripts and notebooks.",
             "",
-            "The files and columns of a run are listed in [output](../output.md), words in the"
-            " [glossary](../glossary.md).",
+            (
+                "The files and columns of a run are listed in [output](../output.md),"
+                " words in the [glossary](../glossary.md)."
+            ),
         ]
     )
 
@@ -124,15 +177,34 @@ def scene_keys() -> str:
     from taichi_disk.scenes import SCENES
     from taichi_disk.scenes.scene import yaml_scalar
 
-    lines = ["# Keys of a scene file", "", "`taichi-disk check SCENE` prints all keys of a scene.", ""]
-    lines += ["Angles are in radians: 30 degrees are 0.5236, 45 degrees 0.7854. Speeds are in c, lengths in R.", ""]
+    lines = [
+        "# Keys of a scene file",
+        "",
+        "`taichi-disk check SCENE` prints all keys of a scene.",
+        "",
+    ]
+    lines += [
+        (
+            "Angles are in radians: 30 degrees are 0.5236, 45 degrees 0.7854. Speeds"
+            " are in c, lengths in R."
+        ),
+        "",
+    ]
     for name, kind in SCENES.items():
         lines += [f"## {name}", "", f"{kind.title[0].upper()}{kind.title[1:]}.", ""]
         for section, defaults in kind.sections().items():
-            lines += [f"### {name}: {section}", "", "| key | default | allowed | meaning |", "|---|---|---|---|"]
+            lines += [
+                f"### {name}: {section}",
+                "",
+                "| key | default | allowed | meaning |",
+                "|---|---|---|---|",
+            ]
             for one, key in defaults.schema().items():
                 default = yaml_scalar(getattr(defaults, one))
-                lines.append(f"| `{section}.{one}` | `{default}` | {key.allowed()} | {key.meaning} |")
+                lines.append(
+                    f"| `{section}.{one}` | `{default}` | {key.allowed()} |"
+                    f" {key.meaning} |"
+                )
             lines.append("")
     return "\n".join(lines)
 
@@ -143,14 +215,24 @@ def commands() -> str:
 
     from taichi_disk.cli import _parser
 
-    (parsers,) = (one.choices for one in _parser()._actions if isinstance(one, _SubParsersAction))
-    parts = [f"## {name}\n\n```text\n{parser.format_help()}```\n" for name, parser in parsers.items()]
+    (parsers,) = (
+        one.choices for one in _parser()._actions if isinstance(one, _SubParsersAction)
+    )
+    parts = [
+        f"## {name}\n\n```text\n{parser.format_help()}```\n"
+        for name, parser in parsers.items()
+    ]
     return "\n".join(["# Commands\n", *parts])
 
 
 def python() -> str:
     """Return a page of directives for mkdocstrings."""
-    lines = ["# Python", "", "[Examples of all of this](../api.md) are on a page of their own.", ""]
+    lines = [
+        "# Python",
+        "",
+        "[Examples of all of this](../api.md) are on a page of their own.",
+        "",
+    ]
     for title, names in PYTHON.items():
         lines += [f"## {title}", ""]
         for name in names:

@@ -1,4 +1,5 @@
-"""A two-dimensional elastic disk of mass points and springs: simulate it, measure it, film it."""
+"""A two-dimensional elastic disk of mass points and springs: simulate it, measure it,
+film it."""
 
 from __future__ import annotations
 
@@ -17,14 +18,29 @@ if TYPE_CHECKING:
     from taichi_disk.sweep.sweep import run_sweep
 
 BEGAN = perf_counter()  # start of the wall clock of a command
-__all__ = ["Lattice", "Result", "Scene", "__version__", "load_scene", "load_sweep", "run", "run_sweep"]
+__all__ = [
+    "Lattice",
+    "Result",
+    "Scene",
+    "__version__",
+    "load_scene",
+    "load_sweep",
+    "run",
+    "run_sweep",
+]
 
-_MODULES = {"Lattice": "lattice", "Result": "api", "run": "api", "run_sweep": "sweep.sweep"}
+_MODULES = {
+    "Lattice": "lattice",
+    "Result": "api",
+    "run": "api",
+    "run_sweep": "sweep.sweep",
+}
 _MODULES |= dict.fromkeys(("Scene", "load_scene", "load_sweep"), "scenes")
 
 
 def __getattr__(name: str) -> Any:
-    # Names are imported on first use, so that `taichi-disk --help` and `check` need neither Taichi nor SciPy.
+    # Names are imported on first use, so that `taichi-disk --help` and `check` need
+    # neither Taichi nor SciPy.
     if name in _MODULES:
         return getattr(import_module(f"taichi_disk.{_MODULES[name]}"), name)
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

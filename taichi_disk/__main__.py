@@ -1,4 +1,5 @@
-"""Entry point of the command line. Signals are handled before the imports, which take a while."""
+"""Entry point of the command line. Signals are handled before the imports, which take a
+while."""
 
 from __future__ import annotations
 
@@ -12,13 +13,16 @@ def process() -> None:
     import os
     import sys
 
-    # Set this before NumPy is imported: idle threads of OpenBLAS would use the cores, and nothing here needs them.
+    # Set this before NumPy is imported: idle threads of OpenBLAS would use the cores,
+    # and nothing here needs them.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     from taichi_disk.cli import main
     from taichi_disk.runtime import leave
 
-    os.environ["MPLBACKEND"] = "agg"  # draws into files; the user's backend may need a display or not exist
-    gc.set_threshold(100_000)  # collecting at the default threshold costs 3 % of a run and frees nothing
+    # draws into files; the user's backend may need a display or not exist
+    os.environ["MPLBACKEND"] = "agg"
+    # collecting at the default threshold costs 3 % of a run and frees nothing
+    gc.set_threshold(100_000)
     for stream in (sys.stdout, sys.stderr):
         if stream is not None:  # a closed stream is None
             stream.reconfigure(errors="replace")  # type: ignore[union-attr]  # a CP1252 console cannot show η

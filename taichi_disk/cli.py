@@ -24,11 +24,13 @@ _TRAJECTORIES = ("xyz", "gsd", "vtu", "npz")
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Carry out one command and return its exit status: 0 done, 1 failed, 2 bad input, 130 interrupted.
+    """Carry out one command and return its exit status: 0 done, 1 failed, 2 bad input,
+    130 interrupted.
 
     Raises SystemExit, as argparse does, for --help, --version and usage errors.
     """
-    # Library warnings are meant for developers, and with PYTHONWARNINGS=error they would end a run.
+    # Library warnings are meant for developers, and with PYTHONWARNINGS=error they
+    # would end a run.
     warnings.simplefilter("ignore")
     given = list(sys.argv[1:] if argv is None else argv)
     try:
@@ -47,23 +49,34 @@ def main(argv: Sequence[str] | None = None) -> int:
         return error.exit_status
     except KeyboardInterrupt:
         _print_error(
-            "interrupted" + "; finished scenes are kept: repeat the command to go on" * (given[:1] == ["sweep"])
+            "interrupted"
+            + "; finished scenes are kept: repeat the command to go on"
+            * (given[:1] == ["sweep"])
         )
         return INTERRUPTED
     except (MemoryError, RuntimeError) as error:
         if not isinstance(error, MemoryError) and "memory" not in str(error):
             raise
-        _print_error("error: not enough memory; take fewer points (lattice.points), or stop other programs")
+        _print_error(
+            "error: not enough memory; take fewer points (lattice.points), or stop"
+            " other programs"
+        )
         return 1
     except OSError as error:
         if not isinstance(error, BrokenPipeError):  # the reader has gone (| head)
-            _print_error(f"error: {f'{error.filename}: ' if error.filename else ''}{error.strerror or error}")
+            file = f"{error.filename}: " if error.filename else ""
+            _print_error(f"error: {file}{error.strerror or error}")
         return InputError.exit_status if isinstance(error, PermissionError) else 1
 
 
 def _print_error(text: str) -> None:
-    # Messages of the library name Python arguments; replace them by the command's options.
-    options = {"as `out`": "with --out", "overwrite=True": "--overwrite", "lattices=": "--lattices "}
+    # Messages of the library name Python arguments; replace them by the command's
+    # options.
+    options = {
+        "as `out`": "with --out",
+        "overwrite=True": "--overwrite",
+        "lattices=": "--lattices ",
+    }
     for argument, option in options.items():
         text = text.replace(argument, option)
     with suppress(OSError, ValueError, AttributeError):
@@ -86,11 +99,15 @@ def _options(arguments: argparse.Namespace, *names: str) -> dict[str, Any]:
 
 def _out(arguments: argparse.Namespace, suffix: str = "") -> Path:
     scene = Path(arguments.scene)
-    has_stem = scene.suffix in (".yaml", ".yml") and scene.stem.strip(".")  # for "...yaml" the folder would be out/..
-    return arguments.out or Path("out", (scene.stem if has_stem else scene.name) + suffix)
+    # for "...yaml" the folder would be out/..
+    has_stem = scene.suffix in (".yaml", ".yml") and scene.stem.strip(".")
+    return arguments.out or Path(
+        "out", (scene.stem if has_stem else scene.name) + suffix
+    )
 
 
-# ---- commands. Each loads its scene before it imports anything else, so that faults are reported at once.
+# ---- commands. Each loads its scene before it imports anything else, so that faults
+# are reported at once.
 
 
 def _run(arguments: argparse.Namespace) -> int:
@@ -99,8 +116,14 @@ def _run(arguments: argparse.Namespace) -> int:
     from taichi_disk.api import run
     from taichi_disk.output.report import print_result
 
-    options = _options(arguments, "video", "export", "overwrite", "force", "threads", "lattices")
-    options |= {"count_on": arguments.out is None, "say": _note, "started": perf_counter() - BEGAN}
+    options = _options(
+        arguments, "video", "export", "overwrite", "force", "threads", "lattices"
+    )
+    options |= {
+        "count_on": arguments.out is None,
+        "say": _note,
+        "started": perf_counter() - BEGAN,
+    }
     with terminal(sys.stderr) as progress:
         result = run(scene, _out(arguments), progress=progress, **options)
     assert result.out is not None
@@ -119,7 +142,9 @@ def _sweep(arguments: argparse.Namespace) -> int:
 
     options = _options(arguments, "jobs", "scheduler", "part", "estimate")
     with terminal(sys.stderr) as progress:
-        result = run_sweep(sweep, _out(arguments), progress=progress, say=_note, **options)
+        result = run_sweep(
+            sweep, _out(arguments), progress=progress, say=_note, **options
+        )
     print_sweep(result)
     return int(bool(result.failed))
 
@@ -130,9 +155,18 @@ def _view(arguments: argparse.Namespace) -> None:
 
     folder = Path(arguments.scene).is_dir() and arguments.scene not in shipped_scenes()
     if folder and arguments.overrides:
-        raise InputError("--set cannot change the scenes of a folder: name one scene file instead")
+        raise InputError(
+            "--set cannot change the scenes of a folder: name one scene file instead"
+        )
     scene = Path(arguments.scene) if folder else _load(arguments)
-    view(scene, arguments.out or Path("out/view"), arguments.window, arguments.host, arguments.port, arguments.open)
+    view(
+        scene,
+        arguments.out or Path("out/view"),
+        arguments.window,
+        arguments.host,
+        arguments.port,
+        arguments.open,
+    )
 
 
 def _render(arguments: argparse.Namespace) -> None:
@@ -142,15 +176,34 @@ def _render(arguments: argparse.Namespace) -> None:
     if arguments.out:
         check_target(arguments.out)
         if arguments.format not in (None, arguments.out.suffix[1:] or "png"):
-            raise InputError(f"--format {arguments.format} contradicts --out {arguments.out}: leave one of the two out")
+            raise InputError(
+                f"--format {arguments.format} contradicts --out {arguments.out}: leave"
+                " one of the two out"
+            )
     given = _options(arguments, *VideoSection.schema())
-    overrides = [f"video.{name}={str(value).lower()}" for name, value in given.items() if value is not None]
+    overrides = [
+        f"video.{name}={str(value).lower()}"
+        for name, value in given.items()
+        if value is not None
+    ]
     with terminal(sys.stderr) as progress:
         load = partial(Result.load, progress=progress, estimate=False, say=_note)
-        result, *others = load(arguments.folder, overrides), *map(load, arguments.compare)
+        result, *others = (
+            load(arguments.folder, overrides),
+            *map(load, arguments.compare),
+        )
         name, form = "comparison" if others else "render", result.scene.video.format
-        out = arguments.out or arguments.folder / (name if form == "png" else f"{name}.{form}")
-        result.film(out, others, progress, at=arguments.at, start=arguments.start, end=arguments.end)
+        out = arguments.out or arguments.folder / (
+            name if form == "png" else f"{name}.{form}"
+        )
+        result.film(
+            out,
+            others,
+            progress,
+            at=arguments.at,
+            start=arguments.start,
+            end=arguments.end,
+        )
     print(f"{'picture' if out.suffix == '.png' else 'film'} in {out}")
 
 
@@ -159,7 +212,9 @@ def _export(arguments: argparse.Namespace) -> None:
 
     form = arguments.format or (None if arguments.out else "xyz")
     result = Result.load(arguments.folder, say=_note)
-    out = result.export(arguments.out or arguments.folder, form, arguments.frames, arguments.times)
+    out = result.export(
+        arguments.out or arguments.folder, form, arguments.frames, arguments.times
+    )
     print(f"trajectory in {out}")
 
 
@@ -192,93 +247,234 @@ def _doctor(arguments: argparse.Namespace) -> int:
 class _Parser(argparse.ArgumentParser):
     def error(self, message: str) -> NoReturn:
         if "unrecognized arguments" in message:
-            message += "; to change a key of the scene write --set SECTION.KEY=VALUE, e.g. --set material.eta_star=30"
+            message += (
+                "; to change a key of the scene write --set SECTION.KEY=VALUE, e.g."
+                " --set material.eta_star=30"
+            )
         super().error(message)
 
 
 def _parser() -> argparse.ArgumentParser:
     parser = _Parser(
         prog="taichi-disk",
-        description="Simulate, measure and film a two-dimensional elastic disk of mass points and springs.",
+        description=(
+            "Simulate, measure and film a two-dimensional elastic disk of mass points"
+            " and springs."
+        ),
     )
-    parser.add_argument("--version", action="version", version=f"taichi-disk {__version__}")
-    commands = parser.add_subparsers(metavar="COMMAND", required=True, parser_class=_Parser)
+    parser.add_argument(
+        "--version", action="version", version=f"taichi-disk {__version__}"
+    )
+    commands = parser.add_subparsers(
+        metavar="COMMAND", required=True, parser_class=_Parser
+    )
 
-    def command(name: str, act: Callable[[argparse.Namespace], int | None], summary: str) -> Callable[..., Any]:
-        added = commands.add_parser(name, help=summary, description=summary[0].upper() + summary[1:] + ".")
+    def command(
+        name: str, act: Callable[[argparse.Namespace], int | None], summary: str
+    ) -> Callable[..., Any]:
+        added = commands.add_parser(
+            name, help=summary, description=summary[0].upper() + summary[1:] + "."
+        )
         added.set_defaults(command=act)
         return added.add_argument
 
-    add = command("run", _run, "simulate a scene, print the result, and write files and a film")
+    add = command(
+        "run", _run, "simulate a scene, print the result, and write files and a film"
+    )
     _add_scene(add, out="out/SCENE")
     add("--overwrite", action="store_true", help="replace another run in DIR")
     add("--no-video", dest="video", action="store_false", help="make no film")
     add("--export", choices=_TRAJECTORIES, help="also write a trajectory")
-    what = "threads for 50,000 points or more (default: TAICHI_DISK_THREADS, or all cores)"
+    what = (
+        "threads for 50,000 points or more (default: TAICHI_DISK_THREADS, or all cores)"
+    )
     add("--threads", type=partial(_count, most=cores()), metavar="N", help=what)
-    add("--force", action="store_true", help="keep a time.dt beyond the stability limit")
-    what = "random lattices for mean and scatter of the result; 1: only the scene's own (default: 8 if that is quick)"
+    add(
+        "--force", action="store_true", help="keep a time.dt beyond the stability limit"
+    )
+    what = (
+        "random lattices for mean and scatter of the result; 1: only the scene's own"
+        " (default: 8 if that is quick)"
+    )
     add("--lattices", type=partial(_count, most=10_000), metavar="K", help=what)
 
-    add = command("sweep", _sweep, "compute all scenes of a sweep for a table, fits and a figure; can be resumed")
+    add = command(
+        "sweep",
+        _sweep,
+        "compute all scenes of a sweep for a table, fits and a figure; can be resumed",
+    )
     _add_scene(add, _shipped(has_sweep=True), out="out/SCENE")
-    add("--jobs", type=_count, metavar="N", help="number of processes (default: one per core)")
-    add("--scheduler", metavar="ADDRESS", help="compute on a Dask cluster: address of its scheduler, tcp://HOST:8786")
-    add("--part", metavar="K/N", help="compute only the K-th of N parts, and write no table")
-    add("--estimate", action="store_true", help="estimate the time-step error of each result; doubles the work")
+    add(
+        "--jobs",
+        type=_count,
+        metavar="N",
+        help="number of processes (default: one per core)",
+    )
+    add(
+        "--scheduler",
+        metavar="ADDRESS",
+        help="compute on a Dask cluster: address of its scheduler, tcp://HOST:8786",
+    )
+    add(
+        "--part",
+        metavar="K/N",
+        help="compute only the K-th of N parts, and write no table",
+    )
+    add(
+        "--estimate",
+        action="store_true",
+        help="estimate the time-step error of each result; doubles the work",
+    )
 
-    add = command("view", _view, "play with a scene on a page in the browser, or in a window")
+    add = command(
+        "view", _view, "play with a scene on a page in the browser, or in a window"
+    )
     scenes = f"{_shipped()}; or a folder of scenes"
     _add_scene(add, scenes, out="out/view", nargs="?", default="exponential_wall")
-    add("--no-open", dest="open", action="store_false", help="print the address of the page, but do not open a browser")
-    add("--host", default="127.0.0.1", help="address of the server (default: 127.0.0.1, this machine only)")
-    add("--port", type=partial(_count, most=65_535), default=0, metavar="P", help="port (default: a free one)")
+    add(
+        "--no-open",
+        dest="open",
+        action="store_false",
+        help="print the address of the page, but do not open a browser",
+    )
+    add(
+        "--host",
+        default="127.0.0.1",
+        help="address of the server (default: 127.0.0.1, this machine only)",
+    )
+    add(
+        "--port",
+        type=partial(_count, most=65_535),
+        default=0,
+        metavar="P",
+        help="port (default: a free one)",
+    )
     either = commands.choices["view"].add_mutually_exclusive_group()
-    either.add_argument("--browser", action="store_true", help="serve a page (the default)")
-    either.add_argument("--window", action="store_true", help="open a window on the desktop instead; needs Vulkan")
+    either.add_argument(
+        "--browser", action="store_true", help="serve a page (the default)"
+    )
+    either.add_argument(
+        "--window",
+        action="store_true",
+        help="open a window on the desktop instead; needs Vulkan",
+    )
 
-    add = command("render", _render, "film a finished run again, or up to four runs side by side")
+    add = command(
+        "render", _render, "film a finished run again, or up to four runs side by side"
+    )
     add("folder", type=_path, metavar="DIR", help="folder of the run")
     what = "up to three more runs, shown at the right; titles name the keys that differ"
     add("--compare", type=_path, nargs="+", default=[], metavar="DIR", help=what)
-    what = ".mp4, .webm or .gif; .html: page that plays the film without internet; .png: one picture; no suffix: folder"
-    add("--out", type=_path, metavar="FILE", help=f"{what} of numbered pictures (default: render or comparison in DIR)")
-    what = "moment of a picture: a time in R/c, contact (the first), greatest (compression) or end (default: greatest)"
+    what = (
+        ".mp4, .webm or .gif; .html: page that plays the film without internet; .png:"
+        " one picture; no suffix: folder"
+    )
+    add(
+        "--out",
+        type=_path,
+        metavar="FILE",
+        help=f"{what} of numbered pictures (default: render or comparison in DIR)",
+    )
+    what = (
+        "moment of a picture: a time in R/c, contact (the first), greatest"
+        " (compression) or end (default: greatest)"
+    )
     add("--at", default="greatest", metavar="T", help=what)
-    add("--from", dest="start", metavar="T", help="first moment of the film (default: start of the run)")
-    add("--to", dest="end", metavar="T", help="last moment of the film (default: end of the run)")
+    add(
+        "--from",
+        dest="start",
+        metavar="T",
+        help="first moment of the film (default: start of the run)",
+    )
+    add(
+        "--to",
+        dest="end",
+        metavar="T",
+        help="last moment of the film (default: end of the run)",
+    )
     for name, key in VideoSection.schema().items():
         if key.kind is bool:
             add(f"--{name}", action=argparse.BooleanOptionalAction, help=key.meaning)
         else:
             add(f"--{name}", metavar="VALUE", help=f"{key.meaning} ({key.allowed()})")
 
-    add = command("export", _export, "write the trajectory of a finished run for another program")
+    add = command(
+        "export", _export, "write the trajectory of a finished run for another program"
+    )
     add("folder", type=_path, metavar="DIR", help="folder of the run")
-    add("--format", choices=_TRAJECTORIES, help="format (default: the suffix of FILE, or xyz)")
+    add(
+        "--format",
+        choices=_TRAJECTORIES,
+        help="format (default: the suffix of FILE, or xyz)",
+    )
     when = commands.choices["export"].add_mutually_exclusive_group().add_argument
-    when("--frames", type=_count, default=200, metavar="N", help="number of states at equal intervals (default: 200)")
-    when("--times", type=float, nargs="+", metavar="T", help="times of the states, ascending [R/c]")
-    add("--out", type=_path, metavar="FILE", help="file to write (default: trajectory.FORMAT in DIR)")
+    when(
+        "--frames",
+        type=_count,
+        default=200,
+        metavar="N",
+        help="number of states at equal intervals (default: 200)",
+    )
+    when(
+        "--times",
+        type=float,
+        nargs="+",
+        metavar="T",
+        help="times of the states, ascending [R/c]",
+    )
+    add(
+        "--out",
+        type=_path,
+        metavar="FILE",
+        help="file to write (default: trajectory.FORMAT in DIR)",
+    )
 
-    _add_scene(command("check", _check, "check a scene, and print it with every default"))
-    summary = "compare integrators and time steps, then the effects of lattice, N and wall"
+    _add_scene(
+        command("check", _check, "check a scene, and print it with every default")
+    )
+    summary = (
+        "compare integrators and time steps, then the effects of lattice, N and wall"
+    )
     _add_scene(command("accuracy", _accuracy, summary), out="out/SCENE_accuracy")
     command("doctor", _doctor, "check whether this machine can run and film scenes")
     return parser
 
 
 def _shipped(has_sweep: bool = False) -> str:
-    texts = {name: path.read_text(encoding="utf-8") for name, path in shipped_scenes().items()}
-    return ", ".join(name for name, text in texts.items() if ("\nsweep:" in text) == has_sweep)
+    texts = {
+        name: path.read_text(encoding="utf-8")
+        for name, path in shipped_scenes().items()
+    }
+    return ", ".join(
+        name for name, text in texts.items() if ("\nsweep:" in text) == has_sweep
+    )
 
 
-def _add_scene(add: Callable[..., Any], shipped: str = "", out: str = "", **options: Any) -> None:
-    add("scene", metavar="SCENE", help=f"a YAML file, or a shipped scene: {shipped or _shipped()}", **options)
+def _add_scene(
+    add: Callable[..., Any], shipped: str = "", out: str = "", **options: Any
+) -> None:
+    add(
+        "scene",
+        metavar="SCENE",
+        help=f"a YAML file, or a shipped scene: {shipped or _shipped()}",
+        **options,
+    )
     what = "change a key of the scene, e.g. material.eta_star=100; repeatable"
-    add("--set", dest="overrides", action="append", default=[], metavar="SECTION.KEY=VALUE", help=what)
+    add(
+        "--set",
+        dest="overrides",
+        action="append",
+        default=[],
+        metavar="SECTION.KEY=VALUE",
+        help=what,
+    )
     if out:
-        add("--out", type=_path, metavar="DIR", help=f"folder of the results (default: {out})")
+        add(
+            "--out",
+            type=_path,
+            metavar="DIR",
+            help=f"folder of the results (default: {out})",
+        )
 
 
 def _path(text: str) -> Path:
@@ -288,5 +484,7 @@ def _path(text: str) -> Path:
 def _count(text: str, most: int = 100_000) -> int:
     value = int(text) if text.isdecimal() and len(text) < 10 else 0
     if not 1 <= value <= most:
-        raise argparse.ArgumentTypeError(f"{text!r} is not a whole number from 1 to {most:,}")
+        raise argparse.ArgumentTypeError(
+            f"{text!r} is not a whole number from 1 to {most:,}"
+        )
     return value

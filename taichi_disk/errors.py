@@ -1,4 +1,5 @@
-"""Exceptions with user-facing messages. The command line turns each into an exit status."""
+"""Exceptions with user-facing messages. The command line turns each into an exit
+status."""
 
 from __future__ import annotations
 
@@ -21,17 +22,23 @@ class InputError(TaichiDiskError):
 
 
 class SimulationError(TaichiDiskError):
-    """The computation could not be finished: a blow-up, no convergence, or no separation within the time limit."""
+    """The computation could not be finished: a blow-up, no convergence, or no
+    separation within the time limit."""
 
 
 def pip_install(what: str) -> str:
-    """Return the command that installs `what`, in quotes, into the environment that runs this program."""
+    """Return the command that installs `what`, in quotes, into the environment that
+    runs this program."""
     return f"{sys.executable or 'python'} -m pip install '{what}'"
 
 
 def nearest(word: Any, names: Iterable[str]) -> list[str]:
     by_lower = {name.lower(): name for name in names}
-    matches = difflib.get_close_matches(str(word).lower(), by_lower, n=1) if isinstance(word, str) else []
+    matches = (
+        difflib.get_close_matches(str(word).lower(), by_lower, n=1)
+        if isinstance(word, str)
+        else []
+    )
     return [by_lower[match] for match in matches]
 
 

@@ -12,8 +12,10 @@ from typing import Any, TextIO, TypeAlias, TypeVar
 
 from taichi_disk.errors import InputError
 
-Progress: TypeAlias = Callable[[str, float, "float | None"], object]  # callback(stage, done, total)
-BAR_DELAY, BAR_INTERVAL = 0.5, 0.1  # delay of a bar's appearance and time between its updates in a notebook [s]
+# callback(stage, done, total)
+Progress: TypeAlias = Callable[[str, float, "float | None"], object]
+# delay of a bar's appearance and time between its updates in a notebook [s]
+BAR_DELAY, BAR_INTERVAL = 0.5, 0.1
 F = TypeVar("F", bound=Callable[..., Any])
 
 
@@ -22,9 +24,11 @@ def silent(stage: str, done: float, total: float | None) -> None:
 
 
 def reported(function: F) -> F:
-    """Decorate `function` so that `progress=None` shows a bar in a notebook while the function runs.
+    """Decorate `function` so that `progress=None` shows a bar in a notebook while the
+    function runs.
 
-    The decorated function raises InputError if `progress` cannot be called with (stage, done, total).
+    The decorated function raises InputError if `progress` cannot be called with (stage,
+    done, total).
     """
     arguments = signature(function)
 
@@ -33,11 +37,19 @@ def reported(function: F) -> F:
         call = arguments.bind(*args, **kwargs)
         progress = call.arguments.get("progress")
         try:
-            signature(silent if progress is None else progress).bind("simulate", 0.0, None)
-        except (TypeError, ValueError):  # ValueError: some built-in functions have no signature
+            signature(silent if progress is None else progress).bind(
+                "simulate", 0.0, None
+            )
+        # ValueError: some built-in functions have no signature
+        except (TypeError, ValueError):
             name = getattr(progress, "__name__", type(progress).__name__)
-            raise InputError(f"progress: must be a function of (stage, done, total), which {name} is not") from None
-        with _notebook() if progress is None else nullcontext(progress) as call.arguments["progress"]:
+            raise InputError(
+                f"progress: must be a function of (stage, done, total), which {name}"
+                " is not"
+            ) from None
+        with (
+            _notebook() if progress is None else nullcontext(progress)
+        ) as call.arguments["progress"]:
             return function(*call.args, **call.kwargs)
 
     return wrapped  # type: ignore[return-value]
@@ -70,7 +82,8 @@ def _notebook() -> Iterator[Progress]:
 
 @contextmanager
 def terminal(stream: TextIO | None) -> Iterator[Progress]:
-    """Show a bar on `stream` for each stage, if it is a terminal. Yields the progress callback."""
+    """Show a bar on `stream` for each stage, if it is a terminal. Yields the progress
+    callback."""
     if stream is None or not stream.isatty():
         yield silent
         return
@@ -84,26 +97,43 @@ def terminal(stream: TextIO | None) -> Iterator[Progress]:
 class _Bars:
     def __init__(self, stream: TextIO | None) -> None:
         from rich.console import Console
-        from rich.progress import BarColumn, Progress, TaskProgressColumn, TimeElapsedColumn, TimeRemainingColumn
+        from rich.progress import (
+            BarColumn,
+            Progress,
+            TaskProgressColumn,
+            TimeElapsedColumn,
+            TimeRemainingColumn,
+        )
 
         console = Console(file=stream)
-        columns = BarColumn(), TaskProgressColumn(), TimeElapsedColumn(), TimeRemainingColumn()
+        columns = (
+            BarColumn(),
+            TaskProgressColumn(),
+            TimeElapsedColumn(),
+            TimeRemainingColumn(),
+        )
         self.progress = Progress(
             "{task.description:<10}",
             *columns,
             "{task.fields[note]}",
             console=console,
-            redirect_stdout=False,  # printed text goes to stdout, not to the stream of the bar
-            disable=console.is_jupyter,  # rich's thread cannot write to a notebook cell without a widget
+            # printed text goes to stdout, not to the stream of the bar
+            redirect_stdout=False,
+            # rich's thread cannot write to a notebook cell without a widget
+            disable=console.is_jupyter,
         )
 
     def show(self, stage: str, done: float, total: float | None) -> None:
         bars = self.progress
         bars.start()
         if not bars.tasks or bars.tasks[-1].description != stage:
-            # A stage may end before its total, as an impact ends before its time limit. Its bar is then completed.
+            # A stage may end before its total, as an impact ends before its time limit.
+            # Its bar is then completed.
             for task in bars.tasks:
                 bars.update(task.id, completed=1.0, total=1.0)
-            # The time of a simulation is a float; equilibria, lattices, scenes and pictures are counted.
-            bars.add_task(stage, total=total, note="to the time limit" * isinstance(total, float))
+            # The time of a simulation is a float; equilibria, lattices, scenes and
+            # pictures are counted.
+            bars.add_task(
+                stage, total=total, note="to the time limit" * isinstance(total, float)
+            )
         bars.update(bars.task_ids[-1], completed=done, total=total)

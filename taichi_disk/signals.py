@@ -1,7 +1,8 @@
-"""Handle Ctrl-C and SIGTERM by a flag, which the program checks between kernel launches, frames and rows.
+"""Handle Ctrl-C and SIGTERM by a flag, which the program checks between kernel
+launches, frames and rows.
 
-A handler must not raise: Taichi 1.7.4 swallows exceptions in a bare `except` while it compiles, and an extension module
-that is importing another one aborts the process.
+A handler must not raise: Taichi 1.7.4 swallows exceptions in a bare `except` while it
+compiles, and an extension module that is importing another one aborts the process.
 """
 
 from __future__ import annotations
@@ -21,11 +22,14 @@ T = TypeVar("T")
 Handler = Callable[[int, FrameType | None], object]
 
 INTERRUPTED = 130  # exit status
-REPEAT_TIME = 0.5  # a signal repeated within this time is ignored [s]: `timeout` signals a process, then its group
+# a signal repeated within this time is ignored [s]: `timeout` signals a process, then
+# its group
+REPEAT_TIME = 0.5
 POLL_INTERVAL = 0.2  # [s] between checks for a signal during a long call
 SHOW_CURSOR = b"\x1b[?25h"  # progress bars hide the cursor
 
-_pending: list[int] = []  # received signals; global, because a process has one handler per signal
+# received signals; global, because a process has one handler per signal
+_pending: list[int] = []
 
 
 def raise_if_interrupted() -> None:
@@ -36,8 +40,10 @@ def raise_if_interrupted() -> None:
 
 
 def interruptible(function: Callable[..., T], *arguments: Any) -> T:
-    """Return the value of `function`. A signal raises KeyboardInterrupt at once, although the function goes on."""
-    # The function runs in a thread of its own, because a long call of SciPy cannot be interrupted.
+    """Return the value of `function`. A signal raises KeyboardInterrupt at once,
+    although the function goes on."""
+    # The function runs in a thread of its own, because a long call of SciPy cannot be
+    # interrupted.
     if threading.current_thread() is not threading.main_thread():
         return function(*arguments)
     future = Future[T]()
@@ -65,9 +71,13 @@ def listen() -> None:
 
 @contextmanager
 def deferred_interrupts() -> Iterator[None]:
-    """Make Ctrl-C set the flag instead of raising KeyboardInterrupt while the block runs; a second Ctrl-C raises."""
+    """Make Ctrl-C set the flag instead of raising KeyboardInterrupt while the block
+    runs; a second Ctrl-C raises."""
     default = signal.default_int_handler
-    if threading.current_thread() is not threading.main_thread() or signal.getsignal(signal.SIGINT) is not default:
+    if (
+        threading.current_thread() is not threading.main_thread()
+        or signal.getsignal(signal.SIGINT) is not default
+    ):
         yield
         return
     signal.signal(signal.SIGINT, _flagging(default))
@@ -100,7 +110,8 @@ def _exit(number: int, frame: FrameType | None) -> None:
 
 @contextmanager
 def ignored_by_children() -> Iterator[None]:
-    """Start processes that ignore Ctrl-C while the block runs, so that only the parent handles it."""
+    """Start processes that ignore Ctrl-C while the block runs, so that only the parent
+    handles it."""
     if not hasattr(signal, "pthread_sigmask"):  # Windows
         yield
         return

@@ -1,6 +1,7 @@
 """Small bodies, models and runs that several test modules use.
 
-Each kind of model is compiled once per integrator and process, so use a model from here if one fits.
+Each kind of model is compiled once per integrator and process, so use a model from here
+if one fits.
 """
 
 from __future__ import annotations
@@ -37,8 +38,9 @@ RESET = 0.12  # time between two resets of a boundary [R/c]
 FREE = Model(Springs())
 FALLING = Model(Springs(1.0, 1.0), RIGID)  # no dashpots
 
-# The largest step is proportional to 1/sqrt(N). At N = 150 this safety gives the automatic step of 1099 points, about
-# 0.017 R/c, for which the bounds on errors are stated.
+# The largest step is proportional to 1/sqrt(N). At N = 150 this safety gives the
+# automatic step of 1099 points, about 0.017 R/c, for which the bounds on errors are
+# stated.
 SMALL = ("lattice.points=150", "time.safety=0.3")
 WALL = (*SMALL, "wall.points=180", "wall.width=3.4")
 
@@ -65,15 +67,21 @@ def disk_and_wall(points=100, wall=120, height=0.03):
 
 
 def chain(positions, bonds, mass):
-    """Return a lattice of a few points, which all belong to disk and surface, unloaded at `positions`."""
-    x, ends, none = np.array(positions), np.array(bonds, np.int32), np.zeros(0, np.int32)
+    """Return a lattice of a few points, which all belong to disk and surface, unloaded
+    at `positions`."""
+    x, ends, none = (
+        np.array(positions),
+        np.array(bonds, np.int32),
+        np.zeros(0, np.int32),
+    )
     n, rest = len(x), np.hypot(*(x[ends[:, 0]] - x[ends[:, 1]]).T)
     surface, triangles = np.arange(n, dtype=np.int32), np.zeros((0, 3), np.int32)
     return Lattice(x, ends, rest, np.full(n, mass), n, surface, none, none, triangles)
 
 
 def assert_tiles(positions, triangles, outline):
-    """Check that the triangles, all counter-clockwise, fill the outline without gap or overlap."""
+    """Check that the triangles, all counter-clockwise, fill the outline without gap or
+    overlap."""
     area = 0.5 * double_area(positions[triangles])
     assert area.min() > 0
     assert area.sum() == pytest.approx(polygon_area(positions[outline]), rel=1e-9)
@@ -81,19 +89,29 @@ def assert_tiles(positions, triangles, outline):
 
 
 def holes_of(lattice):
-    """Return the areas [R^2] of the holes: components of the graph of outer sides, except the outline."""
+    """Return the areas [R^2] of the holes: components of the graph of outer sides,
+    except the outline."""
     side = Triangles(lattice).outline
-    _, part = connected_components(coo_matrix((np.ones(len(side)), side.T), shape=2 * [len(lattice.masses)]))
+    _, part = connected_components(
+        coo_matrix((np.ones(len(side)), side.T), shape=2 * [len(lattice.masses)])
+    )
     rings, x = [part[lattice.disk_surface[0]]], lattice.positions
     inner = side[~np.isin(part[side[:, 0]], rings)]
-    cross = x[inner[:, 0], 0] * x[inner[:, 1], 1] - x[inner[:, 0], 1] * x[inner[:, 1], 0]
-    return [-0.5 * cross[part[inner[:, 0]] == number].sum() for number in np.unique(part[inner[:, 0]])]
+    cross = (
+        x[inner[:, 0], 0] * x[inner[:, 1], 1] - x[inner[:, 0], 1] * x[inner[:, 1], 0]
+    )
+    return [
+        -0.5 * cross[part[inner[:, 0]] == number].sum()
+        for number in np.unique(part[inner[:, 0]])
+    ]
 
 
 def shaken(lattice, seed, amplitude):
     """Return the lattice's points displaced at random, and velocities of some 0.1 c."""
     rng, shape = np.random.default_rng(seed), lattice.positions.shape
-    return lattice.positions + amplitude * rng.uniform(-1, 1, shape), 0.1 * rng.standard_normal(shape)
+    return lattice.positions + amplitude * rng.uniform(
+        -1, 1, shape
+    ), 0.1 * rng.standard_normal(shape)
 
 
 def moving_down(lattice, speed):
@@ -104,17 +122,27 @@ def moving_down(lattice, speed):
 
 
 def non_uniform(lattice, least=0.8, most=1.25):
-    """Return the lattice with random masses of the disk's points and random stiffness factors."""
-    rng, n, masses = np.random.default_rng(7), lattice.disk_points, lattice.masses.copy()
+    """Return the lattice with random masses of the disk's points and random stiffness
+    factors."""
+    rng, n, masses = (
+        np.random.default_rng(7),
+        lattice.disk_points,
+        lattice.masses.copy(),
+    )
     masses[:n] *= rng.uniform(least, most, n)
     masses[:n] /= masses[:n].sum()
-    return replace(lattice, masses=masses, stiffness=rng.uniform(least, most, len(lattice.bonds)))
+    return replace(
+        lattice, masses=masses, stiffness=rng.uniform(least, most, len(lattice.bonds))
+    )
 
 
 def bouncing(scene, points, eta, height=0.05):
-    """Return lattice, velocities and model of a disk just above a wall, moving down or pressed; "non-uniform ..."."""
+    """Return lattice, velocities and model of a disk just above a wall, moving down or
+    pressed; "non-uniform ..."."""
     if scene.startswith("non-uniform "):
-        lattice, velocities, model = bouncing(scene.removeprefix("non-uniform "), points, eta, height)
+        lattice, velocities, model = bouncing(
+            scene.removeprefix("non-uniform "), points, eta, height
+        )
         return non_uniform(lattice), velocities, model
     speed = 0.05
     if scene == "compression":
@@ -123,28 +151,41 @@ def bouncing(scene, points, eta, height=0.05):
         lattice, model = disk(points, height=height), damped(eta)
     else:
         lattice = disk_and_wall(points, points + 20, height)
-        boundary = {"matched": matched(lattice), "reset": ResetBoundary(RESET), "pinned": PinnedBoundary()}[scene]
+        boundary = {
+            "matched": matched(lattice),
+            "reset": ResetBoundary(RESET),
+            "pinned": PinnedBoundary(),
+        }[scene]
         model = Model(Springs(1.0, 1.0, eta), ELASTIC, boundary=boundary)
     return lattice, moving_down(lattice, speed), model
 
 
 def matched(lattice):
     """Return plausible, unequal dashpots for the wall's boundary."""
-    return MatchedBoundary(np.random.default_rng(5).uniform(0.02, 0.05, (len(lattice.wall_boundary), 2)))
+    return MatchedBoundary(
+        np.random.default_rng(5).uniform(0.02, 0.05, (len(lattice.wall_boundary), 2))
+    )
 
 
 def advance(simulation, steps, stride=1):
-    """Return the time series of `steps` more steps, beginning with the state at t = 0 if there were none before."""
+    """Return the time series of `steps` more steps, beginning with the state at t = 0
+    if there were none before."""
     first = simulation.first_row[None][: int(simulation.step_number == 0)]
     start, interval = simulation.time, stride * simulation.dt
-    columns = as_columns(np.concatenate([first, simulation.advance(steps, stride)[0]]), interval)
+    columns = as_columns(
+        np.concatenate([first, simulation.advance(steps, stride)[0]]), interval
+    )
     return columns | {"t": start + columns["t"]}
 
 
 def to_pixels(camera, xy):
-    """(column, row) [px] of points (..., 2) [R] on the canvas of a camera, from the coordinates that GGUI gets."""
+    """(column, row) [px] of points (..., 2) [R] on the canvas of a camera, from the
+    coordinates that GGUI gets."""
     factor, shift = camera.canvas_map()
-    return (factor * np.asarray(xy) + shift - [0.0, 1.0]) * [camera.width, -camera.height]
+    return (factor * np.asarray(xy) + shift - [0.0, 1.0]) * [
+        camera.width,
+        -camera.height,
+    ]
 
 
 def computed(kernels, name, *settings, **options):
@@ -158,4 +199,10 @@ def driver_of(kernels, name, *settings, **options):
     """Return a driver at the start of a shipped scene with some `settings`."""
     scene = load_scene(name, settings)
     scenario = scene.scenario()
-    return Driver(scenario, scene.time, kernels, spectrum(scenario.lattice, scenario.model), **options)
+    return Driver(
+        scenario,
+        scene.time,
+        kernels,
+        spectrum(scenario.lattice, scenario.model),
+        **options,
+    )

@@ -4,30 +4,45 @@ from __future__ import annotations
 
 import pytest
 
-SANDBOX = {"test_controls", "test_hostile_visitors", "test_mouse_spring", "test_notebook", "test_page", "test_sandbox"}
+SANDBOX = {
+    "test_controls",
+    "test_hostile_visitors",
+    "test_mouse_spring",
+    "test_notebook",
+    "test_page",
+    "test_sandbox",
+}
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
     parser.addoption("--validate", action="store_true", help="also run the long checks")
 
 
-def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+def pytest_collection_modifyitems(
+    config: pytest.Config, items: list[pytest.Item]
+) -> None:
     """Skip the long checks unless they are requested.
 
-    Two processes share the tests, and each begins with its half. The folder of long checks runs first, so that short
-    tests are left for the end; then the tests that share the simulations of the sandbox, so that one process compiles
-    them.
+    Two processes share the tests, and each begins with its half. The folder of long
+    checks runs first, so that short tests are left for the end; then the tests that
+    share the simulations of the sandbox, so that one process compiles them.
     """
     skip = pytest.mark.skip(reason="a long check: add --validate")
     for item in items:
         if "validate" in item.keywords and not config.getoption("--validate"):
             item.add_marker(skip)
-    items.sort(key=lambda item: (item.path.parent.name != "validation", item.path.stem not in SANDBOX))
+    items.sort(
+        key=lambda item: (
+            item.path.parent.name != "validation",
+            item.path.stem not in SANDBOX,
+        )
+    )
 
 
 @pytest.fixture(scope="session", autouse=True)
 def blank_plots():
-    """Write a blank plot.png: drawing the curves takes 0.4 s, longer than most runs of the tests."""
+    """Write a blank plot.png: drawing the curves takes 0.4 s, longer than most runs of
+    the tests."""
     from taichi_disk.output import plot
 
     plot_run = plot.plot_run
@@ -50,9 +65,11 @@ def pytest_make_parametrize_id(val, argname):
 
 @pytest.fixture
 def kernels():
-    """Return the KernelCache of this process, because compiling takes most of the tests' time.
+    """Return the KernelCache of this process, because compiling takes most of the
+    tests' time.
 
-    A simulation from it is reset when another test asks for one with the same laws and integrator.
+    A simulation from it is reset when another test asks for one with the same laws and
+    integrator.
     """
     from taichi_disk import runtime
     from taichi_disk.simulation.simulation import shared_kernels

@@ -1,6 +1,8 @@
-"""An independent solver: the equations of motion in plain NumPy, integrated by SciPy's DOP853.
+"""An independent solver: the equations of motion in plain NumPy, integrated by SciPy's
+DOP853.
 
-It shares no code with the program, and uses only the contents of lattice.npz and the parameters of the scene.
+It shares no code with the program, and uses only the contents of lattice.npz and the
+parameters of the scene.
 """
 
 from __future__ import annotations
@@ -12,7 +14,8 @@ from scipy.integrate import solve_ivp
 
 
 class Contacts(NamedTuple):
-    """Contacts, one per row: point of the disk, ends of the wall spring below, normal, distance and lever."""
+    """Contacts, one per row: point of the disk, ends of the wall spring below, normal,
+    distance and lever."""
 
     point: np.ndarray
     left: np.ndarray
@@ -23,37 +26,62 @@ class Contacts(NamedTuple):
 
 
 class Model:
-    """The model of one lattice: its arrays, and the parameters of the program's `model`."""
+    """The model of one lattice: its arrays, and the parameters of the program's
+    `model`."""
 
     def __init__(self, lattice, model):
         kind, springs = type(model.wall).__name__, model.springs
-        self.bonds, self.rest, self.mass = lattice.bonds, lattice.rest_lengths, lattice.masses[:, None]
+        self.bonds, self.rest, self.mass = (
+            lattice.bonds,
+            lattice.rest_lengths,
+            lattice.masses[:, None],
+        )
         self.disk_points, self.disk_surface = lattice.disk_points, lattice.disk_surface
         self.k_a, self.k_b, self.eta = springs.k_a, springs.k_b, springs.eta
-        stiffness = getattr(lattice, "stiffness", None)  # missing in lattice.npz of a plain disk
+        # missing in lattice.npz of a plain disk
+        stiffness = getattr(lattice, "stiffness", None)
         self.factor = np.ones(len(lattice.bonds)) if stiffness is None else stiffness
-        self.weight = self.mass[: lattice.disk_points] / self.mass[: lattice.disk_points].sum()
+        self.weight = (
+            self.mass[: lattice.disk_points] / self.mass[: lattice.disk_points].sum()
+        )
         self.axial = springs.axial
         self.rigid = kind == "ExponentialWall"  # at y = 0
-        self.wall_surface = lattice.wall_surface if kind == "ElasticWall" else np.zeros(0, int)
-        self.a, self.V0, self.threshold = (getattr(model.wall, name, 0.0) for name in ("a", "V0", "threshold"))
+        self.wall_surface = (
+            lattice.wall_surface if kind == "ElasticWall" else np.zeros(0, int)
+        )
+        self.a, self.V0, self.threshold = (
+            getattr(model.wall, name, 0.0) for name in ("a", "V0", "threshold")
+        )
         self.load = model.load.force if model.load else 0.0
-        self.boundary, self.impedance = lattice.wall_boundary, getattr(model.boundary, "impedance", None)
+        self.boundary, self.impedance = (
+            lattice.wall_boundary,
+            getattr(model.boundary, "impedance", None),
+        )
         self.pinned = type(model.boundary).__name__ == "PinnedBoundary"
 
     def contacts(self, x):
-        """Return the contacts of the disk's surface points with the wall springs; every pair is tried."""
+        """Return the contacts of the disk's surface points with the wall springs; every
+        pair is tried."""
         left, right = self.wall_surface[:-1], self.wall_surface[1:]
         px = x[self.disk_surface, 0][:, None]
         row, spring = np.nonzero((x[left, 0] <= px) & (px < x[right, 0]))
         row, first = np.unique(row, return_index=True)
-        point, left, right = self.disk_surface[row], left[spring[first]], right[spring[first]]
+        point, left, right = (
+            self.disk_surface[row],
+            left[spring[first]],
+            right[spring[first]],
+        )
         t, away = x[right] - x[left], x[point] - x[left]
         length = np.hypot(*t.T)
         normal = np.stack([-t[:, 1], t[:, 0]], axis=1) / length[:, None]
-        distance, lever = (away * normal).sum(axis=1), (away * t).sum(axis=1) / length**2
+        distance, lever = (
+            (away * normal).sum(axis=1),
+            (away * t).sum(axis=1) / length**2,
+        )
         near = distance < self.threshold
-        return Contacts(*(values[near] for values in (point, left, right, normal, distance, lever)))
+        return Contacts(
+            *(values[near] for values in (point, left, right, normal, distance, lever))
+        )
 
     def elastic(self, x):
         d = x[self.bonds[:, 0]] - x[self.bonds[:, 1]]
@@ -61,20 +89,35 @@ class Model:
         return np.sum(self.factor * (self.k_a * s**2 / 2 + self.k_b * s**4 / 4))
 
     def wall(self, x):
-        rigid = np.sum(self.V0 * np.exp(-self.a * x[: self.disk_points, 1])) if self.rigid else 0.0
+        rigid = (
+            np.sum(self.V0 * np.exp(-self.a * x[: self.disk_points, 1]))
+            if self.rigid
+            else 0.0
+        )
         edge = np.exp(-self.a * self.threshold)
-        return rigid + np.sum(self.V0 * (np.exp(-self.a * self.contacts(x).distance) - edge))
+        return rigid + np.sum(
+            self.V0 * (np.exp(-self.a * self.contacts(x).distance) - edge)
+        )
 
     def potential(self, x):
-        return self.elastic(x) + self.wall(x) + self.load * np.sum(self.weight[:, 0] * x[: self.disk_points, 1])
+        return (
+            self.elastic(x)
+            + self.wall(x)
+            + self.load * np.sum(self.weight[:, 0] * x[: self.disk_points, 1])
+        )
 
     def wall_force(self, x):
-        """Return the wall's force on all points (n, 2), including the reaction on an elastic wall."""
+        """Return the wall's force on all points (n, 2), including the reaction on an
+        elastic wall."""
         f = np.zeros_like(x)
         if self.rigid:
-            f[: self.disk_points, 1] += self.a * self.V0 * np.exp(-self.a * x[: self.disk_points, 1])
+            f[: self.disk_points, 1] += (
+                self.a * self.V0 * np.exp(-self.a * x[: self.disk_points, 1])
+            )
         found = self.contacts(x)
-        push = (self.a * self.V0 * np.exp(-self.a * found.distance))[:, None] * found.normal
+        push = (self.a * self.V0 * np.exp(-self.a * found.distance))[
+            :, None
+        ] * found.normal
         np.add.at(f, found.point, push)
         np.add.at(f, found.left, (found.lever - 1.0)[:, None] * push)
         np.add.at(f, found.right, -found.lever[:, None] * push)
@@ -89,7 +132,9 @@ class Model:
         u = v[i] - v[j]
         if self.axial:
             u = (np.sum(u * d, axis=1) / r**2)[:, None] * d
-        g = self.factor[:, None] * (-((self.k_a * s + self.k_b * s**3) / r)[:, None] * d - self.eta * u)
+        g = self.factor[:, None] * (
+            -((self.k_a * s + self.k_b * s**3) / r)[:, None] * d - self.eta * u
+        )
         for c in (0, 1):
             f[:, c] += np.bincount(i, g[:, c], len(x)) - np.bincount(j, g[:, c], len(x))
         f[: self.disk_points, 1] -= self.load * self.weight[:, 0]
@@ -100,7 +145,8 @@ class Model:
         return f
 
     def solve(self, x, v, times, rtol=1e-11):
-        """Return (x, v) at each of the `times`, which begin at the start: (times, 2, n, 2)."""
+        """Return (x, v) at each of the `times`, which begin at the start: (times, 2, n,
+        2)."""
 
         def rate(_t, y):
             x, v = y.reshape(2, *shape)
@@ -108,11 +154,14 @@ class Model:
 
         shape, y = x.shape, np.concatenate([x, v]).ravel()
         span = times[0], times[-1]
-        found = solve_ivp(rate, span, y, method="DOP853", rtol=rtol, atol=1e-3 * rtol, t_eval=times)
+        found = solve_ivp(
+            rate, span, y, method="DOP853", rtol=rtol, atol=1e-3 * rtol, t_eval=times
+        )
         return found.y.T.reshape(-1, 2, *shape)
 
     def solve_with_resets(self, x, v, end, interval, rtol=1e-11):
-        """Return (x, v) at the time `end`; the boundary's velocities are set to zero every `interval`."""
+        """Return (x, v) at the time `end`; the boundary's velocities are set to zero
+        every `interval`."""
         t = 0.0
         for stop in np.arange(1, int(end / interval * (1 + 1e-12)) + 1) * interval:
             x, v = self.solve(x, v, (t, stop), rtol)[-1]

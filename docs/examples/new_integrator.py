@@ -1,6 +1,8 @@
-"""An integrator of your own: Forest and Ruth's composition of three leapfrog steps, order 4 (Physica D 43, 105, 1990).
+"""An integrator of your own: Forest and Ruth's composition of three leapfrog steps,
+order 4 (Physica D 43, 105, 1990).
 
-In the project: a file in taichi_disk/integrators and an entry of INTEGRATORS; scenes may then name it.
+In the project: a file in taichi_disk/integrators and an entry of INTEGRATORS; scenes
+    may then name it.
 
 python docs/examples/new_integrator.py
 """
@@ -28,12 +30,18 @@ scenario: Any = load_scene("exponential_wall").with_(points=200, eta_star=0).sce
 
 
 def velocity_at(time: float, steps: int) -> float:
-    """Return the velocity of the centre of mass after `time` [R/c], computed in `steps` steps."""
-    simulation = Simulation(scenario.lattice, scenario.model, FOREST_RUTH, scenario.velocities, time / steps)
+    """Return the velocity of the centre of mass after `time` [R/c], computed in `steps`
+    steps."""
+    simulation = Simulation(
+        scenario.lattice, scenario.model, FOREST_RUTH, scenario.velocities, time / steps
+    )
     simulation.advance(steps, steps)
     return float(simulation.velocities()[:, 1].mean())
 
 
 found = [velocity_at(7.0, steps) for steps in (400, 800, 1600)]
 order = np.log2(abs(found[0] - found[1]) / abs(found[1] - found[2]))
-print(f"v_cm = {found[-1]:.9f} c after 7 R/c; halving the step twice shows order {order:.2f}")
+print(
+    f"v_cm = {found[-1]:.9f} c after 7 R/c; halving the step twice shows order"
+    f" {order:.2f}"
+)

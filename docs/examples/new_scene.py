@@ -1,6 +1,8 @@
-"""A scene of your own: a disk that is stretched, released, and vibrates. There is no wall.
+"""A scene of your own: a disk that is stretched, released, and vibrates. There is no
+wall.
 
-In the project: these classes in a file of taichi_disk/scenes, an entry of SCENES, and a YAML file in scenes/.
+In the project: these classes in a file of taichi_disk/scenes, an entry of SCENES, and a
+    YAML file in scenes/.
 
 python docs/examples/new_scene.py
 """
@@ -41,7 +43,8 @@ class Ringing(Scenario):
         self.velocities = np.zeros_like(disk.positions)
         self.point_force, self.sample_interval = 0.0, 0.02
         self.max_time, self.view = 2 * scene.stretch.time, (-1.2, 1.2, -1.2, 1.2)
-        self.quiet_time = scene.stretch.time  # how long rows have to be within `end_bounds`, which are infinite here
+        # how long rows have to be within `end_bounds`, which are infinite here
+        self.quiet_time = scene.stretch.time
 
     def result(self, columns: Columns) -> dict[str, float]:
         t, y = columns["t"], columns["lowest_y"] - columns["lowest_y"].mean()
@@ -60,5 +63,10 @@ class Ringing(Scenario):
 
 
 SCENES["ringing"] = RingingScene
-scene: Any = load_scene("scene: ringing\nmaterial: {eta_star: 0}\nlattice: {points: 400}\n")
-print(f"the lowest mode of 400 points has the period {run(scene).numbers['period']:.3f} R/c")
+scene: Any = load_scene(
+    "scene: ringing\nmaterial: {eta_star: 0}\nlattice: {points: 400}\n"
+)
+print(
+    "the lowest mode of 400 points has the period"
+    f" {run(scene).numbers['period']:.3f} R/c"
+)

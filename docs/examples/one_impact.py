@@ -5,8 +5,11 @@ python docs/examples/one_impact.py
 
 from taichi_disk import load_scene, run
 
-# A shipped scene with some keys changed; `taichi-disk check exponential_wall` lists all keys.
-scene = load_scene("exponential_wall").with_(points=300, viscosity=0.0091, velocity=0.03)
+# A shipped scene with some keys changed; `taichi-disk check exponential_wall` lists all
+# keys.
+scene = load_scene("exponential_wall").with_(
+    points=300, viscosity=0.0091, velocity=0.03
+)
 result = run(scene)
 
 print(f"restitution  {result.restitution:.5f} +- {result.error:.1g} (time step)")
@@ -14,6 +17,9 @@ print(f"contact time {result.contact_time:.3f} R/c")
 
 series = result.series  # the columns of timeseries.csv
 peak = series["wall_force"].argmax()
-print(f"largest force of the wall {series['wall_force'][peak]:.4g} M c^2/R at t = {series['t'][peak]:.3f} R/c")
+print(
+    f"largest force of the wall {series['wall_force'][peak]:.4g} M c^2/R at t ="
+    f" {series['t'][peak]:.3f} R/c"
+)
 loss = series["dissipated"][-1] / series["kinetic"][0]
 print(f"the dashpots took {loss:.1%} of the kinetic energy")

@@ -1,4 +1,5 @@
-"""Why a disk without dashpots comes back slower than it arrived: its normal modes go on vibrating.
+"""Why a disk without dashpots comes back slower than it arrived: its normal modes go on
+vibrating.
 
 python docs/examples/why_e_is_below_one.py [picture]
 """
@@ -15,8 +16,13 @@ modes, energy = result.modes(40), result.summary["energy"]
 flight = result.series["translation"][0]
 taken, lost = modes.energies / flight, 1.0 - result.restitution**2
 
-print(f"1 - e^2 = {lost:.5f}; in vibration {energy['vibration_left']:.5f}, rotation {energy['rotation'] / flight:.5f}")
-print(f"the 40 lowest modes {taken.sum():.5f}, higher {modes.rest / flight:.5f}", end=", ")
+print(
+    f"1 - e^2 = {lost:.5f}; in vibration {energy['vibration_left']:.5f}, rotation"
+    f" {energy['rotation'] / flight:.5f}"
+)
+print(
+    f"the 40 lowest modes {taken.sum():.5f}, higher {modes.rest / flight:.5f}", end=", "
+)
 print(f"anharmonic {modes.anharmonic / flight:+.5f}")
 strongest = np.argsort(taken)[:-4:-1]
 for k in strongest:
@@ -24,9 +30,17 @@ for k in strongest:
 
 figure, axes = plt.subplot_mosaic("aaa;bcd", figsize=(7.2, 6.0), layout="constrained")
 axes["a"].stem(modes.frequencies, 100 * taken, basefmt=" ", label="each mode")
-axes["a"].step(modes.frequencies, 100 * taken.cumsum(), where="post", color="#D55E00", label="all up to here")
+axes["a"].step(
+    modes.frequencies,
+    100 * taken.cumsum(),
+    where="post",
+    color="#D55E00",
+    label="all up to here",
+)
 axes["a"].axhline(100 * lost, color="0.4", linestyle="--", label="1 − e²")
-axes["a"].set(xlabel="frequency ω  [c/R]", ylabel="energy at the end / flight before  [%]")
+axes["a"].set(
+    xlabel="frequency ω  [c/R]", ylabel="energy at the end / flight before  [%]"
+)
 axes["a"].legend()
 rim = np.append(result.lattice.disk_surface, result.lattice.disk_surface[0])
 for ax, k in zip((axes[name] for name in "bcd"), strongest, strict=True):

@@ -1,9 +1,11 @@
-"""Restitution of the lattice without dashpots, its springs replaced by the stiffness matrix of the unloaded lattice.
+"""Restitution of the lattice without dashpots, its springs replaced by the stiffness
+matrix of the unloaded lattice.
 
-    python docs/experiments/linear_lattice.py [points] [lattices] > docs/data/linear_lattice.csv
+    python docs/experiments/linear_lattice.py [points] [lattices] >
+    docs/data/linear_lattice.csv
 
-The difference from the lattice is the effect of finite strains and rotations; that from disk_modes.py is the effect of
-the lattice.
+The difference from the lattice is the effect of finite strains and rotations; that from
+disk_modes.py is the effect of the lattice.
 """
 
 import sys
@@ -22,8 +24,12 @@ def restitution(points: int, seed: int, velocity: float, a: float = 3000.0) -> f
     direction = (x[i] - x[j]) / lattice.rest_lengths[:, None]
     rows = np.repeat(np.arange(m), 4)
     columns = np.stack([2 * i, 2 * i + 1, 2 * j, 2 * j + 1], axis=1).ravel()
-    stretch = csr_matrix((np.hstack([direction, -direction]).ravel(), (rows, columns)), shape=(m, 2 * points))
-    stiffness = (points * (stretch.T @ diags(np.ones(m)) @ stretch)).tocsr()  # over the mass of a point
+    stretch = csr_matrix(
+        (np.hstack([direction, -direction]).ravel(), (rows, columns)),
+        shape=(m, 2 * points),
+    )
+    # over the mass of a point
+    stiffness = (points * (stretch.T @ diags(np.ones(m)) @ stretch)).tocsr()
     fastest = float(eigsh(stiffness, k=1, return_eigenvectors=False)[0])
     dt = 0.8 / np.sqrt(fastest + (2.0 * a * velocity) ** 2)
 
@@ -54,4 +60,5 @@ if __name__ == "__main__":
     print("points,lattices,velocity,e,error")
     for velocity in (3e-3, 7.5e-3, 2e-2, 5e-2):
         e = np.array([restitution(points, seed, velocity) for seed in range(lattices)])
-        print(f"{points},{lattices},{velocity},{e.mean():.6f},{e.std(ddof=1) / len(e) ** 0.5:.6f}", flush=True)
+        error = e.std(ddof=1) / len(e) ** 0.5
+        print(f"{points},{lattices},{velocity},{e.mean():.6f},{error:.6f}", flush=True)

@@ -1,16 +1,19 @@
-"""Normal restitution of oblique impacts on an elastic wall, after Kuninaka and Hayakawa, PRL 93, 154301 (2004).
+"""Normal restitution of oblique impacts on an elastic wall, after Kuninaka and
+Hayakawa, PRL 93, 154301 (2004).
 
     python docs/experiments/oblique.py [lattices] > docs/data/oblique.csv
     python docs/experiments/oblique.py claim [lattices] > docs/data/oblique_claim.csv
 
-Means over lattices, for walls softer and stiffer than the disk, both contact laws, plain and rough surfaces. A run is
-discarded if it does not end, if its energy is off at the end by more than DISCARD, or if the program stops it because
-the energy balance is lost or a point has gone through the wall.
+Means over lattices, for walls softer and stiffer than the disk, both contact laws,
+plain and rough surfaces. A run is discarded if it does not end, if its energy is off at
+the end by more than DISCARD, or if the program stops it because the energy balance is
+lost or a point has gone through the wall.
 
-`claim` examines the cases with a mean e above 1, with more lattices and with an almost rigid wall. `tilt` is the angle
-[rad] between the impulse on the disk and the wall's mean normal, positive if the impulse points back to where the disk
-came from. `e_impulse` is the restitution along the direction of the impulse: minus the velocity after the impact over
-the velocity before it, both along that direction.
+`claim` examines the cases with a mean e above 1, with more lattices and with an almost
+rigid wall. `tilt` is the angle [rad] between the impulse on the disk and the wall's
+mean normal, positive if the impulse points back to where the disk came from.
+`e_impulse` is the restitution along the direction of the impulse: minus the velocity
+after the impact over the velocity before it, both along that direction.
 """
 
 from __future__ import annotations
@@ -38,27 +41,39 @@ WALLS = (10.0, 1.0, 0.1, 0.02)  # k_a of the wall [M c^2/R^2]; the disk has 1
 TANGENTS = (0.0, 1.5, 3.0, 5.0)  # tangents of the angle between flight and normal
 ROUGH = 0.03  # noise of a rough surface [R]
 LATTICES, CLAIM_LATTICES = 20, 100  # number of lattices for each row
-CLAIM_WALLS = (100.0, 10.0, 1.0)  # k_a of walls with the smooth contact, with which no run is discarded
-DISCARD = 0.02  # largest imbalance over the kinetic energy towards the wall; the program itself allows 0.001
+# k_a of walls with the smooth contact, with which no run is discarded
+CLAIM_WALLS = (100.0, 10.0, 1.0)
+# largest imbalance over the kinetic energy towards the wall; the program itself allows
+# 0.001
+DISCARD = 0.02
 ATTEMPTS = 8  # number of runs with ever shorter steps after a lost balance or a blow-up
 
 
 def thrown(tangent: float, **wall: float | str) -> Scene:
-    """Return the scene at that angle, with other keys of its wall. An oblique throw starts off the middle."""
+    """Return the scene at that angle, with other keys of its wall. An oblique throw
+    starts off the middle."""
     angle = atan(tangent)
     keys = {f"wall.{key}": value for key, value in wall.items()}
-    return load_scene(str(SCENE)).with_({"impact.angle": angle, "impact.offset": -1.5 * sin(angle), **keys})
+    return load_scene(str(SCENE)).with_(
+        {"impact.angle": angle, "impact.offset": -1.5 * sin(angle), **keys}
+    )
 
 
 def roughened(body: Lattice, roughness: float, seed: int) -> Lattice:
-    """Return disk and wall with their surface points displaced along the normal by normal noise [R], springs unloaded.
+    """Return disk and wall with their surface points displaced along the normal by
+    normal noise [R], springs unloaded.
 
-    If a triangle would be flatter than a quarter of its former height, its surface points are drawn again. The wall is
-    moved down until its highest point is at y = 0.
+    If a triangle would be flatter than a quarter of its former height, its surface
+    points are drawn again. The wall is moved down until its highest point is at y = 0.
     """
     rng, n = np.random.default_rng([seed, 3]), body.disk_points
-    surface = np.concatenate([body.disk_surface, body.wall_surface[1:-1]])  # the corners stay in place
-    normal = np.where((surface < n)[:, None], body.positions[surface] - body.mean(body.positions), [0.0, 1.0])
+    # the corners stay in place
+    surface = np.concatenate([body.disk_surface, body.wall_surface[1:-1]])
+    normal = np.where(
+        (surface < n)[:, None],
+        body.positions[surface] - body.mean(body.positions),
+        [0.0, 1.0],
+    )
     normal /= np.hypot(*normal.T)[:, None]
     noise, again = np.zeros(len(surface)), np.ones(len(surface), bool)
     while again.any():
@@ -78,20 +93,30 @@ def area(x: np.ndarray, triangles: np.ndarray) -> np.ndarray:
 
 
 def impact(scene: Scene, body: Lattice) -> tuple[float, float, float]:
-    """Return normal e, e along the impulse, and tilt of the impulse [rad]; NaN if the run is discarded."""
+    """Return normal e, e along the impulse, and tilt of the impulse [rad]; NaN if the
+    run is discarded."""
     scenario = scene.scenario(body)
     modes = spectrum(scenario.lattice, scenario.model)
     driver = Driver(scenario, scene.time, shared_kernels(), modes)
-    while driver.attempt <= ATTEMPTS and (status := driver.advance(seconds=0.1)) != "failed":
+    while (
+        driver.attempt <= ATTEMPTS
+        and (status := driver.advance(seconds=0.1)) != "failed"
+    ):
         if status == "finished":
             columns = driver.columns
             lost = (columns["total"][-1] - columns["total"][0]) / scenario.kinetic
             if abs(lost) > DISCARD:
                 break
-            before, after = (np.array([columns["com_vx"][k], columns["com_vy"][k]]) for k in (0, -1))
+            before, after = (
+                np.array([columns["com_vx"][k], columns["com_vy"][k]]) for k in (0, -1)
+            )
             impulse = after - before
             along = -float(after @ impulse) / float(before @ impulse)
-            return scenario.result(columns)["restitution"], along, atan2(-impulse[0], impulse[1])
+            return (
+                scenario.result(columns)["restitution"],
+                along,
+                atan2(-impulse[0], impulse[1]),
+            )
     return nan, nan, nan
 
 
@@ -102,8 +127,11 @@ def body(k_a: float, roughness: float, seed: int) -> Lattice:
 
 
 def rows() -> Iterator[tuple[float, str, float, float]]:
-    """Yield the wall's k_a, contact, roughness [R] and tan gamma of each row of the table."""
-    for tangent, roughness, contact, k_a in product(TANGENTS, (0.0, ROUGH), ("springs", "smooth"), WALLS):
+    """Yield the wall's k_a, contact, roughness [R] and tan gamma of each row of the
+    table."""
+    for tangent, roughness, contact, k_a in product(
+        TANGENTS, (0.0, ROUGH), ("springs", "smooth"), WALLS
+    ):
         yield k_a, contact, roughness, tangent
 
 
@@ -114,15 +142,25 @@ def claim_rows() -> Iterator[tuple[float, str, float, float]]:
 
 
 def statistics(found: np.ndarray, claim: bool) -> list[str]:
-    """Return the columns of a row from `found` (lattices, 3), the results of `impact`."""
+    """Return the columns of a row from `found` (lattices, 3), the results of
+    `impact`."""
     kept = found[np.isfinite(found[:, 0])]
     e, along, tilt = kept.T
     numbers: list[float] = []
     if len(kept) > 1:
         numbers = [e.mean(), e.std(ddof=1) / len(e) ** 0.5, e.min(), e.max()]
-        numbers += [e.std(ddof=1), along.mean(), along.max(), tilt.mean(), tilt.std(ddof=1)] if claim else []
+        numbers += (
+            [e.std(ddof=1), along.mean(), along.max(), tilt.mean(), tilt.std(ddof=1)]
+            if claim
+            else []
+        )
     written = [f"{number:.4f}" for number in numbers] or [""] * (9 if claim else 4)
-    return [str(len(found)), str(len(found) - len(kept)), *written, str(np.count_nonzero(e > 1.0))]
+    return [
+        str(len(found)),
+        str(len(found) - len(kept)),
+        *written,
+        str(np.count_nonzero(e > 1.0)),
+    ]
 
 
 if __name__ == "__main__":
@@ -130,8 +168,20 @@ if __name__ == "__main__":
     numbers = [int(word) for word in sys.argv[1:] if word != "claim"]
     lattices = numbers[0] if numbers else CLAIM_LATTICES if claim else LATTICES
     more = "deviation,e_impulse,highest_e_impulse,tilt,tilt_deviation," if claim else ""
-    print(f"wall_k_a,contact,roughness,tan_gamma,lattices,discarded,e,error,lowest,highest,{more}above_1")
+    print(
+        f"wall_k_a,contact,roughness,tan_gamma,lattices,discarded,e,error,lowest,highest,{more}above_1"
+    )
     for k_a, contact, roughness, tangent in claim_rows() if claim else rows():
         scene = thrown(tangent, k_a=k_a, contact=contact)
-        found = np.array([impact(scene, body(k_a, roughness, seed)) for seed in range(lattices)])
-        print(k_a, contact, roughness, tangent, *statistics(found, claim), sep=",", flush=True)
+        found = np.array(
+            [impact(scene, body(k_a, roughness, seed)) for seed in range(lattices)]
+        )
+        print(
+            k_a,
+            contact,
+            roughness,
+            tangent,
+            *statistics(found, claim),
+            sep=",",
+            flush=True,
+        )

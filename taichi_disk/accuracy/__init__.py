@@ -1,1 +1,2 @@
-"""Measure what causes errors of a result: time step, lattice, number of points and wall (`taichi-disk accuracy`)."""
+"""Measure what causes errors of a result: time step, lattice, number of points and wall
+(`taichi-disk accuracy`)."""

@@ -1,4 +1,5 @@
-"""Cost and error of every integrator at several time steps, compared with a reference solution."""
+"""Cost and error of every integrator at several time steps, compared with a reference
+solution."""
 
 from __future__ import annotations
 
@@ -22,7 +23,8 @@ from taichi_disk.signals import raise_if_interrupted
 from taichi_disk.simulation.observables import as_columns
 from taichi_disk.simulation.simulation import shared_kernels
 
-FRACTIONS = (0.95, 0.8, 0.6, 0.4, 0.2, 0.1, 0.05)  # steps as fractions of the stability limit
+# steps as fractions of the stability limit
+FRACTIONS = (0.95, 0.8, 0.6, 0.4, 0.2, 0.1, 0.05)
 REPEATS = 3
 ENERGY_SAMPLES = 200  # number of samples of the energy imbalance
 REFERENCE_RTOL = 1e-11
@@ -41,64 +43,112 @@ class StepError:
     ns_per_spring_and_step: float
     error: float  # error of the primary result
     trajectory_error: float  # largest error of a coordinate at the end [R]
-    closing_imbalance: float  # energy imbalance at the end, relative to the energy scale of the scene
-    worst_imbalance: float  # largest energy imbalance, relative to the energy scale of the scene
+    # energy imbalance at the end, relative to the energy scale of the scene
+    closing_imbalance: float
+    # largest energy imbalance, relative to the energy scale of the scene
+    worst_imbalance: float
 
 
 class StepStudy:
-    """Runs of one scenario with several integrators and steps, which all end at the time at which `outcome` ends."""
+    """Runs of one scenario with several integrators and steps, which all end at the
+    time at which `outcome` ends."""
 
     def __init__(self, scenario: Scenario, modes: Spectrum, outcome: Outcome) -> None:
         self.scenario, self.modes, model = scenario, modes, scenario.model
         self.end = float(outcome.columns["t"][-1])
         if model.reset_interval:
-            self.end = max(1, round(self.end / model.reset_interval)) * model.reset_interval
-        self.default = INTEGRATORS[outcome.summary["integrator"]], self._steps(outcome.summary["dt"] * (1.0 + 1e-9))
-        integrators = [integrator for integrator in INTEGRATORS.values() if integrator.takes(model)]
-        runs = {(method, self._steps(part * self._limit(method))) for method in integrators for part in FRACTIONS}
-        self.runs = sorted({*runs, self.default}, key=lambda run: (run[0].order, run[0].name, run[1]))
+            self.end = (
+                max(1, round(self.end / model.reset_interval)) * model.reset_interval
+            )
+        self.default = (
+            INTEGRATORS[outcome.summary["integrator"]],
+            self._steps(outcome.summary["dt"] * (1.0 + 1e-9)),
+        )
+        integrators = [
+            integrator for integrator in INTEGRATORS.values() if integrator.takes(model)
+        ]
+        runs = {
+            (method, self._steps(part * self._limit(method)))
+            for method in integrators
+            for part in FRACTIONS
+        }
+        self.runs = sorted(
+            {*runs, self.default}, key=lambda run: (run[0].order, run[0].name, run[1])
+        )
         self.reference = Reference(scenario.lattice, model)
 
     def _limit(self, integrator: Integrator) -> float:
-        return step_limit(self.modes, self.scenario.model, integrator, self.scenario.point_force)
+        return step_limit(
+            self.modes, self.scenario.model, integrator, self.scenario.point_force
+        )
 
     def _steps(self, longest: float) -> int:
-        """Return the smallest number of steps of at most `longest` [R/c] that is a multiple of the number of resets."""
+        """Return the smallest number of steps of at most `longest` [R/c] that is a
+        multiple of the number of resets."""
         interval = self.scenario.model.reset_interval or self.end
         return round(self.end / interval) * ceil(interval / longest)
 
     def seconds(self, run: float) -> float:
-        """Estimate the time that `measure` takes if a run with the default step takes `run` [s]."""
+        """Estimate the time that `measure` takes if a run with the default step takes
+        `run` [s]."""
         integrator, default_steps = self.default
-        work = sum(steps * method.forces for method, steps in self.runs) / (default_steps * integrator.forces)
-        state = np.concatenate([self.scenario.lattice.positions, self.scenario.velocities]).ravel()
+        work = sum(steps * method.forces for method, steps in self.runs) / (
+            default_steps * integrator.forces
+        )
+        state = np.concatenate(
+            [self.scenario.lattice.positions, self.scenario.velocities]
+        ).ravel()
         started = perf_counter()
         self.reference.rate(0.0, state)
         evaluation = perf_counter() - started
-        # DOP853 evaluates forces about 10 times per radian of the fastest vibration, less often with strong dashpots.
-        springs, interval = self.scenario.model.springs, self.scenario.model.reset_interval
-        rate = 9.0 * self.modes.omega + 3.0 * springs.eta * self.modes.damping + (12.0 / interval if interval else 0.0)
+        # DOP853 evaluates forces about 10 times per radian of the fastest vibration,
+        # less often with strong dashpots.
+        springs, interval = (
+            self.scenario.model.springs,
+            self.scenario.model.reset_interval,
+        )
+        rate = (
+            9.0 * self.modes.omega
+            + 3.0 * springs.eta * self.modes.damping
+            + (12.0 / interval if interval else 0.0)
+        )
         return (1 + REPEATS) * work * run + self.end * rate * evaluation
 
     def measure(self, done: Callable[[int], object]) -> list[StepError]:
-        """Compute the reference and all runs. `done` is called with the number of finished runs."""
+        """Compute the reference and all runs. `done` is called with the number of
+        finished runs."""
         scenario, (integrator, steps), errors = self.scenario, self.default, []
         x, v = self.reference.solve(scenario.velocities, self.end)
         end = replace(scenario.lattice, positions=x)
-        # A simulation that starts from the reference solution measures the same observables as in the runs.
-        first = shared_kernels().simulation(end, scenario.model, integrator, v, self.end / steps).first_row
+        # A simulation that starts from the reference solution measures the same
+        # observables as in the runs.
+        first = (
+            shared_kernels()
+            .simulation(end, scenario.model, integrator, v, self.end / steps)
+            .first_row
+        )
         truth = scenario.primary(as_columns(first[None], 0.0))[1]
         for number, (integrator, steps) in enumerate(self.runs):
             done(1 + number)
             errors.append(self._measured(integrator, steps, x, truth))
         return errors
 
-    def _measured(self, integrator: Integrator, steps: int, x: Array, truth: float) -> StepError:
-        scenario, dt, stride = self.scenario, self.end / steps, max(1, steps // ENERGY_SAMPLES)
-        simulation = shared_kernels().simulation(scenario.lattice, scenario.model, integrator, scenario.velocities, dt)
+    def _measured(
+        self, integrator: Integrator, steps: int, x: Array, truth: float
+    ) -> StepError:
+        scenario, dt, stride = (
+            self.scenario,
+            self.end / steps,
+            max(1, steps // ENERGY_SAMPLES),
+        )
+        simulation = shared_kernels().simulation(
+            scenario.lattice, scenario.model, integrator, scenario.velocities, dt
+        )
         start = simulation.snapshot()
         rows, _ = simulation.advance(steps, stride)
-        columns = as_columns(np.vstack([simulation.first_row, rows, simulation.now]), stride * dt)
+        columns = as_columns(
+            np.vstack([simulation.first_row, rows, simulation.now]), stride * dt
+        )
         closing, worst = relative_imbalance(scenario, columns)
         trajectory_error = float(np.abs(simulation.positions() - x).max())
         times = []
@@ -114,7 +164,10 @@ class StepStudy:
             dt=dt,
             steps=steps,
             seconds=min(times),
-            ns_per_spring_and_step=1e9 * min(times) / steps / len(scenario.lattice.bonds),
+            ns_per_spring_and_step=1e9
+            * min(times)
+            / steps
+            / len(scenario.lattice.bonds),
             error=abs(scenario.primary(columns)[1] - truth),
             trajectory_error=trajectory_error,
             closing_imbalance=closing,
@@ -123,38 +176,61 @@ class StepStudy:
 
 
 class Reference:
-    """Reference solution by SciPy's DOP853 and the laws in NumPy, independent of the Taichi kernels."""
+    """Reference solution by SciPy's DOP853 and the laws in NumPy, independent of the
+    Taichi kernels."""
 
     def __init__(self, lattice: Lattice, model: Model) -> None:
         self.lattice, self.model = lattice, model
 
-    def solve(self, velocities: Array, end: float, rtol: float = REFERENCE_RTOL) -> Array:
+    def solve(
+        self, velocities: Array, end: float, rtol: float = REFERENCE_RTOL
+    ) -> Array:
         """Return positions and velocities (2, n, 2) at time `end` [R/c].
 
-        It starts from the lattice's positions with `velocities` (n, 2) [c]. Raises SimulationError if SciPy fails.
+        It starts from the lattice's positions with `velocities` (n, 2) [c]. Raises
+        SimulationError if SciPy fails.
         """
         from scipy.integrate import solve_ivp
 
         stops, interval = [end], self.model.reset_interval
         if interval:
-            stops = [*(np.arange(1, int(end / interval * (1 + 1e-12)) + 1) * interval), end]
+            stops = [
+                *(np.arange(1, int(end / interval * (1 + 1e-12)) + 1) * interval),
+                end,
+            ]
         t = 0.0
         y: Array = np.concatenate([self.lattice.positions, velocities]).ravel()
         for stop in stops:
             if stop > t:
-                # One or two steps suffice between resets. Without resets, only the end of the motion is stored.
-                options: dict[str, Any] = {"first_step": stop - t} if interval else {"t_eval": [stop]}
-                with np.errstate(all="ignore"):  # DOP853 rejects trial steps that crush the disk
-                    solution = solve_ivp(self.rate, (t, stop), y, "DOP853", rtol=rtol, atol=1e-3 * rtol, **options)
+                # One or two steps suffice between resets. Without resets, only the end
+                # of the motion is stored.
+                options: dict[str, Any] = (
+                    {"first_step": stop - t} if interval else {"t_eval": [stop]}
+                )
+                # DOP853 rejects trial steps that crush the disk
+                with np.errstate(all="ignore"):
+                    solution = solve_ivp(
+                        self.rate,
+                        (t, stop),
+                        y,
+                        "DOP853",
+                        rtol=rtol,
+                        atol=1e-3 * rtol,
+                        **options,
+                    )
                 if not solution.success:
-                    raise SimulationError(f"the reference solution ends before t = {stop:.6g} R/c: {solution.message}")
+                    raise SimulationError(
+                        f"the reference solution ends before t = {stop:.6g} R/c:"
+                        f" {solution.message}"
+                    )
                 y, t = np.array(solution.y[:, -1]), stop
             if interval and stop is not stops[-1]:
                 y.reshape(2, -1, 2)[1, self.lattice.wall_boundary] = 0.0
         return y.reshape(2, -1, 2)
 
     def rate(self, _t: float, y: Array) -> Array:
-        """Return the time derivative of the state `y`: positions x0, y0, x1, … and then velocities."""
+        """Return the time derivative of the state `y`: positions x0, y0, x1, … and then
+        velocities."""
         raise_if_interrupted()
         x, v = y.reshape(2, -1, 2)
         force = self.model.forces_moving(self.lattice, x, v)

@@ -1,4 +1,5 @@
-"""Compare the time step's error with the effects of lattice, number of points and wall on the result."""
+"""Compare the time step's error with the effects of lattice, number of points and wall
+on the result."""
 
 from __future__ import annotations
 
@@ -19,7 +20,13 @@ from taichi_disk.computation.stability import spectrum
 from taichi_disk.computation.workload import duration
 from taichi_disk.errors import InputError, TaichiDiskError
 from taichi_disk.integrators import INTEGRATORS
-from taichi_disk.output.files import atomic_write, prepare_output, remove_empty, write_csv, write_text
+from taichi_disk.output.files import (
+    atomic_write,
+    prepare_output,
+    remove_empty,
+    write_csv,
+    write_text,
+)
 from taichi_disk.output.plot import matplotlib_style
 from taichi_disk.output.run_folder import refuse_run
 from taichi_disk.progress import Progress, terminal
@@ -27,14 +34,17 @@ from taichi_disk.scenes import Scene
 from taichi_disk.simulation.observables import BLUE, GREEN, ORANGE, PINK, RED
 
 SEEDS = 8
-REFINEMENTS = (4, 16, 64)  # factors of the number of points, at equal mass, stiffness and viscosity of the disk
+# factors of the number of points, at equal mass, stiffness and viscosity of the disk
+REFINEMENTS = (4, 16, 64)
 MAX_POINTS = 200_000  # largest disk of a refinement, except for the first
 HARDNESS_FACTORS = (3.0, 10.0)  # factors of wall.a
 VISCOSITY = "material.viscosity"
 SAMPLE, POINTS, WALL = "lattice sample", "points", "wall hardness"
-SIGNIFICANCE = 2.0  # in lattice scatters: a larger difference is an effect of the number of points
+# in lattice scatters: a larger difference is an effect of the number of points
+SIGNIFICANCE = 2.0
 COMPILE_TIME = 5.0  # typical time of a compilation [s]
-COLOURS = dict(zip(INTEGRATORS, (BLUE, RED, GREEN, ORANGE, PINK), strict=False))  # colours of the integrators
+# colours of the integrators
+COLOURS = dict(zip(INTEGRATORS, (BLUE, RED, GREEN, ORANGE, PINK), strict=False))
 TABLE_WIDTH = 120  # width of a printed table without a terminal
 
 
@@ -44,7 +54,8 @@ class Change:
 
     source: str  # source of error
     change: str  # description of the change
-    keys: dict[str, Any] = field(default_factory=dict)  # changed keys, as `DiskScene.with_` takes them
+    # changed keys, as `DiskScene.with_` takes them
+    keys: dict[str, Any] = field(default_factory=dict)
     refinement: int = 1  # factor of the number of points
     result: float = math.nan  # primary result; NaN if the run failed
     difference: float = math.nan  # result minus that of the unchanged scene
@@ -61,12 +72,16 @@ class Findings:
 
     @property
     def step(self) -> float:
-        """Error of the primary result at the default step of `run`; 0 for an equilibrium."""
+        """Error of the primary result at the default step of `run`; 0 for an
+        equilibrium."""
         return next((step.error for step in self.steps if step.is_default), 0.0)
 
     @property
     def samples(self) -> list[float]:
-        return [self.sources[0].result, *(change.result for change in self.sources if change.source == SAMPLE)]
+        return [
+            self.sources[0].result,
+            *(change.result for change in self.sources if change.source == SAMPLE),
+        ]
 
     @property
     def scatter(self) -> float:
@@ -74,38 +89,64 @@ class Findings:
         return float(np.std(results, ddof=1)) if len(results) > 1 else math.nan
 
     def last_difference(self, source: str) -> float:
-        """Return the difference due to the last successful change of `source`; NaN if there is none."""
-        differences = [change.difference for change in self.sources if change.source == source and not change.remark]
+        """Return the difference due to the last successful change of `source`; NaN if
+        there is none."""
+        differences = [
+            change.difference
+            for change in self.sources
+            if change.source == source and not change.remark
+        ]
         return differences[-1] if differences else math.nan
 
     @property
     def sentence(self) -> str:
         """Summary of the errors, with advice on the largest."""
         finest, scatter = self.last_difference(POINTS), self.scatter
-        parts = [f"time step {self.step:.1g}" if self.steps else "no time step (an equilibrium)"]
+        parts = [
+            (
+                f"time step {self.step:.1g}"
+                if self.steps
+                else "no time step (an equilibrium)"
+            )
+        ]
         others = (
             ("lattice scatter", scatter),
             ("finest lattice", finest),
             ("hardest wall", self.last_difference(WALL)),
         )
-        parts += [f"{name} {value:.1g}" for name, value in others if math.isfinite(value)]
-        more = ["seeds"] * (scatter > self.step) + ["points"] * (abs(finest) > max(SIGNIFICANCE * scatter, self.step))
-        advice = "use smaller steps (time.tolerance)" if self.steps else "nothing to gain"
+        parts += [
+            f"{name} {value:.1g}" for name, value in others if math.isfinite(value)
+        ]
+        more = ["seeds"] * (scatter > self.step) + ["points"] * (
+            abs(finest) > max(SIGNIFICANCE * scatter, self.step)
+        )
+        advice = (
+            "use smaller steps (time.tolerance)" if self.steps else "nothing to gain"
+        )
         if more:
             advice = f"use more {' and '.join(more)}, not smaller steps"
-            eta = next((change.keys[VISCOSITY] for change in self.sources if VISCOSITY in change.keys), None)
+            eta = next(
+                (
+                    change.keys[VISCOSITY]
+                    for change in self.sources
+                    if VISCOSITY in change.keys
+                ),
+                None,
+            )
             if eta and self.steps and "points" in more:
                 advice += f"; {VISCOSITY} = {eta:.4g} keeps the damping the same"
         return f"{self.name}: {', '.join(parts)}: {advice}"
 
 
 def study(scene: Scene, out: Path, title: str, note: Callable[[str], None]) -> None:
-    """Measure the errors of a scene's primary result, print them, and write tables and a picture to `out`.
+    """Measure the errors of a scene's primary result, print them, and write tables and
+    a picture to `out`.
 
     `note` is called once with the number of runs and their estimated time.
 
-    Raises InputError if `out` holds a run or cannot be written, if the scene's dt exceeds the stability limit, or for a
-    wall with friction; SimulationError if the scene has no result.
+    Raises InputError if `out` holds a run or cannot be written, if the scene's dt
+    exceeds the stability limit, or for a wall with friction; SimulationError if the
+    scene has no result.
     """
     refuse_run(out)
     made = prepare_output(out)
@@ -125,7 +166,8 @@ def assess(scene: Scene, progress: Progress, note: Callable[[str], None]) -> Fin
     progress("simulate", 0, None)
     if scenario.model.has_friction:
         raise InputError(
-            "wall.friction: must be 0, because the reference solution needs smooth forces; `run` also estimates errors"
+            "wall.friction: must be 0, because the reference solution needs smooth"
+            " forces; `run` also estimates errors"
         )
     if scenario.step_dependent:
         modes = spectrum(scenario.lattice, scenario.model)
@@ -134,8 +176,11 @@ def assess(scene: Scene, progress: Progress, note: Callable[[str], None]) -> Fin
     others, started = list(changes(scene)), perf_counter()
     base = result_of(scene)
     run_time = perf_counter() - started
-    exponent = 1.4 if study else 1.1  # time grows as points**exponent; finer lattices also need shorter steps
-    expected = COMPILE_TIME + run_time * sum(change.refinement**exponent for change in others)
+    # time grows as points**exponent; finer lattices also need shorter steps
+    exponent = 1.4 if study else 1.1
+    expected = COMPILE_TIME + run_time * sum(
+        change.refinement**exponent for change in others
+    )
     runs, steps = f"{len(others)} runs", []
     if study:
         runs = f"{len(others) + len(study.runs)} runs and a reference solution"
@@ -179,7 +224,8 @@ def with_result(scene: Scene, base: float, change: Change) -> Change:
 
 
 def result_of(scene: Scene) -> float:
-    """Compute the primary result, by Newton's method if it does not depend on the step."""
+    """Compute the primary result, by Newton's method if it does not depend on the
+    step."""
     # The step is automatic, because a user's dt rarely suits a finer lattice.
     scenario = scene.scenario()
     if not scenario.step_dependent:
@@ -192,7 +238,8 @@ def result_of(scene: Scene) -> float:
 
 
 def report(findings: Findings, out: Path, title: str) -> None:
-    """Print the findings and write accuracy.md, error_sources.csv and, for impacts, accuracy.csv and accuracy.png.
+    """Print the findings and write accuracy.md, error_sources.csv and, for impacts,
+    accuracy.csv and accuracy.png.
 
     Raises SimulationError if a file cannot be written.
     """
@@ -203,12 +250,20 @@ def report(findings: Findings, out: Path, title: str) -> None:
     write_text(out / "accuracy.md", f"# {title}\n\n{findings.sentence}.\n\n{text}\n")
     columns = ("source", "change", "result", "difference", "remark")
     write_csv(
-        out / "error_sources.csv", [{name: getattr(change, name) for name in columns} for change in findings.sources]
+        out / "error_sources.csv",
+        [
+            {name: getattr(change, name) for name in columns}
+            for change in findings.sources
+        ],
     )
     if findings.steps:
         own = {"is_default": "own"}  # the column `own` keeps its old name
         write_csv(
-            out / "accuracy.csv", [{own.get(k, k): v for k, v in asdict(step).items()} for step in findings.steps]
+            out / "accuracy.csv",
+            [
+                {own.get(k, k): v for k, v in asdict(step).items()}
+                for step in findings.steps
+            ],
         )
         draw(findings, out / "accuracy.png", title)
     print(findings.sentence)
@@ -218,18 +273,39 @@ def report(findings: Findings, out: Path, title: str) -> None:
 def tables(findings: Findings) -> str:
     lines = []
     if findings.steps:
-        lines += ["| integrator | step/limit | steps | ms | ns/spring | error | position | energy |", "|---" * 8 + "|"]
+        lines += [
+            (
+                "| integrator | step/limit | steps | ms | ns/spring | error | position"
+                " | energy |"
+            ),
+            "|---" * 8 + "|",
+        ]
     for p in findings.steps:
-        name, cost = p.integrator + " (run)" * p.is_default, f"{1e3 * p.seconds:.1f} | {p.ns_per_spring_and_step:.1f}"
-        errors = f"{p.error:.1e} | {p.trajectory_error:.1e} | {p.closing_imbalance:+.1e}"
+        name, cost = (
+            p.integrator + " (run)" * p.is_default,
+            f"{1e3 * p.seconds:.1f} | {p.ns_per_spring_and_step:.1f}",
+        )
+        errors = (
+            f"{p.error:.1e} | {p.trajectory_error:.1e} | {p.closing_imbalance:+.1e}"
+        )
         lines.append(f"| {name} | {p.fraction:.2g} | {p.steps:,} | {cost} | {errors} |")
-    lines += ["", f"| source of error | change | {findings.name} | difference |", "|---" * 4 + "|"]
+    lines += [
+        "",
+        f"| source of error | change | {findings.name} | difference |",
+        "|---" * 4 + "|",
+    ]
     for change in findings.sources:
         difference = change.remark.replace("|", "/") or f"{change.difference:+.1e}"
-        lines.append(f"| {change.source} | {change.change} | {change.result:.7g} | {difference} |")
+        lines.append(
+            f"| {change.source} | {change.change} | {change.result:.7g} |"
+            f" {difference} |"
+        )
     if math.isfinite(findings.scatter):
         name = f"mean and standard deviation of {len(findings.samples)}"
-        lines.append(f"| lattice sample | {name} | {np.nanmean(findings.samples):.7g} | ± {findings.scatter:.1e} |")
+        lines.append(
+            f"| lattice sample | {name} | {np.nanmean(findings.samples):.7g} | ±"
+            f" {findings.scatter:.1e} |"
+        )
     return "\n".join(lines)
 
 
@@ -243,15 +319,33 @@ def draw(findings: Findings, path: Path, title: str) -> None:
         FigureCanvasAgg(figure)
         axes = figure.subplots()
         for name, colour in COLOURS.items():
-            curve = [p for p in findings.steps if p.integrator == name and math.isfinite(p.error)]
+            curve = [
+                p
+                for p in findings.steps
+                if p.integrator == name and math.isfinite(p.error)
+            ]
             if curve:
-                axes.loglog([p.seconds for p in curve], [p.error for p in curve], "o-", color=colour, ms=4, label=name)
+                axes.loglog(
+                    [p.seconds for p in curve],
+                    [p.error for p in curve],
+                    "o-",
+                    color=colour,
+                    ms=4,
+                    label=name,
+                )
             for p in curve:
                 if p.is_default:
-                    axes.loglog(p.seconds, p.error, "o", ms=12, mfc="none", color=colour)
+                    axes.loglog(
+                        p.seconds, p.error, "o", ms=12, mfc="none", color=colour
+                    )
         axes.set_xlabel("time to solution  [s]")
         axes.set_ylabel(f"error of {findings.name}")
         axes.set_title(title, fontsize=10)
         axes.grid(True, which="both", color="0.92")
-        axes.legend(frameon=False, title="ring: default step of run", fontsize=8, title_fontsize=8)
+        axes.legend(
+            frameon=False,
+            title="ring: default step of run",
+            fontsize=8,
+            title_fontsize=8,
+        )
         atomic_write(path, lambda new: figure.savefig(new, metadata={"Software": None}))

@@ -43,7 +43,8 @@ __all__ = ["Modes", "Result", "State", "run"]
 
 
 class State(NamedTuple):
-    """State at time t [R/c]: positions (n, 2) [R], those of the disk first, and velocities (n, 2) [c]."""
+    """State at time t [R/c]: positions (n, 2) [R], those of the disk first, and
+    velocities (n, 2) [c]."""
 
     t: float
     positions: Array
@@ -69,7 +70,10 @@ class Result:
     def __repr__(self) -> str:
         name, value = next(iter(self.numbers.items()))
         number = " ".join(shown(value, self.error, exact=self.scenario.static))
-        return f"Result({self.scene.scene}, {self.lattice.disk_points} points, {name} {number})".replace(" )", ")")
+        return (
+            f"Result({self.scene.scene}, {self.lattice.disk_points} points, {name}"
+            f" {number})".replace(" )", ")")
+        )
 
     def _repr_html_(self) -> str:
         from taichi_disk.output.inline import card
@@ -92,12 +96,14 @@ class Result:
 
     @property
     def numbers(self) -> dict[str, float]:
-        """Results by name, the primary one first: restitution and contact_time [R/c], or xi [R] and xi_nominal."""
+        """Results by name, the primary one first: restitution and contact_time [R/c],
+        or xi [R] and xi_nominal."""
         return self.scenario.result(self.outcome.columns)
 
     @property
     def restitution(self) -> float:
-        """Restitution e = -v_cm(after)/v_cm(before). Raises AttributeError for a compression."""
+        """Restitution e = -v_cm(after)/v_cm(before). Raises AttributeError for a
+        compression."""
         return self._number("restitution")
 
     @property
@@ -112,17 +118,22 @@ class Result:
 
     def _number(self, name: str) -> float:
         if name not in self.numbers:
-            raise AttributeError(f"scene {self.scene.scene} has no {name}; it has {', '.join(self.numbers)}")
+            raise AttributeError(
+                f"scene {self.scene.scene} has no {name}; it has"
+                f" {', '.join(self.numbers)}"
+            )
         return self.numbers[name]
 
     @property
     def error(self) -> float | None:
-        """Estimated error of the primary result due to the time step and to where the run ends; None if unknown."""
+        """Estimated error of the primary result due to the time step and to where the
+        run ends; None if unknown."""
         return next(iter(self.summary["error_estimate"].values()), None)
 
     @property
     def scatter(self) -> float | None:
-        """Standard deviation of the primary result over lattices; None if only this one was computed."""
+        """Standard deviation of the primary result over lattices; None if only this one
+        was computed."""
         name = next(iter(self.numbers))
         return self.summary.get("lattices", {}).get(name, {}).get("standard_deviation")
 
@@ -132,7 +143,8 @@ class Result:
         return self.outcome.columns
 
     def dataframe(self) -> DataFrame:
-        """Return the time series as a table of pandas. Raises TaichiDiskError if pandas is not installed."""
+        """Return the time series as a table of pandas. Raises TaichiDiskError if pandas
+        is not installed."""
         from taichi_disk.output.inline import dataframe
 
         return dataframe(self.series, "series")
@@ -146,7 +158,8 @@ class Result:
 
     @runtime.alone()
     def state(self, t: float) -> State:
-        """Return the state at the step nearest to `t` [R/c], or the equilibrium under the fraction `t` of a load.
+        """Return the state at the step nearest to `t` [R/c], or the equilibrium under
+        the fraction `t` of a load.
 
         Raises InputError for a time outside the run.
         """
@@ -154,7 +167,8 @@ class Result:
 
     @runtime.alone()
     def trajectory(self, times: Sequence[float] | Array) -> tuple[Array, Array, Array]:
-        """Return times (T,) [R/c], positions (T, n, 2) [R], velocities (T, n, 2) [c] at the steps nearest to `times`.
+        """Return times (T,) [R/c], positions (T, n, 2) [R], velocities (T, n, 2) [c] at
+        the steps nearest to `times`.
 
         Raises InputError unless the times ascend and lie within the run.
         """
@@ -164,32 +178,46 @@ class Result:
 
     @property
     def greatest_compression(self) -> State:
-        """State of the greatest compression, or the end of a loading; computed again at each access."""
+        """State of the greatest compression, or the end of a loading; computed again at
+        each access."""
         return self.state(greatest_compression(self.series))
 
     def field(self, name: str, t: float, at: str = "own") -> Field:
-        """Return the quantity `name` at time `t` [R/c]; see `taichi_disk.fields.field` for the names.
+        """Return the quantity `name` at time `t` [R/c]; see `taichi_disk.fields.field`
+        for the names.
 
-        at: "own" for values on the triangles, springs or points that the quantity belongs to; "points" for values (n,)
-        at the points, as in pictures. Raises InputError for an unknown name or place, or a time outside the run.
+        at: "own" for values on the triangles, springs or points that the quantity
+        belongs to; "points" for values (n,) at the points, as in pictures. Raises
+        InputError for an unknown name or place, or a time outside the run.
         """
         from taichi_disk.fields import QUANTITIES, field
 
         if name not in QUANTITIES:
             raise InputError(f"no quantity {name!r}; there are {', '.join(QUANTITIES)}")
         if at not in ("own", "points"):
-            raise InputError(f'at: must be "own" (values on triangles or springs) or "points", not {at!r}')
+            raise InputError(
+                'at: must be "own" (values on triangles or springs) or "points", not'
+                f" {at!r}"
+            )
         _, x, v = self.state(t)
         return field(name, self.lattice, self.scenario.model.springs, x, v, at)
 
     def modes(self, count: int = 40) -> Modes:
-        """Return the lowest normal modes of the free disk and their energies at the end of the run.
+        """Return the lowest normal modes of the free disk and their energies at the end
+        of the run.
 
-        The energies, `rest` and `anharmonic` add up to the kinetic and elastic energy of the disk's vibration.
+        The energies, `rest` and `anharmonic` add up to the kinetic and elastic energy
+        of the disk's vibration.
         Raises InputError unless `count` is from 1 to 2 N - 3.
         """
         disk, n = disk_of(self.lattice), self.lattice.disk_points
-        return modes(disk, self.scenario.model.springs, self.outcome.positions[:n], self.outcome.velocities[:n], count)
+        return modes(
+            disk,
+            self.scenario.model.springs,
+            self.outcome.positions[:n],
+            self.outcome.velocities[:n],
+            count,
+        )
 
     @runtime.alone()
     def export(
@@ -202,48 +230,75 @@ class Result:
         """Write a trajectory for another program and return the path of the file.
 
         Args:
-            path: file, whose suffix is the format (see docs/output.md), or folder for a file trajectory.SUFFIX.
+            path: file, whose suffix is the format (see docs/output.md), or folder for a
+                file trajectory.SUFFIX.
             format: format in a folder: "xyz", "gsd", "vtu" or "npz".
             frames: number of moments, evenly spaced in time.
             times: ascending times within the run to use instead [R/c].
 
-        Raises InputError for times outside the run, an unknown format, or one whose package is not installed.
+        Raises InputError for times outside the run, an unknown format, or one whose
+        package is not installed.
         """
         from taichi_disk.output.export import export_run
 
         if times is None:
-            if not (isinstance(frames, (int, np.integer)) and 1 <= frames <= MOST_FRAMES):
-                raise InputError(f"frames: must be a whole number from 1 to {MOST_FRAMES:,}, not {frames}")
+            if not (
+                isinstance(frames, (int, np.integer)) and 1 <= frames <= MOST_FRAMES
+            ):
+                raise InputError(
+                    f"frames: must be a whole number from 1 to {MOST_FRAMES:,}, not"
+                    f" {frames}"
+                )
             times = np.linspace(0.0, self.series["t"][-1], frames)
-        return export_run(self.scenario, self._moments(times), as_path(path, "path"), format)
+        return export_run(
+            self.scenario, self._moments(times), as_path(path, "path"), format
+        )
 
     def _moments(self, times: Any) -> Iterator[tuple[float, Array, Array]]:
         times = np.atleast_1d(numbers(times, "times"))
         last = float(self.series["t"][-1])
-        if times.ndim != 1 or not len(times) or not np.isfinite(times).all() or (np.diff(times) < 0.0).any():
+        if (
+            times.ndim != 1
+            or not len(times)
+            or not np.isfinite(times).all()
+            or (np.diff(times) < 0.0).any()
+        ):
             raise InputError("times: must be ascending finite numbers")
         if times[0] < 0.0 or times[-1] > last * (1.0 + 1e-12):
-            raise InputError(f"times: must lie within 0 and {last:.6g}, the end of the run")
+            raise InputError(
+                f"times: must lie within 0 and {last:.6g}, the end of the run"
+            )
         return self.outcome.replay(times)
 
     # ---- pictures
 
     def plot(self) -> Plot:
-        """Return the curves of plot.png as a Matplotlib figure, which may be changed and saved."""
+        """Return the curves of plot.png as a Matplotlib figure, which may be changed
+        and saved."""
         from taichi_disk.output.plot import run_figure
 
-        return run_figure(self.scenario, self.series, headline(self.summary, self.scenario.labels))
+        return run_figure(
+            self.scenario, self.series, headline(self.summary, self.scenario.labels)
+        )
 
     @runtime.alone()
-    def draw(self, t: float | str = "greatest", colour: str | None = None, ax: Axes | None = None) -> Figure:
-        """Draw field, springs, wall and scale of a state on Matplotlib axes, as in films, and return the figure.
+    def draw(
+        self,
+        t: float | str = "greatest",
+        colour: str | None = None,
+        ax: Axes | None = None,
+    ) -> Figure:
+        """Draw field, springs, wall and scale of a state on Matplotlib axes, as in
+        films, and return the figure.
 
         Args:
             t: a moment as for `film`.
             colour: a quantity, by default the scene's `video.colour`.
-            ax: axes to draw on; by default those of a new figure, which a notebook shows.
+            ax: axes to draw on; by default those of a new figure, which a notebook
+                shows.
 
-        Displacements are not magnified. Raises InputError for an unknown quantity or moment.
+        Displacements are not magnified. Raises InputError for an unknown quantity or
+        moment.
         """
         from taichi_disk.render.state_figure import draw_state
 
@@ -251,9 +306,13 @@ class Result:
         return draw_state(self.outcome, scene.video, t, ax)
 
     def show(
-        self, beside: Result | Sequence[Result] | None = None, progress: Progress | None = None, **video: Any
+        self,
+        beside: Result | Sequence[Result] | None = None,
+        progress: Progress | None = None,
+        **video: Any,
     ) -> Film:
-        """Return the film for a notebook, which shows it with controls. Arguments and errors are those of `film`.
+        """Return the film for a notebook, which shows it with controls. Arguments and
+        errors are those of `film`.
 
         `format="png"` gives one picture, `format="html"` an interactive film.
         """
@@ -261,7 +320,12 @@ class Result:
 
         kind = video.get("format", self.scene.video.format)
         with TemporaryDirectory() as folder:
-            return Film(self.film(Path(folder, f"film.{kind}"), beside, progress, **video).read_bytes(), kind)
+            return Film(
+                self.film(
+                    Path(folder, f"film.{kind}"), beside, progress, **video
+                ).read_bytes(),
+                kind,
+            )
 
     # ---- files
 
@@ -281,16 +345,20 @@ class Result:
         """Film the run into `path` and return the path.
 
         Args:
-            path: .mp4, .webm or .gif; .html for a page that plays the film; .png for one picture; a folder for
-                numbered pictures.
+            path: .mp4, .webm or .gif; .html for a page that plays the film; .png for
+                one picture; a folder for numbered pictures.
             beside: up to three other runs, to be shown at the right.
             progress: called as for `run`.
-            at: the moment of a picture: a time [R/c], "greatest" (compression), "contact" (the first) or "end".
-            start: moment at which a film begins, like `at`; by default the start of the run.
+            at: the moment of a picture: a time [R/c], "greatest" (compression),
+                "contact" (the first) or "end".
+            start: moment at which a film begins, like `at`; by default the start of the
+                run.
             end: moment at which it ends; by default the end of the run.
-            video: keys of a scene's `video` section in place of the scene's own, as `colour="shear"`.
+            video: keys of a scene's `video` section in place of the scene's own, as
+                `colour="shear"`.
 
-        Raises InputError for a wrong key or moment, TaichiDiskError if no film can be drawn or written.
+        Raises InputError for a wrong key or moment, TaichiDiskError if no film can be
+        drawn or written.
         """
         from taichi_disk.render.film import check_target
         from taichi_disk.render.moments import Span
@@ -298,9 +366,17 @@ class Result:
 
         path = as_path(path, "path")
         others = [beside] if isinstance(beside, Result) else beside or ()
-        if not (isinstance(others, (list, tuple)) and all(isinstance(result, Result) for result in others)):
-            raise InputError(f"beside: must be a result of run, or a list of results, not {beside!r:.60}")
-        section = self.scene.with_({f"video.{key}": value for key, value in video.items()}).video
+        if not (
+            isinstance(others, (list, tuple))
+            and all(isinstance(result, Result) for result in others)
+        ):
+            raise InputError(
+                "beside: must be a result of run, or a list of results, not"
+                f" {beside!r:.60}"
+            )
+        section = self.scene.with_(
+            {f"video.{key}": value for key, value in video.items()}
+        ).video
         check_target(path)
         runs = [result.outcome for result in (self, *others)]
         made = files.prepare_output(path.parent)
@@ -311,18 +387,28 @@ class Result:
         return path
 
     @runtime.alone()
-    def save(self, out: Path | str, video: bool = False, overwrite: bool = False) -> Path:
-        """Write the files of a run into the folder `out` (see docs/output.md) and return its path.
+    def save(
+        self, out: Path | str, video: bool = False, overwrite: bool = False
+    ) -> Path:
+        """Write the files of a run into the folder `out` (see docs/output.md) and
+        return its path.
 
-        `video`: whether to make the film; `overwrite`: whether another run in `out` may be replaced.
-        Raises InputError if `out` holds another run (unless `overwrite`) or files that no run wrote.
+        `video`: whether to make the film; `overwrite`: whether another run in `out` may
+            be replaced.
+        Raises InputError if `out` holds another run (unless `overwrite`) or files that
+        no run wrote.
         """
         out, text = as_path(out, "out"), self.own.repeating(self.scene).to_yaml()
         with run_folder(out, text, True, overwrite, lattice=self.own.digest) as folder:
             work = Work(self.scene, self.own)
             work.write_start(folder.path, self.scenario)
             with plotting_beside(video) as plot:
-                work.write(folder, replace(self.outcome, summary=dict(self.summary)), video, plot)
+                work.write(
+                    folder,
+                    replace(self.outcome, summary=dict(self.summary)),
+                    video,
+                    plot,
+                )
         return folder.out
 
     @classmethod
@@ -336,32 +422,52 @@ class Result:
         estimate: bool = True,
         say: Callable[[str], None] = warn,
     ) -> Result:
-        """Compute a finished run again from its scene.yaml and return the result, bitwise the same.
+        """Compute a finished run again from its scene.yaml and return the result,
+        bitwise the same.
 
         Args:
             folder: folder of the run.
             overrides: changes of the scene, such as `["video.size=360"]`.
             progress: called as for `run`.
-            estimate: whether to estimate the time-step error again, which doubles the work.
-            say: receives a notice if summary.json or timeseries.csv has been changed, which has no effect here.
+            estimate: whether to estimate the time-step error again, which doubles the
+                work.
+            say: receives a notice if summary.json or timeseries.csv has been changed,
+                which has no effect here.
 
-        Raises InputError if there is no run, or if scene.yaml or the lattice in lattice.npz has been changed.
+        Raises InputError if there is no run, or if scene.yaml or the lattice in
+        lattice.npz has been changed.
         """
         folder = as_path(folder, "folder")
         path, summary = folder / "scene.yaml", files.read_summary(folder)
         if not path.is_file() or "status" not in summary:
             name = "summary.json that can be read" if path.is_file() else "scene.yaml"
-            raise InputError(f"{folder}: no run is here (no {name}): compute one with `taichi-disk run`")
+            raise InputError(
+                f"{folder}: no run is here (no {name}): compute one with `taichi-disk"
+                " run`"
+            )
         kept = summary.get("digests", {})
-        changed = [name for name, digest in files.digests(folder, summary).items() if kept.get(name, digest) != digest]
+        changed = [
+            name
+            for name, digest in files.digests(folder, summary).items()
+            if kept.get(name, digest) != digest
+        ]
         if "scene.yaml" in changed:
-            raise InputError(f"{path} has been changed since the run: undo the change, or run it as a new scene")
+            raise InputError(
+                f"{path} has been changed since the run: undo the change, or run it as"
+                " a new scene"
+            )
         for name in changed:
-            say(f"{folder / name} has been changed since the run; the result is computed again from scene.yaml")
+            say(
+                f"{folder / name} has been changed since the run; the result is"
+                " computed again from scene.yaml"
+            )
         scene = load_scene(path, overrides)
         own = own_start(scene.lattice, None, None)
         if summary.get("lattice_digest", "") != own.digest:
-            raise InputError(f"{folder}: the lattice or the velocities in lattice.npz have changed since the run")
+            raise InputError(
+                f"{folder}: the lattice or the velocities in lattice.npz have changed"
+                " since the run"
+            )
         work = Work(scene, own, progress)
         # The step of the run is accepted, even if it is beyond the stability limit.
         outcome = work.solve(work.build(), 1, force=True, estimate=estimate)
@@ -394,39 +500,62 @@ def run(
         scene: result or argument of `load_scene`.
         out: folder for the files of the run; without it nothing is written.
         lattice: user-supplied unloaded disk, see `Lattice.from_points`.
-        velocities: (N, 2) initial velocities of the disk's points [c], in the order of the lattice.
-        video: whether to make the film, if there is a folder. Without Vulkan there is no film, and
-            `summary["video_error"]` says why.
+        velocities: (N, 2) initial velocities of the disk's points [c], in the order of
+            the lattice.
+        video: whether to make the film, if there is a folder. Without Vulkan there is
+            no film, and `summary["video_error"]` says why.
         export: format of a trajectory in the folder: "xyz", "gsd", "vtu" or "npz".
         overwrite: whether another run in `out` may be replaced.
         count_on: whether to use out-2, out-3 … if `out` holds another run.
         force: whether to accept a time step beyond the stability limit.
-        threads: number of threads, up to the number of cores; results do not depend on it. The first run of a process
-            sets it; the default is the environment variable TAICHI_DISK_THREADS.
-        lattices: number of random lattices, with this seed and the next ones, for the mean and the scatter of the
-            result. By default 8 if that takes about a second or less, else 1.
-        progress: called as progress(stage, done, total): "simulate" with the time [R/c] or the number of equilibria,
-            "lattices" with the number of lattices, "render" with the number of pictures. It must not compute, film or
-            examine a result.
-        say: receives notices for the user, such as a changed output folder or the cost of a long run.
-        started: time that the process has taken before [s], for the wall clock of the summary.
+        threads: number of threads, up to the number of cores; results do not depend on
+            it. The first run of a process sets it; the default is the environment
+            variable TAICHI_DISK_THREADS.
+        lattices: number of random lattices, with this seed and the next ones, for the
+            mean and the scatter of the result. By default 8 if that takes about a
+            second or less, else 1.
+        progress: called as progress(stage, done, total): "simulate" with the time [R/c]
+            or the number of equilibria, "lattices" with the number of lattices,
+            "render" with the number of pictures. It must not compute, film or examine a
+            result.
+        say: receives notices for the user, such as a changed output folder or the cost
+            of a long run.
+        started: time that the process has taken before [s], for the wall clock of the
+            summary.
         changes: keys of the scene and their values.
 
-    Raises InputError, with nothing written, if the arguments are invalid; SimulationError if the computation fails.
-    `out` then holds summary.json with the reason and, after a blow-up, failure.npz.
+    Raises InputError, with nothing written, if the arguments are invalid;
+    SimulationError if the computation fails. `out` then holds summary.json with the
+    reason and, after a blow-up, failure.npz.
     """
     raise_if_interrupted()  # during imports
     scene = scene if isinstance(scene, DiskScene) else load_scene(scene)
     for name in changes:
-        keys = [key for section in scene.sections().values() for key in section.schema()]
-        arguments = [one.name for one in signature(run).parameters.values() if one.kind is one.KEYWORD_ONLY]
-        if not scene.homes(name) and set(nearest(name, [*scene.sections(), *keys, *arguments])) & {*arguments}:
-            raise InputError(f"{name}: unknown argument of run{did_you_mean(name, arguments)}")
+        keys = [
+            key for section in scene.sections().values() for key in section.schema()
+        ]
+        arguments = [
+            one.name
+            for one in signature(run).parameters.values()
+            if one.kind is one.KEYWORD_ONLY
+        ]
+        if not scene.homes(name) and set(
+            nearest(name, [*scene.sections(), *keys, *arguments])
+        ) & {*arguments}:
+            raise InputError(
+                f"{name}: unknown argument of run{did_you_mean(name, arguments)}"
+            )
     scene = scene.with_(changes) if changes else scene
-    if lattices is not None and not (isinstance(lattices, (int, np.integer)) and 1 <= lattices <= MOST_LATTICES):
-        raise InputError(f"lattices: must be a whole number from 1 to {MOST_LATTICES:,}, not {lattices!r}")
+    if lattices is not None and not (
+        isinstance(lattices, (int, np.integer)) and 1 <= lattices <= MOST_LATTICES
+    ):
+        raise InputError(
+            f"lattices: must be a whole number from 1 to {MOST_LATTICES:,}, not"
+            f" {lattices!r}"
+        )
     work = Work(scene, OwnStart(), progress, started)
-    own = work.own = own_start(scene.lattice, lattice, velocities)  # read only once, because the files may change
+    # read only once, because the files may change
+    own = work.own = own_start(scene.lattice, lattice, velocities)
     options: dict[str, Any] = {"lattices": lattices, "force": force, "say": say}
     if out is None:
         if export:

@@ -25,38 +25,57 @@ from taichi_disk.progress import Progress, silent
 from taichi_disk.scenes import Scene, check_memory
 from taichi_disk.scenes.setup import setup_of
 
-FRAMES, MOST_FRAMES = 200, 100_000  # default and greatest number of frames of a trajectory
+# default and greatest number of frames of a trajectory
+FRAMES, MOST_FRAMES = 200, 100_000
 
 
 class Work:
-    """The computation of one run and its files. `clock` holds the wall-clock time of each stage [s].
+    """The computation of one run and its files. `clock` holds the wall-clock time of
+    each stage [s].
 
-    `own`: user-supplied lattice and velocities; `started`: time that the process has taken before [s].
+    `own`: user-supplied lattice and velocities; `started`: time that the process has
+        taken before [s].
     """
 
-    def __init__(self, scene: Scene, own: OwnStart, progress: Progress | None = None, started: float = 0.0) -> None:
+    def __init__(
+        self,
+        scene: Scene,
+        own: OwnStart,
+        progress: Progress | None = None,
+        started: float = 0.0,
+    ) -> None:
         self.scene, self.own, self.progress = scene, own, progress or silent
         self.clock, self._since = {"start": started} if started else {}, perf_counter()
 
     def lap(self, stage: str, **within: float) -> None:
-        """Add the time since the last lap to `stage`, minus the times `within` it, which belong to other stages."""
+        """Add the time since the last lap to `stage`, minus the times `within` it,
+        which belong to other stages."""
         now = perf_counter()
-        for name, seconds in (within | {stage: now - self._since - sum(within.values())}).items():
+        for name, seconds in (
+            within | {stage: now - self._since - sum(within.values())}
+        ).items():
             self.clock[name] = self.clock.get(name, 0.0) + seconds
         self._since = now
 
     def build(self, threads: int | None = None) -> Scenario:
-        """Return the scenario of the scene. Raises InputError if it cannot be computed. `threads` as for `run`."""
+        """Return the scenario of the scene. Raises InputError if it cannot be computed.
+        `threads` as for `run`."""
         scene, own = self.scene, self.own
         check_memory(scene)
         runtime.start(threads)
-        scenario = scene.scenario(setup_of(scene).body if own.disk is None else own.disk, own.velocities)
-        scenario.scene = own.repeating(scenario.scene)  # names the file of a user-supplied lattice
+        scenario = scene.scenario(
+            setup_of(scene).body if own.disk is None else own.disk, own.velocities
+        )
+        # names the file of a user-supplied lattice
+        scenario.scene = own.repeating(scenario.scene)
         self.lap("build")
         return scenario
 
-    def solve(self, scenario: Scenario, lattices: int | None = None, **options: Any) -> Outcome:
-        """Compute `scenario` and return the outcome with a complete summary. Options and errors as for `compute`."""
+    def solve(
+        self, scenario: Scenario, lattices: int | None = None, **options: Any
+    ) -> Outcome:
+        """Compute `scenario` and return the outcome with a complete summary. Options
+        and errors as for `compute`."""
         scene, own = self.scene, self.own
         modes = spectrum if own.disk else setup_of(scene).modes
         outcome = compute(scenario, scene.time, self.progress, modes=modes, **options)
@@ -65,7 +84,9 @@ class Work:
         notes = scene.notes(scenario.lattice.disk_points)
         count, note = lattice_count(own, outcome, lattices)
         if count > 1:
-            summary["lattices"] = compare_lattices(scene, outcome, count, self.progress, options["force"])
+            summary["lattices"] = compare_lattices(
+                scene, outcome, count, self.progress, options["force"]
+            )
             self.lap("lattices")
         if notes := [*notes, *note]:
             summary["notes"] = notes
@@ -73,16 +94,37 @@ class Work:
 
     def _heading(self, status: str, reason: str | None = None) -> dict[str, Any]:
         scene, own, spec = self.scene.scene, self.own, self.scene.lattice
-        summary: dict[str, Any] = {"scene": scene, "status": status, "reason": reason, "seed": spec.seed}
-        summary |= {"versions": files.versions(), "wall_clock": self.clock, **files.provenance()}
+        summary: dict[str, Any] = {
+            "scene": scene,
+            "status": status,
+            "reason": reason,
+            "seed": spec.seed,
+        }
+        summary |= {
+            "versions": files.versions(),
+            "wall_clock": self.clock,
+            **files.provenance(),
+        }
         if own.digest:
             summary["lattice_digest"] = own.digest
-        if (own.disk and spec.file == "none") or (own.velocities is not None and spec.velocities == "none"):
-            summary["own_start"] = "lattice or velocities were given in Python: lattice.npz holds them"
+        if (own.disk and spec.file == "none") or (
+            own.velocities is not None and spec.velocities == "none"
+        ):
+            summary["own_start"] = (
+                "lattice or velocities were given in Python: lattice.npz holds them"
+            )
         return summary
 
-    def into(self, folder: RunFolder, video: bool, export: str | None, threads: int | None, **options: Any) -> Outcome:
-        """Compute the scene and write its files, or the reason of a failure. Arguments and errors as for `run`."""
+    def into(
+        self,
+        folder: RunFolder,
+        video: bool,
+        export: str | None,
+        threads: int | None,
+        **options: Any,
+    ) -> Outcome:
+        """Compute the scene and write its files, or the reason of a failure. Arguments
+        and errors as for `run`."""
         if export:
             from taichi_disk.output.export import check_export, export_run
 
@@ -101,7 +143,9 @@ class Work:
                 self.write(folder, outcome, video, plot)
             return outcome
         except (SimulationError, KeyboardInterrupt) as failure:
-            status = "interrupted" if isinstance(failure, KeyboardInterrupt) else "failed"
+            status = (
+                "interrupted" if isinstance(failure, KeyboardInterrupt) else "failed"
+            )
             self.lap(status)
             if isinstance(failure, BlowUp):
                 files.write_arrays(folder.path / "failure.npz", **failure.last_good)
@@ -111,10 +155,15 @@ class Work:
 
     def write_start(self, path: Path, scenario: Scenario) -> None:
         lattice, impedance = scenario.lattice, scenario.model.impedance
-        files.write_lattice(path / "lattice.npz", lattice, scenario.velocities, impedance, self.own.disk)
+        files.write_lattice(
+            path / "lattice.npz", lattice, scenario.velocities, impedance, self.own.disk
+        )
 
-    def write(self, folder: RunFolder, outcome: Outcome, video: bool, plot: Begin) -> None:
-        """Write the files of a run: results, then pictures, and summary.json last, which says why a picture is missing.
+    def write(
+        self, folder: RunFolder, outcome: Outcome, video: bool, plot: Begin
+    ) -> None:
+        """Write the files of a run: results, then pictures, and summary.json last,
+        which says why a picture is missing.
 
         `plot` is what `plotting_beside` yields.
         """
@@ -123,15 +172,26 @@ class Work:
         # Write all rows of a loading, because they are not equally spaced.
         interval = 0.0 if asked == "auto" or scenario.static else asked
         files.write_timeseries(path / "timeseries.csv", outcome.columns, interval)
-        end = {"positions": outcome.positions, "velocities": outcome.velocities, "t": outcome.columns["t"][-1]}
+        end = {
+            "positions": outcome.positions,
+            "velocities": outcome.velocities,
+            "t": outcome.columns["t"][-1],
+        }
         files.write_arrays(path / "final.npz", **end)
         self.lap("write")
-        finish_plot = plot(path / "plot.png", scenario, outcome.columns, headline(summary, scenario.labels))
+        finish_plot = plot(
+            path / "plot.png",
+            scenario,
+            outcome.columns,
+            headline(summary, scenario.labels),
+        )
         if video:
             try:
                 from taichi_disk.web.film import film
 
-                name = "frames" if section.format == "png" else f"video.{section.format}"
+                name = (
+                    "frames" if section.format == "png" else f"video.{section.format}"
+                )
                 film(path / name, [outcome], section, self.progress)
             except Exception as error:
                 summary["video_error"] = str(error) or repr(error)
@@ -139,7 +199,10 @@ class Work:
         try:
             finish_plot()
         except Exception as error:
-            summary["warnings"] = [*summary["warnings"], f"there is no plot.png: {error!s}"]
+            summary["warnings"] = [
+                *summary["warnings"],
+                f"there is no plot.png: {error!s}",
+            ]
         self.lap("plot")
         summary["video"] = folder.take_over()
         summary["digests"] = files.digests(path, summary)

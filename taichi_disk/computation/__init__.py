@@ -1,1 +1,2 @@
-"""Computation of a scene to its end: the loop over time, the choice of the step, and checks of the result."""
+"""Computation of a scene to its end: the loop over time, the choice of the step, and
+checks of the result."""

@@ -1,4 +1,5 @@
-"""The contact of wall and disk: its duration, and the quantities measured at its end."""
+"""The contact of wall and disk: its duration, and the quantities measured at its
+end."""
 
 from __future__ import annotations
 
@@ -7,14 +8,19 @@ import numpy as np
 from taichi_disk.lattice import Array
 from taichi_disk.simulation.observables import Columns
 
-CONTACT_LEVEL = 0.01  # contact lasts while the wall's force exceeds this fraction of its peak
-STRETCHED = 0.1  # a disk that stores more than this fraction of its contact energy in flight is stretched
+# contact lasts while the wall's force exceeds this fraction of its peak
+CONTACT_LEVEL = 0.01
+# a disk that stores more than this fraction of its contact energy in flight is
+# stretched
+STRETCHED = 0.1
 
 
 def contact_interval(t: Array, force: Array, velocity: Array) -> tuple[float, float]:
-    """Return the first and last times at which `force` crosses CONTACT_LEVEL of its peak, log-linear between samples.
+    """Return the first and last times at which `force` crosses CONTACT_LEVEL of its
+    peak, log-linear between samples.
 
-    If no sample of a very short contact has a force, return the sample times between which the disk turned back.
+    If no sample of a very short contact has a force, return the sample times between
+    which the disk turned back.
     """
     if not force.any():
         turned = int(np.argmax(velocity > 0.0))
@@ -24,7 +30,11 @@ def contact_interval(t: Array, force: Array, velocity: Array) -> tuple[float, fl
     log = np.log(np.maximum(force, 1e-300)) - np.log(level)
 
     def crossing(i: int, j: int) -> float:
-        return float(t[i] + (t[j] - t[i]) * log[i] / (log[i] - log[j])) if log[i] != log[j] else float(t[i])
+        return (
+            float(t[i] + (t[j] - t[i]) * log[i] / (log[i] - log[j]))
+            if log[i] != log[j]
+            else float(t[i])
+        )
 
     first, last = int(inside[0]), int(inside[-1])
     start = crossing(first - 1, first) if first > 0 else float(t[0])
@@ -33,8 +43,10 @@ def contact_interval(t: Array, force: Array, velocity: Array) -> tuple[float, fl
 
 
 def results_time(columns: Columns) -> float:
-    """Return the time at which spin and vibration are measured [R/c]: the end of the last contact."""
-    # Afterwards dashpots reduce both. Without losses, they are measured at the end of the run, far from the wall.
+    """Return the time at which spin and vibration are measured [R/c]: the end of the
+    last contact."""
+    # Afterwards dashpots reduce both. Without losses, they are measured at the end of
+    # the run, far from the wall.
     t = columns["t"]
     if not (columns["dissipated"][-1] or columns["absorbed"][-1]):
         return float(t[-1])
@@ -42,18 +54,27 @@ def results_time(columns: Columns) -> float:
 
 
 def vibration_left(columns: Columns) -> float:
-    """Return the vibration's energy at `results_time`, kinetic and elastic, over the flight's energy at t = 0."""
+    """Return the vibration's energy at `results_time`, kinetic and elastic, over the
+    flight's energy at t = 0."""
     stored = columns["vibration"] + columns["elastic"]
-    return float((np.interp(results_time(columns), columns["t"], stored) - stored[0]) / columns["translation"][0])
+    return float(
+        (np.interp(results_time(columns), columns["t"], stored) - stored[0])
+        / columns["translation"][0]
+    )
 
 
 def greatest_compression(columns: Columns) -> float:
     """Return the time at which the elastic energy is largest during contact [R/c].
 
-    If a spin stretches the disk before the contact, return the time at which the centre of mass is lowest.
+    If a spin stretches the disk before the contact, return the time at which the centre
+    of mass is lowest.
     """
     force, elastic = columns["wall_force"], columns["elastic"]
     touches = force >= CONTACT_LEVEL * force.max()
     stored = elastic * touches
-    stretched = elastic[: int(touches.argmax())].max(initial=0.0) > STRETCHED * stored.max()
-    return float(columns["t"][int(columns["com_y"].argmin() if stretched else stored.argmax())])
+    stretched = (
+        elastic[: int(touches.argmax())].max(initial=0.0) > STRETCHED * stored.max()
+    )
+    return float(
+        columns["t"][int(columns["com_y"].argmin() if stretched else stored.argmax())]
+    )

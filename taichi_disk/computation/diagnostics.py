@@ -1,4 +1,5 @@
-"""Check a run: its energy balance, points that went through the wall, and messages about what is wrong."""
+"""Check a run: its energy balance, points that went through the wall, and messages
+about what is wrong."""
 
 from __future__ import annotations
 
@@ -6,34 +7,49 @@ from typing import Any
 
 import numpy as np
 
-from taichi_disk.computation.contact import contact_interval, results_time, vibration_left
+from taichi_disk.computation.contact import (
+    contact_interval,
+    results_time,
+    vibration_left,
+)
 from taichi_disk.computation.scenario import Scenario
 from taichi_disk.errors import SimulationError
 from taichi_disk.lattice import Array, Lattice
 from taichi_disk.physics import Model
 from taichi_disk.simulation.observables import INDEX, Columns, of_kind, total_energy
 
-MAX_CLOSING, MAX_WORST = 2e-5, 1e-4  # largest imbalance at the end and at any time without a shorter step
-MAX_IMBALANCE = 1e-3  # largest imbalance at the end of a valid run; more would show in the third digit of e
+# largest imbalance at the end and at any time without a shorter step
+MAX_CLOSING, MAX_WORST = 2e-5, 1e-4
+# largest imbalance at the end of a valid run; more would show in the third digit of e
+MAX_IMBALANCE = 1e-3
 MIN_SPIN = 1e-9  # a disk with less angular momentum does not spin [M R c]
 MAX_SPIN_LOSS = 0.01  # fraction that may be lost in flight without a warning
 BLOW_UP = 0.1  # imbalance over the largest energy so far at which a run is ended
 
 
 def relative_imbalance(scenario: Scenario, columns: Columns) -> tuple[float, float]:
-    """Return the signed imbalance at the end and the largest absolute one, divided by the scenario's energy scale."""
+    """Return the signed imbalance at the end and the largest absolute one, divided by
+    the scenario's energy scale."""
     lost = (columns["total"] - columns["total"][0]) / scenario.energy_scale(columns)
     return float(lost[-1]), float(np.abs(lost).max())
 
 
 def summary(scenario: Scenario, columns: Columns) -> dict[str, Any]:
     closing, worst = relative_imbalance(scenario, columns)
-    names = [name for name in of_kind("energy", "loss", "part") if name != "friction" or columns[name].any()]
+    names = [
+        name
+        for name in of_kind("energy", "loss", "part")
+        if name != "friction" or columns[name].any()
+    ]
     energies = {name: float(columns[name][-1]) for name in names}
     if columns["translation"][0]:
         energies["vibration_left"] = vibration_left(columns)
     scale = scenario.energy_scale(columns)
-    return energies | {"scale": scale, "closing_imbalance": closing, "worst_imbalance": worst}
+    return energies | {
+        "scale": scale,
+        "closing_imbalance": closing,
+        "worst_imbalance": worst,
+    }
 
 
 def unacceptable(scenario: Scenario, columns: Columns) -> str | None:
@@ -43,8 +59,9 @@ def unacceptable(scenario: Scenario, columns: Columns) -> str | None:
     if abs(lost) <= allowed:
         return None
     return (
-        f"the energy imbalance at the end is {lost:+.2g}, more than {allowed:g}: the step is too long for this motion; "
-        "set time.dt: auto, with time.safety: 0.1 if that is not enough, or a shorter time.dt"
+        f"the energy imbalance at the end is {lost:+.2g}, more than {allowed:g}: the"
+        " step is too long for this motion; set time.dt: auto, with time.safety: 0.1"
+        " if that is not enough, or a shorter time.dt"
     )
 
 
@@ -53,11 +70,21 @@ def warnings(scenario: Scenario, columns: Columns) -> list[str]:
     slid = float(np.abs(columns["sliding"]).max()) / scenario.energy_scale(columns)
     if slid > MAX_IMBALANCE:
         found.append(
-            f"points of the disk slid from spring to spring of the dented wall, which changed the energy by {slid:.2g} "
-            "of the kinetic energy: the contact law does this at any time step, and it limits the accuracy of e; "
-            "write wall.contact: smooth, which has no such jumps, or a lower impact.velocity or a higher material.k_a"
+            "points of the disk slid from spring to spring of the dented wall, which"
+            f" changed the energy by {slid:.2g} of the kinetic energy: the contact law"
+            " does this at any time step, and it limits the accuracy of e; write"
+            " wall.contact: smooth, which has no such jumps, or a lower"
+            " impact.velocity or a higher material.k_a"
         )
-    return [text for text in (*found, _faster_than_before(columns), _rotation_lost(scenario, columns)) if text]
+    return [
+        text
+        for text in (
+            *found,
+            _faster_than_before(columns),
+            _rotation_lost(scenario, columns),
+        )
+        if text
+    ]
 
 
 def _faster_than_before(columns: Columns) -> str:
@@ -65,11 +92,14 @@ def _faster_than_before(columns: Columns) -> str:
     if not before or after <= (1.0 + MAX_IMBALANCE) * before:
         return ""
     spin, along = 2.0 * columns["rotation"], columns["com_vx"] ** 2
-    spin_part, along_part = (round(float(one[0] - one[-1]) / before, 4) + 0.0 for one in (spin, along))
+    spin_part, along_part = (
+        round(float(one[0] - one[-1]) / before, 4) + 0.0 for one in (spin, along)
+    )
     return (
-        "e is above 1 because the impact turned other energy into flight away from the wall: "
-        f"{spin_part:+g} of the energy of the flight towards it came from the spin, {along_part:+g} from the flight "
-        "along it; with a smaller impact.spin e measures the flight alone"
+        "e is above 1 because the impact turned other energy into flight away from the"
+        f" wall: {spin_part:+g} of the energy of the flight towards it came from the"
+        f" spin, {along_part:+g} from the flight along it; with a smaller impact.spin e"
+        " measures the flight alone"
     )
 
 
@@ -79,7 +109,13 @@ def _rotation_lost(scenario: Scenario, columns: Columns) -> str:
     flights = [(spin[0], float(np.interp(start, t, spin)), "before the contact")]
     if "spin_after" in scenario.result(columns):
         after = float(np.interp(results_time(columns), t, spin))
-        flights.append((after, spin[-1], "after the contact, at the end of which results are measured"))
+        flights.append(
+            (
+                after,
+                spin[-1],
+                "after the contact, at the end of which results are measured",
+            )
+        )
     lost = [
         f"{1.0 - last / first:.0%} of the angular momentum {when}"
         for first, last, when in flights
@@ -87,35 +123,50 @@ def _rotation_lost(scenario: Scenario, columns: Columns) -> str:
     ]
     if not lost:
         return ""
-    remedy = "the paper's dashpots also resist rotation; with material.dashpot: axial they do not"
+    remedy = (
+        "the paper's dashpots also resist rotation; with material.dashpot: axial they"
+        " do not"
+    )
     return f"dashpots took {' and '.join(lost)}: {remedy}"
 
 
 class EnergyBalance:
-    """The energy balance of a run, checked while its rows are computed. `total`: energy without errors [M c^2]."""
+    """The energy balance of a run, checked while its rows are computed. `total`: energy
+    without errors [M c^2]."""
 
     def __init__(self, start: Array) -> None:
-        self.total, self._load = float(total_energy(start[None])[0]), float(start[INDEX["load"]])
+        self.total, self._load = (
+            float(total_energy(start[None])[0]),
+            float(start[INDEX["load"]]),
+        )
         self._largest = float(self._size(start[None])[0])
 
     def first_lost(self, rows: Array) -> int | None:
-        """Return the index of the first invalid row of the new `rows` (rows, columns), or None."""
+        """Return the index of the first invalid row of the new `rows` (rows, columns),
+        or None."""
         with np.errstate(invalid="ignore"):
             size = np.maximum.accumulate(np.append(self._largest, self._size(rows)))
-            lost = np.maximum(np.abs(self.imbalance(rows)), np.abs(rows[:, INDEX["sliding"]]))
-            bad = ~((lost <= BLOW_UP * size[1:] + 1e-300) & (lost < np.inf))  # infinite: deep inside a wall
+            lost = np.maximum(
+                np.abs(self.imbalance(rows)), np.abs(rows[:, INDEX["sliding"]])
+            )
+            # infinite: deep inside a wall
+            bad = ~((lost <= BLOW_UP * size[1:] + 1e-300) & (lost < np.inf))
         if bad.any():
             return int(bad.argmax())
         self._largest = float(size[-1])
         return None
 
     def _size(self, rows: Array) -> Array:
-        """Return the energy scale of each row, against which the imbalance is judged, (rows,) [M c^2]."""
-        size = np.abs(rows[:, [INDEX["kinetic"], INDEX["elastic"], INDEX["wall"]]]).sum(axis=1)
+        """Return the energy scale of each row, against which the imbalance is judged,
+        (rows,) [M c^2]."""
+        size = np.abs(rows[:, [INDEX["kinetic"], INDEX["elastic"], INDEX["wall"]]]).sum(
+            axis=1
+        )
         return np.asarray(size + np.abs(rows[:, INDEX["load"]] - self._load))
 
     def give(self, energy: float) -> None:
-        """Count energy [M c^2] that entered through `load` from outside, so that it is not an imbalance."""
+        """Count energy [M c^2] that entered through `load` from outside, so that it is
+        not an imbalance."""
         self.total += energy
         self._load += energy
 
@@ -134,53 +185,69 @@ class EnergyBalance:
 
 
 class BlowUp(SimulationError):
-    """The state became meaningless. `last_good`: positions and velocities (n, 2) and the time of the last valid row."""
+    """The state became meaningless. `last_good`: positions and velocities (n, 2) and
+    the time of the last valid row."""
 
-    def __init__(self, message: str, last_good: dict[str, Array] | None = None) -> None:  # pickle passes only `message`
+    # pickle passes only `message`
+    def __init__(self, message: str, last_good: dict[str, Array] | None = None) -> None:
         super().__init__(message)
         self.last_good = last_good or {}
 
 
 def gone_through(lattice: Lattice, model: Model, x: Array, energy: float) -> bool:
-    """Return whether a point of the disk is deeper in the elastic wall than the `energy` [M c^2] of the run permits."""
-    # The contact law itself does not notice this, because it looks only for the spring below a point.
+    """Return whether a point of the disk is deeper in the elastic wall than the
+    `energy` [M c^2] of the run permits."""
+    # The contact law itself does not notice this, because it looks only for the spring
+    # below a point.
     wall = model.elastic
     if wall is None:
         return False
     disk, surface = x[: lattice.disk_points], x[lattice.wall_surface]
     px, py = disk[disk[:, 1] < surface[:, 1].max()].T[:, :, None]
-    deep = -2.0 * wall.height_of(max(energy, wall.V0))  # twice the depth that the potential permits
-    a = np.concatenate([x[lattice.wall_boundary], surface[-2:0:-1] - [0.0, deep]])  # the wall's outline
+    # twice the depth that the potential permits
+    deep = -2.0 * wall.height_of(max(energy, wall.V0))
+    # the wall's outline
+    a = np.concatenate([x[lattice.wall_boundary], surface[-2:0:-1] - [0.0, deep]])
     b = np.roll(a, -1, axis=0)
     with np.errstate(divide="ignore", invalid="ignore"):
         height = a[:, 1] + (px - a[:, 0]) / (b[:, 0] - a[:, 0]) * (b[:, 1] - a[:, 1])
-    crossed = ((a[:, 0] <= px) != (b[:, 0] <= px)) & (height > py)  # edges that a ray upwards from the point crosses
-    return bool((crossed.sum(axis=1) % 2).any())  # a ray that starts inside crosses an odd number of edges
+    # edges that a ray upwards from the point crosses
+    crossed = ((a[:, 0] <= px) != (b[:, 0] <= px)) & (height > py)
+    # a ray that starts inside crosses an odd number of edges
+    return bool((crossed.sum(axis=1) % 2).any())
 
 
 def explained(scenario: Scenario, dt: float, part: float, x: Array, lost: str) -> str:
     """Return a message on what was `lost` after the last valid row, with advice.
 
-    `dt` [R/c]: the step; `part`: `dt` as a fraction of the stability limit; `x` (n, 2) [R]: positions at that row.
+    `dt` [R/c]: the step; `part`: `dt` as a fraction of the stability limit; `x` (n, 2)
+    [R]: positions at that row.
     """
     lattice, model = scenario.lattice, scenario.model
     strain = model.springs.strain(lattice, x)
     worst = int(np.abs(strain).argmax())
     i, j = lattice.bonds[worst]
-    auto = "" if scenario.scene.time.dt == "auto" else "set time.dt: auto; if that fails too, "
+    auto = (
+        ""
+        if scenario.scene.time.dt == "auto"
+        else "set time.dt: auto; if that fails too, "
+    )
     if auto and part > 1.0:
         cause = "the step is beyond the stability limit: set time.dt: auto"
     elif model.elastic:
         cause = (
-            "the disk may have dented the wall, gone through it or slipped off its end: "
-            f"{auto}lower impact.velocity, raise material.k_a, or write a larger wall.width"
+            "the disk may have dented the wall, gone through it or slipped off its"
+            f" end: {auto}lower impact.velocity, raise material.k_a, or write a larger"
+            " wall.width"
         )
     else:
         cause = (
-            "the body may be crushed, or pushed harder than the step was chosen for: "
-            f"{auto}lower impact.velocity or compression.pressure, raise material.k_a, or try a smaller time.safety"
+            "the body may be crushed, or pushed harder than the step was chosen for:"
+            f" {auto}lower impact.velocity or compression.pressure, raise material.k_a,"
+            " or try a smaller time.safety"
         )
     return (
-        f"{lost}; before that spring {worst} between points {i} and {j} was strained most, by {strain[worst]:+.2g}; "
-        f"the step {dt:.4g} R/c is {part:.3g} of the stability limit that the wall's force leaves; {cause}"
+        f"{lost}; before that spring {worst} between points {i} and {j} was strained"
+        f" most, by {strain[worst]:+.2g}; the step {dt:.4g} R/c is {part:.3g} of the"
+        f" stability limit that the wall's force leaves; {cause}"
     )

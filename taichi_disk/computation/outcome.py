@@ -1,4 +1,5 @@
-"""Computation of a scenario to its end: time series, states at any time, errors and warnings."""
+"""Computation of a scenario to its end: time series, states at any time, errors and
+warnings."""
 
 from __future__ import annotations
 
@@ -11,7 +12,11 @@ import numpy as np
 from taichi_disk.computation import diagnostics
 from taichi_disk.computation.contact import greatest_compression
 from taichi_disk.computation.driver import Driver, Moment
-from taichi_disk.computation.error_estimate import SecondRun, second_run, within_tolerance
+from taichi_disk.computation.error_estimate import (
+    SecondRun,
+    second_run,
+    within_tolerance,
+)
 from taichi_disk.computation.scenario import Scenario
 from taichi_disk.computation.stability import Spectrum, spectrum
 from taichi_disk.computation.workload import announcement
@@ -22,10 +27,15 @@ from taichi_disk.progress import Progress, silent
 from taichi_disk.simulation.observables import Columns, split
 from taichi_disk.simulation.simulation import shared_kernels
 
-ESTIMATE_UP_TO = 1.3e9  # a run with more spring evaluations (some 5 s) gets no second run for an error estimate
-REST_CAUTION = 1.1  # ratio of the stated error to the distance from Newton's equilibrium
-ROUNDING = 1e-11  # approximate error of xi by rounding and by the solver's tolerance [R]
-LOADS = 24  # number of equilibria of a quasi-static loading; a film hardly changes from one to the next
+# a run with more spring evaluations (some 5 s) gets no second run for an error estimate
+ESTIMATE_UP_TO = 1.3e9
+# ratio of the stated error to the distance from Newton's equilibrium
+REST_CAUTION = 1.1
+# approximate error of xi by rounding and by the solver's tolerance [R]
+ROUNDING = 1e-11
+# number of equilibria of a quasi-static loading; a film hardly changes from one to the
+# next
+LOADS = 24
 
 
 @dataclass(frozen=True)
@@ -37,8 +47,10 @@ class Outcome:
     positions: Array  # (n, 2) at the end [R]
     velocities: Array  # (n, 2) at the end [c]
     largest_force: float  # largest force of the wall on one point [M c^2/R]
-    replay: Callable[[Array], Iterator[Moment]]  # computes the run again: moments at ascending times, bitwise equal
-    frames: Callable[[Array], Iterator[Moment]]  # the same for pictures, which interpolate a quasi-static loading
+    # computes the run again: moments at ascending times, bitwise equal
+    replay: Callable[[Array], Iterator[Moment]]
+    # the same for pictures, which interpolate a quasi-static loading
+    frames: Callable[[Array], Iterator[Moment]]
     summary: dict[str, Any]  # results and how they were computed, for summary.json
     compile_seconds: float = 0.0  # wall-clock time of compilation [s]
 
@@ -60,12 +72,15 @@ def compute(
         time: the scene's section `time`.
         modes: returns the spectrum of the lattice and the model.
         force: whether to accept a user's step beyond the stability limit.
-        estimate: whether a second run estimates the error and counts inverted triangles, unless that takes long.
-        loads: number of equilibria of a quasi-static loading; 1: only the full load, with bitwise the same result.
+        estimate: whether a second run estimates the error and counts inverted
+            triangles, unless that takes long.
+        loads: number of equilibria of a quasi-static loading; 1: only the full load,
+            with bitwise the same result.
         say: receives the cost of a long run before it begins.
 
-    Raises InputError if the user's step is beyond the stability limit, SimulationError if the scene does not end in
-    time or its energy balance is lost, BlowUp if the state becomes meaningless.
+    Raises InputError if the user's step is beyond the stability limit, SimulationError
+    if the scene does not end in time or its energy balance is lost, BlowUp if the state
+    becomes meaningless.
     """
     if scenario.static:
         return scenario.quasistatic(loads, progress)
@@ -91,20 +106,33 @@ def compute(
 def _described(driver: Driver, second: SecondRun | None, estimate: bool) -> Outcome:
     scenario, step, end = driver.scenario, driver.step, driver.end
     assert end is not None
-    columns, largest = split(driver.columns, scenario.lattice.inertia), driver.largest_force
+    columns, largest = (
+        split(driver.columns, scenario.lattice.inertia),
+        driver.largest_force,
+    )
     _, positions, velocities = driver.final
     limit = driver.control.limit(step.integrator, largest)
     warnings = diagnostics.warnings(scenario, columns)
     if step.dt > limit:
         beyond = "is beyond the stability limit with the measured force of the wall"
         remedy = "set time.dt: auto, or a shorter step"
-        warnings.insert(0, f"the step {step.dt:.6g} R/c {beyond}, {limit:.6g} R/c: {remedy}")
-    small = estimate and end.step * step.integrator.forces * len(scenario.lattice.bonds) <= ESTIMATE_UP_TO
+        warnings.insert(
+            0, f"the step {step.dt:.6g} R/c {beyond}, {limit:.6g} R/c: {remedy}"
+        )
+    small = (
+        estimate
+        and end.step * step.integrator.forces * len(scenario.lattice.bonds)
+        <= ESTIMATE_UP_TO
+    )
     errors, compressed = dict[str, float](), None
     if not scenario.step_dependent:
-        errors[scenario.primary(columns)[0]] = REST_CAUTION * scenario.end_truncation_error(columns) + ROUNDING
+        errors[scenario.primary(columns)[0]] = (
+            REST_CAUTION * scenario.end_truncation_error(columns) + ROUNDING
+        )
         if small:
-            _, compressed, _ = next(driver.replay(np.array([greatest_compression(columns)])))
+            _, compressed, _ = next(
+                driver.replay(np.array([greatest_compression(columns)]))
+            )
     elif second or small:
         errors, compressed = second or second_run(driver)
     summary = summary_of(scenario, columns, warnings, compressed) | {
@@ -118,14 +146,26 @@ def _described(driver: Driver, second: SecondRun | None, estimate: bool) -> Outc
         "energy": diagnostics.summary(scenario, columns),
     }
     replay, seconds = driver.replay, driver.compile_seconds
-    return Outcome(scenario, columns, positions, velocities, largest, replay, replay, summary, seconds)
+    return Outcome(
+        scenario,
+        columns,
+        positions,
+        velocities,
+        largest,
+        replay,
+        replay,
+        summary,
+        seconds,
+    )
 
 
 def inverted_triangles(scenario: Scenario, x: Array) -> int:
     return int((double_area(x[scenario.lattice.triangles]) < 0.0).sum())
 
 
-def summary_of(scenario: Scenario, columns: Columns, warnings: list[str], compressed: Array | None) -> dict[str, Any]:
+def summary_of(
+    scenario: Scenario, columns: Columns, warnings: list[str], compressed: Array | None
+) -> dict[str, Any]:
     numbers = scenario.result(columns)
     measured = {name: note for name, note in scenario.notes.items() if name in numbers}
     summary: dict[str, Any] = {**numbers, "measured": measured, "warnings": warnings}
@@ -133,7 +173,8 @@ def summary_of(scenario: Scenario, columns: Columns, warnings: list[str], compre
         return summary
     if inverted := inverted_triangles(scenario, compressed):
         warnings.append(
-            f"{inverted} triangle{'s' * (inverted > 1)} of the lattice turned inside out: springs have crossed there, "
-            "and the result is meaningless; lower the speed or the pressure, or take fewer points"
+            f"{inverted} triangle{'s' * (inverted > 1)} of the lattice turned inside"
+            " out: springs have crossed there, and the result is meaningless; lower"
+            " the speed or the pressure, or take fewer points"
         )
     return summary | {"inverted_triangles": inverted}

@@ -1,4 +1,5 @@
-"""A scene ready to be computed: initial state, forces, end, and results of the time series. Each kind is a subclass."""
+"""A scene ready to be computed: initial state, forces, end, and results of the time
+series. Each kind is a subclass."""
 
 from __future__ import annotations
 
@@ -24,50 +25,75 @@ class Scenario(ABC):
     lattice: Lattice  # lattice at t = 0, in scene coordinates
     velocities: Array  # (n, 2) at t = 0 [c]
     model: Model  # all forces
-    point_force: float  # estimate of the largest force of the wall on one point [M c^2/R]
+    # estimate of the largest force of the wall on one point [M c^2/R]
+    point_force: float
     max_time: float  # time limit [R/c]
-    sample_interval: float  # longest time between two rows from which `result` can be found [R/c]
+    # longest time between two rows from which `result` can be found [R/c]
+    sample_interval: float
     view: tuple[float, float, float, float]  # (xmin, xmax, ymin, ymax) of the film [R]
-    spoke: int = -1  # point to which pictures draw a line from the disk's centre, to show a rotation; -1: none
+    # point to which pictures draw a line from the disk's centre, to show a rotation;
+    # -1: none
+    spoke: int = -1
     step_dependent: bool = True  # whether the primary result depends on the time step
     wall_step: float = float("inf")  # longest step that resolves the wall [R/c]
     truncation_remedy: str = ""  # advice on how to make `end_truncation_error` smaller
-    rest: Equilibrium | None = None  # equilibrium under the load by Newton's method; None without a load
-    quiet_time: float = 0.0  # settling time for which rows must stay within `end_bounds` [R/c]; 0: one row suffices
+    # equilibrium under the load by Newton's method; None without a load
+    rest: Equilibrium | None = None
+    # settling time for which rows must stay within `end_bounds` [R/c]; 0: one row
+    # suffices
+    quiet_time: float = 0.0
     own_velocities: bool = False  # whether the user gave the velocities
-    static: ClassVar[bool] = False  # whether `t` is the fraction of a load, whose equilibria end at `rest`
-    is_thrown: ClassVar[bool] = False  # whether the disk flies at a wall, so that it can be aimed
+    # whether `t` is the fraction of a load, whose equilibria end at `rest`
+    static: ClassVar[bool] = False
+    # whether the disk flies at a wall, so that it can be aimed
+    is_thrown: ClassVar[bool] = False
     symbol: ClassVar[str] = ""  # symbol of the primary result
     end_words: ClassVar[str] = ""  # what has happened at the end, for messages
-    momentary_label: ClassVar[tuple[str, str]] = ("velocity upwards", "c")  # name and unit of `momentary_motion`
+    # name and unit of `momentary_motion`
+    momentary_label: ClassVar[tuple[str, str]] = ("velocity upwards", "c")
     time_label: ClassVar[str] = "time  [R/c]"  # axis label of `t`
-    pace: ClassVar[str] = "slow motion: 1 s = {:g} R/c"  # format string of the film's time scale
-    labels: ClassVar[dict[str, tuple[str, str]]]  # name and unit of each number of `result` that is shown
+    # format string of the film's time scale
+    pace: ClassVar[str] = "slow motion: 1 s = {:g} R/c"
+    # name and unit of each number of `result` that is shown
+    labels: ClassVar[dict[str, tuple[str, str]]]
     notes: ClassVar[dict[str, str]] = {}  # how each number of `result` was measured
 
     @property
     def row_interval(self) -> float:
-        """Time between two computed rows [R/c]: at most `sample_interval`, or less if the user asks for it."""
-        # The result and the end of a run must not depend on the number of rows that the user wants.
+        """Time between two computed rows [R/c]: at most `sample_interval`, or less if
+        the user asks for it."""
+        # The result and the end of a run must not depend on the number of rows that the
+        # user wants.
         asked = self.scene.time.sample_interval
-        return self.sample_interval if asked == "auto" else min(asked, self.sample_interval)
+        return (
+            self.sample_interval
+            if asked == "auto"
+            else min(asked, self.sample_interval)
+        )
 
     def quasistatic(self, loads: int, progress: Progress = silent) -> Any:
-        """Return the `Outcome` of `loads` equilibria under growing loads. Only a compression has one."""
+        """Return the `Outcome` of `loads` equilibria under growing loads. Only a
+        compression has one."""
         raise NotImplementedError
 
     def go_on_from(self, positions: Array, velocities: Array) -> None:
-        """Replace the initial state by positions [R] and velocities [c], (n, 2) each."""
-        self.lattice, self.velocities = replace(self.lattice, positions=positions), velocities
+        """Replace the initial state by positions [R] and velocities [c], (n, 2)
+        each."""
+        self.lattice, self.velocities = (
+            replace(self.lattice, positions=positions),
+            velocities,
+        )
 
     # ---- the end
 
     def end_bounds(self) -> dict[str, tuple[float, float]]:
-        """Return (smallest, largest) value of columns at the end of the scene; kernels stop when all are within."""
+        """Return (smallest, largest) value of columns at the end of the scene; kernels
+        stop when all are within."""
         return {}
 
     def ended(self, columns: Columns) -> bool:
-        """Return whether the scene has ended at the last row, which is within `end_bounds`."""
+        """Return whether the scene has ended at the last row, which is within
+        `end_bounds`."""
         return True
 
     def unfinished(self, columns: Columns) -> str:
@@ -77,10 +103,12 @@ class Scenario(ABC):
 
     @abstractmethod
     def result(self, columns: Columns) -> dict[str, float]:
-        """Return the results from the time series of a finished scene, the primary result first."""
+        """Return the results from the time series of a finished scene, the primary
+        result first."""
 
     def result_scales(self, columns: Columns) -> dict[str, float]:
-        """Return, for each result with an error estimate, its approximate error at a relative energy imbalance of 1."""
+        """Return, for each result with an error estimate, its approximate error at a
+        relative energy imbalance of 1."""
         return {self.primary(columns)[0]: 1.0}
 
     def primary(self, columns: Columns) -> tuple[str, float]:
@@ -88,7 +116,8 @@ class Scenario(ABC):
         return next(iter(self.result(columns).items()))
 
     def end_truncation_error(self, columns: Columns) -> float:
-        """Return how much the primary result would change if a finished scene went on, whatever the step."""
+        """Return how much the primary result would change if a finished scene went on,
+        whatever the step."""
         return 0.0
 
     def energy_scale(self, columns: Columns) -> float:
@@ -108,7 +137,8 @@ class Scenario(ABC):
     # ---- pictures
 
     def frame_times(self, columns: Columns, frames: int) -> Array:
-        """Return the times of a film's pictures (frames,) [R/c], which are densest at the important moments."""
+        """Return the times of a film's pictures (frames,) [R/c], which are densest at
+        the important moments."""
         return np.linspace(0.0, columns["t"][-1], frames)
 
     @abstractmethod
@@ -116,7 +146,8 @@ class Scenario(ABC):
         """Return the main curve of the scene (rows,) and the label of its axis."""
 
     def momentary_motion(self, row: Any) -> Any:
-        """Return the quantity that `momentary_label` names. `row`: observables, as numbers or as arrays (rows,)."""
+        """Return the quantity that `momentary_label` names. `row`: observables, as
+        numbers or as arrays (rows,)."""
         return row["com_vy"]
 
     def continuum(self, columns: Columns) -> dict[str, Array]:
@@ -127,11 +158,13 @@ class Scenario(ABC):
         return float(columns["t"][-1])
 
     def marks(self, columns: Columns) -> tuple[str, str]:
-        """Return a text for the end of `motion`, such as "e = 0.96723", and one for the wall's force; "" for none."""
+        """Return a text for the end of `motion`, such as "e = 0.96723", and one for the
+        wall's force; "" for none."""
         return "", ""
 
     def quality(self, columns: Columns) -> tuple[Array, str, str] | None:
-        """Return a curve of the run's accuracy (rows,), its label, and its axis scale, "linear" or "log"."""
+        """Return a curve of the run's accuracy (rows,), its label, and its axis scale,
+        "linear" or "log"."""
         return None
 
     @abstractmethod
@@ -144,6 +177,7 @@ class Scenario(ABC):
 
 
 def distribute(times: list[float], shares: list[float], frames: int) -> Array:
-    """Return `frames` times from times[0] to times[-1], the fraction shares[i] of them in times[i]..times[i+1]."""
+    """Return `frames` times from times[0] to times[-1], the fraction shares[i] of them
+    in times[i]..times[i+1]."""
     marks = np.concatenate([[0.0], np.cumsum(shares)]) / np.sum(shares)
     return np.interp(np.linspace(0.0, 1.0, frames), marks, times)

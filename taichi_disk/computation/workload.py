@@ -9,7 +9,8 @@ from taichi_disk.machine import cores
 if TYPE_CHECKING:
     from taichi_disk.computation.driver import Driver
 
-PROCESS, POINT = 3e8, 2e3  # bytes of a process and of each point; measured with 1,099 to 2,000,000 points
+# bytes of a process and of each point; measured with 1,099 to 2,000,000 points
+PROCESS, POINT = 3e8, 2e3
 LONG_RUN = 60.0, 1e7  # [s], number of steps; a longer run is announced
 FORCE_TIME = 4e-9  # [s] for one spring force on one core
 PART_OF_LIMIT = 0.1  # fraction of the default time limit after which scenes usually end
@@ -23,15 +24,28 @@ def duration(seconds: float) -> str:
     """Format an estimated time, rounded to its accuracy."""
     if seconds < 90.0:
         return f"{max(10, 10 * round(seconds / 10)):g} s"
-    return f"{round(seconds / 60)} min" if seconds < 6000.0 else f"{seconds / 3600:.1f} h"
+    return (
+        f"{round(seconds / 60)} min" if seconds < 6000.0 else f"{seconds / 3600:.1f} h"
+    )
 
 
 def announcement(driver: Driver) -> str | None:
-    scenario, step, points = driver.scenario, driver.step, len(driver.scenario.lattice.positions)
-    steps, springs = PART_OF_LIMIT * scenario.max_time / step.dt, len(scenario.lattice.bonds)
+    scenario, step, points = (
+        driver.scenario,
+        driver.step,
+        len(driver.scenario.lattice.positions),
+    )
+    steps, springs = (
+        PART_OF_LIMIT * scenario.max_time / step.dt,
+        len(scenario.lattice.bonds),
+    )
     parallel = cores() if driver.simulation.subdomains > 1 else 1
     seconds = steps * springs * step.integrator.cost(points) * FORCE_TIME / parallel
     if seconds < LONG_RUN[0] and steps < LONG_RUN[1]:
         return None
-    text = f"this will take about {duration(seconds)} and {memory(points) / 1e9:.1f} GB of memory"
-    return f"{text}: some {steps:.0e} steps of {step.dt:.2g} R/c for {springs:,} springs".replace("e+0", "e")
+    text = (
+        f"this will take about {duration(seconds)} and {memory(points) / 1e9:.1f} GB of"
+        " memory"
+    )
+    work = f"{steps:.0e} steps of {step.dt:.2g} R/c for {springs:,} springs"
+    return f"{text}: some {work}".replace("e+0", "e")

@@ -11,7 +11,8 @@ if TYPE_CHECKING:
 
 
 class ExponentialPotential:
-    """Base class of wall laws and of the walls' sections in scene files. `y`: distance from the wall [R]."""
+    """Base class of wall laws and of the walls' sections in scene files. `y`: distance
+    from the wall [R]."""
 
     a: float  # hardness [1/R]
     V0: float  # potential at distance 0 [M c^2]
@@ -32,7 +33,8 @@ class ExponentialPotential:
         return self.a * self.potential(y)
 
     def height_of(self, energy: float, heights: Array | float = 0.0) -> float:
-        """Return the distance of the lowest point [R] at which all points together have the potential `energy` [M c^2].
+        """Return the distance of the lowest point [R] at which all points together have
+        the potential `energy` [M c^2].
 
         `heights` (k,): heights of the points above the lowest one [R].
         """
@@ -40,9 +42,13 @@ class ExponentialPotential:
         return float((total - np.log(energy)) / self.a)
 
     def height_of_force(self, force: float, heights: Array | float = 0.0) -> float:
-        """Return the distance of the lowest point [R] at which the wall's total force is `force` [M c^2/R]."""
-        return float(np.log(self.a * self.V0 * np.exp(-self.a * heights).sum() / force) / self.a)
+        """Return the distance of the lowest point [R] at which the wall's total force
+        is `force` [M c^2/R]."""
+        return float(
+            np.log(self.a * self.V0 * np.exp(-self.a * heights).sum() / force) / self.a
+        )
 
     def added_stiffness(self, force: float) -> float:
-        """Return the wall's contribution a F to the stiffness of a point under the wall force F [M c^2/R^2]."""
+        """Return the wall's contribution a F to the stiffness of a point under the wall
+        force F [M c^2/R^2]."""
         return self.a * force

@@ -1,7 +1,8 @@
 """Read scenes and overrides into a tree that records where each value was written.
 
-A source is a file, a shipped scene, YAML text or a mapping. Scalars follow the core schema of YAML 1.2: `1e-3` is a
-number, whereas `yes`, `010` and `1:30` have no special meaning. A tree contains only mappings, lists and scalars.
+A source is a file, a shipped scene, YAML text or a mapping. Scalars follow the core
+schema of YAML 1.2: `1e-3` is a number, whereas `yes`, `010` and `1:30` have no special
+meaning. A tree contains only mappings, lists and scalars.
 """
 
 from __future__ import annotations
@@ -24,7 +25,8 @@ _TAG = "tag:yaml.org,2002:"
 
 
 class Mark(NamedTuple):
-    """Location of text: line and column in a file (both from 1), or the number `rank` of a command-line option."""
+    """Location of text: line and column in a file (both from 1), or the number `rank`
+    of a command-line option."""
 
     rank: int = 0
     line: int = 0
@@ -35,8 +37,13 @@ class Mark(NamedTuple):
         return f"{self.label}:{self.line}:{self.column}" if self.line else self.label
 
     def moved(self, line: int, column: int) -> Mark:
-        """Return the mark of a line and column (both from 0). Marks of options and Python values have neither."""
-        return self if self.rank or not self.label else self._replace(line=line + 1, column=column + 1)
+        """Return the mark of a line and column (both from 0). Marks of options and
+        Python values have neither."""
+        return (
+            self
+            if self.rank or not self.label
+            else self._replace(line=line + 1, column=column + 1)
+        )
 
 
 class Fault(NamedTuple):
@@ -58,7 +65,8 @@ class Entry(NamedTuple):
 
 @dataclass
 class Tree:
-    """Values of a scene, an entry for each path, faults, and the folder to which file names are relative."""
+    """Values of a scene, an entry for each path, faults, and the folder to which file
+    names are relative."""
 
     value: Any = None
     entries: dict[Keys, Entry] = field(default_factory=dict)
@@ -69,34 +77,45 @@ class Tree:
         self.faults.append(Fault(mark, ".".join(path), what))
 
     def refuse(self) -> None:
-        # Report only the first fault of each value, because an unreadable value is also invalid.
-        if faults := sorted({fault[:2]: fault for fault in reversed(self.faults)}.values()):
+        # Report only the first fault of each value, because an unreadable value is also
+        # invalid.
+        if faults := sorted(
+            {fault[:2]: fault for fault in reversed(self.faults)}.values()
+        ):
             head = [] if len(faults) == 1 else [f"{len(faults)} faults in the scene:"]
             raise InputError("\n  ".join(head + [str(fault) for fault in faults]))
 
     def entry(self, path: Keys) -> Entry:
-        """Return the entry of `path`, or of its closest ancestor present in the file."""
+        """Return the entry of `path`, or of its closest ancestor present in the
+        file."""
         while path not in self.entries:
             path = path[:-1]
         return self.entries[path]
 
 
-# Meaning of plain scalars. PyYAML itself reads 1e-3 as text, 010 and 1:30 as numbers, and `yes` as true.
+# Meaning of plain scalars. PyYAML itself reads 1e-3 as text, 010 and 1:30 as numbers,
+# and `yes` as true.
 _WORDS = {"": None, "~": None, "null": None, "true": True, "false": False}
 _INTEGER = re.compile("[-+]?[0-9]+|0o[0-7]+|0x[0-9a-f]+")
-_FLOAT = re.compile(r"[-+]?(\.[0-9]+|[0-9]+(\.[0-9]*)?)(e[-+]?[0-9]+)?|[-+]?\.inf|\.nan")
+_FLOAT = re.compile(
+    r"[-+]?(\.[0-9]+|[0-9]+(\.[0-9]*)?)(e[-+]?[0-9]+)?|[-+]?\.inf|\.nan"
+)
 
 
 class _Loader(yaml.BaseLoader):  # a BaseLoader keeps scalars as text
     def compose_node(self, parent: yaml.Node | None, index: int) -> yaml.Node | None:
-        if self.check_event(yaml.AliasEvent):  # twenty lines of aliases can stand for millions of values
+        # twenty lines of aliases can stand for millions of values
+        if self.check_event(yaml.AliasEvent):
             what = "aliases (*) are not supported: write the value out"
-            raise yaml.composer.ComposerError(None, None, what, self.peek_event().start_mark)
+            raise yaml.composer.ComposerError(
+                None, None, what, self.peek_event().start_mark
+            )
         return super().compose_node(parent, index)
 
 
 def parse(text: str, source: Mark, path: Keys = ()) -> Tree:
-    """Parse YAML `text`, whose values belong at `path`. Unreadable values are None and listed in the tree's faults."""
+    """Parse YAML `text`, whose values belong at `path`. Unreadable values are None and
+    listed in the tree's faults."""
     tree, where = Tree(), source
     try:
         if node := _Loader(text).get_single_node():
@@ -112,12 +131,18 @@ def parse(text: str, source: Mark, path: Keys = ()) -> Tree:
         what = f"not readable as YAML: {error.problem or error.context}"
         if "'\\t'" in what:
             what += " (YAML allows no tabs for indentation: use spaces)"
-    except (RecursionError, ValueError, OverflowError):  # the last two: version numbers, escapes, thousands of digits
-        what = "not readable as YAML: nested too deeply, or a number or an escape is out of range"
+    # the last two: version numbers, escapes, thousands of digits
+    except (RecursionError, ValueError, OverflowError):
+        what = (
+            "not readable as YAML: nested too deeply, or a number or an escape is out"
+            " of range"
+        )
     return Tree(faults=[Fault(where, ".".join(path), what)])
 
 
-def _value(node: yaml.Node, path: Keys, key: Mark | None, tree: Tree, source: Mark) -> Any:
+def _value(
+    node: yaml.Node, path: Keys, key: Mark | None, tree: Tree, source: Mark
+) -> Any:
     here = source.moved(node.start_mark.line, node.start_mark.column)
     shown = _as_written(node)
     tree.entries[path] = Entry(key or here, here, shown)
@@ -130,15 +155,26 @@ def _value(node: yaml.Node, path: Keys, key: Mark | None, tree: Tree, source: Ma
                 continue
             name = (*path, item.value)
             if item.value in values:
-                tree.fault(mark, name, f"is given twice, first in line {tree.entries[name].key.line}")
+                tree.fault(
+                    mark,
+                    name,
+                    f"is given twice, first in line {tree.entries[name].key.line}",
+                )
             else:
                 values[item.value] = _value(value, name, mark, tree, source)
         return values
     if isinstance(node, yaml.SequenceNode) and node.tag == _TAG + "seq":
-        return [_value(item, (*path, str(k)), None, tree, source) for k, item in enumerate(node.value)]
+        return [
+            _value(item, (*path, str(k)), None, tree, source)
+            for k, item in enumerate(node.value)
+        ]
     if isinstance(node, yaml.ScalarNode) and node.tag == _TAG + "str":
         return node.value if node.style else _meaning(node.value)
-    tree.fault(here, path, f"{shown} cannot be read as {printable(node.tag.removeprefix(_TAG))}")
+    tree.fault(
+        here,
+        path,
+        f"{shown} cannot be read as {printable(node.tag.removeprefix(_TAG))}",
+    )
     return None
 
 
@@ -148,13 +184,24 @@ def _meaning(text: str) -> Any:
         return _WORDS[word]
     if _INTEGER.fullmatch(word):
         return int(word, {"0o": 8, "0x": 16}.get(word[:2], 10))
-    return float(word.replace(".inf", "inf").replace(".nan", "nan")) if _FLOAT.fullmatch(word) else text
+    return (
+        float(word.replace(".inf", "inf").replace(".nan", "nan"))
+        if _FLOAT.fullmatch(word)
+        else text
+    )
 
 
 def _as_written(node: yaml.Node) -> str:
     if not isinstance(node, yaml.ScalarNode):
-        return f"{'a' if node.value else 'an empty'} {'mapping' if isinstance(node, yaml.MappingNode) else 'list'}"
-    return f'the text "{printable(node.value)}"' if node.style else printable(node.value) or "nothing"
+        return (
+            f"{'a' if node.value else 'an empty'}"
+            f" {'mapping' if isinstance(node, yaml.MappingNode) else 'list'}"
+        )
+    return (
+        f'the text "{printable(node.value)}"'
+        if node.style
+        else printable(node.value) or "nothing"
+    )
 
 
 def tree_of(data: Mapping[str, Any]) -> Tree:
@@ -165,9 +212,15 @@ def tree_of(data: Mapping[str, Any]) -> Tree:
             value = value.tolist()
         if isinstance(value, Mapping):
             items = {printable(str(name)): item for name, item in value.items()}
-            value, shown = {name: plain(item, (*path, name)) for name, item in items.items()}, "a mapping"
+            value, shown = (
+                {name: plain(item, (*path, name)) for name, item in items.items()},
+                "a mapping",
+            )
         elif isinstance(value, (list, tuple)):
-            value, shown = [plain(item, (*path, str(k))) for k, item in enumerate(value)], "a list"
+            value, shown = (
+                [plain(item, (*path, str(k))) for k, item in enumerate(value)],
+                "a list",
+            )
         elif value is None or isinstance(value, (bool, int, float)):
             shown = printable(str(value))
         else:
@@ -178,13 +231,17 @@ def tree_of(data: Mapping[str, Any]) -> Tree:
 
     try:
         tree.value = plain(data, ())
-    except (RecursionError, ValueError):  # raised for a loop, or an integer with thousands of digits
-        raise InputError("a scene must be a mapping of keys to numbers and words, without loops") from None
+    # raised for a loop, or an integer with thousands of digits
+    except (RecursionError, ValueError):
+        raise InputError(
+            "a scene must be a mapping of keys to numbers and words, without loops"
+        ) from None
     return tree
 
 
 def printable(text: str, width: int = 40) -> str:
-    """Escape characters that a terminal cannot show, and cut the text at `width` characters."""
+    """Escape characters that a terminal cannot show, and cut the text at `width`
+    characters."""
     text = text if text.isprintable() else ascii(text)[1:-1]
     return text if len(text) <= width else text[: width - 3] + "..."
 
@@ -192,8 +249,9 @@ def printable(text: str, width: int = 40) -> str:
 def read_tree(source: Source, overrides: Sequence[str]) -> Tree:
     """Read `source` and apply `overrides` of the form "section.key=value".
 
-    A str with a line end or ": " is YAML text. The source may be a pipe, because it is read only once. Raises
-    InputError if the source does not exist or is no mapping; other faults are listed in the tree.
+    A str with a line end or ": " is YAML text. The source may be a pipe, because it is
+    read only once. Raises InputError if the source does not exist or is no mapping;
+    other faults are listed in the tree.
     """
     start = Mark()
     if isinstance(source, Mapping):
@@ -206,9 +264,15 @@ def read_tree(source: Source, overrides: Sequence[str]) -> Tree:
     if not isinstance(tree.value, dict):
         tree.refuse()
         if tree.value is None:
-            raise InputError(f"{start}: holds no keys: a scene needs at least the line `scene: exponential_wall`")
+            raise InputError(
+                f"{start}: holds no keys: a scene needs at least the line `scene:"
+                " exponential_wall`"
+            )
         entry = tree.entries[()]
-        what = f"a scene consists of lines `key: value` (with a space after the colon), not {entry.shown}"
+        what = (
+            "a scene consists of lines `key: value` (with a space after the colon),"
+            f" not {entry.shown}"
+        )
         raise InputError(f"{entry.value}: {what}")
     # A missing key has no line to report.
     tree.entries[()] = Entry(start, start, "a mapping")
@@ -218,29 +282,44 @@ def read_tree(source: Source, overrides: Sequence[str]) -> Tree:
 
 
 def _read(source: str | os.PathLike[str]) -> tuple[str, str, str]:
-    if isinstance(source, str) and ("\n" in source or (": " in source and not os.path.exists(source))):
+    if isinstance(source, str) and (
+        "\n" in source or (": " in source and not os.path.exists(source))
+    ):
         return "scene", "", source
     path = as_path(source, "scene")
-    if not os.path.exists(path) or os.path.isdir(path):  # the folder of a run may have the name of a shipped scene
+    # the folder of a run may have the name of a shipped scene
+    if not os.path.exists(path) or os.path.isdir(path):
         path = shipped_scenes().get(str(path), path)
     label = printable(str(path), width=1000)
     try:
         data = interruptible(path.read_bytes)  # a pipe may wait for its writer
         # A pipe has no folder.
-        return label, str(path.parent) if path.is_file() else "", data.decode("utf-8-sig")
+        return (
+            label,
+            str(path.parent) if path.is_file() else "",
+            data.decode("utf-8-sig"),
+        )
     except UnicodeDecodeError as error:
         line = data.count(b"\n", 0, error.start) + 1
-        raise InputError(f"{label}:{line}: not UTF-8 text (byte {data[error.start]:#x}): save it as UTF-8") from None
+        raise InputError(
+            f"{label}:{line}: not UTF-8 text (byte {data[error.start]:#x}): save it as"
+            " UTF-8"
+        ) from None
     except (FileNotFoundError, NotADirectoryError):
         known = shipped_scenes()
         hint = did_you_mean(path.stem, known) or "."
-        raise InputError(f"{label}: no such file{hint} The shipped scenes are {', '.join(known)}") from None
+        raise InputError(
+            f"{label}: no such file{hint} The shipped scenes are {', '.join(known)}"
+        ) from None
     except (OSError, ValueError) as error:
-        raise InputError(f"{label}: cannot be read: {getattr(error, 'strerror', None) or error}") from None
+        raise InputError(
+            f"{label}: cannot be read: {getattr(error, 'strerror', None) or error}"
+        ) from None
 
 
 def as_path(path: Any, name: str) -> Path:
-    """Return `path` with ~ expanded. Raises InputError with the argument's `name` if it is no path."""
+    """Return `path` with ~ expanded. Raises InputError with the argument's `name` if it
+    is no path."""
     try:
         return Path(path).expanduser()
     except (TypeError, RuntimeError):  # RuntimeError if ~ names no user
@@ -251,13 +330,25 @@ def _override(tree: Tree, override: str, rank: int) -> None:
     mark = Mark(rank, label=f"--set {printable(override, width=1000)}")
     name, equals, text = override.partition("=")
     # The name of a sweep axis may contain dots.
-    path = tuple(part.strip() for part in name.split(".", 1 if name.strip().startswith("sweep.") else -1))
+    path = tuple(
+        part.strip()
+        for part in name.split(".", 1 if name.strip().startswith("sweep.") else -1)
+    )
     if not equals or not all(part and part.isprintable() for part in path):
-        tree.fault(mark, (), "must be KEY=VALUE without spaces around =, for example material.eta_star=30")
+        tree.fault(
+            mark,
+            (),
+            "must be KEY=VALUE without spaces around =, for example"
+            " material.eta_star=30",
+        )
         return
     blocks = tree.value.get("sweep")
     if path[0] == "sweep" and len(path) == 2 and isinstance(blocks, list):
-        parents: dict[Keys, Any] = {("sweep", str(k)): one for k, one in enumerate(blocks) if isinstance(one, dict)}
+        parents: dict[Keys, Any] = {
+            ("sweep", str(k)): one
+            for k, one in enumerate(blocks)
+            if isinstance(one, dict)
+        }
     else:
         parent = tree.value
         for depth, part in enumerate(path[:-1], start=1):
@@ -271,7 +362,8 @@ def _override(tree: Tree, override: str, rank: int) -> None:
         where = (*section, path[-1])
         new, old = parse(text, mark, where), parent.get(path[-1])
         tree.faults += new.faults
-        if len(where) == 1 and isinstance(old, dict) and isinstance(new.value, dict):  # replace some keys of a section
+        # replace some keys of a section
+        if len(where) == 1 and isinstance(old, dict) and isinstance(new.value, dict):
             new.value = old | new.value
         parent[path[-1]] = new.value
         tree.entries |= {where: Entry(mark, mark)} | new.entries
@@ -279,6 +371,11 @@ def _override(tree: Tree, override: str, rank: int) -> None:
 
 def shipped_scenes() -> dict[str, Path]:
     package = Path(__file__).parent.parent
-    # An installed package contains the files; a source checkout has them in its top folder.
+    # An installed package contains the files; a source checkout has them in its top
+    # folder.
     folders = (package / "scene_library", package.parent / "scenes")
-    return {path.stem: path for folder in reversed(folders) for path in sorted(folder.glob("[!.]*.yaml"))}
+    return {
+        path.stem: path
+        for folder in reversed(folders)
+        for path in sorted(folder.glob("[!.]*.yaml"))
+    }

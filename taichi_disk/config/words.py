@@ -19,15 +19,24 @@ _NAMES = {
     "colour": "color",
 }
 ALIASES = {name: key for key, names in _NAMES.items() for name in names.split()}
-UNITS = dict.fromkeys(("radius", "r", "diameter"), "the disk's radius R is the unit of length")
+UNITS = dict.fromkeys(
+    ("radius", "r", "diameter"), "the disk's radius R is the unit of length"
+)
 UNITS |= dict.fromkeys(("mass", "m"), "the disk's mass M is the unit of mass")
 _DEGREES = re.compile(r"([-+]?[0-9]*\.?[0-9]+) *(deg|degrees?|°)")
 _COMMA = re.compile(r"[-+]?[0-9]+,[0-9]+(e[-+]?[0-9]+)?")
 
 
 def number_hint(value: Any, unit: str, key: str) -> str:
-    if isinstance(value, list) and len(value) > 1 and not any(isinstance(one, (list, dict)) for one in value):
-        return f"; several values are a sweep: write them in the section sweep, as sweep: {{{key}: {value}}}"
+    if (
+        isinstance(value, list)
+        and len(value) > 1
+        and not any(isinstance(one, (list, dict)) for one in value)
+    ):
+        return (
+            "; several values are a sweep: write them in the section sweep, as sweep:"
+            f" {{{key}: {value}}}"
+        )
     if not isinstance(value, str):
         return ""
     if unit == "rad" and (degrees := _DEGREES.fullmatch(value.strip().lower())):

@@ -1,8 +1,10 @@
-"""The engine that compiles and runs kernels: Taichi, or its fork Taichi Forge if Taichi is not installed.
+"""The engine that compiles and runs kernels: Taichi, or its fork Taichi Forge if Taichi
+is not installed.
 
-Taichi has no wheels for Python 3.14 and later. The fork has, and it gives bitwise the same results.
-Only this file names the two. The rest of the package writes `from taichi_disk.engine import ti`, which prepares the
-environment and imports the engine at that moment.
+Taichi has no wheels for Python 3.14 and later. The fork has, and it gives bitwise the
+same results.
+Only this file names the two. The rest of the package writes `from taichi_disk.engine
+import ti`, which prepares the environment and imports the engine at that moment.
 """
 
 from __future__ import annotations
@@ -42,7 +44,8 @@ def loaded() -> Any:
 
 
 def program() -> Any:
-    """Return the engine's running program, which owns all fields; None before `ti.init` and after `ti.reset`."""
+    """Return the engine's running program, which owns all fields; None before `ti.init`
+    and after `ti.reset`."""
     return module.lang.impl.get_runtime().prog if (module := loaded()) else None
 
 

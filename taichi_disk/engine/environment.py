@@ -1,4 +1,5 @@
-"""The environment that the engine reads while it is imported: where it keeps compiled kernels, and what it prints."""
+"""The environment that the engine reads while it is imported: where it keeps compiled
+kernels, and what it prints."""
 
 from __future__ import annotations
 
@@ -11,7 +12,8 @@ CACHE = "TI_OFFLINE_CACHE_FILE_PATH"
 DEFAULTS = {
     "ENABLE_TAICHI_HEADER_PRINT": "0",
     "TI_LOG_LEVEL": "error",  # also silences the import
-    "TI_SKIP_VERSION_CHECK": "ON",  # else it sends version, platform and a random identity to its makers once a day
+    # else it sends version, platform and a random identity to its makers once a day
+    "TI_SKIP_VERSION_CHECK": "ON",
 }
 
 
@@ -21,7 +23,8 @@ def cache_folder() -> Path:
 
 
 def is_writable(folder: Path) -> bool:
-    """Whether `folder` can be made and written into. Tried out: permissions are not reliable (root, /proc)."""
+    """Whether `folder` can be made and written into. Tried out: permissions are not
+    reliable (root, /proc)."""
     try:
         folder.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryFile(dir=folder):
@@ -31,14 +34,18 @@ def is_writable(folder: Path) -> bool:
 
 
 def keeps_kernels() -> bool:
-    """Whether compiled kernels can be kept: in a writable folder and, except on Windows, with a writable home."""
-    return ("HOME" in os.environ or sys.platform == "win32") and is_writable(cache_folder())
+    """Whether compiled kernels can be kept: in a writable folder and, except on
+    Windows, with a writable home."""
+    return ("HOME" in os.environ or sys.platform == "win32") and is_writable(
+        cache_folder()
+    )
 
 
 def prepare() -> None:
-    """Give the engine a writable home and cache, without which it aborts or crashes at the end."""
-    # If the user has none (cron, systemd, a container's user), kernels go into a new folder in the temporary directory,
-    # and a note on stderr says so.
+    """Give the engine a writable home and cache, without which it aborts or crashes at
+    the end."""
+    # If the user has none (cron, systemd, a container's user), kernels go into a new
+    # folder in the temporary directory, and a note on stderr says so.
     for name, value in DEFAULTS.items():
         os.environ.setdefault(name, value)
     if sys.platform == "win32":  # Taichi would use C:/taichi_cache for every user
@@ -46,5 +53,9 @@ def prepare() -> None:
     if keeps_kernels():
         return
     folder = tempfile.mkdtemp(prefix="taichi-disk-")
-    print(f"note: no writable home; compiled kernels go into {folder}, which no later run uses", file=sys.stderr)
+    print(
+        f"note: no writable home; compiled kernels go into {folder}, which no later run"
+        " uses",
+        file=sys.stderr,
+    )
     os.environ["HOME"] = folder

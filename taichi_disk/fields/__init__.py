@@ -1,15 +1,18 @@
 """Quantities that pictures show: stress, rates, strains and energies, as NumPy arrays.
 
-The stress is the virial stress of the springs (Irving and Kirkwood 1950; Born and Huang 1954). The force T of a spring
-along r = r_j - r_i is divided equally among its adjacent triangles, so that a triangle of area A has the stress
+The stress is the virial stress of the springs (Irving and Kirkwood 1950; Born and Huang
+1954). The force T of a spring along r = r_j - r_i is divided equally among its adjacent
+triangles, so that a triangle of area A has the stress
 
-    sigma = 1/A * sum over its sides of fraction * T/|r| * r r^T    [M c^2/R^2: force per length in two dimensions]
+    sigma = 1/A * sum over its sides of fraction * T/|r| * r r^T    [M c^2/R^2: force
+    per length in two dimensions]
 
-with the fraction 1/2 for inner springs and 1 for springs on the outline. For a spring that is no side of a triangle,
-half of the force is divided equally among the triangles around each end. A and r belong to the deformed state (Cauchy
-stress). The integral of sigma over the area equals the virial of the springs, sum of T/|r| r r^T = -sum of x_i f_i^T
-for forces f_i on points x_i. Dashpots do not contribute, because their force is not along r and photoelasticity shows
-strain.
+with the fraction 1/2 for inner springs and 1 for springs on the outline. For a spring
+that is no side of a triangle, half of the force is divided equally among the triangles
+around each end. A and r belong to the deformed state (Cauchy stress). The integral of
+sigma over the area equals the virial of the springs, sum of T/|r| r r^T = -sum of x_i
+f_i^T for forces f_i on points x_i. Dashpots do not contribute, because their force is
+not along r and photoelasticity shows strain.
 """
 
 from __future__ import annotations
@@ -28,16 +31,21 @@ if TYPE_CHECKING:
 
 Support = Literal["triangles", "springs", "points"]
 
-MIN_AREA = 0.1  # smallest area over unloaded area; keeps the stress of folded triangles finite in a violent impact
-SMOOTHING, MAX_PASSES = 0.06, 12  # standard deviation of the smoothing of stress [R]; largest number of averages
-STRESS_ROUNDING = 1e-13  # smaller stresses are rounding errors and show no fringes [M c^2/R^2]
+# smallest area over unloaded area; keeps the stress of folded triangles finite in a
+# violent impact
+MIN_AREA = 0.1
+# standard deviation of the smoothing of stress [R]; largest number of averages
+SMOOTHING, MAX_PASSES = 0.06, 12
+# smaller stresses are rounding errors and show no fringes [M c^2/R^2]
+STRESS_ROUNDING = 1e-13
 MAX_MATERIALS = 8  # with more different stiffnesses, no interfaces are drawn
 FRINGES = 5  # number of fringes in a picture if the scene gives no fringe constant
 
 
 @dataclass(frozen=True)
 class Field:
-    """Values (k,) of a quantity, in `unit`, for each triangle, spring or point of a lattice."""
+    """Values (k,) of a quantity, in `unit`, for each triangle, spring or point of a
+    lattice."""
 
     values: Array
     on: Support
@@ -46,7 +54,8 @@ class Field:
 
 @dataclass(frozen=True)
 class Quantity:
-    """A quantity's label, the labels of its low and high values, and whether it has a sign."""
+    """A quantity's label, the labels of its low and high values, and whether it has a
+    sign."""
 
     label: str
     unit: str
@@ -57,23 +66,36 @@ class Quantity:
 
 
 QUANTITIES: dict[str, Quantity] = {
-    "pressure": Quantity("pressure", "Mc²/R²", "triangles", True, "stretched", "compressed"),
+    "pressure": Quantity(
+        "pressure", "Mc²/R²", "triangles", True, "stretched", "compressed"
+    ),
     "shear": Quantity("maximum shear stress", "Mc²/R²", "triangles", False),
     "fringes": Quantity("photoelastic fringes, order", "", "points", False),
-    "rate": Quantity("rate of compression", "c/R", "triangles", True, "expanding", "contracting"),
-    "strain": Quantity("strain of the springs", "", "springs", True, "compressed", "stretched"),
+    "rate": Quantity(
+        "rate of compression", "c/R", "triangles", True, "expanding", "contracting"
+    ),
+    "strain": Quantity(
+        "strain of the springs", "", "springs", True, "compressed", "stretched"
+    ),
     "force": Quantity("force of the springs", "Mc²/R", "springs", True, "push", "pull"),
     "speed": Quantity("speed, centre-of-mass frame", "c", "points", False),
-    "kinetic": Quantity("kinetic energy of a point, centre-of-mass frame", "Mc²", "points", False),
+    "kinetic": Quantity(
+        "kinetic energy of a point, centre-of-mass frame", "Mc²", "points", False
+    ),
 }
 
 
-def field(name: str, lattice: Lattice, springs: Springs, x: Array, v: Array, at: str = "own") -> Field:
-    """Compute the quantity `name` of QUANTITIES for points at `x` (n, 2) [R] with velocities `v` (n, 2) [c].
+def field(
+    name: str, lattice: Lattice, springs: Springs, x: Array, v: Array, at: str = "own"
+) -> Field:
+    """Compute the quantity `name` of QUANTITIES for points at `x` (n, 2) [R] with
+    velocities `v` (n, 2) [c].
 
-    `springs` are the laws of the springs of `lattice`; `at`: "own", or "points" for values as in pictures: `at_points`.
+    `springs` are the laws of the springs of `lattice`; `at`: "own", or "points" for
+    values as in pictures: `at_points`.
 
-    - pressure, shear: from the `stress` of each triangle; pressure is positive under compression.
+    - pressure, shear: from the `stress` of each triangle; pressure is positive under
+        compression.
     - fringes: brightness from 0 to 1 at the points, see `fringes` and `smooth_stress`.
     - rate: -div v of each triangle, positive under compression.
     - strain, force: of each spring, positive if stretched.
@@ -82,11 +104,16 @@ def field(name: str, lattice: Lattice, springs: Springs, x: Array, v: Array, at:
     kind, compute = QUANTITIES[name], own_values if at == "own" else at_points
     values = compute(name, Triangles(lattice), springs, x, v)
     place = kind.on if at == "own" else "points"
-    return Field(fringes(0.5 * values) if name == "fringes" else values, place, kind.unit)
+    return Field(
+        fringes(0.5 * values) if name == "fringes" else values, place, kind.unit
+    )
 
 
-def own_values(name: str, triangles: Triangles, springs: Springs, x: Array, v: Array) -> Array:
-    """Return the quantity `name` on the triangles, springs or points to which it belongs; of fringes twice shear."""
+def own_values(
+    name: str, triangles: Triangles, springs: Springs, x: Array, v: Array
+) -> Array:
+    """Return the quantity `name` on the triangles, springs or points to which it
+    belongs; of fringes twice shear."""
     lattice = triangles.lattice
     if name == "pressure":
         return pressure(stress(triangles, springs, x))
@@ -106,28 +133,38 @@ def own_values(name: str, triangles: Triangles, springs: Springs, x: Array, v: A
     return speed if name == "speed" else 0.5 * lattice.masses * speed**2
 
 
-def at_points(name: str, triangles: Triangles, springs: Springs, x: Array, v: Array) -> Array:
-    """Return the quantity `name` averaged to the points (n,); pictures interpolate between these values.
+def at_points(
+    name: str, triangles: Triangles, springs: Springs, x: Array, v: Array
+) -> Array:
+    """Return the quantity `name` averaged to the points (n,); pictures interpolate
+    between these values.
 
-    Triangles around a point are weighted with their areas, springs at a point equally. Shear is computed from
-    the averaged stress. For "fringes" the result is twice the shear, the argument of `fringes`.
+    Triangles around a point are weighted with their areas, springs at a point equally.
+    Shear is computed from
+    the averaged stress. For "fringes" the result is twice the shear, the argument of
+    `fringes`.
     """
     if name in ("pressure", "shear"):
-        return (pressure if name == "pressure" else shear)(point_stress(triangles, springs, x))
+        return (pressure if name == "pressure" else shear)(
+            point_stress(triangles, springs, x)
+        )
     if name == "rate":
         return -triangles.around(triangles.area_rates(x, v)) / triangles.areas_around(x)
     values = own_values(name, triangles, springs, x, v)
     if QUANTITIES[name].on == "springs":
         ends, n = triangles.lattice.bonds.ravel(), len(x)
-        return np.bincount(ends, np.repeat(values, 2), n) / np.maximum(np.bincount(ends, minlength=n), 1)
+        return np.bincount(ends, np.repeat(values, 2), n) / np.maximum(
+            np.bincount(ends, minlength=n), 1
+        )
     return values
 
 
 def fringes(largest_shear: Array, fringe: float = 0.0) -> Array:
-    """Return the brightness sin^2(pi * 2 shear/fringe) in a dark-field circular polariscope.
+    """Return the brightness sin^2(pi * 2 shear/fringe) in a dark-field circular
+    polariscope.
 
-    `largest_shear` [M c^2/R^2]: maximum shear stress; `fringe` [M c^2/R^2]: stress difference per fringe, by default
-    such that there are FRINGES in all.
+    `largest_shear` [M c^2/R^2]: maximum shear stress; `fringe` [M c^2/R^2]: stress
+    difference per fringe, by default such that there are FRINGES in all.
     """
     maximum = float(largest_shear.max(initial=0.0))
     fringe = fringe or (2.0 * maximum / FRINGES if maximum > STRESS_ROUNDING else 1.0)
@@ -142,36 +179,46 @@ class Triangles:
 
     Attributes:
         triangles: (t, 3) int32 points, counter-clockwise in the unloaded lattice.
-        fraction: (m,) of each spring's force carried by one adjacent triangle: 1/2 between two triangles, 1 on an
-            outline, 0 without a triangle.
+        fraction: (m,) of each spring's force carried by one adjacent triangle: 1/2
+            between two triangles, 1 on an outline, 0 without a triangle.
         outline: (k, 2) int32 sides of only one triangle, which lies on their left.
         crossing: (k, 2) int32 springs that are no side of a triangle.
-        interfaces: (k, 2) int32 sides between materials of different stiffness; empty beyond MAX_MATERIALS.
-        carried, gathered: sparse matrices (t, m) and (n, m) that sum what springs carry over a triangle, and over the
-            triangles around a point.
+        interfaces: (k, 2) int32 sides between materials of different stiffness; empty
+            beyond MAX_MATERIALS.
+        carried, gathered: sparse matrices (t, m) and (n, m) that sum what springs carry
+            over a triangle, and over the triangles around a point.
     """
 
     def __init__(self, lattice: Lattice) -> None:
         self.lattice = lattice
-        self.triangles = np.ascontiguousarray(lattice.triangles, dtype=np.int32).reshape(-1, 3)
+        self.triangles = np.ascontiguousarray(
+            lattice.triangles, dtype=np.int32
+        ).reshape(-1, 3)
         self._corners = np.ascontiguousarray(self.triangles.T, dtype=np.intp)
         n, m, t = len(lattice.positions), len(lattice.bonds), len(self.triangles)
-        ends = np.stack([self.triangles, np.roll(self.triangles, -1, axis=1)], axis=-1).reshape(-1, 2)
-        sides = np.searchsorted(pair_keys(lattice.bonds, n), pair_keys(ends, n))  # possible because bonds are sorted
+        ends = np.stack(
+            [self.triangles, np.roll(self.triangles, -1, axis=1)], axis=-1
+        ).reshape(-1, 2)
+        # possible because bonds are sorted
+        sides = np.searchsorted(pair_keys(lattice.bonds, n), pair_keys(ends, n))
         count = np.bincount(sides, minlength=m)
         self.fraction = np.where(count > 0, 1.0 / np.maximum(count, 1), 0.0)
         self.outline, self.crossing = ends[count[sides] == 1], lattice.bonds[count == 0]
         self.interfaces = self.crossing[:0]
         if lattice.stiffness is not None:
-            stiffness = np.median(lattice.stiffness[sides].reshape(-1, 3), axis=1)  # stiffness of each triangle
+            # stiffness of each triangle
+            stiffness = np.median(lattice.stiffness[sides].reshape(-1, 3), axis=1)
             minimum, maximum = np.full(m, np.inf), np.zeros(m)
             np.minimum.at(minimum, sides, np.repeat(stiffness, 3))
             np.maximum.at(maximum, sides, np.repeat(stiffness, 3))
             if len(np.unique(stiffness)) <= MAX_MATERIALS:
                 self.interfaces = lattice.bonds[maximum > minimum]
-        self._min_area = 0.5 * MIN_AREA * np.abs(double_area(lattice.positions[self.triangles]))
-        # Four matrices for sums: `carried` over the springs of a triangle, `_around` over the triangles around a point,
-        # `gathered` over the springs of all these triangles, `_neighbours` over a point and its neighbours.
+        self._min_area = (
+            0.5 * MIN_AREA * np.abs(double_area(lattice.positions[self.triangles]))
+        )
+        # Four matrices for sums: `carried` over the springs of a triangle, `_around`
+        # over the triangles around a point, `gathered` over the springs of all these
+        # triangles, `_neighbours` over a point and its neighbours.
         owner, ones = np.repeat(np.arange(t), 3), np.ones(3 * t)
         self.carried = csr_array((self.fraction[sides], (owner, sides)), (t, m))
         self._around = csr_array((ones, (self.triangles.ravel(), owner)), (n, t))
@@ -187,21 +234,29 @@ class Triangles:
 
     def _edges(self, x: Array) -> tuple[Array, Array]:
         # Gathering columns is several times faster than gathering pairs.
-        a, b, c = ([y.take(corner) for y in np.ascontiguousarray(x.T)] for corner in self._corners)
+        a, b, c = (
+            [y.take(corner) for y in np.ascontiguousarray(x.T)]
+            for corner in self._corners
+        )
         return np.subtract(b, a), np.subtract(c, a)
 
     def areas(self, x: Array) -> Array:
-        """Return the areas (t,) [R^2] of the triangles if the points are at `x` (n, 2) [R].
+        """Return the areas (t,) [R^2] of the triangles if the points are at `x` (n, 2)
+        [R].
 
-        An area below MIN_AREA times the unloaded area, or a negative one, is replaced by this bound.
+        An area below MIN_AREA times the unloaded area, or a negative one, is replaced
+        by this bound.
         """
         u, w = self._edges(x)
         return np.asarray(np.maximum(0.5 * (u[0] * w[1] - u[1] * w[0]), self._min_area))
 
     def area_rates(self, x: Array, v: Array) -> Array:
-        """Return the rates of change (t,) of the areas [R c] at velocities `v` (n, 2) [c]: div v times the area."""
+        """Return the rates of change (t,) of the areas [R c] at velocities `v` (n, 2)
+        [c]: div v times the area."""
         (u, w), (du, dw) = self._edges(x), self._edges(v)
-        return np.asarray(0.5 * (du[0] * w[1] - du[1] * w[0] + u[0] * dw[1] - u[1] * dw[0]))
+        return np.asarray(
+            0.5 * (du[0] * w[1] - du[1] * w[0] + u[0] * dw[1] - u[1] * dw[0])
+        )
 
     def virials(self, springs: Springs, x: Array) -> Array:
         """Return T/|r| r r^T of each spring: xx, yy and xy (m, 3) [M c^2]."""
@@ -211,15 +266,18 @@ class Triangles:
         return np.stack([pull * rx * rx, pull * ry * ry, pull * rx * ry], axis=1)
 
     def around(self, integrals: Array) -> Array:
-        """Return the sums (n,) of `integrals` (t,) over the triangles around each point."""
+        """Return the sums (n,) of `integrals` (t,) over the triangles around each
+        point."""
         return np.asarray(self._around @ integrals)
 
     def areas_around(self, x: Array) -> Array:
-        """Return the sums (n,) of the areas of the triangles around each point [R^2], above 0."""
+        """Return the sums (n,) of the areas of the triangles around each point [R^2],
+        above 0."""
         return np.maximum(self.around(self.areas(x)), 1e-300)
 
     def smoothed(self, values: Array, passes: int) -> Array:
-        """Replace point values (n, k) by the mean of the point and its neighbours, `passes` times."""
+        """Replace point values (n, k) by the mean of the point and its neighbours,
+        `passes` times."""
         weight = 1.0 / self._neighbours.sum(axis=1)[:, None]
         for _ in range(passes):
             values = weight * (self._neighbours @ values)
@@ -227,29 +285,41 @@ class Triangles:
 
 
 def stress(triangles: Triangles, springs: Springs, x: Array) -> Array:
-    """Return the stress of each triangle: xx, yy and xy (t, 3) [M c^2/R^2], positive under tension; `x` (n, 2) [R]."""
-    return np.asarray(triangles.carried @ triangles.virials(springs, x)) / triangles.areas(x)[:, None]
+    """Return the stress of each triangle: xx, yy and xy (t, 3) [M c^2/R^2], positive
+    under tension; `x` (n, 2) [R]."""
+    return (
+        np.asarray(triangles.carried @ triangles.virials(springs, x))
+        / triangles.areas(x)[:, None]
+    )
 
 
 def point_stress(triangles: Triangles, springs: Springs, x: Array) -> Array:
-    """Return the stress at the points (n, 3): the area-weighted mean over the triangles around each."""
-    return np.asarray(triangles.gathered @ triangles.virials(springs, x)) / triangles.areas_around(x)[:, None]
+    """Return the stress at the points (n, 3): the area-weighted mean over the triangles
+    around each."""
+    return (
+        np.asarray(triangles.gathered @ triangles.virials(springs, x))
+        / triangles.areas_around(x)[:, None]
+    )
 
 
 def smooth_stress(triangles: Triangles, springs: Springs, x: Array) -> Array:
-    """Return `point_stress` (n, 3) smoothed with the standard deviation SMOOTHING, for fringes."""
-    # Without smoothing, the scatter between points of a random lattice exceeds one fringe. Each average over six
-    # neighbours adds 3/7 of the squared spacing to the variance along x and y.
+    """Return `point_stress` (n, 3) smoothed with the standard deviation SMOOTHING, for
+    fringes."""
+    # Without smoothing, the scatter between points of a random lattice exceeds one
+    # fringe. Each average over six neighbours adds 3/7 of the squared spacing to the
+    # variance along x and y.
     spacing = float(np.median(triangles.lattice.rest_lengths))
     passes = int(np.clip(round(SMOOTHING**2 / (3.0 / 7.0 * spacing**2)), 1, MAX_PASSES))
     return triangles.smoothed(point_stress(triangles, springs, x), passes)
 
 
 def pressure(sigma: Array) -> Array:
-    """Return minus half the trace of stresses (..., 3) [M c^2/R^2], which is positive under compression."""
+    """Return minus half the trace of stresses (..., 3) [M c^2/R^2], which is positive
+    under compression."""
     return np.asarray(-0.5 * (sigma[..., 0] + sigma[..., 1]))
 
 
 def shear(sigma: Array) -> Array:
-    """Return the maximum shear stress, half the difference of the principal stresses, of (..., 3) [M c^2/R^2]."""
+    """Return the maximum shear stress, half the difference of the principal stresses,
+    of (..., 3) [M c^2/R^2]."""
     return np.hypot(0.5 * (sigma[..., 0] - sigma[..., 1]), sigma[..., 2])

@@ -1,12 +1,14 @@
-"""Laws of the continuum and of the paper, and their fits to the results of many lattices.
+"""Laws of the continuum and of the paper, and their fits to the results of many
+lattices.
 
-Units: disk mass M = radius R = reference speed c = 1, so the density is rho = 1/pi. E and nu are the two-dimensional
-(plane stress) moduli of the lattice. Equation numbers are those of Kuninaka and Hayakawa's paper, whose E_* = E/(1 -
-nu^2) holds for plane strain; for plane stress pass E as `e_star`.
+Units: disk mass M = radius R = reference speed c = 1, so the density is rho = 1/pi. E
+and nu are the two-dimensional (plane stress) moduli of the lattice. Equation numbers
+are those of Kuninaka and Hayakawa's paper, whose E_* = E/(1 - nu^2) holds for plane
+strain; for plane stress pass E as `e_star`.
 
-The results of one lattice at several speeds or pressures are not independent, and the scatter of lattices is larger
-than the error of a result. The confidence intervals of a fit are therefore found by resampling whole lattices
-(bootstrap; Efron 1979).
+The results of one lattice at several speeds or pressures are not independent, and the
+scatter of lattices is larger than the error of a result. The confidence intervals of a
+fit are therefore found by resampling whole lattices (bootstrap; Efron 1979).
 """
 
 from __future__ import annotations
@@ -22,15 +24,18 @@ from numpy.typing import ArrayLike
 from taichi_disk.lattice import Array
 from taichi_disk.scenes.compression import paper_compression
 
-Prediction = Callable[[Array], Array]  # maps parameters (k, p) of k data sets to values (k, points)
+# maps parameters (k, p) of k data sets to values (k, points)
+Prediction = Callable[[Array], Array]
 RESAMPLES = 1000
 LEVEL = 0.95
 MAX_TAU0 = 2.0  # largest tau0 at e_star = 1 [R/c]
-IMPACT_TOLERANCE = 1e-9  # relative tolerance of the integration of eq. (4); the error of e is 2e-10
+# relative tolerance of the integration of eq. (4); the error of e is 2e-10
+IMPACT_TOLERANCE = 1e-9
 
 
 def paper_restitution(velocity: ArrayLike, d1: float, d2: float) -> Array:
-    """Return e = d1 sqrt(1 - d2/sqrt(ln(4 c/v))), eq. (5), or 0 if the root is not real; `velocity` [c]."""
+    """Return e = d1 sqrt(1 - d2/sqrt(ln(4 c/v))), eq. (5), or 0 if the root is not
+    real; `velocity` [c]."""
     inner = 1.0 - d2 / np.sqrt(np.log(4.0 / np.asarray(velocity, float)))
     return np.asarray(d1 * np.sqrt(np.maximum(inner, 0.0)))
 
@@ -43,7 +48,8 @@ class Fit:
     """Result of a least-squares fit."""
 
     values: dict[str, float]  # parameters by name
-    intervals: dict[str, tuple[float, float]]  # 95 % confidence intervals over lattices; empty for a single lattice
+    # 95 % confidence intervals over lattices; empty for a single lattice
+    intervals: dict[str, tuple[float, float]]
     residuals: Array  # (points,) mean over lattices minus the fit
 
     @property
@@ -54,49 +60,66 @@ class Fit:
 def fit_b(pressure: Array, xi: Array, young: float, poisson: float) -> Fit:
     """Fit b of eq. (2) to `xi` (lattices, pressures) [R] by relative least squares.
 
-    `young`: E [M c^2/R^2]. The `values` of the fit also contain the smallest, median and largest b of fits to single
-    lattices.
+    `young`: E [M c^2/R^2]. The `values` of the fit also contain the smallest, median
+    and largest b of fits to single lattices.
     """
 
     def solve(weights: Array) -> Array:
         data = weights @ xi
 
         def relative(b: Array) -> Array:
-            return paper_compression(pressure, young, poisson, np.maximum(b, 1e-6)) / data
+            return (
+                paper_compression(pressure, young, poisson, np.maximum(b, 1e-6)) / data
+            )
 
-        return np.maximum(least_squares(relative, np.ones_like(data), np.ones((len(data), 1))), 0.0)
+        return np.maximum(
+            least_squares(relative, np.ones_like(data), np.ones((len(data), 1))), 0.0
+        )
 
     best, intervals = _over_lattices(("b",), solve, len(xi))
     each = solve(np.eye(len(xi)))[:, 0]
     residuals = xi.mean(0) - paper_compression(pressure, young, poisson, best["b"])
-    extremes = {"b_min": float(each.min()), "b_median": float(np.median(each)), "b_max": float(each.max())}
+    extremes = {
+        "b_min": float(each.min()),
+        "b_median": float(np.median(each)),
+        "b_max": float(each.max()),
+    }
     return Fit(best | extremes, intervals, residuals)
 
 
 def fit_restitution(velocity: Array, e: Array, d1_is_1: bool = False) -> Fit:
-    """Fit d1 and d2 of eq. (5) to e (lattices, velocities); `velocity` [c], where c is the paper's."""
+    """Fit d1 and d2 of eq. (5) to e (lattices, velocities); `velocity` [c], where c is
+    the paper's."""
     s = 1.0 / np.sqrt(np.log(4.0 / velocity))
 
     def solve(weights: Array) -> Array:
         data = weights @ e
-        # A linear fit of e^2 = A - B s, which is eq. (5), gives the start of the fit to e.
+        # A linear fit of e^2 = A - B s, which is eq. (5), gives the start of the fit to
+        # e.
         if d1_is_1:
             start = ((1.0 - data**2) @ s / (s @ s))[:, None]
-            d2 = least_squares(lambda p: np.sqrt(np.maximum(1.0 - p * s, 0.0)), data, start)
+            d2 = least_squares(
+                lambda p: np.sqrt(np.maximum(1.0 - p * s, 0.0)), data, start
+            )
             return np.concatenate([np.ones_like(d2), d2], axis=1)
         slope, level = np.polyfit(s, (data**2).T, 1)
         start = np.stack([level, -slope], axis=1)
-        A, B = least_squares(lambda p: np.sqrt(np.maximum(p[:, :1] - p[:, 1:] * s, 0.0)), data, start).T
+        A, B = least_squares(
+            lambda p: np.sqrt(np.maximum(p[:, :1] - p[:, 1:] * s, 0.0)), data, start
+        ).T
         return np.stack([np.sqrt(np.where(A > 0.0, A, np.nan)), B / A], axis=1)
 
     best, intervals = _over_lattices(("d1", "d2"), solve, len(e))
     if d1_is_1:
         intervals.pop("d1", None)
-    return Fit(best, intervals, e.mean(0) - paper_restitution(velocity, best["d1"], best["d2"]))
+    return Fit(
+        best, intervals, e.mean(0) - paper_restitution(velocity, best["d1"], best["d2"])
+    )
 
 
 def fit_tau0(velocity: Array, e: Array, e_star: float) -> Fit:
-    """Fit tau0 [R/c] of eq. (4) to e (lattices, velocities); `velocity` [c], `e_star` [M c^2/R^2]."""
+    """Fit tau0 [R/c] of eq. (4) to e (lattices, velocities); `velocity` [c], `e_star`
+    [M c^2/R^2]."""
     predict, unit = quasistatic_curves(tuple(velocity.tolist()), e_star), e_star**-0.5
     grid = np.geomspace(1e-3, MAX_TAU0, 48, dtype=np.float64)
 
@@ -113,30 +136,46 @@ def fit_tau0(velocity: Array, e: Array, e_star: float) -> Fit:
 @lru_cache(maxsize=4)  # shared by all curves of a figure
 def quasistatic_curves(velocity: tuple[float, ...], e_star: float) -> Prediction:
     """Return a function that maps tau0 (k,) [R/c] to e (k, velocities) of eq. (4)."""
-    # It is a polynomial in ln(1 + 5 tau0) through 11 Chebyshev points, accurate to 5e-7. Speeds and times are scaled by
-    # sqrt(e_star) and its inverse, so that it is computed at e_star = 1.
-    top, nodes, unit = np.log1p(5.0 * MAX_TAU0), -np.cos(np.linspace(0.0, np.pi, 11)), e_star**-0.5
-    table = _restitutions(unit * np.array(velocity), np.expm1(0.5 * top * (1.0 + nodes))[:, None] / 5.0)
+    # It is a polynomial in ln(1 + 5 tau0) through 11 Chebyshev points, accurate to
+    # 5e-7. Speeds and times are scaled by sqrt(e_star) and its inverse, so that it is
+    # computed at e_star = 1.
+    top, nodes, unit = (
+        np.log1p(5.0 * MAX_TAU0),
+        -np.cos(np.linspace(0.0, np.pi, 11)),
+        e_star**-0.5,
+    )
+    table = _restitutions(
+        unit * np.array(velocity), np.expm1(0.5 * top * (1.0 + nodes))[:, None] / 5.0
+    )
     series = chebfit(nodes, table, 10)
-    return lambda tau0: chebval(2.0 * np.log1p(5.0 * np.clip(tau0 / unit, 0.0, MAX_TAU0)) / top - 1.0, series).T
+    return lambda tau0: (
+        chebval(
+            2.0 * np.log1p(5.0 * np.clip(tau0 / unit, 0.0, MAX_TAU0)) / top - 1.0,
+            series,
+        ).T
+    )
 
 
 def _restitutions(velocity: Array, tau0: Array) -> Array:
-    """Return e of eq. (4), (k, velocities), at e_star = 1 for speeds (velocities,) [c] and tau0 (k, 1) [R/c].
+    """Return e of eq. (4), (k, velocities), at e_star = 1 for speeds (velocities,) [c]
+    and tau0 (k, 1) [R/c].
 
-    Eq. (4) is xi'' = -pi E_* (xi + tau0 xi')/ln(4/xi), from xi = 0, xi' = v. The disk separates when the force
-    vanishes, xi + tau0 xi' = 0, because a contact cannot pull. Integration to xi = 0 would change e by O(tau0^2). The
-    paper takes e at the fixed time pi (R/c) sqrt(ln(4 c/v)) instead.
+    Eq. (4) is xi'' = -pi E_* (xi + tau0 xi')/ln(4/xi), from xi = 0, xi' = v. The disk
+    separates when the force vanishes, xi + tau0 xi' = 0, because a contact cannot pull.
+    Integration to xi = 0 would change e by O(tau0^2). The paper takes e at the fixed
+    time pi (R/c) sqrt(ln(4 c/v)) instead.
     """
-    # With xi' = v r cos(phi) and xi + tau0 xi' = v r sin(phi), r is integrated over phi, from r = sqrt(1 + tau0^2) at
-    # atan(tau0) to r = e at pi. Steps are short at both ends, where ln xi is steep.
+    # With xi' = v r cos(phi) and xi + tau0 xi' = v r sin(phi), r is integrated over
+    # phi, from r = sqrt(1 + tau0^2) at atan(tau0) to r = e at pi. Steps are short at
+    # both ends, where ln xi is steep.
     from scipy.integrate import solve_ivp
 
     steep, first = np.log(4.0 / velocity), np.arctan(tau0)
     start = 0.5 * np.log1p(tau0**2) + 0.0 * steep
 
     def slope(t: float, y: Array) -> Array:
-        """Return d(log r)/dt, where phi = first + (pi - first) (10 t^3 - 15 t^4 + 6 t^5)."""
+        """Return d(log r)/dt, where phi = first + (pi - first) (10 t^3 - 15 t^4 + 6
+        t^5)."""
         phi = first + (np.pi - first) * t**3 * (10.0 - 15.0 * t + 6.0 * t**2)
         s, c = np.sin(phi), np.cos(phi)
         depth = np.maximum(s - tau0 * c, 1e-300)
@@ -150,33 +189,43 @@ def _restitutions(velocity: Array, tau0: Array) -> Array:
 
 
 def fit_curvature(x: Array, y: Array) -> Fit:
-    """Fit parabolas to the lower and the upper half of y (lattices, points) over x; return their second derivatives."""
+    """Fit parabolas to the lower and the upper half of y (lattices, points) over x;
+    return their second derivatives."""
     # Negative values are concave, the paper's "convex upwards".
     halves = slice(0, len(x) // 2), slice(len(x) // 2, None)
     powers = [np.vander(x[half] / x.max(), 3) for half in halves]
     inverse = [np.linalg.pinv(matrix) for matrix in powers]
 
     def solve(weights: Array) -> Array:
-        leading = [(weights @ y[:, half]) @ fit[0] for half, fit in zip(halves, inverse, strict=True)]
+        leading = [
+            (weights @ y[:, half]) @ fit[0]
+            for half, fit in zip(halves, inverse, strict=True)
+        ]
         return np.stack(leading, axis=1) * 2.0 / x.max() ** 2
 
     best, intervals = _over_lattices(("slow_half", "fast_half"), solve, len(y))
     means = [y.mean(0)[half] for half in halves]
-    residuals = [mean - p @ (fit @ mean) for mean, p, fit in zip(means, powers, inverse, strict=True)]
+    residuals = [
+        mean - p @ (fit @ mean)
+        for mean, p, fit in zip(means, powers, inverse, strict=True)
+    ]
     return Fit(best, intervals, np.concatenate(residuals))
 
 
 def least_squares(model: Prediction, data: Array, start: Array) -> Array:
-    """Fit parameters (k, p) to k data sets (k, points) by the Gauss-Newton method, from `start` (k, p)."""
+    """Fit parameters (k, p) to k data sets (k, points) by the Gauss-Newton method, from
+    `start` (k, p)."""
     x: Array = np.array(start, float)
     for _ in range(12):
         steps = 1e-6 * np.maximum(np.abs(x), 1e-3)
         columns = [
-            (model(x + steps * unit) - model(x - steps * unit)) / (2.0 * steps[:, j, None])
+            (model(x + steps * unit) - model(x - steps * unit))
+            / (2.0 * steps[:, j, None])
             for j, unit in enumerate(np.eye(x.shape[1]))
         ]
         J = np.stack(columns, axis=1)
-        square = np.linalg.pinv(J @ J.swapaxes(1, 2), hermitian=True)  # ten times faster than pinv(J)
+        # ten times faster than pinv(J)
+        square = np.linalg.pinv(J @ J.swapaxes(1, 2), hermitian=True)
         x += (square @ (J @ (data - model(x))[:, :, None]))[:, :, 0]
     return x
 
@@ -184,14 +233,22 @@ def least_squares(model: Prediction, data: Array, start: Array) -> Array:
 def _over_lattices(
     names: tuple[str, ...], solve: Callable[[Array], Array], lattices: int
 ) -> tuple[dict[str, float], dict[str, tuple[float, float]]]:
-    """Return parameters fitted to the mean over lattices, and their bootstrap intervals, from reproducible resamples.
+    """Return parameters fitted to the mean over lattices, and their bootstrap
+    intervals, from reproducible resamples.
 
-    `solve` maps weights (k, lattices) of k means over lattices to parameters (k, names).
+    `solve` maps weights (k, lattices) of k means over lattices to parameters (k,
+    names).
     """
     best = solve(np.full((1, lattices), 1.0 / lattices))[0]
     values = {name: float(best[j]) for j, name in enumerate(names)}
     if lattices < 2:
         return values, {}
-    counts = np.random.default_rng(0).multinomial(lattices, np.full(lattices, 1.0 / lattices), RESAMPLES)
-    edges = np.nanquantile(solve(counts / lattices), [0.5 - LEVEL / 2, 0.5 + LEVEL / 2], axis=0)
-    return values, {name: (float(edges[0, j]), float(edges[1, j])) for j, name in enumerate(names)}
+    counts = np.random.default_rng(0).multinomial(
+        lattices, np.full(lattices, 1.0 / lattices), RESAMPLES
+    )
+    edges = np.nanquantile(
+        solve(counts / lattices), [0.5 - LEVEL / 2, 0.5 + LEVEL / 2], axis=0
+    )
+    return values, {
+        name: (float(edges[0, j]), float(edges[1, j])) for j, name in enumerate(names)
+    }

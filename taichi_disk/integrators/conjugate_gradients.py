@@ -1,8 +1,11 @@
-"""Solve for the trapezoidal dashpots of a large lattice by conjugate gradients instead of a factor.
+"""Solve for the trapezoidal dashpots of a large lattice by conjugate gradients instead
+of a factor.
 
-In a larger lattice, a Cholesky factor has more entries per point. The matrix (see `trapezoidal`) has a small condition
-number: 3 at 5,000 points of the same body, 10 at 100,000. With the diagonal as preconditioner and the velocity
-extrapolated from the last five steps as first guess, three or four iterations suffice.
+In a larger lattice, a Cholesky factor has more entries per point. The matrix (see
+`trapezoidal`) has a small condition
+number: 3 at 5,000 points of the same body, 10 at 100,000. With the diagonal as
+preconditioner and the velocity extrapolated from the last five steps as first guess,
+three or four iterations suffice.
 """
 
 from dataclasses import dataclass
@@ -15,20 +18,34 @@ from taichi_disk.engine import ti
 from taichi_disk.integrators.trapezoidal import DashpotSolver, boundary_dashpots
 from taichi_disk.lattice import Array, Lattice
 from taichi_disk.physics import Model
-from taichi_disk.physics.law import Capacity, Contents, array, get, pair_of, put, side_by_side
+from taichi_disk.physics.law import (
+    Capacity,
+    Contents,
+    array,
+    get,
+    pair_of,
+    put,
+    side_by_side,
+)
 from taichi_disk.physics.ordering import BLOCK
 from taichi_disk.physics.springs import Springs
 
-TOLERANCE = 3e-11  # residual over right-hand side, both preconditioned; keeps the error of e below 1e-8
-# Steps of an extrapolation: 3.9 products with the matrix per step at 20,000 points (5.0 from four steps, 4.3 from six).
+# residual over right-hand side, both preconditioned; keeps the error of e below 1e-8
+TOLERANCE = 3e-11
+# Steps of an extrapolation: 3.9 products with the matrix per step at 20,000 points (5.0
+# from four steps, 4.3 from six).
 STEPS = 5
-EXTRAPOLATIONS = [[-((-1.0) ** k) * comb(known, k) for k in range(1, known + 1)] for known in range(1, STEPS + 1)]
+EXTRAPOLATIONS = [
+    [-((-1.0) ** k) * comb(known, k) for k in range(1, known + 1)]
+    for known in range(1, STEPS + 1)
+]
 MAX_ITERATIONS = 200  # far more than any step needs
 
 
 @dataclass(frozen=True)
 class Diagonal:
-    """Diagonals (n, c) for implicit dashpots: without the springs [M], and the inverse of the full diagonal [1/M].
+    """Diagonals (n, c) for implicit dashpots: without the springs [M], and the inverse
+    of the full diagonal [1/M].
 
     Both are 0 for pinned points. c = 2 if x and y have different matrices, else 1.
     """
@@ -50,16 +67,28 @@ def diagonal(lattice: Lattice, model: Model, dt: float) -> Diagonal:
 
 @ti.data_oriented
 class IterativeSolver(DashpotSolver):
-    """Solves for the velocities at a step without a factor. `previous`: earlier velocities, newest first."""
+    """Solves for the velocities at a step without a factor. `previous`: earlier
+    velocities, newest first."""
 
-    def __init__(self, builder: Any, capacity: Capacity, components: int, fillers: int, springs: Springs) -> None:
+    def __init__(
+        self,
+        builder: Any,
+        capacity: Capacity,
+        components: int,
+        fillers: int,
+        springs: Springs,
+    ) -> None:
         self.components, self.springs, self.fillers = components, springs, fillers
         self.z, self.residual, self.direction, self.product = (
             pair_of(builder, capacity.points + fillers) for _ in range(4)
         )
         self.order, self.free = array(builder, capacity.points), array(builder, 1)
-        self.inertia, self.inverse = (side_by_side(builder, capacity.points, components) for _ in range(2))
-        self.previous = [pair_of(builder, capacity.points + fillers) for _ in range(STEPS - 1)]
+        self.inertia, self.inverse = (
+            side_by_side(builder, capacity.points, components) for _ in range(2)
+        )
+        self.previous = [
+            pair_of(builder, capacity.points + fillers) for _ in range(STEPS - 1)
+        ]
 
     def contents(self, factor: Any) -> Contents:
         n = len(factor.inertia)
@@ -73,8 +102,12 @@ class IterativeSolver(DashpotSolver):
         n, half, goal = self.free[0], state.closing[None], 0.0
         for i in range(n):
             right = state.mass[i] * get(state.v, i) + half * get(state.f, i)
-            scaled = ti.Vector([self.inverse[0][i] * right[0], self.inverse[y][i] * right[1]])
-            goal += TOLERANCE * TOLERANCE * (right[0] * scaled[0] + right[1] * scaled[1])
+            scaled = ti.Vector(
+                [self.inverse[0][i] * right[0], self.inverse[y][i] * right[1]]
+            )
+            goal += (
+                TOLERANCE * TOLERANCE * (right[0] * scaled[0] + right[1] * scaled[1])
+            )
             guess = scaled
             if age > 0:
                 guess = self.extrapolated(state, i, age)
@@ -96,19 +129,28 @@ class IterativeSolver(DashpotSolver):
                 put(self.z, i, get(self.z, i) + part * get(self.direction, i))
                 r = get(self.residual, i) - part * get(self.product, i)
                 put(self.residual, i, r)
-                left += self.inverse[0][i] * r[0] * r[0] + self.inverse[y][i] * r[1] * r[1]
+                left += (
+                    self.inverse[0][i] * r[0] * r[0] + self.inverse[y][i] * r[1] * r[1]
+                )
             beta = left / before
             if count == 0:
                 beta = 0.0
             if left > goal:
                 for i in range(n):
                     r, last = get(self.residual, i), get(self.direction, i)
-                    self.search(i, ti.Vector([self.inverse[0][i] * r[0], self.inverse[y][i] * r[1]]) + beta * last)
+                    self.search(
+                        i,
+                        ti.Vector(
+                            [self.inverse[0][i] * r[0], self.inverse[y][i] * r[1]]
+                        )
+                        + beta * last,
+                    )
             count += 1
 
     @ti.func
     def extrapolated(self, state: ti.template(), i, age):
-        """Extrapolate the velocity of point i from the last STEPS steps, or from all if there are fewer."""
+        """Extrapolate the velocity of point i from the last STEPS steps, or from all if
+        there are fewer."""
         guess = get(state.u, i)
         for known in ti.static(range(2, STEPS + 1)):
             if ti.min(age, STEPS) == known:
@@ -121,17 +163,29 @@ class IterativeSolver(DashpotSolver):
     def search(self, i, direction):
         y = ti.static(self.components - 1)
         put(self.direction, i, direction)
-        put(self.product, i, ti.Vector([self.inertia[0][i] * direction[0], self.inertia[y][i] * direction[1]]))
+        put(
+            self.product,
+            i,
+            ti.Vector(
+                [self.inertia[0][i] * direction[0], self.inertia[y][i] * direction[1]]
+            ),
+        )
 
     @ti.func
     def multiply(self, state: ti.template(), half, n):
-        """Add the springs to the product of matrix and direction, and return direction times product."""
+        """Add the springs to the product of matrix and direction, and return direction
+        times product."""
         eta = half * self.springs.eta_now[None]
         for block in range(state.blocks[None]):
             dx, dy = self.springs.differences(self.direction, block)
-            fx, fy = self.springs.stiffened(eta * dx, block), self.springs.stiffened(eta * dy, block)
+            fx, fy = (
+                self.springs.stiffened(eta * dx, block),
+                self.springs.stiffened(eta * dy, block),
+            )
             for k in ti.static(range(BLOCK)):
-                self.springs.pull_together(self.product, k, block, ti.Vector([-fx[k], -fy[k]]))
+                self.springs.pull_together(
+                    self.product, k, block, ti.Vector([-fx[k], -fy[k]])
+                )
         total = 0.0
         for i in range(n):
             total += get(self.direction, i).dot(get(self.product, i))

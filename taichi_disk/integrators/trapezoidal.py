@@ -1,13 +1,15 @@
-"""Velocity Verlet with trapezoidal dashpots: order 2, stable up to the undamped limit for any damping.
+"""Velocity Verlet with trapezoidal dashpots: order 2, stable up to the undamped limit
+for any damping.
 
-With F the force of springs and wall at this step, the velocity u at this step, centred between v_ and v_+ = 2 u - v_,
-obeys
+With F the force of springs and wall at this step, the velocity u at this step, centred
+between v_ and v_+ = 2 u - v_, obeys
 
     (1 + h/2 (eta/m) L) u = v_ + h/2 F/m,      L = graph Laplacian of the springs.
 
-If both sides are multiplied by the masses m_i, the matrix is constant, sparse, symmetric and positive definite. It is
-the same for x and y, unless there are dashpots of a matched boundary. One sparse Cholesky factor L D L^T, in an order
-that keeps it sparse, serves all steps.
+If both sides are multiplied by the masses m_i, the matrix is constant, sparse,
+symmetric and positive definite. It is the same for x and y, unless there are dashpots
+of a matched boundary. One sparse Cholesky factor L D L^T, in an order that keeps it
+sparse, serves all steps.
 """
 
 from dataclasses import dataclass
@@ -20,14 +22,24 @@ from taichi_disk.engine import ti
 from taichi_disk.lattice import Array, Lattice
 from taichi_disk.lattice.network import laplacian, symmetric_factors
 from taichi_disk.physics import Model
-from taichi_disk.physics.law import Capacity, Contents, array, get, pair_of, put, side_by_side
+from taichi_disk.physics.law import (
+    Capacity,
+    Contents,
+    array,
+    get,
+    pair_of,
+    put,
+    side_by_side,
+)
 
 
 @dataclass(frozen=True)
 class Factor:
-    """The factor L D L^T of the dashpots' matrix by columns; `order[k]` is the point eliminated k-th.
+    """The factor L D L^T of the dashpots' matrix by columns; `order[k]` is the point
+    eliminated k-th.
 
-    `values` (entries, c) and `inverse_diagonal` (k, c): c = 2 if x and y have different matrices, else 1.
+    `values` (entries, c) and `inverse_diagonal` (k, c): c = 2 if x and y have different
+    matrices, else 1.
     """
 
     order: NDArray[np.int32]
@@ -38,7 +50,8 @@ class Factor:
 
 
 def boundary_dashpots(lattice: Lattice, model: Model, half: float) -> Array:
-    """Return the dashpots of a matched boundary (n, 2) times `half` a step [M]; zeros (n, 1) for other boundaries."""
+    """Return the dashpots of a matched boundary (n, 2) times `half` a step [M]; zeros
+    (n, 1) for other boundaries."""
     if model.impedance is None:
         return np.zeros((len(lattice.positions), 1))
     dashpots = np.zeros_like(lattice.positions)
@@ -47,16 +60,21 @@ def boundary_dashpots(lattice: Lattice, model: Model, half: float) -> Array:
 
 
 def factorise(lattice: Lattice, model: Model, dt: float) -> Factor:
-    """Factorise m_i + h/2 (eta L + Z) over the moving points; Z are the dashpots of a matched boundary."""
+    """Factorise m_i + h/2 (eta L + Z) over the moving points; Z are the dashpots of a
+    matched boundary."""
     import scipy.sparse as sp
 
     free: NDArray[np.intp] = np.arange(len(lattice.positions))
     half = 0.5 * dt
     if model.is_pinned:
         free = np.setdiff1d(free, lattice.wall_boundary)
-    matrix = (half * model.springs.eta * laplacian(lattice) + sp.diags(lattice.masses)).tocsc()[free][:, free]
+    matrix = (
+        half * model.springs.eta * laplacian(lattice) + sp.diags(lattice.masses)
+    ).tocsc()[free][:, free]
     dashpots = boundary_dashpots(lattice, model, half)[free].T
-    factors = [symmetric_factors(matrix + sp.diags(component)) for component in dashpots]
+    factors = [
+        symmetric_factors(matrix + sp.diags(component)) for component in dashpots
+    ]
     lowers = [sp.tril(factor.L, -1, format="csc") for factor in factors]
     for lower in lowers:
         lower.sort_indices()
@@ -65,32 +83,51 @@ def factorise(lattice: Lattice, model: Model, dt: float) -> Factor:
         column=lowers[0].indptr.astype(np.int32),
         row=lowers[0].indices.astype(np.int32),
         values=np.stack([lower.data for lower in lowers], axis=1),
-        inverse_diagonal=np.stack([1.0 / factor.U.diagonal() for factor in factors], axis=1),
+        inverse_diagonal=np.stack(
+            [1.0 / factor.U.diagonal() for factor in factors], axis=1
+        ),
     )
 
 
 @ti.data_oriented
 class DashpotSolver:
-    """Solves for the velocities at a step. `components`: 2 if x and y have different matrices, else 1."""
+    """Solves for the velocities at a step. `components`: 2 if x and y have different
+    matrices, else 1."""
 
     def __init__(self, builder: Any, capacity: Capacity, components: int) -> None:
         self.components = components
         self.z = pair_of(builder, capacity.points)
-        self.order, self.column = array(builder, capacity.points), array(builder, capacity.points + 1)
+        self.order, self.column = (
+            array(builder, capacity.points),
+            array(builder, capacity.points + 1),
+        )
         self.row, self.free = array(builder, capacity.entries), array(builder, 1)
         self.values = side_by_side(builder, capacity.entries, components)
         self.inverse_diagonal = side_by_side(builder, capacity.points, components)
 
     def contents(self, factor: Any) -> Contents:
-        single = ((self.order, factor.order), (self.column, factor.column), (self.row, factor.row))
-        contents: Contents = [((field,), values) for field, values in (*single, (self.free, [len(factor.order)]))]
-        return [*contents, (self.values, factor.values), (self.inverse_diagonal, factor.inverse_diagonal)]
+        single = (
+            (self.order, factor.order),
+            (self.column, factor.column),
+            (self.row, factor.row),
+        )
+        contents: Contents = [
+            ((field,), values)
+            for field, values in (*single, (self.free, [len(factor.order)]))
+        ]
+        return [
+            *contents,
+            (self.values, factor.values),
+            (self.inverse_diagonal, factor.inverse_diagonal),
+        ]
 
     @ti.func
     def solve(self, state: ti.template(), age):
-        """Solve for v + h/2 f/m on the right-hand side; the result is in `z`, in the order of elimination.
+        """Solve for v + h/2 f/m on the right-hand side; the result is in `z`, in the
+        order of elimination.
 
-        `age`: number of steps since velocities jumped. Iterative solvers begin with the velocities of those steps.
+        `age`: number of steps since velocities jumped. Iterative solvers begin with the
+            velocities of those steps.
         """
         y = ti.static(self.components - 1)
         free, half = self.free[0], state.closing[None]
@@ -116,7 +153,8 @@ class DashpotSolver:
 
     @ti.func
     def solve_velocities(self, state: ti.template(), age):
-        """Solve for the velocities u at this step. Returns u.D u, u.D u_before and u.D v with all dashpots D."""
+        """Solve for the velocities u at this step. Returns u.D u, u.D u_before and u.D
+        v with all dashpots D."""
         self.solve(state, age)
         half = state.closing[None]
         power, cross, late = 0.0, 0.0, 0.0
@@ -133,20 +171,32 @@ class DashpotSolver:
 
     @ti.func
     def take_damped_force(self, state: ti.template()):
-        """Set `f` to the force that the solved velocities imply: v + h/2 f/m = u, v + h f/m = 2 u - v."""
-        # At t = 0, where v is v_0, this is an implicit half step, which is stable for stiff dashpots. The energy
-        # balance then begins with the returned h^2/(8 m) F.(F - D u), where F is the force without dashpots.
+        """Set `f` to the force that the solved velocities imply: v + h/2 f/m = u, v + h
+        f/m = 2 u - v."""
+        # At t = 0, where v is v_0, this is an implicit half step, which is stable for
+        # stiff dashpots. The energy balance then begins with the returned h^2/(8 m)
+        # F.(F - D u), where F is the force without dashpots.
         half, stored = state.closing[None], 0.0
         for k in range(self.free[0]):
             i = self.order[k]
-            force, damped = get(state.f, i), state.mass[i] * (get(state.u, i) - get(state.v, i)) / half
-            stored += 0.5 * half * half * state.inverse_mass[i] * (force[0] * damped[0] + force[1] * damped[1])
+            force, damped = (
+                get(state.f, i),
+                state.mass[i] * (get(state.u, i) - get(state.v, i)) / half,
+            )
+            stored += (
+                0.5
+                * half
+                * half
+                * state.inverse_mass[i]
+                * (force[0] * damped[0] + force[1] * damped[1])
+            )
             put(state.f, i, damped)
         return stored
 
     @ti.func
     def restart(self, state: ti.template()):
-        """Solve for the next half step from velocities `u` after a reset and forces `f` without dashpots."""
+        """Solve for the next half step from velocities `u` after a reset and forces `f`
+        without dashpots."""
         for k in range(self.free[0]):
             put(state.v, self.order[k], get(state.u, self.order[k]))
         self.solve(state, 0)

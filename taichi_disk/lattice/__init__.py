@@ -1,4 +1,5 @@
-"""Lattices of mass points and springs, for the disk and the elastic wall. NumPy only; SciPy is imported when used."""
+"""Lattices of mass points and springs, for the disk and the elastic wall. NumPy only;
+SciPy is imported when used."""
 
 from taichi_disk.lattice.custom import numbers
 from taichi_disk.lattice.files import OwnStart, file_digest, own_start, read_lattice

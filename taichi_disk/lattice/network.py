@@ -1,7 +1,9 @@
-"""Matrices of a spring network (stiffness, Laplacian), their eigenvalues, and the elastic moduli of the material.
+"""Matrices of a spring network (stiffness, Laplacian), their eigenvalues, and the
+elastic moduli of the material.
 
-The moduli are measured by stretching a rectangular sample. They are two-dimensional: stress is force per length, and
-the thickness of the sheet is free to change (plane stress).
+The moduli are measured by stretching a rectangular sample. They are two-dimensional:
+stress is force per length, and the thickness of the sheet is free to change (plane
+stress).
 """
 
 from __future__ import annotations
@@ -15,34 +17,52 @@ from numpy.typing import NDArray
 
 from taichi_disk.errors import InputError, SimulationError
 from taichi_disk.lattice.lattice import Lattice, triangulate
-from taichi_disk.lattice.random_points import least_distance, rectangle_points, rim_points
+from taichi_disk.lattice.random_points import (
+    least_distance,
+    rectangle_points,
+    rim_points,
+)
 from taichi_disk.lattice.triangles import Array, Indices, bond_lengths
 
 Sparse = Any  # scipy.sparse.csr_matrix, which has no type stubs
 
-_MAX_DENSE_SIZE = 64  # degrees of freedom; for fewer, Lanczos iteration is slower or impossible
-_LARGE_SIZE = 50_000  # degrees of freedom; for more, Lanczos iteration takes seconds and has a looser tolerance
+# degrees of freedom; for fewer, Lanczos iteration is slower or impossible
+_MAX_DENSE_SIZE = 64
+# degrees of freedom; for more, Lanczos iteration takes seconds and has a looser
+# tolerance
+_LARGE_SIZE = 50_000
 _MIN_SAMPLE, _MAX_SAMPLE = 300, 20_000  # points of the sample whose moduli are measured
-_EDGE_LAYER = 3.0  # width of the layer along the sides of a sample that is not measured, in mean springs
+# width of the layer along the sides of a sample that is not measured, in mean springs
+_EDGE_LAYER = 3.0
 
 
 def network_stiffness(positions: Array, bonds: Indices, k: Array | float) -> Sparse:
-    """Return the stiffness matrix (2n, 2n) [M c^2/R^2] of unstretched springs: the sum of k e e^T over the bonds.
+    """Return the stiffness matrix (2n, 2n) [M c^2/R^2] of unstretched springs: the sum
+    of k e e^T over the bonds.
 
-    `k` is a number or (m,), e the direction of a bond. Degrees of freedom: x0, y0, x1, y1, ...
+    `k` is a number or (m,), e the direction of a bond. Degrees of freedom: x0, y0, x1,
+    y1, ...
     """
-    e = (positions[bonds[:, 0]] - positions[bonds[:, 1]]) / bond_lengths(positions, bonds)[:, None]
-    return assemble(np.reshape(k, (-1, 1, 1)) * (e[:, :, None] * e[:, None, :]), bonds, len(positions))
+    e = (positions[bonds[:, 0]] - positions[bonds[:, 1]]) / bond_lengths(
+        positions, bonds
+    )[:, None]
+    return assemble(
+        np.reshape(k, (-1, 1, 1)) * (e[:, :, None] * e[:, None, :]),
+        bonds,
+        len(positions),
+    )
 
 
 def laplacian(lattice: Lattice) -> Sparse:
-    """Return the graph Laplacian (n, n) with stiffness factors; eta times it is the matrix of vector dashpots."""
+    """Return the graph Laplacian (n, n) with stiffness factors; eta times it is the
+    matrix of vector dashpots."""
     weights = lattice.stiffened(np.ones(len(lattice.bonds)))
     return assemble(weights[:, None, None], lattice.bonds, len(lattice.positions))
 
 
 def assemble(block: Array, bonds: Indices, n: int) -> Sparse:
-    """Sum the matrices [[B, -B], [-B, B]] of all bonds (i, j) into a matrix (n w, n w); B is `block` (m, w, w).
+    """Sum the matrices [[B, -B], [-B, B]] of all bonds (i, j) into a matrix (n w, n w);
+    B is `block` (m, w, w).
 
     `bonds` (m, 2) are sorted by their first points; each B is symmetric.
     """
@@ -50,25 +70,38 @@ def assemble(block: Array, bonds: Indices, n: int) -> Sparse:
 
     points, width = np.arange(n + 1), block.shape[1]
     shape, ones = (n * width, n * width), np.tile(np.eye(width), (n, 1))
-    upper = bsr_matrix((block, bonds[:, 1], np.searchsorted(bonds[:, 0], points)), shape=shape)
+    upper = bsr_matrix(
+        (block, bonds[:, 1], np.searchsorted(bonds[:, 0], points)), shape=shape
+    )
     sums = (upper @ ones + upper.T @ ones).reshape(n, width, width)
-    return (bsr_matrix((sums, points[:-1], points), shape=shape) - upper - upper.T).tocsr()
+    return (
+        bsr_matrix((sums, points[:-1], points), shape=shape) - upper - upper.T
+    ).tocsr()
 
 
 def symmetric_factors(matrix: Any) -> Any:
-    """Return SciPy's sparse LU factors of a symmetric matrix, with pivots on the diagonal."""
-    # The order depends only on the sparsity pattern. The pivots have the signs of the eigenvalues (Sylvester).
+    """Return SciPy's sparse LU factors of a symmetric matrix, with pivots on the
+    diagonal."""
+    # The order depends only on the sparsity pattern. The pivots have the signs of the
+    # eigenvalues (Sylvester).
     from scipy.sparse.linalg import splu
 
     symmetric = {"SymmetricMode": True}
-    return splu(matrix.tocsc(), permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options=symmetric)
+    return splu(
+        matrix.tocsc(),
+        permc_spec="MMD_AT_PLUS_A",
+        diag_pivot_thresh=0.0,
+        options=symmetric,
+    )
 
 
 def largest_eigenvalue(matrix: Sparse, masses: Array) -> float:
-    """Return the largest eigenvalue of M^-1/2 K M^-1/2; K is a symmetric `matrix`, M = diag(`masses`) (n,) [M].
+    """Return the largest eigenvalue of M^-1/2 K M^-1/2; K is a symmetric `matrix`, M =
+    diag(`masses`) (n,) [M].
 
-    K has 1 or 2 degrees of freedom per mass. For a stiffness matrix the result is the square of the highest frequency
-    [c^2/R^2]. Raises SimulationError if Lanczos iteration does not converge.
+    K has 1 or 2 degrees of freedom per mass. For a stiffness matrix the result is the
+    square of the highest frequency [c^2/R^2]. Raises SimulationError if Lanczos
+    iteration does not converge.
     """
     from scipy.sparse import diags
     from scipy.sparse.linalg import ArpackNoConvergence, eigsh
@@ -81,19 +114,33 @@ def largest_eigenvalue(matrix: Sparse, masses: Array) -> float:
     else:
         start = np.random.default_rng(0).standard_normal(size)
         try:
-            # The error of the eigenvalue is the square of the vector's error, so 1e-6 gives all the digits kept.
+            # The error of the eigenvalue is the square of the vector's error, so 1e-6
+            # gives all the digits kept.
             tolerance = 1e-12 if size < _LARGE_SIZE else 1e-6
-            value = eigsh(scaled, k=1, which="LA", v0=start, tol=tolerance, return_eigenvectors=False)[0]
+            value = eigsh(
+                scaled,
+                k=1,
+                which="LA",
+                v0=start,
+                tol=tolerance,
+                return_eigenvectors=False,
+            )[0]
         except ArpackNoConvergence as error:
-            raise SimulationError("the highest frequency, which limits the step, was not found: set time.dt") from error
-    # Round, because the last digits depend on the machine's BLAS and the time step must not.
+            raise SimulationError(
+                "the highest frequency, which limits the step, was not found: set"
+                " time.dt"
+            ) from error
+    # Round, because the last digits depend on the machine's BLAS and the time step must
+    # not.
     return float(f"{value:.10g}")
 
 
 def bending_compliance(stiffness: Sparse) -> float:
-    """Return the largest squared displacement of a point per 2 energy [R^2/(M c^2)] in the five softest vibrations."""
-    # `stiffness` (2n, 2n) belongs to a free body and has three rigid modes. The compliance of the sixth vibration is
-    # subtracted from each, so that the result does not depend on the order of two equally soft vibrations.
+    """Return the largest squared displacement of a point per 2 energy [R^2/(M c^2)] in
+    the five softest vibrations."""
+    # `stiffness` (2n, 2n) belongs to a free body and has three rigid modes. The
+    # compliance of the sixth vibration is subtracted from each, so that the result does
+    # not depend on the order of two equally soft vibrations.
     from scipy.sparse.linalg import eigsh
 
     stiffest = stiffness.diagonal().max()
@@ -103,9 +150,11 @@ def bending_compliance(stiffness: Sparse) -> float:
         start = np.random.default_rng(0).standard_normal(stiffness.shape[0])
         values, modes = eigsh(stiffness, k=9, sigma=-1e-9 * stiffest, v0=start)
     soft = values.argsort()[3:9]
-    compliance = 1.0 / np.maximum(values[soft], 1e-12 * stiffest)  # finite even if a part of the body moves freely
+    # finite even if a part of the body moves freely
+    compliance = 1.0 / np.maximum(values[soft], 1e-12 * stiffest)
     squares = modes[:, soft] ** 2 @ (compliance - compliance[-1])
-    return float(f"{squares.reshape(-1, 2).sum(axis=1).max():.6g}")  # the last digits depend on the machine's BLAS
+    # the last digits depend on the machine's BLAS
+    return float(f"{squares.reshape(-1, 2).sum(axis=1).max():.6g}")
 
 
 # ---- moduli
@@ -131,29 +180,54 @@ class Moduli:
 
 
 def bulk_moduli(points: int, seed: int, k: float, min_spacing: float) -> Moduli:
-    """Measure the moduli of the material of a disk of `points` points by stretching a square sample.
+    """Measure the moduli of the material of a disk of `points` points by stretching a
+    square sample.
 
-    The sample has as many points as the disk (but 300 to 20,000), so its moduli scatter like the disk's. `k` is the
-    springs' stiffness [M c^2/R^2]; `seed` and `min_spacing` are as for `Lattice.disk`.
+    The sample has as many points as the disk (but 300 to 20,000), so its moduli scatter
+    like the disk's. `k` is the springs' stiffness [M c^2/R^2]; `seed` and `min_spacing`
+    are as for `Lattice.disk`.
     """
     side = math.sqrt(math.pi)
-    mesh = rectangle(min(max(points, _MIN_SAMPLE), _MAX_SAMPLE), seed, min_spacing, side, side)
+    mesh = rectangle(
+        min(max(points, _MIN_SAMPLE), _MAX_SAMPLE), seed, min_spacing, side, side
+    )
     x = mesh.positions[:, 0]
     return inner_moduli(mesh, k, stretch(mesh, k, x == 0.0, x == side))
 
 
-def rectangle(points: int, seed: int, min_spacing: float, length: float, width: float) -> Lattice:
-    """Make a rectangle [R] with a corner at (0, 0), of the material of a disk of `points` points.
+def rectangle(
+    points: int, seed: int, min_spacing: float, length: float, width: float
+) -> Lattice:
+    """Make a rectangle [R] with a corner at (0, 0), of the material of a disk of
+    `points` points.
 
     Raises InputError if `min_spacing` is out of range or the rectangle is too small.
     """
-    spacing, row = least_distance(points, min_spacing), 2.0 * math.pi / rim_points(points)
-    low, high, count = np.zeros(2), np.array([length, width]), round(points * length * width / math.pi)
-    return triangulate(rectangle_points(np.random.default_rng([seed, 2]), count, low, high, row, spacing))
+    spacing, row = (
+        least_distance(points, min_spacing),
+        2.0 * math.pi / rim_points(points),
+    )
+    low, high, count = (
+        np.zeros(2),
+        np.array([length, width]),
+        round(points * length * width / math.pi),
+    )
+    return triangulate(
+        rectangle_points(
+            np.random.default_rng([seed, 2]), count, low, high, row, spacing
+        )
+    )
 
 
-def stretch(mesh: Lattice, k: float, left: NDArray[np.bool_], right: NDArray[np.bool_], clamped: bool = False) -> Array:
-    """Return the displacements (n, 2) in linear equilibrium with u_x = x prescribed at both ends.
+def stretch(
+    mesh: Lattice,
+    k: float,
+    left: NDArray[np.bool_],
+    right: NDArray[np.bool_],
+    clamped: bool = False,
+) -> Array:
+    """Return the displacements (n, 2) in linear equilibrium with u_x = x prescribed at
+    both ends.
 
     The end points `left` and `right` (n,) move freely in y unless `clamped`.
     """
@@ -169,7 +243,8 @@ def stretch(mesh: Lattice, k: float, left: NDArray[np.bool_], right: NDArray[np.
 
 
 def inner_moduli(mesh: Lattice, k: float, u: Array) -> Moduli:
-    """Return the moduli from the mean stress and strain of the triangles away from the edges, displaced by `u` (n, 2).
+    """Return the moduli from the mean stress and strain of the triangles away from the
+    edges, displaced by `u` (n, 2).
 
     Raises InputError if there are no such triangles.
     """
@@ -179,10 +254,14 @@ def inner_moduli(mesh: Lattice, k: float, u: Array) -> Moduli:
     low, high = mesh.positions.min(axis=0) + margin, mesh.positions.max(axis=0) - margin
     inside = ((middle > low) & (middle < high)).all(axis=1)
     if not inside.any():
-        raise InputError("the sample is too small: a stretch test needs more than 6 springs in length and in width")
+        raise InputError(
+            "the sample is too small: a stretch test needs more than 6 springs in"
+            " length and in width"
+        )
     corner, u = corner[inside], u[mesh.triangles[inside]]
 
-    # Each triangle carries half of a bond's force: area times stress = sum force length e e^T / 2.
+    # Each triangle carries half of a bond's force: area times stress = sum force length
+    # e e^T / 2.
     bond, elongation = (np.roll(a, -1, axis=1) - a for a in (corner, u))
     square = np.sum(bond * bond, axis=2)
     tension = 0.5 * k * np.sum(bond * elongation, axis=2) / square
@@ -191,7 +270,8 @@ def inner_moduli(mesh: Lattice, k: float, u: Array) -> Moduli:
     twice = u + np.roll(u, -1, axis=1)
     strain_x = 0.5 * float(np.sum(twice[:, :, 0] * bond[:, :, 1]))
     strain_y = -0.5 * float(np.sum(twice[:, :, 1] * bond[:, :, 0]))
-    # Solve strain_x = (stress_x - nu stress_y)/E, and the same with x and y exchanged. The common area cancels.
+    # Solve strain_x = (stress_x - nu stress_y)/E, and the same with x and y exchanged.
+    # The common area cancels.
     det = stress_x**2 - stress_y**2
     compliance = (strain_x * stress_x - strain_y * stress_y) / det
     cross = (strain_x * stress_y - strain_y * stress_x) / det

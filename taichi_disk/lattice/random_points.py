@@ -1,4 +1,5 @@
-"""Random mass points with a minimum distance: in the unit circle for the disk, in a rectangle for the elastic wall.
+"""Random mass points with a minimum distance: in the unit circle for the disk, in a
+rectangle for the elastic wall.
 
 They are placed by exact random sequential adsorption, in array operations.
 """
@@ -15,22 +16,37 @@ from taichi_disk.errors import InputError, SimulationError
 from taichi_disk.lattice.triangles import Array
 
 MIN_POINTS, MAX_POINTS = 3, 2_000_000
-MIN_ROWS = 3  # rows of springs across a wall or a ring; with fewer it is a truss rather than a lattice
+# rows of springs across a wall or a ring; with fewer it is a truss rather than a
+# lattice
+MIN_ROWS = 3
 MIN_EDGE = 6  # smallest number of points on the edge of a hole
 Depth = Callable[[Array], Array]
 """Signed distance of points (n, 2) to the edge of a region, positive inside."""
 
-# Random sequential adsorption jams at a minimum distance of 0.777 hexagonal spacings, when disks of that diameter cover
-# 0.547 of the plane (Feder, J. Theor. Biol. 87, 237, 1980). In small bodies the limit scatters.
+# Random sequential adsorption jams at a minimum distance of 0.777 hexagonal spacings,
+# when disks of that diameter cover 0.547 of the plane (Feder, J. Theor. Biol. 87, 237,
+# 1980). In small bodies the limit scatters.
 MAX_SPACING = 0.75
 _MAX_ATTEMPTS = 1000
-_MIN_HIT_RATE = 0.04  # at a lower rate of hits, covered cells are removed and the others quartered
+# at a lower rate of hits, covered cells are removed and the others quartered
+_MIN_HIT_RATE = 0.04
 
 
-def circle_points(points: int, seed: int, rim: bool, min_spacing: float, hole: float = 0.0, core: float = 0.0) -> Array:
-    """Return the points (points, 2) [R] of `Lattice.disk`. Raises InputError or SimulationError as it does."""
+def circle_points(
+    points: int,
+    seed: int,
+    rim: bool,
+    min_spacing: float,
+    hole: float = 0.0,
+    core: float = 0.0,
+) -> Array:
+    """Return the points (points, 2) [R] of `Lattice.disk`. Raises InputError or
+    SimulationError as it does."""
     if points not in range(MIN_POINTS, MAX_POINTS + 1):
-        raise InputError(f"lattice.points must be between {MIN_POINTS} and {MAX_POINTS}, not {points!r}")
+        raise InputError(
+            f"lattice.points must be between {MIN_POINTS} and {MAX_POINTS}, not"
+            f" {points!r}"
+        )
     if not (isinstance(seed, Integral) and int(seed) >= 0):
         raise InputError(f"lattice.seed must be a whole number from 0 on, not {seed!r}")
     for key, fault in circle_faults(points, hole, core):
@@ -43,14 +59,17 @@ def circle_points(points: int, seed: int, rim: bool, min_spacing: float, hole: f
     if rim:
         circle = _unit_circle((np.arange(count) + rng.random()) / count)
         apothem = float(_unit_circle(np.array([0.5 / count]))[0, 0])
-        # Triangles on a chord of the rim are at least as high as equilateral ones. The minimum is for four points.
+        # Triangles on a chord of the rim are at least as high as equilateral ones. The
+        # minimum is for four points.
         radius = max(apothem - spacing * np.sqrt(0.75), 0.2 * apothem)
     corner = np.full(2, radius)
     # If points were closer, some chords of the inner circles would not become springs.
     clear = max(spacing * np.sqrt(0.75), 1.1 * np.pi / count)
     for inner in filter(None, (hole, core)):
         turns = np.arange(round(inner * count)) + rng.random()
-        circle = np.concatenate([circle, inner * _unit_circle(turns / round(inner * count))])
+        circle = np.concatenate(
+            [circle, inner * _unit_circle(turns / round(inner * count))]
+        )
 
     def depth(p: Array) -> Array:
         r = np.sqrt(p[:, 0] ** 2 + p[:, 1] ** 2)
@@ -64,34 +83,57 @@ def circle_points(points: int, seed: int, rim: bool, min_spacing: float, hole: f
 
 
 def rim_points(points: int, hole: float = 0.0) -> int:
-    """Return the number of points on the rim for which their spacing equals that of the inner points."""
-    # A rim point has half the area of an inner one, so the disk counts as n = points - rim/2 points;
-    # hexagonal_spacing(n) = 2 pi/rim is then quadratic in rim. With a `hole` [R], the points on its edge count half as
-    # well. At least one point stays inside.
+    """Return the number of points on the rim for which their spacing equals that of the
+    inner points."""
+    # A rim point has half the area of an inner one, so the disk counts as n = points -
+    # rim/2 points; hexagonal_spacing(n) = 2 pi/rim is then quadratic in rim. With a
+    # `hole` [R], the points on its edge count half as well. At least one point stays
+    # inside.
     k = 2.0 * np.pi * np.sqrt(3.0) * (1.0 + hole) / (1.0 - hole)
     even = round(float(np.sqrt(k * points + k * k / 16.0) - k / 4.0) / (1.0 + hole))
     return min(even, points - 1) if points > 3 else 3
 
 
 def circle_faults(points: int, hole: float, core: float) -> list[tuple[str, str]]:
-    """Return (key, message) for a hole or a core radius [R] that `points` points cannot resolve."""
-    row = 2.0 * np.pi / rim_points(points, min(0.99, hole))  # 0.99 if `hole` is not a number
+    """Return (key, message) for a hole or a core radius [R] that `points` points cannot
+    resolve."""
+    # 0.99 if `hole` is not a number
+    row = 2.0 * np.pi / rim_points(points, min(0.99, hole))
     least, faults = MIN_EDGE * row / (2.0 * np.pi), []
-    limits = {"hole": (hole, least, 1.0 - MIN_ROWS * row), "core_radius": (core, max(least, hole + row), 1.0 - row)}
+    limits = {
+        "hole": (hole, least, 1.0 - MIN_ROWS * row),
+        "core_radius": (core, max(least, hole + row), 1.0 - row),
+    }
     for key, (radius, low, high) in limits.items():
         if radius and not low <= radius <= high:
-            body = f"{points} points" + (f" and a hole of {hole:g} R" if hole and key != "hole" else "")
-            bound = "0" if low > high else f"at least {low:.3g}" if radius < low else f"at most {high:.3g}"
-            need = f"{MIN_EDGE} springs round its edge and {MIN_ROWS if key == 'hole' else 1} from there to the rim"
-            text = f"must be {bound} with {body}, not {radius:g}, because there must be at least {need}"
-            faults.append((key, f"{text}: change the radius or increase lattice.points"))
+            body = f"{points} points" + (
+                f" and a hole of {hole:g} R" if hole and key != "hole" else ""
+            )
+            bound = (
+                "0"
+                if low > high
+                else f"at least {low:.3g}"
+                if radius < low
+                else f"at most {high:.3g}"
+            )
+            need = (
+                f"{MIN_EDGE} springs round its edge and"
+                f" {MIN_ROWS if key == 'hole' else 1} from there to the rim"
+            )
+            text = (
+                f"must be {bound} with {body}, not {radius:g}, because there must be at"
+                f" least {need}"
+            )
+            faults.append(
+                (key, f"{text}: change the radius or increase lattice.points")
+            )
     return faults
 
 
 def _unit_circle(turns: Array) -> Array:
     """Return (cos, sin) of 2 pi `turns`, 0 <= turns < 1, by Taylor series."""
-    # Sums and products round alike on every machine, whereas the last bit of NumPy's cos and sin depends on the
-    # processor.
+    # Sums and products round alike on every machine, whereas the last bit of NumPy's
+    # cos and sin depends on the processor.
     angle = np.pi * (2.0 * turns - 1.0)
     square = angle * angle
     c, s = np.ones_like(angle), np.ones_like(angle)
@@ -103,24 +145,36 @@ def _unit_circle(turns: Array) -> Array:
 
 
 def hexagonal_spacing(points: int) -> float:
-    """Return the distance of neighbours [R] in a hexagonal lattice with `points` points in the unit circle."""
+    """Return the distance of neighbours [R] in a hexagonal lattice with `points` points
+    in the unit circle."""
     return float(np.sqrt(2.0 * np.pi / (np.sqrt(3.0) * points)))
 
 
 def least_distance(points: int, min_spacing: float) -> float:
-    """Return the smallest allowed distance [R]. Raises InputError if random points cannot keep it."""
+    """Return the smallest allowed distance [R]. Raises InputError if random points
+    cannot keep it."""
     if not 0.0 <= min_spacing <= MAX_SPACING:
-        raise InputError(f"lattice.min_spacing must be between 0 and {MAX_SPACING}, not {min_spacing}")
+        raise InputError(
+            f"lattice.min_spacing must be between 0 and {MAX_SPACING}, not"
+            f" {min_spacing}"
+        )
     return min_spacing * hexagonal_spacing(points)
 
 
 def scatter(
-    rng: np.random.Generator, count: int, low: Array, high: Array, depth: Depth, spacing: float, fixed: Array
+    rng: np.random.Generator,
+    count: int,
+    low: Array,
+    high: Array,
+    depth: Depth,
+    spacing: float,
+    fixed: Array,
 ) -> Array:
-    """Return uniform random points (count, 2) [R] at distances of at least `spacing` from one another and from `fixed`.
+    """Return uniform random points (count, 2) [R] at distances of at least `spacing`
+    from one another and from `fixed`.
 
-    The region is where `depth` is positive inside the box `low`..`high` (2,). Raises SimulationError if it has no room
-    for `count` points.
+    The region is where `depth` is positive inside the box `low`..`high` (2,). Raises
+    SimulationError if it has no room for `count` points.
     """
     if spacing == 0.0 or count == 0:
         points: Array = np.empty((0, 2))
@@ -132,36 +186,57 @@ def scatter(
         points = _adsorb(rng, count, low, high, depth, spacing, fixed)
         if len(points) == count:
             return points
-    raise SimulationError(f"no room for {count} points at a mutual distance of {spacing:.3g}: lower min_spacing")
+    raise SimulationError(
+        f"no room for {count} points at a mutual distance of {spacing:.3g}: lower"
+        " min_spacing"
+    )
 
 
 def _adsorb(
-    rng: np.random.Generator, count: int, low: Array, high: Array, depth: Depth, spacing: float, fixed: Array
+    rng: np.random.Generator,
+    count: int,
+    low: Array,
+    high: Array,
+    depth: Depth,
+    spacing: float,
+    fixed: Array,
 ) -> Array:
-    """Try once to place the points of `scatter`; return fewer points if the region jams."""
-    # Darts are thrown into square cells. As the region fills up, cells covered by one point are removed and the others
-    # quartered (Ebeida et al., ACM Trans. Graph. 30, 49, 2011), so darts stay uniform in the free area but rarely miss.
+    """Try once to place the points of `scatter`; return fewer points if the region
+    jams."""
+    # Darts are thrown into square cells. As the region fills up, cells covered by one
+    # point are removed and the others quartered (Ebeida et al., ACM Trans. Graph. 30,
+    # 49, 2011), so darts stay uniform in the free area but rarely miss.
     from taichi_disk.lattice.spatial import cKDTree
 
     side = float(np.sqrt(np.prod(high - low) / (4 * count)))
     nx, ny = np.maximum(np.ceil((high - low) / side), 1).astype(int)
-    cells = low + side * np.stack(np.meshgrid(np.arange(nx), np.arange(ny)), axis=-1).reshape(-1, 2)
+    cells = low + side * np.stack(
+        np.meshgrid(np.arange(nx), np.arange(ny)), axis=-1
+    ).reshape(-1, 2)
     points = fixed
     total = len(fixed) + count
     while len(points) < total and len(cells):
         attempts = min(4 * count, 16 * (total - len(points)) + 16)
-        darts = cells[rng.integers(len(cells), size=attempts)] + side * rng.random((attempts, 2))
+        darts = cells[rng.integers(len(cells), size=attempts)] + side * rng.random(
+            (attempts, 2)
+        )
         darts = darts[depth(darts) >= 0.0]
         if len(points):
-            darts = darts[cKDTree(points).query(darts, distance_upper_bound=spacing)[0] >= spacing]
+            darts = darts[
+                cKDTree(points).query(darts, distance_upper_bound=spacing)[0] >= spacing
+            ]
         darts = _accepted(darts, spacing)
         points = np.concatenate([points, darts[: total - len(points)]])
         if len(darts) < _MIN_HIT_RATE * attempts:
-            # Keep only cells that may contain a place in the region at least `spacing` from all points.
+            # Keep only cells that may contain a place in the region at least `spacing`
+            # from all points.
             half_diagonal = side * np.sqrt(0.5)
             reach = max(spacing - half_diagonal, 0.0)
             cells = cells[depth(cells + side / 2) >= -half_diagonal]
-            cells = cells[cKDTree(points).query(cells + side / 2, distance_upper_bound=reach)[0] >= reach]
+            cells = cells[
+                cKDTree(points).query(cells + side / 2, distance_upper_bound=reach)[0]
+                >= reach
+            ]
             side /= 2
             quarters = np.array([[0.0, 0.0], [side, 0.0], [0.0, side], [side, side]])
             cells = (cells[:, None, :] + quarters).reshape(-1, 2)
@@ -182,26 +257,46 @@ def _accepted(darts: Array, spacing: float) -> Array:
 
 
 def rectangle_points(
-    rng: np.random.Generator, points: int, low: Array, high: Array, row: float, spacing: float
+    rng: np.random.Generator,
+    points: int,
+    low: Array,
+    high: Array,
+    row: float,
+    spacing: float,
 ) -> Array:
-    """Return points (points, 2) [R] in the box `low`..`high` (2,), at least `spacing` apart.
+    """Return points (points, 2) [R] in the box `low`..`high` (2,), at least `spacing`
+    apart.
 
-    Along the four sides they are evenly spaced by about `row`; if `row` is infinite, there are none. Raises InputError
-    if the sides need all the points.
+    Along the four sides they are evenly spaced by about `row`; if `row` is infinite,
+    there are none. Raises InputError if the sides need all the points.
     """
     frame: Array = np.empty((0, 2))
     clear = 0.0
     if math.isfinite(row):
         nx, ny = (max(round(float(s) / row), 1) for s in high - low)
-        x, y = np.linspace(low[0], high[0], nx + 1), np.linspace(low[1], high[1], ny + 1)[1:-1]
-        rows = [np.stack([x, np.full_like(x, level)], axis=1) for level in (low[1], high[1])]  # bottom, top
-        frame = np.concatenate(rows + [np.stack([np.full_like(y, at), y], axis=1) for at in (low[0], high[0])])
+        x, y = (
+            np.linspace(low[0], high[0], nx + 1),
+            np.linspace(low[1], high[1], ny + 1)[1:-1],
+        )
+        # bottom, top
+        rows = [
+            np.stack([x, np.full_like(x, level)], axis=1) for level in (low[1], high[1])
+        ]
+        frame = np.concatenate(
+            rows
+            + [np.stack([np.full_like(y, at), y], axis=1) for at in (low[0], high[0])]
+        )
         clear = spacing * math.sqrt(0.75)
     if points <= len(frame):
-        raise InputError(f"{points} points are too few: the rows along the sides of the rectangle need {len(frame)}")
+        raise InputError(
+            f"{points} points are too few: the rows along the sides of the rectangle"
+            f" need {len(frame)}"
+        )
     low, high = low + clear, high - clear
 
     def depth(p: Array) -> Array:
         return np.minimum(p - low, high - p).min(axis=1)
 
-    return np.concatenate([frame, scatter(rng, points - len(frame), low, high, depth, spacing, frame)])
+    return np.concatenate(
+        [frame, scatter(rng, points - len(frame), low, high, depth, spacing, frame)]
+    )

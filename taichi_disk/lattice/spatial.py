@@ -1,8 +1,11 @@
-"""SciPy's Delaunay triangulation and k-d tree, without imports that take 0.2 s and that they do not need.
+"""SciPy's Delaunay triangulation and k-d tree, without imports that take 0.2 s and that
+they do not need.
 
-`scipy.spatial` also imports distances and rotations, so an empty package of the same name replaces it while the two
-extension modules are imported. SciPy also copies all names of NumPy, which loads modules that NumPy otherwise loads on
-demand, so two large ones are meanwhile None. Afterwards `import scipy.spatial` gives the whole package as usual.
+`scipy.spatial` also imports distances and rotations, so an empty package of the same
+name replaces it while the two extension modules are imported. SciPy also copies all
+names of NumPy, which loads modules that NumPy otherwise loads on demand, so two large
+ones are meanwhile None. Afterwards `import scipy.spatial` gives the whole package as
+usual.
 """
 
 from __future__ import annotations

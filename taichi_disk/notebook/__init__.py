@@ -1,4 +1,5 @@
-"""The sandbox as a widget of a notebook: JupyterLab, VS Code, marimo. Needs the extra `notebook`."""
+"""The sandbox as a widget of a notebook: JupyterLab, VS Code, marimo. Needs the extra
+`notebook`."""
 
 from __future__ import annotations
 
@@ -24,9 +25,18 @@ try:
     import traitlets
     from anywidget import AnyWidget
 except ImportError as error:
-    raise TaichiDiskError(f"no widget, because of {error}: {pip_install('taichi-disk[notebook]')}") from None
+    raise TaichiDiskError(
+        f"no widget, because of {error}: {pip_install('taichi-disk[notebook]')}"
+    ) from None
 
-_MODULES = (*DRAWING, "message.js", "graphs.js", "controls.js", "sandbox.js", "widget.js")
+_MODULES = (
+    *DRAWING,
+    "message.js",
+    "graphs.js",
+    "controls.js",
+    "sandbox.js",
+    "widget.js",
+)
 
 
 class Sandbox(AnyWidget):
@@ -40,7 +50,12 @@ class Sandbox(AnyWidget):
 
     height = traitlets.Int(900).tag(sync=True)
 
-    def __init__(self, scene: str | Path | Scene, overrides: Sequence[str] = (), height: int = 900) -> None:
+    def __init__(
+        self,
+        scene: str | Path | Scene,
+        overrides: Sequence[str] = (),
+        height: int = 900,
+    ) -> None:
         """`height` in pixels; the width is the cell's.
 
         Raises InputError for a bad scene, RuntimeError if no event loop runs.
@@ -54,13 +69,22 @@ class Sandbox(AnyWidget):
         self._views: dict[float, Visitor] = {}
         self._running: asyncio.Task[None] | None = None
         (page,) = re.findall(r"<main.*</main>", source("index.html"), re.DOTALL)
-        constants = f"const PAGE = {json.dumps(page)}, STYLE = {json.dumps(source('style.css'))};\n"
+        constants = (
+            f"const PAGE = {json.dumps(page)}, STYLE ="
+            f" {json.dumps(source('style.css'))};\n"
+        )
         super().__init__(_esm=constants + bundle(*_MODULES), height=height)
-        # JupyterLab delivers messages in a second thread, where an event that is set does not wake up the loop.
-        self.on_msg(lambda _, message, buffers: self._loop.call_soon_threadsafe(self._hear, message))
+        # JupyterLab delivers messages in a second thread, where an event that is set
+        # does not wake up the loop.
+        self.on_msg(
+            lambda _, message, buffers: self._loop.call_soon_threadsafe(
+                self._hear, message
+            )
+        )
 
     def _hear(self, message: Any) -> None:
-        """Handle a message from a view, which opens, closes, or sends a command like that of a page."""
+        """Handle a message from a view, which opens, closes, or sends a command like
+        that of a page."""
         name = message.pop("visitor")
         if message["do"] == "open":
             self._views[name] = self._audience.join(partial(self._show, name))
@@ -73,7 +97,10 @@ class Sandbox(AnyWidget):
     def _show(self, name: float, message: Message) -> None:
         """Send a text or a state to one view."""
         is_text = isinstance(message, str)
-        self.send({"to": name, "text": message} if is_text else {"to": name}, [] if is_text else [message])
+        self.send(
+            {"to": name, "text": message} if is_text else {"to": name},
+            [] if is_text else [message],
+        )
 
     def close(self) -> None:
         """End the sandbox in all its views."""

@@ -1,1 +1,2 @@
-"""The output of a run: its folder, result files, plot, printed lines, and trajectories for other programs."""
+"""The output of a run: its folder, result files, plot, printed lines, and trajectories
+for other programs."""

@@ -35,15 +35,21 @@ if TYPE_CHECKING:
 PROGRAM = f"taichi-disk {__version__}"
 FILMS = ("video.mp4", "video.webm", "video.gif", "video.html", "frames")
 RESULTS = ("timeseries.csv", "lattice.npz", "final.npz", "failure.npz", "plot.png")
-# Default names of films and trajectories that `render` and `export` add to a run's folder.
-MADE = re.compile(r"(render|comparison)(\.(mp4|webm|gif|html|png))?|trajectory(\.(xyz|gsd|pvd|npz))?")
-NUMBERED = re.compile(r"\d+(_[a-z]+)?\.(png|vtu)")  # files of a folder that holds a film's pictures, or a trajectory
+# Default names of films and trajectories that `render` and `export` add to a run's
+# folder.
+MADE = re.compile(
+    r"(render|comparison)(\.(mp4|webm|gif|html|png))?|trajectory(\.(xyz|gsd|pvd|npz))?"
+)
+# files of a folder that holds a film's pictures, or a trajectory
+NUMBERED = re.compile(r"\d+(_[a-z]+)?\.(png|vtu)")
 
 
 def prepare_output(out: Path) -> list[Path]:
-    """Make the folder `out`, or check that the existing one is writable, and return the new folders, innermost first.
+    """Make the folder `out`, or check that the existing one is writable, and return the
+    new folders, innermost first.
 
-    Raises InputError, and leaves nothing behind, if a file is in the way or the place is not writable.
+    Raises InputError, and leaves nothing behind, if a file is in the way or the place
+    is not writable.
     """
     missing: list[Path] = []
     try:
@@ -65,7 +71,9 @@ def remove_empty(folders: list[Path]) -> None:
 def cannot_write(out: Path, error: BaseException) -> InputError:
     blocker = next((path for path in (out, *out.parents) if os.path.isfile(path)), None)
     why = f"{blocker} is a file" if blocker else reason(error)
-    return InputError(f"cannot write into the output folder {out}: {why}; choose another as `out`")
+    return InputError(
+        f"cannot write into the output folder {out}: {why}; choose another as `out`"
+    )
 
 
 def holds_working_directory(folder: Path) -> bool:
@@ -76,15 +84,18 @@ def holds_working_directory(folder: Path) -> bool:
 
 
 def hidden(path: Path) -> Path:
-    """Return a hidden path beside `path`, unique to this process, with the same suffix (NumPy and encoders need it)."""
+    """Return a hidden path beside `path`, unique to this process, with the same suffix
+    (NumPy and encoders need it)."""
     return path.with_name(f".{platform.node()}-{os.getpid()}.new.{path.name}")
 
 
 def atomic_write(path: Path, writer: Callable[[Path], object]) -> None:
-    """Let `writer` fill a file (or a folder of numbered files) under a hidden name, then rename it to `path`.
+    """Let `writer` fill a file (or a folder of numbered files) under a hidden name,
+    then rename it to `path`.
 
-    If the writer fails or is interrupted, what it wrote is removed and `path` stays as it was. Raises SimulationError
-    if the disk is full or the folder has become read-only; the writer's other errors pass.
+    If the writer fails or is interrupted, what it wrote is removed and `path` stays as
+    it was. Raises SimulationError if the disk is full or the folder has become
+    read-only; the writer's other errors pass.
     """
     new = hidden(path)
     remove(new)  # left by a killed process with the same number
@@ -100,7 +111,8 @@ def atomic_write(path: Path, writer: Callable[[Path], object]) -> None:
 
 
 def replace(new: Path, path: Path) -> None:
-    """Rename `new` to `path`. An existing folder is moved aside first and removed last."""
+    """Rename `new` to `path`. An existing folder is moved aside first and removed
+    last."""
     if new.is_dir() and path.is_dir():
         remove(_displaced(path))
         os.rename(path, _displaced(path))
@@ -111,7 +123,8 @@ def replace(new: Path, path: Path) -> None:
 
 
 def restore(path: Path) -> None:
-    """Put back the folder that a killed process had moved aside; remove it if its replacement exists."""
+    """Put back the folder that a killed process had moved aside; remove it if its
+    replacement exists."""
     if not path.exists() and _displaced(path).is_dir():
         os.rename(_displaced(path), path)
     remove(_displaced(path))
@@ -133,25 +146,39 @@ def remove(path: Path) -> None:
 class Contents(NamedTuple):
     names: Sequence[str] = ()  # names of files and folders
     foreign: str = ""  # first name that no run has written
-    run: tuple[str, str] | None = None  # text of scene.yaml, and digest of a custom lattice or custom velocities
+    # text of scene.yaml, and digest of a custom lattice or custom velocities
+    run: tuple[str, str] | None = None
     status: str = ""  # status of the run
 
 
 def look(folder: Path) -> Contents:
-    """Return the contents of `folder`; they are empty if it does not exist. Raises OSError if it cannot be listed."""
+    """Return the contents of `folder`; they are empty if it does not exist. Raises
+    OSError if it cannot be listed."""
     names = sorted(set(os.listdir(folder)) - {".DS_Store"}) if folder.exists() else []
     if not names:
         return Contents()
-    summary, known = read_summary(folder), {"scene.yaml", "summary.json", *RESULTS, *FILMS}
+    summary, known = (
+        read_summary(folder),
+        {"scene.yaml", "summary.json", *RESULTS, *FILMS},
+    )
     # The only folders that a run makes hold pictures or the frames of a trajectory.
     foreign = [name for name in names if not (name in known or MADE.fullmatch(name))]
-    foreign += [name for name in names if not ((folder / name).is_file() or only_numbered(folder / name))]
+    foreign += [
+        name
+        for name in names
+        if not ((folder / name).is_file() or only_numbered(folder / name))
+    ]
     if "scene.yaml" not in names or "status" not in summary:
         foreign += names
     if foreign:
         return Contents(names, foreign[0])
     scene = (folder / "scene.yaml").read_text(encoding="utf-8", errors="replace")
-    return Contents(names, "", (scene, str(summary.get("lattice_digest", ""))), str(summary["status"]))
+    return Contents(
+        names,
+        "",
+        (scene, str(summary.get("lattice_digest", ""))),
+        str(summary["status"]),
+    )
 
 
 def read_summary(folder: Path) -> dict[str, Any]:
@@ -164,7 +191,8 @@ def read_summary(folder: Path) -> dict[str, Any]:
 
 
 def digests(folder: Path, summary: dict[str, Any]) -> dict[str, str]:
-    """Return SHA-256 digests of a run's files, and of its summary without these digests."""
+    """Return SHA-256 digests of a run's files, and of its summary without these
+    digests."""
     paths = folder / "scene.yaml", folder / "timeseries.csv"
     data = {path.name: path.read_bytes() if path.is_file() else b"" for path in paths}
     data["summary.json"] = json.dumps({**summary, "digests": None}).encode()
@@ -174,11 +202,16 @@ def digests(folder: Path, summary: dict[str, Any]) -> dict[str, str]:
 def check_pictures(folder: Path) -> None:
     """Raise InputError if `folder` exists and holds anything but numbered files."""
     if folder.exists() and not only_numbered(folder):
-        raise InputError(f"{folder} is not a folder with only numbered pictures: remove it, or choose another")
+        raise InputError(
+            f"{folder} is not a folder with only numbered pictures: remove it, or"
+            " choose another"
+        )
 
 
 def only_numbered(folder: Path) -> bool:
-    return folder.is_dir() and all(NUMBERED.fullmatch(one.name) for one in folder.iterdir())
+    return folder.is_dir() and all(
+        NUMBERED.fullmatch(one.name) for one in folder.iterdir()
+    )
 
 
 def write_text(path: Path, text: str) -> None:
@@ -190,10 +223,17 @@ def write_summary(path: Path, summary: dict[str, Any]) -> None:
     write_text(path, json.dumps(summary, indent=2, allow_nan=False) + "\n")
 
 
-def write_timeseries(path: Path, columns: dict[str, Array], interval: float = 0.0) -> None:
-    """Write timeseries.csv with about one row per `interval` [R/c] and the last row; `columns` have at least two."""
+def write_timeseries(
+    path: Path, columns: dict[str, Array], interval: float = 0.0
+) -> None:
+    """Write timeseries.csv with about one row per `interval` [R/c] and the last row;
+    `columns` have at least two."""
     due = {"always": True, "never": False}
-    names = [one.name for one in COLUMNS if one.name in columns and due.get(one.written, bool(columns[one.name].any()))]
+    names = [
+        one.name
+        for one in COLUMNS
+        if one.name in columns and due.get(one.written, bool(columns[one.name].any()))
+    ]
     table = np.stack([columns[name] for name in names], axis=1)
     every = max(1, round(interval / float(columns["t"][1])))
     kept = [*range(0, len(table) - 1, every), -1]
@@ -213,13 +253,27 @@ def write_arrays(path: Path, **arrays: Any) -> None:
     atomic_write(path, lambda new: np.savez(new, **arrays))
 
 
-def write_lattice(path: Path, lattice: Lattice, velocities: Array, impedance: Any = None, own: Any = None) -> None:
-    """Write lattice.npz: the state at t = 0 in scene coordinates, from which another program can repeat the run.
+def write_lattice(
+    path: Path,
+    lattice: Lattice,
+    velocities: Array,
+    impedance: Any = None,
+    own: Any = None,
+) -> None:
+    """Write lattice.npz: the state at t = 0 in scene coordinates, from which another
+    program can repeat the run.
 
-    `velocities` (n, 2) [c]; `impedance` (k, 2) [M c/R] of the points of a matched boundary; `own`: a custom unloaded
-    disk, which `lattice.file` can read back.
+    `velocities` (n, 2) [c]; `impedance` (k, 2) [M c/R] of the points of a matched
+    boundary; `own`: a custom unloaded disk, which `lattice.file` can read back.
     """
-    names = ["positions", "bonds", "rest_lengths", "masses", "disk_points", "disk_surface"]
+    names = [
+        "positions",
+        "bonds",
+        "rest_lengths",
+        "masses",
+        "disk_points",
+        "disk_surface",
+    ]
     if len(lattice.wall_surface):
         names += ["wall_surface", "wall_boundary"]
     if lattice.stiffness is not None:
@@ -228,19 +282,29 @@ def write_lattice(path: Path, lattice: Lattice, velocities: Array, impedance: An
     if impedance is not None and len(impedance):
         arrays["wall_impedance"] = impedance
     if own is not None:
-        arrays |= {"unloaded": own.positions, "triangles": lattice.triangles, "origin": lattice.origin}
+        arrays |= {
+            "unloaded": own.positions,
+            "triangles": lattice.triangles,
+            "origin": lattice.origin,
+        }
     write_arrays(path, velocities=velocities, **arrays)
 
 
 @lru_cache(maxsize=1)
 def versions() -> dict[str, str]:
     own = {"python": platform.python_version(), "taichi-disk": __version__}
-    return own | engine.versions() | {name: version(name) for name in ("numpy", "scipy")}
+    return (
+        own | engine.versions() | {name: version(name) for name in ("numpy", "scipy")}
+    )
 
 
 def provenance() -> dict[str, str]:
-    """Return date, processor and commit for summary.json, the only file in which equal runs may differ."""
-    found = {"date": datetime.now(timezone.utc).isoformat(timespec="seconds"), "processor": processor()}
+    """Return date, processor and commit for summary.json, the only file in which equal
+    runs may differ."""
+    found = {
+        "date": datetime.now(timezone.utc).isoformat(timespec="seconds"),
+        "processor": processor(),
+    }
     return found | ({"git_commit": commit} if (commit := _git_commit()) else {})
 
 
@@ -248,15 +312,32 @@ def provenance() -> dict[str, str]:
 def _git_commit() -> str:
     root = Path(__file__).parents[2]
     if (root / ".git").exists():
-        command = ["git", "-C", str(root), "describe", "--always", "--dirty", "--exclude=*", "--abbrev=40"]
-        with contextlib.suppress(OSError, subprocess.CalledProcessError):  # git is missing, or the folder not ours
-            found = subprocess.run(command, capture_output=True, text=True, check=True, stdin=subprocess.DEVNULL)
+        command = [
+            "git",
+            "-C",
+            str(root),
+            "describe",
+            "--always",
+            "--dirty",
+            "--exclude=*",
+            "--abbrev=40",
+        ]
+        # git is missing, or the folder not ours
+        with contextlib.suppress(OSError, subprocess.CalledProcessError):
+            found = subprocess.run(
+                command,
+                capture_output=True,
+                text=True,
+                check=True,
+                stdin=subprocess.DEVNULL,
+            )
             return found.stdout.strip()
     return ""
 
 
 def origin(*scenes: DiskScene) -> str:
-    """Return the metadata of films, pictures and trajectories: version and scenes, as YAML for `load_scene`."""
+    """Return the metadata of films, pictures and trajectories: version and scenes, as
+    YAML for `load_scene`."""
     return f"# {PROGRAM}\n" + "---\n".join(scene.to_yaml() for scene in scenes)
 
 

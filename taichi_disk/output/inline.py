@@ -16,9 +16,15 @@ from taichi_disk.errors import TaichiDiskError, pip_install
 if TYPE_CHECKING:
     from pandas import DataFrame
 
-KINDS = {"mp4": "video/mp4", "webm": "video/webm", "gif": "image/gif", "png": "image/png"}
+KINDS = {
+    "mp4": "video/mp4",
+    "webm": "video/webm",
+    "gif": "image/gif",
+    "png": "image/png",
+}
 FRAME = "width: 100%; height: 640px; border: 0"  # style of an HTML film
-CARD_WIDTH = 560.0  # width of a figure beside a table [px], at which its labels are as large as the text
+# width of a figure beside a table [px], at which its labels are as large as the text
+CARD_WIDTH = 560.0
 
 
 class Plot(Figure):
@@ -31,7 +37,8 @@ class Plot(Figure):
 
 @dataclass(frozen=True)
 class Film:
-    """A film or picture with the bytes of its file, so that a notebook keeps it when it moves to another machine."""
+    """A film or picture with the bytes of its file, so that a notebook keeps it when it
+    moves to another machine."""
 
     data: bytes
     kind: str
@@ -41,27 +48,45 @@ class Film:
 
     def _repr_html_(self) -> str:
         if self.kind == "html":
-            return f'<iframe style="{FRAME}" srcdoc="{escape(self.data.decode())}"></iframe>'
+            return (
+                f'<iframe style="{FRAME}"'
+                f' srcdoc="{escape(self.data.decode())}"></iframe>'
+            )
         source = f'style="max-width: 100%" src="{_inline(self.data, self.kind)}"'
-        return f"<video controls loop {source}></video>" if self.kind in ("mp4", "webm") else f"<img {source}>"
+        return (
+            f"<video controls loop {source}></video>"
+            if self.kind in ("mp4", "webm")
+            else f"<img {source}>"
+        )
 
 
 def dataframe(data: Any, otherwise: str) -> DataFrame:
-    """Return `data` as a pandas table. Raises TaichiDiskError without pandas; the message recommends `otherwise`."""
+    """Return `data` as a pandas table. Raises TaichiDiskError without pandas; the
+    message recommends `otherwise`."""
     try:
         from pandas import DataFrame
     except ImportError as error:
-        raise TaichiDiskError(f"no table, because of {error}: {pip_install('pandas')}; or use `{otherwise}`") from None
+        raise TaichiDiskError(
+            f"no table, because of {error}: {pip_install('pandas')}; or use"
+            f" `{otherwise}`"
+        ) from None
     return DataFrame(data)
 
 
 def card(title: str, rows: Iterable[tuple[str, ...]], figure: Plot | None) -> str:
-    body = "".join(f"<tr>{''.join(f'<td {_LEFT}>{escape(cell)}</td>' for cell in row)}</tr>" for row in rows)
+    body = "".join(
+        f"<tr>{''.join(f'<td {_LEFT}>{escape(cell)}</td>' for cell in row)}</tr>"
+        for row in rows
+    )
     table = f"<div><b>{escape(title)}</b><table {_LEFT}>{body}</table></div>"
     image = ""
     if figure:
-        data = figure._repr_png_(2.0 * CARD_WIDTH / figure.get_figwidth())  # sharp on high-density screens
-        image = f'<img style="width: {CARD_WIDTH:g}px; max-width: 100%" src="{_inline(data, "png")}">'
+        # sharp on high-density screens
+        data = figure._repr_png_(2.0 * CARD_WIDTH / figure.get_figwidth())
+        image = (
+            f'<img style="width: {CARD_WIDTH:g}px; max-width: 100%"'
+            f' src="{_inline(data, "png")}">'
+        )
     return f'<div style="display: flex; flex-wrap: wrap; gap: 2em">{table}{image}</div>'
 
 

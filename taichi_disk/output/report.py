@@ -9,7 +9,8 @@ from pathlib import Path
 from typing import Any, TypeAlias
 
 Summary: TypeAlias = Mapping[str, Any]  # contents of summary.json
-Labels: TypeAlias = Mapping[str, tuple[str, str]]  # name and unit of each result that is shown
+# name and unit of each result that is shown
+Labels: TypeAlias = Mapping[str, tuple[str, str]]
 
 MAX_ROUNDING = 1e-12  # smaller values are rounding errors
 DIGITS = 8  # printed digits of a result that does not depend on a time step
@@ -18,9 +19,11 @@ UNESTIMATED = "(error of the time step not estimated)"
 
 
 def print_result(summary: Summary, labels: Labels, out: Path) -> None:
-    """Print the result, how it was computed, its time and the folder `out`; print warnings on stderr.
+    """Print the result, how it was computed, its time and the folder `out`; print
+    warnings on stderr.
 
-    `labels` maps keys of the summary to (name, unit). The text is plain, because paths must not be wrapped.
+    `labels` maps keys of the summary to (name, unit). The text is plain, because paths
+    must not be wrapped.
     """
     for name, value, unit in rows(summary, labels):
         print(f"{name:<36}{value:>16} {unit}".rstrip())
@@ -30,18 +33,29 @@ def print_result(summary: Summary, labels: Labels, out: Path) -> None:
 
 
 def rows(summary: Summary, labels: Labels) -> Iterator[tuple[str, str, str]]:
-    errors, source = summary.get("error_estimate") or {}, summary.get("error_source", "time step")
+    errors, source = (
+        summary.get("error_estimate") or {},
+        summary.get("error_source", "time step"),
+    )
     for key, (name, unit) in labels.items():
         if key in summary:
-            value, error = shown(summary[key], errors.get(key), exact="dt" not in summary, source=source)
+            value, error = shown(
+                summary[key], errors.get(key), exact="dt" not in summary, source=source
+            )
             if mean := over_lattices(summary, key):
                 yield name, mean[0], f"{unit} {mean[1]}".strip()
                 name = f"  of this lattice, seed {summary['seed']}"
-            yield name, value, f"{unit} {error or UNESTIMATED * ('dt' in summary and not errors)}".strip()
+            if not error and "dt" in summary and not errors:
+                error = UNESTIMATED
+            yield name, value, f"{unit} {error}".strip()
     if "dt" in summary:
         yield "time step", f"{summary['dt']:.6g}", "R/c"
         yield "steps", f"{summary['steps']:,}", f"({summary['integrator']})"
-        yield "energy imbalance at the end", f"{summary['energy']['closing_imbalance']:.2e}", ""
+        yield (
+            "energy imbalance at the end",
+            f"{summary['energy']['closing_imbalance']:.2e}",
+            "",
+        )
     else:
         yield "iterations", str(summary["steps"]), f"({summary['integrator']})"
     seconds = summary["wall_clock"]
@@ -50,12 +64,15 @@ def rows(summary: Summary, labels: Labels) -> Iterator[tuple[str, str, str]]:
 
 
 def over_lattices(summary: Summary, key: str) -> tuple[str, str] | None:
-    """Return the mean of a result over lattices and "± scatter", or None if there is only one lattice."""
+    """Return the mean of a result over lattices and "± scatter", or None if there is
+    only one lattice."""
     lattices = summary.get("lattices", {})
     if key not in lattices:
         return None
     source = f"mean and scatter of {len(lattices['seeds'])} lattices"
-    return shown(lattices[key]["mean"], lattices[key]["standard_deviation"], source=source)
+    return shown(
+        lattices[key]["mean"], lattices[key]["standard_deviation"], source=source
+    )
 
 
 def headline(summary: Summary, labels: Labels) -> str:
@@ -64,18 +81,24 @@ def headline(summary: Summary, labels: Labels) -> str:
     return " ".join(f"{name} {value} {unit} {scatter}".split()) if value else ""
 
 
-def shown(value: float, error: float | None, exact: bool = False, source: str = "time step") -> tuple[str, str]:
+def shown(
+    value: float, error: float | None, exact: bool = False, source: str = "time step"
+) -> tuple[str, str]:
     """Format a result and "± error"; the latter is empty if the error is not known.
 
-    The error (None: not estimated) is rounded up to two digits, and the value gets the same last digit: 0.967234 ±
-    1.4e-5. A value has at most 12 digits. `exact`: only rounding limits the result, as in Newton's method.
+    The error (None: not estimated) is rounded up to two digits, and the value gets the
+    same last digit: 0.967234 ± 1.4e-5. A value has at most 12 digits. `exact`: only
+    rounding limits the result, as in Newton's method.
     """
     if error is None or not error < 1e9:  # also true for NaN
         return f"{value:.{DIGITS if exact else UNESTIMATED_DIGITS}g}", ""
     bound = Decimal(repr(max(error, 1e-10 * abs(value), 1e-300)))
-    rounded = bound.quantize(Decimal(1).scaleb(min(0, bound.adjusted() - 1)), ROUND_CEILING)
+    rounded = bound.quantize(
+        Decimal(1).scaleb(min(0, bound.adjusted() - 1)), ROUND_CEILING
+    )
     number = Decimal(repr(value)).quantize(rounded)
     text = f"{number:f}" if abs(value) >= 1e-4 or not value else f"{number:e}"
-    if not number and error < MAX_ROUNDING:  # for example the tangential impulse without friction
+    # for example the tangential impulse without friction
+    if not number and error < MAX_ROUNDING:
         text = "0"
     return text, f"± {rounded:{'f' if error >= 1e-3 else 'e'}} ({source})"

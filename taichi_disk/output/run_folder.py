@@ -1,6 +1,8 @@
-"""The folder of one run: it is chosen before anything is computed, and appears by one rename when the run has ended.
+"""The folder of one run: it is chosen before anything is computed, and appears by one
+rename when the run has ended.
 
-Until then the run is built in a hidden folder beside it. docs/output.md says what may be replaced.
+Until then the run is built in a hidden folder beside it. docs/output.md says what may
+be replaced.
 """
 
 from __future__ import annotations
@@ -20,14 +22,16 @@ from taichi_disk.output.files import Contents, look
 
 @dataclass
 class RunFolder:
-    """The folder `out` of a run, which is written at the hidden `path`. `made`: earlier films and exports to keep."""
+    """The folder `out` of a run, which is written at the hidden `path`. `made`: earlier
+    films and exports to keep."""
 
     out: Path
     path: Path
     made: list[str]
 
     def take_over(self) -> str | None:
-        """Copy earlier films and trajectories of the same run; return the name of a film, or None."""
+        """Copy earlier films and trajectories of the same run; return the name of a
+        film, or None."""
         for name in self.made:
             old, new = self.out / name, self.path / name
             if not new.exists():
@@ -44,21 +48,25 @@ def run_folder(
     notify: Callable[[str], None] = lambda text: None,
     lattice: str = "",
 ) -> Iterator[RunFolder]:
-    """Use as `with run_folder(...) as folder:` and write the run's files, summary.json last, into `folder.path`.
+    """Use as `with run_folder(...) as folder:` and write the run's files, summary.json
+    last, into `folder.path`.
 
-    When the block ends, also by an error or Ctrl-C, `folder.path` becomes `folder.out`, or is removed if it has no
-    summary.json.
+    When the block ends, also by an error or Ctrl-C, `folder.path` becomes `folder.out`,
+    or is removed if it has no summary.json.
 
     Args:
         out: folder of the run.
         scene_yaml: the resolved scene; written as scene.yaml.
-        explicit: whether the user named `out`. If not, and `out` is in use, out-2, out-3, … are tried.
+        explicit: whether the user named `out`. If not, and `out` is in use, out-2,
+            out-3, … are tried.
         overwrite: whether another run in `out` may be replaced.
         notify: receives a sentence if another folder is used.
-        lattice: digest of a custom lattice or custom velocities, lattice_digest in the summary.
+        lattice: digest of a custom lattice or custom velocities, lattice_digest in the
+            summary.
 
-    Raises InputError on entry, with nothing left behind, if the folder holds something else, cannot be renamed or
-    cannot be written. Raises SimulationError on exit if `path` cannot be renamed; the run then stays there.
+    Raises InputError on entry, with nothing left behind, if the folder holds something
+    else, cannot be renamed or cannot be written. Raises SimulationError on exit if
+    `path` cannot be renamed; the run then stays there.
     """
     run = scene_yaml, lattice
     before: Contents | None = None  # contents of the folder when the run began
@@ -68,7 +76,8 @@ def run_folder(
             return f"holds {held.foreign}, which no run wrote"
         if held.status == "done" and status != "done":
             return "holds a finished run"
-        # `overwrite` does not permit replacing a run that appeared while this one was computed.
+        # `overwrite` does not permit replacing a run that appeared while this one was
+        # computed.
         if not held.names or run == held.run or (overwrite and before in (None, held)):
             return ""
         return "holds another run" + " (overwrite=True replaces it)" * explicit
@@ -86,15 +95,24 @@ def run_folder(
 
     asked, made = Path(out).expanduser(), list[Path]()
     try:
-        if asked.name == ".." or asked.is_symlink():  # a folder cannot be renamed to such a path
+        # a folder cannot be renamed to such a path
+        if asked.name == ".." or asked.is_symlink():
             asked = asked.resolve()
         refuse_place(asked)
         made = files.prepare_output(asked.parent)
         chosen = choose([asked] if explicit else _counted(asked), "done")
         before = look(chosen)
-        kept = [name for name in before.names if name in files.FILMS or files.MADE.fullmatch(name)]
-        folder = RunFolder(chosen, files.hidden(chosen), kept if run == before.run else [])
-        files.remove(folder.path)  # left by a killed process: in a container all processes may have the same number
+        kept = [
+            name
+            for name in before.names
+            if name in files.FILMS or files.MADE.fullmatch(name)
+        ]
+        folder = RunFolder(
+            chosen, files.hidden(chosen), kept if run == before.run else []
+        )
+        # left by a killed process: in a container all processes may have the same
+        # number
+        files.remove(folder.path)
         folder.path.mkdir()
     except (OSError, ValueError) as error:
         files.remove_empty(made)
@@ -110,7 +128,10 @@ def run_folder(
                 folder.out = choose(chain([chosen], _counted(asked)), status)
                 files.replace(folder.path, folder.out)
             except OSError as error:
-                text = f"cannot move the run into {folder.out}: {files.reason(error)}; it stays in {folder.path}"
+                text = (
+                    f"cannot move the run into {folder.out}: {files.reason(error)}; it"
+                    f" stays in {folder.path}"
+                )
                 raise SimulationError(text) from error
         else:
             files.remove(folder.path)
@@ -128,7 +149,9 @@ def refuse_place(out: Path) -> None:
     elif os.path.ismount(out):
         what = "the mount point of a file system"
     if what:
-        raise InputError(f"{out} is {what}, which no run can replace: name a folder in it as `out`")
+        raise InputError(
+            f"{out} is {what}, which no run can replace: name a folder in it as `out`"
+        )
 
 
 def refuse_run(out: Path) -> None:

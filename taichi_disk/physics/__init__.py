@@ -1,7 +1,14 @@
-"""The laws of motion, each with its parameters, its Taichi functions, and its energy and forces in NumPy."""
+"""The laws of motion, each with its parameters, its Taichi functions, and its energy
+and forces in NumPy."""
 
 from taichi_disk.physics.body_forces import ExponentialWall, Load, MouseSpring
-from taichi_disk.physics.boundaries import Boundary, MatchedBoundary, PinnedBoundary, ResetBoundary, matched_impedance
+from taichi_disk.physics.boundaries import (
+    Boundary,
+    MatchedBoundary,
+    PinnedBoundary,
+    ResetBoundary,
+    matched_impedance,
+)
 from taichi_disk.physics.elastic_wall import ElasticWall
 from taichi_disk.physics.law import BodyForce, Law, Wall
 from taichi_disk.physics.model import Model

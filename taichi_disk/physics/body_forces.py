@@ -1,4 +1,5 @@
-"""Forces on single points: by the rigid wall, by the load that presses the disk on it, and by the user's mouse."""
+"""Forces on single points: by the rigid wall, by the load that presses the disk on it,
+and by the user's mouse."""
 
 from dataclasses import dataclass
 from math import exp
@@ -9,20 +10,34 @@ from numpy.typing import NDArray
 
 from taichi_disk.engine import ti
 from taichi_disk.lattice import Array, Lattice
-from taichi_disk.physics.law import BodyForce, Capacity, Contents, Wall, array, get, pair_of, put
+from taichi_disk.physics.law import (
+    BodyForce,
+    Capacity,
+    Contents,
+    Wall,
+    array,
+    get,
+    pair_of,
+    put,
+)
 from taichi_disk.physics.ordering import Arrangement
 
-NEGLIGIBLE_FORCE = exp(-45.0)  # a smaller force of the rigid wall on a point is not computed [M c^2/R]
-STOPPING_TIME = 1e-9  # time in which friction in NumPy stops a point, if it is strong enough [R/c]
+# a smaller force of the rigid wall on a point is not computed [M c^2/R]
+NEGLIGIBLE_FORCE = exp(-45.0)
+# time in which friction in NumPy stops a point, if it is strong enough [R/c]
+STOPPING_TIME = 1e-9
 
 
 @ti.data_oriented
 @dataclass(eq=False)
 class ExponentialWall(Wall, BodyForce):
-    """A flat wall at y = 0 that pushes every point of the disk upwards with a V0 exp(-a y), paper eqs. (3) and (6)."""
+    """A flat wall at y = 0 that pushes every point of the disk upwards with a V0 exp(-a
+    y), paper eqs. (3) and (6)."""
 
     a: float  # hardness [1/R]
-    V0: float  # potential at y = 0 [M c^2]; another V0 shifts the wall by ln(ratio)/a but changes no result
+    # potential at y = 0 [M c^2]; another V0 shifts the wall by ln(ratio)/a but changes
+    # no result
+    V0: float
     friction: float = 0.0  # Coulomb friction coefficient mu; 0: none
     switches = ("has_friction",)
 
@@ -31,7 +46,8 @@ class ExponentialWall(Wall, BodyForce):
 
     @property
     def reach(self) -> float:
-        """Height beyond which the force is negligible, so that no exponential is computed [R]."""
+        """Height beyond which the force is negligible, so that no exponential is
+        computed [R]."""
         return max(0.0, self.height_of_force(NEGLIGIBLE_FORCE))
 
     @property
@@ -57,10 +73,12 @@ class ExponentialWall(Wall, BodyForce):
 
     @ti.func
     def add_friction(self, state: ti.template(), kick, late):
-        """Add Coulomb friction, limited to mu times the wall's force, and return the power lost [M c^3/R]."""
-        # It is the force that would stop a point within the next kick: forces act for the time `kick`, of which `late`
-        # lies before this moment [R/c]. So a sticking point has exactly no velocity between two steps, and a sliding
-        # point is never reversed. A law that is smooth in the velocity cannot do that at such steps.
+        """Add Coulomb friction, limited to mu times the wall's force, and return the
+        power lost [M c^3/R]."""
+        # It is the force that would stop a point within the next kick: forces act for
+        # the time `kick`, of which `late` lies before this moment [R/c]. So a sticking
+        # point has exactly no velocity between two steps, and a sliding point is never
+        # reversed. A law that is smooth in the velocity cannot do that at such steps.
         power = 0.0
         for i in range(state.n_disk[None]):
             point_force = self.at(state, i)[1]
@@ -76,7 +94,9 @@ class ExponentialWall(Wall, BodyForce):
 
     def friction_on(self, lattice: Lattice, x: Array, v: Array, others: Array) -> Array:
         most = self.friction * self.forces(lattice, x)[:, 1]
-        return np.clip(-(v[:, 0] * lattice.masses / STOPPING_TIME + others[:, 0]), -most, most)
+        return np.clip(
+            -(v[:, 0] * lattice.masses / STOPPING_TIME + others[:, 0]), -most, most
+        )
 
     def energy(self, lattice: Lattice, x: Array) -> float:
         return float(self.potential(x[: lattice.disk_points, 1]).sum())
@@ -91,8 +111,13 @@ class ExponentialWall(Wall, BodyForce):
 
         return diags((np.array([0.0, self.a]) * self.forces(lattice, x)).ravel())
 
-    def contact_forces(self, lattice: Lattice, x: Array, *moving: Any) -> tuple[NDArray[np.intp], Array]:
-        points, force = np.flatnonzero(x[: lattice.disk_points, 1] < self.reach), self.forces(lattice, x)
+    def contact_forces(
+        self, lattice: Lattice, x: Array, *moving: Any
+    ) -> tuple[NDArray[np.intp], Array]:
+        points, force = (
+            np.flatnonzero(x[: lattice.disk_points, 1] < self.reach),
+            self.forces(lattice, x),
+        )
         if moving and self.has_friction:
             v, springs = moving
             others = springs.forces(lattice, x) + springs.damping_forces(lattice, x, v)
@@ -103,7 +128,8 @@ class ExponentialWall(Wall, BodyForce):
 @ti.data_oriented
 @dataclass(eq=False)
 class Load(BodyForce):
-    """The force -P m_i/M on every point of the disk, the -P/N of paper eq. (3). Its potential is P y_cm."""
+    """The force -P m_i/M on every point of the disk, the -P/N of paper eq. (3). Its
+    potential is P y_cm."""
 
     force: float  # total force P [M c^2/R]
     scalars = ("force",)
@@ -133,10 +159,12 @@ class Load(BodyForce):
 @ti.data_oriented
 @dataclass(eq=False)
 class MouseSpring(BodyForce):
-    """A spring from at most one point to the mouse, whose pull is limited; see `Simulation.set_mouse_target`."""
+    """A spring from at most one point to the mouse, whose pull is limited; see
+    `Simulation.set_mouse_target`."""
 
-    # With the pull f = min(k r, F) it has the potential f r - f^2/(2 k). So the energy that the user gives to the disk
-    # is the jump of the potential when the spring is tied, moved or untied. Only kernels compute this law.
+    # With the pull f = min(k r, F) it has the potential f r - f^2/(2 k). So the energy
+    # that the user gives to the disk is the jump of the potential when the spring is
+    # tied, moved or untied. Only kernels compute this law.
 
     k: float  # spring constant [M c^2/R^2]
     strongest: float  # largest pull F [M c^2/R]
@@ -144,7 +172,8 @@ class MouseSpring(BodyForce):
 
     def make_fields(self, builder: Any, capacity: Capacity) -> None:
         super().make_fields(builder, capacity)
-        # One kernel writes and reads these fields. From a 0-D field Taichi 1.7.4 would then read the old value.
+        # One kernel writes and reads these fields. From a 0-D field Taichi 1.7.4 would
+        # then read the old value.
         self.target = pair_of(builder, 1)
         self.point = array(builder, 1)  # -1: none
 
@@ -155,7 +184,11 @@ class MouseSpring(BodyForce):
     def at(self, state: ti.template(), i):
         force = ti.Vector([0.0, 0.0])
         if i == self.point[0]:
-            k, most, d = self.k_now[None], self.strongest_now[None], get(self.target, 0) - get(state.x, i)
+            k, most, d = (
+                self.k_now[None],
+                self.strongest_now[None],
+                get(self.target, 0) - get(state.x, i),
+            )
             force = (k * most / ti.max(most, k * d.norm())) * d
         return force
 
@@ -170,15 +203,26 @@ class MouseSpring(BodyForce):
 
     @ti.func
     def change(self, state: ti.template(), factor):
-        """Add `factor` times the pull to the forces at this step, and return `factor` times the potential [M c^2]."""
-        # Only the second half of this step's kick lies after this moment, so only that half changes.
+        """Add `factor` times the pull to the forces at this step, and return `factor`
+        times the potential [M c^2]."""
+        # Only the second half of this step's kick lies after this moment, so only that
+        # half changes.
         i = self.point[0]
         energy = 0.0
         if i >= 0:
             force = factor * self.at(state, i)
             energy = factor * self.potential_at(state, i)
             put(state.f, i, get(state.f, i) + force)
-            put(state.v, i, get(state.v, i) - state.closing[None] * state.inverse_mass[i] * force)
+            put(
+                state.v,
+                i,
+                get(state.v, i) - state.closing[None] * state.inverse_mass[i] * force,
+            )
             if ti.static(state.corrected):
-                put(state.u, i, get(state.u, i) - state.observed[None] * state.inverse_mass[i] * force)
+                put(
+                    state.u,
+                    i,
+                    get(state.u, i)
+                    - state.observed[None] * state.inverse_mass[i] * force,
+                )
         return energy

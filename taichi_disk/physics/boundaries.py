@@ -1,9 +1,11 @@
 """Sides and bottom of the elastic wall (paper section 5): pinned, reset or matched.
 
-The paper says that "the energy of the particles at both sides and the bottom is reset to 0 at every time step". This
-can be read in three ways: `ResetBoundary` zeroes velocities at a fixed interval that does not depend on the time step;
-`PinnedBoundary` is its limit for an interval of 0, a perfect reflector; `MatchedBoundary` absorbs waves (Lysmer &
-Kuhlemeyer 1969), which is the purpose of the reset.
+The paper says that "the energy of the particles at both sides and the bottom is reset
+to 0 at every time step". This
+can be read in three ways: `ResetBoundary` zeroes velocities at a fixed interval that
+does not depend on the time step; `PinnedBoundary` is its limit for an interval of 0, a
+perfect reflector; `MatchedBoundary` absorbs waves (Lysmer & Kuhlemeyer 1969), which is
+the purpose of the reset.
 """
 
 from dataclasses import dataclass
@@ -29,7 +31,10 @@ class Boundary(Law):
         self.point, self.count = array(builder, capacity.points), array(builder, 1)
 
     def contents(self, lattice: Lattice, arrangement: Arrangement) -> Contents:
-        return [((self.point,), lattice.wall_boundary), ((self.count,), [len(lattice.wall_boundary)])]
+        return [
+            ((self.point,), lattice.wall_boundary),
+            ((self.count,), [len(lattice.wall_boundary)]),
+        ]
 
 
 @ti.data_oriented
@@ -48,10 +53,13 @@ class PinnedBoundary(Boundary):
 @ti.data_oriented
 @dataclass(eq=False)
 class MatchedBoundary(Boundary):
-    """Dashpots with the force -Z v on each point, Z from `matched_impedance`: waves leave without reflection."""
+    """Dashpots with the force -Z v on each point, Z from `matched_impedance`: waves
+    leave without reflection."""
 
     velocity_dependent = True
-    impedance: Array  # (k, 2) Z for x and y: rho c times the length of boundary that a point represents [M c/R]
+    # (k, 2) Z for x and y: rho c times the length of boundary that a point represents
+    # [M c/R]
+    impedance: Array
 
     def make_fields(self, builder: Any, capacity: Capacity) -> None:
         super().make_fields(builder, capacity)
@@ -67,7 +75,8 @@ class MatchedBoundary(Boundary):
 
     @ti.func
     def damp(self, state: ti.template(), half):
-        """Add the forces -Z v, with v from the velocity v_ in `state.v` and all forces, which act for the time `half`.
+        """Add the forces -Z v, with v from the velocity v_ in `state.v` and all forces,
+        which act for the time `half`.
 
         Returns (v.Zv + 2 v_.Zv_)/3, for the energy balance.
         """
@@ -95,19 +104,30 @@ class MatchedBoundary(Boundary):
 @ti.data_oriented
 @dataclass(eq=False)
 class ResetBoundary(Boundary):
-    """A boundary whose velocities are set to zero once every `interval`: a drag of 2 m/interval on each point."""
+    """A boundary whose velocities are set to zero once every `interval`: a drag of 2
+    m/interval on each point."""
 
-    # Springs do not depend on velocity, but the force of dashpots jumps at a reset. The next half step has to start
-    # from the force after the jump, or the reset would cost an order of accuracy.
+    # Springs do not depend on velocity, but the force of dashpots jumps at a reset. The
+    # next half step has to start from the force after the jump, or the reset would cost
+    # an order of accuracy.
 
     interval: float  # time between two resets, a whole number of time steps [R/c]
 
     @ti.func
-    def stop(self, state: ti.template(), springs: ti.template(), solver: ti.template(), implicit: ti.template()):
-        """Set the velocities at this step to zero, and return the kinetic energy that is lost [M c^2].
+    def stop(
+        self,
+        state: ti.template(),
+        springs: ti.template(),
+        solver: ti.template(),
+        implicit: ti.template(),
+    ):
+        """Set the velocities at this step to zero, and return the kinetic energy that
+        is lost [M c^2].
 
-        Leapfrog conserves m/2 v_{k-1/2} v_{k+1/2} = m/2 v_k^2 - m/2 (h/2 f_k/m)^2, and with dashpots f_k jumps too.
-        `implicit`: whether `solver` (see `trapezoidal`) has solved for the velocities in `state.u`.
+        Leapfrog conserves m/2 v_{k-1/2} v_{k+1/2} = m/2 v_k^2 - m/2 (h/2 f_k/m)^2, and
+        with dashpots f_k jumps too.
+        `implicit`: whether `solver` (see `trapezoidal`) has solved for the velocities
+            in `state.u`.
         """
         half = state.closing[None]
         energy = 0.0
@@ -137,7 +157,8 @@ class ResetBoundary(Boundary):
 
     @ti.func
     def restart_explicit(self, state: ti.template(), springs: ti.template()):
-        """Update `f` and `u` after a reset. Before, `u` holds the velocity that each point has lost."""
+        """Update `f` and `u` after a reset. Before, `u` holds the velocity that each
+        point has lost."""
         half, eta = state.closing[None], springs.eta_now[None]
         for i in range(state.n[None]):
             kick = half * state.inverse_mass[i] * get(state.f, i)
@@ -145,15 +166,22 @@ class ResetBoundary(Boundary):
         for b in range(state.blocks[None]):
             for k in ti.static(range(len(springs.first))):
                 i, j = springs.first[k][b], springs.second[k][b]
-                lost = springs.damped_part(state, k, b, get(state.u, j) - get(state.u, i))
+                lost = springs.damped_part(
+                    state, k, b, get(state.u, j) - get(state.u, i)
+                )
                 springs.pull_together(state.f, k, b, eta * lost)
         for i in range(state.n[None]):
             put(state.u, i, get(state.v, i))
-            put(state.v, i, get(state.v, i) - half * state.inverse_mass[i] * get(state.f, i))
+            put(
+                state.v,
+                i,
+                get(state.v, i) - half * state.inverse_mass[i] * get(state.f, i),
+            )
 
     @ti.func
     def half_kick_energy(self, state: ti.template(), solved: ti.template()):
-        """Return the kinetic energy of a half step's change of velocity: h/2 f/m, or u - v if u is `solved` for."""
+        """Return the kinetic energy of a half step's change of velocity: h/2 f/m, or u
+        - v if u is `solved` for."""
         energy = 0.0
         for i in range(state.n[None]):
             kick = 0.5 * state.h[None] * state.inverse_mass[i] * get(state.f, i)
@@ -164,13 +192,16 @@ class ResetBoundary(Boundary):
 
     @ti.func
     def dashpot_work(self, state: ti.template(), springs: ti.template(), h):
-        """Return sum(eta (u_i - u_j).(w_i - w_j)) over the springs with w = v + h f/m; h = 0 for the last half step."""
+        """Return sum(eta (u_i - u_j).(w_i - w_j)) over the springs with w = v + h f/m;
+        h = 0 for the last half step."""
         power = 0.0
         for b in range(state.blocks[None]):
             for k in ti.static(range(len(springs.first))):
                 i, j = springs.first[k][b], springs.second[k][b]
                 u = springs.damped_part(state, k, b, get(state.u, i) - get(state.u, j))
-                kicks = state.inverse_mass[i] * get(state.f, i) - state.inverse_mass[j] * get(state.f, j)
+                kicks = state.inverse_mass[i] * get(state.f, i) - state.inverse_mass[
+                    j
+                ] * get(state.f, j)
                 w = get(state.v, i) - get(state.v, j) + h * kicks
                 power += springs.eta_now[None] * (u[0] * w[0] + u[1] * w[1])
         return power
@@ -179,8 +210,9 @@ class ResetBoundary(Boundary):
 def matched_impedance(lattice: Lattice, normal: float, tangential: float) -> Array:
     """Return the dashpot constants (k, 2) [M c/R] of `wall_boundary`.
 
-    Half of each segment of the boundary belongs to each of its ends. Dashpots resist with rho c_p (`normal`) across the
-    segment, and with rho c_s (`tangential`) along it [M c/R^2].
+    Half of each segment of the boundary belongs to each of its ends. Dashpots resist
+    with rho c_p (`normal`) across the segment, and with rho c_s (`tangential`) along it
+    [M c/R^2].
     """
     chain = lattice.positions[lattice.wall_boundary]
     segment = np.diff(chain, axis=0)

@@ -1,8 +1,10 @@
-"""Contact with the elastic wall (paper section 5): a V0 exp(-a l) from the wall's surface spring below a point.
+"""Contact with the elastic wall (paper section 5): a V0 exp(-a l) from the wall's
+surface spring below a point.
 
-The distance l is measured along the spring's normal n. The ends of the spring take the reaction by the lever rule. This
-balances force and torque, and while the point stays above one spring the force is the gradient of V0 exp(-a l). The
-potential is shifted to be zero at the threshold, so that it does not jump when a contact begins.
+The distance l is measured along the spring's normal n. The ends of the spring take the
+reaction by the lever rule. This balances force and torque, and while the point stays
+above one spring the force is the gradient of V0 exp(-a l). The potential is shifted to
+be zero at the threshold, so that it does not jump when a contact begins.
 """
 
 from dataclasses import dataclass
@@ -22,7 +24,8 @@ class Contacts:
     """Surface points of the disk within the threshold of the wall, in NumPy."""
 
     points: NDArray[np.intp]  # (k,) indices of the points in the lattice
-    carriers: NDArray[np.intp]  # (k, w) indices in `wall_surface` of the points that take the reaction
+    # (k, w) indices in `wall_surface` of the points that take the reaction
+    carriers: NDArray[np.intp]
     shares: Array  # (k, w) fraction of the reaction on each of them
     energy: Array  # (k,) V0 exp(-a l), not shifted [M c^2]
     force: Array  # (k, 2) force on each point [M c^2/R]
@@ -31,7 +34,8 @@ class Contacts:
 @ti.data_oriented
 @dataclass(eq=False)
 class ElasticWall(Wall):
-    """The contact law between the disk's surface points and the wall's surface springs."""
+    """The contact law between the disk's surface points and the wall's surface
+    springs."""
 
     a: float  # hardness [1/R]
     V0: float  # potential at distance 0 [M c^2]
@@ -40,32 +44,43 @@ class ElasticWall(Wall):
     has_jumps = True
     scalars = ("a", "V0", "threshold", "shift")
     carriers = 2  # points of the wall that take the reaction of a contact
-    steepness = 2.0  # largest ratio of the height above the wall's highest point to l, for slopes up to 60 degrees
+    # largest ratio of the height above the wall's highest point to l, for slopes up to
+    # 60 degrees
+    steepness = 2.0
 
     @property
     def shift(self) -> float:
-        """Value of V0 exp(-a l) at the threshold, which is subtracted from the potential [M c^2]."""
+        """Value of V0 exp(-a l) at the threshold, which is subtracted from the
+        potential [M c^2]."""
         return float(self.potential(self.threshold))
 
     def added_stiffness(self, force: float) -> float:
-        """Return 2 a F [M c^2/R^2]: twice that of the rigid wall, because two points of equal mass meet."""
+        """Return 2 a F [M c^2/R^2]: twice that of the rigid wall, because two points of
+        equal mass meet."""
         return 2.0 * super().added_stiffness(force)
 
     def make_fields(self, builder: Any, capacity: Capacity) -> None:
         super().make_fields(builder, capacity)
-        self.disk_surface, self.wall_surface = (array(builder, capacity.points) for _ in range(2))
+        self.disk_surface, self.wall_surface = (
+            array(builder, capacity.points) for _ in range(2)
+        )
         self.count = array(builder, 2)
 
     def contents(self, lattice: Lattice, arrangement: Arrangement) -> Contents:
         disk, wall = lattice.disk_surface, lattice.wall_surface
-        return [((self.disk_surface,), disk), ((self.wall_surface,), wall), ((self.count,), [len(disk), len(wall)])]
+        return [
+            ((self.disk_surface,), disk),
+            ((self.wall_surface,), wall),
+            ((self.count,), [len(disk), len(wall)]),
+        ]
 
     @ti.func
     def add(self, state: ti.template(), move):
         """Push every surface point of the disk away from the wall below it.
 
-        Returns the upward force on the disk [M c^2/R], the potential [M c^2], the largest force on one point, and the
-        energy lost by sliding in the last move, which was `move` times the velocity (see `sliding_loss`).
+        Returns the upward force on the disk [M c^2/R], the potential [M c^2], the
+        largest force on one point, and the energy lost by sliding in the last move,
+        which was `move` times the velocity (see `sliding_loss`).
         """
         a, V0, threshold = self.a_now[None], self.V0_now[None], self.threshold_now[None]
         x, y = ti.static(state.x[0], state.x[1])
@@ -78,7 +93,9 @@ class ElasticWall(Wall):
         for n in range(self.count[0]):
             i = self.disk_surface[n]
             if y[i] - top < self.steepness * threshold:
-                guess = ti.max(0, ti.min(last - 1, ti.cast((x[i] - left) / pitch, ti.i32)))
+                guess = ti.max(
+                    0, ti.min(last - 1, ti.cast((x[i] - left) / pitch, ti.i32))
+                )
                 k = self.spring_below(state, i, guess, 0.0)
                 distance, direction, first, shares = self.contact(state, i, k)
                 if distance < threshold:
@@ -87,7 +104,11 @@ class ElasticWall(Wall):
                     put(state.f, i, get(state.f, i) + point_force)
                     for c in ti.static(range(self.carriers)):
                         carrier = self.wall_surface[first + c]
-                        put(state.f, carrier, get(state.f, carrier) - shares[c] * point_force)
+                        put(
+                            state.f,
+                            carrier,
+                            get(state.f, carrier) - shares[c] * point_force,
+                        )
                     upward += point_force[1]
                     potential += energy - self.shift_now[None]
                     size = a * energy
@@ -102,8 +123,9 @@ class ElasticWall(Wall):
     def contact(self, state: ti.template(), i, k):
         """Return the contact of point i with the wall near spring k.
 
-        The values are the distance (the threshold if there is no wall below the point), the direction of the force, the
-        index in `wall_surface` of the first point that takes the reaction, and the fractions of all such points.
+        The values are the distance (the threshold if there is no wall below the point),
+        the direction of the force, the index in `wall_surface` of the first point that
+        takes the reaction, and the fractions of all such points.
         """
         distance, normal, lever = self.threshold_now[None], ti.Vector([0.0, 0.0]), 0.0
         x, p, q = state.x[0][i], self.wall_surface[k], self.wall_surface[k + 1]
@@ -113,17 +135,22 @@ class ElasticWall(Wall):
 
     @ti.func
     def sliding_loss(self, state: ti.template(), i, k, move):
-        """Return the energy that point i lost if it passed from another wall spring to spring k in the last move."""
-        # On a bent surface the distance l, and with it the potential, jumps when a point passes from one spring to the
-        # next. By the trapezoidal rule, half of the jump at each end of the move counts.
+        """Return the energy that point i lost if it passed from another wall spring to
+        spring k in the last move."""
+        # On a bent surface the distance l, and with it the potential, jumps when a
+        # point passes from one spring to the next. By the trapezoidal rule, half of the
+        # jump at each end of the move counts.
         before = self.spring_below(state, i, k, move)
         lost = 0.0
         if before != k:
-            for case in range(4):  # a loop, because four inlined calls take long to compile
+            # a loop, because four inlined calls take long to compile
+            for case in range(4):
                 spring, half = k, -0.5
                 if case < 2:
                     spring, half = before, 0.5
-                distance, _lever, _normal = self.position_above(state, i, spring, (case % 2) * move)
+                distance, _lever, _normal = self.position_above(
+                    state, i, spring, (case % 2) * move
+                )
                 if distance < self.threshold_now[None]:
                     energy = self.V0_now[None] * ti.exp(-self.a_now[None] * distance)
                     lost += half * (energy - self.shift_now[None])
@@ -131,18 +158,23 @@ class ElasticWall(Wall):
 
     @ti.func
     def spring_below(self, state: ti.template(), i, guess, move):
-        """Return the wall spring below or nearest to point i, at its position before `move` times the velocity."""
+        """Return the wall spring below or nearest to point i, at its position before
+        `move` times the velocity."""
         k = guess
         x = self.position_before(state, i, move)[0]
         while k > 0 and x < self.position_before(state, self.wall_surface[k], move)[0]:
             k -= 1
-        while k < self.count[1] - 2 and x >= self.position_before(state, self.wall_surface[k + 1], move)[0]:
+        while (
+            k < self.count[1] - 2
+            and x >= self.position_before(state, self.wall_surface[k + 1], move)[0]
+        ):
             k += 1
         return k
 
     @ti.func
     def position_above(self, state: ti.template(), i, k, move):
-        """Return distance, lever and normal of point i above wall spring k, at the position before `move` times v."""
+        """Return distance, lever and normal of point i above wall spring k, at the
+        position before `move` times v."""
         start = self.position_before(state, self.wall_surface[k], move)
         along = self.position_before(state, self.wall_surface[k + 1], move) - start
         away = self.position_before(state, i, move) - start
@@ -165,18 +197,30 @@ class ElasticWall(Wall):
         carriers = over[rows].argmax(axis=1)[:, None] + np.arange(self.carriers)
         distance, direction, shares = self.geometry(x[points], chain[carriers])
         with np.errstate(over="ignore", invalid="ignore"):  # values after a blow-up
-            energy, force = self.potential(distance), self.force_at(distance)[:, None] * direction
+            energy, force = (
+                self.potential(distance),
+                self.force_at(distance)[:, None] * direction,
+            )
         in_reach = distance < self.threshold
-        return Contacts(points[in_reach], carriers[in_reach], shares[in_reach], energy[in_reach], force[in_reach])
+        return Contacts(
+            points[in_reach],
+            carriers[in_reach],
+            shares[in_reach],
+            energy[in_reach],
+            force[in_reach],
+        )
 
     def pieces(self, chain: Array) -> tuple[Array, Array]:
-        """Return start and end (m, 2) of the pieces of the surface with the points `chain` (n, 2)."""
+        """Return start and end (m, 2) of the pieces of the surface with the points
+        `chain` (n, 2)."""
         return chain[:-1], chain[1:]
 
     def geometry(self, x: Array, ends: Array) -> tuple[Array, Array, Array]:
-        """Return distances (k,), directions (k, 2) and fractions (k, w) as `contact` does.
+        """Return distances (k,), directions (k, 2) and fractions (k, w) as `contact`
+        does.
 
-        `x` (k, 2) are points of the disk, `ends` (k, w, 2) the wall's points that take the reactions.
+        `x` (k, 2) are points of the disk, `ends` (k, w, 2) the wall's points that take
+        the reactions.
         """
         away, t = x - ends[:, 0], ends[:, 1] - ends[:, 0]
         length2 = (t * t).sum(axis=1)
@@ -191,9 +235,13 @@ class ElasticWall(Wall):
         found, force = self.contacts(lattice, x), np.zeros_like(x)
         np.add.at(force, found.points, found.force)
         for carrier, share in zip(found.carriers.T, found.shares.T, strict=True):
-            np.add.at(force, lattice.wall_surface[carrier], -share[:, None] * found.force)
+            np.add.at(
+                force, lattice.wall_surface[carrier], -share[:, None] * found.force
+            )
         return force
 
-    def contact_forces(self, lattice: Lattice, x: Array, *moving: Any) -> tuple[NDArray[np.intp], Array]:
+    def contact_forces(
+        self, lattice: Lattice, x: Array, *moving: Any
+    ) -> tuple[NDArray[np.intp], Array]:
         found = self.contacts(lattice, x)
         return found.points, found.force

@@ -16,7 +16,8 @@ from taichi_disk.physics.springs import Springs
 
 @dataclass(frozen=True)
 class Model:
-    """The laws of one scene. A law that is absent has no field and is neither compiled nor computed."""
+    """The laws of one scene. A law that is absent has no field and is neither compiled
+    nor computed."""
 
     springs: Springs  # springs and dashpots of disk and wall
     wall: Wall | None = None
@@ -28,7 +29,11 @@ class Model:
     @property
     def laws(self) -> tuple[Law, ...]:
         optional = (self.wall, self.load, self.boundary, self.mouse)
-        return (self.springs, *(law for law in optional if law is not None), *self.others)
+        return (
+            self.springs,
+            *(law for law in optional if law is not None),
+            *self.others,
+        )
 
     @property
     def body_forces(self) -> tuple[BodyForce, ...]:
@@ -44,7 +49,8 @@ class Model:
 
     @property
     def solvable(self) -> bool:
-        """Whether `trapezoidal` is useful: it cannot treat axial dashpots, and with friction it has only order 1."""
+        """Whether `trapezoidal` is useful: it cannot treat axial dashpots, and with
+        friction it has only order 1."""
         return self.springs.damped and not (self.springs.axial or self.has_friction)
 
     @property
@@ -66,7 +72,8 @@ class Model:
 
     @property
     def impedance(self) -> Array | None:
-        """Dashpot constants (k, 2) of the points of a matched boundary [M c/R], or None."""
+        """Dashpot constants (k, 2) of the points of a matched boundary [M c/R], or
+        None."""
         return self.boundary.impedance if self.boundary else None
 
     def signature(self) -> tuple[Any, ...]:
@@ -78,12 +85,16 @@ class Model:
         return sum(law.energy(lattice, x) for law in self.laws)
 
     def forces(self, lattice: Lattice, x: Array) -> Array:
-        """Return the force (n, 2) on each point, without dashpots and friction [M c^2/R]."""
+        """Return the force (n, 2) on each point, without dashpots and friction [M
+        c^2/R]."""
         return np.asarray(sum(law.forces(lattice, x) for law in self.laws))
 
     def forces_moving(self, lattice: Lattice, x: Array, v: Array) -> Array:
-        """Return the force (n, 2) on each point at the velocities `v` (n, 2) [c]; 0 for pinned points."""
-        force = self.forces(lattice, x) + sum(law.damping_forces(lattice, x, v) for law in self.laws)
+        """Return the force (n, 2) on each point at the velocities `v` (n, 2) [c]; 0 for
+        pinned points."""
+        force = self.forces(lattice, x) + sum(
+            law.damping_forces(lattice, x, v) for law in self.laws
+        )
         if self.wall and self.wall.has_friction:
             force[:, 0] += self.wall.friction_on(lattice, x, v, force)
         if self.is_pinned:
@@ -91,5 +102,6 @@ class Model:
         return np.asarray(force)
 
     def stiffness(self, lattice: Lattice, x: Array) -> Any:
-        """Return the second derivative of `energy`, without an elastic wall, sparse (2n, 2n) [M c^2/R^2]."""
+        """Return the second derivative of `energy`, without an elastic wall, sparse
+        (2n, 2n) [M c^2/R^2]."""
         return sum(law.stiffness(lattice, x) for law in self.laws)

@@ -1,9 +1,12 @@
-"""Order the springs so that consecutive ones share no point, and split large lattices into subdomains.
+"""Order the springs so that consecutive ones share no point, and split large lattices
+into subdomains.
 
-The points are in an order in which the two ends of a spring are at most `reach`, about 1.5 sqrt(N), apart in the list.
-Subdomains of several times as many consecutive points can be moved in parallel, because the springs inside a subdomain
-touch no other. The few springs across the seams are computed afterwards. So each spring is computed once, and every sum
-has the same order on any number of cores: no atomic additions, bitwise reproducible.
+The points are in an order in which the two ends of a spring are at most `reach`, about
+1.5 sqrt(N), apart in the list. Subdomains of several times as many consecutive points
+can be moved in parallel, because the springs inside a subdomain touch no other. The few
+springs across the seams are computed afterwards. So each spring is computed once, and
+every sum has the same order on any number of cores: no atomic additions, bitwise
+reproducible.
 """
 
 from __future__ import annotations
@@ -13,21 +16,32 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-BLOCK = 8  # springs computed together, so that their square roots and divisions become one vector instruction
+# springs computed together, so that their square roots and divisions become one vector
+# instruction
+BLOCK = 8
 WINDOW = 16  # points whose springs are interleaved; they fit into the first-level cache
-PARALLEL_FROM = 50_000  # points from which two cores are clearly faster; they break even near 35,000
-MAX_SUBDOMAINS = 8  # most subdomains of a large lattice; each adds a seam, which a single core computes
-MIN_REACHES = 4  # smallest length of a subdomain in units of `reach`, so that few springs cross a seam
+# points from which two cores are clearly faster; they break even near 35,000
+PARALLEL_FROM = 50_000
+# most subdomains of a large lattice; each adds a seam, which a single core computes
+MAX_SUBDOMAINS = 8
+# smallest length of a subdomain in units of `reach`, so that few springs cross a seam
+MIN_REACHES = 4
 
 
 @dataclass(frozen=True)
 class Arrangement:
-    """The springs in blocks of BLOCK, in the order in which a step takes them. Filler springs complete a block."""
+    """The springs in blocks of BLOCK, in the order in which a step takes them. Filler
+    springs complete a block."""
 
-    ends: NDArray[np.int32]  # (slots, 2); fillers join two extra points after the last point
-    source: NDArray[np.int64]  # (slots,) index of the spring in each slot; -1 for a filler
-    subdomain_points: int  # points per subdomain, of which the last may have fewer; all points for a single core
-    # (subdomains,) block at which the springs inside each subdomain end; the springs across the seams follow
+    # (slots, 2); fillers join two extra points after the last point
+    ends: NDArray[np.int32]
+    # (slots,) index of the spring in each slot; -1 for a filler
+    source: NDArray[np.int64]
+    # points per subdomain, of which the last may have fewer; all points for a single
+    # core
+    subdomain_points: int
+    # (subdomains,) block at which the springs inside each subdomain end; the springs
+    # across the seams follow
     subdomain_ends: NDArray[np.int32]
 
     @property
@@ -36,7 +50,8 @@ class Arrangement:
 
 
 def arrange(bonds: NDArray[np.int32], points: int) -> Arrangement:
-    """Arrange `bonds` (m, 2), which are sorted by their first points, and split a large lattice."""
+    """Arrange `bonds` (m, 2), which are sorted by their first points, and split a large
+    lattice."""
     count = 1
     if points >= PARALLEL_FROM:
         reach = int((bonds[:, 1] - bonds[:, 0]).max())
@@ -46,21 +61,27 @@ def arrange(bonds: NDArray[np.int32], points: int) -> Arrangement:
     first, last = bonds[order].T // size
     within = [(first == c) & (last == c) for c in range(count)]
     sources, ends = [], []
-    for c, chosen in enumerate([*within, first != last]):  # the springs across the seams come last
+    # the springs across the seams come last
+    for c, chosen in enumerate([*within, first != last]):
         source = order[chosen]
         source = np.append(source, np.full(-len(source) % BLOCK, -1))
         filling = points + 2 * min(c, count - 1) + np.arange(2)
         sources.append(source)
-        ends.append(np.where(source[:, None] < 0, filling, bonds[source]).astype(np.int32))
-    ends_at = np.cumsum([len(source) // BLOCK for source in sources[:-1]]).astype(np.int32)
+        ends.append(
+            np.where(source[:, None] < 0, filling, bonds[source]).astype(np.int32)
+        )
+    ends_at = np.cumsum([len(source) // BLOCK for source in sources[:-1]]).astype(
+        np.int32
+    )
     return Arrangement(np.concatenate(ends), np.concatenate(sources), size, ends_at)
 
 
 def interleave_springs(bonds: NDArray[np.int32], points: int) -> NDArray[np.int64]:
     """Return an order (m,) of `bonds` (m, 2), which are sorted by their first point."""
-    # A second addition to the force on a point has to wait until the first is stored. Springs with the same colour in a
-    # greedy edge colouring share no point. Within a window of WINDOW points, springs are ordered by colour; this keeps
-    # memory accesses local and makes a step 10 % faster.
+    # A second addition to the force on a point has to wait until the first is stored.
+    # Springs with the same colour in a greedy edge colouring share no point. Within a
+    # window of WINDOW points, springs are ordered by colour; this keeps memory accesses
+    # local and makes a step 10 % faster.
     used = [0] * points  # set of the colours at each point, as bits
     colour = np.empty(len(bonds), dtype=np.int64)
     for b, (i, j) in enumerate(bonds.tolist()):

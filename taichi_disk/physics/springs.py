@@ -1,9 +1,11 @@
-"""Springs and dashpots: f_ij = -(k_a s + k_b s^3) e - eta (v_i - v_j), paper eqs. (1), (3) and (6).
+"""Springs and dashpots: f_ij = -(k_a s + k_b s^3) e - eta (v_i - v_j), paper eqs. (1),
+(3) and (6).
 
-s = |r_i - r_j| - L_ij is the stretch of a spring beyond its rest length L_ij, the distance in the unloaded lattice; e =
-(r_i - r_j)/|r_i - r_j|. The paper's dashpots resist the whole relative velocity of their ends, including a rotation.
-Axial dashpots, which are not in the paper, exert -eta ((v_i - v_j).e) e and conserve angular momentum. (The plus sign
-before eta in eq. (1) is a misprint: (3) and (6) have a minus.)
+s = |r_i - r_j| - L_ij is the stretch of a spring beyond its rest length L_ij, the
+distance in the unloaded lattice; e = (r_i - r_j)/|r_i - r_j|. The paper's dashpots
+resist the whole relative velocity of their ends, including a rotation. Axial dashpots,
+which are not in the paper, exert -eta ((v_i - v_j).e) e and conserve angular momentum.
+(The plus sign before eta in eq. (1) is a misprint: (3) and (6) have a minus.)
 """
 
 from dataclasses import dataclass
@@ -23,15 +25,19 @@ from taichi_disk.physics.ordering import BLOCK, Arrangement
 class Springs(Law):
     """The springs of a lattice, each with a dashpot in parallel."""
 
-    # Kernels compute blocks of BLOCK springs, so that square roots and divisions become vector instructions.
+    # Kernels compute blocks of BLOCK springs, so that square roots and divisions become
+    # vector instructions.
 
     k_a: float = 1.0  # linear spring constant [M c^2/R^2]
     k_b: float = 0.0  # cubic spring constant [M c^2/R^4]; 0: no cubic term is computed
-    eta: float = 0.0  # dashpot constant eta_dis = eta* m c/R of every spring [M c/R]; 0: no dashpots
-    axial: bool = False  # whether dashpots resist only the relative velocity along their spring
+    # dashpot constant eta_dis = eta* m c/R of every spring [M c/R]; 0: no dashpots
+    eta: float = 0.0
+    # whether dashpots resist only the relative velocity along their spring
+    axial: bool = False
     scalars = ("k_a", "k_b", "eta")
     switches = ("cubic", "damped", "axial")
-    non_uniform = False  # whether the springs have a `Lattice.stiffness`; a simulation sets this on its copy
+    # whether the springs have a `Lattice.stiffness`; a simulation sets this on its copy
+    non_uniform = False
 
     def __post_init__(self) -> None:
         self.cubic, self.damped = self.k_b != 0.0, self.eta != 0.0
@@ -39,18 +45,21 @@ class Springs(Law):
 
     @property
     def modulus(self) -> float:
-        """Approximate Young's modulus of the lattice [M c^2/R^2]; measured values are 1.04 to 1.11 times larger."""
+        """Approximate Young's modulus of the lattice [M c^2/R^2]; measured values are
+        1.04 to 1.11 times larger."""
         return self.k_a
 
     @property
     def time_unit(self) -> float:
-        """Approximate time in which a wave crosses R [R/c]; its inverse is the speed of sound [c]."""
+        """Approximate time in which a wave crosses R [R/c]; its inverse is the speed of
+        sound [c]."""
         return float(1.0 / np.sqrt(self.modulus))
 
     def make_fields(self, builder: Any, capacity: Capacity) -> None:
         super().make_fields(builder, capacity)
         self.first, self.second, self.rest = (
-            side_by_side(builder, capacity.blocks, BLOCK, kind) for kind in (ti.i32, ti.i32, ti.f64)
+            side_by_side(builder, capacity.blocks, BLOCK, kind)
+            for kind in (ti.i32, ti.i32, ti.f64)
         )
         if self.non_uniform:
             self.factor = side_by_side(builder, capacity.blocks, BLOCK)
@@ -62,21 +71,38 @@ class Springs(Law):
         if lattice.stiffness is not None:
             numbers.append(np.where(source < 0, 1.0, lattice.stiffness[source]))
             fields += self.factor
-        return [(fields, np.concatenate([column.reshape(-1, BLOCK) for column in numbers], axis=1))]
+        return [
+            (
+                fields,
+                np.concatenate(
+                    [column.reshape(-1, BLOCK) for column in numbers], axis=1
+                ),
+            )
+        ]
 
     @ti.func
     def add(self, state: ti.template(), dashpots: ti.template(), begin, end):
-        """Add the forces of the springs in blocks begin..end, and of their `dashpots` at the velocities u.
+        """Add the forces of the springs in blocks begin..end, and of their `dashpots`
+        at the velocities u.
 
-        Returns the elastic energy sum(k_a s^2/2 + k_b s^4/4) [M c^2] and, for the power lost in the dashpots, sum((u_i
-        - u_j). (w_i - w_j)) [c^2] over these springs with w = (u + 2 v)/3. Axial dashpots count only the components
-        along the spring. Stiffness factors weight the springs.
+        Returns the elastic energy sum(k_a s^2/2 + k_b s^4/4) [M c^2] and, for the power
+        lost in the dashpots, sum((u_i
+        - u_j). (w_i - w_j)) [c^2] over these springs with w = (u + 2 v)/3. Axial
+        dashpots count only the components along the spring. Stiffness factors weight
+        the springs.
         """
-        all_k_a, all_k_b, all_eta = self.k_a_now[None], self.k_b_now[None], self.eta_now[None]
+        all_k_a, all_k_b, all_eta = (
+            self.k_a_now[None],
+            self.k_b_now[None],
+            self.eta_now[None],
+        )
         energy = ti.Vector.zero(ti.f64, BLOCK)
         products = ti.Vector.zero(ti.f64, BLOCK)
         for block in range(begin, end):
-            k_a, k_b, eta = [self.stiffened(constant, block) for constant in [all_k_a, all_k_b, all_eta]]
+            k_a, k_b, eta = [
+                self.stiffened(constant, block)
+                for constant in [all_k_a, all_k_b, all_eta]
+            ]
             dx, dy = self.differences(state.x, block)
             rest = ti.Vector([self.rest[k][block] for k in range(BLOCK)])
             r = ti.sqrt(dx * dx + dy * dy)
@@ -95,7 +121,9 @@ class Springs(Law):
                 if ti.static(self.axial):
                     along = (ux * dx + uy * dy) / (r * r)
                     ux, uy = along * dx, along * dy
-                products += self.stiffened(ux * (ux + 2.0 * vx) + uy * (uy + 2.0 * vy), block)
+                products += self.stiffened(
+                    ux * (ux + 2.0 * vx) + uy * (uy + 2.0 * vy), block
+                )
                 fx += eta * ux
                 fy += eta * uy
             for k in ti.static(range(BLOCK)):
@@ -118,13 +146,20 @@ class Springs(Law):
         x, y = ti.static(pair[0], pair[1])
         i = [self.first[k][block] for k in range(BLOCK)]
         j = [self.second[k][block] for k in range(BLOCK)]
-        # x and y of a point are adjacent in memory, so one instruction loads or subtracts both.
-        d = [ti.Vector([x[i[k]], y[i[k]]]) - ti.Vector([x[j[k]], y[j[k]]]) for k in range(BLOCK)]
-        return ti.Vector([vector[0] for vector in d]), ti.Vector([vector[1] for vector in d])
+        # x and y of a point are adjacent in memory, so one instruction loads or
+        # subtracts both.
+        d = [
+            ti.Vector([x[i[k]], y[i[k]]]) - ti.Vector([x[j[k]], y[j[k]]])
+            for k in range(BLOCK)
+        ]
+        return ti.Vector([vector[0] for vector in d]), ti.Vector(
+            [vector[1] for vector in d]
+        )
 
     @ti.func
     def damped_part(self, state: ti.template(), k: ti.template(), block, velocity):
-        """Return the component of a relative `velocity` that the dashpot of spring k damps, times its stiffness."""
+        """Return the component of a relative `velocity` that the dashpot of spring k
+        damps, times its stiffness."""
         part = velocity
         if ti.static(self.non_uniform):
             part = self.factor[k][block] * velocity
@@ -135,7 +170,8 @@ class Springs(Law):
 
     @ti.func
     def pull_together(self, pair: ti.template(), k: ti.template(), block, force):
-        """Subtract a force from the first end of spring k of a block and add it to the second."""
+        """Subtract a force from the first end of spring k of a block and add it to the
+        second."""
         i, j = self.first[k][block], self.second[k][block]
         put(pair, i, get(pair, i) - force)
         put(pair, j, get(pair, j) + force)
@@ -145,7 +181,8 @@ class Springs(Law):
     @staticmethod
     def ends_apart(lattice: Lattice, x: Array) -> Array:
         i, j = lattice.bonds.T
-        return np.stack([column[i] - column[j] for column in x.T])  # gathering columns is nine times faster than pairs
+        # gathering columns is nine times faster than pairs
+        return np.stack([column[i] - column[j] for column in x.T])
 
     @staticmethod
     def lengths(vectors: Array) -> Array:
@@ -160,7 +197,8 @@ class Springs(Law):
         return self.stretch(lattice, x) / lattice.rest_lengths
 
     def tension(self, lattice: Lattice, x: Array) -> Array:
-        """Return the tension (m,) k_a s + k_b s^3 of each spring, positive if it is stretched [M c^2/R]."""
+        """Return the tension (m,) k_a s + k_b s^3 of each spring, positive if it is
+        stretched [M c^2/R]."""
         return self.pull(lattice, self.stretch(lattice, x))
 
     def pull(self, lattice: Lattice, s: Array) -> Array:
@@ -170,7 +208,9 @@ class Springs(Law):
     def energies(self, lattice: Lattice, x: Array) -> Array:
         """Return the energy (m,) k_a s^2/2 + k_b s^4/4 of each spring [M c^2]."""
         square = self.stretch(lattice, x) ** 2
-        return np.asarray(lattice.stiffened((0.5 * self.k_a + 0.25 * self.k_b * square) * square))
+        return np.asarray(
+            lattice.stiffened((0.5 * self.k_a + 0.25 * self.k_b * square) * square)
+        )
 
     def energy(self, lattice: Lattice, x: Array) -> float:
         return float(self.energies(lattice, x).sum())
@@ -178,7 +218,11 @@ class Springs(Law):
     def forces(self, lattice: Lattice, x: Array) -> Array:
         vectors = self.ends_apart(lattice, x)
         length = self.lengths(vectors)
-        return self._gathered(lattice, len(x), self.pull(lattice, length - lattice.rest_lengths) / length * vectors)
+        return self._gathered(
+            lattice,
+            len(x),
+            self.pull(lattice, length - lattice.rest_lengths) / length * vectors,
+        )
 
     def damping_forces(self, lattice: Lattice, x: Array, v: Array) -> Array:
         velocity = self.ends_apart(lattice, v)
@@ -190,14 +234,23 @@ class Springs(Law):
     @staticmethod
     def _gathered(lattice: Lattice, n: int, pulls: Array) -> Array:
         i, j = lattice.bonds.T
-        return np.stack([np.bincount(j, pull, n) - np.bincount(i, pull, n) for pull in pulls], axis=1)
+        return np.stack(
+            [np.bincount(j, pull, n) - np.bincount(i, pull, n) for pull in pulls],
+            axis=1,
+        )
 
     def stiffness(self, lattice: Lattice, x: Array) -> Any:
-        """Return the stiffness: T' e e^T + T/r (1 - e e^T) of a spring of length r and tension T."""
+        """Return the stiffness: T' e e^T + T/r (1 - e e^T) of a spring of length r and
+        tension T."""
         s = self.stretch(lattice, x)
         length = s + lattice.rest_lengths
         ex, ey = self.ends_apart(lattice, x) / length
-        along, across = lattice.stiffened(self.k_a + 3.0 * self.k_b * s * s), self.pull(lattice, s) / length
+        along, across = (
+            lattice.stiffened(self.k_a + 3.0 * self.k_b * s * s),
+            self.pull(lattice, s) / length,
+        )
         xx, yy = along * ex * ex + across * ey * ey, along * ey * ey + across * ex * ex
         xy = (along - across) * ex * ey
-        return assemble(np.stack([xx, xy, xy, yy], axis=1).reshape(-1, 2, 2), lattice.bonds, len(x))
+        return assemble(
+            np.stack([xx, xy, xy, yy], axis=1).reshape(-1, 2, 2), lattice.bonds, len(x)
+        )

@@ -1,4 +1,5 @@
-"""Pictures and films of the disk: drawn on a GGUI canvas, completed with text and curves, and encoded."""
+"""Pictures and films of the disk: drawn on a GGUI canvas, completed with text and
+curves, and encoded."""
 
 from __future__ import annotations
 
@@ -7,13 +8,17 @@ from taichi_disk.errors import TaichiDiskError
 
 
 def film_problem() -> str | None:
-    """Return why this machine cannot make films, with the command that helps, or None. Needs no `ti.init`."""
+    """Return why this machine cannot make films, with the command that helps, or None.
+    Needs no `ti.init`."""
     try:
         from taichi_disk.engine import ti
     except ImportError as error:
         return f"Taichi cannot be loaded ({error}); as root: {REMEDY}"
     if not ti._lib.core.with_vulkan():
-        return f"pictures are drawn with Vulkan, and there is no Vulkan driver here; as root: {REMEDY}"
+        return (
+            "pictures are drawn with Vulkan, and there is no Vulkan driver here; as"
+            f" root: {REMEDY}"
+        )
     return None
 
 

@@ -13,19 +13,23 @@ from taichi_disk.errors import TaichiDiskError
 
 
 def open_window(title: str, size: tuple[int, int], **options: Any) -> Any:
-    """Return a new `ti.ui.Window` of `size` (width, height) [px]. GGUI crashes if two exist: destroy it after use.
+    """Return a new `ti.ui.Window` of `size` (width, height) [px]. GGUI crashes if two
+    exist: destroy it after use.
 
     Raises TaichiDiskError if Vulkan cannot draw.
     """
     try:
         return ti.ui.Window(title, size, **options)
     except RuntimeError as error:  # the Vulkan driver exists but does not work
-        raise TaichiDiskError(f"no picture: Vulkan cannot draw {size[0]} x {size[1]} pixels: {error}") from error
+        raise TaichiDiskError(
+            f"no picture: Vulkan cannot draw {size[0]} x {size[1]} pixels: {error}"
+        ) from error
 
 
 @contextlib.contextmanager
 def elsewhere() -> Iterator[None]:
-    """Work in a temporary folder, because closing a window leaves an imgui.ini in the current folder."""
+    """Work in a temporary folder, because closing a window leaves an imgui.ini in the
+    current folder."""
     here = os.getcwd()
     with tempfile.TemporaryDirectory() as folder:
         os.chdir(folder)

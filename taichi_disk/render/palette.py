@@ -20,7 +20,8 @@ _BARE = 0.7  # fraction of the lightness range that is used in maps for lines an
 
 @dataclass(frozen=True)
 class Theme:
-    """The colours of a picture. `zero`, `low`, `high` define the maps in CIELAB; `low` and `high` begin at zero."""
+    """The colours of a picture. `zero`, `low`, `high` define the maps in CIELAB; `low`
+    and `high` begin at zero."""
 
     ground: Colour
     ink: Colour  # important text, outlines
@@ -72,12 +73,15 @@ def map_kind(quantity: str) -> str:
 
 @lru_cache
 def colour_map(theme: str, kind: str, bare: bool = False) -> NDArray[np.float32]:
-    """Return a colour map (LEVELS, 3) in sRGB, uniform in CIELAB's lightness, lowest value first.
+    """Return a colour map (LEVELS, 3) in sRGB, uniform in CIELAB's lightness, lowest
+    value first.
 
     Args:
-        kind: "pressure" (compression, the positive values, is blue), "stretch" (compression, the negative values, is
-            blue; both have zero in the middle), "amount" (from zero up), "fringes" (from dark field to light).
-        bare: whether the map is for lines and points on the background; zero then differs from the background.
+        kind: "pressure" (compression, the positive values, is blue), "stretch"
+            (compression, the negative values, is blue; both have zero in the middle),
+            "amount" (from zero up), "fringes" (from dark field to light).
+        bare: whether the map is for lines and points on the background; zero then
+            differs from the background.
     """
     look = THEMES[theme]
     if kind == "fringes":
@@ -94,10 +98,15 @@ def colour_map(theme: str, kind: str, bare: bool = False) -> NDArray[np.float32]
     return lab_to_srgb(lab).astype(np.float32)
 
 
-def _curve(nodes: tuple[tuple[float, float, float], ...], count: int) -> NDArray[np.float64]:
+def _curve(
+    nodes: tuple[tuple[float, float, float], ...], count: int
+) -> NDArray[np.float64]:
     known, at = np.linspace(0.0, 1.0, len(nodes)), np.linspace(0.0, 1.0, count)
     powers = np.arange(len(nodes))
-    return np.asarray(at[:, None] ** powers @ np.linalg.solve(known[:, None] ** powers, np.array(nodes, dtype=float)))
+    return np.asarray(
+        at[:, None] ** powers
+        @ np.linalg.solve(known[:, None] ** powers, np.array(nodes, dtype=float))
+    )
 
 
 _WHITE = np.array([0.95047, 1.0, 1.08883])  # white point D65
@@ -114,9 +123,13 @@ def lab_to_srgb(lab: NDArray[np.float64]) -> NDArray[np.float64]:
     """Convert CIELAB (..., 3) to sRGB (IEC 61966-2-1), clipped to the gamut."""
     fy = (lab[..., 0] + 16.0) / 116.0
     f = np.stack([fy + lab[..., 1] / 500.0, fy, fy - lab[..., 2] / 200.0], axis=-1)
-    xyz = _WHITE * np.where(f > 6.0 / 29.0, f**3, (f - 4.0 / 29.0) * 3.0 * (6.0 / 29.0) ** 2)
+    xyz = _WHITE * np.where(
+        f > 6.0 / 29.0, f**3, (f - 4.0 / 29.0) * 3.0 * (6.0 / 29.0) ** 2
+    )
     linear = np.clip(xyz @ _XYZ_TO_RGB.T, 0.0, 1.0)
-    encoded = np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * linear ** (1.0 / 2.4) - 0.055)
+    encoded = np.where(
+        linear <= 0.0031308, 12.92 * linear, 1.055 * linear ** (1.0 / 2.4) - 0.055
+    )
     return np.clip(encoded, 0.0, 1.0)
 
 
@@ -127,13 +140,17 @@ _STEPS = (1.0, 1.5, 2.0, 3.0, 4.0, 5.0, 6.0, 8.0, 10.0)
 
 
 def full_scale(values: NDArray[np.floating[Any]], colour: str) -> float:
-    """Return the FULL_COLOUR percentile of |values|, rounded; for fringes, the stress difference of one fringe."""
+    """Return the FULL_COLOUR percentile of |values|, rounded; for fringes, the stress
+    difference of one fringe."""
     largest = float(np.percentile(np.abs(values), FULL_COLOUR))
     return round_near(largest / FRINGES if colour == "fringes" else largest)
 
 
 def round_near(value: float) -> float:
-    """Return the round number (a power of ten times one of _STEPS) whose ratio to `value` is closest to 1."""
+    """Return the round number (a power of ten times one of _STEPS) whose ratio to
+    `value` is closest to 1."""
     value = max(value, 1e-12)
     decade = 10.0 ** math.floor(math.log10(value))
-    return float(decade * min(_STEPS, key=lambda step: abs(math.log(step * decade / value))))
+    return float(
+        decade * min(_STEPS, key=lambda step: abs(math.log(step * decade / value)))
+    )

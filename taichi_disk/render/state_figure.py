@@ -29,14 +29,19 @@ _MAX_SPRING_WIDTH, _OUTLINE_WIDTH = 0.6, 0.9  # [points]
 _SPRING_OPACITY = 0.25
 
 
-def draw_state(run: Run, video: VideoSection, t: float | str, ax: Axes | None = None) -> Figure:
-    """Draw the state of `run` at the moment `t` on `ax`, or on the axes of a new figure; return the figure.
+def draw_state(
+    run: Run, video: VideoSection, t: float | str, ax: Axes | None = None
+) -> Figure:
+    """Draw the state of `run` at the moment `t` on `ax`, or on the axes of a new
+    figure; return the figure.
 
-    Colours and their scale are those of a picture of that moment. Raises InputError for a moment outside the run, or if
-    `ax` is something else.
+    Colours and their scale are those of a picture of that moment. Raises InputError for
+    a moment outside the run, or if `ax` is something else.
     """
     if not (ax is None or isinstance(ax, Axes)):
-        raise InputError(f"ax: must be axes of Matplotlib, as plt.subplots() returns, not {ax!r:.60}")
+        raise InputError(
+            f"ax: must be axes of Matplotlib, as plt.subplots() returns, not {ax!r:.60}"
+        )
     cue = still_cue(run, Span(at=t))
     states = States(run, video, [cue])
     _, x, v = next(states.moments())
@@ -46,14 +51,22 @@ def draw_state(run: Run, video: VideoSection, t: float | str, ax: Axes | None = 
             FigureCanvasAgg(figure)
             ax = figure.subplots()
         name, _, unit = run.scenario.time_label.partition("  ")
-        _draw(ax, states, video, x, v, f"{name} = {cue[0]:.4g} {unit.strip('[]')}".strip())
+        _draw(
+            ax, states, video, x, v, f"{name} = {cue[0]:.4g} {unit.strip('[]')}".strip()
+        )
         whole: Any = ax.figure
         whole.draw_without_rendering()
     return whole
 
 
-def _draw(ax: Axes, states: States, video: VideoSection, x: Any, v: Any, title: str) -> None:
-    painter, theme, (xmin, xmax, ymin, ymax) = states.painter, THEMES[video.theme], states.view
+def _draw(
+    ax: Axes, states: States, video: VideoSection, x: Any, v: Any, title: str
+) -> None:
+    painter, theme, (xmin, xmax, ymin, ymax) = (
+        states.painter,
+        THEMES[video.theme],
+        states.view,
+    )
     painter.draw = "both"  # "springs" would leave the field without colours
     ax.set(xlim=(xmin, xmax), ylim=(ymin, ymax), aspect="equal", facecolor=theme.ground)
     ax.set(xlabel="x  [R]", ylabel="y  [R]", title=title)
@@ -61,18 +74,34 @@ def _draw(ax: Axes, states: States, video: VideoSection, x: Any, v: Any, title: 
     surface = painter.lattice.wall_surface
     chain = x[surface] if len(surface) else np.array([(xmin, 0.0), (xmax, 0.0)])
     depth = 0.0 if len(surface) else -ymin
-    haze, solid = wall_body(chain, depth, painter.edge, painter.wall.decay_length, theme)
+    haze, solid = wall_body(
+        chain, depth, painter.edge, painter.wall.decay_length, theme
+    )
     points, each, corners = painter.mesh(x, painter.normalised(painter.values(x, v)))
     ax.add_collection(_mesh(*haze, 1.0), autolim=False)
     ax.add_collection(_mesh(points, painter.colours(each), 2.0, corners), autolim=False)
-    unit = 72.0 / ax.figure.dpi * ax.get_window_extent().width / (xmax - xmin)  # points per R
-    width = min(_MAX_SPRING_WIDTH, _SPRING_WIDTH * unit * float(np.median(painter.lattice.rest_lengths)))
+    # points per R
+    unit = 72.0 / ax.figure.dpi * ax.get_window_extent().width / (xmax - xmin)
+    width = min(
+        _MAX_SPRING_WIDTH,
+        _SPRING_WIDTH * unit * float(np.median(painter.lattice.rest_lengths)),
+    )
     if painter.colour != "fringes":
-        ink: dict[str, Any] = {"colors": theme.ink, "linewidths": width, "alpha": _SPRING_OPACITY, "zorder": 3.0}
-        ax.add_collection(LineCollection(list(x[painter.lattice.bonds]), **ink), autolim=False)
+        ink: dict[str, Any] = {
+            "colors": theme.ink,
+            "linewidths": width,
+            "alpha": _SPRING_OPACITY,
+            "zorder": 3.0,
+        }
+        ax.add_collection(
+            LineCollection(list(x[painter.lattice.bonds]), **ink), autolim=False
+        )
     sides = np.concatenate([painter.triangles.outline, painter.triangles.interfaces])
     ax.add_collection(
-        LineCollection(list(x[sides]), colors=theme.ink, linewidths=_OUTLINE_WIDTH, zorder=4.0), autolim=False
+        LineCollection(
+            list(x[sides]), colors=theme.ink, linewidths=_OUTLINE_WIDTH, zorder=4.0
+        ),
+        autolim=False,
     )
     ax.add_collection(_mesh(*solid, 5.0), autolim=False)
     ax.figure.colorbar(_scale(painter), ax=ax, label=_label(painter), shrink=0.8)
@@ -88,7 +117,9 @@ def _mesh(points: Any, colours: Any, order: float, corners: Any = None) -> TriMe
 def _scale(painter: Painter) -> ScalarMappable:
     if painter.colour == "fringes":
         places = np.linspace(0.0, 1.0, 256)
-        return ScalarMappable(Normalize(0.0, 1.0), ListedColormap(painter.colours(places)))
+        return ScalarMappable(
+            Normalize(0.0, 1.0), ListedColormap(painter.colours(places))
+        )
     least = -painter.limit if painter.signed else 0.0
     return ScalarMappable(Normalize(least, painter.limit), ListedColormap(painter.map))
 

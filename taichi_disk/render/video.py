@@ -1,4 +1,5 @@
-"""Encode MP4 (H.264) and WebM (VP9) with PyAV, GIF and PNG with Pillow, in a separate thread."""
+"""Encode MP4 (H.264) and WebM (VP9) with PyAV, GIF and PNG with Pillow, in a separate
+thread."""
 
 from __future__ import annotations
 
@@ -21,14 +22,23 @@ Append = Callable[[Picture], object]
 
 _CODECS = {".mp4": "libx264", ".webm": "libvpx-vp9"}
 _OPTIONS = {
-    # "veryfast" at crf 22 takes 1.25 times as long for 0.67 of the bytes, without a visible difference. The macroblock
-    # tree of x264 reads uninitialised memory (found by valgrind), so bytes would differ from run to run. Motion to
-    # whole pixels ("subq") saves 0.3 of the time for 1.08 of the bytes.
-    ".mp4": {"preset": "superfast", "crf": "24", "coder": "0", "bf": "0", "partitions": "none", "subq": "0"}
+    # "veryfast" at crf 22 takes 1.25 times as long for 0.67 of the bytes, without a
+    # visible difference. The macroblock tree of x264 reads uninitialised memory (found
+    # by valgrind), so bytes would differ from run to run. Motion to whole pixels
+    # ("subq") saves 0.3 of the time for 1.08 of the bytes.
+    ".mp4": {
+        "preset": "superfast",
+        "crf": "24",
+        "coder": "0",
+        "bf": "0",
+        "partitions": "none",
+        "subq": "0",
+    }
     | {"mbtree": "0"},
     ".webm": {"crf": "32", "b": "0", "deadline": "realtime", "cpu-used": "6"},
 }
-_BT709 = 1  # primaries, transfer and matrix in H.273; without tags players guess the colours
+# primaries, transfer and matrix in H.273; without tags players guess the colours
+_BT709 = 1
 _WAITING = 3  # pictures that may wait for the encoder
 _GIF_SAMPLES = 12  # approximate number of pictures that determine the palette
 
@@ -37,18 +47,24 @@ _GIF_SAMPLES = 12  # approximate number of pictures that determine the palette
 def video(
     path: Path, form: str, size: tuple[int, int], fps: int, origin: str
 ) -> Iterator[Callable[[Callable[[], Picture]], None]]:
-    """Write a film as ".mp4", ".webm" or ".gif", one picture as ".png", or a folder of pictures as "".
+    """Write a film as ".mp4", ".webm" or ".gif", one picture as ".png", or a folder of
+    pictures as "".
 
-    `size`: width and height, even numbers [px]; `origin`: text for the metadata of the file. Yields `write(picture)`,
-    which appends the array (height, width, 3) that `picture()` returns in another thread. Equal pictures give equal
-    bytes. Raises OSError, at a later picture or at the end, if the file cannot be written.
+    `size`: width and height, even numbers [px]; `origin`: text for the metadata of the
+    file. Yields `write(picture)`, which appends the array (height, width, 3) that
+    `picture()` returns in another thread. Equal pictures give equal bytes. Raises
+    OSError, at a later picture or at the end, if the file cannot be written.
     """
     encoder = {"": _folder, ".png": _still, ".gif": _gif}.get(form, _stream)
-    # Drawing holds Python's lock for milliseconds at a time; by default the encoder would wait 5 ms longer.
+    # Drawing holds Python's lock for milliseconds at a time; by default the encoder
+    # would wait 5 ms longer.
     switch_interval, waiting = sys.getswitchinterval(), deque[Future[object]]()
     sys.setswitchinterval(5e-4)
     try:
-        with encoder(path, size, fps, origin) as append, ThreadPoolExecutor(1) as thread:
+        with (
+            encoder(path, size, fps, origin) as append,
+            ThreadPoolExecutor(1) as thread,
+        ):
 
             def write(picture: Callable[[], Picture]) -> None:
                 if len(waiting) == _WAITING:
@@ -63,18 +79,26 @@ def video(
 
 
 @contextmanager
-def _stream(path: Path, size: tuple[int, int], fps: int, origin: str) -> Iterator[Append]:
+def _stream(
+    path: Path, size: tuple[int, int], fps: int, origin: str
+) -> Iterator[Append]:
     import av
 
     form, (width, height) = path.suffix, size
-    options = {"fflags": "+bitexact"} | ({"movflags": "+faststart"} if form == ".mp4" else {})
-    with open(path, "w+b") as file:  # a Python file raises errors such as a full disk; FFmpeg does not
+    options = {"fflags": "+bitexact"} | (
+        {"movflags": "+faststart"} if form == ".mp4" else {}
+    )
+    # a Python file raises errors such as a full disk; FFmpeg does not
+    with open(path, "w+b") as file:
         container = av.open(file, "w", format=form[1:], options=options)
         container.metadata["comment"] = origin
-        stream: Any = container.add_stream(_CODECS[form], rate=fps, options=_OPTIONS[form])
+        stream: Any = container.add_stream(
+            _CODECS[form], rate=fps, options=_OPTIONS[form]
+        )
         stream.width, stream.height, stream.pix_fmt = width, height, "yuv420p"
         context = stream.codec_context
-        # The number of threads changes the bytes, so it must not depend on the machine. One thread is fastest, as
+        # The number of threads changes the bytes, so it must not depend on the machine.
+        # One thread is fastest, as
         # long as it keeps up with the drawing, which keeps two cores busy.
         context.thread_count = 1 + min(width, height) // 1080
         context.flags |= av.codec.context.Flags.bitexact
@@ -85,9 +109,15 @@ def _stream(path: Path, size: tuple[int, int], fps: int, origin: str) -> Iterato
         number = count()
 
         def append(picture: Picture) -> None:
-            frame: Any = av.VideoFrame.from_numpy_buffer(np.ascontiguousarray(picture), format="rgb24")
+            frame: Any = av.VideoFrame.from_numpy_buffer(
+                np.ascontiguousarray(picture), format="rgb24"
+            )
             frame = converter.reformat(
-                frame, format="yuv420p", dst_colorspace="ITU709", dst_color_range="MPEG", interpolation="POINT"
+                frame,
+                format="yuv420p",
+                dst_colorspace="ITU709",
+                dst_color_range="MPEG",
+                interpolation="POINT",
             )
             frame.pts, frame.time_base = next(number), Fraction(1, fps)
             container.mux(stream.encode(frame))
@@ -108,28 +138,49 @@ def _gif(path: Path, size: tuple[int, int], fps: int, origin: str) -> Iterator[A
     packed: list[bytes] = []
 
     def unpacked(step: int = 1) -> Iterator[Any]:
-        return (Image.frombytes("RGB", size, zlib.decompress(one)) for one in packed[::step])
+        return (
+            Image.frombytes("RGB", size, zlib.decompress(one)) for one in packed[::step]
+        )
 
     yield lambda picture: packed.append(zlib.compress(picture.tobytes(), 1))
-    sampled = np.concatenate([np.asarray(one) for one in unpacked(1 + len(packed) // _GIF_SAMPLES)])
+    sampled = np.concatenate(
+        [np.asarray(one) for one in unpacked(1 + len(packed) // _GIF_SAMPLES)]
+    )
     palette = Image.fromarray(sampled).quantize(256, Image.Quantize.MAXCOVERAGE)
-    first, *others = (one.quantize(palette=palette, dither=Image.Dither.NONE) for one in unpacked())
-    ends = np.rint(100.0 * np.arange(len(packed) + 1) / fps)  # GIF durations are multiples of 10 ms
+    first, *others = (
+        one.quantize(palette=palette, dither=Image.Dither.NONE) for one in unpacked()
+    )
+    # GIF durations are multiples of 10 ms
+    ends = np.rint(100.0 * np.arange(len(packed) + 1) / fps)
     durations = [int(one) for one in 10.0 * np.diff(ends)]
     with open(path, "w+b") as file:
-        first.save(file, "GIF", save_all=True, append_images=others, duration=durations, loop=0, comment=origin)
+        first.save(
+            file,
+            "GIF",
+            save_all=True,
+            append_images=others,
+            duration=durations,
+            loop=0,
+            comment=origin,
+        )
 
 
 @contextmanager
-def _still(path: Path, size: tuple[int, int], fps: int, origin: str) -> Iterator[Append]:
+def _still(
+    path: Path, size: tuple[int, int], fps: int, origin: str
+) -> Iterator[Append]:
     yield lambda picture: _save(picture, path, origin, optimize=True)
 
 
 @contextmanager
-def _folder(path: Path, size: tuple[int, int], fps: int, origin: str) -> Iterator[Append]:
+def _folder(
+    path: Path, size: tuple[int, int], fps: int, origin: str
+) -> Iterator[Append]:
     path.mkdir()
     number = count(1)
-    yield lambda picture: _save(picture, path / f"{next(number):05d}.png", origin, compress_level=6)
+    yield lambda picture: _save(
+        picture, path / f"{next(number):05d}.png", origin, compress_level=6
+    )
 
 
 def _save(picture: Picture, path: Path, origin: str, **options: Any) -> None:

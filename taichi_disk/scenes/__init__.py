@@ -1,6 +1,7 @@
 """The kinds of scenes, how one is loaded, and whether it can be computed.
 
-A new kind needs a file here, a place in `Scene`, and a file with its defaults in the folder `scenes` of the project.
+A new kind needs a file here, a place in `Scene`, and a file with its defaults in the
+folder `scenes` of the project.
 """
 
 from __future__ import annotations
@@ -27,8 +28,10 @@ def load_scene(source: Source, overrides: Sequence[str] = ()) -> Scene:
     """Read a scene and check it.
 
     Args:
-        source: path of a YAML file, bare name of a shipped scene ("exponential_wall"), YAML text, or a mapping.
-        overrides: "section.key=value" each, with the value as in YAML; the last one for a key applies.
+        source: path of a YAML file, bare name of a shipped scene ("exponential_wall"),
+            YAML text, or a mapping.
+        overrides: "section.key=value" each, with the value as in YAML; the last one for
+            a key applies.
 
     Raises:
         InputError: lists all faults, each as file:line:column: key: what is wrong.
@@ -37,9 +40,11 @@ def load_scene(source: Source, overrides: Sequence[str] = ()) -> Scene:
 
 
 def load_sweep(source: Source, overrides: Sequence[str] = ()) -> Sweep:
-    """Read a scene with a section `sweep:` and check all its scenes. Arguments and errors are those of `load_scene`.
+    """Read a scene with a section `sweep:` and check all its scenes. Arguments and
+    errors are those of `load_scene`.
 
-    "sweep.key=[...]" in `overrides` sets an axis, in every section if `sweep:` is a list.
+    "sweep.key=[...]" in `overrides` sets an axis, in every section if `sweep:` is a
+    list.
     """
     return cast(Sweep, _load(source, overrides, "sweep"))
 
@@ -48,14 +53,22 @@ def load_any(source: Source, overrides: Sequence[str] = ()) -> Scene | Sweep:
     return cast("Scene | Sweep", _load(source, overrides))
 
 
-def _load(source: Source, overrides: Sequence[str], want: str = "any") -> DiskScene | Sweep:
+def _load(
+    source: Source, overrides: Sequence[str], want: str = "any"
+) -> DiskScene | Sweep:
     tree = read_tree(source, overrides)
     has_sweep = "sweep" in tree.value
     if has_sweep and want == "scene":
-        what = "this scene has a sweep: compute it with `taichi-disk sweep`, or leave this section out"
+        what = (
+            "this scene has a sweep: compute it with `taichi-disk sweep`, or leave this"
+            " section out"
+        )
         tree.fault(tree.entries[("sweep",)].key, ("sweep",), what)
     if not has_sweep and want == "sweep":
-        what = "there is no sweep: section: compute a single scene with `taichi-disk run`, or add one, for example "
+        what = (
+            "there is no sweep: section: compute a single scene with `taichi-disk run`,"
+            " or add one, for example "
+        )
         tree.fault(tree.entries[()].value, (), what + "`sweep: {seed: {range: 8}}`")
     found = check_sweep(tree, SCENES) if has_sweep else check(tree, SCENES)
     tree.refuse()
@@ -64,14 +77,20 @@ def _load(source: Source, overrides: Sequence[str], want: str = "any") -> DiskSc
 
 
 def check_feasible(scene: Scene | Sweep) -> None:
-    """Raise InputError if `run` would, because of the lattice, the memory or a step beyond the stability limit.
+    """Raise InputError if `run` would, because of the lattice, the memory or a step
+    beyond the stability limit.
 
-    Only the first scene of a sweep is checked. The lattice is built only to check a user's step.
+    Only the first scene of a sweep is checked. The lattice is built only to check a
+    user's step.
     """
     if isinstance(scene, Sweep):
         return check_feasible(scene.scenes[0])
     check_memory(scene)
-    points = scene.lattice.points if scene.lattice.file == "none" else scene.body().disk_points
+    points = (
+        scene.lattice.points
+        if scene.lattice.file == "none"
+        else scene.body().disk_points
+    )
     scene.check_wall(points)
     if scene.time.dt == "auto":
         return
@@ -89,6 +108,7 @@ def check_memory(scene: DiskScene) -> None:
     if points > 20_000 and needed > free:
         most = max(3, int((free - workload.PROCESS) / workload.POINT))
         raise InputError(
-            f"lattice.points: {points:,} points need about {needed / 1e9:.1f} GB of memory, {free / 1e9:.1f} GB are "
-            f"free: take at most {most:,}, or stop other programs"
+            f"lattice.points: {points:,} points need about {needed / 1e9:.1f} GB of"
+            f" memory, {free / 1e9:.1f} GB are free: take at most {most:,}, or stop"
+            " other programs"
         )

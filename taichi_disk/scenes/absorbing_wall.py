@@ -1,4 +1,5 @@
-"""Head-on impact on an elastic wall whose sides and bottom absorb the energy (figures 4 to 6)."""
+"""Head-on impact on an elastic wall whose sides and bottom absorb the energy (figures 4
+to 6)."""
 
 from __future__ import annotations
 
@@ -9,10 +10,19 @@ from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
 import numpy as np
 
-from taichi_disk.config.sections import ElasticImpactSection, ElasticWallSection, MaterialSection
+from taichi_disk.config.sections import (
+    ElasticImpactSection,
+    ElasticWallSection,
+    MaterialSection,
+)
 from taichi_disk.lattice import Lattice, check_thickness, with_wall
 from taichi_disk.scenes import oblique
-from taichi_disk.scenes.conflicts import Conflicts, least_threshold, rounded_up, time_conflicts
+from taichi_disk.scenes.conflicts import (
+    Conflicts,
+    least_threshold,
+    rounded_up,
+    time_conflicts,
+)
 from taichi_disk.scenes.impact import ImpactScenario, ImpactScene
 from taichi_disk.simulation.observables import Columns
 
@@ -24,43 +34,70 @@ class AbsorbingWallScene(ImpactScene):
     """A scene with an elastic wall, as read from its file."""
 
     title: ClassVar[str] = "impact on an elastic, absorbing wall"
-    lattice_keys: ClassVar[tuple[str, ...]] = ("lattice", "wall.points", "wall.width", "wall.k_a", "material.k_a")
+    lattice_keys: ClassVar[tuple[str, ...]] = (
+        "lattice",
+        "wall.points",
+        "wall.width",
+        "wall.k_a",
+        "material.k_a",
+    )
 
     scene: Literal["absorbing_wall"] = "absorbing_wall"
-    material: MaterialSection = MaterialSection(eta_star=0.0)  # the boundary absorbs the energy
+    # the boundary absorbs the energy
+    material: MaterialSection = MaterialSection(eta_star=0.0)
     wall: ElasticWallSection = ElasticWallSection()
     impact: ElasticImpactSection = ElasticImpactSection()
 
     def conflicts(self) -> Conflicts:
         matched = ["wall.boundary = dashpot"] * (self.wall.boundary == "dashpot")
         resets = bool(self.reset_interval)
-        conflicts = super().conflicts() + time_conflicts(self.time, self.material, *matched, resets=resets)
+        conflicts = super().conflicts() + time_conflicts(
+            self.time, self.material, *matched, resets=resets
+        )
         least = least_threshold(self.wall, self.impact.towards)
         if self.wall.threshold < least:
             text = (
-                f"at {self.wall.threshold:g} R the contact potential exceeds 1e-5 of the kinetic energy, "
-                f"so the energy would jump there: write {rounded_up(least)} R or more"
+                f"at {self.wall.threshold:g} R the contact potential exceeds 1e-5 of"
+                " the kinetic energy, so the energy would jump there: write"
+                f" {rounded_up(least)} R or more"
             )
             conflicts.append(("wall.threshold", text))
-        if (least := oblique.least_width(self.wall, self.impact, self.time, self.softer_k_a)) > self.wall.width:
+        if (
+            least := oblique.least_width(
+                self.wall, self.impact, self.time, self.softer_k_a
+            )
+        ) > self.wall.width:
             text = (
-                f"this impact touches the wall up to {0.5 * least:.3g} R from its middle: write {rounded_up(least)} R "
-                "or more, or another impact.offset"
+                f"this impact touches the wall up to {0.5 * least:.3g} R from its"
+                f" middle: write {rounded_up(least)} R or more, or another"
+                " impact.offset"
             )
             conflicts.append(("wall.width", text))
         dt, interval = self.time.dt, self.reset_interval
         if interval and dt != "auto" and dt > interval:
-            conflicts.append(("time.dt", f"{dt:g} is longer than wall.reset_interval = {interval:g} [R/c]"))
+            conflicts.append(
+                (
+                    "time.dt",
+                    f"{dt:g} is longer than wall.reset_interval = {interval:g} [R/c]",
+                )
+            )
         if self.video.magnify not in ("auto", 1.0):
-            conflicts.append(("video.magnify", "disk and dent would be drawn apart: with an elastic wall write 1"))
+            conflicts.append(
+                (
+                    "video.magnify",
+                    "disk and dent would be drawn apart: with an elastic wall write 1",
+                )
+            )
         return conflicts
 
     def unused(self) -> Collection[tuple[str, str]]:
-        of_wall = ("seed", "rim", "min_spacing")  # these keys also shape the wall, whose points are random
+        # these keys also shape the wall, whose points are random
+        of_wall = ("seed", "rim", "min_spacing")
         return [key for key in super().unused() if key[1] not in of_wall]
 
     def changes_with(self, key: str, value: Any) -> dict[str, Any]:
-        """Return the changes that every scene makes, and a larger `wall.threshold` for a softer or slower contact."""
+        """Return the changes that every scene makes, and a larger `wall.threshold` for
+        a softer or slower contact."""
         # The wall keeps the point density of the disk.
         changes = super().changes_with(key, value)
         if key in ("wall.a", "impact.velocity", "impact.angle"):
@@ -68,9 +105,13 @@ class AbsorbingWallScene(ImpactScene):
             parts: Any = {"wall": self.wall, "impact": self.impact}
             parts[section] = replace(parts[section], **{name: value})
             least = least_threshold(parts["wall"], parts["impact"].towards)
-            changes["wall.threshold"] = max(self.wall.threshold, float(rounded_up(least)))
+            changes["wall.threshold"] = max(
+                self.wall.threshold, float(rounded_up(least))
+            )
         if key == "lattice.points":
-            changes["wall.points"] = max(4, round(self.wall.points * value / self.lattice.points))
+            changes["wall.points"] = max(
+                4, round(self.wall.points * value / self.lattice.points)
+            )
         return changes
 
     def body(self) -> Lattice:
@@ -80,7 +121,15 @@ class AbsorbingWallScene(ImpactScene):
     def _over_wall(self, disk: Lattice) -> Lattice:
         spec, wall = self.lattice, self.wall
         stiffness = self.wall_k_a / self.material.k_a
-        return with_wall(disk, wall.points, wall.width, spec.seed, spec.rim, spec.min_spacing, stiffness)
+        return with_wall(
+            disk,
+            wall.points,
+            wall.width,
+            spec.seed,
+            spec.rim,
+            spec.min_spacing,
+            stiffness,
+        )
 
     @property
     def wall_points(self) -> int:
@@ -103,7 +152,9 @@ class AbsorbingWallScene(ImpactScene):
         return min(self.material.k_a, self.wall_k_a)
 
     def of_body(self, body: Lattice) -> AbsorbingWallImpact:
-        return AbsorbingWallImpact(self, body if len(body.wall_surface) else self._over_wall(body))
+        return AbsorbingWallImpact(
+            self, body if len(body.wall_surface) else self._over_wall(body)
+        )
 
 
 class AbsorbingWallImpact(ImpactScenario):
@@ -112,32 +163,54 @@ class AbsorbingWallImpact(ImpactScenario):
 
     def _offset(self) -> float:
         impact = self.scene.impact
-        return -self.gap * tan(impact.angle) if impact.offset == "auto" else impact.offset
+        return (
+            -self.gap * tan(impact.angle) if impact.offset == "auto" else impact.offset
+        )
 
     def _view(self) -> tuple[float, float, float, float]:
-        half, bottom = max(0.5 * self.scene.wall.width, 1.1), float(self.lattice.positions[:, 1].min())
+        half, bottom = (
+            max(0.5 * self.scene.wall.width, 1.1),
+            float(self.lattice.positions[:, 1].min()),
+        )
         return -half - 0.05, half + 0.05, bottom - 0.05, 2.0 + self.gap
 
     def _model(self) -> Model:
         from taichi_disk import physics
 
         wall = self.scene.wall
-        contact = {"springs": physics.ElasticWall, "smooth": physics.SmoothElasticWall}[wall.contact]
+        contact = {"springs": physics.ElasticWall, "smooth": physics.SmoothElasticWall}[
+            wall.contact
+        ]
         boundary: physics.Boundary = physics.PinnedBoundary()
         if wall.boundary == "reset":
             boundary = physics.ResetBoundary(wall.reset_interval)
         elif wall.boundary == "dashpot":
             moduli = self.scene.moduli(self.lattice.disk_points)
-            ratio = np.sqrt(self.scene.wall_k_a / self.scene.material.k_a)  # of the wall's speed of sound to the disk's
-            p, s = (ratio * moduli.density * speed for speed in (moduli.wave_speed_p, moduli.wave_speed_s))
-            boundary = physics.MatchedBoundary(physics.matched_impedance(self.lattice, p, s))
-        return physics.Model(self.springs, contact(wall.a, wall.V0, wall.threshold), boundary=boundary)
+            # of the wall's speed of sound to the disk's
+            ratio = np.sqrt(self.scene.wall_k_a / self.scene.material.k_a)
+            p, s = (
+                ratio * moduli.density * speed
+                for speed in (moduli.wave_speed_p, moduli.wave_speed_s)
+            )
+            boundary = physics.MatchedBoundary(
+                physics.matched_impedance(self.lattice, p, s)
+            )
+        return physics.Model(
+            self.springs, contact(wall.a, wall.V0, wall.threshold), boundary=boundary
+        )
 
     def unfinished(self, columns: Columns) -> str:
-        return f"{super().unfinished(columns)}; if it has slipped off the end of the wall, write a larger wall.width"
+        return (
+            f"{super().unfinished(columns)}; if it has slipped off the end of the wall,"
+            " write a larger wall.width"
+        )
 
     def title(self) -> tuple[str, ...]:
         kind, first, second = super().title()
         wall = self.scene.wall
-        boundary = f"reset every {wall.reset_interval:g} R/c" if wall.boundary == "reset" else wall.boundary
+        boundary = (
+            f"reset every {wall.reset_interval:g} R/c"
+            if wall.boundary == "reset"
+            else wall.boundary
+        )
         return kind, first, f"{second}    wall of {wall.points:,}, boundary: {boundary}"

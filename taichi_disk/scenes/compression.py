@@ -20,9 +20,13 @@ if TYPE_CHECKING:
     from taichi_disk.computation.outcome import Outcome
     from taichi_disk.statics.equilibrium import Equilibrium
 
-TOUCH = 1e-3  # fraction of the load that the wall bears at the start, so that the disk is released gently
+# fraction of the load that the wall bears at the start, so that the disk is released
+# gently
+TOUCH = 1e-3
 STRAINED = 1e-9  # a lattice with a larger strain is not at rest
-AT_REST = 1e-8  # curves end when the kinetic energy falls below this fraction of its maximum (amplitude: 1e-4)
+# curves end when the kinetic energy falls below this fraction of its maximum
+# (amplitude: 1e-4)
+AT_REST = 1e-8
 
 
 class CompressionScene(DiskScene):
@@ -33,14 +37,18 @@ class CompressionScene(DiskScene):
     results: ClassVar[tuple[str, ...]] = ("xi", "xi_nominal", "xi_extrapolated")
 
     scene: Literal["compression"] = "compression"
-    material: MaterialSection = MaterialSection(eta_star=100.0)  # so that the vibration dies out
+    # so that the vibration dies out
+    material: MaterialSection = MaterialSection(eta_star=100.0)
     wall: WallSection = WallSection()
     compression: CompressionSection = CompressionSection()
 
     def conflicts(self) -> Conflicts:
         conflicts = super().conflicts() + time_conflicts(self.time, self.material)
         if self.time.tolerance != "none" and self.compression.method == "newton":
-            text = "Newton's method takes no time step, and solves to rounding: write none, or method: relaxation"
+            text = (
+                "Newton's method takes no time step, and solves to rounding: write"
+                " none, or method: relaxation"
+            )
             conflicts.append(("time.tolerance", text))
         return conflicts
 
@@ -51,14 +59,18 @@ class CompressionScene(DiskScene):
         return self.with_({"compression.method": "relaxation"})
 
     def of_body(self, body: Lattice) -> Compression:
-        return (Loading if self.compression.method == "newton" else Compression)(self, body)
+        return (Loading if self.compression.method == "newton" else Compression)(
+            self, body
+        )
 
 
 class Compression(Scenario):
-    """A disk released just above the wall, undeformed, which comes to rest under its load.
+    """A disk released just above the wall, undeformed, which comes to rest under its
+    load.
 
-    A lattice with strained springs first relaxes without the load. The disk starts at the angle of the equilibrium
-    `rest`, which Newton's method finds: rolling there takes 10^4 R/c. Nothing else of `rest` enters a relaxation.
+    A lattice with strained springs first relaxes without the load. The disk starts at
+    the angle of the equilibrium `rest`, which Newton's method finds: rolling there
+    takes 10^4 R/c. Nothing else of `rest` enters a relaxation.
     """
 
     scene: CompressionScene
@@ -67,23 +79,43 @@ class Compression(Scenario):
     truncation_remedy = "write compression.method: newton"
     symbol, end_words = "ξ", "at rest"
     momentary_label = ("compression ξ", "R")
-    labels: ClassVar = {"xi": ("compression xi", "R"), "xi_nominal": ("compression xi, from nominal radius", "R")}
+    labels: ClassVar = {
+        "xi": ("compression xi", "R"),
+        "xi_nominal": ("compression xi, from nominal radius", "R"),
+    }
     notes: ClassVar = {
         "xi": "centre of mass to lowest point, unloaded minus loaded [R]",
-        "xi_nominal": "R = 1 minus the loaded distance from centre of mass to lowest point [R]",
-        "xi_extrapolated": "part of xi that comes from extrapolating the last slow roll [R]",
+        "xi_nominal": (
+            "R = 1 minus the loaded distance from centre of mass to lowest point [R]"
+        ),
+        "xi_extrapolated": (
+            "part of xi that comes from extrapolating the last slow roll [R]"
+        ),
     }
 
     def __init__(self, scene: CompressionScene, disk: Lattice) -> None:
         from taichi_disk.computation.stability import contact_point_force
         from taichi_disk.physics import ExponentialWall, Load, Model
-        from taichi_disk.statics.equilibrium import depth, place_on_wall, resting_angle, solve_equilibrium
+        from taichi_disk.statics.equilibrium import (
+            depth,
+            place_on_wall,
+            resting_angle,
+            solve_equilibrium,
+        )
 
         self.scene = scene
         self.pressure = scene.compression.pressure
-        wall, springs = ExponentialWall(scene.wall.a, scene.wall.V0), scene.springs(disk)
+        wall, springs = (
+            ExponentialWall(scene.wall.a, scene.wall.V0),
+            scene.springs(disk),
+        )
         if np.abs(springs.strain(disk, disk.positions)).max() > STRAINED:
-            disk = replace(disk, positions=solve_equilibrium(disk, Model(springs), disk.positions).positions)
+            disk = replace(
+                disk,
+                positions=solve_equilibrium(
+                    disk, Model(springs), disk.positions
+                ).positions,
+            )
         self.model = Model(springs, wall, Load(self.pressure))
         angle = resting_angle(disk, springs.modulus, wall.a, self.pressure)
         start = place_on_wall(disk, angle, wall, self.pressure).positions
@@ -91,14 +123,22 @@ class Compression(Scenario):
         self.lattice = place_on_wall(disk, self.rest.roll, wall, TOUCH * self.pressure)
         self.unloaded = depth(self.lattice, self.lattice.positions)
         self.velocities = np.zeros_like(self.lattice.positions)
-        # A disk that is released without damping loads the contact with up to twice the load.
-        self.point_force = contact_point_force(self.lattice, self.model, 2.0 * self.pressure)
+        # A disk that is released without damping loads the contact with up to twice the
+        # load.
+        self.point_force = contact_point_force(
+            self.lattice, self.model, 2.0 * self.pressure
+        )
         unit = springs.time_unit
         self.sample_interval = float(0.1 * unit)
         self.quiet_time = float(20.0 * unit)
         limit = scene.compression.max_time
         self.max_time = float(5000.0 * unit) if limit == "auto" else limit
-        self.view = (-1.15, 1.15, -0.1, max(2.05, float(self.lattice.positions[:, 1].max())))
+        self.view = (
+            -1.15,
+            1.15,
+            -0.1,
+            max(2.05, float(self.lattice.positions[:, 1].max())),
+        )
 
     def quasistatic(self, loads: int, progress: Progress = silent) -> Outcome:
         from taichi_disk.scenes.loading import quasistatic
@@ -106,12 +146,16 @@ class Compression(Scenario):
         return quasistatic(self, loads, progress)
 
     def end_bounds(self) -> dict[str, tuple[float, float]]:
-        # The disk may still roll slowly, which does not show in the wall's force; a vibration does.
+        # The disk may still roll slowly, which does not show in the wall's force; a
+        # vibration does.
         tolerance = self.scene.compression.tolerance
         return {
             "kinetic": (0.0, tolerance * self.pressure**2 / self.model.springs.modulus),
             "residual": (0.0, tolerance * self.pressure / self.lattice.disk_points),
-            "wall_force": (self.pressure * (1.0 - 1e-3 * tolerance), self.pressure * (1.0 + 1e-3 * tolerance)),
+            "wall_force": (
+                self.pressure * (1.0 - 1e-3 * tolerance),
+                self.pressure * (1.0 + 1e-3 * tolerance),
+            ),
         }
 
     def ended(self, columns: Columns) -> bool:
@@ -121,29 +165,47 @@ class Compression(Scenario):
     def end_truncation_error(self, columns: Columns) -> float:
         from taichi_disk.statics.equilibrium import depth
 
-        return abs(self.result(columns)["xi"] - (self.unloaded - depth(self.lattice, self.rest.positions)))
+        return abs(
+            self.result(columns)["xi"]
+            - (self.unloaded - depth(self.lattice, self.rest.positions))
+        )
 
     def unfinished(self, columns: Columns) -> str:
-        end, wanted = {name: values[-1] for name, values in columns.items()}, self.scene.time.tolerance
+        end, wanted = (
+            {name: values[-1] for name, values in columns.items()},
+            self.scene.time.tolerance,
+        )
         by_star = self.scene.material.viscosity == "auto"
-        best = "eta_star nearer to 100" if by_star else f"viscosity nearer to {100 / self.lattice.disk_points:.2g}"
+        best = (
+            "eta_star nearer to 100"
+            if by_star
+            else f"viscosity nearer to {100 / self.lattice.disk_points:.2g}"
+        )
         remedy = "use compression.method: newton, or set compression.max_time higher"
         low, high = self.end_bounds()["wall_force"]
-        if wanted != "none" and low <= end["wall_force"] <= high and not self.ended(columns):
+        if (
+            wanted != "none"
+            and low <= end["wall_force"] <= high
+            and not self.ended(columns)
+        ):
             error = self.end_truncation_error(columns)
             return (
-                f"at t = {end['t']:.6g} R/c xi still differs by {error:.2g} R from that of "
-                f"Newton's method, more than half of time.tolerance = {wanted:g}, and hardly changes: the disk still "
-                f"rolls, or lies in another equilibrium; {remedy}, or write a larger time.tolerance"
+                f"at t = {end['t']:.6g} R/c xi still differs by {error:.2g} R from that"
+                f" of Newton's method, more than half of time.tolerance = {wanted:g},"
+                " and hardly changes: the disk still rolls, or lies in another"
+                f" equilibrium; {remedy}, or write a larger time.tolerance"
             )
         return (
-            f"the disk is not at rest by t = {end['t']:.6g} R/c (kinetic energy {end['kinetic']:.3g} M c^2, largest "
-            f"force on a point {end['residual']:.3g} M c^2/R); {remedy}, or material.{best}: weaker "
-            "dashpots take longer, and much stronger ones let the disk bounce as a rigid body, or hardly roll"
+            f"the disk is not at rest by t = {end['t']:.6g} R/c (kinetic energy"
+            f" {end['kinetic']:.3g} M c^2, largest force on a point"
+            f" {end['residual']:.3g} M c^2/R); {remedy}, or material.{best}: weaker"
+            " dashpots take longer, and much stronger ones let the disk bounce as a"
+            " rigid body, or hardly roll"
         )
 
     def energy_scale(self, columns: Columns) -> float:
-        # The disk starts at rest, so the work of the load replaces the initial kinetic energy.
+        # The disk starts at rest, so the work of the load replaces the initial kinetic
+        # energy.
         return float(np.ptp(columns["load"])) or self.pressure**2
 
     @property
@@ -151,17 +213,27 @@ class Compression(Scenario):
         return self.pressure**2 / self.model.springs.modulus
 
     def result(self, columns: Columns) -> dict[str, float]:
-        """Return xi at rest, and the part of xi that is extrapolated from the last roll."""
-        # Dashpots slow the last roll down, theta ~ exp(-t/T) with T up to 10^4 R/c. xi - xi_end falls like the angular
-        # momentum, so the last rows determine what is missing.
+        """Return xi at rest, and the part of xi that is extrapolated from the last
+        roll."""
+        # Dashpots slow the last roll down, theta ~ exp(-t/T) with T up to 10^4 R/c. xi
+        # - xi_end falls like the angular momentum, so the last rows determine what is
+        # missing.
         t, spin = columns["t"], columns["angular_momentum"]
         distance = columns["com_y"] - columns["lowest_y"]
         before = int(np.searchsorted(t, t[-1] - self.quiet_time))
         with np.errstate(divide="ignore", invalid="ignore"):
             ratio = spin[-1] / spin[before]
-            remaining = float((distance[-1] - distance[before]) * ratio / (1.0 - ratio)) if 0.0 < ratio < 1.0 else 0.0
+            remaining = (
+                float((distance[-1] - distance[before]) * ratio / (1.0 - ratio))
+                if 0.0 < ratio < 1.0
+                else 0.0
+            )
         end = float(distance[-1]) + remaining
-        return {"xi": self.unloaded - end, "xi_nominal": abs(1.0 - end), "xi_extrapolated": abs(remaining)}
+        return {
+            "xi": self.unloaded - end,
+            "xi_nominal": abs(1.0 - end),
+            "xi_extrapolated": abs(remaining),
+        }
 
     def marks(self, columns: Columns) -> tuple[str, str]:
         return f"ξ = {self.result(columns)['xi']:.6g} R", ""
@@ -200,7 +272,8 @@ class Compression(Scenario):
 
 
 class Loading(Compression):
-    """A load that grows so slowly that the disk is always at rest. `t` is the fraction of the full load."""
+    """A load that grows so slowly that the disk is always at rest. `t` is the fraction
+    of the full load."""
 
     static = True
     time_label, pace = "fraction of the load P", ""
@@ -209,34 +282,46 @@ class Loading(Compression):
         return columns["xi"], "compression ξ  [R]"
 
     def continuum(self, columns: Columns) -> dict[str, Array]:
-        if self.lattice.origin != f"seed {self.scene.lattice.seed}":  # the moduli of other points are not known
+        # the moduli of other points are not known
+        if self.lattice.origin != f"seed {self.scene.lattice.seed}":
             return {}
         found = self.scene.moduli(self.lattice.disk_points)
         loads = self.pressure * columns["t"], found.young, found.poisson
-        return {"eq. (2), b = 1": paper_compression(*loads), "exact law, rigid wall": exact_compression(*loads)}
+        return {
+            "eq. (2), b = 1": paper_compression(*loads),
+            "exact law, rigid wall": exact_compression(*loads),
+        }
 
     def frame_times(self, columns: Columns, frames: int) -> Array:
         return np.linspace(columns["t"][0], 1.0, frames)
 
     def caption(self, row: dict[str, float]) -> tuple[str, ...]:
-        return f"P = {100.0 * row['t']:.0f} % of {self.pressure:g} Mc²/R", _shown(row["xi"])
+        return f"P = {100.0 * row['t']:.0f} % of {self.pressure:g} Mc²/R", _shown(
+            row["xi"]
+        )
 
 
 def _shown(xi: float) -> str:
     return f"ξ = {round(xi, 6) + 0.0:.6f} R"  # no "-0"
 
 
-def paper_compression(pressure: ArrayLike, young: ArrayLike, poisson: ArrayLike, b: ArrayLike = 1.0) -> Array:
+def paper_compression(
+    pressure: ArrayLike, young: ArrayLike, poisson: ArrayLike, b: ArrayLike = 1.0
+) -> Array:
     """Return xi = b P/(pi E) {ln(4 pi E R/(b P)) - 1 - nu} [R], eq. (2)."""
     p = np.asarray(b, float) * pressure / (np.pi * np.asarray(young, float))
     return np.asarray(p * (np.log(4.0 / p) - 1.0 - np.asarray(poisson)))
 
 
-def exact_compression(pressure: ArrayLike, young: ArrayLike, poisson: ArrayLike) -> Array:
-    """Return xi = P/(pi E) {ln(pi E R/P) - (1 + nu)/4} [R]: a disk under a uniform body force P, on one hard contact.
+def exact_compression(
+    pressure: ArrayLike, young: ArrayLike, poisson: ArrayLike
+) -> Array:
+    """Return xi = P/(pi E) {ln(pi E R/P) - (1 + nu)/4} [R]: a disk under a uniform body
+    force P, on one hard contact.
 
-    xi is measured from the centre of mass. The law follows from Michell's series for the disk and Hertz's pressure in
-    the contact (Johnson, Contact Mechanics, 1985, section 5.6, treats two contacts). Its relative error is O(P/E).
+    xi is measured from the centre of mass. The law follows from Michell's series for
+    the disk and Hertz's pressure in the contact (Johnson, Contact Mechanics, 1985,
+    section 5.6, treats two contacts). Its relative error is O(P/E).
     """
     p = np.asarray(pressure, float) / (np.pi * np.asarray(young, float))
     return np.asarray(p * (np.log(1.0 / p) - 0.25 * (1.0 + np.asarray(poisson))))

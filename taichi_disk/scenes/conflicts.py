@@ -12,28 +12,50 @@ Conflicts: TypeAlias = list[tuple[str, str]]  # (dotted key, message)
 
 
 def time_conflicts(
-    time: TimeSection, material: MaterialSection, *others: str, friction: float = 0.0, resets: bool = False
+    time: TimeSection,
+    material: MaterialSection,
+    *others: str,
+    friction: float = 0.0,
+    resets: bool = False,
 ) -> Conflicts:
     """Return the conflicts of the section `time`.
 
-    `others`: further velocity-dependent forces, as "key = value". `resets`: whether wall.boundary is reset.
+    `others`: further velocity-dependent forces, as "key = value". `resets`: whether
+        wall.boundary is reset.
     """
     dashpot, eta = material.dashpots
-    damping = {f"material.{dashpot} = {eta:g}": eta, f"wall.friction = {friction:g}": friction}
+    damping = {
+        f"material.{dashpot} = {eta:g}": eta,
+        f"wall.friction = {friction:g}": friction,
+    }
     forces = [*others, *(name for name, value in damping.items() if value)]
     name, integrator, limits = time.integrator, INTEGRATORS.get(time.integrator), []
     treatment = integrator.dashpots if integrator else "auto"
     if treatment == "none" and forces:
-        limits.append(f"cannot integrate velocity-dependent forces ({forces[0]}): write auto or velocity_verlet")
+        limits.append(
+            f"cannot integrate velocity-dependent forces ({forces[0]}): write auto or"
+            " velocity_verlet"
+        )
     if integrator and integrator.correction and resets:
-        limits.append("has only order 2 with wall.boundary = reset: write auto, or vefrl for order 4")
+        limits.append(
+            "has only order 2 with wall.boundary = reset: write auto, or vefrl for"
+            " order 4"
+        )
     if treatment == "implicit" and friction:
         limits.append("has only order 1 with friction: write auto or velocity_verlet")
     if treatment == "implicit" and eta and material.dashpot == "axial":
-        limits.append("needs a constant damping matrix, which axial dashpots do not have: write auto")
+        limits.append(
+            "needs a constant damping matrix, which axial dashpots do not have: write"
+            " auto"
+        )
     conflicts = [("time.integrator", f"{name} {limit}") for limit in limits]
     if time.tolerance != "none" and time.dt != "auto":
-        conflicts.append(("time.tolerance", f"chooses the time step itself: write time.dt: auto, not {time.dt:g}"))
+        conflicts.append(
+            (
+                "time.tolerance",
+                f"chooses the time step itself: write time.dt: auto, not {time.dt:g}",
+            )
+        )
     return conflicts
 
 
@@ -41,12 +63,16 @@ def gap_conflicts(wall: ExponentialPotential, impact: ImpactSection) -> Conflict
     least = wall.height_of(1e-3 * 0.5 * impact.towards**2)  # M = 1
     if impact.gap == "auto" or impact.gap >= least:
         return []
-    reason = f"at {impact.gap:g} R the wall potential exceeds 1e-3 of the kinetic energy, so that e would be wrong"
+    reason = (
+        f"at {impact.gap:g} R the wall potential exceeds 1e-3 of the kinetic energy, so"
+        " that e would be wrong"
+    )
     return [("impact.gap", f"{reason}: write at least {rounded_up(least)} R, or auto")]
 
 
 def least_threshold(wall: ExponentialPotential, velocity: float) -> float:
-    """Return the smallest allowed cut-off distance of the contact [R], where its potential is 1e-5 of v^2/2.
+    """Return the smallest allowed cut-off distance of the contact [R], where its
+    potential is 1e-5 of v^2/2.
 
     `velocity`: velocity component towards the wall [c].
     """

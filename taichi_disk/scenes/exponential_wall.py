@@ -23,7 +23,9 @@ class ExponentialWallScene(ImpactScene):
     impact: ImpactSection = ImpactSection()
 
     def conflicts(self) -> Conflicts:
-        return super().conflicts() + time_conflicts(self.time, self.material, friction=self.wall.friction)
+        return super().conflicts() + time_conflicts(
+            self.time, self.material, friction=self.wall.friction
+        )
 
     def of_body(self, body: Lattice) -> ExponentialWallImpact:
         return ExponentialWallImpact(self, body)

@@ -1,4 +1,5 @@
-"""Quasi-static loading: equilibria of the disk under a load that grows from almost zero to its full value."""
+"""Quasi-static loading: equilibria of the disk under a load that grows from almost zero
+to its full value."""
 
 from __future__ import annotations
 
@@ -19,7 +20,8 @@ from taichi_disk.statics.equilibrium import depth, roll_angle, solve_equilibrium
 
 @dataclass
 class Equilibria:
-    """Equilibria `states` (n, 2) [R] of a lattice under the `fractions` of the load of a model, in ascending order."""
+    """Equilibria `states` (n, 2) [R] of a lattice under the `fractions` of the load of
+    a model, in ascending order."""
 
     lattice: Lattice
     model: Model
@@ -31,13 +33,21 @@ class Equilibria:
         return replace(self.model, load=Load(fraction * self.model.load.force))
 
     def under(self, fraction: float, start: Array) -> Array:
-        return solve_equilibrium(self.lattice, self.loaded(fraction), start, is_close=True).positions
+        return solve_equilibrium(
+            self.lattice, self.loaded(fraction), start, is_close=True
+        ).positions
 
     def interpolated(self, times: Array) -> Iterator[Moment]:
         for t in np.clip(times, self.fractions[0], 1.0).tolist():
             k = max(int(np.searchsorted(self.fractions, t)), 1)
-            weight = (t - self.fractions[k - 1]) / (self.fractions[k] - self.fractions[k - 1])
-            yield t, (1.0 - weight) * self.states[k - 1] + weight * self.states[k], np.zeros_like(self.states[0])
+            weight = (t - self.fractions[k - 1]) / (
+                self.fractions[k] - self.fractions[k - 1]
+            )
+            yield (
+                t,
+                (1.0 - weight) * self.states[k - 1] + weight * self.states[k],
+                np.zeros_like(self.states[0]),
+            )
 
     def solved(self, times: Array) -> Iterator[Moment]:
         for t, x, v in self.interpolated(times):
@@ -45,30 +55,57 @@ class Equilibria:
 
 
 def quasistatic(scenario: Any, loads: int, progress: Progress) -> Outcome:
-    """Solve for the equilibria of a compression under `loads` growing loads; `t` is the fraction of the full load."""
-    # The full load is solved first and each lower load from the one above it, so the result does not depend on `loads`.
+    """Solve for the equilibria of a compression under `loads` growing loads; `t` is the
+    fraction of the full load."""
+    # The full load is solved first and each lower load from the one above it, so the
+    # result does not depend on `loads`.
     lattice, model, rest = scenario.lattice, scenario.model, scenario.rest
-    fractions = (np.arange(1, loads + 1) / loads) ** 1.5  # denser at small loads, where the disk settles
+    # denser at small loads, where the disk settles
+    fractions = (np.arange(1, loads + 1) / loads) ** 1.5
     path = Equilibria(lattice, model, fractions, [rest.positions])
     progress("simulate", 0, loads)
     for fraction in fractions[-2::-1]:
         path.states.insert(0, path.under(fraction, path.states[0]))
         progress("simulate", len(path.states), loads)
 
-    columns: Columns = {name: np.zeros(loads) for name in (*INDEX, "xi")} | {"t": fractions}
+    columns: Columns = {name: np.zeros(loads) for name in (*INDEX, "xi")} | {
+        "t": fractions
+    }
     for k, x in enumerate(path.states):
         columns["com_x"][k], columns["com_y"][k] = lattice.mean(x)
         columns["lowest_y"][k] = x[:, 1].min()
-        # Compare with the unloaded disk in the same orientation, because the disk rolls a little as the load grows.
+        # Compare with the unloaded disk in the same orientation, because the disk rolls
+        # a little as the load grows.
         unloaded = turned(lattice.positions, roll_angle(lattice.positions, x))
         columns["xi"][k] = depth(lattice, unloaded) - depth(lattice, x)
         columns["wall_force"][k] = model.wall.forces(lattice, x)[:, 1].sum()
-        columns["residual"][k] = np.hypot(*path.loaded(fractions[k]).forces(lattice, x).T).max()
-        columns["elastic"][k], columns["wall"][k] = model.springs.energy(lattice, x), model.wall.energy(lattice, x)
+        columns["residual"][k] = np.hypot(
+            *path.loaded(fractions[k]).forces(lattice, x).T
+        ).max()
+        columns["elastic"][k], columns["wall"][k] = (
+            model.springs.energy(lattice, x),
+            model.wall.energy(lattice, x),
+        )
     columns["load"] = fractions * model.load.force * columns["com_y"]
     columns["total"] = columns["elastic"] + columns["wall"] + columns["load"]
-    summary = summary_of(scenario, columns, [], rest.positions) | {"steps": rest.iterations, "integrator": "newton"}
+    summary = summary_of(scenario, columns, [], rest.positions) | {
+        "steps": rest.iterations,
+        "integrator": "newton",
+    }
     summary |= {"error_estimate": {}, "residual": rest.residual, "roll": rest.roll}
-    largest = float(np.hypot(*model.wall.contact_forces(lattice, rest.positions)[1].T).max(initial=0.0))
+    largest = float(
+        np.hypot(*model.wall.contact_forces(lattice, rest.positions)[1].T).max(
+            initial=0.0
+        )
+    )
     still = np.zeros_like(rest.positions)
-    return Outcome(scenario, columns, rest.positions, still, largest, path.solved, path.interpolated, summary)
+    return Outcome(
+        scenario,
+        columns,
+        rest.positions,
+        still,
+        largest,
+        path.solved,
+        path.interpolated,
+        summary,
+    )

@@ -1,4 +1,5 @@
-"""Scenes as values: sections of keys, which can be checked, changed and written. Each kind of scene is a subclass."""
+"""Scenes as values: sections of keys, which can be checked, changed and written. Each
+kind of scene is a subclass."""
 
 from __future__ import annotations
 
@@ -12,7 +13,14 @@ from typing import TYPE_CHECKING, Any, ClassVar, TypeAlias, cast
 
 import numpy as np
 
-from taichi_disk.config.sections import Frozen, LatticeSection, MaterialSection, Section, TimeSection, VideoSection
+from taichi_disk.config.sections import (
+    Frozen,
+    LatticeSection,
+    MaterialSection,
+    Section,
+    TimeSection,
+    VideoSection,
+)
 from taichi_disk.config.tree import Keys, Tree, tree_of
 from taichi_disk.config.words import ALIASES, UNITS, number_hint
 from taichi_disk.errors import InputError, did_you_mean, either, nearest
@@ -40,13 +48,17 @@ MAX_VELOCITY = 100.0  # largest velocity component of a point at the start [c]
 
 
 class DiskScene(Frozen):
-    """Base class of all kinds of scenes. A kind sets `scene` to its name, adds sections, and defines `of_body`."""
+    """Base class of all kinds of scenes. A kind sets `scene` to its name, adds
+    sections, and defines `of_body`."""
 
     title: ClassVar[str] = ""  # description of the kind
-    lattice_keys: ClassVar[tuple[str, ...]] = ("lattice",)  # sections and keys on which `body` depends
-    abscissa: ClassVar[tuple[str, str]]  # section and key against which a sweep draws curves
+    # sections and keys on which `body` depends
+    lattice_keys: ClassVar[tuple[str, ...]] = ("lattice",)
+    # section and key against which a sweep draws curves
+    abscissa: ClassVar[tuple[str, str]]
     results: ClassVar[tuple[str, ...]] = ()  # names of the results
-    optional_results: ClassVar[tuple[str, ...]] = ()  # names of results that only some scenes have
+    # names of results that only some scenes have
+    optional_results: ClassVar[tuple[str, ...]] = ()
 
     scene: str = ""
     lattice: LatticeSection = LatticeSection()
@@ -57,20 +69,37 @@ class DiskScene(Frozen):
     @classmethod
     def sections(cls) -> dict[str, Section]:
         ordered = sorted(fields(cls), key=lambda one: one.name in ("time", "video"))
-        return {one.name: cast(Section, one.default) for one in ordered if one.name != "scene"}
+        return {
+            one.name: cast(Section, one.default)
+            for one in ordered
+            if one.name != "scene"
+        }
 
     @classmethod
     def homes(cls, key: str) -> list[tuple[str, str]]:
-        """Return (section, key) of every key with this name; a dotted name also names the section."""
+        """Return (section, key) of every key with this name; a dotted name also names
+        the section."""
         *home, name = key.split(".")
-        return [(one, name) for one, keys in cls.sections().items() if name in keys.schema() and home in ([], [one])]
+        return [
+            (one, name)
+            for one, keys in cls.sections().items()
+            if name in keys.schema() and home in ([], [one])
+        ]
 
     def conflicts(self) -> Conflicts:
-        """Return conflicts between keys that are valid by themselves; a kind adds its own."""
-        spec, material, usual = self.lattice, self.material, type(self).material.eta_star
+        """Return conflicts between keys that are valid by themselves; a kind adds its
+        own."""
+        spec, material, usual = (
+            self.lattice,
+            self.material,
+            type(self).material.eta_star,
+        )
         found: Conflicts = []
         if material.viscosity != "auto" and material.eta_star != usual:
-            both = f"{material.viscosity:g} and material.eta_star = {material.eta_star:g} both set the dashpots"
+            both = (
+                f"{material.viscosity:g} and material.eta_star = {material.eta_star:g}"
+                " both set the dashpots"
+            )
             remedy = f"write auto, or leave material.eta_star at its default, {usual:g}"
             found.append(("material.viscosity", f"{both}: {remedy}"))
         if spec.file != "none":  # the file defines the whole lattice
@@ -79,32 +108,52 @@ class DiskScene(Frozen):
         found += [(f"lattice.{key}", fault) for key, fault in faults]
         for key in ("core_stiffness", "core_density"):
             if not spec.core_radius and getattr(spec, key) != 1.0:
-                found.append((f"lattice.{key}", "there is no core: write lattice.core_radius, too, or leave this out"))
+                found.append(
+                    (
+                        f"lattice.{key}",
+                        (
+                            "there is no core: write lattice.core_radius, too, or leave"
+                            " this out"
+                        ),
+                    )
+                )
         return found
 
     def unused(self) -> Collection[tuple[str, str]]:
-        """Return (section, key) of the keys that have no effect with `lattice.file` and cannot be swept."""
+        """Return (section, key) of the keys that have no effect with `lattice.file` and
+        cannot be swept."""
         if self.lattice.file == "none":
             return []
-        return [("lattice", key) for key in self.lattice.schema() if key not in ("file", "velocities")]
+        return [
+            ("lattice", key)
+            for key in self.lattice.schema()
+            if key not in ("file", "velocities")
+        ]
 
     def with_(self, changes: Mapping[str, Any] | None = None, /, **keys: Any) -> Self:
-        """Return the scene with some keys changed: `scene.with_(eta_star=30)`, `scene.with_({"wall.a": 3000})`.
+        """Return the scene with some keys changed: `scene.with_(eta_star=30)`,
+        `scene.with_({"wall.a": 3000})`.
 
-        A key needs no section if its name is unique; a section takes a mapping of its keys.
+        A key needs no section if its name is unique; a section takes a mapping of its
+        keys.
         Raises InputError with all faults.
         """
         data, others, given = asdict(self), dict[str, Any](), dict[str, str]()
         for name, value in [*(changes or {}).items(), *keys.items()]:
             homes = self.homes(name)
             if len(homes) > 1:
-                raise InputError(f"{name}: write {either('.'.join(home) for home in homes)}")
+                raise InputError(
+                    f"{name}: write {either('.'.join(home) for home in homes)}"
+                )
             section, key = homes[0] if homes else name.partition(".")[::2]
             if section in self.sections() and (key or isinstance(value, Mapping)):
                 for part in {key: value} if key else value:
                     path = f"{section}.{part}"
                     if path in given:
-                        raise InputError(f"{given[path]} and {name} both set {path}: leave one of the two out")
+                        raise InputError(
+                            f"{given[path]} and {name} both set {path}: leave one of"
+                            " the two out"
+                        )
                     given[path] = name
                 data[section] |= {key: value} if key else value
             else:
@@ -115,14 +164,18 @@ class DiskScene(Frozen):
         return cast("Self", found)
 
     def to_yaml(self, leave_out: Collection[str] = ()) -> str:
-        """Return the scene as YAML with units, without the dotted keys `leave_out`; reading it gives an equal scene."""
+        """Return the scene as YAML with units, without the dotted keys `leave_out`;
+        reading it gives an equal scene."""
         lines = [f"scene: {self.scene}"]
         for name, section in self.sections().items():
             lines.append(f"{name}:")
             for one, key in section.schema().items():
                 if f"{name}.{one}" not in leave_out:
                     entry = f"  {one}: {yaml_scalar(getattr(getattr(self, name), one))}"
-                    lines.append(f"{entry:<32} # {f'[{key.unit}] ' if key.unit else ''}{key.meaning}")
+                    lines.append(
+                        f"{entry:<32} #"
+                        f" {f'[{key.unit}] ' if key.unit else ''}{key.meaning}"
+                    )
         return "\n".join(lines) + "\n"
 
     # ---- the computation
@@ -141,23 +194,31 @@ class DiskScene(Frozen):
         return 0.0
 
     def body(self) -> Lattice:
-        """Return the unloaded lattice. Raises InputError as `disk_lattice` does, or if the file holds no disk."""
+        """Return the unloaded lattice. Raises InputError as `disk_lattice` does, or if
+        the file holds no disk."""
         spec = self.lattice
         if spec.file != "none":
             return read_lattice(spec.file)
         core = spec.core_radius, spec.core_stiffness, spec.core_density
-        return disk_lattice(spec.points, spec.seed, spec.rim, spec.min_spacing, spec.hole, *core)
+        return disk_lattice(
+            spec.points, spec.seed, spec.rim, spec.min_spacing, spec.hole, *core
+        )
 
     @abstractmethod
     def of_body(self, body: Lattice) -> Scenario:
-        """Return the scenario of the unloaded lattice `body`, which may contain its wall."""
+        """Return the scenario of the unloaded lattice `body`, which may contain its
+        wall."""
 
-    def scenario(self, lattice: Lattice | None = None, velocities: Array | None = None) -> Scenario:
+    def scenario(
+        self, lattice: Lattice | None = None, velocities: Array | None = None
+    ) -> Scenario:
         """Return the scenario that computes the scene.
 
         Args:
-            lattice: unloaded disk to use instead of the scene's, or a disk with its wall, as `body` returns it.
-            velocities: (N, 2) initial velocities of the disk's points to use instead of the scene's [c].
+            lattice: unloaded disk to use instead of the scene's, or a disk with its
+                wall, as `body` returns it.
+            velocities: (N, 2) initial velocities of the disk's points to use instead of
+                the scene's [c].
         """
         body = lattice or self.body()
         own = own_start(self.lattice, body, velocities).velocities
@@ -165,15 +226,21 @@ class DiskScene(Frozen):
             return self.of_body(body)
         n = body.disk_points
         if own.shape != (n, 2):
-            raise InputError(f"velocities: must have the shape ({n}, 2), not {own.shape}")
+            raise InputError(
+                f"velocities: must have the shape ({n}, 2), not {own.shape}"
+            )
         if not (np.abs(own) <= MAX_VELOCITY).all():
-            raise InputError(f"velocities: must be numbers from {-MAX_VELOCITY:g} to {MAX_VELOCITY:g} c")
+            raise InputError(
+                f"velocities: must be numbers from {-MAX_VELOCITY:g} to"
+                f" {MAX_VELOCITY:g} c"
+            )
         scenario = self.thrown_with(body, own).of_body(body)
         scenario.velocities[:n], scenario.own_velocities = own, True
         return scenario
 
     def thrown_with(self, body: Lattice, velocities: Array) -> Self:
-        """Return the scene with the mean speed and direction of `velocities` (N, 2) [c], unchanged without a throw."""
+        """Return the scene with the mean speed and direction of `velocities` (N, 2)
+        [c], unchanged without a throw."""
         return self
 
     def moduli(self, points: int) -> Moduli:
@@ -185,27 +252,46 @@ class DiskScene(Frozen):
 
         material = self.material
         eta = material.eta(lattice.disk_points)
-        return Springs(material.k_a, material.k_b, eta, axial=material.dashpot == "axial")
+        return Springs(
+            material.k_a, material.k_b, eta, axial=material.dashpot == "axial"
+        )
 
     def changes_with(self, key: str, value: Any) -> dict[str, Any]:
-        """Return a dotted key with its new value, and the other keys that must change with it, for `with_`."""
+        """Return a dotted key with its new value, and the other keys that must change
+        with it, for `with_`."""
         # If the number of points changes, the viscosity of the body is kept.
         name, number = self.material.dashpots
-        if key != "lattice.points" or name == "viscosity" or not number or self.lattice.file != "none":
+        if (
+            key != "lattice.points"
+            or name == "viscosity"
+            or not number
+            or self.lattice.file != "none"
+        ):
             return {key: value}
         eta = self.material.eta(self.lattice.points)
-        return {key: value, "material.viscosity": eta, "material.eta_star": type(self).material.eta_star}
+        return {
+            key: value,
+            "material.viscosity": eta,
+            "material.eta_star": type(self).material.eta_star,
+        }
 
     def in_time(self) -> Self:
         return self
 
     def notes(self, points: int) -> list[str]:
-        """Return notes for the user, such as how viscous a body of `points` points is."""
+        """Return notes for the user, such as how viscous a body of `points` points
+        is."""
         (name, value), paper = self.material.dashpots, LatticeSection.points
         if name == "viscosity" or not value or points == paper:
             return []
-        found = f"material.eta_star = {value:g} is per point: with {points:,} points the body is {paper / points:.3g}"
-        remedy = f"this changes e; material.viscosity = {value / paper:.3g} keeps the damping"
+        found = (
+            f"material.eta_star = {value:g} is per point: with {points:,} points the"
+            f" body is {paper / points:.3g}"
+        )
+        remedy = (
+            f"this changes e; material.viscosity = {value / paper:.3g} keeps the"
+            " damping"
+        )
         return [f"{found} times as viscous as with the paper's {paper}; {remedy}"]
 
     @property
@@ -220,18 +306,25 @@ class DiskScene(Frozen):
 def yaml_scalar(value: Value) -> str:
     if isinstance(value, str) and re.fullmatch(r"[a-z][a-z0-9]+(_[a-z]+)*", value):
         return value
-    text = json.dumps(value, ensure_ascii=False)  # quotes a path, and writes a float with just enough digits
+    # quotes a path, and writes a float with just enough digits
+    text = json.dumps(value, ensure_ascii=False)
     # YAML 1.1 readers such as PyYAML take 1e-05, which has no point, for a string.
-    return text.replace("e", ".0e") if isinstance(value, float) and "." not in text else text
+    return (
+        text.replace("e", ".0e")
+        if isinstance(value, float) and "." not in text
+        else text
+    )
 
 
 # ---- make a scene of a tree of values, or report all faults
 
-Kinds: TypeAlias = Mapping[str, type[DiskScene]]  # kinds of scenes by the value of `scene:`
+# kinds of scenes by the value of `scene:`
+Kinds: TypeAlias = Mapping[str, type[DiskScene]]
 
 
 def check(tree: Tree, kinds: Kinds) -> DiskScene | None:
-    """Return the scene that the tree describes, or None if it has faults, which are added to the tree."""
+    """Return the scene that the tree describes, or None if it has faults, which are
+    added to the tree."""
     kind = tree.value.get("scene")
     if isinstance(kind, str) and kind in kinds:
         return _read(kind, tree, kinds)
@@ -254,16 +347,26 @@ def _read(kind: str, tree: Tree, kinds: Kinds) -> DiskScene | None:
         if name not in sections:
             tree.fault(entry.key, (name,), _unknown(kind, (name,), kinds))
         elif given is None:
-            tree.fault(entry.value, (name,), "an empty section: give it a key, or leave it out")
+            tree.fault(
+                entry.value, (name,), "an empty section: give it a key, or leave it out"
+            )
         elif not isinstance(given, dict):
-            what = f"must be a section, that is indented lines of key: value, not {entry.shown}"
+            what = (
+                "must be a section, that is indented lines of key: value, not"
+                f" {entry.shown}"
+            )
             tree.fault(entry.value, (name,), what)
         else:
-            values = {one: _value(kind, (name, one), value, tree, kinds) for one, value in given.items()}
+            values = {
+                one: _value(kind, (name, one), value, tree, kinds)
+                for one, value in given.items()
+            }
             read[name] = (sections[name], values)
     if tree.faults:
         return None
-    scene: DiskScene = kinds[kind](**{name: replace(section, **values) for name, (section, values) in read.items()})
+    scene: DiskScene = kinds[kind](
+        **{name: replace(section, **values) for name, (section, values) in read.items()}
+    )
     for key, what in scene.conflicts():
         path = tuple(key.split("."))
         tree.fault(tree.entry(path).value, path, what)
@@ -274,14 +377,20 @@ def _value(kind: str, path: Keys, value: Any, tree: Tree, kinds: Kinds) -> Any:
     key, entry = kinds[kind].sections()[path[0]].schema().get(path[1]), tree.entry(path)
     if key is None:
         tree.fault(entry.key, path, _unknown(kind, path, kinds))
-    elif key.kind is int and isinstance(value, float) and value.is_integer() and key.accepts(int(value)):
+    elif (
+        key.kind is int
+        and isinstance(value, float)
+        and value.is_integer()
+        and key.accepts(int(value))
+    ):
         return int(value)  # such as 1e3
     elif not key.accepts(value):
         hint = did_you_mean(value, key.words) or number_hint(value, key.unit, path[-1])
         what = f"must be {key.allowed()}, not {entry.shown}{hint} ({key.meaning})"
         tree.fault(entry.value, path, what)
     elif path in (("lattice", "file"), ("lattice", "velocities")) and value != "none":
-        # On the command line a path is relative to the working directory, in a scene file to the folder of that file.
+        # On the command line a path is relative to the working directory, in a scene
+        # file to the folder of that file.
         folder = "" if entry.value.rank else tree.folder
         return os.path.realpath(os.path.join(folder, os.path.expanduser(value)))
     elif key.kind is float and not isinstance(value, str):
@@ -293,13 +402,28 @@ def _unknown(kind: str, path: Keys, kinds: Kinds) -> str:
     section, *keys = path
     if path[-1].lower() in UNITS:
         return f"no key: {UNITS[path[-1].lower()]}"
-    having = {name: one.sections()[section].schema() for name, one in kinds.items() if section in one.sections()}
+    having = {
+        name: one.sections()[section].schema()
+        for name, one in kinds.items()
+        if section in one.sections()
+    }
     if others := [name for name, known in having.items() if known.keys() >= set(keys)]:
         return f"belongs to scene: {either(others)}, not to scene: {kind}"
     sections, word = kinds[kind].sections(), ALIASES.get(path[-1].lower(), path[-1])
     siblings = list(having[kind]) if keys else ["scene", *sections]
-    if not keys:  # inside a section, suggest another section's key only if its name is exactly the same
-        word = (nearest(word, [*siblings, *(key for one in sections.values() for key in one.schema())]) or [word])[0]
+    # inside a section, suggest another section's key only if its name is exactly the
+    # same
+    if not keys:
+        word = (
+            nearest(
+                word,
+                [
+                    *siblings,
+                    *(key for one in sections.values() for key in one.schema()),
+                ],
+            )
+            or [word]
+        )[0]
     if homes := kinds[kind].homes(word):
         return f"unknown key; did you mean {either('.'.join(home) for home in homes)}?"
     listed = f"; {section if keys else f'scene: {kind}'} has {', '.join(siblings)}"

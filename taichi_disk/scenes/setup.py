@@ -26,17 +26,20 @@ class LatticeSetup:
 
     @cached_property
     def moduli(self) -> dict[str, float]:
-        """`young` E [M c^2/R^2] and `poisson` nu of the material; empty for a lattice from a file."""
+        """`young` E [M c^2/R^2] and `poisson` nu of the material; empty for a lattice
+        from a file."""
         if self._scene.lattice.file != "none":
             return {}
         found = self._scene.moduli(self._scene.lattice.points)
         return {"young": found.young, "poisson": found.poisson}
 
     def modes(self, lattice: Lattice, model: Any) -> Any:
-        """Return the spectrum of this body at t = 0, which is `lattice`, with the springs and dashpots of `model`."""
+        """Return the spectrum of this body at t = 0, which is `lattice`, with the
+        springs and dashpots of `model`."""
         from taichi_disk.computation.stability import spectrum
 
-        if self._scene.lattice.file != "none":  # a file's springs may be strained, and relax before a compression
+        # a file's springs may be strained, and relax before a compression
+        if self._scene.lattice.file != "none":
             return spectrum(lattice, model)
         damped = model.springs.damped
         if damped not in self._modes:
@@ -48,16 +51,21 @@ _SETUPS: dict[Hashable, LatticeSetup] = {}  # in the order of their last use
 
 
 def setup_of(scene: Scene) -> LatticeSetup:
-    """Return the setup of the scene's lattice. Raises TaichiDiskError if there is no such lattice."""
+    """Return the setup of the scene's lattice. Raises TaichiDiskError if there is no
+    such lattice."""
     key = lattice_key(scene)
     setup = _SETUPS[key] = _SETUPS.pop(key) if key in _SETUPS else LatticeSetup(scene)
-    while len(_SETUPS) > 1 and sum(len(one.body.masses) for one in _SETUPS.values()) > MAX_POINTS:
+    while (
+        len(_SETUPS) > 1
+        and sum(len(one.body.masses) for one in _SETUPS.values()) > MAX_POINTS
+    ):
         del _SETUPS[next(iter(_SETUPS))]
     return setup
 
 
 def outcome_of(scene: Scene, **options: Any) -> Outcome:
-    """Compute a scene on its cached lattice, without the path of a loading. Options and errors as for `compute`."""
+    """Compute a scene on its cached lattice, without the path of a loading. Options and
+    errors as for `compute`."""
     from taichi_disk.computation.outcome import compute
 
     setup = setup_of(scene)
@@ -67,4 +75,9 @@ def outcome_of(scene: Scene, **options: Any) -> Outcome:
 
 def lattice_key(scene: Scene) -> Hashable:
     of_lattice = (attrgetter(name)(scene) for name in scene.lattice_keys)
-    return (type(scene), scene.material.k_a, file_digest(scene.lattice.file), *of_lattice)
+    return (
+        type(scene),
+        scene.material.k_a,
+        file_digest(scene.lattice.file),
+        *of_lattice,
+    )

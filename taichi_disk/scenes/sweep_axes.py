@@ -1,6 +1,8 @@
-"""The `sweep:` section: which keys of a scene take which values, checked like every other value.
+"""The `sweep:` section: which keys of a scene take which values, checked like every
+other value.
 
-    sweep: {eta_star: [0, 10, 100], velocity: {geom: [3e-3, 5e-2, 12]}, seed: {range: 8}}
+    sweep: {eta_star: [0, 10, 100], velocity: {geom: [3e-3, 5e-2, 12]}, seed: {range:
+        8}}
 
 Every combination is one scene. A list of such sections is swept one after the other.
 """
@@ -18,8 +20,12 @@ from taichi_disk.errors import did_you_mean
 from taichi_disk.scenes.scene import DiskScene, Kinds, Value, check, yaml_scalar
 
 MAX_SCENES = 100_000
-FORMS = "a list of values, {lin: [from, to, count]}, {geom: [from, to, count]} or {range: count}"
-Axes: TypeAlias = dict[str, list[tuple[Value, Entry]]]  # values of each axis, with the entry for messages
+FORMS = (
+    "a list of values, {lin: [from, to, count]}, {geom: [from, to, count]} or {range:"
+    " count}"
+)
+# values of each axis, with the entry for messages
+Axes: TypeAlias = dict[str, list[tuple[Value, Entry]]]
 
 
 @dataclass(frozen=True)
@@ -27,7 +33,8 @@ class Sweep:
     """Scenes that differ in some keys.
 
     Attributes:
-        blocks: axes of each section `sweep:`, name to values; a block stands for all combinations of its values.
+        blocks: axes of each section `sweep:`, name to values; a block stands for all
+            combinations of its values.
         scenes: all scenes without duplicates; the last axis of a block varies fastest.
     """
 
@@ -39,17 +46,24 @@ class Sweep:
         return list(dict.fromkeys(name for block in self.blocks for name in block))
 
     def to_yaml(self) -> str:
-        """Return the sweep as YAML with all defaults; reading it gives an equal sweep."""
+        """Return the sweep as YAML with all defaults; reading it gives an equal
+        sweep."""
         swept = {".".join(target_of(self.scenes[0], name) or ()) for name in self.axes}
         lines = ["sweep:"]
         for block in self.blocks:
-            written = [f"{name}: [{', '.join(map(yaml_scalar, values))}]" for name, values in block.items()]
-            lines += [("    " if k else "  - ") + line for k, line in enumerate(written)]
+            written = [
+                f"{name}: [{', '.join(map(yaml_scalar, values))}]"
+                for name, values in block.items()
+            ]
+            lines += [
+                ("    " if k else "  - ") + line for k, line in enumerate(written)
+            ]
         return self.scenes[0].to_yaml(leave_out=swept) + "\n".join(lines) + "\n"
 
 
 def target_of(scene: DiskScene | type[DiskScene], name: str) -> tuple[str, str] | None:
-    """Return (section, key) of the axis `name`, which may be dotted, or None if there is no such key."""
+    """Return (section, key) of the axis `name`, which may be dotted, or None if there
+    is no such key."""
     return next((home for home in scene.homes(name) if home[0] != "video"), None)
 
 
@@ -59,7 +73,8 @@ def value_of(scene: DiskScene, name: str) -> Any:
 
 
 def check_sweep(tree: Tree, kinds: Kinds) -> Sweep | None:
-    """Return the sweep that the tree describes, or None if it has faults, which are added to the tree."""
+    """Return the sweep that the tree describes, or None if it has faults, which are
+    added to the tree."""
     section, name = tree.value.pop("sweep"), tree.value.get("scene")
     kind = kinds.get(name) if isinstance(name, str) else None
     listed = isinstance(section, list) and len(section) > 0
@@ -68,7 +83,11 @@ def check_sweep(tree: Tree, kinds: Kinds) -> Sweep | None:
         path: Keys = ("sweep", str(number)) if listed else ("sweep",)
         if not (isinstance(block, dict) and block):
             entry = tree.entries[path]
-            tree.fault(entry.value, ("sweep",), f"must be lines of key: values, not {entry.shown}")
+            tree.fault(
+                entry.value,
+                ("sweep",),
+                f"must be lines of key: values, not {entry.shown}",
+            )
         elif kind:
             blocks.append(_axes(kind, block, path, tree))
     if kind and not tree.faults:
@@ -77,28 +96,46 @@ def check_sweep(tree: Tree, kinds: Kinds) -> Sweep | None:
     return None
 
 
-def _axes(kind: type[DiskScene], block: dict[str, Any], prefix: Keys, tree: Tree) -> Axes:
+def _axes(
+    kind: type[DiskScene], block: dict[str, Any], prefix: Keys, tree: Tree
+) -> Axes:
     axes: Axes = {}
     taken: dict[Keys, str] = {}
     for name, spec in block.items():
         path = (*prefix, name)
         mark, target = tree.entries[path].key, target_of(kind, name)
         if target is None:
-            names = [key for section, one in kind.sections().items() if section != "video" for key in one.schema()]
+            names = [
+                key
+                for section, one in kind.sections().items()
+                if section != "video"
+                for key in one.schema()
+            ]
             word = name.split(".")[-1]
             hint = did_you_mean(ALIASES.get(word.lower(), word), names)
-            tree.fault(mark, path, f"no key of scene: {tree.value['scene']} that can be swept{hint}")
+            tree.fault(
+                mark,
+                path,
+                f"no key of scene: {tree.value['scene']} that can be swept{hint}",
+            )
             continue
         if target in tree.entries or target in taken:
             other = taken.get(target, "the scene")
-            tree.fault(mark, path, f"{'.'.join(target)} is also given by {other}: leave one of the two out")
+            tree.fault(
+                mark,
+                path,
+                f"{'.'.join(target)} is also given by {other}: leave one of the"
+                " two out",
+            )
         taken[target] = name
         whole = kind.sections()[target[0]].schema()[target[1]].kind is int
         axes[name] = _values(spec, path, whole, tree)
     return axes
 
 
-def _values(spec: Any, path: Keys, whole: bool, tree: Tree) -> list[tuple[Value, Entry]]:
+def _values(
+    spec: Any, path: Keys, whole: bool, tree: Tree
+) -> list[tuple[Value, Entry]]:
     entry = tree.entries[path]
     if isinstance(spec, list) and spec:
         return [(value, tree.entries[path + (str(k),)]) for k, value in enumerate(spec)]
@@ -110,9 +147,15 @@ def _values(spec: Any, path: Keys, whole: bool, tree: Tree) -> list[tuple[Value,
         low, high, count = (0, given - 1, given) if form == "range" else given
         if not 0 < count <= MAX_SCENES:
             raise ValueError
-        spread: Any = {"range": np.linspace, "lin": np.linspace, "geom": np.geomspace}[form]
-        # Rounded to twelve digits, because the last bits of a power depend on the machine.
-        numbers = [round(one) if whole else float(f"{one:.12g}") for one in spread(low, high, count).tolist()]
+        spread: Any = {"range": np.linspace, "lin": np.linspace, "geom": np.geomspace}[
+            form
+        ]
+        # Rounded to twelve digits, because the last bits of a power depend on the
+        # machine.
+        numbers = [
+            round(one) if whole else float(f"{one:.12g}")
+            for one in spread(low, high, count).tolist()
+        ]
     except (AttributeError, KeyError, TypeError, ValueError, OverflowError):
         shown = printable(str(spec)) if spec else entry.shown
         tree.fault(entry.value, path, f"must be {FORMS}, not {shown}")
@@ -120,42 +163,61 @@ def _values(spec: Any, path: Keys, whole: bool, tree: Tree) -> list[tuple[Value,
     return [(one, entry._replace(key=entry.value, shown=f"{one:g}")) for one in numbers]
 
 
-def _combine(kind: type[DiskScene], blocks: list[Axes], tree: Tree, kinds: Kinds) -> Sweep | None:
+def _combine(
+    kind: type[DiskScene], blocks: list[Axes], tree: Tree, kinds: Kinds
+) -> Sweep | None:
     total = sum(prod(map(len, block.values())) for block in blocks)
     if total > MAX_SCENES:
-        tree.fault(tree.entries[("sweep",)].key, ("sweep",), f"{total} combinations: at most {MAX_SCENES}")
+        tree.fault(
+            tree.entries[("sweep",)].key,
+            ("sweep",),
+            f"{total} combinations: at most {MAX_SCENES}",
+        )
         return None
     # Check each value by itself first, to report all faulty values at once.
     swept: list[dict[str, tuple[Any, ...]]] = []
     for block in blocks:
         start = {name: values[0] for name, values in block.items()}
         taken: dict[str, dict[Any, None]] = {name: {} for name in block}
-        for name, value in ((name, value) for name, values in block.items() for value in values):
+        for name, value in (
+            (name, value) for name, values in block.items() for value in values
+        ):
             one = _with(kind, tree, start | {name: value})
             found = check(one, kinds)
             tree.faults += one.faults
             if found:
                 taken[name][value_of(found, name)] = None
                 if value is start[name] and target_of(found, name) in found.unused():
-                    tree.fault(value[1].key, ("sweep", name), "has no effect with lattice.file: leave it out")
+                    tree.fault(
+                        value[1].key,
+                        ("sweep", name),
+                        "has no effect with lattice.file: leave it out",
+                    )
         swept.append({name: tuple(values) for name, values in taken.items()})
     if tree.faults:
         return None
     scenes: dict[DiskScene, None] = {}
     for chosen in (
-        dict(zip(block, each, strict=True)) for block in blocks for each in itertools.product(*block.values())
+        dict(zip(block, each, strict=True))
+        for block in blocks
+        for each in itertools.product(*block.values())
     ):
         one = _with(kind, tree, chosen)
         found = check(one, kinds)
         if found is None:
             given = ", ".join(f"{name}: {value}" for name, (value, _) in chosen.items())
-            tree.faults = [fault._replace(what=f"{fault.what} (at {given})") for fault in one.faults]
+            tree.faults = [
+                fault._replace(what=f"{fault.what} (at {given})")
+                for fault in one.faults
+            ]
             return None
         scenes[found] = None
     return Sweep(tuple(swept), tuple(scenes))
 
 
-def _with(kind: type[DiskScene], tree: Tree, chosen: dict[str, tuple[Value, Entry]]) -> Tree:
+def _with(
+    kind: type[DiskScene], tree: Tree, chosen: dict[str, tuple[Value, Entry]]
+) -> Tree:
     scene = Tree({**tree.value}, {**tree.entries}, folder=tree.folder)
     for name, (one, entry) in chosen.items():
         target = section, key = target_of(kind, name) or ("", "")

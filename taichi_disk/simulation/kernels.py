@@ -1,9 +1,11 @@
 """Kernels that make many steps, on one core or several, and measure the observables.
 
-All steps between two rows run inside one kernel, because launching a kernel costs as much as a step. For a large
-lattice a step consists of two loops. The first moves all subdomains (see `physics.ordering`) with the springs inside
-them, in parallel. The second does the rest on one core: springs across the seams, sums over the subdomains in order,
-contact, boundary, implicit dashpots. So the results are bitwise the same as on one core.
+All steps between two rows run inside one kernel, because launching a kernel costs as
+much as a step. For a large lattice a step consists of two loops. The first moves all
+subdomains (see `physics.ordering`) with the springs inside them, in parallel. The
+second does the rest on one core: springs across the seams, sums over the subdomains in
+order, contact, boundary, implicit dashpots. So the results are bitwise the same as on
+one core.
 """
 
 from typing import Any
@@ -18,12 +20,22 @@ from taichi_disk.lattice import Array
 from taichi_disk.physics import Model
 from taichi_disk.physics.law import Integers1, Reals2, array, get, side_by_side
 from taichi_disk.simulation.observables import INDEX, within
-from taichi_disk.simulation.stepping import ABSORBED, DISSIPATED, FRICTION, SLIDING, State, Stepping
+from taichi_disk.simulation.stepping import (
+    ABSORBED,
+    DISSIPATED,
+    FRICTION,
+    SLIDING,
+    State,
+    Stepping,
+)
 
 Counts = NDArray[np.int32]
 
-GRAIN = 512  # iterations that Taichi 1.7.4 gives to a core at once (it ignores block_dim): one subdomain
-FORCES_PER_LAUNCH = 2  # force evaluations per launch for a large lattice; more take long to compile
+# iterations that Taichi 1.7.4 gives to a core at once (it ignores block_dim): one
+# subdomain
+GRAIN = 512
+# force evaluations per launch for a large lattice; more take long to compile
+FORCES_PER_LAUNCH = 2
 
 
 @ti.data_oriented
@@ -31,12 +43,22 @@ class Kernels(Stepping):
     """Moves the points on one core."""
 
     @ti.kernel
-    def advance(self, first: ti.i32, steps: ti.i32, stride: ti.i32, rows: Reals2, bounds: Reals2, counts: Integers1):
-        """Make `steps` steps after step `first` (-1 for the start), or fewer if the scene's end is reached.
+    def advance(
+        self,
+        first: ti.i32,
+        steps: ti.i32,
+        stride: ti.i32,
+        rows: Reals2,
+        bounds: Reals2,
+        counts: Integers1,
+    ):
+        """Make `steps` steps after step `first` (-1 for the start), or fewer if the
+        scene's end is reached.
 
-        `rows` is filled at every multiple of `stride` and after the last step. `bounds` (2, columns): smallest and
-        largest value of every column at the end. `counts`: number of successive rows that must be within the bounds,
-        number of such rows so far, number of steps made, number of rows at multiples of `stride`.
+        `rows` is filled at every multiple of `stride` and after the last step. `bounds`
+        (2, columns): smallest and largest value of every column at the end. `counts`:
+        number of successive rows that must be within the bounds, number of such rows so
+        far, number of steps made, number of rows at multiples of `stride`.
         """
         ti.loop_config(serialize=True)
         for _ in range(1):
@@ -62,9 +84,14 @@ class Kernels(Stepping):
 
     @ti.kernel
     def set_mouse_target(self, point: ti.i32, x: ti.f64, y: ti.f64) -> ti.f64:
-        """Let the mouse pull `point` (-1: none) towards (x, y), and return the added energy [M c^2]."""
+        """Let the mouse pull `point` (-1: none) towards (x, y), and return the added
+        energy [M c^2]."""
         energy = self.mouse.change(self.state, -1.0)
-        self.mouse.point[0], self.mouse.target[0][0], self.mouse.target[1][0] = point, x, y
+        self.mouse.point[0], self.mouse.target[0][0], self.mouse.target[1][0] = (
+            point,
+            x,
+            y,
+        )
         energy += self.mouse.change(self.state, 1.0)
         return energy
 
@@ -77,7 +104,10 @@ class Kernels(Stepping):
         for i in range(self.state.n[None]):
             x, y = self.state.x[0][i], self.state.x[1][i]
             m, f = self.state.mass[i], get(self.state.f, i)
-            v = get(self.observed_velocities, i) + self.state.observed[None] * self.state.inverse_mass[i] * f
+            v = (
+                get(self.observed_velocities, i)
+                + self.state.observed[None] * self.state.inverse_mass[i] * f
+            )
             vx, vy = v[0], v[1]
             if i < self.state.n_disk[None]:
                 mass += m
@@ -90,7 +120,8 @@ class Kernels(Stepping):
                 residual2 = ti.max(residual2, f[0] * f[0] + f[1] * f[1])
                 if ti.static(self.rigid):
                     point_force = self.wall.at(self.state, i)
-                    if point_force[0] != 0.0 or point_force[1] != 0.0:  # without a force there is no potential
+                    # without a force there is no potential
+                    if point_force[0] != 0.0 or point_force[1] != 0.0:
                         energy += self.wall.potential_at(self.state, i)
                         force += point_force[1]
                 for law in ti.static(self.loads):
@@ -111,7 +142,9 @@ class Kernels(Stepping):
         rows[s, INDEX["load"]] = load
         rows[s, INDEX["sliding"]] = sums[SLIDING]
         rows[s, INDEX["residual"]] = ti.sqrt(residual2)
-        rows[s, INDEX["friction"]] = sums[FRICTION] if ti.static(self.has_friction) else 0.0
+        rows[s, INDEX["friction"]] = (
+            sums[FRICTION] if ti.static(self.has_friction) else 0.0
+        )
 
 
 @ti.data_oriented
@@ -119,18 +152,36 @@ class SubdomainKernels(Kernels):
     """Moves the points of a large lattice on several cores."""
 
     def __init__(
-        self, state: State, model: Model, integrator: Integrator, solver: DashpotSolver | None, builder: Any, count: int
+        self,
+        state: State,
+        model: Model,
+        integrator: Integrator,
+        solver: DashpotSolver | None,
+        builder: Any,
+        count: int,
     ) -> None:
         super().__init__(state, model, integrator, solver)
         self.count = count
         self.steps_per_launch = max(1, FORCES_PER_LAUNCH // integrator.forces)
-        self.parts = side_by_side(builder, count, 3)  # largest wall force on a point, elastic energy, products
-        self.latest = array(builder, 3, ti.f64)  # elastic energy, contact force, contact potential
+        # largest wall force on a point, elastic energy, products
+        self.parts = side_by_side(builder, count, 3)
+        # elastic energy, contact force, contact potential
+        self.latest = array(builder, 3, ti.f64)
 
-    def advance(self, first: int, steps: int, stride: int, rows: Array, bounds: Array, counts: Counts) -> None:
+    def advance(
+        self,
+        first: int,
+        steps: int,
+        stride: int,
+        rows: Array,
+        bounds: Array,
+        counts: Counts,
+    ) -> None:
         needed, settled, made, count = (int(number) for number in counts)
         while made < steps and settled < needed:
-            few = min(steps - made, stride - (first + made) % stride, self.steps_per_launch)
+            few = min(
+                steps - made, stride - (first + made) % stride, self.steps_per_launch
+            )
             self.advance_few(first + made, few)
             made += few
             due = (first + made) % stride == 0
@@ -151,21 +202,32 @@ class SubdomainKernels(Kernels):
         kick, move, shift = ti.static(*self.integrator.stages[stage])
         h = self.elapsed(number, self.state.h[None])
         peak_point_force = self.drift(kick * h, move * h, shift * h * h, first, last)
-        elastic, products = self.springs.add(self.state, self.explicit, begin, self.state.subdomain_ends[c])
-        self.parts[0][c], self.parts[1][c], self.parts[2][c] = peak_point_force, elastic, products
+        elastic, products = self.springs.add(
+            self.state, self.explicit, begin, self.state.subdomain_ends[c]
+        )
+        self.parts[0][c], self.parts[1][c], self.parts[2][c] = (
+            peak_point_force,
+            elastic,
+            products,
+        )
 
     @ti.func
     def join(self, stage: ti.template(), number):
-        """Add the springs across the seams, the sums and the contact; after the last stage, end the step."""
+        """Add the springs across the seams, the sums and the contact; after the last
+        stage, end the step."""
         sums = ti.Vector([self.state.sums[k] for k in range(self.state.summed)])
         seams = self.state.subdomain_ends[self.count - 1]
-        elastic, products = self.springs.add(self.state, self.explicit, seams, self.state.blocks[None])
+        elastic, products = self.springs.add(
+            self.state, self.explicit, seams, self.state.blocks[None]
+        )
         peak_point_force = 0.0
         for c in range(self.count):
             peak_point_force = ti.max(peak_point_force, self.parts[0][c])
             elastic += self.parts[1][c]
             products += self.parts[2][c]
-        move = ti.static(self.integrator.stages[stage][1]) * self.elapsed(number, self.state.h[None])
+        move = ti.static(self.integrator.stages[stage][1]) * self.elapsed(
+            number, self.state.h[None]
+        )
         sums, upward, potential = self.add_contact(move, sums, peak_point_force)
         if ti.static(stage == self.integrator.forces - 1):
             sums = self.account(number, sums, products)
@@ -177,7 +239,9 @@ class SubdomainKernels(Kernels):
     def advance_few(self, number: ti.i32, steps: ti.i32):
         for k in ti.static(range(self.steps_per_launch)):
             for stage in ti.static(range(self.integrator.forces)):
-                for q in range(GRAIN * self.count * self.is_due(stage, number + k + 1, k < steps)):
+                for q in range(
+                    GRAIN * self.count * self.is_due(stage, number + k + 1, k < steps)
+                ):
                     if q % GRAIN == 0:
                         self.move_subdomain(stage, number + k + 1, q // GRAIN)
                 ti.loop_config(serialize=True)
@@ -186,7 +250,9 @@ class SubdomainKernels(Kernels):
 
     @ti.func
     def is_due(self, stage: ti.template(), number, requested):
-        return ti.cast(requested and (number > 0 or stage == self.integrator.forces - 1), ti.i32)
+        return ti.cast(
+            requested and (number > 0 or stage == self.integrator.forces - 1), ti.i32
+        )
 
     @ti.kernel
     def fill_row(self, rows: Reals2, s: ti.i32):

@@ -10,7 +10,14 @@ from taichi_disk.lattice import Array
 
 Columns = dict[str, Array]  # the time series: one array (rows,) per column
 # Okabe and Ito's colours, which colour-blind readers can tell apart.
-BLUE, RED, GREEN, PINK, ORANGE, SKY = "#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9"
+BLUE, RED, GREEN, PINK, ORANGE, SKY = (
+    "#0072B2",
+    "#D55E00",
+    "#009E73",
+    "#CC79A7",
+    "#E69F00",
+    "#56B4E9",
+)
 
 
 class Column(NamedTuple):
@@ -19,32 +26,67 @@ class Column(NamedTuple):
     name: str
     unit: str
     meaning: str
-    # "motion"; stored "energy" and "loss" since t = 0, which add up to `total`; "part" of the kinetic energy; "derived"
-    # from other columns. Kernels measure the first three kinds.
+    # "motion"; stored "energy" and "loss" since t = 0, which add up to `total`; "part"
+    # of the kinetic energy; "derived" from other columns. Kernels measure the first
+    # three kinds.
     kind: str
     label: str = ""  # of its curve among the energies of a plot; "": no curve
     colour: str = ""
-    written: str = "always"  # to timeseries.csv: "always", "nonzero" (unless it is 0 throughout) or "never"
+    # to timeseries.csv: "always", "nonzero" (unless it is 0 throughout) or "never"
+    written: str = "always"
 
 
-_PARTS_OF_LOAD = "for Newton's method the fraction of the load *P*, up to 1: one line for each equilibrium"
+_PARTS_OF_LOAD = (
+    "for Newton's method the fraction of the load *P*, up to 1: one line for each"
+    " equilibrium"
+)
 COLUMNS = (
     Column("t", "R/c", f"time; {_PARTS_OF_LOAD}", "derived"),
     Column("com_x", "R", "centre of mass of the disk, to the right", "motion"),
     Column("com_y", "R", "centre of mass of the disk, upwards", "motion"),
     Column("com_vx", "c", "velocity of the centre of mass to the right", "motion"),
     Column("com_vy", "c", "velocity of the centre of mass upwards", "motion"),
-    Column("angular_momentum", "M R c", "angular momentum of the disk about its centre of mass", "motion"),
+    Column(
+        "angular_momentum",
+        "M R c",
+        "angular momentum of the disk about its centre of mass",
+        "motion",
+    ),
     Column("lowest_y", "R", "height of the lowest point of the disk", "motion"),
     Column("wall_force", "M c²/R", "upward force of the wall on the disk", "motion"),
-    Column("residual", "M c²/R", "largest force on a point of the disk", "motion", written="never"),
-    Column("kinetic", "M c²", "kinetic energy of the disk and an elastic wall", "energy"),
+    Column(
+        "residual",
+        "M c²/R",
+        "largest force on a point of the disk",
+        "motion",
+        written="never",
+    ),
+    Column(
+        "kinetic", "M c²", "kinetic energy of the disk and an elastic wall", "energy"
+    ),
     Column("elastic", "M c²", "energy of the springs", "energy", "elastic", RED),
-    Column("wall", "M c²", "potential of the contact", "energy", "wall potential", ORANGE),
+    Column(
+        "wall", "M c²", "potential of the contact", "energy", "wall potential", ORANGE
+    ),
     Column("dissipated", "M c²", "lost in dashpots", "loss", "lost in dashpots", GREEN),
-    Column("absorbed", "M c²", "lost at the boundary of an elastic wall", "loss", "lost at the boundary", PINK),
+    Column(
+        "absorbed",
+        "M c²",
+        "lost at the boundary of an elastic wall",
+        "loss",
+        "lost at the boundary",
+        PINK,
+    ),
     Column("total", "M c²", "sum of all energies and losses", "derived"),
-    Column("load", "M c²", "potential of the load and other forces", "energy", "load potential", "#A89A00", "nonzero"),
+    Column(
+        "load",
+        "M c²",
+        "potential of the load and other forces",
+        "energy",
+        "load potential",
+        "#A89A00",
+        "nonzero",
+    ),
     Column(
         "sliding",
         "M c²",
@@ -54,11 +96,30 @@ COLUMNS = (
         "#999999",
         "nonzero",
     ),
-    Column("friction", "M c²", "lost in friction", "loss", "lost in friction", "#8C5A2B", "nonzero"),
+    Column(
+        "friction",
+        "M c²",
+        "lost in friction",
+        "loss",
+        "lost in friction",
+        "#8C5A2B",
+        "nonzero",
+    ),
     Column("xi", "R", "Newton's method: compression under that load", "derived"),
-    Column("translation", "M c²", "kinetic energy of the flight", "part", "flight", BLUE),
-    Column("rotation", "M c²", "kinetic energy of the rotation", "part", "rotation", "#882255"),
-    Column("vibration", "M c²", "the rest of the kinetic energy", "part", "vibration", SKY),
+    Column(
+        "translation", "M c²", "kinetic energy of the flight", "part", "flight", BLUE
+    ),
+    Column(
+        "rotation",
+        "M c²",
+        "kinetic energy of the rotation",
+        "part",
+        "rotation",
+        "#882255",
+    ),
+    Column(
+        "vibration", "M c²", "the rest of the kinetic energy", "part", "vibration", SKY
+    ),
 )
 BY_NAME = {column.name: column for column in COLUMNS}
 
@@ -68,22 +129,28 @@ def of_kind(*kinds: str) -> list[str]:
 
 
 INDEX = {
-    column.name: k for k, column in enumerate(each for each in COLUMNS if each.kind in ("motion", "energy", "loss"))
+    column.name: k
+    for k, column in enumerate(
+        each for each in COLUMNS if each.kind in ("motion", "energy", "loss")
+    )
 }
 ENERGY_INDICES = sorted(INDEX[name] for name in of_kind("energy", "loss"))
 
 
 def as_columns(rows: Array, interval: float) -> Columns:
-    """Return the columns of `rows` (rows, columns), `interval` [R/c] apart, by name; add time and total energy."""
+    """Return the columns of `rows` (rows, columns), `interval` [R/c] apart, by name;
+    add time and total energy."""
     columns: Columns = {"t": np.arange(len(rows), dtype=np.float64) * interval}
     columns |= {name: values.copy() for name, values in zip(INDEX, rows.T, strict=True)}
-    with np.errstate(invalid="ignore"):  # a blow-up may cause infinite energies of both signs
+    # a blow-up may cause infinite energies of both signs
+    with np.errstate(invalid="ignore"):
         columns["total"] = total_energy(rows)
     return columns
 
 
 def total_energy(rows: Array) -> Array:
-    """Return the sum (rows,) of all energies and losses of `rows` (rows, columns) [M c^2]."""
+    """Return the sum (rows,) of all energies and losses of `rows` (rows, columns) [M
+    c^2]."""
     return np.asarray(rows[:, ENERGY_INDICES].sum(axis=1))
 
 
@@ -92,19 +159,24 @@ def within(rows: Array, bounds: Array) -> Array:
 
 
 def split(columns: Columns, inertia: float) -> Columns:
-    """Return `columns` with the kinetic energies `translation` and `rotation` of the disk and the rest, `vibration`.
+    """Return `columns` with the kinetic energies `translation` and `rotation` of the
+    disk and the rest, `vibration`.
 
-    `inertia` [M R^2] is that of the unloaded disk; a compression changes it by at most some per cent. If a fast spin
-    stretches the disk, `vibration` may be negative. The motion of an elastic wall counts as vibration.
+    `inertia` [M R^2] is that of the unloaded disk; a compression changes it by at most
+    some per cent. If a fast spin stretches the disk, `vibration` may be negative. The
+    motion of an elastic wall counts as vibration.
     """
     translation = 0.5 * (columns["com_vx"] ** 2 + columns["com_vy"] ** 2)
     rotation = columns["angular_momentum"] ** 2 / (2.0 * inertia)
     vibration = columns["kinetic"] - translation - rotation
-    return columns | dict(zip(of_kind("part"), (translation, rotation, vibration), strict=True))
+    return columns | dict(
+        zip(of_kind("part"), (translation, rotation, vibration), strict=True)
+    )
 
 
 def bounds_array(bounds: dict[str, tuple[float, float]]) -> Array:
-    """Return (2, columns) with the smallest and largest value of every column, infinite for columns not in `bounds`."""
+    """Return (2, columns) with the smallest and largest value of every column, infinite
+    for columns not in `bounds`."""
     array = np.array([[-np.inf], [np.inf]]) * np.ones(len(INDEX))
     for name, limits in bounds.items():
         array[:, INDEX[name]] = limits

@@ -1,4 +1,5 @@
-"""A lattice, its laws and an integrator, combined into kernels that move the lattice."""
+"""A lattice, its laws and an integrator, combined into kernels that move the
+lattice."""
 
 from __future__ import annotations
 
@@ -12,7 +13,11 @@ from taichi_disk import engine
 from taichi_disk.engine import ti
 from taichi_disk.errors import TaichiDiskError
 from taichi_disk.integrators import LARGEST_FACTORISED, Integrator
-from taichi_disk.integrators.conjugate_gradients import Diagonal, IterativeSolver, diagonal
+from taichi_disk.integrators.conjugate_gradients import (
+    Diagonal,
+    IterativeSolver,
+    diagonal,
+)
 from taichi_disk.integrators.trapezoidal import DashpotSolver, Factor, factorise
 from taichi_disk.lattice import Array, Lattice
 from taichi_disk.physics import Model
@@ -23,27 +28,39 @@ from taichi_disk.simulation.kernels import Kernels, SubdomainKernels
 from taichi_disk.simulation.observables import INDEX, bounds_array
 from taichi_disk.simulation.stepping import PEAK_POINT_FORCE, Snapshot, State
 
-# Smallest capacity, so that all lattices of usual size can share compiled kernels: 12,000 points, each with 3 springs
-# (a triangulation has fewer) and 27 entries of the dashpots' factor.
+# Smallest capacity, so that all lattices of usual size can share compiled kernels:
+# 12,000 points, each with 3 springs (a triangulation has fewer) and 27 entries of the
+# dashpots' factor.
 MIN_CAPACITY = Capacity(12_000, 3 * 12_000 // BLOCK, 27 * 12_000)
 NEVER = 2**30  # number of successive rows that no run reaches
-DIFFERENCE_TIME = 1e-4  # time difference for the rate of change of forces at t = 0 [R/c]
-CONTACT_ENERGY = 1e-3  # potential of a point at which contact begins, over the kinetic energy of the flight
+# time difference for the rate of change of forces at t = 0 [R/c]
+DIFFERENCE_TIME = 1e-4
+# potential of a point at which contact begins, over the kinetic energy of the flight
+CONTACT_ENERGY = 1e-3
 
 Dashpots = Factor | Diagonal | None  # matrix of implicit dashpots
 
 
 class Simulation:
-    """Moves one lattice by (a copy of) a model's laws, from `velocities` (n, 2) [c] at t = 0, in steps of `dt` [R/c].
+    """Moves one lattice by (a copy of) a model's laws, from `velocities` (n, 2) [c] at
+    t = 0, in steps of `dt` [R/c].
 
     Attributes:
         step_number: number of steps made since t = 0.
         first_row, now: (columns,) observables at t = 0, and after the last step.
-        generation: number of restarts at t = 0; if it changes, another user has restarted the simulation.
+        generation: number of restarts at t = 0; if it changes, another user has
+            restarted the simulation.
         subdomains: number of subdomains of the lattice, 1 unless it is large.
     """
 
-    def __init__(self, lattice: Lattice, model: Model, integrator: Integrator, velocities: Array, dt: float) -> None:
+    def __init__(
+        self,
+        lattice: Lattice,
+        model: Model,
+        integrator: Integrator,
+        velocities: Array,
+        dt: float,
+    ) -> None:
         self.integrator, self.model, self.generation = integrator, deepcopy(model), 0
         self._program = engine.program()
         self.features = compiled_for(lattice, model)
@@ -51,37 +68,68 @@ class Simulation:
         arrangement = interruptible(arrange, lattice.bonds, len(lattice.positions))
         factor = self._factor(lattice, model, dt)
         self.subdomains = arrangement.subdomains
-        self._capacity = Capacity(*map(_doubled, _needed(lattice, arrangement, factor), MIN_CAPACITY))
+        self._capacity = Capacity(
+            *map(_doubled, _needed(lattice, arrangement, factor), MIN_CAPACITY)
+        )
         builder = ti.FieldsBuilder()
         for law in self.model.laws:
             law.make_fields(builder, self._capacity)
-        self.state = State(builder, self._capacity, self.subdomains, self.model, integrator.correction != 0.0)
+        self.state = State(
+            builder,
+            self._capacity,
+            self.subdomains,
+            self.model,
+            integrator.correction != 0.0,
+        )
         components = 1 if model.impedance is None else 2
         solver: DashpotSolver | None = None
         if isinstance(factor, Diagonal):
-            solver = IterativeSolver(builder, self._capacity, components, self.state.fillers, self.model.springs)
+            solver = IterativeSolver(
+                builder,
+                self._capacity,
+                components,
+                self.state.fillers,
+                self.model.springs,
+            )
             self.state.vectors += solver.previous
         elif factor is not None:
             solver = DashpotSolver(builder, self._capacity, components)
         parts = self.state, self.model, integrator, solver
         large = self.subdomains > 1
-        self.kernels = SubdomainKernels(*parts, builder, self.subdomains) if large else Kernels(*parts)
+        self.kernels = (
+            SubdomainKernels(*parts, builder, self.subdomains)
+            if large
+            else Kernels(*parts)
+        )
         self._tree = builder.finalize()
         self._start(lattice, model, velocities, dt, arrangement, factor)
 
-    def restart(self, lattice: Lattice, model: Model, integrator: Integrator, velocities: Array, dt: float) -> bool:
+    def restart(
+        self,
+        lattice: Lattice,
+        model: Model,
+        integrator: Integrator,
+        velocities: Array,
+        dt: float,
+    ) -> bool:
         """Become the simulation that these arguments would make, without a compilation.
 
-        Returns False and changes nothing if the laws are of other kinds or the lattice is too large.
+        Returns False and changes nothing if the laws are of other kinds or the lattice
+        is too large.
         """
-        if integrator is not self.integrator or compiled_for(lattice, model) != self.features:
+        if (
+            integrator is not self.integrator
+            or compiled_for(lattice, model) != self.features
+        ):
             return False
         arrangement = self._arrangement
         if lattice.bonds is not self.lattice.bonds:
             arrangement = interruptible(arrange, lattice.bonds, len(lattice.positions))
         factor = self._factor(lattice, model, dt)
         needed = _needed(lattice, arrangement, factor)
-        has_room = all(count <= most for count, most in zip(needed, self._capacity, strict=True))
+        has_room = all(
+            count <= most for count, most in zip(needed, self._capacity, strict=True)
+        )
         if not has_room or arrangement.subdomains != self.subdomains:
             return False
         self._start(lattice, model, velocities, dt, arrangement, factor)
@@ -93,15 +141,31 @@ class Simulation:
         return (diagonal if iterates(lattice, model) else factorise)(lattice, model, dt)
 
     def _start(
-        self, lattice: Lattice, model: Model, v: Array, dt: float, arrangement: Arrangement, factor: Dashpots
+        self,
+        lattice: Lattice,
+        model: Model,
+        v: Array,
+        dt: float,
+        arrangement: Arrangement,
+        factor: Dashpots,
     ) -> None:
         for law, new in zip(self.model.laws, model.laws, strict=True):
             law.take_values(new)
-        self.lattice, self.dt, self._arrangement, self.step_number = lattice, dt, arrangement, 0
+        self.lattice, self.dt, self._arrangement, self.step_number = (
+            lattice,
+            dt,
+            arrangement,
+            0,
+        )
         self.generation += 1
         state, solver, laws = self.state, self.kernels.solver, self.model.laws
-        flight = 0.5 * float(lattice.mean(v[:, 1])) ** 2  # kinetic energy of the flight towards the wall
-        contact = CONTACT_ENERGY * flight * model.wall.added_stiffness(1.0) if model.wall else float("inf")
+        # kinetic energy of the flight towards the wall
+        flight = 0.5 * float(lattice.mean(v[:, 1])) ** 2
+        contact = (
+            CONTACT_ENERGY * flight * model.wall.added_stiffness(1.0)
+            if model.wall
+            else float("inf")
+        )
         numbers: list[tuple[Any, float]] = [
             (state.h, dt),
             (state.closing, self.integrator.kicks[-1] * dt),
@@ -113,7 +177,9 @@ class Simulation:
             (state.subdomain_points, arrangement.subdomain_points),
             (state.reset_steps, max(1, round(model.reset_interval / dt))),
         ]
-        contents = state.contents(lattice, arrangement, self._vectors(lattice, model, v))
+        contents = state.contents(
+            lattice, arrangement, self._vectors(lattice, model, v)
+        )
         for law in laws:
             numbers += law.numbers()
             contents += law.contents(lattice, arrangement)
@@ -121,7 +187,9 @@ class Simulation:
             contents += solver.contents(factor)
         state.begin(numbers, contents)
         rows = np.empty((1, len(INDEX)))
-        self.kernels.advance(-1, 1, 1, rows, bounds_array({}), np.array([NEVER, 0, 0, 0], np.int32))
+        self.kernels.advance(
+            -1, 1, 1, rows, bounds_array({}), np.array([NEVER, 0, 0, 0], np.int32)
+        )
         self.first_row = self.now = rows[0]
 
     def _vectors(self, lattice: Lattice, model: Model, v: Array) -> list[Array]:
@@ -130,27 +198,45 @@ class Simulation:
         if not c:
             return [x, v, zero, v][: len(self.state.vectors)]
         a, before, after = (
-            model.forces_moving(lattice, x + t * v, zero) / mass for t in (0.0, -DIFFERENCE_TIME, DIFFERENCE_TIME)
+            model.forces_moving(lattice, x + t * v, zero) / mass
+            for t in (0.0, -DIFFERENCE_TIME, DIFFERENCE_TIME)
         )
         observed = v - self.integrator.observed_kick * self.dt * a
-        return [x, v + 0.5 * c / DIFFERENCE_TIME * (after - before), zero, observed, x - c * a]
+        return [
+            x,
+            v + 0.5 * c / DIFFERENCE_TIME * (after - before),
+            zero,
+            observed,
+            x - c * a,
+        ]
 
     # ---- time
 
     def advance(
-        self, steps: int, stride: int = 1, bounds: Array | None = None, needed: int = NEVER, settled: int = 0
+        self,
+        steps: int,
+        stride: int = 1,
+        bounds: Array | None = None,
+        needed: int = NEVER,
+        settled: int = 0,
     ) -> tuple[Array, int]:
         """Make `steps` steps, or fewer if the scene's end is reached.
 
-        A row of observables is returned for every step whose number is a multiple of `stride`. `bounds` (2, columns):
-        smallest and largest value of every column at the end. `needed`, `settled`: number of successive rows within the
-        bounds that end the scene, and the number so far. Returns the rows (rows, columns) and the new number of
-        successive rows within the bounds.
+        A row of observables is returned for every step whose number is a multiple of
+        `stride`. `bounds` (2, columns): smallest and largest value of every column at
+        the end. `needed`, `settled`: number of successive rows within the bounds that
+        end the scene, and the number so far. Returns the rows (rows, columns) and the
+        new number of successive rows within the bounds.
         """
         raise_if_interrupted()
         if not self.is_alive:
-            raise TaichiDiskError("a later ti.init or ti.reset has deleted the fields of this simulation: make another")
-        rows = np.empty(((self.step_number % stride + steps) // stride + 1, self.now.size))
+            raise TaichiDiskError(
+                "a later ti.init or ti.reset has deleted the fields of this simulation:"
+                " make another"
+            )
+        rows = np.empty(
+            ((self.step_number % stride + steps) // stride + 1, self.now.size)
+        )
         bounds = bounds_array({}) if bounds is None else bounds
         counts = np.array([needed, settled, 0, 0], np.int32)
         self.kernels.advance(self.step_number, steps, stride, rows, bounds, counts)
@@ -180,19 +266,25 @@ class Simulation:
 
     def velocities(self, snapshot: Snapshot | None = None) -> Array:
         """Return the velocities (n, 2) [c], now or in a snapshot of this simulation."""
-        return (snapshot or self.snapshot()).velocities(self.integrator, self.dt, self.lattice)
+        return (snapshot or self.snapshot()).velocities(
+            self.integrator, self.dt, self.lattice
+        )
 
     def peak_point_force(self, snapshot: Snapshot | None = None) -> float:
         """Return the largest force of the wall on one point since t = 0 [M c^2/R]."""
         return float((snapshot or self.snapshot()).sums[PEAK_POINT_FORCE])
 
-    def set_mouse_target(self, point: int, target: tuple[float, float] = (0.0, 0.0)) -> float:
-        """Tie `point` (-1: none) to the mouse at `target` [R], and return the jump of `load` [M c^2]."""
+    def set_mouse_target(
+        self, point: int, target: tuple[float, float] = (0.0, 0.0)
+    ) -> float:
+        """Tie `point` (-1: none) to the mouse at `target` [R], and return the jump of
+        `load` [M c^2]."""
         return float(self.kernels.set_mouse_target(point, *target))
 
     @property
     def is_alive(self) -> bool:
-        """Whether the fields still exist: a `ti.init` or `ti.reset` by the user deletes them."""
+        """Whether the fields still exist: a `ti.init` or `ti.reset` by the user deletes
+        them."""
         return engine.program() is self._program
 
     def destroy(self) -> None:
@@ -207,12 +299,19 @@ class KernelCache:
         self._known: dict[Any, Simulation] = {}
 
     def __reduce__(self) -> Any:
-        return KernelCache, ()  # a pickled cache is empty: another process compiles its own kernels
+        # a pickled cache is empty: another process compiles its own kernels
+        return KernelCache, ()
 
     def simulation(
-        self, lattice: Lattice, model: Model, integrator: Integrator, velocities: Array, dt: float
+        self,
+        lattice: Lattice,
+        model: Model,
+        integrator: Integrator,
+        velocities: Array,
+        dt: float,
     ) -> Simulation:
-        """Return a simulation reset to t = 0, reusing a compiled one if possible, which invalidates earlier returns."""
+        """Return a simulation reset to t = 0, reusing a compiled one if possible, which
+        invalidates earlier returns."""
         key = (compiled_for(lattice, model), integrator.name)
         known = self._known.get(key)
         arguments = lattice, model, integrator, velocities, dt
@@ -230,7 +329,8 @@ def _kernels_of(program: Any) -> KernelCache:
 
 
 def shared_kernels() -> KernelCache:
-    """Return the cache of compiled simulations. A process has one, because it has one Taichi."""
+    """Return the cache of compiled simulations. A process has one, because it has one
+    Taichi."""
     return _kernels_of(engine.program())
 
 
@@ -239,7 +339,8 @@ def compiled_for(lattice: Lattice, model: Model) -> tuple[Any, ...]:
 
 
 def iterates(lattice: Lattice, model: Model) -> bool:
-    """Whether conjugate gradients solve for implicit dashpots, because the lattice is too large for a factor."""
+    """Whether conjugate gradients solve for implicit dashpots, because the lattice is
+    too large for a factor."""
     return model.springs.damped and len(lattice.positions) > LARGEST_FACTORISED
 
 

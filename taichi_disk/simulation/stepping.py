@@ -1,6 +1,8 @@
-"""The state of the points in Taichi fields, and the step that changes it: drift, forces, boundary, dashpots.
+"""The state of the points in Taichi fields, and the step that changes it: drift,
+forces, boundary, dashpots.
 
-Between steps the state holds x_k, f_k and the velocity before the last kick, v_k - closing f_k (v_{k-1/2} in leapfrog).
+Between steps the state holds x_k, f_k and the velocity before the last kick, v_k -
+closing f_k (v_{k-1/2} in leapfrog).
 """
 
 from collections.abc import Sequence
@@ -14,13 +16,35 @@ from taichi_disk.integrators import Integrator
 from taichi_disk.integrators.trapezoidal import DashpotSolver
 from taichi_disk.lattice import Array, Lattice
 from taichi_disk.physics import Model
-from taichi_disk.physics.law import Capacity, Contents, Integers1, Reals1, Reals3, array, get, pair_of, put, scalar
+from taichi_disk.physics.law import (
+    Capacity,
+    Contents,
+    Integers1,
+    Reals1,
+    Reals3,
+    array,
+    get,
+    pair_of,
+    put,
+    scalar,
+)
 from taichi_disk.physics.ordering import Arrangement
 
-# Accumulators of a run. A kernel keeps them in a local vector and stores them at its end. In a 0-D field they would be
-# late by one launch: Taichi 1.7.4 keeps such fields in registers across loops, so later loops read the old value.
+# Accumulators of a run. A kernel keeps them in a local vector and stores them at its
+# end. In a 0-D field they would be
+# late by one launch: Taichi 1.7.4 keeps such fields in registers across loops, so later
+# loops read the old value.
 SUMS = 8
-DISSIPATED, POWER, ABSORBED, BOUNDARY_POWER, PEAK_POINT_FORCE, SLIDING, LEAVING, INITIAL_LOSS = range(SUMS)
+(
+    DISSIPATED,
+    POWER,
+    ABSORBED,
+    BOUNDARY_POWER,
+    PEAK_POINT_FORCE,
+    SLIDING,
+    LEAVING,
+    INITIAL_LOSS,
+) = range(SUMS)
 FRICTION, FRICTION_POWER = range(SUMS, SUMS + 2)  # present only with friction
 
 
@@ -29,16 +53,18 @@ class Snapshot:
     """All values from which a simulation continues bitwise after step `step`."""
 
     step: int
-    # (3 to 8, n, 2): positions [R], velocities before the last kick [c], forces [M c^2/R]; with dashpots the velocities
-    # at the step, and with conjugate gradients those of earlier steps; with a correction the observed velocities
-    # before their last kick and the positions X.
+    # (3 to 8, n, 2): positions [R], velocities before the last kick [c], forces [M
+    # c^2/R]; with dashpots the velocities at the step, and with conjugate gradients
+    # those of earlier steps; with a correction the observed velocities before their
+    # last kick and the positions X.
     vectors: Array
     sums: Array  # (SUMS,) accumulators; (SUMS + 2,) with friction
 
     def velocities(self, integrator: Integrator, dt: float, lattice: Lattice) -> Array:
         """Return the velocities (n, 2) at the step, after its last kick [c]."""
         v, f = self.vectors[3 if integrator.correction else 1], self.vectors[2]
-        inverse_mass = 1.0 / lattice.masses[:, None]  # dividing first gives the rounding of the kernels
+        # dividing first gives the rounding of the kernels
+        inverse_mass = 1.0 / lattice.masses[:, None]
         return np.asarray(v + integrator.observed_kick * dt * inverse_mass * f)
 
 
@@ -48,16 +74,24 @@ class State:
 
     Attributes:
         x, v, f, u: vectors of the points, see `Snapshot`.
-        mass, inverse_mass: of each point [M], [1/M]; the masses of the disk add up to 1 M.
+        mass, inverse_mass: of each point [M], [1/M]; the masses of the disk add up to 1
+            M.
         h: time step [R/c].
-        closing, observed: time for which the last kick of a step acts, h/2 in leapfrog, and the same for the observed
-            velocities [R/c].
+        closing, observed: time for which the last kick of a step acts, h/2 in leapfrog,
+            and the same for the observed velocities [R/c].
         contact: force of the wall on one point at which contact begins [M c^2/R].
         n, n_disk: number of all points and of the disk's points.
         reset_steps: steps between two resets of the boundary.
     """
 
-    def __init__(self, builder: Any, capacity: Capacity, subdomains: int, model: Model, corrected: bool) -> None:
+    def __init__(
+        self,
+        builder: Any,
+        capacity: Capacity,
+        subdomains: int,
+        model: Model,
+        corrected: bool,
+    ) -> None:
         self.fillers = 2 * subdomains  # extra points for the filler springs of blocks
         filled = capacity.points + self.fillers
         self.x, self.v, self.f = (pair_of(builder, filled) for _ in range(3))
@@ -69,8 +103,12 @@ class State:
         if corrected:
             self.X = pair_of(builder, filled)
             self.vectors.append(self.X)
-        self.mass, self.inverse_mass = (array(builder, capacity.points, ti.f64) for _ in range(2))
-        self.h, self.closing, self.observed, self.contact = (scalar(builder) for _ in range(4))
+        self.mass, self.inverse_mass = (
+            array(builder, capacity.points, ti.f64) for _ in range(2)
+        )
+        self.h, self.closing, self.observed, self.contact = (
+            scalar(builder) for _ in range(4)
+        )
         self.n, self.n_disk, self.blocks, self.subdomain_points, self.reset_steps = (
             scalar(builder, ti.i32) for _ in range(5)
         )
@@ -80,12 +118,15 @@ class State:
 
     # ---- write and read the fields
 
-    def contents(self, lattice: Lattice, arrangement: Arrangement, start: Sequence[Array]) -> Contents:
+    def contents(
+        self, lattice: Lattice, arrangement: Arrangement, start: Sequence[Array]
+    ) -> Contents:
         n, masses = len(lattice.masses), lattice.masses
         vectors = np.zeros((n + self.fillers, len(self.vectors), 2))
         for k, values in enumerate(start):
             vectors[:n, k] = values
-        vectors[n + 1 :: 2, 0, 0] = 1.0  # filler springs are at rest between (0, 0) and (1, 0)
+        # filler springs are at rest between (0, 0) and (1, 0)
+        vectors[n + 1 :: 2, 0, 0] = 1.0
         return [
             ((self.mass, self.inverse_mass), np.stack([masses, 1.0 / masses], axis=1)),
             (tuple(component for pair in self.vectors for component in pair), vectors),
@@ -94,11 +135,18 @@ class State:
         ]
 
     def begin(self, numbers: Sequence[tuple[Any, float]], contents: Contents) -> None:
-        """Write `numbers` into 0-D fields and `contents` into other fields, which must be the same in all calls."""
+        """Write `numbers` into 0-D fields and `contents` into other fields, which must
+        be the same in all calls."""
         # One kernel writes all of them, because loading a compiled kernel takes 30 ms.
-        self.scalars, self.fields = [field for field, _ in numbers], [fields for fields, _ in contents]
+        self.scalars, self.fields = (
+            [field for field, _ in numbers],
+            [fields for fields, _ in contents],
+        )
         values = [np.asarray(values, np.float64).ravel() for _, values in contents]
-        rows = [len(data) // len(fields) for data, fields in zip(values, self.fields, strict=True)]
+        rows = [
+            len(data) // len(fields)
+            for data, fields in zip(values, self.fields, strict=True)
+        ]
         scalars = np.array([number for _, number in numbers], np.float64)
         self._begin(scalars, np.array(rows, np.int32), np.concatenate(values))
 
@@ -111,9 +159,12 @@ class State:
             at, i = 0, 0
             for k in ti.static(range(len(self.fields))):
                 i = 0
-                while i < rows[k]:  # LLVM would vectorise a `for`, which takes longer than this loop
+                # LLVM would vectorise a `for`, which takes longer than this loop
+                while i < rows[k]:
                     for c in ti.static(range(len(self.fields[k]))):
-                        self.fields[k][c][i] = ti.cast(values[at + c], self.fields[k][c].dtype)
+                        self.fields[k][c][i] = ti.cast(
+                            values[at + c], self.fields[k][c].dtype
+                        )
                     at += ti.static(len(self.fields[k]))
                     i += 1
 
@@ -149,28 +200,46 @@ class State:
 class Stepping:
     """Moves the points of `state` by the laws of `model`, on one core."""
 
-    # All conditions on laws are decided at compile time, so kernels contain no trace of absent laws.
+    # All conditions on laws are decided at compile time, so kernels contain no trace of
+    # absent laws.
 
-    def __init__(self, state: State, model: Model, integrator: Integrator, solver: DashpotSolver | None) -> None:
+    def __init__(
+        self,
+        state: State,
+        model: Model,
+        integrator: Integrator,
+        solver: DashpotSolver | None,
+    ) -> None:
         self.state, self.integrator, self.solver = state, integrator, solver
         laws: Any = model  # no kernel uses a law that is absent
-        self.springs, self.wall, self.mouse, self.boundary = laws.springs, laws.wall, laws.mouse, laws.boundary
+        self.springs, self.wall, self.mouse, self.boundary = (
+            laws.springs,
+            laws.wall,
+            laws.mouse,
+            laws.boundary,
+        )
         self.contact, self.has_friction = model.elastic is not None, model.has_friction
         self.rigid = model.wall is not None and not self.contact
         self.loads = tuple(law for law in model.body_forces if law is not model.wall)
-        self.observed_velocities = state.u if state.corrected else state.v  # before their last kick
+        # before their last kick
+        self.observed_velocities = state.u if state.corrected else state.v
         self.damped, self.implicit = model.springs.damped, solver is not None
         self.explicit = self.damped and not self.implicit
-        self.pinned, self.matched, self.reset = model.is_pinned, model.impedance is not None, model.reset_interval > 0.0
+        self.pinned, self.matched, self.reset = (
+            model.is_pinned,
+            model.impedance is not None,
+            model.reset_interval > 0.0,
+        )
 
     # ---- forces
 
     @ti.func
     def drift(self, kick, move, shift, first, last):
-        """Kick points first..last for the time `kick`, move them for `move` [R/c] and set the forces on single points.
+        """Kick points first..last for the time `kick`, move them for `move` [R/c] and
+        set the forces on single points.
 
-        With a correction, x is X plus `shift` [R^2/c^2] times the acceleration. Returns the rigid wall's largest force
-        on a point.
+        With a correction, x is X plus `shift` [R^2/c^2] times the acceleration. Returns
+        the rigid wall's largest force on a point.
         """
         peak_point_force = 0.0
         half = 0.5 * self.state.h[None]
@@ -182,8 +251,15 @@ class Stepping:
                 if move != 0.0:
                     put(self.state.X, i, get(self.state.X, i) + move * v)
                     put(self.state.x, i, get(self.state.X, i))
-                    # V = v - h^2/12 da/dt, where da/dt is the difference of the accelerations of two steps
-                    put(self.state.u, i, v + (self.state.closing[None] - self.state.observed[None]) * acceleration)
+                    # V = v - h^2/12 da/dt, where da/dt is the difference of the
+                    # accelerations of two steps
+                    put(
+                        self.state.u,
+                        i,
+                        v
+                        + (self.state.closing[None] - self.state.observed[None])
+                        * acceleration,
+                    )
                 elif shift != 0.0:
                     put(self.state.x, i, get(self.state.X, i) + shift * acceleration)
             else:
@@ -195,7 +271,8 @@ class Stepping:
 
     @ti.func
     def body_force(self, i):
-        """Set `f` of point i to the forces on single points, and return the rigid wall's upward force on it."""
+        """Set `f` of point i to the forces on single points, and return the rigid
+        wall's upward force on it."""
         force, point_force = ti.Vector([0.0, 0.0]), 0.0
         if ti.static(self.rigid):
             force = self.wall.at(self.state, i)
@@ -208,7 +285,9 @@ class Stepping:
     @ti.func
     def stage(self, kick, move, shift, sums):
         peak_point_force = self.drift(kick, move, shift, 0, self.state.n[None])
-        elastic, products = self.springs.add(self.state, self.explicit, 0, self.state.blocks[None])
+        elastic, products = self.springs.add(
+            self.state, self.explicit, 0, self.state.blocks[None]
+        )
         result, upward, potential = self.add_contact(move, sums, peak_point_force)
         return result, elastic, products, upward, potential
 
@@ -216,14 +295,17 @@ class Stepping:
     def add_contact(self, move, sums, rigid_peak):
         """Add elastic-wall forces and apply the pinned boundary.
 
-        The points have just moved by `move` times the velocity; `rigid_peak` is the rigid wall's largest force on one
-        point. Returns sums, and force and potential of the contact with the elastic wall.
+        The points have just moved by `move` times the velocity; `rigid_peak` is the
+        rigid wall's largest force on one point. Returns sums, and force and potential
+        of the contact with the elastic wall.
         """
         result, peak_point_force = sums, rigid_peak
         upward, potential = 0.0, 0.0
         if ti.static(self.contact):
             sliding = 0.0
-            upward, potential, peak_point_force, sliding = self.wall.add(self.state, move)
+            upward, potential, peak_point_force, sliding = self.wall.add(
+                self.state, move
+            )
             result[SLIDING] += sliding
         if ti.static(self.pinned):
             self.boundary.hold(self.state)
@@ -234,10 +316,11 @@ class Stepping:
 
     @ti.func
     def step(self, number, before):
-        """Make step `number`. Returns the sums, elastic energy, contact force and contact potential after it.
+        """Make step `number`. Returns the sums, elastic energy, contact force and
+        contact potential after it.
 
-        Step 0 moves nothing: it computes the forces at t = 0 from x_0 and v_0 (in `v` and `u`) and subtracts the last
-        kick of a preceding step.
+        Step 0 moves nothing: it computes the forces at t = 0 from x_0 and v_0 (in `v`
+        and `u`) and subtracts the last kick of a preceding step.
         """
         sums, h = before, self.elapsed(number, self.state.h[None])
         elastic, products, upward, potential = 0.0, 0.0, 0.0, 0.0
@@ -251,7 +334,9 @@ class Stepping:
                 for s in ti.static(range(self.integrator.forces)):
                     if k == s:
                         kick, move, shift = self.integrator.stages[s]
-                sums, elastic, products, upward, potential = self.stage(kick * h, move * h, shift * h * h, sums)
+                sums, elastic, products, upward, potential = self.stage(
+                    kick * h, move * h, shift * h * h, sums
+                )
         return self.account(number, sums, products), elastic, upward, potential
 
     @ti.func
@@ -260,7 +345,8 @@ class Stepping:
 
     @ti.func
     def age(self, number):
-        """Return the number of steps since velocities jumped, at t = 0 or by a reset of the boundary."""
+        """Return the number of steps since velocities jumped, at t = 0 or by a reset of
+        the boundary."""
         age = number
         if ti.static(self.reset):
             if number > 0:
@@ -269,31 +355,39 @@ class Stepping:
 
     @ti.func
     def account(self, number, sums, products):
-        """End step `number`: apply point dashpots, the boundary's reset and friction, and sum up the lost energy.
+        """End step `number`: apply point dashpots, the boundary's reset and friction,
+        and sum up the lost energy.
 
         `products`: see `Springs.add`. Returns sums.
         """
-        h, closing = self.elapsed(number, self.state.h[None]), self.elapsed(number, self.state.closing[None])
+        h, closing = (
+            self.elapsed(number, self.state.h[None]),
+            self.elapsed(number, self.state.closing[None]),
+        )
         power, cross, late, boundary_power = 0.0, 0.0, 0.0, 0.0
         if ti.static(self.explicit):
             power = self.springs.eta_now[None] * products
         if ti.static(self.implicit):
-            power, cross, late = self.solver.solve_velocities(self.state, self.age(number))
+            power, cross, late = self.solver.solve_velocities(
+                self.state, self.age(number)
+            )
             if ti.static(self.matched):
                 boundary_power = self.boundary.solved_power(self.state)
         elif ti.static(self.matched):
             boundary_power = self.boundary.damp(self.state, 0.5 * h)
         result = sums
         p0, p1, b0, b1 = sums[POWER], power, sums[BOUNDARY_POWER], boundary_power
-        # Leapfrog conserves E + h^2 E_2 + O(h^4). A dashpot g takes g int(x1^2 + c h^2 x2^2) of it, not g int(x1^2); xn
-        # is the n-th derivative; c = 2/3 if the velocity is predicted, 1/6 if it is centred, -1/6 if it is solved for.
-        # The sums are correct to O(h^4), although some velocities are half a step late.
+        # Leapfrog conserves E + h^2 E_2 + O(h^4). A dashpot g takes g int(x1^2 + c h^2
+        # x2^2) of it, not g int(x1^2); xn is the n-th derivative; c = 2/3 if the
+        # velocity is predicted, 1/6 if it is centred, -1/6 if it is solved for. The
+        # sums are correct to O(h^4), although some velocities are half a step late.
         loss = h * (p0 + 2.0 * p1) / 3.0
         boundary_loss = h * (b0 + 5.0 * b1) / 6.0
         if ti.static(self.implicit):
             boundary_loss = 0.5 * h * (b0 + b1)
-            # For solved velocities, c = -1/6 is right only if h times the fastest rate is small. In flight another sum
-            # is exact for linear springs at any rate; in contact that sum would drift as h^2.
+            # For solved velocities, c = -1/6 is right only if h times the fastest rate
+            # is small. In flight another sum is exact for linear springs at any rate;
+            # in contact that sum would drift as h^2.
             loss = 0.25 * h * (sums[LEAVING] + p1 + late)
             if sums[PEAK_POINT_FORCE] >= self.state.contact[None]:
                 loss = h * (2.0 / 3.0 * (p0 + p1) - 1.0 / 3.0 * cross)
@@ -309,7 +403,9 @@ class Stepping:
         elif ti.static(self.implicit):
             result[INITIAL_LOSS] = self.take_damped_force(number, sums)
         if ti.static(self.has_friction):
-            friction_power = self.wall.add_friction(self.state, closing + self.state.closing[None], closing)
+            friction_power = self.wall.add_friction(
+                self.state, closing + self.state.closing[None], closing
+            )
             result[FRICTION] += 0.5 * h * (sums[FRICTION_POWER] + friction_power)
             result[FRICTION_POWER] = friction_power
         if number == 0:
@@ -322,13 +418,19 @@ class Stepping:
     def take_damped_force(self, number, sums):
         stored = self.solver.take_damped_force(self.state)
         # Only the sum for flight contains this loss.
-        return ti.select(number == 0 and sums[PEAK_POINT_FORCE] < self.state.contact[None], stored, 0.0)
+        return ti.select(
+            number == 0 and sums[PEAK_POINT_FORCE] < self.state.contact[None],
+            stored,
+            0.0,
+        )
 
     @ti.func
     def reset_boundary(self, number, before, sums):
-        """Reset the boundary if that is due, and return sums with the absorbed energy."""
-        # The force of dashpots jumps at a reset. Their loss over a step is summed as -h/2 (f_k + f_{k+1}) v_{k+1/2},
-        # with the forces of the dashpots as they acted at both ends of the step.
+        """Reset the boundary if that is due, and return sums with the absorbed
+        energy."""
+        # The force of dashpots jumps at a reset. Their loss over a step is summed as
+        # -h/2 (f_k + f_{k+1}) v_{k+1/2}, with the forces of the dashpots as they acted
+        # at both ends of the step.
         result = sums
         h = self.elapsed(number, self.state.h[None])
         if ti.static(self.damped):
@@ -336,10 +438,17 @@ class Stepping:
             loss = 0.5 * h * (before[POWER] + power) + before[INITIAL_LOSS]
             result[DISSIPATED] = before[DISSIPATED] + loss
         if number > 0 and number % self.state.reset_steps[None] == 0:
-            result[ABSORBED] += self.boundary.stop(self.state, self.springs, self.solver, self.implicit)
+            result[ABSORBED] += self.boundary.stop(
+                self.state, self.springs, self.solver, self.implicit
+            )
         elif ti.static(self.implicit):
             result[INITIAL_LOSS] = self.take_damped_force(number, before)
         if ti.static(self.damped):
-            next_kick = self.elapsed(number, self.state.closing[None]) + self.state.closing[None]
-            result[POWER] = self.boundary.dashpot_work(self.state, self.springs, next_kick)
+            next_kick = (
+                self.elapsed(number, self.state.closing[None])
+                + self.state.closing[None]
+            )
+            result[POWER] = self.boundary.dashpot_work(
+                self.state, self.springs, next_kick
+            )
         return result

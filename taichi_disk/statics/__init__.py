@@ -1,1 +1,2 @@
-"""Statics and linear vibrations: equilibria under load, and normal modes about an equilibrium."""
+"""Statics and linear vibrations: equilibria under load, and normal modes about an
+equilibrium."""

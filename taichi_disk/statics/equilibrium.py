@@ -1,4 +1,5 @@
-"""Equilibrium of a disk that a body force presses on the exponential wall, by Newton's method."""
+"""Equilibrium of a disk that a body force presses on the exponential wall, by Newton's
+method."""
 
 from __future__ import annotations
 
@@ -16,7 +17,8 @@ from taichi_disk.signals import raise_if_interrupted
 
 _EPS = float(np.finfo(np.float64).eps)
 _TOLERANCE = 1e-12  # largest residual force over the load on a point
-_FIRST_SHIFT, _MIN_SHIFT, _MAX_SHIFT = 1e-5, 1e-12, 1e6  # shifts over the largest diagonal element of the stiffness
+# shifts over the largest diagonal element of the stiffness
+_FIRST_SHIFT, _MIN_SHIFT, _MAX_SHIFT = 1e-5, 1e-12, 1e6
 _MAX_ROLL = 0.1  # largest rotation in a Newton step [rad]
 _TIP_ANGLE = 1e-3  # rotation of a disk that is balanced on a tip [rad]
 
@@ -32,13 +34,18 @@ class Equilibrium:
 
 
 def solve_equilibrium(
-    lattice: Lattice, model: Model, start: Array, max_iterations: int = 400, is_close: bool = False
+    lattice: Lattice,
+    model: Model,
+    start: Array,
+    max_iterations: int = 400,
+    is_close: bool = False,
 ) -> Equilibrium:
-    """Find the stable equilibrium of a disk under its load on the exponential wall, or of a free disk.
+    """Find the stable equilibrium of a disk under its load on the exponential wall, or
+    of a free disk.
 
-    Newton's method lowers the energy from `start` (n, 2) and keeps the mean x. The disk rolls until its centre of mass
-    is above the contact. Set `is_close` if `start` is the equilibrium under a similar load; then the first step is a
-    full one.
+    Newton's method lowers the energy from `start` (n, 2) and keeps the mean x. The disk
+    rolls until its centre of mass is above the contact. Set `is_close` if `start` is
+    the equilibrium under a similar load; then the first step is a full one.
 
     Raises SimulationError if the forces do not vanish within `max_iterations`.
     """
@@ -49,8 +56,14 @@ def solve_equilibrium(
         raise_if_interrupted()
         force, tangent = model.forces(lattice, x), model.stiffness(lattice, x)
         residual = float(np.abs(force).max())
-        # About ten forces act on a point, and the last bit of a coordinate rounds each of them.
-        rounding = 10.0 * _EPS * float(tangent.diagonal().max()) * max(1.0, float(np.abs(x).max()))
+        # About ten forces act on a point, and the last bit of a coordinate rounds each
+        # of them.
+        rounding = (
+            10.0
+            * _EPS
+            * float(tangent.diagonal().max())
+            * max(1.0, float(np.abs(x).max()))
+        )
         goal = max(_TOLERANCE * load / len(x), rounding)
         if residual > goal:
             x, shift = _downhill(lattice, model, x, force, tangent, shift, stiffest)
@@ -59,17 +72,25 @@ def solve_equilibrium(
         else:
             return Equilibrium(x, iteration, residual, roll_angle(lattice.positions, x))
     raise SimulationError(
-        f"no equilibrium within {max_iterations} Newton iterations (force {residual:.1e}, needed {goal:.1e}):"
-        " lower compression.pressure or wall.a"
+        f"no equilibrium within {max_iterations} Newton iterations (force"
+        f" {residual:.1e}, needed {goal:.1e}): lower compression.pressure or wall.a"
     )
 
 
 def _downhill(
-    lattice: Lattice, model: Model, x: Array, force: Array, tangent: Any, shift: float, stiffest: float
+    lattice: Lattice,
+    model: Model,
+    x: Array,
+    force: Array,
+    tangent: Any,
+    shift: float,
+    stiffest: float,
 ) -> tuple[Array, float]:
-    """Make a Levenberg-Marquardt step; return the new positions and the next shift of the tangent's diagonal."""
-    # The shift grows until the matrix is positive definite and the energy falls by a tenth of the predicted amount. It
-    # may become tiny, because rolling, which may be 1e-8 times as stiff as the springs, must converge too.
+    """Make a Levenberg-Marquardt step; return the new positions and the next shift of
+    the tangent's diagonal."""
+    # The shift grows until the matrix is positive definite and the energy falls by a
+    # tenth of the predicted amount. It may become tiny, because rolling, which may be
+    # 1e-8 times as stiff as the springs, must converge too.
     energy, residual = model.energy(lattice, x), np.abs(force).max()
     while shift < _MAX_SHIFT * stiffest:
         factors = _factors(tangent, shift)
@@ -77,7 +98,8 @@ def _downhill(
             shift *= 4.0
             continue
         move = factors.solve(force.ravel()).reshape(-1, 2)
-        move[:, 0] -= move[:, 0].mean()  # removes rounding errors that would make the disk slide along the wall
+        # removes rounding errors that would make the disk slide along the wall
+        move[:, 0] -= move[:, 0].mean()
         slope = float(np.sum(move * force))
         curvature = slope - shift * float(np.sum(move * move))
         fraction = min(1.0, _MAX_ROLL / max(abs(_rotation(x, move)), _EPS))
@@ -86,8 +108,11 @@ def _downhill(
             predicted = fraction * slope - 0.5 * fraction**2 * curvature
             if predicted > 64.0 * _EPS * abs(energy):
                 gain = (energy - model.energy(lattice, trial)) / predicted
-            else:  # the change of energy is below rounding errors, so judge by the forces
-                gain = float(np.abs(model.forces(lattice, trial)).max() <= 2.0 * residual)
+            # the change of energy is below rounding errors, so judge by the forces
+            else:
+                gain = float(
+                    np.abs(model.forces(lattice, trial)).max() <= 2.0 * residual
+                )
             if gain > 0.1:
                 if fraction == 1.0 and gain > 0.5:
                     shift = max(shift / 10.0, _MIN_SHIFT * stiffest)
@@ -96,7 +121,10 @@ def _downhill(
                 return trial, shift
             fraction /= 2.0
         shift *= 8.0
-    raise SimulationError("Newton's method could not lower the energy further: lower compression.pressure or wall.a")
+    raise SimulationError(
+        "Newton's method could not lower the energy further: lower compression.pressure"
+        " or wall.a"
+    )
 
 
 def _factors(matrix: Any, shift: float) -> Any:
@@ -108,18 +136,22 @@ def _factors(matrix: Any, shift: float) -> Any:
 
 def _rotation(x: Array, move: Array) -> float:
     arm = x - x.mean(axis=0)
-    return float(np.sum(arm[:, 0] * move[:, 1] - arm[:, 1] * move[:, 0]) / np.sum(arm * arm))
+    return float(
+        np.sum(arm[:, 0] * move[:, 1] - arm[:, 1] * move[:, 0]) / np.sum(arm * arm)
+    )
 
 
 def _moved(x: Array, move: Array) -> Array:
-    """Displace `x` by `move`, with its rotation made a finite one, because a linear one would stretch the disk."""
+    """Displace `x` by `move`, with its rotation made a finite one, because a linear one
+    would stretch the disk."""
     angle, arm, drift = _rotation(x, move), x - x.mean(axis=0), move.mean(axis=0)
     strain = move - drift - angle * np.stack([-arm[:, 1], arm[:, 0]], axis=1)
     return turned(x + strain, angle) + drift
 
 
 def roll_angle(unloaded: Array, positions: Array) -> float:
-    """Return the rotation [rad], -pi to pi, that fits `positions` (n, 2) to `unloaded` by least squares."""
+    """Return the rotation [rad], -pi to pi, that fits `positions` (n, 2) to `unloaded`
+    by least squares."""
     before, after = (p - p.mean(axis=0) for p in (unloaded, positions))
     across = float(np.sum(before[:, 0] * after[:, 1] - before[:, 1] * after[:, 0]))
     return math.atan2(across, float(np.sum(before * after)))
@@ -141,15 +173,18 @@ def turned(positions: Array, angle: float) -> Array:
 
 
 def rigid_balance(heights: Array, wall: ExponentialWall, load: float) -> float:
-    """Return how far to lift points at `heights` (n,) [R] so that sum_i a V0 exp(-a y_i) equals the load."""
+    """Return how far to lift points at `heights` (n,) [R] so that sum_i a V0 exp(-a
+    y_i) equals the load."""
     lowest = float(heights.min())
     return wall.height_of_force(load, heights - lowest) - lowest
 
 
 def resting_angle(disk: Lattice, modulus: float, a: float, pressure: float) -> float:
-    """Return the counter-clockwise rotation at which the unloaded disk rests on the wall [rad]."""
-    # A rigid body on a wall V0 exp(-y/L) minimizes L ln sum_i exp(-y_i/L), with y_i relative to the centre of mass.
-    # With L = 1/a + 2 P/(pi E) the contact is about as wide as Hertz's.
+    """Return the counter-clockwise rotation at which the unloaded disk rests on the
+    wall [rad]."""
+    # A rigid body on a wall V0 exp(-y/L) minimizes L ln sum_i exp(-y_i/L), with y_i
+    # relative to the centre of mass. With L = 1/a + 2 P/(pi E) the contact is about as
+    # wide as Hertz's.
     from scipy.optimize import minimize_scalar
 
     depth = 1.0 / a + 2.0 * pressure / (np.pi * modulus)
@@ -160,13 +195,25 @@ def resting_angle(disk: Lattice, modulus: float, a: float, pressure: float) -> f
         lowest = below.max()
         return float(lowest + depth * np.log(np.exp((below - lowest) / depth).sum()))
 
-    angles, step = np.linspace(-np.pi, np.pi, max(360, 4 * len(x)), endpoint=False, retstep=True)
+    angles, step = np.linspace(
+        -np.pi, np.pi, max(360, 4 * len(x)), endpoint=False, retstep=True
+    )
     best = float(min(angles, key=height))
-    return float(minimize_scalar(height, bounds=(best - step, best + step), method="bounded").x)
+    return float(
+        minimize_scalar(height, bounds=(best - step, best + step), method="bounded").x
+    )
 
 
-def place_on_wall(disk: Lattice, angle: float, wall: ExponentialWall, load: float) -> Lattice:
-    """Rotate `disk` to the resting `angle` and move it to the height at which the wall carries the `load`."""
-    # From another angle it would roll for 10^4 R/c, and the compression would refer to the wrong radius.
+def place_on_wall(
+    disk: Lattice, angle: float, wall: ExponentialWall, load: float
+) -> Lattice:
+    """Rotate `disk` to the resting `angle` and move it to the height at which the wall
+    carries the `load`."""
+    # From another angle it would roll for 10^4 R/c, and the compression would refer to
+    # the wrong radius.
     positions = turned(disk.positions, angle)
-    return replace(disk, positions=positions + np.array([0.0, rigid_balance(positions[:, 1], wall, load)]))
+    return replace(
+        disk,
+        positions=positions
+        + np.array([0.0, rigid_balance(positions[:, 1], wall, load)]),
+    )

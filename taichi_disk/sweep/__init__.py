@@ -1,3 +1,3 @@
-"""Sweeps: many scenes computed by many processes. Each point is stored when it is finished; the table follows at the
-end.
+"""Sweeps: many scenes computed by many processes. Each point is stored when it is
+finished; the table follows at the end.
 """

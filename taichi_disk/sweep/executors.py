@@ -1,4 +1,5 @@
-"""Compute the points of a sweep in this process, a pool of processes, or a `concurrent.futures.Executor`."""
+"""Compute the points of a sweep in this process, a pool of processes, or a
+`concurrent.futures.Executor`."""
 
 from __future__ import annotations
 
@@ -9,7 +10,13 @@ import os
 import pickle
 import threading
 from collections.abc import Generator, Iterator
-from concurrent.futures import BrokenExecutor, Executor, Future, ProcessPoolExecutor, ThreadPoolExecutor
+from concurrent.futures import (
+    BrokenExecutor,
+    Executor,
+    Future,
+    ProcessPoolExecutor,
+    ThreadPoolExecutor,
+)
 from contextlib import AbstractContextManager, contextmanager, nullcontext, suppress
 from itertools import groupby
 from multiprocessing.connection import Connection
@@ -22,19 +29,26 @@ from taichi_disk.machine import cores
 from taichi_disk.scenes import Scene
 from taichi_disk.scenes.setup import lattice_key
 from taichi_disk.signals import POLL_INTERVAL, ignored_by_children, raise_if_interrupted
-from taichi_disk.sweep.work import PointResult, compute_points, compute_task, relevant_versions
+from taichi_disk.sweep.work import (
+    PointResult,
+    compute_points,
+    compute_task,
+    relevant_versions,
+)
 
 Scenes = dict[str, Scene]  # scenes by the key of their point
 Results = Generator[tuple[str, PointResult], None, None]
 Finished = Future[list[PointResult]]
 
-SCENES_PER_TASK = 6  # figure 3 then has 96 tasks of 0.25 s; setting up the lattice takes a tenth of that
+# figure 3 then has 96 tasks of 0.25 s; setting up the lattice takes a tenth of that
+SCENES_PER_TASK = 6
 LARGE_LATTICE = 2000  # a scene with more points is a task by itself
 CONNECT_TIMEOUT = 8.0  # how long a scheduler may take to answer [s]
 
 
 def ordered(scenes: Scenes) -> Scenes:
-    """Sort scenes by lattice, then by key. Keys are hashes, so every section of the order is a random sample."""
+    """Sort scenes by lattice, then by key. Keys are hashes, so every section of the
+    order is a random sample."""
     lattices: dict[object, list[str]] = {}
     for key, scene in scenes.items():
         lattices.setdefault(lattice_key(scene), []).append(key)
@@ -42,10 +56,13 @@ def ordered(scenes: Scenes) -> Scenes:
 
 
 def part_of(part: str, scenes: Scenes) -> Scenes:
-    """Return part K of N, written "K/N", of `ordered` scenes; consecutive scenes share lattices."""
+    """Return part K of N, written "K/N", of `ordered` scenes; consecutive scenes share
+    lattices."""
     k, _, n = part.partition("/")
     if not (k.isdecimal() and n.isdecimal() and 1 <= int(k) <= int(n) <= 1_000_000):
-        raise InputError(f"part: must be K/N with 1 <= K <= N, for example 3/16, not {part}")
+        raise InputError(
+            f"part: must be K/N with 1 <= K <= N, for example 3/16, not {part}"
+        )
     first, last = ((len(scenes) * edge) // int(n) for edge in (int(k) - 1, int(k)))
     return dict(list(scenes.items())[first:last])
 
@@ -60,9 +77,14 @@ def tasks_of(scenes: Scenes) -> list[list[str]]:
 
 
 def computed(
-    scenes: Scenes, estimate: bool, jobs: int | None, executor: Executor | None, scheduler: str | None
+    scenes: Scenes,
+    estimate: bool,
+    jobs: int | None,
+    executor: Executor | None,
+    scheduler: str | None,
 ) -> Results:
-    """Yield (key, result) of `ordered` scenes as they finish, computed by a scheduler, an executor or `jobs` processes.
+    """Yield (key, result) of `ordered` scenes as they finish, computed by a scheduler,
+    an executor or `jobs` processes.
 
     Raises InputError if workers have other versions, SimulationError if workers fail.
     """
@@ -86,7 +108,9 @@ def computed(
             with ignored_by_children():  # a pool starts its processes here
                 for keys in tasks:
                     packed = pickle.dumps([scenes[key] for key in keys])
-                    future = pool.submit(compute_task, relevant_versions(), packed, estimate)
+                    future = pool.submit(
+                        compute_task, relevant_versions(), packed, estimate
+                    )
                     futures[future] = keys
                     future.add_done_callback(finished.put)
             import taichi_disk.figures.curves  # noqa: F401 (import now, while workers compute)
@@ -100,7 +124,10 @@ def computed(
             cause = f"{type(error).__name__}: {error}"
             if isinstance(error, BrokenExecutor):
                 cause = "one died, perhaps for lack of memory: use fewer jobs"
-            text = f"the workers failed ({cause}); finished points are kept: repeat the command to go on"
+            text = (
+                f"the workers failed ({cause}); finished points are kept: repeat the"
+                " command to go on"
+            )
             raise SimulationError(text) from error
         finally:
             for future in futures:
@@ -109,9 +136,11 @@ def computed(
 
 @contextmanager
 def _pool(jobs: int) -> Iterator[Executor]:
-    """Open a pool whose processes end with this one, and at once after an error in the block."""
+    """Open a pool whose processes end with this one, and at once after an error in the
+    block."""
     context = multiprocessing.get_context("spawn")  # a forked Taichi hangs
-    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # affects only workers: NumPy is already imported here
+    # affects only workers: NumPy is already imported here
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     receiver, sender = context.Pipe(duplex=False)
     pool = ProcessPoolExecutor(jobs, context, _begin_worker, (receiver,))
     try:
@@ -133,7 +162,8 @@ def _next(finished: SimpleQueue[Finished]) -> Finished:
 
 
 def _begin_worker(receiver: Connection) -> None:
-    """Exit when the other end of the pipe closes; otherwise workers would survive a killed parent."""
+    """Exit when the other end of the pipe closes; otherwise workers would survive a
+    killed parent."""
     gc.set_threshold(100_000)  # as in the commands
 
     def watch() -> None:
@@ -145,15 +175,20 @@ def _begin_worker(receiver: Connection) -> None:
 
 
 def count_workers(address: str) -> int:
-    """Return the number of workers of the Dask scheduler at `address`. Raises InputError if no scheduler answers."""
+    """Return the number of workers of the Dask scheduler at `address`. Raises
+    InputError if no scheduler answers."""
     try:
         from distributed import Security
         from distributed.core import rpc
     except ImportError:
-        raise InputError(f"Dask needs the package distributed: {pip_install('taichi-disk[cluster]')}") from None
+        raise InputError(
+            f"Dask needs the package distributed: {pip_install('taichi-disk[cluster]')}"
+        ) from None
 
     async def identity() -> Any:
-        async with rpc(address, connection_args=Security().get_connection_args("client")) as scheduler:
+        async with rpc(
+            address, connection_args=Security().get_connection_args("client")
+        ) as scheduler:
             return await asyncio.wait_for(scheduler.identity(), CONNECT_TIMEOUT)
 
     try:
@@ -161,7 +196,10 @@ def count_workers(address: str) -> int:
             return len(thread.submit(asyncio.run, identity()).result()["workers"])
     except Exception as error:  # a server of another kind may answer anything
         cause = f" ({error})" if isinstance(error, ValueError) else ""
-        raise InputError(f"no Dask scheduler answers at {address}{cause}; start one with `dask scheduler`") from None
+        raise InputError(
+            f"no Dask scheduler answers at {address}{cause}; start one with `dask"
+            " scheduler`"
+        ) from None
 
 
 @contextmanager

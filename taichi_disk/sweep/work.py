@@ -1,4 +1,5 @@
-"""Work of one process of a sweep: computing a few scenes of one lattice. Workers import this module."""
+"""Work of one process of a sweep: computing a few scenes of one lattice. Workers import
+this module."""
 
 from __future__ import annotations
 
@@ -24,22 +25,27 @@ class PointResult:
 
     status: str  # "done" or "failed"
     reason: str | None = None  # of a failure
-    # Results, moduli, error estimate, energy imbalance, steps, dt, integrator; empty after a failure.
+    # Results, moduli, error estimate, energy imbalance, steps, dt, integrator; empty
+    # after a failure.
     numbers: dict[str, Any] = field(default_factory=dict)
     warnings: list[str] = field(default_factory=list)
     estimated: bool = False  # whether an error estimate was requested
-    versions: dict[str, str] = field(default_factory=dict)  # of the packages that computed the result
+    # of the packages that computed the result
+    versions: dict[str, str] = field(default_factory=dict)
 
 
 def relevant_versions() -> dict[str, str]:
     return {name: version for name, version in versions().items() if name != "python"}
 
 
-def compute_task(expected: dict[str, str], scenes: bytes, estimate: bool) -> list[PointResult]:
+def compute_task(
+    expected: dict[str, str], scenes: bytes, estimate: bool
+) -> list[PointResult]:
     """Compute a task of an executor and return the results of its scenes, in order.
 
-    `expected`: versions installed where the sweep was started; `scenes`: pickled scenes, which are unpickled only if
-    the versions here agree. Raises InputError if they do not.
+    `expected`: versions installed where the sweep was started; `scenes`: pickled
+    scenes, which are unpickled only if the versions here agree. Raises InputError if
+    they do not.
     """
     installed = relevant_versions()
     mismatches = [
@@ -49,7 +55,10 @@ def compute_task(expected: dict[str, str], scenes: bytes, estimate: bool) -> lis
     ]
     if mismatches:
         worker = f"a worker on {socket.gethostname()}"
-        raise InputError(f"{worker} has {', '.join(mismatches)}: install the same versions everywhere")
+        raise InputError(
+            f"{worker} has {', '.join(mismatches)}: install the same versions"
+            " everywhere"
+        )
     with runtime.alone():  # a worker may have several threads
         _start_worker()
     return list(compute_points(pickle.loads(scenes), estimate))
@@ -57,7 +66,8 @@ def compute_task(expected: dict[str, str], scenes: bytes, estimate: bool) -> lis
 
 @lru_cache(maxsize=1)
 def _start_worker() -> None:
-    """Start Taichi on one core unless this process uses it already. Taichi stops at exit, which saves its cache."""
+    """Start Taichi on one core unless this process uses it already. Taichi stops at
+    exit, which saves its cache."""
     runtime.start(None if engine.loaded() else 1)
     atexit.register(engine.loaded().reset)
 
@@ -75,11 +85,17 @@ def _computed(scene: Scene, estimate: bool) -> PointResult:
     check_memory(scene)
     outcome = outcome_of(scene, estimate=estimate)
     summary = outcome.summary
-    numbers: dict[str, Any] = outcome.scenario.result(outcome.columns) | setup_of(scene).moduli
+    numbers: dict[str, Any] = (
+        outcome.scenario.result(outcome.columns) | setup_of(scene).moduli
+    )
     if not all(map(isfinite, numbers.values())):
         return PointResult("failed", "a result is not a finite number")
     numbers["error_estimate"] = next(iter(summary["error_estimate"].values()), None)
     if "energy" in summary:
         numbers["energy_imbalance"] = summary["energy"]["closing_imbalance"]
-    numbers |= {name: summary[name] for name in ("residual", "dt", "steps", "integrator") if name in summary}
+    numbers |= {
+        name: summary[name]
+        for name in ("residual", "dt", "steps", "integrator")
+        if name in summary
+    }
     return PointResult("done", None, numbers, summary["warnings"], estimate, versions())

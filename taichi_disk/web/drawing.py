@@ -1,6 +1,8 @@
-"""Messages for the page's drawing (draw.js): a scene once, then values and forces of each state.
+"""Messages for the page's drawing (draw.js): a scene once, then values and forces of
+each state.
 
-JSON cannot hold arrays: they are little-endian bytes in base64. `bundle` joins modules for documents that cannot load
+JSON cannot hold arrays: they are little-endian bytes in base64. `bundle` joins modules
+    for documents that cannot load
 any: a file opened from disk, a notebook.
 """
 
@@ -21,22 +23,40 @@ from taichi_disk.lattice import Array, Lattice
 from taichi_disk.render.geometry import edge_height
 from taichi_disk.render.palette import THEMES, Theme, colour_map, map_kind
 
-_ACCENT = "rgb(230, 115, 0)"  # colour of what the user draws, and of the centre of mass's path
+# colour of what the user draws, and of the centre of mass's path
+_ACCENT = "rgb(230, 115, 0)"
 # Texts of the page for the start, a collected curve and its axes.
-_IMPACT_LABELS = {"drop": "Drop", "collect": "Collect e(v)", "curve": "restitution e over the speed v [c]"}
-_LOAD_LABELS = {"drop": "Load", "collect": "Collect ξ(P)", "curve": "compression ξ [R] over the load P [Mc²/R]"}
+_IMPACT_LABELS = {
+    "drop": "Drop",
+    "collect": "Collect e(v)",
+    "curve": "restitution e over the speed v [c]",
+}
+_LOAD_LABELS = {
+    "drop": "Load",
+    "collect": "Collect ξ(P)",
+    "curve": "compression ξ [R] over the load P [Mc²/R]",
+}
 
 
 def scene_message(
-    scenario: Scenario, video: VideoSection | None = None, *, largest_force: float | None = None
+    scenario: Scenario,
+    video: VideoSection | None = None,
+    *,
+    largest_force: float | None = None,
 ) -> dict[str, Any]:
     """Return the argument of `Drawing.setScene`, ready for JSON.
 
     Args:
-        video: the section whose colour, draw, theme and magnify the drawing begins with; by default the scene's.
-        largest_force: largest force of the wall on one point, if known [M c^2/R]; it determines the wall's drawn edge.
+        video: the section whose colour, draw, theme and magnify the drawing begins
+            with; by default the scene's.
+        largest_force: largest force of the wall on one point, if known [M c^2/R]; it
+            determines the wall's drawn edge.
     """
-    lattice, wall, video = scenario.lattice, scenario.model.wall, video or scenario.scene.video
+    lattice, wall, video = (
+        scenario.lattice,
+        scenario.model.wall,
+        video or scenario.scene.video,
+    )
     triangles = Triangles(lattice)
     force = scenario.point_force if largest_force is None else largest_force
     return {
@@ -45,7 +65,9 @@ def scene_message(
         "triangles": encoded(triangles.triangles, np.uint32),
         "springs": encoded(lattice.bonds, np.uint32),
         "outline": encoded(lattice.disk_surface, np.uint32),
-        "edges": encoded(np.concatenate([triangles.outline, triangles.interfaces]), np.uint32),
+        "edges": encoded(
+            np.concatenate([triangles.outline, triangles.interfaces]), np.uint32
+        ),
         "rest": encoded(lattice.positions, np.float32),
         "wall": _wall(lattice, wall, force),
         "wall_surface": encoded(lattice.wall_surface, np.uint32),
@@ -72,7 +94,9 @@ def scene_message(
             for name, one in QUANTITIES.items()
         ],
         "maps": {
-            f"{theme} {kind}{' bare' * bare}": encoded(np.rint(255.0 * colour_map(theme, kind, bare)[::2]), np.uint8)
+            f"{theme} {kind}{' bare' * bare}": encoded(
+                np.rint(255.0 * colour_map(theme, kind, bare)[::2]), np.uint8
+            )
             for theme in THEMES
             for kind in {map_kind(name) for name in QUANTITIES}
             for bare in (False, True)
@@ -90,34 +114,51 @@ def _wall(lattice: Lattice, wall: Any, force: float) -> dict[str, Any]:
 
 def _colours(theme: Theme) -> dict[str, str]:
     names = ("ground", "ink", "faint", "wall", "arrow", "rule")
-    parts = {name: ", ".join(str(round(255 * part)) for part in getattr(theme, name)) for name in names}
+    parts = {
+        name: ", ".join(str(round(255 * part)) for part in getattr(theme, name))
+        for name in names
+    }
     return {name: f"rgb({part})" for name, part in parts.items()} | {"accent": _ACCENT}
 
 
 def encoded(values: Any, kind: Any) -> str:
     """Encode `values` as little-endian numbers of a NumPy `kind` in base64."""
-    return b64encode(np.ascontiguousarray(values, np.dtype(kind).newbyteorder("<")).tobytes()).decode()
+    return b64encode(
+        np.ascontiguousarray(values, np.dtype(kind).newbyteorder("<")).tobytes()
+    ).decode()
 
 
 # ---- states
 
 
 def colour_values(
-    quantity: str, triangles: Triangles, springs: Any, x: Array, v: Array, of_springs: bool = False
+    quantity: str,
+    triangles: Triangles,
+    springs: Any,
+    x: Array,
+    v: Array,
+    of_springs: bool = False,
 ) -> NDArray[np.float32]:
-    """Return the values that films show at the points, (n,) in the quantity's unit; for fringes twice the shear stress.
+    """Return the values that films show at the points, (n,) in the quantity's unit; for
+    fringes twice the shear stress.
 
     Args:
         triangles: `fields.Triangles` of the lattice, made once.
         x, v: (n, 2) positions [R] and velocities [c].
-        of_springs: whether to return a spring quantity's values (m,) on the springs, for a drawing of springs alone.
+        of_springs: whether to return a spring quantity's values (m,) on the springs,
+            for a drawing of springs alone.
     """
     own = of_springs and QUANTITIES[quantity].on == "springs"
-    return (own_values if own else at_points)(quantity, triangles, springs, x, v).astype(np.float32)
+    return (own_values if own else at_points)(
+        quantity, triangles, springs, x, v
+    ).astype(np.float32)
 
 
-def contact_forces(wall: Any, lattice: Lattice, springs: Any, x: Array, v: Array) -> NDArray[np.float32]:
-    """Return the wall's force on every point in its reach, (k, 3): point, fx, fy [M c^2/R]."""
+def contact_forces(
+    wall: Any, lattice: Lattice, springs: Any, x: Array, v: Array
+) -> NDArray[np.float32]:
+    """Return the wall's force on every point in its reach, (k, 3): point, fx, fy [M
+    c^2/R]."""
     if wall is None:
         return np.zeros((0, 3), dtype=np.float32)
     points, forces = wall.contact_forces(lattice, x, v, springs)
@@ -133,10 +174,13 @@ def source(name: str) -> str:
 
 
 def bundle(*names: str) -> str:
-    """Join modules of this folder into one without imports. `names`: the modules, each after those that it imports."""
+    """Join modules of this folder into one without imports. `names`: the modules, each
+    after those that it imports."""
     text = "\n".join(source(name) for name in names)
     text = re.sub(r"^import .*?;\n", "", text, flags=re.MULTILINE | re.DOTALL)
-    return re.sub(r"^export (?=(class|const|function|async|let) )", "", text, flags=re.MULTILINE)
+    return re.sub(
+        r"^export (?=(class|const|function|async|let) )", "", text, flags=re.MULTILINE
+    )
 
 
 DRAWING = ("html.js", "field.js", "legend.js", "draw.js", "gestures.js")

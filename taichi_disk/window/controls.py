@@ -1,4 +1,5 @@
-"""The user's controls of the sandbox: a table of actions and their keys, one of numbers, one of choices."""
+"""The user's controls of the sandbox: a table of actions and their keys, one of
+numbers, one of choices."""
 
 from __future__ import annotations
 
@@ -12,16 +13,22 @@ from taichi_disk.errors import TaichiDiskError
 from taichi_disk.scenes import Scene
 from taichi_disk.window.sandbox import Sandbox, load_key, value_of
 
-FACTORS, POINT_FACTORS = (1.12, 1 / 1.12), (1 / 1.5, 1.5)  # by which keys change a value, and the number of points
-REPEATING_KEYS = ("Left", "Right", "Up", "Down", "e", "d", "a", "z", "s", "f", "i", "u")  # keys that repeat while held
-MIN_VISCOSITY = {"material.eta_star": 0.1, "material.viscosity": 1e-4}  # smallest value above 0 that keys set
-MAX_POINTS = 20_000  # largest number that can be typed; larger disks take minutes to build
+# by which keys change a value, and the number of points
+FACTORS, POINT_FACTORS = (1.12, 1 / 1.12), (1 / 1.5, 1.5)
+# keys that repeat while held
+REPEATING_KEYS = ("Left", "Right", "Up", "Down", "e", "d", "a", "z", "s", "f", "i", "u")
+# smallest value above 0 that keys set
+MIN_VISCOSITY = {"material.eta_star": 0.1, "material.viscosity": 1e-4}
+# largest number that can be typed; larger disks take minutes to build
+MAX_POINTS = 20_000
 MIN_SPEED, MAX_SPEED = 0.01, 100.0  # [R/c per s]
-CURVE_POINTS, CURVE_RATIO = 8, 30.0  # experiments of a collected curve, and their largest load over the least
+# experiments of a collected curve, and their largest load over the least
+CURVE_POINTS, CURVE_RATIO = 8, 30.0
 
 
 class Range(NamedTuple):
-    """A number that can be changed: its name, unit and keys, the ends of its slider, and its meaning."""
+    """A number that can be changed: its name, unit and keys, the ends of its slider,
+    and its meaning."""
 
     name: str
     unit: str
@@ -32,17 +39,60 @@ class Range(NamedTuple):
 
 
 RANGES = {
-    "material.eta_star": Range("viscosity η*", "", "e d", 0.0, 100.0, "dashpots, as a multiple of m c/R; 0: none"),
-    "material.viscosity": Range("viscosity η", "Mc/R", "e d", 0.0, 0.1, "dashpot constant of one spring; 0: none"),
+    "material.eta_star": Range(
+        "viscosity η*",
+        "",
+        "e d",
+        0.0,
+        100.0,
+        "dashpots, as a multiple of m c/R; 0: none",
+    ),
+    "material.viscosity": Range(
+        "viscosity η",
+        "Mc/R",
+        "e d",
+        0.0,
+        0.1,
+        "dashpot constant of one spring; 0: none",
+    ),
     "impact.velocity": Range("speed v", "c", "Up Down", 1e-3, 0.1, "of the throw"),
-    "impact.angle": Range("angle", "rad", "", -1.5, 1.5, "between the throw and the normal of the wall"),
-    "impact.spin": Range("spin", "c/R", "", -0.5, 0.5, "at the start, counter-clockwise"),
-    "wall.friction": Range("friction μ", "", "", 0.0, 1.0, "Coulomb's coefficient of the wall"),
-    "compression.pressure": Range("load P", "Mc²/R", "Up Down", 1e-4, 0.05, "force that presses the disk on the wall"),
-    "wall.a": Range("wall hardness a", "1/R", "a z", 10.0, 3000.0, "potential V0 exp(-a y)"),
+    "impact.angle": Range(
+        "angle", "rad", "", -1.5, 1.5, "between the throw and the normal of the wall"
+    ),
+    "impact.spin": Range(
+        "spin", "c/R", "", -0.5, 0.5, "at the start, counter-clockwise"
+    ),
+    "wall.friction": Range(
+        "friction μ", "", "", 0.0, 1.0, "Coulomb's coefficient of the wall"
+    ),
+    "compression.pressure": Range(
+        "load P",
+        "Mc²/R",
+        "Up Down",
+        1e-4,
+        0.05,
+        "force that presses the disk on the wall",
+    ),
+    "wall.a": Range(
+        "wall hardness a", "1/R", "a z", 10.0, 3000.0, "potential V0 exp(-a y)"
+    ),
     "lattice.points": Range("mass points N", "", "j k", 100, 5000, "of the disk"),
-    "speed": Range("speed of time", "R/c per s", "s f", 0.05, 5.0, "simulated time that one second shows"),
-    "video.magnify": Range("displacements ×", "", "", 1.0, 20.0, "factor by which drawn displacements are larger"),
+    "speed": Range(
+        "speed of time",
+        "R/c per s",
+        "s f",
+        0.05,
+        5.0,
+        "simulated time that one second shows",
+    ),
+    "video.magnify": Range(
+        "displacements ×",
+        "",
+        "",
+        1.0,
+        20.0,
+        "factor by which drawn displacements are larger",
+    ),
 }
 CHOICES: dict[str, tuple[str, Any]] = {
     "wall.boundary": ("boundary of the wall", Boundary),
@@ -54,7 +104,8 @@ CHOICES: dict[str, tuple[str, Any]] = {
 
 
 class Entry(NamedTuple):
-    """A scene of the list: its name, one sentence about what to look for, and the function that reads the scene."""
+    """A scene of the list: its name, one sentence about what to look for, and the
+    function that reads the scene."""
 
     name: str
     sentence: str
@@ -80,24 +131,59 @@ class Controls:
         self.add("h", "hit again", sandbox.hit_again)
         self.add("Left Right", "back and forth in time", sandbox.step, -1, 1)
         self.add("s f", "time slower, faster", partial(scale, "speed"), *FACTORS[::-1])
-        self.add("y", "slow motion in contact", lambda: setattr(sandbox, "slow", not sandbox.slow))
-        self.add("e d", "viscosity up, down", lambda factor: scale(self.dashpot_key, factor), *FACTORS)
-        self.add("Up Down", "speed or load up, down", lambda factor: scale(load_key(sandbox.scene), factor), *FACTORS)
+        self.add(
+            "y",
+            "slow motion in contact",
+            lambda: setattr(sandbox, "slow", not sandbox.slow),
+        )
+        self.add(
+            "e d",
+            "viscosity up, down",
+            lambda factor: scale(self.dashpot_key, factor),
+            *FACTORS,
+        )
+        self.add(
+            "Up Down",
+            "speed or load up, down",
+            lambda factor: scale(load_key(sandbox.scene), factor),
+            *FACTORS,
+        )
         self.add("a z", "wall harder, softer", partial(scale, "wall.a"), *FACTORS)
-        self.add("j k", "fewer, more mass points", partial(scale, "lattice.points"), *POINT_FACTORS)
-        self.add("l", "another random lattice", lambda: sandbox.set("lattice.seed", sandbox.scene.lattice.seed + 1))
+        self.add(
+            "j k",
+            "fewer, more mass points",
+            partial(scale, "lattice.points"),
+            *POINT_FACTORS,
+        )
+        self.add(
+            "l",
+            "another random lattice",
+            lambda: sandbox.set("lattice.seed", sandbox.scene.lattice.seed + 1),
+        )
         self.add("x", "boundary of the elastic wall", self._next, "wall.boundary")
-        self.add("b n", "scene before, after this one", lambda step: self.play(self.number + step), -1, 1)
+        self.add(
+            "b n",
+            "scene before, after this one",
+            lambda step: self.play(self.number + step),
+            -1,
+            1,
+        )
         self.add("c", "quantity shown by colours", self._next, "video.colour")
         self.add("o", "field, springs, both, points", self._next, "video.draw")
         self.add("t", "light or dark", self._next, "video.theme")
         self.add("Escape", "let go of the disk", sandbox.release)
 
-    def add(self, keys: str, meaning: str, act: Callable[..., None], *values: Any) -> None:
-        """Let each of `keys` call `act` with the value at its place in `values`; a single key needs no value."""
+    def add(
+        self, keys: str, meaning: str, act: Callable[..., None], *values: Any
+    ) -> None:
+        """Let each of `keys` call `act` with the value at its place in `values`; a
+        single key needs no value."""
         self.reference.append((keys, meaning))
         each: list[tuple[Any, ...]] = [(value,) for value in values] or [()]
-        self.actions |= {key: partial(act, *value) for key, value in zip(keys.split(), each, strict=True)}
+        self.actions |= {
+            key: partial(act, *value)
+            for key, value in zip(keys.split(), each, strict=True)
+        }
 
     def press(self, key: str) -> None:
         """Do the action of a key; an unknown key does nothing."""
@@ -114,33 +200,48 @@ class Controls:
 
     @property
     def dashpot_key(self) -> str:
-        """The key that sets the dashpots: eta*, or the viscosity, which a change of the number of points keeps."""
+        """The key that sets the dashpots: eta*, or the viscosity, which a change of the
+        number of points keeps."""
         return f"material.{self.sandbox.scene.material.dashpots[0]}"
 
     @property
     def ranges(self) -> dict[str, Range]:
-        """The numbers of the present scene by their keys; a value outside its range widens the range."""
-        keys = [key for key in RANGES if not key.startswith("material.") or key == self.dashpot_key]
+        """The numbers of the present scene by their keys; a value outside its range
+        widens the range."""
+        keys = [
+            key
+            for key in RANGES
+            if not key.startswith("material.") or key == self.dashpot_key
+        ]
         values = {key: value for key in keys if (value := self.value(key)) is not None}
         return {
-            key: (one := RANGES[key])._replace(low=min(one.low, value), high=max(one.high, value))
+            key: (
+                (one := RANGES[key])._replace(
+                    low=min(one.low, value), high=max(one.high, value)
+                )
+            )
             for key, value in values.items()
         }
 
     def value(self, key: str) -> Any:
-        """Return the value of "speed" or of a dotted key of the scene, or None if the scene has no such key."""
+        """Return the value of "speed" or of a dotted key of the scene, or None if the
+        scene has no such key."""
         if key == "speed":
             return self.sandbox.speed
         value = value_of(self.sandbox.scene, key)
-        return 1.0 if value == "auto" else value  # the largest displacement is not known here
+        # the largest displacement is not known here
+        return 1.0 if value == "auto" else value
 
     def set(self, key: str, value: Any) -> None:
-        """Change a number or a choice; a key that the scene does not have is ignored. Raises TaichiDiskError."""
+        """Change a number or a choice; a key that the scene does not have is ignored.
+        Raises TaichiDiskError."""
         now = self.value(key)
         if key == "speed":
             self.sandbox.speed = float(f"{min(max(value, MIN_SPEED), MAX_SPEED):.3g}")
         elif isinstance(now, (int, float)):
-            value = min(value, max(MAX_POINTS, now)) if key == "lattice.points" else value
+            value = (
+                min(value, max(MAX_POINTS, now)) if key == "lattice.points" else value
+            )
             self.sandbox.set(key, type(now)(float(f"{value:.6g}")))
         elif now is not None:
             self.sandbox.set(key, value)
@@ -164,15 +265,24 @@ class Controls:
     # ---- scenes
 
     def play(self, number: float) -> None:
-        """Begin the scene `number` modulo the playlist's length; keep the drawing options. Raises TaichiDiskError."""
+        """Begin the scene `number` modulo the playlist's length; keep the drawing
+        options. Raises TaichiDiskError."""
         sandbox, number = self.sandbox, int(number) % len(self.playlist)
         scene = self.playlist[number].load()
         # On an elastic wall displacements may not be magnified.
-        sandbox.begin(replace(scene, video=replace(sandbox.scene.video, magnify=scene.video.magnify)))
+        sandbox.begin(
+            replace(
+                scene, video=replace(sandbox.scene.video, magnify=scene.video.magnify)
+            )
+        )
         self.number = number
 
     def collect(self) -> None:
-        """Collect a curve of results over the range of speeds or loads, or stop collecting. Raises TaichiDiskError."""
+        """Collect a curve of results over the range of speeds or loads, or stop
+        collecting. Raises TaichiDiskError."""
         high = RANGES[load_key(self.sandbox.scene)].high
-        loads = [float(f"{high * CURVE_RATIO ** (-k / (CURVE_POINTS - 1)):.2g}") for k in range(CURVE_POINTS)]
+        loads = [
+            float(f"{high * CURVE_RATIO ** (-k / (CURVE_POINTS - 1)):.2g}")
+            for k in range(CURVE_POINTS)
+        ]
         self.sandbox.collect([] if self.sandbox.remaining_loads else loads)

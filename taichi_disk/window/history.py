@@ -1,4 +1,5 @@
-"""The states since the start: from each of them the simulation continues bitwise, across all changes by the user."""
+"""The states since the start: from each of them the simulation continues bitwise,
+across all changes by the user."""
 
 from __future__ import annotations
 
@@ -21,28 +22,40 @@ from taichi_disk.simulation.observables import INDEX, within
 from taichi_disk.simulation.simulation import KernelCache
 from taichi_disk.simulation.stepping import Snapshot
 
-STORE_SPACING = 1.5e-2  # first time between two stored states, over the springs' time unit
+# first time between two stored states, over the springs' time unit
+STORE_SPACING = 1.5e-2
 HIT_AGAIN, DISTURBED, PULLED = "hit again", "disturbed", "pulled"  # changes by the user
-MAX_STATES, MAX_BYTES = 1280, 1.7e9  # stored states and their memory; then every second one is dropped
+# stored states and their memory; then every second one is dropped
+MAX_STATES, MAX_BYTES = 1280, 1.7e9
 
 
 class Segment(Driver):
-    """The time between two changes by the user. It can continue after the scene's end, and go back to an earlier state.
+    """The time between two changes by the user. It can continue after the scene's end,
+    and go back to an earlier state.
 
     Attributes:
-        label: the change at which the segment began: "", HIT_AGAIN, DISTURBED or PULLED. While the mouse pulls a
-            point, the scene does not end and does not begin again with a shorter step.
+        label: the change at which the segment began: "", HIT_AGAIN, DISTURBED or
+            PULLED. While the mouse pulls a point, the scene does not end and does not
+            begin again with a shorter step.
         began: time at which the segment began [R/c].
         hit_began: time at which the last start or further hit began [R/c].
-        reference_energy: kinetic energy at the start, or about the work of the load [M c^2].
+        reference_energy: kinetic energy at the start, or about the work of the load [M
+            c^2].
     """
 
     def __init__(
-        self, scenario: Scenario, kernels: KernelCache, modes: Spectrum, label: str = "", before: Segment | None = None
+        self,
+        scenario: Scenario,
+        kernels: KernelCache,
+        modes: Spectrum,
+        label: str = "",
+        before: Segment | None = None,
     ) -> None:
         """Begin at t = 0, or at the present state of the segment `before`."""
         self.label, self.began = label, before.now if before else 0.0
-        self.hit_began: float = before.hit_began if before and label != HIT_AGAIN else self.began
+        self.hit_began: float = (
+            before.hit_began if before and label != HIT_AGAIN else self.began
+        )
         self.reference_energy = scenario.reference_energy
         super().__init__(scenario, scenario.scene.time, kernels, modes)
 
@@ -51,7 +64,8 @@ class Segment(Driver):
         self._last = 2**31 - 1  # steps; there is no time limit
 
     def advance(self, seconds: float = inf, steps: int | None = None) -> Status:
-        """Advance as a `Driver` does; the disk still moves after the end, and the status stays "finished"."""
+        """Advance as a `Driver` does; the disk still moves after the end, and the
+        status stays "finished"."""
         self.can_end = not self.end and self.label != PULLED
         if self.status == "finished":
             self.status = "running"
@@ -72,7 +86,8 @@ class Segment(Driver):
 
     @property
     def imbalance(self) -> float:
-        """Error of the energy balance since the segment began, relative to `reference_energy`."""
+        """Error of the energy balance since the segment began, relative to
+        `reference_energy`."""
         return float(self._balance.imbalance(self.row[None])[0]) / self.reference_energy
 
     def back_to(self, checkpoint: Checkpoint) -> None:
@@ -82,7 +97,9 @@ class Segment(Driver):
         self.simulation.restore(snapshot)
         self.count = 1 + snapshot.step // self.stride
         inside = within(self.rows[1:], self._bounds)
-        self._quiet = min(int(np.argmin(np.append(inside[::-1], False))), self._needed - 1)
+        self._quiet = min(
+            int(np.argmin(np.append(inside[::-1], False))), self._needed - 1
+        )
         self._balance = EnergyBalance(self.rows[0])
         self._balance.first_lost(self.rows)
         self.state, self.row, self.failure = snapshot, checkpoint.row, None
@@ -123,7 +140,9 @@ class Checkpoint:
     def v(self) -> Array:
         """Velocities (n, 2) [c]."""
         step = self.segment.step
-        return self.snapshot.velocities(step.integrator, step.dt, self.segment.scenario.lattice)
+        return self.snapshot.velocities(
+            step.integrator, step.dt, self.segment.scenario.lattice
+        )
 
     @property
     def values(self) -> dict[str, float]:
@@ -132,11 +151,14 @@ class Checkpoint:
 
 
 def with_mouse(scene: Scene, body: Lattice) -> Scenario:
-    """Return the scene at t = 0, with a mouse spring that pulls no point; `body`: its unloaded lattice."""
+    """Return the scene at t = 0, with a mouse spring that pulls no point; `body`: its
+    unloaded lattice."""
     scenario = scene.scenario(body)
     modulus = scenario.model.springs.modulus
     # A force above 0.02 modulus R would turn triangles of a fine lattice inside out.
-    scenario.model = replace(scenario.model, mouse=MouseSpring(0.2 * modulus, 0.02 * modulus))
+    scenario.model = replace(
+        scenario.model, mouse=MouseSpring(0.2 * modulus, 0.02 * modulus)
+    )
     return scenario
 
 
@@ -148,14 +170,16 @@ class Timeline:
         body: its unloaded lattice.
         spectrum: of the springs at t = 0.
         segment: the segment that moves.
-        spacing: time between two stored states [R/c]; storing one takes longer than a few steps.
+        spacing: time between two stored states [R/c]; storing one takes longer than a
+            few steps.
         checkpoints: the stored states, the latest last.
-        display: the state on display: the present, an earlier state, or the latest state reached before the scene began
-            again with a shorter step.
+        display: the state on display: the present, an earlier state, or the latest
+            state reached before the scene began again with a shorter step.
     """
 
     def __init__(self, scene: Scene, kernels: KernelCache) -> None:
-        """Begin at t = 0 of a scene. Raises TaichiDiskError if the scene cannot be computed."""
+        """Begin at t = 0 of a scene. Raises TaichiDiskError if the scene cannot be
+        computed."""
         scene = scene.in_time()
         setup = setup_of(scene)
         self.body: Lattice = setup.body
@@ -168,15 +192,19 @@ class Timeline:
         self.spacing = STORE_SPACING * model.springs.time_unit
         self._follow(Segment(self.scenario, kernels, self.spectrum))
 
-    def carry_on(self, scene: Scene, label: str, velocities: Array | None = None) -> None:
-        """Begin another segment from the present state, or with other `velocities` (n, 2) [c].
+    def carry_on(
+        self, scene: Scene, label: str, velocities: Array | None = None
+    ) -> None:
+        """Begin another segment from the present state, or with other `velocities` (n,
+        2) [c].
 
         Raises TaichiDiskError, and then leaves everything as it was.
         """
         last, now = self.segment, self.segment.present
         scenario = with_mouse(scene, self.body)
         scenario.go_on_from(now.x, now.v if velocities is None else velocities)
-        if last.status != "failed":  # a time step set by the user would be refused for the force of a blow-up
+        # a time step set by the user would be refused for the force of a blow-up
+        if last.status != "failed":
             peak = last.simulation.peak_point_force(now.snapshot)
             scenario.point_force = max(scenario.point_force, peak)
         self._follow(Segment(scenario, last.kernels, self.spectrum, label, last))
@@ -191,31 +219,45 @@ class Timeline:
     @property
     def hit_segments(self) -> list[Segment]:
         """The segments of the hit on display that have a stored state or are moving."""
-        known = dict.fromkeys([*(one.segment for one in self.checkpoints), self.segment])
+        known = dict.fromkeys(
+            [*(one.segment for one in self.checkpoints), self.segment]
+        )
         return [one for one in known if one.hit_began == self.display.segment.hit_began]
 
     @property
     def lead(self) -> float:
-        """Time by which the state on display is later than the present [R/c], negative if it is earlier."""
+        """Time by which the state on display is later than the present [R/c], negative
+        if it is earlier."""
         return self.display.t - self.segment.now
 
     @property
     def due(self) -> int:
         """Steps until the next state is stored."""
         dt = self.segment.step.dt
-        return round((self.checkpoints[-1].t + max(self.spacing, dt) - self.segment.now) / dt)
+        return round(
+            (self.checkpoints[-1].t + max(self.spacing, dt) - self.segment.now) / dt
+        )
 
     def go(self, steps: int, seconds: float) -> int:
-        """Make at most `steps` steps, within about `seconds` of the clock and up to the scene's end.
+        """Make at most `steps` steps, within about `seconds` of the clock and up to the
+        scene's end.
 
         Returns the number of steps made.
         """
-        segment, until, start = self.segment, perf_counter() + seconds, self.segment.simulation.step_number
-        while (left := start + steps - segment.simulation.step_number) > 0 and segment.status != "failed":
+        segment, until, start = (
+            self.segment,
+            perf_counter() + seconds,
+            self.segment.simulation.step_number,
+        )
+        while (
+            left := start + steps - segment.simulation.step_number
+        ) > 0 and segment.status != "failed":
             before = segment.status
             segment.advance(until - perf_counter(), min(left, self.due))
             if segment.status == "restarted":
-                self.checkpoints = [one for one in self.checkpoints if one.segment is not segment]
+                self.checkpoints = [
+                    one for one in self.checkpoints if one.segment is not segment
+                ]
             self._store()
             if segment.status not in ("running", before) or perf_counter() >= until:
                 break
@@ -228,24 +270,34 @@ class Timeline:
             return
         now = self.segment.present
         self.checkpoints.append(now)
-        if len(self.checkpoints) >= min(MAX_STATES, MAX_BYTES / now.snapshot.vectors.nbytes):
+        if len(self.checkpoints) >= min(
+            MAX_STATES, MAX_BYTES / now.snapshot.vectors.nbytes
+        ):
             self.checkpoints = self.checkpoints[::2]
-            self.spacing = (self.checkpoints[-1].t - self.checkpoints[0].t) / (len(self.checkpoints) - 1)
+            self.spacing = (self.checkpoints[-1].t - self.checkpoints[0].t) / (
+                len(self.checkpoints) - 1
+            )
 
     # ---- the state on display
 
     def look_at(self, t: float, later: int = 0) -> bool:
-        """Show the first state stored at or after the time `t` [R/c], or the stored state `later` places further.
+        """Show the first state stored at or after the time `t` [R/c], or the stored
+        state `later` places further.
 
         If there is none, show the present and return False.
         """
         place = max(bisect_left(self.checkpoints, t, key=lambda one: one.t) + later, 0)
         known = self.checkpoints[place : place + 1]
-        self.display = known[0] if known and known[0].t < self.segment.now else self.segment.present
+        self.display = (
+            known[0]
+            if known and known[0].t < self.segment.now
+            else self.segment.present
+        )
         return bool(known)
 
     def cut(self) -> None:
-        """Make the earlier state on display the present: all later states are forgotten."""
+        """Make the earlier state on display the present: all later states are
+        forgotten."""
         del self.checkpoints[self.checkpoints.index(self.display) + 1 :]
         self.segment = self.display.segment
         self.segment.back_to(self.display)

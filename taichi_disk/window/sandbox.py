@@ -1,4 +1,5 @@
-"""The sandbox without its page or window: a scene that moves, is changed by the user, and goes back in time."""
+"""The sandbox without its page or window: a scene that moves, is changed by the user,
+and goes back in time."""
 
 from __future__ import annotations
 
@@ -17,20 +18,30 @@ from taichi_disk.simulation.simulation import KernelCache
 from taichi_disk.statics.equilibrium import turned
 from taichi_disk.window.history import DISTURBED, HIT_AGAIN, PULLED, Segment, Timeline
 
-IMMEDIATE_KEYS = ("material.eta_star", "material.viscosity", "wall.boundary", "compression.pressure")
+IMMEDIATE_KEYS = (
+    "material.eta_star",
+    "material.viscosity",
+    "wall.boundary",
+    "compression.pressure",
+)
 THROW_KEYS = ("impact.velocity", "impact.angle")
 AIM_SCALE = 0.05  # velocity of a throw for each R of its arrow [c/R]
-MAX_PASSED = 0.1  # longest time that passes between two pictures, however late a picture comes [s]
+# longest time that passes between two pictures, however late a picture comes [s]
+MAX_PASSED = 0.1
 MAX_COMPUTING_TIME = 0.025  # longest time of computing between two pictures [s]
 SLOWDOWN = 0.2  # fraction of the speed at which a contact passes in slow motion
-CONTACT_FORCE = 0.01  # smallest wall force in a contact, over M v per time unit of the springs (about its peak)
+# smallest wall force in a contact, over M v per time unit of the springs (about its
+# peak)
+CONTACT_FORCE = 0.01
 MAX_RESULTS = 200  # most rows of the table of results
-COLLECTING_PACE = 50.0  # simulated time per second of the clock while a curve is collected [R/c per s]
+# simulated time per second of the clock while a curve is collected [R/c per s]
+COLLECTING_PACE = 50.0
 COLLECTING_SPACING = 20.0  # factor by which stored states are further apart then
 
 
 def load_key(scene: Scene) -> str:
-    """Return the dotted key of the swept quantity: "impact.velocity" or "compression.pressure"."""
+    """Return the dotted key of the swept quantity: "impact.velocity" or
+    "compression.pressure"."""
     return ".".join(scene.abscissa)
 
 
@@ -41,21 +52,28 @@ def value_of(scene: Scene, key: str) -> Any:
 
 
 def with_key(scene: Scene, key: str, value: Any) -> Scene:
-    """Return `scene` with a dotted key changed, and the keys that have to follow. Raises InputError if it refuses."""
+    """Return `scene` with a dotted key changed, and the keys that have to follow.
+    Raises InputError if it refuses."""
     return scene.with_(scene.changes_with(key, value))
 
 
 class Result(
-    namedtuple("Result", "result value load angle spin friction eta_star a points contact_time disturbance turn seed")
+    namedtuple(
+        "Result",
+        "result value load angle spin friction eta_star a points contact_time"
+        " disturbance turn seed",
+    )
 ):
-    """One finished experiment, a row of the table of results; None stands for a number that its scene does not have.
+    """One finished experiment, a row of the table of results; None stands for a number
+    that its scene does not have.
 
     Attributes:
         result: "e" or "ξ".
         value: restitution e, or compression ξ [R].
         load: speed [c] or pressure [M c^2/R].
         angle, spin, friction: of the throw [rad], [c/R], and of the wall.
-        eta_star, a, points: viscosity, hardness of the wall [1/R], number of the disk's mass points.
+        eta_star, a, points: viscosity, hardness of the wall [1/R], number of the disk's
+            mass points.
         contact_time: [R/c].
         disturbance: "" if the user did not interfere, else HIT_AGAIN or DISTURBED.
         turn, seed: initial rotation of the disk [rad], seed of its random points.
@@ -63,7 +81,8 @@ class Result(
 
 
 class Sandbox:
-    """A scene that a user plays with. `ti.init` must have been called; no display is needed.
+    """A scene that a user plays with. `ti.init` must have been called; no display is
+    needed.
 
     Attributes:
         scene: the present scene, as it would be saved.
@@ -74,9 +93,11 @@ class Sandbox:
         paused: whether `advance` lets no time pass.
         message: the last event, for the user.
         results: the last experiments that came to their end, the newest last.
-        remaining_loads: loads for which a curve still needs results, the next one first: see `collect`.
+        remaining_loads: loads for which a curve still needs results, the next one
+            first: see `collect`.
         grip: the point tied to the mouse and the mouse's position [R], or None.
-        drawn_throw: velocity [c] and angle [rad] of the throw that is being drawn, or None.
+        drawn_throw: velocity [c] and angle [rad] of the throw that is being drawn, or
+            None.
     """
 
     starts, speed, slow, _clock, _load_before = 0, 1.0, False, 0.0, 0.0
@@ -88,7 +109,8 @@ class Sandbox:
         self.begin()
 
     def begin(self, scene: Scene | None = None) -> None:
-        """Go to t = 0 of `scene` (default: the present scene) and pause; from there the disk moves as in `run`.
+        """Go to t = 0 of `scene` (default: the present scene) and pause; from there the
+        disk moves as in `run`.
 
         Raises TaichiDiskError, and then leaves everything as it was.
         """
@@ -113,10 +135,13 @@ class Sandbox:
 
     @property
     def status(self) -> str:
-        """Text for the user: whether the state on display is the same as in `taichi-disk run`."""
+        """Text for the user: whether the state on display is the same as in
+        `taichi-disk run`."""
         if self.time.lead > 0.0:
             return "computing again"
-        return DISTURBED if self.time.display.segment.label else "same as taichi-disk run"
+        return (
+            DISTURBED if self.time.display.segment.label else "same as taichi-disk run"
+        )
 
     @property
     def warnings(self) -> list[str]:
@@ -128,22 +153,29 @@ class Sandbox:
         """Simulated time per second of the clock now [R/c per s]."""
         scenario: Any = self.time.segment.scenario
         slows = self.slow and scenario.is_thrown
-        contact = CONTACT_FORCE * scenario.velocity / scenario.model.springs.time_unit if slows else inf
-        pace = self.speed * (SLOWDOWN if self.time.segment.row[INDEX["wall_force"]] > contact else 1.0)
+        contact = (
+            CONTACT_FORCE * scenario.velocity / scenario.model.springs.time_unit
+            if slows
+            else inf
+        )
+        pace = self.speed * (
+            SLOWDOWN if self.time.segment.row[INDEX["wall_force"]] > contact else 1.0
+        )
         return COLLECTING_PACE if self.remaining_loads else pace
 
     # ---- time
 
     def tick(self) -> int:
-        """Let the time since the last tick pass, at most MAX_PASSED; return the number of steps made."""
+        """Let the time since the last tick pass, at most MAX_PASSED; return the number
+        of steps made."""
         before, self._clock = self._clock, perf_counter()
         return self.advance(min(self._clock - before, MAX_PASSED))
 
     def advance(self, seconds: float, max_seconds: float = MAX_COMPUTING_TIME) -> int:
         """Let `seconds` of the clock pass and return the number of steps made.
 
-        Fewer steps are made if they would take longer than `max_seconds` [s]. While the scene is computed again with a
-        shorter step, `seconds` has no influence.
+        Fewer steps are made if they would take longer than `max_seconds` [s]. While the
+        scene is computed again with a shorter step, `seconds` has no influence.
         """
         segment = self.time.segment
         if self.time.lead > 0.0:
@@ -160,25 +192,44 @@ class Sandbox:
         segment = self.time.segment
         before, made = segment.status, self.time.go(steps, max_seconds)
         if segment.status == "restarted":
-            self.message = f"computed again with a shorter step, {segment.step.dt:.2g} R/c"
+            self.message = (
+                f"computed again with a shorter step, {segment.step.dt:.2g} R/c"
+            )
         elif segment.status == "failed":
             self.paused, self.remaining_loads = True, []
-            self.message = f"{segment.failure} (go back to the start or back in time, or change something)"
+            self.message = (
+                f"{segment.failure} (go back to the start or back in time, or change"
+                " something)"
+            )
         elif segment.status == "finished" != before:
             self._finish(segment)
         return made
 
     def _finish(self, segment: Segment) -> None:
-        """Enter the result into the table, and begin the next experiment of a curve that is being collected."""
+        """Enter the result into the table, and begin the next experiment of a curve
+        that is being collected."""
         scenario, label = segment.scenario, segment.label
         scene, points = scenario.scene, scenario.lattice.disk_points
         numbers = scenario.result(segment.columns)
-        value, unit = next(iter(numbers.values())), next(iter(scenario.labels.values()))[1]
-        eta_star, contact_time = scene.material.eta(points) * points, numbers.get("contact_time")
+        value, unit = (
+            next(iter(numbers.values())),
+            next(iter(scenario.labels.values()))[1],
+        )
+        eta_star, contact_time = (
+            scene.material.eta(points) * points,
+            numbers.get("contact_time"),
+        )
         keys = load_key(scene), "impact.angle", "impact.spin", "wall.friction"
-        settings = [*(value_of(scene, key) for key in keys), eta_star, scene.wall.a, points]
+        settings = [
+            *(value_of(scene, key) for key in keys),
+            eta_star,
+            scene.wall.a,
+            points,
+        ]
         which = value_of(scene, "impact.turn"), scene.lattice.seed
-        result = Result._make([scenario.symbol, value, *settings, contact_time, label, *which])
+        result = Result._make(
+            [scenario.symbol, value, *settings, contact_time, label, *which]
+        )
         self.results = [*self.results, result][-MAX_RESULTS:]
         self.paused = True
         text = f"{scenario.end_words}: {scenario.symbol} = {value:.6f} {unit}".rstrip()
@@ -186,19 +237,25 @@ class Sandbox:
         if self.remaining_loads:
             self.collect(self.remaining_loads[1:])
             if not self.remaining_loads:
-                self.begin(with_key(self.scene, load_key(self.scene), self._load_before))
+                self.begin(
+                    with_key(self.scene, load_key(self.scene), self._load_before)
+                )
                 self.message = "the curve is complete; the disk is at the start again"
 
     def collect(self, loads: list[float]) -> None:
-        """Run the present scene with each of `loads` (speeds [c] or pressures [M c^2/R]) in turn; [] ends that.
+        """Run the present scene with each of `loads` (speeds [c] or pressures [M
+        c^2/R]) in turn; [] ends that.
 
-        After the last load the disk is at the start again, with the load that it had before.
+        After the last load the disk is at the start again, with the load that it had
+        before.
 
         Raises TaichiDiskError, and then leaves everything as it was.
         """
         if loads:
             key = load_key(self.scene)
-            before = self._load_before if self.remaining_loads else value_of(self.scene, key)
+            before = (
+                self._load_before if self.remaining_loads else value_of(self.scene, key)
+            )
             self.begin(with_key(self.scene, key, loads[0]))
             self.time.spacing *= COLLECTING_SPACING
             self.paused, self._load_before = False, before
@@ -210,7 +267,11 @@ class Sandbox:
 
     def pause(self) -> None:
         """Pause, or go on from the state on display."""
-        if self.paused and self.time.segment.status == "failed" and self.time.lead >= 0.0:
+        if (
+            self.paused
+            and self.time.segment.status == "failed"
+            and self.time.lead >= 0.0
+        ):
             return
         self.paused, self.remaining_loads = not self.paused, []
         if not self.paused:
@@ -218,16 +279,19 @@ class Sandbox:
             self.message = ""
 
     def scrub(self, t: float) -> None:
-        """Pause, and show the first state stored `t` [R/c] or later after the hit on display began."""
+        """Pause, and show the first state stored `t` [R/c] or later after the hit on
+        display began."""
         self._look_at(self.time.display.segment.hit_began + t)
 
     def step(self, count: int) -> None:
-        """Show the state `count` checkpoints later, or earlier if negative, and pause; after the last, time goes on."""
+        """Show the state `count` checkpoints later, or earlier if negative, and pause;
+        after the last, time goes on."""
         if not self._look_at(self.time.display.t, count):
             self._go(self.time.due, inf)
 
     def _look_at(self, t: float, later: int = 0) -> bool:
-        """Pause and show a state as `Timeline.look_at` does, but not while the scene is computed again."""
+        """Pause and show a state as `Timeline.look_at` does, but not while the scene is
+        computed again."""
         self.release()
         if self.time.lead > 0.0:
             return True
@@ -235,19 +299,25 @@ class Sandbox:
         return self.time.look_at(t, later)
 
     def _settle(self) -> None:
-        """Make an earlier state on display the present: all later states are forgotten."""
+        """Make an earlier state on display the present: all later states are
+        forgotten."""
         if self.time.lead < 0.0:
             self.time.cut()
-            self.scene = replace(self.time.segment.scenario.scene, video=self.scene.video)
-            if self.time.segment.label == PULLED:  # the pull of the mouse cannot be repeated
+            self.scene = replace(
+                self.time.segment.scenario.scene, video=self.scene.video
+            )
+            # the pull of the mouse cannot be repeated
+            if self.time.segment.label == PULLED:
                 self._carry_on(self.scene, DISTURBED)
 
     # ---- changes by the user
 
     def set(self, key: str, value: Any) -> None:
-        """Change one key of the scene ("material.eta_star"); immediately, if the lattice stays the same.
+        """Change one key of the scene ("material.eta_star"); immediately, if the
+        lattice stays the same.
 
-        Raises TaichiDiskError if the scene refuses the value, and then leaves everything as it was.
+        Raises TaichiDiskError if the scene refuses the value, and then leaves
+        everything as it was.
         """
         scene = with_key(self.scene, key, value)
         if scene == self.scene:
@@ -258,7 +328,9 @@ class Sandbox:
             self.begin(scene)
         elif key in THROW_KEYS:
             self.scene = scene
-            self.message = "a new velocity or angle takes effect at the next hit or start"
+            self.message = (
+                "a new velocity or angle takes effect at the next hit or start"
+            )
         else:
             self.remaining_loads = []
             self.release()
@@ -267,7 +339,8 @@ class Sandbox:
             self.message = ""
 
     def hit_again(self) -> None:
-        """Send the disk at the wall with the velocity of the scene; its vibration continues.
+        """Send the disk at the wall with the velocity of the scene; its vibration
+        continues.
 
         Raises TaichiDiskError, and then leaves everything as it was.
         """
@@ -284,8 +357,11 @@ class Sandbox:
             self.message = f"sent back with v = {impact.velocity:g} c"
         self.paused = False
 
-    def _carry_on(self, scene: Scene, label: str, velocities: Array | None = None) -> None:
-        """Begin another segment; time goes on even if the end of the scene or a blow-up had stopped it."""
+    def _carry_on(
+        self, scene: Scene, label: str, velocities: Array | None = None
+    ) -> None:
+        """Begin another segment; time goes on even if the end of the scene or a blow-up
+        had stopped it."""
         status = self.time.segment.status
         self.time.carry_on(scene, label, velocities)
         self.scene, self.grip = scene, None
@@ -294,9 +370,11 @@ class Sandbox:
     # ---- the mouse
 
     def turn(self, angle: float, final: bool = True) -> None:
-        """Turn the disk by `angle` [rad] from its orientation in the scene, at the start of an impact.
+        """Turn the disk by `angle` [rad] from its orientation in the scene, at the
+        start of an impact.
 
-        `final` changes `impact.turn` of the scene; otherwise the turned disk is only shown.
+        `final` changes `impact.turn` of the scene; otherwise the turned disk is only
+        shown.
         """
         if not self.can_aim:
             return
@@ -307,22 +385,30 @@ class Sandbox:
             now, n = self.time.segment.present, self.time.body.disk_points
             vectors = now.snapshot.vectors.copy()
             vectors[0, :n] = turned(now.x[:n], angle)
-            self.time.display = replace(now, snapshot=replace(now.snapshot, vectors=vectors))
+            self.time.display = replace(
+                now, snapshot=replace(now.snapshot, vectors=vectors)
+            )
 
     def aim(self, dx: float, dy: float) -> None:
-        """Draw the throw along (dx, dy) [R] at the start of an impact: AIM_SCALE c for each R, never upwards."""
+        """Draw the throw along (dx, dy) [R] at the start of an impact: AIM_SCALE c for
+        each R, never upwards."""
         if self.can_aim:
-            velocity, angle = max(AIM_SCALE * np.hypot(dx, dy), 1e-3), np.clip(np.arctan2(dx, -dy), -1.5, 1.5)
+            velocity, angle = (
+                max(AIM_SCALE * np.hypot(dx, dy), 1e-3),
+                np.clip(np.arctan2(dx, -dy), -1.5, 1.5),
+            )
             self.drawn_throw = float(f"{velocity:.3g}"), float(f"{angle:.3g}")
 
     def throw(self) -> None:
-        """Apply the velocity and the angle of the drawn throw to the scene. Raises TaichiDiskError."""
+        """Apply the velocity and the angle of the drawn throw to the scene. Raises
+        TaichiDiskError."""
         values, self.drawn_throw = self.drawn_throw, None
         for key, value in zip(THROW_KEYS, values or (), strict=False):
             self.set(key, value)
 
     def pull(self, x: float, y: float) -> None:
-        """Tie the disk's point nearest to (x, y) [R] to the mouse there, or move the mouse of the tied point.
+        """Tie the disk's point nearest to (x, y) [R] to the mouse there, or move the
+        mouse of the tied point.
 
         An earlier state on display becomes the present.
         """
@@ -337,7 +423,8 @@ class Sandbox:
         self.time.segment.pull(*self.grip)
 
     def release(self) -> None:
-        """Untie the point, after which the scene can end again, and forget a throw that is being drawn."""
+        """Untie the point, after which the scene can end again, and forget a throw that
+        is being drawn."""
         self.drawn_throw = None
         if self.grip and self.time.segment.status != "failed":
             self._carry_on(self.scene, DISTURBED)

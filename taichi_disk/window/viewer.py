@@ -1,4 +1,5 @@
-"""The window on a desktop: the films' picture, live, with keys, mouse and a few of GGUI's own widgets."""
+"""The window on a desktop: the films' picture, live, with keys, mouse and a few of
+GGUI's own widgets."""
 
 from __future__ import annotations
 
@@ -28,13 +29,38 @@ from taichi_disk.window.graphs import Scales
 from taichi_disk.window.sandbox import AIM_SCALE, Sandbox
 
 MAX_RATE = 75  # pictures per second: more are not visible, and cost
-WINDOW_SIZE = (1200, 700)  # initial size of the window, which fits on the screen of any laptop [px]
+# initial size of the window, which fits on the screen of any laptop [px]
+WINDOW_SIZE = (1200, 700)
 PANEL_WIDTH = 300  # width of the widgets [px]
-_REPEAT_DELAY, _REPEAT_INTERVAL = 0.35, 0.07  # delay before a held key repeats, and between repeats [s]
-_SLIDERS = ("material.eta_star", "material.viscosity", "impact.velocity", "compression.pressure", "wall.a")
-_BUTTONS = (("space", "drop / pause"), ("r", "to the start"), ("h", "hit again"), ("b", "scene <"), ("n", "scene >"))
+# delay before a held key repeats, and between repeats [s]
+_REPEAT_DELAY, _REPEAT_INTERVAL = 0.35, 0.07
+_SLIDERS = (
+    "material.eta_star",
+    "material.viscosity",
+    "impact.velocity",
+    "compression.pressure",
+    "wall.a",
+)
+_BUTTONS = (
+    ("space", "drop / pause"),
+    ("r", "to the start"),
+    ("h", "hit again"),
+    ("b", "scene <"),
+    ("n", "scene >"),
+)
 # GGUI can show only ASCII.
-_ASCII = str.maketrans({"η": "eta", "ξ": "xi", "μ": "mu", "·": "*", "²": "2", "°": " deg", "−": "-", "×": "x"})
+_ASCII = str.maketrans(
+    {
+        "η": "eta",
+        "ξ": "xi",
+        "μ": "mu",
+        "·": "*",
+        "²": "2",
+        "°": " deg",
+        "−": "-",
+        "×": "x",
+    }
+)
 
 
 class Viewer:
@@ -48,15 +74,21 @@ class Viewer:
     camera: Camera
     painter: Painter
 
-    def __init__(self, playlist: list[Entry], out: Path, max_rate: int = MAX_RATE) -> None:
+    def __init__(
+        self, playlist: list[Entry], out: Path, max_rate: int = MAX_RATE
+    ) -> None:
         """Open the window, which writes its files into `out`.
 
-        Raises InputError if `out` cannot be written, TaichiDiskError if there is no window, or no disk of this scene.
+        Raises InputError if `out` cannot be written, TaichiDiskError if there is no
+        window, or no disk of this scene.
         """
         prepare_output(out)
         self._out = out.resolve()
         self.sandbox = Sandbox(playlist[0].load(), KernelCache())
-        self.controls, self._scales = Controls(self.sandbox, playlist), Scales(self.sandbox)
+        self.controls, self._scales = (
+            Controls(self.sandbox, playlist),
+            Scales(self.sandbox),
+        )
         add = self.controls.add
         add("i u", "closer, farther", self._zoom, 1.12, 1 / 1.12)
         add("BackSpace", "see everything", self.see_all)
@@ -65,16 +97,21 @@ class Viewer:
         add("p w", "save a picture, the scene", self._save, ".png", ".yaml")
         add("Tab", "these keys", self._toggle, "keys")
         add("q", "close the window", self._toggle, "close")
-        self._modes: set[str] = set()  # those of "follow", "keys" and "close" that are on
+        # those of "follow", "keys" and "close" that are on
+        self._modes: set[str] = set()
         self._at = (0.0, 0.0)  # position of the mouse [px]
-        # Action of the pressed mouse at (x, y) [R]; the third argument says whether it has been released.
+        # Action of the pressed mouse at (x, y) [R]; the third argument says whether it
+        # has been released.
         self._drag: Callable[[float, float, bool], None] | None = None
         self._repeat = 0.0  # when held keys act again
         self._bonds: Any = None  # of the lattice that `painter` is for
-        self._window = open_window("taichi-disk view", WINDOW_SIZE, fps_limit=max_rate, pos=(30, 30))
+        self._window = open_window(
+            "taichi-disk view", WINDOW_SIZE, fps_limit=max_rate, pos=(30, 30)
+        )
 
     def pictures(self) -> Generator[int, None, None]:
-        """Yield the number of steps made for each picture, until the window is closed."""
+        """Yield the number of steps made for each picture, until the window is
+        closed."""
         window = self._window
         with elsewhere():
             try:
@@ -92,45 +129,76 @@ class Viewer:
     # ---- the picture
 
     def _draw(self) -> None:
-        sandbox, state, video = self.sandbox, self.sandbox.time.display, self.sandbox.scene.video
+        sandbox, state, video = (
+            self.sandbox,
+            self.sandbox.time.display,
+            self.sandbox.scene.video,
+        )
         scenario = state.segment.scenario
-        springs, wall, lattice = scenario.model.springs, scenario.model.wall, scenario.lattice
+        springs, wall, lattice = (
+            scenario.model.springs,
+            scenario.model.wall,
+            scenario.lattice,
+        )
         if fresh := self._bonds is not lattice.bonds:
             self.painter, self._bonds = Painter(lattice, springs, wall), lattice.bonds
         painter = self.painter
         painter.springs, painter.wall, painter.spoke = springs, wall, scenario.spoke
         painter.edge = edge_height(wall, scenario.point_force)
-        painter.colour, painter.draw, painter.theme = video.colour, video.draw, video.theme
+        painter.colour, painter.draw, painter.theme = (
+            video.colour,
+            video.draw,
+            video.theme,
+        )
         painter.magnify = self.controls.value("video.magnify")
-        if fresh or self._window.get_window_shape() != (self.camera.width, self.camera.height):
+        if fresh or self._window.get_window_shape() != (
+            self.camera.width,
+            self.camera.height,
+        ):
             self.see_all()
         if "follow" in self._modes:
             self.camera = replace(self.camera, look_at=self._centre)
         values = painter.values(state.x, state.v)[: lattice.disk_points]
-        self._scales.update(values, contact_forces(wall, lattice, springs, state.x, state.v))
+        self._scales.update(
+            values, contact_forces(wall, lattice, springs, state.x, state.v)
+        )
         painter.limit, painter.full_force = self._scales.colour, self._scales.force
         canvas = self._window.get_canvas()
         painter.paint(canvas, self.camera, state.x, state.v)
-        strokes: list[Any] = []  # (foot, tip) [R] of the drawn throw and of the mouse's pull
+        # (foot, tip) [R] of the drawn throw and of the mouse's pull
+        strokes: list[Any] = []
         if sandbox.drawn_throw:
             (velocity, angle), centre = sandbox.drawn_throw, np.array(self._centre)
-            strokes.append((centre, centre + velocity / AIM_SCALE * np.array([np.sin(angle), -np.cos(angle)])))
+            strokes.append(
+                (
+                    centre,
+                    centre
+                    + velocity / AIM_SCALE * np.array([np.sin(angle), -np.cos(angle)]),
+                )
+            )
         if sandbox.grip:
             strokes.append((state.x[sandbox.grip[0]], sandbox.grip[1]))
         for foot, tip in np.array(strokes):
             px, along = 1.0 / self.camera.scale, tip - foot
-            shape = arrows(foot[None], along[None] / ARROW, 9 * px, 3 * px, px, THEMES[video.theme])
+            shape = arrows(
+                foot[None], along[None] / ARROW, 9 * px, 3 * px, px, THEMES[video.theme]
+            )
             painter.draw_shape(canvas, shape, self.camera)
 
     def _draw_widgets(self) -> None:
         sandbox, controls, gui = self.sandbox, self.controls, self._window.get_gui()
         state, (width, _) = sandbox.time.display, self._window.get_window_shape()
-        entry, quantity = controls.playlist[controls.number], QUANTITIES[sandbox.scene.video.colour]
+        entry, quantity = (
+            controls.playlist[controls.number],
+            QUANTITIES[sandbox.scene.video.colour],
+        )
         with gui.sub_window("taichi-disk", 0.0, 0.0, PANEL_WIDTH / width, 1.0) as panel:
 
             def write(*lines: str) -> None:
                 for line in lines:
-                    for part in wrap(line.translate(_ASCII), PANEL_WIDTH // 7 - 2) or [""]:
+                    for part in wrap(line.translate(_ASCII), PANEL_WIDTH // 7 - 2) or [
+                        ""
+                    ]:
                         panel.text(part)
 
             write(entry.name, *state.segment.scenario.title(), "")
@@ -139,14 +207,24 @@ class Viewer:
                     controls.press(key)
             for key in [key for key in _SLIDERS if key in controls.ranges]:
                 one, value = controls.ranges[key], float(controls.value(key))
-                new = panel.slider_float(one.name.split()[-1].translate(_ASCII), value, one.low, one.high)
+                new = panel.slider_float(
+                    one.name.split()[-1].translate(_ASCII), value, one.low, one.high
+                )
                 if abs(new - value) > 1e-6 * (one.high - one.low):
                     controls.attempt(controls.set, key, float(f"{new:.3g}"))
             write("", *state.segment.scenario.caption(state.values | {"t": state.t}))
             write(f"energy imbalance {sandbox.time.segment.imbalance:+.1e}")
-            write(f"colours: {quantity.label}", f"up to {self._scales.colour:.3g} {quantity.unit}")
+            write(
+                f"colours: {quantity.label}",
+                f"up to {self._scales.colour:.3g} {quantity.unit}",
+            )
             write(sandbox.status, *sandbox.warnings, sandbox.message)
-            write(*(f"{one.result} = {one.value:.6f} {one.disturbance}" for one in sandbox.results[-5:]))
+            write(
+                *(
+                    f"{one.result} = {one.value:.6f} {one.disturbance}"
+                    for one in sandbox.results[-5:]
+                )
+            )
             if "keys" in self._modes:
                 write(*(f"{keys:<11}{meaning}" for keys, meaning in controls.reference))
 
@@ -160,8 +238,17 @@ class Viewer:
     def see_all(self) -> None:
         """See the whole scene."""
         left, right, low, high = self.sandbox.time.display.segment.scenario.view
-        low = low if len(self.painter.lattice.wall_surface) else self.painter.edge - 0.14
-        self._see((left, right, low, max(high, float(self.sandbox.time.display.x[:, 1].max()) + 0.02)))
+        low = (
+            low if len(self.painter.lattice.wall_surface) else self.painter.edge - 0.14
+        )
+        self._see(
+            (
+                left,
+                right,
+                low,
+                max(high, float(self.sandbox.time.display.x[:, 1].max()) + 0.02),
+            )
+        )
 
     def _see_contact(self) -> None:
         x, low = self._centre[0], self.painter.edge
@@ -182,7 +269,8 @@ class Viewer:
         """Carry out what the user has done since the last picture."""
         window, now = self._window, perf_counter()
         events = window.get_events(ti.ui.PRESS)
-        # GGUI updates the mouse when it is asked for events, so its position is read after them.
+        # GGUI updates the mouse when it is asked for events, so its position is read
+        # after them.
         x, y = window.get_cursor_pos()
         self._at = x * self.camera.width, (1.0 - y) * self.camera.height
         for event in events:
@@ -198,11 +286,14 @@ class Viewer:
                 self.controls.press(key)
         if self._drag:
             is_over = not (window.is_pressed(ti.ui.LMB) or window.is_pressed(ti.ui.RMB))
-            self.controls.attempt(self._drag, *self.camera.to_scene(self._at).tolist(), is_over)
+            self.controls.attempt(
+                self._drag, *self.camera.to_scene(self._at).tolist(), is_over
+            )
             self._drag = None if is_over else self._drag
 
     def _press(self, right: bool) -> None:
-        """Begin to drag the picture; at the start the disk, or beside it the throw; later a point."""
+        """Begin to drag the picture; at the start the disk, or beside it the throw;
+        later a point."""
         if self._at[0] < PANEL_WIDTH:
             return
         sandbox, (cx, cy) = self.sandbox, self._centre
@@ -211,7 +302,9 @@ class Viewer:
         is_inside = hypot(x0 - cx, y0 - cy) <= np.hypot(*(disk - (cx, cy)).T).max()
 
         def pan(x: float, y: float, is_over: bool) -> None:
-            self.camera = self.camera.panned((x - x0) * self.camera.scale, (y0 - y) * self.camera.scale)
+            self.camera = self.camera.panned(
+                (x - x0) * self.camera.scale, (y0 - y) * self.camera.scale
+            )
 
         def turn(x: float, y: float, is_over: bool) -> None:
             if angle := atan2(y - cy, x - cx) - atan2(y0 - cy, x0 - cx):
@@ -229,7 +322,15 @@ class Viewer:
             else:
                 sandbox.pull(x, y)
 
-        self._drag = pan if right else pull if not sandbox.can_aim else turn if is_inside else aim
+        self._drag = (
+            pan
+            if right
+            else pull
+            if not sandbox.can_aim
+            else turn
+            if is_inside
+            else aim
+        )
 
     def _toggle(self, mode: str) -> None:
         self._modes ^= {mode}
@@ -237,7 +338,8 @@ class Viewer:
     # ---- files
 
     def _save(self, suffix: str) -> None:
-        """Write a picture (.png) or the scene (.yaml) into a file whose name is not taken: view-1.yaml, view-2.yaml…"""
+        """Write a picture (.png) or the scene (.yaml) into a file whose name is not
+        taken: view-1.yaml, view-2.yaml…"""
         paths = (self._out / f"view-{number}{suffix}" for number in count(1))
         path = next(path for path in paths if not path.exists())
         if suffix == ".png":
@@ -246,4 +348,7 @@ class Viewer:
         else:
             write_text(path, self.sandbox.scene.to_yaml())
         incomplete = suffix == ".yaml" and self.sandbox.time.display.segment.label
-        self.sandbox.message = f"wrote {path}{', without the changes during the motion' if incomplete else ''}"
+        self.sandbox.message = (
+            "wrote"
+            f" {path}{', without the changes during the motion' if incomplete else ''}"
+        )

@@ -21,9 +21,18 @@ PARTS: dict[str, tuple[Part, str]] = {
     "start-up": (commands.start_up, "commands that compute nothing"),
     "film": (commands.film, "`run` to its film, caches empty and warm"),
     "window": (window.window, "pictures and steps a second in the window"),
-    "page": (window.page, "processor time of a state, states a second of the page in Chromium"),
-    "precision": (precision.precision, "error and wall clock of `run`, SciPy, LAMMPS and Numba"),
-    "sweep": (commands.sweep, "sweeps beside the bare stepping of their impacts, one process and two (long)"),
+    "page": (
+        window.page,
+        "processor time of a state, states a second of the page in Chromium",
+    ),
+    "precision": (
+        precision.precision,
+        "error and wall clock of `run`, SciPy, LAMMPS and Numba",
+    ),
+    "sweep": (
+        commands.sweep,
+        "sweeps beside the bare stepping of their impacts, one process and two (long)",
+    ),
 }
 
 
@@ -34,17 +43,36 @@ def main() -> None:
         description=f"What a step, a run and a command cost here.\n\n{listed}",
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
-    parser.add_argument("parts", nargs="*", metavar="PART", help="default: all but the long one")
-    parser.add_argument("--repeats", type=int, default=9, help="how often runs take turns (default: 9)")
-    parser.add_argument("--set", action="append", default=[], metavar="KEY=VALUE", help="of every scene, as in `run`")
-    parser.add_argument("--figure", type=Path, metavar="PNG", help="where `precision` draws its diagram")
+    parser.add_argument(
+        "parts", nargs="*", metavar="PART", help="default: all but the long one"
+    )
+    parser.add_argument(
+        "--repeats", type=int, default=9, help="how often runs take turns (default: 9)"
+    )
+    parser.add_argument(
+        "--set",
+        action="append",
+        default=[],
+        metavar="KEY=VALUE",
+        help="of every scene, as in `run`",
+    )
+    parser.add_argument(
+        "--figure", type=Path, metavar="PNG", help="where `precision` draws its diagram"
+    )
     given = parser.parse_args()
     if unknown := set(given.parts) - set(PARTS):
-        parser.error(f"no part {', '.join(sorted(unknown))}: choose from {', '.join(PARTS)}")
+        parser.error(
+            f"no part {', '.join(sorted(unknown))}: choose from {', '.join(PARTS)}"
+        )
     summary = {"processor": processor(), "cores": os.cpu_count(), **versions()}
-    load = f", load average {os.getloadavg()[0]:.1f}" if hasattr(os, "getloadavg") else ""
+    load = (
+        f", load average {os.getloadavg()[0]:.1f}" if hasattr(os, "getloadavg") else ""
+    )
     print(", ".join(f"{name} {value}" for name, value in summary.items()) + load)
-    print(f"Runs take turns, {given.repeats} times; ratio: median over the turns, to the first row of a table.\n")
+    print(
+        f"Runs take turns, {given.repeats} times; ratio: median over the turns, to the"
+        " first row of a table.\n"
+    )
     runtime.start(threads=1)
     for part in given.parts or [name for name in PARTS if name != "sweep"]:
         more = {"figure": given.figure} if part == "precision" else {}

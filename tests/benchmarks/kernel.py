@@ -41,7 +41,11 @@ class Impact:
         outcome = compute(self.scenario, self.time, estimate=False)
         summary, self.velocities = outcome.summary, outcome.velocities
         self.integrator = INTEGRATORS[summary["integrator"]]
-        self.dt, self.steps, self.attempts = summary["dt"], summary["steps"], summary["attempts"]
+        self.dt, self.steps, self.attempts = (
+            summary["dt"],
+            summary["steps"],
+            summary["attempts"],
+        )
         self.work = 1e-9 * len(self.scenario.lattice.bonds) * self.steps
         self.modes = spectrum(self.scenario.lattice, self.scenario.model)
 
@@ -53,12 +57,19 @@ class Impact:
 
     def bare(self) -> float:
         """Return the cost of the steps in one launch."""
-        lattice, model, velocities = self.scenario.lattice, self.scenario.model, self.scenario.velocities
-        simulation = self.kernels.simulation(lattice, model, self.integrator, velocities, self.dt)
+        lattice, model, velocities = (
+            self.scenario.lattice,
+            self.scenario.model,
+            self.scenario.velocities,
+        )
+        simulation = self.kernels.simulation(
+            lattice, model, self.integrator, velocities, self.dt
+        )
         return self.cost(partial(simulation.advance, self.steps, self.steps))
 
     def driven(self) -> float:
-        """Return the cost of the steps with everything that a run does around them, except start-up and compiling."""
+        """Return the cost of the steps with everything that a run does around them,
+        except start-up and compiling."""
 
         def drive() -> None:
             driver = Driver(self.scenario, self.time, self.kernels, self.modes)
@@ -77,9 +88,15 @@ def kernel(repeats: int, settings: tuple[str, ...]) -> Iterator[str]:
         "wall, dashpots (velocity_verlet)": (RIGID, VERLET),
         "wall, dashpots (trapezoidal)": (RIGID, STRONG, "time.integrator=trapezoidal"),
         "elastic wall, contact search, reset": ("absorbing_wall",),
-        "wall, dashpots (velocity_verlet), 10,000 points": (RIGID, "lattice.points=10000", VERLET),
+        "wall, dashpots (velocity_verlet), 10,000 points": (
+            RIGID,
+            "lattice.points=10000",
+            VERLET,
+        ),
     }
-    runs = {name: Impact(kernels, *scene, *settings).bare for name, scene in scenes.items()}
+    runs = {
+        name: Impact(kernels, *scene, *settings).bare for name, scene in scenes.items()
+    }
     yield from table("one core, whole impacts", in_turn(runs, repeats), NS)
 
 
@@ -95,7 +112,10 @@ def numba(repeats: int, settings: tuple[str, ...]) -> Iterator[str]:
         impact = Impact(kernels, RIGID, VERLET, eta_star, *settings)
         by_numba = partial(leapfrog, impact)
         off = np.abs(by_numba()[1] - impact.velocities).max()
-        runs = {"taichi_disk": impact.bare, "Numba, fastmath": partial(impact.cost, by_numba)}
+        runs = {
+            "taichi_disk": impact.bare,
+            "Numba, fastmath": partial(impact.cost, by_numba),
+        }
         remarks = {"Numba, fastmath": f"velocities at the end differ by {off:.0e} c"}
         yield from table(f"{case}, one core", in_turn(runs, repeats), NS, remarks)
 

@@ -1,7 +1,9 @@
-"""Numba on one thread, as fast as possible: fastmath, no checks, springs in the order of their first points.
+"""Numba on one thread, as fast as possible: fastmath, no checks, springs in the order
+of their first points.
 
-It does not sum up energies. (Tried and not faster: an order in which consecutive springs share no point; storing the
-tensions of all springs first, so that roots and divisions become vector instructions; separate arrays for x and y.)
+It does not sum up energies. (Tried and not faster: an order in which consecutive
+springs share no point; storing the tensions of all springs first, so that roots and
+divisions become vector instructions; separate arrays for x and y.)
 """
 
 from __future__ import annotations
@@ -15,22 +17,38 @@ from numpy.typing import NDArray
 
 
 def leapfrog(impact: Any) -> NDArray[np.float64]:
-    """Step an impact on the rigid wall, and return positions [R] and velocities [c] (2, n, 2) at the end."""
+    """Step an impact on the rigid wall, and return positions [R] and velocities [c] (2,
+    n, 2) at the end."""
     scenario, h = impact.scenario, impact.dt
-    lattice, springs, wall = scenario.lattice, scenario.model.springs, scenario.model.wall
+    lattice, springs, wall = (
+        scenario.lattice,
+        scenario.model.springs,
+        scenario.model.wall,
+    )
     first, second = (np.ascontiguousarray(end) for end in lattice.bonds.T)
     mass = float(lattice.masses[0])
     numbers = springs.k_a, springs.k_b, springs.eta, wall.a, wall.V0, wall.reach
     x, v = lattice.positions.copy(), scenario.velocities.copy()
-    f = _leapfrog(x, v, first, second, lattice.rest_lengths, mass, h, impact.steps, numbers)
+    f = _leapfrog(
+        x, v, first, second, lattice.rest_lengths, mass, h, impact.steps, numbers
+    )
     return np.array([x, v + 0.5 * h / mass * f])
 
 
 @numba.njit(fastmath=True, error_model="numpy", cache=True)
 def _leapfrog(
-    x: Any, v: Any, first: Any, second: Any, rest: Any, mass: float, h: float, steps: int, numbers: Any
+    x: Any,
+    v: Any,
+    first: Any,
+    second: Any,
+    rest: Any,
+    mass: float,
+    h: float,
+    steps: int,
+    numbers: Any,
 ) -> Any:
-    """Step x and v (n, 2) in place, v to half a step before the end, and return the force."""
+    """Step x and v (n, 2) in place, v to half a step before the end, and return the
+    force."""
     k_a, k_b, eta, a, V0, reach = numbers
     g = h / mass
     f, u = np.zeros_like(x), v.copy()

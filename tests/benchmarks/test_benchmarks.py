@@ -20,15 +20,27 @@ def test_every_part_that_needs_no_window_prints_its_tables() -> None:
 @pytest.mark.validate
 def test_every_program_finds_the_same_restitution(tmp_path: Path) -> None:
     figure = tmp_path / "precision.png"
-    printed = benchmarks("precision", "--repeats=1", "--set=lattice.points=200", f"--figure={figure}")
-    rows = [line.split("|")[1:4] for line in printed.splitlines() if line.startswith("| ") and "setting" not in line]
-    errors = [float(found) for *_, text in rows for found in re.findall(r"\$.*10\^{(-\d+)}", text)]
+    printed = benchmarks(
+        "precision", "--repeats=1", "--set=lattice.points=200", f"--figure={figure}"
+    )
+    rows = [
+        line.split("|")[1:4]
+        for line in printed.splitlines()
+        if line.startswith("| ") and "setting" not in line
+    ]
+    errors = [
+        float(found)
+        for *_, text in rows
+        for found in re.findall(r"\$.*10\^{(-\d+)}", text)
+    ]
     assert len(errors) == len(rows) >= 16 and max(errors) <= -5 and figure.exists()
 
 
 def benchmarks(*arguments: str) -> str:
     """Return the printed output."""
     line = [sys.executable, "-m", "tests.benchmarks", *arguments]
-    ended = subprocess.run(line, capture_output=True, text=True, cwd=Path(__file__).parents[2])
+    ended = subprocess.run(
+        line, capture_output=True, text=True, cwd=Path(__file__).parents[2]
+    )
     assert ended.returncode == 0, ended.stderr
     return ended.stdout

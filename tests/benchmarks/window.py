@@ -1,4 +1,5 @@
-"""Measure how smoothly the page and the window of `taichi-disk view` move, without a user."""
+"""Measure how smoothly the page and the window of `taichi-disk view` move, without a
+user."""
 
 from __future__ import annotations
 
@@ -28,7 +29,8 @@ COUNTED = 200  # number of states that are measured
 
 
 def window(_repeats: int, settings: tuple[str, ...]) -> Iterator[str]:
-    """Measure pictures and steps per second of the shipped scenes and two larger disks."""
+    """Measure pictures and steps per second of the shipped scenes and two larger
+    disks."""
     from taichi_disk.window.app import window_problem
 
     if problem := window_problem():
@@ -38,7 +40,8 @@ def window(_repeats: int, settings: tuple[str, ...]) -> Iterator[str]:
     for scene, *own in SCENES:
         given = (*own, *settings)
         name = " ".join((scene, *given))
-        # Each scene has its own process, because GLFW ends a process if it cannot open a window.
+        # Each scene has its own process, because GLFW ends a process if it cannot open
+        # a window.
         with ProcessPoolExecutor(1, multiprocessing.get_context("spawn")) as process:
             try:
                 seconds, steps = process.submit(watch, scene, given).result()
@@ -46,12 +49,14 @@ def window(_repeats: int, settings: tuple[str, ...]) -> Iterator[str]:
                 yield f"  {name}: not measured: the window's process died"
                 continue
         slowest = quantiles(seconds, n=100)[-1]
-        yield f"  {name:<44}{1 / median(seconds):12.1f}{1 / slowest:13.1f}{steps / sum(seconds):10,.0f}"
+        yield (
+            f"  {name:<44}{1 / median(seconds):12.1f}{1 / slowest:13.1f}{steps / sum(seconds):10,.0f}"
+        )
 
 
 def watch(scene: str, settings: tuple[str, ...]) -> tuple[list[float], int]:
-    """Return the times between the pictures of a window [s], and the number of steps. A scene that has ended begins
-    again.
+    """Return the times between the pictures of a window [s], and the number of steps. A
+    scene that has ended begins again.
     """
     from taichi_disk import runtime
 
@@ -62,7 +67,9 @@ def watch(scene: str, settings: tuple[str, ...]) -> tuple[list[float], int]:
 
     seconds, steps, clock, last = [], 0, 0.0, time.perf_counter()
     with tempfile.TemporaryDirectory() as folder:
-        viewer = Viewer(list_presets(load_scene(scene, settings)), Path(folder), max_rate=1000)
+        viewer = Viewer(
+            list_presets(load_scene(scene, settings)), Path(folder), max_rate=1000
+        )
         pictures = viewer.pictures()
         for made in pictures:
             elapsed, last = time.perf_counter() - last, time.perf_counter()
@@ -80,15 +87,20 @@ def watch(scene: str, settings: tuple[str, ...]) -> tuple[list[float], int]:
 
 
 def page(_repeats: int, settings: tuple[str, ...]) -> Iterator[str]:
-    """Measure the states per second that Chromium draws, and the server's processor time for a state."""
+    """Measure the states per second that Chromium draws, and the server's processor
+    time for a state."""
     from tests.browser import MISSING
 
-    yield f"{'the page, 1400 x 900':<46}{'ms/state':>10}{'kB/state':>10}{'states/s':>10}{'slowest 1 %':>13}"
+    yield (
+        f"{'the page, 1400 x 900':<46}{'ms/state':>10}{'kB/state':>10}{'states/s':>10}{'slowest 1 %':>13}"
+    )
     for scene, *own in SCENES:
         given = (*own, *settings)
         with ProcessPoolExecutor(1, multiprocessing.get_context("spawn")) as process:
             seconds, size = process.submit(states, scene, given).result()
-        line = f"  {' '.join((scene, *given)):<44}{1e3 * seconds:10.2f}{1e-3 * size:10.1f}"
+        line = (
+            f"  {' '.join((scene, *given)):<44}{1e3 * seconds:10.2f}{1e-3 * size:10.1f}"
+        )
         if not MISSING:
             apart = browse(scene, given)
             line += f"{1 / median(apart):10.1f}{1 / quantiles(apart, n=100)[-1]:13.1f}"
@@ -98,7 +110,8 @@ def page(_repeats: int, settings: tuple[str, ...]) -> Iterator[str]:
 
 
 def states(scene: str, settings: tuple[str, ...]) -> tuple[float, int]:
-    """Return the server's processor time for a state without the computation [s], and the bytes of a state."""
+    """Return the server's processor time for a state without the computation [s], and
+    the bytes of a state."""
     from taichi_disk import runtime
 
     runtime.start()
@@ -107,7 +120,10 @@ def states(scene: str, settings: tuple[str, ...]) -> tuple[float, int]:
     from taichi_disk.window.app import list_presets
     from taichi_disk.window.session import Session
 
-    session, stepping = Session(list_presets(load_scene(scene, settings)), KernelCache()), 0.0
+    session, stepping = (
+        Session(list_presets(load_scene(scene, settings)), KernelCache()),
+        0.0,
+    )
     advance = session.sandbox.advance
 
     def stepped(*given: float) -> int:
@@ -144,8 +160,9 @@ def browse(scene: str, settings: tuple[str, ...]) -> list[float]:
             browser.click("drop")
             time.sleep(WARM_UP)
             browser.script(
-                "window.shown = []; const { sandbox } = window, draw = sandbox.draw;"
-                "sandbox.draw = function () { window.shown.push(performance.now()); draw.call(this); }"
+                "window.shown = []; const { sandbox } = window, draw ="
+                " sandbox.draw;sandbox.draw = function () {"
+                " window.shown.push(performance.now()); draw.call(this); }"
             )
             time.sleep(BROWSED)
             shown = browser.script("return window.shown")

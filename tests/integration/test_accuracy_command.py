@@ -13,7 +13,15 @@ from taichi_disk.cli import main
 
 
 def accuracy(out: Path, scene: str, *settings: str) -> int:
-    return main(["accuracy", scene, "--out", str(out), *(part for setting in settings for part in ("--set", setting))])
+    return main(
+        [
+            "accuracy",
+            scene,
+            "--out",
+            str(out),
+            *(part for setting in settings for part in ("--set", setting)),
+        ]
+    )
 
 
 @pytest.fixture(autouse=True)
@@ -24,11 +32,21 @@ def few(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(study, "REFINEMENTS", (4,))
 
 
-def test_accuracy_does_not_write_into_the_folder_of_a_run(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    run(load_scene("exponential_wall", ["lattice.points=30"]), tmp_path, video=False, lattices=1)
+def test_accuracy_does_not_write_into_the_folder_of_a_run(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    run(
+        load_scene("exponential_wall", ["lattice.points=30"]),
+        tmp_path,
+        video=False,
+        lattices=1,
+    )
     assert accuracy(tmp_path, "exponential_wall", "lattice.points=30") == 2
     assert "holds a run" in capsys.readouterr().err
-    assert accuracy(tmp_path / "summary.json", "exponential_wall", "lattice.points=30") == 2
+    assert (
+        accuracy(tmp_path / "summary.json", "exponential_wall", "lattice.points=30")
+        == 2
+    )
     assert "is a file" in capsys.readouterr().err
 
 
@@ -36,11 +54,18 @@ def test_accuracy_does_not_write_into_the_folder_of_a_run(tmp_path: Path, capsys
 def test_a_user_s_step_too_long_for_finer_lattices_still_gives_a_report(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert accuracy(tmp_path / "out", "exponential_wall", "lattice.points=30", "time.dt=0.04") == 0
+    assert (
+        accuracy(
+            tmp_path / "out", "exponential_wall", "lattice.points=30", "time.dt=0.04"
+        )
+        == 0
+    )
     output = capsys.readouterr()
     assert " runs and a reference solution, about " in output.err
     first, *rest = output.out.splitlines()
-    assert first.startswith("restitution: time step ") and first.endswith("not smaller steps")
+    assert first.startswith("restitution: time step ") and first.endswith(
+        "not smaller steps"
+    )
     assert any(line.startswith(" integrator ") for line in rest)
     text = (tmp_path / "out" / "accuracy.md").read_text(encoding="utf-8")
     assert first in text and "| points | N = 120, same η |" in text
@@ -52,21 +77,46 @@ def test_a_user_s_step_too_long_for_finer_lattices_still_gives_a_report(
     assert {row["integrator"] for row in rows} == {"velocity_verlet", "trapezoidal"}
     with (tmp_path / "out" / "error_sources.csv").open() as file:
         found = list(csv.DictReader(file))
-    assert [row["source"] for row in found] == ["scene", *2 * ["lattice sample"], "points", *2 * ["wall hardness"]]
+    assert [row["source"] for row in found] == [
+        "scene",
+        *2 * ["lattice sample"],
+        "points",
+        *2 * ["wall hardness"],
+    ]
     # A run with the changed key and the automatic step gives exactly this number.
-    e = run(load_scene("exponential_wall", ["lattice.points=30", "lattice.seed=2"]), lattices=1).restitution
+    e = run(
+        load_scene("exponential_wall", ["lattice.points=30", "lattice.seed=2"]),
+        lattices=1,
+    ).restitution
     assert float(found[2]["result"]) == pytest.approx(e, rel=1e-12)
-    assert float(found[2]["difference"]) == pytest.approx(e - float(found[0]["result"]), rel=1e-9)
+    assert float(found[2]["difference"]) == pytest.approx(
+        e - float(found[0]["result"]), rel=1e-9
+    )
 
 
 def test_a_user_s_step_beyond_the_limit_is_refused_before_anything_is_measured(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert accuracy(tmp_path / "out", "exponential_wall", "lattice.points=30", "time.dt=0.5") == 2
-    assert "beyond the stability limit" in capsys.readouterr().err and not (tmp_path / "out").exists()
+    assert (
+        accuracy(
+            tmp_path / "out", "exponential_wall", "lattice.points=30", "time.dt=0.5"
+        )
+        == 2
+    )
+    assert (
+        "beyond the stability limit" in capsys.readouterr().err
+        and not (tmp_path / "out").exists()
+    )
 
 
-def test_a_compression_has_no_steps_to_measure(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_compression_has_no_steps_to_measure(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     assert accuracy(tmp_path / "out", "compression", "lattice.points=30") == 0
-    assert capsys.readouterr().out.startswith("xi: no time step (an equilibrium), lattice scatter")
-    assert not (tmp_path / "out" / "accuracy.csv").exists() and (tmp_path / "out" / "error_sources.csv").exists()
+    assert capsys.readouterr().out.startswith(
+        "xi: no time step (an equilibrium), lattice scatter"
+    )
+    assert (
+        not (tmp_path / "out" / "accuracy.csv").exists()
+        and (tmp_path / "out" / "error_sources.csv").exists()
+    )

@@ -1,4 +1,5 @@
-"""The program needs nothing that only POSIX has, no Unicode console, and no path without spaces."""
+"""The program needs nothing that only POSIX has, no Unicode console, and no path
+without spaces."""
 
 from __future__ import annotations
 
@@ -14,8 +15,9 @@ from taichi_disk.engine import environment
 from taichi_disk.errors import InputError
 
 ROOT = Path(__file__).parents[2]
-# Every Python with this file in its path, including workers and the process that draws the plot, lacks what Windows
-# lacks. Parts of the standard library that differ on Windows are imported before the modules are removed.
+# Every Python with this file in its path, including workers and the process that draws
+# the plot, lacks what Windows lacks. Parts of the standard library that differ on
+# Windows are imported before the modules are removed.
 BARE = """
 import os, signal, sys
 
@@ -63,21 +65,33 @@ if __name__ == "__main__":
 
 @pytest.fixture
 def bare(tmp_path):
-    """(folder with a space, environment) in which every Python lacks what Windows lacks, and speaks code page 1252."""
+    """(folder with a space, environment) in which every Python lacks what Windows
+    lacks, and speaks code page 1252."""
     place = tmp_path / "my desk"
     (place / "site").mkdir(parents=True)
     (place / "site" / "sitecustomize.py").write_text(BARE, encoding="utf-8")
-    known = [str(place / "site"), *filter(None, [os.environ.get("PYTHONPATH"), str(ROOT)])]
-    return place, {**os.environ, "PYTHONPATH": os.pathsep.join(known), "PYTHONIOENCODING": "cp1252"}
+    known = [
+        str(place / "site"),
+        *filter(None, [os.environ.get("PYTHONPATH"), str(ROOT)]),
+    ]
+    return place, {
+        **os.environ,
+        "PYTHONPATH": os.pathsep.join(known),
+        "PYTHONIOENCODING": "cp1252",
+    }
 
 
 @pytest.mark.validate
 @pytest.mark.parametrize("script", [RUN, SWEEP], ids=["run", "sweep"])
-def test_all_modules_an_impact_with_film_and_a_sweep_do_without_what_only_posix_has(bare, script):
+def test_all_modules_an_impact_with_film_and_a_sweep_do_without_what_only_posix_has(
+    bare, script
+):
     place, environment = bare
     (place / "script.py").write_text(script, encoding="utf-8")
     command = [sys.executable, "script.py"]
-    done = subprocess.run(command, cwd=place, env=environment, capture_output=True, encoding="cp1252")
+    done = subprocess.run(
+        command, cwd=place, env=environment, capture_output=True, encoding="cp1252"
+    )
     assert done.returncode == 0, done.stderr[-3000:]
     if script is RUN:
         made = {path.name for path in (place / "out" / "a run").iterdir()}
@@ -94,7 +108,9 @@ def test_a_console_of_code_page_1252_gets_a_scene_or_a_message(bare, name, statu
     assert status == 0 or done.stderr.startswith(b"error: ?.yaml: no such file")
 
 
-@pytest.mark.parametrize("name", [r"C:\Users\me\a scene.yaml", r"\\server\share\scene.yaml", "D:scene.yaml"])
+@pytest.mark.parametrize(
+    "name", [r"C:\Users\me\a scene.yaml", r"\\server\share\scene.yaml", "D:scene.yaml"]
+)
 def test_a_path_with_a_drive_is_a_path(name):
     with pytest.raises(InputError, match="no such file"):
         load_scene(name)
@@ -107,5 +123,8 @@ def test_windows_keeps_kernels_in_the_user_s_own_folder(monkeypatch, tmp_path, c
         monkeypatch.setenv(name, "")  # monkeypatch then restores it
         monkeypatch.delenv(name)
     environment.prepare()
-    assert Path(os.environ[environment.CACHE]).is_relative_to(tmp_path) and "HOME" not in os.environ
+    assert (
+        Path(os.environ[environment.CACHE]).is_relative_to(tmp_path)
+        and "HOME" not in os.environ
+    )
     assert capsys.readouterr().err == ""

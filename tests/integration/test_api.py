@@ -70,8 +70,12 @@ def test_states_are_those_of_the_time_series(result):
     series = result.series
     times, x, v = result.trajectory(series["t"][::20])
     assert x.shape == v.shape == (len(times), 60, 2)
-    np.testing.assert_allclose(x[:, :, 1].mean(axis=1), series["com_y"][::20], rtol=1e-12)
-    np.testing.assert_allclose(v[:, :, 1].mean(axis=1), series["com_vy"][::20], rtol=1e-11, atol=1e-15)
+    np.testing.assert_allclose(
+        x[:, :, 1].mean(axis=1), series["com_y"][::20], rtol=1e-12
+    )
+    np.testing.assert_allclose(
+        v[:, :, 1].mean(axis=1), series["com_vy"][::20], rtol=1e-11, atol=1e-15
+    )
     state = result.state(times[3])
     assert state.t == times[3]
     assert (state.positions == x[3]).all() and (state.velocities == v[3]).all()
@@ -80,7 +84,10 @@ def test_states_are_those_of_the_time_series(result):
 def test_a_field_is_that_of_its_state(result):
     tightest = result.series["t"][result.series["elastic"].argmax()]
     strain = result.field("strain", tightest)
-    assert strain.on == "springs" and strain.values.shape == result.lattice.rest_lengths.shape
+    assert (
+        strain.on == "springs"
+        and strain.values.shape == result.lattice.rest_lengths.shape
+    )
     x = result.state(tightest).positions
     i, j = result.lattice.bonds.T
     expected = np.hypot(*(x[i] - x[j]).T) / result.lattice.rest_lengths - 1
@@ -89,19 +96,33 @@ def test_a_field_is_that_of_its_state(result):
 
 def test_at_points_a_field_is_the_mean_of_the_triangles_around_each(result):
     state = result.greatest_compression
-    pressure, own = result.field("pressure", state.t, at="points"), result.field("pressure", state.t)
+    pressure, own = (
+        result.field("pressure", state.t, at="points"),
+        result.field("pressure", state.t),
+    )
     corners = state.positions[result.lattice.triangles]
-    (ax, ay), (bx, by) = (corners[:, 1] - corners[:, 0]).T, (corners[:, 2] - corners[:, 0]).T
+    (ax, ay), (bx, by) = (
+        (corners[:, 1] - corners[:, 0]).T,
+        (corners[:, 2] - corners[:, 0]).T,
+    )
     area = 0.5 * (ax * by - ay * bx)
     around = (result.lattice.triangles == 7).any(axis=1)
-    assert pressure.on == "points" and pressure.values.shape == (60,) and own.on == "triangles"
-    assert pressure.values[7] == pytest.approx(np.average(own.values[around], weights=area[around]), rel=1e-10)
+    assert (
+        pressure.on == "points"
+        and pressure.values.shape == (60,)
+        and own.on == "triangles"
+    )
+    assert pressure.values[7] == pytest.approx(
+        np.average(own.values[around], weights=area[around]), rel=1e-10
+    )
     assert np.ptp(result.field("fringes", state.t, at="points").values) <= 1.0
     with pytest.raises(InputError, match="at: must be"):
         result.field("pressure", 1.0, at="springs")
 
 
-def test_the_disk_is_pushed_hardest_and_stands_lowest_at_the_greatest_compression(result):
+def test_the_disk_is_pushed_hardest_and_stands_lowest_at_the_greatest_compression(
+    result,
+):
     state = result.greatest_compression
     heights = [x[:, 1].mean() for x in result.trajectory(result.series["t"][::5])[1]]
     assert state.positions[:, 1].mean() < min(heights) + 1e-3
@@ -110,7 +131,10 @@ def test_the_disk_is_pushed_hardest_and_stands_lowest_at_the_greatest_compressio
 
 def test_the_time_series_is_a_table(result):
     table = result.dataframe()
-    assert list(table) == list(result.series) and (table["com_y"] == result.series["com_y"]).all()
+    assert (
+        list(table) == list(result.series)
+        and (table["com_y"] == result.series["com_y"]).all()
+    )
 
 
 def test_run_changes_keys_like_with_():
@@ -135,14 +159,25 @@ def test_a_state_is_drawn_in_the_colours_of_films_where_it_is(result):
     places = np.clip(0.5 + 0.5 * values / limit, 0.0, 1.0) * (LEVELS - 1) + 0.5
     colours = colour_map("light", "pressure")[places.astype(int)]
     np.testing.assert_allclose(field.get_facecolor()[:, :3], colours, atol=1e-6)
-    assert "pressure" in bar.get_ylabel() and axes.get_xlabel() == "x  [R]" and f"{state.t:.4g}" in axes.get_title()
+    assert (
+        "pressure" in bar.get_ylabel()
+        and axes.get_xlabel() == "x  [R]"
+        and f"{state.t:.4g}" in axes.get_title()
+    )
 
 
 def test_a_state_is_drawn_on_given_axes_at_any_moment(result):
     figure = Figure()
     left, right = figure.subplots(1, 2)
-    assert result.draw("contact", "fringes", left) is figure and result.draw(0.0, ax=right) is figure
-    assert "time = 0 R/c" in right.get_title() and len(left.collections) and len(right.collections)
+    assert (
+        result.draw("contact", "fringes", left) is figure
+        and result.draw(0.0, ax=right) is figure
+    )
+    assert (
+        "time = 0 R/c" in right.get_title()
+        and len(left.collections)
+        and len(right.collections)
+    )
     with pytest.raises(InputError, match="no moment"):
         result.draw(-1.0)
     with pytest.raises(InputError, match="did you mean pressure"):
@@ -159,8 +194,13 @@ def test_a_state_is_drawn_on_given_axes_at_any_moment(result):
         ("progres", "progress"),
     ],
 )
-def test_a_misspelt_keyword_argument_of_run_is_answered_by_the_nearest_name(keyword, meant):
-    with pytest.raises(InputError, match=rf"^{keyword}: unknown (key|argument of run); did you mean {meant}\?$"):
+def test_a_misspelt_keyword_argument_of_run_is_answered_by_the_nearest_name(
+    keyword, meant
+):
+    with pytest.raises(
+        InputError,
+        match=rf"^{keyword}: unknown (key|argument of run); did you mean {meant}\?$",
+    ):
         run("exponential_wall", **{keyword: 1})
 
 
@@ -170,40 +210,74 @@ def test_a_saved_result_is_loaded_bitwise_the_same(result, tmp_path):
     assert again.restitution == result.restitution
     for name, values in result.series.items():
         assert (again.series[name] == values).all(), name
-    assert json.loads((tmp_path / "r" / "summary.json").read_text())["restitution"] == result.restitution
+    assert (
+        json.loads((tmp_path / "r" / "summary.json").read_text())["restitution"]
+        == result.restitution
+    )
     (tmp_path / "r" / "video.gif").touch()
-    for folder, film in (("s", None), ("r", "video.gif")):  # the summary names the existing film of this scene
-        outcome = replace(result.outcome, summary=result.summary | {"video": "video.mp4"})
+    # the summary names the existing film of this scene
+    for folder, film in (("s", None), ("r", "video.gif")):
+        outcome = replace(
+            result.outcome, summary=result.summary | {"video": "video.mp4"}
+        )
         replace(result, outcome=outcome).save(tmp_path / folder)
-        assert json.loads((tmp_path / folder / "summary.json").read_text())["video"] == film
+        assert (
+            json.loads((tmp_path / folder / "summary.json").read_text())["video"]
+            == film
+        )
 
 
 def test_custom_velocities_are_thrown_and_saved_and_make_another_run(tmp_path):
     scene = load_scene("exponential_wall").with_(SMALL)
     velocities = np.tile([0.01, -0.03], (60, 1))
-    own = run(scene, velocities=velocities, out=tmp_path / "own", video=False, lattices=1)
+    own = run(
+        scene, velocities=velocities, out=tmp_path / "own", video=False, lattices=1
+    )
     plain = run(scene.with_(velocity=0.03), lattices=1)
-    assert own.restitution == pytest.approx(plain.restitution, abs=1e-7)  # the wall is flat, and has no friction
+    # the wall is flat, and has no friction
+    assert own.restitution == pytest.approx(plain.restitution, abs=1e-7)
     assert own.series["com_vx"][-1] == pytest.approx(0.01, rel=1e-12)
     again = Result.load(tmp_path / "own")
-    assert all((again.series[name] == values).all() for name, values in own.series.items())
+    assert all(
+        (again.series[name] == values).all() for name, values in own.series.items()
+    )
     with pytest.raises(InputError, match=r"another run"):
         run(scene, out=tmp_path / "own", video=False, lattices=1)
 
 
 @pytest.mark.parametrize(
     "velocities",
-    ["fast", np.zeros((59, 2)), *(np.tile(pair, (60, 1)) for pair in ([np.nan, 0.0], [0.0, 0.01], [0.0, -1e200]))],
+    [
+        "fast",
+        np.zeros((59, 2)),
+        *(
+            np.tile(pair, (60, 1))
+            for pair in ([np.nan, 0.0], [0.0, 0.01], [0.0, -1e200])
+        ),
+    ],
 )
 def test_velocities_that_do_not_fit_are_refused(velocities):
     with pytest.raises(InputError, match="velocities"):
-        run(load_scene("exponential_wall").with_(SMALL), velocities=velocities, lattices=1)
+        run(
+            load_scene("exponential_wall").with_(SMALL),
+            velocities=velocities,
+            lattices=1,
+        )
 
 
 def test_a_scene_takes_the_disk_of_a_lattice_that_has_a_wall():
-    over_wall = load_scene("absorbing_wall").with_(SMALL | {"wall.points": 100}).scenario().lattice
-    pressed = load_scene("compression").with_({"lattice.points": 60, "compression.method": "newton"})
-    assert run(pressed, lattice=over_wall, lattices=1).xi == pytest.approx(run(pressed, lattices=1).xi, rel=1e-9)
+    over_wall = (
+        load_scene("absorbing_wall")
+        .with_(SMALL | {"wall.points": 100})
+        .scenario()
+        .lattice
+    )
+    pressed = load_scene("compression").with_(
+        {"lattice.points": 60, "compression.method": "newton"}
+    )
+    assert run(pressed, lattice=over_wall, lattices=1).xi == pytest.approx(
+        run(pressed, lattices=1).xi, rel=1e-9
+    )
 
 
 def test_titles_say_where_a_lattice_comes_from(tmp_path):
@@ -211,18 +285,34 @@ def test_titles_say_where_a_lattice_comes_from(tmp_path):
     np.savetxt(tmp_path / "points.csv", other.positions, delimiter=",")
     from_file = scene.with_(file=str(tmp_path / "points.csv"))
     own = Lattice.from_points(other.positions)
-    scenarios = scene.scenario(), scene.scenario(other), scene.scenario(own), from_file.scenario()
-    origins = [scenario.title()[-1].removeprefix("N = 60    ") for scenario in scenarios]
+    scenarios = (
+        scene.scenario(),
+        scene.scenario(other),
+        scene.scenario(own),
+        from_file.scenario(),
+    )
+    origins = [
+        scenario.title()[-1].removeprefix("N = 60    ") for scenario in scenarios
+    ]
     assert origins == ["seed 0", "seed 5", "custom lattice", "points.csv"]
     thrown = scene.scenario(velocities=np.tile([0.0, -0.05], (60, 1)))
-    pressed = load_scene("compression").with_({"lattice.points": 60}).scenario(velocities=np.full((60, 2), 1e-3))
-    assert all("own velocities" in scenario.title()[1] for scenario in (thrown, pressed))
+    pressed = (
+        load_scene("compression")
+        .with_({"lattice.points": 60})
+        .scenario(velocities=np.full((60, 2), 1e-3))
+    )
+    assert all(
+        "own velocities" in scenario.title()[1] for scenario in (thrown, pressed)
+    )
     assert "own velocities" not in scenarios[0].title()[1]
 
 
 def test_what_cannot_be_computed_as_given_is_refused(result, tmp_path):
     heavy = replace(result.lattice, masses=np.linspace(0.5, 1.6, 60) / 60)
-    for lattice, message in ((heavy, r"must add up to 1 M, not 1\.05"), (result.lattice.positions, "from_points")):
+    for lattice, message in (
+        (heavy, r"must add up to 1 M, not 1\.05"),
+        (result.lattice.positions, "from_points"),
+    ):
         with pytest.raises(InputError, match=message):
             run(result.scene, lattice=lattice, lattices=1)
     for frames in (0, -1, 2.5, 10**12):
@@ -234,7 +324,9 @@ def test_what_cannot_be_computed_as_given_is_refused(result, tmp_path):
     assert list(tmp_path.iterdir()) == []
     with pytest.raises(InputError, match="ax: must be axes of Matplotlib"):
         result.draw(ax=3)
-    with pytest.raises(InputError, match="sweep: must be what load_sweep returns, not None"):
+    with pytest.raises(
+        InputError, match="sweep: must be what load_sweep returns, not None"
+    ):
         run_sweep(None, "never")
     with pytest.raises(InputError, match="export: needs a folder"):
         run(result.scene, export="xyz", lattices=1)
@@ -286,22 +378,35 @@ except InputError as error:
 def test_the_threads_of_a_process_are_chosen_once_and_all_its_results_live_on():
     code = ONE_NUMBER.replace("cores", str(cores()))
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
-    assert done.returncode == 0 and ("this process already computes with" in done.stdout or cores() == 1), done.stderr
+    assert done.returncode == 0 and (
+        "this process already computes with" in done.stdout or cores() == 1
+    ), done.stderr
 
 
 @pytest.mark.parametrize("threads", [0, -1, 1.5, "2", 100_000, cores() + 1])
 def test_threads_are_a_whole_number_up_to_the_cores(threads):
-    with pytest.raises(InputError, match=f"threads: must be a whole number from 1 to {cores()}, .*not {threads!r}"):
+    with pytest.raises(
+        InputError,
+        match=f"threads: must be a whole number from 1 to {cores()}, .*not {threads!r}",
+    ):
         run(load_scene("exponential_wall").with_(SMALL), threads=threads, lattices=1)
 
 
 @pytest.mark.parametrize("number", ["1", "0", "-1", "many", ""])
 def test_the_environment_says_how_many_threads_where_nobody_else_does(number):
-    code = "from taichi_disk import engine, runtime; runtime.start(); print(engine.ti.cfg.cpu_max_num_threads)"
+    code = (
+        "from taichi_disk import engine, runtime; runtime.start();"
+        " print(engine.ti.cfg.cpu_max_num_threads)"
+    )
     environment = os.environ | {"TAICHI_DISK_THREADS": number}
-    process = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, env=environment)
+    process = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, env=environment
+    )
     assert process.stdout == ("1\n" if number == "1" else "")
-    assert number == "1" or "TAICHI_DISK_THREADS: must be a whole number from 1 to" in process.stderr
+    assert (
+        number == "1"
+        or "TAICHI_DISK_THREADS: must be a whole number from 1 to" in process.stderr
+    )
 
 
 # ---- progress
@@ -311,12 +416,24 @@ def test_the_environment_says_how_many_threads_where_nobody_else_does(number):
 def test_a_progress_callback_receives_every_stage_from_its_beginning(scene, tmp_path):
     calls = []
     keys = {"lattice.points": 60, "video.seconds": 0.3, "video.size": 64}
-    keys |= {"compression.method": "newton"} if scene == "compression" else {"impact.velocity": 2e-3}
+    keys |= (
+        {"compression.method": "newton"}
+        if scene == "compression"
+        else {"impact.velocity": 2e-3}
+    )
     scene = load_scene(scene).with_(keys)
-    done = run(scene, tmp_path / "o", progress=lambda *what: calls.append(what), video=False, lattices=2)
+    done = run(
+        scene,
+        tmp_path / "o",
+        progress=lambda *what: calls.append(what),
+        video=False,
+        lattices=2,
+    )
     assert calls.pop() == ("lattices", 0, 1)
     assert {stage for stage, _, _ in calls} == {"simulate"} and calls[0][1] == 0
-    assert [now for _, now, _ in calls] == sorted(now for _, now, _ in calls) and calls[-1][1] <= calls[-1][2]
+    assert [now for _, now, _ in calls] == sorted(now for _, now, _ in calls) and calls[
+        -1
+    ][1] <= calls[-1][2]
     calls.clear()
     Result.load(tmp_path / "o", progress=lambda *what: calls.append(what))
     assert calls[0] == ("simulate", 0, calls[0][2])
@@ -326,7 +443,9 @@ def test_a_progress_callback_receives_every_stage_from_its_beginning(scene, tmp_
 @pytest.mark.parametrize("progress", [3, "bar", lambda done: None, object(), []])
 def test_a_progress_of_another_shape_is_refused_by_name(result, progress, tmp_path):
     name = getattr(progress, "__name__", type(progress).__name__)
-    message = rf"progress: must be a function of \(stage, done, total\), which {name} is not"
+    message = (
+        rf"progress: must be a function of \(stage, done, total\), which {name} is not"
+    )
     sweep = load_sweep({"scene": "exponential_wall", "sweep": {"seed": [0]}})
     for call in (
         lambda: run(result.scene, tmp_path / "o", progress=progress, lattices=1),
@@ -339,7 +458,14 @@ def test_a_progress_of_another_shape_is_refused_by_name(result, progress, tmp_pa
 
 
 def test_a_progress_callback_may_not_compute_and_spoils_nothing(result):
-    calls, refused = [lambda: run(other, lattices=1), lambda: result.state(1.0), lambda: result.film("never.mp4")], []
+    calls, refused = (
+        [
+            lambda: run(other, lattices=1),
+            lambda: result.state(1.0),
+            lambda: result.film("never.mp4"),
+        ],
+        [],
+    )
     scene, other = result.scene.with_(velocity=2e-3), result.scene.with_(points=30)
     expected = run(scene, lattices=1).restitution
 
@@ -349,7 +475,9 @@ def test_a_progress_callback_may_not_compute_and_spoils_nothing(result):
                 call()
             refused.append(done)
 
-    assert run(scene, progress=curious, lattices=1).restitution == expected and len(refused) >= len(calls)
+    assert run(scene, progress=curious, lattices=1).restitution == expected and len(
+        refused
+    ) >= len(calls)
     with pytest.raises(InputError, match="a progress callback cannot run"):
         run(scene, progress=lambda stage, done, total: run(other), lattices=1)
     assert run(scene, lattices=1).restitution == expected
@@ -357,10 +485,23 @@ def test_a_progress_callback_may_not_compute_and_spoils_nothing(result):
 
 def test_a_lattice_file_gives_what_the_lattice_gives(tmp_path):
     disk = Lattice.disk(60, seed=3)
-    np.savetxt(tmp_path / "points.csv", disk.positions, delimiter=",", header="x,y", comments="")
-    (tmp_path / "s.yaml").write_text("scene: exponential_wall\nlattice: {file: points.csv}\nmaterial: {eta_star: 0}\n")
+    np.savetxt(
+        tmp_path / "points.csv",
+        disk.positions,
+        delimiter=",",
+        header="x,y",
+        comments="",
+    )
+    (tmp_path / "s.yaml").write_text(
+        "scene: exponential_wall\nlattice: {file: points.csv}\nmaterial: {eta_star:"
+        " 0}\n"
+    )
     by_file = run(load_scene(tmp_path / "s.yaml"), lattices=1)
-    by_array = run(load_scene("exponential_wall").with_(SMALL), lattice=Lattice.from_points(disk.positions), lattices=1)
+    by_array = run(
+        load_scene("exponential_wall").with_(SMALL),
+        lattice=Lattice.from_points(disk.positions),
+        lattices=1,
+    )
     assert by_file.restitution == pytest.approx(by_array.restitution, rel=1e-12)
     assert by_file.lattice.disk_points == 60
     assert "points.csv" in " ".join(by_file.scenario.title())
@@ -369,20 +510,30 @@ def test_a_lattice_file_gives_what_the_lattice_gives(tmp_path):
         (tmp_path / "copy.csv").unlink(missing_ok=True)
 
     shutil.copy(tmp_path / "points.csv", tmp_path / "copy.csv")
-    removed = run(by_file.scene.with_(file=str(tmp_path / "copy.csv")), progress=removes, lattices=1)
+    removed = run(
+        by_file.scene.with_(file=str(tmp_path / "copy.csv")),
+        progress=removes,
+        lattices=1,
+    )
     assert removed.summary["lattice_digest"] == by_file.summary["lattice_digest"]
     by_file.save(tmp_path / "r")
     assert Result.load(tmp_path / "r").restitution == by_file.restitution
     other = Lattice.disk(60, seed=4)
     np.savetxt(tmp_path / "points.csv", other.positions, delimiter=",")
-    assert Result.load(tmp_path / "r").restitution == by_file.restitution  # the run has stored its lattice
+    # the run has stored its lattice
+    assert Result.load(tmp_path / "r").restitution == by_file.restitution
     with pytest.raises(InputError, match="holds another run"):
         run(load_scene(tmp_path / "s.yaml"), tmp_path / "r", video=False, lattices=1)
 
 
 def test_spin_and_turn_are_those_of_the_start():
     plain = run(load_scene("exponential_wall").with_(SMALL), lattices=1)
-    spun = run(load_scene("exponential_wall").with_(SMALL | {"impact.spin": 0.05, "impact.turn": 0.5}), lattices=1)
+    spun = run(
+        load_scene("exponential_wall").with_(
+            SMALL | {"impact.spin": 0.05, "impact.turn": 0.5}
+        ),
+        lattices=1,
+    )
     x, v = spun.state(0.0)[1:]
     arm = x - x.mean(axis=0)
     turning = (arm[:, 0] * v[:, 1] - arm[:, 1] * v[:, 0]).sum() / (arm**2).sum()
@@ -392,7 +543,10 @@ def test_spin_and_turn_are_those_of_the_start():
     np.testing.assert_allclose(arm, before @ np.array([[c, s], [-s, c]]), atol=1e-12)
 
 
-@pytest.mark.parametrize("times", ["soon", [[1.0], [1.0, 2.0]], [], [2.0, 1.0], [-1.0], [1e9], [float("nan")]])
+@pytest.mark.parametrize(
+    "times",
+    ["soon", [[1.0], [1.0, 2.0]], [], [2.0, 1.0], [-1.0], [1e9], [float("nan")]],
+)
 def test_times_outside_the_run_are_refused(result, times):
     with pytest.raises(InputError, match="times"):
         result.trajectory(times)
@@ -407,53 +561,100 @@ def test_a_quantity_that_a_scene_does_not_have_is_refused_with_those_it_has(resu
 
 DISK = Lattice.disk(60, seed=3)
 ELLIPSE = Lattice.from_points(DISK.positions * [1.1, 0.9])
-STRAINED = Lattice.from_points(ELLIPSE.positions, ELLIPSE.bonds, ELLIPSE.rest_lengths * 1.002)
+STRAINED = Lattice.from_points(
+    ELLIPSE.positions, ELLIPSE.bonds, ELLIPSE.rest_lengths * 1.002
+)
 RING = Lattice.disk(150, hole=0.3)
 FACTORS = np.where(RING.bonds[:, 0] % 3, 1.0, 2.0)
-NON_UNIFORM = Lattice.from_points(RING.positions, RING.bonds, stiffness=FACTORS, masses=1.0 + np.arange(150) % 2)
+NON_UNIFORM = Lattice.from_points(
+    RING.positions, RING.bonds, stiffness=FACTORS, masses=1.0 + np.arange(150) % 2
+)
 THROWN = np.random.default_rng(0).normal(0.0, 1e-3, (60, 2)) + [0.002, -0.04]
 OWN = {
     "turned": ("exponential_wall", {"impact.turn": 0.7}, {"lattice": ELLIPSE}),
     "thrown": ("exponential_wall", {"lattice.points": 60}, {"velocities": THROWN}),
-    "strained": ("exponential_wall", {"impact.spin": 0.01}, {"lattice": STRAINED, "velocities": THROWN}),
-    "walled": ("absorbing_wall", {"wall.points": 100}, {"lattice": ELLIPSE, "velocities": THROWN}),
+    "strained": (
+        "exponential_wall",
+        {"impact.spin": 0.01},
+        {"lattice": STRAINED, "velocities": THROWN},
+    ),
+    "walled": (
+        "absorbing_wall",
+        {"wall.points": 100},
+        {"lattice": ELLIPSE, "velocities": THROWN},
+    ),
     "pressed": ("compression", {"compression.method": "newton"}, {"lattice": STRAINED}),
-    "non-uniform": ("absorbing_wall", {"wall.points": 200, "impact.spin": 0.01}, {"lattice": NON_UNIFORM}),
+    "non-uniform": (
+        "absorbing_wall",
+        {"wall.points": 200, "impact.spin": 0.01},
+        {"lattice": NON_UNIFORM},
+    ),
 }
 
 
 def assert_same(one: Result, other: Result) -> None:
     assert one.numbers == other.numbers and one.series.keys() == other.series.keys()
-    assert all((one.series[name] == values).all() for name, values in other.series.items())
+    assert all(
+        (one.series[name] == values).all() for name, values in other.series.items()
+    )
 
 
 @pytest.mark.parametrize(
     "name",
     [
-        pytest.param(kind, marks=pytest.mark.validate if kind in ("thrown", "pressed", "non-uniform") else ())
+        pytest.param(
+            kind,
+            marks=(
+                pytest.mark.validate
+                if kind in ("thrown", "pressed", "non-uniform")
+                else ()
+            ),
+        )
         for kind in OWN
     ],
 )
 def test_scene_yaml_alone_repeats_a_run_with_custom_arrays_bitwise(tmp_path, name):
     kind, changes, own = OWN[name]
-    first = run(load_scene(kind).with_(changes), tmp_path / "first", video=False, **own, lattices=1)
+    first = run(
+        load_scene(kind).with_(changes),
+        tmp_path / "first",
+        video=False,
+        **own,
+        lattices=1,
+    )
     (tmp_path / "first").rename(tmp_path / "moved")  # a run needs only its folder
     before = {path.name: path.read_bytes() for path in (tmp_path / "moved").iterdir()}
-    again = run(load_scene(tmp_path / "moved" / "scene.yaml"), tmp_path / "again", video=False, lattices=1)
-    in_place = run(load_scene(tmp_path / "moved" / "scene.yaml"), tmp_path / "moved", video=False, lattices=1)
+    again = run(
+        load_scene(tmp_path / "moved" / "scene.yaml"),
+        tmp_path / "again",
+        video=False,
+        lattices=1,
+    )
+    in_place = run(
+        load_scene(tmp_path / "moved" / "scene.yaml"),
+        tmp_path / "moved",
+        video=False,
+        lattices=1,
+    )
     loaded = Result.load(tmp_path / "again", estimate=False)
     loaded.save(tmp_path / "saved")
     for other in (again, in_place, loaded):
         assert_same(first, other)
     for folder in ("moved", "again", "saved"):
         after = {path.name: path.read_bytes() for path in (tmp_path / folder).iterdir()}
-        assert {name for name in before if after[name] != before[name]} == {"summary.json"}  # its wall clock
+        # its wall clock
+        assert {name for name in before if after[name] != before[name]} == {
+            "summary.json"
+        }
     with pytest.raises(InputError, match="holds another run"):
-        run(load_scene(kind).with_(changes), tmp_path / "moved", video=False, lattices=1)
+        run(
+            load_scene(kind).with_(changes), tmp_path / "moved", video=False, lattices=1
+        )
 
 
 @pytest.mark.parametrize(
-    ("name", "reaction"), [("summary.json", "warned"), ("timeseries.csv", "warned"), ("scene.yaml", "")]
+    ("name", "reaction"),
+    [("summary.json", "warned"), ("timeseries.csv", "warned"), ("scene.yaml", "")],
 )
 def test_an_edited_file_of_a_run_is_noticed(result, tmp_path, name, reaction):
     result.save(tmp_path / "r")
@@ -461,15 +662,29 @@ def test_an_edited_file_of_a_run_is_noticed(result, tmp_path, name, reaction):
     path = tmp_path / "r" / name
     path.write_text(path.read_text().replace("0", "1", 1))
     if reaction:
-        with pytest.warns(UserWarning, match=f"{name} has been changed since the run; the result is computed again"):
-            assert Result.load(tmp_path / "r", estimate=False).restitution == result.restitution
+        with pytest.warns(
+            UserWarning,
+            match=(
+                f"{name} has been changed since the run; the result is computed again"
+            ),
+        ):
+            assert (
+                Result.load(tmp_path / "r", estimate=False).restitution
+                == result.restitution
+            )
     else:
         with pytest.raises(InputError, match=f"{name} has been changed since the run"):
             Result.load(tmp_path / "r")
 
 
 def test_a_lattice_that_is_not_the_run_s_any_more_is_noticed(tmp_path):
-    run(load_scene("exponential_wall").with_(SMALL), tmp_path / "r", lattice=ELLIPSE, video=False, lattices=1)
+    run(
+        load_scene("exponential_wall").with_(SMALL),
+        tmp_path / "r",
+        lattice=ELLIPSE,
+        video=False,
+        lattices=1,
+    )
     path = tmp_path / "r" / "lattice.npz"
     np.savez(path, **{**np.load(path), "rest_lengths": ELLIPSE.rest_lengths * 1.01})
     with pytest.raises(InputError, match="have changed since the run"):
@@ -504,7 +719,13 @@ def test_a_blow_up_comes_back_from_another_process_too():
 
 @pytest.mark.parametrize("path", [5, b"x", ["x"], 1.5])
 def test_anything_but_a_path_is_refused_as_a_path(result, path):
-    for act in (result.save, result.film, result.export, Result.load, lambda out: run(result.scene, out, lattices=1)):
+    for act in (
+        result.save,
+        result.film,
+        result.export,
+        Result.load,
+        lambda out: run(result.scene, out, lattices=1),
+    ):
         with pytest.raises(InputError, match="must be a path, not "):
             act(path)
     with pytest.raises(InputError, match="numbers"):
@@ -517,7 +738,10 @@ def test_messages_in_python_name_arguments(result, tmp_path, monkeypatch):
     (tmp_path / "file").touch()
     monkeypatch.chdir(tmp_path)
     for act, message in (
-        (lambda: other.save("r"), r"overwrite=True replaces it\); choose another folder as `out`"),
+        (
+            lambda: other.save("r"),
+            r"overwrite=True replaces it\); choose another folder as `out`",
+        ),
         (lambda: other.save("."), "name a folder in it as `out`"),
         (lambda: other.save("file/r"), "choose another as `out`"),
         (lambda: Result.load("nothing"), "no run is here"),

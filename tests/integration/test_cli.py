@@ -20,7 +20,14 @@ from taichi_disk.scenes import load_scene
 
 SMALL = ("lattice.points=60", "material.eta_star=0")
 WILD = (*SMALL, "time.dt=0.22")  # 1.5 times the limit
-RUN = {"scene.yaml", "lattice.npz", "summary.json", "timeseries.csv", "final.npz", "plot.png"}
+RUN = {
+    "scene.yaml",
+    "lattice.npz",
+    "summary.json",
+    "timeseries.csv",
+    "final.npz",
+    "plot.png",
+}
 
 
 def arguments(out: Path, *settings: str, scene: str = "exponential_wall") -> list[str]:
@@ -37,7 +44,12 @@ def arguments(out: Path, *settings: str, scene: str = "exponential_wall") -> lis
 
 def command(*words: str, **options: Any) -> subprocess.CompletedProcess[str]:
     """Run `taichi-disk` in a process of its own."""
-    return subprocess.run([sys.executable, "-m", "taichi_disk", *words], capture_output=True, text=True, **options)
+    return subprocess.run(
+        [sys.executable, "-m", "taichi_disk", *words],
+        capture_output=True,
+        text=True,
+        **options,
+    )
 
 
 def names(folder: Path) -> set[str]:
@@ -51,28 +63,45 @@ def test_a_run_prints_its_result_and_leaves_its_files(tmp_path, capsys):
     summary = json.loads((tmp_path / "o" / "summary.json").read_text())
     assert names(tmp_path / "o") == RUN
     shown, _, rest = lines["restitution e"].split(maxsplit=2)[2].partition(" ± ")
-    assert float(shown) == pytest.approx(summary["restitution"], abs=float(rest.split()[0]))
-    assert f"{summary['steps']:,}" in lines["steps"] and "takahashi_imada" in lines["steps"]
-    assert summary["status"] == "done" and summary["error_estimate"]["restitution"] > 0.0
+    assert float(shown) == pytest.approx(
+        summary["restitution"], abs=float(rest.split()[0])
+    )
+    assert (
+        f"{summary['steps']:,}" in lines["steps"]
+        and "takahashi_imada" in lines["steps"]
+    )
+    assert (
+        summary["status"] == "done" and summary["error_estimate"]["restitution"] > 0.0
+    )
 
 
 @pytest.mark.validate
-def test_a_run_notes_that_eta_star_counts_per_point_where_it_makes_another_body(tmp_path, capsys):
+def test_a_run_notes_that_eta_star_counts_per_point_where_it_makes_another_body(
+    tmp_path, capsys
+):
     few = (*SMALL, "material.eta_star=10")
     assert main(arguments(tmp_path / "few", *few)) == 0
     (note,) = json.loads((tmp_path / "few" / "summary.json").read_text())["notes"]
     output = capsys.readouterr().err
-    assert output.count(f"note: {note}") == 1 and "18.3 times as viscous" in note and "viscosity = 0.0091" in note
+    assert (
+        output.count(f"note: {note}") == 1
+        and "18.3 times as viscous" in note
+        and "viscosity = 0.0091" in note
+    )
     for number, settings in enumerate(((*few, "material.viscosity=0.1"), SMALL)):
         assert main(arguments(tmp_path / f"{number}", *settings)) == 0
         assert "note" not in capsys.readouterr().err
-        assert "notes" not in json.loads((tmp_path / f"{number}" / "summary.json").read_text())
+        assert "notes" not in json.loads(
+            (tmp_path / f"{number}" / "summary.json").read_text()
+        )
     usual = load_scene("exponential_wall")
     assert not usual.notes(1099) and "η* = 10 " in usual.scenario().title()[1]
     assert "η = 0.1 Mc/R" in usual.with_(points=60, viscosity=0.1).scenario().title()[1]
 
 
-def test_a_run_goes_into_out_and_the_name_of_the_scene_unless_a_folder_is_named(tmp_path, monkeypatch):
+def test_a_run_goes_into_out_and_the_name_of_the_scene_unless_a_folder_is_named(
+    tmp_path, monkeypatch
+):
     calls = []
 
     def run(scene, out, *, count_on, overwrite, **_):
@@ -83,28 +112,52 @@ def test_a_run_goes_into_out_and_the_name_of_the_scene_unless_a_folder_is_named(
     monkeypatch.setenv("HOME", "/home/me")
     for words in ((), ("--out", "o", "--overwrite"), ("--out=~/o",)):
         assert main(["run", "exponential_wall", *words]) == 2
-    assert calls == [("out/exponential_wall", True, False), ("o", False, True), ("/home/me/o", False, False)]
+    assert calls == [
+        ("out/exponential_wall", True, False),
+        ("o", False, True),
+        ("/home/me/o", False, False),
+    ]
     monkeypatch.chdir(tmp_path)
     for name in ("a.yaml", "b.yml", "v0.05", "...yaml", "..yaml", "....yml"):
         (tmp_path / name).write_text("scene: exponential_wall\n")
         main(["run", name])
-    assert [out for out, *_ in calls[3:]] == ["out/a", "out/b", "out/v0.05", "out/...yaml", "out/..yaml", "out/....yml"]
+    assert [out for out, *_ in calls[3:]] == [
+        "out/a",
+        "out/b",
+        "out/v0.05",
+        "out/...yaml",
+        "out/..yaml",
+        "out/....yml",
+    ]
 
 
 def test_messages_of_the_command_line_name_options(tmp_path, capsys):
     for velocity in (0.03, 0.04):
-        status = main(arguments(tmp_path / "r", "lattice.points=30", f"impact.velocity={velocity}"))
+        status = main(
+            arguments(
+                tmp_path / "r", "lattice.points=30", f"impact.velocity={velocity}"
+            )
+        )
     assert status == 2
-    assert "another run (--overwrite replaces it); choose another folder with --out\n" in capsys.readouterr().err
+    assert (
+        "another run (--overwrite replaces it); choose another folder with --out\n"
+        in capsys.readouterr().err
+    )
 
 
 def test_export_notes_an_edited_table_and_refuses_an_edited_scene(tmp_path, capsys):
     assert main(arguments(tmp_path / "r", "lattice.points=30")) == 0
-    for name, status, prefix in (("timeseries.csv", 0, "note: "), ("scene.yaml", 2, "error: ")):
+    for name, status, prefix in (
+        ("timeseries.csv", 0, "note: "),
+        ("scene.yaml", 2, "error: "),
+    ):
         with (tmp_path / "r" / name).open("a") as file:
             file.write("\n")
         assert main(["export", str(tmp_path / "r"), "--frames", "2"]) == status
-        assert f"{prefix}{tmp_path / 'r' / name} has been changed since the run" in capsys.readouterr().err
+        assert (
+            f"{prefix}{tmp_path / 'r' / name} has been changed since the run"
+            in capsys.readouterr().err
+        )
 
 
 def test_a_forced_blow_up_is_reported_and_the_last_good_state_saved(tmp_path, capsys):
@@ -114,21 +167,36 @@ def test_a_forced_blow_up_is_reported_and_the_last_good_state_saved(tmp_path, ca
     assert "blow-up" in message and "stability limit" in message
     assert names(out) == {"scene.yaml", "lattice.npz", "summary.json", "failure.npz"}
     summary = json.loads((out / "summary.json").read_text())
-    assert summary["status"] == "failed" and "blow-up" in summary["reason"] and "restitution" not in summary
+    assert (
+        summary["status"] == "failed"
+        and "blow-up" in summary["reason"]
+        and "restitution" not in summary
+    )
     last = np.load(out / "failure.npz")
     assert last["positions"].shape == last["velocities"].shape == (60, 2)
-    assert np.isfinite(last["positions"]).all() and np.isfinite(last["velocities"]).all()
+    assert (
+        np.isfinite(last["positions"]).all() and np.isfinite(last["velocities"]).all()
+    )
 
 
 @pytest.mark.parametrize(
     ("scene", "setting", "advice"),
     [
         ("exponential_wall", "impact.max_time=1.0", "max_time"),
-        pytest.param("compression", "compression.max_time=5", "newton", marks=pytest.mark.validate),
+        pytest.param(
+            "compression",
+            "compression.max_time=5",
+            "newton",
+            marks=pytest.mark.validate,
+        ),
     ],
 )
-def test_a_scene_that_does_not_end_is_a_failure_with_advice(tmp_path, capsys, scene, setting, advice):
-    assert main(arguments(tmp_path / "o", "lattice.points=60", setting, scene=scene)) == 1
+def test_a_scene_that_does_not_end_is_a_failure_with_advice(
+    tmp_path, capsys, scene, setting, advice
+):
+    assert (
+        main(arguments(tmp_path / "o", "lattice.points=60", setting, scene=scene)) == 1
+    )
     assert advice in capsys.readouterr().err
     summary = json.loads((tmp_path / "o" / "summary.json").read_text())
     assert summary["status"] == "failed" and advice in summary["reason"]
@@ -140,11 +208,20 @@ def test_a_scene_that_does_not_end_is_a_failure_with_advice(tmp_path, capsys, sc
         (InputError("no such step"), 2, "error: no such step\n"),
         (SimulationError("blown up"), 1, "error: blown up\n"),
         (KeyboardInterrupt(), 130, "interrupted\n"),
-        (MemoryError(), 1, "error: not enough memory; take fewer points (lattice.points), or stop other programs\n"),
+        (
+            MemoryError(),
+            1,
+            (
+                "error: not enough memory; take fewer points (lattice.points), or stop"
+                " other programs\n"
+            ),
+        ),
         (OSError(28, "No space left on device"), 1, "error: No space left on device\n"),
     ],
 )
-def test_each_kind_of_failure_has_its_exit_status_and_one_message(monkeypatch, capsys, failure, status, message):
+def test_each_kind_of_failure_has_its_exit_status_and_one_message(
+    monkeypatch, capsys, failure, status, message
+):
     def fail(*_: object, **__: object) -> None:
         raise failure
 
@@ -170,7 +247,9 @@ def test_check_prints_a_scene_that_checks_as_the_same(tmp_path, capsys):
         ("exponential_wall", ["lattice.file=nowhere.csv"]),
     ],
 )
-def test_check_refuses_what_run_refuses_and_in_the_same_words(tmp_path, capsys, scene, settings):
+def test_check_refuses_what_run_refuses_and_in_the_same_words(
+    tmp_path, capsys, scene, settings
+):
     assert main(["check", scene, *(f"--set={setting}" for setting in settings)]) == 2
     message = capsys.readouterr().err
     assert main(arguments(tmp_path / "o", *settings, scene=scene)) == 2
@@ -187,7 +266,10 @@ def test_check_refuses_what_run_refuses_and_in_the_same_words(tmp_path, capsys, 
         (["run", "a", "--threads", "0"], "whole number from 1"),
         (["run", "a", "--threads", "100000"], "whole number from 1"),
         (["run", "exponential_wall", "--eta", "30"], "--set material.eta_star=30"),
-        (["run", "exponential_wall", "--set", "material.eta_star", "=", "30"], "--set material.eta_star=30"),
+        (
+            ["run", "exponential_wall", "--set", "material.eta_star", "=", "30"],
+            "--set material.eta_star=30",
+        ),
     ],
 )
 def test_wrong_usage_exits_2_with_advice(wrong, advice, capsys):
@@ -200,7 +282,10 @@ def test_wrong_usage_exits_2_with_advice(wrong, advice, capsys):
 def test_the_bare_command_version_and_help_exit_0(capsys):
     assert main([]) == 0
     assert capsys.readouterr().out.startswith("usage: taichi-disk")
-    for argument, text in (("--version", f"taichi-disk {__version__}\n"), ("--help", "usage: taichi-disk")):
+    for argument, text in (
+        ("--version", f"taichi-disk {__version__}\n"),
+        ("--help", "usage: taichi-disk"),
+    ):
         with pytest.raises(SystemExit) as leaving:
             main([argument])
         assert leaving.value.code == 0
@@ -208,7 +293,8 @@ def test_the_bare_command_version_and_help_exit_0(capsys):
 
 
 def test_check_and_help_load_nothing_that_is_slow():
-    # Imports determine the start-up time; a test with a clock would fail on a busy machine.
+    # Imports determine the start-up time; a test with a clock would fail on a busy
+    # machine.
     code = """
 import sys
 from taichi_disk.cli import main
@@ -233,12 +319,18 @@ for words in ["check", "exponential_wall"], ["check", "figure3"], ["check", "no-
         (">/dev/full", 1),
         (">&-", 0),
         ("2>&-", 0),
-        *(pytest.param(*case, marks=pytest.mark.validate) for case in ((">&- 2>&-", 0), ("2>/dev/full", 0))),
+        *(
+            pytest.param(*case, marks=pytest.mark.validate)
+            for case in ((">&- 2>&-", 0), ("2>/dev/full", 0))
+        ),
     ],
 )
 def test_a_closed_or_full_output_ends_without_a_traceback(redirection, status):
     sleep = "sleep 0.2; " * redirection.startswith("|")
-    line = f"set -o pipefail; ({sleep}exec {sys.executable} -m taichi_disk check exponential_wall) {redirection}"
+    line = (
+        f"set -o pipefail; ({sleep}exec {sys.executable} -m taichi_disk check"
+        f" exponential_wall) {redirection}"
+    )
     done = subprocess.run(["bash", "-c", line], capture_output=True, text=True)
     assert done.returncode == status
     assert "Traceback" not in done.stderr
@@ -246,7 +338,11 @@ def test_a_closed_or_full_output_ends_without_a_traceback(redirection, status):
 
 def test_a_scene_may_come_through_a_pipe(tmp_path):
     scene = "scene: exponential_wall\nlattice: {points: 60, file: a.csv}\n"
-    np.savetxt(tmp_path / "a.csv", [(x, y) for x in (-1.0, 0.0, 1.0) for y in (-1.0, 0.1, 1.0)], delimiter=",")
+    np.savetxt(
+        tmp_path / "a.csv",
+        [(x, y) for x in (-1.0, 0.0, 1.0) for y in (-1.0, 0.1, 1.0)],
+        delimiter=",",
+    )
     done = command("check", "/dev/stdin", input=scene, cwd=tmp_path)
     assert done.returncode == 0, done.stderr
     assert f"{tmp_path}/a.csv" in done.stdout
@@ -269,21 +365,35 @@ def test_a_folder_of_that_name_hides_no_shipped_scene(tmp_path, monkeypatch, cap
         pytest.param({"HOME": "/proc/no/home"}, marks=pytest.mark.validate),
     ],
 )
-def test_in_a_strange_environment_a_run_is_the_same_and_its_wall_clock_adds_up(tmp_path, environment, drawn_plots):
-    (tmp_path / "matplotlibrc").write_text("text.usetex: True\nsavefig.dpi: 900\naxes.facecolor: red\n")
-    changed = os.environ | {"MATPLOTLIBRC": str(tmp_path / "matplotlibrc")} | environment
-    variables, began = {name: value for name, value in changed.items() if value is not None}, monotonic()
+def test_in_a_strange_environment_a_run_is_the_same_and_its_wall_clock_adds_up(
+    tmp_path, environment, drawn_plots
+):
+    (tmp_path / "matplotlibrc").write_text(
+        "text.usetex: True\nsavefig.dpi: 900\naxes.facecolor: red\n"
+    )
+    changed = (
+        os.environ | {"MATPLOTLIBRC": str(tmp_path / "matplotlibrc")} | environment
+    )
+    variables, began = (
+        {name: value for name, value in changed.items() if value is not None},
+        monotonic(),
+    )
     done = command(*arguments(tmp_path / "o", *SMALL), env=variables)
     took = monotonic() - began
     assert done.returncode == 0, done.stderr
     notes = done.stderr.splitlines()
-    assert len(notes) == ("HOME" in environment) and all("note: no writable home" in line for line in notes)
+    assert len(notes) == ("HOME" in environment) and all(
+        "note: no writable home" in line for line in notes
+    )
     summary = json.loads((tmp_path / "o" / "summary.json").read_text())
     assert summary["status"] == "done"
-    # The time before the process is counted and after summary.json is written is not included.
+    # The time before the process is counted and after summary.json is written is not
+    # included.
     assert 0.6 * took <= sum(summary["wall_clock"].values()) <= took
     assert main(arguments(tmp_path / "plain", *SMALL)) == 0
-    assert (tmp_path / "o/plot.png").read_bytes() == (tmp_path / "plain/plot.png").read_bytes()
+    assert (tmp_path / "o/plot.png").read_bytes() == (
+        tmp_path / "plain/plot.png"
+    ).read_bytes()
 
 
 @pytest.mark.validate
@@ -298,7 +408,10 @@ def test_a_lock_that_a_killed_process_left_does_not_end_the_cache_of_kernels(tmp
 
 
 def test_too_little_memory_is_reported_in_a_sentence(tmp_path):
-    line = f"ulimit -v 1500000; exec {sys.executable} -m taichi_disk {' '.join(arguments(tmp_path / 'o', *SMALL))}"
+    line = (
+        f"ulimit -v 1500000; exec {sys.executable} -m taichi_disk"
+        f" {' '.join(arguments(tmp_path / 'o', *SMALL))}"
+    )
     done = subprocess.run(["sh", "-c", line], capture_output=True, text=True)
     assert done.returncode == 1
     assert "memory" in done.stderr and "Traceback" not in done.stderr

@@ -1,6 +1,8 @@
-"""The pages are true: Python blocks run, commands are accepted, links lead somewhere, tables show their data.
+"""The pages are true: Python blocks run, commands are accepted, links lead somewhere,
+tables show their data.
 
-Blocks run with --validate; a block of commands marked ```sh no-run is parsed and checked, never run.
+Blocks run with --validate; a block of commands marked ```sh no-run is parsed and
+checked, never run.
 """
 
 from __future__ import annotations
@@ -16,7 +18,11 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parents[2]
-PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").glob("*.md"))]
+PAGES = [
+    ROOT / "README.md",
+    ROOT / "CONTRIBUTING.md",
+    *sorted((ROOT / "docs").glob("*.md")),
+]
 BLOCK = re.compile(r"^```(\w+)([^\n]*)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 INLINE = re.compile(r"(?:`|^ {4})taichi-disk ([^`\n]+)", re.MULTILINE)
 LINK = re.compile(r"\[[^]\n]*\]\(([^)\s]+)\)")
@@ -29,7 +35,11 @@ every_page = pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
 
 def blocks(page: Path, language: str) -> Iterator[tuple[str, str]]:
     """Yield (remark, text) of each block in a language."""
-    return ((remark.strip(), text) for kind, remark, text in BLOCK.findall(page.read_text("utf-8")) if kind == language)
+    return (
+        (remark.strip(), text)
+        for kind, remark, text in BLOCK.findall(page.read_text("utf-8"))
+        if kind == language
+    )
 
 
 def prose(page: Path) -> str:
@@ -37,21 +47,30 @@ def prose(page: Path) -> str:
 
 
 def commands(page: Path) -> Iterator[tuple[bool, list[str]]]:
-    """Yield (whether it may run, arguments) of each `taichi-disk` command of a page, in sh blocks or in a line."""
+    """Yield (whether it may run, arguments) of each `taichi-disk` command of a page, in
+    sh blocks or in a line."""
     for text in INLINE.findall(prose(page)):
         words = shlex.split(text, comments=True)
-        yield False, words if len(words) > 1 else [*words, "--help"]  # only the name of a command
+        # only the name of a command
+        yield False, words if len(words) > 1 else [*words, "--help"]
     for remark, text in blocks(page, "sh"):
         for line in text.replace("\\\n", " ").splitlines():
             for part in re.split(r"&&|\|\||;", line.split(" #")[0]):
-                words = shlex.split(part.replace("$SLURM_ARRAY_TASK_ID", "3").replace("$HOME", "."), comments=True)
+                words = shlex.split(
+                    part.replace("$SLURM_ARRAY_TASK_ID", "3").replace("$HOME", "."),
+                    comments=True,
+                )
                 if words and words[0].rpartition("/")[2] == "taichi-disk":
                     yield remark != "no-run", words[1:]
 
 
 @pytest.mark.validate
 @pytest.mark.parametrize(
-    "name", ["README.md", *(f"docs/{page}.md" for page in ("tutorial", "api", "extending", "colours"))]
+    "name",
+    [
+        "README.md",
+        *(f"docs/{page}.md" for page in ("tutorial", "api", "extending", "colours")),
+    ],
 )
 def test_python_blocks_run_from_top_to_bottom(name, tmp_path):
     code = "\n".join(text for _, text in blocks(ROOT / name, "python"))
@@ -59,7 +78,9 @@ def test_python_blocks_run_from_top_to_bottom(name, tmp_path):
         pytest.skip("no code")
     script = tmp_path / "page.py"  # Taichi reads the source of kernels from a file
     script.write_text(code, encoding="utf-8")
-    ended = subprocess.run([sys.executable, str(script)], cwd=tmp_path, capture_output=True, text=True)
+    ended = subprocess.run(
+        [sys.executable, str(script)], cwd=tmp_path, capture_output=True, text=True
+    )
     assert ended.returncode == 0, ended.stderr[-3000:]
 
 
@@ -86,7 +107,8 @@ def test_commands_run(page, tmp_path):
     for folder in ("docs", "scenes"):
         (tmp_path / folder).symlink_to(ROOT / folder)
     for may_run, words in commands(page):
-        if may_run and words and words[0] not in ("view", "doctor"):  # these need a display
+        # these need a display
+        if may_run and words and words[0] not in ("view", "doctor"):
             scene = words[1] if len(words) > 1 else ""
             if scene.endswith(".yaml") and not (tmp_path / scene).exists():
                 continue  # a file that the reader makes
@@ -106,7 +128,8 @@ def test_links_resolve(page):
         if anchor and path.suffix == ".md":
             headings = re.findall(r"^#+ (.*)$", prose(path), re.MULTILINE)
             assert anchor in [
-                re.sub(r"[^\w\- ]", "", heading.strip().lower()).replace(" ", "-") for heading in headings
+                re.sub(r"[^\w\- ]", "", heading.strip().lower()).replace(" ", "-")
+                for heading in headings
             ]
 
 
@@ -119,10 +142,17 @@ def test_every_number_of_a_table_is_in_the_data_named_below_it(name):
         files = re.findall(r"\((data/[^)]*)\)", below)
         written = " ".join((page.parent / file).read_text("utf-8") for file in files)
         values = [float(number) for number in WRITTEN.findall(written)]
-        for text in SHOWN.findall(re.sub(r"\([1-6]\)|\]\([^)]*\)|`[^`]*`", " ", rows)):  # equations, links, names
+        # equations, links, names
+        for text in SHOWN.findall(re.sub(r"\([1-6]\)|\]\([^)]*\)|`[^`]*`", " ", rows)):
             digits = text.replace("−", "-").replace(",", "")
-            half = 0.5 * 10.0 ** -len(digits.partition(".")[2]) if "." in digits else 0.0  # a whole number is exact
-            near = any(abs(value - float(digits)) <= half * (1 + 1e-6) + 1e-12 for value in values)
+            # a whole number is exact
+            half = (
+                0.5 * 10.0 ** -len(digits.partition(".")[2]) if "." in digits else 0.0
+            )
+            near = any(
+                abs(value - float(digits)) <= half * (1 + 1e-6) + 1e-12
+                for value in values
+            )
             assert near, f"{text} is not in {files}"
 
 
@@ -130,25 +160,55 @@ def test_the_docstrings_of_the_reference_say_what_every_argument_is():
     from taichi_disk import Lattice, Result, load_scene, run, run_sweep
     from taichi_disk.fields import field
 
-    methods = Result.state, Result.trajectory, Result.field, Result.export, Result.film, Result.save, Result.load
-    for function in (load_scene, run, run_sweep, field, Lattice.disk, Lattice.from_points, *methods):
+    methods = (
+        Result.state,
+        Result.trajectory,
+        Result.field,
+        Result.export,
+        Result.film,
+        Result.save,
+        Result.load,
+    )
+    for function in (
+        load_scene,
+        run,
+        run_sweep,
+        field,
+        Lattice.disk,
+        Lattice.from_points,
+        *methods,
+    ):
         for name in signature(function).parameters.keys() - {"self", "cls"}:
-            assert re.search(rf"\b{name}: |`{name}`", function.__doc__), f"{function.__qualname__}: {name}"
+            assert re.search(rf"\b{name}: |`{name}`", function.__doc__), (
+                f"{function.__qualname__}: {name}"
+            )
 
 
 @pytest.mark.validate
 def test_integrators_give_what_the_page_on_numerics_says():
     from taichi_disk import load_scene, run
 
-    row = r"^\| (\d+) \| `(\w+)` \| ([\d,]+) \| ([\d.]+) \| ([\d.]+)·10([⁻⁰¹²³⁴⁵⁶⁷⁸⁹]+) \|$"
-    found = re.findall(row, (ROOT / "docs/numerics.md").read_text("utf-8"), re.MULTILINE)
+    row = (
+        r"^\| (\d+) \| `(\w+)` \| ([\d,]+) \| ([\d.]+) \|"
+        r" ([\d.]+)·10([⁻⁰¹²³⁴⁵⁶⁷⁸⁹]+) \|$"
+    )
+    found = re.findall(
+        row, (ROOT / "docs/numerics.md").read_text("utf-8"), re.MULTILINE
+    )
     assert len(found) == 7
     for eta_star, integrator, steps, e, part, power in found:
-        estimate = float(f"{part}e{power.translate(str.maketrans('⁻⁰¹²³⁴⁵⁶⁷⁸⁹', '-0123456789'))}")
+        estimate = float(
+            f"{part}e{power.translate(str.maketrans('⁻⁰¹²³⁴⁵⁶⁷⁸⁹', '-0123456789'))}"
+        )
         result = run(
-            load_scene("exponential_wall", [f"material.eta_star={eta_star}", f"time.integrator={integrator}"]),
+            load_scene(
+                "exponential_wall",
+                [f"material.eta_star={eta_star}", f"time.integrator={integrator}"],
+            ),
             lattices=1,
         )
         assert result.summary["steps"] == int(steps.replace(",", ""))
-        assert result.restitution == pytest.approx(float(e), abs=0.6 * 10.0 ** -len(e.partition(".")[2]))
+        assert result.restitution == pytest.approx(
+            float(e), abs=0.6 * 10.0 ** -len(e.partition(".")[2])
+        )
         assert result.error == pytest.approx(estimate, rel=0.03)

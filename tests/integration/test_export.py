@@ -1,4 +1,5 @@
-"""Trajectories, read by other libraries, contain the model's positions, strains, forces, stresses and energies."""
+"""Trajectories, read by other libraries, contain the model's positions, strains,
+forces, stresses and energies."""
 
 from __future__ import annotations
 
@@ -20,7 +21,8 @@ from taichi_disk.physics import ElasticWall, Model, Springs
 
 TIMES = np.array([0.0, 0.5, 1.0])
 SINGLE = {"rtol": 1e-6, "atol": 1e-7}
-# A small disk of non-uniform points and springs that sinks onto an elastic wall and is squeezed.
+# A small disk of non-uniform points and springs that sinks onto an elastic wall and is
+# squeezed.
 LATTICE = non_uniform(with_wall(disk_lattice(40, seed=1), 60, 3.0, seed=1))
 MODEL = Model(Springs(1.3, 0.2, 0.5), ElasticWall(300.0, 150.0, 0.1))
 SCENE = load_scene("absorbing_wall", ["lattice.points=40", "lattice.seed=1"])
@@ -38,7 +40,8 @@ def state(t):
 
 
 def truth(t):
-    """Return strain, tension and energy of the springs, and the contact's forces, by plain formulae."""
+    """Return strain, tension and energy of the springs, and the contact's forces, by
+    plain formulae."""
     x, _ = state(t)
     i, j = LATTICE.bonds.T
     stretch = np.linalg.norm(x[i] - x[j], axis=1) - LATTICE.rest_lengths
@@ -46,10 +49,16 @@ def truth(t):
     contact[LATTICE.disk_points :] = 0.0
     energy = LATTICE.stiffness * (0.5 * 1.3 * stretch**2 + 0.25 * 0.2 * stretch**4)
     tension = LATTICE.stiffness * (1.3 * stretch + 0.2 * stretch**3)
-    return {"strain": stretch / LATTICE.rest_lengths, "tension": tension, "energy": energy, "contact_force": contact}
+    return {
+        "strain": stretch / LATTICE.rest_lengths,
+        "tension": tension,
+        "energy": energy,
+        "contact_force": contact,
+    }
 
 
-# The balls that particle programs draw cover half of a typical spring, so the other half is visible.
+# The balls that particle programs draw cover half of a typical spring, so the other
+# half is visible.
 BALL = 0.25 * np.median(LATTICE.rest_lengths)
 
 
@@ -58,7 +67,8 @@ def close(found, expected):
 
 
 def tensor(x):
-    """Return the stress at the points as XX, YY, ZZ, XY, XZ, YZ, of which OVITO and ParaView know the first four."""
+    """Return the stress at the points as XX, YY, ZZ, XY, XZ, YZ, of which OVITO and
+    ParaView know the first four."""
     xx, yy, xy = point_stress(Triangles(LATTICE), MODEL.springs, x).T
     return np.stack([xx, yy, 0.0 * xx, xy, 0.0 * xx, 0.0 * xx], axis=1)
 
@@ -77,11 +87,22 @@ def test_npz_holds_every_quantity_at_every_time(tmp_path):
         for name in ("strain", "tension", "energy"):
             close(file[f"springs_{name}"][k], true[name])
         close(file["points_contact_force"][k], true["contact_force"])
-        assert file["elastic_energy"][k] == pytest.approx(true["energy"].sum(), rel=1e-9)
-        assert file["kinetic_energy"][k] == pytest.approx(0.5 * (0.01**2 + 0.03**2), rel=1e-12)
+        assert file["elastic_energy"][k] == pytest.approx(
+            true["energy"].sum(), rel=1e-9
+        )
+        assert file["kinetic_energy"][k] == pytest.approx(
+            0.5 * (0.01**2 + 0.03**2), rel=1e-12
+        )
         assert file["wall_energy"][k] == pytest.approx(MODEL.wall.energy(LATTICE, x))
     assert file["points_contact_force"][-1].any()
-    for name in ("bonds", "triangles", "rest_lengths", "masses", "disk_points", "stiffness"):
+    for name in (
+        "bonds",
+        "triangles",
+        "rest_lengths",
+        "masses",
+        "disk_points",
+        "stiffness",
+    ):
         np.testing.assert_array_equal(file[name], getattr(LATTICE, name))
     assert [path.name for path in tmp_path.iterdir()] == ["trajectory.npz"]
 
@@ -89,13 +110,19 @@ def test_npz_holds_every_quantity_at_every_time(tmp_path):
 def test_npz_has_one_array_at_a_time_in_memory_however_many_frames(tmp_path):
     def peak(frames):
         tracemalloc.start()
-        export_run(SCENARIO, ((t, *state(t)) for t in np.linspace(0.0, 1.0, frames)), tmp_path, "npz")
+        export_run(
+            SCENARIO,
+            ((t, *state(t)) for t in np.linspace(0.0, 1.0, frames)),
+            tmp_path,
+            "npz",
+        )
         found = tracemalloc.get_traced_memory()[1]
         tracemalloc.stop()
         return found
 
     peak(5)
-    assert peak(200) < peak(20) + 1_000_000  # although the file has 3 MB more; NumPy takes 16 MiB of an array at most
+    # although the file has 3 MB more; NumPy takes 16 MiB of an array at most
+    assert peak(200) < peak(20) + 1_000_000
 
 
 def test_gsd_read_by_gsd(tmp_path):
@@ -110,12 +137,16 @@ def test_gsd_read_by_gsd(tmp_path):
             np.testing.assert_allclose(shot.particles.position[:, :2], x, **SINGLE)
             np.testing.assert_allclose(shot.particles.velocity[:, :2], v, **SINGLE)
             np.testing.assert_array_equal(shot.bonds.group, LATTICE.bonds)
-            np.testing.assert_array_equal(shot.particles.typeid, np.arange(len(x)) >= 40)
+            np.testing.assert_array_equal(
+                shot.particles.typeid, np.arange(len(x)) >= 40
+            )
             assert (np.abs(x) <= 0.25 * shot.configuration.box[0] * (1 + 1e-6)).all()
             np.testing.assert_allclose(shot.particles.mass, LATTICE.masses, **SINGLE)
             np.testing.assert_allclose(shot.particles.diameter, 2.0 * BALL, **SINGLE)
             assert shot.log["time"][0] == t
-            assert shot.log["elastic_energy"][0] == pytest.approx(true["energy"].sum(), rel=1e-9)
+            assert shot.log["elastic_energy"][0] == pytest.approx(
+                true["energy"].sum(), rel=1e-9
+            )
             for name in ("bonds/strain", "bonds/tension"):
                 close(shot.log[name], true[name.split("/")[1]])
             close(shot.log["particles/contact_force"][:, :2], true["contact_force"])
@@ -124,8 +155,17 @@ def test_gsd_read_by_gsd(tmp_path):
 
 def test_vtu_read_by_meshio_and_vtk(tmp_path):
     meshio = pytest.importorskip("meshio")
-    listed = list(ElementTree.parse(exported(tmp_path / "R&D.pvd", "vtu")).iter("DataSet"))
-    assert [float(entry.get("timestep", "")) for entry in listed] == [0.0, 0.0, 0.5, 0.5, 1.0, 1.0]
+    listed = list(
+        ElementTree.parse(exported(tmp_path / "R&D.pvd", "vtu")).iter("DataSet")
+    )
+    assert [float(entry.get("timestep", "")) for entry in listed] == [
+        0.0,
+        0.0,
+        0.5,
+        0.5,
+        1.0,
+        1.0,
+    ]
     springs, triangles = (tmp_path / entry.get("file", "") for entry in listed[-2:])
     (x, v), true, mesh = state(1.0), truth(1.0), meshio.read(springs)
     np.testing.assert_array_equal(mesh.points[:, :2], x)
@@ -134,7 +174,9 @@ def test_vtu_read_by_meshio_and_vtk(tmp_path):
     np.testing.assert_array_equal(mesh.cells_dict["line"], LATTICE.bonds)
     close(mesh.cell_data["strain"][0], true["strain"])
     close(mesh.point_data["stress"], tensor(x))
-    np.testing.assert_array_equal(meshio.read(triangles).cells_dict["triangle"], LATTICE.triangles)
+    np.testing.assert_array_equal(
+        meshio.read(triangles).cells_dict["triangle"], LATTICE.triangles
+    )
 
     vtk = pytest.importorskip("vtkmodules.vtkIOXML")
     from vtkmodules.util.numpy_support import vtk_to_numpy
@@ -143,7 +185,9 @@ def test_vtu_read_by_meshio_and_vtk(tmp_path):
     reader.SetFileName(str(triangles))
     reader.Update()
     cells = reader.GetOutput().GetCellData()
-    stress, pressure = (vtk_to_numpy(cells.GetArray(name)) for name in ("stress", "pressure"))
+    stress, pressure = (
+        vtk_to_numpy(cells.GetArray(name)) for name in ("stress", "pressure")
+    )
     assert stress.shape == (len(LATTICE.triangles), 6)
     close(pressure, -0.5 * stress[:, :2].sum(axis=1))
 
@@ -157,12 +201,29 @@ def test_xyz_and_gsd_read_by_ovito(tmp_path, format):
     assert pipeline.source.num_frames == len(TIMES)
     (x, v), true, data = state(1.0), truth(1.0), pipeline.compute(len(TIMES) - 1)
     # The properties that OVITO recognises, and our own.
-    known = {"Particle Type", "Position", "Velocity", "Velocity Magnitude", "Mass", "Radius"}
+    known = {
+        "Particle Type",
+        "Position",
+        "Velocity",
+        "Velocity Magnitude",
+        "Mass",
+        "Radius",
+    }
     own = {
         "gsd": {"stress"},
-        "xyz": {"Stress Tensor", "masses", "momenta", "springs_strain", "springs_tension", "springs_energy"},
+        "xyz": {
+            "Stress Tensor",
+            "masses",
+            "momenta",
+            "springs_strain",
+            "springs_tension",
+            "springs_energy",
+        },
     }
-    assert set(data.particles.keys()) == known | {"contact_force", "pressure"} | own[format]
+    assert (
+        set(data.particles.keys())
+        == known | {"contact_force", "pressure"} | own[format]
+    )
     stress = data.particles["Stress Tensor" if format == "xyz" else "stress"]
     np.testing.assert_allclose(stress, tensor(x), rtol=1e-9, atol=1e-12)
     if format == "xyz":
@@ -172,12 +233,20 @@ def test_xyz_and_gsd_read_by_ovito(tmp_path, format):
     np.testing.assert_allclose(data.particles["Mass"], LATTICE.masses, **SINGLE)
     np.testing.assert_allclose(data.particles.positions[:, :2], x, **SINGLE)
     np.testing.assert_allclose(data.particles["Velocity"][:, :2], v, **SINGLE)
-    np.testing.assert_allclose(data.particles["contact_force"][:, :2], true["contact_force"], rtol=1e-6, atol=1e-12)
-    assert data.attributes["elastic_energy"] == pytest.approx(true["energy"].sum(), rel=1e-9)
+    np.testing.assert_allclose(
+        data.particles["contact_force"][:, :2],
+        true["contact_force"],
+        rtol=1e-6,
+        atol=1e-12,
+    )
+    assert data.attributes["elastic_energy"] == pytest.approx(
+        true["energy"].sum(), rel=1e-9
+    )
     if format == "gsd":
         np.testing.assert_array_equal(data.particles.bonds.topology, LATTICE.bonds)
         close(data.particles.bonds["strain"], true["strain"])
-        assert not np.any(data.particles.bonds.pbc_vectors)  # no spring crosses an edge of the box
+        # no spring crosses an edge of the box
+        assert not np.any(data.particles.bonds.pbc_vectors)
 
 
 @pytest.mark.validate
@@ -187,20 +256,32 @@ def test_xyz_read_by_ase(tmp_path):
     frames = read(exported(tmp_path, "xyz"), index=":")
     assert [atoms.info["Time"] for atoms in frames] == TIMES.tolist()
     (x, v), atoms = state(1.0), frames[-1]
-    assert atoms.get_chemical_symbols() == ["X"] * 40 + ["Si"] * (len(x) - 40) and not atoms.pbc.any()
+    assert (
+        atoms.get_chemical_symbols() == ["X"] * 40 + ["Si"] * (len(x) - 40)
+        and not atoms.pbc.any()
+    )
     assert (np.abs(x) <= 0.5 * atoms.cell[0, 0]).all()
     np.testing.assert_allclose(atoms.positions[:, :2], x, rtol=1e-10)
     np.testing.assert_allclose(atoms.get_velocities()[:, :2], v, rtol=1e-9, atol=1e-15)
     np.testing.assert_allclose(atoms.get_masses(), LATTICE.masses, rtol=1e-10)
-    np.testing.assert_allclose(atoms.arrays["Stress"], tensor(x), rtol=1e-10, atol=1e-12)
+    np.testing.assert_allclose(
+        atoms.arrays["Stress"], tensor(x), rtol=1e-10, atol=1e-12
+    )
     assert atoms.calc is None  # ASE takes no column for the result of a calculator
-    assert atoms.info["elastic_energy"] == pytest.approx(truth(1.0)["energy"].sum(), rel=1e-9)
+    assert atoms.info["elastic_energy"] == pytest.approx(
+        truth(1.0)["energy"].sum(), rel=1e-9
+    )
 
 
 def test_xyz_is_lines_that_can_be_read_without_a_library(tmp_path):
-    lines, n = exported(tmp_path, "xyz").read_text().splitlines(), len(LATTICE.positions)
+    lines, n = (
+        exported(tmp_path, "xyz").read_text().splitlines(),
+        len(LATTICE.positions),
+    )
     assert len(lines) == len(TIMES) * (n + 2) and lines[0] == str(n)
-    assert [line.split()[0] for line in lines[2 : n + 2]] == ["X"] * 40 + ["Si"] * (n - 40)
+    assert [line.split()[0] for line in lines[2 : n + 2]] == ["X"] * 40 + ["Si"] * (
+        n - 40
+    )
     header = lines[1].partition("Properties=")[2].split()[0].split(":")
     assert header[:6] == ["species", "S", "1", "pos", "R", "3"]
     names, widths = header[3::3], [int(width) for width in header[5::3]]
@@ -233,11 +314,17 @@ def test_xyz_is_lines_that_can_be_read_without_a_library(tmp_path):
     assert last["masses"][:40].sum() == pytest.approx(1.0, rel=1e-9)  # M
     assert last["springs_energy"].sum() == pytest.approx(true["energy"].sum(), rel=1e-6)
     at = (LATTICE.bonds == 7).any(axis=1)
-    assert last["springs_strain"][7, 0] == pytest.approx(true["strain"][at].mean(), rel=1e-9)
-    assert last["springs_tension"][7, 0] == pytest.approx(true["tension"][at].mean(), rel=1e-9)
+    assert last["springs_strain"][7, 0] == pytest.approx(
+        true["strain"][at].mean(), rel=1e-9
+    )
+    assert last["springs_tension"][7, 0] == pytest.approx(
+        true["tension"][at].mean(), rel=1e-9
+    )
 
 
-def test_what_cannot_be_exported_is_refused_before_anything_is_computed(tmp_path, monkeypatch):
+def test_what_cannot_be_exported_is_refused_before_anything_is_computed(
+    tmp_path, monkeypatch
+):
     (tmp_path / "mine").mkdir()
     (tmp_path / "mine" / "thesis.tex").touch()
     for name, format, message in (
@@ -248,7 +335,9 @@ def test_what_cannot_be_exported_is_refused_before_anything_is_computed(tmp_path
         with pytest.raises(InputError, match=message):
             check_export(tmp_path / name, format)
     monkeypatch.setattr(export, "find_spec", lambda name: None)
-    with pytest.raises(InputError, match=r"needs the package gsd: .*taichi-disk\[export\]"):
+    with pytest.raises(
+        InputError, match=r"needs the package gsd: .*taichi-disk\[export\]"
+    ):
         check_export(tmp_path, "gsd")
     assert check_export(tmp_path, "xyz")[0] == tmp_path / "trajectory.xyz"
 
@@ -258,7 +347,9 @@ def test_an_export_replaces_an_earlier_one_and_leaves_nothing_half(tmp_path, for
     exported(tmp_path, format)
     before = set(tmp_path.rglob("*"))
     exported(tmp_path, format)
-    content = {path: path.read_bytes() for path in tmp_path.rglob("*") if path.is_file()}
+    content = {
+        path: path.read_bytes() for path in tmp_path.rglob("*") if path.is_file()
+    }
     assert set(tmp_path.rglob("*")) == before
 
     def broken():
@@ -267,18 +358,31 @@ def test_an_export_replaces_an_earlier_one_and_leaves_nothing_half(tmp_path, for
 
     with pytest.raises(SimulationError, match="sun"):
         export_run(SCENARIO, broken(), tmp_path, format)
-    assert {path: path.read_bytes() for path in tmp_path.rglob("*") if path.is_file()} == content
+    assert {
+        path: path.read_bytes() for path in tmp_path.rglob("*") if path.is_file()
+    } == content
 
 
 def test_the_energies_of_a_real_run_are_those_of_its_time_series(kernels, tmp_path):
-    changes = ["lattice.points=60", "wall.points=80", "wall.width=3.2", "wall.boundary=dashpot", "wall.threshold=0.2"]
+    changes = [
+        "lattice.points=60",
+        "wall.points=80",
+        "wall.width=3.2",
+        "wall.boundary=dashpot",
+        "wall.threshold=0.2",
+    ]
     scenario, outcome = computed(kernels, "absorbing_wall", *changes, estimate=False)
     rows = np.linspace(0, len(outcome.columns["t"]) - 1, 7).astype(int)
     series = {name: values[rows] for name, values in outcome.columns.items()}
     file = np.load(export_run(scenario, outcome.replay(series["t"]), tmp_path, "npz"))
     np.testing.assert_allclose(file["t"], series["t"], rtol=1e-12)
     for name in ("kinetic", "elastic", "wall"):
-        np.testing.assert_allclose(file[f"{name}_energy"], series[name], rtol=1e-6, atol=1e-12 * series["total"].max())
+        np.testing.assert_allclose(
+            file[f"{name}_energy"],
+            series[name],
+            rtol=1e-6,
+            atol=1e-12 * series["total"].max(),
+        )
     upward = file["points_contact_force"][:, :, 1].sum(axis=1)
     assert upward.max() > 1e-3
     np.testing.assert_allclose(upward, series["wall_force"], rtol=1e-6, atol=1e-12)

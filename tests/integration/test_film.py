@@ -1,4 +1,5 @@
-"""Films: the right content, complete or not at all, the same bytes each time, and with explanations."""
+"""Films: the right content, complete or not at all, the same bytes each time, and with
+explanations."""
 
 from __future__ import annotations
 
@@ -28,15 +29,25 @@ from taichi_disk.render.moments import Span, titles
 from taichi_disk.render.moments import time_of as time_in
 from taichi_disk.render.palette import THEMES
 
-needs_vulkan = pytest.mark.skipif(film_problem() is not None, reason=str(film_problem()))
-FORMATS = pytest.mark.parametrize("suffix", [".mp4", pytest.param(".webm", marks=pytest.mark.validate), ".gif", ""])
+needs_vulkan = pytest.mark.skipif(
+    film_problem() is not None, reason=str(film_problem())
+)
+FORMATS = pytest.mark.parametrize(
+    "suffix", [".mp4", pytest.param(".webm", marks=pytest.mark.validate), ".gif", ""]
+)
 COUNT, SIZE = 10, 240
 
 
 @pytest.fixture(scope="module")
 def run():
     runtime.start()
-    settings = ["lattice.points=150", "impact.velocity=0.05", "material.eta_star=5", "impact.gap=0.2"]  # with a flight
+    # with a flight
+    settings = [
+        "lattice.points=150",
+        "impact.velocity=0.05",
+        "material.eta_star=5",
+        "impact.gap=0.2",
+    ]
     scene = load_scene("exponential_wall", settings)
     scenario = scene.scenario()
     outcome = compute(scenario, scene.time)
@@ -48,8 +59,16 @@ def run():
 
 
 def video(**keys):
-    keys = {"size": SIZE, "fps": 10, "seconds": 1, "panel": "false", "magnify": 1} | keys
-    return load_scene("exponential_wall", [f"video.{key}={value}" for key, value in keys.items()]).video
+    keys = {
+        "size": SIZE,
+        "fps": 10,
+        "seconds": 1,
+        "panel": "false",
+        "magnify": 1,
+    } | keys
+    return load_scene(
+        "exponential_wall", [f"video.{key}={value}" for key, value in keys.items()]
+    ).video
 
 
 @pytest.fixture
@@ -66,7 +85,9 @@ def captions(monkeypatch):
 
 
 def pictures_in(folder):
-    return np.array([np.asarray(Image.open(path)) for path in sorted(folder.iterdir())]).astype(float)
+    return np.array(
+        [np.asarray(Image.open(path)) for path in sorted(folder.iterdir())]
+    ).astype(float)
 
 
 def digests(files):
@@ -79,20 +100,33 @@ def time_of(lines):
 
 @needs_vulkan
 @FORMATS
-def test_a_film_has_the_frames_size_and_rate_asked_for_and_the_same_bytes_twice(run, tmp_path, suffix):
+def test_a_film_has_the_frames_size_and_rate_asked_for_and_the_same_bytes_twice(
+    run, tmp_path, suffix
+):
     path, calls = tmp_path / f"film{suffix}", []
     film(path, [run], video(), lambda *what: calls.append(what))
-    assert calls == [("render", done, COUNT) for done in range(COUNT + 1)] and list(tmp_path.iterdir()) == [path]
+    assert calls == [("render", done, COUNT) for done in range(COUNT + 1)] and list(
+        tmp_path.iterdir()
+    ) == [path]
     files = sorted(path.iterdir()) if path.is_dir() else [path]
     first = digests(files)
     film(path, [run], video(), QUIET)  # replaces the existing film
     assert digests(files) == first
-    pictures = np.array([frame[..., :3] for frame in iio.imiter(path)]) if suffix else pictures_in(path)
+    pictures = (
+        np.array([frame[..., :3] for frame in iio.imiter(path)])
+        if suffix
+        else pictures_in(path)
+    )
     if suffix == ".gif":  # repeated pictures become one picture that lasts longer
         with Image.open(path) as gif:
-            assert sum(gif.seek(k) or gif.info["duration"] for k in range(gif.n_frames)) == 100 * COUNT
+            assert (
+                sum(gif.seek(k) or gif.info["duration"] for k in range(gif.n_frames))
+                == 100 * COUNT
+            )
     else:
-        assert len(pictures) == COUNT and (not suffix or iio.immeta(path, plugin="pyav")["fps"] == 10)
+        assert len(pictures) == COUNT and (
+            not suffix or iio.immeta(path, plugin="pyav")["fps"] == 10
+        )
     assert pictures.shape[1:] == (SIZE, SIZE, 3)
     assert np.abs(pictures[:, 2, 2] - 255 * np.array(THEMES["light"].ground)).max() < 6
 
@@ -111,13 +145,23 @@ with video(path, path.suffix, (240, 240), 10, "") as write:
 
 
 @pytest.mark.parametrize(
-    "suffix", [".mp4", *(pytest.param(suffix, marks=pytest.mark.validate) for suffix in (".webm", ".gif"))]
+    "suffix",
+    [
+        ".mp4",
+        *(
+            pytest.param(suffix, marks=pytest.mark.validate)
+            for suffix in (".webm", ".gif")
+        ),
+    ],
 )
 def test_the_bytes_of_a_film_do_not_depend_on_what_lay_in_memory(tmp_path, suffix):
     files = [tmp_path / f"{fill}{suffix}" for fill in (0, 170)]
-    for path in files:  # glibc fills freed memory with this number, and new memory with its complement
+    # glibc fills freed memory with this number, and new memory with its complement
+    for path in files:
         environment = os.environ | {"MALLOC_PERTURB_": path.stem}
-        subprocess.run([sys.executable, "-c", ENCODE, path], env=environment, check=True)
+        subprocess.run(
+            [sys.executable, "-c", ENCODE, path], env=environment, check=True
+        )
     assert len(set(digests(files).values())) == 1
 
 
@@ -131,20 +175,37 @@ def test_scales_and_pictures_come_from_one_replay(run, tmp_path, monkeypatch):
 
     film(tmp_path / "once.gif", [replace(run, frames=frames)], video(), QUIET)
     assert len(asked) == 1
-    monkeypatch.setattr("taichi_disk.render.film.MAX_BYTES", 0)  # as for a lattice too large to store its states
+    # as for a lattice too large to store its states
+    monkeypatch.setattr("taichi_disk.render.film.MAX_BYTES", 0)
     film(tmp_path / "twice.gif", [replace(run, frames=frames)], video(), QUIET)
-    assert len(asked) == 3 and (tmp_path / "once.gif").read_bytes() == (tmp_path / "twice.gif").read_bytes()
+    assert (
+        len(asked) == 3
+        and (tmp_path / "once.gif").read_bytes()
+        == (tmp_path / "twice.gif").read_bytes()
+    )
 
 
 @needs_vulkan
 def test_the_disk_in_the_film_moves_as_its_centre_of_mass_does(run, tmp_path, captions):
-    film(tmp_path / "film.mp4", [run], video(draw="field", colour="strain", theme="dark", size=360), QUIET)
-    times, series, theme = np.array([time_of(lines) for lines in captions]), run.columns, THEMES["dark"]
+    film(
+        tmp_path / "film.mp4",
+        [run],
+        video(draw="field", colour="strain", theme="dark", size=360),
+        QUIET,
+    )
+    times, series, theme = (
+        np.array([time_of(lines) for lines in captions]),
+        run.columns,
+        THEMES["dark"],
+    )
     assert len(times) == COUNT and (np.diff(times) >= 0.0).all() and times[0] == 0.0
     assert times[-1] == pytest.approx(series["t"][-1], abs=1e-3)
     rows, areas = [], []
     for picture in iio.imread(tmp_path / "film.mp4").astype(float)[:, 60:300]:
-        apart = [np.abs(picture - 255 * np.array(colour)).sum(axis=-1) for colour in (theme.ground, theme.wall)]
+        apart = [
+            np.abs(picture - 255 * np.array(colour)).sum(axis=-1)
+            for colour in (theme.ground, theme.wall)
+        ]
         disk = (apart[0] > 30) & (apart[1] > 30)
         disk[disk.sum(axis=1) > 300] = False  # the wall's soft edge
         rows.append(np.nonzero(disk)[0].mean())
@@ -155,10 +216,15 @@ def test_the_disk_in_the_film_moves_as_its_centre_of_mass_does(run, tmp_path, ca
 
 
 @needs_vulkan
-def test_a_disk_that_flies_aside_stays_whole_in_the_film_and_the_wall_spans_it(tmp_path):
+def test_a_disk_that_flies_aside_stays_whole_in_the_film_and_the_wall_spans_it(
+    tmp_path,
+):
     aside = np.tile([0.2, -0.05], (60, 1))
     result = api.run(
-        load_scene("exponential_wall", ["lattice.points=60", "material.eta_star=0", "impact.gap=0.13"]),
+        load_scene(
+            "exponential_wall",
+            ["lattice.points=60", "material.eta_star=0", "impact.gap=0.13"],
+        ),
         velocities=aside,
         lattices=1,
     )
@@ -169,12 +235,16 @@ def test_a_disk_that_flies_aside_stays_whole_in_the_film_and_the_wall_spans_it(t
     assert len(wall) > 5 and np.ptp(last[wall], axis=1).max() <= 1
     stage = last[68 : wall[0] - 4]  # below the title
     rows, columns = np.nonzero(np.abs(stage - ground).max(axis=2) > 20)
-    assert np.ptp(columns) == pytest.approx(np.ptp(rows), abs=4) and columns.max() > 0.8 * SIZE
+    assert (
+        np.ptp(columns) == pytest.approx(np.ptp(rows), abs=4)
+        and columns.max() > 0.8 * SIZE
+    )
 
 
 @needs_vulkan
 def test_an_arrow_of_any_force_ends_in_the_picture(tmp_path, monkeypatch):
-    # A rod that falls on its side is bent most between two hits, during which the force is far larger.
+    # A rod that falls on its side is bent most between two hits, during which the force
+    # is far larger.
     scales, write = [], Legend.write
 
     def record(self, picture, lines):
@@ -182,42 +252,65 @@ def test_an_arrow_of_any_force_ends_in_the_picture(tmp_path, monkeypatch):
         write(self, picture, lines)
 
     monkeypatch.setattr(Legend, "write", record)
-    rod = np.stack(np.meshgrid(np.linspace(-1.5, 1.5, 31), np.linspace(-0.15, 0.15, 4)), axis=-1).reshape(-1, 2)
+    rod = np.stack(
+        np.meshgrid(np.linspace(-1.5, 1.5, 31), np.linspace(-0.15, 0.15, 4)), axis=-1
+    ).reshape(-1, 2)
     scene = load_scene("exponential_wall", ["impact.turn=0.5", "material.eta_star=1"])
     result = api.run(scene, lattice=Lattice.from_points(rod), lattices=1)
     result.film(tmp_path / "film", size=SIZE, seconds=0.2)
     _, states, _ = result.trajectory(np.linspace(0.0, result.series["t"][-1], 500))
     pushes = [
-        np.hypot(*result.scenario.model.wall.contact_forces(result.lattice, x)[1].T).max(initial=0.0) for x in states
+        np.hypot(
+            *result.scenario.model.wall.contact_forces(result.lattice, x)[1].T
+        ).max(initial=0.0)
+        for x in states
     ]
     assert 1.0 < max(pushes) / scales[0] < 5.0  # 0.35 R each
 
 
 @needs_vulkan
-def test_the_film_holds_at_the_greatest_compression_shows_its_pace_and_ends_with_the_result(run, tmp_path, captions):
+def test_the_film_holds_at_the_greatest_compression_shows_its_pace_and_ends_with_the_result(
+    run, tmp_path, captions
+):
     scenario, outcome = run.scenario, run
     film(tmp_path / "film.mp4", [run], video(seconds=4), QUIET)
     result = f"*e = {scenario.result(outcome.columns)['restitution']:.5f}"
-    assert len(captions) == 40 and [lines[-1] == result for lines in captions] == [False] * 36 + [True] * 4
+    assert (
+        len(captions) == 40
+        and [lines[-1] == result for lines in captions] == [False] * 36 + [True] * 4
+    )
     held = [lines[0] for lines in captions if lines[-1] == "greatest compression"]
     peak = outcome.columns["t"][outcome.columns["elastic"].argmax()]
     assert len(held) >= 2 and set(held) == {f"t = {peak:7.3f} R/c"}
     pictures = iio.imread(tmp_path / "film.mp4").astype(int)
-    assert np.abs(pictures[-1] - pictures[-4])[60:].mean() < 1.0  # nothing moves at the end
-    assert (pictures[-1, 40:60, 120:].sum(axis=-1) < 300).sum() > 20  # and the bold result is there
-    moving = [(time_of(lines), lines[-1]) for lines in captions if lines[-1].startswith("slow motion: 1 s = ")]
+    # nothing moves at the end
+    assert np.abs(pictures[-1] - pictures[-4])[60:].mean() < 1.0
+    # and the bold result is there
+    assert (pictures[-1, 40:60, 120:].sum(axis=-1) < 300).sum() > 20
+    moving = [
+        (time_of(lines), lines[-1])
+        for lines in captions
+        if lines[-1].startswith("slow motion: 1 s = ")
+    ]
     pace = np.array([float(text.split()[5]) for _, text in moving])
-    # The stated paces add up to the simulated time; the contact in the middle is in slow motion.
+    # The stated paces add up to the simulated time; the contact in the middle is in
+    # slow motion.
     assert (pace[:-1] / 10).sum() == pytest.approx(moving[-1][0], rel=0.04)
     assert 1.8 * pace[len(pace) // 2] < pace[1] and pace[len(pace) // 2] < pace[-2]
 
 
 @needs_vulkan
-@pytest.mark.parametrize(("colour", "theme"), [("pressure", "light"), ("fringes", "dark"), ("force", "dark")])
-def test_a_single_picture_is_of_the_greatest_compression(run, tmp_path, captions, colour, theme):
+@pytest.mark.parametrize(
+    ("colour", "theme"), [("pressure", "light"), ("fringes", "dark"), ("force", "dark")]
+)
+def test_a_single_picture_is_of_the_greatest_compression(
+    run, tmp_path, captions, colour, theme
+):
     film(tmp_path / "picture.png", [run], video(colour=colour, theme=theme), QUIET)
     series = run.columns
-    assert time_of(captions[0]) == pytest.approx(series["t"][series["elastic"].argmax()], abs=0.1)
+    assert time_of(captions[0]) == pytest.approx(
+        series["t"][series["elastic"].argmax()], abs=0.1
+    )
     picture = np.asarray(Image.open(tmp_path / "picture.png")).astype(float)
     assert picture.shape == (SIZE, SIZE, 3)
     assert np.abs(picture[1, 1] - 255 * np.array(THEMES[theme].ground)).max() < 1.5
@@ -225,21 +318,40 @@ def test_a_single_picture_is_of_the_greatest_compression(run, tmp_path, captions
 
 
 @needs_vulkan
-def test_a_comparison_shows_both_runs_at_the_same_times_in_the_same_colours(run, tmp_path, captions):
+def test_a_comparison_shows_both_runs_at_the_same_times_in_the_same_colours(
+    run, tmp_path, captions
+):
     film(tmp_path / "both", [run, run], video(), QUIET)
     left, right = np.split(pictures_in(tmp_path / "both"), 2, axis=2)
     assert left.shape == (COUNT, SIZE, SIZE, 3)
     below = SIZE - 60  # the position of the scales, which both disks share
-    assert np.array_equal(left[:, :below], right[:, :below]) and captions[0::2] == captions[1::2]
+    assert (
+        np.array_equal(left[:, :below], right[:, :below])
+        and captions[0::2] == captions[1::2]
+    )
 
 
 def test_runs_side_by_side_are_named_by_what_sets_them_apart():
     def named(*changes):
-        scenes = [load_scene("exponential_wall", ["lattice.points=20", *change]) for change in changes]
-        return [title[0] for title in titles([SimpleNamespace(scenario=scene.scenario()) for scene in scenes])]
+        scenes = [
+            load_scene("exponential_wall", ["lattice.points=20", *change])
+            for change in changes
+        ]
+        return [
+            title[0]
+            for title in titles(
+                [SimpleNamespace(scenario=scene.scenario()) for scene in scenes]
+            )
+        ]
 
-    assert named(["material.eta_star=0"], ["material.eta_star=100"]) == ["η* = 0", "η* = 100"]
-    assert named(["wall.a=50", "impact.velocity=0.1"], []) == ["a = 50/R    v = 0.1 c", "a = 300/R    v = 0.02 c"]
+    assert named(["material.eta_star=0"], ["material.eta_star=100"]) == [
+        "η* = 0",
+        "η* = 100",
+    ]
+    assert named(["wall.a=50", "impact.velocity=0.1"], []) == [
+        "a = 50/R    v = 0.1 c",
+        "a = 300/R    v = 0.02 c",
+    ]
     assert named([], []) == ["Impact on a rigid wall"] * 2  # nothing does
 
 
@@ -247,44 +359,77 @@ def test_runs_side_by_side_are_named_by_what_sets_them_apart():
 @pytest.mark.parametrize(("at", "t"), [("contact", None), ("end", None), (1.5, 1.5)])
 def test_a_picture_is_of_the_moment_asked_for(run, tmp_path, captions, at, t):
     series = run.columns
-    touches = series["t"][np.argmax(series["wall_force"] > 0.01 * series["wall_force"].max())]
+    touches = series["t"][
+        np.argmax(series["wall_force"] > 0.01 * series["wall_force"].max())
+    ]
     film(tmp_path / "picture.png", [run], video(), QUIET, Span(at=at))
     expected = {"contact": touches, "end": series["t"][-1]}.get(at, t)
     assert time_of(captions[0]) == pytest.approx(expected, abs=1e-3)
-    assert captions[0][-1] == {"contact": "first contact", "end": captions[0][-1]}.get(at, "")
+    assert captions[0][-1] == {"contact": "first contact", "end": captions[0][-1]}.get(
+        at, ""
+    )
 
 
 @needs_vulkan
-def test_a_part_of_a_film_begins_and_ends_where_asked_at_the_pace_of_the_whole(run, tmp_path, captions):
-    film(tmp_path / "part", [run], video(seconds=2), QUIET, Span(start="contact", end="greatest"))
+def test_a_part_of_a_film_begins_and_ends_where_asked_at_the_pace_of_the_whole(
+    run, tmp_path, captions
+):
+    film(
+        tmp_path / "part",
+        [run],
+        video(seconds=2),
+        QUIET,
+        Span(start="contact", end="greatest"),
+    )
     times = [time_of(lines) for lines in captions]
     series = run.columns
     assert times[0] == pytest.approx(time_in("contact", series), abs=1e-3)
-    assert times[-1] == pytest.approx(greatest_compression(series), abs=1e-3) and len(times) == 20
+    assert (
+        times[-1] == pytest.approx(greatest_compression(series), abs=1e-3)
+        and len(times) == 20
+    )
 
 
-@pytest.mark.parametrize("span", [Span(at="later"), Span(at=-1.0), Span(at=1e9), Span(at=float("nan"))])
+@pytest.mark.parametrize(
+    "span", [Span(at="later"), Span(at=-1.0), Span(at=1e9), Span(at=float("nan"))]
+)
 def test_an_unknown_moment_is_refused_with_the_list_of_known_ones(run, tmp_path, span):
-    with pytest.raises(InputError, match=r"write greatest, contact, end, or a time within the run, 0 to \d"):
+    with pytest.raises(
+        InputError,
+        match=r"write greatest, contact, end, or a time within the run, 0 to \d",
+    ):
         film(tmp_path / "picture.png", [run], video(), QUIET, span)
 
 
 @needs_vulkan
-def test_a_single_picture_of_a_comparison_shows_the_whole_of_a_disk_that_has_left_already(tmp_path):
+def test_a_single_picture_of_a_comparison_shows_the_whole_of_a_disk_that_has_left_already(
+    tmp_path,
+):
     slow, fast = (
-        api.run(load_scene("exponential_wall").with_(points=60, velocity=v, eta_star=0), lattices=1)
+        api.run(
+            load_scene("exponential_wall").with_(points=60, velocity=v, eta_star=0),
+            lattices=1,
+        )
         for v in (0.02, 0.3)
     )
     slow.film(tmp_path / "both.png", beside=fast, size=360, draw="field", panel=False)
-    picture = np.asarray(Image.open(tmp_path / "both.png")).astype(float)[76:280, 360:]  # between the words
-    inked = (np.abs(picture - 255 * np.array(THEMES["light"].ground)).max(axis=2) > 20).sum(axis=1)
+    # between the words
+    picture = np.asarray(Image.open(tmp_path / "both.png")).astype(float)[76:280, 360:]
+    inked = (
+        np.abs(picture - 255 * np.array(THEMES["light"].ground)).max(axis=2) > 20
+    ).sum(axis=1)
     assert 0 < inked[np.flatnonzero(inked)[0]] < 120  # the top of the text is complete
 
 
 @needs_vulkan
 def test_a_faster_disk_stays_whole_in_a_comparison_to_the_end(tmp_path):
     slow, fast = (
-        api.run(load_scene("exponential_wall", ["lattice.points=60", f"impact.velocity={v}"]), lattices=1)
+        api.run(
+            load_scene(
+                "exponential_wall", ["lattice.points=60", f"impact.velocity={v}"]
+            ),
+            lattices=1,
+        )
         for v in (0.02, 0.2)
     )
     slow.film(tmp_path / "both", beside=fast, size=128, fps=10, seconds=1)
@@ -295,29 +440,56 @@ def test_a_faster_disk_stays_whole_in_a_comparison_to_the_end(tmp_path):
 
 @needs_vulkan
 def test_a_small_compression_is_visible_with_magnified_displacements(tmp_path):
-    pressed = api.run(load_scene("compression", ["lattice.points=60", "compression.method=newton"]), lattices=1)
+    pressed = api.run(
+        load_scene("compression", ["lattice.points=60", "compression.method=newton"]),
+        lattices=1,
+    )
     flatness = []
     for factor in (1.0, 30.0):
-        file = pressed.film(tmp_path / f"{factor}.png", magnify=factor, draw="field", size=360, panel=False)
-        disk = np.asarray(Image.open(file).convert("RGB")).astype(int)[110:-72]  # above the wall
+        file = pressed.film(
+            tmp_path / f"{factor}.png",
+            magnify=factor,
+            draw="field",
+            size=360,
+            panel=False,
+        )
+        # above the wall
+        disk = np.asarray(Image.open(file).convert("RGB")).astype(int)[110:-72]
         inked = np.abs(disk - disk[0, 0]).sum(axis=2) > 60
         flatness.append(inked.any(axis=1).sum() / inked.any(axis=0).sum())
     assert flatness[1] < 0.9 * flatness[0]
 
 
 @needs_vulkan
-def test_by_default_a_film_magnifies_the_flattening_to_a_twentieth_of_r_and_says_so(tmp_path, monkeypatch):
+def test_by_default_a_film_magnifies_the_flattening_to_a_twentieth_of_r_and_says_so(
+    tmp_path, monkeypatch
+):
     painters, pictures = [], Legend.__init__
     monkeypatch.setattr(
-        Legend, "__init__", lambda self, painter, *rest: painters.append(painter) or pictures(self, painter, *rest)
+        Legend,
+        "__init__",
+        lambda self, painter, *rest: (
+            painters.append(painter) or pictures(self, painter, *rest)
+        ),
     )
-    pressed = api.run(load_scene("compression", ["lattice.points=60", "compression.method=newton"]), lattices=1)
+    pressed = api.run(
+        load_scene("compression", ["lattice.points=60", "compression.method=newton"]),
+        lattices=1,
+    )
     pressed.film(tmp_path / "picture.png", size=240)
     (painter,) = painters
     x, n = pressed.state(1.0).positions, 60
-    rest, drawn, floor = pressed.lattice.positions[:n, 1], painter.placed(x)[:n, 1], x[:n, 1].min()
-    seen = (rest.mean() - rest.min()) - (drawn.mean() - floor)  # the wall hides everything below
-    assert painter.magnify > 1.0 and f"displacements × {painter.magnify:g}" in painter.remarks
+    rest, drawn, floor = (
+        pressed.lattice.positions[:n, 1],
+        painter.placed(x)[:n, 1],
+        x[:n, 1].min(),
+    )
+    # the wall hides everything below
+    seen = (rest.mean() - rest.min()) - (drawn.mean() - floor)
+    assert (
+        painter.magnify > 1.0
+        and f"displacements × {painter.magnify:g}" in painter.remarks
+    )
     assert seen == pytest.approx(0.05, rel=0.2)  # the factor is a round number
 
 
@@ -328,8 +500,13 @@ def test_a_compression_begins_with_no_minus_before_its_zero():
 
 
 @needs_vulkan
-def test_in_a_comparison_only_the_run_at_its_greatest_compression_is_captioned_so(run, tmp_path, captions):
-    other = api.run(load_scene("exponential_wall", ["lattice.points=20", "impact.velocity=0.2"]), lattices=1)
+def test_in_a_comparison_only_the_run_at_its_greatest_compression_is_captioned_so(
+    run, tmp_path, captions
+):
+    other = api.run(
+        load_scene("exponential_wall", ["lattice.points=20", "impact.velocity=0.2"]),
+        lattices=1,
+    )
     film(tmp_path / "both.png", [run, other.outcome], video(), QUIET)
     assert [lines[-1] for lines in captions] == ["greatest compression", ""]
 
@@ -340,15 +517,24 @@ def test_the_panel_s_curves_end_where_the_time_series_is(run, tmp_path, captions
     frames = pictures_in(tmp_path / "frames")
     assert frames.shape[1:] == (720, 1280, 3)
     # The curve of v_cm in the uppermost axes: the last blue pixels.
-    ends = [np.argwhere(np.abs(frame[:205, 740:] - (0, 114, 178)).sum(axis=-1) < 60) for frame in frames[1:]]
+    ends = [
+        np.argwhere(np.abs(frame[:205, 740:] - (0, 114, 178)).sum(axis=-1) < 60)
+        for frame in frames[1:]
+    ]
     columns = np.array([end[:, 1].max() for end in ends])
     rows = np.array([end[end[:, 1] >= end[:, 1].max() - 1, 0].mean() for end in ends])
     times, series = np.array([time_of(lines) for lines in captions[1:]]), run.columns
     slope, _ = np.polyfit(times, columns, 1)
-    assert columns == pytest.approx(columns[-1] + slope * (times - times[-1]), abs=2.0) and np.ptp(columns) > 300
+    assert (
+        columns == pytest.approx(columns[-1] + slope * (times - times[-1]), abs=2.0)
+        and np.ptp(columns) > 300
+    )
     v = np.interp(times, series["t"], series["com_vy"])
     # Rows are linear in v; the first and the last value give the scale.
-    assert rows == pytest.approx(np.interp(v, [v[0], v[-1]], [rows[0], rows[-1]]), abs=2.5) and np.ptp(rows) > 100
+    assert (
+        rows == pytest.approx(np.interp(v, [v[0], v[-1]], [rows[0], rows[-1]]), abs=2.5)
+        and np.ptp(rows) > 100
+    )
 
 
 @needs_vulkan
@@ -375,18 +561,23 @@ def test_an_interrupted_film_leaves_the_old_one_as_it_was(run, tmp_path, suffix)
     with pytest.raises(KeyboardInterrupt):
         film(path, [run], video(), impatient)
     assert digests(path for path in tmp_path.rglob("*") if path.is_file()) == before
-    film(path, [run], video(seconds=0.3), QUIET)  # after a failure with an open window, the next must work
+    # after a failure with an open window, the next must work
+    film(path, [run], video(seconds=0.3), QUIET)
 
 
 @needs_vulkan
 @FORMATS
 @pytest.mark.parametrize("room", [0, 3000])
 def test_a_full_file_system_is_reported_and_leaves_no_film(run, tmp_path, suffix, room):
-    # A limit on file sizes simulates a full disk: the same system error in the same calls.
+    # A limit on file sizes simulates a full disk: the same system error in the same
+    # calls.
     _, most = resource.getrlimit(resource.RLIMIT_FSIZE)
     resource.setrlimit(resource.RLIMIT_FSIZE, (room, most))
     try:
-        with pytest.raises(SimulationError, match=rf"cannot write {tmp_path}/film{suffix}: File too large"):
+        with pytest.raises(
+            SimulationError,
+            match=rf"cannot write {tmp_path}/film{suffix}: File too large",
+        ):
             film(tmp_path / f"film{suffix}", [run], video(), QUIET)
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, (most, most))
@@ -407,41 +598,79 @@ def test_a_vulkan_that_does_not_work_is_reported(run, tmp_path, monkeypatch):
 
 
 def test_without_vulkan_the_message_names_the_remedy(tmp_path):
-    nowhere = os.environ | {"VK_ICD_FILENAMES": "/nonexistent", "VK_DRIVER_FILES": "/nonexistent"}
+    nowhere = os.environ | {
+        "VK_ICD_FILENAMES": "/nonexistent",
+        "VK_DRIVER_FILES": "/nonexistent",
+    }
     nowhere["PYTHONPATH"] = str(Path(__file__).parents[2])
     code = "from taichi_disk.render import require_film; require_film()"
-    done = subprocess.run([sys.executable, "-c", code], cwd=tmp_path, env=nowhere, capture_output=True, text=True)
-    assert "TaichiDiskError: no film: " in done.stderr and "no Vulkan driver" in done.stderr
-    assert "apt-get update && apt-get install -y --no-install-recommends libx11-6 mesa-vulkan-drivers" in done.stderr
+    done = subprocess.run(
+        [sys.executable, "-c", code],
+        cwd=tmp_path,
+        env=nowhere,
+        capture_output=True,
+        text=True,
+    )
+    assert (
+        "TaichiDiskError: no film: " in done.stderr
+        and "no Vulkan driver" in done.stderr
+    )
+    assert (
+        "apt-get update && apt-get install -y --no-install-recommends libx11-6"
+        " mesa-vulkan-drivers" in done.stderr
+    )
 
 
 @pytest.mark.parametrize(("spin", "eta_star"), [(0.3, 10), (0.8, 10), (0.5, 0)])
-def test_the_greatest_compression_of_a_spinning_disk_is_where_it_turns_back(spin, eta_star):
-    scene = load_scene("exponential_wall").with_(points=60, spin=spin, eta_star=eta_star)
+def test_the_greatest_compression_of_a_spinning_disk_is_where_it_turns_back(
+    spin, eta_star
+):
+    scene = load_scene("exponential_wall").with_(
+        points=60, spin=spin, eta_star=eta_star
+    )
     columns = api.run(scene, lattices=1).series
     force, stretched = columns["wall_force"], columns["elastic"].argmax()
-    assert force[stretched] < 1e-3 * force.max()  # stretched by its spin before it touches the wall
-    assert abs(np.interp(greatest_compression(columns), columns["t"], columns["com_vy"])) < 0.1 * scene.impact.velocity
+    # stretched by its spin before it touches the wall
+    assert force[stretched] < 1e-3 * force.max()
+    assert (
+        abs(np.interp(greatest_compression(columns), columns["t"], columns["com_vy"]))
+        < 0.1 * scene.impact.velocity
+    )
 
 
 @needs_vulkan
-def test_the_film_of_a_loading_shows_the_fraction_of_the_load_and_moves_without_a_leap(tmp_path, captions):
-    pressed = api.run(load_scene("compression", ["lattice.points=60", "compression.method=newton"]), lattices=1)
+def test_the_film_of_a_loading_shows_the_fraction_of_the_load_and_moves_without_a_leap(
+    tmp_path, captions
+):
+    pressed = api.run(
+        load_scene("compression", ["lattice.points=60", "compression.method=newton"]),
+        lattices=1,
+    )
     pressed.film(tmp_path / "frames", size=SIZE, fps=10, seconds=4, beside=pressed)
     assert captions[0::2] == captions[1::2] and len(captions) == 80
     parts = [float(lines[0].split()[2]) for lines in captions[::2]]
-    assert captions[0][0] == "P = 1 % of 0.01 Mc²/R" and captions[0][-1] == "" and parts == sorted(parts)
+    assert (
+        captions[0][0] == "P = 1 % of 0.01 Mc²/R"
+        and captions[0][-1] == ""
+        and parts == sorted(parts)
+    )
     assert parts[-5:] == [100.0] * 5 and captions[-1][-1] == f"*ξ = {pressed.xi:.6g} R"
-    steps = np.abs(np.diff(pictures_in(tmp_path / "frames")[:, 70:180], axis=0)).mean(axis=(1, 2, 3))
+    steps = np.abs(np.diff(pictures_in(tmp_path / "frames")[:, 70:180], axis=0)).mean(
+        axis=(1, 2, 3)
+    )
     assert steps[:30].min() > 0.0 and steps[3:].max() < 4.0 * np.median(steps)
 
 
 def test_a_loading_is_not_compared_with_a_relaxation_which_takes_time(tmp_path):
     runs = []
     for method in ("newton", "relaxation"):
-        scenario = load_scene("compression", ["lattice.points=20", f"compression.method={method}"]).scenario()
+        scenario = load_scene(
+            "compression", ["lattice.points=20", f"compression.method={method}"]
+        ).scenario()
         runs.append(scenario.quasistatic(loads=2))
-    with pytest.raises(InputError, match="differ in the meaning of time or in their results"):
+    with pytest.raises(
+        InputError, match="differ in the meaning of time or in their results"
+    ):
         film(tmp_path / "film.mp4", runs, video(), QUIET)
 
 
@@ -455,7 +684,9 @@ def test_the_film_of_a_compression_on_a_soft_wall_shows_the_disk_from_its_start(
 def test_curves_without_room_beside_a_small_film_are_left_out(tmp_path):
     result = api.run(load_scene("exponential_wall", ["lattice.points=20"]), lattices=1)
     for size, width in ((64, 64), (358, 358), (360, 640)):
-        assert iio.imread(result.film(tmp_path / f"{size}.png", size=size, panel=True)).shape[:2] == (size, width)
+        assert iio.imread(
+            result.film(tmp_path / f"{size}.png", size=size, panel=True)
+        ).shape[:2] == (size, width)
 
 
 @needs_vulkan
@@ -463,18 +694,33 @@ def test_curves_without_room_beside_a_small_film_are_left_out(tmp_path):
     "scene",
     [
         pytest.param(
-            ["absorbing_wall", "material.eta_star=2", "wall.points=40", "wall.width=3", "impact.velocity=0.05"],
+            [
+                "absorbing_wall",
+                "material.eta_star=2",
+                "wall.points=40",
+                "wall.width=3",
+                "impact.velocity=0.05",
+            ],
             marks=pytest.mark.validate,
         ),
         ["compression", "compression.method=newton"],
-        pytest.param(["exponential_wall", "wall.a=20", "impact.velocity=0.002"], marks=pytest.mark.validate),
+        pytest.param(
+            ["exponential_wall", "wall.a=20", "impact.velocity=0.002"],
+            marks=pytest.mark.validate,
+        ),
     ],
     ids=["all energies", "load", "powers of ten"],
 )
 def test_no_word_beside_the_curves_of_a_small_film_is_cut(tmp_path, scene):
-    result = api.run(load_scene(scene[0], [*scene[1:], "lattice.points=30"]), lattices=1)
-    single = iio.imread(result.film(tmp_path / "one.png", size=360, panel=True))[:, 360:]
-    two = iio.imread(result.film(tmp_path / "two.png", size=360, panel=True, beside=result))[:, 720:]
+    result = api.run(
+        load_scene(scene[0], [*scene[1:], "lattice.points=30"]), lattices=1
+    )
+    single = iio.imread(result.film(tmp_path / "one.png", size=360, panel=True))[
+        :, 360:
+    ]
+    two = iio.imread(
+        result.film(tmp_path / "two.png", size=360, panel=True, beside=result)
+    )[:, 720:]
     for panel in (single, two):
         for edge in (panel[0], panel[-1], panel[:, 0], panel[:, -1]):
             assert (edge == panel[0, 0]).all()

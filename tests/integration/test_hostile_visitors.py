@@ -1,4 +1,5 @@
-"""Visitors who come in crowds, never read, or send rubbish, and a server that dies: the sandbox goes on."""
+"""Visitors who come in crowds, never read, or send rubbish, and a server that dies: the
+sandbox goes on."""
 
 from __future__ import annotations
 
@@ -28,9 +29,11 @@ from taichi_disk.window.session import HEADER, MAX_BYTES, Session
 from tests.browser import MISSING, Browser
 
 SETTINGS = ["lattice.points=60", "impact.velocity=0.05", "material.eta_star=1"]
-SMALL_BUFFER = 2**12  # of sockets, so that little is under way to somebody who does not read [bytes]
+# of sockets, so that little is under way to somebody who does not read [bytes]
+SMALL_BUFFER = 2**12
 MAX_UNREAD = 2**17  # a scene and a state, about [bytes]
-QUICK = {"ping_interval": 0.3, "ping_timeout": 0.3, "close_timeout": 0.1}  # a server that soon misses a page
+# a server that soon misses a page
+QUICK = {"ping_interval": 0.3, "ping_timeout": 0.3, "close_timeout": 0.1}
 Act = Callable[[int], Awaitable[None]]  # what visitors do, given the port
 
 
@@ -52,7 +55,9 @@ class Guest:
     async def see(self, states: int = 1) -> None:
         """Take what comes up to a state, and draw that."""
         for _ in range(states):
-            while isinstance(message := await asyncio.wait_for(self.connection.recv(), 10.0), str):
+            while isinstance(
+                message := await asyncio.wait_for(self.connection.recv(), 10.0), str
+            ):
                 if (content := json.loads(message))["kind"] == "role":
                     self.plays = content["plays"]
             self.number = HEADER.unpack(message[: HEADER.size])[0]
@@ -62,12 +67,15 @@ class Guest:
 @asynccontextmanager
 async def guest(port: int, **options: Any) -> AsyncIterator[Guest]:
     address = f"ws://127.0.0.1:{port}/secret/socket"
-    async with connect(address, origin=f"http://127.0.0.1:{port}", **options) as connection:  # type: ignore[arg-type]
+    async with connect(
+        address, origin=f"http://127.0.0.1:{port}", **options
+    ) as connection:  # type: ignore[arg-type]
         yield Guest(connection)
 
 
 def visited(audience: Audience, act: Act) -> None:
-    """Serve a sandbox while visitors act; whoever comes afterwards must be served and play."""
+    """Serve a sandbox while visitors act; whoever comes afterwards must be served and
+    play."""
 
     async def visit() -> None:
         with socket.create_server(("127.0.0.1", 0), backlog=128) as listening:
@@ -97,10 +105,14 @@ async def until(condition: Callable[[], object]) -> None:
 
 
 @pytest.mark.parametrize("count", [20, pytest.param(100, marks=pytest.mark.validate)])
-def test_a_crowd_that_comes_at_once_is_served_and_one_of_it_plays(audience: Audience, count: int) -> None:
+def test_a_crowd_that_comes_at_once_is_served_and_one_of_it_plays(
+    audience: Audience, count: int
+) -> None:
     async def act(port: int) -> None:
         async with AsyncExitStack() as stack:
-            crowd = await asyncio.gather(*(stack.enter_async_context(guest(port)) for _ in range(count)))
+            crowd = await asyncio.gather(
+                *(stack.enter_async_context(guest(port)) for _ in range(count))
+            )
             await asyncio.gather(*(one.see() for one in crowd))
             (player,) = [one for one in crowd if one.plays]
             await player.say("press", key="space")
@@ -112,7 +124,9 @@ def test_a_crowd_that_comes_at_once_is_served_and_one_of_it_plays(audience: Audi
 
 
 @pytest.mark.parametrize("count", [30, pytest.param(300, marks=pytest.mark.validate)])
-def test_a_page_that_is_reloaded_again_and_again_leaves_nothing_behind(audience: Audience, count: int) -> None:
+def test_a_page_that_is_reloaded_again_and_again_leaves_nothing_behind(
+    audience: Audience, count: int
+) -> None:
     async def act(port: int) -> None:
         await asyncio.sleep(0.1)  # the server has begun
         tasks = len(asyncio.all_tasks())
@@ -135,13 +149,20 @@ def test_a_player_who_reads_nothing_gets_no_queue_and_must_give_way(
     connections: list[Any] = []
     answer = server.answer
     monkeypatch.setattr(server.server, "serve", partial(server.server.serve, **QUICK))
-    monkeypatch.setattr(server, "answer", lambda token, *more: connections.append(more[0]) or answer(token, *more))
+    monkeypatch.setattr(
+        server,
+        "answer",
+        lambda token, *more: connections.append(more[0]) or answer(token, *more),
+    )
 
     async def act(port: int) -> None:
         deaf = socket.socket()
         deaf.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, SMALL_BUFFER)
         deaf.connect(("127.0.0.1", port))
-        async with guest(port, sock=deaf, max_queue=1) as player, guest(port) as watcher:
+        async with (
+            guest(port, sock=deaf, max_queue=1) as player,
+            guest(port) as watcher,
+        ):
             await watcher.see()
             await player.say("press", key="space")
             while not watcher.plays:
@@ -179,10 +200,14 @@ def test_requests_that_are_none_get_no_answer_or_a_refusal(audience: Audience) -
         return answer
 
     async def act(port: int) -> None:
-        silent = [await asyncio.open_connection("127.0.0.1", port) for _ in range(50)]  # they ask for nothing
+        # they ask for nothing
+        silent = [await asyncio.open_connection("127.0.0.1", port) for _ in range(50)]
         for noise in NOISE:
             answer = await ask(port, noise)
-            assert not answer or re.match(rb"HTTP/1.1 4\d\d ", answer), (noise[:40], answer[:80])
+            assert not answer or re.match(rb"HTTP/1.1 4\d\d ", answer), (
+                noise[:40],
+                answer[:80],
+            )
         async with guest(port) as one:
             await one.see()
         for _, writer in silent:
@@ -192,16 +217,26 @@ def test_requests_that_are_none_get_no_answer_or_a_refusal(audience: Audience) -
 
 
 @pytest.mark.parametrize("count", [300, pytest.param(5000, marks=pytest.mark.validate)])
-def test_a_flood_of_rubbish_is_counted_and_everybody_else_goes_on(audience: Audience, count: int) -> None:
+def test_a_flood_of_rubbish_is_counted_and_everybody_else_goes_on(
+    audience: Audience, count: int
+) -> None:
     choose = random.Random(4)
     values = {"value": 1e300, "x": 0.1, "y": 2, "t": -1, "angle": 1, "final": 0}
-    kinds = [{"do": do, "key": key} for do in ("press", "set", "pull", "turn", "scrub") for key in ("space", "wall.a")]
+    kinds = [
+        {"do": do, "key": key}
+        for do in ("press", "set", "pull", "turn", "scrub")
+        for key in ("space", "wall.a")
+    ]
     whole = [json.dumps(kind | values) for kind in kinds]
 
     def rubbish() -> str | bytes:
         text = choose.choice(whole)
-        cut = text[: choose.randrange(len(text))] + choose.choice(["", "\0", "}" * 9, "[" * 500, "😀"])
-        return choose.choice([cut, cut.encode(), choose.randbytes(choose.randrange(MAX_BYTES)), whole[0]])
+        cut = text[: choose.randrange(len(text))] + choose.choice(
+            ["", "\0", "}" * 9, "[" * 500, "😀"]
+        )
+        return choose.choice(
+            [cut, cut.encode(), choose.randbytes(choose.randrange(MAX_BYTES)), whole[0]]
+        )
 
     async def act(port: int) -> None:
         async with guest(port) as vandal, guest(port) as watcher:
@@ -218,8 +253,14 @@ def test_a_flood_of_rubbish_is_counted_and_everybody_else_goes_on(audience: Audi
             await watcher.say("press", key="space")
             while not watcher.plays:
                 await watcher.see()
-        for frame in (b"\xff" * 20, b"\x81\x05hello", b"\x8f\x80\0\0\0\0", b"\x01\xff" + b"\x7f" * 12):
-            async with guest(port) as broken:  # frames without mask, of unknown kind, longer than the sea
+        for frame in (
+            b"\xff" * 20,
+            b"\x81\x05hello",
+            b"\x8f\x80\0\0\0\0",
+            b"\x01\xff" + b"\x7f" * 12,
+        ):
+            # frames without mask, of unknown kind, longer than the sea
+            async with guest(port) as broken:
                 broken.connection.transport.write(frame)
                 with pytest.raises(ConnectionClosed):
                     while True:
@@ -230,15 +271,28 @@ def test_a_flood_of_rubbish_is_counted_and_everybody_else_goes_on(audience: Audi
 
 @pytest.mark.validate
 @pytest.mark.skipif(bool(MISSING), reason=MISSING)
-def test_a_film_survives_a_program_that_is_killed_and_its_page_finds_the_next_one(tmp_path: Path) -> None:
+def test_a_film_survives_a_program_that_is_killed_and_its_page_finds_the_next_one(
+    tmp_path: Path,
+) -> None:
     with socket.create_server(("127.0.0.1", 0)) as free:
         port = free.getsockname()[1]
-    code = "import secrets, sys; secrets.token_urlsafe = lambda _: 'secret'; from taichi_disk.cli import main; "
-    arguments = ["view", "--no-open", "--port", str(port), *(f"--set={one}" for one in SETTINGS)]
+    code = (
+        "import secrets, sys; secrets.token_urlsafe = lambda _: 'secret'; from"
+        " taichi_disk.cli import main; "
+    )
+    arguments = [
+        "view",
+        "--no-open",
+        "--port",
+        str(port),
+        *(f"--set={one}" for one in SETTINGS),
+    ]
 
     def started() -> subprocess.Popen[str]:
         command = [sys.executable, "-c", f"{code} sys.exit(main({arguments!r}))"]
-        program = subprocess.Popen(command, stdout=subprocess.PIPE, text=True, cwd=tmp_path)
+        program = subprocess.Popen(
+            command, stdout=subprocess.PIPE, text=True, cwd=tmp_path
+        )
         assert program.stdout and "/secret/" in program.stdout.readline()
         return program
 
@@ -252,7 +306,9 @@ def test_a_film_survives_a_program_that_is_killed_and_its_page_finds_the_next_on
         program.wait()
         browser.wait(lambda: "does not answer" in browser.text("role"))
         browser.click("film")
-        film = browser.wait(lambda: browser.downloaded("disk.webm") or browser.downloaded("disk.mp4"))
+        film = browser.wait(
+            lambda: browser.downloaded("disk.webm") or browser.downloaded("disk.mp4")
+        )
         browser.wait(lambda: film.stat().st_size > 10_000)
         program = started()
         browser.wait(lambda: browser.text("role") == "" and browser.state("t") == 0.0)

@@ -1,4 +1,5 @@
-"""The HTML film: a small file that needs no network, and in a real browser plays and shows the computed data."""
+"""The HTML film: a small file that needs no network, and in a real browser plays and
+shows the computed data."""
 
 from __future__ import annotations
 
@@ -29,9 +30,23 @@ TOOLS = [tool for tool in ("chromium", "chromedriver") if not shutil.which(tool)
 def folder(tmp_path_factory):
     """Return a run without film, and its HTML film."""
     folder = tmp_path_factory.mktemp("html") / "run"
-    scene = load_scene("oblique_impact", ["lattice.points=150", "video.fps=10", "video.seconds=3"])
+    scene = load_scene(
+        "oblique_impact", ["lattice.points=150", "video.fps=10", "video.seconds=3"]
+    )
     api.run(scene, folder, video=False, lattices=1)
-    assert main(["render", str(folder), "--out", str(folder / "film.html"), "--from", "contact"]) == 0
+    assert (
+        main(
+            [
+                "render",
+                str(folder),
+                "--out",
+                str(folder / "film.html"),
+                "--from",
+                "contact",
+            ]
+        )
+        == 0
+    )
     return folder
 
 
@@ -53,38 +68,65 @@ def test_states_survive_the_packing_to_a_ten_thousandth_of_r(folder):
     film, data = packed(folder / "film.html")
     run, result = film["runs"][0], api.Result.load(folder, estimate=False)
     n, count = run["scene"]["points"], run["states"]
-    part = lambda name, kind: np.frombuffer(data, kind, run["arrays"][name][1], run["arrays"][name][0])  # noqa: E731
-    low, high = part("displacements", np.uint8).reshape(2, count, n, 2).astype(np.uint16)
-    moved = np.cumsum(low | high << 8, axis=0, dtype=np.uint16).view(np.int16) * run["unit"]
+
+    def part(name, kind):
+        offset, size = run["arrays"][name]
+        return np.frombuffer(data, kind, size, offset)
+
+    low, high = (
+        part("displacements", np.uint8).reshape(2, count, n, 2).astype(np.uint16)
+    )
+    moved = (
+        np.cumsum(low | high << 8, axis=0, dtype=np.uint16).view(np.int16) * run["unit"]
+    )
     motion = part("motion", "<f4").reshape(count, 3)
     captions = [run["captions"][film["cues"].index(k)] for k in range(count)]
     rest = result.lattice.positions
     for k in (0, count // 2, count - 1):
         t = float(captions[k][0].split()[2])
         *centre, angle = motion[k]
-        turn = np.array([[np.cos(angle), np.sin(angle)], [-np.sin(angle), np.cos(angle)]])
+        turn = np.array(
+            [[np.cos(angle), np.sin(angle)], [-np.sin(angle), np.cos(angle)]]
+        )
         x = centre + (rest - rest.mean(axis=0) + moved[k]) @ turn
-        assert x == pytest.approx(result.state(t).positions, abs=1e-3)  # the captions have a rounded time
+        # the captions have a rounded time
+        assert x == pytest.approx(result.state(t).positions, abs=1e-3)
         assert (x - x.mean(axis=0)) @ turn.T == pytest.approx(
-            (result.state(t).positions - result.state(t).positions.mean(axis=0)) @ turn.T, abs=3e-4
+            (result.state(t).positions - result.state(t).positions.mean(axis=0))
+            @ turn.T,
+            abs=3e-4,
         )
     for name, kind in QUANTITIES.items():
-        codes = np.cumsum(part(name, np.uint8).reshape(count, n), axis=0, dtype=np.uint8)
+        codes = np.cumsum(
+            part(name, np.uint8).reshape(count, n), axis=0, dtype=np.uint8
+        )
         assert np.ptp(codes) > 100, name
         assert not kind.signed or (codes.min() < 127 < codes.max())
 
 
 @pytest.mark.validate
 def test_240_states_of_1099_points_take_less_than_3_mb(tmp_path):
-    path = api.run(load_scene("oblique_impact"), lattices=1).film(tmp_path / "film.html")  # rotations lose most
+    # rotations lose most
+    path = api.run(load_scene("oblique_impact"), lattices=1).film(
+        tmp_path / "film.html"
+    )
     assert packed(path)[0]["runs"][0]["states"] > 200 and path.stat().st_size < 3e6
 
 
 def test_a_film_needs_no_vulkan(tmp_path, monkeypatch):
-    monkeypatch.setattr("taichi_disk.render.film.require_film", lambda: pytest.fail("Vulkan was asked for"))
-    scene = load_scene("compression", ["lattice.points=60", "compression.method=newton", "video.format=html"])
+    monkeypatch.setattr(
+        "taichi_disk.render.film.require_film",
+        lambda: pytest.fail("Vulkan was asked for"),
+    )
+    scene = load_scene(
+        "compression",
+        ["lattice.points=60", "compression.method=newton", "video.format=html"],
+    )
     result = api.run(scene, tmp_path / "run", lattices=1)
-    assert result.summary["video"] == "video.html" and (tmp_path / "run/video.html").stat().st_size > 1e4
+    assert (
+        result.summary["video"] == "video.html"
+        and (tmp_path / "run/video.html").stat().st_size > 1e4
+    )
     assert "<iframe" in result.show(seconds=0.2)._repr_html_()
 
 
@@ -92,7 +134,9 @@ def test_a_film_needs_no_vulkan(tmp_path, monkeypatch):
 @pytest.mark.parametrize("name", [path.name for path in WEB.glob("*.js")])
 def test_modules_are_well_formed(name, tmp_path):
     (copy := tmp_path / f"{name}.mjs").write_text((WEB / name).read_text())
-    done = subprocess.run(["node", "--check", str(copy)], capture_output=True, text=True)
+    done = subprocess.run(
+        ["node", "--check", str(copy)], capture_output=True, text=True
+    )
     assert done.returncode == 0, done.stderr
 
 
@@ -104,12 +148,20 @@ def browser():
     if TOOLS:
         if os.environ.get("CI"):
             pytest.fail(f"the film cannot be tested: {TOOLS} missing")
-        pytest.skip(f"not installed: {', '.join(TOOLS)} (apt-get install chromium chromium-driver)")
+        pytest.skip(
+            f"not installed: {', '.join(TOOLS)} (apt-get install chromium"
+            " chromium-driver)"
+        )
     from selenium import webdriver
     from selenium.webdriver.chrome.service import Service
 
     options = webdriver.ChromeOptions()
-    for option in ("--headless=new", "--no-sandbox", "--disable-dev-shm-usage", "--enable-unsafe-swiftshader"):
+    for option in (
+        "--headless=new",
+        "--no-sandbox",
+        "--disable-dev-shm-usage",
+        "--enable-unsafe-swiftshader",
+    ):
         options.add_argument(option)
     options.binary_location = shutil.which("chromium")
     driver = webdriver.Chrome(options, Service(shutil.which("chromedriver")))
@@ -128,34 +180,41 @@ def opened(browser, folder, size):
         {"width": size[0], "height": size[1], "deviceScaleFactor": 1, "mobile": False},
     )
     browser.get((folder / "film.html").as_uri())
-    wait = "const done = arguments[0]; (function f() { document.querySelector('canvas')?.width > 100 && document.querySelector('#moment').max > 9 ? done() : setTimeout(f, 50) })()"  # noqa: E501
+    wait = "const done = arguments[0]; (function f() { document.querySelector('canvas')?.width > 100 && document.querySelector('#moment').max > 9 ? done() : setTimeout(f, 50) })()"
     browser.execute_async_script(wait)
 
 
 def stop_at(browser, part):
     """Pause the film at a fraction of its length."""
     browser.execute_script(
-        "const m = document.getElementById('moment'); m.value = arguments[0] * m.max; m.oninput()", part
+        "const m = document.getElementById('moment'); m.value = arguments[0] * m.max;"
+        " m.oninput()",
+        part,
     )
 
 
 def canvas(browser):
     data = browser.execute_script("return document.querySelector('canvas').toDataURL()")
-    return np.asarray(Image.open(io.BytesIO(base64.b64decode(data.split(",")[1]))).convert("RGB")).astype(int)
+    return np.asarray(
+        Image.open(io.BytesIO(base64.b64decode(data.split(",")[1]))).convert("RGB")
+    ).astype(int)
 
 
 def choose(browser, name, value):
     browser.execute_script(
-        "const e = document.querySelector(`#${arguments[0]}, [data-key=${arguments[0]}] :is(select, input)`);"
-        "e.type === 'checkbox' ? e.checked = arguments[1] : e.value = arguments[1];"
-        "for (const kind of ['input', 'change']) e.dispatchEvent(new Event(kind, { bubbles: true }))",
+        "const e = document.querySelector(`#${arguments[0]}, [data-key=${arguments[0]}]"
+        " :is(select, input)`);e.type === 'checkbox' ? e.checked = arguments[1] :"
+        " e.value = arguments[1];for (const kind of ['input', 'change'])"
+        " e.dispatchEvent(new Event(kind, { bubbles: true }))",
         name,
         value,
     )
 
 
 @pytest.mark.validate
-def test_from_a_file_it_plays_scrubs_zooms_magnifies_and_shows_every_quantity(browser, folder):
+def test_from_a_file_it_plays_scrubs_zooms_magnifies_and_shows_every_quantity(
+    browser, folder
+):
     opened(browser, folder, (1000, 700))
     place = "return Number(document.getElementById('moment').value)"
     before = browser.execute_script(place)
@@ -165,33 +224,52 @@ def test_from_a_file_it_plays_scrubs_zooms_magnifies_and_shows_every_quantity(br
     there = browser.execute_script(place)
     browser.execute_async_script("setTimeout(arguments[0], 300)")
     assert browser.execute_script(place) == there
-    pictures = {name: canvas(browser) for name in QUANTITIES if not choose(browser, "quantity", name)}
+    pictures = {
+        name: canvas(browser)
+        for name in QUANTITIES
+        if not choose(browser, "quantity", name)
+    }
     assert len({picture.tobytes() for picture in pictures.values()}) == len(QUANTITIES)
     ground = pictures["shear"][1, 1]
     disk = np.abs(pictures["shear"][:-90] - ground).sum(axis=2) > 30
-    assert disk.mean() > 0.1 and len(np.unique(pictures["shear"].reshape(-1, 3), axis=0)) > 200
+    assert (
+        disk.mean() > 0.1
+        and len(np.unique(pictures["shear"].reshape(-1, 3), axis=0)) > 200
+    )
     choose(browser, "quantity", "shear")
-    for name, value in (("magnify", 10), ("draw", "springs"), ("draw", "points"), ("outline", True), ("theme", "dark")):
+    for name, value in (
+        ("magnify", 10),
+        ("draw", "springs"),
+        ("draw", "points"),
+        ("outline", True),
+        ("theme", "dark"),
+    ):
         old = canvas(browser)
         choose(browser, name, value)
         assert np.abs(canvas(browser) - old).mean() > 0.2, name
     speed = "document.querySelector('[data-key=speed] [type=text]')"
     browser.execute_script(f"{speed}.value = '-3'; {speed}.onchange()")
     assert browser.execute_script(f"return {speed}.value") == "0.1"
-    script = "document.querySelector('canvas').dispatchEvent(new WheelEvent('wheel', {deltaY: -600, clientX: 300, clientY: 300}))"  # noqa: E501
+    script = "document.querySelector('canvas').dispatchEvent(new WheelEvent('wheel', {deltaY: -600, clientX: 300, clientY: 300}))"
     old = canvas(browser)
     browser.execute_script(script)
     assert np.abs(canvas(browser) - old).mean() > 1.0
-    assert [entry for entry in browser.get_log("browser") if entry["level"] == "SEVERE"] == []
+    assert [
+        entry for entry in browser.get_log("browser") if entry["level"] == "SEVERE"
+    ] == []
 
 
 @pytest.mark.validate
 @pytest.mark.parametrize("size", [(390, 844), (768, 1024), (1280, 800)])
-def test_on_a_screen_of_any_size_no_text_is_small_and_nothing_scrolls_sideways(browser, folder, size):
+def test_on_a_screen_of_any_size_no_text_is_small_and_nothing_scrolls_sideways(
+    browser, folder, size
+):
     opened(browser, folder, size)
     stop_at(browser, 0.5)
     browser.execute_script("document.querySelector('details').open = true")
-    assert browser.execute_script("return document.documentElement.scrollWidth") <= size[0]
+    assert (
+        browser.execute_script("return document.documentElement.scrollWidth") <= size[0]
+    )
     small = """return [...document.querySelectorAll('body *')].filter(e => e.offsetWidth && e.textContent.trim()
         && parseFloat(getComputedStyle(e).fontSize) < 12).map(e => e.outerHTML)"""
     assert browser.execute_script(small) == []

@@ -1,4 +1,5 @@
-"""In notebooks: the widget without a browser, what results show of themselves, bars, the notebooks of docs."""
+"""In notebooks: the widget without a browser, what results show of themselves, bars,
+the notebooks of docs."""
 
 from __future__ import annotations
 
@@ -30,8 +31,12 @@ from tests.browser import MISSING, Browser
 SETTINGS = ["lattice.points=60", "impact.velocity=0.05"]
 
 
-def played(settings: list[str], act: Callable[[Any, Callable[..., None], list[Any]], Awaitable[None]]) -> None:
-    """Let `act` play with a widget as its view does: it is given the widget, what says something, what was sent."""
+def played(
+    settings: list[str],
+    act: Callable[[Any, Callable[..., None], list[Any]], Awaitable[None]],
+) -> None:
+    """Let `act` play with a widget as its view does: it is given the widget, what says
+    something, what was sent."""
     from taichi_disk.notebook import Sandbox
 
     async def notebook() -> None:
@@ -90,7 +95,8 @@ def test_a_message_that_another_thread_delivers_is_obeyed_at_once() -> None:
         await until(lambda: any(isinstance(one, bytes) for one in sent))
         await asyncio.sleep(0.2)
         sent.clear()
-        await asyncio.to_thread(press_and_wait)  # nothing but the message wakes up the loop
+        # nothing but the message wakes up the loop
+        await asyncio.to_thread(press_and_wait)
 
     played(SETTINGS, act)
 
@@ -100,8 +106,12 @@ def test_a_message_that_another_thread_delivers_is_obeyed_at_once() -> None:
 def test_the_widget_s_module_shows_the_sandbox_in_a_browser(tmp_path: Path) -> None:
     async def act(sandbox: Any, say: Callable[..., None], sent: list[Any]) -> None:
         await until(lambda: any(isinstance(one, bytes) for one in sent))
-        # A page that does what a notebook's front end does with the module: it loads it, and hands messages on.
-        messages = [one if isinstance(one, str) else {"bytes": base64.b64encode(one).decode()} for one in sent]
+        # A page that does what a notebook's front end does with the module: it loads
+        # it, and hands messages on.
+        messages = [
+            one if isinstance(one, str) else {"bytes": base64.b64encode(one).decode()}
+            for one in sent
+        ]
         module = base64.b64encode(sandbox._esm.encode()).decode()
         (tmp_path / "cell.html").write_text(
             f"""<body style="margin: 0"><div id="cell"></div><script type="module">
@@ -123,41 +133,72 @@ def test_the_widget_s_module_shows_the_sandbox_in_a_browser(tmp_path: Path) -> N
         browser = Browser((800, 720))
         try:
             browser.driver.get(f"file://{tmp_path}/cell.html")
-            browser.wait(lambda: browser.script("return window.said?.some((one) => one.do === 'seen')"))
+            browser.wait(
+                lambda: browser.script(
+                    "return window.said?.some((one) => one.do === 'seen')"
+                )
+            )
             inside = "document.getElementById('cell').shadowRoot.getElementById"
             assert browser.script(f"return {inside}('drop').textContent") == "Drop"
             browser.script(f"{inside}('drop').click()")
-            assert browser.script("return window.said.at(-1).key") == "space" and browser.errors() == []
+            assert (
+                browser.script("return window.said.at(-1).key") == "space"
+                and browser.errors() == []
+            )
         finally:
             browser.driver.quit()
 
     played(SETTINGS, act)
 
 
-JUPYTERLAB = "no JupyterLab (pip install jupyterlab)" if find_spec("jupyterlab") is None else MISSING
+JUPYTERLAB = (
+    "no JupyterLab (pip install jupyterlab)"
+    if find_spec("jupyterlab") is None
+    else MISSING
+)
 
 
 @pytest.mark.validate
 @pytest.mark.skipif(bool(JUPYTERLAB), reason=JUPYTERLAB)
 def test_in_jupyterlab_a_widget_is_played_with(tmp_path: Path) -> None:
-    code = f"from taichi_disk.notebook import Sandbox\nSandbox('exponential_wall', {SETTINGS})"
+    code = (
+        "from taichi_disk.notebook import Sandbox\nSandbox('exponential_wall',"
+        f" {SETTINGS})"
+    )
     kernel = {"kernelspec": {"name": "python3", "display_name": "Python 3"}}
-    notebook = nbformat.v4.new_notebook(cells=[nbformat.v4.new_code_cell(code)], metadata=kernel)
+    notebook = nbformat.v4.new_notebook(
+        cells=[nbformat.v4.new_code_cell(code)], metadata=kernel
+    )
     nbformat.write(notebook, tmp_path / "play.ipynb")
     with socket.create_server(("127.0.0.1", 0)) as free:
         port = free.getsockname()[1]
-    options = ["--no-browser", "--allow-root", "--IdentityProvider.token=", f"--port={port}"]
+    options = [
+        "--no-browser",
+        "--allow-root",
+        "--IdentityProvider.token=",
+        f"--port={port}",
+    ]
     command = [sys.executable, "-m", "jupyterlab", *options]
     with subprocess.Popen(command, cwd=tmp_path, stderr=subprocess.DEVNULL) as lab:
         browser = Browser((1200, 900))
         try:
             browser.wait(lambda: not socket.socket().connect_ex(("127.0.0.1", port)))
             browser.driver.get(f"http://127.0.0.1:{port}/lab/tree/play.ipynb")
-            idle = "return document.querySelector('#jp-main-statusbar')?.textContent.includes('| Idle')"
-            browser.wait(lambda: browser.script(idle))  # a cell that is run earlier never ends
-            browser.driver.find_element("css selector", ".jp-Notebook .cm-content").send_keys("\ue008\ue007")
+            idle = (
+                "return"
+                " document.querySelector('#jp-main-statusbar')?.textContent.includes('|"
+                " Idle')"
+            )
+            # a cell that is run earlier never ends
+            browser.wait(lambda: browser.script(idle))
+            browser.driver.find_element(
+                "css selector", ".jp-Notebook .cm-content"
+            ).send_keys("\ue008\ue007")
             outputs = "[...document.querySelectorAll('.jp-OutputArea-output *')]"
-            found = f"window.sandbox = {outputs}.find((one) => one.sandbox?.drawing.state)?.sandbox"
+            found = (
+                f"window.sandbox = {outputs}.find((one) =>"
+                " one.sandbox?.drawing.state)?.sandbox"
+            )
             browser.wait(lambda: browser.script(f"return Boolean({found})"))
             browser.script("window.sandbox.ui.drop.click()")
             browser.wait(lambda: browser.state("t") > 1.0)
@@ -170,33 +211,52 @@ def test_in_jupyterlab_a_widget_is_played_with(tmp_path: Path) -> None:
 def test_without_the_extra_the_message_names_it() -> None:
     code = "import sys; sys.modules['anywidget'] = None; import taichi_disk.notebook"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
-    assert "TaichiDiskError: no widget" in done.stderr and "pip install 'taichi-disk[notebook]'" in done.stderr
+    assert (
+        "TaichiDiskError: no widget" in done.stderr
+        and "pip install 'taichi-disk[notebook]'" in done.stderr
+    )
 
 
 # ---- what a cell shows of itself
 
-SCENE = {"scene": "exponential_wall", "lattice": {"points": 60}, "impact": {"velocity": 0.05}}
+SCENE = {
+    "scene": "exponential_wall",
+    "lattice": {"points": 60},
+    "impact": {"velocity": 0.05},
+}
 
 
-def test_a_result_is_a_line_in_a_terminal_and_a_table_with_a_plot_in_a_notebook() -> None:
+def test_a_result_is_a_line_in_a_terminal_and_a_table_with_a_plot_in_a_notebook() -> (
+    None
+):
     result = run(SCENE, lattices=1)
-    assert repr(result).startswith("Result(exponential_wall, 60 points, restitution 0.") and len(repr(result)) < 100
+    assert (
+        repr(result).startswith("Result(exponential_wall, 60 points, restitution 0.")
+        and len(repr(result)) < 100
+    )
     html = result._repr_html_()
     assert "restitution e" in html and f"{result.error:.0e}"[0] in html
     (image,) = re.findall('data:image/png;base64,[^"]+', html)
     assert len(html) - len(image) < 2500
     figure = result.plot()
     figure.axes[0].set_title("mine")
-    assert np.array_equal(figure.axes[1].lines[0].get_ydata(), result.series["wall_force"])
+    assert np.array_equal(
+        figure.axes[1].lines[0].get_ydata(), result.series["wall_force"]
+    )
     assert figure._repr_png_()[:4] == b"\x89PNG"
 
 
 @pytest.mark.skipif(film_problem() is not None, reason="no Vulkan driver")
-def test_a_film_is_shown_inline_with_controls_and_leaves_no_file(tmp_path: Path, monkeypatch: Any) -> None:
+def test_a_film_is_shown_inline_with_controls_and_leaves_no_file(
+    tmp_path: Path, monkeypatch: Any
+) -> None:
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
     result = run(SCENE, lattices=1)
-    assert "<video controls loop" in (film := result.show(size=64, seconds=0.1))._repr_html_()
+    assert (
+        "<video controls loop"
+        in (film := result.show(size=64, seconds=0.1))._repr_html_()
+    )
     assert film.data[4:8] == b"ftyp" and len(repr(film)) < 40
     assert "<img" in result.show(size=64, format="png")._repr_html_()
     assert not list(tmp_path.iterdir())
@@ -204,29 +264,49 @@ def test_a_film_is_shown_inline_with_controls_and_leaves_no_file(tmp_path: Path,
         result.show(sise=64)
 
 
-def test_a_sweep_shows_its_fits_and_gives_a_figure_and_a_table(tmp_path: Path, monkeypatch: Any) -> None:
+def test_a_sweep_shows_its_fits_and_gives_a_figure_and_a_table(
+    tmp_path: Path, monkeypatch: Any
+) -> None:
     points = "scene: exponential_wall\nlattice: {points: 60}\n"
-    done = run_sweep(load_sweep(points + "sweep: {velocity: [0.02, 0.05, 0.1]}"), tmp_path / "v", jobs=1)
-    assert repr(done).startswith("SweepResult(exponential_wall, 3 points, 3 of them computed now, 0 failed, out=")
+    done = run_sweep(
+        load_sweep(points + "sweep: {velocity: [0.02, 0.05, 0.1]}"),
+        tmp_path / "v",
+        jobs=1,
+    )
+    assert repr(done).startswith(
+        "SweepResult(exponential_wall, 3 points, 3 of them computed now, 0 failed, out="
+    )
     assert "eq. (5)" in (html := done._repr_html_()) and html.count("<img") == 1
     assert done.plot().axes[0].get_xlabel() == "impact speed  v/c"
-    assert done.dataframe()["restitution"].tolist() == [row["restitution"] for row in done.rows]
-    other = run_sweep(load_sweep(points + "sweep: {seed: {range: 2}}"), tmp_path / "seed", jobs=1)
+    assert done.dataframe()["restitution"].tolist() == [
+        row["restitution"] for row in done.rows
+    ]
+    other = run_sweep(
+        load_sweep(points + "sweep: {seed: {range: 2}}"), tmp_path / "seed", jobs=1
+    )
     assert "<img" not in other._repr_html_()
-    with pytest.raises(InputError, match=r"no figure of exponential_wall over seed; name an axis"):
+    with pytest.raises(
+        InputError, match=r"no figure of exponential_wall over seed; name an axis"
+    ):
         other.plot()
     monkeypatch.setitem(sys.modules, "pandas", None)
     with pytest.raises(TaichiDiskError, match="-m pip install 'pandas'"):
         done.dataframe()
 
 
-def test_long_work_shows_a_bar_by_itself_in_a_notebook_which_goes_at_the_end(monkeypatch: Any) -> None:
+def test_long_work_shows_a_bar_by_itself_in_a_notebook_which_goes_at_the_end(
+    monkeypatch: Any,
+) -> None:
     class ZMQInteractiveShell:
         pass
 
     class Handle:
         def update(self, shown: Any, **_: Any) -> None:
-            told.append(shown if isinstance(shown, dict) else shown._repr_mimebundle_((), ())["text/plain"])
+            told.append(
+                shown
+                if isinstance(shown, dict)
+                else shown._repr_mimebundle_((), ())["text/plain"]
+            )
 
     told: list[Any] = []
     monkeypatch.setattr(builtins, "get_ipython", ZMQInteractiveShell, raising=False)
@@ -254,13 +334,21 @@ NOTEBOOKS = sorted((Path(__file__).parents[2] / "docs/notebooks").glob("*.ipynb"
 
 @pytest.mark.validate
 @pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
-def test_notebooks_run_and_print_nothing_that_is_not_theirs(path: Path, tmp_path: Path) -> None:
+def test_notebooks_run_and_print_nothing_that_is_not_theirs(
+    path: Path, tmp_path: Path
+) -> None:
     from nbclient import NotebookClient
 
     notebook = nbformat.read(path, 4)
     cells = [cell for cell in notebook.cells if cell.cell_type == "code"]
     assert not any(cell.outputs for cell in cells)
-    NotebookClient(notebook, timeout=300, resources={"metadata": {"path": str(tmp_path)}}).execute()
-    printed = [one for cell in cells for one in cell.outputs if one.output_type == "stream"]
+    NotebookClient(
+        notebook, timeout=300, resources={"metadata": {"path": str(tmp_path)}}
+    ).execute()
+    printed = [
+        one for cell in cells for one in cell.outputs if one.output_type == "stream"
+    ]
     assert all(one.name == "stdout" and "aichi" not in one.text for one in printed)
-    assert any("image/png" in one.get("data", {}) for cell in cells for one in cell.outputs)
+    assert any(
+        "image/png" in one.get("data", {}) for cell in cells for one in cell.outputs
+    )

@@ -1,4 +1,5 @@
-"""The user's own Taichi, started before or after a run; and the engine sends nothing over the network."""
+"""The user's own Taichi, started before or after a run; and the engine sends nothing
+over the network."""
 
 from __future__ import annotations
 
@@ -10,7 +11,10 @@ import pytest
 
 from taichi_disk.engine import environment
 
-SMALL = '{"scene": "exponential_wall", "lattice": {"points": 40}, "video": {"size": 64, "seconds": 0.1}}'
+SMALL = (
+    '{"scene": "exponential_wall", "lattice": {"points": 40}, "video": {"size": 64,'
+    ' "seconds": 0.1}}'
+)
 AFTER = f"""
 from taichi_disk import run
 from taichi_disk.engine import ti
@@ -50,7 +54,9 @@ sys.addaudithook(heard)
 def python(folder, *arguments, **changes):
     command = [sys.executable, *arguments]
     variables = os.environ | changes
-    return subprocess.run(command, cwd=folder, env=variables, capture_output=True, text=True, timeout=300)
+    return subprocess.run(
+        command, cwd=folder, env=variables, capture_output=True, text=True, timeout=300
+    )
 
 
 @pytest.mark.validate
@@ -59,19 +65,38 @@ def test_an_old_result_outlives_the_user_s_own_init_and_reset(tmp_path):
     assert done.returncode == 0, done.stderr
 
 
-def test_an_engine_started_with_other_settings_is_refused_with_the_line_to_write(tmp_path):
+def test_an_engine_started_with_other_settings_is_refused_with_the_line_to_write(
+    tmp_path,
+):
     done = python(tmp_path, "-c", BEFORE)
-    messages = [line for line in done.stdout.splitlines() if line.startswith("Taichi runs")]
+    messages = [
+        line for line in done.stdout.splitlines() if line.startswith("Taichi runs")
+    ]
     assert [line.partition(",")[0] for line in messages] == [
-        f"Taichi runs with {option}" for option in ("default_fp=f32", "fast_math=True", "arch=vulkan")
+        f"Taichi runs with {option}"
+        for option in ("default_fp=f32", "fast_math=True", "arch=vulkan")
     ] or done.stderr
     line = "ti.init(arch=ti.cpu, default_fp=ti.f64, fast_math=False)"
-    assert len(messages) == 3 and all(line in message for message in messages), done.stdout + done.stderr
+    assert len(messages) == 3 and all(line in message for message in messages), (
+        done.stdout + done.stderr
+    )
 
 
 def test_an_architecture_from_the_environment_is_refused_by_name(tmp_path):
-    done = python(tmp_path, "-m", "taichi_disk", "run", "exponential_wall", "--no-video", TI_ARCH="vulkan")
-    assert done.returncode == 2 and "TI_ARCH=vulkan" in done.stderr and "Traceback" not in done.stderr
+    done = python(
+        tmp_path,
+        "-m",
+        "taichi_disk",
+        "run",
+        "exponential_wall",
+        "--no-video",
+        TI_ARCH="vulkan",
+    )
+    assert (
+        done.returncode == 2
+        and "TI_ARCH=vulkan" in done.stderr
+        and "Traceback" not in done.stderr
+    )
     assert list(tmp_path.iterdir()) == []
 
 
@@ -79,19 +104,40 @@ def test_an_architecture_from_the_environment_is_refused_by_name(tmp_path):
 @pytest.mark.parametrize(
     "way",
     [
-        ("-m", "taichi_disk", "run", "exponential_wall", "--no-video", "--lattices=1", "--set=lattice.points=20"),
+        (
+            "-m",
+            "taichi_disk",
+            "run",
+            "exponential_wall",
+            "--no-video",
+            "--lattices=1",
+            "--set=lattice.points=20",
+        ),
         pytest.param(
-            ("-c", "import taichi_disk.physics, time\nfrom taichi_disk.engine import ti\nti.init()\ntime.sleep(0.3)"),
+            (
+                "-c",
+                (
+                    "import taichi_disk.physics, time\nfrom taichi_disk.engine import"
+                    " ti\nti.init()\ntime.sleep(0.3)"
+                ),
+            ),
             marks=pytest.mark.validate,
         ),
     ],
 )
 def test_the_engine_sends_nothing_over_the_network(tmp_path, way):
-    # A new home has no date of the last version check, so Taichi would check for a newer version.
+    # A new home has no date of the last version check, so Taichi would check for a
+    # newer version.
     (tmp_path / "sitecustomize.py").write_text(HOOK)
     known = os.pathsep.join(filter(None, [str(tmp_path), os.environ.get("PYTHONPATH")]))
-    home = {"HOME": str(tmp_path), "PYTHONPATH": known, environment.CACHE: str(environment.cache_folder())}
-    probe = python(tmp_path, "-c", "import socket; socket.getaddrinfo('localhost', 1)", **home)
+    home = {
+        "HOME": str(tmp_path),
+        "PYTHONPATH": known,
+        environment.CACHE: str(environment.cache_folder()),
+    }
+    probe = python(
+        tmp_path, "-c", "import socket; socket.getaddrinfo('localhost', 1)", **home
+    )
     assert "SENT socket.getaddrinfo" in probe.stderr
     done = python(tmp_path, *way, **home)
     assert done.returncode == 0 and "SENT" not in done.stderr, done.stderr

@@ -1,4 +1,5 @@
-"""The page: who may come, what may be said, how fast states are sent; and the real one, played with in Chromium."""
+"""The page: who may come, what may be said, how fast states are sent; and the real one,
+played with in Chromium."""
 
 from __future__ import annotations
 
@@ -37,13 +38,25 @@ from tests.browser import MISSING, Browser
 
 WEB = Path(__file__).parents[2] / "taichi_disk" / "web"
 SETTINGS = ["lattice.points=120", "impact.velocity=0.05", "material.eta_star=1"]
-WALL = ["lattice.points=120", "impact.velocity=0.05", "wall.points=160", "wall.threshold=0.11"]
+WALL = [
+    "lattice.points=120",
+    "impact.velocity=0.05",
+    "wall.points=160",
+    "wall.threshold=0.11",
+]
 
 
 @pytest.fixture
 def session(kernels: KernelCache) -> Session:
-    scenes = [("exponential_wall", SETTINGS), ("absorbing_wall", WALL), ("compression", SETTINGS[:1])]
-    return Session([Entry(name, "Look.", partial(load_scene, name, own)) for name, own in scenes], kernels)
+    scenes = [
+        ("exponential_wall", SETTINGS),
+        ("absorbing_wall", WALL),
+        ("compression", SETTINGS[:1]),
+    ]
+    return Session(
+        [Entry(name, "Look.", partial(load_scene, name, own)) for name, own in scenes],
+        kernels,
+    )
 
 
 def say(session: Session, kind: str, **more: Any) -> None:
@@ -83,11 +96,29 @@ def knock(path: str, **headers: str) -> int:
 
 
 @pytest.mark.parametrize(
-    "path", ["/", "//", "/secre/", "/secret2/", "/SECRET/", "//secret/", "/ü/", "/index.html", "*", "/secre%74/", ""]
+    "path",
+    [
+        "/",
+        "//",
+        "/secre/",
+        "/secret2/",
+        "/SECRET/",
+        "//secret/",
+        "/ü/",
+        "/index.html",
+        "*",
+        "/secre%74/",
+        "",
+    ],
 )
 def test_without_the_token_nothing_is_served(path: str) -> None:
     assert knock(path) == 403
-    assert knock(path, Upgrade="websocket", Host="127.0.0.1:1", Origin="http://127.0.0.1:1") == 403
+    assert (
+        knock(
+            path, Upgrade="websocket", Host="127.0.0.1:1", Origin="http://127.0.0.1:1"
+        )
+        == 403
+    )
 
 
 @pytest.mark.parametrize(
@@ -101,19 +132,37 @@ def test_without_the_token_nothing_is_served(path: str) -> None:
         ("/secret/", "http://127.0.0.1:1", 403),
     ],
 )
-def test_a_websocket_is_for_the_page_s_own_origin(path: str, origin: str, status: int) -> None:
+def test_a_websocket_is_for_the_page_s_own_origin(
+    path: str, origin: str, status: int
+) -> None:
     assert knock(path, Upgrade="websocket", Host="127.0.0.1:1", Origin=origin) == status
 
 
 def test_the_page_s_own_files_are_served_and_no_others() -> None:
     response = answered("/secret/")
-    assert response and response.status_code == 200 and response.body == (WEB / "index.html").read_bytes()
+    assert (
+        response
+        and response.status_code == 200
+        and response.body == (WEB / "index.html").read_bytes()
+    )
     assert response.headers["Content-Type"] == "text/html; charset=utf-8"
-    names = set(re.findall(r'(?:from |src=|href=)"(?:\./)?([\w.]+)"', (WEB / "index.html").read_text()))
+    names = set(
+        re.findall(
+            r'(?:from |src=|href=)"(?:\./)?([\w.]+)"', (WEB / "index.html").read_text()
+        )
+    )
     for name in names | {one.name for one in WEB.glob("*.js")}:
         assert knock(f"/secret/{name}") == 200
     assert knock("/secret") == 307
-    for name in ("drawing.py", "../cli.py", "%2e%2e/cli.py", "a" * 4000 + ".js", "9" * 4000, "socket", "./page.js"):
+    for name in (
+        "drawing.py",
+        "../cli.py",
+        "%2e%2e/cli.py",
+        "a" * 4000 + ".js",
+        "9" * 4000,
+        "socket",
+        "./page.js",
+    ):
         assert knock(f"/secret/{name}") == 404
 
 
@@ -122,8 +171,23 @@ def test_the_page_s_own_files_are_served_and_no_others() -> None:
 
 def test_messages_that_no_page_sends_are_ignored_and_counted(session: Session) -> None:
     audience = Audience(session)
-    bad = ["", "{", "[1]", "null", "[" * 1000, '{"do": "close"}', '{"do": ["press"]}', b"\0", '{"do": "press"}']
-    for pull in ({"x": 1}, {"x": 1, "y": None}, {"x": 1, "y": 1e9}, {"x": 1, "y": float("nan")}):
+    bad = [
+        "",
+        "{",
+        "[1]",
+        "null",
+        "[" * 1000,
+        '{"do": "close"}',
+        '{"do": ["press"]}',
+        b"\0",
+        '{"do": "press"}',
+    ]
+    for pull in (
+        {"x": 1},
+        {"x": 1, "y": None},
+        {"x": 1, "y": 1e9},
+        {"x": 1, "y": float("nan")},
+    ):
         bad.append(json.dumps({"do": "pull"} | pull))
     for key, value in (
         ("impact.gap", 1.0),
@@ -142,8 +206,32 @@ def test_messages_that_no_page_sends_are_ignored_and_counted(session: Session) -
 
 def test_no_message_makes_an_error(session: Session) -> None:
     choose = random.Random(2)
-    values = [None, True, -1, 1e300, 0.3, 2, "x", "", [], {}, float("nan"), "\ud800", 2**70, "axial", "shear", "pinned"]
-    keys = [*RANGES, *CHOICES, "video.magnify", "impact.gap", "", *session.controls.actions]
+    values = [
+        None,
+        True,
+        -1,
+        1e300,
+        0.3,
+        2,
+        "x",
+        "",
+        [],
+        {},
+        float("nan"),
+        "\ud800",
+        2**70,
+        "axial",
+        "shear",
+        "pinned",
+    ]
+    keys = [
+        *RANGES,
+        *CHOICES,
+        "video.magnify",
+        "impact.gap",
+        "",
+        *session.controls.actions,
+    ]
     kinds = (
         "play",
         "speed",
@@ -160,13 +248,22 @@ def test_no_message_makes_an_error(session: Session) -> None:
     )
     heard = 0
     while heard < 40:
-        message: dict[str, Any] = {"do": choose.choice([*kinds, "set", "set", "what"]), "key": choose.choice(keys)}
+        message: dict[str, Any] = {
+            "do": choose.choice([*kinds, "set", "set", "what"]),
+            "key": choose.choice(keys),
+        }
         for name in ("value", "number", "t", "angle", "final", "dx", "dy", "x", "y"):
-            message[name] = choose.choice([choose.uniform(-2.0, 3.0), choose.choice(values)])
+            message[name] = choose.choice(
+                [choose.uniform(-2.0, 3.0), choose.choice(values)]
+            )
         read_command(json.dumps(message)[: choose.randrange(60)])
         if found := read_command(json.dumps(message)):
             message_points = found.get("key") == "lattice.points"
-            found |= {"value": 60 + abs(found["value"]) % 60} if message_points and found["do"] == "set" else {}
+            found |= (
+                {"value": 60 + abs(found["value"]) % 60}
+                if message_points and found["do"] == "set"
+                else {}
+            )
             session.hear(found)
             heard += 1
             if choose.random() < 0.5:
@@ -174,13 +271,18 @@ def test_no_message_makes_an_error(session: Session) -> None:
     assert len(session.state) > HEADER.size
 
 
-def test_a_slider_that_is_held_while_the_scene_changes_is_let_be(session: Session) -> None:
+def test_a_slider_that_is_held_while_the_scene_changes_is_let_be(
+    session: Session,
+) -> None:
     say(session, "play", number=2)  # a compression
     say(session, "set", key="impact.velocity", value=0.03)
     say(session, "set", key="wall.boundary", value="pinned")
     assert panel(session)["name"] == "compression" and not panel(session)["message"]
-    assert all(isinstance(one["value"], (int, float)) for one in panel(session)["sliders"])
-    say(session, "set", key="compression.pressure", value=0.0123456)  # a number that was typed keeps its digits
+    assert all(
+        isinstance(one["value"], (int, float)) for one in panel(session)["sliders"]
+    )
+    # a number that was typed keeps its digits
+    say(session, "set", key="compression.pressure", value=0.0123456)
     assert session.sandbox.scene.compression.pressure == 0.0123456  # type: ignore[attr-defined]
 
 
@@ -200,51 +302,77 @@ def test_a_state_holds_what_the_sandbox_sees(session: Session) -> None:
         session.advance()
     (number, t, points, forces, pulled, *_), floats = unpacked(session)
     seen = session.sandbox.time.display
-    assert number == session.number and t == seen.t and points == len(seen.x) and forces > 0 and pulled == -1
+    assert (
+        number == session.number
+        and t == seen.t
+        and points == len(seen.x)
+        and forces > 0
+        and pulled == -1
+    )
     np.testing.assert_allclose(floats[: len(INDEX)], seen.row, rtol=1e-6)
     x = floats[len(INDEX) + len(CURVES) :][: 2 * points].reshape(-1, 2)
     np.testing.assert_allclose(x, seen.x, rtol=1e-6, atol=1e-6)
     energies = floats[len(INDEX) :][:5]
-    assert energies.sum() == pytest.approx(session.sandbox.time.segment.scenario.reference_energy, rel=1e-4)
+    assert energies.sum() == pytest.approx(
+        session.sandbox.time.segment.scenario.reference_energy, rel=1e-4
+    )
     graphs = json.loads(session.texts["graphs"])
     assert len(graphs["values"]) == len(CURVES) and graphs["t"][0] == 0.0
 
 
 @pytest.mark.skipif(not shutil.which("node"), reason="no node")
-def test_the_page_s_modules_parse_and_read_a_state_as_it_was_packed(session: Session, tmp_path: Path) -> None:
+def test_the_page_s_modules_parse_and_read_a_state_as_it_was_packed(
+    session: Session, tmp_path: Path
+) -> None:
     for module in WEB.glob("*.js"):
-        done = subprocess.run(["node", "--check", module], capture_output=True, text=True)
+        done = subprocess.run(
+            ["node", "--check", module], capture_output=True, text=True
+        )
         assert done.returncode == 0, done.stderr
     (tmp_path / "state").write_bytes(session.state)
-    (tmp_path / "message.mjs").write_text((WEB / "message.js").read_text(encoding="utf-8"), encoding="utf-8")
-    (tmp_path / "read.mjs").write_text(
-        "import { readFileSync } from 'fs'; import { unpacked } from './message.mjs';"
-        "const bytes = readFileSync('state');"
-        "const buffer = bytes.buffer.slice(bytes.byteOffset, bytes.byteOffset + bytes.length);"
-        f"const state = unpacked(buffer, {json.dumps([*INDEX])}, {len(CURVES)});"
-        "console.log(JSON.stringify([state.number, state.t, state.row.com_y, state.x.length, state.caption]))"
+    (tmp_path / "message.mjs").write_text(
+        (WEB / "message.js").read_text(encoding="utf-8"), encoding="utf-8"
     )
-    read = subprocess.run(["node", "read.mjs"], cwd=tmp_path, capture_output=True, text=True, check=True).stdout
+    (tmp_path / "read.mjs").write_text(
+        "import { readFileSync } from 'fs'; import { unpacked } from"
+        " './message.mjs';const bytes = readFileSync('state');const buffer ="
+        " bytes.buffer.slice(bytes.byteOffset, bytes.byteOffset + bytes.length);const"
+        f" state = unpacked(buffer, {json.dumps([*INDEX])},"
+        f" {len(CURVES)});console.log(JSON.stringify([state.number, state.t,"
+        " state.row.com_y, state.x.length, state.caption]))"
+    )
+    read = subprocess.run(
+        ["node", "read.mjs"], cwd=tmp_path, capture_output=True, text=True, check=True
+    ).stdout
     number, t, com_y, length, caption = json.loads(read)
     seen = session.sandbox.time.display
-    assert (number, t, length) == (session.number, seen.t, 2 * len(seen.x)) and com_y == pytest.approx(
-        seen.values["com_y"]
-    )
+    assert (number, t, length) == (
+        session.number,
+        seen.t,
+        2 * len(seen.x),
+    ) and com_y == pytest.approx(seen.values["com_y"])
     assert caption.startswith("t = ")
 
 
-def test_the_panel_shows_every_warning_of_a_run_and_whether_the_user_interfered(session: Session) -> None:
-    assert any("per point" in one for one in panel(session)["warnings"])  # 120 points with the paper's eta*
+def test_the_panel_shows_every_warning_of_a_run_and_whether_the_user_interfered(
+    session: Session,
+) -> None:
+    # 120 points with the paper's eta*
+    assert any("per point" in one for one in panel(session)["warnings"])
     assert panel(session)["status"] == "same as taichi-disk run"
     say(session, "press", key="space")
     while session.sandbox.at_start:
         session.advance()
     say(session, "set", key="material.eta_star", value=3.0)
     assert panel(session)["status"] == "disturbed"
-    dashpot = next(one for one in panel(session)["choices"] if one["key"] == "material.dashpot")
+    dashpot = next(
+        one for one in panel(session)["choices"] if one["key"] == "material.dashpot"
+    )
     assert dashpot["options"] == ["vector", "axial"]
     say(session, "set", key="material.dashpot", value="axial")
-    assert session.sandbox.time.segment.scenario.model.springs.axial and panel(session)["status"].startswith("same")
+    assert session.sandbox.time.segment.scenario.model.springs.axial and panel(session)[
+        "status"
+    ].startswith("same")
 
 
 def test_a_curve_is_collected_by_itself_and_stops_when_asked(session: Session) -> None:
@@ -253,7 +381,9 @@ def test_a_curve_is_collected_by_itself_and_stops_when_asked(session: Session) -
         session.advance()
     first, second = panel(session)["results"]
     assert first["load"] > second["load"] and not first["disturbance"]
-    scene = load_scene("exponential_wall", [*SETTINGS, f"impact.velocity={first['load']}"])
+    scene = load_scene(
+        "exponential_wall", [*SETTINGS, f"impact.velocity={first['load']}"]
+    )
     scenario = scene.scenario()
     outcome = compute(scenario, scene.time)
     assert first["value"] == scenario.primary(outcome.columns)[1]  # in all digits
@@ -294,7 +424,11 @@ class Reader:
     """A page without a browser: keeps what it is sent, and draws when it is told to."""
 
     def __init__(self, audience: Audience) -> None:
-        self.audience, self.texts, self.numbers = audience, dict[str, Any](), list[int]()
+        self.audience, self.texts, self.numbers = (
+            audience,
+            dict[str, Any](),
+            list[int](),
+        )
         self.visitor = audience.join(self.take)
 
     def take(self, message: str | bytes) -> None:
@@ -318,7 +452,9 @@ class Reader:
         return bool(self.texts["role"]["plays"])
 
 
-def test_a_page_gets_no_more_states_than_it_draws_and_holds_up_nobody(session: Session) -> None:
+def test_a_page_gets_no_more_states_than_it_draws_and_holds_up_nobody(
+    session: Session,
+) -> None:
     async def visit() -> None:
         audience = Audience(session)
         running = asyncio.create_task(audience.run())
@@ -334,7 +470,8 @@ def test_a_page_gets_no_more_states_than_it_draws_and_holds_up_nobody(session: S
         t = session.sandbox.time.display.t
         await asyncio.sleep(0.3)  # the player's page is hidden
         assert session.sandbox.time.display.t == t
-        player.numbers.clear()  # or its states were lost: it says that it waits for none
+        # or its states were lost: it says that it waits for none
+        player.numbers.clear()
         player.say("seen", number=9e6)
         await asyncio.sleep(0.05)
         assert player.numbers
@@ -343,7 +480,9 @@ def test_a_page_gets_no_more_states_than_it_draws_and_holds_up_nobody(session: S
     asyncio.run(visit())
 
 
-def test_the_first_visitor_plays_the_next_one_follows_and_the_last_one_pauses(session: Session) -> None:
+def test_the_first_visitor_plays_the_next_one_follows_and_the_last_one_pauses(
+    session: Session,
+) -> None:
     async def visit() -> None:
         audience, sandbox = Audience(session), session.sandbox
         running = asyncio.create_task(audience.run())
@@ -353,12 +492,15 @@ def test_the_first_visitor_plays_the_next_one_follows_and_the_last_one_pauses(se
             await player.draw(2)
         player.say("pull", x=0.0, y=2.5)
         await player.draw(3)
-        assert sandbox.grip and not sandbox.paused and player.plays and not watcher.plays
+        assert (
+            sandbox.grip and not sandbox.paused and player.plays and not watcher.plays
+        )
         watcher.say("press", key="n")
         watcher.say("release")
         audience.leave(guest.visitor)
         await player.draw(3)
-        assert sandbox.grip and session.controls.number == 0  # a watcher changes nothing, nor by leaving
+        # a watcher changes nothing, nor by leaving
+        assert sandbox.grip and session.controls.number == 0
         audience.leave(player.visitor)
         await watcher.draw(3)
         assert not sandbox.grip and not sandbox.paused
@@ -376,10 +518,15 @@ def test_the_first_visitor_plays_the_next_one_follows_and_the_last_one_pauses(se
     asyncio.run(visit())
 
 
-def test_a_port_that_is_taken_is_told(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+def test_a_port_that_is_taken_is_told(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
     with socket.create_server(("127.0.0.1", 0)) as taken:
         port = str(taken.getsockname()[1])
-        assert main(["view", "--set", "lattice.points=60", "--no-open", "--port", port]) == 2
+        assert (
+            main(["view", "--set", "lattice.points=60", "--no-open", "--port", port])
+            == 2
+        )
     assert f"port {port}" in (said := capsys.readouterr().err) and "--port" in said
 
 
@@ -389,10 +536,25 @@ def test_a_port_that_is_taken_is_told(capsys: pytest.CaptureFixture[str], tmp_pa
 @pytest.fixture
 def served(tmp_path: Path) -> Iterator[tuple[subprocess.Popen[str], str]]:
     """The program, on a machine without display and Vulkan, and its address."""
-    environment = {name: value for name, value in os.environ.items() if name != "DISPLAY"}
-    environment |= {"PYTHONPATH": str(WEB.parents[1]), "VK_ICD_FILENAMES": "/nonexistent"}
-    command = [sys.executable, "-m", "taichi_disk", "view", *(f"--set={one}" for one in SETTINGS)]
-    pipes: dict[str, Any] = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
+    environment = {
+        name: value for name, value in os.environ.items() if name != "DISPLAY"
+    }
+    environment |= {
+        "PYTHONPATH": str(WEB.parents[1]),
+        "VK_ICD_FILENAMES": "/nonexistent",
+    }
+    command = [
+        sys.executable,
+        "-m",
+        "taichi_disk",
+        "view",
+        *(f"--set={one}" for one in SETTINGS),
+    ]
+    pipes: dict[str, Any] = {
+        "stdout": subprocess.PIPE,
+        "stderr": subprocess.PIPE,
+        "text": True,
+    }
     program = subprocess.Popen(command, env=environment, cwd=tmp_path, **pipes)
     assert program.stdout
     try:
@@ -423,19 +585,25 @@ def ended(program: subprocess.Popen[str], number: int = signal.SIGTERM) -> str:
     return said
 
 
-def test_a_signal_right_after_the_address_ends_the_program(served: tuple[subprocess.Popen[str], str]) -> None:
+def test_a_signal_right_after_the_address_ends_the_program(
+    served: tuple[subprocess.Popen[str], str],
+) -> None:
     ended(served[0])
 
 
 @pytest.mark.validate
 def test_the_page_opens_obeys_and_computes_what_run_does(
-    served: tuple[subprocess.Popen[str], str], browser: Browser, kernels: KernelCache, tmp_path: Path
+    served: tuple[subprocess.Popen[str], str],
+    browser: Browser,
+    kernels: KernelCache,
+    tmp_path: Path,
 ) -> None:
     program, url = served
     browser.open(url)
     assert browser.colours() > 50  # field, wall, scale
 
-    # A slider, a number that is typed, degrees, a drag that turns the disk, one that aims.
+    # A slider, a number that is typed, degrees, a drag that turns the disk, one that
+    # aims.
     browser.lead("material.eta_star", 300)
     assert browser.wait(lambda: browser.number("material.eta_star") == 30)
     browser.type("material.eta_star", "2,5")
@@ -444,7 +612,9 @@ def test_the_page_opens_obeys_and_computes_what_run_does(
     browser.drag((left, top - 60), (left + 70, top - 20))
     assert browser.wait(lambda: 0.1 < abs(browser.setting("turn")) < 3.0)
     browser.drag((left + disk + 60, top), (left + disk + 90, top + 60))
-    assert browser.wait(lambda: browser.setting("angle") == pytest.approx(np.arctan2(30, 60), abs=0.02))
+    assert browser.wait(
+        lambda: browser.setting("angle") == pytest.approx(np.arctan2(30, 60), abs=0.02)
+    )
     browser.type("impact.angle", "0")
     browser.wait(lambda: browser.setting("angle") == 0.0)
 
@@ -476,10 +646,14 @@ def test_every_control_of_the_page_does_what_it_says(
 ) -> None:
     program, url = served
     browser.open(url)
-    for key in browser.script("return [...document.querySelectorAll('.slider')].map(one => one.dataset.key)"):
+    for key in browser.script(
+        "return [...document.querySelectorAll('.slider')].map(one => one.dataset.key)"
+    ):
         before = browser.number(key)
         browser.lead(key, 700)
-        assert browser.wait(lambda key=key, before=before: browser.number(key) != before), key
+        assert browser.wait(
+            lambda key=key, before=before: browser.number(key) != before
+        ), key
     browser.click("start")
     for key, choice in (
         ("video.colour", "pressure"),
@@ -489,7 +663,9 @@ def test_every_control_of_the_page_does_what_it_says(
     ):
         browser.choose(key, choice)
         assert browser.wait(
-            lambda key=key, choice=choice: f" {choice}" in browser.setting(key.split(".")[1], word=True)
+            lambda key=key, choice=choice: (
+                f" {choice}" in browser.setting(key.split(".")[1], word=True)
+            )
         )
     for identity in ("forces", "outline", "path", "arrow", "follow", "slow"):
         browser.click(identity)
@@ -504,16 +680,28 @@ def test_every_control_of_the_page_does_what_it_says(
         time.sleep(0.3)
     for name in ("disk.png", "scene.yaml"):
         browser.wait(lambda name=name: browser.downloaded(name))
-    browser.wait(lambda: browser.downloaded("disk.webm") or browser.downloaded("disk.mp4"))
+    browser.wait(
+        lambda: browser.downloaded("disk.webm") or browser.downloaded("disk.mp4")
+    )
     assert browser.downloaded("disk.png").read_bytes()[:4] == b"\x89PNG"
     browser.click("scenes")
-    entries = browser.script("return [...document.querySelectorAll('#entries button')].map(one => one.textContent)")
+    entries = browser.script(
+        "return [...document.querySelectorAll('#entries button')].map(one =>"
+        " one.textContent)"
+    )
     assert len(entries) >= 21 and all(len(one) > 30 for one in entries)
     browser.script("document.querySelectorAll('#entries button')[7].click()")
     assert browser.wait(lambda: "flattens" in browser.text("sentence"), 60.0)
-    browser.wait(lambda: browser.script("return document.getElementById('drop').textContent") == "Load")
+    browser.wait(
+        lambda: (
+            browser.script("return document.getElementById('drop').textContent")
+            == "Load"
+        )
+    )
     browser.key("?")
-    assert browser.script("return document.getElementById('keys').matches(':popover-open')")
+    assert browser.script(
+        "return document.getElementById('keys').matches(':popover-open')"
+    )
     assert browser.errors() == []
     ended(program)
 
@@ -527,7 +715,8 @@ def test_the_page_reloads_a_second_visitor_watches_and_it_connects_again(
     browser.click("drop")
     browser.wait(lambda: browser.state("t") > 1.0)
     browser.open(url)  # again
-    assert browser.state("t") > 1.0 and browser.text("drop") == "Go on"  # paused: nobody was there
+    # paused: nobody was there
+    assert browser.state("t") > 1.0 and browser.text("drop") == "Go on"
     watcher = Browser((800, 700))
     try:
         watcher.open(url)
@@ -546,20 +735,33 @@ def test_the_page_reloads_a_second_visitor_watches_and_it_connects_again(
 
 
 @pytest.mark.validate
-def test_graphs_show_energies_below_0_and_no_noise(served: tuple[subprocess.Popen[str], str], browser: Browser) -> None:
+def test_graphs_show_energies_below_0_and_no_noise(
+    served: tuple[subprocess.Popen[str], str], browser: Browser
+) -> None:
     program, url = served
     browser.open(url)
 
     def ends(graph: str, side: str = "left") -> list[str]:
-        found = f"[...document.querySelectorAll('#{graph} ~ .{side}')].map((one) => one.textContent)"
+        found = (
+            f"[...document.querySelectorAll('#{graph} ~ .{side}')].map((one) =>"
+            " one.textContent)"
+        )
         return list(browser.script(f"return {found}"))
 
-    assert ends("motion")[1] == "0" and float(ends("motion")[2]) > 1e-3  # not the force of rounding errors
-    for key, value in (("impact.velocity", "0.1"), ("impact.spin", "0.4"), ("wall.friction", "0.3"), ("speed", "5")):
+    # not the force of rounding errors
+    assert ends("motion")[1] == "0" and float(ends("motion")[2]) > 1e-3
+    for key, value in (
+        ("impact.velocity", "0.1"),
+        ("impact.spin", "0.4"),
+        ("wall.friction", "0.3"),
+        ("speed", "5"),
+    ):
         browser.type(key, value)
     browser.click("drop")
     browser.wait(browser.results)
-    lowest = browser.script("return Math.min(...window.sandbox.graphs.curves[2].values)")
+    lowest = browser.script(
+        "return Math.min(...window.sandbox.graphs.curves[2].values)"
+    )
     low, middle, _ = ends("energy")
     assert lowest < 0.0 and middle == "0" and float(low.replace("\u2212", "-")) < lowest
     browser.script("window.sandbox.send({ do: 'play', number: 7 })")
@@ -585,7 +787,9 @@ def test_every_layout_is_free_of_overlaps_small_letters_and_small_targets(
         for size in LAYOUTS:
             browser.resize(size)
             for tab in ("experiment", "view", "graphs", "results"):
-                browser.script(f"document.querySelector('nav [data-tab={tab}]').click()")
+                browser.script(
+                    f"document.querySelector('nav [data-tab={tab}]').click()"
+                )
                 time.sleep(0.3)
                 assert browser.script(FAULTS) == [], (theme, size, tab)
     axe = Axe(browser.driver)
@@ -593,8 +797,14 @@ def test_every_layout_is_free_of_overlaps_small_letters_and_small_targets(
     for opening in ("", "scenes", "help"):
         if opening:
             browser.click(opening)
-        found = [one for one in axe.run()["violations"] if one["impact"] in ("serious", "critical")]
-        assert found == [], [(one["id"], one["nodes"][0]["html"][:200]) for one in found]
+        found = [
+            one
+            for one in axe.run()["violations"]
+            if one["impact"] in ("serious", "critical")
+        ]
+        assert found == [], [
+            (one["id"], one["nodes"][0]["html"][:200]) for one in found
+        ]
         browser.close_lists()
     ended(program)
 
@@ -633,7 +843,8 @@ for (const one of texts.slice(0, 2).filter((text) => text.textContent).map(box))
 }
 return found;
 """
-# A control by chance: a slider is led, a choice made, a button pressed unless it saves a file.
+# A control by chance: a slider is led, a choice made, a button pressed unless it saves
+# a file.
 ANY_CONTROL = """
 const controls = [...document.querySelectorAll("main button, main input, main select")];
 const all = controls.filter((one) => one.checkVisibility());
@@ -656,14 +867,34 @@ def test_anything_that_a_user_does_leaves_the_page_alive(
     program, url = served
     browser.open(url)
     choose = random.Random(3)
-    keys = [*"rhbnlxedazjksfycotiug ", "\ue003", "\ue006", "\ue00c", "\ue012", "\ue013", "\ue014", "\ue015", "?", "5"]
+    keys = [
+        *"rhbnlxedazjksfycotiug ",
+        "\ue003",
+        "\ue006",
+        "\ue00c",
+        "\ue012",
+        "\ue013",
+        "\ue014",
+        "\ue015",
+        "?",
+        "5",
+    ]
     end = time.monotonic() + 120.0
     while time.monotonic() < end:
-        what, place = choose.random(), lambda: (choose.randrange(1, 990), choose.randrange(60, 750))
+        what, place = (
+            choose.random(),
+            lambda: (choose.randrange(1, 990), choose.randrange(60, 750)),
+        )
         if what < 0.3:
             browser.key(choose.choice(keys), choose.choice([0.02, 0.4]))
         elif what < 0.6:
-            browser.drag(place(), place(), pause=0.05, button=choose.choice([0, 0, 2]), touch=choose.random() < 0.3)
+            browser.drag(
+                place(),
+                place(),
+                pause=0.05,
+                button=choose.choice([0, 0, 2]),
+                touch=choose.random() < 0.3,
+            )
         elif what < 0.8:
             browser.driver.execute_script(ANY_CONTROL, choose.random())
         elif what < 0.85:

@@ -1,4 +1,5 @@
-"""Pictures of the painter: everything is at the place given by the camera, in the colour given by the map."""
+"""Pictures of the painter: everything is at the place given by the camera, in the
+colour given by the map."""
 
 from __future__ import annotations
 
@@ -31,15 +32,22 @@ X += [0.0, 1.1]
 
 @pytest.fixture(scope="module")
 def shoot(tmp_path_factory):
-    """Return a function that draws a state of a lattice: (SIZE, SIZE, 3), rows downwards, 0 to 1."""
+    """Return a function that draws a state of a lattice: (SIZE, SIZE, 3), rows
+    downwards, 0 to 1."""
     runtime.start()
     window, here = ti.ui.Window("test", (SIZE, SIZE), show_window=False), os.getcwd()
 
     def draw(lattice, x, v=None, wall=None, camera=CAMERA, **look):
         painter = Painter(lattice, Springs(), wall)
         vars(painter).update({"draw": "field", "limit": 0.02} | look)
-        painter.paint(window.get_canvas(), camera, x, np.zeros_like(x) if v is None else v, 0.5)
-        return window.get_image_buffer_as_numpy()[..., :3].transpose(1, 0, 2)[::-1].astype(float)
+        painter.paint(
+            window.get_canvas(), camera, x, np.zeros_like(x) if v is None else v, 0.5
+        )
+        return (
+            window.get_image_buffer_as_numpy()[..., :3]
+            .transpose(1, 0, 2)[::-1]
+            .astype(float)
+        )
 
     yield draw
     os.chdir(tmp_path_factory.mktemp("window"))  # a closing window writes an imgui.ini
@@ -58,7 +66,9 @@ def pixel(picture, at, camera=CAMERA):
 
 def inner_triangles(lattice):
     """Return the triangles that do not touch the outline, which is drawn over them."""
-    return lattice.triangles[~np.isin(lattice.triangles, lattice.disk_surface).any(axis=1)]
+    return lattice.triangles[
+        ~np.isin(lattice.triangles, lattice.disk_surface).any(axis=1)
+    ]
 
 
 @pytest.mark.parametrize("colour", QUANTITIES)
@@ -67,16 +77,19 @@ def test_colours_equal_the_field_s_values(shoot, colour):
     values = at_points(colour, Triangles(DISK), Springs(), X, V)
     painter.colour, painter.limit = colour, 1.3 * float(np.abs(values).max())
     for painter.theme in THEMES:
-        picture = shoot(DISK, X, V, colour=colour, theme=painter.theme, limit=painter.limit)
+        picture = shoot(
+            DISK, X, V, colour=colour, theme=painter.theme, limit=painter.limit
+        )
         drawn = np.array([pixel(picture, X[three].mean(axis=0)) for three in corners])
-        # The middle of a triangle has the mean colour of its corners or, for nonlinear colours, the colour of the mean
-        # value.
+        # The middle of a triangle has the mean colour of its corners or, for nonlinear
+        # colours, the colour of the mean value.
         colours = painter.colours(painter.normalised(values))[corners].mean(axis=1)
         if colour == "fringes":
             light = fringes(values[corners].mean(axis=1) / 2.0, painter.limit)
             colours = painter.map[np.rint(511 * light).astype(int)]
         assert np.median(np.abs(drawn - colours)) < 0.01
-        assert np.percentile(np.abs(drawn - colours), 95) < 0.06  # half a pixel off the middle, in steep colours
+        # half a pixel off the middle, in steep colours
+        assert np.percentile(np.abs(drawn - colours), 95) < 0.06
 
 
 @pytest.mark.parametrize("draw", ["field", "both", "springs", "points"])
@@ -84,22 +97,37 @@ def test_colours_equal_the_field_s_values(shoot, colour):
 def test_a_disk_of_any_number_of_points_is_seen_whole(shoot, points, draw):
     disk = disk_lattice(points, 1)
     x = disk.positions + [0.0, 1.1]
-    rows, columns = np.nonzero(np.abs(shoot(disk, x, draw=draw, theme="dark") - ground("dark")).sum(axis=-1) > 0.05)
+    rows, columns = np.nonzero(
+        np.abs(shoot(disk, x, draw=draw, theme="dark") - ground("dark")).sum(axis=-1)
+        > 0.05
+    )
     drawn = np.array([(columns.min(), rows.min()), (columns.max() + 1, rows.max() + 1)])
     there = to_pixels(CAMERA, x)
-    # Lines and points are drawn around the positions, by less than 4 pixels at this size.
-    assert (drawn[0] <= there.min(axis=0) + 1.0).all() and (drawn[0] > there.min(axis=0) - 4).all()
-    assert (drawn[1] >= there.max(axis=0) - 1.0).all() and (drawn[1] < there.max(axis=0) + 4).all()
+    # Lines and points are drawn around the positions, by less than 4 pixels at this
+    # size.
+    assert (drawn[0] <= there.min(axis=0) + 1.0).all() and (
+        drawn[0] > there.min(axis=0) - 4
+    ).all()
+    assert (drawn[1] >= there.max(axis=0) - 1.0).all() and (
+        drawn[1] < there.max(axis=0) + 4
+    ).all()
 
 
 def test_springs_are_seen_on_the_field_of_a_coarse_lattice_only(shoot):
     x, fine = DISK.positions + [0.0, 1.1], disk_lattice(9000, 0)
     plain, sprung = shoot(DISK, x), shoot(DISK, x, draw="both")
     i, j = DISK.bonds[::5].T
-    darker = np.array([pixel(plain, at) - pixel(sprung, at) for at in 0.5 * (x[i] + x[j])]).mean(axis=1)
+    darker = np.array(
+        [pixel(plain, at) - pixel(sprung, at) for at in 0.5 * (x[i] + x[j])]
+    ).mean(axis=1)
     assert (darker > 0.02).mean() > 0.7
-    for lattice, y, look in ((fine, fine.positions + [0.0, 1.1], {}), (DISK, x, {"colour": "fringes"})):
-        assert np.array_equal(*(shoot(lattice, y, draw=draw, **look) for draw in ("field", "both")))
+    for lattice, y, look in (
+        (fine, fine.positions + [0.0, 1.1], {}),
+        (DISK, x, {"colour": "fringes"}),
+    ):
+        assert np.array_equal(
+            *(shoot(lattice, y, draw=draw, **look) for draw in ("field", "both"))
+        )
 
 
 def test_a_spring_has_the_colour_of_its_strain(shoot):
@@ -109,11 +137,18 @@ def test_a_spring_has_the_colour_of_its_strain(shoot):
     for strain in (0.013, -0.008, 0.0, 0.05, -0.05):
         x = triangle.positions * [1.0 + strain, 1.0]
         low = x[np.argsort(x[:, 1])[:2]]
-        drawn = pixel(shoot(triangle, x, colour="strain", draw="springs"), low.mean(axis=0))
-        assert drawn == pytest.approx(painter.colours(painter.normalised(np.array([strain])))[0], abs=2 / 255)
+        drawn = pixel(
+            shoot(triangle, x, colour="strain", draw="springs"), low.mean(axis=0)
+        )
+        assert drawn == pytest.approx(
+            painter.colours(painter.normalised(np.array([strain])))[0], abs=2 / 255
+        )
         painter.magnify = 3.0  # changes the place, not the colours
         low = painter.placed(x)[np.argsort(x[:, 1])[:2]]
-        grown = pixel(shoot(triangle, x, colour="strain", draw="springs", magnify=3.0), low.mean(axis=0))
+        grown = pixel(
+            shoot(triangle, x, colour="strain", draw="springs", magnify=3.0),
+            low.mean(axis=0),
+        )
         assert grown == pytest.approx(drawn, abs=2 / 255)
 
 
@@ -123,7 +158,9 @@ def test_the_wall_is_solid_up_to_where_the_disk_rests(shoot, theme, a):
     edge, body = 0.05, np.array(THEMES[theme].wall)
     x = DISK.positions - [0.0, DISK.positions[:, 1].min() - edge]
     picture = shoot(DISK, x, wall=ExponentialWall(a, 150.0), edge=edge, theme=theme)
-    assert pixel(picture, np.array([-0.9, edge - 0.02])) == pytest.approx(body, abs=0.01)
+    assert pixel(picture, np.array([-0.9, edge - 0.02])) == pytest.approx(
+        body, abs=0.01
+    )
     assert pixel(picture, np.array([0.9, 0.0])) == pytest.approx(body, abs=0.01)
     haze = pixel(picture, np.array([-1.0, edge + 0.1])) - ground(theme)
     share = np.exp(-a * 0.1) * np.linalg.norm(body - ground(theme))
@@ -140,15 +177,21 @@ def test_the_potential_of_the_elastic_wall_is_drawn_as_a_layer(shoot):
     x[:200] += [0.0, 0.3]
     picture = shoot(both, x, wall=ElasticWall(300.0, 150.0, 0.5), edge=0.05)
     top = x[both.wall_surface][:, 1].mean()
-    assert pixel(picture, np.array([-0.8, top + 0.025])) == pytest.approx(np.array(THEMES["light"].wall), abs=0.01)
-    assert pixel(picture, np.array([-0.8, top + 0.12])) == pytest.approx(ground(), abs=0.01)
+    assert pixel(picture, np.array([-0.8, top + 0.025])) == pytest.approx(
+        np.array(THEMES["light"].wall), abs=0.01
+    )
+    assert pixel(picture, np.array([-0.8, top + 0.12])) == pytest.approx(
+        ground(), abs=0.01
+    )
 
 
 def test_an_arrow_stands_on_a_pushed_point_as_long_as_its_force(shoot):
     x = DISK.positions - [0.0, DISK.positions[:, 1].min() - 0.05]
     lowest = int(x[:, 1].argmin())
     full = float(RIGID.forces(DISK, x)[lowest, 1]) / 0.8
-    plain, pushed = (shoot(DISK, x, wall=RIGID, full_force=force) for force in (0.0, full))
+    plain, pushed = (
+        shoot(DISK, x, wall=RIGID, full_force=force) for force in (0.0, full)
+    )
     rows, columns = np.nonzero((plain != pushed).any(axis=-1))
     column, foot = to_pixels(CAMERA, x[lowest])
     near = np.abs(columns - column) < 4
@@ -157,7 +200,12 @@ def test_an_arrow_stands_on_a_pushed_point_as_long_as_its_force(shoot):
 
 
 def test_springs_across_triangles_and_the_edge_of_a_core_are_drawn(shoot):
-    grid = np.stack(np.meshgrid(np.arange(-4.0, 5.0), np.arange(-4.0, 5.0)), axis=-1).reshape(-1, 2) / 4.0
+    grid = (
+        np.stack(
+            np.meshgrid(np.arange(-4.0, 5.0), np.arange(-4.0, 5.0)), axis=-1
+        ).reshape(-1, 2)
+        / 4.0
+    )
     near = cKDTree(grid).query_pairs(0.36, output_type="ndarray")
     crossed = Lattice.from_points(grid, near)
     x = crossed.positions + [0.0, 1.1]
@@ -173,9 +221,15 @@ def test_springs_across_triangles_and_the_edge_of_a_core_are_drawn(shoot):
     x = core.positions + [0.0, 1.1]
     ink = shoot(core, x).sum(axis=-1) < 1.5
     turns = np.linspace(0.0, 6.2, 40)
-    rows = to_pixels(CAMERA, 0.499 * np.stack([np.cos(turns), np.sin(turns)], axis=1) + [0.0, 1.1]).astype(int)
-    assert all(ink[row - 1 : row + 2, column - 1 : column + 2].any() for column, row in rows)
-    assert not (shoot(replace(core, stiffness=None), x).sum(axis=-1) < 1.5)[rows[:, 1], rows[:, 0]].any()
+    rows = to_pixels(
+        CAMERA, 0.499 * np.stack([np.cos(turns), np.sin(turns)], axis=1) + [0.0, 1.1]
+    ).astype(int)
+    assert all(
+        ink[row - 1 : row + 2, column - 1 : column + 2].any() for column, row in rows
+    )
+    assert not (shoot(replace(core, stiffness=None), x).sum(axis=-1) < 1.5)[
+        rows[:, 1], rows[:, 0]
+    ].any()
 
 
 def test_a_picture_does_not_depend_on_those_before_it(shoot):
@@ -185,24 +239,48 @@ def test_a_picture_does_not_depend_on_those_before_it(shoot):
 
 
 @pytest.mark.parametrize("samples", [2, 3, 4])
-def test_smoothing_averages_over_the_area_of_each_pixel_and_repeats_the_outermost(samples):
+def test_smoothing_averages_over_the_area_of_each_pixel_and_repeats_the_outermost(
+    samples,
+):
     runtime.start()
-    drawn = np.random.default_rng(0).random((12 * samples, 8 * samples, 4)).astype(np.float32)
+    drawn = (
+        np.random.default_rng(0)
+        .random((12 * samples, 8 * samples, 4))
+        .astype(np.float32)
+    )
     picture = np.zeros((20, 40, 3), dtype=np.uint8)
     shrink(drawn, picture, 10, 18, 3, samples)
-    assert not picture[:, :7].any() and not picture[:, 37:].any() and not picture[:2].any() and not picture[18:].any()
-    # samples/2 per pixel: split each into 2 x 2 and average samples x samples of them; [x, y up] becomes [row, column].
+    assert (
+        not picture[:, :7].any()
+        and not picture[:, 37:].any()
+        and not picture[:2].any()
+        and not picture[18:].any()
+    )
+    # samples/2 per pixel: split each into 2 x 2 and average samples x samples of them;
+    # [x, y up] becomes [row, column].
     fine = drawn.repeat(2, axis=0).repeat(2, axis=1).astype(float)
-    mean = fine.reshape(24, samples, 16, samples, 4).mean(axis=(1, 3)).transpose(1, 0, 2)[::-1]
+    mean = (
+        fine.reshape(24, samples, 16, samples, 4)
+        .mean(axis=(1, 3))
+        .transpose(1, 0, 2)[::-1]
+    )
     assert np.abs(picture[2:18, 10:34] - 255 * mean[..., :3]).max() < 0.5 + 1e-3
-    assert (picture[:, 7:10] == picture[:, [10]]).all() and (picture[:, 34:37] == picture[:, [33]]).all()
+    assert (picture[:, 7:10] == picture[:, [10]]).all() and (
+        picture[:, 34:37] == picture[:, [33]]
+    ).all()
 
 
 @pytest.mark.parametrize("a, edge", [(300.0, 0.0), (10.0, 0.7)])
-def test_the_rigid_wall_fills_its_viewport_below_the_edge_and_nothing_else(shoot, a, edge):
+def test_the_rigid_wall_fills_its_viewport_below_the_edge_and_nothing_else(
+    shoot, a, edge
+):
     viewport = (40.0, 320.0, 30.0, 250.0)
-    camera = Camera.fit((-1.1, 1.1, edge - 0.1, edge + 1.6), SIZE, SIZE, viewport=viewport)
-    picture = shoot(DISK, X + [0.0, edge], wall=ExponentialWall(a, a), camera=camera, edge=edge)
+    camera = Camera.fit(
+        (-1.1, 1.1, edge - 0.1, edge + 1.6), SIZE, SIZE, viewport=viewport
+    )
+    picture = shoot(
+        DISK, X + [0.0, edge], wall=ExponentialWall(a, a), camera=camera, edge=edge
+    )
     below = int(to_pixels(camera, (0.0, edge))[1]) + 1
     solid = (np.abs(picture - THEMES["light"].wall) < 0.01).all(axis=2)
     assert solid[below:250, 40:320].all() and not solid[251:].any()

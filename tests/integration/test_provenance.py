@@ -1,4 +1,5 @@
-"""The origin of results: files contain their scene and version; the summary also has date, machine and commit."""
+"""The origin of results: files contain their scene and version; the summary also has
+date, machine and commit."""
 
 from __future__ import annotations
 
@@ -17,13 +18,16 @@ from taichi_disk import __version__, load_scene, run
 
 ROOT = Path(__file__).parents[2]
 SCENE = load_scene(
-    "exponential_wall", ["lattice.points=20", "video.size=64", "video.seconds=0.2", "material.eta_star=1"]
+    "exponential_wall",
+    ["lattice.points=20", "video.size=64", "video.seconds=0.2", "material.eta_star=1"],
 )
 
 
 @pytest.fixture(scope="module")
 def result(tmp_path_factory, drawn_plots):
-    return run(SCENE, tmp_path_factory.mktemp("it's") / "a run", video=False, lattices=1)
+    return run(
+        SCENE, tmp_path_factory.mktemp("it's") / "a run", video=False, lattices=1
+    )
 
 
 def streamed(path):
@@ -38,9 +42,17 @@ def pictured(path):
 
 @pytest.mark.parametrize(
     ("name", "read"),
-    [("a.mp4", streamed), ("a.webm", streamed), ("a.gif", pictured), ("a.png", pictured), ("a", pictured)],
+    [
+        ("a.mp4", streamed),
+        ("a.webm", streamed),
+        ("a.gif", pictured),
+        ("a.png", pictured),
+        ("a", pictured),
+    ],
 )
-def test_a_film_carries_the_scene_that_it_shows_and_the_version_and_no_date(result, tmp_path, name, read):
+def test_a_film_carries_the_scene_that_it_shows_and_the_version_and_no_date(
+    result, tmp_path, name, read
+):
     path = result.film(tmp_path / name, colour="speed")
     text = read(path / "00002.png" if path.is_dir() else path)
     assert text.startswith(f"# taichi-disk {__version__}\n")
@@ -68,16 +80,25 @@ def in_gsd(path):
 
 
 def in_pvd(path):
-    return re.search(rf"<!-- taichi-disk {__version__}: (.*) -->", path.read_text("utf-8"))[1]
+    return re.search(
+        rf"<!-- taichi-disk {__version__}: (.*) -->", path.read_text("utf-8")
+    )[1]
 
 
 def in_npz(path):
     return str(np.load(path)["scene"])
 
 
-@pytest.mark.parametrize(("suffix", "read"), [(".xyz", in_xyz), (".gsd", in_gsd), (".pvd", in_pvd), (".npz", in_npz)])
-def test_a_trajectory_carries_the_scene_and_the_same_bytes_come_twice(result, tmp_path, suffix, read):
-    first, second = (result.export(tmp_path / f"{name}{suffix}", frames=2) for name in "ab")
+@pytest.mark.parametrize(
+    ("suffix", "read"),
+    [(".xyz", in_xyz), (".gsd", in_gsd), (".pvd", in_pvd), (".npz", in_npz)],
+)
+def test_a_trajectory_carries_the_scene_and_the_same_bytes_come_twice(
+    result, tmp_path, suffix, read
+):
+    first, second = (
+        result.export(tmp_path / f"{name}{suffix}", frames=2) for name in "ab"
+    )
     assert load_scene(read(first)) == SCENE
     if suffix != ".pvd":  # a .pvd file contains the name of its folder
         assert first.read_bytes() == second.read_bytes()
@@ -85,8 +106,18 @@ def test_a_trajectory_carries_the_scene_and_the_same_bytes_come_twice(result, tm
 
 def test_the_summary_says_when_on_what_and_from_which_commit_a_run_came(result):
     summary = json.loads((result.out / "summary.json").read_bytes())
-    assert timedelta() <= datetime.now(timezone.utc) - datetime.fromisoformat(summary["date"]) < timedelta(hours=1)
+    assert (
+        timedelta()
+        <= datetime.now(timezone.utc) - datetime.fromisoformat(summary["date"])
+        < timedelta(hours=1)
+    )
     assert summary["processor"]
     if (ROOT / ".git").exists():
-        head = subprocess.run(["git", "rev-parse", "HEAD"], cwd=ROOT, capture_output=True, text=True, check=True)
+        head = subprocess.run(
+            ["git", "rev-parse", "HEAD"],
+            cwd=ROOT,
+            capture_output=True,
+            text=True,
+            check=True,
+        )
         assert summary["git_commit"].removesuffix("-dirty") == head.stdout.strip()

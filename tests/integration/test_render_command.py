@@ -1,4 +1,5 @@
-"""Filming finished runs again: the same film, comparisons, refusals, and unchanged results."""
+"""Filming finished runs again: the same film, comparisons, refusals, and unchanged
+results."""
 
 from __future__ import annotations
 
@@ -12,18 +13,36 @@ from taichi_disk import load_scene, run
 from taichi_disk.cli import main
 from taichi_disk.render import film_problem
 
-needs_vulkan = pytest.mark.skipif(film_problem() is not None, reason=str(film_problem()))
+needs_vulkan = pytest.mark.skipif(
+    film_problem() is not None, reason=str(film_problem())
+)
 
 
 @pytest.fixture(scope="module")
 def runs(tmp_path_factory):
-    """Return an impact with a film, one without film and with weak dashpots, one from Python, and a compression."""
+    """Return an impact with a film, one without film and with weak dashpots, one from
+    Python, and a compression."""
     folder, problem = tmp_path_factory.mktemp("runs"), film_problem()
-    small = ["lattice.points=100", "impact.velocity=0.05", "video.size=240", "video.seconds=0.5", "video.fps=10"]
+    small = [
+        "lattice.points=100",
+        "impact.velocity=0.05",
+        "video.size=240",
+        "video.seconds=0.5",
+        "video.fps=10",
+    ]
     for name, eta in (("lossy", 20), ("elastic", 1)):
-        scene = load_scene("exponential_wall", [*small, f"material.eta_star={eta}", "video.colour=force"])
+        scene = load_scene(
+            "exponential_wall",
+            [*small, f"material.eta_star={eta}", "video.colour=force"],
+        )
         run(scene, folder / name, video=name == "lossy" and not problem, lattices=1)
-    run(scene, folder / "own", velocities=np.tile([0.01, -0.05], (100, 1)), video=False, lattices=1)
+    run(
+        scene,
+        folder / "own",
+        velocities=np.tile([0.01, -0.05], (100, 1)),
+        video=False,
+        lattices=1,
+    )
     press = ["lattice.points=100", "compression.method=newton"]
     run(load_scene("compression", press), folder / "pressed", video=False, lattices=1)
     return [folder / name for name in ("lossy", "elastic", "own", "pressed")]
@@ -40,13 +59,18 @@ def test_filmed_again_a_film_is_the_same_and_the_results_stay(runs):
 @needs_vulkan
 def test_two_runs_are_shown_side_by_side(runs, tmp_path):
     path = tmp_path / "both.png"
-    assert main(["render", str(runs[0]), "--compare", str(runs[1]), "--out", str(path)]) == 0
+    assert (
+        main(["render", str(runs[0]), "--compare", str(runs[1]), "--out", str(path)])
+        == 0
+    )
     left, right = np.split(np.asarray(Image.open(path)).astype(float), 2, axis=1)
     assert left.shape == right.shape == (240, 240, 3)
     assert np.abs(left[80:190] - right[80:190]).mean() > 2.0
 
 
-def test_what_cannot_be_filmed_is_refused_with_the_reason(runs, tmp_path, capsys, monkeypatch):
+def test_what_cannot_be_filmed_is_refused_with_the_reason(
+    runs, tmp_path, capsys, monkeypatch
+):
     impact, _, _, pressed = map(str, runs)
     monkeypatch.chdir(tmp_path)
     for words, says in (
@@ -56,8 +80,14 @@ def test_what_cannot_be_filmed_is_refused_with_the_reason(runs, tmp_path, capsys
             "film.avi: end the name with .mp4, .webm or .gif for a film, .html for",
         ),
         ([impact, "--out", "."], "the current folder"),
-        ([impact, "--out", "film.mp4", "--format", "png"], "--format png contradicts --out film.mp4"),
-        ([impact, "--out", "pictures", "--format", "gif"], "--format gif contradicts --out pictures"),
+        (
+            [impact, "--out", "film.mp4", "--format", "png"],
+            "--format png contradicts --out film.mp4",
+        ),
+        (
+            [impact, "--out", "pictures", "--format", "gif"],
+            "--format gif contradicts --out pictures",
+        ),
         ([impact, "--compare", pressed], "cannot be compared"),
         ([impact, "--size", "4000"], "video.size"),
         ([impact, "--colour", "stress"], "video.colour"),
@@ -72,6 +102,7 @@ def test_what_cannot_be_filmed_is_refused_with_the_reason(runs, tmp_path, capsys
 
 def test_a_run_with_a_damaged_summary_is_refused(runs, tmp_path, capsys):
     damaged = shutil.copytree(runs[2], tmp_path / "damaged")
-    (damaged / "summary.json").write_text("{}")  # the removed text said that the lattice came from Python
+    # the removed text said that the lattice came from Python
+    (damaged / "summary.json").write_text("{}")
     assert main(["render", str(damaged)]) == 2
     assert "no summary.json that can be read" in capsys.readouterr().err

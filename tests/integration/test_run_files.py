@@ -1,4 +1,5 @@
-"""The files of a run: names, columns and units, and all data to repeat it with another program."""
+"""The files of a run: names, columns and units, and all data to repeat it with another
+program."""
 
 from __future__ import annotations
 
@@ -20,9 +21,7 @@ from taichi_disk.simulation.observables import COLUMNS
 
 SMALL = ("lattice.points=100", "time.safety=0.3")
 WALL = (*SMALL, "wall.points=120", "wall.width=3.2", "wall.boundary=dashpot")
-ALWAYS = (
-    "t,com_x,com_y,com_vx,com_vy,angular_momentum,lowest_y,wall_force,kinetic,elastic,wall,dissipated,absorbed,total"
-)
+ALWAYS = "t,com_x,com_y,com_vx,com_vy,angular_momentum,lowest_y,wall_force,kinetic,elastic,wall,dissipated,absorbed,total"
 STEPPED = {"restitution", "contact_time", "dt", "energy"}
 SCENES = {
     "exponential_wall": (SMALL, STEPPED),
@@ -44,14 +43,19 @@ class Run(NamedTuple):
     @property
     def table(self):
         names, *lines = (self.out / "timeseries.csv").read_text().splitlines()
-        return dict(zip(names.split(","), np.loadtxt(lines, delimiter=",").T, strict=True))
+        return dict(
+            zip(names.split(","), np.loadtxt(lines, delimiter=",").T, strict=True)
+        )
 
 
 @pytest.fixture(scope="module")
 def runs(tmp_path_factory, drawn_plots):
     place = tmp_path_factory.mktemp("runs")
     return {
-        kind: Run(run(load_scene(kind, settings), place / kind, video=False, lattices=1), place / kind)
+        kind: Run(
+            run(load_scene(kind, settings), place / kind, video=False, lattices=1),
+            place / kind,
+        )
         for kind, (settings, _) in SCENES.items()
     }
 
@@ -60,32 +64,70 @@ def runs(tmp_path_factory, drawn_plots):
 def test_files_summary_and_columns_are_those_of_the_contract(runs, kind):
     stored_run, summary, table = runs[kind], runs[kind].summary, runs[kind].table
     names = {path.name for path in stored_run.out.iterdir()}
-    assert names == {"scene.yaml", "summary.json", "timeseries.csv", "lattice.npz", "final.npz", "plot.png"}
+    assert names == {
+        "scene.yaml",
+        "summary.json",
+        "timeseries.csv",
+        "lattice.npz",
+        "final.npz",
+        "plot.png",
+    }
     assert (stored_run.out / "plot.png").read_bytes().startswith(b"\x89PNG\r\n\x1a\n")
 
-    common = {"scene", "status", "reason", "seed", "versions", "wall_clock", "measured", "steps", "integrator"}
-    assert summary == stored_run.result.summary and common | SCENES[kind][1] <= set(summary)
+    common = {
+        "scene",
+        "status",
+        "reason",
+        "seed",
+        "versions",
+        "wall_clock",
+        "measured",
+        "steps",
+        "integrator",
+    }
+    assert summary == stored_run.result.summary and common | SCENES[kind][1] <= set(
+        summary
+    )
     page = (Path(__file__).parents[2] / "docs/output.md").read_text(encoding="utf-8")
-    assert set(summary) <= set(re.findall(r"`(\w+)`", page.partition("### summary.json")[2].partition("###")[0]))
+    assert set(summary) <= set(
+        re.findall(
+            r"`(\w+)`", page.partition("### summary.json")[2].partition("###")[0]
+        )
+    )
     assert summary["status"] == "done" and summary["reason"] is None
     assert {"build", "simulate"} <= set(summary["wall_clock"])
-    assert {"python", engine.PACKAGE, "numpy", "taichi-disk"} <= set(summary["versions"])
-    assert all(summary[key] == value for key, value in stored_run.result.numbers.items())
+    assert {"python", engine.PACKAGE, "numpy", "taichi-disk"} <= set(
+        summary["versions"]
+    )
+    assert all(
+        summary[key] == value for key, value in stored_run.result.numbers.items()
+    )
 
-    assert ",".join(table) == ALWAYS + (",load,xi" if kind == "compression" else ",translation,rotation,vibration")
+    assert ",".join(table) == ALWAYS + (
+        ",load,xi" if kind == "compression" else ",translation,rotation,vibration"
+    )
     assert np.isfinite(list(table.values())).all()
-    assert (np.diff(table["t"]) > 0).all() and (table["t"][0] == 0.0) == (kind != "compression")
+    assert (np.diff(table["t"]) > 0).all() and (table["t"][0] == 0.0) == (
+        kind != "compression"
+    )
     parts = ("kinetic", "elastic", "wall", "dissipated", "absorbed", "sliding", "load")
-    np.testing.assert_allclose(table["total"], sum(table.get(part, 0.0) for part in parts), rtol=1e-12)
+    np.testing.assert_allclose(
+        table["total"], sum(table.get(part, 0.0) for part in parts), rtol=1e-12
+    )
     if kind != "compression":
         split = table["translation"] + table["rotation"] + table["vibration"]
         np.testing.assert_allclose(split, table["kinetic"], rtol=1e-12)
 
 
 def test_the_columns_are_described_as_they_are_declared():
-    described = (Path(__file__).parents[2] / "docs/output.md").read_text(encoding="utf-8")
+    described = (Path(__file__).parents[2] / "docs/output.md").read_text(
+        encoding="utf-8"
+    )
     written = [column for column in COLUMNS if column.written != "never"]
-    table = "".join(f"| `{column.name}` | {column.meaning} | {column.unit} |\n" for column in written)
+    table = "".join(
+        f"| `{column.name}` | {column.meaning} | {column.unit} |\n"
+        for column in written
+    )
     assert table in described
 
 
@@ -95,7 +137,8 @@ def test_a_picture_that_fails_takes_no_result_with_it(tmp_path, monkeypatch):
 
     monkeypatch.setattr("taichi_disk.output.plot.plot_run", fails)
     monkeypatch.setattr("taichi_disk.render.film.film", fails)
-    monkeypatch.setattr(sys, "executable", "/nowhere/python")  # the process that would draw the plot
+    # the process that would draw the plot
+    monkeypatch.setattr(sys, "executable", "/nowhere/python")
     result = run(load_scene("exponential_wall", SMALL), tmp_path / "o", lattices=1)
     stored_run = Run(result, tmp_path / "o")
     assert {path.name for path in stored_run.out.iterdir()} == {
@@ -105,8 +148,13 @@ def test_a_picture_that_fails_takes_no_result_with_it(tmp_path, monkeypatch):
         "lattice.npz",
         "final.npz",
     }
-    assert stored_run.summary["status"] == "done" and stored_run.summary["video_error"] == "latex could not be found"
-    assert stored_run.summary["warnings"] == ["there is no plot.png: latex could not be found"]
+    assert (
+        stored_run.summary["status"] == "done"
+        and stored_run.summary["video_error"] == "latex could not be found"
+    )
+    assert stored_run.summary["warnings"] == [
+        "there is no plot.png: latex could not be found"
+    ]
 
 
 @pytest.mark.parametrize("kind", ["exponential_wall", "absorbing_wall"])
@@ -122,14 +170,30 @@ def test_first_and_last_row_are_the_states_in_the_npz_files(runs, kind):
     for row, state in ((0, start), (-1, final)):
         x, v = state["positions"][:n], state["velocities"][:n]
         centre, speed = x.mean(axis=0), v.mean(axis=0)
-        spin = m * np.sum((x - centre)[:, 0] * (v - speed)[:, 1] - (x - centre)[:, 1] * (v - speed)[:, 0])
+        spin = m * np.sum(
+            (x - centre)[:, 0] * (v - speed)[:, 1]
+            - (x - centre)[:, 1] * (v - speed)[:, 0]
+        )
         kinetic = 0.5 * m * np.sum(state["velocities"] ** 2)
-        names = ("com_x", "com_y", "com_vx", "com_vy", "angular_momentum", "lowest_y", "kinetic")
+        names = (
+            "com_x",
+            "com_y",
+            "com_vx",
+            "com_vy",
+            "angular_momentum",
+            "lowest_y",
+            "kinetic",
+        )
         values = [*centre, *speed, spin, x[:, 1].min(), kinetic]
-        assert [table[name][row] for name in names] == pytest.approx(values, rel=1e-11, abs=1e-14)
+        assert [table[name][row] for name in names] == pytest.approx(
+            values, rel=1e-11, abs=1e-14
+        )
     summary = stored_run.summary
-    assert table["t"][-1] == final["t"] == pytest.approx(summary["steps"] * summary["dt"])
-    before, after = np.sqrt(table["com_vy"] ** 2 + 2.0 * table["wall"])[[0, -1]]  # far from the wall
+    assert (
+        table["t"][-1] == final["t"] == pytest.approx(summary["steps"] * summary["dt"])
+    )
+    # far from the wall
+    before, after = np.sqrt(table["com_vy"] ** 2 + 2.0 * table["wall"])[[0, -1]]
     assert after / before == pytest.approx(summary["restitution"], rel=1e-12)
 
 
@@ -140,35 +204,69 @@ def test_the_wall_s_force_is_the_change_of_momentum(runs):
     slope = (v[2:] - v[:-2]) / (t[2:] - t[:-2])
     peak = table["wall_force"].max()
     assert peak > 1e-3
-    np.testing.assert_allclose(slope, table["wall_force"][1:-1], rtol=0, atol=0.02 * peak)
+    np.testing.assert_allclose(
+        slope, table["wall_force"][1:-1], rtol=0, atol=0.02 * peak
+    )
 
 
 def test_lattice_npz_alone_repeats_the_run(runs):
-    # An independent program uses only the file and the scene's parameters; the boundary is matched.
+    # An independent program uses only the file and the scene's parameters; the boundary
+    # is matched.
     stored_run = runs["absorbing_wall"]
-    start, final = np.load(stored_run.out / "lattice.npz"), np.load(stored_run.out / "final.npz")
-    d = start["positions"][start["bonds"][:, 0]] - start["positions"][start["bonds"][:, 1]]
-    np.testing.assert_allclose(np.hypot(*d.T), start["rest_lengths"], rtol=0, atol=1e-13)
+    start, final = (
+        np.load(stored_run.out / "lattice.npz"),
+        np.load(stored_run.out / "final.npz"),
+    )
+    d = (
+        start["positions"][start["bonds"][:, 0]]
+        - start["positions"][start["bonds"][:, 1]]
+    )
+    np.testing.assert_allclose(
+        np.hypot(*d.T), start["rest_lengths"], rtol=0, atol=1e-13
+    )
     assert (np.diff(start["positions"][start["wall_surface"], 0]) > 0).all()
-    own = Model(Springs(1.0, 1e-3), ElasticWall(300.0, 150.0, 0.1), boundary=MatchedBoundary(start["wall_impedance"]))
+    own = Model(
+        Springs(1.0, 1e-3),
+        ElasticWall(300.0, 150.0, 0.1),
+        boundary=MatchedBoundary(start["wall_impedance"]),
+    )
     plain = reference.Model(SimpleNamespace(**start), own)
-    _, v = plain.solve(start["positions"], start["velocities"], (0.0, float(final["t"])), rtol=1e-8)[-1]
-    assert stored_run.summary["restitution"] == pytest.approx(v[:100, 1].mean() / 0.02, abs=2e-5)
+    _, v = plain.solve(
+        start["positions"], start["velocities"], (0.0, float(final["t"])), rtol=1e-8
+    )[-1]
+    assert stored_run.summary["restitution"] == pytest.approx(
+        v[:100, 1].mean() / 0.02, abs=2e-5
+    )
 
 
-def test_the_saved_scene_is_the_scene_with_every_default_and_repeats_the_run_bitwise(runs):
+def test_the_saved_scene_is_the_scene_with_every_default_and_repeats_the_run_bitwise(
+    runs,
+):
     stored_run = runs["compression"]
     path = stored_run.out / "scene.yaml"
     assert load_scene(path) == load_scene("compression", SCENES["compression"][0])
-    for key in ("points", "seed", "k_a", "eta_star", "a", "V0", "pressure", "integrator", "safety"):
+    for key in (
+        "points",
+        "seed",
+        "k_a",
+        "eta_star",
+        "a",
+        "V0",
+        "pressure",
+        "integrator",
+        "safety",
+    ):
         assert re.search(rf"^  {key}: ", path.read_text(), re.MULTILINE), key
     before = {path.name: path.read_bytes() for path in stored_run.out.iterdir()}
     run(load_scene(path), stored_run.out, video=False, lattices=1)
     after = {path.name: path.read_bytes() for path in stored_run.out.iterdir()}
-    assert {name for name in before if after[name] != before[name]} == {"summary.json"}  # its wall clock
+    # its wall clock
+    assert {name for name in before if after[name] != before[name]} == {"summary.json"}
 
 
-def test_the_spectrum_is_looked_for_once_and_rows_are_as_far_apart_as_asked(monkeypatch, tmp_path):
+def test_the_spectrum_is_looked_for_once_and_rows_are_as_far_apart_as_asked(
+    monkeypatch, tmp_path
+):
     asked, plain = [], stability.largest_eigenvalue
 
     def counted(*given):
@@ -176,8 +274,11 @@ def test_the_spectrum_is_looked_for_once_and_rows_are_as_far_apart_as_asked(monk
         return plain(*given)
 
     monkeypatch.setattr(stability, "largest_eigenvalue", counted)
-    scene = load_scene("exponential_wall", (*SMALL, "lattice.seed=77", "time.sample_interval=1.0"))
+    scene = load_scene(
+        "exponential_wall", (*SMALL, "lattice.seed=77", "time.sample_interval=1.0")
+    )
     for name in ("o", "again"):
         result = run(scene, tmp_path / name, video=False, lattices=1)
     assert len(asked) == 2  # for the springs and for the dashpots
-    assert Run(result, tmp_path / "o").table["t"][1] == pytest.approx(1.0, abs=0.02)  # the requested rows
+    # the requested rows
+    assert Run(result, tmp_path / "o").table["t"][1] == pytest.approx(1.0, abs=0.02)

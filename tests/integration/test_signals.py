@@ -1,4 +1,5 @@
-"""Signals: whenever Ctrl-C or SIGTERM comes, the exit status is 130 and all files are complete."""
+"""Signals: whenever Ctrl-C or SIGTERM comes, the exit status is 130 and all files are
+complete."""
 
 from __future__ import annotations
 
@@ -23,7 +24,14 @@ from taichi_disk.signals import (
     raise_if_interrupted,
 )
 
-COMMAND = [sys.executable, "-m", "taichi_disk", "run", "exponential_wall", "--set=video.seconds=8"]
+COMMAND = [
+    sys.executable,
+    "-m",
+    "taichi_disk",
+    "run",
+    "exponential_wall",
+    "--set=video.seconds=8",
+]
 FIRST_PICTURE = """
 import builtins, signal
 from taichi_disk.engine import ti
@@ -83,7 +91,8 @@ time.sleep(30.0)
 
 @pytest.fixture(autouse=True)
 def _heard_signals():
-    """Restore Python's own handling of Ctrl-C, also for children: the shell ignores it for background jobs."""
+    """Restore Python's own handling of Ctrl-C, also for children: the shell ignores it
+    for background jobs."""
     before = signal.signal(signal.SIGINT, signal.default_int_handler)
     yield
     signal.signal(signal.SIGINT, before)
@@ -93,19 +102,30 @@ def _heard_signals():
 def run_time(tmp_path_factory):
     """Return how long COMMAND takes [s]."""
     began = time.monotonic()
-    subprocess.run([*COMMAND, "--out", str(tmp_path_factory.mktemp("whole") / "o")], check=True, capture_output=True)
+    subprocess.run(
+        [*COMMAND, "--out", str(tmp_path_factory.mktemp("whole") / "o")],
+        check=True,
+        capture_output=True,
+    )
     return time.monotonic() - began
 
 
 def interrupted(out, after, number):
-    process = subprocess.Popen([*COMMAND, "--out", str(out)], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    process = subprocess.Popen(
+        [*COMMAND, "--out", str(out)],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
     time.sleep(after)
     process.send_signal(number)
     try:
         _, err = process.communicate(timeout=60)
     finally:
         process.kill()
-    if process.returncode == -number or ("Traceback" in err and "in process" not in err):
+    if process.returncode == -number or (
+        "Traceback" in err and "in process" not in err
+    ):
         # The signal comes before Python has reached our first line.
         assert not out.exists()
         return
@@ -115,7 +135,9 @@ def interrupted(out, after, number):
     if out.exists():
         status = json.loads((out / "summary.json").read_text())["status"]
         assert status == ("done" if process.returncode == 0 else "interrupted")
-        films = {path.name for path in out.iterdir() if path.suffix in (".mp4", ".partial")}
+        films = {
+            path.name for path in out.iterdir() if path.suffix in (".mp4", ".partial")
+        }
         assert films <= {"video.mp4"} and (status == "done" or not films)
 
 
@@ -149,8 +171,12 @@ def test_ctrl_c_does_not_wait_for_the_end_of_a_long_call():
 
 @pytest.mark.validate
 @pytest.mark.parametrize("after", [5.0, 12.0, 20.0])
-def test_ctrl_c_ends_the_building_of_a_large_lattice_within_two_seconds(tmp_path, after):
-    process = subprocess.Popen([*COMMAND, "--set=lattice.points=1000000", "--out", str(tmp_path / "out")])
+def test_ctrl_c_ends_the_building_of_a_large_lattice_within_two_seconds(
+    tmp_path, after
+):
+    process = subprocess.Popen(
+        [*COMMAND, "--set=lattice.points=1000000", "--out", str(tmp_path / "out")]
+    )
     time.sleep(after)
     began = time.monotonic()
     process.send_signal(signal.SIGINT)
@@ -162,7 +188,9 @@ def test_processes_of_a_sweep_ignore_ctrl_c_and_their_parent_receives_it():
 
     def start():
         with ignored_by_children():
-            return subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+            return subprocess.run(
+                [sys.executable, "-c", code], capture_output=True, text=True
+            )
 
     with ThreadPoolExecutor(1) as thread:
         for child in (start(), thread.submit(start).result()):
@@ -172,7 +200,9 @@ def test_processes_of_a_sweep_ignore_ctrl_c_and_their_parent_receives_it():
 
 
 def test_a_second_signal_ends_a_command_at_once_but_two_together_are_one():
-    child = subprocess.Popen([sys.executable, "-c", LISTENING], stdout=subprocess.PIPE, text=True)
+    child = subprocess.Popen(
+        [sys.executable, "-c", LISTENING], stdout=subprocess.PIPE, text=True
+    )
     assert child.stdout.readline() == "ready\n"
     for number in (signal.SIGTERM, signal.SIGINT):
         child.send_signal(number)
@@ -189,17 +219,33 @@ def test_one_signal_ends_a_command_that_waits_for_its_scene(tmp_path):
     waiting = subprocess.Popen(command, cwd=tmp_path, stderr=subprocess.PIPE, text=True)
     with (tmp_path / "scene").open("w"):  # waits for the reader
         waiting.send_signal(signal.SIGTERM)
-        assert waiting.communicate(timeout=10) == (None, "interrupted\n") and waiting.returncode == INTERRUPTED
+        assert (
+            waiting.communicate(timeout=10) == (None, "interrupted\n")
+            and waiting.returncode == INTERRUPTED
+        )
 
 
 @pytest.mark.validate
-def test_an_interrupt_while_the_first_picture_is_read_is_handled_like_any_other(tmp_path):
-    assert subprocess.run([sys.executable, "-c", FIRST_PICTURE], cwd=tmp_path).returncode == 7
+def test_an_interrupt_while_the_first_picture_is_read_is_handled_like_any_other(
+    tmp_path,
+):
+    assert (
+        subprocess.run([sys.executable, "-c", FIRST_PICTURE], cwd=tmp_path).returncode
+        == 7
+    )
 
 
 @pytest.mark.parametrize("module", ["argparse", engine.NAME])
 def test_an_interrupt_during_imports_ends_with_130_and_no_traceback(tmp_path, module):
-    script = [sys.executable, "-c", IMPORTING, module, *COMMAND[3:], "--out", str(tmp_path / "o")]
+    script = [
+        sys.executable,
+        "-c",
+        IMPORTING,
+        module,
+        *COMMAND[3:],
+        "--out",
+        str(tmp_path / "o"),
+    ]
     done = subprocess.run(script, capture_output=True, text=True)
     assert done.returncode == INTERRUPTED and done.stderr == "interrupted\n"
     assert list(tmp_path.iterdir()) == []
@@ -209,7 +255,9 @@ def test_an_interrupt_during_imports_ends_with_130_and_no_traceback(tmp_path, mo
 def test_ctrl_c_in_python_is_a_keyboard_interrupt_wherever_a_run_is():
     moments = random.Random(5)
     for _ in range(2):
-        child = subprocess.Popen([sys.executable, "-c", FROM_PYTHON], stdout=subprocess.PIPE, text=True)
+        child = subprocess.Popen(
+            [sys.executable, "-c", FROM_PYTHON], stdout=subprocess.PIPE, text=True
+        )
         assert child.stdout.readline() == "ready\n"
         time.sleep(moments.uniform(0.0, 2.0))
         child.send_signal(signal.SIGINT)
@@ -227,7 +275,9 @@ def test_a_run_that_is_interrupted_leaves_a_summary_that_says_so(tmp_path, numbe
 
 @pytest.mark.validate
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-def test_an_interrupt_at_any_moment_ends_with_130_and_leaves_nothing_half_written(tmp_path, run_time, number):
+def test_an_interrupt_at_any_moment_ends_with_130_and_leaves_nothing_half_written(
+    tmp_path, run_time, number
+):
     moments = random.Random(7 + int(number))
     for k in range(6):
         interrupted(tmp_path / str(k) / "o", moments.uniform(0.05, run_time), number)
@@ -238,7 +288,11 @@ def test_a_killed_run_never_harms_a_finished_one(tmp_path, run_time):
     moments = random.Random(3)
     out, finished = tmp_path / "k" / "o", False
     for _ in range(5):
-        process = subprocess.Popen([*COMMAND, "--out", str(out)], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+        process = subprocess.Popen(
+            [*COMMAND, "--out", str(out)],
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.DEVNULL,
+        )
         time.sleep(moments.uniform(0.3, 1.1 * run_time))
         process.kill()
         process.wait()
@@ -248,4 +302,6 @@ def test_a_killed_run_never_harms_a_finished_one(tmp_path, run_time):
         if done:
             assert json.loads((out / "summary.json").read_text())["status"] == "done"
     subprocess.run([*COMMAND, "--out", str(out)], check=True, capture_output=True)
-    assert [path.name for path in out.parent.iterdir() if ".new." not in path.name] == ["o"]
+    assert [path.name for path in out.parent.iterdir() if ".new." not in path.name] == [
+        "o"
+    ]

@@ -1,4 +1,5 @@
-"""The documentation site: formulas without the internet, reference pages, and a search that finds words."""
+"""The documentation site: formulas without the internet, reference pages, and a search
+that finds words."""
 
 from __future__ import annotations
 
@@ -13,19 +14,26 @@ from typing import Any
 import pytest
 
 ROOT = Path(__file__).parents[2]
-PAGES = [*sorted((ROOT / "docs").glob("*.md")), *sorted((ROOT / "docs/notebooks").glob("*.ipynb"))]
+PAGES = [
+    *sorted((ROOT / "docs").glob("*.md")),
+    *sorted((ROOT / "docs/notebooks").glob("*.ipynb")),
+]
 
 
 @pytest.fixture(scope="module")
 def site() -> Any:
-    spec = importlib.util.spec_from_file_location("site_pages", ROOT / "docs/site_pages.py")
+    spec = importlib.util.spec_from_file_location(
+        "site_pages", ROOT / "docs/site_pages.py"
+    )
     assert spec and spec.loader
     spec.loader.exec_module(made := importlib.util.module_from_spec(spec))
     return made
 
 
 def formulas(text: str) -> list[tuple[str, bool]]:
-    blocks = re.findall(r"^```math\n(.*?)^```$|^\$\$\n(.*?)^\$\$$", text, re.MULTILINE | re.DOTALL)
+    blocks = re.findall(
+        r"^```math\n(.*?)^```$|^\$\$\n(.*?)^\$\$$", text, re.MULTILINE | re.DOTALL
+    )
     prose = re.sub(r"^(```|\$\$).*?^\1$", "", text, flags=re.MULTILINE | re.DOTALL)
     return [("".join(block), True) for block in blocks] + [
         (block, False) for block in re.findall(r"\$([^$\n]+)\$", prose)
@@ -34,7 +42,9 @@ def formulas(text: str) -> list[tuple[str, bool]]:
 
 def test_every_formula_of_every_page_becomes_mathml(site: Any) -> None:
     for page in PAGES:
-        text = site.notebook(page) if page.suffix == ".ipynb" else page.read_text("utf-8")
+        text = (
+            site.notebook(page) if page.suffix == ".ipynb" else page.read_text("utf-8")
+        )
         for formula, block in formulas(text):
             drawn = re.sub(r"<[^>]*>|&#x0007[BD];", "", site.mathml(formula, block))
             assert drawn and not re.search(r"[\\{}$]|&amp;", drawn), formula
@@ -42,30 +52,52 @@ def test_every_formula_of_every_page_becomes_mathml(site: Any) -> None:
 
 def test_formulas_of_a_page_keep_their_numbers_and_their_vectors(site: Any) -> None:
     html = (
-        r'<p>at <span class="arithmatex">\(x &lt; \mathbf v\)</span></p><div class="arithmatex">\[e = 1 \tag{5}\]</div>'
+        r'<p>at <span class="arithmatex">\(x &lt; \mathbf v\)</span></p><div'
+        r' class="arithmatex">\[e = 1 \tag{5}\]</div>'
     )
     made = site.on_page_content(html)
     assert made.count("<math") == 2 and "arithmatex" not in made
-    assert "\N{MATHEMATICAL BOLD SMALL V}" in made and "<span>(5)</span>" in made and "&#x0003C;" in made
+    assert (
+        "\N{MATHEMATICAL BOLD SMALL V}" in made
+        and "<span>(5)</span>" in made
+        and "&#x0003C;" in made
+    )
 
 
 def test_the_reference_has_a_page_that_leads_to_every_reference(site: Any) -> None:
     targets = re.findall(r"\]\(([^)]*)\)", site.reference())
     own = {"scenes.md", "commands.md", "python.md"}
-    assert own <= set(targets) and all((ROOT / "docs" / target[3:]).exists() for target in set(targets) - own)
+    assert own <= set(targets) and all(
+        (ROOT / "docs" / target[3:]).exists() for target in set(targets) - own
+    )
 
 
 @pytest.mark.validate
-def test_the_site_is_built_fetches_nothing_and_finds_what_a_reader_looks_for(tmp_path: Path) -> None:
-    call = [sys.executable, "-m", "mkdocs", "build", "--strict", "--quiet", "--site-dir", str(tmp_path)]
+def test_the_site_is_built_fetches_nothing_and_finds_what_a_reader_looks_for(
+    tmp_path: Path,
+) -> None:
+    call = [
+        sys.executable,
+        "-m",
+        "mkdocs",
+        "build",
+        "--strict",
+        "--quiet",
+        "--site-dir",
+        str(tmp_path),
+    ]
     done = subprocess.run(call, cwd=ROOT, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr[-3000:]
     for page in tmp_path.rglob("*.html"):
         text = page.read_text("utf-8")
-        assert not re.search(r'<(?:script|link|img)[^>]+(?:src|href)="https?:', text), page
+        assert not re.search(r'<(?:script|link|img)[^>]+(?:src|href)="https?:', text), (
+            page
+        )
         assert 'class="arithmatex"' not in text, page
     assert "<math" in (tmp_path / "model/index.html").read_text("utf-8")
     assert (tmp_path / "reference/index.html").exists()
-    found = json.loads((tmp_path / "search/search_index.json").read_text("utf-8"))["docs"]
+    found = json.loads((tmp_path / "search/search_index.json").read_text("utf-8"))[
+        "docs"
+    ]
     for words in ("degrees", "phone", "still picture"):
         assert any(words in page["text"] for page in found), words

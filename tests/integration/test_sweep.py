@@ -1,4 +1,5 @@
-"""Sweeps: a row is what `run` gives for its scene, independent of other scenes, of the order and of the executor."""
+"""Sweeps: a row is what `run` gives for its scene, independent of other scenes, of the
+order and of the executor."""
 
 from __future__ import annotations
 
@@ -64,8 +65,11 @@ def small(tmp_path_factory: pytest.TempPathFactory) -> SweepResult:
 
 @pytest.fixture(autouse=True)
 def no_figures(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Draw no figures, because a figure takes a second and the one of `small` is enough."""
-    monkeypatch.setattr("taichi_disk.figures.curves.draw", lambda scene, curves, out: None)
+    """Draw no figures, because a figure takes a second and the one of `small` is
+    enough."""
+    monkeypatch.setattr(
+        "taichi_disk.figures.curves.draw", lambda scene, curves, out: None
+    )
 
 
 @pytest.fixture
@@ -85,7 +89,9 @@ def points(folder: Path) -> list[Path]:
 # ---- rows
 
 
-def test_a_sweep_leaves_one_row_per_point_and_its_fits_and_figure(small: SweepResult) -> None:
+def test_a_sweep_leaves_one_row_per_point_and_its_fits_and_figure(
+    small: SweepResult,
+) -> None:
     with (small.out / "points.csv").open() as file:
         rows = list(csv.DictReader(file))
     assert len(rows) == 12 and not small.failed
@@ -99,11 +105,23 @@ def test_a_sweep_leaves_one_row_per_point_and_its_fits_and_figure(small: SweepRe
     assert set(summary["curves"][1]["fits"]) == {"eq5", "eq5_d1_is_1", "eq4"}
     # The scatter over lattices, as a sample of them shows it.
     for curve in summary["curves"]:
-        for v, mean, deviation in zip(curve["x"], curve["mean"], curve["standard_deviation"], strict=True):
+        for v, mean, deviation in zip(
+            curve["x"], curve["mean"], curve["standard_deviation"], strict=True
+        ):
             at = (curve["eta_star"], v)
-            e = [float(row["restitution"]) for row in rows if (float(row["eta_star"]), float(row["velocity"])) == at]
-            assert (mean, deviation) == (pytest.approx(statistics.mean(e)), pytest.approx(statistics.stdev(e)))
-    assert all((small.out / f"figure.{kind}").stat().st_size > 5000 for kind in ("png", "svg", "pdf"))
+            e = [
+                float(row["restitution"])
+                for row in rows
+                if (float(row["eta_star"]), float(row["velocity"])) == at
+            ]
+            assert (mean, deviation) == (
+                pytest.approx(statistics.mean(e)),
+                pytest.approx(statistics.stdev(e)),
+            )
+    assert all(
+        (small.out / f"figure.{kind}").stat().st_size > 5000
+        for kind in ("png", "svg", "pdf")
+    )
 
 
 def test_a_kind_of_scene_that_has_no_figure_is_swept_all_the_same(
@@ -112,24 +130,41 @@ def test_a_kind_of_scene_that_has_no_figure_is_swept_all_the_same(
     monkeypatch.setattr("taichi_disk.figures.curves.FIGURES", {})
     shutil.copytree(small.out / "points", tmp_path / "out" / "points")
     result = swept(SMALL, tmp_path / "out")
-    assert result.summary["curves"] == [] and table(tmp_path / "out") == table(small.out)
+    assert result.summary["curves"] == [] and table(tmp_path / "out") == table(
+        small.out
+    )
 
 
 @pytest.mark.parametrize("text", [SMALL, WALL, PRESSED])
-def test_a_row_is_what_running_its_scene_gives_bit_for_bit(text: str, small: SweepResult, tmp_path: Path) -> None:
+def test_a_row_is_what_running_its_scene_gives_bit_for_bit(
+    text: str, small: SweepResult, tmp_path: Path
+) -> None:
     result = small if text == SMALL else swept(text, tmp_path / "out")
     for row in result.rows[:: 5 if text == SMALL else 1]:
-        summary = run(load_scene(result.out / "points" / f"{row['key']}.yaml"), lattices=1).summary
-        shared = (set(row) & set(summary)) - {"status", "reason", "warnings", "error_estimate"}
+        summary = run(
+            load_scene(result.out / "points" / f"{row['key']}.yaml"), lattices=1
+        ).summary
+        shared = (set(row) & set(summary)) - {
+            "status",
+            "reason",
+            "warnings",
+            "error_estimate",
+        }
         assert {"steps", "integrator"} < shared and len(shared) >= 4
-        assert {name: row[name] for name in shared} == {name: summary[name] for name in shared}
+        assert {name: row[name] for name in shared} == {
+            name: summary[name] for name in shared
+        }
 
 
 @pytest.mark.parametrize(
     ("axes", "statuses", "reason"),
     [
         # In this short time, only the fast disk has left the wall.
-        ("impact: {max_time: 30.0}\nsweep: {velocity: [0.003, 0.05]}", ["failed", "done"], "has not left the wall"),
+        (
+            "impact: {max_time: 30.0}\nsweep: {velocity: [0.003, 0.05]}",
+            ["failed", "done"],
+            "has not left the wall",
+        ),
         ("sweep: {dt: [0.02, 0.5]}", ["done", "failed"], "stability limit"),
     ],
 )
@@ -138,7 +173,10 @@ def test_failed_points_are_listed_and_tried_again_and_do_not_stop_the_others(
 ) -> None:
     result = swept(ONE + axes + "\n", tmp_path / "out")
     assert [row["status"] for row in result.rows] == statuses
-    assert reason in result.failed[0]["reason"] and reason in result.summary["failed"][0]["reason"]
+    assert (
+        reason in result.failed[0]["reason"]
+        and reason in result.summary["failed"][0]["reason"]
+    )
     assert swept(ONE + axes + "\n", tmp_path / "out").summary["computed_now"] == 1
 
 
@@ -148,8 +186,12 @@ def test_errors_are_estimated_on_request(small: SweepResult, tmp_path: Path) -> 
     plain = swept(*sweep)
     assert [row["error_estimate"] for row in plain.rows] == [None] * 4
     estimated = swept(*sweep, estimate=True)
-    assert estimated.summary["computed_now"] == 4 and all(0 < row["error_estimate"] < 1e-2 for row in estimated.rows)
-    assert [row["restitution"] for row in estimated.rows] == [row["restitution"] for row in plain.rows]
+    assert estimated.summary["computed_now"] == 4 and all(
+        0 < row["error_estimate"] < 1e-2 for row in estimated.rows
+    )
+    assert [row["restitution"] for row in estimated.rows] == [
+        row["restitution"] for row in plain.rows
+    ]
     assert swept(*sweep).summary["computed_now"] == 0
 
 
@@ -167,7 +209,11 @@ def test_a_lattice_file_is_read_again_if_it_has_changed(tmp_path: Path) -> None:
     disk = Lattice.disk(60, 0)
     file = tmp_path / "points.csv"
     np.savetxt(file, disk.positions, delimiter=",", fmt="%.17g")
-    scene = {"scene": "exponential_wall", "lattice": {"file": str(file)}, "sweep": {"velocity": [0.05]}}
+    scene = {
+        "scene": "exponential_wall",
+        "lattice": {"file": str(file)},
+        "sweep": {"velocity": [0.05]},
+    }
     (first,) = swept(scene, tmp_path / "out").rows
     assert first["status"] == "done" and first["young"] is None
     turned = disk.positions @ np.array([[0.0, 1.0], [-1.0, 0.0]])
@@ -180,7 +226,14 @@ def test_a_lattice_file_is_read_again_if_it_has_changed(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("scene", "result"),
     [
-        ({"scene": "exponential_wall", "material": {"eta_star": 5}, "impact": {"velocity": 0.1}}, "restitution"),
+        (
+            {
+                "scene": "exponential_wall",
+                "material": {"eta_star": 5},
+                "impact": {"velocity": 0.1},
+            },
+            "restitution",
+        ),
         ({"scene": "compression"}, "xi"),  # for which the free disk relaxes first
     ],
 )
@@ -190,10 +243,18 @@ def test_a_row_of_a_strained_lattice_is_what_running_its_scene_gives_at_any_k_b(
     disk, file = Lattice.disk(30, 0), tmp_path / "strained.npz"
     lengths = disk.rest_lengths * np.where(np.arange(len(disk.bonds)) % 2, 1.03, 0.97)
     np.savez(file, positions=disk.positions, bonds=disk.bonds, rest_lengths=lengths)
-    found = swept(scene | {"lattice": {"file": str(file)}, "sweep": {"k_b": [0.0, 300.0]}}, tmp_path / "out")
+    found = swept(
+        scene | {"lattice": {"file": str(file)}, "sweep": {"k_b": [0.0, 300.0]}},
+        tmp_path / "out",
+    )
     for row in found.rows:
-        summary = run(load_scene(found.out / "points" / f"{row['key']}.yaml"), lattices=1).summary
-        assert row["status"] == "done" and (row["dt"], row[result]) == (summary["dt"], summary[result])
+        summary = run(
+            load_scene(found.out / "points" / f"{row['key']}.yaml"), lattices=1
+        ).summary
+        assert row["status"] == "done" and (row["dt"], row[result]) == (
+            summary["dt"],
+            summary[result],
+        )
 
 
 # ---- what is there already
@@ -209,19 +270,32 @@ UNREADABLE: dict[str, Callable[[str], str]] = {
 
 @pytest.mark.parametrize("name", UNREADABLE)
 def test_a_result_that_cannot_be_read_is_named_in_one_clear_error(
-    small: SweepResult, scene: str, tmp_path: Path, name: str, capsys: pytest.CaptureFixture[str]
+    small: SweepResult,
+    scene: str,
+    tmp_path: Path,
+    name: str,
+    capsys: pytest.CaptureFixture[str],
 ) -> None:
     shutil.copytree(small.out, tmp_path / "out")
     path = points(tmp_path / "out")[5]
-    path.write_bytes(UNREADABLE[name](path.read_text()).encode("utf-8", "surrogateescape"))
+    path.write_bytes(
+        UNREADABLE[name](path.read_text()).encode("utf-8", "surrogateescape")
+    )
     assert main(["sweep", scene, "--out", str(tmp_path / "out"), "--jobs", "1"]) == 2
     text = capsys.readouterr().err
-    assert text.count("error:") == 1 and path.name in text and "delete the file" in text and "Traceback" not in text
+    assert (
+        text.count("error:") == 1
+        and path.name in text
+        and "delete the file" in text
+        and "Traceback" not in text
+    )
     assert table(tmp_path / "out") == table(small.out)
 
 
 def test_a_folder_of_a_run_or_of_a_person_is_not_touched(tmp_path: Path) -> None:
-    scene = load_scene("compression", ["lattice.points=30", "compression.method=newton"])
+    scene = load_scene(
+        "compression", ["lattice.points=30", "compression.method=newton"]
+    )
     run(scene, tmp_path / "run", video=False, lattices=1)
     with pytest.raises(InputError, match="holds a run"):
         swept(SMALL, tmp_path / "run")
@@ -229,7 +303,9 @@ def test_a_folder_of_a_run_or_of_a_person_is_not_touched(tmp_path: Path) -> None
     (tmp_path / "mine" / "scene.yaml").write_text("# mine\n" + SMALL)
     with pytest.raises(InputError, match="File name too long"):
         swept(SMALL, tmp_path / ("x" * 300))
-    with pytest.raises(InputError, match=r"holds scene\.yaml, which is not from a sweep"):
+    with pytest.raises(
+        InputError, match=r"holds scene\.yaml, which is not from a sweep"
+    ):
         swept(SMALL, tmp_path / "mine")
     assert [path.name for path in (tmp_path / "mine").iterdir()] == ["scene.yaml"]
     (tmp_path / "file").touch()
@@ -237,11 +313,20 @@ def test_a_folder_of_a_run_or_of_a_person_is_not_touched(tmp_path: Path) -> None
         swept(SMALL, tmp_path / "file")
 
 
-def test_another_sweep_in_a_folder_keeps_its_points_and_says_that_its_table_is_replaced(tmp_path: Path) -> None:
+def test_another_sweep_in_a_folder_keeps_its_points_and_says_that_its_table_is_replaced(
+    tmp_path: Path,
+) -> None:
     notices: list[str] = []
-    for velocities, before in (("[0.01]", False), ("[0.01]", True), ("[0.01, 0.03]", False)):
-        result = swept(ONE + f"sweep: {{velocity: {velocities}}}", tmp_path, say=notices.append)
-        assert (tmp_path / "figure.svg").exists() == before  # the figure of another table is removed with the table
+    for velocities, before in (
+        ("[0.01]", False),
+        ("[0.01]", True),
+        ("[0.01, 0.03]", False),
+    ):
+        result = swept(
+            ONE + f"sweep: {{velocity: {velocities}}}", tmp_path, say=notices.append
+        )
+        # the figure of another table is removed with the table
+        assert (tmp_path / "figure.svg").exists() == before
         (tmp_path / "figure.svg").touch()
     assert [text for text in notices if "table" in text] == [
         f"{tmp_path} held another sweep: its points are kept, its table is replaced"
@@ -249,32 +334,46 @@ def test_another_sweep_in_a_folder_keeps_its_points_and_says_that_its_table_is_r
     assert result.summary["computed_now"] == 1
 
 
-def test_a_sweep_over_steps_has_columns_for_the_asked_and_the_used_step(tmp_path: Path) -> None:
+def test_a_sweep_over_steps_has_columns_for_the_asked_and_the_used_step(
+    tmp_path: Path,
+) -> None:
     rows = swept(WALL_STEPS, tmp_path).rows
     assert [row["dt"] for row in rows] == ["auto", 0.002]
-    assert rows[0]["dt_taken"] != rows[1]["dt_taken"] == 0.0015  # two of them fit between two resets
+    # two of them fit between two resets
+    assert rows[0]["dt_taken"] != rows[1]["dt_taken"] == 0.0015
 
 
-def test_another_sweep_into_a_folder_in_use_is_refused_and_a_part_of_the_same_is_not(tmp_path: Path) -> None:
-    one, other = (ONE + f"sweep: {{velocity: {speeds}}}" for speeds in ("[0.01, 0.02]", "[0.03]"))
+def test_another_sweep_into_a_folder_in_use_is_refused_and_a_part_of_the_same_is_not(
+    tmp_path: Path,
+) -> None:
+    one, other = (
+        ONE + f"sweep: {{velocity: {speeds}}}" for speeds in ("[0.01, 0.02]", "[0.03]")
+    )
     out, refused, parts = tmp_path / "out", list[str](), list[SweepResult]()
     (out / "points").mkdir(parents=True)
-    (out / "points" / ".00000000000000000000.0.lock").touch()  # left by a killed process
+    # left by a killed process
+    (out / "points" / ".00000000000000000000.0.lock").touch()
 
     def meanwhile(stage: str, done: float, total: float | None) -> None:
         for part in (None, "1/1"):
-            with pytest.raises(InputError, match="another sweep is writing to this folder") as refusal:
+            with pytest.raises(
+                InputError, match="another sweep is writing to this folder"
+            ) as refusal:
                 swept(other, out, part=part)
             refused.append(str(refusal.value))
         parts.append(swept(one, out, part="1/2"))
 
     swept(one, out, progress=meanwhile)
-    assert len(parts) == 3 and all("--" not in text and str(out) in text for text in refused)
+    assert len(parts) == 3 and all(
+        "--" not in text and str(out) in text for text in refused
+    )
     assert [path.name for path in (out / "points").glob(".*")] == [".lock"]
     assert swept(other, out).summary["computed_now"] == 1
 
 
-def test_a_stored_result_is_used_only_for_its_own_point(small: SweepResult, tmp_path: Path) -> None:
+def test_a_stored_result_is_used_only_for_its_own_point(
+    small: SweepResult, tmp_path: Path
+) -> None:
     shutil.copytree(small.out, tmp_path / "out")
     first, second = points(tmp_path / "out")[4:6]
     shutil.copy(first, second)
@@ -283,7 +382,9 @@ def test_a_stored_result_is_used_only_for_its_own_point(small: SweepResult, tmp_
     assert second.read_bytes() == (small.out / "points" / second.name).read_bytes()
 
 
-def test_the_scene_of_a_point_is_written_again_if_missing_or_different(small: SweepResult, tmp_path: Path) -> None:
+def test_the_scene_of_a_point_is_written_again_if_missing_or_different(
+    small: SweepResult, tmp_path: Path
+) -> None:
     shutil.copytree(small.out, tmp_path / "out")
     scenes = sorted((tmp_path / "out" / "points").glob("*.yaml"))
     expected = {path: path.read_bytes() for path in scenes}
@@ -293,19 +394,37 @@ def test_the_scene_of_a_point_is_written_again_if_missing_or_different(small: Sw
     assert {path: path.read_bytes() for path in scenes} == expected
 
 
-def test_rows_of_different_versions_are_reported_once(small: SweepResult, tmp_path: Path) -> None:
+def test_rows_of_different_versions_are_reported_once(
+    small: SweepResult, tmp_path: Path
+) -> None:
     shutil.copytree(small.out, tmp_path / "out")
     for path in points(tmp_path / "out")[:2]:
         record = json.loads(path.read_bytes())
-        assert set(record["versions"]) == {"python", "taichi-disk", engine.PACKAGE, "numpy", "scipy"}
+        assert set(record["versions"]) == {
+            "python",
+            "taichi-disk",
+            engine.PACKAGE,
+            "numpy",
+            "scipy",
+        }
         record["versions"] |= {"python": "2.7.18", "numpy": "1.6.0"}
         path.write_text(json.dumps(record))
     notices: list[str] = []
     here = swept(SMALL, tmp_path / "out", say=notices.append).summary["versions"]
     (notice,) = (text for text in notices if "versions" in text)
-    assert f"python 2.7.18 and {here['python']}, numpy 1.6.0 and {here['numpy']}:" in notice and "scipy" not in notice
+    assert (
+        f"python 2.7.18 and {here['python']}, numpy 1.6.0 and {here['numpy']}:"
+        in notice
+        and "scipy" not in notice
+    )
     notices.clear()
-    swept(SMALL, tmp_path / "other", "sweep.eta_star=[0]", "sweep.seed=[3]", say=notices.append)
+    swept(
+        SMALL,
+        tmp_path / "other",
+        "sweep.eta_star=[0]",
+        "sweep.seed=[3]",
+        say=notices.append,
+    )
     assert not [text for text in notices if "versions" in text]
 
 
@@ -314,14 +433,22 @@ def test_one_lattice_has_no_scatter(small: SweepResult, tmp_path: Path) -> None:
     assert len(both) == 3 and min(both) > 0.0
     shutil.copytree(small.out / "points", tmp_path / "out" / "points")
     alone = swept(SMALL, tmp_path / "out", "sweep.seed=[3]")
-    assert [curve["standard_deviation"] for curve in alone.summary["curves"]] == [None, None]
-    assert json.loads((tmp_path / "out" / "summary.json").read_text())["curves"] == alone.summary["curves"]
+    assert [curve["standard_deviation"] for curve in alone.summary["curves"]] == [
+        None,
+        None,
+    ]
+    assert (
+        json.loads((tmp_path / "out" / "summary.json").read_text())["curves"]
+        == alone.summary["curves"]
+    )
 
 
 # ---- parts
 
 
-def test_parts_are_gathered_with_nothing_computed_anew(small: SweepResult, tmp_path: Path) -> None:
+def test_parts_are_gathered_with_nothing_computed_anew(
+    small: SweepResult, tmp_path: Path
+) -> None:
     notices: list[str] = []
     first = swept(SMALL, tmp_path / "a", part="1/2", say=notices.append)
     assert notices[0] == "6 scenes (part 1/2 of 12), 0 of them computed before"
@@ -330,21 +457,32 @@ def test_parts_are_gathered_with_nothing_computed_anew(small: SweepResult, tmp_p
     points(tmp_path / "a")[2].unlink()
     assert swept(SMALL, tmp_path / "a", part="1/2").summary["computed_now"] == 1
     swept(SMALL, tmp_path / "b", part="2/2")
-    shutil.copytree(tmp_path / "b" / "points", tmp_path / "a" / "points", dirs_exist_ok=True)
+    shutil.copytree(
+        tmp_path / "b" / "points", tmp_path / "a" / "points", dirs_exist_ok=True
+    )
     assert swept(SMALL, tmp_path / "a").summary["computed_now"] == 0
     assert table(tmp_path / "a") == table(small.out)
 
 
 def test_every_scene_is_in_one_part_and_in_one_task_of_one_lattice() -> None:
     sweep = load_sweep("figure3")
-    scenes: Any = executors.ordered({str(k): scene for k, scene in enumerate(sweep.scenes)})
+    scenes: Any = executors.ordered(
+        {str(k): scene for k, scene in enumerate(sweep.scenes)}
+    )
     tasks = executors.tasks_of(scenes)
-    assert len(tasks) == 96 and sorted(key for task in tasks for key in task) == sorted(scenes)
+    assert len(tasks) == 96 and sorted(key for task in tasks for key in task) == sorted(
+        scenes
+    )
     assert all(len({scenes[key].lattice.seed for key in task}) == 1 for task in tasks)
     shares = [executors.part_of(f"{k}/16", scenes) for k in range(1, 17)]
-    assert [key for share in shares for key in share] == list(scenes) and {len(share) for share in shares} == {36}
-    # Each part has slow and fast, soft and stiff scenes, so all parts take about the same time.
-    assert all(len({scene.impact.velocity for scene in share.values()}) > 8 for share in shares)
+    assert [key for share in shares for key in share] == list(scenes) and {
+        len(share) for share in shares
+    } == {36}
+    # Each part has slow and fast, soft and stiff scenes, so all parts take about the
+    # same time.
+    assert all(
+        len({scene.impact.velocity for scene in share.values()}) > 8 for share in shares
+    )
 
 
 @pytest.mark.parametrize("part", ["0/4", "5/4", "1", "a/b", "1/2/3", ""])
@@ -356,7 +494,9 @@ def test_a_malformed_part_is_refused(part: str, tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("jobs", [0, -1, 1.5, "2"])
 def test_jobs_are_a_whole_number(jobs: Any, tmp_path: Path) -> None:
-    with pytest.raises(InputError, match=f"jobs: must be a whole number from 1 on, not {jobs!r}"):
+    with pytest.raises(
+        InputError, match=f"jobs: must be a whole number from 1 on, not {jobs!r}"
+    ):
         run_sweep(load_sweep(SMALL), tmp_path / "out", jobs=jobs)
     assert not (tmp_path / "out").exists()
 
@@ -370,8 +510,13 @@ def test_any_executor_gives_the_same_bytes(small: SweepResult, tmp_path: Path) -
     assert table(tmp_path / "out") == table(small.out)
 
 
-def test_other_versions_on_a_worker_are_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    here = executors.relevant_versions() | {engine.PACKAGE: "1.7.3", "taichi-disk": "0.0"}
+def test_other_versions_on_a_worker_are_refused(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    here = executors.relevant_versions() | {
+        engine.PACKAGE: "1.7.3",
+        "taichi-disk": "0.0",
+    }
     monkeypatch.setattr(executors, "relevant_versions", lambda: here)
     with (
         ThreadPoolExecutor(1) as threads,
@@ -381,14 +526,18 @@ def test_other_versions_on_a_worker_are_refused(tmp_path: Path, monkeypatch: pyt
     assert not points(tmp_path / "out")
 
 
-def test_what_was_done_is_kept_when_the_workers_fail(small: SweepResult, tmp_path: Path) -> None:
+def test_what_was_done_is_kept_when_the_workers_fail(
+    small: SweepResult, tmp_path: Path
+) -> None:
     class Failing(Executor):
         """Computes one task, then fails as a cluster may."""
 
         def __init__(self) -> None:
             self.calls = 0
 
-        def submit(self, function: Any, /, *arguments: Any, **options: Any) -> Future[Any]:
+        def submit(
+            self, function: Any, /, *arguments: Any, **options: Any
+        ) -> Future[Any]:
             future: Future[Any] = Future()
             self.calls += 1
             if self.calls == 1:
@@ -400,10 +549,15 @@ def test_what_was_done_is_kept_when_the_workers_fail(small: SweepResult, tmp_pat
     with pytest.raises(SimulationError, match="connection lost"):
         run_sweep(load_sweep(SMALL), tmp_path / "out", executor=Failing())
     copied = {path.name: path.read_bytes() for path in points(tmp_path / "out")}
-    assert copied.items() <= {path.name: path.read_bytes() for path in points(small.out)}.items()
+    assert (
+        copied.items()
+        <= {path.name: path.read_bytes() for path in points(small.out)}.items()
+    )
 
 
-def test_without_a_scheduler_the_error_says_so(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_without_a_scheduler_the_error_says_so(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     pytest.importorskip("distributed")
     monkeypatch.setattr(executors, "CONNECT_TIMEOUT", 0.3)
     for address in ("tcp://127.0.0.1:9", "nonsense://x"):
@@ -412,7 +566,9 @@ def test_without_a_scheduler_the_error_says_so(tmp_path: Path, monkeypatch: pyte
     assert list(tmp_path.iterdir()) == []
 
 
-@pytest.mark.parametrize("says", [b"", b"HTTP/1.1 400 Bad Request\r\n\r\n" * 10, b"\x01" + bytes(1000)])
+@pytest.mark.parametrize(
+    "says", [b"", b"HTTP/1.1 400 Bad Request\r\n\r\n" * 10, b"\x01" + bytes(1000)]
+)
 def test_an_address_without_a_scheduler_is_refused_soon(
     says: bytes, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -452,30 +608,51 @@ def test_the_command_says_how_many_scenes_and_prints_fits_and_where_the_files_ar
     assert "note: 12 scenes, 12 of them computed before" in notes
     assert notes.count("eta_star = 30 is per point") == notes.count("per point") == 1
     assert "eta_star: 30, 2 lattices" in shown and "eq. (4) integrated" in shown
-    assert "12 points, 0 of them computed now, 0 failed" in shown and f"files in {small.out}" in shown
+    assert (
+        "12 points, 0 of them computed now, 0 failed" in shown
+        and f"files in {small.out}" in shown
+    )
 
 
-def test_any_result_is_drawn_against_any_axis_with_bars_over_lattices(small: SweepResult) -> None:
+def test_any_result_is_drawn_against_any_axis_with_bars_over_lattices(
+    small: SweepResult,
+) -> None:
     (axes,) = small.plot(x="velocity", y="contact_time").axes
-    assert (axes.get_xlabel(), axes.get_ylabel()) == ("velocity  [c]", "contact time  [R/c]")
+    assert (axes.get_xlabel(), axes.get_ylabel()) == (
+        "velocity  [c]",
+        "contact time  [R/c]",
+    )
     curves = dict(zip(["0", "30"], axes.containers, strict=False))
     for eta_star, curve in curves.items():
         rows = [row for row in small.rows if row["eta_star"] == float(eta_star)]
-        times = np.array([[row["contact_time"] for row in rows if row["velocity"] == v] for v in (0.01, 0.02, 0.05)])
+        times = np.array(
+            [
+                [row["contact_time"] for row in rows if row["velocity"] == v]
+                for v in (0.01, 0.02, 0.05)
+            ]
+        )
         line, _, (bars,) = curve
         assert curve.get_label() == f"η* = {eta_star}"
-        np.testing.assert_allclose(line.get_ydata(orig=False), times.mean(axis=1), rtol=1e-14)
+        np.testing.assert_allclose(
+            line.get_ydata(orig=False), times.mean(axis=1), rtol=1e-14
+        )
         heights = [np.ptp(segment[:, 1]) for segment in bars.get_segments()]
         np.testing.assert_allclose(heights, 2.0 * times.std(axis=1, ddof=1), rtol=1e-9)
     assert small.plot(x="seed").axes[0].get_ylabel() == "restitution e"
-    with pytest.raises(InputError, match="x: angle is not swept; there are eta_star, seed, velocity"):
+    with pytest.raises(
+        InputError, match="x: angle is not swept; there are eta_star, seed, velocity"
+    ):
         small.plot(x="angle")
     with pytest.raises(InputError, match="y: no row has a number xi; there are "):
         small.plot(y="xi")
 
 
-@pytest.mark.parametrize("arguments", [{}, {"x": "velocity"}, {"x": "eta_star", "y": "contact_time"}])
-def test_a_figure_cuts_no_label_off_whatever_is_changed(small: SweepResult, arguments: dict[str, str]) -> None:
+@pytest.mark.parametrize(
+    "arguments", [{}, {"x": "velocity"}, {"x": "eta_star", "y": "contact_time"}]
+)
+def test_a_figure_cuts_no_label_off_whatever_is_changed(
+    small: SweepResult, arguments: dict[str, str]
+) -> None:
     figure = small.plot(**arguments)
     axes = figure.axes[0]
     axes.set_xticks([axes.get_xlim()[1]], ["a long label"])

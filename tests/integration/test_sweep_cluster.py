@@ -1,5 +1,5 @@
-"""Sweeps by several processes, some of which are killed: the same bytes as with one process, and no finished point is
-lost.
+"""Sweeps by several processes, some of which are killed: the same bytes as with one
+process, and no finished point is lost.
 """
 
 from __future__ import annotations
@@ -38,21 +38,36 @@ def scene(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture(scope="module")
 def expected(tmp_path_factory: pytest.TempPathFactory) -> bytes:
     """Return points.csv of a single process."""
-    out = run_sweep(load_sweep(SWEEP), tmp_path_factory.mktemp("one") / "out", jobs=1).out
+    out = run_sweep(
+        load_sweep(SWEEP), tmp_path_factory.mktemp("one") / "out", jobs=1
+    ).out
     return (out / "points.csv").read_bytes()
 
 
 def command(scene: Path, out: Path, *options: str) -> list[str]:
-    return [sys.executable, "-m", "taichi_disk", "sweep", str(scene), "--out", str(out), *options]
+    return [
+        sys.executable,
+        "-m",
+        "taichi_disk",
+        "sweep",
+        str(scene),
+        "--out",
+        str(out),
+        *options,
+    ]
 
 
 def started(*arguments: object) -> subprocess.Popen[bytes]:
-    return subprocess.Popen([*map(str, arguments)], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    return subprocess.Popen(
+        [*map(str, arguments)], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
+    )
 
 
 def finish(scene: Path, out: Path, *options: str) -> int:
     """Run the command to its end, and return the number of computed points."""
-    done = subprocess.run(command(scene, out, *options), capture_output=True, text=True, check=True)
+    done = subprocess.run(
+        command(scene, out, *options), capture_output=True, text=True, check=True
+    )
     if "--part" in options:
         return int(done.stdout.split(" points, ")[1].split()[0])
     computed: int = json.loads((out / "summary.json").read_text())["computed_now"]
@@ -71,12 +86,22 @@ def count(out: Path) -> int:
 
 
 def children(process: subprocess.Popen[bytes]) -> list[int]:
-    return [int(pid) for pid in Path(f"/proc/{process.pid}/task/{process.pid}/children").read_text().split()]
+    return [
+        int(pid)
+        for pid in (
+            Path(f"/proc/{process.pid}/task/{process.pid}/children").read_text().split()
+        )
+    ]
 
 
 def workers(process: subprocess.Popen[bytes]) -> list[int]:
-    """Return the child processes that compute, without the one that tracks semaphores."""
-    return [pid for pid in children(process) if b"spawn_main" in Path(f"/proc/{pid}/cmdline").read_bytes()]
+    """Return the child processes that compute, without the one that tracks
+    semaphores."""
+    return [
+        pid
+        for pid in children(process)
+        if b"spawn_main" in Path(f"/proc/{pid}/cmdline").read_bytes()
+    ]
 
 
 def kill(process: subprocess.Popen[bytes]) -> None:
@@ -87,13 +112,18 @@ def kill(process: subprocess.Popen[bytes]) -> None:
 # ---- processes of this machine
 
 
-def test_a_killed_sweep_goes_on_where_it_was(scene: Path, expected: bytes, tmp_path: Path) -> None:
+def test_a_killed_sweep_goes_on_where_it_was(
+    scene: Path, expected: bytes, tmp_path: Path
+) -> None:
     out = tmp_path / "out"
     first = started(*command(scene, out, "--jobs", "2"))
     wait_until(lambda: count(out) > 0, "no point is done")
     descendants = children(first)
     kill(first)
-    wait_until(lambda: not any(Path(f"/proc/{pid}").exists() for pid in descendants), "workers outlive their parent")
+    wait_until(
+        lambda: not any(Path(f"/proc/{pid}").exists() for pid in descendants),
+        "workers outlive their parent",
+    )
     done = count(out)
     assert 0 < done < POINTS
     assert finish(scene, out, "--jobs", "2") == POINTS - done
@@ -101,11 +131,17 @@ def test_a_killed_sweep_goes_on_where_it_was(scene: Path, expected: bytes, tmp_p
 
 
 @pytest.mark.parametrize("after", [0.0, 0.5])
-def test_an_interrupted_sweep_ends_at_once_and_says_so(scene: Path, tmp_path: Path, after: float) -> None:
+def test_an_interrupted_sweep_ends_at_once_and_says_so(
+    scene: Path, tmp_path: Path, after: float
+) -> None:
     out = tmp_path / "out"
-    options = ("--jobs", "2", "--set", "lattice.points=20000")  # each scene takes minutes
+    # each scene takes minutes
+    options = ("--jobs", "2", "--set", "lattice.points=20000")
     process = subprocess.Popen(
-        command(scene, out, *options), stderr=subprocess.PIPE, stdout=subprocess.DEVNULL, start_new_session=True
+        command(scene, out, *options),
+        stderr=subprocess.PIPE,
+        stdout=subprocess.DEVNULL,
+        start_new_session=True,
     )
     wait_until(lambda: len(workers(process)) == 2, "no worker has begun")
     time.sleep(after)
@@ -125,37 +161,58 @@ def test_a_killed_worker_ends_the_sweep_and_the_same_command_goes_on(
     scene: Path, expected: bytes, tmp_path: Path
 ) -> None:
     out = tmp_path / "out"
-    process = subprocess.Popen(command(scene, out, "--jobs", "2"), stdout=subprocess.DEVNULL, stderr=subprocess.PIPE)
+    process = subprocess.Popen(
+        command(scene, out, "--jobs", "2"),
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.PIPE,
+    )
     wait_until(lambda: count(out) > 0, "no point is done")
     os.kill(workers(process)[0], signal.SIGKILL)
     error = process.communicate(timeout=PATIENCE)[1].decode()
     assert process.returncode == 1 and "Traceback" not in error
-    assert error.splitlines()[-1].startswith("error: the workers failed (one died, perhaps for lack of memory")
+    assert error.splitlines()[-1].startswith(
+        "error: the workers failed (one died, perhaps for lack of memory"
+    )
     assert error.endswith("repeat the command to go on\n")
     done = count(out)
     assert 0 < done < POINTS and finish(scene, out, "--jobs", "2") == POINTS - done
     assert (out / "points.csv").read_bytes() == expected
 
 
-def test_parts_at_the_same_time_in_one_folder_one_of_them_killed(scene: Path, expected: bytes, tmp_path: Path) -> None:
+def test_parts_at_the_same_time_in_one_folder_one_of_them_killed(
+    scene: Path, expected: bytes, tmp_path: Path
+) -> None:
     out = tmp_path / "out"
-    parts = [started(*command(scene, out, "--part", f"{k}/3", "--jobs", "1")) for k in (1, 2, 3)]
+    parts = [
+        started(*command(scene, out, "--part", f"{k}/3", "--jobs", "1"))
+        for k in (1, 2, 3)
+    ]
     wait_until(lambda: count(out) > 3, "no point is done")
     kill(parts[0])
     assert [part.wait(PATIENCE) for part in parts[1:]] == [0, 0]
     assert not (out / "points.csv").exists() and 48 <= count(out) < POINTS
-    assert finish(scene, out, "--part", "1/3") == POINTS - count(out) or count(out) == POINTS
+    assert (
+        finish(scene, out, "--part", "1/3") == POINTS - count(out)
+        or count(out) == POINTS
+    )
     assert count(out) == POINTS
     assert finish(scene, out) == 0
     assert (out / "points.csv").read_bytes() == expected
 
 
-def test_workers_leave_their_kernels_to_the_next_sweep(scene: Path, tmp_path: Path) -> None:
+def test_workers_leave_their_kernels_to_the_next_sweep(
+    scene: Path, tmp_path: Path
+) -> None:
     cache = tmp_path / "cache"
     cache.mkdir()
     environment = os.environ | {"TI_OFFLINE_CACHE_FILE_PATH": str(cache)}
     options = ("--jobs", "2", "--set", "sweep.seed=[3]")
-    subprocess.run(command(scene, tmp_path / "out", *options), env=environment, capture_output=True, check=True)
+    subprocess.run(
+        command(scene, tmp_path / "out", *options),
+        env=environment,
+        capture_output=True,
+        check=True,
+    )
     assert sum(path.is_file() for path in cache.rglob("*")) > 3
 
 
@@ -168,8 +225,19 @@ class Cluster:
     def __init__(self, folder: Path) -> None:
         self.folder, self.processes = folder, list[subprocess.Popen[bytes]]()
         file = folder / "scheduler.json"
-        self.begin("distributed.cli.dask_scheduler", "--host", "127.0.0.1", "--port", "0", "--scheduler-file", file)
-        wait_until(lambda: file.exists() and file.read_text().strip().endswith("}"), "no scheduler")
+        self.begin(
+            "distributed.cli.dask_scheduler",
+            "--host",
+            "127.0.0.1",
+            "--port",
+            "0",
+            "--scheduler-file",
+            file,
+        )
+        wait_until(
+            lambda: file.exists() and file.read_text().strip().endswith("}"),
+            "no scheduler",
+        )
         self.address: str = json.loads(file.read_text())["address"]
         self.workers = [self.add_worker() for _ in range(2)]
 
@@ -178,7 +246,9 @@ class Cluster:
         return self.begin("distributed.cli.dask_worker", self.address, *options)
 
     def begin(self, module: str, *options: object) -> subprocess.Popen[bytes]:
-        self.processes.append(started(sys.executable, "-m", module, *options, "--no-dashboard"))
+        self.processes.append(
+            started(sys.executable, "-m", module, *options, "--no-dashboard")
+        )
         return self.processes[-1]
 
 
@@ -191,7 +261,9 @@ def cluster(tmp_path: Path) -> Iterator[Cluster]:
         kill(process)
 
 
-def test_dask_gives_the_same_bytes(cluster: Cluster, scene: Path, expected: bytes, tmp_path: Path) -> None:
+def test_dask_gives_the_same_bytes(
+    cluster: Cluster, scene: Path, expected: bytes, tmp_path: Path
+) -> None:
     out = tmp_path / "out"
     assert finish(scene, out, "--scheduler", cluster.address) == POINTS
     assert (out / "points.csv").read_bytes() == expected

@@ -1,4 +1,5 @@
-"""The files of `python -m build` are complete: installed elsewhere, without the checkout, they do the main job."""
+"""The files of `python -m build` are complete: installed elsewhere, without the
+checkout, they do the main job."""
 
 from __future__ import annotations
 
@@ -19,26 +20,50 @@ pytestmark = pytest.mark.validate
 def built(tmp_path_factory):
     """Return the folder with the sdist, and the wheel that was built from it."""
     out = tmp_path_factory.mktemp("dist")
-    subprocess.run([sys.executable, "-m", "build", "--outdir", str(out), str(ROOT)], check=True, capture_output=True)
+    subprocess.run(
+        [sys.executable, "-m", "build", "--outdir", str(out), str(ROOT)],
+        check=True,
+        capture_output=True,
+    )
     return out
 
 
 def test_the_source_has_all_that_a_reader_needs(built):
     with tarfile.open(next(built.glob("*.tar.gz"))) as source:
         names = {name.partition("/")[2] for name in source.getnames()}
-    assert {"README.md", "LICENSE", "pyproject.toml", "scenes/exponential_wall.yaml", "taichi_disk/py.typed"} <= names
-    assert {"CITATION.cff", "docs/model.md", "tests/conftest.py", ".ci/test", "mkdocs.yml"} <= names
+    assert {
+        "README.md",
+        "LICENSE",
+        "pyproject.toml",
+        "scenes/exponential_wall.yaml",
+        "taichi_disk/py.typed",
+    } <= names
+    assert {
+        "CITATION.cff",
+        "docs/model.md",
+        "tests/conftest.py",
+        ".ci/test",
+        "mkdocs.yml",
+    } <= names
 
 
 def test_the_wheel_runs_an_impact_with_film_in_an_empty_environment(built, tmp_path):
     place = tmp_path / "an empty place"
     venv.create(place / "env", with_pip=True)
     programs = place / "env" / ("Scripts" if os.name == "nt" else "bin")
-    clean = {name: value for name, value in os.environ.items() if name not in ("PYTHONPATH", "VIRTUAL_ENV")}
+    clean = {
+        name: value
+        for name, value in os.environ.items()
+        if name not in ("PYTHONPATH", "VIRTUAL_ENV")
+    }
 
     def command(*words):
         done = subprocess.run(
-            [str(programs / words[0]), *words[1:]], cwd=place, env=clean, capture_output=True, text=True
+            [str(programs / words[0]), *words[1:]],
+            cwd=place,
+            env=clean,
+            capture_output=True,
+            text=True,
         )
         assert done.returncode == 0, done.stderr[-3000:]
         return done.stdout
@@ -46,9 +71,17 @@ def test_the_wheel_runs_an_impact_with_film_in_an_empty_environment(built, tmp_p
     command("python", "-m", "pip", "install", "--quiet", str(next(built.glob("*.whl"))))
     where = command("python", "-c", "import taichi_disk; print(taichi_disk.__file__)")
     assert str(place) in where and str(ROOT) not in where
-    output = command("taichi-disk", "run", "exponential_wall", "--set=video.size=128", "--set=video.seconds=0.5")
+    output = command(
+        "taichi-disk",
+        "run",
+        "exponential_wall",
+        "--set=video.size=128",
+        "--set=video.seconds=0.5",
+    )
     assert output.startswith("restitution e")
     made = {path.name for path in (place / "out" / "exponential_wall").iterdir()}
     assert {"video.mp4", "plot.png", "summary.json"} <= made
-    assert "git_commit" not in (place / "out" / "exponential_wall" / "summary.json").read_text("utf-8")
+    assert "git_commit" not in (
+        place / "out" / "exponential_wall" / "summary.json"
+    ).read_text("utf-8")
     assert "wall" in command("taichi-disk", "check", "absorbing_wall")

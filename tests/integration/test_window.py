@@ -1,4 +1,5 @@
-"""The real window, opened on a virtual screen, used with mouse and keys, and looked at."""
+"""The real window, opened on a virtual screen, used with mouse and keys, and looked
+at."""
 
 from __future__ import annotations
 
@@ -22,16 +23,25 @@ from taichi_disk.scenes import load_scene
 from taichi_disk.window.viewer import PANEL_WIDTH
 
 TOOLS = [tool for tool in ("Xvfb", "xdotool", "import") if not shutil.which(tool)]
-MISSING = f"not installed: {', '.join(TOOLS)} (apt-get install xvfb xdotool imagemagick)" if TOOLS else film_problem()
+MISSING = (
+    f"not installed: {', '.join(TOOLS)} (apt-get install xvfb xdotool imagemagick)"
+    if TOOLS
+    else film_problem()
+)
 SEARCH = ["xdotool", "search", "--onlyvisible", "--name", "taichi-disk view"]
 DISK, BESIDE = (790, 250), (1180, 330)  # places in the disk and beside it [px]
 SETTINGS = ["lattice.points=300", "impact.velocity=0.05", "material.eta_star=1"]
 GROUND = 255 * np.array(THEMES["light"].ground)
 
 
-@pytest.mark.parametrize(("name", "told"), [("", "DISPLAY is not set"), (":4711", ":4711 does not answer")])
+@pytest.mark.parametrize(
+    ("name", "told"), [("", "DISPLAY is not set"), (":4711", ":4711 does not answer")]
+)
 def test_without_a_display_one_message_names_the_remedy(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], name: str, told: str
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    name: str,
+    told: str,
 ) -> None:
     monkeypatch.setenv("DISPLAY", name)
     assert main(["view", "--window"]) == 1
@@ -40,14 +50,22 @@ def test_without_a_display_one_message_names_the_remedy(
 
 
 class Hand:
-    """Keys and mouse on the window of a running program, and the files that it writes into `out`."""
+    """Keys and mouse on the window of a running program, and the files that it writes
+    into `out`."""
 
-    def __init__(self, program: subprocess.Popen[str], environment: dict[str, str], out: Path) -> None:
+    def __init__(
+        self, program: subprocess.Popen[str], environment: dict[str, str], out: Path
+    ) -> None:
         self._environment, self._out, self._pause = environment, out, 0.3
-        for _ in range(600):  # `search --sync` may miss a window that opens meanwhile, and waits for ever
-            if windows := subprocess.run(SEARCH, env=environment, capture_output=True, text=True).stdout.split():
+        # `search --sync` may miss a window that opens meanwhile, and waits for ever
+        for _ in range(600):
+            if windows := subprocess.run(
+                SEARCH, env=environment, capture_output=True, text=True
+            ).stdout.split():
                 break
-            assert program.poll() is None, program.stderr.read() if program.stderr else ""
+            assert program.poll() is None, (
+                program.stderr.read() if program.stderr else ""
+            )
             time.sleep(0.2)
         self.window = windows[-1]
         self("windowfocus", self.window)
@@ -57,11 +75,19 @@ class Hand:
                 break
         began = time.monotonic()
         self.saved()
-        self._pause = 0.5 * (time.monotonic() - began)  # a slow machine draws few pictures
+        # a slow machine draws few pictures
+        self._pause = 0.5 * (time.monotonic() - began)
 
     def __call__(self, *words: object) -> str:
         command = ["xdotool", *map(str, words)]
-        done = subprocess.run(command, env=self._environment, capture_output=True, text=True, check=True, timeout=60)
+        done = subprocess.run(
+            command,
+            env=self._environment,
+            capture_output=True,
+            text=True,
+            check=True,
+            timeout=60,
+        )
         return done.stdout
 
     def key(self, name: str, seconds: float = 0.0) -> None:
@@ -108,21 +134,47 @@ def display() -> Iterator[dict[str, str]]:
             pytest.fail(f"the window cannot be tested: {MISSING}")
         pytest.skip(f"the window is not tested: {MISSING}")
     read, write = os.pipe()
-    command = ["Xvfb", "-displayfd", str(write), "-screen", "0", "1400x1000x24", "-nolisten", "tcp", "-noreset"]
+    command = [
+        "Xvfb",
+        "-displayfd",
+        str(write),
+        "-screen",
+        "0",
+        "1400x1000x24",
+        "-nolisten",
+        "tcp",
+        "-noreset",
+    ]
     server = subprocess.Popen(command, pass_fds=[write], stderr=subprocess.DEVNULL)
     os.close(write)
     with os.fdopen(read) as answer:
         number = answer.readline().strip()
-    yield {**os.environ, "DISPLAY": f":{number}", "PYTHONPATH": str(Path(__file__).parents[2])}
+    yield {
+        **os.environ,
+        "DISPLAY": f":{number}",
+        "PYTHONPATH": str(Path(__file__).parents[2]),
+    }
     server.terminate()
     server.wait()
 
 
 @pytest.mark.validate
-def test_the_window_opens_obeys_and_shows_the_disk(display: dict[str, str], tmp_path: Path) -> None:
-    command = [sys.executable, "-m", "taichi_disk", "view", "--window", "--out", str(tmp_path / "out")]
+def test_the_window_opens_obeys_and_shows_the_disk(
+    display: dict[str, str], tmp_path: Path
+) -> None:
+    command = [
+        sys.executable,
+        "-m",
+        "taichi_disk",
+        "view",
+        "--window",
+        "--out",
+        str(tmp_path / "out"),
+    ]
     command += [word for setting in SETTINGS for word in ("--set", setting)]
-    program = subprocess.Popen(command, env=display, cwd=tmp_path, stderr=subprocess.PIPE, text=True)
+    program = subprocess.Popen(
+        command, env=display, cwd=tmp_path, stderr=subprocess.PIPE, text=True
+    )
     try:
         hand = Hand(program, display, tmp_path / "out")
         # Keys change the scene; a drag turns the disk, and one from beside it aims.
@@ -135,21 +187,37 @@ def test_the_window_opens_obeys_and_shows_the_disk(display: dict[str, str], tmp_
         assert hand.saved().impact.angle == pytest.approx(np.arctan2(60, 120), abs=0.05)
         shown = hand.picture()
         inked = np.abs(shown - GROUND).sum(axis=-1) > 100
-        assert 0.05 < inked[:, PANEL_WIDTH:].mean() < 0.95  # outline, springs and wall; widgets are not in a picture
+        # outline, springs and wall; widgets are not in a picture
+        assert 0.05 < inked[:, PANEL_WIDTH:].mean() < 0.95
 
-        # The disk falls, comes back in time, and is pulled; another scene, another size of the window.
+        # The disk falls, comes back in time, and is pulled; another scene, another size
+        # of the window.
         hand.key("space")
         time.sleep(2.0)
         hand.key("space")
         assert np.abs(hand.picture() - shown)[:, PANEL_WIDTH:].max() > 100
         hand.key("Left", 1.0)
         hand.drag(DISK, (DISK[0] + 80, DISK[1] - 60))
-        for key in ("n", "n", "c", "o", "t", "i", "u", "g", "Return", "BackSpace", "Tab"):
+        for key in (
+            "n",
+            "n",
+            "c",
+            "o",
+            "t",
+            "i",
+            "u",
+            "g",
+            "Return",
+            "BackSpace",
+            "Tab",
+        ):
             hand.key(key)
         for width, height in ((300, 200), (700, 500)):
             hand("windowsize", hand.window, width, height)
             time.sleep(1.0)
-        assert hand.saved().scene != "exponential_wall" and hand.picture().shape[:2] == (500, 700)
+        assert hand.saved().scene != "exponential_wall" and hand.picture().shape[
+            :2
+        ] == (500, 700)
         hand.key("q")
         assert program.wait(20) == 0, program.stderr.read() if program.stderr else ""
         assert not list(tmp_path.rglob("imgui.ini"))

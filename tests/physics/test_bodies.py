@@ -1,4 +1,5 @@
-"""Rings, cores and other bodies of non-uniform points and springs, against closed forms and dense matrices."""
+"""Rings, cores and other bodies of non-uniform points and springs, against closed forms
+and dense matrices."""
 
 from __future__ import annotations
 
@@ -26,7 +27,9 @@ LONG = pytest.mark.validate
 def test_observables_are_weighted_with_mass(kernels):
     lattice = non_uniform(disk(60, height=0.03), 0.2, 3.0)
     (x, v), m = shaken(lattice, 1, 0.01), lattice.masses
-    row = kernels.simulation(replace(lattice, positions=x), pressed(0.02, 0.3), TRAPEZOIDAL, v, 1e-3).first_row
+    row = kernels.simulation(
+        replace(lattice, positions=x), pressed(0.02, 0.3), TRAPEZOIDAL, v, 1e-3
+    ).first_row
     centre, flight = m @ x, m @ v
     arm, own = x - centre, v - flight
     spin = np.sum(m * (arm[:, 0] * own[:, 1] - arm[:, 1] * own[:, 0]))
@@ -39,20 +42,29 @@ def test_observables_are_weighted_with_mass(kernels):
     assert np.abs(lattice.mean(x) - x.mean(axis=0)).max() > 1e-3
 
 
-@pytest.mark.parametrize(("eta", "integrator"), [(0.0, VELOCITY_VERLET), (0.3, TRAPEZOIDAL)])
+@pytest.mark.parametrize(
+    ("eta", "integrator"), [(0.0, VELOCITY_VERLET), (0.3, TRAPEZOIDAL)]
+)
 def test_a_free_body_of_non_uniform_masses_keeps_its_momentum(eta, integrator, kernels):
     lattice = non_uniform(disk(60, height=1.0), 0.2, 3.0)
     (x, v), m = shaken(lattice, 0, 0.01), lattice.masses
     model = pressed(0.0, eta) if eta else FALLING
-    simulation = kernels.simulation(replace(lattice, positions=x), model, integrator, v, 1e-3)
+    simulation = kernels.simulation(
+        replace(lattice, positions=x), model, integrator, v, 1e-3
+    )
     columns = advance(simulation, 1000, 1000)
     assert_allclose(m @ simulation.velocities(), m @ v, rtol=0, atol=1e-12)
-    assert_allclose([columns["com_x"][-1], columns["com_y"][-1]], m @ x + m @ v, rtol=0, atol=1e-12)
+    assert_allclose(
+        [columns["com_x"][-1], columns["com_y"][-1]], m @ x + m @ v, rtol=0, atol=1e-12
+    )
     assert np.ptp(columns["angular_momentum"]) < 1e-12 or eta
 
 
-def test_a_heavy_core_makes_a_spinning_disk_turn_slower_for_the_same_angular_momentum(kernels):
-    # Inertia of M = 1: core and rest are sheets of densities q and 1, (1 + (q - 1) a^4)/(1 + (q - 1) a^2)/2.
+def test_a_heavy_core_makes_a_spinning_disk_turn_slower_for_the_same_angular_momentum(
+    kernels,
+):
+    # Inertia of M = 1: core and rest are sheets of densities q and 1, (1 + (q - 1)
+    # a^4)/(1 + (q - 1) a^2)/2.
     core = ("lattice.core_radius=0.5", "lattice.core_density=6", "lattice.points=2000")
     scenario = load_scene("exponential_wall", [*core, "impact.spin=0.1"]).scenario()
     x, v, m = scenario.lattice.positions, scenario.velocities, scenario.lattice.masses
@@ -62,13 +74,22 @@ def test_a_heavy_core_makes_a_spinning_disk_turn_slower_for_the_same_angular_mom
     assert_allclose(m @ v, [0.0, -0.02], rtol=0, atol=1e-15)
     spin = m @ (arm[:, 0] * v[:, 1] - arm[:, 1] * v[:, 0])
     assert spin == pytest.approx(0.1 * inertia, rel=0.05)  # a rim of whole points
-    assert scenario.reference_energy == pytest.approx(0.5 * m @ (v * v).sum(axis=1), rel=1e-12)
+    assert scenario.reference_energy == pytest.approx(
+        0.5 * m @ (v * v).sum(axis=1), rel=1e-12
+    )
 
 
-def test_the_softest_vibration_of_a_composite_has_the_frequency_of_its_matrices(kernels):
-    # Leapfrog's own frequency of a mode is 2/h asin(h omega/2), exactly. SciPy's dense solver, of K summed up here.
-    lattice, h = Lattice.disk(150, 1, core_radius=0.5, core_stiffness=8.0, core_density=5.0), 0.01
-    lattice = replace(lattice, positions=lattice.positions + [0.0, 2.0])  # out of the wall's reach
+def test_the_softest_vibration_of_a_composite_has_the_frequency_of_its_matrices(
+    kernels,
+):
+    # Leapfrog's own frequency of a mode is 2/h asin(h omega/2), exactly. SciPy's dense
+    # solver, of K summed up here.
+    lattice, h = (
+        Lattice.disk(150, 1, core_radius=0.5, core_stiffness=8.0, core_density=5.0),
+        0.01,
+    )
+    # out of the wall's reach
+    lattice = replace(lattice, positions=lattice.positions + [0.0, 2.0])
     n, x = len(lattice.masses), lattice.positions
     K = np.zeros((2 * n, 2 * n))
     for (i, j), k in zip(lattice.bonds, lattice.stiffness, strict=True):
@@ -78,15 +99,26 @@ def test_the_softest_vibration_of_a_composite_has_the_frequency_of_its_matrices(
     values, modes = eigh(K, np.diag(np.repeat(lattice.masses, 2)))
     assert np.abs(values[:3]).max() < 1e-10 < 1e-3 * values[3]
     omega, mode = np.sqrt(values[3]), modes[:, 3].reshape(-1, 2)
-    simulation, displaced = kernels.simulation(lattice, FALLING, VELOCITY_VERLET, 1e-6 * mode, h), []
+    simulation, displaced = (
+        kernels.simulation(lattice, FALLING, VELOCITY_VERLET, 1e-6 * mode, h),
+        [],
+    )
     for _ in range(30):
         simulation.advance(50)
-        displaced.append(np.sum(lattice.masses[:, None] * mode * (simulation.positions() - x)))
+        displaced.append(
+            np.sum(lattice.masses[:, None] * mode * (simulation.positions() - x))
+        )
     angle = 2.0 * np.arcsin(0.5 * h * omega)
     expected = 1e-6 * h / np.sin(angle) * np.sin(50 * angle * np.arange(1, 31))
     assert_allclose(displaced, expected, rtol=0, atol=1e-5 * np.abs(expected).max())
-    assert largest_eigenvalue(FREE.springs.stiffness(lattice, x), lattice.masses) == pytest.approx(values[-1], rel=1e-9)
-    assert abs(omega / np.sqrt(eigh(K, np.eye(2 * n) / n, eigvals_only=True)[3]) - 1.0) > 0.05  # the masses matter
+    assert largest_eigenvalue(
+        FREE.springs.stiffness(lattice, x), lattice.masses
+    ) == pytest.approx(values[-1], rel=1e-9)
+    # the masses matter
+    assert (
+        abs(omega / np.sqrt(eigh(K, np.eye(2 * n) / n, eigvals_only=True)[3]) - 1.0)
+        > 0.05
+    )
 
 
 def test_the_step_limit_of_a_non_uniform_body_is_sharp(kernels):
@@ -101,7 +133,12 @@ def test_the_step_limit_of_a_non_uniform_body_is_sharp(kernels):
 
 
 def test_an_impact_of_a_ring_with_a_core_ends_with_its_energy_accounted_for(kernels):
-    body = ("lattice.points=300", "lattice.hole=0.3", "lattice.core_radius=0.6", "lattice.core_stiffness=5")
+    body = (
+        "lattice.points=300",
+        "lattice.hole=0.3",
+        "lattice.core_radius=0.6",
+        "lattice.core_stiffness=5",
+    )
     way = ("material.eta_star=0", "time.integrator=velocity_verlet")
     settings = (*body, *way, "lattice.core_density=0.2", "impact.velocity=0.05")
     scenario, outcome = computed(kernels, "exponential_wall", *settings, estimate=False)
@@ -116,38 +153,77 @@ def test_an_impact_of_a_ring_with_a_core_ends_with_its_energy_accounted_for(kern
 def test_the_compression_of_a_non_uniform_body_counts_from_its_centre_of_mass(kernels):
     # The load, too, acts in proportion to mass: at rest it is borne below that centre.
     settings = ["compression.method=newton", "compression.pressure=0.02"]
-    scenario = load_scene("compression", settings).scenario(non_uniform(disk(100), 0.2, 3.0))
+    scenario = load_scene("compression", settings).scenario(
+        non_uniform(disk(100), 0.2, 3.0)
+    )
     outcome, m = compute(scenario, scenario.scene.time), scenario.lattice.masses
     x = outcome.positions
-    sunk = [m @ positions[:, 1] - positions[:, 1].min() for positions in (scenario.lattice.positions, x)]
-    assert scenario.result(outcome.columns)["xi"] == pytest.approx(sunk[0] - sunk[1], rel=1e-9)
+    sunk = [
+        m @ positions[:, 1] - positions[:, 1].min()
+        for positions in (scenario.lattice.positions, x)
+    ]
+    assert scenario.result(outcome.columns)["xi"] == pytest.approx(
+        sunk[0] - sunk[1], rel=1e-9
+    )
     push = scenario.model.wall.forces(scenario.lattice, x)[:, 1]
-    assert push.sum() == pytest.approx(0.02, rel=1e-9) and m @ x[:, 0] == pytest.approx(push @ x[:, 0] / 0.02, abs=1e-9)
+    assert push.sum() == pytest.approx(0.02, rel=1e-9) and m @ x[:, 0] == pytest.approx(
+        push @ x[:, 0] / 0.02, abs=1e-9
+    )
     assert abs(x[:, 0].mean() - m @ x[:, 0]) > 1e-3
 
 
 def without_skin(lattice):
-    """The same with half as stiff an outline: a spring there stands for one triangle, not for two, as in a sheet."""
-    return replace(lattice, stiffness=lattice.stiffened(np.where(Triangles(lattice).fraction == 1.0, 0.5, 1.0)))
+    """The same with half as stiff an outline: a spring there stands for one triangle,
+    not for two, as in a sheet."""
+    return replace(
+        lattice,
+        stiffness=lattice.stiffened(
+            np.where(Triangles(lattice).fraction == 1.0, 0.5, 1.0)
+        ),
+    )
 
 
 @pytest.mark.parametrize(
-    ("hole", "points", "skin"), [(0.9, 3000, True), *(pytest.param(h, 4000, False, marks=LONG) for h in (0.85, 0.9))]
+    ("hole", "points", "skin"),
+    [
+        (0.9, 3000, True),
+        *(pytest.param(h, 4000, False, marks=LONG) for h in (0.85, 0.9)),
+    ],
 )
 def test_a_ring_under_its_own_weight_sinks_as_the_thin_ring_does(hole, points, skin):
-    # An inextensible ring of radius r, load P as its own weight, on a rigid plane (after Timoshenko, Strength of
-    # Materials II): with the tangential displacement sum(a_n sin n phi) the bending energy is
-    # pi EI/(2 r^3) sum(n^2 (n^2 - 1)^2 a_n^2) and the work of the load P sum(n a_n), which is also P xi. So
+    # An inextensible ring of radius r, load P as its own weight, on a rigid plane
+    # (after Timoshenko, Strength of Materials II): with the tangential displacement
+    # sum(a_n sin n phi) the bending energy is
+    # pi EI/(2 r^3) sum(n^2 (n^2 - 1)^2 a_n^2) and the work of the load P sum(n a_n),
+    # which is also P xi. So
     # xi = P r^3/(pi EI) sum_(n > 1) 1/(n^2 - 1)^2 = P r^3/(pi EI) (pi^2/12 - 11/16).
-    # Under two opposite forces, twice the even n give Timoshenko's (pi/4 - 2/pi) P r^3/EI.
-    assert sum(4.0 / np.pi / (n * n - 1.0) ** 2 for n in range(2, 400, 2)) == pytest.approx(np.pi / 4 - 2 / np.pi)
+    # Under two opposite forces, twice the even n give Timoshenko's (pi/4 - 2/pi) P
+    # r^3/EI.
+    assert sum(
+        4.0 / np.pi / (n * n - 1.0) ** 2 for n in range(2, 400, 2)
+    ) == pytest.approx(np.pi / 4 - 2 / np.pi)
     load = 1e-7
-    settings = ["compression.method=newton", "material.k_b=0", f"compression.pressure={load}"]
+    settings = [
+        "compression.method=newton",
+        "material.k_b=0",
+        f"compression.pressure={load}",
+    ]
     ring = Lattice.disk(points, 0, hole=hole)
-    scenario = load_scene("compression", settings).scenario(ring if skin else without_skin(ring))
+    scenario = load_scene("compression", settings).scenario(
+        ring if skin else without_skin(ring)
+    )
     lattice, x = scenario.lattice, scenario.rest.positions
-    sunk = np.ptp([lattice.mean(positions)[1] - positions[:, 1].min() for positions in (lattice.positions, x)])
-    young, thick, r = bulk_moduli(points, 0, 1.0, 0.7).young, 1.0 - hole, 0.5 * (1.0 + hole)
+    sunk = np.ptp(
+        [
+            lattice.mean(positions)[1] - positions[:, 1].min()
+            for positions in (lattice.positions, x)
+        ]
+    )
+    young, thick, r = (
+        bulk_moduli(points, 0, 1.0, 0.7).young,
+        1.0 - hole,
+        0.5 * (1.0 + hole),
+    )
     bending = young * thick**3 / 12.0
     if skin:  # of half a spring more on either side, thick/2 from the middle
         bending += 2.0 * 0.5 * np.median(lattice.rest_lengths) * (0.5 * thick) ** 2
@@ -156,32 +232,50 @@ def test_a_ring_under_its_own_weight_sinks_as_the_thin_ring_does(hole, points, s
 
 
 def test_a_core_too_large_for_its_place_is_pressed_and_the_ring_around_it_pulled():
-    # Lame, plane stress: a core of radius a with a misfit strain s and the modulus f E in a ring of modulus E has the
-    # pressure p = s E/((1 - nu)/f + ((1 - nu) a^2 + 1 + nu)/(1 - a^2)). The radial stress is continuous at a, the
+    # Lame, plane stress: a core of radius a with a misfit strain s and the modulus f E
+    # in a ring of modulus E has the pressure p = s E/((1 - nu)/f + ((1 - nu) a^2 + 1 +
+    # nu)/(1 - a^2)). The radial stress is continuous at a, the
     # hoop stress jumps from -p to p (1 + a^2)/(1 - a^2).
     a, f, misfit, points = 0.5, 4.0, 1e-4, 3000
     lattice = without_skin(Lattice.disk(points, 0, core_radius=a, core_stiffness=f))
-    part = {1.0: 0.0, 0.5: 0.0, f: 1.0, 0.5 * (1.0 + f): f / (1.0 + f)}  # of a spring that is the core's
-    rest = lattice.rest_lengths * (1.0 + misfit * np.array([part[spring] for spring in lattice.stiffness]))
+    # of a spring that is the core's
+    part = {1.0: 0.0, 0.5: 0.0, f: 1.0, 0.5 * (1.0 + f): f / (1.0 + f)}
+    rest = lattice.rest_lengths * (
+        1.0 + misfit * np.array([part[spring] for spring in lattice.stiffness])
+    )
     strained = replace(lattice, rest_lengths=rest)
     x = solve_equilibrium(strained, FREE, lattice.positions).positions
     moduli, triangles = bulk_moduli(points, 0, 1.0, 0.7), Triangles(strained)
     nu, young = moduli.poisson, moduli.young
-    p = misfit * young / ((1.0 - nu) / f + ((1.0 - nu) * a**2 + 1.0 + nu) / (1.0 - a**2))
+    p = (
+        misfit
+        * young
+        / ((1.0 - nu) / f + ((1.0 - nu) * a**2 + 1.0 + nu) / (1.0 - a**2))
+    )
     share = p * a**2 / (1.0 - a**2)
-    middle, areas, sigma = x[triangles.triangles].mean(axis=1), triangles.areas(x), stress(triangles, FREE.springs, x)
+    middle, areas, sigma = (
+        x[triangles.triangles].mean(axis=1),
+        triangles.areas(x),
+        stress(triangles, FREE.springs, x),
+    )
     r = np.hypot(*middle.T)
     c, s = middle.T / r
     radial = sigma[:, 0] * c * c + sigma[:, 1] * s * s + 2.0 * sigma[:, 2] * c * s
     hoop, means = sigma[:, 0] + sigma[:, 1] - radial, []
     for low, high in ((0.1, 0.4), (0.4, 0.5), (0.5, 0.6), (0.6, 0.8)):
         ring = (r > low) & (r < high)
-        means.append([np.average(stress[ring], weights=areas[ring]) for stress in (radial, hoop)])
+        means.append(
+            [np.average(stress[ring], weights=areas[ring]) for stress in (radial, hoop)]
+        )
         square = np.average(r[ring] ** -2.0, weights=areas[ring])
-        expected = (-p, -p) if high <= a else (share * (1.0 - square), share * (1.0 + square))
+        expected = (
+            (-p, -p) if high <= a else (share * (1.0 - square), share * (1.0 + square))
+        )
         assert means[-1][0] == pytest.approx(expected[0], abs=0.05 * p)
-        if low == 0.1 or high == 0.8:  # springs of the edge carry the hoop stress of both sides
+        # springs of the edge carry the hoop stress of both sides
+        if low == 0.1 or high == 0.8:
             assert means[-1][1] == pytest.approx(expected[1], abs=0.05 * p)
     assert means[2][1] - means[1][1] > 1.5 * p
     edge = np.sort(np.hypot(*x[np.unique(triangles.interfaces)].T))
-    assert len(triangles.interfaces) == len(edge) and np.abs(edge - a).max() < 1e-3  # one closed line is drawn
+    # one closed line is drawn
+    assert len(triangles.interfaces) == len(edge) and np.abs(edge - a).max() < 1e-3

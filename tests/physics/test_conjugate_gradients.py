@@ -1,10 +1,19 @@
-"""Implicit dashpots of a large lattice, solved by iteration: the same motion and energies as with a factor."""
+"""Implicit dashpots of a large lattice, solved by iteration: the same motion and
+energies as with a factor."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
-from bodies import ELASTIC, disk, disk_and_wall, matched, moving_down, non_uniform, pressed
+from bodies import (
+    ELASTIC,
+    disk,
+    disk_and_wall,
+    matched,
+    moving_down,
+    non_uniform,
+    pressed,
+)
 from numpy.testing import assert_array_equal
 
 from taichi_disk import runtime
@@ -22,22 +31,37 @@ def body(name):
         lattice, model = non_uniform(disk(90, height=0.02)), pressed(0.02, 0.3)
     else:
         lattice = disk_and_wall(60, 80, height=0.02)
-        boundary = {"matched": matched(lattice), "reset": ResetBoundary(1e-2), "pinned": PinnedBoundary()}[name]
+        boundary = {
+            "matched": matched(lattice),
+            "reset": ResetBoundary(1e-2),
+            "pinned": PinnedBoundary(),
+        }[name]
         model = Model(Springs(1.0, 1.0, 0.3), ELASTIC, boundary=boundary)
     return lattice, model, TRAPEZOIDAL, moving_down(lattice, 0.05), 2e-3
 
 
 @pytest.mark.parametrize(
-    "name", ["rigid", *(pytest.param(name, marks=LONG) for name in ("reset", "matched", "pinned"))]
+    "name",
+    [
+        "rigid",
+        *(pytest.param(name, marks=LONG) for name in ("reset", "matched", "pinned")),
+    ],
 )
-def test_iterated_dashpots_move_a_body_as_a_factor_does_and_go_on_from_a_saved_state(name, monkeypatch, kernels):
+def test_iterated_dashpots_move_a_body_as_a_factor_does_and_go_on_from_a_saved_state(
+    name, monkeypatch, kernels
+):
     direct = kernels.simulation(*body(name))
     monkeypatch.setattr(simulation, "LARGEST_FACTORISED", 0)
     iterated = simulation.Simulation(*body(name))
-    assert isinstance(iterated.kernels.solver, IterativeSolver) and type(direct.kernels.solver) is not IterativeSolver
+    assert (
+        isinstance(iterated.kernels.solver, IterativeSolver)
+        and type(direct.kernels.solver) is not IterativeSolver
+    )
     expected, rows = direct.advance(600, 50)[0], iterated.advance(600, 50)[0]
     assert expected[-1, INDEX["dissipated"]] > 1e-8
-    assert (np.abs(rows - expected) <= 1e-8 * np.maximum(np.abs(expected).max(axis=0), 1e-3)).all()
+    assert (
+        np.abs(rows - expected) <= 1e-8 * np.maximum(np.abs(expected).max(axis=0), 1e-3)
+    ).all()
     state = iterated.snapshot()
     ahead = iterated.advance(60, 5)[0]
     iterated.restore(state)
@@ -57,4 +81,6 @@ def test_iterated_dashpots_move_subdomains_as_one_body(monkeypatch):
     cut = simulation.Simulation(*arguments)
     assert cut.subdomains > 3
     expected, rows = serial.advance(105, 21)[0], cut.advance(105, 21)[0]
-    assert (np.abs(rows - expected) <= 1e-9 * np.maximum(np.abs(expected).max(axis=0), 1e-3)).all()
+    assert (
+        np.abs(rows - expected) <= 1e-9 * np.maximum(np.abs(expected).max(axis=0), 1e-3)
+    ).all()

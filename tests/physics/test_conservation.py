@@ -27,75 +27,120 @@ def angular(mass, x, v):
     ],
 )
 def test_a_free_disk_keeps_its_momentum(eta_star, integrator, axial, kernels):
-    # All forces come in pairs, so linear momentum is conserved to rounding, also with dashpots. Central forces have no
-    # torque, so angular momentum is conserved too, also with axial dashpots; vector dashpots resist rotation.
+    # All forces come in pairs, so linear momentum is conserved to rounding, also with
+    # dashpots. Central forces have no torque, so angular momentum is conserved too,
+    # also with axial dashpots; vector dashpots resist rotation.
     lattice = disk(80, height=1.0)  # out of every reach of the wall at y = 0
     m, (x, v) = lattice.masses[0], shaken(lattice, 0, 0.02)
     v += np.array([0.3, -0.2])
     model = damped(eta_star / 80) if eta_star else FALLING
     model = replace(model, springs=replace(model.springs, axial=axial))
-    simulation = kernels.simulation(replace(lattice, positions=x), model, integrator, v, 1e-3)
+    simulation = kernels.simulation(
+        replace(lattice, positions=x), model, integrator, v, 1e-3
+    )
     columns = advance(simulation, 2000, 2000)
     end = {name: column[-1] for name, column in columns.items()}
     x1, v1, linear = simulation.positions(), simulation.velocities(), m * v.sum(axis=0)
     for after in (m * v1.sum(axis=0), [end["com_vx"], end["com_vy"]]):
         assert_allclose(after, linear, rtol=0, atol=1e-12)
     # The centre of mass flies straight: x_0 + v t.
-    assert_allclose([end["com_x"], end["com_y"]], x.mean(axis=0) + 2.0 * linear, rtol=0, atol=1e-12)
-    assert end["angular_momentum"] == pytest.approx(angular(m, x1 - x1.mean(axis=0), v1), abs=1e-13)
+    assert_allclose(
+        [end["com_x"], end["com_y"]], x.mean(axis=0) + 2.0 * linear, rtol=0, atol=1e-12
+    )
+    assert end["angular_momentum"] == pytest.approx(
+        angular(m, x1 - x1.mean(axis=0), v1), abs=1e-13
+    )
     change = abs(angular(m, x1, v1) - angular(m, x, v))
     assert change > 1e-6 if eta_star and not axial else change < 1e-12
     assert np.abs(v1 - v).max() > 0.01  # the disk did not just fly
-    # Dashpots damp velocities that differ from point to point within a few steps; their sum is accurate to 1 %.
+    # Dashpots damp velocities that differ from point to point within a few steps; their
+    # sum is accurate to 1 %.
     assert np.ptp(columns["total"]) < 0.01 * columns["kinetic"][0]
 
 
 @pytest.mark.parametrize("integrator", [VELOCITY_VERLET, TRAPEZOIDAL])
 def test_dashpots_brake_a_rotation(integrator, kernels):
-    # The dashpot acts on the full relative velocity, eq. (3): v_i - v_j = Omega x r_ij. Power eta Omega^2 sum r_ij^2,
-    # torque -eta Omega sum r_ij^2. (An axial dashpot does not act on a rotation.)
+    # The dashpot acts on the full relative velocity, eq. (3): v_i - v_j = Omega x r_ij.
+    # Power eta Omega^2 sum r_ij^2, torque -eta Omega sum r_ij^2. (An axial dashpot does
+    # not act on a rotation.)
     lattice, eta, spin, h, steps = disk(60, height=1.0), 0.05, 0.02, 1e-5, 20
     x = lattice.positions - lattice.positions.mean(axis=0)
     v = spin * np.stack([-x[:, 1], x[:, 0]], axis=1)
-    columns = advance(kernels.simulation(lattice, damped(eta), integrator, v, h), steps, steps)
+    columns = advance(
+        kernels.simulation(lattice, damped(eta), integrator, v, h), steps, steps
+    )
     momentum, squares = columns["angular_momentum"], np.sum(lattice.rest_lengths**2)
     assert momentum[0] == pytest.approx(spin * np.sum(x**2) / 60, rel=1e-12)
-    # The rates at t = 0; they change once the disk is no longer in rigid rotation, after 1/(11 eta/m) ~ 0.03 R/c.
-    assert momentum[0] - momentum[-1] == pytest.approx(eta * spin * squares * steps * h, rel=1e-2)
-    assert columns["dissipated"][-1] == pytest.approx(eta * spin**2 * squares * steps * h, rel=1e-2)
+    # The rates at t = 0; they change once the disk is no longer in rigid rotation,
+    # after 1/(11 eta/m) ~ 0.03 R/c.
+    assert momentum[0] - momentum[-1] == pytest.approx(
+        eta * spin * squares * steps * h, rel=1e-2
+    )
+    assert columns["dissipated"][-1] == pytest.approx(
+        eta * spin**2 * squares * steps * h, rel=1e-2
+    )
 
 
 def test_two_points_on_a_spring_swing_as_leapfrog_must(kernels):
-    # s'' = -(2 k/m) s. Leapfrog's own solution is s_k = s_0 cos(k theta), theta = 2 asin(h omega/2), exactly, up to
-    # its limit h omega = 2.
+    # s'' = -(2 k/m) s. Leapfrog's own solution is s_k = s_0 cos(k theta), theta = 2
+    # asin(h omega/2), exactly, up to its limit h omega = 2.
     k, s0, pair = 1.7, 0.05, chain([(0.0, 0.0), (0.8, 0.0)], [(0, 1)], 0.3)
     stretched = replace(pair, positions=np.array([[-s0 / 2, 0.0], [0.8 + s0 / 2, 0.0]]))
     model, omega = replace(FREE, springs=Springs(k)), np.sqrt(2 * k / 0.3)
     for h in (0.01, 1.9 / omega):
         theta = 2 * np.arcsin(h * omega / 2)
-        simulation = kernels.simulation(stretched, model, VELOCITY_VERLET, np.zeros((2, 2)), h)
+        simulation = kernels.simulation(
+            stretched, model, VELOCITY_VERLET, np.zeros((2, 2)), h
+        )
         for steps in (1, 7, 300):
             simulation.advance(steps - simulation.step_number)
             x, v = simulation.positions()[:, 0], simulation.velocities()[:, 0]
-            assert x[1] - x[0] - 0.8 == pytest.approx(s0 * np.cos(steps * theta), abs=1e-12)
+            assert x[1] - x[0] - 0.8 == pytest.approx(
+                s0 * np.cos(steps * theta), abs=1e-12
+            )
             # v_k = (x_{k+1} - x_{k-1})/2h
-            assert v[1] - v[0] == pytest.approx(-s0 * np.sin(steps * theta) * np.sin(theta) / h, abs=1e-11)
+            assert v[1] - v[0] == pytest.approx(
+                -s0 * np.sin(steps * theta) * np.sin(theta) / h, abs=1e-11
+            )
 
 
-def test_a_flat_wall_gives_a_spinning_disk_no_sideways_push_and_just_its_torque(kernels):
-    # dL/dt = sum (x_i - x_cm) F_i, F_i = a V0 exp(-a y_i) upwards; a step's kick is h times the force at it, so that
-    # the sum over the steps of an impact is exact. Likewise d(com_vy)/dt = wall force. L starts as spin times inertia.
-    settings = ("lattice.points=40", "material.eta_star=0", "impact.velocity=0.1", "impact.spin=0.3", "impact.turn=0.5")
-    fine = ("time.integrator=velocity_verlet", "time.safety=0.2", "time.sample_interval=1e-6")  # a row for each step
-    scenario, outcome = computed(kernels, "exponential_wall", *settings, *fine, estimate=False)
+def test_a_flat_wall_gives_a_spinning_disk_no_sideways_push_and_just_its_torque(
+    kernels,
+):
+    # dL/dt = sum (x_i - x_cm) F_i, F_i = a V0 exp(-a y_i) upwards; a step's kick is h
+    # times the force at it, so that the sum over the steps of an impact is exact.
+    # Likewise d(com_vy)/dt = wall force. L starts as spin times inertia.
+    settings = (
+        "lattice.points=40",
+        "material.eta_star=0",
+        "impact.velocity=0.1",
+        "impact.spin=0.3",
+        "impact.turn=0.5",
+    )
+    # a row for each step
+    fine = (
+        "time.integrator=velocity_verlet",
+        "time.safety=0.2",
+        "time.sample_interval=1e-6",
+    )
+    scenario, outcome = computed(
+        kernels, "exponential_wall", *settings, *fine, estimate=False
+    )
     columns, wall, h = outcome.columns, scenario.model.wall, outcome.summary["dt"]
     arm = scenario.lattice.positions - scenario.lattice.positions.mean(axis=0)
     spin, force = columns["angular_momentum"], columns["wall_force"]
     assert spin[0] == pytest.approx(0.3 * np.sum(arm**2) / 40, rel=1e-12)
     assert np.abs(columns["com_vx"]).max() < 1e-12
-    assert_allclose(np.diff(columns["com_vy"]) / h, 0.5 * (force[1:] + force[:-1]), rtol=0, atol=1e-11 * force.max())
+    assert_allclose(
+        np.diff(columns["com_vy"]) / h,
+        0.5 * (force[1:] + force[:-1]),
+        rtol=0,
+        atol=1e-11 * force.max(),
+    )
     torque = 0.0
     for _, x, _ in outcome.replay(columns["t"]):
-        torque += np.sum((x[:, 0] - x[:, 0].mean()) * wall.a * wall.V0 * np.exp(-wall.a * x[:, 1]))
+        torque += np.sum(
+            (x[:, 0] - x[:, 0].mean()) * wall.a * wall.V0 * np.exp(-wall.a * x[:, 1])
+        )
     assert abs(spin[-1] - spin[0]) > 1e-3
     assert spin[-1] - spin[0] == pytest.approx(h * torque, abs=1e-10)

@@ -1,4 +1,5 @@
-"""Contact with the elastic wall: every point finds the spring below it and pushes its two ends by the lever rule."""
+"""Contact with the elastic wall: every point finds the spring below it and pushes its
+two ends by the lever rule."""
 
 from __future__ import annotations
 
@@ -24,13 +25,22 @@ N = LATTICE.disk_points
 def forces(kernels, x, model=BARE):
     """Return the kernels' forces at rest with the points at `x`."""
     still = np.zeros_like(x)
-    return kernels.simulation(replace(LATTICE, positions=x), model, VELOCITY_VERLET, still, 1e-3).snapshot().vectors[2]
+    return (
+        kernels.simulation(
+            replace(LATTICE, positions=x), model, VELOCITY_VERLET, still, 1e-3
+        )
+        .snapshot()
+        .vectors[2]
+    )
 
 
 @pytest.mark.parametrize("roughness", [0.0, 0.03, 0.06])
-def test_every_point_finds_the_spring_below_it_and_the_lever_rule_balances_force_and_torque(roughness, kernels):
-    # Compare with a search over all pairs of points and springs. The surface is so rough that springs are inclined by
-    # 45 degrees, and the disk is anywhere along the wall, even beyond its ends.
+def test_every_point_finds_the_spring_below_it_and_the_lever_rule_balances_force_and_torque(
+    roughness, kernels
+):
+    # Compare with a search over all pairs of points and springs. The surface is so
+    # rough that springs are inclined by 45 degrees, and the disk is anywhere along the
+    # wall, even beyond its ends.
     plain, touching = reference.Model(LATTICE, BARE), 0
     for seed in range(12):
         rng = np.random.default_rng(seed)
@@ -41,14 +51,18 @@ def test_every_point_finds_the_spring_below_it_and_the_lever_rule_balances_force
         expected, f, rows = plain.wall_force(x), forces(kernels, x), plain.contacts(x)
         scale = max(float(np.abs(expected).max()), 1.0)
         assert_allclose(f, expected, rtol=0, atol=1e-12 * scale)
-        assert_allclose(ELASTIC.forces(LATTICE, x), expected, rtol=0, atol=1e-12 * scale)
+        assert_allclose(
+            ELASTIC.forces(LATTICE, x), expected, rtol=0, atol=1e-12 * scale
+        )
         found = ELASTIC.contacts(LATTICE, x)
         assert found.points.tolist() == rows.point.tolist()
         assert LATTICE.wall_surface[found.carriers[:, 0]].tolist() == rows.left.tolist()
         touching += len(rows.point)
         scale = np.abs(f).sum()
         assert np.abs(f.sum(axis=0)).max() <= 1e-13 * scale + 1e-12
-        assert abs(np.sum(x[:, 0] * f[:, 1] - x[:, 1] * f[:, 0])) <= 1e-13 * scale + 1e-12
+        assert (
+            abs(np.sum(x[:, 0] * f[:, 1] - x[:, 1] * f[:, 0])) <= 1e-13 * scale + 1e-12
+        )
         moved = np.flatnonzero(np.abs(f).sum(axis=1) > 1e-9)
         assert set(moved) <= {*LATTICE.wall_surface, *LATTICE.disk_surface}
     assert touching > 12
@@ -58,20 +72,28 @@ SMOOTH = SmoothElasticWall(A, V0, 0.1)
 
 
 def smooth_potential(x):
-    """Return V0 exp(-a l) - V0 exp(-a 0.1) above SciPy's B-spline through the wall's surface, point by point."""
+    """Return V0 exp(-a l) - V0 exp(-a 0.1) above SciPy's B-spline through the wall's
+    surface, point by point."""
     chain = x[LATTICE.wall_surface]
-    curve = BSpline(np.arange(len(chain) + 3) - 1.5, chain, 2)  # over its control point k at the parameter k
+    # over its control point k at the parameter k
+    curve = BSpline(np.arange(len(chain) + 3) - 1.5, chain, 2)
     energy = 0.0
     for px, py in x[LATTICE.disk_surface]:
         if curve(0.5)[0] <= px < curve(len(chain) - 1.5)[0]:
-            at = brentq(lambda u, px=px: curve(u)[0] - px, 0.5, len(chain) - 1.5, xtol=1e-15)
+            at = brentq(
+                lambda u, px=px: curve(u)[0] - px, 0.5, len(chain) - 1.5, xtol=1e-15
+            )
             height = py - curve(at)[1]
-            energy += V0 * (np.exp(-A * height) - np.exp(-A * 0.1)) if height < 0.1 else 0.0
+            energy += (
+                V0 * (np.exp(-A * height) - np.exp(-A * 0.1)) if height < 0.1 else 0.0
+            )
     return energy
 
 
 @pytest.mark.parametrize("roughness", [0.0, 0.03])
-def test_the_smooth_contact_pushes_along_the_gradient_of_its_potential_and_keeps_momentum(roughness, kernels):
+def test_the_smooth_contact_pushes_along_the_gradient_of_its_potential_and_keeps_momentum(
+    roughness, kernels
+):
     model = Model(Springs(1e-12, 1e-12), SMOOTH, boundary=ResetBoundary(1.0))
     for seed in range(6):
         rng = np.random.default_rng(seed)
@@ -81,9 +103,13 @@ def test_the_smooth_contact_pushes_along_the_gradient_of_its_potential_and_keeps
         f = forces(kernels, x, model)
         scale = np.abs(f).max()
         assert scale > 1e-3
-        assert_allclose(f, SMOOTH.forces(LATTICE, x), rtol=0, atol=1e-12 * max(scale, 1.0))
+        assert_allclose(
+            f, SMOOTH.forces(LATTICE, x), rtol=0, atol=1e-12 * max(scale, 1.0)
+        )
         assert np.abs(f.sum(axis=0)).max() <= 1e-13 * np.abs(f).sum()
-        assert SMOOTH.energy(LATTICE, x) == pytest.approx(smooth_potential(x), rel=1e-10)
+        assert SMOOTH.energy(LATTICE, x) == pytest.approx(
+            smooth_potential(x), rel=1e-10
+        )
         for i in np.argsort(-np.abs(f).sum(axis=1))[:4]:
             for c in (0, 1):
                 moved = [x.copy(), x.copy()]
@@ -95,19 +121,36 @@ def test_the_smooth_contact_pushes_along_the_gradient_of_its_potential_and_keeps
 
 @pytest.mark.validate
 def test_an_impact_that_slides_over_the_smooth_surface_converges_with_order_2(kernels):
-    # A spin moves points from spring to spring, where with contact `springs` the energy jumps and e follows no order.
-    settings = *WALL, "wall.boundary=pinned", "impact.velocity=0.05", "impact.spin=0.1", "impact.gap=0.08"
+    # A spin moves points from spring to spring, where with contact `springs` the energy
+    # jumps and e follows no order.
+    settings = (
+        *WALL,
+        "wall.boundary=pinned",
+        "impact.velocity=0.05",
+        "impact.spin=0.1",
+        "impact.gap=0.08",
+    )
     settings += ("time.integrator=velocity_verlet",)
     e = {}
     for contact in ("smooth", "springs"):
         steps = [f"time.dt={dt}" for dt in (8e-3, 4e-3, 2e-3)]
         runs = [
-            computed(kernels, "absorbing_wall", *settings, step, f"wall.contact={contact}", estimate=False)
+            computed(
+                kernels,
+                "absorbing_wall",
+                *settings,
+                step,
+                f"wall.contact={contact}",
+                estimate=False,
+            )
             for step in steps
         ]
         slid = [np.abs(outcome.columns["sliding"]).max() for _, outcome in runs]
         assert min(slid) > 1e-8 if contact == "springs" else max(slid) == 0.0
-        e[contact] = [scenario.result(outcome.columns)["restitution"] for scenario, outcome in runs]
+        e[contact] = [
+            scenario.result(outcome.columns)["restitution"]
+            for scenario, outcome in runs
+        ]
     first, second, third = e["smooth"]
     assert (first - second) / (second - third) == pytest.approx(4.0, abs=0.1)
     assert abs(e["springs"][1] - e["springs"][2]) > abs(second - third)

@@ -1,7 +1,9 @@
-"""The energy balance: kinetic + elastic + wall + load + dissipated + absorbed + sliding stays constant.
+"""The energy balance: kinetic + elastic + wall + load + dissipated + absorbed + sliding
+stays constant.
 
-Leapfrog conserves a modified energy, E + h^2 E_2 + ..., so the imbalance during an impact is proportional to h^2; after
-the impact, when the state is smooth again, it is far smaller.
+Leapfrog conserves a modified energy, E + h^2 E_2 + ..., so the imbalance during an
+impact is proportional to h^2; after the impact, when the state is smooth again, it is
+far smaller.
 """
 
 from __future__ import annotations
@@ -33,10 +35,32 @@ def imbalance(columns):
         ("absorbing_wall", *WALL),
         ("compression", *SMALL, "compression.tolerance=1e-3"),
         pytest.param(
-            ("exponential_wall", *SMALL, "material.eta_star=100", "time.integrator=velocity_verlet"), marks=LONG
+            (
+                "exponential_wall",
+                *SMALL,
+                "material.eta_star=100",
+                "time.integrator=velocity_verlet",
+            ),
+            marks=LONG,
         ),
-        pytest.param(("exponential_wall", *SMALL, "material.eta_star=0", "time.integrator=vefrl"), marks=LONG),
-        pytest.param(("absorbing_wall", *WALL, "material.eta_star=10", "time.integrator=trapezoidal"), marks=LONG),
+        pytest.param(
+            (
+                "exponential_wall",
+                *SMALL,
+                "material.eta_star=0",
+                "time.integrator=vefrl",
+            ),
+            marks=LONG,
+        ),
+        pytest.param(
+            (
+                "absorbing_wall",
+                *WALL,
+                "material.eta_star=10",
+                "time.integrator=trapezoidal",
+            ),
+            marks=LONG,
+        ),
         pytest.param(("absorbing_wall", *WALL, "wall.boundary=dashpot"), marks=LONG),
     ],
     ids=" ".join,
@@ -44,8 +68,13 @@ def imbalance(columns):
 def test_energy_is_accounted_for_at_the_automatic_step(scene, kernels):
     _, outcome = computed(kernels, *scene, estimate=False)
     columns, energy = outcome.columns, outcome.summary["energy"]
-    assert_allclose(columns["total"], np.sum([columns[name] for name in ENERGIES], axis=0), rtol=1e-13)
-    work = 0.01 * np.ptp(columns["com_y"])  # of the load of a compression, where nothing moves at first
+    assert_allclose(
+        columns["total"],
+        np.sum([columns[name] for name in ENERGIES], axis=0),
+        rtol=1e-13,
+    )
+    # of the load of a compression, where nothing moves at first
+    work = 0.01 * np.ptp(columns["com_y"])
     scale = work if scene[0] == "compression" else columns["kinetic"][0]
     lost = imbalance(columns) / scale
     assert energy["closing_imbalance"] == pytest.approx(lost[-1], abs=1e-12)
@@ -77,12 +106,18 @@ def test_energy_is_accounted_for_at_the_automatic_step(scene, kernels):
         pytest.param("non-uniform reset", 20.0, TRAPEZOIDAL, marks=LONG),
     ],
 )
-def test_the_imbalance_falls_with_the_square_of_the_step(scene, eta_star, integrator, kernels):
+def test_the_imbalance_falls_with_the_square_of_the_step(
+    scene, eta_star, integrator, kernels
+):
     lattice, velocities, model = bouncing(scene.removeprefix("axial "), N, eta_star / N)
-    model = replace(model, springs=replace(model.springs, axial=scene.startswith("axial")))
+    model = replace(
+        model, springs=replace(model.springs, axial=scene.startswith("axial"))
+    )
     worst = []
     for stride in (120, 240):
-        simulation = kernels.simulation(lattice, model, integrator, velocities, 0.12 / stride)
+        simulation = kernels.simulation(
+            lattice, model, integrator, velocities, 0.12 / stride
+        )
         worst.append(np.abs(imbalance(advance(simulation, 16 * stride, stride))).max())
     assert worst[0] / worst[1] == pytest.approx(4.0, abs=0.4)
     assert worst[1] < 1e-4 * 0.5 * 0.05**2
@@ -90,24 +125,35 @@ def test_the_imbalance_falls_with_the_square_of_the_step(scene, eta_star, integr
 
 @pytest.mark.parametrize(
     ("scene", "eta_star", "integrator"),
-    [("rigid", 1.0, VV), ("rigid", 20.0, TRAPEZOIDAL), pytest.param("matched", 3.0, VV, marks=LONG)],
+    [
+        ("rigid", 1.0, VV),
+        ("rigid", 20.0, TRAPEZOIDAL),
+        pytest.param("matched", 3.0, VV, marks=LONG),
+    ],
 )
-def test_the_imbalance_once_nothing_vibrates_falls_with_the_fourth_power(scene, eta_star, integrator, kernels):
-    """E_2 is then 0, and the energy taken by dashpots is summed to the order of the remaining terms."""
+def test_the_imbalance_once_nothing_vibrates_falls_with_the_fourth_power(
+    scene, eta_star, integrator, kernels
+):
+    """E_2 is then 0, and the energy taken by dashpots is summed to the order of the
+    remaining terms."""
     lattice, velocities, model = bouncing(scene, N, eta_star / N, height=0.12)
     closing = []
     for steps in (400, 800):
-        simulation = kernels.simulation(lattice, model, integrator, velocities, 9.0 / steps)
+        simulation = kernels.simulation(
+            lattice, model, integrator, velocities, 9.0 / steps
+        )
         closing.append(imbalance(advance(simulation, steps, steps))[-1])
     assert closing[0] / closing[1] == pytest.approx(16.0, rel=0.2)
     assert abs(closing[1]) < 3e-6 * 0.5 * 0.05**2
 
 
 def test_losses_are_recorded_where_they_occur(kernels):
-    # dissipated = int eta sum |v_i - v_j|^2 dt over the springs, absorbed = int sum Z v^2 dt over the boundary, by the
+    # dissipated = int eta sum |v_i - v_j|^2 dt over the springs, absorbed = int sum Z
+    # v^2 dt over the boundary, by the
     # trapezoidal rule over every step: both sums are O(h^2) from the integrals.
     lattice, velocities, model = bouncing("matched", N, 20.0 / N)
-    # The boundary already moves at the start; otherwise the wave would have to arrive first.
+    # The boundary already moves at the start; otherwise the wave would have to arrive
+    # first.
     velocities[lattice.disk_points :] = [0.01, -0.02]
     h, (i, j), powers = 1e-3, lattice.bonds.T, []
     simulation = kernels.simulation(lattice, model, TRAPEZOIDAL, velocities, h)
@@ -115,15 +161,22 @@ def test_losses_are_recorded_where_they_occur(kernels):
         columns = advance(simulation, min(step, 1))
         v = simulation.velocities()
         springs = model.springs.eta * np.sum((v[i] - v[j]) ** 2)
-        powers.append([springs, np.sum(model.boundary.impedance * v[lattice.wall_boundary] ** 2)])
+        powers.append(
+            [springs, np.sum(model.boundary.impedance * v[lattice.wall_boundary] ** 2)]
+        )
     lost = h * (np.sum(powers, axis=0) - 0.5 * np.add(powers[0], powers[-1]))
     assert lost.min() > 1e-6
-    assert_allclose([columns["dissipated"][-1], columns["absorbed"][-1]], lost, rtol=1e-4)
+    assert_allclose(
+        [columns["dissipated"][-1], columns["absorbed"][-1]], lost, rtol=1e-4
+    )
 
 
-def test_the_energy_that_a_point_loses_by_sliding_over_the_bent_wall_is_recorded(kernels):
-    # On a bent surface l jumps when a point passes from one spring to the next. The energy changes by this amount at
-    # any step; the remaining imbalance falls with the square of the step.
+def test_the_energy_that_a_point_loses_by_sliding_over_the_bent_wall_is_recorded(
+    kernels,
+):
+    # On a bent surface l jumps when a point passes from one spring to the next. The
+    # energy changes by this amount at any step; the remaining imbalance falls with the
+    # square of the step.
     lattice, velocities, model = bouncing("pinned", N, 0.0)
     velocities[:N] = [0.2, -0.3]
     found = []

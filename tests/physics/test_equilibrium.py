@@ -1,4 +1,5 @@
-"""The equilibrium of the pressed disk: at rest, stable, and the same as by a minimiser and by relaxation."""
+"""The equilibrium of the pressed disk: at rest, stable, and the same as by a minimiser
+and by relaxation."""
 
 from __future__ import annotations
 
@@ -17,7 +18,13 @@ from taichi_disk.errors import SimulationError
 from taichi_disk.lattice import Lattice, bulk_moduli, disk_lattice
 from taichi_disk.physics import ExponentialWall, Load, Model, Springs
 from taichi_disk.scenes import load_scene
-from taichi_disk.statics.equilibrium import place_on_wall, resting_angle, rigid_balance, solve_equilibrium, turned
+from taichi_disk.statics.equilibrium import (
+    place_on_wall,
+    resting_angle,
+    rigid_balance,
+    solve_equilibrium,
+    turned,
+)
 
 P, LONG = 1e-2, pytest.mark.validate
 WALL = ExponentialWall(300.0, 150.0)
@@ -30,7 +37,8 @@ def forces(lattice, model, x):
 
 
 def rest_of(lattice, model, **options):
-    """Solve by Newton's method from the unloaded disk, at the height at which the wall carries it as a rigid body."""
+    """Solve by Newton's method from the unloaded disk, at the height at which the wall
+    carries it as a rigid body."""
     start = place_on_wall(lattice, 0.0, model.wall, model.load.force).positions
     return solve_equilibrium(lattice, model, start, **options)
 
@@ -55,11 +63,14 @@ def test_it_comes_to_rest_for_soft_and_hard_walls_and_all_loads(rim, a, pressure
     x = rest.positions
     # Allow rounding errors of coordinates up to 2 R times the largest stiffness.
     stiffest = model.stiffness(lattice, x).diagonal().max()
-    assert np.abs(forces(lattice, model, x)).max() < 30 * np.finfo(float).eps * max(stiffest, 1.0)
+    assert np.abs(forces(lattice, model, x)).max() < 30 * np.finfo(float).eps * max(
+        stiffest, 1.0
+    )
     bearing = reference.Model(lattice, model).wall_force(x)[:, 1]
     assert bearing.sum() == pytest.approx(pressure, rel=1e-10)
     assert abs(np.sum(bearing * spread(x)[:, 0])) < 1e-9 * pressure  # no torque
-    # The mean stays in place even if the disk rolls far, and another call does not move it again.
+    # The mean stays in place even if the disk rolls far, and another call does not move
+    # it again.
     assert x[:, 0].mean() == pytest.approx(lattice.positions[:, 0].mean(), abs=1e-12)
     assert solve_equilibrium(lattice, model, x).iterations == 0
 
@@ -69,25 +80,41 @@ def test_it_is_the_minimum_that_bfgs_finds():
     plain = reference.Model(lattice, MODEL)
     found = minimize(
         lambda x: plain.potential(x.reshape(-1, 2)),
-        (lattice.positions + np.array([0.0, rigid_balance(lattice.positions[:, 1], WALL, P)])).ravel(),
+        (
+            lattice.positions
+            + np.array([0.0, rigid_balance(lattice.positions[:, 1], WALL, P)])
+        ).ravel(),
         jac=lambda x: -forces(lattice, MODEL, x.reshape(-1, 2)).ravel(),
         method="BFGS",
         options={"gtol": 1e-12, "maxiter": 20000},
     ).x.reshape(-1, 2)
-    # BFGS stalls at rounding errors of the energy, eps U = 2e-18: displacements of soft modes of about 1e-6.
-    assert xi(lattice, rest_of(lattice, MODEL).positions) == pytest.approx(xi(lattice, found), rel=1e-5)
+    # BFGS stalls at rounding errors of the energy, eps U = 2e-18: displacements of soft
+    # modes of about 1e-6.
+    assert xi(lattice, rest_of(lattice, MODEL).positions) == pytest.approx(
+        xi(lattice, found), rel=1e-5
+    )
 
 
 def test_a_hexagon_balanced_on_its_corner_tips_over_onto_a_side():
     angle = np.pi / 6 + np.arange(6) * np.pi / 3
-    corners = np.round(np.stack([np.cos(angle), np.sin(angle)], axis=1), 15)  # two of them at x = 0
+    # two of them at x = 0
+    corners = np.round(np.stack([np.cos(angle), np.sin(angle)], axis=1), 15)
     lattice = Lattice.from_points([*corners, [0.0, 0.0]])
-    lifted = lattice.positions + np.array([0.0, rigid_balance(lattice.positions[:, 1], WALL, P)])
-    upright = root(lambda x: forces(lattice, MODEL, x.reshape(-1, 2)).ravel(), lifted, method="lm", tol=1e-15)
+    lifted = lattice.positions + np.array(
+        [0.0, rigid_balance(lattice.positions[:, 1], WALL, P)]
+    )
+    upright = root(
+        lambda x: forces(lattice, MODEL, x.reshape(-1, 2)).ravel(),
+        lifted,
+        method="lm",
+        tol=1e-15,
+    )
     start = upright.x.reshape(-1, 2)
-    assert np.abs(forces(lattice, MODEL, start)).max() < 1e-13 * P  # at rest already, but not stable
+    # at rest already, but not stable
+    assert np.abs(forces(lattice, MODEL, start)).max() < 1e-13 * P
     rest = solve_equilibrium(lattice, MODEL, start)
-    assert abs(rest.roll) == pytest.approx(np.pi / 6, abs=1e-4)  # a strained hexagon, P/k_a = 1e-2
+    # a strained hexagon, P/k_a = 1e-2
+    assert abs(rest.roll) == pytest.approx(np.pi / 6, abs=1e-4)
     height = np.sort(rest.positions[:, 1])
     assert height[1] - height[0] < 1e-9
 
@@ -95,36 +122,51 @@ def test_a_hexagon_balanced_on_its_corner_tips_over_onto_a_side():
 def test_an_equilibrium_that_is_not_found_is_an_error():
     with pytest.raises(SimulationError, match="within 3 Newton iterations"):
         rest_of(disk_lattice(1099, 0), MODEL, max_iterations=3)
-    with pytest.raises(SimulationError, match=r"could not lower the energy.*compression\.pressure"):
-        rest_of(disk_lattice(8, 0), Model(Springs(1e-6), ExponentialWall(1e6, 150.0), Load(1.0)))
+    with pytest.raises(
+        SimulationError, match=r"could not lower the energy.*compression\.pressure"
+    ):
+        rest_of(
+            disk_lattice(8, 0),
+            Model(Springs(1e-6), ExponentialWall(1e6, 150.0), Load(1.0)),
+        )
 
 
 def test_a_rigid_disk_lies_with_its_centre_of_mass_as_low_as_it_can():
-    # Find the height at which a wall exp(-y/L) carries the weight, by bisection, at 500 angles. Points inside the disk
-    # contribute less than exp(-10) here.
+    # Find the height at which a wall exp(-y/L) carries the weight, by bisection, at 500
+    # angles. Points inside the disk contribute less than exp(-10) here.
     arm, depth = spread(disk(150, 4).positions), 1 / 3000 + 2e-3 / np.pi
 
     def height(angle):
         y = np.sin(angle) * arm[:, 0] + np.cos(angle) * arm[:, 1]
-        return brentq(lambda h: np.exp(-(y + h) / depth).sum() - 1.0, 0.5, 2.0, xtol=1e-14)
+        return brentq(
+            lambda h: np.exp(-(y + h) / depth).sum() - 1.0, 0.5, 2.0, xtol=1e-14
+        )
 
     best = height(resting_angle(disk(150, 4), 1.0, 3000.0, 1e-3))
-    assert all(best <= height(angle) + 1e-7 for angle in np.linspace(-np.pi, np.pi, 500))
+    assert all(
+        best <= height(angle) + 1e-7 for angle in np.linspace(-np.pi, np.pi, 500)
+    )
 
 
 def test_it_does_not_matter_how_the_lattice_is_turned_when_it_is_put_down():
     scene = load_scene("compression", ("compression.method=newton",))
     lattice, found = disk_lattice(150, 0, False, 0.0), []
     for angle in (0.0, 1.0, -2.0):
-        scenario = scene.scenario(replace(lattice, positions=turned(lattice.positions, angle)))
-        found.append(scenario.result(compute(scenario, scene.time, loads=1).columns)["xi"])
+        scenario = scene.scenario(
+            replace(lattice, positions=turned(lattice.positions, angle))
+        )
+        found.append(
+            scenario.result(compute(scenario, scene.time, loads=1).columns)["xi"]
+        )
     assert found == pytest.approx([found[0]] * 3, rel=1e-9)
 
 
 @pytest.fixture(scope="module")
 def loading():
     """Return scene, scenario and outcome of a loading."""
-    scene = load_scene("compression", ("lattice.points=100", "compression.method=newton"))
+    scene = load_scene(
+        "compression", ("lattice.points=100", "compression.method=newton")
+    )
     scenario = scene.scenario()
     return scene, scenario, compute(scenario, scene.time)
 
@@ -132,7 +174,11 @@ def loading():
 def test_every_row_of_a_loading_is_an_equilibrium_of_plain_numpy(loading):
     _, scenario, outcome = loading
     lattice, columns = scenario.lattice, outcome.columns
-    assert 0.0 < columns["t"][0] < 0.01 and columns["t"][-1] == 1.0 and (np.diff(columns["t"]) > 0.0).all()
+    assert (
+        0.0 < columns["t"][0] < 0.01
+        and columns["t"][-1] == 1.0
+        and (np.diff(columns["t"]) > 0.0).all()
+    )
     for row, (t, x, v) in enumerate(outcome.replay(columns["t"])):
         assert t == columns["t"][row] and not v.any()
         plain = reference.Model(lattice, replace(scenario.model, load=Load(t * P)))
@@ -146,51 +192,91 @@ def test_every_row_of_a_loading_is_an_equilibrium_of_plain_numpy(loading):
             "load": t * P * x[:, 1].mean(),
             "total": plain.potential(x),
         }
-        assert {name: columns[name][row] for name in expected} == pytest.approx(expected, rel=1e-11, abs=1e-17)
+        assert {name: columns[name][row] for name in expected} == pytest.approx(
+            expected, rel=1e-11, abs=1e-17
+        )
         assert columns["wall_force"][row] == pytest.approx(t * P, rel=1e-9)
-        assert np.abs(plain.force(x, v)).max() < 1e-9 * t * P / 100 and columns["residual"][row] < 1e-9 * t * P / 100
+        assert (
+            np.abs(plain.force(x, v)).max() < 1e-9 * t * P / 100
+            and columns["residual"][row] < 1e-9 * t * P / 100
+        )
     x, values = outcome.positions, scenario.result(columns)
-    assert np.array_equal(next(outcome.replay(np.array([1.0])))[1], x) and columns["xi"][-1] == pytest.approx(
-        values["xi"], rel=1e-12
-    )
+    assert np.array_equal(next(outcome.replay(np.array([1.0])))[1], x) and columns[
+        "xi"
+    ][-1] == pytest.approx(values["xi"], rel=1e-12)
     assert values["xi"] == pytest.approx(xi(lattice, x), rel=1e-12)
-    assert values["xi_nominal"] == pytest.approx(1.0 - (x[:, 1].mean() - x[:, 1].min()), rel=1e-12)
+    assert values["xi_nominal"] == pytest.approx(
+        1.0 - (x[:, 1].mean() - x[:, 1].min()), rel=1e-12
+    )
 
 
 def test_the_load_s_work_is_the_energy_stored_and_the_slope_of_the_potential_the_centre_s_height():
-    # dV/dP = y_cm for V = U + P y_cm (Hellmann and Feynman), and dU = -P dy_cm; by the trapezoidal rule.
-    scene, off = load_scene("compression", ("lattice.points=30", "compression.method=newton")), []
+    # dV/dP = y_cm for V = U + P y_cm (Hellmann and Feynman), and dU = -P dy_cm; by the
+    # trapezoidal rule.
+    scene, off = (
+        load_scene("compression", ("lattice.points=30", "compression.method=newton")),
+        [],
+    )
     for loads in (24, 96):
         columns = compute(scene.scenario(), scene.time, loads=loads).columns
-        force, y, stored = P * columns["t"], columns["com_y"], columns["elastic"] + columns["wall"]
+        force, y, stored = (
+            P * columns["t"],
+            columns["com_y"],
+            columns["elastic"] + columns["wall"],
+        )
         work, potential = trapezoid(force, -y), trapezoid(y, force)
-        off.append((abs(work / np.ptp(stored) - 1.0), abs(np.ptp(columns["total"]) / potential - 1.0)))
-    assert off[0] < (3e-3, 3e-5) and off[1][0] < off[0][0] / 5 and off[1][1] < off[0][1] / 5
+        off.append(
+            (
+                abs(work / np.ptp(stored) - 1.0),
+                abs(np.ptp(columns["total"]) / potential - 1.0),
+            )
+        )
+    assert (
+        off[0] < (3e-3, 3e-5)
+        and off[1][0] < off[0][0] / 5
+        and off[1][1] < off[0][1] / 5
+    )
 
 
 @pytest.mark.parametrize("row", [0, 5, 14])
-def test_each_load_of_a_loading_compresses_as_much_as_a_run_under_that_load_alone(loading, row):
+def test_each_load_of_a_loading_compresses_as_much_as_a_run_under_that_load_alone(
+    loading, row
+):
     scene, _, outcome = loading
     part, found = outcome.columns["t"][row], outcome.columns["xi"][row]
     alone = scene.with_({"compression.pressure": float(part * P)}).scenario()
-    assert abs(alone.rest.roll - loading[1].rest.roll) > 0.05  # and lies as it would then
+    # and lies as it would then
+    assert abs(alone.rest.roll - loading[1].rest.roll) > 0.05
     assert found == pytest.approx(xi(alone.lattice, alone.rest.positions), rel=1e-8)
 
 
 def test_a_state_at_any_load_is_an_equilibrium_and_a_film_s_is_near_it(loading):
     _, scenario, outcome = loading
     columns, asked = outcome.columns, np.array([0.0, 0.4, 0.5, 1.0])
-    for (t, x, _), (same, drawn, _) in zip(outcome.replay(asked), outcome.frames(asked), strict=True):
+    for (t, x, _), (same, drawn, _) in zip(
+        outcome.replay(asked), outcome.frames(asked), strict=True
+    ):
         model = replace(scenario.model, load=Load(t * P))
-        assert t == same and np.abs(forces(scenario.lattice, model, x)).max() < 1e-9 * t * P / 100
-        assert (np.abs(drawn - x).max() < 1e-4) if t not in columns["t"] else np.array_equal(drawn, x)
-    assert t == 1.0 and next(outcome.replay(asked))[0] == columns["t"][0]  # under no load at all it rests nowhere
+        assert (
+            t == same
+            and np.abs(forces(scenario.lattice, model, x)).max() < 1e-9 * t * P / 100
+        )
+        assert (
+            (np.abs(drawn - x).max() < 1e-4)
+            if t not in columns["t"]
+            else np.array_equal(drawn, x)
+        )
+    # under no load at all it rests nowhere
+    assert t == 1.0 and next(outcome.replay(asked))[0] == columns["t"][0]
 
 
 def test_the_rest_under_the_full_load_alone_is_bitwise_that_of_the_loading(loading):
     scene, scenario, outcome = loading
     alone = compute(scene.scenario(), scene.time, loads=1)
-    assert np.array_equal(alone.positions, outcome.positions) and alone.summary == outcome.summary
+    assert (
+        np.array_equal(alone.positions, outcome.positions)
+        and alone.summary == outcome.summary
+    )
     assert scenario.result(alone.columns) == scenario.result(outcome.columns)
     assert {name: values[-1] for name, values in outcome.columns.items()} == {
         name: values[0] for name, values in alone.columns.items()
@@ -206,7 +292,8 @@ def test_the_rest_under_the_full_load_alone_is_bitwise_that_of_the_loading(loadi
     ],
 )
 def test_relaxation_comes_to_newtons_rest(settings, rolls, kernels):
-    """It begins at the angle of Newton's equilibrium (rolling there takes 10^4 R/c), or at that of the rigid disk."""
+    """It begins at the angle of Newton's equilibrium (rolling there takes 10^4 R/c), or
+    at that of the rigid disk."""
     scene = load_scene("compression", settings)
     scenario = scene.scenario()
     lattice, model = scenario.lattice, scenario.model
@@ -216,11 +303,15 @@ def test_relaxation_comes_to_newtons_rest(settings, rolls, kernels):
         scenario.lattice = place_on_wall(scene.body(), angle, WALL, 1e-3 * P)
     start = scenario.lattice.positions
     outcome = compute(scenario, scene.time)
-    values, rest = scenario.result(outcome.columns), solve_equilibrium(lattice, model, lattice.positions)
+    values, rest = (
+        scenario.result(outcome.columns),
+        solve_equilibrium(lattice, model, lattice.positions),
+    )
     assert abs(rest.roll) < 1e-6
     # The remaining difference is the end of the roll.
     assert values["xi"] == pytest.approx(xi(lattice, rest.positions), rel=2e-5)
-    # It starts as the unloaded lattice, turned and lifted: springs at rest, a thousandth of the load on the wall.
+    # It starts as the unloaded lattice, turned and lifted: springs at rest, a
+    # thousandth of the load on the wall.
     wall_force = reference.Model(lattice, model).wall_force
     assert np.abs(model.springs.strain(lattice, start)).max() < 1e-12
     assert wall_force(start)[:, 1].sum() == pytest.approx(1e-3 * P, rel=1e-9)
@@ -229,32 +320,60 @@ def test_relaxation_comes_to_newtons_rest(settings, rolls, kernels):
     assert np.abs(forces(lattice, model, x)).max() < 1e-3 * P / lattice.disk_points
     assert wall_force(x)[:, 1].sum() == pytest.approx(P, rel=1e-6)
     assert values["xi"] == pytest.approx(xi(lattice, x), abs=slack)
-    assert values["xi_nominal"] == pytest.approx(1.0 - (x[:, 1].mean() - x[:, 1].min()), abs=slack)
+    assert values["xi_nominal"] == pytest.approx(
+        1.0 - (x[:, 1].mean() - x[:, 1].min()), abs=slack
+    )
 
 
 def test_a_compression_within_a_tolerance_ends_as_near_to_newtons_rest(kernels):
-    """Without `time.tolerance` it counts as at rest while the end of the roll still changes xi by 3e-7 R."""
-    settings = ["lattice.points=60", "lattice.seed=9162", "wall.a=44", "wall.V0=22", "compression.pressure=4e-3"]
+    """Without `time.tolerance` it counts as at rest while the end of the roll still
+    changes xi by 3e-7 R."""
+    settings = [
+        "lattice.points=60",
+        "lattice.seed=9162",
+        "wall.a=44",
+        "wall.V0=22",
+        "compression.pressure=4e-3",
+    ]
     settings += ["material.k_a=0.76", "material.eta_star=68"]
     loose, early = computed(kernels, "compression", *settings)
     off = loose.end_truncation_error(early.columns)
     assert (
         off > 1e-7 and 1.05 * off < early.summary["error_estimate"]["xi"] < 1.5 * off
     )  # Newton's rest is rounded, too
-    scenario, outcome = computed(kernels, "compression", *settings, "time.tolerance=1e-7")
+    scenario, outcome = computed(
+        kernels, "compression", *settings, "time.tolerance=1e-7"
+    )
     assert 0.0 < outcome.summary["error_estimate"]["xi"] <= 1e-7
-    rest = solve_equilibrium(scenario.lattice, scenario.model, scenario.lattice.positions).positions
-    assert scenario.result(outcome.columns)["xi"] == pytest.approx(xi(scenario.lattice, rest), abs=1e-7)
+    rest = solve_equilibrium(
+        scenario.lattice, scenario.model, scenario.lattice.positions
+    ).positions
+    assert scenario.result(outcome.columns)["xi"] == pytest.approx(
+        xi(scenario.lattice, rest), abs=1e-7
+    )
     assert scenario.ended(outcome.columns) and not scenario.ended(early.columns)
-    # Once the disk is at rest, the end is checked at every row, not after another settling time.
-    assert 0.0 < outcome.columns["t"][-1] - early.columns["t"][-1] < 0.5 * scenario.quiet_time
-    assert re.search(r"xi still differs .* from that of Newton's.*time\.tolerance", scenario.unfinished(early.columns))
+    # Once the disk is at rest, the end is checked at every row, not after another
+    # settling time.
+    assert (
+        0.0
+        < outcome.columns["t"][-1] - early.columns["t"][-1]
+        < 0.5 * scenario.quiet_time
+    )
+    assert re.search(
+        r"xi still differs .* from that of Newton's.*time\.tolerance",
+        scenario.unfinished(early.columns),
+    )
 
 
 def test_xi_is_near_that_of_the_continuum():
-    # Michell's series for one contact and a uniform body force: xi = P/(pi E) {ln(pi E R/P) - (1 + nu)/4}, with the
-    # moduli of a stretch test. The wall is not quite hard and the lattice not quite a continuum: 2 to 7 % lower.
-    lattice, moduli, pressure = disk_lattice(1099, 0), bulk_moduli(1099, 0, 1.0, 0.7), 1.6e-2
+    # Michell's series for one contact and a uniform body force: xi = P/(pi E) {ln(pi E
+    # R/P) - (1 + nu)/4}, with the moduli of a stretch test. The wall is not quite hard
+    # and the lattice not quite a continuum: 2 to 7 % lower.
+    lattice, moduli, pressure = (
+        disk_lattice(1099, 0),
+        bulk_moduli(1099, 0, 1.0, 0.7),
+        1.6e-2,
+    )
     E, nu = moduli.young, moduli.poisson
     law = pressure / (np.pi * E) * (np.log(np.pi * E / pressure) - (1 + nu) / 4)
     found = rest_of(lattice, pressed(pressure, k_b=1e-3)).positions
@@ -262,7 +381,9 @@ def test_xi_is_near_that_of_the_continuum():
 
 
 @pytest.mark.parametrize("method", ["newton", "relaxation"])
-def test_springs_that_are_strained_without_a_load_rest_before_xi_counts(method, kernels):
+def test_springs_that_are_strained_without_a_load_rest_before_xi_counts(
+    method, kernels
+):
     # Springs 1 % longer than their distances only make the body 1 % larger.
     scene = load_scene("compression", [f"compression.method={method}"])
     disk = disk_lattice(100, 0)
@@ -279,8 +400,15 @@ def test_xi_keeps_its_sign():
     # The lowest points of this flat bar go down by more than its centre of mass.
     x, y = np.meshgrid(np.linspace(-0.9, 0.9, 14), [0.0, 0.12])
     bar = Lattice.from_points(np.stack([x.ravel(), y.ravel()], axis=1))
-    scenario = load_scene("compression", ["compression.method=newton", "compression.pressure=1e-3"]).scenario(bar)
-    rest, unloaded = (lattice.positions[:, 1] for lattice in (scenario.rest, scenario.lattice))
+    scenario = load_scene(
+        "compression", ["compression.method=newton", "compression.pressure=1e-3"]
+    ).scenario(bar)
+    rest, unloaded = (
+        lattice.positions[:, 1] for lattice in (scenario.rest, scenario.lattice)
+    )
     columns = compute(scenario, scenario.scene.time).columns
     difference = (unloaded.mean() - unloaded.min()) - (rest.mean() - rest.min())
-    assert scenario.result(columns)["xi"] == pytest.approx(difference, rel=1e-9) and difference < 0.0
+    assert (
+        scenario.result(columns)["xi"] == pytest.approx(difference, rel=1e-9)
+        and difference < 0.0
+    )

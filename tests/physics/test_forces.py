@@ -1,8 +1,9 @@
-"""The forces of every law: kernels, NumPy and an independent implementation agree, and the forces follow from the
-energy.
+"""The forces of every law: kernels, NumPy and an independent implementation agree, and
+the forces follow from the energy.
 
-Two implementations differ by rounding. Each force is a sum of some ten terms of similar size, so 1e-13 of the largest
-force is allowed. The walls here are so soft that they push many points about as hard as the springs do.
+Two implementations differ by rounding. Each force is a sum of some ten terms of similar
+size, so 1e-13 of the largest force is allowed. The walls here are so soft that they
+push many points about as hard as the springs do.
 """
 
 from __future__ import annotations
@@ -12,11 +13,28 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import reference
-from bodies import FALLING, FREE, damped, disk, disk_and_wall, matched, non_uniform, pressed, shaken
+from bodies import (
+    FALLING,
+    FREE,
+    damped,
+    disk,
+    disk_and_wall,
+    matched,
+    non_uniform,
+    pressed,
+    shaken,
+)
 from numpy.testing import assert_allclose
 
 from taichi_disk.integrators import TRAPEZOIDAL, VELOCITY_VERLET
-from taichi_disk.physics import ElasticWall, ExponentialWall, Model, PinnedBoundary, ResetBoundary, Springs
+from taichi_disk.physics import (
+    ElasticWall,
+    ExponentialWall,
+    Model,
+    PinnedBoundary,
+    ResetBoundary,
+    Springs,
+)
 from taichi_disk.simulation.observables import INDEX
 
 VV = VELOCITY_VERLET
@@ -26,10 +44,26 @@ CASES = {
     "free": (disk(), replace(FREE, springs=Springs(0.7)), VV),
     "wall, cubic springs": (DISK, replace(FALLING, wall=SOFT), VV),
     "wall, dashpots": (DISK, replace(damped(0.3, k_b=2.0), wall=SOFT), VV),
-    "wall, axial dashpots": (DISK, replace(FALLING, springs=Springs(1.0, 2.0, 0.3, axial=True), wall=SOFT), VV),
-    "wall, load, dashpots solved for": (DISK, pressed(0.02, 0.3, k_b=2.0, wall=SOFT), TRAPEZOIDAL),
-    "elastic wall, reset": (BOTH, Model(Springs(1.0, 2.0), ELASTIC, boundary=ResetBoundary(1.0)), VV),
-    "elastic wall, pinned": (BOTH, Model(Springs(1.0, 2.0), ELASTIC, boundary=PinnedBoundary()), VV),
+    "wall, axial dashpots": (
+        DISK,
+        replace(FALLING, springs=Springs(1.0, 2.0, 0.3, axial=True), wall=SOFT),
+        VV,
+    ),
+    "wall, load, dashpots solved for": (
+        DISK,
+        pressed(0.02, 0.3, k_b=2.0, wall=SOFT),
+        TRAPEZOIDAL,
+    ),
+    "elastic wall, reset": (
+        BOTH,
+        Model(Springs(1.0, 2.0), ELASTIC, boundary=ResetBoundary(1.0)),
+        VV,
+    ),
+    "elastic wall, pinned": (
+        BOTH,
+        Model(Springs(1.0, 2.0), ELASTIC, boundary=PinnedBoundary()),
+        VV,
+    ),
     "elastic wall, matched, dashpots solved for": (
         BOTH,
         Model(Springs(1.0, 2.0, 0.3), ELASTIC, boundary=matched(BOTH)),
@@ -40,7 +74,11 @@ CASES = {
         replace(FALLING, springs=Springs(1.0, 2.0, 0.3, axial=True), wall=SOFT),
         VV,
     ),
-    "non-uniform, wall, load, dashpots": (non_uniform(DISK, 0.2, 3.0), pressed(0.02, 0.3, k_b=2.0, wall=SOFT), VV),
+    "non-uniform, wall, load, dashpots": (
+        non_uniform(DISK, 0.2, 3.0),
+        pressed(0.02, 0.3, k_b=2.0, wall=SOFT),
+        VV,
+    ),
     "non-uniform, elastic wall, pinned": (
         non_uniform(BOTH, 0.2, 3.0),
         Model(Springs(1.0, 2.0), ELASTIC, boundary=PinnedBoundary()),
@@ -56,7 +94,13 @@ def assert_equal_forces(force, expected):
 RARE = "non-uniform, elastic wall, pinned", "non-uniform, wall, axial dashpots"
 
 
-@pytest.mark.parametrize("name", [pytest.param(name, marks=(pytest.mark.validate,) * (name in RARE)) for name in CASES])
+@pytest.mark.parametrize(
+    "name",
+    [
+        pytest.param(name, marks=(pytest.mark.validate,) * (name in RARE))
+        for name in CASES
+    ],
+)
 def test_kernels_and_numpy_have_the_forces_and_energies_of_plain_numpy(name, kernels):
     lattice, model, integrator = CASES[name]
     plain, springs = reference.Model(lattice, model), model.springs
@@ -64,10 +108,19 @@ def test_kernels_and_numpy_have_the_forces_and_energies_of_plain_numpy(name, ker
         x, v = shaken(lattice, seed, 0.01)
         if plain.pinned:
             v[lattice.wall_boundary] = 0.0
-        simulation = kernels.simulation(replace(lattice, positions=x), model, integrator, v, 1e-3)
-        f, wall = simulation.snapshot().vectors[2], plain.wall_force(x)[: lattice.disk_points]
+        simulation = kernels.simulation(
+            replace(lattice, positions=x), model, integrator, v, 1e-3
+        )
+        f, wall = (
+            simulation.snapshot().vectors[2],
+            plain.wall_force(x)[: lattice.disk_points],
+        )
         # Implicit dashpots act at the velocity in the middle of the first step.
-        at = v + 0.5 * simulation.dt / lattice.masses[:, None] * f if integrator is TRAPEZOIDAL else v
+        at = (
+            v + 0.5 * simulation.dt / lattice.masses[:, None] * f
+            if integrator is TRAPEZOIDAL
+            else v
+        )
         force = plain.force(x, at)
         assert_equal_forces(f, force)
         assert_equal_forces(model.forces_moving(lattice, x, at), force)
@@ -95,18 +148,28 @@ def test_kernels_and_numpy_have_the_forces_and_energies_of_plain_numpy(name, ker
 
 
 @pytest.mark.parametrize(
-    "name", ["wall, load, dashpots solved for", "elastic wall, reset", "non-uniform, wall, load, dashpots"]
+    "name",
+    [
+        "wall, load, dashpots solved for",
+        "elastic wall, reset",
+        "non-uniform, wall, load, dashpots",
+    ],
 )
 def test_the_force_is_minus_the_slope_of_the_reported_energies(name, kernels):
-    # Central differences, step d: error d^2 U'''/6 with U''' ~ a^2 F at the wall, 3e-12 F, and rounding eps U/d.
+    # Central differences, step d: error d^2 U'''/6 with U''' ~ a^2 F at the wall, 3e-12
+    # F, and rounding eps U/d.
     lattice, model, integrator = CASES[name]
     plain = reference.Model(lattice, model)
     x = shaken(lattice, 7, 0.005)[0]
     v = np.zeros_like(x)
 
     def reported(x):
-        simulation = kernels.simulation(replace(lattice, positions=x), model, integrator, v, 1e-3)
-        return simulation.first_row[[INDEX[name] for name in ("elastic", "wall", "load")]].sum()
+        simulation = kernels.simulation(
+            replace(lattice, positions=x), model, integrator, v, 1e-3
+        )
+        return simulation.first_row[
+            [INDEX[name] for name in ("elastic", "wall", "load")]
+        ].sum()
 
     force, d, surface = plain.force(x, v), 2e-7, lattice.wall_surface
     lowest = np.argsort(x[: lattice.disk_points, 1])[:4]
@@ -115,13 +178,19 @@ def test_the_force_is_minus_the_slope_of_the_reported_energies(name, kernels):
         for c in (0, 1):
             step = np.zeros_like(x)
             step[i, c] = d
-            for potential in (reported, lambda x: model.energy(lattice, x), plain.potential):
+            for potential in (
+                reported,
+                lambda x: model.energy(lattice, x),
+                plain.potential,
+            ):
                 slope = (potential(x + step) - potential(x - step)) / (2 * d)
                 assert abs(force[i, c] + slope) < 1e-7 * np.abs(force).max()
 
 
 @pytest.mark.parametrize(
-    "lattice", [disk(40, height=0.05), non_uniform(disk(40, height=0.05))], ids=["equal", "non-uniform"]
+    "lattice",
+    [disk(40, height=0.05), non_uniform(disk(40, height=0.05))],
+    ids=["equal", "non-uniform"],
 )
 def test_the_stiffness_is_minus_the_derivative_of_the_forces(lattice):
     model = pressed(0.02, k_b=40.0)
@@ -129,7 +198,9 @@ def test_the_stiffness_is_minus_the_derivative_of_the_forces(lattice):
     tangent = model.stiffness(lattice, x).toarray()
     for k in range(x.size):
         step = d * np.eye(1, x.size, k).reshape(x.shape)
-        column = (plain.force(x - step, 0 * x) - plain.force(x + step, 0 * x)).ravel() / (2 * d)
+        column = (
+            plain.force(x - step, 0 * x) - plain.force(x + step, 0 * x)
+        ).ravel() / (2 * d)
         assert_allclose(tangent[:, k], column, rtol=0, atol=1e-7 * np.abs(column).max())
     assert np.abs(tangent - tangent.T).max() < 1e-15 * np.abs(tangent).max()
 

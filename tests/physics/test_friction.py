@@ -1,4 +1,5 @@
-"""Impacts at an angle, with spin and with friction: impulse, torque, the rigid body, and independent programs."""
+"""Impacts at an angle, with spin and with friction: impulse, torque, the rigid body,
+and independent programs."""
 
 from __future__ import annotations
 
@@ -27,7 +28,9 @@ ROWS = ("time.sample_interval=1e-6",)  # a row for each step
 
 def impact(kernels, *settings, **options):
     """Return scenario, outcome and results of a throw at the rigid wall."""
-    scenario, outcome = computed(kernels, "exponential_wall", *settings, estimate=False, **options)
+    scenario, outcome = computed(
+        kernels, "exponential_wall", *settings, estimate=False, **options
+    )
     return scenario, outcome, scenario.result(outcome.columns)
 
 
@@ -40,14 +43,17 @@ def inertia(scenario):
 @pytest.mark.parametrize("sign", [1, -1])
 def test_a_disk_that_slides_takes_mu_times_the_normal_impulse(sign, kernels):
     _, _, found = impact(kernels, *SLIDING, f"impact.angle={1.2 * sign}")
-    assert found["tangential_impulse"] == pytest.approx(-0.1 * sign * found["normal_impulse"], rel=1e-12)
+    assert found["tangential_impulse"] == pytest.approx(
+        -0.1 * sign * found["normal_impulse"], rel=1e-12
+    )
 
 
 @pytest.mark.parametrize("throw", [SLIDING, STICKING], ids=["slides", "sticks"])
 def test_spin_and_sideways_velocity_change_by_just_what_the_wall_does(throw, kernels):
-    # Compute the wall's force from the motion alone: spring forces cancel and have no torque, so the sum of m a is the
-    # wall's force, and its torque about the centre changes the angular momentum. (The start is so far away that the
-    # half force of the first step is negligible.)
+    # Compute the wall's force from the motion alone: spring forces cancel and have no
+    # torque, so the sum of m a is the wall's force, and its torque about the centre
+    # changes the angular momentum. (The start is so far away that the half force of the
+    # first step is negligible.)
     scenario, outcome, found = impact(kernels, *throw, *ROWS, "impact.gap=0.11")
     columns, h = outcome.columns, outcome.summary["dt"]
     wall, torque, push = scenario.model.wall, 0.0, 0.0
@@ -60,26 +66,36 @@ def test_spin_and_sideways_velocity_change_by_just_what_the_wall_does(throw, ker
         torque += h * np.sum(arm[:, 0] * normal - arm[:, 1] * tangential)
         push += h * tangential.sum()
     change = columns["angular_momentum"][-1] - columns["angular_momentum"][0]
-    # NumPy cannot know the force on a point that begins or ceases to stick within a step.
+    # NumPy cannot know the force on a point that begins or ceases to stick within a
+    # step.
     allowed = 1e-12 if throw is SLIDING else 2e-3 * abs(change)
     assert change == pytest.approx(torque, abs=allowed)
-    assert found["tangential_impulse"] == pytest.approx(push, abs=allowed) and abs(push) > 1e-3
-    assert found["spin_after"] - scenario.scene.impact.spin == pytest.approx(change / inertia(scenario), rel=1e-9)
+    assert (
+        found["tangential_impulse"] == pytest.approx(push, abs=allowed)
+        and abs(push) > 1e-3
+    )
+    assert found["spin_after"] - scenario.scene.impact.spin == pytest.approx(
+        change / inertia(scenario), rel=1e-9
+    )
 
 
 @pytest.mark.parametrize(
-    "alike", [True, pytest.param(False, marks=pytest.mark.validate)], ids=["", "non-uniform masses"]
+    "alike",
+    [True, pytest.param(False, marks=pytest.mark.validate)],
+    ids=["", "non-uniform masses"],
 )
 def test_every_point_obeys_coulomb_at_every_step(alike, kernels):
-    # The force on a pushed point minus springs and normal force is friction: mu times the normal force against the next
-    # velocity, or less if that velocity is 0.
+    # The force on a pushed point minus springs and normal force is friction: mu times
+    # the normal force against the next velocity, or less if that velocity is 0.
     body, mu, h, slid, stuck = Lattice.disk(60), 0.5, 0.01, 0, 0
     if not alike:
         masses = np.random.default_rng(2).uniform(0.5, 2.0, 60)
         body = Lattice.from_points(body.positions, masses=masses)
     scenario = load_scene("exponential_wall", STICKING).scenario(body)
     lattice, model = scenario.lattice, scenario.model
-    simulation = kernels.simulation(lattice, model, VELOCITY_VERLET, scenario.velocities, h)
+    simulation = kernels.simulation(
+        lattice, model, VELOCITY_VERLET, scenario.velocities, h
+    )
     for _ in range(900):
         simulation.advance(1)
         x, v, f = simulation.snapshot().vectors
@@ -89,7 +105,9 @@ def test_every_point_obeys_coulomb_at_every_step(alike, kernels):
         assert (np.abs(friction) <= most * (1 + 1e-9) + 1e-13).all()
         pushed = most > 1e-8
         moving = pushed & (np.abs(coming) > 1e-14)
-        assert_allclose(friction[moving], (-most * np.sign(coming))[moving], rtol=1e-6, atol=1e-12)
+        assert_allclose(
+            friction[moving], (-most * np.sign(coming))[moving], rtol=1e-6, atol=1e-12
+        )
         slid, stuck = slid + int(moving.sum()), stuck + int((pushed & ~moving).sum())
     assert min(slid, stuck) > 50 and simulation.now[INDEX["com_vy"]] > 0.0
 
@@ -97,8 +115,14 @@ def test_every_point_obeys_coulomb_at_every_step(alike, kernels):
 def test_a_throw_and_its_mirror_image_are_mirror_images(kernels):
     scene = load_scene("exponential_wall", [*STICKING, "material.eta_star=10"])
     body = scene.body()
-    mirrored = replace(body, positions=body.positions * [-1.0, 1.0], triangles=body.triangles[:, ::-1].copy())
-    other = scene.with_({"impact.angle": -scene.impact.angle, "impact.spin": -scene.impact.spin})
+    mirrored = replace(
+        body,
+        positions=body.positions * [-1.0, 1.0],
+        triangles=body.triangles[:, ::-1].copy(),
+    )
+    other = scene.with_(
+        {"impact.angle": -scene.impact.angle, "impact.spin": -scene.impact.spin}
+    )
     runs = []
     for case, lattice in ((scene, body), (other, mirrored)):
         scenario = case.scenario(lattice)
@@ -116,18 +140,28 @@ def test_a_frictionless_throw_at_an_angle_equals_that_of_dop853(kernels):
         "impact.velocity=0.03",
     )
     scenario, outcome, found = impact(kernels, *settings)
-    solver, end = reference.Model(scenario.lattice, scenario.model), outcome.columns["t"][-1]
-    x, v = solver.solve(scenario.lattice.positions, scenario.velocities, (0.0, end), rtol=1e-10)[-1]
+    solver, end = (
+        reference.Model(scenario.lattice, scenario.model),
+        outcome.columns["t"][-1],
+    )
+    x, v = solver.solve(
+        scenario.lattice.positions, scenario.velocities, (0.0, end), rtol=1e-10
+    )[-1]
     arm, v_cm = x - x.mean(axis=0), v.mean(axis=0)
     spin = np.mean(arm[:, 0] * v[:, 1] - arm[:, 1] * v[:, 0]) / inertia(scenario)
-    assert found["restitution"] == pytest.approx(v_cm[1] / (0.03 * np.cos(0.8)), abs=2e-5)
-    assert outcome.columns["angular_momentum"][-1] / inertia(scenario) == pytest.approx(spin, abs=1e-6)
+    assert found["restitution"] == pytest.approx(
+        v_cm[1] / (0.03 * np.cos(0.8)), abs=2e-5
+    )
+    assert outcome.columns["angular_momentum"][-1] / inertia(scenario) == pytest.approx(
+        spin, abs=1e-6
+    )
     assert v_cm[0] == pytest.approx(-0.03 * np.sin(0.8), abs=1e-12)
     assert found["tangential_impulse"] == pytest.approx(0.0, abs=1e-12)
 
 
 def test_sliding_is_of_order_2_against_dop853(kernels):
-    # While every point slides to the right, friction is -mu times the push: a smooth force, which SciPy takes.
+    # While every point slides to the right, friction is -mu times the push: a smooth
+    # force, which SciPy takes.
     class Rough(reference.Model):
         def wall_force(self, x):
             force = super().wall_force(x)
@@ -137,57 +171,111 @@ def test_sliding_is_of_order_2_against_dop853(kernels):
     lattice, velocities, model = bouncing("rigid", 40, 0.0)
     velocities[:, 0] += 0.3
     model, end = replace(model, wall=ExponentialWall(A, V0, 0.2)), 1.92
-    x, v = Rough(lattice, model).solve(lattice.positions, velocities, (0.0, end), 1e-10)[-1]
+    x, v = Rough(lattice, model).solve(
+        lattice.positions, velocities, (0.0, end), 1e-10
+    )[-1]
     errors = []
     for count in (960, 1920):
-        simulation = kernels.simulation(lattice, model, VELOCITY_VERLET, velocities, end / count)
+        simulation = kernels.simulation(
+            lattice, model, VELOCITY_VERLET, velocities, end / count
+        )
         simulation.advance(count)
-        errors.append([np.abs(simulation.positions() - x).max(), np.abs(simulation.velocities() - v).max()])
+        errors.append(
+            [
+                np.abs(simulation.positions() - x).max(),
+                np.abs(simulation.velocities() - v).max(),
+            ]
+        )
     assert_allclose(np.log2(np.array(errors[0]) / errors[1]), 2.0, atol=0.1)
     assert errors[1][0] < 2e-6 and v[:, 0].mean() < 0.299
 
 
 def test_a_run_with_e_above_1_says_which_energy_became_flight(kernels):
-    throw = (*SMALL, "lattice.points=150")  # the rim is not exactly centred at the centre of mass
+    # the rim is not exactly centred at the centre of mass
+    throw = (*SMALL, "lattice.points=150")
     scenario, outcome, found = impact(kernels, *throw, "impact.spin=0.3")
     assert found["restitution"] > 1.01
     (text,) = outcome.summary["warnings"]
     rotation = inertia(scenario) * (0.3**2 - found["spin_after"] ** 2) / 0.05**2
-    assert text.startswith("e is above 1") and f"{rotation:+.3f}" in text and "+0 from the flight along" in text
+    assert (
+        text.startswith("e is above 1")
+        and f"{rotation:+.3f}" in text
+        and "+0 from the flight along" in text
+    )
     _, outcome, found = impact(kernels, *throw)
     assert found["restitution"] < 1.0 and not outcome.summary["warnings"]
 
 
-THROWS = [(angle, mu, spin) for angle in (0.2, 0.6, 1.0, 1.3) for mu in (0.1, 0.3, 0.8) for spin in (0.0, 0.03)]
+THROWS = [
+    (angle, mu, spin)
+    for angle in (0.2, 0.6, 1.0, 1.3)
+    for mu in (0.1, 0.3, 0.8)
+    for spin in (0.0, 0.03)
+]
 
 
-@pytest.mark.parametrize("throws", [THROWS[2:11:4], pytest.param(THROWS, marks=pytest.mark.validate)], ids=["3", "all"])
-def test_where_points_stick_errors_fall_as_the_square_of_the_step_on_average(throws, kernels):
-    # Compared with 1/64 of the first step, 0.016 R/c. The time when a point begins to stick is known to within a step,
-    # so errors of a single throw fall in jumps. The geometric mean over 24 throws falls with the power 1.85.
-    scene, end, errors, imbalance = load_scene("exponential_wall", ["lattice.points=150"]), 12.8, [], []
+@pytest.mark.parametrize(
+    "throws",
+    [THROWS[2:11:4], pytest.param(THROWS, marks=pytest.mark.validate)],
+    ids=["3", "all"],
+)
+def test_where_points_stick_errors_fall_as_the_square_of_the_step_on_average(
+    throws, kernels
+):
+    # Compared with 1/64 of the first step, 0.016 R/c. The time when a point begins to
+    # stick is known to within a step, so errors of a single throw fall in jumps. The
+    # geometric mean over 24 throws falls with the power 1.85.
+    scene, end, errors, imbalance = (
+        load_scene("exponential_wall", ["lattice.points=150"]),
+        12.8,
+        [],
+        [],
+    )
     for angle, mu, spin in throws:
-        keys = {"impact.angle": angle, "impact.spin": spin, "wall.friction": mu, "material.eta_star": 0}
+        keys = {
+            "impact.angle": angle,
+            "impact.spin": spin,
+            "wall.friction": mu,
+            "material.eta_star": 0,
+        }
         scenario, found = scene.with_(keys).scenario(), []
         for count in (800, 1600, 3200, 51_200):
-            start = scenario.lattice, scenario.model, VELOCITY_VERLET, scenario.velocities
-            columns = advance(kernels.simulation(*start, end / count), count, count // 200)
-            found.append([columns[name][-1] for name in ("com_vx", "com_vy", "angular_momentum")])
+            start = (
+                scenario.lattice,
+                scenario.model,
+                VELOCITY_VERLET,
+                scenario.velocities,
+            )
+            columns = advance(
+                kernels.simulation(*start, end / count), count, count // 200
+            )
+            found.append(
+                [columns[name][-1] for name in ("com_vx", "com_vy", "angular_momentum")]
+            )
             imbalance.append(np.ptp(columns["total"]) / columns["kinetic"][0])
-            assert (np.diff(columns["friction"]) > -1e-12).all()  # friction returns no energy
+            # friction returns no energy
+            assert (np.diff(columns["friction"]) > -1e-12).all()
         errors.append(np.abs(np.array(found[:-1]) - found[-1]).max(axis=1))
     means = np.exp(np.log(errors).mean(axis=0))
     assert 1.6 < 0.5 * np.log2(means[0] / means[2]) < 2.4
     assert means[0] < 1e-7 and np.max(errors) < 1e-6
-    assert np.max(imbalance[0::4]) < 3e-4 and np.max(imbalance[2::4]) < 0.1 * np.max(imbalance[0::4])
+    assert np.max(imbalance[0::4]) < 3e-4 and np.max(imbalance[2::4]) < 0.1 * np.max(
+        imbalance[0::4]
+    )
 
 
 @pytest.mark.parametrize("seed", [0, 1])
 def test_a_slow_throw_is_that_of_a_rigid_disk(seed, kernels):
-    # On a wall that is softer than the disk the contact lasts long. What sticks then rolls: the impulse that stops the
-    # lowest point, v_t + omega R = 0, is -(v_t + omega R)/(1/M + R^2/I) (Stronge, Impact Mechanics, 2000, planar
-    # impact). I is .525, for many points lie on the rim. The lattice's scatter is 2 per cent.
-    slow = ("material.eta_star=0", "material.k_a=10", "impact.velocity=0.005", f"lattice.seed={seed}")
+    # On a wall that is softer than the disk the contact lasts long. What sticks then
+    # rolls: the impulse that stops the lowest point, v_t + omega R = 0, is -(v_t +
+    # omega R)/(1/M + R^2/I) (Stronge, Impact Mechanics, 2000, planar impact). I is
+    # .525, for many points lie on the rim. The lattice's scatter is 2 per cent.
+    slow = (
+        "material.eta_star=0",
+        "material.k_a=10",
+        "impact.velocity=0.005",
+        f"lattice.seed={seed}",
+    )
     scenario, _, found = impact(kernels, *slow, "impact.angle=0.3", "wall.friction=1")
     along = 0.005 * np.sin(0.3)
     sticking = -along / (1.0 + 1.0 / inertia(scenario))
@@ -198,12 +286,17 @@ def test_a_slow_throw_is_that_of_a_rigid_disk(seed, kernels):
     _, _, found = impact(kernels, *slow, "impact.angle=1.2", "wall.friction=0.1")
     normal = 2.0 * 0.005 * np.cos(1.2)
     assert found["tangential_impulse"] == pytest.approx(-0.1 * normal, rel=1e-3)
-    assert found["spin_after"] == pytest.approx(-0.1 * normal / inertia(scenario), rel=0.03)
+    assert found["spin_after"] == pytest.approx(
+        -0.1 * normal / inertia(scenario), rel=0.03
+    )
 
 
 def test_a_disk_that_spins_fast_enough_leaves_the_other_way(kernels):
-    # Backspin: the lowest point moves to the right and friction acts to the left, until the disk goes back.
-    _, outcome, found = impact(kernels, *SMALL, "impact.angle=0.3", "impact.spin=0.2", "wall.friction=0.5")
+    # Backspin: the lowest point moves to the right and friction acts to the left, until
+    # the disk goes back.
+    _, outcome, found = impact(
+        kernels, *SMALL, "impact.angle=0.3", "impact.spin=0.2", "wall.friction=0.5"
+    )
     assert outcome.columns["com_vx"][0] > 0.0 > outcome.columns["com_vx"][-1]
     assert found["spin_after"] < 0.2
 
@@ -211,35 +304,59 @@ def test_a_disk_that_spins_fast_enough_leaves_the_other_way(kernels):
 def test_dashpots_are_explicit_if_there_is_friction(kernels):
     _, outcome, found = impact(kernels, *SLIDING, "material.eta_star=100")
     assert outcome.summary["integrator"] == "velocity_verlet"
-    assert found["tangential_impulse"] == pytest.approx(-0.1 * found["normal_impulse"], rel=1e-12)
+    assert found["tangential_impulse"] == pytest.approx(
+        -0.1 * found["normal_impulse"], rel=1e-12
+    )
     assert abs(outcome.summary["energy"]["closing_imbalance"]) < 1e-4
 
 
-def test_friction_alone_brakes_no_straight_throw_and_has_no_restitution_of_its_own(kernels):
+def test_friction_alone_brakes_no_straight_throw_and_has_no_restitution_of_its_own(
+    kernels,
+):
     _, _, found = impact(kernels, *SMALL, "wall.friction=0.3")
     _, _, plain = impact(kernels, *SMALL)
-    assert "tangential_restitution" not in found and list(plain) == ["restitution", "contact_time"]
+    assert "tangential_restitution" not in found and list(plain) == [
+        "restitution",
+        "contact_time",
+    ]
     assert found["restitution"] == pytest.approx(plain["restitution"], abs=0.05)
 
 
 @pytest.mark.parametrize("angle", [0.9, -0.9])
 def test_a_disk_flying_sideways_meets_the_middle_of_an_elastic_wall(angle, kernels):
-    wall = ("lattice.points=100", "wall.points=160", "wall.width=4", "wall.boundary=pinned")
+    wall = (
+        "lattice.points=100",
+        "wall.points=160",
+        "wall.width=4",
+        "wall.boundary=pinned",
+    )
     thrown = ("impact.gap=1", f"impact.angle={angle}")
-    scenario, outcome = computed(kernels, "absorbing_wall", *wall, *thrown, estimate=False)
+    scenario, outcome = computed(
+        kernels, "absorbing_wall", *wall, *thrown, estimate=False
+    )
     columns, found = outcome.columns, scenario.result(outcome.columns)
     first = int(np.argmax(columns["wall_force"] > 0.01 * columns["wall_force"].max()))
     assert abs(columns["com_x"][first]) < 0.11 and abs(columns["com_x"][0]) > 1.2
     # The wall is level and has no friction, so only its dent pushes sideways.
     assert 0.0 < abs(found["tangential_impulse"]) < 0.02 * found["normal_impulse"]
-    assert found["normal_impulse"] == pytest.approx((1.0 + found["restitution"]) * 0.02 * np.cos(0.9), rel=1e-12)
+    assert found["normal_impulse"] == pytest.approx(
+        (1.0 + found["restitution"]) * 0.02 * np.cos(0.9), rel=1e-12
+    )
     assert abs(outcome.summary["energy"]["closing_imbalance"]) < 1e-4
 
 
 def test_on_an_elastic_wall_a_disk_may_start_anywhere(kernels):
-    scene = load_scene("absorbing_wall", ["lattice.points=60", "wall.points=100", "impact.offset=-0.4"])
-    scenario, plain = scene.scenario(), scene.with_({"impact.offset": "auto"}).scenario()
-    assert_allclose(scenario.lattice.positions[:60] - plain.lattice.positions[:60], np.tile([-0.4, 0.0], (60, 1)))
+    scene = load_scene(
+        "absorbing_wall", ["lattice.points=60", "wall.points=100", "impact.offset=-0.4"]
+    )
+    scenario, plain = (
+        scene.scenario(),
+        scene.with_({"impact.offset": "auto"}).scenario(),
+    )
+    assert_allclose(
+        scenario.lattice.positions[:60] - plain.lattice.positions[:60],
+        np.tile([-0.4, 0.0], (60, 1)),
+    )
     assert_array_equal(scenario.lattice.positions[60:], plain.lattice.positions[60:])
 
 
@@ -254,20 +371,31 @@ def test_the_stiffer_an_elastic_wall_the_nearer_it_is_to_the_rigid_one(kernels):
         "impact.spin=0.03",
     )
     _, _, rigid = impact(kernels, *thrown)
-    wall, off, sideways = ("wall.points=100", "wall.width=3.4", "wall.boundary=pinned"), [], []
+    wall, off, sideways = (
+        ("wall.points=100", "wall.width=3.4", "wall.boundary=pinned"),
+        [],
+        [],
+    )
     for k_a in (100, 1000):
-        scenario, outcome = computed(kernels, "absorbing_wall", *thrown, *wall, f"wall.k_a={k_a}", estimate=False)
+        scenario, outcome = computed(
+            kernels, "absorbing_wall", *thrown, *wall, f"wall.k_a={k_a}", estimate=False
+        )
         found = scenario.result(outcome.columns)
-        off.append([abs(found[name] - rigid[name]) for name in ("restitution", "spin_after")])
+        off.append(
+            [abs(found[name] - rigid[name]) for name in ("restitution", "spin_after")]
+        )
         sideways.append(found["tangential_impulse"])
     assert all(8.0 < before / after < 15.0 for before, after in zip(*off, strict=True))
-    assert off[1][0] < 1e-4 and sideways[0] / sideways[1] == pytest.approx(10.0, rel=0.1)
+    assert off[1][0] < 1e-4 and sideways[0] / sideways[1] == pytest.approx(
+        10.0, rel=0.1
+    )
 
 
 def test_springs_of_the_elastic_wall_have_a_stiffness_of_their_own():
     few = ["lattice.points=60", "wall.points=100", "material.k_a=2"]
     soft, same, equal = (
-        load_scene("absorbing_wall", [*few, *more]).body() for more in (["wall.k_a=0.5"], [], ["wall.k_a=2"])
+        load_scene("absorbing_wall", [*few, *more]).body()
+        for more in (["wall.k_a=0.5"], [], ["wall.k_a=2"])
     )
     of_wall = soft.bonds[:, 0] >= 60
     assert same.stiffness is equal.stiffness is None
@@ -285,18 +413,36 @@ def test_results_along_the_wall_do_not_depend_on_how_far_from_it_the_run_ends(ke
     )
     found = []
     for gap in ("auto", 0.1, 0.3, 1.0):
-        scenario, outcome, numbers = impact(kernels, *throw, "impact.velocity=0.05", f"impact.gap={gap}")
-        left = summary(scenario, split(outcome.columns, scenario.lattice.inertia))["vibration_left"]
+        scenario, outcome, numbers = impact(
+            kernels, *throw, "impact.velocity=0.05", f"impact.gap={gap}"
+        )
+        left = summary(scenario, split(outcome.columns, scenario.lattice.inertia))[
+            "vibration_left"
+        ]
         found.append([numbers["spin_after"], numbers["tangential_restitution"], left])
-        messages = [text for text in warnings(scenario, outcome.columns) if "after the contact" in text]
+        messages = [
+            text
+            for text in warnings(scenario, outcome.columns)
+            if "after the contact" in text
+        ]
         assert len(messages) == 1 and "axial" in messages[0]
-    assert_allclose(found, np.broadcast_to(found[-1], np.shape(found)), rtol=2e-3, atol=1e-5)
+    assert_allclose(
+        found, np.broadcast_to(found[-1], np.shape(found)), rtol=2e-3, atol=1e-5
+    )
 
 
 @pytest.mark.parametrize(("eta_star", "is_warned"), [(0.002, False), (0.02, True)])
-def test_a_warning_says_that_dashpots_took_one_per_cent_of_a_spin(eta_star, is_warned, kernels):
+def test_a_warning_says_that_dashpots_took_one_per_cent_of_a_spin(
+    eta_star, is_warned, kernels
+):
     spinning = ("impact.spin=0.05", "impact.gap=0.2", f"material.eta_star={eta_star}")
     scenario, outcome, _ = impact(kernels, *SMALL, *spinning)
-    found = [text for text in warnings(scenario, outcome.columns) if "angular momentum" in text]
+    found = [
+        text
+        for text in warnings(scenario, outcome.columns)
+        if "angular momentum" in text
+    ]
     assert len(found) == is_warned
-    assert not is_warned or re.search("took 2% .* before the contact and 2% .* after the contact.*axial", found[0])
+    assert not is_warned or re.search(
+        "took 2% .* before the contact and 2% .* after the contact.*axial", found[0]
+    )

@@ -1,4 +1,5 @@
-"""The mouse's pull on a point: compared with DOP853, with dashpots of every strength, and in the energy balance."""
+"""The mouse's pull on a point: compared with DOP853, with dashpots of every strength,
+and in the energy balance."""
 
 from __future__ import annotations
 
@@ -15,7 +16,8 @@ from taichi_disk.physics import Model, MouseSpring, Springs
 from taichi_disk.simulation.observables import INDEX
 
 MOUSE, POINT, LONG = MouseSpring(0.2, 0.02), 7, pytest.mark.validate
-# Farther than strongest/k = 0.1 R from its target the pull is constant. (pulled point, offset of the target), 24 steps.
+# Farther than strongest/k = 0.1 R from its target the pull is constant. (pulled point,
+# offset of the target), 24 steps.
 LED = ((POINT, (0.05, 0.02)), (POINT, (0.3, 0.1)), (-1, (0.0, 0.0)))
 
 
@@ -32,14 +34,24 @@ class Pulled(reference.Model):
 
 @pytest.mark.parametrize(
     ("eta", "integrator", "dt"),
-    # Overdamped: eta times the largest eigenvalue of the Laplacian over m is 14 times the inverse step.
+    # Overdamped: eta times the largest eigenvalue of the Laplacian over m is 14 times
+    # the inverse step.
     [
         (0.0, VELOCITY_VERLET, 0.02),
-        *(pytest.param(*case, 0.02, marks=LONG) for case in ((0.0, TAKAHASHI_IMADA), (1.0, TRAPEZOIDAL))),
+        *(
+            pytest.param(*case, 0.02, marks=LONG)
+            for case in ((0.0, TAKAHASHI_IMADA), (1.0, TRAPEZOIDAL))
+        ),
     ],
 )
-@pytest.mark.parametrize("body", [lambda one: one, pytest.param(non_uniform, marks=LONG)], ids=["equal", "non-uniform"])
-def test_a_pulled_point_moves_as_the_exact_solution_and_its_energy_is_accounted_for(body, eta, integrator, dt, kernels):
+@pytest.mark.parametrize(
+    "body",
+    [lambda one: one, pytest.param(non_uniform, marks=LONG)],
+    ids=["equal", "non-uniform"],
+)
+def test_a_pulled_point_moves_as_the_exact_solution_and_its_energy_is_accounted_for(
+    body, eta, integrator, dt, kernels
+):
     lattice = body(disk(60, height=0.5))
     model = Model(Springs(1.0, 1.0, eta), FALLING.wall, mouse=MOUSE)
     x, v = lattice.positions, np.zeros_like(lattice.positions)
@@ -49,13 +61,19 @@ def test_a_pulled_point_moves_as_the_exact_solution_and_its_energy_is_accounted_
         y = plain.solve(*y, (0.0, 24 * dt))[-1]
     errors = []
     for steps in (1, 2, 4):
-        simulation, work = kernels.simulation(lattice, model, integrator, v, dt / steps), 0.0
+        simulation, work = (
+            kernels.simulation(lattice, model, integrator, v, dt / steps),
+            0.0,
+        )
         for point, offset in LED:
             work += simulation.set_mouse_target(point, tuple(x[POINT] + offset))
             simulation.advance(24 * steps)
         errors.append(np.abs(simulation.positions() - y[0]).max())
         row = simulation.now
-        energy = sum(row[INDEX[name]] for name in ("kinetic", "elastic", "wall", "load", "dissipated"))
+        energy = sum(
+            row[INDEX[name]]
+            for name in ("kinetic", "elastic", "wall", "load", "dissipated")
+        )
     least = 0.8 * 2**2  # also for order 4, because the pull jumps
     assert errors[0] > least * errors[1] > least**2 * errors[2]
     assert errors[-1] < 2e-3 * np.abs(y[0] - x).max()
@@ -66,5 +84,10 @@ def test_a_mouse_that_pulls_at_nothing_changes_no_bit(kernels):
     lattice = disk(60, height=0.05)
     models = FALLING, replace(FALLING, mouse=MOUSE)
     down = moving_down(lattice, 0.05)
-    rows = [kernels.simulation(lattice, model, VELOCITY_VERLET, down, 5e-3).advance(400, 20)[0] for model in models]
+    rows = [
+        kernels.simulation(lattice, model, VELOCITY_VERLET, down, 5e-3).advance(
+            400, 20
+        )[0]
+        for model in models
+    ]
     assert_array_equal(*rows)

@@ -1,4 +1,5 @@
-"""The stability limit of the step, against matrices and oscillators; with the kernels in tests/validation."""
+"""The stability limit of the step, against matrices and oscillators; with the kernels
+in tests/validation."""
 
 from __future__ import annotations
 
@@ -10,27 +11,42 @@ import reference
 from bodies import ELASTIC, FREE, RIGID, computed, disk, disk_and_wall, non_uniform
 from scipy.integrate import solve_ivp
 
-from taichi_disk.computation.stability import explicit_limit, impact_point_force, spectrum, step_limit
+from taichi_disk.computation.stability import (
+    explicit_limit,
+    impact_point_force,
+    spectrum,
+    step_limit,
+)
 from taichi_disk.computation.step_control import LIMIT_MARGIN
 from taichi_disk.integrators import INTEGRATORS, VELOCITY_VERLET
 from taichi_disk.physics import ExponentialWall, Model, Springs
 
 
 def oscillator(integrator, angle):
-    """Return half the trace of a step of x'' = -x by h = `angle`: cos of its phase, within -1..1 if stable."""
+    """Return half the trace of a step of x'' = -x by h = `angle`: cos of its phase,
+    within -1..1 if stable."""
     step = np.eye(2)
     for kick, move in zip(integrator.kicks, (*integrator.moves, 0.0), strict=True):
         force = angle * (1.0 - integrator.correction * angle**2)
-        step = np.array([[1.0, move * angle], [0.0, 1.0]]) @ np.array([[1.0, 0.0], [-kick * force, 1.0]]) @ step
+        step = (
+            np.array([[1.0, move * angle], [0.0, 1.0]])
+            @ np.array([[1.0, 0.0], [-kick * force, 1.0]])
+            @ step
+        )
     return 0.5 * np.trace(step)
 
 
 @pytest.mark.parametrize("integrator", INTEGRATORS.values(), ids=INTEGRATORS)
-def test_an_oscillator_is_stable_up_to_the_stated_limit_and_its_phase_has_the_stated_order(integrator):
+def test_an_oscillator_is_stable_up_to_the_stated_limit_and_its_phase_has_the_stated_order(
+    integrator,
+):
     angles = np.linspace(0.01, integrator.stable - 1e-4, 2000)
     assert max(abs(oscillator(integrator, angle)) for angle in angles) <= 1.0 + 1e-12
     assert abs(oscillator(integrator, integrator.stable + 1e-3)) > 1.0
-    errors = [abs(np.arccos(oscillator(integrator, angle)) / angle - 1.0) for angle in (0.4, 0.2)]
+    errors = [
+        abs(np.arccos(oscillator(integrator, angle)) / angle - 1.0)
+        for angle in (0.4, 0.2)
+    ]
     assert np.log2(errors[0] / errors[1]) == pytest.approx(integrator.order, abs=0.1)
     assert sum(integrator.kicks) == pytest.approx(1.0, abs=1e-14)
     assert sum(integrator.moves) == pytest.approx(1.0, abs=1e-14)
@@ -41,42 +57,63 @@ def jacobian(model, x):
     d, still, columns = 1e-7, np.zeros_like(x), []
     for k in range(x.size):
         step = d * np.eye(1, x.size, k).reshape(x.shape)
-        columns.append((model.force(x - step, still) - model.force(x + step, still)).ravel() / (2 * d))
+        columns.append(
+            (model.force(x - step, still) - model.force(x + step, still)).ravel()
+            / (2 * d)
+        )
     return np.array(columns).T
 
 
-@pytest.mark.parametrize("lattice", [disk(40), non_uniform(disk(40), 0.2, 3.0)], ids=["equal", "non-uniform"])
+@pytest.mark.parametrize(
+    "lattice", [disk(40), non_uniform(disk(40), 0.2, 3.0)], ids=["equal", "non-uniform"]
+)
 def test_highest_frequency_and_damping_rate_are_those_of_the_matrices(lattice):
     model, m = Model(Springs(1.0, 1.0, 0.3)), lattice.masses[:, None]
     modes, plain = spectrum(lattice, model), reference.Model(lattice, model)
-    omega2 = np.linalg.eigvals(jacobian(plain, lattice.positions) / np.repeat(m, 2, axis=0)).real.max()
+    omega2 = np.linalg.eigvals(
+        jacobian(plain, lattice.positions) / np.repeat(m, 2, axis=0)
+    ).real.max()
     assert modes.omega**2 == pytest.approx(omega2, rel=1e-6)
     # Find the dashpots' matrix column by column as the force at a unit velocity.
     unit = np.eye(40)[:, :, None] * [1.0, 0.0]
     matrix = np.array([-plain.force(lattice.positions, v)[:, 0] for v in unit])
-    assert modes.damping * 0.3 == pytest.approx(np.linalg.eigvals(matrix / m).real.max(), rel=1e-9)
+    assert modes.damping * 0.3 == pytest.approx(
+        np.linalg.eigvals(matrix / m).real.max(), rel=1e-9
+    )
 
 
 @pytest.mark.parametrize(
-    "body", [lambda one: one, lambda one: non_uniform(one, 0.2, 3.0)], ids=["equal", "non-uniform"]
+    "body",
+    [lambda one: one, lambda one: non_uniform(one, 0.2, 3.0)],
+    ids=["equal", "non-uniform"],
 )
 @pytest.mark.parametrize("wall", [RIGID, ELASTIC], ids=["rigid", "elastic"])
 def test_the_walls_stiffness_is_bounded_by_the_force_on_a_point(wall, body):
-    # omega^2 <= omega_lattice^2 + a F/m on a rigid wall (2 a F/m on an elastic one), where F is the largest force on
-    # one point. This is exact for the undeformed lattice, whose springs carry no force.
+    # omega^2 <= omega_lattice^2 + a F/m on a rigid wall (2 a F/m on an elastic one),
+    # where F is the largest force on one point. This is exact for the undeformed
+    # lattice, whose springs carry no force.
     for height in (0.02, 0.03, 0.05):
-        lattice = body(disk(30, height=height) if wall is RIGID else disk_and_wall(30, 45, height=height))
+        lattice = body(
+            disk(30, height=height)
+            if wall is RIGID
+            else disk_and_wall(30, 45, height=height)
+        )
         model = replace(FREE, wall=wall)
         plain, x = reference.Model(lattice, model), lattice.positions
         force = np.abs(plain.wall_force(x)[: lattice.disk_points]).max()
         per_mass = jacobian(plain, x) / np.repeat(lattice.masses, 2)[:, None]
         omega = np.sqrt(np.linalg.eigvals(per_mass).real.max())
         limit = step_limit(spectrum(lattice, model), model, VELOCITY_VERLET, force)
-        assert (0.6 if np.ptp(lattice.masses) == 0.0 else 0.3) * 2.0 / omega < limit < 2.0 / omega * (1 + 1e-6)
+        assert (
+            (0.6 if np.ptp(lattice.masses) == 0.0 else 0.3) * 2.0 / omega
+            < limit
+            < 2.0 / omega * (1 + 1e-6)
+        )
 
 
 def swings(omega, rate, h):
-    """Return the largest |x| in 4000 steps of x'' = -omega^2 x - rate x' with a predicted dashpot velocity."""
+    """Return the largest |x| in 4000 steps of x'' = -omega^2 x - rate x' with a
+    predicted dashpot velocity."""
     x, v, a, most = 1.0, 0.5 * h * omega**2, -(omega**2), 0.0
     for _ in range(4000):
         u = v + 1.5 * h * a  # predicted for the end of the step
@@ -95,12 +132,19 @@ def test_the_explicit_limit_holds_for_every_mode_and_is_sharp_at_its_ends():
     rng = np.random.default_rng(4)
     for damping in (0.0, 5.0, 30.0, 200.0):
         limit = explicit_limit(30.0, damping)
-        for omega, rate in zip(30.0 * rng.random(12), damping * rng.random(12), strict=True):
+        for omega, rate in zip(
+            30.0 * rng.random(12), damping * rng.random(12), strict=True
+        ):
             assert swings(omega, rate, 0.98 * limit) < 1e4
-        assert max(swings(30.0, r, 1.05 * limit) for r in (0.0, 0.5 * damping, damping)) > 1e6
+        assert (
+            max(swings(30.0, r, 1.05 * limit) for r in (0.0, 0.5 * damping, damping))
+            > 1e6
+        )
 
 
-@pytest.mark.parametrize("body", [disk(60), non_uniform(disk(60), 0.2, 3.0)], ids=["equal", "non-uniform"])
+@pytest.mark.parametrize(
+    "body", [disk(60), non_uniform(disk(60), 0.2, 3.0)], ids=["equal", "non-uniform"]
+)
 def test_a_hard_wall_is_expected_to_stop_the_heaviest_point_by_itself(body):
     a, speed, mass = 1e4, 0.3, body.masses.max()
 
@@ -108,20 +152,40 @@ def test_a_hard_wall_is_expected_to_stop_the_heaviest_point_by_itself(body):
         return state[1], 0.5 * a * np.exp(-a * state[0]) / mass
 
     start = 30.0 / a
-    flight = solve_ivp(motion, (0.0, 2.0 * start / speed), (start, -speed), rtol=1e-10, atol=1e-12, max_step=0.1 / a)
+    flight = solve_ivp(
+        motion,
+        (0.0, 2.0 * start / speed),
+        (start, -speed),
+        rtol=1e-10,
+        atol=1e-12,
+        max_step=0.1 / a,
+    )
     assert flight.y[1, -1] == pytest.approx(speed, rel=1e-6)  # it has come back
     largest = (0.5 * a * np.exp(-a * flight.y[0])).max()
-    foreseen = impact_point_force(body, Model(Springs(), ExponentialWall(a, 0.5)), speed)
-    assert foreseen == pytest.approx(largest, rel=1e-2)  # more than this point's part of the whole contact force
+    foreseen = impact_point_force(
+        body, Model(Springs(), ExponentialWall(a, 0.5)), speed
+    )
+    # more than this point's part of the whole contact force
+    assert foreseen == pytest.approx(largest, rel=1e-2)
 
 
 @pytest.mark.validate
 @pytest.mark.parametrize(("a", "speed"), [(100.0, 0.02), (3000.0, 0.1)])
-def test_the_force_on_a_point_is_estimated_as_well_as_the_step_margin_requires(a, speed, kernels):
-    settings = ("lattice.points=300", "time.safety=0.5", f"wall.a={a}", f"impact.velocity={speed}")
+def test_the_force_on_a_point_is_estimated_as_well_as_the_step_margin_requires(
+    a, speed, kernels
+):
+    settings = (
+        "lattice.points=300",
+        "time.safety=0.5",
+        f"wall.a={a}",
+        f"impact.velocity={speed}",
+    )
     scenario, outcome = computed(kernels, "exponential_wall", *settings, estimate=False)
     integrator = INTEGRATORS[outcome.summary["integrator"]]
-    # The wall's stiffness a F contributes at most all of omega^2, and the step depends on its root.
+    # The wall's stiffness a F contributes at most all of omega^2, and the step depends
+    # on its root.
     peak, modes = outcome.largest_force, spectrum(scenario.lattice, scenario.model)
     assert 0.4 < peak / scenario.point_force < (LIMIT_MARGIN / 0.8) ** 2
-    assert outcome.summary["dt_limit"] == step_limit(modes, scenario.model, integrator, peak)
+    assert outcome.summary["dt_limit"] == step_limit(
+        modes, scenario.model, integrator, peak
+    )

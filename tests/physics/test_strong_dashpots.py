@@ -1,4 +1,5 @@
-"""Dashpots so strong that a step is longer than their relaxation time, in bodies that vibrate from the start."""
+"""Dashpots so strong that a step is longer than their relaxation time, in bodies that
+vibrate from the start."""
 
 from __future__ import annotations
 
@@ -19,38 +20,84 @@ LONG = pytest.mark.validate
 
 
 @LONG
-@pytest.mark.parametrize(("points", "eta_star", "spin"), [(22, 300, 0.3), (30, 2000, -0.1), (150, 100, 0.05)])
-def test_a_disk_that_spins_beside_strong_dashpots_meets_its_estimate(points, eta_star, spin, kernels):
-    settings = f"lattice.points={points}", f"material.eta_star={eta_star}", f"impact.spin={spin}"
-    scenario, outcome = computed(kernels, "exponential_wall", "impact.velocity=0.05", *settings)
+@pytest.mark.parametrize(
+    ("points", "eta_star", "spin"), [(22, 300, 0.3), (30, 2000, -0.1), (150, 100, 0.05)]
+)
+def test_a_disk_that_spins_beside_strong_dashpots_meets_its_estimate(
+    points, eta_star, spin, kernels
+):
+    settings = (
+        f"lattice.points={points}",
+        f"material.eta_star={eta_star}",
+        f"impact.spin={spin}",
+    )
+    scenario, outcome = computed(
+        kernels, "exponential_wall", "impact.velocity=0.05", *settings
+    )
     lattice, end = scenario.lattice, outcome.columns["t"][-1]
-    assert outcome.summary["integrator"] == "trapezoidal" and outcome.summary["steps"] < 2000
-    _, (_, v) = Model(lattice, scenario.model).solve(lattice.positions, scenario.velocities, (0.0, end), 1e-8)
+    assert (
+        outcome.summary["integrator"] == "trapezoidal"
+        and outcome.summary["steps"] < 2000
+    )
+    _, (_, v) = Model(lattice, scenario.model).solve(
+        lattice.positions, scenario.velocities, (0.0, end), 1e-8
+    )
     e = scenario.result(outcome.columns)["restitution"]
-    assert abs(e - v[:, 1].mean() / 0.05) < outcome.summary["error_estimate"]["restitution"] < 2e-3
+    assert (
+        abs(e - v[:, 1].mean() / 0.05)
+        < outcome.summary["error_estimate"]["restitution"]
+        < 2e-3
+    )
     assert abs(outcome.summary["energy"]["worst_imbalance"]) < 1e-3
 
 
 @pytest.mark.parametrize(
-    ("mass", "stretch"), [(0.5, 0.1), pytest.param(0.5, 0.0, marks=LONG), pytest.param(0.1, 0.1, marks=LONG)]
+    ("mass", "stretch"),
+    [
+        (0.5, 0.1),
+        pytest.param(0.5, 0.0, marks=LONG),
+        pytest.param(0.1, 0.1, marks=LONG),
+    ],
 )
-def test_the_balance_of_a_free_disk_with_dashpots_is_exact_at_any_step_for_linear_springs(mass, stretch, kernels):
-    # Leapfrog conserves E - h^2/(8 m) f.F, whose second term is 0 when the body is at rest in the end.
-    rod, masses = chain([[-0.5, 0.0], [0.5, 0.0]], [[0, 1]], 0.5), np.array([mass, 1.0 - mass])
+def test_the_balance_of_a_free_disk_with_dashpots_is_exact_at_any_step_for_linear_springs(
+    mass, stretch, kernels
+):
+    # Leapfrog conserves E - h^2/(8 m) f.F, whose second term is 0 when the body is at
+    # rest in the end.
+    rod, masses = (
+        chain([[-0.5, 0.0], [0.5, 0.0]], [[0, 1]], 0.5),
+        np.array([mass, 1.0 - mass]),
+    )
     rod = replace(rod, masses=masses, rest_lengths=np.array([1.0 - stretch]))
-    velocities = np.array([[0.05, 0.0], [-0.05, 0.0]]) / masses[:, None]  # along the spring: its force is linear
-    simulation = kernels.simulation(rod, Laws(Springs(1.0, 0.0, 40.0)), TRAPEZOIDAL, velocities, 0.5)
+    # along the spring: its force is linear
+    velocities = np.array([[0.05, 0.0], [-0.05, 0.0]]) / masses[:, None]
+    simulation = kernels.simulation(
+        rod, Laws(Springs(1.0, 0.0, 40.0)), TRAPEZOIDAL, velocities, 0.5
+    )
     columns = advance(simulation, 4000, 4000)
-    assert columns["dissipated"][-1] == pytest.approx(columns["kinetic"][0] + columns["elastic"][0], rel=1e-12)
+    assert columns["dissipated"][-1] == pytest.approx(
+        columns["kinetic"][0] + columns["elastic"][0], rel=1e-12
+    )
 
 
 @LONG
 def test_dashpots_brake_a_spin_in_flight_with_a_warning_and_axial_ones_do_not(kernels):
-    settings = "lattice.points=60", "impact.spin=0.05", "material.eta_star=10", "impact.gap=0.3"
+    settings = (
+        "lattice.points=60",
+        "impact.spin=0.05",
+        "material.eta_star=10",
+        "impact.gap=0.3",
+    )
     _, vector = computed(kernels, "exponential_wall", *settings, estimate=False)
-    _, axial = computed(kernels, "exponential_wall", *settings, "material.dashpot=axial", estimate=False)
+    _, axial = computed(
+        kernels, "exponential_wall", *settings, "material.dashpot=axial", estimate=False
+    )
     (text,) = vector.summary["warnings"]
-    assert "angular momentum" in text and "material.dashpot: axial" in text and not axial.summary["warnings"]
+    assert (
+        "angular momentum" in text
+        and "material.dashpot: axial" in text
+        and not axial.summary["warnings"]
+    )
     force, spin = axial.columns["wall_force"], axial.columns["angular_momentum"]
     before = force < 1e-6 * force.max()
     before[int(force.argmax()) :] = False
@@ -58,4 +105,7 @@ def test_dashpots_brake_a_spin_in_flight_with_a_warning_and_axial_ones_do_not(ke
     assert np.ptp(spin[before]) < 1e-6 * abs(spin[0]) and before.sum() > 10
     assert axial.summary["integrator"] == "velocity_verlet"
     with pytest.raises(InputError, match=r"time\.integrator: trapezoidal .* axial"):
-        load_scene("exponential_wall", ["material.dashpot=axial", "time.integrator=trapezoidal"])
+        load_scene(
+            "exponential_wall",
+            ["material.dashpot=axial", "time.integrator=trapezoidal"],
+        )

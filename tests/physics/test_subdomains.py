@@ -1,4 +1,5 @@
-"""Large lattices, stepped subdomain by subdomain on several cores: the same forces, motion, energies and bits."""
+"""Large lattices, stepped subdomain by subdomain on several cores: the same forces,
+motion, energies and bits."""
 
 from __future__ import annotations
 
@@ -11,7 +12,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 import reference
-from bodies import ELASTIC, FALLING, disk, disk_and_wall, matched, moving_down, non_uniform, pressed
+from bodies import (
+    ELASTIC,
+    FALLING,
+    disk,
+    disk_and_wall,
+    matched,
+    moving_down,
+    non_uniform,
+    pressed,
+)
 from numpy.testing import assert_allclose, assert_array_equal
 
 from taichi_disk import runtime
@@ -35,7 +45,8 @@ def test_subdomains_share_no_point_and_hold_every_spring_once(monkeypatch):
         inside = arrangement.ends[begin * ordering.BLOCK : end * ordering.BLOCK]
         points = inside[inside < 900]
         assert (
-            c * arrangement.subdomain_points <= points.min() and points.max() < (c + 1) * arrangement.subdomain_points
+            c * arrangement.subdomain_points <= points.min()
+            and points.max() < (c + 1) * arrangement.subdomain_points
         )
         owned.append(set(inside.ravel().tolist()))
         begin = int(end)
@@ -43,11 +54,21 @@ def test_subdomains_share_no_point_and_hold_every_spring_once(monkeypatch):
 
 
 def body(name):
-    """Return lattice, model, integrator and velocities of a disk in contact, stretched by some per cent."""
-    integrator = TRAPEZOIDAL if "trapezoidal" in name else VEFRL if "four" in name else VELOCITY_VERLET
+    """Return lattice, model, integrator and velocities of a disk in contact, stretched
+    by some per cent."""
+    integrator = (
+        TRAPEZOIDAL
+        if "trapezoidal" in name
+        else VEFRL
+        if "four" in name
+        else VELOCITY_VERLET
+    )
     integrator = TAKAHASHI_IMADA if "corrected" in name else integrator
     if name.startswith("rigid"):
-        lattice, model = disk(900, height=0.02), pressed(0.02, 0.02) if "dashpots" in name else FALLING
+        lattice, model = (
+            disk(900, height=0.02),
+            pressed(0.02, 0.02) if "dashpots" in name else FALLING,
+        )
     else:
         lattice = disk_and_wall(500, 500)
         boundary = ResetBoundary(1e-2) if "reset" in name else matched(lattice)
@@ -55,13 +76,27 @@ def body(name):
     lattice = non_uniform(lattice) if "non-uniform" in name else lattice
     rng, shape = np.random.default_rng(0), lattice.positions.shape
     v = moving_down(lattice, 0.05) + 0.01 * rng.standard_normal(shape)
-    return replace(lattice, positions=lattice.positions + 2e-3 * rng.uniform(-1, 1, shape)), model, integrator, v, 2e-3
+    return (
+        replace(
+            lattice, positions=lattice.positions + 2e-3 * rng.uniform(-1, 1, shape)
+        ),
+        model,
+        integrator,
+        v,
+        2e-3,
+    )
 
 
 def steps(simulation):
-    """Return the rows of the first 105 steps, and a hash of the whole state after them."""
+    """Return the rows of the first 105 steps, and a hash of the whole state after
+    them."""
     rows, state = simulation.advance(105, 21)[0], simulation.snapshot()
-    return rows, hashlib.sha256(state.vectors.tobytes() + state.sums.tobytes() + rows.tobytes()).hexdigest()
+    return (
+        rows,
+        hashlib.sha256(
+            state.vectors.tobytes() + state.sums.tobytes() + rows.tobytes()
+        ).hexdigest(),
+    )
 
 
 def both(name):
@@ -77,12 +112,14 @@ def both(name):
 def elsewhere(name, threads):
     """Return the hashes of both in another process with this number of threads."""
     code = (
-        "import sys; sys.path[:0] = ['tests', 'tests/physics']; from taichi_disk import runtime; "
-        f"runtime.start(threads={threads}); "
-        f"from test_subdomains import *; print(*(steps(simulation)[1] for simulation in both('{name}')))"
+        "import sys; sys.path[:0] = ['tests', 'tests/physics']; from taichi_disk"
+        f" import runtime; runtime.start(threads={threads}); from test_subdomains"
+        f" import *; print(*(steps(simulation)[1] for simulation in both('{name}')))"
     )
     folder, command = Path(__file__).parents[2], [sys.executable, "-c", code]
-    return subprocess.run(command, check=True, cwd=folder, capture_output=True, text=True, timeout=200).stdout.split()
+    return subprocess.run(
+        command, check=True, cwd=folder, capture_output=True, text=True, timeout=200
+    ).stdout.split()
 
 
 @pytest.mark.validate
@@ -106,14 +143,21 @@ def test_subdomains_on_any_number_of_cores_move_as_one_core_without_them_does(na
     f, solved = cut.snapshot().vectors[2], "trapezoidal" in name
     w = v + 0.5 * cut.dt / lattice.masses[:, None] * f if solved else v
     force = reference.Model(lattice, model).force(lattice.positions, w)
-    assert_allclose(f, force, rtol=0, atol=(1e-11 if solved else 1e-13) * np.abs(force).max())
+    assert_allclose(
+        f, force, rtol=0, atol=(1e-11 if solved else 1e-13) * np.abs(force).max()
+    )
     (rows, _), (own, bits) = found = steps(serial), steps(cut)
     # Only the order of additions differs, so rounding differences grow with the steps.
     assert_allclose(cut.positions(), serial.positions(), rtol=0, atol=1e-11)
     assert_allclose(cut.velocities(), serial.velocities(), rtol=0, atol=1e-11)
-    assert (np.abs(own - rows) <= 1e-10 * np.maximum(np.abs(rows).max(axis=0), 1e-3)).all()
-    assert cut.peak_point_force() == pytest.approx(serial.peak_point_force(), rel=1e-9, abs=1e-12)
-    # A saved state continues bitwise in any number of launches, and one thread gives the same bits as all cores.
+    assert (
+        np.abs(own - rows) <= 1e-10 * np.maximum(np.abs(rows).max(axis=0), 1e-3)
+    ).all()
+    assert cut.peak_point_force() == pytest.approx(
+        serial.peak_point_force(), rel=1e-9, abs=1e-12
+    )
+    # A saved state continues bitwise in any number of launches, and one thread gives
+    # the same bits as all cores.
     before = cut.snapshot()
     expected = cut.advance(20, 10)[0]
     cut.restore(before)

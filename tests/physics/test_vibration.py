@@ -1,4 +1,5 @@
-"""Where the energy of an impact goes: translation, rotation, vibration, and the normal modes."""
+"""Where the energy of an impact goes: translation, rotation, vibration, and the normal
+modes."""
 
 from __future__ import annotations
 
@@ -18,7 +19,12 @@ from taichi_disk.statics.modes import modes
 @pytest.fixture(scope="module")
 def thrown():
     """Return an impact without dashpots of a disk that spins a little."""
-    return run(load_scene("exponential_wall", SMALL).with_(eta_star=0, velocity=0.05, spin=0.005), lattices=1)
+    return run(
+        load_scene("exponential_wall", SMALL).with_(
+            eta_star=0, velocity=0.05, spin=0.005
+        ),
+        lattices=1,
+    )
 
 
 def test_the_parts_of_the_kinetic_energy_are_those_of_the_states(thrown):
@@ -27,20 +33,26 @@ def test_the_parts_of_the_kinetic_energy_are_those_of_the_states(thrown):
     for t, x, v in zip(*thrown.trajectory(times), strict=True):
         row, m = int(np.abs(series["t"] - t).argmin()), lattice.masses
         r, w = x - m @ x, v - m @ v
-        spin = (m @ (r[:, 0] * w[:, 1] - r[:, 1] * w[:, 0])) / (m @ (r * r).sum(axis=1))  # with the present inertia
+        # with the present inertia
+        spin = (m @ (r[:, 0] * w[:, 1] - r[:, 1] * w[:, 0])) / (m @ (r * r).sum(axis=1))
         rotation = spin * np.stack([-r[:, 1], r[:, 0]], axis=1)
         found = [series[name][row] for name in ("translation", "rotation", "vibration")]
         true = [
-            0.5 * float(m @ (velocities * velocities).sum(axis=1)) for velocities in (v - w, rotation, w - rotation)
+            0.5 * float(m @ (velocities * velocities).sum(axis=1))
+            for velocities in (v - w, rotation, w - rotation)
         ]
-        assert found[0] == pytest.approx(true[0], rel=1e-9) and sum(found) == pytest.approx(sum(true), rel=1e-12)
+        assert found[0] == pytest.approx(true[0], rel=1e-9) and sum(
+            found
+        ) == pytest.approx(sum(true), rel=1e-12)
         # The inertia of a flattened disk differs from the unloaded one.
         assert found[1:] == pytest.approx(true[1:], abs=0.02 * true[1])
 
 
 def test_e_squared_is_one_minus_what_vibration_and_rotation_took(thrown):
     e, energy = thrown.restitution, thrown.summary["energy"]
-    gained = (energy["rotation"] - thrown.series["rotation"][0]) / thrown.series["translation"][0]
+    gained = (energy["rotation"] - thrown.series["rotation"][0]) / thrown.series[
+        "translation"
+    ][0]
     assert e**2 == pytest.approx(1.0 - energy["vibration_left"] - gained, abs=2e-5)
     assert energy["vibration_left"] > 0.005 and abs(gained) > 1e-3
 
@@ -50,30 +62,44 @@ def test_all_modes_hold_all_of_the_vibration_but_for_what_is_anharmonic(thrown):
     vibration = last["vibration"] + last["elastic"]
     n = thrown.lattice.disk_points
     few, all_modes = thrown.modes(20), thrown.modes(2 * n - 3)
-    assert few.frequencies == pytest.approx(all_modes.frequencies[:20]) and few.shapes.shape == (20, n, 2)
+    assert few.frequencies == pytest.approx(
+        all_modes.frequencies[:20]
+    ) and few.shapes.shape == (20, n, 2)
     assert few.energies == pytest.approx(all_modes.energies[:20], abs=1e-6 * vibration)
     assert all_modes.rest == pytest.approx(0.0, abs=1e-9 * vibration)
     for result in (few, all_modes):
-        assert result.energies.sum() + result.rest + result.anharmonic == pytest.approx(vibration, rel=1e-9)
-    assert 0.0 < abs(all_modes.anharmonic) < 0.05 * vibration and few.rest < 0.2 * vibration
+        assert result.energies.sum() + result.rest + result.anharmonic == pytest.approx(
+            vibration, rel=1e-9
+        )
+    assert (
+        0.0 < abs(all_modes.anharmonic) < 0.05 * vibration
+        and few.rest < 0.2 * vibration
+    )
 
 
 @pytest.mark.validate
 def test_energy_of_the_elastic_wall_is_none_of_the_disk_s_modes():
     thrown = run(
-        load_scene("absorbing_wall", WALL).with_({"material.eta_star": 0, "wall.boundary": "pinned"}), lattices=1
+        load_scene("absorbing_wall", WALL).with_(
+            {"material.eta_star": 0, "wall.boundary": "pinned"}
+        ),
+        lattices=1,
     )
     found, series = thrown.modes(20), thrown.series
     both = series["vibration"][-1] + series["elastic"][-1]
     assert 0.0 < found.energies.sum() + found.rest + found.anharmonic < 0.9 * both
 
 
-@pytest.mark.parametrize("body", [disk(60), non_uniform(disk(60))], ids=["like", "non-uniform"])
+@pytest.mark.parametrize(
+    "body", [disk(60), non_uniform(disk(60))], ids=["like", "non-uniform"]
+)
 def test_a_state_is_made_of_the_modes_that_it_was_made_from(body):
     springs, small = Springs(), 1e-6
     all_modes = modes(body, springs, body.positions, np.zeros((60, 2)), 117)
     shapes, omega, m = all_modes.shapes, all_modes.frequencies, body.masses
-    assert np.einsum("aij,i,bij->ab", shapes, m, shapes) == pytest.approx(np.eye(117), abs=1e-9)
+    assert np.einsum("aij,i,bij->ab", shapes, m, shapes) == pytest.approx(
+        np.eye(117), abs=1e-9
+    )
     q, p = small * np.random.default_rng(1).standard_normal((2, 117))
     x = body.positions + np.einsum("a,aij->ij", q, shapes)
     v = np.einsum("a,aij->ij", p, shapes)
@@ -90,14 +116,21 @@ def test_a_spin_and_a_flight_are_no_part_of_any_mode():
     arm = body.positions - body.mean(body.positions)
     v = 0.1 * np.stack([-arm[:, 1], arm[:, 0]], axis=1) + [0.2, -0.3]
     found = modes(body, Springs(), body.positions, v, 40)
-    assert found.energies.max() < 1e-25 and abs(found.rest) < 1e-15 and abs(found.anharmonic) < 1e-15
+    assert (
+        found.energies.max() < 1e-25
+        and abs(found.rest) < 1e-15
+        and abs(found.anharmonic) < 1e-15
+    )
 
 
 def test_a_body_that_is_strained_as_given_vibrates_about_its_rest():
     body = disk(60)
-    longer = Lattice.from_points(body.positions, body.bonds, rest_lengths=1.01 * body.rest_lengths)
+    longer = Lattice.from_points(
+        body.positions, body.bonds, rest_lengths=1.01 * body.rest_lengths
+    )
     found, plain = (
-        modes(lattice, FREE.springs, 1.01 * lattice.positions, np.zeros((60, 2)), 10) for lattice in (longer, body)
+        modes(lattice, FREE.springs, 1.01 * lattice.positions, np.zeros((60, 2)), 10)
+        for lattice in (longer, body)
     )
     assert found.energies.sum() + found.rest < 1e-12 < 1e-6 < plain.energies.sum()
     assert found.frequencies == pytest.approx(plain.frequencies, rel=1e-6)
@@ -116,14 +149,21 @@ def test_frequencies_are_those_of_the_continuum(monkeypatch):
     shear = np.sqrt(0.5 * np.pi * young / (1.0 + poisson))
     exact = [shear * jn_zeros(2, 1)[0]]  # torsion
     for order in range(8):
-        near = [frequency for frequency in vibrations(order, 8, young, poisson)[0][:3] if frequency > 0.1]
-        exact += [exact_frequency(order, frequency, young, poisson) for frequency in near] * (
-            1 if order == 0 else 2
-        )  # sin and cos
+        near = [
+            frequency
+            for frequency in vibrations(order, 8, young, poisson)[0][:3]
+            if frequency > 0.1
+        ]
+        exact += [
+            exact_frequency(order, frequency, young, poisson) for frequency in near
+        ] * (1 if order == 0 else 2)  # sin and cos
     assert found == pytest.approx(np.sort(exact)[:14], rel=0.011)
 
 
 def test_a_wrong_count_is_refused(thrown):
     for count in (0, 1.5, 2 * thrown.lattice.disk_points - 2):
-        with pytest.raises(InputError, match=rf"count: must be a whole number from 1 to .*, not {count}"):
+        with pytest.raises(
+            InputError,
+            match=rf"count: must be a whole number from 1 to .*, not {count}",
+        ):
             thrown.modes(count)

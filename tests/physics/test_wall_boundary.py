@@ -17,9 +17,12 @@ from taichi_disk.scenes import load_scene
 
 
 def test_the_scene_matches_its_dashpots_to_the_material_and_the_length_of_the_sides():
-    # rho c_p and rho c_s follow from the measured moduli in plane stress, rho = M/(pi R^2). A side of length l resists
-    # with l rho c_p along its normal and l rho c_s along itself. Corners belong to two sides.
-    scenario = load_scene("absorbing_wall", (*WALL, "wall.boundary=dashpot", "material.k_a=2")).scenario()
+    # rho c_p and rho c_s follow from the measured moduli in plane stress, rho = M/(pi
+    # R^2). A side of length l resists with l rho c_p along its normal and l rho c_s
+    # along itself. Corners belong to two sides.
+    scenario = load_scene(
+        "absorbing_wall", (*WALL, "wall.boundary=dashpot", "material.k_a=2")
+    ).scenario()
     moduli, rho = bulk_moduli(150, 0, 2.0, 0.7), 1 / np.pi
     p = np.sqrt(rho * moduli.young / (1 - moduli.poisson**2))
     s = np.sqrt(rho * moduli.young / (2 * (1 + moduli.poisson)))
@@ -27,29 +30,41 @@ def test_the_scene_matches_its_dashpots_to_the_material_and_the_length_of_the_si
     assert_allclose(z, matched_impedance(scenario.lattice, p, s), rtol=1e-12)
     x, y = scenario.lattice.positions[scenario.lattice.wall_boundary].T
     height, width = np.ptp(y), np.ptp(x)
-    assert_allclose(z.sum(axis=0), [2 * p * height + s * width, p * width + 2 * s * height], rtol=1e-12)
+    assert_allclose(
+        z.sum(axis=0),
+        [2 * p * height + s * width, p * width + 2 * s * height],
+        rtol=1e-12,
+    )
     bottom = (y == y.min()) & (np.abs(x) < width / 2 - 1e-9)
     assert_allclose(z[bottom, 1] / z[bottom, 0], p / s, rtol=1e-12)
     assert (z > 0.0).all()
 
 
 def restitution(kernels, *settings):
-    scenario, outcome = computed(kernels, "absorbing_wall", *WALL, *settings, estimate=False)
+    scenario, outcome = computed(
+        kernels, "absorbing_wall", *WALL, *settings, estimate=False
+    )
     return scenario.result(outcome.columns)["restitution"]
 
 
 def test_a_pinned_wall_reflects_and_a_matched_one_absorbs(kernels):
     assert 0.97 < restitution(kernels, "wall.boundary=pinned") <= 1.0
-    # The waves carry away a third to a half of the energy (e = 0.76 to 0.44 between the paper's velocities).
+    # The waves carry away a third to a half of the energy (e = 0.76 to 0.44 between the
+    # paper's velocities).
     weak = ("material.eta_star=0.1", "time.integrator=trapezoidal")
     assert 0.4 < restitution(kernels, "wall.boundary=dashpot", *weak) < 0.8
 
 
 def test_resets_brake_a_point_as_a_drag_of_2m_over_the_interval(kernels):
-    # Between resets a boundary point gains f tau/m and, from rest, moves by f tau^2/2m: a mean speed f tau/2m. A wall
-    # held only by its resets and pushed by its own stretched springs creeps at this speed.
+    # Between resets a boundary point gains f tau/m and, from rest, moves by f tau^2/2m:
+    # a mean speed f tau/2m. A wall held only by its resets and pushed by its own
+    # stretched springs creeps at this speed.
     tau, lattice = 5e-3, disk_and_wall(60, 80, height=5.0)
-    edge, m, still = lattice.wall_boundary, lattice.masses[0], np.zeros_like(lattice.positions)
+    edge, m, still = (
+        lattice.wall_boundary,
+        lattice.masses[0],
+        np.zeros_like(lattice.positions),
+    )
     model = Model(Springs(1e-3, 1e-9), ELASTIC, boundary=ResetBoundary(tau))
     x = lattice.positions.copy()
     x[edge] *= 1.1
@@ -58,10 +73,14 @@ def test_resets_brake_a_point_as_a_drag_of_2m_over_the_interval(kernels):
     force = reference.Model(lattice, model).force(x, still)[edge]
     absorbed = advance(simulation, 20 * 20)["absorbed"][-1]
     speed = (simulation.positions()[edge] - x[edge]) / (20 * tau)
-    assert_allclose(speed, force * tau / (2 * m), rtol=0, atol=0.02 * np.abs(speed).max())
+    assert_allclose(
+        speed, force * tau / (2 * m), rtol=0, atol=0.02 * np.abs(speed).max()
+    )
     assert not simulation.velocities()[edge].any()
     # The resets absorb the kinetic energy, m/2 (f tau/m)^2 per reset.
-    assert absorbed == pytest.approx(20 * 0.5 * m * np.sum((force * tau / m) ** 2), rel=0.05)
+    assert absorbed == pytest.approx(
+        20 * 0.5 * m * np.sum((force * tau / m) ** 2), rel=0.05
+    )
     # The interval does not depend on the step.
     simulation = kernels.simulation(stretched, model, VELOCITY_VERLET, still, tau / 7)
     simulation.advance(6)

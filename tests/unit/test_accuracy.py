@@ -1,4 +1,5 @@
-"""`taichi_disk.accuracy`: the changes of the scene, the measurements and the conclusions."""
+"""`taichi_disk.accuracy`: the changes of the scene, the measurements and the
+conclusions."""
 
 from __future__ import annotations
 
@@ -10,12 +11,22 @@ import pytest
 
 from taichi_disk.accuracy import steps
 from taichi_disk.accuracy.steps import StepError, StepStudy
-from taichi_disk.accuracy.study import POINTS, SAMPLE, WALL, Change, Findings, changes, with_result
+from taichi_disk.accuracy.study import (
+    POINTS,
+    SAMPLE,
+    WALL,
+    Change,
+    Findings,
+    changes,
+    with_result,
+)
 from taichi_disk.computation.outcome import compute
 from taichi_disk.computation.stability import spectrum
 from taichi_disk.scenes import load_scene
 
-STEP = StepError("velocity_verlet", True, 0.8, 0.01, 100, 0.1, 3.0, 1e-6, 1e-6, 0.0, 0.0)
+STEP = StepError(
+    "velocity_verlet", True, 0.8, 0.01, 100, 0.1, 3.0, 1e-6, 1e-6, 0.0, 0.0
+)
 
 
 @pytest.mark.parametrize("kind", ["exponential_wall", "absorbing_wall"])
@@ -25,38 +36,64 @@ def test_finer_lattices_are_of_the_same_material(kind: str) -> None:
     assert [change.refinement for change in finer] == [4, 16, 64]
     changed = scene.with_(finer[0].keys)
     assert changed.lattice.points == 240
-    # The eta of a spring, the total mass, the shape of a wall and the drag of its boundary stay the same.
+    # The eta of a spring, the total mass, the shape of a wall and the drag of its
+    # boundary stay the same.
     before, after = scene.scenario(), changed.scenario()
     if kind == "absorbing_wall":
         drags = [
-            2.0 * scenario.lattice.masses[0] * len(scenario.lattice.wall_boundary) / scenario.model.reset_interval
+            2.0
+            * scenario.lattice.masses[0]
+            * len(scenario.lattice.wall_boundary)
+            / scenario.model.reset_interval
             for scenario in (before, after)
         ]
         assert drags[1] == pytest.approx(drags[0], rel=0.1)
-    assert after.model.springs.eta == pytest.approx(before.model.springs.eta) and before.model.springs.eta > 0.0
+    assert (
+        after.model.springs.eta == pytest.approx(before.model.springs.eta)
+        and before.model.springs.eta > 0.0
+    )
     disk = slice(0, 60), slice(0, 240)
-    assert after.lattice.masses[disk[1]].sum() == pytest.approx(before.lattice.masses[disk[0]].sum())
-    assert np.ptp(after.lattice.positions[:, 0]) == pytest.approx(np.ptp(before.lattice.positions[:, 0]), rel=0.02)
+    assert after.lattice.masses[disk[1]].sum() == pytest.approx(
+        before.lattice.masses[disk[0]].sum()
+    )
+    assert np.ptp(after.lattice.positions[:, 0]) == pytest.approx(
+        np.ptp(before.lattice.positions[:, 0]), rel=0.02
+    )
 
 
 def test_the_advice_to_take_more_points_says_what_keeps_the_body() -> None:
     scene = load_scene("exponential_wall", ["lattice.points=300"])
-    finer = [replace(change, result=0.9, difference=0.1) for change in changes(scene) if change.source == POINTS]
-    sources = [Change("scene", "as it is", result=0.8), Change(SAMPLE, "seed 1", result=0.81), *finer]
+    finer = [
+        replace(change, result=0.9, difference=0.1)
+        for change in changes(scene)
+        if change.source == POINTS
+    ]
+    sources = [
+        Change("scene", "as it is", result=0.8),
+        Change(SAMPLE, "seed 1", result=0.81),
+        *finer,
+    ]
     advice = Findings("restitution", [STEP], sources).sentence
     assert (
-        "use more seeds and points, not smaller steps; material.viscosity = 0.03333 keeps the damping the same"
-        in advice
+        "use more seeds and points, not smaller steps; material.viscosity = 0.03333"
+        " keeps the damping the same" in advice
     )
     own = scene.with_(viscosity=0.01)
     assert all("viscosity" not in key for change in changes(own) for key in change.keys)
 
 
-def test_no_lattice_is_tried_that_takes_hours_or_whose_points_come_from_a_file(tmp_path) -> None:
-    finer = [change.change for change in changes(load_scene("exponential_wall", ["lattice.points=40000"]))]
+def test_no_lattice_is_tried_that_takes_hours_or_whose_points_come_from_a_file(
+    tmp_path,
+) -> None:
+    finer = [
+        change.change
+        for change in changes(load_scene("exponential_wall", ["lattice.points=40000"]))
+    ]
     assert "N = 160,000, same η" in finer and "N = 640,000, same η" not in finer
     (tmp_path / "points.csv").write_text("x,y\n0,0\n1,0\n0,1\n")
-    own = load_scene({"scene": "exponential_wall", "lattice": {"file": str(tmp_path / "points.csv")}})
+    own = load_scene(
+        {"scene": "exponential_wall", "lattice": {"file": str(tmp_path / "points.csv")}}
+    )
     assert {change.source for change in changes(own)} == {WALL}
 
 
@@ -78,35 +115,61 @@ def study_of(scene: str, *settings: str) -> StepStudy:
 
 @pytest.mark.validate
 @pytest.mark.usefixtures("kernels")
-def test_errors_fall_with_the_square_of_the_step(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_errors_fall_with_the_square_of_the_step(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     monkeypatch.setattr(steps, "FRACTIONS", (0.4, 0.2, 0.1))
     monkeypatch.setattr(steps, "REPEATS", 1)
     study = study_of("exponential_wall", "lattice.points=30", "material.eta_star=20")
     found = study.measure(lambda number: None)
     assert sum(point.is_default for point in found) == 1
     for integrator in ("velocity_verlet", "trapezoidal"):
-        curve = [point for point in found if point.integrator == integrator and not point.is_default]
-        dt, error, off = np.array([(point.dt, point.error, point.trajectory_error) for point in curve]).T
+        curve = [
+            point
+            for point in found
+            if point.integrator == integrator and not point.is_default
+        ]
+        dt, error, off = np.array(
+            [(point.dt, point.error, point.trajectory_error) for point in curve]
+        ).T
         assert np.polyfit(np.log(dt), np.log(off), 1)[0] == pytest.approx(2.0, abs=0.1)
-        assert np.polyfit(np.log(dt), np.log(error), 1)[0] == pytest.approx(2.0, abs=0.2)
-        assert off[-1] < 1e-3 and [point.steps * point.dt for point in curve] == pytest.approx(len(curve) * [study.end])
+        assert np.polyfit(np.log(dt), np.log(error), 1)[0] == pytest.approx(
+            2.0, abs=0.2
+        )
+        assert off[-1] < 1e-3 and [
+            point.steps * point.dt for point in curve
+        ] == pytest.approx(len(curve) * [study.end])
 
 
 @pytest.mark.usefixtures("kernels")
 def test_steps_fit_the_resets_of_a_boundary() -> None:
-    study = study_of("absorbing_wall", "lattice.points=30", "wall.points=36", "wall.width=3.0")
+    study = study_of(
+        "absorbing_wall", "lattice.points=30", "wall.points=36", "wall.width=3.0"
+    )
     resets = study.end / study.scenario.model.reset_interval
     assert resets == pytest.approx(round(resets), rel=1e-12)
     assert all(number % round(resets) == 0 for _, number in study.runs)
 
 
 def test_the_sentence_says_what_matters() -> None:
-    samples = [Change("scene", "", result=0.96), *(Change(SAMPLE, "", result=e) for e in (0.961, 0.959, 0.9605))]
-    wall, finer = Change(WALL, "", difference=-0.04), Change(POINTS, "", difference=5e-4)
-    found = Findings("restitution", [STEP], [*samples, finer, wall])
-    assert found.sentence == (
-        "restitution: time step 1e-06, lattice scatter 0.0009, finest lattice 0.0005, hardest wall -0.04: "
-        "use more seeds, not smaller steps"
+    samples = [
+        Change("scene", "", result=0.96),
+        *(Change(SAMPLE, "", result=e) for e in (0.961, 0.959, 0.9605)),
+    ]
+    wall, finer = (
+        Change(WALL, "", difference=-0.04),
+        Change(POINTS, "", difference=5e-4),
     )
-    assert "more seeds and points," in replace(found, sources=[*samples, replace(finer, difference=0.01)]).sentence
-    assert "use smaller steps" in replace(found, steps=[replace(STEP, error=0.1)]).sentence
+    found = Findings("restitution", [STEP], [*samples, finer, wall])
+    assert (
+        found.sentence
+        == "restitution: time step 1e-06, lattice scatter 0.0009, finest lattice"
+        " 0.0005, hardest wall -0.04: use more seeds, not smaller steps"
+    )
+    assert (
+        "more seeds and points,"
+        in replace(found, sources=[*samples, replace(finer, difference=0.01)]).sentence
+    )
+    assert (
+        "use smaller steps" in replace(found, steps=[replace(STEP, error=0.1)]).sentence
+    )

@@ -1,4 +1,5 @@
-"""A blow-up is detected within one launch of steps, and reported with time, place, likely cause and remedy."""
+"""A blow-up is detected within one launch of steps, and reported with time, place,
+likely cause and remedy."""
 
 from __future__ import annotations
 
@@ -26,7 +27,14 @@ ON_WALL = Model(Springs(), ELASTIC)
         # A balance that closes only because of a huge sliding energy is not valid.
         ({"kinetic": [1.0, 0.95, 0.8], "sliding": [0.0, 0.05, 0.2]}, 2),
         # The limit is a tenth of the largest energy so far.
-        ({"kinetic": [1.0, 0.0, 0.0], "elastic": [0.0, 1.0, 0.06], "absorbed": [0.0, 0.0, 0.9]}, None),
+        (
+            {
+                "kinetic": [1.0, 0.0, 0.0],
+                "elastic": [0.0, 1.0, 0.06],
+                "absorbed": [0.0, 0.0, 0.9],
+            },
+            None,
+        ),
     ],
 )
 def test_a_lost_balance_is_detected_in_its_first_row(energies, lost):
@@ -36,28 +44,43 @@ def test_a_lost_balance_is_detected_in_its_first_row(energies, lost):
     at_once, one_by_one = EnergyBalance(rows[0]), EnergyBalance(rows[0])
     assert at_once.first_lost(rows) == lost
     each = [one_by_one.first_lost(row[None]) for row in rows]
-    assert [found is None for found in each[:lost]] == [True] * len(rows[:lost]) and (lost is None or each[lost] == 0)
+    assert [found is None for found in each[:lost]] == [True] * len(rows[:lost]) and (
+        lost is None or each[lost] == 0
+    )
 
 
 def test_a_blow_up_at_a_forced_step_is_reported_with_the_last_good_state(kernels):
-    driver = driver_of(kernels, *SMALL, "impact.gap=0.13", "time.dt=0.2", "time.sample_interval=1.8", force=True)
+    driver = driver_of(
+        kernels,
+        *SMALL,
+        "impact.gap=0.13",
+        "time.dt=0.2",
+        "time.sample_interval=1.8",
+        force=True,
+    )
     assert driver.advance() == "failed" and isinstance(driver.failure, BlowUp)
     message, good = str(driver.failure), driver.failure.last_good
-    text = r"blow-up after t = ([0-9.]+) R/c: the energy balance is off by .*; before that spring (\d+) between points"
+    text = (
+        r"blow-up after t = ([0-9.]+) R/c: the energy balance is off by .*; before that"
+        r" spring (\d+) between points"
+    )
     found = re.match(text, message)
     assert float(found[1]) == pytest.approx(float(good["t"]))
     assert float(re.search(r"is ([0-9.]+) of the stability limit", message)[1]) > 1.0
     assert message.endswith("the step is beyond the stability limit: set time.dt: auto")
     lattice, springs = driver.scenario.lattice, driver.scenario.model.springs
     assert int(found[2]) == np.abs(springs.strain(lattice, good["positions"])).argmax()
-    # Before the blow-up the disk falls at its speed, and all rows until then are available.
+    # Before the blow-up the disk falls at its speed, and all rows until then are
+    # available.
     assert np.isfinite(good["positions"]).all()
     assert good["velocities"][:, 1].mean() == pytest.approx(-0.02, abs=1e-4)
     assert 0.0 <= good["t"] - driver.columns["t"][-1] <= driver.stride * 0.2
 
 
 @pytest.mark.parametrize("dt", ["0.02", "auto"])
-def test_a_number_that_is_not_finite_is_reported_after_the_launch(dt, kernels, monkeypatch):
+def test_a_number_that_is_not_finite_is_reported_after_the_launch(
+    dt, kernels, monkeypatch
+):
     monkeypatch.setattr("taichi_disk.computation.driver.SPRINGS_PER_LAUNCH", 20_000)
     driver = driver_of(kernels, *SMALL, "impact.gap=0.13", f"time.dt={dt}")
     driver.advance(steps=60 if dt == "auto" else 500)  # to the middle of the impact
@@ -92,6 +115,9 @@ def test_a_disk_in_the_wall_is_detected():
 
 
 def test_a_disk_that_goes_through_the_wall_ends_a_run(kernels):
-    with pytest.raises(BlowUp, match=r"may have dented the wall, gone through it.*lower impact\.velocity") as caught:
+    with pytest.raises(
+        BlowUp,
+        match=r"may have dented the wall, gone through it.*lower impact\.velocity",
+    ) as caught:
         computed(kernels, "absorbing_wall", *WALL, "impact.velocity=2")
     assert np.isfinite(caught.value.last_good["positions"]).all()

@@ -1,5 +1,5 @@
-# ruff: noqa: E501 (messages stand as they are read)
-"""Messages about a scene that cannot be used: place, key, range, nearest name, and all faults at once."""
+"""Messages about a scene that cannot be used: place, key, range, nearest name, and all
+faults at once."""
 
 from __future__ import annotations
 
@@ -16,8 +16,14 @@ from taichi_disk.scenes import SCENES, load_any, load_scene, load_sweep
 
 IMPACT = "scene: exponential_wall\n"
 KINDS = "compression, exponential_wall or absorbing_wall"
-POINTS = "lattice.points: must be a whole number from 3 to 2000000, not {} (number of mass points N of the disk)"
-K_A = "material.k_a: must be a number from 1e-9 to 1e6 [M c^2/R^2], not {} (linear spring constant)"
+POINTS = (
+    "lattice.points: must be a whole number from 3 to 2000000, not {} (number of mass"
+    " points N of the disk)"
+)
+K_A = (
+    "material.k_a: must be a number from 1e-9 to 1e6 [M c^2/R^2], not {} (linear spring"
+    " constant)"
+)
 SECTION = "must be a section, that is indented lines of key: value, not"
 
 
@@ -40,7 +46,8 @@ def faults(path: Path, text: str | bytes, *overrides: str) -> list[str]:
 @pytest.mark.parametrize(
     ("text", "expected"),
     [
-        # The nearest name is searched in the section, and in other sections only if they have exactly this key.
+        # The nearest name is searched in the section, and in other sections only if
+        # they have exactly this key.
         ("lattice:\n  pionts: 9\n", "3:3: lattice.pionts: unknown key; did you mean points?"),
         ("wall:\n  v0: 3\n", "3:3: wall.v0: unknown key; did you mean V0?"),
         ("velocity: 0.1\n", "2:1: velocity: unknown key; did you mean impact.velocity?"),
@@ -62,7 +69,8 @@ def faults(path: Path, text: str | bytes, *overrides: str) -> list[str]:
         ("lattice: {file: 3}\n", "2:17: lattice.file: must be none or the name of a file, not 3 (.csv or .npz file with custom points instead of random ones; relative to the scene file)"),
         ("material:\n  k_a: .nan\n", "3:8: " + K_A.format(".nan")),
         ("material:\n  k_a:\n", "3:7: " + K_A.format("nothing")),
-        # The bounds in the message are the bounds that are checked: 1e-308 is above 0, but is not a valid gap.
+        # The bounds in the message are the bounds that are checked: 1e-308 is above 0,
+        # but is not a valid gap.
         ("time: {safety: 1e-308}\n", "2:16: time.safety: must be a number from 1e-6 to 1, not 1e-308 (fraction of the largest stable step)"),
         ("time: {dt: 0}\n", "2:12: time.dt: must be auto or a number from 1e-9 to 1000 [R/c], not 0 (time step; auto: safety times the largest stable step)"),
         ("impact:\n", "2:8: impact: an empty section: give it a key, or leave it out"),
@@ -79,7 +87,9 @@ def faults(path: Path, text: str | bytes, *overrides: str) -> list[str]:
         ("impact: {gap: 0.06}\n", "2:15: impact.gap: at 0.06 R the wall potential exceeds 1e-3 of the kinetic energy, so that e would be wrong: write at least 0.06819 R, or auto"),
     ],
 )  # fmt: skip
-def test_a_single_fault_is_one_line_with_its_place(path: Path, text: str, expected: str) -> None:
+def test_a_single_fault_is_one_line_with_its_place(
+    path: Path, text: str, expected: str
+) -> None:
     assert faults(path, IMPACT + text) == [expected]
 
 
@@ -98,17 +108,34 @@ impact: {velocity: 0, pressure: 1}
     assert faults(path, text, "video.fps=0", "time.dt") == [
         "3:11: " + POINTS.format("ten"),
         "4:3: lattice.seeed: unknown key; did you mean seed?",
-        "6:13: wall.boundary: must be reset, pinned or dashpot, not rest; did you mean reset? "
-        "(sides and bottom: velocities reset at intervals, pinned points, or dashpots)",
+        (
+            "6:13: wall.boundary: must be reset, pinned or dashpot, not rest; did you"
+            " mean reset? (sides and bottom: velocities reset at intervals, pinned"
+            " points, or dashpots)"
+        ),
         "8:3: wall.a: is given twice, first in line 7",
-        "9:20: impact.velocity: must be a number from 1e-6 to 10 [c], not 0 (initial speed)",
-        "9:23: impact.pressure: unknown key; impact has velocity, angle, spin, turn, gap, max_time, offset",
-        "--set video.fps=0: video.fps: must be a whole number from 1 to 120 [1/s], not 0 (frames per second)",
-        "--set time.dt: must be KEY=VALUE without spaces around =, for example material.eta_star=30",
+        (
+            "9:20: impact.velocity: must be a number from 1e-6 to 10 [c], not 0"
+            " (initial speed)"
+        ),
+        (
+            "9:23: impact.pressure: unknown key; impact has velocity, angle, spin,"
+            " turn, gap, max_time, offset"
+        ),
+        (
+            "--set video.fps=0: video.fps: must be a whole number from 1 to 120 [1/s],"
+            " not 0 (frames per second)"
+        ),
+        (
+            "--set time.dt: must be KEY=VALUE without spaces around =, for example"
+            " material.eta_star=30"
+        ),
     ]
 
 
-OUT_OF_RANGE = "not readable as YAML: nested too deeply, or a number or an escape is out of range"
+OUT_OF_RANGE = (
+    "not readable as YAML: nested too deeply, or a number or an escape is out of range"
+)
 MISSING = f"scene: missing: write scene: {KINDS}"
 
 
@@ -116,7 +143,8 @@ MISSING = f"scene: missing: write scene: {KINDS}"
     ("text", "expected"),
     [
         ("scene: exponental_wall\n", [f"1:8: scene: must be {KINDS}, not exponental_wall; did you mean exponential_wall?"]),
-        # The rest is checked for the kind of scene that was probably meant, if there is one.
+        # The rest is checked for the kind of scene that was probably meant, if there is
+        # one.
         ("scene: absorbing\nwall: {pints: 1}\n", [f"1:8: scene: must be {KINDS}, not absorbing; did you mean absorbing_wall?", "2:8: wall.pints: unknown key; did you mean points?"]),
         ("wall: {points: 1}\n", [MISSING]),
     ],
@@ -143,7 +171,9 @@ def test_the_rest_is_checked_too_for_the_kind_of_scene_that_was_probably_meant(
         (b"a: " + b"9" * 5000, OUT_OF_RANGE),
     ],
 )  # fmt: skip
-def test_a_text_that_is_no_scene_gives_one_clear_line(path: Path, text: bytes, expected: str) -> None:
+def test_a_text_that_is_no_scene_gives_one_clear_line(
+    path: Path, text: bytes, expected: str
+) -> None:
     (fault,) = faults(path, text)
     assert fault.startswith(expected)
 
@@ -151,10 +181,23 @@ def test_a_text_that_is_no_scene_gives_one_clear_line(path: Path, text: bytes, e
 # YAML 1.2's core schema; PyYAML by itself reads 1e-3 as a string and 010 as eight.
 @pytest.mark.parametrize(
     ("text", "value"),
-    [("1e-3", 1e-3), ("1E3", 1e3), ("2.e1", 20.0), (".5", 0.5), ("+1.5", 1.5), ("010", 10.0), ("0x10", 16.0)],
+    [
+        ("1e-3", 1e-3),
+        ("1E3", 1e3),
+        ("2.e1", 20.0),
+        (".5", 0.5),
+        ("+1.5", 1.5),
+        ("010", 10.0),
+        ("0x10", 16.0),
+    ],
 )
-def test_numbers_are_read_as_yaml_1_2_has_them(path: Path, text: str, value: float) -> None:
-    path.write_bytes(b"\xef\xbb\xbfscene: compression\r\nmaterial:\r\n  k_a: " + text.encode())  # as Windows writes it
+def test_numbers_are_read_as_yaml_1_2_has_them(
+    path: Path, text: str, value: float
+) -> None:
+    # as Windows writes it
+    path.write_bytes(
+        b"\xef\xbb\xbfscene: compression\r\nmaterial:\r\n  k_a: " + text.encode()
+    )
     assert load_scene(path).material.k_a == value
     assert load_scene("compression", [f"material.k_a={text}"]).material.k_a == value
 
@@ -166,7 +209,15 @@ def test_a_list_of_lists_is_not_quoted(path: Path) -> None:
 
 def test_the_last_override_of_a_key_wins() -> None:
     text = "scene: exponential_wall\nlattice: {points: -1, seed: 5}\n"
-    scene = load_scene(text, ["lattice.points=20", "lattice.points=30", "impact.velocity = 1e-2", "time.dt=auto"])
+    scene = load_scene(
+        text,
+        [
+            "lattice.points=20",
+            "lattice.points=30",
+            "impact.velocity = 1e-2",
+            "time.dt=auto",
+        ],
+    )
     assert (scene.lattice.points, scene.lattice.seed) == (30, 5)
     other = load_scene(text, ["scene=compression", "lattice.points=3"])
     assert other == load_scene("scene: compression\nlattice: {points: 3, seed: 5}\n")
@@ -178,22 +229,42 @@ def test_the_last_override_of_a_key_wins() -> None:
     [
         ("abc", "must be KEY=VALUE"),
         ("lattice.\ud800=3", "must be KEY=VALUE"),
-        ("lattice.points=", "lattice.points: must be a whole number from 3 to 2000000, not nothing"),
-        ("lattice.points=\udcff", "lattice.points: the character 0xdcff is not allowed in YAML: remove it"),
+        (
+            "lattice.points=",
+            "lattice.points: must be a whole number from 3 to 2000000, not nothing",
+        ),
+        (
+            "lattice.points=\udcff",
+            "lattice.points: the character 0xdcff is not allowed in YAML: remove it",
+        ),
         ("velocity=3", "velocity: unknown key; did you mean impact.velocity?"),
         ("lattice.points.x=3", "lattice.points is not a section"),
-        ("time.dt=[1,", "time.dt: not readable as YAML: expected the node content, but found '<stream end>'"),
+        (
+            "time.dt=[1,",
+            (
+                "time.dt: not readable as YAML: expected the node content, but found"
+                " '<stream end>'"
+            ),
+        ),
     ],
 )
 def test_a_faulty_override_is_quoted(path: Path, override: str, expected: str) -> None:
     (fault,) = faults(path, IMPACT + "lattice: {points: 9}\n", override)
-    assert fault.startswith(f"--set {override.encode('ascii', 'backslashreplace').decode()}: {expected}")
+    assert fault.startswith(
+        f"--set {override.encode('ascii', 'backslashreplace').decode()}: {expected}"
+    )
 
 
 def test_a_missing_file_is_answered_with_the_nearest_name(tmp_path: Path) -> None:
-    shipped = "The shipped scenes are absorbing_wall, compression, exponential_wall, figure2, figure3, figure6, oblique_impact"
+    shipped = (
+        "The shipped scenes are absorbing_wall, compression, exponential_wall, figure2,"
+        " figure3, figure6, oblique_impact"
+    )
     for source, message in (
-        (tmp_path / "scenes" / "exponental_wall.yaml", rf"no such file; did you mean exponential_wall\? {shipped}$"),
+        (
+            tmp_path / "scenes" / "exponental_wall.yaml",
+            rf"no such file; did you mean exponential_wall\? {shipped}$",
+        ),
         ("nonsense", rf"^nonsense: no such file\. {shipped}$"),
     ):
         with pytest.raises(InputError, match=message):
@@ -204,17 +275,29 @@ def test_a_path_that_cannot_be_read_is_refused(tmp_path: Path) -> None:
     (tmp_path / "a.yaml").touch()
     with pytest.raises(InputError, match=r": cannot be read: Is a directory$"):
         load_scene(tmp_path)
-    for source in ("a\0b", "a" * 300, "a" * 5000, str(tmp_path / "a.yaml" / "b.yaml"), "", "\udc80", "\ud800: 3"):
+    for source in (
+        "a\0b",
+        "a" * 300,
+        "a" * 5000,
+        str(tmp_path / "a.yaml" / "b.yaml"),
+        "",
+        "\udc80",
+        "\ud800: 3",
+    ):
         with pytest.raises(InputError) as refusal:
             load_scene(source)
         str(refusal.value).encode()
 
 
-def test_a_file_in_the_way_has_precedence_over_a_shipped_scene(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_file_in_the_way_has_precedence_over_a_shipped_scene(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.chdir(tmp_path)
     (tmp_path / "compression").mkdir()  # such a folder is the output of a run
     assert load_scene("compression") == SCENES["compression"]()
-    (tmp_path / "exponential_wall").write_text("scene: exponential_wall\nlattice: {points: 7}\n")
+    (tmp_path / "exponential_wall").write_text(
+        "scene: exponential_wall\nlattice: {points: 7}\n"
+    )
     assert load_scene("exponential_wall").lattice.points == 7
 
 
@@ -229,7 +312,8 @@ def test_a_pipe_is_read_once(text: str) -> None:
         os.close(reader)
 
 
-# Whatever is given, a scene is returned or InputError raised, whose text can be printed.
+# Whatever is given, a scene is returned or InputError raised, whose text can be
+# printed.
 
 WORDS = """\
 scene lattice material wall impact compression time video sweep points seed rim file k_a dt velocity gap pressure auto
@@ -247,11 +331,16 @@ def try_to_load(source: Any, *overrides: str) -> None:
 
 
 @settings(max_examples=150, deadline=None)
-@given(text=SOUP.map(" ".join) | SOUP.map("".join) | st.text(), data=st.binary(max_size=200))
+@given(
+    text=SOUP.map(" ".join) | SOUP.map("".join) | st.text(),
+    data=st.binary(max_size=200),
+)
 @example(text="scene: \ud800", data=b"")
 @example(text="%YAML 1.1\n---\nscene: compression", data=b"")
 @example(text=f"%YAML {'1' * 5000}.1\n---\nscene: compression", data=b"")
-def test_any_text_and_any_bytes_give_a_scene_or_an_input_error(path: Path, text: str, data: bytes) -> None:
+def test_any_text_and_any_bytes_give_a_scene_or_an_input_error(
+    path: Path, text: str, data: bytes
+) -> None:
     path.write_bytes(text.encode("utf-8", "surrogatepass"))
     try_to_load(path, *([text[:20], f"time.dt={text}"] if text else []))
     try_to_load("\n" + text)
@@ -276,9 +365,13 @@ def test_any_text_and_any_bytes_give_a_scene_or_an_input_error(path: Path, text:
         ("sweep.speed=[0.01, 0.02]", "did you mean velocity?"),
     ],
 )
-def test_words_of_papers_and_numbers_as_people_write_them_are_understood_well_enough_for_a_hint(override, hint):
+def test_words_of_papers_and_numbers_as_people_write_them_are_understood_well_enough_for_a_hint(
+    override, hint
+):
     with pytest.raises(InputError) as caught:
-        (load_sweep if override.startswith("sweep") else load_scene)("exponential_wall", [override])
+        (load_sweep if override.startswith("sweep") else load_scene)(
+            "exponential_wall", [override]
+        )
     assert hint in str(caught.value)
 
 

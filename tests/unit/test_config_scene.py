@@ -1,4 +1,5 @@
-"""Scenes as values: defaults, bounds, changes, and that what is written reads back as the same scene."""
+"""Scenes as values: defaults, bounds, changes, and that what is written reads back as
+the same scene."""
 
 from __future__ import annotations
 
@@ -32,13 +33,16 @@ def values(key: Key) -> st.SearchStrategy[Any]:
     if key.kind is bool:
         return st.booleans()
     if key.kind is str:
-        return st.sampled_from(key.words or ("none", "/tmp/my points.csv", "/true", "/ö #'\"\\: x"))
+        return st.sampled_from(
+            key.words or ("none", "/tmp/my points.csv", "/true", "/ö #'\"\\: x")
+        )
     steps = int((key.high - key.low) / key.step) if key.step else 0
     if steps:
         return st.integers(0, steps).map(lambda k: key.kind(key.low + k * key.step))
     if key.kind is int:
         return st.integers(int(key.low), int(key.high))
-    # Taichi makes its thread treat subnormal numbers as zero, even when they are read from text.
+    # Taichi makes its thread treat subnormal numbers as zero, even when they are read
+    # from text.
     numbers = st.floats(key.low, key.high, allow_subnormal=False)
     return st.sampled_from(key.words) | numbers if key.words else numbers
 
@@ -67,11 +71,25 @@ def test_a_written_scene_reads_back_equal(path: Path, scene: DiskScene) -> None:
     path.write_text(text, encoding="utf-8")
     assert load_scene(path) == load_scene(text) == load_scene(asdict(scene)) == scene
     assert load_scene(path).to_yaml() == text
-    # Plain PyYAML must read the same values, although it follows YAML 1.1, in which 1e-05 is a string.
+    # Plain PyYAML must read the same values, although it follows YAML 1.1, in which
+    # 1e-05 is a string.
     assert load_scene(yaml.safe_load(text)) == scene
 
 
-ODD = [None, [], [0], {}, {"lin": [0, 1, 2]}, "", "a\nb", "\ud800", float("nan"), float("inf"), 10**30, 10**400]
+ODD = [
+    None,
+    [],
+    [0],
+    {},
+    {"lin": [0, 1, 2]},
+    "",
+    "a\nb",
+    "\ud800",
+    float("nan"),
+    float("inf"),
+    10**30,
+    10**400,
+]
 
 
 def test_every_key_takes_what_is_within_its_bounds_and_nothing_else() -> None:
@@ -82,10 +100,21 @@ def test_every_key_takes_what_is_within_its_bounds_and_nothing_else() -> None:
                 accepted += [True, False]
             elif key.kind in (int, float):
                 accepted += [key.low, key.high]
-                refused += [True, key.low - 1, key.low - 1e-9, key.high + 1, key.high * 1.01 + 1e-9]
-                refused += [key.low + 0.5] * (key.kind is int) + [key.low + key.step / 2] * bool(key.step)
+                refused += [
+                    True,
+                    key.low - 1,
+                    key.low - 1e-9,
+                    key.high + 1,
+                    key.high * 1.01 + 1e-9,
+                ]
+                refused += [key.low + 0.5] * (key.kind is int) + [
+                    key.low + key.step / 2
+                ] * bool(key.step)
             elif not key.words:
-                accepted, refused = ["none", "/a b.csv"], [text for text in ODD if not isinstance(text, float)]
+                accepted, refused = (
+                    ["none", "/a b.csv"],
+                    [text for text in ODD if not isinstance(text, float)],
+                )
             assert all(map(key.accepts, accepted)) and len(key.meaning) > 10
             for value in refused:
                 assert not key.accepts(value)
@@ -94,7 +123,10 @@ def test_every_key_takes_what_is_within_its_bounds_and_nothing_else() -> None:
                 assert str(refusal.value).encode()
 
 
-@pytest.mark.parametrize("name", ["scene", "lattice", "lattice.points", "lattice.points.x", "a.b", "", "\ud800"])
+@pytest.mark.parametrize(
+    "name",
+    ["scene", "lattice", "lattice.points", "lattice.points.x", "a.b", "", "\ud800"],
+)
 def test_any_change_gives_a_scene_or_an_input_error(name: str) -> None:
     for value in ODD:
         try:
@@ -118,22 +150,92 @@ def test_a_scene_cannot_be_changed_and_an_int_becomes_a_float() -> None:
 @pytest.mark.parametrize(
     ("kind", "refused", "message", "accepted"),
     [
-        ("exponential_wall", {"gap": 0.068}, "impact.gap: .* write at least 0.06819 R", {"gap": 0.0682}),
+        (
+            "exponential_wall",
+            {"gap": 0.068},
+            "impact.gap: .* write at least 0.06819 R",
+            {"gap": 0.0682},
+        ),
         ("absorbing_wall", {"gap": 0.06}, "impact.gap", {"gap": 0.0682}),
-        ("absorbing_wall", {"velocity": 1e-3}, "wall.threshold: .* write 0.1035 R or more", {"velocity": 3e-3}),
-        ("absorbing_wall", {"threshold": 0.08}, "wall.threshold", {"velocity": 1e-3, "threshold": 0.1035}),
-        ("absorbing_wall", {"dt": 0.01}, "0.01 is longer than wall.reset_int", {"dt": 0.01, "boundary": "pinned"}),
-        ("absorbing_wall", {"angle": 1.4, "width": 0.4}, "wall.width: .* R or more", {"angle": 1.4, "width": 0.6}),
-        ("absorbing_wall", {"offset": 1.9}, "write 4.20.* R or more", {"offset": 1.9, "width": 4.21}),
+        (
+            "absorbing_wall",
+            {"velocity": 1e-3},
+            "wall.threshold: .* write 0.1035 R or more",
+            {"velocity": 3e-3},
+        ),
+        (
+            "absorbing_wall",
+            {"threshold": 0.08},
+            "wall.threshold",
+            {"velocity": 1e-3, "threshold": 0.1035},
+        ),
+        (
+            "absorbing_wall",
+            {"dt": 0.01},
+            "0.01 is longer than wall.reset_int",
+            {"dt": 0.01, "boundary": "pinned"},
+        ),
+        (
+            "absorbing_wall",
+            {"angle": 1.4, "width": 0.4},
+            "wall.width: .* R or more",
+            {"angle": 1.4, "width": 0.6},
+        ),
+        (
+            "absorbing_wall",
+            {"offset": 1.9},
+            "write 4.20.* R or more",
+            {"offset": 1.9, "width": 4.21},
+        ),
         ("absorbing_wall", {"magnify": 8}, "drawn apart", {"magnify": 1}),
-        ("compression", {"dt": 0.01, "time.tolerance": 1e-6}, "write time.dt: auto", {"time.tolerance": 1e-6}),
-        ("compression", {"method": "newton", "time.tolerance": 1e-6}, "takes no time step", {"method": "newton"}),
-        ("exponential_wall", {"integrator": "vefrl"}, "eta_star = 10", {"integrator": "vefrl", "eta_star": 0}),
-        ("exponential_wall", {"integrator": "vefrl", "viscosity": 0.01}, "viscosity = 0.01", {"viscosity": 0.01}),
-        ("exponential_wall", {"viscosity": 0.01, "eta_star": 3}, "both set", {"viscosity": 0.01, "eta_star": 10}),
-        ("absorbing_wall", {"viscosity": 0.0, "eta_star": 10}, "default, 0", {"viscosity": 0.01, "eta_star": 0}),
-        ("absorbing_wall", {"integrator": "vefrl", "boundary": "dashpot"}, "= dashpot", {"integrator": "vefrl"}),
-        ("absorbing_wall", {"integrator": "takahashi_imada"}, "2 with", {"integrator": "vefrl"}),
+        (
+            "compression",
+            {"dt": 0.01, "time.tolerance": 1e-6},
+            "write time.dt: auto",
+            {"time.tolerance": 1e-6},
+        ),
+        (
+            "compression",
+            {"method": "newton", "time.tolerance": 1e-6},
+            "takes no time step",
+            {"method": "newton"},
+        ),
+        (
+            "exponential_wall",
+            {"integrator": "vefrl"},
+            "eta_star = 10",
+            {"integrator": "vefrl", "eta_star": 0},
+        ),
+        (
+            "exponential_wall",
+            {"integrator": "vefrl", "viscosity": 0.01},
+            "viscosity = 0.01",
+            {"viscosity": 0.01},
+        ),
+        (
+            "exponential_wall",
+            {"viscosity": 0.01, "eta_star": 3},
+            "both set",
+            {"viscosity": 0.01, "eta_star": 10},
+        ),
+        (
+            "absorbing_wall",
+            {"viscosity": 0.0, "eta_star": 10},
+            "default, 0",
+            {"viscosity": 0.01, "eta_star": 0},
+        ),
+        (
+            "absorbing_wall",
+            {"integrator": "vefrl", "boundary": "dashpot"},
+            "= dashpot",
+            {"integrator": "vefrl"},
+        ),
+        (
+            "absorbing_wall",
+            {"integrator": "takahashi_imada"},
+            "2 with",
+            {"integrator": "vefrl"},
+        ),
     ],
 )
 def test_keys_that_contradict_each_other_are_refused(
@@ -146,26 +248,57 @@ def test_keys_that_contradict_each_other_are_refused(
 
 def test_with_changes_keys_and_nothing_else(tmp_path: Path) -> None:
     scene = load_scene("exponential_wall", ["lattice.seed=4"])
-    numbers = {"wall.a": 3000, "gap": np.float64(0.5), "points": np.int64(50), "file": tmp_path / "1e3"}
+    numbers = {
+        "wall.a": 3000,
+        "gap": np.float64(0.5),
+        "points": np.int64(50),
+        "file": tmp_path / "1e3",
+    }
     changed = scene.with_(numbers, eta_star=30, velocity=0.03)
-    expected = ["wall.a=3000", "impact.gap=0.5", "material.eta_star=30", "impact.velocity=0.03", "lattice.seed=4"]
-    assert changed == load_scene("exponential_wall", [*expected, "lattice.points=50", f"lattice.file={tmp_path}/1e3"])
+    expected = [
+        "wall.a=3000",
+        "impact.gap=0.5",
+        "material.eta_star=30",
+        "impact.velocity=0.03",
+        "lattice.seed=4",
+    ]
+    assert changed == load_scene(
+        "exponential_wall",
+        [*expected, "lattice.points=50", f"lattice.file={tmp_path}/1e3"],
+    )
     assert type(changed.impact.gap) is float
     assert scene.material.eta_star == 10 and scene.with_() == scene
     assert scene.with_(lattice={"points": 50}) == scene.with_(points=50)
-    for changes, keys in (({"wall.a": 1}, {"a": 2}), ({"wall": {"a": 1}}, {"wall.a": 1}), ({"a": 1}, {"a": 1})):
-        with pytest.raises(InputError, match=rf"^{next(iter(changes))} and {next(iter(keys))} both set wall\.a: leave"):
+    for changes, keys in (
+        ({"wall.a": 1}, {"a": 2}),
+        ({"wall": {"a": 1}}, {"wall.a": 1}),
+        ({"a": 1}, {"a": 1}),
+    ):
+        with pytest.raises(
+            InputError,
+            match=(
+                rf"^{next(iter(changes))} and {next(iter(keys))} both set wall\.a:"
+                r" leave"
+            ),
+        ):
             scene.with_(changes, **keys)
     with pytest.raises(InputError) as refusal:
-        load_scene("compression").with_({"wall.b": 3, "pints": 4}, eta_star=-1, lattice=3)
+        load_scene("compression").with_(
+            {"wall.b": 3, "pints": 4}, eta_star=-1, lattice=3
+        )
     assert str(refusal.value).split("\n  ")[1:] == [
         "lattice: must be a section, that is indented lines of key: value, not 3",
-        "material.eta_star: must be a number from 0 to 1e6, not -1"
-        " (viscosity eta R/(m c) per point, as in the paper; 0: no dashpots)",
+        (
+            "material.eta_star: must be a number from 0 to 1e6, not -1"
+            " (viscosity eta R/(m c) per point, as in the paper; 0: no dashpots)"
+        ),
         "pints: unknown key; did you mean lattice.points?",
         "wall.b: unknown key; wall has a, V0",
     ]
-    with pytest.raises(InputError, match=r"^tolerance: write compression\.tolerance or time\.tolerance$"):
+    with pytest.raises(
+        InputError,
+        match=r"^tolerance: write compression\.tolerance or time\.tolerance$",
+    ):
         load_scene("compression").with_(tolerance=1)
 
 
@@ -175,32 +308,55 @@ def test_a_value_that_is_no_path_is_refused_as_a_scene(source: Any) -> None:
         load_scene(source)
 
 
-def test_the_name_of_a_lattice_file_starts_from_the_scene_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_name_of_a_lattice_file_starts_from_the_scene_file(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     (tmp_path / "there").mkdir()
-    (tmp_path / "there" / "s.yaml").write_text("scene: compression\nlattice: {file: ../a.csv}\n")
-    (tmp_path / "there" / "sweep.yaml").write_text("scene: compression\nsweep: {file: [a.npz, none, /b.npz]}\n")
+    (tmp_path / "there" / "s.yaml").write_text(
+        "scene: compression\nlattice: {file: ../a.csv}\n"
+    )
+    (tmp_path / "there" / "sweep.yaml").write_text(
+        "scene: compression\nsweep: {file: [a.npz, none, /b.npz]}\n"
+    )
     monkeypatch.chdir(tmp_path)
     assert load_scene("there/s.yaml").lattice.file == str(tmp_path / "a.csv")
-    (tmp_path / "there" / "v.yaml").write_text("scene: compression\nlattice: {velocities: v.npz}\n")
-    assert load_scene("there/v.yaml").lattice.velocities == str(tmp_path / "there" / "v.npz")
-    assert load_scene("there/s.yaml", ["lattice.file=b.csv"]).lattice.file == str(tmp_path / "b.csv")
-    assert load_scene("scene: compression\nlattice: {file: a.csv}\n").lattice.file == str(tmp_path / "a.csv")
+    (tmp_path / "there" / "v.yaml").write_text(
+        "scene: compression\nlattice: {velocities: v.npz}\n"
+    )
+    assert load_scene("there/v.yaml").lattice.velocities == str(
+        tmp_path / "there" / "v.npz"
+    )
+    assert load_scene("there/s.yaml", ["lattice.file=b.csv"]).lattice.file == str(
+        tmp_path / "b.csv"
+    )
+    assert load_scene(
+        "scene: compression\nlattice: {file: a.csv}\n"
+    ).lattice.file == str(tmp_path / "a.csv")
     (tmp_path / "deep").mkdir()  # .. after a link goes up from the target of the link
     (tmp_path / "deep" / "link").symlink_to("../there", target_is_directory=True)
-    assert load_scene("there/s.yaml", ["lattice.file=deep/link/../b.csv"]).lattice.file == str(tmp_path / "b.csv")
+    assert load_scene(
+        "there/s.yaml", ["lattice.file=deep/link/../b.csv"]
+    ).lattice.file == str(tmp_path / "b.csv")
     files = load_sweep("there/sweep.yaml").blocks[0]["file"]
     assert files == (str(tmp_path / "there" / "a.npz"), "none", "/b.npz")
-    assert load_sweep("there/sweep.yaml", ["sweep.file=[b.csv]"]).blocks[0]["file"] == (str(tmp_path / "b.csv"),)
+    assert load_sweep("there/sweep.yaml", ["sweep.file=[b.csv]"]).blocks[0]["file"] == (
+        str(tmp_path / "b.csv"),
+    )
 
 
 def test_the_shipped_scenes_are_the_defaults_written_out() -> None:
     shipped = shipped_scenes()
     assert set(shipped) == {*SCENES, "oblique_impact", "figure2", "figure3", "figure6"}
     for kind, scene in SCENES.items():
-        assert shipped[kind].read_bytes() == (ROOT / "scenes" / f"{kind}.yaml").read_bytes()
+        assert (
+            shipped[kind].read_bytes()
+            == (ROOT / "scenes" / f"{kind}.yaml").read_bytes()
+        )
         assert load_scene(kind) == load_scene(shipped[kind]) == scene()
         written = yaml.safe_load(shipped[kind].read_text(encoding="utf-8"))
-        assert {name: set(keys) for name, keys in written.items() if name != "scene"} == {
-            name: set(section.schema()) for name, section in scene.sections().items()
-        }
-    assert [len(load_sweep(name).scenes) for name in ("figure2", "figure3", "figure6")] == [225, 576, 288]
+        assert {
+            name: set(keys) for name, keys in written.items() if name != "scene"
+        } == {name: set(section.schema()) for name, section in scene.sections().items()}
+    assert [
+        len(load_sweep(name).scenes) for name in ("figure2", "figure3", "figure6")
+    ] == [225, 576, 288]

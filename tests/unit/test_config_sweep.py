@@ -1,4 +1,3 @@
-# ruff: noqa: E501 (messages stand as they are read)
 """Sweep sections: which scenes they define, and the messages about faulty sections."""
 
 from __future__ import annotations
@@ -24,24 +23,44 @@ def faults(text: str, *overrides: str) -> list[str]:
 
 
 def test_axes_multiply_and_the_last_varies_fastest() -> None:
-    sweep = load_sweep(IMPACT + "sweep: {eta_star: [0, 10], velocity: {lin: [0.01, 0.03, 3]}, seed: {range: 2}}\n")
-    found = [(scene.material.eta_star, scene.impact.velocity, scene.lattice.seed) for scene in sweep.scenes]
+    sweep = load_sweep(
+        IMPACT
+        + "sweep: {eta_star: [0, 10], velocity: {lin: [0.01, 0.03, 3]}, seed: {range:"
+        " 2}}\n"
+    )
+    found = [
+        (scene.material.eta_star, scene.impact.velocity, scene.lattice.seed)
+        for scene in sweep.scenes
+    ]
     assert found == list(itertools.product((0.0, 10.0), (0.01, 0.02, 0.03), (0, 1)))
 
 
 def test_an_axis_from_python_may_be_an_array() -> None:
-    sweep = load_sweep({"scene": "exponential_wall", "sweep": {"velocity": np.array([0.01, 0.02]), "seed": (3,)}})
+    sweep = load_sweep(
+        {
+            "scene": "exponential_wall",
+            "sweep": {"velocity": np.array([0.01, 0.02]), "seed": (3,)},
+        }
+    )
     assert sweep.blocks == ({"velocity": (0.01, 0.02), "seed": (3,)},)
 
 
 def test_each_point_is_the_scene_that_overrides_would_make() -> None:
     swept = "sweep: {boundary: [pinned, dashpot], points: [900], wall.V0: [7.0]}"
-    alone = load_scene("absorbing_wall", ["wall.a=400.0", "wall.boundary=dashpot", "lattice.points=900", "wall.V0=7.0"])
-    assert load_sweep(f"scene: absorbing_wall\nwall: {{a: 400.0}}\n{swept}\n").scenes[1] == alone
+    alone = load_scene(
+        "absorbing_wall",
+        ["wall.a=400.0", "wall.boundary=dashpot", "lattice.points=900", "wall.V0=7.0"],
+    )
+    assert (
+        load_sweep(f"scene: absorbing_wall\nwall: {{a: 400.0}}\n{swept}\n").scenes[1]
+        == alone
+    )
 
 
 def test_geometric_axes_have_equal_ratios_and_their_ends() -> None:
-    v = load_sweep(IMPACT + "sweep: {velocity: {geom: [3e-3, 5e-2, 12]}}\n").blocks[0]["velocity"]
+    v = load_sweep(IMPACT + "sweep: {velocity: {geom: [3e-3, 5e-2, 12]}}\n").blocks[0][
+        "velocity"
+    ]
     assert v[0] == 3e-3 and v[-1] == 5e-2
     ratios = [float(b) / float(a) for a, b in itertools.pairwise(v)]
     assert max(ratios) - min(ratios) < 1e-10
@@ -50,13 +69,25 @@ def test_geometric_axes_have_equal_ratios_and_their_ends() -> None:
 
 
 def test_a_list_of_sections_is_swept_one_after_the_other_without_repeats() -> None:
-    text = IMPACT + "sweep:\n  - {seed: [0, 1, 1]}\n  - {seed: [1, 2], eta_star: [10.0, 3.0]}\n"
-    found = [(scene.lattice.seed, scene.material.eta_star) for scene in load_sweep(text).scenes]
-    assert found == [(0, 10.0), (1, 10.0), (1, 3.0), (2, 10.0), (2, 3.0)]  # 10 is the default
+    text = (
+        IMPACT
+        + "sweep:\n  - {seed: [0, 1, 1]}\n  - {seed: [1, 2], eta_star: [10.0, 3.0]}\n"
+    )
+    found = [
+        (scene.lattice.seed, scene.material.eta_star)
+        for scene in load_sweep(text).scenes
+    ]
+    # 10 is the default
+    assert found == [(0, 10.0), (1, 10.0), (1, 3.0), (2, 10.0), (2, 3.0)]
 
 
 @pytest.mark.parametrize(
-    "text", ["{seed: {range: 3}, eta_star: [0, 0.0, 1e2]}", "[{a: [300.0]}, {a: [1e-1, 3000]}]", "{file: [a b, none]}"]
+    "text",
+    [
+        "{seed: {range: 3}, eta_star: [0, 0.0, 1e2]}",
+        "[{a: [300.0]}, {a: [1e-1, 3000]}]",
+        "{file: [a b, none]}",
+    ],
 )
 def test_the_resolved_sweep_is_the_same_sweep(text: str) -> None:
     sweep = load_sweep(IMPACT + f"sweep: {text}\n")
@@ -65,14 +96,20 @@ def test_the_resolved_sweep_is_the_same_sweep(text: str) -> None:
 
 def test_axes_can_be_set_from_the_command_line() -> None:
     text = IMPACT + "sweep: {velocity: {geom: [3e-3, 5e-2, 12]}, seed: {range: 8}}\n"
-    new = ("sweep.velocity={lin: [0.01, 0.02, 2]}", "sweep.seed=[4]", "sweep.lattice.points=[500]")
+    new = (
+        "sweep.velocity={lin: [0.01, 0.02, 2]}",
+        "sweep.seed=[4]",
+        "sweep.lattice.points=[500]",
+    )
     sweep = load_sweep(text, new)
     assert sweep.axes == ["velocity", "seed", "lattice.points"]
     assert [scene.lattice.points for scene in sweep.scenes] == [500, 500]
 
 
 def test_an_override_sets_the_axis_in_every_section() -> None:
-    text = IMPACT + "sweep:\n  - {seed: [1, 2], eta_star: [3]}\n  - {velocity: [0.01]}\n"
+    text = (
+        IMPACT + "sweep:\n  - {seed: [1, 2], eta_star: [3]}\n  - {velocity: [0.01]}\n"
+    )
     changed = ({"seed": (7,), "eta_star": (3.0,)}, {"velocity": (0.01,), "seed": (7,)})
     assert load_sweep(text, ["sweep.seed=[7]"]).blocks == changed
     assert len(load_sweep("figure2", ["sweep.seed=[0]"]).scenes) == 8
@@ -112,7 +149,9 @@ def test_a_wall_is_random_where_the_disk_comes_from_a_file() -> None:
 
 def test_values_that_disagree_only_together_are_reported_with_the_combination() -> None:
     # The fast disk may start at 0.065 R, but the slow one may not.
-    assert faults("sweep: {gap: [0.2, 0.065], velocity: [0.05, 0.01]}")[-1].endswith("(at gap: 0.065, velocity: 0.01)")
+    assert faults("sweep: {gap: [0.2, 0.065], velocity: [0.05, 0.01]}")[-1].endswith(
+        "(at gap: 0.065, velocity: 0.01)"
+    )
 
 
 def test_run_and_sweep_refuse_each_other_s_files_with_advice(tmp_path: Path) -> None:

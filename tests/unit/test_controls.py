@@ -16,7 +16,15 @@ from taichi_disk.window.sandbox import Sandbox
 def controls(kernels: KernelCache) -> Controls:
     speeds = (0.02, 0.05)
     playlist = [
-        Entry(f"v = {v}", "", partial(load_scene, "exponential_wall", ["lattice.points=120", f"impact.velocity={v}"]))
+        Entry(
+            f"v = {v}",
+            "",
+            partial(
+                load_scene,
+                "exponential_wall",
+                ["lattice.points=120", f"impact.velocity={v}"],
+            ),
+        )
         for v in speeds
     ]
     return Controls(Sandbox(playlist[0].load(), kernels=kernels), playlist)
@@ -30,7 +38,8 @@ def test_every_key_is_explained_and_reaches_what_it_names(controls: Controls) ->
     assert len(explained) == len({*explained})
     for key in ("a", "Up", "e", "t", "c", "f", "n"):
         controls.press(key)
-    assert sandbox.scene.wall.a == 300.0 and controls.number == 1  # the next scene has its own values
+    # the next scene has its own values
+    assert sandbox.scene.wall.a == 300.0 and controls.number == 1
     assert sandbox.scene.impact.velocity == 0.05 and sandbox.scene.video.theme == "dark"  # type: ignore[union-attr]
     assert sandbox.speed == 1.12
     for _ in range(60):
@@ -54,7 +63,10 @@ def test_the_keys_for_points_keep_the_viscosity_of_the_body(controls: Controls) 
     for key in ("k", "j", "j"):
         controls.press(key)
         assert sandbox.time.segment.scenario.model.springs.eta == eta == 10.0 / 120
-    assert sandbox.scene.lattice.points != 120 and controls.dashpot_key == "material.viscosity"
+    assert (
+        sandbox.scene.lattice.points != 120
+        and controls.dashpot_key == "material.viscosity"
+    )
     controls.press("e")
     assert sandbox.scene.material.viscosity == pytest.approx(1.12 * eta, rel=1e-2)
     for _ in range(80):

@@ -1,4 +1,5 @@
-"""The same scene gives the same bits: when repeated, after other scenes, and from a saved state."""
+"""The same scene gives the same bits: when repeated, after other scenes, and from a
+saved state."""
 
 from __future__ import annotations
 
@@ -29,11 +30,14 @@ def test_scenes_give_the_same_bits_again_in_any_order(kernels):
             assert_array_equal(column, other.columns[name], err_msg=name)
 
 
-def test_replayed_moments_are_those_of_the_run_whatever_the_kernels_do_meanwhile(kernels):
+def test_replayed_moments_are_those_of_the_run_whatever_the_kernels_do_meanwhile(
+    kernels,
+):
     _, outcome = computed(kernels, *IMPACT)
     columns = outcome.columns
     rows = np.array([0, 3, 3, len(columns["t"]) // 2, len(columns["t"]) - 1])
-    times = columns["t"][rows] - 0.4 * outcome.summary["dt"]  # `replay` uses the nearest steps
+    # `replay` uses the nearest steps
+    times = columns["t"][rows] - 0.4 * outcome.summary["dt"]
     for row, (t, x, v) in zip(rows, outcome.replay(times), strict=True):
         computed(kernels, *IMPACT, "lattice.points=50")  # with the same kernels
         assert t == pytest.approx(columns["t"][row], rel=1e-12)
@@ -46,7 +50,9 @@ def test_replayed_moments_are_those_of_the_run_whatever_the_kernels_do_meanwhile
 def test_a_simulation_goes_on_from_a_saved_state_with_the_same_bits(kernels):
     lattice = disk_and_wall(60, 80, height=0.05)
     model = Model(Springs(1.0, 1.0, 0.2), ELASTIC, boundary=matched(lattice))
-    simulation = kernels.simulation(lattice, model, TRAPEZOIDAL, moving_down(lattice, 0.05), 2e-3)
+    simulation = kernels.simulation(
+        lattice, model, TRAPEZOIDAL, moving_down(lattice, 0.05), 2e-3
+    )
     simulation.advance(300)
     state = simulation.snapshot()
     expected = simulation.advance(200, 50)[0]

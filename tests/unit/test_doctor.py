@@ -1,4 +1,5 @@
-"""The doctor tries a real run in another process, survives its crash, and names the remedy."""
+"""The doctor tries a real run in another process, survives its crash, and names the
+remedy."""
 
 from __future__ import annotations
 
@@ -11,13 +12,17 @@ from taichi_disk import doctor, engine
 from taichi_disk.cli import main
 
 
-def test_a_ready_machine_is_reported_ready_and_nothing_is_left_behind(tmp_path, monkeypatch, capsys):
+def test_a_ready_machine_is_reported_ready_and_nothing_is_left_behind(
+    tmp_path, monkeypatch, capsys
+):
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("TMPDIR", str(tmp_path))
     assert main(["doctor"]) == 0
     message = capsys.readouterr().out
     assert message.endswith("\nReady: scenes can be run and filmed here.\n")
-    assert re.search(rf"^engine +{engine.PACKAGE} \d+\.\d+\.\d+$", message, re.MULTILINE)
+    assert re.search(
+        rf"^engine +{engine.PACKAGE} \d+\.\d+\.\d+$", message, re.MULTILINE
+    )
     assert list(tmp_path.iterdir()) == []
 
 
@@ -29,7 +34,9 @@ def test_a_ready_machine_is_reported_ready_and_nothing_is_left_behind(tmp_path, 
         ("exec sleep 60", "no answer within 0.5 s"),
     ],
 )
-def test_an_error_a_crash_and_a_hang_are_reported_with_the_remedy(tmp_path, monkeypatch, capsys, script, message):
+def test_an_error_a_crash_and_a_hang_are_reported_with_the_remedy(
+    tmp_path, monkeypatch, capsys, script, message
+):
     python = tmp_path / "python"
     python.write_text(f"#!/bin/bash\n{script}\n")
     python.chmod(0o700)
@@ -39,4 +46,7 @@ def test_an_error_a_crash_and_a_hang_are_reported_with_the_remedy(tmp_path, monk
     assert main(["doctor"]) == 1
     text = capsys.readouterr().out
     assert text.endswith(f"\nNot ready: {message}\n    {doctor.REMEDY}\n")
-    assert f"{python}/cache cannot be written: set TI_OFFLINE_CACHE_FILE_PATH and HOME" in text
+    assert (
+        f"{python}/cache cannot be written: set TI_OFFLINE_CACHE_FILE_PATH and HOME"
+        in text
+    )

@@ -1,4 +1,5 @@
-"""The loop over time: launches, the end of a scene, restarts, failures, and messages about a run."""
+"""The loop over time: launches, the end of a scene, restarts, failures, and messages
+about a run."""
 
 from __future__ import annotations
 
@@ -13,34 +14,57 @@ from taichi_disk.computation.outcome import inverted_triangles
 from taichi_disk.computation.workload import announcement
 from taichi_disk.errors import InputError
 
-IMPACT = ("exponential_wall", "lattice.points=60", "material.eta_star=0", "time.safety=0.3")
+IMPACT = (
+    "exponential_wall",
+    "lattice.points=60",
+    "material.eta_star=0",
+    "time.safety=0.3",
+)
 SCENES = {
     "impact": IMPACT,
     "compression": ("compression", *SMALL, "compression.tolerance=1e-3"),
-    "elastic wall": ("absorbing_wall", "lattice.points=60", "wall.points=80", "wall.width=3.0"),
+    "elastic wall": (
+        "absorbing_wall",
+        "lattice.points=60",
+        "wall.points=80",
+        "wall.width=3.0",
+    ),
 }
 
 
 @pytest.mark.parametrize("name", SCENES)
-def test_the_steps_are_those_reported_and_launches_leave_no_trace(name, kernels, monkeypatch):
+def test_the_steps_are_those_reported_and_launches_leave_no_trace(
+    name, kernels, monkeypatch
+):
     driver = driver_of(kernels, *SCENES[name])
     assert driver.advance() == "finished" and driver.attempt == 1
     columns, state = driver.columns, driver.end
     assert state.step == driver.stride * (len(columns["t"]) - 1)
     summary = computed(kernels, *SCENES[name], estimate=False)[1].summary
-    assert (summary["steps"], summary["dt"], summary["attempts"]) == (state.step, driver.step.dt, 1)
+    assert (summary["steps"], summary["dt"], summary["attempts"]) == (
+        state.step,
+        driver.step.dt,
+        1,
+    )
     # Launches of a few steps give bitwise the same end.
     monkeypatch.setattr("taichi_disk.computation.driver.SPRINGS_PER_LAUNCH", 20_000)
     short = driver_of(kernels, *SCENES[name])
     assert short.advance(steps=11) == "running" and short.simulation.step_number == 11
-    assert short.advance(seconds=0.0) == "running" and 11 < short.simulation.step_number < state.step
+    assert (
+        short.advance(seconds=0.0) == "running"
+        and 11 < short.simulation.step_number < state.step
+    )
     while short.advance(steps=777) == "running":
         pass
     assert short.status == "finished"
     assert_array_equal(short.end.vectors, state.vectors)
     for key, column in columns.items():
         assert_array_equal(short.columns[key], column)
-    assert short.advance(steps=5) == "finished" and short.simulation.step_number == state.step  # it stays finished
+    # it stays finished
+    assert (
+        short.advance(steps=5) == "finished"
+        and short.simulation.step_number == state.step
+    )
 
 
 def test_a_wall_harder_than_foreseen_makes_the_step_shorter_until_it_holds(kernels):
@@ -55,7 +79,10 @@ def test_a_wall_harder_than_foreseen_makes_the_step_shorter_until_it_holds(kerne
     summary = computed(kernels, *hard, estimate=False)[1].summary
     assert (summary["attempts"], summary["steps"]) == (driver.attempt, driver.end.step)
     assert summary["dt"] <= 0.95 * summary["dt_limit"] and summary["warnings"] == []
-    assert abs(summary["energy"]["closing_imbalance"]) < 2e-5 and summary["energy"]["worst_imbalance"] < 1e-4
+    assert (
+        abs(summary["energy"]["closing_imbalance"]) < 2e-5
+        and summary["energy"]["worst_imbalance"] < 1e-4
+    )
 
 
 def test_a_step_beyond_the_limit_is_refused_with_the_limit_named_unless_forced(kernels):
@@ -77,16 +104,31 @@ def test_triangles_turned_inside_out_are_counted_with_a_warning(kernels):
     _, crushed = computed(kernels, *small, "time.dt=0.005", "impact.velocity=0.7")
     assert crushed.summary["inverted_triangles"] > 0
     assert any("turned inside out" in text for text in crushed.summary["warnings"])
-    assert "inverted_triangles" not in computed(kernels, *small, estimate=False)[1].summary
-    _, pressed = computed(
-        kernels, "compression", "lattice.points=60", "compression.method=newton", "compression.pressure=3"
+    assert (
+        "inverted_triangles" not in computed(kernels, *small, estimate=False)[1].summary
     )
-    assert pressed.summary["inverted_triangles"] > 0 and "turned inside out" in pressed.summary["warnings"][0]
+    _, pressed = computed(
+        kernels,
+        "compression",
+        "lattice.points=60",
+        "compression.method=newton",
+        "compression.pressure=3",
+    )
+    assert (
+        pressed.summary["inverted_triangles"] > 0
+        and "turned inside out" in pressed.summary["warnings"][0]
+    )
 
 
-def test_a_run_of_many_steps_or_minutes_is_announced_with_time_and_memory_and_no_other(kernels):
+def test_a_run_of_many_steps_or_minutes_is_announced_with_time_and_memory_and_no_other(
+    kernels,
+):
     assert announcement(driver_of(kernels, *IMPACT)) is None
     text = announcement(driver_of(kernels, *IMPACT, "time.dt=1e-6"))
-    assert re.fullmatch(r"this will take about \d+ s and 0\.3 GB of memory: some \de7 steps of 1e-06 R/c .*", text)
+    assert re.fullmatch(
+        r"this will take about \d+ s and 0\.3 GB of memory: some \de7 steps of 1e-06"
+        r" R/c .*",
+        text,
+    )
     text = announcement(driver_of(kernels, *IMPACT, "time.dt=1e-8"))
     assert re.match(r"this will take about \d+ (min|h) and", text)

@@ -1,4 +1,5 @@
-"""The error estimate by another run: exact if errors are powers of the step, safe in other cases."""
+"""The error estimate by another run: exact if errors are powers of the step, safe in
+other cases."""
 
 from __future__ import annotations
 
@@ -10,38 +11,86 @@ from taichi_disk.computation import error_estimate
 from taichi_disk.computation.error_estimate import richardson
 
 HELD = (  # friction holds points, whose number depends on the step
-    *("exponential_wall", "lattice.points=58", "lattice.seed=3290", "impact.velocity=0.017432537234003606"),
+    *(
+        "exponential_wall",
+        "lattice.points=58",
+        "lattice.seed=3290",
+        "impact.velocity=0.017432537234003606",
+    ),
     *("impact.angle=-1.2053025128894208", "wall.friction=0.6", "material.eta_star=0"),
     *("wall.a=114.41203024441383", "wall.V0=57.206015122206914"),
 )
 CROSSED = (  # the step crosses more than a quarter of the wall's decay length
-    *("exponential_wall", "lattice.points=316", "lattice.seed=9002", "impact.velocity=0.09243455696132839"),
-    *("material.eta_star=0", "impact.angle=0.289942393455374", "lattice.hole=0.3881259104443627"),
+    *(
+        "exponential_wall",
+        "lattice.points=316",
+        "lattice.seed=9002",
+        "impact.velocity=0.09243455696132839",
+    ),
+    *(
+        "material.eta_star=0",
+        "impact.angle=0.289942393455374",
+        "lattice.hole=0.3881259104443627",
+    ),
     *("wall.a=1761.1271665782585", "wall.V0=880.5635832891293"),
 )
-AGREEING = (  # e at a step and at half of it agree by chance: all points slide, on a hard wall
-    *("exponential_wall", "lattice.points=60", "lattice.seed=6976", "impact.velocity=0.03023", "impact.turn=-3.1078"),
-    *("impact.angle=1.2217", "material.viscosity=0.01315", "material.dashpot=axial", "wall.friction=0.07868"),
+# e at a step and at half of it agree by chance: all points slide, on a hard wall
+AGREEING = (
+    *(
+        "exponential_wall",
+        "lattice.points=60",
+        "lattice.seed=6976",
+        "impact.velocity=0.03023",
+        "impact.turn=-3.1078",
+    ),
+    *(
+        "impact.angle=1.2217",
+        "material.viscosity=0.01315",
+        "material.dashpot=axial",
+        "wall.friction=0.07868",
+    ),
     *("wall.a=2617.0", "wall.V0=1308.5"),
 )
 HELD_AGREEING = (  # the same, but points stick
-    *("exponential_wall", "lattice.points=100", "lattice.seed=4324", "impact.velocity=0.06199", "impact.turn=2.7359"),
-    *("material.eta_star=0", "lattice.core_radius=0.573", "lattice.core_stiffness=3.778", "wall.friction=1.969"),
+    *(
+        "exponential_wall",
+        "lattice.points=100",
+        "lattice.seed=4324",
+        "impact.velocity=0.06199",
+        "impact.turn=2.7359",
+    ),
+    *(
+        "material.eta_star=0",
+        "lattice.core_radius=0.573",
+        "lattice.core_stiffness=3.778",
+        "wall.friction=1.969",
+    ),
     *("lattice.core_density=1.264", "wall.a=299.9", "wall.V0=149.95"),
 )
-SMALL = ("exponential_wall", "lattice.points=30", "lattice.seed=1", "material.eta_star=0")
+SMALL = (
+    "exponential_wall",
+    "lattice.points=30",
+    "lattice.seed=1",
+    "material.eta_star=0",
+)
 HARD = (*SMALL, "wall.a=3000", "wall.V0=1500", "impact.velocity=0.1")
 
 
 @pytest.mark.parametrize("order", [1, 2, 4])
-@pytest.mark.parametrize("others", [[0.02], [0.007], [0.007, 0.0035]], ids=["longer", "shorter", "half and quarter"])
+@pytest.mark.parametrize(
+    "others",
+    [[0.02], [0.007], [0.007, 0.0035]],
+    ids=["longer", "shorter", "half and quarter"],
+)
 def test_the_estimate_is_exact_where_the_error_is_a_power_of_the_step(order, others):
     runs = [(dt, 0.9 + 3.0 * dt**order) for dt in (0.014, *others)]
     assert richardson(0.014, runs, order) == pytest.approx(3.0 * 0.014**order, rel=1e-5)
 
 
 def test_two_results_that_agree_do_not_hide_a_third_one():
-    assert richardson(1.0, [(1.0, 0.5), (0.5, 0.5), (0.25, 0.6)], order=1) == pytest.approx(0.4)
+    assert richardson(
+        1.0, [(1.0, 0.5), (0.5, 0.5), (0.25, 0.6)], order=1
+    ) == pytest.approx(0.4)
 
 
 def truth(kernels, *settings):
@@ -60,22 +109,30 @@ def truth(kernels, *settings):
         pytest.param(HELD_AGREEING, id="two results agree by chance, sticking"),
     ],
 )
-def test_every_result_has_an_estimate_that_holds_where_errors_are_no_power_of_the_step(settings, kernels):
-    # With a step ratio of 1.25 and order 2, the error of e was 9 and 1.9 times its estimate in the first two scenes;
-    # with only half the step it was 13 and 2.3 times the estimate in the others.
+def test_every_result_has_an_estimate_that_holds_where_errors_are_no_power_of_the_step(
+    settings, kernels
+):
+    # With a step ratio of 1.25 and order 2, the error of e was 9 and 1.9 times its
+    # estimate in the first two scenes; with only half the step it was 13 and 2.3 times
+    # the estimate in the others.
     scenario, outcome = computed(kernels, *settings)
     found, errors = scenario.result(outcome.columns), outcome.summary["error_estimate"]
     assert next(iter(errors)) == "restitution" and set(errors) == set(found)
-    fine = (f"time.dt={outcome.summary['dt'] / 16}", f"time.integrator={outcome.summary['integrator']}")
+    fine = (
+        f"time.dt={outcome.summary['dt'] / 16}",
+        f"time.integrator={outcome.summary['integrator']}",
+    )
     scenario, outcome = computed(kernels, *settings, *fine, estimate=False)
     for name, value in scenario.result(outcome.columns).items():
         assert abs(found[name] - value) <= errors[name] + 1e-13, name
     assert errors["restitution"] < 1e-3
 
 
-def test_the_estimate_of_the_contact_time_holds_when_half_of_the_rows_agree_with_all_by_chance(kernels):
-    # If every other row is left out, the contact time changes by an eighth of its error; if two of three rows are left
-    # out, by nine times its error.
+def test_the_estimate_of_the_contact_time_holds_when_half_of_the_rows_agree_with_all_by_chance(
+    kernels,
+):
+    # If every other row is left out, the contact time changes by an eighth of its
+    # error; if two of three rows are left out, by nine times its error.
     settings = (
         "exponential_wall",
         "lattice.points=100",
@@ -83,43 +140,71 @@ def test_the_estimate_of_the_contact_time_holds_when_half_of_the_rows_agree_with
         "impact.velocity=0.005391",
         "wall.a=167.3",
     )
-    settings += ("wall.V0=83.65", "impact.turn=-0.7813", "impact.angle=-1.0415", "lattice.hole=0.345")
+    settings += (
+        "wall.V0=83.65",
+        "impact.turn=-0.7813",
+        "impact.angle=-1.0415",
+        "lattice.hole=0.345",
+    )
     settings += ("material.eta_star=0",)
     scenario, outcome = computed(kernels, *settings)
-    fine = (f"time.dt={outcome.summary['dt'] / 8}", f"time.sample_interval={scenario.row_interval / 8}")
+    fine = (
+        f"time.dt={outcome.summary['dt'] / 8}",
+        f"time.sample_interval={scenario.row_interval / 8}",
+    )
     _, closer = computed(kernels, *settings, *fine, estimate=False)
-    error = abs(scenario.result(outcome.columns)["contact_time"] - scenario.result(closer.columns)["contact_time"])
+    error = abs(
+        scenario.result(outcome.columns)["contact_time"]
+        - scenario.result(closer.columns)["contact_time"]
+    )
     assert error <= outcome.summary["error_estimate"]["contact_time"]
 
 
 @pytest.mark.parametrize(("friction", "ratios"), [(0.0, [1.25]), (0.05, [2.0, 4.0])])
 def test_with_friction_two_more_runs_are_made(friction, ratios, kernels):
     driver = driver_of(
-        kernels, *HELD, f"wall.friction={friction}", "time.safety=0.2", "time.integrator=velocity_verlet"
+        kernels,
+        *HELD,
+        f"wall.friction={friction}",
+        "time.safety=0.2",
+        "time.integrator=velocity_verlet",
     )
     driver.advance()
-    assert [driver.step.dt / other for other in error_estimate._other_steps(driver)] == pytest.approx(ratios)
+    assert [
+        driver.step.dt / other for other in error_estimate._other_steps(driver)
+    ] == pytest.approx(ratios)
 
 
 def test_the_error_of_a_step_as_long_as_the_decay_length_is_not_understated(kernels):
-    # In a step of 3.3e-3 R/c the disk crosses the wall's decay length 1/a. Results at two such steps may agree by
-    # chance: Richardson's estimate times ERROR_SAFETY is only three quarters of the true error here.
+    # In a step of 3.3e-3 R/c the disk crosses the wall's decay length 1/a. Results at
+    # two such steps may agree by
+    # chance: Richardson's estimate times ERROR_SAFETY is only three quarters of the
+    # true error here.
     scenario, outcome = computed(kernels, *HARD, "time.dt=0.00327")
     off = abs(scenario.result(outcome.columns)["restitution"] - truth(kernels, *HARD))
     assert off <= outcome.summary["error_estimate"]["restitution"] < 5e-3
 
 
 @pytest.mark.parametrize("spin", [0.0, 0.3])
-def test_where_a_step_does_not_resolve_the_wall_the_estimate_is_half_the_worst_imbalance_at_least(spin, kernels):
-    # Relative to the kinetic energy K of the flight; with a spin, whose energy is part of E, relative to sqrt(E K).
-    scenario, outcome = computed(kernels, *HARD, f"impact.spin={spin}", "time.dt=0.00327")
+def test_where_a_step_does_not_resolve_the_wall_the_estimate_is_half_the_worst_imbalance_at_least(
+    spin, kernels
+):
+    # Relative to the kinetic energy K of the flight; with a spin, whose energy is part
+    # of E, relative to sqrt(E K).
+    scenario, outcome = computed(
+        kernels, *HARD, f"impact.spin={spin}", "time.dt=0.00327"
+    )
     flight, whole = 0.5 * 0.1**2, 0.5 * (scenario.velocities**2).sum() / 30
     lost = np.abs(outcome.columns["total"] - outcome.columns["total"][0]).max()
-    assert outcome.summary["error_estimate"]["restitution"] >= 0.499 * lost / np.sqrt(whole * flight)
+    assert outcome.summary["error_estimate"]["restitution"] >= 0.499 * lost / np.sqrt(
+        whole * flight
+    )
 
 
 def test_a_fast_spin_leaves_the_restitution_as_good_as_none(kernels):
     # The spin has three thousand times the energy of the flight.
     settings = (*SMALL, "impact.velocity=0.01", "impact.spin=1", "impact.gap=0.128")
     scenario, outcome = computed(kernels, *settings, estimate=False)
-    assert scenario.result(outcome.columns)["restitution"] == pytest.approx(truth(kernels, *settings), abs=5e-5)
+    assert scenario.result(outcome.columns)["restitution"] == pytest.approx(
+        truth(kernels, *settings), abs=5e-5
+    )

@@ -1,4 +1,5 @@
-"""Fields of a state, compared with independent results: elasticity of a perfect lattice, virial, rigid motion."""
+"""Fields of a state, compared with independent results: elasticity of a perfect
+lattice, virial, rigid motion."""
 
 from __future__ import annotations
 
@@ -8,7 +9,15 @@ import bodies
 import numpy as np
 import pytest
 
-from taichi_disk.fields import QUANTITIES, Triangles, at_points, field, fringes, point_stress, stress
+from taichi_disk.fields import (
+    QUANTITIES,
+    Triangles,
+    at_points,
+    field,
+    fringes,
+    point_stress,
+    stress,
+)
 from taichi_disk.lattice import Lattice, disk_lattice, with_wall
 from taichi_disk.physics import ElasticWall, ExponentialWall, Springs
 
@@ -29,16 +38,27 @@ X, V = shaken(DISK)
 
 
 def hexagon(rings):
-    """A patch of the perfect triangular lattice with springs of equal length, 1 R from its centre to a corner."""
-    steps = [(i, j) for i in range(-rings, rings + 1) for j in range(-rings, rings + 1) if abs(i + j) <= rings]
-    return Lattice.from_points([((i + 0.5 * j) / rings, np.sqrt(0.75) * j / rings) for i, j in steps])
+    """A patch of the perfect triangular lattice with springs of equal length, 1 R from
+    its centre to a corner."""
+    steps = [
+        (i, j)
+        for i in range(-rings, rings + 1)
+        for j in range(-rings, rings + 1)
+        if abs(i + j) <= rings
+    ]
+    return Lattice.from_points(
+        [((i + 0.5 * j) / rings, np.sqrt(0.75) * j / rings) for i, j in steps]
+    )
 
 
 RINGS = 6
 PATCH = hexagon(RINGS)
-PATCH_DISTANCES = np.hypot(*(PATCH.positions[:, None] - PATCH.positions).transpose(2, 0, 1))
+PATCH_DISTANCES = np.hypot(
+    *(PATCH.positions[:, None] - PATCH.positions).transpose(2, 0, 1)
+)
 MESH = Triangles(PATCH)
-# Triangles without a corner on the outline; each of their springs belongs to two triangles.
+# Triangles without a corner on the outline; each of their springs belongs to two
+# triangles.
 INSIDE = ~np.isin(PATCH.triangles, np.unique(MESH.outline)).any(axis=1)
 
 
@@ -47,13 +67,23 @@ def strained(xx, yy, xy):
 
 
 def test_springs_that_cross_triangles_and_the_edge_of_a_core_are_reported():
-    ends = [(i, j) for i in range(len(PATCH.masses)) for j in range(i) if PATCH_DISTANCES[i, j] < 1.8 / RINGS]
+    ends = [
+        (i, j)
+        for i in range(len(PATCH.masses))
+        for j in range(i)
+        if PATCH_DISTANCES[i, j] < 1.8 / RINGS
+    ]
     crossed = Triangles(Lattice.from_points(PATCH.positions, ends))
-    assert len(crossed.crossing) == len(ends) - len(PATCH.bonds) and not len(MESH.crossing) + len(MESH.interfaces)
+    assert len(crossed.crossing) == len(ends) - len(PATCH.bonds) and not len(
+        MESH.crossing
+    ) + len(MESH.interfaces)
     core = disk_lattice(300, 0, core_radius=0.5, core_stiffness=3.0)
     edge = Triangles(core).interfaces
-    assert np.hypot(*core.positions[edge].reshape(-1, 2).T) == pytest.approx(np.full(2 * len(edge), 0.5), abs=1e-9)
-    assert np.unique(edge, return_counts=True)[1].tolist() == [2] * len(edge)  # a closed line
+    assert np.hypot(*core.positions[edge].reshape(-1, 2).T) == pytest.approx(
+        np.full(2 * len(edge), 0.5), abs=1e-9
+    )
+    # a closed line
+    assert np.unique(edge, return_counts=True)[1].tolist() == [2] * len(edge)
     graded = replace(core, stiffness=1.0 + np.arange(len(core.bonds)) / len(core.bonds))
     assert not len(Triangles(graded).interfaces)
 
@@ -63,17 +93,24 @@ def test_springs_that_cross_triangles_and_the_edge_of_a_core_are_reported():
 
 def test_a_perfect_lattice_has_young_s_modulus_2_over_root_3_and_poisson_s_ratio_1_3():
     size, k_a = 1e-7, 1.7
-    both = [stress(MESH, Springs(k_a), strained(*strain))[INSIDE] / size for strain in ((size, 0, 0), (0, 0, size))]
-    assert max(np.ptp(values, axis=0).max() for values in both) < 1e-6  # uniform, like the strain
+    both = [
+        stress(MESH, Springs(k_a), strained(*strain))[INSIDE] / size
+        for strain in ((size, 0, 0), (0, 0, size))
+    ]
+    # uniform, like the strain
+    assert max(np.ptp(values, axis=0).max() for values in both) < 1e-6
     (along, across, turned), (_, _, sideways) = (values.mean(axis=0) for values in both)
     assert turned == pytest.approx(0.0, abs=1e-6)
     assert across / along == pytest.approx(POISSON, rel=1e-6)  # plane stress: C12/C11
     assert along * (1.0 - POISSON**2) == pytest.approx(YOUNG * k_a, rel=1e-6)
-    assert sideways == pytest.approx(YOUNG * k_a / (1.0 + POISSON), rel=1e-6)  # 2 G e_xy
+    # 2 G e_xy
+    assert sideways == pytest.approx(YOUNG * k_a / (1.0 + POISSON), rel=1e-6)
 
 
 @pytest.mark.parametrize("body", ["disk", "disk and wall", "literal disk"])
-def test_the_area_integral_of_the_stress_is_the_virial_of_all_other_forces_and_of_inertia(body):
+def test_the_area_integral_of_the_stress_is_the_virial_of_all_other_forces_and_of_inertia(
+    body,
+):
     lattice, wall = DISK, ExponentialWall(40.0, 0.02)
     if body == "literal disk":
         lattice = disk_lattice(300, 2, rim=False, min_spacing=0.0)
@@ -82,7 +119,8 @@ def test_the_area_integral_of_the_stress_is_the_virial_of_all_other_forces_and_o
     x, _ = shaken(lattice)
     triangles = Triangles(lattice)
     total = (triangles.areas(x)[:, None] * stress(triangles, SPRINGS, x)).sum(axis=0)
-    # m a = f_springs + f_wall, so minus the springs' virial is the virial of the wall minus that of m a.
+    # m a = f_springs + f_wall, so minus the springs' virial is the virial of the wall
+    # minus that of m a.
     outer = wall.forces(lattice, x)
     inertia = SPRINGS.forces(lattice, x) + outer
     virial = x.T @ (outer - inertia)
@@ -98,36 +136,57 @@ def test_the_stress_of_springs_that_cross_others_is_in_the_integral_too():
     total = (stress(triangles, SPRINGS, x) * triangles.areas(x)[:, None]).sum(axis=0)
     virial = -x.T @ SPRINGS.forces(lattice, x)
     assert len(lattice.bonds) > 1.5 * len(PATCH.bonds)
-    np.testing.assert_allclose(total, [virial[0, 0], virial[1, 1], virial[1, 0]], rtol=1e-11)
+    np.testing.assert_allclose(
+        total, [virial[0, 0], virial[1, 1], virial[1, 0]], rtol=1e-11
+    )
 
 
 def test_stress_turns_with_the_body_and_does_not_feel_where_it_is():
     c, s = np.cos(0.7), np.sin(0.7)
     turn = np.array([[c, -s], [s, c]])
-    sigma, turned = (stress(DISK_MESH, SPRINGS, y) for y in (X, X @ turn.T + [3.0, -2.0]))
+    sigma, turned = (
+        stress(DISK_MESH, SPRINGS, y) for y in (X, X @ turn.T + [3.0, -2.0])
+    )
     expected = turn @ np.stack([sigma[:, [0, 2]], sigma[:, [2, 1]]], axis=1) @ turn.T
-    assert np.abs(turned - np.stack([expected[:, 0, 0], expected[:, 1, 1], expected[:, 0, 1]], axis=1)).max() < 1e-12
+    assert (
+        np.abs(
+            turned
+            - np.stack(
+                [expected[:, 0, 0], expected[:, 1, 1], expected[:, 0, 1]], axis=1
+            )
+        ).max()
+        < 1e-12
+    )
 
 
 def test_pressure_and_shear_are_the_invariants_of_the_stress():
     xx, yy, xy = stress(DISK_MESH, SPRINGS, X).T
     low, high = np.linalg.eigvalsh(np.array([[xx, xy], [xy, yy]]).transpose(2, 0, 1)).T
-    assert field("pressure", DISK, SPRINGS, X, V).values == pytest.approx(-0.5 * (low + high), abs=1e-14)
-    assert field("shear", DISK, SPRINGS, X, V).values == pytest.approx(0.5 * (high - low), abs=1e-14)
+    assert field("pressure", DISK, SPRINGS, X, V).values == pytest.approx(
+        -0.5 * (low + high), abs=1e-14
+    )
+    assert field("shear", DISK, SPRINGS, X, V).values == pytest.approx(
+        0.5 * (high - low), abs=1e-14
+    )
 
 
 def test_a_squeezed_disk_is_under_pressure_and_a_resting_one_has_no_field():
     v = np.zeros_like(DISK.positions)
     assert field("pressure", DISK, SPRINGS, 0.99 * DISK.positions, v).values.min() > 0.0
     for name in QUANTITIES:
-        assert np.abs(at_points(name, DISK_MESH, SPRINGS, DISK.positions, v)).max() < 1e-14
+        assert (
+            np.abs(at_points(name, DISK_MESH, SPRINGS, DISK.positions, v)).max() < 1e-14
+        )
 
 
 def test_a_triangle_folded_flat_has_a_finite_stress():
     x = X.copy()
     a, b, c = DISK.triangles[7]
     x[a] = 0.5 * (x[b] + x[c])
-    assert all(np.isfinite(field(name, DISK, SPRINGS, x, V).values).all() for name in QUANTITIES)
+    assert all(
+        np.isfinite(field(name, DISK, SPRINGS, x, V).values).all()
+        for name in QUANTITIES
+    )
 
 
 def test_point_values_are_means_weighted_with_the_areas():
@@ -135,9 +194,13 @@ def test_point_values_are_means_weighted_with_the_areas():
     around = (DISK.triangles == i).any(axis=1)
     mean = np.average(sigma[around], axis=0, weights=areas[around])
     assert point_stress(DISK_MESH, SPRINGS, X)[i] == pytest.approx(mean, rel=1e-12)
-    assert at_points("pressure", DISK_MESH, SPRINGS, X, V)[i] == pytest.approx(-0.5 * (mean[0] + mean[1]), rel=1e-12)
+    assert at_points("pressure", DISK_MESH, SPRINGS, X, V)[i] == pytest.approx(
+        -0.5 * (mean[0] + mean[1]), rel=1e-12
+    )
     strain = SPRINGS.strain(DISK, X)[(DISK.bonds == i).any(axis=1)]
-    assert at_points("strain", DISK_MESH, SPRINGS, X, V)[i] == pytest.approx(strain.mean(), rel=1e-12)
+    assert at_points("strain", DISK_MESH, SPRINGS, X, V)[i] == pytest.approx(
+        strain.mean(), rel=1e-12
+    )
 
 
 # ---- motion
@@ -150,14 +213,22 @@ def test_the_rate_of_compression_is_minus_the_divergence_of_the_velocity():
 
 
 def test_speed_and_kinetic_energy_are_those_in_the_frame_of_the_disk_s_centre_of_mass():
-    lattice = with_wall(replace(DISK, masses=DISK.masses * np.linspace(0.5, 1.5, 300)), 260, 3.0, 0)
+    lattice = with_wall(
+        replace(DISK, masses=DISK.masses * np.linspace(0.5, 1.5, 300)), 260, 3.0, 0
+    )
     x, v = shaken(lattice)
-    # König's theorem: the kinetic energy is that relative to the centre of mass plus that of the centre of mass.
-    m, mv = lattice.masses[:300, None], (lattice.masses[:300, None] * v[:300]).sum(axis=0)
+    # König's theorem: the kinetic energy is that relative to the centre of mass plus
+    # that of the centre of mass.
+    m, mv = (
+        lattice.masses[:300, None],
+        (lattice.masses[:300, None] * v[:300]).sum(axis=0),
+    )
     whole = 0.5 * float((m * v[:300] ** 2).sum())
     inner = field("kinetic", lattice, SPRINGS, x, v).values[:300].sum()
     assert inner == pytest.approx(whole - 0.5 * float(mv @ mv) / m.sum(), rel=1e-12)
-    assert field("speed", lattice, SPRINGS, x, v).values[300:] == pytest.approx(np.hypot(*v[300:].T), rel=1e-14)
+    assert field("speed", lattice, SPRINGS, x, v).values[300:] == pytest.approx(
+        np.hypot(*v[300:].T), rel=1e-14
+    )
 
 
 # ---- fringes
@@ -168,7 +239,9 @@ def test_fringes_follow_the_difference_of_the_principal_stresses():
     for order, bright in ((0.0, 0.0), (0.5, 1.0), (1.0, 0.0), (1.25, 0.5), (2.5, 1.0)):
         fringe = 1e-4
         x = strained(0.0, 0.0, 0.5 * order * fringe * (1.0 + POISSON) / YOUNG)
-        light = fringes(0.5 * at_points("fringes", MESH, Springs(1.0), x, np.zeros_like(x)), fringe)
+        light = fringes(
+            0.5 * at_points("fringes", MESH, Springs(1.0), x, np.zeros_like(x)), fringe
+        )
         assert light[middle] == pytest.approx(bright, abs=2e-3)
     assert fringes(np.array([0.3])) == pytest.approx(np.sin(5 * np.pi) ** 2, abs=1e-12)
 
@@ -179,7 +252,9 @@ def test_a_disk_without_stress_is_dark():
 
 
 def test_smoothing_keeps_uniform_values_and_averages_neighbours():
-    assert DISK_MESH.smoothed(np.full((300, 2), 0.7), 5) == pytest.approx(np.full((300, 2), 0.7), rel=1e-14)
+    assert DISK_MESH.smoothed(np.full((300, 2), 0.7), 5) == pytest.approx(
+        np.full((300, 2), 0.7), rel=1e-14
+    )
     values, i = np.random.default_rng(0).random((300, 1)), 40
     mean = values[np.unique(DISK.bonds[(DISK.bonds == i).any(axis=1)])].mean()
     assert DISK_MESH.smoothed(values, 1)[i, 0] == pytest.approx(mean, rel=1e-14)
@@ -187,7 +262,8 @@ def test_smoothing_keeps_uniform_values_and_averages_neighbours():
 
 @pytest.mark.parametrize("rings", [20, 30])
 def test_fringes_show_stress_smoothed_to_a_width_of_0_06_r_whatever_the_spacing(rings):
-    # Half of the lattice is shifted along a row, so the row of triangles between the halves is in pure shear.
+    # Half of the lattice is shifted along a row, so the row of triangles between the
+    # halves is in pure shear.
     lattice, spacing = hexagon(rings), 1.0 / rings
     x = lattice.positions.copy()
     rows = np.round(x[:, 1] / (np.sqrt(0.75) * spacing)).astype(int)
@@ -197,7 +273,8 @@ def test_fringes_show_stress_smoothed_to_a_width_of_0_06_r_whatever_the_spacing(
     weight, height = light[near], (rows[near] - 0.5) * np.sqrt(0.75) * spacing
     # The points on either side of that row are half of its height away from its middle.
     width2 = np.average(height**2, weights=weight) - 3.0 / 16.0 * spacing**2
-    # The number of averages is whole, so the width may deviate by half an average (over six neighbours and the point).
+    # The number of averages is whole, so the width may deviate by half an average (over
+    # six neighbours and the point).
     assert width2 == pytest.approx(0.06**2, abs=0.51 * 3.0 / 7.0 * spacing**2)
     assert np.average(height, weights=weight) == pytest.approx(0.0, abs=0.01 * spacing)
 
@@ -207,7 +284,11 @@ def test_fringes_show_stress_smoothed_to_a_width_of_0_06_r_whatever_the_spacing(
 
 def test_every_spring_of_a_lattice_is_carried_by_one_or_two_triangles():
     assert set(DISK_MESH.fraction) == {0.5, 1.0}
-    assert (DISK_MESH.fraction == 1.0).sum() == len(DISK_MESH.outline) == len(DISK.disk_surface)
+    assert (
+        (DISK_MESH.fraction == 1.0).sum()
+        == len(DISK_MESH.outline)
+        == len(DISK.disk_surface)
+    )
     # The outline has the body on its left: its polygon's area is that of all triangles.
     a, b = DISK.positions[DISK_MESH.outline].transpose(1, 0, 2)
     area = 0.5 * (a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]).sum()
@@ -215,7 +296,11 @@ def test_every_spring_of_a_lattice_is_carried_by_one_or_two_triangles():
 
 
 def test_a_field_says_where_it_lives_and_in_which_unit():
-    count = {"triangles": len(DISK.triangles), "springs": len(DISK.bonds), "points": 300}
+    count = {
+        "triangles": len(DISK.triangles),
+        "springs": len(DISK.bonds),
+        "points": 300,
+    }
     for name, quantity in QUANTITIES.items():
         found = field(name, DISK, SPRINGS, X, V)
         assert found.values.shape == (count[found.on],) and found.unit == quantity.unit

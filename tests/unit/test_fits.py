@@ -1,4 +1,5 @@
-"""Fits recover known parameters, and their intervals contain them as often as they should."""
+"""Fits recover known parameters, and their intervals contain them as often as they
+should."""
 
 from __future__ import annotations
 
@@ -23,14 +24,18 @@ def test_planted_parameters_of_eq_5_come_back() -> None:
         fit = theory.fit_restitution(V, theory.paper_restitution(V, d1, d2)[None])
         assert fit.values == pytest.approx({"d1": d1, "d2": d2}, rel=1e-6)
         assert fit.rms < 1e-7 and not fit.intervals
-    fixed = theory.fit_restitution(V, theory.paper_restitution(V, 1.0, 0.6)[None], d1_is_1=True)
+    fixed = theory.fit_restitution(
+        V, theory.paper_restitution(V, 1.0, 0.6)[None], d1_is_1=True
+    )
     assert fixed.values == pytest.approx({"d1": 1.0, "d2": 0.6}, rel=1e-6)
 
 
 def test_a_planted_b_comes_back_and_each_lattice_has_its_own() -> None:
     b = np.array([0.9, 1.5, 2.4])
     fit = theory.fit_b(P, paper_compression(P, 1.1, 0.29, b[:, None]), 1.1, 0.29)
-    assert [fit.values[f"b_{name}"] for name in ("min", "median", "max")] == pytest.approx(list(b), rel=1e-6)
+    assert [
+        fit.values[f"b_{name}"] for name in ("min", "median", "max")
+    ] == pytest.approx(list(b), rel=1e-6)
     low, high = fit.intervals["b"]
     assert 0.9 <= low < fit.values["b"] < high <= 2.4
 
@@ -57,8 +62,11 @@ def test_curvature_is_the_second_derivative_of_either_half() -> None:
     assert fit.rms < 1e-12
 
 
-def test_intervals_hold_the_truth_about_as_often_as_their_level(monkeypatch: pytest.MonkeyPatch) -> None:
-    # Each lattice deviates by a common factor, which a bootstrap over single points would miss.
+def test_intervals_hold_the_truth_about_as_often_as_their_level(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    # Each lattice deviates by a common factor, which a bootstrap over single points
+    # would miss.
     monkeypatch.setattr(theory, "RESAMPLES", 200)
     rng = np.random.default_rng(1)
     true = theory.paper_restitution(V, 1.0, 0.6)
@@ -67,37 +75,49 @@ def test_intervals_hold_the_truth_about_as_often_as_their_level(monkeypatch: pyt
         e = true * (1.0 + 0.01 * rng.standard_normal((16, 1)))
         low, high = theory.fit_restitution(V, e).intervals["d1"]
         held += low <= 1.0 <= high
-        # d1 is the mean of the factors, whose resampled means are about normal: 1.96 deviations to either side.
-        widths.append((high - low) / (2.0 * 1.96 * (e / true)[:, 0].std() / np.sqrt(16)))
+        # d1 is the mean of the factors, whose resampled means are about normal: 1.96
+        # deviations to either side.
+        widths.append(
+            (high - low) / (2.0 * 1.96 * (e / true)[:, 0].std() / np.sqrt(16))
+        )
     # Binomial(30, 0.95), and 16 lattices make the percentile interval a little narrow.
     assert held >= 23
     assert np.mean(widths) == pytest.approx(1.0, abs=0.08)
 
 
 @pytest.mark.parametrize("e_star", [1.1, 1.1e4])
-def test_the_table_of_eq_4_is_as_good_as_its_integral_at_any_stiffness(e_star: float) -> None:
+def test_the_table_of_eq_4_is_as_good_as_its_integral_at_any_stiffness(
+    e_star: float,
+) -> None:
     predict, unit = theory.quasistatic_curves((3e-3, 5e-2), e_star), e_star**-0.5
     for tau0 in (0.0, 3e-3 * unit, 0.0412 * unit, 0.33 * unit, 1.7 * unit):
         exact = [quasistatic_impact(v, tau0, e_star).restitution for v in (3e-3, 5e-2)]
-        np.testing.assert_allclose(predict(np.array([tau0]))[0], exact, rtol=0, atol=1e-6)
+        np.testing.assert_allclose(
+            predict(np.array([tau0]))[0], exact, rtol=0, atol=1e-6
+        )
     again = theory.quasistatic_curves.__wrapped__((3e-3, 5e-2), e_star)
     assert (again(np.array([0.33 * unit])) == predict(np.array([0.33 * unit]))).all()
     # A fit to data from the table recovers tau0.
     e = np.array([[quasistatic_impact(v, 0.3 * unit, e_star).restitution for v in V]])
-    assert theory.fit_tau0(V, e, e_star).values["tau0"] == pytest.approx(0.3 * unit, rel=1e-4)
+    assert theory.fit_tau0(V, e, e_star).values["tau0"] == pytest.approx(
+        0.3 * unit, rel=1e-4
+    )
 
 
 def pressed(lattices: list[tuple[int, float, float]]) -> list[dict[str, Any]]:
     """Rows of (seed, pressure, E)."""
     numbers = {"xi": 0.01, "xi_nominal": 0.02, "xi_extrapolated": 0.0, "status": "done"}
     return [
-        {"seed": seed, "pressure": pressure, "young": young, "poisson": 0.3 * young} | numbers
+        {"seed": seed, "pressure": pressure, "young": young, "poisson": 0.3 * young}
+        | numbers
         for seed, pressure, young in lattices
     ]
 
 
 def test_the_moduli_are_the_mean_over_lattices_however_many_rows_each_has() -> None:
-    rows = pressed([(0, 1e-3, 1.0), (0, 2e-3, 1.0), (1, 1e-3, 1.2), (1, 2e-3, 1.2), (0, 3e-3, 1.0)])
+    rows = pressed(
+        [(0, 1e-3, 1.0), (0, 2e-3, 1.0), (1, 1e-3, 1.2), (1, 2e-3, 1.2), (0, 3e-3, 1.0)]
+    )
     rows.append(rows[2] | {"pressure": 3e-3, "status": "failed", "xi": None})
     (curve,) = analyse(load_scene("compression"), ["seed", "pressure"], rows)
     assert (curve.young, curve.poisson) == (pytest.approx(1.1), pytest.approx(0.33))
@@ -106,89 +126,170 @@ def test_the_moduli_are_the_mean_over_lattices_however_many_rows_each_has() -> N
 
 def test_the_moduli_are_those_of_all_lattices_of_the_material() -> None:
     single = [row | {"method": "relaxation"} for row in pressed([(0, 1e-3, 1.0)])]
-    many = [row | {"method": "newton"} for row in pressed([(0, 1e-3, 1.0), (1, 1e-3, 1.2)])]
-    other = [row | {"method": "newton", "points": 60} for row in pressed([(0, 1e-3, 1.5)])]
-    axes, rows = ["points", "method", "seed", "pressure"], [row | {"points": 300} for row in single + many] + other
+    many = [
+        row | {"method": "newton"} for row in pressed([(0, 1e-3, 1.0), (1, 1e-3, 1.2)])
+    ]
+    other = [
+        row | {"method": "newton", "points": 60} for row in pressed([(0, 1e-3, 1.5)])
+    ]
+    axes, rows = (
+        ["points", "method", "seed", "pressure"],
+        [row | {"points": 300} for row in single + many] + other,
+    )
     curves = analyse(load_scene("compression"), axes, rows)
     assert [curve.young for curve in curves] == pytest.approx([1.1, 1.1, 1.5])
 
 
 def thrown(eta_star: float, name: str = "eta_star") -> list[dict[str, Any]]:
-    same = {"status": "done", "young": 1.1, "poisson": 0.3, "contact_time": 6.0, name: eta_star}
+    same = {
+        "status": "done",
+        "young": 1.1,
+        "poisson": 0.3,
+        "contact_time": 6.0,
+        name: eta_star,
+    }
     return [
         {"velocity": v, "seed": seed, "restitution": e * (1.0 + 1e-3 * seed)} | same
         for seed in (0, 1)
-        for v, e in zip(V, theory.paper_restitution(V, 1.0, 0.01 * eta_star), strict=True)
+        for v, e in zip(
+            V, theory.paper_restitution(V, 1.0, 0.01 * eta_star), strict=True
+        )
     ]
 
 
 def test_eq_4_is_fitted_where_there_are_dashpots_swept_or_not() -> None:
     axes = ["eta_star", "seed", "velocity"]
-    soft, stiff = analyse(load_scene("exponential_wall"), axes, thrown(0.0) + thrown(30.0))
+    soft, stiff = analyse(
+        load_scene("exponential_wall"), axes, thrown(0.0) + thrown(30.0)
+    )
     assert "eq4" not in soft.fits and "eq4" in stiff.fits
-    assert "eq4" in analyse(load_scene("exponential_wall"), axes[1:], thrown(30.0, "other"))[0].fits
+    assert (
+        "eq4"
+        in analyse(load_scene("exponential_wall"), axes[1:], thrown(30.0, "other"))[
+            0
+        ].fits
+    )
     undamped = load_scene("exponential_wall", ["material.eta_star=0"])
     assert "eq4" not in analyse(undamped, axes[1:], thrown(0.0, "other"))[0].fits
-    assert "eq4" not in analyse(load_scene("absorbing_wall"), axes, thrown(30.0))[0].fits
+    assert (
+        "eq4" not in analyse(load_scene("absorbing_wall"), axes, thrown(30.0))[0].fits
+    )
     # The dashpot constant of a spring also counts as damping, swept or not.
     axes = ["viscosity", "seed", "velocity"]
-    soft, stiff = analyse(undamped, axes, thrown(0.0, "viscosity") + thrown(0.03, "viscosity"))
+    soft, stiff = analyse(
+        undamped, axes, thrown(0.0, "viscosity") + thrown(0.03, "viscosity")
+    )
     assert "eq4" not in soft.fits and "eq4" in stiff.fits
     none = load_scene("exponential_wall", ["material.viscosity=0"])
     assert "eq4" not in analyse(none, axes[1:], thrown(0.0, "other"))[0].fits
 
 
 @pytest.mark.parametrize(
-    ("fastest", "left"), [(2.0, {"eq5", "eq5_d1_is_1", "eq4"}), (3.0, {"eq5", "eq5_d1_is_1"}), (10.0, set())]
+    ("fastest", "left"),
+    [
+        (2.0, {"eq5", "eq5_d1_is_1", "eq4"}),
+        (3.0, {"eq5", "eq5_d1_is_1"}),
+        (10.0, set()),
+    ],
 )
-def test_a_law_is_fitted_up_to_the_speed_that_it_has_a_meaning_for(fastest: float, left: set[str]) -> None:
-    rows = [row | {"velocity": row["velocity"] * fastest / V.max()} for row in thrown(30.0)]
-    (curve,) = analyse(load_scene("exponential_wall"), ["eta_star", "seed", "velocity"], rows)
+def test_a_law_is_fitted_up_to_the_speed_that_it_has_a_meaning_for(
+    fastest: float, left: set[str]
+) -> None:
+    rows = [
+        row | {"velocity": row["velocity"] * fastest / V.max()} for row in thrown(30.0)
+    ]
+    (curve,) = analyse(
+        load_scene("exponential_wall"), ["eta_star", "seed", "velocity"], rows
+    )
     assert curve.fits.keys() - {"curvature"} == left
 
 
 @pytest.mark.parametrize("own_first", [False, True])
-def test_a_lattice_from_a_file_beside_a_random_one_leaves_that_its_moduli(own_first: bool) -> None:
-    random = [row | {"lattice.file": "none"} for row in pressed([(0, 1e-3, 1.1), (0, 2e-3, 1.1)])]
-    own = [row | {"lattice.file": "own.npz", "young": None, "poisson": None} for row in random]
+def test_a_lattice_from_a_file_beside_a_random_one_leaves_that_its_moduli(
+    own_first: bool,
+) -> None:
+    random = [
+        row | {"lattice.file": "none"}
+        for row in pressed([(0, 1e-3, 1.1), (0, 2e-3, 1.1)])
+    ]
+    own = [
+        row | {"lattice.file": "own.npz", "young": None, "poisson": None}
+        for row in random
+    ]
     rows = own + random if own_first else random + own
-    curves = analyse(load_scene("compression"), ["lattice.file", "seed", "pressure"], rows)
+    curves = analyse(
+        load_scene("compression"), ["lattice.file", "seed", "pressure"], rows
+    )
     known = {curve.label["lattice.file"]: curve.summary()["young"] for curve in curves}
     assert known == {"none": pytest.approx(1.1), "own.npz": None}
 
 
 def test_lattices_from_a_file_have_no_moduli_and_no_fit_that_needs_them() -> None:
-    rows = [row | {"young": None, "poisson": None} for row in pressed([(0, 1e-3, 1.0), (0, 2e-3, 1.0)])]
+    rows = [
+        row | {"young": None, "poisson": None}
+        for row in pressed([(0, 1e-3, 1.0), (0, 2e-3, 1.0)])
+    ]
     (curve,) = analyse(load_scene("compression"), ["seed", "pressure"], rows)
     assert not curve.fits and curve.summary()["young"] is None
 
 
 @pytest.mark.parametrize(
     "kind",
-    [pytest.param(scene, marks=pytest.mark.validate) for scene in ("compression", "absorbing_wall")]
+    [
+        pytest.param(scene, marks=pytest.mark.validate)
+        for scene in ("compression", "absorbing_wall")
+    ]
     + ["exponential_wall"],
 )
-def test_the_legend_names_all_that_is_drawn_and_the_same_values_draw_the_same_bytes(kind: str, tmp_path: Path) -> None:
+def test_the_legend_names_all_that_is_drawn_and_the_same_values_draw_the_same_bytes(
+    kind: str, tmp_path: Path
+) -> None:
     if kind == "compression":
-        rows, axes = pressed([(seed, p, 1.1) for seed in (0, 1) for p in P]), ["seed", "pressure"]
-        legend = ["bars: 2 lattices", "exact law, rigid wall", "eq. (2), b = 1.55 (paper)"]
+        rows, axes = (
+            pressed([(seed, p, 1.1) for seed in (0, 1) for p in P]),
+            ["seed", "pressure"],
+        )
+        legend = [
+            "bars: 2 lattices",
+            "exact law, rigid wall",
+            "eq. (2), b = 1.55 (paper)",
+        ]
     else:
-        rows, axes = thrown(10.0) + thrown(3.0) + thrown(0.0), ["eta_star", "seed", "velocity"]
-        legend = ["η* = 10", "η* = 3", "η* = 0", "bars: 2 lattices", "eq. (5), d₁ and d₂ fitted"]
+        rows, axes = (
+            thrown(10.0) + thrown(3.0) + thrown(0.0),
+            ["eta_star", "seed", "velocity"],
+        )
+        legend = [
+            "η* = 10",
+            "η* = 3",
+            "η* = 0",
+            "bars: 2 lattices",
+            "eq. (5), d₁ and d₂ fitted",
+        ]
         paper = "eq. (5), paper: d₁ = 0.973, d₂ = 0.119"
         legend.append("eq. (4), τ₀ fitted" if kind == "exponential_wall" else paper)
     scene = load_scene(kind)
     curves, drawn = analyse(scene, axes, rows), []
     for _ in range(2 if kind == "compression" else 1):
         draw(scene, curves, tmp_path)
-        drawn.append([(tmp_path / f"figure.{suffix}").read_bytes() for suffix in ("svg", "png", "pdf")])
+        drawn.append(
+            [
+                (tmp_path / f"figure.{suffix}").read_bytes()
+                for suffix in ("svg", "png", "pdf")
+            ]
+        )
     # Text is drawn as outlines; Matplotlib repeats it in a comment.
-    assert [label for label in legend if f"<!-- {label} -->" not in drawn[0][0].decode()] == []
+    assert [
+        label for label in legend if f"<!-- {label} -->" not in drawn[0][0].decode()
+    ] == []
     assert b"LineCollection" in drawn[0][0]  # the bars
     assert drawn[0] == drawn[-1]
 
 
 def test_one_lattice_has_no_error_bars(tmp_path: Path) -> None:
-    scene, rows = load_scene("exponential_wall"), [row for row in thrown(10.0) if row["seed"] == 0]
+    scene, rows = (
+        load_scene("exponential_wall"),
+        [row for row in thrown(10.0) if row["seed"] == 0],
+    )
     draw(scene, analyse(scene, ["eta_star", "seed", "velocity"], rows), tmp_path)
     assert "LineCollection" not in (tmp_path / "figure.svg").read_text(encoding="utf-8")

@@ -1,4 +1,5 @@
-"""The disk's lattice: exact numbers of points, distances, a valid triangulation, reproducible to the last bit."""
+"""The disk's lattice: exact numbers of points, distances, a valid triangulation,
+reproducible to the last bit."""
 
 from __future__ import annotations
 
@@ -17,31 +18,57 @@ from taichi_disk.config.sections import LatticeSection
 from taichi_disk.errors import InputError, SimulationError
 from taichi_disk.lattice import Lattice, disk_lattice
 from taichi_disk.lattice.lattice import double_area, polygon_area, triangulate
-from taichi_disk.lattice.network import bending_compliance, largest_eigenvalue, network_stiffness
-from taichi_disk.lattice.random_points import MAX_POINTS, MIN_POINTS, hexagonal_spacing, rim_points, scatter
+from taichi_disk.lattice.network import (
+    bending_compliance,
+    largest_eigenvalue,
+    network_stiffness,
+)
+from taichi_disk.lattice.random_points import (
+    MAX_POINTS,
+    MIN_POINTS,
+    hexagonal_spacing,
+    rim_points,
+    scatter,
+)
 
 
 @settings(max_examples=30, deadline=None)
-@given(st.integers(3, 300), st.integers(0, 2**32), st.booleans(), st.floats(0, 0.75, allow_subnormal=False))
+@given(
+    st.integers(3, 300),
+    st.integers(0, 2**32),
+    st.booleans(),
+    st.floats(0, 0.75, allow_subnormal=False),
+)
 @example(3, 5, True, 0.75)
 @example(4, 5, True, 0.75)
 @example(1099, 5, True, 0.7)
 @example(1099, 5, False, 0.75)
 @example(1099, 5, False, 0.0)
-def test_points_keep_their_distance_in_the_circle_and_triangles_tile_their_outline(points, seed, rim, min_spacing):
+def test_points_keep_their_distance_in_the_circle_and_triangles_tile_their_outline(
+    points, seed, rim, min_spacing
+):
     disk = disk_lattice(points, seed, rim, min_spacing)
     assert disk.positions.shape == (points, 2) and disk.disk_points == points
     assert disk.masses == pytest.approx(np.full(points, 1 / points))
     assert np.hypot(*disk.positions.T).max() <= 1 + 1e-15
     # Every pair of points, not just neighbours, keeps the distance.
-    assert pdist(disk.positions).min() >= min_spacing * hexagonal_spacing(points) * (1 - 1e-12)
+    assert pdist(disk.positions).min() >= min_spacing * hexagonal_spacing(points) * (
+        1 - 1e-12
+    )
     assert_tiles(disk.positions, disk.triangles, disk.disk_surface)
-    sides = np.stack([disk.triangles, np.roll(disk.triangles, -1, axis=1)], axis=2).reshape(-1, 2)
-    assert (np.unique(np.sort(sides, axis=1), axis=0) == disk.bonds).all()  # both sorted lexicographically
+    sides = np.stack(
+        [disk.triangles, np.roll(disk.triangles, -1, axis=1)], axis=2
+    ).reshape(-1, 2)
+    # both sorted lexicographically
+    assert (np.unique(np.sort(sides, axis=1), axis=0) == disk.bonds).all()
     assert len(np.unique(disk.bonds)) == points
     i, j = disk.bonds.T
-    assert disk.rest_lengths == pytest.approx(np.linalg.norm(disk.positions[i] - disk.positions[j], axis=1))
-    assert {disk.bonds.dtype, disk.triangles.dtype, disk.disk_surface.dtype} == {np.dtype(np.int32)}
+    assert disk.rest_lengths == pytest.approx(
+        np.linalg.norm(disk.positions[i] - disk.positions[j], axis=1)
+    )
+    assert {disk.bonds.dtype, disk.triangles.dtype, disk.disk_surface.dtype} == {
+        np.dtype(np.int32)
+    }
 
 
 @pytest.mark.parametrize("points", [7, 50, 1099])
@@ -55,11 +82,19 @@ def test_rim_points_are_evenly_spaced_on_the_unit_circle_and_are_the_surface(poi
 
 
 @settings(max_examples=30, deadline=None)
-@given(st.integers(150, 600), st.integers(0, 2**32), st.booleans(), st.floats(0, 0.75), st.floats(0.25, 0.55))
+@given(
+    st.integers(150, 600),
+    st.integers(0, 2**32),
+    st.booleans(),
+    st.floats(0, 0.75),
+    st.floats(0.25, 0.55),
+)
 @example(1099, 0, True, 0.7, 0.9)
 @example(600, 0, True, 0.75, 0.85)
 @example(1099, 0, True, 0.7, 0.06)
-def test_a_hole_is_round_and_empty_and_the_points_are_as_many_as_asked(points, seed, rim, min_spacing, hole):
+def test_a_hole_is_round_and_empty_and_the_points_are_as_many_as_asked(
+    points, seed, rim, min_spacing, hole
+):
     disk = disk_lattice(points, seed, rim, min_spacing, hole)
     r = np.hypot(*disk.positions.T)
     assert disk.positions.shape == (points, 2) and np.ptp(disk.masses) == 0.0
@@ -67,8 +102,12 @@ def test_a_hole_is_round_and_empty_and_the_points_are_as_many_as_asked(points, s
     assert r.min() == pytest.approx(hole, abs=1e-15)
     edge = np.flatnonzero(r < hole * (1 + 1e-9))
     turn = np.sort(np.arctan2(*disk.positions[edge].T))
-    assert np.diff(turn) == pytest.approx(np.full(len(edge) - 1, 2 * np.pi / len(edge)), abs=1e-12)
-    assert pdist(disk.positions).min() >= min_spacing * hexagonal_spacing(points) * np.sqrt(1 - hole**2) * (1 - 1e-12)
+    assert np.diff(turn) == pytest.approx(
+        np.full(len(edge) - 1, 2 * np.pi / len(edge)), abs=1e-12
+    )
+    assert pdist(disk.positions).min() >= min_spacing * hexagonal_spacing(
+        points
+    ) * np.sqrt(1 - hole**2) * (1 - 1e-12)
     polygon = 0.5 * len(edge) * hole**2 * np.sin(2 * np.pi / len(edge))
     assert holes_of(disk) == [pytest.approx(polygon)] and not disk.whole
     area = 0.5 * double_area(disk.positions[disk.triangles])
@@ -80,8 +119,11 @@ def test_a_hole_is_round_and_empty_and_the_points_are_as_many_as_asked(points, s
 
 @pytest.mark.parametrize(("hole", "core"), [(0.4, 0.0), (0.0, 0.5)])
 @pytest.mark.parametrize("min_spacing", [0.7, 0.0])
-def test_the_edges_of_hole_and_core_are_rings_of_springs_without_flat_triangles(hole, core, min_spacing):
-    # A random point too close to an edge would make a sliver there, or break the core's outline.
+def test_the_edges_of_hole_and_core_are_rings_of_springs_without_flat_triangles(
+    hole, core, min_spacing
+):
+    # A random point too close to an edge would make a sliver there, or break the core's
+    # outline.
     spacing = min_spacing * hexagonal_spacing(300) * np.sqrt(1 - hole**2)
     for seed in range(3):
         disk = disk_lattice(300, seed, True, min_spacing, hole, core)
@@ -90,26 +132,43 @@ def test_the_edges_of_hole_and_core_are_rings_of_springs_without_flat_triangles(
         half_a_chord = (hole or core) * np.sin(np.pi / len(edge))
         assert np.delete(off, edge).min() >= max(np.sqrt(0.75) * spacing, half_a_chord)
         ring = edge[np.argsort(np.arctan2(*disk.positions[edge].T))]
-        chords = {(min(pair), max(pair)) for pair in zip(ring.tolist(), np.roll(ring, -1).tolist(), strict=True)}
+        chords = {
+            (min(pair), max(pair))
+            for pair in zip(ring.tolist(), np.roll(ring, -1).tolist(), strict=True)
+        }
         assert chords <= set(map(tuple, disk.bonds.tolist()))
 
 
 def test_a_core_has_the_points_and_springs_within_and_the_mean_on_its_edge():
     plain, core = (
-        disk_lattice(1099, 2, hole=0.2, core_radius=0.5, **options) for options in ({}, {"core_density": 3.0})
+        disk_lattice(1099, 2, hole=0.2, core_radius=0.5, **options)
+        for options in ({}, {"core_density": 3.0})
     )
     stiff = disk_lattice(1099, 2, hole=0.2, core_radius=0.5, core_stiffness=10.0)
-    assert plain.stiffness is core.stiffness is None and np.ptp(plain.masses) == np.ptp(stiff.masses) == 0.0
-    assert (core.positions == plain.positions).all() and core.masses.sum() == pytest.approx(1.0, abs=1e-14)
+    assert (
+        plain.stiffness is core.stiffness is None
+        and np.ptp(plain.masses) == np.ptp(stiff.masses) == 0.0
+    )
+    assert (
+        core.positions == plain.positions
+    ).all() and core.masses.sum() == pytest.approx(1.0, abs=1e-14)
     r = np.hypot(*core.positions.T)
-    kinds = [core.masses[part] for part in (r > 0.5 + 1e-9, np.abs(r - 0.5) < 1e-9, r < 0.5 - 1e-9)]
+    kinds = [
+        core.masses[part]
+        for part in (r > 0.5 + 1e-9, np.abs(r - 0.5) < 1e-9, r < 0.5 - 1e-9)
+    ]
     assert [np.ptp(masses) for masses in kinds] == [0.0, 0.0, 0.0]
-    assert [masses[0] / kinds[0][0] for masses in kinds] == pytest.approx([1.0, 2.0, 3.0])
+    assert [masses[0] / kinds[0][0] for masses in kinds] == pytest.approx(
+        [1.0, 2.0, 3.0]
+    )
     middle = np.hypot(*stiff.positions[stiff.bonds].mean(axis=1).T)
     on_edge = (np.abs(r[stiff.bonds] - 0.5) < 1e-9).all(axis=1)
     assert set(stiff.stiffness[on_edge]) == {5.5} and on_edge.sum() == len(kinds[1])
-    assert set(stiff.stiffness[~on_edge & (middle < 0.5)]) == {10.0} and set(stiff.stiffness[middle > 0.5]) == {1.0}
-    # The core has the mass fraction of its area, 3 (a^2 - h^2) to 1 - a^2, up to the whole number of rim points.
+    assert set(stiff.stiffness[~on_edge & (middle < 0.5)]) == {10.0} and set(
+        stiff.stiffness[middle > 0.5]
+    ) == {1.0}
+    # The core has the mass fraction of its area, 3 (a^2 - h^2) to 1 - a^2, up to the
+    # whole number of rim points.
     heavy = kinds[2].sum() + 0.75 * kinds[1].sum()
     assert heavy == pytest.approx(3 * 0.21 / (3 * 0.21 + 0.75), rel=0.04)
 
@@ -122,7 +181,10 @@ def test_a_core_has_the_points_and_springs_within_and_the_mean_on_its_edge():
         ({"hole": -0.1}, "hole: must be at least"),
         ({"hole": 0.01}, "hole: must be at least 0.056"),
         ({"hole": np.nan}, "hole: must be at most .*, not nan"),
-        ({"hole": 0.5, "core_radius": 0.4}, "core_radius: must be at least 0.55.* and a hole of 0.5 R, not 0.4"),
+        (
+            {"hole": 0.5, "core_radius": 0.4},
+            "core_radius: must be at least 0.55.* and a hole of 0.5 R, not 0.4",
+        ),
         ({"core_radius": 0.99}, "core_radius: must be at most 0.94"),
         ({"core_radius": 0.5, "core_density": 0.0}, "masses"),
         ({"core_radius": 0.5, "core_stiffness": -1.0}, "stiffness"),
@@ -138,8 +200,11 @@ def test_the_disk_has_no_slivers():
     corner = disk.positions[disk.triangles]
     side = np.roll(corner, -1, axis=1) - corner
     length = np.linalg.norm(side, axis=2)
-    cosine = -np.sum(side * np.roll(side, 1, axis=1), axis=2) / (length * np.roll(length, 1, axis=1))
-    # With the smallest distance l and the largest circumradius R, the smallest angle has sin >= l/(2 R).
+    cosine = -np.sum(side * np.roll(side, 1, axis=1), axis=2) / (
+        length * np.roll(length, 1, axis=1)
+    )
+    # With the smallest distance l and the largest circumradius R, the smallest angle
+    # has sin >= l/(2 R).
     assert np.degrees(np.arccos(cosine.max())) > 20
 
 
@@ -152,9 +217,12 @@ def test_the_lattice_of_a_seed_is_the_same_everywhere():
 
 def test_points_without_a_minimum_distance_are_uniform_in_the_circle():
     x, y = disk_lattice(20_000, 0, rim=False, min_spacing=0.0).positions.T
-    # r^2 and the angle are uniform: means 1/2 and pi, with standard errors range/sqrt(12 n); 4 of them.
+    # r^2 and the angle are uniform: means 1/2 and pi, with standard errors
+    # range/sqrt(12 n); 4 of them.
     for value, width in ((x**2 + y**2, 1.0), (np.arctan2(y, x) + np.pi, 2 * np.pi)):
-        assert value.mean() == pytest.approx(width / 2, abs=4 * width / np.sqrt(12 * len(x)))
+        assert value.mean() == pytest.approx(
+            width / 2, abs=4 * width / np.sqrt(12 * len(x))
+        )
         assert value.std() == pytest.approx(width / np.sqrt(12), rel=0.02)
 
 
@@ -165,19 +233,32 @@ def test_scattered_points_are_as_dense_everywhere():
     def depth(p):
         return np.minimum(p, box - p).min(axis=1)
 
-    p = scatter(rng, points, np.zeros(2), box, depth, 0.75 * hexagonal_spacing(points), np.empty((0, 2)))
-    # Points at a minimum distance fluctuate less than by sqrt(n) = 35 (Poisson) for n = 1250 in a bin.
+    p = scatter(
+        rng,
+        points,
+        np.zeros(2),
+        box,
+        depth,
+        0.75 * hexagonal_spacing(points),
+        np.empty((0, 2)),
+    )
+    # Points at a minimum distance fluctuate less than by sqrt(n) = 35 (Poisson) for n =
+    # 1250 in a bin.
     assert np.abs(np.histogram2d(*p.T, bins=4)[0] - points / 16).max() < 60
 
 
 def test_numbering_keeps_neighbours_close_in_memory():
-    # A level of a breadth-first search through a disk has about 2/d = 1.05 sqrt(N) points; a bond spans two levels.
-    assert np.abs(np.diff(disk_lattice(5000, 0).bonds, axis=1)).max() < 2.5 * np.sqrt(5000)
+    # A level of a breadth-first search through a disk has about 2/d = 1.05 sqrt(N)
+    # points; a bond spans two levels.
+    assert np.abs(np.diff(disk_lattice(5000, 0).bonds, axis=1)).max() < 2.5 * np.sqrt(
+        5000
+    )
 
 
 @pytest.mark.parametrize("angle", np.arange(4) * 1.65)
 def test_points_in_a_row_make_no_flat_triangles(angle):
-    # A square grid with displaced inner points, rotated so that its sides are straight only up to rounding.
+    # A square grid with displaced inner points, rotated so that its sides are straight
+    # only up to rounding.
     grid = np.stack(np.meshgrid(np.arange(30.0), np.arange(9.0)), axis=-1)
     grid[1:-1, 1:-1] += 0.4 * np.random.default_rng(0).random((7, 28, 2)) - 0.2
     c, s = np.cos(angle), np.sin(angle)
@@ -194,14 +275,30 @@ def test_points_that_cannot_be_meshed_are_refused():
 
 
 def test_arguments_out_of_range_are_named_and_are_those_of_a_scene():
-    for points, min_spacing in ((2, 0.7), (2_000_001, 0.7), (50, 0.76), (50, -0.1), (50, np.nan)):
-        with pytest.raises(InputError, match=f"lattice.{'min_spacing' if points == 50 else 'points'} must be between"):
+    for points, min_spacing in (
+        (2, 0.7),
+        (2_000_001, 0.7),
+        (50, 0.76),
+        (50, -0.1),
+        (50, np.nan),
+    ):
+        with pytest.raises(
+            InputError,
+            match=(
+                f"lattice.{'min_spacing' if points == 50 else 'points'} must be between"
+            ),
+        ):
             disk_lattice(points, 0, True, min_spacing)
     for points in ("60", 60.5, np.nan):
-        with pytest.raises(InputError, match=f"lattice.points must be between .*, not {points!r}"):
+        with pytest.raises(
+            InputError, match=f"lattice.points must be between .*, not {points!r}"
+        ):
             Lattice.disk(points)
     for seed in (-1, 1.5, "1", None):
-        with pytest.raises(InputError, match=f"lattice.seed must be a whole number from 0 on, not {seed!r}"):
+        with pytest.raises(
+            InputError,
+            match=f"lattice.seed must be a whole number from 0 on, not {seed!r}",
+        ):
             Lattice.disk(60, seed=seed)
     points = LatticeSection.schema()["points"]
     assert (points.low, points.high) == (MIN_POINTS, MAX_POINTS)
@@ -218,14 +315,25 @@ def test_largest_eigenvalue_is_that_of_the_dense_matrix(points):
 
 @pytest.mark.parametrize("rings", [2, 6])
 def test_bending_compliance_is_that_of_the_dense_matrix(rings):
-    # A hexagon has pairs of vibrations with the same frequency, and the solver may return any mixture of them.
-    i, j = (indices.ravel() for indices in np.meshgrid(*[np.arange(-rings, rings + 1.0)] * 2))
-    points = (np.stack([i + 0.5 * j, np.sqrt(0.75) * j], axis=1) / rings)[np.abs(i + j) <= rings]
+    # A hexagon has pairs of vibrations with the same frequency, and the solver may
+    # return any mixture of them.
+    i, j = (
+        indices.ravel()
+        for indices in np.meshgrid(*[np.arange(-rings, rings + 1.0)] * 2)
+    )
+    points = (np.stack([i + 0.5 * j, np.sqrt(0.75) * j], axis=1) / rings)[
+        np.abs(i + j) <= rings
+    ]
     hexagon = Lattice.from_points(points)
     stiffness = network_stiffness(hexagon.positions, hexagon.bonds, 2.0)
     values, modes = np.linalg.eigh(stiffness.toarray())
     assert values[3] == pytest.approx(values[4], rel=1e-9)
-    soft = (modes[:, 3:8] ** 2 * (1.0 / values[3:8] - 1.0 / values[8])).sum(axis=1).reshape(-1, 2).sum(axis=1)
+    soft = (
+        (modes[:, 3:8] ** 2 * (1.0 / values[3:8] - 1.0 / values[8]))
+        .sum(axis=1)
+        .reshape(-1, 2)
+        .sum(axis=1)
+    )
     assert bending_compliance(stiffness) == pytest.approx(soft.max(), rel=1e-5)
 
 

@@ -17,11 +17,18 @@ from taichi_disk.errors import InputError
 from taichi_disk.lattice import Lattice, disk_lattice, files, read_lattice, with_wall
 from taichi_disk.lattice.lattice import polygon_area
 
-COLUMN, ROW = (indices.ravel() for indices in np.meshgrid(np.arange(-12, 13), np.arange(-12, 13)))
+COLUMN, ROW = (
+    indices.ravel() for indices in np.meshgrid(np.arange(-12, 13), np.arange(-12, 13))
+)
 HEXAGONAL = np.stack([COLUMN + 0.5 * ROW, np.sqrt(0.75) * ROW], axis=1) / 8
 ROUND = HEXAGONAL[np.hypot(*HEXAGONAL.T) < 1 + 1e-9]
-GRID = np.stack(np.meshgrid(np.arange(-4, 5), np.arange(-4, 5)), axis=-1).reshape(-1, 2) / 4
-RIM = np.stack([np.cos(np.arange(24) * np.pi / 12), np.sin(np.arange(24) * np.pi / 12)], axis=1)
+GRID = (
+    np.stack(np.meshgrid(np.arange(-4, 5), np.arange(-4, 5)), axis=-1).reshape(-1, 2)
+    / 4
+)
+RIM = np.stack(
+    [np.cos(np.arange(24) * np.pi / 12), np.sin(np.arange(24) * np.pi / 12)], axis=1
+)
 NEAREST = cKDTree(GRID).query_pairs(0.26, output_type="ndarray")
 CROSSED = cKDTree(GRID).query_pairs(0.36, output_type="ndarray")
 RISE = np.prod(GRID[CROSSED[:, 1]] - GRID[CROSSED[:, 0]], axis=1)
@@ -48,8 +55,11 @@ def test_round_hexagonal_lattice_has_no_spring_beyond_second_neighbours(digits):
     lattice = Lattice.from_points(ROUND.round(digits))
     assert_tiles(lattice.positions, lattice.triangles, lattice.disk_surface)
     assert lattice.rest_lengths.max() < 1.75 / 8
-    # All first neighbours are joined: sliver removal takes no part of the lattice itself.
-    assert (lattice.rest_lengths < 1.01 / 8).sum() == len(cKDTree(ROUND).query_pairs(1.01 / 8))
+    # All first neighbours are joined: sliver removal takes no part of the lattice
+    # itself.
+    assert (lattice.rest_lengths < 1.01 / 8).sum() == len(
+        cKDTree(ROUND).query_pairs(1.01 / 8)
+    )
 
 
 def test_slivers_of_points_at_random_are_dropped_and_nothing_else():
@@ -58,18 +68,32 @@ def test_slivers_of_points_at_random_are_dropped_and_nothing_else():
     assert_tiles(lattice.positions, lattice.triangles, lattice.disk_surface)
     assert literal.rest_lengths.max() > 8 * np.median(literal.rest_lengths)
     assert lattice.rest_lengths.max() < 4 * np.median(lattice.rest_lengths)
-    assert len(literal.triangles) - len(lattice.triangles) < 0.05 * len(literal.triangles)
+    assert len(literal.triangles) - len(lattice.triangles) < 0.05 * len(
+        literal.triangles
+    )
 
 
-@pytest.mark.parametrize("springs", [CROSSED, CROSSED[RISE < 1e-9], CROSSED[RISE > -1e-9]], ids=["both", "/", "\\"])
+@pytest.mark.parametrize(
+    "springs",
+    [CROSSED, CROSSED[RISE < 1e-9], CROSSED[RISE > -1e-9]],
+    ids=["both", "/", "\\"],
+)
 def test_custom_springs_keep_their_rest_lengths(springs):
     rest = 1.0 + np.arange(len(springs))
     lattice = Lattice.from_points(GRID, springs[:, ::-1], rest)
     order = order_of(lattice, GRID)
     assert_tiles(lattice.positions, lattice.triangles, lattice.disk_surface)
     assert polygon_area(lattice.positions[lattice.disk_surface]) == pytest.approx(4.0)
-    given = {(*sorted(pair),): length for pair, length in zip(springs.tolist(), rest, strict=True)}
-    found = {(*sorted(pair),): x for pair, x in zip(order[lattice.bonds].tolist(), lattice.rest_lengths, strict=True)}
+    given = {
+        (*sorted(pair),): length
+        for pair, length in zip(springs.tolist(), rest, strict=True)
+    }
+    found = {
+        (*sorted(pair),): x
+        for pair, x in zip(
+            order[lattice.bonds].tolist(), lattice.rest_lengths, strict=True
+        )
+    }
     assert found == given
 
 
@@ -88,14 +112,31 @@ RING = ROUND[np.hypot(*ROUND.T) > 0.6]
         ((np.append(ROUND, ROUND[7:8], axis=0),), "points 7 and 241 are the same"),
         ((ROUND * [1, 0],), "same"),
         ((np.linspace(-1, 1, 9)[:, None] * [1, 0.5],), "one line"),
-        ((np.concatenate([0.2 * ROUND - [0.8, 0], 0.2 * ROUND + [0.8, 0]]),), "would cross a gap of 1.21 R"),
+        (
+            (np.concatenate([0.2 * ROUND - [0.8, 0], 0.2 * ROUND + [0.8, 0]]),),
+            "would cross a gap of 1.21 R",
+        ),
         ((GRID, CROSSED + 0.5), "whole numbers"),
         ((GRID, CROSSED + 1), "of 0 to 80"),
         ((GRID, CROSSED * 0), "joins [0, 0]"),
         ((GRID, np.append(CROSSED, CROSSED[:1, ::-1], axis=0)), "joined already"),
         ((GRID, NEAREST), "point 0 at (-1, -1) is no corner"),
-        ((GRID, CROSSED[(CROSSED != 0).all(axis=1)]), "point 0 at (-1, -1) is no corner"),
-        ((GRID, np.concatenate([CROSSED[(GRID[CROSSED] * s >= 0).all(axis=(1, 2))] for s in (1, -1)])), "is no corner"),
+        (
+            (GRID, CROSSED[(CROSSED != 0).all(axis=1)]),
+            "point 0 at (-1, -1) is no corner",
+        ),
+        (
+            (
+                GRID,
+                np.concatenate(
+                    [
+                        CROSSED[(GRID[CROSSED] * s >= 0).all(axis=(1, 2))]
+                        for s in (1, -1)
+                    ]
+                ),
+            ),
+            "is no corner",
+        ),
         ((GRID, CROSSED, np.ones(3)), "shape"),
         ((GRID, CROSSED, np.zeros(len(CROSSED))), "rest_lengths[0] is 0"),
         ((GRID, None, np.ones(3)), "rest_lengths without springs"),
@@ -116,13 +157,17 @@ def test_points_are_read_from_csv(tmp_path, header):
 @pytest.mark.parametrize("header", ["", "x,y,mass\n"])
 def test_a_third_column_of_a_csv_file_is_the_mass(tmp_path, header):
     path = tmp_path / "points.csv"
-    path.write_text(header + "".join(f"{x!r}, {y!r}, {3 + (x > 0)}\n" for x, y in ROUND.tolist()))
+    path.write_text(
+        header + "".join(f"{x!r}, {y!r}, {3 + (x > 0)}\n" for x, y in ROUND.tolist())
+    )
     lattice = read_lattice(path)
     heavy = lattice.positions[:, 0] > 0
     total = 3 * len(ROUND) + heavy.sum()
     assert lattice.masses == pytest.approx((3 + heavy) / total)
     with pytest.raises(InputError, match=r"points\.csv: masses\[0\] is -1"):
-        path.write_text(header + "".join(f"{x!r}, {y!r}, -1\n" for x, y in ROUND.tolist()))
+        path.write_text(
+            header + "".join(f"{x!r}, {y!r}, -1\n" for x, y in ROUND.tolist())
+        )
         read_lattice(path)
 
 
@@ -133,12 +178,23 @@ def test_the_disk_of_a_runs_lattice_is_read_from_npz(tmp_path):
     np.savez(tmp_path / "lattice.npz", **{name: getattr(both, name) for name in names})
     disk = read_lattice(str(tmp_path / "lattice.npz"))
     assert sorted(disk.masses) == pytest.approx(sorted(both.masses[:200]), rel=1e-15)
-    assert sorted(disk.stiffness) == sorted(both.stiffness[(both.bonds < 200).all(axis=1)])
+    assert sorted(disk.stiffness) == sorted(
+        both.stiffness[(both.bonds < 200).all(axis=1)]
+    )
     assert sorted(disk.positions.tolist()) == sorted(both.positions[:200].tolist())
-    assert sorted(disk.rest_lengths) == sorted(both.rest_lengths[(both.bonds < 200).all(axis=1)])
+    assert sorted(disk.rest_lengths) == sorted(
+        both.rest_lengths[(both.bonds < 200).all(axis=1)]
+    )
     np.savez(tmp_path / "points.npz", positions=ROUND)
-    assert (read_lattice(tmp_path / "points.npz").positions == Lattice.from_points(ROUND).positions).all()
-    short = {"positions": both.positions, "bonds": both.bonds, "rest_lengths": both.rest_lengths[:3]}
+    assert (
+        read_lattice(tmp_path / "points.npz").positions
+        == Lattice.from_points(ROUND).positions
+    ).all()
+    short = {
+        "positions": both.positions,
+        "bonds": both.bonds,
+        "rest_lengths": both.rest_lengths[:3],
+    }
     for number in (disk.disk_points, np.inf):
         np.savez(tmp_path / "short.npz", **short, disk_points=number)
         with pytest.raises(InputError, match=r"short\.npz"):
@@ -155,7 +211,11 @@ def test_the_disk_of_a_runs_lattice_is_read_from_npz(tmp_path):
         ("a.txt", b"0,0", ".csv or .npz"),
         ("a.csv", b"x,y\n", "has no points"),
         ("a.csv", b"x,y\n0,0\n1,2,3\n", "columns changed from 2 to 3 at row 2"),
-        ("a.csv", b"x,y\n0,0\n1,b\n", "could not convert string 'b' to float64 at row 1, column 2"),
+        (
+            "a.csv",
+            b"x,y\n0,0\n1,b\n",
+            "could not convert string 'b' to float64 at row 1, column 2",
+        ),
         ("a.csv", b"\xff\xfe", "utf-8"),
         ("a.csv", b"0,0\n9,0\n0,9\n", "extend over 9 x 9 R"),
         ("a.npz", b"PK", "not a zip file"),
@@ -170,13 +230,20 @@ def test_files_that_hold_no_disk_are_refused_by_name(tmp_path, name, content, me
 
 
 @pytest.mark.parametrize("offset", [[0.0, 1e6], [0.0, -1000.0], [0.0, 2.0]])
-@pytest.mark.parametrize("points", [ROUND, GRID, *(disk_lattice(n, n, rim=n > 200).positions for n in (60, 250))])
+@pytest.mark.parametrize(
+    "points",
+    [ROUND, GRID, *(disk_lattice(n, n, rim=n > 200).positions for n in (60, 250))],
+)
 def test_a_body_that_lies_far_away_gets_the_same_springs(points, offset):
     points = points - [points[:, 0].mean(), 0.0]
     near, far = Lattice.from_points(points), Lattice.from_points(points + offset)
-    assert (far.bonds == near.bonds).all() and (far.disk_surface == near.disk_surface).all()
+    assert (far.bonds == near.bonds).all() and (
+        far.disk_surface == near.disk_surface
+    ).all()
     assert (far.positions == near.positions + offset).all()
-    again = Lattice.from_points(points + offset, order_of(far, points + offset)[far.bonds])
+    again = Lattice.from_points(
+        points + offset, order_of(far, points + offset)[far.bonds]
+    )
     assert sorted(again.rest_lengths) == sorted(far.rest_lengths)
 
 
@@ -192,7 +259,11 @@ DISK = disk_lattice(50)
 @pytest.mark.parametrize(
     ("name", "value", "message"),
     [
-        ("positions", changed(DISK.positions, (7, 1), np.nan), "above -inf and below inf"),
+        (
+            "positions",
+            changed(DISK.positions, (7, 1), np.nan),
+            "above -inf and below inf",
+        ),
         ("positions", DISK.positions[:9], "float64 of shape (50, 2)"),
         ("positions", DISK.positions.tolist(), "float64"),
         ("bonds", changed(DISK.bonds, (-1, 1), 50), "above -1 and below 50"),
@@ -202,7 +273,11 @@ DISK = disk_lattice(50)
         ("bonds", DISK.bonds[:, ::-1].copy(), "i < j"),
         ("bonds", DISK.bonds[:-1], "int32 of shape"),
         ("rest_lengths", changed(DISK.rest_lengths, 0, 0.0), "above 0 and below inf"),
-        ("rest_lengths", changed(DISK.rest_lengths, 0, np.inf), "above 0 and below inf"),
+        (
+            "rest_lengths",
+            changed(DISK.rest_lengths, 0, np.inf),
+            "above 0 and below inf",
+        ),
         ("masses", -DISK.masses, "above 0"),
         ("disk_points", 51, "a whole number from 1 to 50"),
         ("disk_surface", DISK.disk_surface + np.int32(50), "above -1"),
@@ -219,47 +294,73 @@ def test_a_disk_needs_no_seed():
 
 
 def test_a_wide_hole_stays_open_and_a_notch_is_what_the_springs_leave():
-    # All springs of the ring join first neighbours, 1/8 R, except for second neighbours along its edges.
+    # All springs of the ring join first neighbours, 1/8 R, except for second neighbours
+    # along its edges.
     ring = Lattice.from_points(RING)
-    assert len(holes_of(ring)) == 1 and holes_of(ring)[0] == pytest.approx(np.pi * 0.6**2, rel=0.15)
+    assert len(holes_of(ring)) == 1 and holes_of(ring)[0] == pytest.approx(
+        np.pi * 0.6**2, rel=0.15
+    )
     assert ring.rest_lengths.max() < 0.23 and len(ring.masses) == len(RING)
     two = ROUND[np.abs(np.hypot(np.abs(ROUND[:, 0]) - 0.5, ROUND[:, 1])) > 0.34]
     assert len(holes_of(Lattice.from_points(two))) == 2
     narrow = ROUND[np.hypot(*ROUND.T) > 0.2]  # a hole of less than 5 springs is bridged
     assert holes_of(Lattice.from_points(narrow)) == []
     near = cKDTree(narrow).query_pairs(1.01 / 8, output_type="ndarray")
-    assert len(holes_of(Lattice.from_points(narrow, near))) == 1  # unless the springs leave it open
+    # unless the springs leave it open
+    assert len(holes_of(Lattice.from_points(narrow, near))) == 1
     open_ring = RING[(np.abs(RING[:, 1]) > 0.08) | (RING[:, 0] < 0)]
     open_ring = open_ring - [open_ring[:, 0].mean(), 0.0]
     springs = cKDTree(open_ring).query_pairs(1.01 / 8, output_type="ndarray")
     lattice = Lattice.from_points(open_ring, springs)
     assert_tiles(lattice.positions, lattice.triangles, lattice.disk_surface)
-    assert Lattice.from_points(np.concatenate([RING, ROUND[np.hypot(*ROUND.T) <= 0.6]])).whole
+    assert Lattice.from_points(
+        np.concatenate([RING, ROUND[np.hypot(*ROUND.T) <= 0.6]])
+    ).whole
 
 
 def test_custom_triangles_stiffness_and_masses_follow_their_points_and_springs():
     i, (column, row) = np.arange(81), np.divmod(np.arange(81), 9)
     square = i[(column < 8) & (row < 8)]
     square = square[square != 30]  # one cell is a hole
-    corners = np.stack([square, square + 1, square + 10, square, square + 10, square + 9], axis=1).reshape(-1, 3)
-    masses, by_sides = 1.0 + np.arange(81), Lattice.from_points(GRID, triangles=corners[:, ::-1], masses=1.0 + i)
+    corners = np.stack(
+        [square, square + 1, square + 10, square, square + 10, square + 9], axis=1
+    ).reshape(-1, 3)
+    masses, by_sides = (
+        1.0 + np.arange(81),
+        Lattice.from_points(GRID, triangles=corners[:, ::-1], masses=1.0 + i),
+    )
     order = order_of(by_sides, GRID)
-    assert (by_sides.masses == (masses / masses.sum())[order]).all() and holes_of(by_sides) == [pytest.approx(1 / 16)]
+    assert (by_sides.masses == (masses / masses.sum())[order]).all() and holes_of(
+        by_sides
+    ) == [pytest.approx(1 / 16)]
     assert by_sides.masses.sum() == pytest.approx(1.0, abs=1e-14)
     springs = order[by_sides.bonds]
     shuffled = np.random.default_rng(0).permutation(len(springs))
     factor = 1.0 + springs.sum(axis=1)
-    again = Lattice.from_points(GRID, springs[shuffled], stiffness=factor[shuffled], triangles=corners)
-    assert (again.stiffness == 1.0 + order_of(again, GRID)[again.bonds].sum(axis=1)).all()
-    assert len(again.triangles) == len(corners) == len(by_sides.triangles) and np.ptp(again.masses) == 0.0
+    again = Lattice.from_points(
+        GRID, springs[shuffled], stiffness=factor[shuffled], triangles=corners
+    )
+    assert (
+        again.stiffness == 1.0 + order_of(again, GRID)[again.bonds].sum(axis=1)
+    ).all()
+    assert (
+        len(again.triangles) == len(corners) == len(by_sides.triangles)
+        and np.ptp(again.masses) == 0.0
+    )
     for wrong, message in (
         ({"triangles": corners + 80}, "3 points of 0 to 80"),
         ({"triangles": corners[2:]}, "do not form one connected piece"),
         ({"triangles": corners * 1.0}, "whole numbers"),
         ({"triangles": corners[:, [0, 1]]}, "whole numbers of shape"),
-        ({"springs": springs[5:], "triangles": corners}, "has a side that is no spring"),
+        (
+            {"springs": springs[5:], "triangles": corners},
+            "has a side that is no spring",
+        ),
         ({"springs": springs, "stiffness": -factor}, "stiffness[0] is"),
-        ({"springs": springs, "stiffness": factor[1:]}, "stiffness must have the shape"),
+        (
+            {"springs": springs, "stiffness": factor[1:]},
+            "stiffness must have the shape",
+        ),
         ({"stiffness": factor}, "stiffness without springs"),
         ({"masses": 0 * masses}, "masses[0] is 0"),
         ({"masses": masses[1:]}, "masses must have the shape (81,)"),
@@ -268,7 +369,9 @@ def test_custom_triangles_stiffness_and_masses_follow_their_points_and_springs()
             Lattice.from_points(GRID, **wrong)
 
 
-@pytest.mark.parametrize("values", [10**400, 1 + 2j, [[1j, 0.0]] * 5, "a", [[1, 2], [3]]])
+@pytest.mark.parametrize(
+    "values", [10**400, 1 + 2j, [[1j, 0.0]] * 5, "a", [[1, 2], [3]]]
+)
 def test_values_that_are_no_real_numbers_are_refused_as_points(values):
     with pytest.raises(InputError, match="points must be an array of real numbers"):
         Lattice.from_points(values)
@@ -293,16 +396,23 @@ def test_only_a_file_of_a_sensible_size_is_read(tmp_path, name, kind):
 
 def numpy_file(shape, numbers):
     file = io.BytesIO()
-    np.lib.format.write_array_header_1_0(file, {"shape": shape, "fortran_order": False, "descr": "<f8"})
+    np.lib.format.write_array_header_1_0(
+        file, {"shape": shape, "fortran_order": False, "descr": "<f8"}
+    )
     return file.getvalue() + bytes(8 * numbers)
 
 
 @pytest.mark.parametrize(
-    ("shape", "numbers", "message"), [((10**12, 2), 6, "Unable to allocate"), ((10**5, 2), 2 * 10**5, "more than 1 MB")]
+    ("shape", "numbers", "message"),
+    [((10**12, 2), 6, "Unable to allocate"), ((10**5, 2), 2 * 10**5, "more than 1 MB")],
 )
-def test_an_array_that_claims_all_memory_is_refused_before_it_is_read(tmp_path, monkeypatch, shape, numbers, message):
+def test_an_array_that_claims_all_memory_is_refused_before_it_is_read(
+    tmp_path, monkeypatch, shape, numbers, message
+):
     monkeypatch.setattr(files, "MAX_BYTES", 10**6)
-    with zipfile.ZipFile(tmp_path / "a.npz", "w", zipfile.ZIP_DEFLATED, compresslevel=1) as archive:
+    with zipfile.ZipFile(
+        tmp_path / "a.npz", "w", zipfile.ZIP_DEFLATED, compresslevel=1
+    ) as archive:
         archive.writestr("positions.npy", numpy_file(shape, numbers))
     with pytest.raises(InputError, match=message):
         read_lattice(tmp_path / "a.npz")
@@ -311,7 +421,9 @@ def test_an_array_that_claims_all_memory_is_refused_before_it_is_read(tmp_path, 
 @pytest.mark.parametrize("number", [-1, 242, 2.5, [1, 2], "a", np.inf])
 def test_a_file_s_number_of_points_is_one_it_has(tmp_path, number):
     np.savez(tmp_path / "a.npz", positions=ROUND, disk_points=number)
-    with pytest.raises(InputError, match=r"a\.npz: disk_points must be a whole number up to 241"):
+    with pytest.raises(
+        InputError, match=r"a\.npz: disk_points must be a whole number up to 241"
+    ):
         read_lattice(tmp_path / "a.npz")
 
 
@@ -319,14 +431,37 @@ def test_a_file_s_number_of_points_is_one_it_has(tmp_path, number):
     ("arguments", "message"),
     [
         ({"points": RIM}, "would cross a gap"),
-        ({"points": GRID, "triangles": np.empty((0, 3), int)}, "do not form one connected piece"),
-        ({"points": GRID, "triangles": [[0, 0, 0]]}, "do not form one connected piece"),
-        ({"points": GRID, "triangles": 3 * [[0, 1, 9], [1, 10, 9]]}, "do not form one connected piece"),
-        ({"points": GRID, "masses": changed(np.ones(81), 5, 1e300)}, "masses[5] is 1e+300"),
-        ({"points": GRID, "masses": changed(np.ones(81), 5, 1e-20)}, "masses[5] is 1e-20, less than 1e-15 of"),
-        ({"points": GRID, "springs": CROSSED, "stiffness": changed(np.ones(len(CROSSED)), 7, 1e-300)}, "stiffness[7]"),
         (
-            {"points": GRID, "springs": CROSSED, "rest_lengths": changed(np.ones(len(CROSSED)), 7, 1e300)},
+            {"points": GRID, "triangles": np.empty((0, 3), int)},
+            "do not form one connected piece",
+        ),
+        ({"points": GRID, "triangles": [[0, 0, 0]]}, "do not form one connected piece"),
+        (
+            {"points": GRID, "triangles": 3 * [[0, 1, 9], [1, 10, 9]]},
+            "do not form one connected piece",
+        ),
+        (
+            {"points": GRID, "masses": changed(np.ones(81), 5, 1e300)},
+            "masses[5] is 1e+300",
+        ),
+        (
+            {"points": GRID, "masses": changed(np.ones(81), 5, 1e-20)},
+            "masses[5] is 1e-20, less than 1e-15 of",
+        ),
+        (
+            {
+                "points": GRID,
+                "springs": CROSSED,
+                "stiffness": changed(np.ones(len(CROSSED)), 7, 1e-300),
+            },
+            "stiffness[7]",
+        ),
+        (
+            {
+                "points": GRID,
+                "springs": CROSSED,
+                "rest_lengths": changed(np.ones(len(CROSSED)), 7, 1e300),
+            },
             "rest_lengths[7]",
         ),
     ],

@@ -1,4 +1,5 @@
-"""A scene has only the laws that it needs, and a compiled simulation serves all lattices and parameters."""
+"""A scene has only the laws that it needs, and a compiled simulation serves all
+lattices and parameters."""
 
 from __future__ import annotations
 
@@ -37,22 +38,45 @@ LINEAR = ("material.eta_star=0", "material.k_b=0")
     [
         (("exponential_wall", SMALL[0], *LINEAR), VV, (Springs, ExponentialWall)),
         pytest.param(
-            ("compression", SMALL[0]), TRAPEZOIDAL, (Springs, ExponentialWall, Load), marks=pytest.mark.validate
+            ("compression", SMALL[0]),
+            TRAPEZOIDAL,
+            (Springs, ExponentialWall, Load),
+            marks=pytest.mark.validate,
         ),
-        pytest.param(("absorbing_wall", *SMALL), VV, (Springs, ElasticWall, ResetBoundary), marks=pytest.mark.validate),
+        pytest.param(
+            ("absorbing_wall", *SMALL),
+            VV,
+            (Springs, ElasticWall, ResetBoundary),
+            marks=pytest.mark.validate,
+        ),
     ],
     ids=["linear springs", "compression", "elastic wall"],
 )
-def test_a_law_that_a_scene_has_no_use_for_has_no_field_and_is_not_computed(scene, integrator, laws, monkeypatch):
+def test_a_law_that_a_scene_has_no_use_for_has_no_field_and_is_not_computed(
+    scene, integrator, laws, monkeypatch
+):
     runtime.start()
     scenario, with_fields = load_scene(scene[0], scene[1:]).scenario(), set()
 
     def noted(make_fields):
-        return lambda law, *arguments: with_fields.add(type(law)) or make_fields(law, *arguments)
+        return lambda law, *arguments: (
+            with_fields.add(type(law)) or make_fields(law, *arguments)
+        )
 
-    for kind in (Springs, ExponentialWall, ElasticWall, Load, MouseSpring, Boundary, MatchedBoundary):  # all that do
+    # all that do
+    for kind in (
+        Springs,
+        ExponentialWall,
+        ElasticWall,
+        Load,
+        MouseSpring,
+        Boundary,
+        MatchedBoundary,
+    ):
         monkeypatch.setattr(kind, "make_fields", noted(kind.make_fields))
-    low = replace(scenario.lattice, positions=scenario.lattice.positions - np.array([0.0, 0.05]))
+    low = replace(
+        scenario.lattice, positions=scenario.lattice.positions - np.array([0.0, 0.05])
+    )
     springs, rest = scenario.model.springs, (integrator, scenario.velocities, 1e-3)
     simulation = Simulation(low, scenario.model, *rest)
     assert with_fields == set(laws)
@@ -61,24 +85,46 @@ def test_a_law_that_a_scene_has_no_use_for_has_no_field_and_is_not_computed(scen
     assert expected.shape[1] == len(INDEX) and len(simulation.snapshot().sums) == SUMS
     assert not hasattr(simulation.model.wall, "friction_now")
     # Parameters of an absent part do not affect the result.
-    for name in [name for name, there in (("k_b", springs.cubic), ("eta", springs.damped)) if not there]:
-        poisoned, wall = Springs(springs.k_a, springs.k_b, springs.eta), replace(scenario.model.wall)
+    for name in [
+        name
+        for name, there in (("k_b", springs.cubic), ("eta", springs.damped))
+        if not there
+    ]:
+        poisoned, wall = (
+            Springs(springs.k_a, springs.k_b, springs.eta),
+            replace(scenario.model.wall),
+        )
         setattr(poisoned, name, math.nan)
         wall.friction = math.nan
-        assert simulation.restart(low, replace(scenario.model, springs=poisoned, wall=wall), *rest)
+        assert simulation.restart(
+            low, replace(scenario.model, springs=poisoned, wall=wall), *rest
+        )
         assert_array_equal(simulation.advance(30, 3)[0], expected)
     simulation.destroy()
 
 
-def test_equal_springs_are_computed_by_a_kernel_that_knows_no_others_and_masses_need_no_other_kernel(kernels):
+def test_equal_springs_are_computed_by_a_kernel_that_knows_no_others_and_masses_need_no_other_kernel(
+    kernels,
+):
     lattice = disk(60, height=0.03)
-    ones, masses = np.ones(len(lattice.bonds)), lattice.masses * np.linspace(0.5, 1.5, 60)
-    cases = {"plain": lattice, "stiff": replace(lattice, stiffness=ones), "heavy": replace(lattice, masses=masses)}
+    ones, masses = (
+        np.ones(len(lattice.bonds)),
+        lattice.masses * np.linspace(0.5, 1.5, 60),
+    )
+    cases = {
+        "plain": lattice,
+        "stiff": replace(lattice, stiffness=ones),
+        "heavy": replace(lattice, masses=masses),
+    }
     rows, made = {}, {}
     for name, body in cases.items():
-        made[name] = kernels.simulation(body, FALLING, VV, moving_down(body, 0.05), 1e-3)
+        made[name] = kernels.simulation(
+            body, FALLING, VV, moving_down(body, 0.05), 1e-3
+        )
         rows[name] = made[name].advance(30, 3)[0]
-    assert {k: hasattr(simulation.model.springs, "factor") for k, simulation in made.items()} == {
+    assert {
+        k: hasattr(simulation.model.springs, "factor") for k, simulation in made.items()
+    } == {
         "plain": False,
         "stiff": True,
         "heavy": False,
@@ -87,7 +133,10 @@ def test_equal_springs_are_computed_by_a_kernel_that_knows_no_others_and_masses_
     assert_array_equal(rows["stiff"], rows["plain"])  # times 1
     assert not np.allclose(rows["heavy"], rows["plain"], rtol=1e-6)
     assert disk(60).stiffness is None
-    assert (Lattice.from_points(lattice.positions, masses=np.full(60, 3.0)).masses == 1.0 / 60).all()
+    assert (
+        Lattice.from_points(lattice.positions, masses=np.full(60, 3.0)).masses
+        == 1.0 / 60
+    ).all()
 
 
 @pytest.mark.parametrize(
@@ -95,7 +144,10 @@ def test_equal_springs_are_computed_by_a_kernel_that_knows_no_others_and_masses_
     [
         ("exponential_wall", ()),
         ("compression", ("compression.pressure=0.03",)),
-        ("absorbing_wall", (*SMALL[1:], "wall.threshold=0.2", "wall.reset_interval=0.004")),
+        (
+            "absorbing_wall",
+            (*SMALL[1:], "wall.threshold=0.2", "wall.reset_interval=0.004"),
+        ),
     ],
 )
 def test_the_numbers_of_a_scene_reach_its_laws(scene, own):
@@ -111,7 +163,9 @@ def test_the_numbers_of_a_scene_reach_its_laws(scene, own):
     model = load_scene(scene, (*numbers, *own)).scenario().model
     assert astuple(model.springs) == (2.0, 3.0, 12.0 / 60, True)
     assert astuple(model.wall) == (200.0, 70.0, 0.2 if model.elastic else 0.0)
-    assert (model.load.force if model.load else None) == (0.03 if scene == "compression" else None)
+    assert (model.load.force if model.load else None) == (
+        0.03 if scene == "compression" else None
+    )
     assert model.reset_interval == (0.004 if scene == "absorbing_wall" else 0.0)
 
 
@@ -120,7 +174,11 @@ def test_other_parameters_compile_nothing_and_a_lattice_without_room_replaces_th
     runtime.start()
     lattice, big = disk(60, height=0.03), disk(13_000)
     cache = KernelCache()
-    other = replace(FALLING, wall=ExponentialWall(50.0, 3.0), springs=replace(FALLING.springs, k_a=3.0, k_b=9.0))
+    other = replace(
+        FALLING,
+        wall=ExponentialWall(50.0, 3.0),
+        springs=replace(FALLING.springs, k_a=3.0, k_b=9.0),
+    )
     first, second, third = (
         cache.simulation(body, model, VV, 0 * body.positions, 2e-3)
         for body, model in ((lattice, FALLING), (lattice, other), (big, other))
@@ -135,7 +193,9 @@ def test_a_lattice_with_other_rest_lengths_alone_is_another_lattice(kernels):
     for body in (lattice, strained):
         simulation = kernels.simulation(body, FALLING, VV, 0 * lattice.positions, 1e-3)
         force = simulation.snapshot().vectors[2]
-        np.testing.assert_allclose(force, FALLING.forces(body, body.positions), rtol=0, atol=1e-15)
+        np.testing.assert_allclose(
+            force, FALLING.forces(body, body.positions), rtol=0, atol=1e-15
+        )
     assert np.abs(force).max() > 0.01
 
 

@@ -1,4 +1,5 @@
-"""Moduli by the stretch test: exact for a perfect lattice, in the known range for random ones."""
+"""Moduli by the stretch test: exact for a perfect lattice, in the known range for
+random ones."""
 
 from __future__ import annotations
 
@@ -13,15 +14,22 @@ from taichi_disk.lattice.network import bulk_moduli, inner_moduli, rectangle, st
 
 
 def test_perfect_triangular_lattice_has_the_textbook_moduli():
-    # Equal springs k on a triangular lattice: E = 2/sqrt(3) k, nu = 1/3. It is stretched along its rows, a unit apart.
+    # Equal springs k on a triangular lattice: E = 2/sqrt(3) k, nu = 1/3. It is
+    # stretched along its rows, a unit apart.
     i, j = np.meshgrid(np.arange(16), np.arange(16), indexing="ij")
-    mesh = triangulate(np.stack([i + 0.5 * (j % 2), j * math.sqrt(0.75)], axis=-1).reshape(-1, 2))
+    mesh = triangulate(
+        np.stack([i + 0.5 * (j % 2), j * math.sqrt(0.75)], axis=-1).reshape(-1, 2)
+    )
     x = mesh.positions[:, 0]
     bulk = inner_moduli(mesh, 0.3, stretch(mesh, 0.3, x <= 0.5, x >= 15.0))
-    assert (bulk.young, bulk.poisson) == pytest.approx((2 / math.sqrt(3) * 0.3, 1 / 3), rel=1e-9)
+    assert (bulk.young, bulk.poisson) == pytest.approx(
+        (2 / math.sqrt(3) * 0.3, 1 / 3), rel=1e-9
+    )
 
 
-@pytest.mark.parametrize(("min_spacing", "young", "poisson"), [(0.0, 1.04, 0.26), (0.7, 1.10, 0.286)])
+@pytest.mark.parametrize(
+    ("min_spacing", "young", "poisson"), [(0.0, 1.04, 0.26), (0.7, 1.10, 0.286)]
+)
 def test_random_lattice_has_moduli_in_the_known_range(min_spacing, young, poisson):
     samples = [bulk_moduli(1099, seed, 1.0, min_spacing) for seed in range(8)]
     assert np.mean([m.young for m in samples]) == pytest.approx(young, abs=0.03)
@@ -31,10 +39,16 @@ def test_random_lattice_has_moduli_in_the_known_range(min_spacing, young, poisso
 
 
 def test_moduli_scale_with_the_springs_and_not_with_the_number_of_points():
-    assert bulk_moduli(1099, 0, 2.5, 0.7).young == pytest.approx(2.5 * bulk_moduli(1099, 0, 1.0, 0.7).young)
-    few, many = (np.mean([bulk_moduli(n, s, 1.0, 0.7).young for s in range(4)]) for n in (300, 1000))
+    assert bulk_moduli(1099, 0, 2.5, 0.7).young == pytest.approx(
+        2.5 * bulk_moduli(1099, 0, 1.0, 0.7).young
+    )
+    few, many = (
+        np.mean([bulk_moduli(n, s, 1.0, 0.7).young for s in range(4)])
+        for n in (300, 1000)
+    )
     assert few == pytest.approx(many, rel=0.05)
-    assert bulk_moduli(3, 0, 1.0, 0.7).young == pytest.approx(1.1, abs=0.15)  # small disks have moduli, too
+    # small disks have moduli, too
+    assert bulk_moduli(3, 0, 1.0, 0.7).young == pytest.approx(1.1, abs=0.15)
 
 
 def test_strip_without_an_inside_is_refused():

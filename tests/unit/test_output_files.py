@@ -1,4 +1,5 @@
-"""Result files appear completely or not at all, and a folder that is not writable is refused without a trace."""
+"""Result files appear completely or not at all, and a folder that is not writable is
+refused without a trace."""
 
 from __future__ import annotations
 
@@ -18,7 +19,9 @@ def everything(folder):
     return set(folder.rglob("*"))
 
 
-def test_a_new_folder_is_made_with_its_parents_and_one_that_is_there_is_left_alone(tmp_path):
+def test_a_new_folder_is_made_with_its_parents_and_one_that_is_there_is_left_alone(
+    tmp_path,
+):
     out = tmp_path / "a" / "b"
     assert prepare_output(out) == [out, tmp_path / "a"]
     assert prepare_output(out) == [] and everything(tmp_path) == {tmp_path / "a", out}
@@ -28,7 +31,9 @@ def test_a_new_folder_is_made_with_its_parents_and_one_that_is_there_is_left_alo
 def test_a_file_in_the_way_is_named_and_nothing_is_left(tmp_path, below):
     blocker = tmp_path / "file"
     blocker.write_text("")
-    with pytest.raises(InputError, match=rf"folder .*: {blocker} is a file; choose another as `out`"):
+    with pytest.raises(
+        InputError, match=rf"folder .*: {blocker} is a file; choose another as `out`"
+    ):
         prepare_output(blocker / below)
     assert everything(tmp_path) == {blocker}
 
@@ -41,7 +46,11 @@ def test_a_file_is_replaced_by_a_whole_one_or_stays(tmp_path, failure):
     def write(new):
         new.write_text("new")
         # NumPy appends .npz to other names.
-        assert path.read_text() == "old" and new.suffix == ".npz" and new.parent == tmp_path
+        assert (
+            path.read_text() == "old"
+            and new.suffix == ".npz"
+            and new.parent == tmp_path
+        )
         if failure:
             raise failure
 
@@ -50,13 +59,20 @@ def test_a_file_is_replaced_by_a_whole_one_or_stays(tmp_path, failure):
             atomic_write(path, write)
     else:
         atomic_write(path, write)
-    assert path.read_text() == ("old" if failure else "new") and everything(tmp_path) == {path}
+    assert path.read_text() == ("old" if failure else "new") and everything(
+        tmp_path
+    ) == {path}
 
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs /dev/full")
 def test_a_full_disk_is_a_failed_computation_that_names_the_file(tmp_path):
-    with pytest.raises(SimulationError, match=r"cannot write .*final\.npz: No space left on device"):
-        atomic_write(tmp_path / "final.npz", lambda new: Path("/dev/full").write_text("x" * 100_000))
+    with pytest.raises(
+        SimulationError, match=r"cannot write .*final\.npz: No space left on device"
+    ):
+        atomic_write(
+            tmp_path / "final.npz",
+            lambda new: Path("/dev/full").write_text("x" * 100_000),
+        )
     assert everything(tmp_path) == set()
 
 
@@ -77,14 +93,24 @@ def test_only_a_folder_of_numbered_files_is_replaced(tmp_path):
     assert everything(tmp_path) == {folder, folder / "0.png", folder / "me.png"}
 
 
-def test_the_time_series_reads_back_bitwise_without_columns_of_zeros_and_is_thinned_on_request(tmp_path):
-    columns = {one.name: np.random.default_rng(k).random(20) for k, one in enumerate(COLUMNS)}
-    columns |= {"t": 0.1 * np.arange(20), "sliding": np.zeros(20), "friction": np.zeros(20)}
+def test_the_time_series_reads_back_bitwise_without_columns_of_zeros_and_is_thinned_on_request(
+    tmp_path,
+):
+    columns = {
+        one.name: np.random.default_rng(k).random(20) for k, one in enumerate(COLUMNS)
+    }
+    columns |= {
+        "t": 0.1 * np.arange(20),
+        "sliding": np.zeros(20),
+        "friction": np.zeros(20),
+    }
     del columns["xi"]  # only a loading has this column
     files.write_timeseries(tmp_path / "a.csv", columns)
     table = np.genfromtxt(tmp_path / "a.csv", delimiter=",", names=True)
     absent = ("residual", "sliding", "friction", "xi")
-    assert table.dtype.names == tuple(column.name for column in COLUMNS if column.name not in absent)
+    assert table.dtype.names == tuple(
+        column.name for column in COLUMNS if column.name not in absent
+    )
     assert all(np.array_equal(table[name], columns[name]) for name in table.dtype.names)
     files.write_timeseries(tmp_path / "b.csv", columns, 0.6)
     table = np.genfromtxt(tmp_path / "b.csv", delimiter=",", names=True)
@@ -92,7 +118,12 @@ def test_the_time_series_reads_back_bitwise_without_columns_of_zeros_and_is_thin
 
 
 def test_a_summary_is_json_that_every_reader_takes(tmp_path):
-    files.write_summary(tmp_path / "summary.json", {"status": "done", "restitution": 0.1})
-    assert json.loads((tmp_path / "summary.json").read_bytes()) == {"status": "done", "restitution": 0.1}
+    files.write_summary(
+        tmp_path / "summary.json", {"status": "done", "restitution": 0.1}
+    )
+    assert json.loads((tmp_path / "summary.json").read_bytes()) == {
+        "status": "done",
+        "restitution": 0.1,
+    }
     with pytest.raises(ValueError):
         files.write_summary(tmp_path / "summary.json", {"restitution": float("nan")})

@@ -1,4 +1,5 @@
-"""The folder of a run contains one complete run; finished runs and the user's files are never lost."""
+"""The folder of a run contains one complete run; finished runs and the user's files are
+never lost."""
 
 from __future__ import annotations
 
@@ -14,16 +15,25 @@ import pytest
 from taichi_disk.errors import InputError, SimulationError
 from taichi_disk.output.run_folder import run_folder
 
-SCENE = "scene: compression\nlattice:\n  points: 100                    # number of points\n"
+SCENE = (
+    "scene: compression\nlattice:\n  points: 100                    # number of"
+    " points\n"
+)
 OTHER = SCENE.replace("100", "200")
 RUN = {"scene.yaml", "timeseries.csv", "plot.png", "summary.json"}
 
 
 def content(folder):
-    return {str(path.relative_to(folder)): path.read_text() for path in folder.rglob("*") if path.is_file()}
+    return {
+        str(path.relative_to(folder)): path.read_text()
+        for path in folder.rglob("*")
+        if path.is_file()
+    }
 
 
-def compute(out, scene=SCENE, status="done", explicit=True, mark="", files=(), **options):
+def compute(
+    out, scene=SCENE, status="done", explicit=True, mark="", files=(), **options
+):
     """Write a run of a few files that contain `mark`, and return its folder."""
     with run_folder(out, scene, explicit, **options) as folder:
         for name in ("timeseries.csv", "plot.png", *files):
@@ -31,7 +41,11 @@ def compute(out, scene=SCENE, status="done", explicit=True, mark="", files=(), *
             (folder.path / name).write_text(mark)
         if status == "done":
             folder.take_over()
-        summary = {"status": status, "mark": mark, "lattice_digest": options.get("lattice", "")}
+        summary = {
+            "status": status,
+            "mark": mark,
+            "lattice_digest": options.get("lattice", ""),
+        }
         (folder.path / "summary.json").write_text(json.dumps(summary))
         if status == "failed":
             (folder.path / "failure.npz").write_text(mark)
@@ -43,16 +57,25 @@ def compute(out, scene=SCENE, status="done", explicit=True, mark="", files=(), *
 @pytest.mark.parametrize("end", [None, SimulationError("bad"), KeyboardInterrupt()])
 def test_a_run_appears_at_its_end_in_whole_whatever_ends_it(tmp_path, end):
     out = tmp_path / "a" / "run"
-    with suppress(SimulationError, KeyboardInterrupt), run_folder(out, SCENE, explicit=True) as folder:
+    with (
+        suppress(SimulationError, KeyboardInterrupt),
+        run_folder(out, SCENE, explicit=True) as folder,
+    ):
         (folder.path / "summary.json").write_text('{"status": "failed"}')
         assert all(name.startswith(".") for name in os.listdir(out.parent))
         if end:
             raise end
-    assert content(tmp_path) == {"a/run/scene.yaml": SCENE, "a/run/summary.json": '{"status": "failed"}'}
+    assert content(tmp_path) == {
+        "a/run/scene.yaml": SCENE,
+        "a/run/summary.json": '{"status": "failed"}',
+    }
 
 
 def test_a_run_refused_while_it_is_prepared_leaves_nothing_not_even_folders(tmp_path):
-    with pytest.raises(InputError), run_folder(tmp_path / "a" / "b", SCENE, explicit=True):
+    with (
+        pytest.raises(InputError),
+        run_folder(tmp_path / "a" / "b", SCENE, explicit=True),
+    ):
         raise InputError
     assert list(tmp_path.iterdir()) == []
 
@@ -69,23 +92,43 @@ def test_the_same_scene_replaces_its_run(tmp_path):
 def test_a_default_name_counts_on_past_other_runs_and_says_so(tmp_path):
     notices = []
     for k, scene in enumerate((SCENE, OTHER, OTHER.replace("200", "300"), OTHER)):
-        compute(tmp_path / "run", scene, explicit=False, mark=str(k), notify=notices.append)
-    marks = {name: text for name, text in content(tmp_path).items() if name.endswith("plot.png")}
+        compute(
+            tmp_path / "run", scene, explicit=False, mark=str(k), notify=notices.append
+        )
+    marks = {
+        name: text
+        for name, text in content(tmp_path).items()
+        if name.endswith("plot.png")
+    }
     assert marks == {"run/plot.png": "0", "run-2/plot.png": "3", "run-3/plot.png": "2"}
-    assert notices[0] == f"{tmp_path}/run holds another run; this run goes into {tmp_path}/run-2" and len(notices) == 3
+    assert (
+        notices[0]
+        == f"{tmp_path}/run holds another run; this run goes into {tmp_path}/run-2"
+        and len(notices) == 3
+    )
 
 
-def test_a_folder_that_was_named_is_refused_if_it_holds_another_run_unless_overwriting(tmp_path):
+def test_a_folder_that_was_named_is_refused_if_it_holds_another_run_unless_overwriting(
+    tmp_path,
+):
     compute(tmp_path / "run", mark="first", files=("video.mp4",))
     before = content(tmp_path)
     with pytest.raises(
-        InputError, match=r"run holds another run \(overwrite=True replaces it\); choose another folder"
+        InputError,
+        match=(
+            r"run holds another run \(overwrite=True replaces it\); choose another"
+            r" folder"
+        ),
     ):
         compute(tmp_path / "run", OTHER)
     assert content(tmp_path) == before
     compute(tmp_path / "run", OTHER, overwrite=True, mark="second")
-    assert set(content(tmp_path)) == {f"run/{name}" for name in RUN}  # no film of the first
-    assert content(tmp_path)["run/plot.png"] == "second" and content(tmp_path)["run/scene.yaml"] == OTHER
+    # no film of the first
+    assert set(content(tmp_path)) == {f"run/{name}" for name in RUN}
+    assert (
+        content(tmp_path)["run/plot.png"] == "second"
+        and content(tmp_path)["run/scene.yaml"] == OTHER
+    )
 
 
 @pytest.mark.parametrize("overwrite", [False, True])
@@ -105,7 +148,10 @@ def test_files_that_no_run_wrote_are_never_touched(tmp_path, name, text, overwri
     path = tmp_path / "run" / name
     path.parent.mkdir(parents=True)
     path.write_text(text)
-    with pytest.raises(InputError, match=f"holds {Path(name).parts[0]}, which no run wrote; choose another folder"):
+    with pytest.raises(
+        InputError,
+        match=f"holds {Path(name).parts[0]}, which no run wrote; choose another folder",
+    ):
         compute(tmp_path / "run", overwrite=overwrite)
     assert content(tmp_path) == {f"run/{name}": text}
 
@@ -115,22 +161,35 @@ def test_a_run_s_folder_with_a_person_s_file_is_left_as_it_is(tmp_path, name):
     out = compute(tmp_path / "run")
     (out / name).write_text("# mine\n" + SCENE)
     before = content(out)
-    with pytest.raises(InputError, match="no run wrote" if name == "thesis.tex" else "holds another run"):
+    with pytest.raises(
+        InputError,
+        match="no run wrote" if name == "thesis.tex" else "holds another run",
+    ):
         compute(out, overwrite=name == "thesis.tex")
     assert compute(out, explicit=False) == tmp_path / "run-2"
     assert content(out) == before
 
 
-def test_a_folder_that_cannot_be_renamed_is_refused_with_advice_and_an_empty_one_is_taken(tmp_path, monkeypatch):
+def test_a_folder_that_cannot_be_renamed_is_refused_with_advice_and_an_empty_one_is_taken(
+    tmp_path, monkeypatch
+):
     monkeypatch.chdir(tmp_path)
     for out in (".", "../" + tmp_path.name, tmp_path.parent, "/proc"):
-        what = "the mount point of a file system" if out == "/proc" else "the current folder"
-        with pytest.raises(InputError, match=f"is {what}, which no run can replace: name a folder in it as `out`"):
+        what = (
+            "the mount point of a file system"
+            if out == "/proc"
+            else "the current folder"
+        )
+        with pytest.raises(
+            InputError,
+            match=f"is {what}, which no run can replace: name a folder in it as `out`",
+        ):
             compute(out)
     assert list(tmp_path.iterdir()) == []
     (tmp_path / "out" / "run").mkdir(parents=True)
     assert compute(Path("out/run"), explicit=False) == Path("out/run")
-    assert compute(Path("out/run"), OTHER, explicit=False) == Path("out/run-2")  # reported as a relative path
+    # reported as a relative path
+    assert compute(Path("out/run"), OTHER, explicit=False) == Path("out/run-2")
 
 
 def test_a_home_is_refused_even_if_it_is_empty(tmp_path, monkeypatch):
@@ -138,7 +197,12 @@ def test_a_home_is_refused_even_if_it_is_empty(tmp_path, monkeypatch):
     (tmp_path / "home").mkdir(mode=0o700)
     before = os.stat(tmp_path / "home")
     for out in ("~", tmp_path / "home", "~/../home"):
-        with pytest.raises(InputError, match="is your home, which no run can replace: name a folder in it as `out`"):
+        with pytest.raises(
+            InputError,
+            match=(
+                "is your home, which no run can replace: name a folder in it as `out`"
+            ),
+        ):
             compute(out)
     assert os.stat(tmp_path / "home") == before and content(tmp_path) == {}
     assert compute("~/run") == tmp_path / "home" / "run"
@@ -160,7 +224,9 @@ def test_films_and_trajectories_made_from_a_run_stay_beside_it(tmp_path):
     assert set(content(out)) == RUN and os.listdir(tmp_path) == ["run"]
 
 
-def test_runs_that_began_with_arrays_of_a_person_are_no_runs_of_the_same_scene(tmp_path):
+def test_runs_that_began_with_arrays_of_a_person_are_no_runs_of_the_same_scene(
+    tmp_path,
+):
     compute(tmp_path / "run", mark="own", lattice="a")
     for options in ({}, {"lattice": "b"}):
         with pytest.raises(InputError, match="holds another run"):
@@ -177,11 +243,24 @@ def test_a_run_without_end_never_replaces_a_finished_one(tmp_path, status, expli
     notices = []
     compute(tmp_path / "run", mark="good")
     for mark in ("bad", "worse"):
-        out = compute(tmp_path / "run", status=status, explicit=explicit, mark=mark, notify=notices.append)
+        out = compute(
+            tmp_path / "run",
+            status=status,
+            explicit=explicit,
+            mark=mark,
+            notify=notices.append,
+        )
         assert out == tmp_path / f"run-{status}"
-    marks = {name: text for name, text in content(tmp_path).items() if name.endswith("plot.png")}
+    marks = {
+        name: text
+        for name, text in content(tmp_path).items()
+        if name.endswith("plot.png")
+    }
     assert marks == {"run/plot.png": "good", f"run-{status}/plot.png": "worse"}
-    assert notices[0] == f"{tmp_path}/run holds a finished run; this run goes into {tmp_path}/run-{status}"
+    assert (
+        notices[0] == f"{tmp_path}/run holds a finished run; this run goes into"
+        f" {tmp_path}/run-{status}"
+    )
 
 
 @pytest.mark.parametrize("overwrite", [False, True])
@@ -197,20 +276,37 @@ def test_of_two_simultaneous_runs_the_later_to_finish_takes_another_folder_and_s
         (first.path / "summary.json").write_text('{"status": "done"}')
         with monkeypatch.context() as patch:
             patch.setattr(os, "getpid", lambda: pid + 1)
-            assert compute(tmp_path / "run", third, mark="second", overwrite=overwrite) == tmp_path / "run"
-    assert first.out == tmp_path / "run-2" and len(notices) == 1 and f"goes into {tmp_path}/run-2" in notices[0]
+            assert (
+                compute(tmp_path / "run", third, mark="second", overwrite=overwrite)
+                == tmp_path / "run"
+            )
+    assert (
+        first.out == tmp_path / "run-2"
+        and len(notices) == 1
+        and f"goes into {tmp_path}/run-2" in notices[0]
+    )
     assert content(tmp_path / "run")["plot.png"] == "second"
-    assert set(content(first.out)) == {"scene.yaml", "summary.json"} and set(os.listdir(tmp_path)) == {"run", "run-2"}
+    assert set(content(first.out)) == {"scene.yaml", "summary.json"} and set(
+        os.listdir(tmp_path)
+    ) == {"run", "run-2"}
 
 
-def test_a_file_that_comes_while_the_run_computes_stays_and_the_run_is_not_lost(tmp_path):
+def test_a_file_that_comes_while_the_run_computes_stays_and_the_run_is_not_lost(
+    tmp_path,
+):
     notices = []
-    with run_folder(tmp_path / "run", SCENE, explicit=True, notify=notices.append) as folder:
+    with run_folder(
+        tmp_path / "run", SCENE, explicit=True, notify=notices.append
+    ) as folder:
         (folder.path / "summary.json").write_text('{"status": "done"}')
         (tmp_path / "run").mkdir()
         (tmp_path / "run" / "notes").write_text("mine")
     assert folder.out == tmp_path / "run-2" and len(notices) == 1
-    assert set(content(tmp_path)) == {"run/notes", "run-2/scene.yaml", "run-2/summary.json"}
+    assert set(content(tmp_path)) == {
+        "run/notes",
+        "run-2/scene.yaml",
+        "run-2/summary.json",
+    }
 
 
 def test_a_run_that_cannot_be_moved_is_kept_where_it_is(tmp_path, monkeypatch):
@@ -222,7 +318,10 @@ def test_a_run_that_cannot_be_moved_is_kept_where_it_is(tmp_path, monkeypatch):
         replace(new, path)
 
     monkeypatch.setattr(os, "replace", full)
-    with pytest.raises(SimulationError, match=r"cannot move the run into .*: No space left on device; it stays in "):
+    with pytest.raises(
+        SimulationError,
+        match=r"cannot move the run into .*: No space left on device; it stays in ",
+    ):
         compute(tmp_path / "run")
     assert len(content(tmp_path)) == len(RUN)
 
@@ -251,8 +350,12 @@ with run_folder(sys.argv[1], sys.argv[2], True, True) as folder:
 """
 
 
-@pytest.mark.parametrize(("scene", "moves"), [(SCENE, 0), (SCENE, 1), (SCENE, 2), (OTHER, 0), (OTHER, 1)])
-def test_a_run_that_is_killed_leaves_the_old_or_the_new_one_whole_and_the_next_puts_it_right(tmp_path, scene, moves):
+@pytest.mark.parametrize(
+    ("scene", "moves"), [(SCENE, 0), (SCENE, 1), (SCENE, 2), (OTHER, 0), (OTHER, 1)]
+)
+def test_a_run_that_is_killed_leaves_the_old_or_the_new_one_whole_and_the_next_puts_it_right(
+    tmp_path, scene, moves
+):
     out = compute(tmp_path / "run", mark="old")
     (out / "render.mp4").write_text("made")
     command = [sys.executable, "-c", KILLED, str(out), scene, str(moves)]
@@ -261,14 +364,25 @@ def test_a_run_that_is_killed_leaves_the_old_or_the_new_one_whole_and_the_next_p
     child.kill()
     child.wait()
     mark = "new" if moves == 2 else "old"
-    whole = {"scene.yaml": SCENE, "timeseries.csv": mark, "plot.png": mark, "render.mp4": "made"}
-    assert content(out if out.exists() else tmp_path / ".taichi-disk.old.run").items() >= whole.items()
+    whole = {
+        "scene.yaml": SCENE,
+        "timeseries.csv": mark,
+        "plot.png": mark,
+        "render.mp4": "made",
+    }
+    assert (
+        content(out if out.exists() else tmp_path / ".taichi-disk.old.run").items()
+        >= whole.items()
+    )
     compute(out, mark="next")
     assert set(content(out)) == {*RUN, "render.mp4"}
     assert [name for name in os.listdir(tmp_path) if ".new." not in name] == ["run"]
 
 
-@pytest.mark.parametrize("name", ["c" * 300, "a\0b", "a/" + "b" * 256 + "/c", "/", "/proc", "/proc/taichi/disk"])
+@pytest.mark.parametrize(
+    "name",
+    ["c" * 300, "a\0b", "a/" + "b" * 256 + "/c", "/", "/proc", "/proc/taichi/disk"],
+)
 def test_a_place_that_cannot_be_written_is_refused(tmp_path, name):
     with pytest.raises(InputError):
         compute(tmp_path / name)
@@ -279,4 +393,6 @@ def test_a_link_to_a_folder_is_followed(tmp_path):
     (tmp_path / "disk").mkdir()
     (tmp_path / "link").symlink_to("disk")
     compute(tmp_path / "link")
-    assert (tmp_path / "link").is_symlink() and set(os.listdir(tmp_path / "disk")) == RUN
+    assert (tmp_path / "link").is_symlink() and set(
+        os.listdir(tmp_path / "disk")
+    ) == RUN

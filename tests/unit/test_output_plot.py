@@ -1,4 +1,5 @@
-"""plot.png: the curves are the data of the run, with names and units, and the same bytes each time."""
+"""plot.png: the curves are the data of the run, with names and units, and the same
+bytes each time."""
 
 from __future__ import annotations
 
@@ -28,7 +29,9 @@ from taichi_disk.simulation.simulation import shared_kernels
 def impact():
     """Return scenario and time series of an impact."""
     runtime.start()
-    scenario, outcome = computed(shared_kernels(), "exponential_wall", "lattice.points=100", estimate=False)
+    scenario, outcome = computed(
+        shared_kernels(), "exponential_wall", "lattice.points=100", estimate=False
+    )
     return scenario, outcome.columns
 
 
@@ -46,31 +49,57 @@ def figures(monkeypatch):
     return made
 
 
-def test_an_impact_shows_velocity_force_energies_and_imbalance_with_the_same_bytes_twice(impact, tmp_path, figures):
+def test_an_impact_shows_velocity_force_energies_and_imbalance_with_the_same_bytes_twice(
+    impact, tmp_path, figures
+):
     scenario, columns = impact
     for name in ("a.png", "b.png"):
         plot_run(tmp_path / name, scenario, columns)
-    assert filecmp.cmp(tmp_path / "a.png", tmp_path / "b.png", shallow=False) and len(list(tmp_path.iterdir())) == 2
+    assert (
+        filecmp.cmp(tmp_path / "a.png", tmp_path / "b.png", shallow=False)
+        and len(list(tmp_path.iterdir())) == 2
+    )
     image = np.asarray(Image.open(tmp_path / "a.png").convert("L"))
     # Nothing is cut off: the outermost pixels are white.
-    assert min(edge.min() for edge in (image[0], image[-1], image[:, 0], image[:, -1])) == 255
+    assert (
+        min(edge.min() for edge in (image[0], image[-1], image[:, 0], image[:, -1]))
+        == 255
+    )
 
     motion, force, energy, balance = figures[0].axes
     curve, mark = motion.lines
-    e, last = scenario.result(columns)["restitution"], columns["com_vy"][-1] / scenario.velocity
-    assert curve.get_ydata()[[0, -1]] == pytest.approx([-1.0, last]) and list(mark.get_ydata()) == pytest.approx(
-        [last] * 2
+    e, last = (
+        scenario.result(columns)["restitution"],
+        columns["com_vy"][-1] / scenario.velocity,
     )
+    assert curve.get_ydata()[[0, -1]] == pytest.approx([-1.0, last]) and list(
+        mark.get_ydata()
+    ) == pytest.approx([last] * 2)
     assert [text.get_text() for text in motion.texts] == [f"e = {e:.5f}"]
     assert "contact" in force.texts[0].get_text()
     assert np.array_equal(force.lines[0].get_ydata(), columns["wall_force"])
     shown = {line.get_label(): line.get_ydata() for line in energy.lines}
-    # Energies that this run does not have (absorbed, load, rotation) are not shown; the others add up to the sum.
+    # Energies that this run does not have (absorbed, load, rotation) are not shown; the
+    # others add up to the sum.
     *parts, left, total = shown
-    assert parts == ["flight", "vibration", "elastic", "wall potential", "lost in dashpots"] and total == "sum of all"
+    assert (
+        parts
+        == [
+            "flight",
+            "vibration",
+            "elastic",
+            "wall potential",
+            "lost in dashpots",
+        ]
+        and total == "sum of all"
+    )
     assert sum(shown[name] for name in parts) == pytest.approx(shown[total], rel=1e-3)
-    stored = np.interp(results_time(columns), columns["t"], columns["vibration"] + columns["elastic"])
-    assert left.startswith("vibration left ") and shown[left][0] == pytest.approx(stored)
+    stored = np.interp(
+        results_time(columns), columns["t"], columns["vibration"] + columns["elastic"]
+    )
+    assert left.startswith("vibration left ") and shown[left][0] == pytest.approx(
+        stored
+    )
     for ax, unit in ((force, "[Mc²"), (energy, "[Mc²")):
         assert unit in ax.get_ylabel()
     assert "[R/c]" in balance.get_xlabel()
@@ -79,12 +108,16 @@ def test_an_impact_shows_velocity_force_energies_and_imbalance_with_the_same_byt
 def test_a_loading_shows_the_load_against_the_compression_with_the_paper_s_law_and_the_energy_stored(
     kernels, tmp_path, figures
 ):
-    scenario, outcome = computed(kernels, "compression", "lattice.points=100", "compression.method=newton")
+    scenario, outcome = computed(
+        kernels, "compression", "lattice.points=100", "compression.method=newton"
+    )
     columns = outcome.columns
     plot_run(tmp_path / "a.png", scenario, columns)
     force, energy = figures[0].axes
     points, paper, exact = (line.get_xydata().T for line in force.lines[:3])
-    assert np.array_equal(points, [columns["xi"], columns["wall_force"]]) and points.shape == (2, 24)
+    assert np.array_equal(
+        points, [columns["xi"], columns["wall_force"]]
+    ) and points.shape == (2, 24)
     assert [text.get_text() for text in force.get_legend().get_texts()][1:] == [
         "eq. (2), b = 1",
         "exact law, rigid wall",
@@ -92,18 +125,28 @@ def test_a_loading_shows_the_load_against_the_compression_with_the_paper_s_law_a
     E, nu = (lambda found: (found.young, found.poisson))(bulk_moduli(100, 0, 1.0, 0.7))
     p = 1e-2 / (np.pi * E)
     assert paper[:, -1] == pytest.approx([p * (np.log(4.0 / p) - 1.0 - nu), 1e-2])
-    assert exact[:, -1] == pytest.approx([p * (np.log(1.0 / p) - (1.0 + nu) / 4.0), 1e-2])
-    assert [text.get_text() for text in force.texts] == [f"ξ = {columns['xi'][-1]:.6g} R"]
+    assert exact[:, -1] == pytest.approx(
+        [p * (np.log(1.0 / p) - (1.0 + nu) / 4.0), 1e-2]
+    )
+    assert [text.get_text() for text in force.texts] == [
+        f"ξ = {columns['xi'][-1]:.6g} R"
+    ]
     assert "[R/c]" not in energy.get_xlabel() and energy.get_xlabel().endswith("[R]")
     elastic, wall, stored = (line.get_ydata() for line in energy.lines)
-    assert stored == pytest.approx(elastic + wall) and np.array_equal(wall, columns["wall"])
+    assert stored == pytest.approx(elastic + wall) and np.array_equal(
+        wall, columns["wall"]
+    )
 
 
-def test_no_law_is_drawn_for_custom_points_whose_moduli_are_unknown(kernels, tmp_path, figures):
+def test_no_law_is_drawn_for_custom_points_whose_moduli_are_unknown(
+    kernels, tmp_path, figures
+):
     scene = load_scene("compression", ["compression.method=newton"])
     scenario = scene.scenario(Lattice.from_points(disk(60).positions))
     plot_run(tmp_path / "a.png", scenario, compute(scenario, scene.time).columns)
-    assert [text.get_text() for text in figures[0].axes[0].get_legend().get_texts()] == ["equilibria"]
+    assert [
+        text.get_text() for text in figures[0].axes[0].get_legend().get_texts()
+    ] == ["equilibria"]
 
 
 def test_plots_drawn_by_threads_beside_other_styles_and_by_another_process_have_the_same_bytes(
@@ -123,8 +166,12 @@ def test_plots_drawn_by_threads_beside_other_styles_and_by_another_process_have_
         first, second = threads.map(draw, ("a.png", "b.png"))
     assert first == second and len(first) < 500_000
     drawn_here = []
-    monkeypatch.setattr("taichi_disk.output.plot.plot_run", lambda *run: (drawn_here.append(run), plot_run(*run)))
-    for python in (sys.executable, "/nowhere/python", "/bin/false"):  # also if that process fails
+    monkeypatch.setattr(
+        "taichi_disk.output.plot.plot_run",
+        lambda *run: (drawn_here.append(run), plot_run(*run)),
+    )
+    # also if that process fails
+    for python in (sys.executable, "/nowhere/python", "/bin/false"):
         monkeypatch.setattr(sys, "executable", python)
         (tmp_path / "b.png").unlink()
         with plotting_beside(film=True) as plot:

@@ -68,7 +68,11 @@ def test_the_screen_says_the_result_how_it_was_computed_and_how_long_that_took(c
     assert "0.9672 (error of the time step not estimated)" in capsys.readouterr().out
     # The result to quote comes first: the mean over lattices, with their scatter.
     e = {"values": [0.967234, 0.9664], "mean": 0.966817, "standard_deviation": 5.8e-4}
-    print_result(SUMMARY | {"seed": 4, "lattices": {"seeds": [4, 5], "restitution": e}}, LABELS, Path("o"))
+    print_result(
+        SUMMARY | {"seed": 4, "lattices": {"seeds": [4, 5], "restitution": e}},
+        LABELS,
+        Path("o"),
+    )
     lines = [" ".join(line.split()) for line in capsys.readouterr().out.splitlines()]
     assert lines[:3] == [
         "restitution e 0.96682 ± 5.8e-4 (mean and scatter of 2 lattices)",
@@ -76,7 +80,12 @@ def test_the_screen_says_the_result_how_it_was_computed_and_how_long_that_took(c
         "contact time 4.123 R/c",
     ]
     # An equilibrium has no step.
-    newton = {"xi": 0.0150123456789, "steps": 7, "integrator": "newton", "wall_clock": {"simulate": 0.1}}
+    newton = {
+        "xi": 0.0150123456789,
+        "steps": 7,
+        "integrator": "newton",
+        "wall_clock": {"simulate": 0.1},
+    }
     print_result(newton, {"xi": ("compression ξ", "R")}, Path("o"))
     lines = [" ".join(line.split()) for line in capsys.readouterr().out.splitlines()]
     assert lines[:2] == ["compression ξ 0.015012346 R", "iterations 7 (newton)"]

@@ -16,21 +16,29 @@ ABOVE = np.array([0.0, 0.01, 0.07])  # heights of three points over the lowest
 
 @pytest.mark.parametrize("wall", WALLS, ids=lambda wall: type(wall).__name__)
 def test_at_the_height_of_an_energy_or_a_force_the_wall_has_it(wall):
-    for value in (1e-10, 1.0, 20.0):  # 20 is more than the potential at distance 0, so the height is negative
+    # 20 is more than the potential at distance 0, so the height is negative
+    for value in (1e-10, 1.0, 20.0):
         assert wall.potential(wall.height_of(value)) == pytest.approx(value)
         assert wall.force_at(wall.height_of_force(value)) == pytest.approx(value)
-        assert wall.potential(wall.height_of(value, ABOVE) + ABOVE).sum() == pytest.approx(value)
-        assert wall.force_at(wall.height_of_force(value, ABOVE) + ABOVE).sum() == pytest.approx(value)
+        assert wall.potential(
+            wall.height_of(value, ABOVE) + ABOVE
+        ).sum() == pytest.approx(value)
+        assert wall.force_at(
+            wall.height_of_force(value, ABOVE) + ABOVE
+        ).sum() == pytest.approx(value)
 
 
 def test_the_force_is_the_slope_of_the_potential_and_the_stiffness_that_of_the_force():
     wall, y, step = RIGID, 0.05, 1e-6
     slope = (wall.potential(y - step) - wall.potential(y + step)) / (2.0 * step)
     assert wall.force_at(y) == pytest.approx(slope, rel=1e-8)
-    assert wall.potential(y + wall.decay_length) == pytest.approx(wall.potential(y) / np.e)
+    assert wall.potential(y + wall.decay_length) == pytest.approx(
+        wall.potential(y) / np.e
+    )
     slope = (wall.force_at(y - step) - wall.force_at(y + step)) / (2.0 * step)
     assert wall.added_stiffness(wall.force_at(y)) == pytest.approx(slope, rel=1e-8)
-    # Two points that approach each other, compared with one that approaches a fixed wall.
+    # Two points that approach each other, compared with one that approaches a fixed
+    # wall.
     assert ELASTIC.added_stiffness(3.0) == 2.0 * wall.added_stiffness(3.0)
 
 

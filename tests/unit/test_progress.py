@@ -1,4 +1,5 @@
-"""Progress: a bar on a terminal, silence elsewhere, and a terminal that is left in order."""
+"""Progress: a bar on a terminal, silence elsewhere, and a terminal that is left in
+order."""
 
 from __future__ import annotations
 
@@ -28,9 +29,16 @@ def test_a_stage_that_ends_early_is_shown_as_complete_and_the_cursor_comes_back(
     # An impact ends when the disk has left, before the time limit.
     stream = Terminal()
     with terminal(stream) as progress:
-        for report in (("simulate", 0.0, 1000.0), ("simulate", 250.0, 1000.0), ("render", 0, 4), ("render", 1, 4)):
+        for report in (
+            ("simulate", 0.0, 1000.0),
+            ("simulate", 250.0, 1000.0),
+            ("render", 0, 4),
+            ("render", 1, 4),
+        ):
             progress(*report)
-    simulate, render = [line for line in stream.getvalue().splitlines() if "%" in line][-2:]
+    simulate, render = [line for line in stream.getvalue().splitlines() if "%" in line][
+        -2:
+    ]
     assert "simulate" in simulate and "100%" in simulate
     assert "render" in render and "25%" in render
     hidden, shown = "\x1b[?25l", "\x1b[?25h"
@@ -50,7 +58,9 @@ def test_a_stage_whose_end_is_unknown_is_shown_without_a_share():
     with terminal(stream) as progress:
         progress("simulate", 0, None)
         progress("simulate", 7, None)
-    (line,) = [line for line in stream.getvalue().splitlines() if "simulate" in line][-1:]
+    (line,) = [line for line in stream.getvalue().splitlines() if "simulate" in line][
+        -1:
+    ]
     assert "%" not in line
 
 

@@ -1,4 +1,5 @@
-"""The parts of pictures, without a graphics device: camera, colours, scales, wall, arrows, text."""
+"""The parts of pictures, without a graphics device: camera, colours, scales, wall,
+arrows, text."""
 
 from __future__ import annotations
 
@@ -19,10 +20,15 @@ from taichi_disk.render.palette import LEVELS, THEMES, colour_map
 
 VIEW = (-1.1, 1.1, -0.1, 2.1)
 DISK = disk_lattice(60, 0)
-# Viénot, Brettel and Mollon 1999: linear RGB as a dichromat without long or medium cones sees it.
+# Viénot, Brettel and Mollon 1999: linear RGB as a dichromat without long or medium
+# cones sees it.
 DICHROMATS = {
-    "protan": np.array([[0.11238, 0.88762, 0.0], [0.11238, 0.88762, 0.0], [0.00401, -0.00401, 1.0]]),
-    "deutan": np.array([[0.29275, 0.70725, 0.0], [0.29275, 0.70725, 0.0], [-0.02234, 0.02234, 1.0]]),
+    "protan": np.array(
+        [[0.11238, 0.88762, 0.0], [0.11238, 0.88762, 0.0], [0.00401, -0.00401, 1.0]]
+    ),
+    "deutan": np.array(
+        [[0.29275, 0.70725, 0.0], [0.29275, 0.70725, 0.0], [-0.02234, 0.02234, 1.0]]
+    ),
 }
 
 
@@ -32,12 +38,20 @@ def linear(rgb):
 
 def lightness(rgb):
     """Return CIE L* of sRGB colours, from the luminance weights of the standard."""
-    return 116 * np.cbrt(linear(np.asarray(rgb, dtype=float)) @ [0.2126, 0.7152, 0.0722]) - 16
+    return (
+        116 * np.cbrt(linear(np.asarray(rgb, dtype=float)) @ [0.2126, 0.7152, 0.0722])
+        - 16
+    )
 
 
 def painter(**attributes):
-    made = Painter(replace(DISK, positions=DISK.positions + [0.0, 1.05]), Springs(), RIGID)
-    vars(made).update({"colour": "pressure", "limit": 0.02, "full_force": 0.01, "edge": 0.03} | attributes)
+    made = Painter(
+        replace(DISK, positions=DISK.positions + [0.0, 1.05]), Springs(), RIGID
+    )
+    vars(made).update(
+        {"colour": "pressure", "limit": 0.02, "full_force": 0.01, "edge": 0.03}
+        | attributes
+    )
     return made
 
 
@@ -45,10 +59,14 @@ def painter(**attributes):
 
 
 def test_the_camera_keeps_the_view_in_the_viewport_with_equal_scales():
-    camera = Camera.fit((-1.9, 1.9, -0.95, 2.1), 720, 700, 14.0, (0.0, 720.0, 60.0, 640.0))
+    camera = Camera.fit(
+        (-1.9, 1.9, -0.95, 2.1), 720, 700, 14.0, (0.0, 720.0, 60.0, 640.0)
+    )
     (left, bottom), (right, top) = to_pixels(camera, [(-1.9, -0.95), (1.9, 2.1)])
     assert left >= 14 and right <= 706 and top >= 73.999 and bottom <= 626.001
-    assert to_pixels(camera, (1.0, 0.0)) - to_pixels(camera, (0.0, 1.0)) == pytest.approx([camera.scale] * 2)
+    assert to_pixels(camera, (1.0, 0.0)) - to_pixels(
+        camera, (0.0, 1.0)
+    ) == pytest.approx([camera.scale] * 2)
 
 
 def test_zooming_keeps_the_point_under_the_cursor_and_every_camera_has_an_inverse():
@@ -56,10 +74,14 @@ def test_zooming_keeps_the_point_under_the_cursor_and_every_camera_has_an_invers
     closer = wide.zoomed(2.5, cursor)
     assert to_pixels(closer, wide.to_scene(cursor)) == pytest.approx(cursor)
     left, right, low, high = closer.seen
-    assert (right - left, high - low) == pytest.approx((640 / (2.5 * wide.scale), 480 / (2.5 * wide.scale)))
+    assert (right - left, high - low) == pytest.approx(
+        (640 / (2.5 * wide.scale), 480 / (2.5 * wide.scale))
+    )
     camera = closer.panned(7.0, -30.0)
     points = np.random.default_rng(0).random((20, 2))
-    assert camera.to_scene(to_pixels(camera, points)) == pytest.approx(points, abs=1e-12)
+    assert camera.to_scene(to_pixels(camera, points)) == pytest.approx(
+        points, abs=1e-12
+    )
 
 
 # ---- colours
@@ -80,7 +102,8 @@ def test_maps_are_even_in_lightness(theme, kind, bare):
 def test_the_colour_blind_tell_compression_from_stretching(theme, eyes):
     seen = linear(colour_map(theme, "pressure")) @ DICHROMATS[eyes].T
     low, high = seen[: LEVELS // 8].mean(axis=0), seen[-LEVELS // 8 :].mean(axis=0)
-    # They can distinguish yellow from blue, so the fractions of blue in the seen colours must differ.
+    # They can distinguish yellow from blue, so the fractions of blue in the seen
+    # colours must differ.
     assert high[2] / high.sum() - low[2] / low.sum() > 0.25
 
 
@@ -97,27 +120,49 @@ def test_compression_is_blue_and_what_rests_stands_out_from_the_ground(theme):
 # ---- scales
 
 
-@pytest.mark.parametrize("value", [0.0123, 0.0577, 9.2, 2.3e-5, 0.14, 1e-12, 0.3, 999.9999999999999])
+@pytest.mark.parametrize(
+    "value", [0.0123, 0.0577, 9.2, 2.3e-5, 0.14, 1e-12, 0.3, 999.9999999999999]
+)
 def test_scales_end_at_round_numbers_with_even_ticks(value):
     limit = palette.round_near(value)
     assert 1 / 1.25 < limit / value < 1.25
     below = legend.round_below(value)
-    assert value / 2.5 < below <= value and f"{below:.6e}"[:8] in ("1.000000", "2.000000", "5.000000")
-    assert f"{limit:.6e}".split("e")[0].rstrip("0").rstrip(".") in ("1", "1.5", "2", "3", "4", "5", "6", "8")
+    assert value / 2.5 < below <= value and f"{below:.6e}"[:8] in (
+        "1.000000",
+        "2.000000",
+        "5.000000",
+    )
+    assert f"{limit:.6e}".split("e")[0].rstrip("0").rstrip(".") in (
+        "1",
+        "1.5",
+        "2",
+        "3",
+        "4",
+        "5",
+        "6",
+        "8",
+    )
     for signed in (True, False):
         ticks = legend.ticks_to(limit, signed)
-        assert ticks[-1] == pytest.approx(limit) and ticks[0] == pytest.approx(-limit if signed else 0.0)
+        assert ticks[-1] == pytest.approx(limit) and ticks[0] == pytest.approx(
+            -limit if signed else 0.0
+        )
         assert np.allclose(np.diff(ticks), ticks[-1] - ticks[-2]) and 0.0 in ticks
         assert all(len(legend.label(tick)) <= 8 for tick in ticks)
 
 
 def test_numbers_are_written_as_in_print():
     assert legend.label(-0.05, percent=True, signed=True) == "−5 %"
-    assert legend.label(2e-7) == "2·10⁻⁷" and legend.label(0.0) == "0" and legend.label(0.5, signed=True) == "+0.5"
+    assert (
+        legend.label(2e-7) == "2·10⁻⁷"
+        and legend.label(0.0) == "0"
+        and legend.label(0.5, signed=True) == "+0.5"
+    )
 
 
 def test_the_round_number_next_to_a_value_is_the_one_nearest_in_ratio():
-    # 8.97 is nearer to 8 by difference but nearer to 10 by ratio; likewise 2.46 is nearer to 2, but to 3 by ratio.
+    # 8.97 is nearer to 8 by difference but nearer to 10 by ratio; likewise 2.46 is
+    # nearer to 2, but to 3 by ratio.
     assert palette.round_near(0.0897) == 0.1 and palette.round_near(0.0246) == 0.03
     assert palette.round_near(0.0892) == 0.08 and palette.round_near(0.0244) == 0.02
 
@@ -125,7 +170,9 @@ def test_the_round_number_next_to_a_value_is_the_one_nearest_in_ratio():
 def test_few_outliers_do_not_set_the_scale():
     values = np.concatenate([np.linspace(-0.1, 0.1, 990), [7.0] * 5])
     assert palette.full_scale(values, "pressure") == 0.1
-    assert palette.full_scale(np.linspace(0.0, 0.1, 1000), "fringes") == pytest.approx(0.02)
+    assert palette.full_scale(np.linspace(0.0, 0.1, 1000), "fringes") == pytest.approx(
+        0.02
+    )
 
 
 # ---- wall and arrows
@@ -134,18 +181,27 @@ def test_few_outliers_do_not_set_the_scale():
 def test_the_wall_s_edge_is_where_it_pushes_with_the_largest_force():
     for a in (10.0, 300.0):
         wall = ExponentialWall(a, 150.0)
-        assert a * wall.potential(np.array([edge_height(wall, 2e-3)])) == pytest.approx([2e-3])
+        assert a * wall.potential(np.array([edge_height(wall, 2e-3)])) == pytest.approx(
+            [2e-3]
+        )
     assert edge_height(None, 1.0) == edge_height(wall, 0.0) == 0.0
 
 
 def test_arrows_that_would_touch_become_one_with_the_mean_force_and_weak_ones_are_left_out():
     default_painter = painter()
-    lowest, forces = np.argsort(default_painter.lattice.positions[:, 1])[:4], np.array([0.002, 0.004, 0.006, 1e-6])
+    lowest, forces = (
+        np.argsort(default_painter.lattice.positions[:, 1])[:4],
+        np.array([0.002, 0.004, 0.006, 1e-6]),
+    )
     pushes = lowest, np.stack([np.zeros(4), forces], axis=1)
-    default_painter.wall = SimpleNamespace(decay_length=1 / 300, contact_forces=lambda *state: pushes)
+    default_painter.wall = SimpleNamespace(
+        decay_length=1 / 300, contact_forces=lambda *state: pushes
+    )
     x = default_painter.lattice.positions + [5.0, 0.0]
     feet, mean = default_painter.pushes(x, 0 * x, 10.0)
-    assert feet == pytest.approx(x[lowest[:3]].mean(axis=0)[None]) and mean == pytest.approx(np.array([[0.0, 0.4]]))
+    assert feet == pytest.approx(
+        x[lowest[:3]].mean(axis=0)[None]
+    ) and mean == pytest.approx(np.array([[0.0, 0.4]]))
     assert len(default_painter.pushes(x, 0 * x, 1e-3)[0]) == 3
 
 
@@ -165,7 +221,8 @@ def test_the_head_of_a_short_arrow_is_in_proportion_and_never_longer_than_the_ar
     force, head = np.array([1.0, 0.3, 0.02]), 0.06
     forces = np.stack([np.zeros(3), force], axis=1)
     points, _ = arrows(np.zeros((3, 2)), forces, head, 0.02, 0.01, THEMES["light"])
-    _, front = np.split(points.reshape(2, 3, 9, 2), 2)  # first its rim, then the arrow; nine corners each
+    # first its rim, then the arrow; nine corners each
+    _, front = np.split(points.reshape(2, 3, 9, 2), 2)
     back, tip = front[0, :, 6], front[0, :, 8]
     assert tip[:, 1] == pytest.approx(ARROW * force)
     half, length = np.abs(back[:, 0]), tip[:, 1] - back[:, 1]
@@ -183,13 +240,21 @@ def test_a_rigid_motion_stays_where_it_is_and_a_strain_is_drawn_so_many_times_as
     cos, sin = np.cos(0.7), np.sin(0.7)
     flown = (rest - rest_at) @ np.array([[cos, sin], [-sin, cos]]) + [3.0, 1.5]
     assert magnified_painter.placed(flown) == pytest.approx(flown, abs=1e-12)
-    # A disk that has shrunk uniformly: the lowest point stays, and all other displacements are 20 times as large.
+    # A disk that has shrunk uniformly: the lowest point stays, and all other
+    # displacements are 20 times as large.
     middle, low = rest_at[0], rest[:, 1].min()
     x = rest - 0.003 * (rest - [middle, low])
-    assert magnified_painter.placed(x) == pytest.approx(rest - 0.06 * (rest - [middle, low]), abs=1e-12)
+    assert magnified_painter.placed(x) == pytest.approx(
+        rest - 0.06 * (rest - [middle, low]), abs=1e-12
+    )
     assert (painter().placed(x) == x).all()
-    assert magnified_painter.remarks == ["displacements × 20"] and painter().remarks == []
-    plain, titled = (Legend(each, 720, ("A", "B"), ("t",), 1).still(250.0) for each in (painter(), magnified_painter))
+    assert (
+        magnified_painter.remarks == ["displacements × 20"] and painter().remarks == []
+    )
+    plain, titled = (
+        Legend(each, 720, ("A", "B"), ("t",), 1).still(250.0)
+        for each in (painter(), magnified_painter)
+    )
     assert (plain[:60] != titled[:60]).any() and (plain[60:] == titled[60:]).all()
 
 
@@ -201,7 +266,15 @@ def test_letters_have_11_pixels_or_are_left_out_and_nothing_overlaps(size, monke
     drawn, original = [], legend.draw_line
 
     def record(draw, at, line, letters, ink, bold=False):
-        drawn.append((line, letters, at[0], at[0] + legend.text_width(line, letters, bold), at[1]))
+        drawn.append(
+            (
+                line,
+                letters,
+                at[0],
+                at[0] + legend.text_width(line, letters, bold),
+                at[1],
+            )
+        )
         original(draw, at, line, letters, ink, bold)
 
     monkeypatch.setattr(legend, "draw_line", record)
@@ -215,7 +288,12 @@ def test_letters_have_11_pixels_or_are_left_out_and_nothing_overlaps(size, monke
     scale = Camera.fit(VIEW, size, size - block.header - block.footer).scale
     picture = block.still(scale)
     still = [(start, end, row) for _, _, start, end, row in drawn]
-    assert all(a[2] != b[2] or a[1] <= b[0] or b[1] <= a[0] for a in still for b in still if a is not b)
+    assert all(
+        a[2] != b[2] or a[1] <= b[0] or b[1] <= a[0]
+        for a in still
+        for b in still
+        if a is not b
+    )
     block.write(picture, lines)
     assert all(letters >= LEAST and end <= size for _, letters, _, end, _ in drawn)
     assert scale * 2.2 > 0.4 * size  # the disk is still visible
@@ -237,7 +315,10 @@ def test_letters_have_11_pixels_or_are_left_out_and_nothing_overlaps(size, monke
 @pytest.mark.parametrize("colour", ["pressure", "shear"])
 def test_the_colour_bar_shows_the_map(colour):
     coloured_painter = painter(colour=colour, theme="dark")
-    bar = np.rint(255 * coloured_painter.colours(np.linspace(0.0, 1.0, 300))).astype(np.uint8)
+    bar = np.rint(255 * coloured_painter.colours(np.linspace(0.0, 1.0, 300))).astype(
+        np.uint8
+    )
     assert any(
-        np.array_equal(row[210:510], bar) for row in Legend(coloured_painter, 720, ("A",), ("t",), 1).still(250.0)
+        np.array_equal(row[210:510], bar)
+        for row in Legend(coloured_painter, 720, ("A",), ("t",), 1).still(250.0)
     )

@@ -1,4 +1,5 @@
-"""The sandbox without its window: what is seen is what `run` computes, also after going back; hands' work is marked."""
+"""The sandbox without its window: what is seen is what `run` computes, also after going
+back; hands' work is marked."""
 
 from __future__ import annotations
 
@@ -22,10 +23,17 @@ from taichi_disk.window.sandbox import SLOWDOWN, Result, Sandbox, with_key
 SMALL = ["lattice.points=120", "impact.velocity=0.05", "material.eta_star=1"]
 UNDAMPED = [*SMALL, "material.eta_star=0"]
 HARD = [*SMALL, "wall.a=30000"]  # needs a second attempt with a shorter step
-WALL = ["lattice.points=120", "impact.velocity=0.05", "wall.points=160", "wall.threshold=0.11"]
+WALL = [
+    "lattice.points=120",
+    "impact.velocity=0.05",
+    "wall.points=160",
+    "wall.threshold=0.11",
+]
 
 
-def opened(kernels: KernelCache, settings: list[str] = SMALL, scene: str = "exponential_wall") -> Sandbox:
+def opened(
+    kernels: KernelCache, settings: list[str] = SMALL, scene: str = "exponential_wall"
+) -> Sandbox:
     return Sandbox(load_scene(scene, settings), kernels=kernels)
 
 
@@ -70,12 +78,15 @@ def test_the_result_is_that_of_a_run_bit_for_bit_also_after_going_back(
     sandbox.speed, sandbox.paused = 3.0, False
     while not sandbox.paused:
         sandbox.advance(0.237)
-        assert sandbox.time.display.t >= seen  # no picture goes back, not even where a shorter step is tried
+        # no picture goes back, not even where a shorter step is tried
+        assert sandbox.time.display.t >= seen
         seen = sandbox.time.display.t
     assert sandbox.time.segment.attempt > 1 or settings is not HARD
     columns = sandbox.time.segment.columns
     outcome, expected = computed(kernels, load_scene(scene, settings))
-    assert sandbox.results[-1].value == expected and not sandbox.time.display.segment.label
+    assert (
+        sandbox.results[-1].value == expected and not sandbox.time.display.segment.label
+    )
     assert all(np.array_equal(columns[name], outcome.columns[name]) for name in columns)
 
     spacing = max(np.diff([one.t for one in sandbox.time.checkpoints]))
@@ -88,15 +99,24 @@ def test_the_result_is_that_of_a_run_bit_for_bit_also_after_going_back(
         assert t == pytest.approx(past.t, abs=1e-12)
         assert np.array_equal(past.x, x) and np.array_equal(past.v, v)
         sandbox.pause()  # go on from there
-        assert sandbox.time.display.t == past.t and np.array_equal(sandbox.time.display.row, past.row)
+        assert sandbox.time.display.t == past.t and np.array_equal(
+            sandbox.time.display.row, past.row
+        )
         sandbox.speed = 1e6
-        sandbox.advance(1.0, max_seconds=60.0)  # the scene ends at its row, however fast the machine
-        assert sandbox.paused and sandbox.time.display.t == pytest.approx(outcome.columns["t"][-1], rel=1e-15)
+        # the scene ends at its row, however fast the machine
+        sandbox.advance(1.0, max_seconds=60.0)
+        assert sandbox.paused and sandbox.time.display.t == pytest.approx(
+            outcome.columns["t"][-1], rel=1e-15
+        )
         assert {one.value for one in sandbox.results} == {expected}
-        assert np.array_equal(sandbox.time.segment.columns["com_vy"], outcome.columns["com_vy"])
+        assert np.array_equal(
+            sandbox.time.segment.columns["com_vy"], outcome.columns["com_vy"]
+        )
 
 
-def test_a_throw_that_is_drawn_becomes_the_scene_s_and_the_next_hit_s(kernels: KernelCache) -> None:
+def test_a_throw_that_is_drawn_becomes_the_scene_s_and_the_next_hit_s(
+    kernels: KernelCache,
+) -> None:
     sandbox = opened(kernels)
     sandbox.throw()  # nothing has been drawn
     assert sandbox.starts == 1
@@ -105,7 +125,11 @@ def test_a_throw_that_is_drawn_becomes_the_scene_s_and_the_next_hit_s(kernels: K
     assert sandbox.scene.impact.angle == 0.0  # type: ignore[union-attr]
     sandbox.throw()
     velocity = sandbox.time.display.v[: sandbox.scene.lattice.points].mean(axis=0)
-    assert velocity == pytest.approx([0.015, -0.02], rel=2e-3) and sandbox.drawn_throw is None and sandbox.at_start
+    assert (
+        velocity == pytest.approx([0.015, -0.02], rel=2e-3)
+        and sandbox.drawn_throw is None
+        and sandbox.at_start
+    )
     sandbox.aim(-1.0, 0.5)  # not up, but along the wall
     assert sandbox.drawn_throw[1] == -1.5
     sandbox.drawn_throw = None
@@ -116,22 +140,40 @@ def test_a_throw_that_is_drawn_becomes_the_scene_s_and_the_next_hit_s(kernels: K
     sandbox.set("impact.angle", -0.4)
     sandbox.hit_again()
     velocity = sandbox.time.segment.present.v.mean(axis=0)
-    assert velocity == pytest.approx(0.025 * np.array([-np.sin(0.4), -np.cos(0.4)]), rel=1e-9)
+    assert velocity == pytest.approx(
+        0.025 * np.array([-np.sin(0.4), -np.cos(0.4)]), rel=1e-9
+    )
 
 
 @pytest.mark.validate
-def test_with_friction_too_the_result_is_that_of_a_run_also_after_going_back(kernels: KernelCache) -> None:
-    thrown = [*SMALL, "impact.angle=0.8", "impact.velocity=0.05", "wall.friction=0.4", "material.eta_star=0"]
+def test_with_friction_too_the_result_is_that_of_a_run_also_after_going_back(
+    kernels: KernelCache,
+) -> None:
+    thrown = [
+        *SMALL,
+        "impact.angle=0.8",
+        "impact.velocity=0.05",
+        "wall.friction=0.4",
+        "material.eta_star=0",
+    ]
     sandbox = opened(kernels, thrown)
     to_the_end(sandbox)
-    scenario, lost = sandbox.time.segment.scenario, sandbox.time.display.values["friction"]
+    scenario, lost = (
+        sandbox.time.segment.scenario,
+        sandbox.time.display.values["friction"],
+    )
     outcome, e = computed(kernels, load_scene("exponential_wall", thrown))
-    assert lost == outcome.columns["friction"][-1] > 0.05 * scenario.reference_energy and sandbox.results[-1].value == e
+    assert (
+        lost == outcome.columns["friction"][-1] > 0.05 * scenario.reference_energy
+        and sandbox.results[-1].value == e
+    )
     sandbox.scrub(0.5 * sandbox.time.display.t)
     assert 0.0 < sandbox.time.display.values["friction"] < lost
     sandbox.pause()
     to_the_end(sandbox)
-    assert sandbox.time.display.values["friction"] == lost and {one.value for one in sandbox.results} == {e}
+    assert sandbox.time.display.values["friction"] == lost and {
+        one.value for one in sandbox.results
+    } == {e}
 
 
 def test_a_run_of_a_saved_scene_gives_what_was_seen_of_a_disk_turned_by_hand(
@@ -140,46 +182,70 @@ def test_a_run_of_a_saved_scene_gives_what_was_seen_of_a_disk_turned_by_hand(
     sandbox = opened(kernels)
     before = sandbox.time.display.x
     sandbox.turn(1.0, final=False)
-    sandbox.turn(0.7, final=False)  # the angle is from where the disk was, not from the last call
+    # the angle is from where the disk was, not from the last call
+    sandbox.turn(0.7, final=False)
     shown = sandbox.time.display.x
     sandbox.turn(0.7)
     spoke = [complex(*(x[0] - x.mean(axis=0))) for x in (before, shown)]
     assert np.angle(spoke[1] / spoke[0]) == pytest.approx(0.7, abs=1e-6)
     assert sandbox.at_start and not sandbox.time.display.segment.label
-    # Turned, the disk begins to feel the wall at another height, and is dented a little.
+    # Turned, the disk begins to feel the wall at another height, and is dented a
+    # little.
     (across, up), n = (sandbox.time.display.x - shown)[:120].mean(axis=0), 120
     assert abs(across) < 1e-12 and abs(up) < 0.01
-    np.testing.assert_allclose(sandbox.time.display.x[:n] - [across, up], shown[:n], atol=1e-6)
+    np.testing.assert_allclose(
+        sandbox.time.display.x[:n] - [across, up], shown[:n], atol=1e-6
+    )
     sandbox.turn(3.0)
     sandbox.set("material.eta_star", 3.0)
     to_the_end(sandbox)
     (tmp_path / "scene.yaml").write_text(sandbox.scene.to_yaml(), encoding="utf-8")
     scene: Any = load_scene(tmp_path / "scene.yaml")
-    assert scene.impact.turn == pytest.approx(3.7 - 2 * np.pi, abs=1e-4) and scene.material.eta_star == 3.0
+    assert (
+        scene.impact.turn == pytest.approx(3.7 - 2 * np.pi, abs=1e-4)
+        and scene.material.eta_star == 3.0
+    )
     assert sandbox.results[-1].value == computed(kernels, scene)[1]
     assert sandbox.results[-1].turn == scene.impact.turn
 
 
-def test_a_row_of_the_table_tells_throws_of_different_lattices_apart(kernels: KernelCache) -> None:
+def test_a_row_of_the_table_tells_throws_of_different_lattices_apart(
+    kernels: KernelCache,
+) -> None:
     sandbox = opened(kernels)
     for seed in (3, 4):
         sandbox.set("lattice.seed", seed)
         to_the_end(sandbox)
     assert [one.seed for one in sandbox.results] == [3, 4]
-    columns = (Path(taichi_disk.__file__).parent / "web" / "controls.js").read_text(encoding="utf-8")
-    assert all(f"{name}: " in columns.split("const COLUMNS")[1].split(";")[0] for name in Result._fields)
+    columns = (Path(taichi_disk.__file__).parent / "web" / "controls.js").read_text(
+        encoding="utf-8"
+    )
+    assert all(
+        f"{name}: " in columns.split("const COLUMNS")[1].split(";")[0]
+        for name in Result._fields
+    )
 
 
 # ---- time
 
 
-def test_time_passes_at_the_speed_asked_for_in_whole_steps_and_slowly_in_contact(kernels: KernelCache) -> None:
+def test_time_passes_at_the_speed_asked_for_in_whole_steps_and_slowly_in_contact(
+    kernels: KernelCache,
+) -> None:
     sandbox = opened(kernels)
     assert sandbox.paused and sandbox.at_start and sandbox.advance(1.0) == 0
     sandbox.pause()
-    sandbox.speed, sandbox.slow, dt, start = 0.5, True, sandbox.time.segment.step.dt, sandbox.time.display.t
+    sandbox.speed, sandbox.slow, dt, start = (
+        0.5,
+        True,
+        sandbox.time.segment.step.dt,
+        sandbox.time.display.t,
+    )
     steps = sum(sandbox.advance(1 / 60) for _ in range(30))
-    assert sandbox.time.display.t - start == pytest.approx(steps * dt) and abs(steps * dt - 0.25) <= dt
+    assert (
+        sandbox.time.display.t - start == pytest.approx(steps * dt)
+        and abs(steps * dt - 0.25) <= dt
+    )
     sandbox.speed = 1e6
     assert 0 < sandbox.advance(1.0, max_seconds=0.0) < 1e6 / dt
     sandbox.speed = 0.5
@@ -188,7 +254,9 @@ def test_time_passes_at_the_speed_asked_for_in_whole_steps_and_slowly_in_contact
     assert sandbox.pace == SLOWDOWN * sandbox.speed
 
 
-def test_many_states_are_remembered_evenly_also_across_changes(kernels: KernelCache) -> None:
+def test_many_states_are_remembered_evenly_also_across_changes(
+    kernels: KernelCache,
+) -> None:
     sandbox = opened(kernels, [*SMALL, "lattice.points=40", "time.dt=4e-3"])
     for eta_star in (1.0, 2.0):
         sandbox.set("material.eta_star", eta_star)
@@ -196,13 +264,25 @@ def test_many_states_are_remembered_evenly_also_across_changes(kernels: KernelCa
             sandbox.time.go(500, np.inf)
     times = np.array([one.t for one in sandbox.time.checkpoints])
     apart = np.diff(times)
-    assert MAX_STATES > len(times) >= 600 and times[0] < 1.0 and sandbox.time.display.t - times[-1] < apart.max()
-    assert np.count_nonzero(np.abs(apart - np.median(apart)) > 1e-9) <= 4  # about the change and the scene's end
+    assert (
+        MAX_STATES > len(times) >= 600
+        and times[0] < 1.0
+        and sandbox.time.display.t - times[-1] < apart.max()
+    )
+    # about the change and the scene's end
+    assert np.count_nonzero(np.abs(apart - np.median(apart)) > 1e-9) <= 4
     assert sandbox.time.checkpoints[0].segment is not sandbox.time.segment
 
 
-def test_time_goes_on_after_the_scene_s_end_and_its_limit_and_back_from_there(kernels: KernelCache) -> None:
-    settings = ["lattice.points=60", "material.eta_star=0", "time.safety=0.3", "impact.max_time=2.0"]
+def test_time_goes_on_after_the_scene_s_end_and_its_limit_and_back_from_there(
+    kernels: KernelCache,
+) -> None:
+    settings = [
+        "lattice.points=60",
+        "material.eta_star=0",
+        "time.safety=0.3",
+        "impact.max_time=2.0",
+    ]
     scenario = load_scene("exponential_wall", settings).scenario()
     segment = Segment(scenario, kernels, spectrum(scenario.lattice, scenario.model))
     start = segment.present
@@ -226,7 +306,8 @@ def test_single_states_back_and_forth(kernels: KernelCache) -> None:
     sandbox.step(-2)
     assert sandbox.time.display.t < last and sandbox.paused and sandbox.time.lead < 0.0
     sandbox.step(3)
-    assert sandbox.time.display.t > last and sandbox.time.lead == 0.0  # beyond the last state time goes on
+    # beyond the last state time goes on
+    assert sandbox.time.display.t > last and sandbox.time.lead == 0.0
     sandbox.step(-1_000_000)
     assert sandbox.time.display.t == start
 
@@ -234,16 +315,23 @@ def test_single_states_back_and_forth(kernels: KernelCache) -> None:
 # ---- changes by the user
 
 
-def test_a_changed_viscosity_reaches_the_kernel_at_once_and_keeps_the_energy_balance(kernels: KernelCache) -> None:
+def test_a_changed_viscosity_reaches_the_kernel_at_once_and_keeps_the_energy_balance(
+    kernels: KernelCache,
+) -> None:
     sandbox = opened(kernels)
     into_contact(sandbox)
     x, simulation = sandbox.time.display.x, sandbox.time.segment.simulation
     sandbox.set("material.eta_star", 1.5)
-    assert np.array_equal(sandbox.time.display.x, x) and sandbox.time.display.segment.label
+    assert (
+        np.array_equal(sandbox.time.display.x, x) and sandbox.time.display.segment.label
+    )
     assert sandbox.time.segment.simulation is simulation  # nothing was compiled
     assert simulation.model.springs.eta == 1.5 / 120  # eta = eta* m c/R, m = M/N
     to_the_end(sandbox)
-    assert abs(sandbox.time.segment.imbalance) < 2e-4 and sandbox.results[-1].disturbance == "disturbed"
+    assert (
+        abs(sandbox.time.segment.imbalance) < 2e-4
+        and sandbox.results[-1].disturbance == "disturbed"
+    )
     assert sandbox.message.endswith(", disturbed")
 
 
@@ -253,22 +341,36 @@ def test_another_wall_begins_anew_with_its_own_rows(kernels: KernelCache) -> Non
     before = sandbox.time.segment.interval
     sandbox.set("wall.a", 3000.0)
     scenario, driver = sandbox.scene.scenario(), sandbox.time.segment
-    assert driver.stride == max(1, round(scenario.row_interval / driver.step.dt)) and driver.interval < 0.5 * before
-    assert sandbox.at_start and sandbox.paused and not sandbox.time.display.segment.label
+    assert (
+        driver.stride == max(1, round(scenario.row_interval / driver.step.dt))
+        and driver.interval < 0.5 * before
+    )
+    assert (
+        sandbox.at_start and sandbox.paused and not sandbox.time.display.segment.label
+    )
 
 
-def test_the_velocity_counts_at_once_before_the_start_and_from_the_next_hit_on_afterwards(kernels: KernelCache) -> None:
+def test_the_velocity_counts_at_once_before_the_start_and_from_the_next_hit_on_afterwards(
+    kernels: KernelCache,
+) -> None:
     sandbox = opened(kernels)
     sandbox.set("impact.velocity", 0.08)
-    assert sandbox.time.display.row[INDEX["com_vy"]] == pytest.approx(-0.08, rel=1e-5) and sandbox.at_start
+    assert (
+        sandbox.time.display.row[INDEX["com_vy"]] == pytest.approx(-0.08, rel=1e-5)
+        and sandbox.at_start
+    )
     into_contact(sandbox)
     before = sandbox.time.display.v
     sandbox.set("impact.velocity", 0.03)
-    assert np.array_equal(sandbox.time.display.v, before) and "next hit" in sandbox.message
+    assert (
+        np.array_equal(sandbox.time.display.v, before) and "next hit" in sandbox.message
+    )
     sandbox.hit_again()
     assert sandbox.time.display.row[INDEX["com_vy"]] == pytest.approx(-0.03, rel=1e-12)
     to_the_end(sandbox)
-    assert [one.disturbance for one in sandbox.results] == ["hit again"] and 0.3 < sandbox.results[0].value < 1.5
+    assert [one.disturbance for one in sandbox.results] == [
+        "hit again"
+    ] and 0.3 < sandbox.results[0].value < 1.5
 
 
 def test_going_back_before_a_change_undoes_it(kernels: KernelCache) -> None:
@@ -283,7 +385,10 @@ def test_going_back_before_a_change_undoes_it(kernels: KernelCache) -> None:
     assert sandbox.results[-1].value != expected and sandbox.time.display.segment.label
     sandbox.scrub(0.9 * there)
     sandbox.pause()
-    assert not sandbox.time.display.segment.label and sandbox.scene.material.eta_star == 1.0
+    assert (
+        not sandbox.time.display.segment.label
+        and sandbox.scene.material.eta_star == 1.0
+    )
     to_the_end(sandbox)
     first, changed, last = sandbox.results
     assert (first.value, first.disturbance) == (last.value, last.disturbance) == (
@@ -311,22 +416,36 @@ def test_the_reach_of_the_contact_follows_a_softer_wall_and_a_slower_disk() -> N
     assert deeper.wall.points == 2 * 1269
 
 
-def test_what_the_mouse_pulled_cannot_be_made_again_and_its_energy_is_no_imbalance(kernels: KernelCache) -> None:
+def test_what_the_mouse_pulled_cannot_be_made_again_and_its_energy_is_no_imbalance(
+    kernels: KernelCache,
+) -> None:
     sandbox = opened(kernels, UNDAMPED)
     into_contact(sandbox)
     untouched = sandbox.time.display.t
     sandbox.pull(0.0, 2.2)
-    assert sandbox.grip and sandbox.grip[0] == int(sandbox.time.display.x[:, 1].argmax())
+    assert sandbox.grip and sandbox.grip[0] == int(
+        sandbox.time.display.x[:, 1].argmax()
+    )
     for k in range(60):
         sandbox.pull(0.005 * k, 2.4)
         sandbox.advance(0.05)
-    segment, row, start = sandbox.time.segment, sandbox.time.display.row, sandbox.time.checkpoints[0].row
+    segment, row, start = (
+        sandbox.time.segment,
+        sandbox.time.display.row,
+        sandbox.time.checkpoints[0].row,
+    )
     given = row[ENERGY_INDICES].sum() - start[ENERGY_INDICES].sum()
-    assert given > 1e-5 and abs(segment.imbalance) * segment.reference_energy < 0.05 * given
+    assert (
+        given > 1e-5
+        and abs(segment.imbalance) * segment.reference_energy < 0.05 * given
+    )
     sandbox.release()
     assert not sandbox.grip and sandbox.time.display.segment.label
     to_the_end(sandbox)  # a disk that was let go ends as any other
-    assert abs(sandbox.time.segment.imbalance) < 2e-4 and sandbox.results[-1].disturbance == "disturbed"
+    assert (
+        abs(sandbox.time.segment.imbalance) < 2e-4
+        and sandbox.results[-1].disturbance == "disturbed"
+    )
     sandbox.scrub(untouched + 1.0)  # while the mouse pulled: it cannot pull again
     moment = sandbox.time.display
     sandbox.pause()
@@ -340,15 +459,29 @@ def test_what_the_mouse_pulled_cannot_be_made_again_and_its_energy_is_no_imbalan
     assert not sandbox.time.display.segment.label
     to_the_end(sandbox)
     sandbox.pull(0.0, 9.0)  # time goes on, as for every change
-    assert not sandbox.paused and sandbox.advance(0.1) > 0 and sandbox.status == "disturbed"
+    assert (
+        not sandbox.paused
+        and sandbox.advance(0.1) > 0
+        and sandbox.status == "disturbed"
+    )
 
 
 @pytest.mark.parametrize("change", ["hit", "rewind", "start"])
-def test_a_blow_up_is_told_and_any_change_gives_time_back(kernels: KernelCache, change: str) -> None:
+def test_a_blow_up_is_told_and_any_change_gives_time_back(
+    kernels: KernelCache, change: str
+) -> None:
     # A step set by the user that is stable until the wall pushes harder than estimated.
-    hard = ["lattice.points=60", "material.eta_star=0", "impact.velocity=0.1", "wall.a=3000", "impact.gap=0.1"]
+    hard = [
+        "lattice.points=60",
+        "material.eta_star=0",
+        "impact.velocity=0.1",
+        "wall.a=3000",
+        "impact.gap=0.1",
+    ]
     sandbox = opened(kernels, hard)
-    sandbox.begin(sandbox.scene.with_({"time.dt": 0.999 * sandbox.time.segment.step.limit}))
+    sandbox.begin(
+        sandbox.scene.with_({"time.dt": 0.999 * sandbox.time.segment.step.limit})
+    )
     to_the_end(sandbox)
     assert (
         "blow-up" in sandbox.message
@@ -377,16 +510,29 @@ def test_presets_are_the_shipped_scenes_and_what_they_suggest() -> None:
     first = load_scene("compression", [])
     entries = list_presets(first)
     scenes = [one.load() for one in entries]
-    assert scenes[0] == first and {one.scene for one in scenes} == {"compression", "exponential_wall", "absorbing_wall"}
-    assert len(entries) == 21 and all(one.name and one.sentence.endswith(".") for one in entries)
+    assert scenes[0] == first and {one.scene for one in scenes} == {
+        "compression",
+        "exponential_wall",
+        "absorbing_wall",
+    }
+    assert len(entries) == 21 and all(
+        one.name and one.sentence.endswith(".") for one in entries
+    )
 
 
-def test_a_folders_scenes_are_stepped_through_in_order(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_folders_scenes_are_stepped_through_in_order(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     with pytest.raises(InputError, match="no scene in this folder"):
         list_folder(tmp_path)
     (tmp_path / "b.yaml").write_text("scene: compression\n")
-    (tmp_path / "a.yaml").write_text("scene: exponential_wall\nimpact: {velocity: 0.02}\n")
-    (tmp_path / "figure.yaml").write_text("scene: compression\nsweep: {axes: {seed: [0, 1]}}\n")  # no single scene
+    (tmp_path / "a.yaml").write_text(
+        "scene: exponential_wall\nimpact: {velocity: 0.02}\n"
+    )
+    # no single scene
+    (tmp_path / "figure.yaml").write_text(
+        "scene: compression\nsweep: {axes: {seed: [0, 1]}}\n"
+    )
     (tmp_path / ".#a.yaml").symlink_to("nowhere")  # an editor's lock
     (tmp_path / "c.yaml").mkdir()
     monkeypatch.chdir(tmp_path.parent)
@@ -397,5 +543,7 @@ def test_a_folders_scenes_are_stepped_through_in_order(tmp_path: Path, monkeypat
     (tmp_path / "points").mkdir()
     for key in ("f00", "a11"):
         (tmp_path / "points" / f"{key}.yaml").write_text("scene: compression\n")
-    (tmp_path / "points.csv").write_text("seed,xi,key\n0,0.1,f00\n1,0.1,a11\n2,0.1,lost\n")
+    (tmp_path / "points.csv").write_text(
+        "seed,xi,key\n0,0.1,f00\n1,0.1,a11\n2,0.1,lost\n"
+    )
     assert [one.name for one in list_folder(tmp_path)] == ["f00", "a11"]

@@ -14,13 +14,23 @@ from taichi_disk.computation.diagnostics import MAX_CLOSING, MAX_IMBALANCE, MAX_
 from taichi_disk.computation.stability import spectrum, step_limit
 from taichi_disk.computation.step_control import MAX_BLOW_UPS, StepControl
 from taichi_disk.errors import SimulationError
-from taichi_disk.integrators import INTEGRATORS, TAKAHASHI_IMADA, TRAPEZOIDAL, VELOCITY_VERLET
+from taichi_disk.integrators import (
+    INTEGRATORS,
+    TAKAHASHI_IMADA,
+    TRAPEZOIDAL,
+    VELOCITY_VERLET,
+)
 from taichi_disk.integrators.trapezoidal import factorise
 from taichi_disk.lattice import disk_lattice
 from taichi_disk.scenes import load_scene
 
 VV = VELOCITY_VERLET
-SMALL = ("exponential_wall", "lattice.points=60", "material.eta_star=0", "impact.velocity=0.05")
+SMALL = (
+    "exponential_wall",
+    "lattice.points=60",
+    "material.eta_star=0",
+    "impact.velocity=0.05",
+)
 
 
 def control_of(name, *settings):
@@ -40,8 +50,8 @@ def finished(kernels):
 
 
 def off_by(driver, worst, closing=0.0):
-    """Return the time series of `driver` with energy errors of `worst`, and `closing` at the end, over its energy
-    scale.
+    """Return the time series of `driver` with energy errors of `worst`, and `closing`
+    at the end, over its energy scale.
     """
     columns, scale = driver.columns, driver.scenario.energy_scale(driver.columns)
     error = np.full(len(columns["t"]), worst)
@@ -61,16 +71,20 @@ def test_an_imbalance_shortens_the_step_as_order_2_asks(finished):
     # dt -> dt 0.9/sqrt(4): the error, of order 2, falls to 0.81 of the allowed one.
     assert follows(control, 4.0) and control.attempt == 2
     assert control.step.dt == pytest.approx(0.45 * first)
-    # The step stays if shorter steps do not reduce the imbalance, or if the user has chosen the step.
+    # The step stays if shorter steps do not reduce the imbalance, or if the user has
+    # chosen the step.
     assert not follows(control, 3.9)
     assert follows(control, 0.9, closing=-1.5)
     assert not follows(control_of(*SMALL, f"time.dt={first}"), 100.0)
 
 
 def test_what_a_fast_spin_loses_counts_against_the_slow_flight(kernels):
-    # An error of the energy E affects the kinetic energy K of the flight through the work of one motion on the other,
-    # of the order of sqrt(E K). Relative to K it is larger by sqrt(E/K).
-    driver = driver_of(kernels, *SMALL, "impact.velocity=0.01", "impact.spin=1.0", "impact.gap=0.3")
+    # An error of the energy E affects the kinetic energy K of the flight through the
+    # work of one motion on the other, of the order of sqrt(E K). Relative to K it is
+    # larger by sqrt(E/K).
+    driver = driver_of(
+        kernels, *SMALL, "impact.velocity=0.01", "impact.spin=1.0", "impact.gap=0.3"
+    )
     control, scenario = driver.control, driver.scenario
     more = np.sqrt(0.5 * (scenario.velocities**2).sum() / 60 / (0.5 * 0.01**2))
     assert more > 50.0
@@ -84,12 +98,26 @@ def test_what_a_fast_spin_loses_counts_against_the_slow_flight(kernels):
 def test_on_a_harder_wall_than_estimated_the_measured_force_sets_the_step(finished):
     for after_blow_up in (False, True):
         control = control_of(*SMALL)
-        limit = partial(step_limit, control.spectrum, control.scenario.model, control.step.integrator)
+        limit = partial(
+            step_limit,
+            control.spectrum,
+            control.scenario.model,
+            control.step.integrator,
+        )
         # The step must stay 5 % below the limit with the measured force.
-        peak = next(force for force in np.geomspace(1e-3, 1e3, 2000) if control.step.dt > 0.95 * limit(force))
-        assert not control.shorten_after_run(0.99 * peak, finished.columns) and control.attempt == 1
+        peak = next(
+            force
+            for force in np.geomspace(1e-3, 1e3, 2000)
+            if control.step.dt > 0.95 * limit(force)
+        )
         assert (
-            control.shorten_after_blow_up(peak) if after_blow_up else control.shorten_after_run(peak, finished.columns)
+            not control.shorten_after_run(0.99 * peak, finished.columns)
+            and control.attempt == 1
+        )
+        assert (
+            control.shorten_after_blow_up(peak)
+            if after_blow_up
+            else control.shorten_after_run(peak, finished.columns)
         )
         assert control.step.limit == limit(1.5 * peak)
 
@@ -98,7 +126,9 @@ def test_after_a_blow_up_the_step_is_halved_a_few_times():
     control = control_of(*SMALL)
     first = control.step.dt
     for number in range(1, MAX_BLOW_UPS + 1):
-        assert control.shorten_after_blow_up(0.0) and control.step.dt == pytest.approx(0.5**number * first)
+        assert control.shorten_after_blow_up(0.0) and control.step.dt == pytest.approx(
+            0.5**number * first
+        )
     assert not control.shorten_after_blow_up(0.0)
     assert not control_of(*SMALL, f"time.dt={first}").shorten_after_blow_up(0.0)
 
@@ -107,31 +137,48 @@ def test_warnings_say_what_makes_a_result_doubtful(finished):
     scenario = finished.scenario
     for part, expected in ((0.8, 0), (1.1, 2)):
         columns = off_by(finished, 0.0, closing=-part * MAX_IMBALANCE)
-        columns["sliding"] = np.full_like(columns["t"], scenario.reference_energy * part * MAX_IMBALANCE)
+        columns["sliding"] = np.full_like(
+            columns["t"], scenario.reference_energy * part * MAX_IMBALANCE
+        )
         messages = diagnostics.warnings(scenario, columns)
         assert len(messages) == expected
-    assert "imbalance at the end is -0.0011" in messages[0] and "slid from spring to spring" in messages[1]
+    assert (
+        "imbalance at the end is -0.0011" in messages[0]
+        and "slid from spring to spring" in messages[1]
+    )
 
 
 # ---- the first choice
 
 
 def test_dashpots_are_solved_for_where_that_costs_less_than_the_steps_that_it_saves():
-    # A step with the factor of 60 points costs 2.8 explicit ones; a step by iteration with a million points costs 3.5.
+    # A step with the factor of 60 points costs 2.8 explicit ones; a step by iteration
+    # with a million points costs 3.5.
     for eta_star, saved, few, many in (
         (1.5, 2.03, VV, VV),
         (3.0, 3.37, TRAPEZOIDAL, VV),
         (6.0, 6.3, TRAPEZOIDAL, TRAPEZOIDAL),
     ):
-        control = control_of(*SMALL, f"material.eta_star={eta_star}", "impact.velocity=0.001", "impact.gap=0.3")
+        control = control_of(
+            *SMALL,
+            f"material.eta_star={eta_star}",
+            "impact.velocity=0.001",
+            "impact.gap=0.3",
+        )
         scenario, own = control.scenario, control.spectrum
-        implicit, explicit = (control.limit(way, scenario.point_force) for way in (TRAPEZOIDAL, VV))
+        implicit, explicit = (
+            control.limit(way, scenario.point_force) for way in (TRAPEZOIDAL, VV)
+        )
         assert implicit / explicit == pytest.approx(saved, rel=0.05)
         for points, expected in ((60, few), (1_000_000, many)):
-            chosen = StepControl(scenario, scenario.scene.time, replace(own, points=points))
+            chosen = StepControl(
+                scenario, scenario.scene.time, replace(own, points=points)
+            )
             assert chosen.step.integrator is expected
         for name in ("velocity_verlet", "trapezoidal"):
-            chosen = StepControl(scenario, replace(scenario.scene.time, integrator=name), own)
+            chosen = StepControl(
+                scenario, replace(scenario.scene.time, integrator=name), own
+            )
             assert chosen.step.integrator is INTEGRATORS[name]
 
 
@@ -141,19 +188,39 @@ def test_dashpots_are_solved_for_where_that_costs_less_than_the_steps_that_it_sa
         (SMALL, TAKAHASHI_IMADA),
         ((*SMALL[:2], "material.eta_star=0.1"), VV),
         ((*SMALL, "wall.friction=0.1"), VV),
-        (("absorbing_wall", *SMALL[1:3], "wall.boundary=pinned", "wall.contact=smooth"), TAKAHASHI_IMADA),
-        (("absorbing_wall", *SMALL[1:3], "wall.boundary=pinned"), VV),  # the contact force jumps
-        (("absorbing_wall", *SMALL[1:3], "wall.contact=smooth"), VV),  # the boundary is reset
-        (("absorbing_wall", *SMALL[1:3], "wall.boundary=dashpot", "wall.contact=smooth"), VV),
+        (
+            (
+                "absorbing_wall",
+                *SMALL[1:3],
+                "wall.boundary=pinned",
+                "wall.contact=smooth",
+            ),
+            TAKAHASHI_IMADA,
+        ),
+        # the contact force jumps
+        (("absorbing_wall", *SMALL[1:3], "wall.boundary=pinned"), VV),
+        # the boundary is reset
+        (("absorbing_wall", *SMALL[1:3], "wall.contact=smooth"), VV),
+        (
+            (
+                "absorbing_wall",
+                *SMALL[1:3],
+                "wall.boundary=dashpot",
+                "wall.contact=smooth",
+            ),
+            VV,
+        ),
     ],
 )
-def test_order_4_is_taken_where_forces_are_smooth_and_depend_on_positions_alone(settings, expected):
+def test_order_4_is_taken_where_forces_are_smooth_and_depend_on_positions_alone(
+    settings, expected
+):
     assert control_of(*settings).step.integrator is expected
 
 
 def test_the_elimination_order_keeps_the_factor_of_the_dashpots_sparse():
-    # Minimum degree order: some 15,000 entries for 1099 points (3,187 springs); the points' own order gives ten times
-    # that.
+    # Minimum degree order: some 15,000 entries for 1099 points (3,187 springs); the
+    # points' own order gives ten times that.
     lattice = disk_lattice(1099, 0)
     assert len(lattice.bonds) < len(factorise(lattice, damped(0.1), 0.01).row) < 20_000
 
@@ -161,7 +228,11 @@ def test_the_elimination_order_keeps_the_factor_of_the_dashpots_sparse():
 @pytest.mark.parametrize("interval", [3e-3, 0.0777, 1.0])
 def test_a_whole_number_of_steps_fits_the_reset_interval(interval):
     control = control_of(
-        "absorbing_wall", *SMALL[1:2], "wall.points=80", f"wall.reset_interval={interval}", "impact.gap=0.3"
+        "absorbing_wall",
+        *SMALL[1:2],
+        "wall.points=80",
+        f"wall.reset_interval={interval}",
+        "impact.gap=0.3",
     )
     step, scenario = control.step, control.scenario
     count = interval / step.dt
@@ -178,18 +249,27 @@ def test_a_whole_number_of_steps_fits_the_reset_interval(interval):
 
 
 def test_a_small_tolerance_is_reached_from_a_first_step_that_is_far_too_long(kernels):
-    strong = ("exponential_wall", "lattice.points=30", "material.eta_star=100", "time.tolerance=1e-9")
+    strong = (
+        "exponential_wall",
+        "lattice.points=30",
+        "material.eta_star=100",
+        "time.tolerance=1e-9",
+    )
     _, outcome = computed(kernels, *strong)
     assert outcome.summary["error_estimate"]["restitution"] <= 1e-9
 
 
 @pytest.mark.parametrize("tolerance", [1e-3, 1e-7])
 def test_a_run_within_a_tolerance_is_as_near_as_it_says(tolerance, kernels):
-    # Compare with a run whose steps are so short that its error, of order 4, is below 1e-9.
+    # Compare with a run whose steps are so short that its error, of order 4, is below
+    # 1e-9.
     fine = ("time.integrator=vefrl", "time.safety=0.1")
     exact, run = computed(kernels, *SMALL, *fine, estimate=False)
     scenario, outcome = computed(kernels, *SMALL, f"time.tolerance={tolerance}")
-    off = abs(scenario.result(outcome.columns)["restitution"] - exact.result(run.columns)["restitution"])
+    off = abs(
+        scenario.result(outcome.columns)["restitution"]
+        - exact.result(run.columns)["restitution"]
+    )
     assert 0.0 < off <= outcome.summary["error_estimate"]["restitution"] <= tolerance
     assert outcome.summary["attempts"] >= 2
 
@@ -204,11 +284,19 @@ def test_what_the_wall_still_holds_when_the_run_ends_is_part_of_the_error(kernel
         # The results at two steps differ by 1e-7.
         off = abs(scenario.result(outcome.columns)["restitution"] - exact)
         assert 5e-6 < off <= outcome.summary["error_estimate"]["restitution"]
-    with pytest.raises(SimulationError, match=r"due to where the run ends, at any step; a larger impact\.gap"):
+    with pytest.raises(
+        SimulationError,
+        match=r"due to where the run ends, at any step; a larger impact\.gap",
+    ):
         computed(kernels, *near, "time.tolerance=1e-8")
 
 
-def test_a_tolerance_that_cannot_be_shown_is_a_failure_with_advice(monkeypatch, kernels):
+def test_a_tolerance_that_cannot_be_shown_is_a_failure_with_advice(
+    monkeypatch, kernels
+):
     monkeypatch.setattr(error_estimate, "SEARCH", 1)
-    with pytest.raises(SimulationError, match=r"the error of the result after [1-9] runs is .*write a larger"):
+    with pytest.raises(
+        SimulationError,
+        match=r"the error of the result after [1-9] runs is .*write a larger",
+    ):
         computed(kernels, *SMALL[:2], "time.tolerance=1e-9", "impact.velocity=0.1")

@@ -19,14 +19,22 @@ def test_eq_2_lies_a_known_amount_above_the_exact_law_and_depends_on_b_over_e() 
     # (2) with b = 1 minus the exact law is P/(pi E) {ln 4 - 3 (1 + nu)/4} at any P.
     P = np.array([4e-3, 1e-2])
     apart = paper_compression(P, E, NU) - exact_compression(P, E, NU)
-    np.testing.assert_allclose(apart, P / (math.pi * E) * (math.log(4) - 0.75 * (1 + NU)), rtol=1e-12)
+    np.testing.assert_allclose(
+        apart, P / (math.pi * E) * (math.log(4) - 0.75 * (1 + NU)), rtol=1e-12
+    )
     # So a fitted b is proportional to the E that is used in the fit.
-    np.testing.assert_allclose(paper_compression(P, 2 * E, NU, 2.0), paper_compression(P, E, NU))
+    np.testing.assert_allclose(
+        paper_compression(P, 2 * E, NU, 2.0), paper_compression(P, E, NU)
+    )
 
 
 def test_the_exact_law_is_the_integral_of_its_compliance() -> None:
     # d xi/dP = {ln(pi E/P) - (1 + nu)/4 - 1}/(pi E)
-    compliance = quad(lambda P: (math.log(math.pi * E / P) - (1 + NU) / 4 - 1) / (math.pi * E), 0, 0.01)[0]
+    compliance = quad(
+        lambda P: (math.log(math.pi * E / P) - (1 + NU) / 4 - 1) / (math.pi * E),
+        0,
+        0.01,
+    )[0]
     assert exact_compression(0.01, E, NU) == pytest.approx(compliance, rel=1e-9)
 
 
@@ -39,18 +47,24 @@ def twice_potential(x: float, start: float = 0.0) -> float:
 def test_without_viscosity_the_impact_conserves_energy(v: float) -> None:
     e, contact_time, top = quasistatic_impact(v, 0.0, E)
     assert e == pytest.approx(1.0, abs=1e-8)
-    assert twice_potential(top) == pytest.approx(v**2, rel=1e-7)  # at the turn all energy is elastic
+    # at the turn all energy is elastic
+    assert twice_potential(top) == pytest.approx(v**2, rel=1e-7)
 
     def time(s: float) -> float:  # dt/ds for xi = xi_max sin(s)
         x = top * math.sin(s)
         return top * math.cos(s) / math.sqrt(twice_potential(top, x))
 
-    assert contact_time == pytest.approx(2 * quad(time, 0, math.pi / 2, epsrel=1e-6)[0], rel=1e-5)
+    assert contact_time == pytest.approx(
+        2 * quad(time, 0, math.pi / 2, epsrel=1e-6)[0], rel=1e-5
+    )
 
 
 @pytest.mark.parametrize("v", [3e-3, 5e-2])
-def test_a_small_viscosity_takes_the_power_of_its_dashpot_over_the_elastic_impact(v: float) -> None:
-    # 1 - e = (2 tau0/v^2) int_0^xi_max pi E/ln(4/xi) sqrt(v^2 - 2 U) dxi + O(tau0^2), taken with xi = xi_max (1 - s^2).
+def test_a_small_viscosity_takes_the_power_of_its_dashpot_over_the_elastic_impact(
+    v: float,
+) -> None:
+    # 1 - e = (2 tau0/v^2) int_0^xi_max pi E/ln(4/xi) sqrt(v^2 - 2 U) dxi + O(tau0^2),
+    # taken with xi = xi_max (1 - s^2).
     top = quasistatic_impact(v, 0.0, E).compression
 
     def power(s: float) -> float:
@@ -58,33 +72,51 @@ def test_a_small_viscosity_takes_the_power_of_its_dashpot_over_the_elastic_impac
         speed = math.sqrt(max(v**2 - twice_potential(x), 0.0))
         return 2 * math.pi * E / v**2 * speed / math.log(4 / x) * 2 * top * s
 
-    slopes = [(1 - quasistatic_impact(v, tau, E).restitution) / tau for tau in (2e-3, 1e-3)]
+    slopes = [
+        (1 - quasistatic_impact(v, tau, E).restitution) / tau for tau in (2e-3, 1e-3)
+    ]
     # Extrapolate, because the slope has an error of O(tau).
-    assert 2 * slopes[1] - slopes[0] == pytest.approx(quad(power, 0, 1 - 1e-9)[0], rel=1e-5)
+    assert 2 * slopes[1] - slopes[0] == pytest.approx(
+        quad(power, 0, 1 - 1e-9)[0], rel=1e-5
+    )
 
 
 def test_a_constant_logarithm_would_make_the_impact_a_damped_oscillator() -> None:
-    # As v -> 0, ln(4/xi) hardly changes in an impact: z'' = -w^2 (z + tau z'), w^2 = pi E/L, until the force vanishes.
+    # As v -> 0, ln(4/xi) hardly changes in an impact: z'' = -w^2 (z + tau z'), w^2 = pi
+    # E/L, until the force vanishes.
     v, tau = 1e-280, 0.2
     L = math.log(4 / v)
     w = math.sqrt(math.pi * E / L)
     g = tau * w / 2
     W = math.sqrt(1 - g * g)
-    # With g = tau w/2, s = w t: z = exp(-g s) sin(W s)/W; the force z + tau w z' = 0 at tan(W s) = -2 g W/(1 - 2 g^2).
+    # With g = tau w/2, s = w t: z = exp(-g s) sin(W s)/W; the force z + tau w z' = 0 at
+    # tan(W s) = -2 g W/(1 - 2 g^2).
     s = (math.pi - math.atan2(2 * g * W, 1 - 2 * g * g)) / W
     e = -math.exp(-g * s) * (math.cos(W * s) - g / W * math.sin(W * s))
-    assert quasistatic_impact(v, tau, E).restitution == pytest.approx(e, abs=3 * (1 - e) / L)
+    assert quasistatic_impact(v, tau, E).restitution == pytest.approx(
+        e, abs=3 * (1 - e) / L
+    )
 
 
 # d1 with c = 1 in the logarithm, twelve speeds from 0.003 to 0.05 c, E = 1.107.
-@pytest.mark.parametrize(("tau0", "d1", "d2"), [(0.0039, 0.999, 0.016), (0.39, 0.839, 0.859)])
-def test_eq_5_fitted_to_eq_4_has_a_d1_below_1(tau0: float, d1: float, d2: float) -> None:
+@pytest.mark.parametrize(
+    ("tau0", "d1", "d2"), [(0.0039, 0.999, 0.016), (0.39, 0.839, 0.859)]
+)
+def test_eq_5_fitted_to_eq_4_has_a_d1_below_1(
+    tau0: float, d1: float, d2: float
+) -> None:
     v = np.geomspace(3e-3, 5e-2, 12)
-    e = np.array([[quasistatic_impact(velocity, tau0, 1.107).restitution for velocity in v]])
-    assert theory.fit_restitution(v, e).values == pytest.approx({"d1": d1, "d2": d2}, abs=6e-4)
+    e = np.array(
+        [[quasistatic_impact(velocity, tau0, 1.107).restitution for velocity in v]]
+    )
+    assert theory.fit_restitution(v, e).values == pytest.approx(
+        {"d1": d1, "d2": d2}, abs=6e-4
+    )
 
 
-def test_eq_5_has_no_value_beyond_its_root_and_eq_4_no_impact_that_crushes_the_disk() -> None:
+def test_eq_5_has_no_value_beyond_its_root_and_eq_4_no_impact_that_crushes_the_disk() -> (
+    None
+):
     assert theory.paper_restitution(5e-2, 1.0, 3.0) == 0.0
     assert theory.paper_restitution(1e-2, 0.9, 0.3) == pytest.approx(
         0.9 * math.sqrt(1 - 0.3 / math.sqrt(math.log(400)))

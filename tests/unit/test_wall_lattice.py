@@ -1,4 +1,5 @@
-"""The elastic wall's lattice: the disk's material in a rectangle below y = 0, separate from the disk."""
+"""The elastic wall's lattice: the disk's material in a rectangle below y = 0, separate
+from the disk."""
 
 from __future__ import annotations
 
@@ -22,7 +23,9 @@ HEIGHT = math.pi * 1269 / (1099 * 3.8)  # equal points per area
 
 
 @pytest.mark.parametrize("both", [PAPER, LITERAL], ids=["rows", "literal"])
-def test_the_disk_comes_first_unchanged_but_lifted_and_triangles_tile_the_wall_below(both):
+def test_the_disk_comes_first_unchanged_but_lifted_and_triangles_tile_the_wall_below(
+    both,
+):
     assert both.positions.shape == (1099 + 1269, 2) and both.disk_points == 1099
     assert both.positions[:1099, 1].min() == 0.0
     assert np.ptp(both.positions[:1099] - DISK.positions, axis=0).max() < 1e-15
@@ -32,7 +35,10 @@ def test_the_disk_comes_first_unchanged_but_lifted_and_triangles_tile_the_wall_b
     assert both.masses == pytest.approx(np.full(1099 + 1269, 1 / 1099))
 
     surface, boundary = both.wall_surface, both.wall_boundary
-    bonds, triangles = both.bonds[len(DISK.bonds) :], both.triangles[len(DISK.triangles) :]
+    bonds, triangles = (
+        both.bonds[len(DISK.bonds) :],
+        both.triangles[len(DISK.triangles) :],
+    )
     assert min(bonds.min(), triangles.min(), boundary.min(), surface.min()) >= 1099
     # The outline is split at the top corners, which belong to both parts.
     assert (surface[[0, -1]] == boundary[[0, -1]]).all()
@@ -66,7 +72,9 @@ def test_rows_along_the_sides_are_straight_and_evenly_spaced():
 
 
 def test_wall_points_keep_the_disks_distance_and_depend_on_the_seed_alone():
-    assert pdist(PAPER.positions[1099:]).min() >= 0.7 * hexagonal_spacing(1099) * (1 - 1e-12)
+    assert pdist(PAPER.positions[1099:]).min() >= 0.7 * hexagonal_spacing(1099) * (
+        1 - 1e-12
+    )
     assert PAPER.rest_lengths.max() < 2.5 * hexagonal_spacing(1099)
     again, other = with_wall(DISK, 1269, 3.8, 0), with_wall(DISK, 1269, 3.8, 1)
     assert (again.positions[1099:] == PAPER.positions[1099:]).all()
@@ -78,7 +86,10 @@ def test_wall_points_keep_the_disks_distance_and_depend_on_the_seed_alone():
 def test_every_width_in_the_range_that_the_message_allows_makes_a_wall(points, rim):
     with pytest.raises(InputError, match=r"wall\.width must be between") as refusal:
         with_wall(DISK, points, 1e3, 0, rim)
-    least, most = (float(w) for w in str(refusal.value).split("between ")[1].split(" for")[0].split(" and "))
+    least, most = (
+        float(w)
+        for w in str(refusal.value).split("between ")[1].split(" for")[0].split(" and ")
+    )
     for width in (least * 1.001, math.sqrt(least * most), most * 0.999):
         wall = with_wall(DISK, points, width, 0, rim, 0.75).positions[1099:]
         assert len(wall) == points

@@ -1,10 +1,13 @@
-"""Check on random scenes with known results whether error estimates hold and tolerances are kept.
+"""Check on random scenes with known results whether error estimates hold and tolerances
+are kept.
 
-    python -m tests.validation.estimate_trial [--tolerance | --hard | --features] [--first 0] [--scenes 100]
+    python -m tests.validation.estimate_trial [--tolerance | --hard | --features]
+    [--first 0] [--scenes 100]
 
-Scenes are drawn by number (`trial_scene`, `hard_scene`, `feature_scene`); `truth` computes the true results. A scene
-whose true result is uncertain by more than a tenth of the claimed error cannot be judged. With `--features` every
-result is judged, and `--log FILE` stores the judgements, so that the same command can go on from there.
+Scenes are drawn by number (`trial_scene`, `hard_scene`, `feature_scene`); `truth`
+computes the true results. A scene whose true result is uncertain by more than a tenth
+of the claimed error cannot be judged. With `--features` every result is judged, and
+`--log FILE` stores the judgements, so that the same command can go on from there.
 """
 
 from __future__ import annotations
@@ -28,7 +31,8 @@ from .random_scenes import custom_body, feature_scene, hard_scene, trial_scene
 from .truth import refined, true_result
 
 FINEST = 1e-8  # smallest claimed error that is judged
-ROUNDING = 1e-13  # rounding error of a result, such as the tangential impulse without friction
+# rounding error of a result, such as the tangential impulse without friction
+ROUNDING = 1e-13
 MOST_WORK = 3e9  # most spring evaluations for a true result; longer scenes are left out
 
 
@@ -36,9 +40,10 @@ MOST_WORK = 3e9  # most spring evaluations for a true result; longer scenes are 
 class Judgement:
     """The judgement of scene `number`. Numbers refer to e or to xi [R].
 
-    `end`: held or exceeded; warned: exceeded, and the run warns; untold: the true result is unknown; ended: the scene
-    has no result, or none within the tolerance. `claim`: the estimate or the tolerance. `result`: name of the result,
-    if it is not the primary one.
+    `end`: held or exceeded; warned: exceeded, and the run warns; untold: the true
+    result is unknown; ended: the scene has no result, or none within the tolerance.
+    `claim`: the estimate or the tolerance. `result`: name of the result, if it is not
+    the primary one.
     """
 
     number: int
@@ -51,7 +56,8 @@ class Judgement:
 
 
 def judge(number: int, tolerance: bool = False, hard: bool = False) -> Judgement:
-    """Run scene `number` as `run` does, and compare its estimate, or its tolerance, with the true error."""
+    """Run scene `number` as `run` does, and compare its estimate, or its tolerance,
+    with the true error."""
     strain = wanted = 0.0
     if hard:
         name, settings, strain = hard_scene(number)
@@ -59,19 +65,29 @@ def judge(number: int, tolerance: bool = False, hard: bool = False) -> Judgement
         name, settings, wanted = trial_scene(number)
     if tolerance:
         settings = (*settings, f"time.tolerance={wanted}")
-    scene, text = load_scene(name, settings), " ".join((name, *settings, f"strain={strain}" * (strain > 0.0)))
+    scene, text = (
+        load_scene(name, settings),
+        " ".join((name, *settings, f"strain={strain}" * (strain > 0.0))),
+    )
     body = scene.body()
     if strain:
-        off = np.random.default_rng(number).uniform(-strain, strain, len(body.rest_lengths))
+        off = np.random.default_rng(number).uniform(
+            -strain, strain, len(body.rest_lengths)
+        )
         body = replace(body, rest_lengths=body.rest_lengths * (1.0 + off))
     scenario = scene.scenario(body)
     try:
         outcome = compute(scenario, scene.time)
         key, found = scenario.primary(outcome.columns)
-        claim, dt = wanted if tolerance else outcome.summary["error_estimate"].get(key), outcome.summary["dt"]
+        claim, dt = (
+            wanted if tolerance else outcome.summary["error_estimate"].get(key),
+            outcome.summary["dt"],
+        )
         if claim is None:
             return Judgement(number, "ended", f"{text}: no estimate")
-        truth, doubt = true_result(scenario, outcome.columns, outcome.positions, dt, max(claim, FINEST))
+        truth, doubt = true_result(
+            scenario, outcome.columns, outcome.positions, dt, max(claim, FINEST)
+        )
     except SimulationError as error:
         return Judgement(number, "ended", f"{text}: {error}")
     off = abs(found - truth)
@@ -82,7 +98,8 @@ def judge(number: int, tolerance: bool = False, hard: bool = False) -> Judgement
 
 
 def judge_features(number: int, kernels: KernelCache) -> list[Judgement]:
-    """Run scene `number` as `run` does, and compare the estimate of each result with runs at shorter steps."""
+    """Run scene `number` as `run` does, and compare the estimate of each result with
+    runs at shorter steps."""
     name, settings, aspect = feature_scene(number)
     text = " ".join((name, *settings, f"aspect={aspect:.3f}" * (aspect > 0.0)))
     try:
@@ -90,10 +107,17 @@ def judge_features(number: int, kernels: KernelCache) -> list[Judgement]:
         body = custom_body(scene.body(), aspect, number) if aspect else scene.body()
         scenario = scene.scenario(body)
         outcome = compute(scenario, scene.time)
-        claims, found = outcome.summary["error_estimate"], scenario.result(outcome.columns)
+        claims, found = (
+            outcome.summary["error_estimate"],
+            scenario.result(outcome.columns),
+        )
         if not claims:
             return [Judgement(number, "ended", f"{text}: no estimate")]
-        primary, truth, work = scenario.primary(outcome.columns)[0], {}, outcome.summary["steps"] * len(body.bonds)
+        primary, truth, work = (
+            scenario.primary(outcome.columns)[0],
+            {},
+            outcome.summary["steps"] * len(body.bonds),
+        )
         for finest in (32, 128):
             if finest * work > MOST_WORK:
                 break
@@ -108,8 +132,20 @@ def judge_features(number: int, kernels: KernelCache) -> list[Judgement]:
     for result in [result for result in claims if result in truth]:
         (true, doubt), claim = truth[result], claims[result] + ROUNDING
         off = abs(found[result] - true)
-        end = "untold" if doubt > 0.1 * claim else "held" if off <= claim else "exceeded"
-        judged.append(Judgement(number, end, text, off, claim, doubt, "" if result == primary else result))
+        end = (
+            "untold" if doubt > 0.1 * claim else "held" if off <= claim else "exceeded"
+        )
+        judged.append(
+            Judgement(
+                number,
+                end,
+                text,
+                off,
+                claim,
+                doubt,
+                "" if result == primary else result,
+            )
+        )
     return judged
 
 
@@ -121,40 +157,76 @@ def report(found: list[Judgement]) -> Iterator[str]:
     held = sum(judgement.end == "held" for judgement in judged)
     low, high = binomtest(held, len(judged)).proportion_ci()
     yield (
-        f"{len(found)} scenes, {len(judged)} judged: the claim holds in {held} ({held / len(judged):.1%}; "
-        f"95 % interval {low:.1%} to {high:.1%}, Clopper and Pearson)."
+        f"{len(found)} scenes, {len(judged)} judged: the claim holds in {held}"
+        f" ({held / len(judged):.1%}; 95 % interval {low:.1%} to {high:.1%}, Clopper"
+        " and Pearson)."
     )
-    ratios = np.array([judgement.claim / max(judgement.error, 1e-15) for judgement in judged])
+    ratios = np.array(
+        [judgement.claim / max(judgement.error, 1e-15) for judgement in judged]
+    )
     middle, most = np.quantile(ratios, [0.5, 0.95])
-    yield f"* claim over true error: median {middle:.2f}, 95 % of scenes below {most:.1f}, least {ratios.min():.2f}"
+    yield (
+        f"* claim over true error: median {middle:.2f}, 95 % of scenes below"
+        f" {most:.1f}, least {ratios.min():.2f}"
+    )
     for judgement in sorted(found, key=lambda judgement: judgement.end):
         if judgement.end != "held":
-            numbers = f"error {judgement.error:.2g}, claim {judgement.claim:.2g}, doubt {judgement.doubt:.1g}"
+            numbers = (
+                f"error {judgement.error:.2g}, claim {judgement.claim:.2g}, doubt"
+                f" {judgement.doubt:.1g}"
+            )
             yield f"* {judgement.end}: {judgement.number}: {numbers}: {judgement.text}"
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--tolerance", action="store_true", help="judge time.tolerance instead of the estimate")
-    parser.add_argument("--hard", action="store_true", help="spins, strained springs, strong dashpots, both contacts")
-    parser.add_argument("--features", action="store_true", help="all features of bodies, throws and walls, all results")
-    parser.add_argument("--first", type=int, default=0, help="number of the first scene")
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument(
+        "--tolerance",
+        action="store_true",
+        help="judge time.tolerance instead of the estimate",
+    )
+    parser.add_argument(
+        "--hard",
+        action="store_true",
+        help="spins, strained springs, strong dashpots, both contacts",
+    )
+    parser.add_argument(
+        "--features",
+        action="store_true",
+        help="all features of bodies, throws and walls, all results",
+    )
+    parser.add_argument(
+        "--first", type=int, default=0, help="number of the first scene"
+    )
     parser.add_argument("--scenes", type=int, default=100, help="how many")
-    parser.add_argument("--log", type=Path, help="with --features: a file that keeps what was judged")
+    parser.add_argument(
+        "--log", type=Path, help="with --features: a file that keeps what was judged"
+    )
     given = parser.parse_args()
     runtime.start(threads=1)
     kernels = KernelCache()
     numbers = range(given.first, given.first + given.scenes)
     if not given.features:
-        print(*report([judge(number, given.tolerance, given.hard) for number in numbers]), sep="\n")
+        print(
+            *report([judge(number, given.tolerance, given.hard) for number in numbers]),
+            sep="\n",
+        )
         return
     found = logged(given.log)
-    for number in [number for number in numbers if number not in {judgement.number for judgement in found}]:
+    for number in [
+        number
+        for number in numbers
+        if number not in {judgement.number for judgement in found}
+    ]:
         judged = judge_features(number, kernels)
         found += judged
         if given.log:
             with given.log.open("a", encoding="utf-8") as file:
-                file.writelines(json.dumps(asdict(judgement)) + "\n" for judgement in judged)
+                file.writelines(
+                    json.dumps(asdict(judgement)) + "\n" for judgement in judged
+                )
     found = [judgement for judgement in found if judgement.number in numbers]
     for result in dict.fromkeys(judgement.result for judgement in found):
         print(
@@ -167,7 +239,10 @@ def main() -> None:
 def logged(path: Path | None) -> list[Judgement]:
     if not (path and path.exists()):
         return []
-    return [Judgement(**json.loads(line)) for line in path.read_text(encoding="utf-8").splitlines()]
+    return [
+        Judgement(**json.loads(line))
+        for line in path.read_text(encoding="utf-8").splitlines()
+    ]
 
 
 if __name__ == "__main__":

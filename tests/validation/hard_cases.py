@@ -1,9 +1,11 @@
-"""Hard cases: scenes at and beyond the limits of the model, and how the program should end each.
+"""Hard cases: scenes at and beyond the limits of the model, and how the program should
+end each.
 
-Each ends in one of three ways: done, with a closed energy balance; stopped, with a reason and a remedy; refused before
-anything is computed. The tests check every case.
+Each ends in one of three ways: done, with a closed energy balance; stopped, with a
+reason and a remedy; refused before anything is computed. The tests check every case.
 
-    python -m tests.validation.hard_cases [--out docs/data]     writes hard_cases.csv, the table of docs/stability.md
+    python -m tests.validation.hard_cases [--out docs/data]     writes hard_cases.csv,
+    the table of docs/stability.md
 """
 
 from __future__ import annotations
@@ -34,14 +36,17 @@ End = Literal["done", "stopped", "refused", "long"]
 
 @dataclass(frozen=True)
 class Verdict:
-    """How a scene ended. `text`: the error message or the warnings; `summary`: that of the outcome, with the result."""
+    """How a scene ended. `text`: the error message or the warnings; `summary`: that of
+    the outcome, with the result."""
 
     end: End
     text: str
     summary: dict[str, Any] = field(default_factory=dict)
 
 
-def judge(prepare: Callable[[], tuple[Scene, Scenario]], kernels: KernelCache, **options: bool) -> Verdict:
+def judge(
+    prepare: Callable[[], tuple[Scene, Scenario]], kernels: KernelCache, **options: bool
+) -> Verdict:
     """Compute a scene as `run` does."""
     try:
         scene, scenario = prepare()
@@ -57,10 +62,12 @@ def judge(prepare: Callable[[], tuple[Scene, Scenario]], kernels: KernelCache, *
 
 @dataclass(frozen=True)
 class Case:
-    """A scene with `settings`, possibly another body or a changed start, and how it should end.
+    """A scene with `settings`, possibly another body or a changed start, and how it
+    should end.
 
-    `tells`: regular expression that the message or the warnings must contain; if empty, there must be none. If it
-    mentions missing energy, the balance need not close. `quick`: whether the default tests run the case.
+    `tells`: regular expression that the message or the warnings must contain; if empty,
+    there must be none. If it mentions missing energy, the balance need not close.
+    `quick`: whether the default tests run the case.
     """
 
     name: str
@@ -84,14 +91,21 @@ class Case:
         return judge(prepare, kernels, force=self.force)
 
     def failings(self, verdict: Verdict) -> list[str]:
-        """Return the deviations from the expected end, an empty list if there are none."""
+        """Return the deviations from the expected end, an empty list if there are
+        none."""
         found = []
         if verdict.end != self.end:
             found.append(f"{verdict.end}, not {self.end}: {verdict.text}")
-        if bool(self.tells) != bool(verdict.text) or not re.search(self.tells, verdict.text, re.DOTALL):
+        if bool(self.tells) != bool(verdict.text) or not re.search(
+            self.tells, verdict.text, re.DOTALL
+        ):
             found.append(f"the message {verdict.text!r} does not match {self.tells!r}")
         energy = verdict.summary.get("energy")
-        if energy and "imbalance" not in self.tells and not energy["worst_imbalance"] <= MAX_IMBALANCE:
+        if (
+            energy
+            and "imbalance" not in self.tells
+            and not energy["worst_imbalance"] <= MAX_IMBALANCE
+        ):
             found.append(f"the energy imbalance is {energy['worst_imbalance']:.1e}")
         return found
 
@@ -118,7 +132,9 @@ def _above_a_wall_point(scenario: Scenario) -> None:
     lattice = scenario.lattice
     lowest = lattice.disk_surface[lattice.positions[lattice.disk_surface, 1].argmin()]
     middle = lattice.wall_surface[len(lattice.wall_surface) // 2]
-    _shifted(float(lattice.positions[middle, 0] - lattice.positions[lowest, 0]))(scenario)
+    _shifted(float(lattice.positions[middle, 0] - lattice.positions[lowest, 0]))(
+        scenario
+    )
     assert scenario.lattice.positions[lowest, 0] == lattice.positions[middle, 0]
 
 
@@ -131,28 +147,47 @@ LITERAL = "lattice.rim=false lattice.min_spacing=0 "
 BED = SMALL + "wall.points=180 wall.width=3.4 "
 LITERAL_BED = BED + LITERAL + "wall.boundary=pinned impact.velocity=0.1 "
 SOFT = "material.k_a=9.1e-4 impact.velocity=0.05 "
-FLAT = "lattice.points=7 " + UNDAMPED + "material.k_a=2e-3 wall.a=8e4 impact.velocity=1.0"
+FLAT = (
+    "lattice.points=7 " + UNDAMPED + "material.k_a=2e-3 wall.a=8e4 impact.velocity=1.0"
+)
 STRONG = "material.eta_star=1e4"
 EXPLICIT = "time.integrator=velocity_verlet "
 SLIDING = (
-    "lattice.points=50 lattice.seed=19 lattice.min_spacing=0.4 material.k_a=0.01593 wall.points=60 wall.width=2.14 "
-    "wall.boundary=pinned impact.velocity=0.043 wall.a=71.18 wall.V0=7.479e5 wall.threshold=0.562"
+    "lattice.points=50 lattice.seed=19 lattice.min_spacing=0.4 material.k_a=0.01593"
+    " wall.points=60 wall.width=2.14 wall.boundary=pinned impact.velocity=0.043"
+    " wall.a=71.18 wall.V0=7.479e5 wall.threshold=0.562"
 )
-CRUSHED = EIGHTY + EXPLICIT + " time.dt=0.018 impact.velocity=5 wall.a=30 material.k_a=0.01"
+CRUSHED = (
+    EIGHTY + EXPLICIT + " time.dt=0.018 impact.velocity=5 wall.a=30 material.k_a=0.01"
+)
 
 INSIDE_OUT = "turned inside out"
-DENTED = "dented the wall, gone through it or slipped off its end.*lower impact.velocity.*wall.width"
+DENTED = (
+    "dented the wall, gone through it or slipped off its end.*lower"
+    " impact.velocity.*wall.width"
+)
 OFF_THE_END = "slipped off the end.*wall.width"
 SLIDES = "slid from spring to spring.*lower impact.velocity"
 HARDLY_ROLLS = "not at rest.*newton.*hardly roll"
 BEYOND = "energy balance.*beyond the stability limit.*time.dt: auto"
-HARDER = "0.38 R/c is beyond the stability limit with the measured.*energy imbalance .*time.dt: auto"
+HARDER = (
+    "0.38 R/c is beyond the stability limit with the measured.*energy imbalance"
+    " .*time.dt: auto"
+)
 
 CASES = (
     Case("η* = 10⁴", RIGID, SMALL + STRONG),
-    Case("η* = 10⁴, explicit dashpots", RIGID, f"lattice.points=60 {STRONG} {EXPLICIT}"),
+    Case(
+        "η* = 10⁴, explicit dashpots", RIGID, f"lattice.points=60 {STRONG} {EXPLICIT}"
+    ),
     Case("η* = 10⁴, pressed", PRESSED, SMALL + STRONG),
-    Case("the same, N = 60: hardly rolls", PRESSED, f"lattice.points=60 {STRONG}", "stopped", HARDLY_ROLLS),
+    Case(
+        "the same, N = 60: hardly rolls",
+        PRESSED,
+        f"lattice.points=60 {STRONG}",
+        "stopped",
+        HARDLY_ROLLS,
+    ),
     Case("k_a = 1/1099 at v = 0.05", RIGID, SOFT + UNDAMPED, tells=INSIDE_OUT),
     Case("the same, η* = 10", RIGID, SOFT, tells=INSIDE_OUT),
     Case("v = 0.5", RIGID, FREE + "impact.velocity=0.5", tells=INSIDE_OUT),
@@ -164,24 +199,98 @@ CASES = (
     Case("N = 3, all on one point", RIGID, "lattice.points=3 " + UNDAMPED, quick=True),
     Case("N = 7", RIGID, "lattice.points=7"),
     Case("N = 3, pressed", PRESSED, "lattice.points=3 compression.method=newton"),
-    Case("P = 10: pressed flat", PRESSED, "lattice.points=60 compression.pressure=10", tells=INSIDE_OUT),
+    Case(
+        "P = 10: pressed flat",
+        PRESSED,
+        "lattice.points=60 compression.pressure=10",
+        tells=INSIDE_OUT,
+    ),
     Case("a spring of 10⁻⁶ R", RIGID, FREE, tells=INSIDE_OUT, body=_twins),
-    Case("a spring of 10⁻⁶ R, η* = 100", RIGID, SMALL + "material.eta_star=100", tells=INSIDE_OUT, body=_twins),
-    Case("literal lattice 0, hull of slivers", RIGID, FREE + LITERAL + "lattice.seed=0"),
-    Case("literal lattice 1, hull of slivers", RIGID, FREE + LITERAL + "lattice.seed=1", tells=INSIDE_OUT),
-    Case("literal disk and wall 0, v = 0.1", ELASTIC, LITERAL_BED + "lattice.seed=0", tells=INSIDE_OUT),
-    Case("literal disk and wall 1, v = 0.1", ELASTIC, LITERAL_BED + "lattice.seed=1", tells=INSIDE_OUT),
-    Case("literal disk and wall 2, v = 0.1", ELASTIC, LITERAL_BED + "lattice.seed=2", tells=INSIDE_OUT),
-    Case("literal disk and wall 3, v = 0.1", ELASTIC, LITERAL_BED + "lattice.seed=3", tells=INSIDE_OUT),
+    Case(
+        "a spring of 10⁻⁶ R, η* = 100",
+        RIGID,
+        SMALL + "material.eta_star=100",
+        tells=INSIDE_OUT,
+        body=_twins,
+    ),
+    Case(
+        "literal lattice 0, hull of slivers", RIGID, FREE + LITERAL + "lattice.seed=0"
+    ),
+    Case(
+        "literal lattice 1, hull of slivers",
+        RIGID,
+        FREE + LITERAL + "lattice.seed=1",
+        tells=INSIDE_OUT,
+    ),
+    Case(
+        "literal disk and wall 0, v = 0.1",
+        ELASTIC,
+        LITERAL_BED + "lattice.seed=0",
+        tells=INSIDE_OUT,
+    ),
+    Case(
+        "literal disk and wall 1, v = 0.1",
+        ELASTIC,
+        LITERAL_BED + "lattice.seed=1",
+        tells=INSIDE_OUT,
+    ),
+    Case(
+        "literal disk and wall 2, v = 0.1",
+        ELASTIC,
+        LITERAL_BED + "lattice.seed=2",
+        tells=INSIDE_OUT,
+    ),
+    Case(
+        "literal disk and wall 3, v = 0.1",
+        ELASTIC,
+        LITERAL_BED + "lattice.seed=3",
+        tells=INSIDE_OUT,
+    ),
     Case("exactly above a point of the wall", ELASTIC, BED, start=_above_a_wall_point),
-    Case("half over the wall's end", ELASTIC, BED, "stopped", DENTED, start=_shifted(1.7)),
-    Case("past the wall's end", ELASTIC, BED, "stopped", OFF_THE_END, start=_shifted(3.0)),
-    Case("elastic wall at v = 0.3: dented", ELASTIC, BED + "impact.velocity=0.3", "stopped", DENTED),
+    Case(
+        "half over the wall's end", ELASTIC, BED, "stopped", DENTED, start=_shifted(1.7)
+    ),
+    Case(
+        "past the wall's end", ELASTIC, BED, "stopped", OFF_THE_END, start=_shifted(3.0)
+    ),
+    Case(
+        "elastic wall at v = 0.3: dented",
+        ELASTIC,
+        BED + "impact.velocity=0.3",
+        "stopped",
+        DENTED,
+    ),
     Case("elastic wall, dented: points slide", ELASTIC, SLIDING, tells=SLIDES),
-    Case("elastic wall at v = 2: gone through", ELASTIC, BED + "impact.velocity=2", "stopped", DENTED),
-    Case("elastic wall, k_a = 10⁻³", ELASTIC, BED + "material.k_a=1e-3 impact.velocity=0.05", "stopped", DENTED),
-    Case("user's dt, beyond the limit", RIGID, EIGHTY + "time.dt=0.2", "refused", "stability limit", quick=True),
-    Case("user's dt, beyond the limit, forced", RIGID, EIGHTY + "time.dt=0.2", "stopped", BEYOND, force=True),
+    Case(
+        "elastic wall at v = 2: gone through",
+        ELASTIC,
+        BED + "impact.velocity=2",
+        "stopped",
+        DENTED,
+    ),
+    Case(
+        "elastic wall, k_a = 10⁻³",
+        ELASTIC,
+        BED + "material.k_a=1e-3 impact.velocity=0.05",
+        "stopped",
+        DENTED,
+    ),
+    Case(
+        "user's dt, beyond the limit",
+        RIGID,
+        EIGHTY + "time.dt=0.2",
+        "refused",
+        "stability limit",
+        quick=True,
+    ),
+    Case(
+        "user's dt, beyond the limit, forced",
+        RIGID,
+        EIGHTY + "time.dt=0.2",
+        "stopped",
+        BEYOND,
+        force=True,
+    ),
     Case(
         "user's dt, stable by the estimated force of the wall only",
         RIGID,
@@ -192,12 +301,20 @@ CASES = (
     Case(
         "explicit dashpots, forced to ten times the limit",
         RIGID,
-        "lattice.points=80 material.eta_star=100 time.integrator=velocity_verlet time.dt=0.01",
+        "lattice.points=80 material.eta_star=100 time.integrator=velocity_verlet"
+        " time.dt=0.01",
         "stopped",
         BEYOND,
         force=True,
     ),
-    Case("user's dt, crushed", RIGID, CRUSHED, "stopped", "beyond the stability limit: set time.dt: auto", quick=True),
+    Case(
+        "user's dt, crushed",
+        RIGID,
+        CRUSHED,
+        "stopped",
+        "beyond the stability limit: set time.dt: auto",
+        quick=True,
+    ),
 )
 
 
@@ -209,23 +326,32 @@ def row(case: Case, kernels: KernelCache) -> dict[str, Any]:
     entries = {
         "case": case.name,
         "scene": case.scene,
-        "settings": " ".join(case.settings.split()) + (" --force" if case.force else ""),
+        "settings": (
+            " ".join(case.settings.split()) + (" --force" if case.force else "")
+        ),
         "end": verdict.end,
         "result": summary.get(name),
         "error_estimate": summary.get("error_estimate", {}).get(name),
         "closing_imbalance": energy.get("closing_imbalance"),
         "worst_imbalance": energy.get("worst_imbalance"),
-        "sliding": energy["sliding"] / energy["scale"] if energy.get("sliding") else None,
+        "sliding": (
+            energy["sliding"] / energy["scale"] if energy.get("sliding") else None
+        ),
         "steps": summary.get("steps"),
         "attempts": summary.get("attempts"),
         "message": re.sub(r"\s+", " ", verdict.text),
         "not_as_it_should_be": "; ".join(case.failings(verdict)),
     }
-    return {key: f"{value:.6g}" if isinstance(value, float) else value for key, value in entries.items()}
+    return {
+        key: f"{value:.6g}" if isinstance(value, float) else value
+        for key, value in entries.items()
+    }
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description="Run every hard case and write the table about them.")
+    parser = argparse.ArgumentParser(
+        description="Run every hard case and write the table about them."
+    )
     parser.add_argument("--out", type=Path, default=Path("docs/data"))
     given = parser.parse_args()
     runtime.start(threads=1)

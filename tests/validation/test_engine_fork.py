@@ -1,4 +1,5 @@
-"""Taichi Forge, which runs where Taichi has no wheels, gives bitwise the same results and films."""
+"""Taichi Forge, which runs where Taichi has no wheels, gives bitwise the same results
+and films."""
 
 from __future__ import annotations
 
@@ -12,23 +13,46 @@ import pytest
 
 ROOT = Path(__file__).parents[2]
 SCENES = {
-    "exponential_wall": ("--set=lattice.points=200", "--set=video.size=128", "--set=video.seconds=0.5"),
+    "exponential_wall": (
+        "--set=lattice.points=200",
+        "--set=video.size=128",
+        "--set=video.seconds=0.5",
+    ),
     "compression": ("--no-video", "--set=lattice.points=200"),
-    "absorbing_wall": ("--no-video", "--set=lattice.points=200", "--set=wall.points=300"),
+    "absorbing_wall": (
+        "--no-video",
+        "--set=lattice.points=200",
+        "--set=wall.points=300",
+    ),
 }
 
 
 @pytest.fixture(scope="module")
 def fork(tmp_path_factory):
-    """Return a Python in its own environment, with all packages of this one and the fork, but without Taichi."""
+    """Return a Python in its own environment, with all packages of this one and the
+    fork, but without Taichi."""
     folder = tmp_path_factory.mktemp("fork")
     subprocess.run([sys.executable, "-m", "venv", str(folder)], check=True)
     python = folder / "bin" / "python"
-    install = [str(python), "-m", "pip", "install", "--quiet", "--no-deps", "taichi-forge==0.7.0"]
-    subprocess.run([*install, "taichi-forge-runtime==0.7.0", "dill", "colorama"], check=True)
+    install = [
+        str(python),
+        "-m",
+        "pip",
+        "install",
+        "--quiet",
+        "--no-deps",
+        "taichi-forge==0.7.0",
+    ]
+    subprocess.run(
+        [*install, "taichi-forge-runtime==0.7.0", "dill", "colorama"], check=True
+    )
     (site,) = folder.glob("lib/python*/site-packages")
-    (site / "zz_others.pth").write_text("\n".join(folder for folder in sys.path if folder.endswith("-packages")) + "\n")
-    (site / "sitecustomize.py").write_text('import sys\nsys.modules["taichi"] = None  # as if it were not installed\n')
+    (site / "zz_others.pth").write_text(
+        "\n".join(folder for folder in sys.path if folder.endswith("-packages")) + "\n"
+    )
+    (site / "sitecustomize.py").write_text(
+        'import sys\nsys.modules["taichi"] = None  # as if it were not installed\n'
+    )
     return str(python)
 
 
@@ -38,11 +62,34 @@ def test_the_fork_computes_and_films_bitwise_the_same(fork, scene, tmp_path):
     outputs = []
     for name, python in (("taichi", sys.executable), ("taichi-forge", fork)):
         out = str(tmp_path / name)
-        command = [python, "-m", "taichi_disk", "run", scene, "--out", out, *SCENES[scene]]
-        done = subprocess.run(command, env=os.environ | {"PYTHONPATH": str(ROOT)}, capture_output=True, text=True)
+        command = [
+            python,
+            "-m",
+            "taichi_disk",
+            "run",
+            scene,
+            "--out",
+            out,
+            *SCENES[scene],
+        ]
+        done = subprocess.run(
+            command,
+            env=os.environ | {"PYTHONPATH": str(ROOT)},
+            capture_output=True,
+            text=True,
+        )
         assert done.returncode == 0, done.stderr
         outputs.append(done.stderr)
-        assert name in json.loads((tmp_path / name / "summary.json").read_text())["versions"]
+        assert (
+            name
+            in json.loads((tmp_path / name / "summary.json").read_text())["versions"]
+        )
     assert outputs[0] == outputs[1]
-    for file in ("final.npz", "timeseries.csv", *["video.mp4"] * (scene == "exponential_wall")):
-        assert (tmp_path / "taichi" / file).read_bytes() == (tmp_path / "taichi-forge" / file).read_bytes(), file
+    for file in (
+        "final.npz",
+        "timeseries.csv",
+        *["video.mp4"] * (scene == "exponential_wall"),
+    ):
+        assert (tmp_path / "taichi" / file).read_bytes() == (
+            tmp_path / "taichi-forge" / file
+        ).read_bytes(), file

@@ -1,4 +1,5 @@
-"""Random scenes with known results: tolerances are kept, and the error estimates of runs hold."""
+"""Random scenes with known results: tolerances are kept, and the error estimates of
+runs hold."""
 
 from __future__ import annotations
 
@@ -9,34 +10,50 @@ from taichi_disk.simulation.simulation import KernelCache
 from .estimate_trial import judge, judge_features, report
 from .random_scenes import feature_scene, trial_scene
 
-SMALL = [number for number in range(60) if "lattice.points=30" in trial_scene(number)[1]]  # quick to check
+# quick to check
+SMALL = [
+    number for number in range(60) if "lattice.points=30" in trial_scene(number)[1]
+]
 
 SMALL_WITH_FRICTION = [
     number
     for number in range(200)
-    if {"lattice.points=30", "wall.friction=0.0"} & {*(settings := feature_scene(number)[1])} == {"lattice.points=30"}
+    if {"lattice.points=30", "wall.friction=0.0"}
+    & {*(settings := feature_scene(number)[1])}
+    == {"lattice.points=30"}
     and any(text.startswith("wall.friction") for text in settings)
 ]
 AGREEING = [390, 395, 458]  # e at a step and at half of it agree by chance
 HARD_WALLS = [1098, 1282]  # e at a step and at 0.8 or half of it agree by chance
-SLIDING = [1202, 1596, 2056]  # the same with points that slide; in the last one, e at a quarter of the step agrees, too
+# the same with points that slide; in the last one, e at a quarter of the step agrees,
+# too
+SLIDING = [1202, 1596, 2056]
 
 
 @pytest.mark.validate
 @pytest.mark.parametrize(
     ("scenes", "tolerance"),
-    [pytest.param(SMALL[::2], False, id="estimate"), pytest.param(SMALL[1::2], True, id="tolerance")],
+    [
+        pytest.param(SMALL[::2], False, id="estimate"),
+        pytest.param(SMALL[1::2], True, id="tolerance"),
+    ],
 )
 @pytest.mark.usefixtures("kernels")
-def test_what_a_run_claims_of_its_error_holds(scenes: list[int], tolerance: bool) -> None:
+def test_what_a_run_claims_of_its_error_holds(
+    scenes: list[int], tolerance: bool
+) -> None:
     found = [judge(number, tolerance) for number in scenes]
     judged = [judgement for judgement in found if judgement.end in ("held", "exceeded")]
     assert len(judged) > 0.8 * len(scenes)
-    assert sum(judgement.end == "held" for judgement in judged) >= 0.95 * len(judged), "\n".join(report(found))
+    assert sum(judgement.end == "held" for judgement in judged) >= 0.95 * len(judged), (
+        "\n".join(report(found))
+    )
 
 
 @pytest.mark.validate
-def test_what_a_run_claims_of_every_result_holds_where_errors_fall_irregularly(kernels: KernelCache) -> None:
+def test_what_a_run_claims_of_every_result_holds_where_errors_fall_irregularly(
+    kernels: KernelCache,
+) -> None:
     found = [
         judgement
         for number in SMALL_WITH_FRICTION + AGREEING + HARD_WALLS + SLIDING
@@ -44,5 +61,9 @@ def test_what_a_run_claims_of_every_result_holds_where_errors_fall_irregularly(k
     ]
     judged = [judgement for judgement in found if judgement.end in ("held", "exceeded")]
     assert len(judged) > 0.8 * len(found)
-    assert all(judgement.end == "held" for judgement in judged if not judgement.result), "\n".join(report(found))
-    assert sum(judgement.end == "held" for judgement in judged) >= 0.98 * len(judged), "\n".join(report(found))
+    assert all(
+        judgement.end == "held" for judgement in judged if not judgement.result
+    ), "\n".join(report(found))
+    assert sum(judgement.end == "held" for judgement in judged) >= 0.98 * len(judged), (
+        "\n".join(report(found))
+    )

@@ -32,43 +32,68 @@ def experiment(name: str) -> Any:
 @LONG
 @pytest.mark.usefixtures("kernels")
 @pytest.mark.parametrize(
-    ("wave", "impedance"), [("p", 0.0), ("s", 0.5), ("p", 1.0), ("s", 1.0), ("s", 3.0), ("p", 1e6)]
+    ("wave", "impedance"),
+    [("p", 0.0), ("s", 0.5), ("p", 1.0), ("s", 1.0), ("s", 3.0), ("p", 1e6)],
 )
-def test_dashpots_send_back_the_amplitude_of_theory(wave: str, impedance: float) -> None:
-    # A dashpot q rho c at the end of a rod reflects (1 - q)/(1 + q) of the velocity: free end +1, matched 0, fixed -1.
-    energy, amplitude = experiment("reflection").reflect(wave, 0.5, 1, impedance=impedance)
+def test_dashpots_send_back_the_amplitude_of_theory(
+    wave: str, impedance: float
+) -> None:
+    # A dashpot q rho c at the end of a rod reflects (1 - q)/(1 + q) of the velocity:
+    # free end +1, matched 0, fixed -1.
+    energy, amplitude = experiment("reflection").reflect(
+        wave, 0.5, 1, impedance=impedance
+    )
     theory = (1 - impedance) / (1 + impedance)
-    assert amplitude == pytest.approx(theory, abs=0.03) and energy == pytest.approx(theory**2, abs=0.03)
+    assert amplitude == pytest.approx(theory, abs=0.03) and energy == pytest.approx(
+        theory**2, abs=0.03
+    )
 
 
 @LONG
-def test_the_continuum_at_finite_strain_tends_to_the_exact_law_and_exceeds_it_by_2_percent_at_most() -> None:
+def test_the_continuum_at_finite_strain_tends_to_the_exact_law_and_exceeds_it_by_2_percent_at_most() -> (
+    None
+):
     finite = experiment("finite_strain")
     for pressure, excess in ((1e-6, 0.0), (4e-3, 0.0127), (1e-2, 0.0227)):
         law = float(exact_compression(pressure, 1.1, finite.POISSON))
-        # The mesh is half as fine as for the published results, which takes an eighth of the time.
-        assert finite.finite_compression(pressure, 1.1, rays=16) / law - 1.0 == pytest.approx(excess, abs=1e-3)
+        # The mesh is half as fine as for the published results, which takes an eighth
+        # of the time.
+        assert finite.finite_compression(
+            pressure, 1.1, rays=16
+        ) / law - 1.0 == pytest.approx(excess, abs=1e-3)
 
 
 @LONG
-def test_vibrations_of_the_continuum_are_loves_and_its_impact_keeps_the_energy() -> None:
+def test_vibrations_of_the_continuum_are_loves_and_its_impact_keeps_the_energy() -> (
+    None
+):
     modes = experiment("disk_modes")
     for order in (0, 2, 3):
         ritz = float(modes.vibrations(order, 8)[0][0])
         assert ritz == pytest.approx(modes.exact_frequency(order, ritz), rel=1e-9)
     e, imbalance, ellipse, _ = modes.Disk(64, 5, 400).impact(0.02)
-    assert e == pytest.approx(0.9855, abs=1e-3) and abs(imbalance) < 1e-6 and 0.0 < ellipse < 1.0 - e**2
+    assert (
+        e == pytest.approx(0.9855, abs=1e-3)
+        and abs(imbalance) < 1e-6
+        and 0.0 < ellipse < 1.0 - e**2
+    )
 
 
 @LONG
-def test_impacts_of_the_lattice_lie_by_the_continuum_and_its_linearised_springs(kernels: KernelCache) -> None:
+def test_impacts_of_the_lattice_lie_by_the_continuum_and_its_linearised_springs(
+    kernels: KernelCache,
+) -> None:
     # Without dashpots; e scatters by 0.001 from lattice to lattice.
     e, _ = impact(kernels, 1099, 3000.0, 0.0, 0.05)
-    assert e == pytest.approx(experiment("linear_lattice").restitution(1099, 0, 0.05), abs=3e-3)
+    assert e == pytest.approx(
+        experiment("linear_lattice").restitution(1099, 0, 0.05), abs=3e-3
+    )
     assert e == pytest.approx(0.9852, abs=5e-3)
 
 
-def impact(kernels: KernelCache, points: int, a: float, eta_star: float, velocity: float) -> tuple[float, float]:
+def impact(
+    kernels: KernelCache, points: int, a: float, eta_star: float, velocity: float
+) -> tuple[float, float]:
     """Return e and the contact time [R/c]."""
     settings = {"points": points, "a": a, "eta_star": eta_star, "velocity": velocity}
     scene = load_scene("exponential_wall").with_(settings)
@@ -80,24 +105,33 @@ def impact(kernels: KernelCache, points: int, a: float, eta_star: float, velocit
 def from_equation_4(
     kernels: KernelCache, points: int, a: float, eta_star: float, velocity: float
 ) -> tuple[float, float]:
-    """Return how much e lies above eq. (4), integrated, and the contact time over that of eq. (4) minus 1."""
+    """Return how much e lies above eq. (4), integrated, and the contact time over that
+    of eq. (4) minus 1."""
     e, contact_time = impact(kernels, points, a, eta_star, velocity)
     tau0 = eta_star * experiment("contact_viscosity").contact_viscosity(points, 0, a)
-    law = quasistatic_impact(velocity, tau0, 1.1025)  # E of 16 stretched samples of 17,600 points: +- 0.2 %
+    # E of 16 stretched samples of 17,600 points: +- 0.2 %
+    law = quasistatic_impact(velocity, tau0, 1.1025)
     return e - law.restitution, contact_time / law.contact_time - 1.0
 
 
 @LONG
 def test_strongly_damped_impacts_tend_to_equation_4(kernels: KernelCache) -> None:
-    # eta, not eta*, is the same, so eta* grows with N. At N = 4396 the deviation is 2 %.
-    coarse = [abs(error) for error in from_equation_4(kernels, 1099, 300.0, 100.0, 7.5e-3)]
-    fine = [abs(error) for error in from_equation_4(kernels, 4396, 12000.0, 400.0, 7.5e-3)]
+    # eta, not eta*, is the same, so eta* grows with N. At N = 4396 the deviation is 2
+    # %.
+    coarse = [
+        abs(error) for error in from_equation_4(kernels, 1099, 300.0, 100.0, 7.5e-3)
+    ]
+    fine = [
+        abs(error) for error in from_equation_4(kernels, 4396, 12000.0, 400.0, 7.5e-3)
+    ]
     assert fine[0] < 0.02 and fine[1] < 0.03
     assert coarse[0] > 5 * fine[0] and coarse[1] > 5 * fine[1]
 
 
 @LONG
-def test_the_contact_of_an_undamped_disk_lasts_as_long_as_equation_4_says(kernels: KernelCache) -> None:
+def test_the_contact_of_an_undamped_disk_lasts_as_long_as_equation_4_says(
+    kernels: KernelCache,
+) -> None:
     e, time = from_equation_4(kernels, 4396, 12000.0, 0.0, 2e-2)
     assert abs(time) < 0.02
     assert -0.03 < e < 0.0  # vibrations take a little energy at any N
@@ -112,13 +146,28 @@ def test_a_clamped_strip_hardly_narrows() -> None:
 @LONG
 @pytest.mark.usefixtures("kernels")
 @pytest.mark.parametrize("roughness", [0.0, 0.03])
-def test_an_oblique_impact_lies_within_the_scatter_of_its_table(roughness: float) -> None:
+def test_an_oblique_impact_lies_within_the_scatter_of_its_table(
+    roughness: float,
+) -> None:
     oblique = experiment("oblique")
     with (Path(__file__).parents[2] / "docs" / "data" / "oblique.csv").open() as file:
-        rows = [row for row in csv.DictReader(file) if (row["wall_k_a"], row["contact"]) == ("10.0", "smooth")]
-    (row,) = (row for row in rows if float(row["roughness"]) == roughness and row["tan_gamma"] == "3.0")
-    scene, body = oblique.thrown(3.0, k_a=10.0, contact="smooth"), oblique.body(10.0, roughness, 0)
-    found = [oblique.impact(case, body)[0] for case in (scene, scene.with_(max_time=0.5))]
+        rows = [
+            row
+            for row in csv.DictReader(file)
+            if (row["wall_k_a"], row["contact"]) == ("10.0", "smooth")
+        ]
+    (row,) = (
+        row
+        for row in rows
+        if float(row["roughness"]) == roughness and row["tan_gamma"] == "3.0"
+    )
+    scene, body = (
+        oblique.thrown(3.0, k_a=10.0, contact="smooth"),
+        oblique.body(10.0, roughness, 0),
+    )
+    found = [
+        oblique.impact(case, body)[0] for case in (scene, scene.with_(max_time=0.5))
+    ]
     assert float(row["lowest"]) - 1e-4 <= found[0] <= float(row["highest"]) + 1e-4
     assert np.isnan(found[1])  # a run that does not end is discarded
     area = oblique.area(body.positions, body.triangles)

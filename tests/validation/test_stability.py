@@ -1,4 +1,5 @@
-"""Every scene ends: done with a closed energy balance, or stopped with the reason and a remedy."""
+"""Every scene ends: done with a closed energy balance, or stopped with the reason and a
+remedy."""
 
 from __future__ import annotations
 
@@ -14,7 +15,13 @@ from .random_scenes import ShortOnly, fate
 LONG = pytest.mark.validate
 
 
-@pytest.mark.parametrize("case", [pytest.param(case, id=case.name, marks=() if case.quick else LONG) for case in CASES])
+@pytest.mark.parametrize(
+    "case",
+    [
+        pytest.param(case, id=case.name, marks=() if case.quick else LONG)
+        for case in CASES
+    ],
+)
 def test_a_hard_case_ends_as_it_should(case: Case, kernels: KernelCache) -> None:
     assert case.failings(case.judge(kernels)) == []
 
