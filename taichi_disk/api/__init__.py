@@ -20,7 +20,7 @@ from taichi_disk.computation.outcome import Outcome
 from taichi_disk.computation.scenario import Scenario
 from taichi_disk.config.tree import Source, as_path
 from taichi_disk.errors import InputError, did_you_mean, nearest
-from taichi_disk.lattice import Array, Lattice, OwnStart, disk_of, numbers, own_start
+from taichi_disk.lattice import Array, Lattice, OwnStart, disk_of, numbers
 from taichi_disk.output import files
 from taichi_disk.output.plot import plotting_beside
 from taichi_disk.output.report import headline, rows, shown
@@ -400,7 +400,7 @@ class Result:
         """
         out, text = as_path(out, "out"), self.own.repeating(self.scene).to_yaml()
         with run_folder(out, text, True, overwrite, lattice=self.own.digest) as folder:
-            work = Work(self.scene, self.own)
+            work = Work(self.scene, self.own.disk, self.own.velocities)
             work.write_start(folder.path, self.scenario)
             with plotting_beside(video) as plot:
                 work.write(
@@ -462,16 +462,15 @@ class Result:
                 " computed again from scene.yaml"
             )
         scene = load_scene(path, overrides)
-        own = own_start(scene.lattice, None, None)
-        if summary.get("lattice_digest", "") != own.digest:
+        work = Work(scene, progress=progress)
+        if summary.get("lattice_digest", "") != work.own.digest:
             raise InputError(
                 f"{folder}: the lattice or the velocities in lattice.npz have changed"
                 " since the run"
             )
-        work = Work(scene, own, progress)
         # The step of the run is accepted, even if it is beyond the stability limit.
         outcome = work.solve(work.build(), 1, force=True, estimate=estimate)
-        return cls(scene, outcome, own=own)
+        return cls(work.scene, outcome, own=work.own)
 
 
 @reported
@@ -553,15 +552,16 @@ def run(
             f"lattices: must be a whole number from 1 to {MOST_LATTICES:,}, not"
             f" {lattices!r}"
         )
-    work = Work(scene, OwnStart(), progress, started)
-    # read only once, because the files may change
-    own = work.own = own_start(scene.lattice, lattice, velocities)
+    # reads the files of a lattice and velocities only once, because they may change
+    work = Work(scene, lattice, velocities, progress, started)
+    own = work.own
     options: dict[str, Any] = {"lattices": lattices, "force": force, "say": say}
     if out is None:
         if export:
             raise InputError("export: needs a folder, `out`")
-        return Result(scene, work.solve(work.build(threads), **options), own=own)
-    out, text = as_path(out, "out"), own.repeating(scene).to_yaml()
+        outcome = work.solve(work.build(threads), **options)
+        return Result(work.scene, outcome, own=own)
+    out, text = as_path(out, "out"), own.repeating(work.scene).to_yaml()
     with run_folder(out, text, not count_on, overwrite, say, own.digest) as folder:
         outcome = work.into(folder, video, export, threads, **options)
-    return Result(scene, outcome, folder.out, own)
+    return Result(work.scene, outcome, folder.out, own)

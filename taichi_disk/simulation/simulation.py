@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from copy import deepcopy
 from functools import lru_cache
+from time import perf_counter
 from typing import Any
 
 import numpy as np
@@ -33,6 +34,7 @@ from taichi_disk.simulation.stepping import PEAK_POINT_FORCE, Snapshot, State
 # dashpots' factor.
 MIN_CAPACITY = Capacity(12_000, 3 * 12_000 // BLOCK, 27 * 12_000)
 NEVER = 2**30  # number of successive rows that no run reaches
+MAX_STEPS = 2**31 - 1  # kernels count the steps of a run in 32 bits
 # time difference for the rate of change of forces at t = 0 [R/c]
 DIFFERENCE_TIME = 1e-4
 # potential of a point at which contact begins, over the kinetic energy of the flight
@@ -293,9 +295,13 @@ class Simulation:
 
 
 class KernelCache:
-    """Reuses compiled simulations, because a compilation takes seconds."""
+    """Reuses compiled simulations, because a compilation takes seconds.
+
+    `compile_seconds`: wall-clock time that simulations have taken until t = 0 [s].
+    """
 
     def __init__(self) -> None:
+        self.compile_seconds = 0.0
         self._known: dict[Any, Simulation] = {}
 
     def __reduce__(self) -> Any:
@@ -312,6 +318,7 @@ class KernelCache:
     ) -> Simulation:
         """Return a simulation reset to t = 0, reusing a compiled one if possible, which
         invalidates earlier returns."""
+        began = perf_counter()
         key = (compiled_for(lattice, model), integrator.name)
         known = self._known.get(key)
         arguments = lattice, model, integrator, velocities, dt
@@ -320,6 +327,7 @@ class KernelCache:
             if known is not None and known.is_alive:
                 known.destroy()
             known = self._known[key] = Simulation(*arguments)
+        self.compile_seconds += perf_counter() - began
         return known
 
 

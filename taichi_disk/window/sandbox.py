@@ -190,11 +190,11 @@ class Sandbox:
     def _go(self, steps: int, max_seconds: float) -> int:
         """Make steps and report the end of the scene, a failure or a shorter step."""
         segment = self.time.segment
-        before, made = segment.status, self.time.go(steps, max_seconds)
-        if segment.status == "restarted":
-            self.message = (
-                f"computed again with a shorter step, {segment.step.dt:.2g} R/c"
-            )
+        before = segment.status
+        made = self.time.go(steps, max_seconds)
+        if self.time.segment is not segment:
+            dt = self.time.segment.step.dt
+            self.message = f"computed again with a shorter step, {dt:.2g} R/c"
         elif segment.status == "failed":
             self.paused, self.remaining_loads = True, []
             self.message = (
