@@ -217,7 +217,7 @@ def within_tolerance(
         found = f"is estimated at {error:.3g}"
     text = (
         f"time.tolerance is {tolerance:g}, and the error of the result after {tried}"
-        f" different steps {found}"
+        f" runs {found}"
     )
     if left > 0.5 * tolerance:
         text += (

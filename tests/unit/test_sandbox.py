@@ -8,10 +8,10 @@ from typing import Any
 
 import numpy as np
 import pytest
+from bodies import control_of
 
 import taichi_disk
 from taichi_disk.computation.outcome import Outcome, compute
-from taichi_disk.computation.stability import spectrum
 from taichi_disk.errors import InputError
 from taichi_disk.scenes import load_scene
 from taichi_disk.simulation.observables import ENERGY_INDICES, INDEX
@@ -40,7 +40,7 @@ def opened(
 def computed(kernels: KernelCache, scene: Any) -> tuple[Outcome, float]:
     """What `run` computes, and its primary result."""
     scenario = scene.scenario()
-    outcome = compute(scenario, scene.time)
+    outcome = compute(scenario)
     return outcome, scenario.primary(outcome.columns)[1]
 
 
@@ -81,7 +81,7 @@ def test_the_result_is_that_of_a_run_bit_for_bit_also_after_going_back(
         # no picture goes back, not even where a shorter step is tried
         assert sandbox.time.display.t >= seen
         seen = sandbox.time.display.t
-    assert sandbox.time.segment.attempt > 1 or settings is not HARD
+    assert sandbox.time.segment.control.attempt > 1 or settings is not HARD
     columns = sandbox.time.segment.columns
     outcome, expected = computed(kernels, load_scene(scene, settings))
     assert (
@@ -283,8 +283,7 @@ def test_time_goes_on_after_the_scene_s_end_and_its_limit_and_back_from_there(
         "time.safety=0.3",
         "impact.max_time=2.0",
     ]
-    scenario = load_scene("exponential_wall", settings).scenario()
-    segment = Segment(scenario, kernels, spectrum(scenario.lattice, scenario.model))
+    segment = Segment(control_of(load_scene("exponential_wall", settings)), kernels)
     start = segment.present
     assert segment.advance(steps=round(3.0 / segment.step.dt)) == "running"
     while segment.advance(steps=1000) == "running":
