@@ -161,8 +161,6 @@ def test_more_steps_than_can_be_counted_are_refused_beforehand():
     for dt, is_refused in ((0.99 * limit / MAX_STEPS, True), (limit / 2e9, False)):
         with pytest.raises(InputError) if is_refused else nullcontext():
             control_of(*SMALL, f"time.dt={dt}")
-    # An impact with an automatic step ends long before a limit that is far too long.
-    control_of(*SMALL, "impact.max_time=1e9")
 
 
 def test_warnings_say_what_makes_a_result_doubtful(finished):
