@@ -11,6 +11,7 @@ import pytest
 from bodies import control_of
 
 import taichi_disk
+from taichi_disk.computation.driver import Driver
 from taichi_disk.computation.outcome import Outcome, compute
 from taichi_disk.errors import InputError
 from taichi_disk.scenes import load_scene
@@ -112,6 +113,30 @@ def test_the_result_is_that_of_a_run_bit_for_bit_also_after_going_back(
         assert np.array_equal(
             sandbox.time.segment.columns["com_vy"], outcome.columns["com_vy"]
         )
+
+
+def test_a_state_on_display_keeps_its_velocities_when_a_shorter_step_is_tried(
+    kernels: KernelCache,
+) -> None:
+    hard = [
+        "lattice.points=60",
+        "material.eta_star=0",
+        "wall.a=3000",
+        "impact.velocity=0.1",
+    ]
+    sandbox = opened(kernels, hard)
+    first = sandbox.time.segment
+    sandbox.speed, sandbox.paused = 3.0, False
+    while sandbox.time.segment is first:
+        sandbox.advance(0.05, max_seconds=1.0)
+    assert "computed again with a shorter step" in sandbox.message
+    shown = sandbox.time.display
+    assert sandbox.time.lead > 0.0 and shown.segment is first
+    assert sandbox.time.segment.step.dt < 0.9 * first.step.dt
+    shown_velocities = shown.v
+    same = Driver(first.scenario, first.step, kernels)
+    same.advance(steps=shown.snapshot.step)
+    assert np.array_equal(shown_velocities, same.simulation.velocities())
 
 
 def test_a_throw_that_is_drawn_becomes_the_scene_s_and_the_next_hit_s(
