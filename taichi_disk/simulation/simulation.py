@@ -66,7 +66,7 @@ class Simulation:
         self.integrator, self.model, self.generation = integrator, deepcopy(model), 0
         self._program = engine.program()
         self.features = compiled_for(lattice, model)
-        self.model.springs.non_uniform = lattice.stiffness is not None
+        self.model.springs.prepare_for(lattice)
         arrangement = interruptible(arrange, lattice.bonds, len(lattice.positions))
         factor = self._factor(lattice, model, dt)
         self.subdomains = arrangement.subdomains
