@@ -102,7 +102,14 @@ class StepControl:
 
     def _choice(self) -> TimeStep:
         model, points = self.scenario.model, self.spectrum.points
-        candidates = [one for one in AUTOMATIC if one.takes(model)]
+        tolerance = self._time.tolerance
+        if tolerance == "none":
+            tolerance = inf
+        candidates = [
+            one
+            for one, most in AUTOMATIC.items()
+            if tolerance <= most and one.takes(model)
+        ]
         if self._time.integrator != "auto":
             candidates = [INTEGRATORS[self._time.integrator]]
         integrator = min(
