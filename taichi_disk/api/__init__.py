@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 from inspect import signature
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 from warnings import warn
 
 import numpy as np
@@ -16,6 +16,7 @@ from taichi_disk import runtime
 from taichi_disk.api.lattices import MOST_LATTICES
 from taichi_disk.api.work import FRAMES, MOST_FRAMES, Work
 from taichi_disk.computation.contact import greatest_compression
+from taichi_disk.computation.driver import State as State
 from taichi_disk.computation.outcome import Outcome
 from taichi_disk.computation.scenario import Scenario
 from taichi_disk.config.tree import Source, as_path
@@ -40,15 +41,6 @@ if TYPE_CHECKING:
     from taichi_disk.output.inline import Film, Plot
 
 __all__ = ["Modes", "Result", "State", "run"]
-
-
-class State(NamedTuple):
-    """State at time t [R/c]: positions (n, 2) [R], those of the disk first, and
-    velocities (n, 2) [c]."""
-
-    t: float
-    positions: Array
-    velocities: Array
 
 
 @dataclass(frozen=True)
@@ -163,7 +155,7 @@ class Result:
 
         Raises InputError for a time outside the run.
         """
-        return State(*next(self._moments([t])))
+        return next(self._states([t]))
 
     @runtime.alone()
     def trajectory(self, times: Sequence[float] | Array) -> tuple[Array, Array, Array]:
@@ -172,8 +164,7 @@ class Result:
 
         Raises InputError unless the times ascend and lie within the run.
         """
-        moments = list(self._moments(times))
-        t, x, v = zip(*moments, strict=True)
+        t, x, v = zip(*self._states(times), strict=True)
         return np.array(t), np.array(x), np.array(v)
 
     @property
@@ -251,10 +242,10 @@ class Result:
                 )
             times = np.linspace(0.0, self.series["t"][-1], frames)
         return export_run(
-            self.scenario, self._moments(times), as_path(path, "path"), format
+            self.scenario, self._states(times), as_path(path, "path"), format
         )
 
-    def _moments(self, times: Any) -> Iterator[tuple[float, Array, Array]]:
+    def _states(self, times: Any) -> Iterator[State]:
         times = np.atleast_1d(numbers(times, "times"))
         last = float(self.series["t"][-1])
         if (

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from math import ceil, inf
 from time import perf_counter
-from typing import Any, Literal
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
@@ -31,14 +31,21 @@ from taichi_disk.simulation.simulation import (
 )
 from taichi_disk.simulation.stepping import Snapshot
 
-# t [R/c], positions (n, 2) [R], velocities (n, 2) [c]
-Moment = tuple[float, Array, Array]
 Status = Literal["running", "finished", "failed"]
 
 # spring evaluations in one kernel launch: about 50 ms on one core
 SPRINGS_PER_LAUNCH = 12_000_000
 # spring evaluations between checks of a large lattice (a launch per step)
 SPRINGS_PER_CHECK = 25 * SPRINGS_PER_LAUNCH
+
+
+class State(NamedTuple):
+    """State at time t [R/c]: positions (n, 2) [R], those of the disk first, and
+    velocities (n, 2) [c]."""
+
+    t: float
+    positions: Array
+    velocities: Array
 
 
 class Driver:
@@ -200,8 +207,8 @@ class Driver:
             name: value for name, value in vars(self).items() if name != "simulation"
         }
 
-    def replay(self, times: Array) -> Iterator[Moment]:
-        """Repeat the last attempt bitwise, and yield the moments at the steps nearest
+    def replay(self, times: Array) -> Iterator[State]:
+        """Repeat the last attempt bitwise, and yield the states at the steps nearest
         to `times` (ascending)."""
         runtime.start()  # another process may have computed the run
         simulation, snapshot = self._simulation(), self.start
@@ -217,7 +224,7 @@ class Driver:
                     min(int(number) - simulation.step_number, stride), stride
                 )
             snapshot = simulation.snapshot()
-            yield (
+            yield State(
                 simulation.time,
                 simulation.positions(snapshot),
                 simulation.velocities(snapshot),
@@ -235,7 +242,7 @@ class Driver:
                 return
         self.status = "finished"
         self.end = state
-        self.final = (
+        self.final = State(
             simulation.time,
             simulation.positions(state),
             simulation.velocities(state),

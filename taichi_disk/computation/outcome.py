@@ -11,7 +11,7 @@ import numpy as np
 
 from taichi_disk.computation import diagnostics
 from taichi_disk.computation.contact import greatest_compression
-from taichi_disk.computation.driver import Driver, Moment
+from taichi_disk.computation.driver import Driver, State
 from taichi_disk.computation.error_estimate import (
     SecondRun,
     second_run,
@@ -48,10 +48,10 @@ class Outcome:
     positions: Array  # (n, 2) at the end [R]
     velocities: Array  # (n, 2) at the end [c]
     largest_force: float  # largest force of the wall on one point [M c^2/R]
-    # computes the run again: moments at ascending times, bitwise equal
-    replay: Callable[[Array], Iterator[Moment]]
+    # computes the run again: states at ascending times, bitwise equal
+    replay: Callable[[Array], Iterator[State]]
     # the same for pictures, which interpolate a quasi-static loading
-    frames: Callable[[Array], Iterator[Moment]]
+    frames: Callable[[Array], Iterator[State]]
     summary: dict[str, Any]  # results and how they were computed, for summary.json
     compile_seconds: float = 0.0  # wall-clock time of compilation [s]
 

@@ -27,7 +27,7 @@ from taichi_disk.physics.ordering import BLOCK, Arrangement, arrange
 from taichi_disk.signals import interruptible, raise_if_interrupted
 from taichi_disk.simulation.kernels import Kernels, SubdomainKernels
 from taichi_disk.simulation.observables import INDEX, bounds_array
-from taichi_disk.simulation.stepping import PEAK_POINT_FORCE, Snapshot, State
+from taichi_disk.simulation.stepping import PEAK_POINT_FORCE, PointFields, Snapshot
 
 # Smallest capacity, so that all lattices of usual size can share compiled kernels:
 # 12,000 points, each with 3 springs (a triangulation has fewer) and 27 entries of the
@@ -76,7 +76,7 @@ class Simulation:
         builder = ti.FieldsBuilder()
         for law in self.model.laws:
             law.make_fields(builder, self._capacity)
-        self.state = State(
+        self.state = PointFields(
             builder,
             self._capacity,
             self.subdomains,

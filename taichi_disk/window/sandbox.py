@@ -57,9 +57,9 @@ def with_key(scene: Scene, key: str, value: Any) -> Scene:
     return scene.with_(scene.changes_with(key, value))
 
 
-class Result(
+class Experiment(
     namedtuple(
-        "Result",
+        "Experiment",
         "result value load angle spin friction eta_star a points contact_time"
         " disturbance turn seed",
     )
@@ -105,7 +105,7 @@ class Sandbox:
     def __init__(self, scene: Scene, kernels: KernelCache) -> None:
         """Begin with `scene`. Raises TaichiDiskError."""
         self.kernels, self.scene = kernels, scene
-        self.results: list[Result] = []
+        self.results: list[Experiment] = []
         self.begin()
 
     def begin(self, scene: Scene | None = None) -> None:
@@ -227,7 +227,7 @@ class Sandbox:
             points,
         ]
         which = value_of(scene, "impact.turn"), scene.lattice.seed
-        result = Result._make(
+        result = Experiment._make(
             [scenario.symbol, value, *settings, contact_time, label, *which]
         )
         self.results = [*self.results, result][-MAX_RESULTS:]

@@ -19,7 +19,7 @@ from taichi_disk.simulation.observables import ENERGY_INDICES, INDEX
 from taichi_disk.simulation.simulation import KernelCache
 from taichi_disk.window.app import list_folder, list_presets
 from taichi_disk.window.history import MAX_STATES, Segment
-from taichi_disk.window.sandbox import SLOWDOWN, Result, Sandbox, with_key
+from taichi_disk.window.sandbox import SLOWDOWN, Experiment, Sandbox, with_key
 
 SMALL = ["lattice.points=120", "impact.velocity=0.05", "material.eta_star=1"]
 UNDAMPED = [*SMALL, "material.eta_star=0"]
@@ -247,7 +247,7 @@ def test_a_row_of_the_table_tells_throws_of_different_lattices_apart(
     )
     assert all(
         f"{name}: " in columns.split("const COLUMNS")[1].split(";")[0]
-        for name in Result._fields
+        for name in Experiment._fields
     )
 
 
