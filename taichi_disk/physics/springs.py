@@ -56,6 +56,10 @@ class Springs(Law):
         sound [c]."""
         return float(1.0 / np.sqrt(self.modulus))
 
+    def prepare_for(self, lattice: Lattice) -> None:
+        """Make the fields of stiffness factors only if `lattice` has some."""
+        self.non_uniform = lattice.stiffness is not None
+
     def make_fields(self, builder: Any, capacity: Capacity) -> None:
         super().make_fields(builder, capacity)
         self.first, self.second, self.rest = (

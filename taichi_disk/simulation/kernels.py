@@ -25,7 +25,7 @@ from taichi_disk.simulation.stepping import (
     DISSIPATED,
     FRICTION,
     SLIDING,
-    State,
+    PointFields,
     Stepping,
 )
 
@@ -153,7 +153,7 @@ class SubdomainKernels(Kernels):
 
     def __init__(
         self,
-        state: State,
+        state: PointFields,
         model: Model,
         integrator: Integrator,
         solver: DashpotSolver | None,

@@ -92,7 +92,7 @@ def precision(
     gap = f"impact.gap={near.gap!r}"
     # whose limit LAMMPS and Numba have
     whole = load_scene(RIGID, (*scene, gap, "time.integrator=velocity_verlet"))
-    outcome = compute(whole.scenario(), whole.time, estimate=False)
+    outcome = compute(whole.scenario(), estimate=False)
     end, limit = float(outcome.columns["t"][-1]), outcome.summary["dt_limit"]
     # The true e belongs to a flight that starts and ends where the wall's potential is
     # 1e-12 of the kinetic energy.
