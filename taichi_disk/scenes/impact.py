@@ -143,6 +143,7 @@ class ImpactScenario(Scenario):
             scene.wall, impact, scene.time, heights - heights.min(), potential
         )
         positions[:n] += [self._offset(), self.gap - heights.min()]
+        self._outline = positions[body.disk_surface] - body.mean(positions[:n])
         self.lattice, self.velocities = (
             replace(body, positions=positions),
             np.zeros_like(positions),
@@ -268,7 +269,7 @@ class ImpactScenario(Scenario):
             "contact_time": end - start,
         }
         return found | (
-            oblique.along_the_wall(columns, self._radius, self._inertia)
+            oblique.along_the_wall(columns, self._outline, self._inertia)
             if self.oblique
             else {}
         )
@@ -276,7 +277,7 @@ class ImpactScenario(Scenario):
     def result_scales(self, columns: Columns) -> dict[str, float]:
         scales = {"restitution": 1.0, "contact_time": 0.0}
         return scales | (
-            oblique.scales_along_the_wall(columns, self._radius, self._inertia)
+            oblique.scales_along_the_wall(columns, self._outline, self._inertia)
             if self.oblique
             else {}
         )
