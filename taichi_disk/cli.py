@@ -294,7 +294,8 @@ def _parser() -> argparse.ArgumentParser:
     )
     what = (
         "random lattices for mean and scatter of the result; 1: only the scene's own"
-        " (default: 8 if that is quick)"
+        " (default: 8 up to 5,000 points, 3 for a relaxation or with a tolerance, else"
+        " 1)"
     )
     add("--lattices", type=partial(_count, most=10_000), metavar="K", help=what)
 

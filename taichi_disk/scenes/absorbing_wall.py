@@ -178,9 +178,11 @@ class AbsorbingWallImpact(ImpactScenario):
         from taichi_disk import physics
 
         wall = self.scene.wall
-        contact = {"springs": physics.ElasticWall, "smooth": physics.SmoothElasticWall}[
-            wall.contact
-        ]
+        contact = physics.ElasticWall
+        # A surface of two points is one straight spring, over which the paper's contact
+        # is smooth; a spline needs three.
+        if wall.contact == "smooth" and len(self.lattice.wall_surface) >= 3:
+            contact = physics.SmoothElasticWall
         boundary: physics.Boundary = physics.PinnedBoundary()
         if wall.boundary == "reset":
             boundary = physics.ResetBoundary(wall.reset_interval)
