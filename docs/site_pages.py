@@ -29,7 +29,7 @@ PYTHON = {
     "Running": (
         "taichi_disk.api.run",
         "taichi_disk.api.Result",
-        "taichi_disk.api.State",
+        "taichi_disk.computation.driver.State",
     ),
     "Scene objects": tuple(
         f"taichi_disk.scenes.scene.DiskScene.{name}" for name in ("with_", "to_yaml")

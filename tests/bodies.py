@@ -16,6 +16,7 @@ from scipy.sparse.csgraph import connected_components
 from taichi_disk.computation.driver import Driver
 from taichi_disk.computation.outcome import compute
 from taichi_disk.computation.stability import spectrum
+from taichi_disk.computation.step_control import StepControl
 from taichi_disk.fields import Triangles
 from taichi_disk.lattice import Lattice, disk_lattice, with_wall
 from taichi_disk.lattice.lattice import double_area, polygon_area
@@ -192,17 +193,27 @@ def computed(kernels, name, *settings, **options):
     """Return scenario and outcome of a shipped scene with some `settings`."""
     scene = load_scene(name, settings)
     scenario = scene.scenario()
-    return scenario, compute(scenario, scene.time, **options)
+    return scenario, compute(scenario, **options)
 
 
 def driver_of(kernels, name, *settings, **options):
     """Return a driver at the start of a shipped scene with some `settings`."""
     scene = load_scene(name, settings)
+    control = control_of(scene, **options)
+    return Driver(control.scenario, control.step, kernels)
+
+
+def drivers_of(kernels, name, *settings):
+    """Return the drivers of all runs of a shipped scene, the last of them finished."""
+    control = control_of(load_scene(name, settings))
+    drivers = []
+    while not drivers or control.shortens(drivers[-1]):
+        drivers.append(Driver(control.scenario, control.step, kernels))
+        drivers[-1].advance()
+    return drivers
+
+
+def control_of(scene, **options):
+    """Return the step control of a scene."""
     scenario = scene.scenario()
-    return Driver(
-        scenario,
-        scene.time,
-        kernels,
-        spectrum(scenario.lattice, scenario.model),
-        **options,
-    )
+    return StepControl(scenario, spectrum(scenario.lattice, scenario.model), **options)

@@ -45,9 +45,12 @@ class Trap(BodyForce):
 runtime.start()
 scene = load_scene("exponential_wall").with_(points=200, eta_star=0)
 scenario = scene.scenario()
-scenario.model = replace(scenario.model, others=(Trap(k=0.05),))
-scenario.velocities[:, 0] = 0.01  # across the trap
-outcome = compute(scenario, scene.time)
+scenario = replace(
+    scenario,
+    model=replace(scenario.model, others=(Trap(k=0.05),)),
+    velocities=scenario.velocities + [0.01, 0.0],  # across the trap
+)
+outcome = compute(scenario)
 
 t, x = outcome.columns["t"], outcome.columns["com_x"]
 angle = np.sqrt(0.05) * t  # phase of an oscillator with k = 0.05 and the mass 1

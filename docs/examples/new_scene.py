@@ -30,21 +30,23 @@ class RingingScene(DiskScene):
     stretch: StretchSection = StretchSection()
 
     def of_body(self, body: Lattice) -> "Ringing":
-        return Ringing(self, body)
+        s = self.stretch.strain
+        return Ringing(
+            scene=self,
+            lattice=replace(body, positions=body.positions * [1 - s, 1 + s]),
+            velocities=np.zeros_like(body.positions),
+            model=Model(self.springs(body)),
+            point_force=0.0,  # there is no wall
+            max_time=2 * self.stretch.time,
+            sample_interval=0.02,
+            view=(-1.2, 1.2, -1.2, 1.2),
+            # how long rows have to be within `end_bounds`, which are infinite here
+            quiet_time=self.stretch.time,
+        )
 
 
 class Ringing(Scenario):
     labels = {"period": ("period of the lowest mode", "R/c")}  # noqa: RUF012
-
-    def __init__(self, scene: RingingScene, disk: Lattice) -> None:
-        self.scene, s = scene, scene.stretch.strain
-        self.model = Model(scene.springs(disk))
-        self.lattice = replace(disk, positions=disk.positions * [1 - s, 1 + s])
-        self.velocities = np.zeros_like(disk.positions)
-        self.point_force, self.sample_interval = 0.0, 0.02
-        self.max_time, self.view = 2 * scene.stretch.time, (-1.2, 1.2, -1.2, 1.2)
-        # how long rows have to be within `end_bounds`, which are infinite here
-        self.quiet_time = scene.stretch.time
 
     def result(self, columns: Columns) -> dict[str, float]:
         t, y = columns["t"], columns["lowest_y"] - columns["lowest_y"].mean()

@@ -25,6 +25,7 @@ from functools import cache
 from itertools import product
 from math import atan, atan2, nan, sin
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -33,7 +34,9 @@ from taichi_disk import Lattice, Scene, load_scene, runtime
 runtime.start()
 
 from taichi_disk.computation.driver import Driver  # noqa: E402
-from taichi_disk.computation.stability import spectrum  # noqa: E402
+from taichi_disk.computation.scenario import Scenario  # noqa: E402
+from taichi_disk.computation.stability import TimeStep, spectrum  # noqa: E402
+from taichi_disk.computation.step_control import StepControl  # noqa: E402
 from taichi_disk.simulation.simulation import shared_kernels  # noqa: E402
 
 SCENE = Path(__file__).with_suffix(".yaml")
@@ -46,7 +49,6 @@ CLAIM_WALLS = (100.0, 10.0, 1.0)
 # largest imbalance over the kinetic energy towards the wall; the program itself allows
 # 0.001
 DISCARD = 0.02
-ATTEMPTS = 8  # number of runs with ever shorter steps after a lost balance or a blow-up
 
 
 def thrown(tangent: float, **wall: float | str) -> Scene:
@@ -95,29 +97,30 @@ def area(x: np.ndarray, triangles: np.ndarray) -> np.ndarray:
 def impact(scene: Scene, body: Lattice) -> tuple[float, float, float]:
     """Return normal e, e along the impulse, and tilt of the impulse [rad]; NaN if the
     run is discarded."""
-    scenario = scene.scenario(body)
-    modes = spectrum(scenario.lattice, scenario.model)
-    driver = Driver(scenario, scene.time, shared_kernels(), modes)
-    while (
-        driver.attempt <= ATTEMPTS
-        and (status := driver.advance(seconds=0.1)) != "failed"
-    ):
-        if status == "finished":
-            columns = driver.columns
-            lost = (columns["total"][-1] - columns["total"][0]) / scenario.kinetic
-            if abs(lost) > DISCARD:
-                break
-            before, after = (
-                np.array([columns["com_vx"][k], columns["com_vy"][k]]) for k in (0, -1)
-            )
-            impulse = after - before
-            along = -float(after @ impulse) / float(before @ impulse)
-            return (
-                scenario.result(columns)["restitution"],
-                along,
-                atan2(-impulse[0], impulse[1]),
-            )
-    return nan, nan, nan
+    scenario: Any = scene.scenario(body)
+    control = StepControl(scenario, spectrum(scenario.lattice, scenario.model))
+    driver = run(scenario, control.step)
+    while control.shortens(driver):
+        driver = run(scenario, control.step)
+    columns = driver.columns
+    lost = (columns["total"][-1] - columns["total"][0]) / scenario.kinetic
+    if driver.status == "failed" or abs(lost) > DISCARD:
+        return nan, nan, nan
+    before, after = (
+        np.array([columns["com_vx"][k], columns["com_vy"][k]]) for k in (0, -1)
+    )
+    impulse = after - before
+    return (
+        scenario.result(columns)["restitution"],
+        -float(after @ impulse) / float(before @ impulse),
+        atan2(-impulse[0], impulse[1]),
+    )
+
+
+def run(scenario: Scenario, step: TimeStep) -> Driver:
+    driver = Driver(scenario, step, shared_kernels())
+    driver.advance()
+    return driver
 
 
 @cache

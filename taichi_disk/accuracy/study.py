@@ -170,9 +170,8 @@ def assess(scene: Scene, progress: Progress, note: Callable[[str], None]) -> Fin
             " forces; `run` also estimates errors"
         )
     if scenario.step_dependent:
-        modes = spectrum(scenario.lattice, scenario.model)
-        outcome = compute(scenario, scene.time, estimate=False)
-        study = StepStudy(scenario, modes, outcome)
+        outcome = compute(scenario, estimate=False)
+        study = StepStudy(scenario, spectrum(scenario.lattice, scenario.model), outcome)
     others, started = list(changes(scene)), perf_counter()
     base = result_of(scene)
     run_time = perf_counter() - started
@@ -227,10 +226,10 @@ def result_of(scene: Scene) -> float:
     """Compute the primary result, by Newton's method if it does not depend on the
     step."""
     # The step is automatic, because a user's dt rarely suits a finer lattice.
-    scenario = scene.scenario()
+    scenario = replace(scene, time=replace(scene.time, dt="auto")).scenario()
     if not scenario.step_dependent:
         return scenario.primary(scenario.quasistatic(loads=1).columns)[1]
-    outcome = compute(scenario, replace(scene.time, dt="auto"), estimate=False)
+    outcome = compute(scenario, estimate=False)
     return scenario.primary(outcome.columns)[1]
 
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 from inspect import signature
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 from warnings import warn
 
 import numpy as np
@@ -16,11 +16,12 @@ from taichi_disk import runtime
 from taichi_disk.api.lattices import MOST_LATTICES
 from taichi_disk.api.work import FRAMES, MOST_FRAMES, Work
 from taichi_disk.computation.contact import greatest_compression
+from taichi_disk.computation.driver import State as State
 from taichi_disk.computation.outcome import Outcome
 from taichi_disk.computation.scenario import Scenario
 from taichi_disk.config.tree import Source, as_path
 from taichi_disk.errors import InputError, did_you_mean, nearest
-from taichi_disk.lattice import Array, Lattice, OwnStart, disk_of, numbers, own_start
+from taichi_disk.lattice import Array, Lattice, OwnStart, disk_of, numbers
 from taichi_disk.output import files
 from taichi_disk.output.plot import plotting_beside
 from taichi_disk.output.report import headline, rows, shown
@@ -40,15 +41,6 @@ if TYPE_CHECKING:
     from taichi_disk.output.inline import Film, Plot
 
 __all__ = ["Modes", "Result", "State", "run"]
-
-
-class State(NamedTuple):
-    """State at time t [R/c]: positions (n, 2) [R], those of the disk first, and
-    velocities (n, 2) [c]."""
-
-    t: float
-    positions: Array
-    velocities: Array
 
 
 @dataclass(frozen=True)
@@ -177,7 +169,7 @@ class Result:
 
         Raises InputError for a time outside the run.
         """
-        return State(*next(self._moments([t])))
+        return next(self._states([t]))
 
     @runtime.alone()
     def trajectory(self, times: Sequence[float] | Array) -> tuple[Array, Array, Array]:
@@ -186,8 +178,7 @@ class Result:
 
         Raises InputError unless the times ascend and lie within the run.
         """
-        moments = list(self._moments(times))
-        t, x, v = zip(*moments, strict=True)
+        t, x, v = zip(*self._states(times), strict=True)
         return np.array(t), np.array(x), np.array(v)
 
     @property
@@ -265,10 +256,10 @@ class Result:
                 )
             times = np.linspace(0.0, self.series["t"][-1], frames)
         return export_run(
-            self.scenario, self._moments(times), as_path(path, "path"), format
+            self.scenario, self._states(times), as_path(path, "path"), format
         )
 
-    def _moments(self, times: Any) -> Iterator[tuple[float, Array, Array]]:
+    def _states(self, times: Any) -> Iterator[State]:
         times = np.atleast_1d(numbers(times, "times"))
         last = float(self.series["t"][-1])
         if (
@@ -414,7 +405,7 @@ class Result:
         """
         out, text = as_path(out, "out"), self.own.repeating(self.scene).to_yaml()
         with run_folder(out, text, True, overwrite, lattice=self.own.digest) as folder:
-            work = Work(self.scene, self.own)
+            work = Work(self.scene, self.own.disk, self.own.velocities)
             work.write_start(folder.path, self.scenario)
             with plotting_beside(video) as plot:
                 work.write(
@@ -476,16 +467,15 @@ class Result:
                 " computed again from scene.yaml"
             )
         scene = load_scene(path, overrides)
-        own = own_start(scene.lattice, None, None)
-        if summary.get("lattice_digest", "") != own.digest:
+        work = Work(scene, progress=progress)
+        if summary.get("lattice_digest", "") != work.own.digest:
             raise InputError(
                 f"{folder}: the lattice or the velocities in lattice.npz have changed"
                 " since the run"
             )
-        work = Work(scene, own, progress)
         # The step of the run is accepted, even if it is beyond the stability limit.
         outcome = work.solve(work.build(), 1, force=True, estimate=estimate)
-        return cls(scene, outcome, own=own)
+        return cls(work.scene, outcome, own=work.own)
 
 
 @reported
@@ -567,15 +557,16 @@ def run(
             f"lattices: must be a whole number from 1 to {MOST_LATTICES:,}, not"
             f" {lattices!r}"
         )
-    work = Work(scene, OwnStart(), progress, started)
-    # read only once, because the files may change
-    own = work.own = own_start(scene.lattice, lattice, velocities)
+    # reads the files of a lattice and velocities only once, because they may change
+    work = Work(scene, lattice, velocities, progress, started)
+    own = work.own
     options: dict[str, Any] = {"lattices": lattices, "force": force, "say": say}
     if out is None:
         if export:
             raise InputError("export: needs a folder, `out`")
-        return Result(scene, work.solve(work.build(threads), **options), own=own)
-    out, text = as_path(out, "out"), own.repeating(scene).to_yaml()
+        outcome = work.solve(work.build(threads), **options)
+        return Result(work.scene, outcome, own=own)
+    out, text = as_path(out, "out"), own.repeating(work.scene).to_yaml()
     with run_folder(out, text, not count_on, overwrite, say, own.digest) as folder:
         outcome = work.into(folder, video, export, threads, **options)
-    return Result(scene, outcome, folder.out, own)
+    return Result(work.scene, outcome, folder.out, own)

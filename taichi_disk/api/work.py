@@ -16,7 +16,7 @@ from taichi_disk.computation.outcome import Outcome, compute
 from taichi_disk.computation.scenario import Scenario
 from taichi_disk.computation.stability import spectrum
 from taichi_disk.errors import SimulationError
-from taichi_disk.lattice import OwnStart
+from taichi_disk.lattice import Lattice, own_start
 from taichi_disk.output import files
 from taichi_disk.output.plot import Begin, plotting_beside
 from taichi_disk.output.report import headline
@@ -30,22 +30,37 @@ FRAMES, MOST_FRAMES = 200, 100_000
 
 
 class Work:
-    """The computation of one run and its files. `clock` holds the wall-clock time of
-    each stage [s].
+    """The computation of one run and its files.
 
-    `own`: user-supplied lattice and velocities; `started`: time that the process has
-        taken before [s].
+    `lattice`, `velocities`: as for `run`; `started`: time that the process has taken
+        before [s]. Raises InputError for a lattice or velocities that cannot be used.
+
+    Attributes:
+        scene: the scene, whose throw is that of user-supplied velocities.
+        own: user-supplied lattice and velocities.
+        clock: wall-clock time of each stage [s].
     """
 
     def __init__(
         self,
         scene: Scene,
-        own: OwnStart,
+        lattice: Lattice | None = None,
+        velocities: Any = None,
         progress: Progress | None = None,
         started: float = 0.0,
     ) -> None:
-        self.scene, self.own, self.progress = scene, own, progress or silent
-        self.clock, self._since = {"start": started} if started else {}, perf_counter()
+        self._since = perf_counter()
+        self.clock = {"start": started} if started else {}
+        self.progress = progress or silent
+        self.own = own_start(scene.lattice, lattice, velocities)
+        self.scene = scene
+        if self.own.velocities is not None:
+            self.scene = scene.thrown_with(self._body(), self.own.velocities)
+
+    def _body(self) -> Lattice:
+        if self.own.disk is not None:
+            return self.own.disk
+        return setup_of(self.scene).body
 
     def lap(self, stage: str, **within: float) -> None:
         """Add the time since the last lap to `stage`, minus the times `within` it,
@@ -63,13 +78,10 @@ class Work:
         scene, own = self.scene, self.own
         check_memory(scene)
         runtime.start(threads)
-        scenario = scene.scenario(
-            setup_of(scene).body if own.disk is None else own.disk, own.velocities
-        )
-        # names the file of a user-supplied lattice
-        scenario.scene = own.repeating(scenario.scene)
+        scenario = scene.scenario(self._body(), own.velocities)
         self.lap("build")
-        return scenario
+        # names the file of a user-supplied lattice
+        return replace(scenario, scene=own.repeating(scenario.scene))
 
     def solve(
         self, scenario: Scenario, lattices: int | None = None, **options: Any
@@ -77,8 +89,8 @@ class Work:
         """Compute `scenario` and return the outcome with a complete summary. Options
         and errors as for `compute`."""
         scene, own = self.scene, self.own
-        modes = spectrum if own.disk else setup_of(scene).modes
-        outcome = compute(scenario, scene.time, self.progress, modes=modes, **options)
+        spectrum_of = spectrum if own.disk else setup_of(scene).spectrum
+        outcome = compute(scenario, self.progress, spectrum_of=spectrum_of, **options)
         self.lap("simulate", compile=outcome.compile_seconds)
         summary = self._heading("done") | outcome.summary | {"video": None}
         notes = scene.notes(scenario.lattice.disk_points)

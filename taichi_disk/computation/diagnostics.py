@@ -194,6 +194,10 @@ class BlowUp(SimulationError):
         self.last_good = last_good or {}
 
 
+class LostBalance(SimulationError):
+    """The run came to its end, but its energy imbalance is too large for a result."""
+
+
 def gone_through(lattice: Lattice, model: Model, x: Array, energy: float) -> bool:
     """Return whether a point of the disk is deeper in the elastic wall than the
     `energy` [M c^2] of the run permits."""

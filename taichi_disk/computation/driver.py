@@ -1,12 +1,11 @@
-"""Step a scenario to its end in launches of many steps, restart with a shorter step,
-and detect blow-ups."""
+"""Step a scenario to its end in launches of many steps, and detect blow-ups."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 from math import ceil, inf
 from time import perf_counter
-from typing import Any, Literal
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
@@ -14,22 +13,25 @@ from taichi_disk import runtime
 from taichi_disk.computation.diagnostics import (
     BlowUp,
     EnergyBalance,
+    LostBalance,
     explained,
     gone_through,
     unacceptable,
 )
 from taichi_disk.computation.scenario import Scenario
-from taichi_disk.computation.stability import Spectrum
-from taichi_disk.computation.step_control import StepControl
+from taichi_disk.computation.stability import TimeStep
 from taichi_disk.errors import SimulationError
 from taichi_disk.lattice import Array
 from taichi_disk.simulation.observables import Columns, as_columns, bounds_array
-from taichi_disk.simulation.simulation import NEVER, KernelCache, Simulation
+from taichi_disk.simulation.simulation import (
+    MAX_STEPS,
+    NEVER,
+    KernelCache,
+    Simulation,
+)
 from taichi_disk.simulation.stepping import Snapshot
 
-# t [R/c], positions (n, 2) [R], velocities (n, 2) [c]
-Moment = tuple[float, Array, Array]
-Status = Literal["running", "restarted", "finished", "failed"]
+Status = Literal["running", "finished", "failed"]
 
 # spring evaluations in one kernel launch: about 50 ms on one core
 SPRINGS_PER_LAUNCH = 12_000_000
@@ -37,81 +39,85 @@ SPRINGS_PER_LAUNCH = 12_000_000
 SPRINGS_PER_CHECK = 25 * SPRINGS_PER_LAUNCH
 
 
-class Driver:
-    """Steps one scenario from t = 0 to its end, and restarts with a shorter step if
-    necessary.
+class State(NamedTuple):
+    """State at time t [R/c]: positions (n, 2) [R], those of the disk first, and
+    velocities (n, 2) [c]."""
 
-    Args:
-        scenario, time, spectrum, force: as for `StepControl`.
-        kernels: cache of compiled simulations.
+    t: float
+    positions: Array
+    velocities: Array
+
+
+class Driver:
+    """One run of a scenario with one time step, from t = 0 to its end or its failure.
 
     Attributes:
-        interval: time between two rows [R/c], of `stride` steps.
-        state, row: last valid state, and its observables (columns,).
+        scenario, step, kernels: as given; `kernels` caches compiled simulations.
+        stride: number of steps between two rows.
+        interval: time between two rows [R/c].
+        last_step: number of the step at which the run fails if it has not ended.
+        bounds: (2, columns) smallest and largest values at the end of the scene.
+        needed_rows, settled_rows: number of successive rows within `bounds` at the end
+            of the scene, and their number so far.
+        start, state: first and last valid state.
+        row: observables (columns,) of `state`.
+        balance: energy balance of the rows so far.
         status: the last return value of `advance`.
         failure: why there is no result, if the status is "failed".
         end, final: state at the end, and its time, positions and velocities, if the
             status is "finished".
-        largest_force: largest force of the wall on one point [M c^2/R], if the status
-            is "finished".
-        can_end: whether the scene may end or restart.
-
-    Raises InputError if the user's step is beyond the stability limit.
+        largest_force: largest force of the wall on one point [M c^2/R], if the run has
+            finished or failed.
+        can_end: whether the scene may end.
     """
 
     can_end = True
 
     def __init__(
-        self,
-        scenario: Scenario,
-        time: Any,
-        kernels: KernelCache,
-        spectrum: Spectrum,
-        *,
-        force: bool = False,
+        self, scenario: Scenario, step: TimeStep, kernels: KernelCache
     ) -> None:
-        self.scenario, self.kernels = scenario, kernels
-        self.control = StepControl(scenario, time, spectrum, force)
-        self.compile_seconds = 0.0
+        self.scenario = scenario
+        self.step = step
+        self.kernels = kernels
+        self.stride = max(1, round(scenario.row_interval / step.dt))
+        self.interval = self.stride * step.dt
+        self.simulation = self._simulation()
+        rows_to_limit = ceil(scenario.max_time / self.interval)
+        self.last_step = min(rows_to_limit * self.stride, MAX_STEPS)
+        self.bounds = bounds_array(scenario.end_bounds())
+        self.needed_rows = 1 + ceil(scenario.quiet_time / self.interval - 1e-9)
+        self.settled_rows = 0
+        self._launch_steps = self._steps_of_a_launch()
+
+        first_row = self.simulation.first_row
+        self._rows: Array = np.empty((256, first_row.size))
+        self._rows[0] = first_row
+        self.count = 1
+        self.row = first_row
+        self.balance = EnergyBalance(first_row)
+        self.start = self.state = self.simulation.snapshot()
+        self.status: Status = "running"
         self.failure: SimulationError | None = None
         self.end: Snapshot | None = None
-        self.status: Status = "running"
-        self._bounds = bounds_array(scenario.end_bounds())
-        self._begin()
-
-    def _begin(self) -> None:
-        scenario, began = self.scenario, perf_counter()
-        self.step, self.attempt = self.control.step, self.control.attempt
-        self.stride = max(1, round(scenario.row_interval / self.step.dt))
-        self.interval = self.stride * self.step.dt
-        self.simulation = self._simulation()
-        self.compile_seconds += perf_counter() - began
-        self._last = ceil(scenario.max_time / self.interval) * self.stride
-        self._needed, self._quiet = (
-            1 + ceil(scenario.quiet_time / self.interval - 1e-9),
-            0,
-        )
-        springs = (
-            SPRINGS_PER_CHECK if self.simulation.subdomains > 1 else SPRINGS_PER_LAUNCH
-        )
-        self._launch_steps = max(
-            1, springs // (len(scenario.lattice.bonds) * self.step.integrator.forces)
-        )
-        self._rows: Array = np.empty((256, self.simulation.first_row.size))
-        self._rows[0], self.count = self.simulation.first_row, 1
-        self._balance = EnergyBalance(self.simulation.first_row)
-        self.start = self.state = self.simulation.snapshot()
-        self.row = self.simulation.first_row
+        self.largest_force = 0.0
 
     def _simulation(self) -> Simulation:
-        scenario, step = self.scenario, self.step
         return self.kernels.simulation(
-            scenario.lattice,
-            scenario.model,
-            step.integrator,
-            scenario.velocities,
-            step.dt,
+            lattice=self.scenario.lattice,
+            model=self.scenario.model,
+            integrator=self.step.integrator,
+            velocities=self.scenario.velocities,
+            dt=self.step.dt,
         )
+
+    def _steps_of_a_launch(self) -> int:
+        springs = SPRINGS_PER_LAUNCH
+        if self.simulation.subdomains > 1:
+            springs = SPRINGS_PER_CHECK
+        springs_of_a_step = (
+            len(self.scenario.lattice.bonds) * self.step.integrator.forces
+        )
+        return max(1, springs // springs_of_a_step)
 
     # ---- results so far
 
@@ -125,60 +131,70 @@ class Driver:
     def columns(self) -> Columns:
         return as_columns(self.rows, self.interval)
 
+    @property
+    def has_ended(self) -> bool:
+        """Whether the scene has come to its end, with or without a result."""
+        return self.status == "finished" or isinstance(self.failure, LostBalance)
+
     # ---- time
 
     def advance(self, seconds: float = inf, steps: int | None = None) -> Status:
         """Compute up to `steps` steps (default: to the end), for not much longer than
         `seconds` of wall-clock time.
 
-        Returns "running", "restarted" (with a shorter step), "finished" (the scene has
-        ended) or "failed" (see `failure`).
+        Returns "running", "finished" (the scene has ended) or "failed" (see `failure`).
         """
-        if self.status in ("finished", "failed"):
+        if self.status != "running":
             return self.status
-        self.status, until = "running", perf_counter() + seconds
-        last = (
-            self._last
-            if steps is None
-            else min(self._last, self.simulation.step_number + steps)
-        )
+        until = perf_counter() + seconds
+        last = self.last_step
+        if steps is not None:
+            last = min(last, self.simulation.step_number + steps)
         while self.simulation.step_number < last:
             self._launch(last)
             if self.status != "running" or perf_counter() >= until:
                 break
-        if self.status == "running" and self.simulation.step_number >= self._last:
+        if self.status == "running" and self.simulation.step_number >= self.last_step:
             self._fail(SimulationError(self.scenario.unfinished(self.columns)))
         return self.status
 
     def _launch(self, last: int) -> None:
-        simulation, needed = self.simulation, self._needed if self.can_end else NEVER
-        steps = min(self._launch_steps, last - simulation.step_number)
-        rows, self._quiet = simulation.advance(
-            steps, self.stride, self._bounds, needed, self._quiet
+        simulation = self.simulation
+        needed = self.needed_rows if self.can_end else NEVER
+        rows, self.settled_rows = simulation.advance(
+            steps=min(self._launch_steps, last - simulation.step_number),
+            stride=self.stride,
+            bounds=self.bounds,
+            needed=needed,
+            settled=self.settled_rows,
         )
-        now, seen, what = simulation.snapshot(), np.vstack([rows, simulation.now]), ""
-        if (lost := self._balance.first_lost(seen)) is not None:
-            what = self._balance.loss(seen[lost])
+        state = simulation.snapshot()
+        new_rows = np.vstack([rows, simulation.now])
+        lost = self.balance.first_lost(new_rows)
+        self._append(rows[:lost])
+        if lost is not None:
+            self._blow_up(self.balance.loss(new_rows[lost]))
         elif gone_through(
             self.scenario.lattice,
             self.scenario.model,
-            now.vectors[0],
-            self._balance.total,
+            state.vectors[0],
+            self.balance.total,
         ):
-            what = "the disk has gone through the surface of the wall"
-        self._append(rows[:lost])
-        if what:
-            self._blown_up(what)
-            return
-        self.state, self.row = now, simulation.now
-        if self.can_end and self._quiet >= self._needed:
-            # Use only the rows of the settling time, because this check may run at
-            # every row.
-            last_rows = self._rows[max(0, self.count - self._needed - 1) : self.count]
-            if self.scenario.ended(as_columns(last_rows, self.interval)):
-                self._at_end()
-            else:
-                self._quiet = self._needed - 1
+            self._blow_up("the disk has gone through the surface of the wall")
+        else:
+            self.state = state
+            self.row = simulation.now
+            if self.can_end and self.settled_rows >= self.needed_rows:
+                self._end_if_settled()
+
+    def _end_if_settled(self) -> None:
+        # Use only the rows of the settling time, because this check may run at every
+        # row.
+        last_rows = self.rows[max(0, self.count - self.needed_rows - 1) :]
+        if self.scenario.ended(as_columns(last_rows, self.interval)):
+            self._finish()
+        else:
+            self.settled_rows = self.needed_rows - 1
 
     def _append(self, rows: Array) -> None:
         while self.count + len(rows) > len(self._rows):
@@ -191,8 +207,8 @@ class Driver:
             name: value for name, value in vars(self).items() if name != "simulation"
         }
 
-    def replay(self, times: Array) -> Iterator[Moment]:
-        """Repeat the last attempt bitwise, and yield the moments at the steps nearest
+    def replay(self, times: Array) -> Iterator[State]:
+        """Repeat the last attempt bitwise, and yield the states at the steps nearest
         to `times` (ascending)."""
         runtime.start()  # another process may have computed the run
         simulation, snapshot = self._simulation(), self.start
@@ -208,53 +224,50 @@ class Driver:
                     min(int(number) - simulation.step_number, stride), stride
                 )
             snapshot = simulation.snapshot()
-            yield (
+            yield State(
                 simulation.time,
                 simulation.positions(snapshot),
                 simulation.velocities(snapshot),
             )
 
-    # ---- finish, restart or fail
+    # ---- finish or fail
 
-    def _at_end(self) -> None:
-        columns, simulation, state = self.columns, self.simulation, self.state
+    def _finish(self) -> None:
+        simulation, state = self.simulation, self.state
         self.largest_force = simulation.peak_point_force(state)
-        if self.control.shorten_after_run(self.largest_force, columns):
-            self._restart()
-            return
-        if self.control.time.dt == "auto" and (
-            reason := unacceptable(self.scenario, columns)
-        ):
-            self._fail(SimulationError(reason))
-            return
-        self.status, self.end = "finished", state
-        self.final = (
+        if self.scenario.scene.time.dt == "auto":
+            reason = unacceptable(self.scenario, self.columns)
+            if reason:
+                self._fail(LostBalance(reason))
+                return
+        self.status = "finished"
+        self.end = state
+        self.final = State(
             simulation.time,
             simulation.positions(state),
             simulation.velocities(state),
         )
 
-    def _blown_up(self, lost: str) -> None:
+    def _blow_up(self, what: str) -> None:
+        """Go back to the last valid row, and fail there."""
         simulation = self.simulation
         simulation.restore(self.state)
-        if (steps := (self.count - 1) * self.stride - simulation.step_number) > 0:
+        steps = (self.count - 1) * self.stride - simulation.step_number
+        if steps > 0:
             simulation.advance(steps, self.stride)
-            self.state, self.row = simulation.snapshot(), simulation.now
-        largest = simulation.peak_point_force()
-        if self.can_end and self.control.shorten_after_blow_up(largest):
-            self._restart()
-            return
-        x, v, t = simulation.positions(), simulation.velocities(), simulation.time
-        part = self.step.dt / self.control.limit(self.step.integrator, largest)
-        text = (
-            f"blow-up after t = {t:.6g} R/c:"
-            f" {explained(self.scenario, self.step.dt, part, x, lost)}"
+            self.state = simulation.snapshot()
+            self.row = simulation.now
+        self.largest_force = simulation.peak_point_force()
+        fraction = self.step.dt / self.step.limit_under(self.largest_force)
+        x, v = simulation.positions(), simulation.velocities()
+        reason = explained(self.scenario, self.step.dt, fraction, x, what)
+        self._fail(
+            BlowUp(
+                f"blow-up after t = {simulation.time:.6g} R/c: {reason}",
+                {"positions": x, "velocities": v, "t": np.array(simulation.time)},
+            )
         )
-        self._fail(BlowUp(text, {"positions": x, "velocities": v, "t": np.array(t)}))
-
-    def _restart(self) -> None:
-        self.status = "restarted"
-        self._begin()
 
     def _fail(self, failure: SimulationError) -> None:
-        self.status, self.failure = "failed", failure
+        self.status = "failed"
+        self.failure = failure

@@ -6,7 +6,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 from itertools import combinations
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -14,6 +14,7 @@ from taichi_disk.computation.contact import greatest_compression
 from taichi_disk.computation.diagnostics import relative_imbalance
 from taichi_disk.computation.driver import Driver
 from taichi_disk.computation.scenario import Scenario
+from taichi_disk.computation.stability import TimeStep
 from taichi_disk.computation.step_control import fitted
 from taichi_disk.errors import SimulationError, TaichiDiskError
 from taichi_disk.lattice import Array
@@ -80,20 +81,14 @@ def second_run(driver: Driver) -> SecondRun:
     x = driver.start.vectors[0]
     try:
         for other_dt in _other_steps(driver):
-            time = replace(
-                driver.control.time, dt=other_dt, integrator=driver.step.integrator.name
-            )
-            other = Driver(
-                scenario, time, driver.kernels, driver.control.spectrum, force=True
-            )
+            other = Driver(scenario, replace(driver.step, dt=other_dt), driver.kernels)
             if not runs:
-                other.advance(
-                    steps=round(greatest_compression(columns) / other.step.dt)
-                )
+                other.advance(steps=round(greatest_compression(columns) / other_dt))
                 x = other.state.vectors[0]
-            if other.advance() == "failed":
+            other.advance()
+            if not other.has_ended:
                 return SecondRun({}, x)
-            runs.append((other.step.dt, scenario.result(other.columns)))
+            runs.append((other_dt, scenario.result(other.columns)))
         runs.append((dt, scenario.result(columns)))
     except TaichiDiskError:  # the other step gives no result
         return SecondRun({}, x)
@@ -151,7 +146,7 @@ def _is_irregular(driver: Driver) -> bool:
     """
     scenario = driver.scenario
     sliding = (
-        driver.columns["sliding"].any() and driver.control.time.tolerance == "none"
+        driver.columns["sliding"].any() and scenario.scene.time.tolerance == "none"
     )
     return bool(
         scenario.model.has_friction
@@ -168,7 +163,7 @@ def _other_steps(driver: Driver) -> list[float]:
         return [
             fitted(step.dt / ratio, interval) for ratio in (HALF_STEP, QUARTER_STEP)
         ]
-    limit = driver.control.limit(step.integrator, driver.largest_force)
+    limit = step.limit_under(driver.largest_force)
     longer = fitted(LONGER_STEP * limit, interval)
     return [
         (
@@ -190,22 +185,22 @@ def _order(driver: Driver) -> int:
 
 
 def within_tolerance(
-    driver: Driver, run: Callable[[Any], Driver]
+    driver: Driver, run: Callable[[TimeStep], Driver]
 ) -> tuple[Driver, SecondRun]:
     """Shorten the step of the finished `driver` until the estimated error of its result
     is within `time.tolerance`.
 
-    `run` runs the scene to its end with a section `time`. Raises SimulationError if no
-    step is found.
+    `run` runs the scene to its end with a step. Raises SimulationError if no step is
+    found.
     """
-    scenario, time = driver.scenario, driver.control.time
+    scenario = driver.scenario
+    tolerance = scenario.scene.time.tolerance
     for tried in range(1, SEARCH + 1):
-        second, left = second_run(driver), scenario.end_truncation_error(driver.columns)
-        error, allowed = (
-            second.errors.get(scenario.primary(driver.columns)[0]),
-            time.tolerance - left,
-        )
-        if error is not None and error <= time.tolerance:
+        second = second_run(driver)
+        left = scenario.end_truncation_error(driver.columns)
+        error = second.errors.get(scenario.primary(driver.columns)[0])
+        allowed = tolerance - left
+        if error is not None and error <= tolerance:
             return driver, second
         if allowed <= 0.0 or tried == SEARCH:
             break
@@ -215,16 +210,16 @@ def within_tolerance(
             ratio = float(
                 np.clip(excess ** (1.0 / _order(driver)), LEAST_RATIO, MOST_RATIO)
             )
-        runs, step = driver.attempt, driver.step
-        shorter = fitted(step.dt / ratio, scenario.model.reset_interval)
-        driver = run(replace(time, dt=shorter, integrator=step.integrator.name))
-        driver.attempt += runs
-    found = "cannot be estimated" if error is None else f"is estimated at {error:.3g}"
+        shorter = fitted(driver.step.dt / ratio, scenario.model.reset_interval)
+        driver = run(replace(driver.step, dt=shorter))
+    found = "cannot be estimated"
+    if error is not None:
+        found = f"is estimated at {error:.3g}"
     text = (
-        f"time.tolerance is {time.tolerance:g}, and the error of the result after"
-        f" {driver.attempt} runs {found}"
+        f"time.tolerance is {tolerance:g}, and the error of the result after {tried}"
+        f" runs {found}"
     )
-    if left > 0.5 * time.tolerance:
+    if left > 0.5 * tolerance:
         text += (
             f": {left:.2g} of it is due to where the run ends, at any step;"
             f" {scenario.truncation_remedy}"

@@ -11,14 +11,15 @@ import numpy as np
 
 from taichi_disk.computation import diagnostics
 from taichi_disk.computation.contact import greatest_compression
-from taichi_disk.computation.driver import Driver, Moment
+from taichi_disk.computation.driver import Driver, State
 from taichi_disk.computation.error_estimate import (
     SecondRun,
     second_run,
     within_tolerance,
 )
 from taichi_disk.computation.scenario import Scenario
-from taichi_disk.computation.stability import Spectrum, spectrum
+from taichi_disk.computation.stability import Spectrum, TimeStep, spectrum
+from taichi_disk.computation.step_control import StepControl
 from taichi_disk.computation.workload import announcement
 from taichi_disk.lattice import Array, Lattice
 from taichi_disk.lattice.lattice import double_area
@@ -47,20 +48,19 @@ class Outcome:
     positions: Array  # (n, 2) at the end [R]
     velocities: Array  # (n, 2) at the end [c]
     largest_force: float  # largest force of the wall on one point [M c^2/R]
-    # computes the run again: moments at ascending times, bitwise equal
-    replay: Callable[[Array], Iterator[Moment]]
+    # computes the run again: states at ascending times, bitwise equal
+    replay: Callable[[Array], Iterator[State]]
     # the same for pictures, which interpolate a quasi-static loading
-    frames: Callable[[Array], Iterator[Moment]]
+    frames: Callable[[Array], Iterator[State]]
     summary: dict[str, Any]  # results and how they were computed, for summary.json
     compile_seconds: float = 0.0  # wall-clock time of compilation [s]
 
 
 def compute(
     scenario: Scenario,
-    time: Any,
     progress: Progress = silent,
     *,
-    modes: Callable[[Lattice, Model], Spectrum] = spectrum,
+    spectrum_of: Callable[[Lattice, Model], Spectrum] = spectrum,
     force: bool = False,
     estimate: bool = True,
     loads: int = LOADS,
@@ -69,8 +69,7 @@ def compute(
     """Compute `scenario` to its end.
 
     Args:
-        time: the scene's section `time`.
-        modes: returns the spectrum of the lattice and the model.
+        spectrum_of: returns the spectrum of the lattice and the model.
         force: whether to accept a user's step beyond the stability limit.
         estimate: whether a second run estimates the error and counts inverted
             triangles, unless that takes long.
@@ -84,26 +83,50 @@ def compute(
     """
     if scenario.static:
         return scenario.quasistatic(loads, progress)
-    found = modes(scenario.lattice, scenario.model)
+    kernels = shared_kernels()
+    compile_seconds = kernels.compile_seconds
+    attempts = 0
 
-    def finished(time: Any) -> Driver:
-        driver = Driver(scenario, time, shared_kernels(), found, force=force)
-        if text := announcement(driver):
-            say(text)
+    def run(step: TimeStep) -> Driver:
+        nonlocal attempts
+        attempts += 1
+        driver = Driver(scenario, step, kernels)
+        cost = announcement(driver)
+        if cost:
+            say(cost)
         progress("simulate", 0.0, scenario.max_time)
-        while driver.advance(seconds=0.1) in ("running", "restarted"):
+        while driver.advance(seconds=0.1) == "running":
             progress("simulate", driver.simulation.time, scenario.max_time)
+        return driver
+
+    def finished(step: TimeStep) -> Driver:
+        driver = run(step)
         if driver.failure:
             raise driver.failure
         return driver
 
-    driver, second = finished(time), None
-    if time.tolerance != "none" and scenario.step_dependent:
+    control = StepControl(
+        scenario, spectrum_of(scenario.lattice, scenario.model), force
+    )
+    driver = run(control.step)
+    while control.shortens(driver):
+        driver = run(control.step)
+    if driver.failure:
+        raise driver.failure
+    second = None
+    if scenario.scene.time.tolerance != "none" and scenario.step_dependent:
         driver, second = within_tolerance(driver, finished)
-    return _described(driver, second, estimate)
+    compile_seconds = kernels.compile_seconds - compile_seconds
+    return _described(driver, second, estimate, attempts, compile_seconds)
 
 
-def _described(driver: Driver, second: SecondRun | None, estimate: bool) -> Outcome:
+def _described(
+    driver: Driver,
+    second: SecondRun | None,
+    estimate: bool,
+    attempts: int,
+    compile_seconds: float,
+) -> Outcome:
     scenario, step, end = driver.scenario, driver.step, driver.end
     assert end is not None
     columns, largest = (
@@ -111,7 +134,7 @@ def _described(driver: Driver, second: SecondRun | None, estimate: bool) -> Outc
         driver.largest_force,
     )
     _, positions, velocities = driver.final
-    limit = driver.control.limit(step.integrator, largest)
+    limit = step.limit_under(largest)
     warnings = diagnostics.warnings(scenario, columns)
     if step.dt > limit:
         beyond = "is beyond the stability limit with the measured force of the wall"
@@ -139,23 +162,22 @@ def _described(driver: Driver, second: SecondRun | None, estimate: bool) -> Outc
         "steps": end.step,
         "dt": step.dt,
         "dt_limit": limit,
-        "attempts": driver.attempt,
+        "attempts": attempts,
         "integrator": step.integrator.name,
         "error_estimate": errors,
         "error_source": "time step" if scenario.step_dependent else "end of the run",
         "energy": diagnostics.summary(scenario, columns),
     }
-    replay, seconds = driver.replay, driver.compile_seconds
     return Outcome(
-        scenario,
-        columns,
-        positions,
-        velocities,
-        largest,
-        replay,
-        replay,
-        summary,
-        seconds,
+        scenario=scenario,
+        columns=columns,
+        positions=positions,
+        velocities=velocities,
+        largest_force=largest,
+        replay=driver.replay,
+        frames=driver.replay,
+        summary=summary,
+        compile_seconds=compile_seconds,
     )
 
 

@@ -4,7 +4,8 @@ series. Each kind is a subclass."""
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from dataclasses import replace
+from dataclasses import dataclass
+from math import inf
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
@@ -15,35 +16,49 @@ from taichi_disk.simulation.observables import Columns
 
 if TYPE_CHECKING:  # scene files are checked without Taichi
     from taichi_disk.physics import Model
-    from taichi_disk.statics.equilibrium import Equilibrium
 
 
+@dataclass(frozen=True, kw_only=True, eq=False)
 class Scenario(ABC):
-    """One scene, ready to be stepped."""
+    """One scene with its start, ready to be stepped. Nothing changes it afterwards: use
+    `dataclasses.replace` for another start, law or limit.
 
-    scene: Any  # scene from which it was made
-    lattice: Lattice  # lattice at t = 0, in scene coordinates
-    velocities: Array  # (n, 2) at t = 0 [c]
-    model: Model  # all forces
-    # estimate of the largest force of the wall on one point [M c^2/R]
+    Attributes:
+        scene: the scene from which it was made.
+        lattice: lattice at t = 0, in scene coordinates.
+        velocities: (n, 2) at t = 0 [c].
+        model: all forces.
+        point_force: estimate of the largest force of the wall on one point [M c^2/R].
+        max_time: time limit [R/c].
+        sample_interval: longest time between two rows from which `result` can be found
+            [R/c].
+        view: (xmin, xmax, ymin, ymax) of the film [R].
+        spoke: point to which pictures draw a line from the disk's centre, to show a
+            rotation; -1: none.
+        wall_step: longest step that resolves the wall [R/c].
+        quiet_time: settling time for which rows must stay within `end_bounds` [R/c]; 0:
+            one row suffices.
+        own_velocities: whether the user gave the velocities.
+    """
+
+    scene: Any
+    lattice: Lattice
+    velocities: Array
+    model: Model
     point_force: float
-    max_time: float  # time limit [R/c]
-    # longest time between two rows from which `result` can be found [R/c]
+    max_time: float
     sample_interval: float
-    view: tuple[float, float, float, float]  # (xmin, xmax, ymin, ymax) of the film [R]
-    # point to which pictures draw a line from the disk's centre, to show a rotation;
-    # -1: none
+    view: tuple[float, float, float, float]
     spoke: int = -1
-    step_dependent: bool = True  # whether the primary result depends on the time step
-    wall_step: float = float("inf")  # longest step that resolves the wall [R/c]
-    truncation_remedy: str = ""  # advice on how to make `end_truncation_error` smaller
-    # equilibrium under the load by Newton's method; None without a load
-    rest: Equilibrium | None = None
-    # settling time for which rows must stay within `end_bounds` [R/c]; 0: one row
-    # suffices
+    wall_step: float = inf
     quiet_time: float = 0.0
-    own_velocities: bool = False  # whether the user gave the velocities
-    # whether `t` is the fraction of a load, whose equilibria end at `rest`
+    own_velocities: bool = False
+
+    # whether the primary result depends on the time step
+    step_dependent: ClassVar[bool] = True
+    # advice on how to make `end_truncation_error` smaller
+    truncation_remedy: ClassVar[str] = ""
+    # whether `t` is the fraction of a load, whose equilibria end at the full load
     static: ClassVar[bool] = False
     # whether the disk flies at a wall, so that it can be aimed
     is_thrown: ClassVar[bool] = False
@@ -65,24 +80,14 @@ class Scenario(ABC):
         # The result and the end of a run must not depend on the number of rows that the
         # user wants.
         asked = self.scene.time.sample_interval
-        return (
-            self.sample_interval
-            if asked == "auto"
-            else min(asked, self.sample_interval)
-        )
+        if asked == "auto":
+            return self.sample_interval
+        return min(asked, self.sample_interval)
 
     def quasistatic(self, loads: int, progress: Progress = silent) -> Any:
         """Return the `Outcome` of `loads` equilibria under growing loads. Only a
         compression has one."""
         raise NotImplementedError
-
-    def go_on_from(self, positions: Array, velocities: Array) -> None:
-        """Replace the initial state by positions [R] and velocities [c], (n, 2)
-        each."""
-        self.lattice, self.velocities = (
-            replace(self.lattice, positions=positions),
-            velocities,
-        )
 
     # ---- the end
 

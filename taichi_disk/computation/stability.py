@@ -10,6 +10,7 @@ not lower the limit; predicted ones do, see `explicit_limit`.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -36,6 +37,24 @@ class Spectrum:
     damping: float  # largest damping rate over eta, lambda_max(L)/m [1/(M c/R) c/R]
     mass: float  # smallest point mass [M]
     points: int  # number of points
+
+
+@dataclass(frozen=True)
+class TimeStep:
+    """The step of one run.
+
+    Attributes:
+        integrator: how a step is made.
+        dt: step [R/c].
+        limit: largest stable step [R/c] with the estimated force of the wall.
+        limit_under: returns the largest stable step [R/c] if no force of the wall on a
+            point exceeds its argument [M c^2/R].
+    """
+
+    integrator: Integrator
+    dt: float
+    limit: float
+    limit_under: Callable[[float], float]
 
 
 def spectrum(lattice: Lattice, model: Model) -> Spectrum:

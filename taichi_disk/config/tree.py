@@ -76,6 +76,10 @@ class Tree:
     def fault(self, mark: Mark, path: Keys, what: str) -> None:
         self.faults.append(Fault(mark, ".".join(path), what))
 
+    def take_faults(self, other: Tree) -> None:
+        """Add the faults of another tree."""
+        self.faults += other.faults
+
     def refuse(self) -> None:
         # Report only the first fault of each value, because an unreadable value is also
         # invalid.
@@ -361,7 +365,7 @@ def _override(tree: Tree, override: str, rank: int) -> None:
     for section, parent in parents.items():
         where = (*section, path[-1])
         new, old = parse(text, mark, where), parent.get(path[-1])
-        tree.faults += new.faults
+        tree.take_faults(new)
         # replace some keys of a section
         if len(where) == 1 and isinstance(old, dict) and isinstance(new.value, dict):
             new.value = old | new.value

@@ -18,7 +18,7 @@ from taichi_disk.simulation.simulation import KernelCache
 from taichi_disk.web.drawing import DRAWING, bundle, source
 from taichi_disk.window.app import list_presets
 from taichi_disk.window.audience import Audience, Message, Visitor
-from taichi_disk.window.sandbox import Result
+from taichi_disk.window.sandbox import Experiment
 from taichi_disk.window.session import Session
 
 try:
@@ -116,6 +116,6 @@ class Sandbox(AnyWidget):
         return self._session.sandbox.scene
 
     @property
-    def results(self) -> list[Result]:
+    def results(self) -> list[Experiment]:
         """The rows of the table of results, the newest last; `value` is e or ξ [R]."""
         return self._session.sandbox.results

@@ -29,7 +29,7 @@ from taichi_disk.output.files import (
 )
 
 if TYPE_CHECKING:
-    from taichi_disk.computation.driver import Moment
+    from taichi_disk.computation.driver import State
     from taichi_disk.computation.scenario import Scenario
     from taichi_disk.physics.model import Model
     from taichi_disk.scenes.scene import DiskScene
@@ -50,7 +50,7 @@ class Frame:
 
 
 def _frames(
-    lattice: Lattice, model: Model, moments: Iterable[Moment]
+    lattice: Lattice, model: Model, moments: Iterable[State]
 ) -> Iterator[Frame]:
     triangles = Triangles(lattice)
     for time, x, v in moments:
@@ -382,7 +382,7 @@ def check_export(path: Path, format: str | None = None) -> tuple[Path, Format]:
 
 
 def export_run(
-    scenario: Scenario, moments: Iterable[Moment], path: Path, format: str | None = None
+    scenario: Scenario, moments: Iterable[State], path: Path, format: str | None = None
 ) -> Path:
     """Write `moments` of a run and return the file. `path` and `format` are those of
     `check_export`.

@@ -52,14 +52,17 @@ class ExponentialWall(Wall, BodyForce):
 
     @property
     def scalars(self) -> tuple[str, ...]:
-        return "a", "V0", "reach", *["friction"] * self.has_friction
+        if self.has_friction:
+            return "a", "V0", "reach", "friction"
+        return "a", "V0", "reach"
 
     @ti.func
     def at(self, state: ti.template(), i):
         y = state.x[1][i]
         point_force = 0.0
         if y < self.reach_now[None]:
-            a, V0 = self.a_now[None], self.V0_now[None]
+            a = self.a_now[None]
+            V0 = self.V0_now[None]
             point_force = a * V0 * ti.exp(-a * y)
         return ti.Vector([0.0, point_force])
 
@@ -84,8 +87,10 @@ class ExponentialWall(Wall, BodyForce):
             point_force = self.at(state, i)[1]
             if point_force > 0.0:
                 most = self.friction_now[None] * point_force
-                v, f = state.v[0][i], state.f[0][i]
-                force = ti.max(-most, ti.min(most, -(v * state.mass[i] / kick + f)))
+                v = state.v[0][i]
+                f = state.f[0][i]
+                stopping = -(v * state.mass[i] / kick + f)
+                force = ti.max(-most, ti.min(most, stopping))
                 state.f[0][i] = f + force
                 power -= force * (v + late * state.inverse_mass[i] * (f + force))
         return power
@@ -94,15 +99,15 @@ class ExponentialWall(Wall, BodyForce):
 
     def friction_on(self, lattice: Lattice, x: Array, v: Array, others: Array) -> Array:
         most = self.friction * self.forces(lattice, x)[:, 1]
-        return np.clip(
-            -(v[:, 0] * lattice.masses / STOPPING_TIME + others[:, 0]), -most, most
-        )
+        stopping = -(v[:, 0] * lattice.masses / STOPPING_TIME + others[:, 0])
+        return np.clip(stopping, -most, most)
 
     def energy(self, lattice: Lattice, x: Array) -> float:
         return float(self.potential(x[: lattice.disk_points, 1]).sum())
 
     def forces(self, lattice: Lattice, x: Array) -> Array:
-        force, n = np.zeros_like(x), lattice.disk_points
+        force = np.zeros_like(x)
+        n = lattice.disk_points
         force[:n, 1] = self.force_at(x[:n, 1])
         return force
 
@@ -114,10 +119,8 @@ class ExponentialWall(Wall, BodyForce):
     def contact_forces(
         self, lattice: Lattice, x: Array, *moving: Any
     ) -> tuple[NDArray[np.intp], Array]:
-        points, force = (
-            np.flatnonzero(x[: lattice.disk_points, 1] < self.reach),
-            self.forces(lattice, x),
-        )
+        points = np.flatnonzero(x[: lattice.disk_points, 1] < self.reach)
+        force = self.forces(lattice, x)
         if moving and self.has_friction:
             v, springs = moving
             others = springs.forces(lattice, x) + springs.damping_forces(lattice, x, v)
@@ -151,7 +154,8 @@ class Load(BodyForce):
         return self.force * float(lattice.mean(x[:, 1]))
 
     def forces(self, lattice: Lattice, x: Array) -> Array:
-        force, n = np.zeros_like(x), lattice.disk_points
+        force = np.zeros_like(x)
+        n = lattice.disk_points
         force[:n, 1] = -self.force * lattice.masses[:n]
         return force
 
@@ -184,11 +188,9 @@ class MouseSpring(BodyForce):
     def at(self, state: ti.template(), i):
         force = ti.Vector([0.0, 0.0])
         if i == self.point[0]:
-            k, most, d = (
-                self.k_now[None],
-                self.strongest_now[None],
-                get(self.target, 0) - get(state.x, i),
-            )
+            k = self.k_now[None]
+            most = self.strongest_now[None]
+            d = get(self.target, 0) - get(state.x, i)
             force = (k * most / ti.max(most, k * d.norm())) * d
         return force
 
@@ -196,33 +198,41 @@ class MouseSpring(BodyForce):
     def potential_at(self, state: ti.template(), i):
         energy = 0.0
         if i == self.point[0]:
-            k, r = self.k_now[None], (get(self.target, 0) - get(state.x, i)).norm()
+            k = self.k_now[None]
+            r = (get(self.target, 0) - get(state.x, i)).norm()
             pull = ti.min(k * r, self.strongest_now[None])
             energy = pull * (r - 0.5 * pull / k)
         return energy
 
     @ti.func
-    def change(self, state: ti.template(), factor):
-        """Add `factor` times the pull to the forces at this step, and return `factor`
-        times the potential [M c^2]."""
-        # Only the second half of this step's kick lies after this moment, so only that
-        # half changes.
+    def tie(self, state: ti.template()):
+        """Add the pull to the forces at this step, and return the potential that comes
+        with it [M c^2]."""
         i = self.point[0]
         energy = 0.0
         if i >= 0:
-            force = factor * self.at(state, i)
-            energy = factor * self.potential_at(state, i)
-            put(state.f, i, get(state.f, i) + force)
-            put(
-                state.v,
-                i,
-                get(state.v, i) - state.closing[None] * state.inverse_mass[i] * force,
-            )
-            if ti.static(state.corrected):
-                put(
-                    state.u,
-                    i,
-                    get(state.u, i)
-                    - state.observed[None] * state.inverse_mass[i] * force,
-                )
+            self.add_from_now_on(state, i, self.at(state, i))
+            energy = self.potential_at(state, i)
         return energy
+
+    @ti.func
+    def untie(self, state: ti.template()):
+        """Take the pull from the forces at this step, and return minus the potential
+        that goes with it [M c^2]."""
+        i = self.point[0]
+        energy = 0.0
+        if i >= 0:
+            self.add_from_now_on(state, i, -1.0 * self.at(state, i))
+            energy = -1.0 * self.potential_at(state, i)
+        return energy
+
+    @ti.func
+    def add_from_now_on(self, state: ti.template(), i, force):
+        # Only the second half of this step's kick lies after this moment, so only that
+        # half changes.
+        put(state.f, i, get(state.f, i) + force)
+        kick = state.closing[None] * state.inverse_mass[i] * force
+        put(state.v, i, get(state.v, i) - kick)
+        if ti.static(state.corrected):
+            correction = state.observed[None] * state.inverse_mass[i] * force
+            put(state.u, i, get(state.u, i) - correction)

@@ -28,7 +28,8 @@ class Boundary(Law):
     is_pinned = False
 
     def make_fields(self, builder: Any, capacity: Capacity) -> None:
-        self.point, self.count = array(builder, capacity.points), array(builder, 1)
+        self.point = array(builder, capacity.points)
+        self.count = array(builder, 1)
 
     def contents(self, lattice: Lattice, arrangement: Arrangement) -> Contents:
         return [
@@ -85,7 +86,8 @@ class MatchedBoundary(Boundary):
             i = self.point[k]
             own = half * state.inverse_mass[i]
             for c in ti.static(range(2)):
-                Z, before = self.Z[c][k], state.v[c][i]
+                Z = self.Z[c][k]
+                before = state.v[c][i]
                 v = (before + own * state.f[c][i]) / (1.0 + own * Z)
                 state.f[c][i] -= Z * v
                 power += Z * (v * v + 2.0 * before * before) / 3.0
@@ -159,13 +161,15 @@ class ResetBoundary(Boundary):
     def restart_explicit(self, state: ti.template(), springs: ti.template()):
         """Update `f` and `u` after a reset. Before, `u` holds the velocity that each
         point has lost."""
-        half, eta = state.closing[None], springs.eta_now[None]
+        half = state.closing[None]
+        eta = springs.eta_now[None]
         for i in range(state.n[None]):
             kick = half * state.inverse_mass[i] * get(state.f, i)
             put(state.v, i, get(state.v, i) + (kick - get(state.u, i)))
         for b in range(state.blocks[None]):
             for k in ti.static(range(len(springs.first))):
-                i, j = springs.first[k][b], springs.second[k][b]
+                i = springs.first[k][b]
+                j = springs.second[k][b]
                 lost = springs.damped_part(
                     state, k, b, get(state.u, j) - get(state.u, i)
                 )
@@ -197,12 +201,12 @@ class ResetBoundary(Boundary):
         power = 0.0
         for b in range(state.blocks[None]):
             for k in ti.static(range(len(springs.first))):
-                i, j = springs.first[k][b], springs.second[k][b]
+                i = springs.first[k][b]
+                j = springs.second[k][b]
                 u = springs.damped_part(state, k, b, get(state.u, i) - get(state.u, j))
-                kicks = state.inverse_mass[i] * get(state.f, i) - state.inverse_mass[
-                    j
-                ] * get(state.f, j)
-                w = get(state.v, i) - get(state.v, j) + h * kicks
+                a_i = state.inverse_mass[i] * get(state.f, i)
+                a_j = state.inverse_mass[j] * get(state.f, j)
+                w = get(state.v, i) - get(state.v, j) + h * (a_i - a_j)
                 power += springs.eta_now[None] * (u[0] * w[0] + u[1] * w[1])
         return power
 

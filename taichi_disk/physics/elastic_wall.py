@@ -67,7 +67,8 @@ class ElasticWall(Wall):
         self.count = array(builder, 2)
 
     def contents(self, lattice: Lattice, arrangement: Arrangement) -> Contents:
-        disk, wall = lattice.disk_surface, lattice.wall_surface
+        disk = lattice.disk_surface
+        wall = lattice.wall_surface
         return [
             ((self.disk_surface,), disk),
             ((self.wall_surface,), wall),
@@ -82,20 +83,25 @@ class ElasticWall(Wall):
         largest force on one point, and the energy lost by sliding in the last move,
         which was `move` times the velocity (see `sliding_loss`).
         """
-        a, V0, threshold = self.a_now[None], self.V0_now[None], self.threshold_now[None]
+        a = self.a_now[None]
+        V0 = self.V0_now[None]
+        threshold = self.threshold_now[None]
         x, y = ti.static(state.x[0], state.x[1])
-        upward, potential, peak_point_force, sliding = 0.0, 0.0, 0.0, 0.0
+        upward = 0.0
+        potential = 0.0
+        peak_point_force = 0.0
+        sliding = 0.0
         last = self.count[1] - 1
-        top, left = y[self.wall_surface[0]], x[self.wall_surface[0]]
+        top = y[self.wall_surface[0]]
+        left = x[self.wall_surface[0]]
         for k in range(1, self.count[1]):
             top = ti.max(top, y[self.wall_surface[k]])
         pitch = (x[self.wall_surface[last]] - left) / last
         for n in range(self.count[0]):
             i = self.disk_surface[n]
             if y[i] - top < self.steepness * threshold:
-                guess = ti.max(
-                    0, ti.min(last - 1, ti.cast((x[i] - left) / pitch, ti.i32))
-                )
+                guess = ti.cast((x[i] - left) / pitch, ti.i32)
+                guess = ti.max(0, ti.min(last - 1, guess))
                 k = self.spring_below(state, i, guess, 0.0)
                 distance, direction, first, shares = self.contact(state, i, k)
                 if distance < threshold:
@@ -104,11 +110,8 @@ class ElasticWall(Wall):
                     put(state.f, i, get(state.f, i) + point_force)
                     for c in ti.static(range(self.carriers)):
                         carrier = self.wall_surface[first + c]
-                        put(
-                            state.f,
-                            carrier,
-                            get(state.f, carrier) - shares[c] * point_force,
-                        )
+                        reaction = shares[c] * point_force
+                        put(state.f, carrier, get(state.f, carrier) - reaction)
                     upward += point_force[1]
                     potential += energy - self.shift_now[None]
                     size = a * energy
@@ -127,8 +130,12 @@ class ElasticWall(Wall):
         the direction of the force, the index in `wall_surface` of the first point that
         takes the reaction, and the fractions of all such points.
         """
-        distance, normal, lever = self.threshold_now[None], ti.Vector([0.0, 0.0]), 0.0
-        x, p, q = state.x[0][i], self.wall_surface[k], self.wall_surface[k + 1]
+        distance = self.threshold_now[None]
+        normal = ti.Vector([0.0, 0.0])
+        lever = 0.0
+        x = state.x[0][i]
+        p = self.wall_surface[k]
+        q = self.wall_surface[k + 1]
         if x >= state.x[0][p] and x < state.x[0][q]:
             distance, lever, normal = self.position_above(state, i, k, 0.0)
         return distance, normal, k, ti.Vector([1.0 - lever, lever])
@@ -145,9 +152,11 @@ class ElasticWall(Wall):
         if before != k:
             # a loop, because four inlined calls take long to compile
             for case in range(4):
-                spring, half = k, -0.5
+                spring = k
+                half = -0.5
                 if case < 2:
-                    spring, half = before, 0.5
+                    spring = before
+                    half = 0.5
                 distance, _lever, _normal = self.position_above(
                     state, i, spring, (case % 2) * move
                 )
@@ -189,7 +198,8 @@ class ElasticWall(Wall):
     # ---- in NumPy
 
     def contacts(self, lattice: Lattice, x: Array) -> Contacts:
-        px, chain = x[lattice.disk_surface, 0][:, None], x[lattice.wall_surface]
+        px = x[lattice.disk_surface, 0][:, None]
+        chain = x[lattice.wall_surface]
         start, end = self.pieces(chain)
         over = (start[:, 0] <= px) & (px < end[:, 0])
         rows = np.flatnonzero(over.any(axis=1))
@@ -197,10 +207,8 @@ class ElasticWall(Wall):
         carriers = over[rows].argmax(axis=1)[:, None] + np.arange(self.carriers)
         distance, direction, shares = self.geometry(x[points], chain[carriers])
         with np.errstate(over="ignore", invalid="ignore"):  # values after a blow-up
-            energy, force = (
-                self.potential(distance),
-                self.force_at(distance)[:, None] * direction,
-            )
+            energy = self.potential(distance)
+            force = self.force_at(distance)[:, None] * direction
         in_reach = distance < self.threshold
         return Contacts(
             points[in_reach],
@@ -222,22 +230,25 @@ class ElasticWall(Wall):
         `x` (k, 2) are points of the disk, `ends` (k, w, 2) the wall's points that take
         the reactions.
         """
-        away, t = x - ends[:, 0], ends[:, 1] - ends[:, 0]
-        length2 = (t * t).sum(axis=1)
-        normal = np.stack([-t[:, 1], t[:, 0]], axis=1) / np.sqrt(length2)[:, None]
-        distance, lever = (away * normal).sum(axis=1), (away * t).sum(axis=1) / length2
+        away = x - ends[:, 0]
+        along = ends[:, 1] - ends[:, 0]
+        length2 = (along * along).sum(axis=1)
+        across = np.stack([-along[:, 1], along[:, 0]], axis=1)
+        normal = across / np.sqrt(length2)[:, None]
+        distance = (away * normal).sum(axis=1)
+        lever = (away * along).sum(axis=1) / length2
         return distance, normal, np.stack([1.0 - lever, lever], axis=1)
 
     def energy(self, lattice: Lattice, x: Array) -> float:
         return float((self.contacts(lattice, x).energy - self.shift).sum())
 
     def forces(self, lattice: Lattice, x: Array) -> Array:
-        found, force = self.contacts(lattice, x), np.zeros_like(x)
+        found = self.contacts(lattice, x)
+        force = np.zeros_like(x)
         np.add.at(force, found.points, found.force)
         for carrier, share in zip(found.carriers.T, found.shares.T, strict=True):
-            np.add.at(
-                force, lattice.wall_surface[carrier], -share[:, None] * found.force
-            )
+            reaction = -share[:, None] * found.force
+            np.add.at(force, lattice.wall_surface[carrier], reaction)
         return force
 
     def contact_forces(

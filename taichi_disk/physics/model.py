@@ -41,7 +41,9 @@ class Model:
 
     @property
     def elastic(self) -> Wall | None:
-        return self.wall if self.wall and self.wall.is_elastic else None
+        if self.wall is None or not self.wall.is_elastic:
+            return None
+        return self.wall
 
     @property
     def has_friction(self) -> bool:
@@ -64,7 +66,9 @@ class Model:
     @property
     def reset_interval(self) -> float:
         """Time between two resets of the boundary [R/c]; 0: no resets."""
-        return self.boundary.interval if self.boundary else 0.0
+        if self.boundary is None:
+            return 0.0
+        return self.boundary.interval
 
     @property
     def is_pinned(self) -> bool:
@@ -74,7 +78,9 @@ class Model:
     def impedance(self) -> Array | None:
         """Dashpot constants (k, 2) of the points of a matched boundary [M c/R], or
         None."""
-        return self.boundary.impedance if self.boundary else None
+        if self.boundary is None:
+            return None
+        return self.boundary.impedance
 
     def signature(self) -> tuple[Any, ...]:
         return tuple(law.signature for law in self.laws)

@@ -57,23 +57,27 @@ def arrange(bonds: NDArray[np.int32], points: int) -> Arrangement:
         reach = int((bonds[:, 1] - bonds[:, 0]).max())
         count = max(1, min(MAX_SUBDOMAINS, points // (MIN_REACHES * reach)))
     size = -(-points // count)
-    count, order = -(-points // size), interleave_springs(bonds, points)
+    count = -(-points // size)
+    order = interleave_springs(bonds, points)
     first, last = bonds[order].T // size
     within = [(first == c) & (last == c) for c in range(count)]
-    sources, ends = [], []
+    sources = []
+    ends = []
     # the springs across the seams come last
     for c, chosen in enumerate([*within, first != last]):
         source = order[chosen]
         source = np.append(source, np.full(-len(source) % BLOCK, -1))
         filling = points + 2 * min(c, count - 1) + np.arange(2)
+        is_filler = source[:, None] < 0
         sources.append(source)
-        ends.append(
-            np.where(source[:, None] < 0, filling, bonds[source]).astype(np.int32)
-        )
-    ends_at = np.cumsum([len(source) // BLOCK for source in sources[:-1]]).astype(
-        np.int32
+        ends.append(np.where(is_filler, filling, bonds[source]).astype(np.int32))
+    blocks = [len(source) // BLOCK for source in sources[:-1]]
+    return Arrangement(
+        ends=np.concatenate(ends),
+        source=np.concatenate(sources),
+        subdomain_points=size,
+        subdomain_ends=np.cumsum(blocks).astype(np.int32),
     )
-    return Arrangement(np.concatenate(ends), np.concatenate(sources), size, ends_at)
 
 
 def interleave_springs(bonds: NDArray[np.int32], points: int) -> NDArray[np.int64]:

@@ -35,37 +35,29 @@ class SmoothElasticWall(ElasticWall):
 
     @ti.func
     def contact(self, state: ti.template(), i, k):
-        height, direction, shares = (
-            self.threshold_now[None],
-            ti.Vector([0.0, 0.0]),
-            ti.Vector([0.0, 0.0, 0.0]),
-        )
-        x, first = get(state.x, i), k - 1
-        p, q = (
-            get(state.x, self.wall_surface[k]),
-            get(state.x, self.wall_surface[k + 1]),
-        )
-        if 2.0 * x[0] >= p[0] + q[0]:
+        height = self.threshold_now[None]
+        direction = ti.Vector([0.0, 0.0])
+        shares = ti.Vector([0.0, 0.0, 0.0])
+        x = get(state.x, i)
+        first = k - 1
+        left = get(state.x, self.wall_surface[k])
+        right = get(state.x, self.wall_surface[k + 1])
+        if 2.0 * x[0] >= left[0] + right[0]:
             first += 1
         if first >= 0 and first < self.count[1] - 2:
             before, middle, after = [
                 get(state.x, self.wall_surface[first + c]) for c in range(3)
             ]
-            p, q = middle - before, after - middle
-            start = before + 0.5 * p
-            # Solve start + p t + (q - p) t^2/2 = x for t in 0..1, for either sign of
-            # the curvature.
-            ahead = x[0] - start[0]
-            t = (
-                2.0
-                * ahead
-                / (
-                    p[0]
-                    + ti.sqrt(ti.max(p[0] * p[0] + 2.0 * (q[0] - p[0]) * ahead, 0.0))
-                )
-            )
-            height = x[1] - (start[1] + t * (p[1] + 0.5 * t * (q[1] - p[1])))
-            slope = (p[1] + t * (q[1] - p[1])) / (p[0] + t * (q[0] - p[0]))
+            chord = middle - before
+            bend = after - middle - chord
+            start = before + 0.5 * chord
+            # stable root of bend t^2/2 + chord t = distance, for either sign of bend
+            distance = x[0] - start[0]
+            discriminant = chord[0] * chord[0] + 2.0 * bend[0] * distance
+            t = 2.0 * distance / (chord[0] + ti.sqrt(ti.max(discriminant, 0.0)))
+            surface = start[1] + t * (chord[1] + 0.5 * t * bend[1])
+            height = x[1] - surface
+            slope = (chord[1] + t * bend[1]) / (chord[0] + t * bend[0])
             direction = ti.Vector([-slope, 1.0])
             shares = ti.Vector(
                 [0.5 * (1.0 - t) * (1.0 - t), 0.5 + t - t * t, 0.5 * t * t]
@@ -75,22 +67,20 @@ class SmoothElasticWall(ElasticWall):
     # ---- in NumPy
 
     def pieces(self, chain: Array) -> tuple[Array, Array]:
-        p, q = np.diff(chain, axis=0)[:-1], np.diff(chain, axis=0)[1:]
-        return chain[:-2] + 0.5 * p, chain[2:] - 0.5 * q
+        chords = np.diff(chain, axis=0)
+        return chain[:-2] + 0.5 * chords[:-1], chain[2:] - 0.5 * chords[1:]
 
     def geometry(self, x: Array, ends: Array) -> tuple[Array, Array, Array]:
-        p, q = ends[:, 1] - ends[:, 0], ends[:, 2] - ends[:, 1]
-        start = ends[:, 0] + 0.5 * p
-        ahead, bend = x[:, 0] - start[:, 0], q - p
-        t = (
-            2.0
-            * ahead
-            / (
-                p[:, 0]
-                + np.sqrt(np.maximum(p[:, 0] ** 2 + 2.0 * bend[:, 0] * ahead, 0.0))
-            )
-        )
-        height = x[:, 1] - (start[:, 1] + t * (p[:, 1] + 0.5 * t * bend[:, 1]))
-        slope = (p[:, 1] + t * bend[:, 1]) / (p[:, 0] + t * bend[:, 0])
+        chord = ends[:, 1] - ends[:, 0]
+        bend = ends[:, 2] - ends[:, 1] - chord
+        start = ends[:, 0] + 0.5 * chord
+        # stable root of bend t^2/2 + chord t = distance, for either sign of bend
+        distance = x[:, 0] - start[:, 0]
+        discriminant = chord[:, 0] ** 2 + 2.0 * bend[:, 0] * distance
+        t = 2.0 * distance / (chord[:, 0] + np.sqrt(np.maximum(discriminant, 0.0)))
+        surface = start[:, 1] + t * (chord[:, 1] + 0.5 * t * bend[:, 1])
+        height = x[:, 1] - surface
+        slope = (chord[:, 1] + t * bend[:, 1]) / (chord[:, 0] + t * bend[:, 0])
+        direction = np.stack([-slope, np.ones_like(t)], axis=1)
         shares = np.stack([0.5 * (1.0 - t) ** 2, 0.5 + t - t * t, 0.5 * t * t], axis=1)
-        return height, np.stack([-slope, 1.0 + 0.0 * t], axis=1), shares
+        return height, direction, shares

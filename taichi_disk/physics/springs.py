@@ -40,7 +40,8 @@ class Springs(Law):
     non_uniform = False
 
     def __post_init__(self) -> None:
-        self.cubic, self.damped = self.k_b != 0.0, self.eta != 0.0
+        self.cubic = self.k_b != 0.0
+        self.damped = self.eta != 0.0
         self.velocity_dependent = self.damped
 
     @property
@@ -55,6 +56,10 @@ class Springs(Law):
         sound [c]."""
         return float(1.0 / np.sqrt(self.modulus))
 
+    def prepare_for(self, lattice: Lattice) -> None:
+        """Make the fields of stiffness factors only if `lattice` has some."""
+        self.non_uniform = lattice.stiffness is not None
+
     def make_fields(self, builder: Any, capacity: Capacity) -> None:
         super().make_fields(builder, capacity)
         self.first, self.second, self.rest = (
@@ -65,20 +70,15 @@ class Springs(Law):
             self.factor = side_by_side(builder, capacity.blocks, BLOCK)
 
     def contents(self, lattice: Lattice, arrangement: Arrangement) -> Contents:
-        source, ends = arrangement.source, arrangement.ends
+        source = arrangement.source
+        ends = arrangement.ends
         numbers = [*ends.T, np.where(source < 0, 1.0, lattice.rest_lengths[source])]
         fields = (*self.first, *self.second, *self.rest)
         if lattice.stiffness is not None:
             numbers.append(np.where(source < 0, 1.0, lattice.stiffness[source]))
             fields += self.factor
-        return [
-            (
-                fields,
-                np.concatenate(
-                    [column.reshape(-1, BLOCK) for column in numbers], axis=1
-                ),
-            )
-        ]
+        blocks = [column.reshape(-1, BLOCK) for column in numbers]
+        return [(fields, np.concatenate(blocks, axis=1))]
 
     @ti.func
     def add(self, state: ti.template(), dashpots: ti.template(), begin, end):
@@ -91,11 +91,9 @@ class Springs(Law):
         dashpots count only the components along the spring. Stiffness factors weight
         the springs.
         """
-        all_k_a, all_k_b, all_eta = (
-            self.k_a_now[None],
-            self.k_b_now[None],
-            self.eta_now[None],
-        )
+        all_k_a = self.k_a_now[None]
+        all_k_b = self.k_b_now[None]
+        all_eta = self.eta_now[None]
         energy = ti.Vector.zero(ti.f64, BLOCK)
         products = ti.Vector.zero(ti.f64, BLOCK)
         for block in range(begin, end):
@@ -114,21 +112,23 @@ class Springs(Law):
             if ti.static(self.cubic):
                 pull += k_b * s2 * part
                 energy += (0.25 * k_b) * s2 * s2
-            fx, fy = pull * dx, pull * dy
+            fx = pull * dx
+            fy = pull * dy
             if ti.static(dashpots):
                 ux, uy = self.differences(state.u, block)
                 vx, vy = self.differences(state.v, block)
                 if ti.static(self.axial):
                     along = (ux * dx + uy * dy) / (r * r)
-                    ux, uy = along * dx, along * dy
-                products += self.stiffened(
-                    ux * (ux + 2.0 * vx) + uy * (uy + 2.0 * vy), block
-                )
+                    ux = along * dx
+                    uy = along * dy
+                product = ux * (ux + 2.0 * vx) + uy * (uy + 2.0 * vy)
+                products += self.stiffened(product, block)
                 fx += eta * ux
                 fy += eta * uy
             for k in ti.static(range(BLOCK)):
                 self.pull_together(state.f, k, block, ti.Vector([fx[k], fy[k]]))
-        elastic, rate = 0.0, 0.0
+        elastic = 0.0
+        rate = 0.0
         for k in ti.static(range(BLOCK)):
             elastic += energy[k]
             rate += products[k] / 3.0
@@ -152,9 +152,9 @@ class Springs(Law):
             ti.Vector([x[i[k]], y[i[k]]]) - ti.Vector([x[j[k]], y[j[k]]])
             for k in range(BLOCK)
         ]
-        return ti.Vector([vector[0] for vector in d]), ti.Vector(
-            [vector[1] for vector in d]
-        )
+        dx = ti.Vector([vector[0] for vector in d])
+        dy = ti.Vector([vector[1] for vector in d])
+        return dx, dy
 
     @ti.func
     def damped_part(self, state: ti.template(), k: ti.template(), block, velocity):
@@ -172,7 +172,8 @@ class Springs(Law):
     def pull_together(self, pair: ti.template(), k: ti.template(), block, force):
         """Subtract a force from the first end of spring k of a block and add it to the
         second."""
-        i, j = self.first[k][block], self.second[k][block]
+        i = self.first[k][block]
+        j = self.second[k][block]
         put(pair, i, get(pair, i) - force)
         put(pair, j, get(pair, j) + force)
 
@@ -208,9 +209,8 @@ class Springs(Law):
     def energies(self, lattice: Lattice, x: Array) -> Array:
         """Return the energy (m,) k_a s^2/2 + k_b s^4/4 of each spring [M c^2]."""
         square = self.stretch(lattice, x) ** 2
-        return np.asarray(
-            lattice.stiffened((0.5 * self.k_a + 0.25 * self.k_b * square) * square)
-        )
+        energies = (0.5 * self.k_a + 0.25 * self.k_b * square) * square
+        return np.asarray(lattice.stiffened(energies))
 
     def energy(self, lattice: Lattice, x: Array) -> float:
         return float(self.energies(lattice, x).sum())
@@ -218,11 +218,8 @@ class Springs(Law):
     def forces(self, lattice: Lattice, x: Array) -> Array:
         vectors = self.ends_apart(lattice, x)
         length = self.lengths(vectors)
-        return self._gathered(
-            lattice,
-            len(x),
-            self.pull(lattice, length - lattice.rest_lengths) / length * vectors,
-        )
+        tension = self.pull(lattice, length - lattice.rest_lengths)
+        return self._gathered(lattice, len(x), tension / length * vectors)
 
     def damping_forces(self, lattice: Lattice, x: Array, v: Array) -> Array:
         velocity = self.ends_apart(lattice, v)
@@ -234,10 +231,8 @@ class Springs(Law):
     @staticmethod
     def _gathered(lattice: Lattice, n: int, pulls: Array) -> Array:
         i, j = lattice.bonds.T
-        return np.stack(
-            [np.bincount(j, pull, n) - np.bincount(i, pull, n) for pull in pulls],
-            axis=1,
-        )
+        sums = [np.bincount(j, pull, n) - np.bincount(i, pull, n) for pull in pulls]
+        return np.stack(sums, axis=1)
 
     def stiffness(self, lattice: Lattice, x: Array) -> Any:
         """Return the stiffness: T' e e^T + T/r (1 - e e^T) of a spring of length r and
@@ -245,12 +240,10 @@ class Springs(Law):
         s = self.stretch(lattice, x)
         length = s + lattice.rest_lengths
         ex, ey = self.ends_apart(lattice, x) / length
-        along, across = (
-            lattice.stiffened(self.k_a + 3.0 * self.k_b * s * s),
-            self.pull(lattice, s) / length,
-        )
-        xx, yy = along * ex * ex + across * ey * ey, along * ey * ey + across * ex * ex
+        along = lattice.stiffened(self.k_a + 3.0 * self.k_b * s * s)
+        across = self.pull(lattice, s) / length
+        xx = along * ex * ex + across * ey * ey
+        yy = along * ey * ey + across * ex * ex
         xy = (along - across) * ex * ey
-        return assemble(
-            np.stack([xx, xy, xy, yy], axis=1).reshape(-1, 2, 2), lattice.bonds, len(x)
-        )
+        matrices = np.stack([xx, xy, xy, yy], axis=1).reshape(-1, 2, 2)
+        return assemble(matrices, lattice.bonds, len(x))

@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from taichi_disk.computation.contact import greatest_compression
-from taichi_disk.computation.driver import Moment
+from taichi_disk.computation.driver import State
 from taichi_disk.config.sections import VideoSection
 from taichi_disk.errors import InputError
 from taichi_disk.lattice import Array
@@ -271,7 +271,7 @@ class States:
             max(ymax, top),
         )
 
-    def moments(self) -> Iterator[Moment]:
+    def moments(self) -> Iterator[State]:
         if self._is_twice:
             return self.run.frames(self._times)
         return (moment for t, moment in self._replay if t in self._times)

@@ -99,7 +99,7 @@ def check_feasible(scene: Scene | Sweep) -> None:
 
     scenario = scene.scenario()
     if not scenario.static:
-        StepControl(scenario, scene.time, spectrum(scenario.lattice, scenario.model))
+        StepControl(scenario, spectrum(scenario.lattice, scenario.model))
 
 
 def check_memory(scene: DiskScene) -> None:

@@ -15,7 +15,7 @@ from taichi_disk.config.sections import (
     ElasticWallSection,
     MaterialSection,
 )
-from taichi_disk.lattice import Lattice, check_thickness, with_wall
+from taichi_disk.lattice import Array, Lattice, check_thickness, with_wall
 from taichi_disk.scenes import oblique
 from taichi_disk.scenes.conflicts import (
     Conflicts,
@@ -24,16 +24,19 @@ from taichi_disk.scenes.conflicts import (
     time_conflicts,
 )
 from taichi_disk.scenes.impact import ImpactScenario, ImpactScene
-from taichi_disk.simulation.observables import Columns
 
 if TYPE_CHECKING:
-    from taichi_disk.physics import Model
+    from taichi_disk.physics import Model, Springs
 
 
 class AbsorbingWallScene(ImpactScene):
     """A scene with an elastic wall, as read from its file."""
 
     title: ClassVar[str] = "impact on an elastic, absorbing wall"
+    heading: ClassVar[str] = "Impact on an elastic wall"
+    slip_remedy: ClassVar[str] = (
+        "; if it has slipped off the end of the wall, write a larger wall.width"
+    )
     lattice_keys: ClassVar[tuple[str, ...]] = (
         "lattice",
         "wall.points",
@@ -151,68 +154,56 @@ class AbsorbingWallScene(ImpactScene):
     def softer_k_a(self) -> float:
         return min(self.material.k_a, self.wall_k_a)
 
-    def of_body(self, body: Lattice) -> AbsorbingWallImpact:
-        return AbsorbingWallImpact(
-            self, body if len(body.wall_surface) else self._over_wall(body)
-        )
+    # ---- the start
 
+    def of_body(self, body: Lattice) -> ImpactScenario:
+        if not len(body.wall_surface):
+            body = self._over_wall(body)
+        return super().of_body(body)
 
-class AbsorbingWallImpact(ImpactScenario):
-    scene: AbsorbingWallScene
-    kind = "Impact on an elastic wall"
+    def start_offset(self, gap: float) -> float:
+        if self.impact.offset == "auto":
+            return -gap * tan(self.impact.angle)
+        return float(self.impact.offset)
 
-    def _offset(self) -> float:
-        impact = self.scene.impact
-        return (
-            -self.gap * tan(impact.angle) if impact.offset == "auto" else impact.offset
-        )
+    def view(self, lattice: Lattice, gap: float) -> tuple[float, float, float, float]:
+        half = max(0.5 * self.wall.width, 1.1)
+        bottom = float(lattice.positions[:, 1].min())
+        return -half - 0.05, half + 0.05, bottom - 0.05, 2.0 + gap
 
-    def _view(self) -> tuple[float, float, float, float]:
-        half, bottom = (
-            max(0.5 * self.scene.wall.width, 1.1),
-            float(self.lattice.positions[:, 1].min()),
-        )
-        return -half - 0.05, half + 0.05, bottom - 0.05, 2.0 + self.gap
-
-    def _model(self) -> Model:
+    def model_of(self, lattice: Lattice, springs: Springs) -> Model:
         from taichi_disk import physics
 
-        wall = self.scene.wall
-        contact = physics.ElasticWall
+        wall = self.wall
+        law = physics.ElasticWall
         # A surface of two points is one straight spring, over which the paper's contact
         # is smooth; a spline needs three.
-        if wall.contact == "smooth" and len(self.lattice.wall_surface) >= 3:
-            contact = physics.SmoothElasticWall
+        if wall.contact == "smooth" and len(lattice.wall_surface) >= 3:
+            law = physics.SmoothElasticWall
+        contact = law(wall.a, wall.V0, wall.threshold)
         boundary: physics.Boundary = physics.PinnedBoundary()
         if wall.boundary == "reset":
             boundary = physics.ResetBoundary(wall.reset_interval)
         elif wall.boundary == "dashpot":
-            moduli = self.scene.moduli(self.lattice.disk_points)
-            # of the wall's speed of sound to the disk's
-            ratio = np.sqrt(self.scene.wall_k_a / self.scene.material.k_a)
-            p, s = (
-                ratio * moduli.density * speed
-                for speed in (moduli.wave_speed_p, moduli.wave_speed_s)
-            )
-            boundary = physics.MatchedBoundary(
-                physics.matched_impedance(self.lattice, p, s)
-            )
-        return physics.Model(
-            self.springs, contact(wall.a, wall.V0, wall.threshold), boundary=boundary
-        )
+            boundary = physics.MatchedBoundary(self._matched_impedance(lattice))
+        return physics.Model(springs, contact, boundary=boundary)
 
-    def unfinished(self, columns: Columns) -> str:
-        return (
-            f"{super().unfinished(columns)}; if it has slipped off the end of the wall,"
-            " write a larger wall.width"
-        )
+    def _matched_impedance(self, lattice: Lattice) -> Array:
+        from taichi_disk.physics import matched_impedance
 
-    def title(self) -> tuple[str, ...]:
-        kind, first, second = super().title()
-        wall = self.scene.wall
-        boundary = (
-            f"reset every {wall.reset_interval:g} R/c"
-            if wall.boundary == "reset"
-            else wall.boundary
+        moduli = self.moduli(lattice.disk_points)
+        # of the wall's speed of sound to the disk's
+        ratio = np.sqrt(self.wall_k_a / self.material.k_a)
+        p, s = (
+            ratio * moduli.density * speed
+            for speed in (moduli.wave_speed_p, moduli.wave_speed_s)
         )
-        return kind, first, f"{second}    wall of {wall.points:,}, boundary: {boundary}"
+        return matched_impedance(lattice, p, s)
+
+    def described(self, lattice: Lattice) -> str:
+        wall = self.wall
+        boundary: str = wall.boundary
+        if boundary == "reset":
+            boundary = f"reset every {wall.reset_interval:g} R/c"
+        disk = super().described(lattice)
+        return f"{disk}    wall of {wall.points:,}, boundary: {boundary}"

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
 import numpy as np
@@ -18,6 +18,7 @@ from taichi_disk.simulation.observables import Columns
 
 if TYPE_CHECKING:
     from taichi_disk.computation.outcome import Outcome
+    from taichi_disk.physics import Springs
     from taichi_disk.statics.equilibrium import Equilibrium
 
 # fraction of the load that the wall bears at the start, so that the disk is released
@@ -59,22 +60,77 @@ class CompressionScene(DiskScene):
         return self.with_({"compression.method": "relaxation"})
 
     def of_body(self, body: Lattice) -> Compression:
-        return (Loading if self.compression.method == "newton" else Compression)(
-            self, body
+        from taichi_disk.computation.stability import contact_point_force
+        from taichi_disk.physics import ExponentialWall, Load, Model
+        from taichi_disk.statics.equilibrium import (
+            depth,
+            place_on_wall,
+            resting_angle,
+            solve_equilibrium,
+        )
+
+        pressure = self.compression.pressure
+        springs = self.springs(body)
+        wall = ExponentialWall(self.wall.a, self.wall.V0)
+        model = Model(springs, wall, Load(pressure))
+        disk = _relaxed(body, springs)
+        angle = resting_angle(disk, springs.modulus, wall.a, pressure)
+        near = place_on_wall(disk, angle, wall, pressure).positions
+        rest = solve_equilibrium(disk, model, near)
+        lattice = place_on_wall(disk, rest.roll, wall, TOUCH * pressure)
+        limit = self.compression.max_time
+        if limit == "auto":
+            limit = float(5000.0 * springs.time_unit)
+        kind = Compression
+        if self.compression.method == "newton":
+            kind = Loading
+        return kind(
+            scene=self,
+            lattice=lattice,
+            velocities=np.zeros_like(lattice.positions),
+            model=model,
+            # A disk that is released without damping loads the contact with up to twice
+            # the load.
+            point_force=contact_point_force(lattice, model, 2.0 * pressure),
+            max_time=limit,
+            sample_interval=float(0.1 * springs.time_unit),
+            quiet_time=float(20.0 * springs.time_unit),
+            view=(-1.15, 1.15, -0.1, max(2.05, float(lattice.positions[:, 1].max()))),
+            rest=rest,
+            unloaded=depth(lattice, lattice.positions),
         )
 
 
+def _relaxed(disk: Lattice, springs: Springs) -> Lattice:
+    """Return the free disk at rest, which differs from `disk` if its springs are
+    strained."""
+    from taichi_disk.physics import Model
+    from taichi_disk.statics.equilibrium import solve_equilibrium
+
+    if np.abs(springs.strain(disk, disk.positions)).max() <= STRAINED:
+        return disk
+    rest = solve_equilibrium(disk, Model(springs), disk.positions)
+    return replace(disk, positions=rest.positions)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
 class Compression(Scenario):
     """A disk released just above the wall, undeformed, which comes to rest under its
     load.
 
     A lattice with strained springs first relaxes without the load. The disk starts at
-    the angle of the equilibrium `rest`, which Newton's method finds: rolling there
-    takes 10^4 R/c. Nothing else of `rest` enters a relaxation.
+    the angle of the equilibrium `rest`: rolling there takes 10^4 R/c. Nothing else of
+    `rest` enters a relaxation.
+
+    Attributes:
+        rest: equilibrium under the load by Newton's method.
+        unloaded: distance from the centre of mass to the lowest point at t = 0 [R].
     """
 
     scene: CompressionScene
     rest: Equilibrium
+    unloaded: float
+
     step_dependent = False
     truncation_remedy = "write compression.method: newton"
     symbol, end_words = "ξ", "at rest"
@@ -93,52 +149,10 @@ class Compression(Scenario):
         ),
     }
 
-    def __init__(self, scene: CompressionScene, disk: Lattice) -> None:
-        from taichi_disk.computation.stability import contact_point_force
-        from taichi_disk.physics import ExponentialWall, Load, Model
-        from taichi_disk.statics.equilibrium import (
-            depth,
-            place_on_wall,
-            resting_angle,
-            solve_equilibrium,
-        )
-
-        self.scene = scene
-        self.pressure = scene.compression.pressure
-        wall, springs = (
-            ExponentialWall(scene.wall.a, scene.wall.V0),
-            scene.springs(disk),
-        )
-        if np.abs(springs.strain(disk, disk.positions)).max() > STRAINED:
-            disk = replace(
-                disk,
-                positions=solve_equilibrium(
-                    disk, Model(springs), disk.positions
-                ).positions,
-            )
-        self.model = Model(springs, wall, Load(self.pressure))
-        angle = resting_angle(disk, springs.modulus, wall.a, self.pressure)
-        start = place_on_wall(disk, angle, wall, self.pressure).positions
-        self.rest = solve_equilibrium(disk, self.model, start)
-        self.lattice = place_on_wall(disk, self.rest.roll, wall, TOUCH * self.pressure)
-        self.unloaded = depth(self.lattice, self.lattice.positions)
-        self.velocities = np.zeros_like(self.lattice.positions)
-        # A disk that is released without damping loads the contact with up to twice the
-        # load.
-        self.point_force = contact_point_force(
-            self.lattice, self.model, 2.0 * self.pressure
-        )
-        unit = springs.time_unit
-        self.sample_interval = float(0.1 * unit)
-        self.quiet_time = float(20.0 * unit)
-        limit = scene.compression.max_time
-        self.max_time = float(5000.0 * unit) if limit == "auto" else limit
-        self.view = (
-            -1.15,
-            1.15,
-            -0.1,
-            max(2.05, float(self.lattice.positions[:, 1].max())),
-        )
+    @property
+    def pressure(self) -> float:
+        """The load P [M c^2/R]."""
+        return self.scene.compression.pressure
 
     def quasistatic(self, loads: int, progress: Progress = silent) -> Outcome:
         from taichi_disk.scenes.loading import quasistatic

@@ -7,16 +7,17 @@ from typing import TYPE_CHECKING, ClassVar, Literal
 from taichi_disk.config.sections import ImpactSection, RoughWallSection
 from taichi_disk.lattice import Lattice
 from taichi_disk.scenes.conflicts import Conflicts, time_conflicts
-from taichi_disk.scenes.impact import ImpactScenario, ImpactScene
+from taichi_disk.scenes.impact import ImpactScene
 
 if TYPE_CHECKING:
-    from taichi_disk.physics import Model
+    from taichi_disk.physics import Model, Springs
 
 
 class ExponentialWallScene(ImpactScene):
     """An impact on a rigid wall, as read from its file."""
 
     title: ClassVar[str] = "impact on a rigid wall"
+    heading: ClassVar[str] = "Impact on a rigid wall"
 
     scene: Literal["exponential_wall"] = "exponential_wall"
     wall: RoughWallSection = RoughWallSection()
@@ -27,16 +28,8 @@ class ExponentialWallScene(ImpactScene):
             self.time, self.material, friction=self.wall.friction
         )
 
-    def of_body(self, body: Lattice) -> ExponentialWallImpact:
-        return ExponentialWallImpact(self, body)
-
-
-class ExponentialWallImpact(ImpactScenario):
-    scene: ExponentialWallScene
-    kind = "Impact on a rigid wall"
-
-    def _model(self) -> Model:
+    def model_of(self, lattice: Lattice, springs: Springs) -> Model:
         from taichi_disk.physics import ExponentialWall, Model
 
-        wall = self.scene.wall
-        return Model(self.springs, ExponentialWall(wall.a, wall.V0, wall.friction))
+        wall = self.wall
+        return Model(springs, ExponentialWall(wall.a, wall.V0, wall.friction))

@@ -4,7 +4,7 @@ good."""
 from __future__ import annotations
 
 from abc import abstractmethod
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
@@ -22,7 +22,7 @@ from taichi_disk.simulation.observables import Columns
 if TYPE_CHECKING:
     from typing_extensions import Self
 
-    from taichi_disk.physics import Model
+    from taichi_disk.physics import Model, Springs
 
 # e counts the wall's potential at the start and at the end as speed, but the potential
 # also deforms the disk. With potentials of 1e-7 the error of e was up to 0.15 of this
@@ -46,9 +46,32 @@ BENDING_POTENTIAL = 1e-10
 RESOLVED = 0.49
 
 
-class ImpactScene(DiskScene):
-    """An impact, as read from its file."""
+@dataclass(frozen=True)
+class Shape:
+    """The unloaded disk of an impact: its size, and how easily it bends.
 
+    Attributes:
+        radius: largest distance of a point from the centre of mass [R].
+        inertia: moment of inertia about the centre of mass [M R^2].
+        outline_depth: how far the outline comes within `radius` [R].
+        compliance: of the softest vibration [R^2/(M c^2)].
+    """
+
+    radius: float
+    inertia: float
+    outline_depth: float
+    compliance: float
+
+    @property
+    def is_round(self) -> bool:
+        return self.outline_depth <= MAX_OUTLINE_DEPTH * self.radius
+
+
+class ImpactScene(DiskScene):
+    """An impact, as read from its file. A kind defines `model_of`."""
+
+    heading: ClassVar[str] = "Impact"  # first line of titles
+    slip_remedy: ClassVar[str] = ""  # advice for a disk that has left the wall's end
     abscissa: ClassVar[tuple[str, str]] = ("impact", "velocity")
     results: ClassVar[tuple[str, ...]] = ("restitution", "contact_time")
     optional_results: ClassVar[tuple[str, ...]] = tuple(oblique.RESULTS)
@@ -65,6 +88,7 @@ class ImpactScene(DiskScene):
         return super().conflicts() + gap_conflicts(self.wall, self.impact)
 
     def thrown_with(self, body: Lattice, velocities: Array) -> Self:
+        super().thrown_with(body, velocities)
         along, up = (float(body.mean(one)) for one in velocities.T)
         if not up < 0.0:
             raise InputError(
@@ -76,21 +100,146 @@ class ImpactScene(DiskScene):
             {"impact.velocity": float(np.hypot(along, up)), "impact.angle": angle}
         )
 
+    # ---- the start
 
+    def of_body(self, body: Lattice) -> ImpactScenario:
+        from taichi_disk.computation.stability import impact_point_force
+
+        springs = self.springs(body)
+        velocity = self.impact.towards
+        shape = self._shape(body, springs)
+        gap, lattice = self._placed(body, shape)
+        model = self.model_of(lattice, springs)
+        assert model.wall is not None
+        potential = max(model.wall.energy(lattice, lattice.positions), 0.0)
+        spoke = -1
+        if self.is_oblique:
+            spoke = int(lattice.positions[: lattice.disk_points, 1].argmax())
+        return ImpactScenario(
+            scene=self,
+            lattice=lattice,
+            velocities=self._flight(lattice),
+            model=model,
+            point_force=impact_point_force(lattice, model, velocity),
+            max_time=self._max_time(gap, shape, springs.time_unit),
+            sample_interval=self._sample_interval(springs.time_unit),
+            view=self.view(lattice, gap),
+            spoke=spoke,
+            wall_step=RESOLVED * (self.wall.decay_length / velocity),
+            shape=shape,
+            gap=gap,
+            speed_before=float(np.sqrt(velocity**2 + 2.0 * potential)),
+        )
+
+    @abstractmethod
+    def model_of(self, lattice: Lattice, springs: Springs) -> Model:
+        """Return the laws that move `lattice`, the disk at t = 0 and its wall."""
+
+    @property
+    def is_oblique(self) -> bool:
+        """Whether there is an angle, a spin or friction, so that the motion along the
+        wall matters."""
+        return bool(self.impact.angle or self.impact.spin or self.wall.friction)
+
+    def start_offset(self, gap: float) -> float:
+        """Return how far the disk is shifted along the wall at the start [R]."""
+        return 0.0
+
+    def view(self, lattice: Lattice, gap: float) -> tuple[float, float, float, float]:
+        """Return (xmin, xmax, ymin, ymax) of the film [R]."""
+        # about the path along the wall, there and back
+        along = 3.0 * gap * float(np.tan(self.impact.angle))
+        return min(along, 0.0) - 1.1, max(along, 0.0) + 1.1, -0.1, 2.0 + gap
+
+    def _shape(self, body: Lattice, springs: Springs) -> Shape:
+        disk = disk_of(body)
+        distance = np.hypot(*(disk.positions - disk.mean(disk.positions)).T)
+        radius = float(distance.max())
+        shape = Shape(
+            radius=radius,
+            inertia=float(disk.mean(distance**2)),
+            outline_depth=radius - float(distance[disk.disk_surface].min()),
+            compliance=1.0 / self.softer_k_a,
+        )
+        if shape.is_round and disk.whole and disk.stiffness is None:
+            return shape
+        return replace(shape, compliance=max(shape.compliance, _bending(disk, springs)))
+
+    def _placed(self, body: Lattice, shape: Shape) -> tuple[float, Lattice]:
+        """Return the distance of the lowest point from the wall [R], and `body` with
+        its disk turned and lifted there."""
+        from taichi_disk.statics.equilibrium import turned
+
+        positions, n = body.positions.copy(), body.disk_points
+        if self.impact.turn:
+            positions[:n] = turned(positions[:n], self.impact.turn)
+        heights = positions[body.disk_surface, 1]
+        lowest = heights.min()
+        potential = BENDING_POTENTIAL
+        if shape.is_round:
+            potential = oblique.START_POTENTIAL
+        gap = oblique.start_gap(
+            self.wall, self.impact, self.time, heights - lowest, potential
+        )
+        positions[:n] += [self.start_offset(gap), gap - lowest]
+        return gap, replace(body, positions=positions)
+
+    def _flight(self, lattice: Lattice) -> Array:
+        """Return the velocities (n, 2) at the start [c]."""
+        impact, n = self.impact, lattice.disk_points
+        velocities = np.zeros_like(lattice.positions)
+        velocities[:n] = impact.along, -impact.towards
+        if impact.spin:
+            arm = lattice.positions[:n] - lattice.mean(lattice.positions)
+            velocities[:n] += impact.spin * np.stack([-arm[:, 1], arm[:, 0]], axis=1)
+        return velocities
+
+    def _sample_interval(self, time_unit: float) -> float:
+        longest = MAX_INTERVAL * time_unit
+        decay_time = self.wall.decay_length / self.impact.towards
+        halvings = np.ceil(np.log2(longest / (DECAY_TIMES_PER_ROW * decay_time)) - 1e-9)
+        return float(longest * 0.5 ** np.clip(halvings, 0, MAX_HALVINGS))
+
+    def _max_time(self, gap: float, shape: Shape, time_unit: float) -> float:
+        """Return the time limit [R/c], by default that of the flight to the wall, ten
+        contacts, and a flight away with e = 0.05."""
+        if self.impact.max_time != "auto":
+            return float(self.impact.max_time)
+        # A contact takes pi sqrt(ln(4 c/v)) R/c by Hertz's law. A body that is not
+        # round has left when none of its corners reaches down to the wall.
+        velocity = self.impact.towards
+        hertz = np.sqrt(np.log(4.0 / min(velocity * time_unit, 1.0)))
+        contact = np.pi * time_unit * hertz
+        # half a period of bending
+        contact = max(contact, np.pi * np.sqrt(shape.compliance))
+        return float(22.0 * (gap + shape.outline_depth) / velocity + 10.0 * contact)
+
+
+def _bending(disk: Lattice, springs: Springs) -> float:
+    """Return the compliance of a rod, a ring or a soft core, which bend more easily
+    than a disk [R^2/(M c^2)]."""
+    return bending_compliance(
+        network_stiffness(disk.positions, disk.bonds, disk.stiffened(springs.k_a))
+    )
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
 class ImpactScenario(Scenario):
     """A disk that flies at the wall with velocity v and leaves it: restitution e =
     -v_cm(after)/v_cm(before).
 
     Attributes:
-        velocity: initial velocity v of the centre of mass towards the wall [c].
-        oblique: whether there is an angle, a spin or friction, so that the motion along
-            the wall matters.
+        shape: the unloaded disk.
         gap: initial distance of the lowest point from the wall [R].
-        kinetic: initial kinetic energy M v^2/2 of the flight towards the wall [M c^2].
+        speed_before: speed towards the wall before the impact, far from the wall [c].
     """
 
+    scene: Any
+    shape: Shape
+    gap: float
+    speed_before: float
+
     truncation_remedy = "a larger impact.gap ends it farther from the wall"
-    kind = "Impact"
     is_thrown = True
     symbol, end_words = "e", "the disk has left"
     labels: ClassVar = {
@@ -110,96 +259,23 @@ class ImpactScenario(Scenario):
         **{name: note for name, (_, _, note) in oblique.RESULTS.items()},
     }
 
-    def __init__(self, scene: Any, body: Lattice) -> None:
-        from taichi_disk.computation.stability import impact_point_force
-        from taichi_disk.statics.equilibrium import turned
+    @property
+    def velocity(self) -> float:
+        """Initial velocity v of the centre of mass towards the wall [c]."""
+        return float(self.scene.impact.towards)
 
-        impact, springs = scene.impact, scene.springs(body)
-        self.scene, self.springs = scene, springs
-        self.velocity, self.kinetic = impact.towards, 0.5 * impact.towards**2
-        self.oblique = bool(impact.angle or impact.spin or scene.wall.friction)
+    @property
+    def kinetic(self) -> float:
+        """Initial kinetic energy M v^2/2 of the flight towards the wall [M c^2]."""
+        return 0.5 * self.velocity**2
 
-        disk = disk_of(body)
-        distance = np.hypot(*(disk.positions - disk.mean(disk.positions)).T)
-        self._radius, self._inertia = (
-            float(distance.max()),
-            float(disk.mean(distance**2)),
-        )
-        self._outline_depth = self._radius - float(distance[disk.disk_surface].min())
-        is_round = self._outline_depth <= MAX_OUTLINE_DEPTH * self._radius
-        self._compliance = 1.0 / scene.softer_k_a
-        if not (is_round and disk.whole and disk.stiffness is None):
-            stiffness = network_stiffness(
-                disk.positions, disk.bonds, disk.stiffened(springs.k_a)
-            )
-            self._compliance = max(self._compliance, bending_compliance(stiffness))
+    @property
+    def outline(self) -> Array:
+        """Surface points (k, 2) of the disk at t = 0, from its centre of mass [R]."""
+        x = self.lattice.positions
+        return np.asarray(x[self.lattice.disk_surface] - self.lattice.mean(x))
 
-        positions, n = body.positions.copy(), body.disk_points
-        if impact.turn:
-            positions[:n] = turned(positions[:n], impact.turn)
-        heights = positions[body.disk_surface, 1]
-        potential = oblique.START_POTENTIAL if is_round else BENDING_POTENTIAL
-        self.gap = oblique.start_gap(
-            scene.wall, impact, scene.time, heights - heights.min(), potential
-        )
-        positions[:n] += [self._offset(), self.gap - heights.min()]
-        self._outline = positions[body.disk_surface] - body.mean(positions[:n])
-        self.lattice, self.velocities = (
-            replace(body, positions=positions),
-            np.zeros_like(positions),
-        )
-        self.velocities[:n] = impact.along, -self.velocity
-        if impact.spin:
-            arm = positions[:n] - body.mean(positions)
-            self.velocities[:n] += impact.spin * np.stack(
-                [-arm[:, 1], arm[:, 0]], axis=1
-            )
-        self.model = self._model()
-        assert self.model.wall is not None
-        stored = max(self.model.wall.energy(self.lattice, positions), 0.0)
-        # far from the wall
-        self._speed_before = float(np.sqrt(self.velocity**2 + 2.0 * stored))
-
-        longest, decay_time = (
-            MAX_INTERVAL * springs.time_unit,
-            scene.wall.decay_length / self.velocity,
-        )
-        halvings = np.ceil(np.log2(longest / (DECAY_TIMES_PER_ROW * decay_time)) - 1e-9)
-        self.sample_interval = float(
-            longest * 0.5 ** np.clip(halvings, 0, MAX_HALVINGS)
-        )
-        self.wall_step = RESOLVED * decay_time
-        self.point_force = impact_point_force(self.lattice, self.model, self.velocity)
-        self.max_time = (
-            self._default_max_time() if impact.max_time == "auto" else impact.max_time
-        )
-        self.view = self._view()
-        if self.oblique:
-            self.spoke = int(positions[:n, 1].argmax())
-
-    @abstractmethod
-    def _model(self) -> Model: ...
-
-    def _offset(self) -> float:
-        return 0.0
-
-    def _view(self) -> tuple[float, float, float, float]:
-        # about the path along the wall, there and back
-        along = 3.0 * self.gap * float(np.tan(self.scene.impact.angle))
-        return min(along, 0.0) - 1.1, max(along, 0.0) + 1.1, -0.1, 2.0 + self.gap
-
-    def _default_max_time(self) -> float:
-        """Return the time [R/c] of the flight to the wall, ten contacts, and a flight
-        away with e = 0.05."""
-        # A contact takes pi sqrt(ln(4 c/v)) R/c by Hertz's law. A body that is not
-        # round has left when none of its corners reaches down to the wall.
-        unit = self.springs.time_unit
-        contact = np.pi * unit * np.sqrt(np.log(4.0 / min(self.velocity * unit, 1.0)))
-        # half a period of bending
-        contact = max(contact, np.pi * np.sqrt(self._compliance))
-        return float(
-            22.0 * (self.gap + self._outline_depth) / self.velocity + 10.0 * contact
-        )
+    # ---- the end
 
     def end_bounds(self) -> dict[str, tuple[float, float]]:
         return {"com_vy": (0.0, np.inf), "lowest_y": (self.gap, np.inf)}
@@ -211,17 +287,17 @@ class ImpactScenario(Scenario):
         # rod bends more. A disk that turns faster than it rises must clear the wall
         # entirely.
         last = {name: float(values[-1]) for name, values in columns.items()}
-        spin = last["angular_momentum"] / self._inertia
+        spin = last["angular_momentum"] / self.shape.inertia
         rigid = 0.5 * (
-            last["com_vx"] ** 2 + last["com_vy"] ** 2 + self._inertia * spin**2
+            last["com_vx"] ** 2 + last["com_vy"] ** 2 + self.shape.inertia * spin**2
         )
         vibration = max(last["kinetic"] + last["elastic"] - rigid, 0.0)
         clear = self.gap + min(
-            np.sqrt(2.0 * vibration * self._compliance), 2.0 * self._radius
+            np.sqrt(2.0 * vibration * self.shape.compliance), 2.0 * self.shape.radius
         )
-        falls = abs(spin) * self._radius > last["com_vy"]
+        falls = abs(spin) * self.shape.radius > last["com_vy"]
         lowest = (
-            min(last["lowest_y"], last["com_y"] - self._radius)
+            min(last["lowest_y"], last["com_y"] - self.shape.radius)
             if falls
             else last["lowest_y"]
         )
@@ -233,12 +309,13 @@ class ImpactScenario(Scenario):
         lower = f", or lower material.{name}" if damped else ""
         return (
             f"the disk has not left the wall by t = {columns['t'][-1]:.6g} R/c (v_cm ="
-            f" {v:.3g} c, lowest point at {y:.3g} R); set impact.max_time higher{lower}"
+            f" {v:.3g} c, lowest point at {y:.3g} R); set impact.max_time"
+            f" higher{lower}{self.scene.slip_remedy}"
         )
 
     def end_truncation_error(self, columns: Columns) -> float:
         gained = (
-            self._speed_before
+            self.speed_before
             - self.velocity
             + self._speed_after(columns)
             - float(columns["com_vy"][-1])
@@ -265,20 +342,20 @@ class ImpactScenario(Scenario):
             columns["t"], columns["wall_force"], columns["com_vy"]
         )
         found = {
-            "restitution": self._speed_after(columns) / self._speed_before,
+            "restitution": self._speed_after(columns) / self.speed_before,
             "contact_time": end - start,
         }
         return found | (
-            oblique.along_the_wall(columns, self._outline, self._inertia)
-            if self.oblique
+            oblique.along_the_wall(columns, self.outline, self.shape.inertia)
+            if self.scene.is_oblique
             else {}
         )
 
     def result_scales(self, columns: Columns) -> dict[str, float]:
         scales = {"restitution": 1.0, "contact_time": 0.0}
         return scales | (
-            oblique.scales_along_the_wall(columns, self._outline, self._inertia)
-            if self.oblique
+            oblique.scales_along_the_wall(columns, self.outline, self.shape.inertia)
+            if self.scene.is_oblique
             else {}
         )
 
@@ -300,7 +377,7 @@ class ImpactScenario(Scenario):
 
     def motion(self, columns: Columns) -> tuple[Array, str]:
         label = "velocity of the centre\nof mass, $v_{cm}/v$"
-        if self.oblique:
+        if self.scene.is_oblique:
             label = "velocity away\nfrom the wall, $v_n/v_n(0)$"
         return columns["com_vy"] / self.velocity, label
 
@@ -333,7 +410,7 @@ class ImpactScenario(Scenario):
         start += f"    turned by {impact.turn:g}" if impact.turn else ""
         start += "    own velocities" if self.own_velocities else ""
         return (
-            self.kind,
+            scene.heading,
             (
                 f"v = {impact.velocity:g} c    {scene.damping}    a ="
                 f" {scene.wall.a:g}/R{start}"
@@ -343,9 +420,9 @@ class ImpactScenario(Scenario):
 
     def caption(self, row: dict[str, float]) -> tuple[str, ...]:
         time = f"t = {row['t']:7.3f} R/c"
-        if not self.oblique:
+        if not self.scene.is_oblique:
             return time, f"velocity {row['com_vy'] / self.velocity:+.3f} v"
-        spin = row["angular_momentum"] / self._inertia
+        spin = row["angular_momentum"] / self.shape.inertia
         return (
             time,
             f"v {row['com_vx']:+.4f}, {row['com_vy']:+.4f} c",

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from taichi_disk.computation.driver import Moment
+from taichi_disk.computation.driver import State
 from taichi_disk.computation.outcome import Outcome, summary_of
 from taichi_disk.lattice import Array, Lattice
 from taichi_disk.physics import Load, Model
@@ -37,21 +37,21 @@ class Equilibria:
             self.lattice, self.loaded(fraction), start, is_close=True
         ).positions
 
-    def interpolated(self, times: Array) -> Iterator[Moment]:
+    def interpolated(self, times: Array) -> Iterator[State]:
         for t in np.clip(times, self.fractions[0], 1.0).tolist():
             k = max(int(np.searchsorted(self.fractions, t)), 1)
             weight = (t - self.fractions[k - 1]) / (
                 self.fractions[k] - self.fractions[k - 1]
             )
-            yield (
-                t,
-                (1.0 - weight) * self.states[k - 1] + weight * self.states[k],
-                np.zeros_like(self.states[0]),
-            )
+            x = (1.0 - weight) * self.states[k - 1] + weight * self.states[k]
+            yield State(t, x, np.zeros_like(x))
 
-    def solved(self, times: Array) -> Iterator[Moment]:
-        for t, x, v in self.interpolated(times):
-            yield t, x if t in self.fractions else self.under(t, x), v
+    def solved(self, times: Array) -> Iterator[State]:
+        for state in self.interpolated(times):
+            if state.t not in self.fractions:
+                x = self.under(state.t, state.positions)
+                state = state._replace(positions=x)
+            yield state
 
 
 def quasistatic(scenario: Any, loads: int, progress: Progress) -> Outcome:

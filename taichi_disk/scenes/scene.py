@@ -224,23 +224,27 @@ class DiskScene(Frozen):
         own = own_start(self.lattice, body, velocities).velocities
         if own is None:
             return self.of_body(body)
+        scenario = self.thrown_with(body, own).of_body(body)
+        all_velocities = scenario.velocities.copy()
+        all_velocities[: body.disk_points] = own
+        return replace(scenario, velocities=all_velocities, own_velocities=True)
+
+    def thrown_with(self, body: Lattice, velocities: Array) -> Self:
+        """Return the scene whose throw has the mean speed and direction of `velocities`
+        (N, 2) [c]; a scene without a throw stays as it is.
+
+        Raises InputError if these are no velocities of the disk's points.
+        """
         n = body.disk_points
-        if own.shape != (n, 2):
+        if velocities.shape != (n, 2):
             raise InputError(
-                f"velocities: must have the shape ({n}, 2), not {own.shape}"
+                f"velocities: must have the shape ({n}, 2), not {velocities.shape}"
             )
-        if not (np.abs(own) <= MAX_VELOCITY).all():
+        if not (np.abs(velocities) <= MAX_VELOCITY).all():
             raise InputError(
                 f"velocities: must be numbers from {-MAX_VELOCITY:g} to"
                 f" {MAX_VELOCITY:g} c"
             )
-        scenario = self.thrown_with(body, own).of_body(body)
-        scenario.velocities[:n], scenario.own_velocities = own, True
-        return scenario
-
-    def thrown_with(self, body: Lattice, velocities: Array) -> Self:
-        """Return the scene with the mean speed and direction of `velocities` (N, 2)
-        [c], unchanged without a throw."""
         return self
 
     def moduli(self, points: int) -> Moduli:

@@ -21,8 +21,9 @@ class LatticeSetup:
     """The unloaded lattice `body` of a scene, with its moduli and spectra."""
 
     def __init__(self, scene: Scene) -> None:
-        self._scene, self.body = scene, interruptible(scene.body)
-        self._modes: dict[bool, Any] = {}
+        self._scene = scene
+        self.body = interruptible(scene.body)
+        self._spectra: dict[bool, Any] = {}
 
     @cached_property
     def moduli(self) -> dict[str, float]:
@@ -33,7 +34,7 @@ class LatticeSetup:
         found = self._scene.moduli(self._scene.lattice.points)
         return {"young": found.young, "poisson": found.poisson}
 
-    def modes(self, lattice: Lattice, model: Any) -> Any:
+    def spectrum(self, lattice: Lattice, model: Any) -> Any:
         """Return the spectrum of this body at t = 0, which is `lattice`, with the
         springs and dashpots of `model`."""
         from taichi_disk.computation.stability import spectrum
@@ -42,9 +43,9 @@ class LatticeSetup:
         if self._scene.lattice.file != "none":
             return spectrum(lattice, model)
         damped = model.springs.damped
-        if damped not in self._modes:
-            self._modes[damped] = spectrum(self.body, model)
-        return self._modes[damped]
+        if damped not in self._spectra:
+            self._spectra[damped] = spectrum(self.body, model)
+        return self._spectra[damped]
 
 
 _SETUPS: dict[Hashable, LatticeSetup] = {}  # in the order of their last use
@@ -70,7 +71,7 @@ def outcome_of(scene: Scene, **options: Any) -> Outcome:
 
     setup = setup_of(scene)
     scenario = scene.scenario(setup.body)
-    return compute(scenario, scene.time, modes=setup.modes, loads=1, **options)
+    return compute(scenario, spectrum_of=setup.spectrum, loads=1, **options)
 
 
 def lattice_key(scene: Scene) -> Hashable:

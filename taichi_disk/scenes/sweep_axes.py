@@ -184,7 +184,7 @@ def _combine(
         ):
             one = _with(kind, tree, start | {name: value})
             found = check(one, kinds)
-            tree.faults += one.faults
+            tree.take_faults(one)
             if found:
                 taken[name][value_of(found, name)] = None
                 if value is start[name] and target_of(found, name) in found.unused():
@@ -206,10 +206,8 @@ def _combine(
         found = check(one, kinds)
         if found is None:
             given = ", ".join(f"{name}: {value}" for name, (value, _) in chosen.items())
-            tree.faults = [
-                fault._replace(what=f"{fault.what} (at {given})")
-                for fault in one.faults
-            ]
+            for fault in one.faults:
+                tree.faults.append(fault._replace(what=f"{fault.what} (at {given})"))
             return None
         scenes[found] = None
     return Sweep(tuple(swept), tuple(scenes))

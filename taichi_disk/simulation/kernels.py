@@ -25,7 +25,7 @@ from taichi_disk.simulation.stepping import (
     DISSIPATED,
     FRICTION,
     SLIDING,
-    State,
+    PointFields,
     Stepping,
 )
 
@@ -86,13 +86,13 @@ class Kernels(Stepping):
     def set_mouse_target(self, point: ti.i32, x: ti.f64, y: ti.f64) -> ti.f64:
         """Let the mouse pull `point` (-1: none) towards (x, y), and return the added
         energy [M c^2]."""
-        energy = self.mouse.change(self.state, -1.0)
+        energy = self.mouse.untie(self.state)
         self.mouse.point[0], self.mouse.target[0][0], self.mouse.target[1][0] = (
             point,
             x,
             y,
         )
-        energy += self.mouse.change(self.state, 1.0)
+        energy += self.mouse.tie(self.state)
         return energy
 
     @ti.func
@@ -153,7 +153,7 @@ class SubdomainKernels(Kernels):
 
     def __init__(
         self,
-        state: State,
+        state: PointFields,
         model: Model,
         integrator: Integrator,
         solver: DashpotSolver | None,

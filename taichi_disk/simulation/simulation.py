@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from copy import deepcopy
 from functools import lru_cache
+from time import perf_counter
 from typing import Any
 
 import numpy as np
@@ -26,13 +27,14 @@ from taichi_disk.physics.ordering import BLOCK, Arrangement, arrange
 from taichi_disk.signals import interruptible, raise_if_interrupted
 from taichi_disk.simulation.kernels import Kernels, SubdomainKernels
 from taichi_disk.simulation.observables import INDEX, bounds_array
-from taichi_disk.simulation.stepping import PEAK_POINT_FORCE, Snapshot, State
+from taichi_disk.simulation.stepping import PEAK_POINT_FORCE, PointFields, Snapshot
 
 # Smallest capacity, so that all lattices of usual size can share compiled kernels:
 # 12,000 points, each with 3 springs (a triangulation has fewer) and 27 entries of the
 # dashpots' factor.
 MIN_CAPACITY = Capacity(12_000, 3 * 12_000 // BLOCK, 27 * 12_000)
 NEVER = 2**30  # number of successive rows that no run reaches
+MAX_STEPS = 2**31 - 1  # kernels count the steps of a run in 32 bits
 # time difference for the rate of change of forces at t = 0 [R/c]
 DIFFERENCE_TIME = 1e-4
 # potential of a point at which contact begins, over the kinetic energy of the flight
@@ -64,7 +66,7 @@ class Simulation:
         self.integrator, self.model, self.generation = integrator, deepcopy(model), 0
         self._program = engine.program()
         self.features = compiled_for(lattice, model)
-        self.model.springs.non_uniform = lattice.stiffness is not None
+        self.model.springs.prepare_for(lattice)
         arrangement = interruptible(arrange, lattice.bonds, len(lattice.positions))
         factor = self._factor(lattice, model, dt)
         self.subdomains = arrangement.subdomains
@@ -74,7 +76,7 @@ class Simulation:
         builder = ti.FieldsBuilder()
         for law in self.model.laws:
             law.make_fields(builder, self._capacity)
-        self.state = State(
+        self.state = PointFields(
             builder,
             self._capacity,
             self.subdomains,
@@ -293,9 +295,13 @@ class Simulation:
 
 
 class KernelCache:
-    """Reuses compiled simulations, because a compilation takes seconds."""
+    """Reuses compiled simulations, because a compilation takes seconds.
+
+    `compile_seconds`: wall-clock time that simulations have taken until t = 0 [s].
+    """
 
     def __init__(self) -> None:
+        self.compile_seconds = 0.0
         self._known: dict[Any, Simulation] = {}
 
     def __reduce__(self) -> Any:
@@ -312,6 +318,7 @@ class KernelCache:
     ) -> Simulation:
         """Return a simulation reset to t = 0, reusing a compiled one if possible, which
         invalidates earlier returns."""
+        began = perf_counter()
         key = (compiled_for(lattice, model), integrator.name)
         known = self._known.get(key)
         arguments = lattice, model, integrator, velocities, dt
@@ -320,6 +327,7 @@ class KernelCache:
             if known is not None and known.is_alive:
                 known.destroy()
             known = self._known[key] = Simulation(*arguments)
+        self.compile_seconds += perf_counter() - began
         return known
 
 

@@ -69,7 +69,7 @@ class Snapshot:
 
 
 @ti.data_oriented
-class State:
+class PointFields:
     """Fields of the points, and 0-D fields of the numbers that every kernel needs.
 
     Attributes:
@@ -205,7 +205,7 @@ class Stepping:
 
     def __init__(
         self,
-        state: State,
+        state: PointFields,
         model: Model,
         integrator: Integrator,
         solver: DashpotSolver | None,

@@ -14,12 +14,13 @@ from taichi_disk.computation.diagnostics import EnergyBalance
 from taichi_disk.computation.driver import Driver, Status
 from taichi_disk.computation.scenario import Scenario
 from taichi_disk.computation.stability import Spectrum
+from taichi_disk.computation.step_control import StepControl
 from taichi_disk.lattice import Array, Lattice
 from taichi_disk.physics import MouseSpring
 from taichi_disk.scenes import Scene
 from taichi_disk.scenes.setup import setup_of
 from taichi_disk.simulation.observables import INDEX, within
-from taichi_disk.simulation.simulation import KernelCache
+from taichi_disk.simulation.simulation import MAX_STEPS, KernelCache
 from taichi_disk.simulation.stepping import Snapshot
 
 # first time between two stored states, over the springs' time unit
@@ -34,6 +35,7 @@ class Segment(Driver):
     and go back to an earlier state.
 
     Attributes:
+        control: chooses the step of this segment.
         label: the change at which the segment began: "", HIT_AGAIN, DISTURBED or
             PULLED. While the mouse pulls a point, the scene does not end and does not
             begin again with a shorter step.
@@ -45,28 +47,24 @@ class Segment(Driver):
 
     def __init__(
         self,
-        scenario: Scenario,
+        control: StepControl,
         kernels: KernelCache,
-        modes: Spectrum,
         label: str = "",
-        before: Segment | None = None,
+        began: float = 0.0,
+        hit_began: float = 0.0,
     ) -> None:
-        """Begin at t = 0, or at the present state of the segment `before`."""
-        self.label, self.began = label, before.now if before else 0.0
-        self.hit_began: float = (
-            before.hit_began if before and label != HIT_AGAIN else self.began
-        )
-        self.reference_energy = scenario.reference_energy
-        super().__init__(scenario, scenario.scene.time, kernels, modes)
-
-    def _begin(self) -> None:
-        super()._begin()
-        self._last = 2**31 - 1  # steps; there is no time limit
+        super().__init__(control.scenario, control.step, kernels)
+        self.last_step = MAX_STEPS  # there is no time limit
+        self.control = control
+        self.label = label
+        self.began = began
+        self.hit_began = hit_began
+        self.reference_energy = self.scenario.reference_energy
 
     def advance(self, seconds: float = inf, steps: int | None = None) -> Status:
         """Advance as a `Driver` does; the disk still moves after the end, and the
         status stays "finished"."""
-        self.can_end = not self.end and self.label != PULLED
+        self.can_end = self.end is None and self.label != PULLED
         if self.status == "finished":
             self.status = "running"
         super().advance(seconds, steps)
@@ -88,7 +86,20 @@ class Segment(Driver):
     def imbalance(self) -> float:
         """Error of the energy balance since the segment began, relative to
         `reference_energy`."""
-        return float(self._balance.imbalance(self.row[None])[0]) / self.reference_energy
+        return float(self.balance.imbalance(self.row[None])[0]) / self.reference_energy
+
+    def begun_again(self) -> Segment | None:
+        """Return this segment at its start with a shorter step, if the step was too
+        long; otherwise None."""
+        if not (self.can_end and self.control.shortens(self)):
+            return None
+        return Segment(
+            control=self.control,
+            kernels=self.kernels,
+            label=self.label,
+            began=self.began,
+            hit_began=self.hit_began,
+        )
 
     def back_to(self, checkpoint: Checkpoint) -> None:
         """Continue from an earlier state of this attempt, and forget all later ones."""
@@ -96,12 +107,11 @@ class Segment(Driver):
         self.simulation = self._simulation()
         self.simulation.restore(snapshot)
         self.count = 1 + snapshot.step // self.stride
-        inside = within(self.rows[1:], self._bounds)
-        self._quiet = min(
-            int(np.argmin(np.append(inside[::-1], False))), self._needed - 1
-        )
-        self._balance = EnergyBalance(self.rows[0])
-        self._balance.first_lost(self.rows)
+        inside = within(self.rows[1:], self.bounds)
+        last_inside = int(np.argmin(np.append(inside[::-1], False)))
+        self.settled_rows = min(last_inside, self.needed_rows - 1)
+        self.balance = EnergyBalance(self.rows[0])
+        self.balance.first_lost(self.rows)
         self.state, self.row, self.failure = snapshot, checkpoint.row, None
         self.end = self.end if self.end and snapshot.step >= self.end.step else None
         self.status = "finished" if self.end else "running"
@@ -111,7 +121,7 @@ class Segment(Driver):
         jump = self.simulation.set_mouse_target(point, target)
         self.row = self.row.copy()
         self.row[INDEX["load"]] += jump
-        self._balance.give(jump)
+        self.balance.give(jump)
         self.state = self.simulation.snapshot()
 
 
@@ -156,10 +166,8 @@ def with_mouse(scene: Scene, body: Lattice) -> Scenario:
     scenario = scene.scenario(body)
     modulus = scenario.model.springs.modulus
     # A force above 0.02 modulus R would turn triangles of a fine lattice inside out.
-    scenario.model = replace(
-        scenario.model, mouse=MouseSpring(0.2 * modulus, 0.02 * modulus)
-    )
-    return scenario
+    mouse = MouseSpring(0.2 * modulus, 0.02 * modulus)
+    return replace(scenario, model=replace(scenario.model, mouse=mouse))
 
 
 class Timeline:
@@ -187,10 +195,10 @@ class Timeline:
         model = self.scenario.model
         # Include the damping rates of dashpots, which the user may switch on later.
         damped = replace(model, springs=replace(model.springs, eta=1.0))
-        self.spectrum: Spectrum = setup.modes(self.scenario.lattice, damped)
+        self.spectrum: Spectrum = setup.spectrum(self.scenario.lattice, damped)
         self.checkpoints: list[Checkpoint] = []
         self.spacing = STORE_SPACING * model.springs.time_unit
-        self._follow(Segment(self.scenario, kernels, self.spectrum))
+        self._follow(Segment(StepControl(self.scenario, self.spectrum), kernels))
 
     def carry_on(
         self, scene: Scene, label: str, velocities: Array | None = None
@@ -202,12 +210,25 @@ class Timeline:
         """
         last, now = self.segment, self.segment.present
         scenario = with_mouse(scene, self.body)
-        scenario.go_on_from(now.x, now.v if velocities is None else velocities)
+        point_force = scenario.point_force
         # a time step set by the user would be refused for the force of a blow-up
         if last.status != "failed":
             peak = last.simulation.peak_point_force(now.snapshot)
-            scenario.point_force = max(scenario.point_force, peak)
-        self._follow(Segment(scenario, last.kernels, self.spectrum, label, last))
+            point_force = max(point_force, peak)
+        scenario = replace(
+            scenario,
+            lattice=replace(scenario.lattice, positions=now.x),
+            velocities=now.v if velocities is None else velocities,
+            point_force=point_force,
+        )
+        segment = Segment(
+            control=StepControl(scenario, self.spectrum),
+            kernels=last.kernels,
+            label=label,
+            began=now.t,
+            hit_began=now.t if label == HIT_AGAIN else last.hit_began,
+        )
+        self._follow(segment)
 
     def _follow(self, segment: Segment) -> None:
         self.segment = segment
@@ -244,26 +265,36 @@ class Timeline:
 
         Returns the number of steps made.
         """
-        segment, until, start = (
-            self.segment,
-            perf_counter() + seconds,
-            self.segment.simulation.step_number,
-        )
+        segment = self.segment
+        until = perf_counter() + seconds
+        start = segment.simulation.step_number
         while (
             left := start + steps - segment.simulation.step_number
         ) > 0 and segment.status != "failed":
             before = segment.status
             segment.advance(until - perf_counter(), min(left, self.due))
-            if segment.status == "restarted":
-                self.checkpoints = [
-                    one for one in self.checkpoints if one.segment is not segment
-                ]
+            if segment.status not in ("running", before):
+                shorter = segment.begun_again()
+                if shorter is not None:
+                    self._replace(shorter)
+                    return 0
             self._store()
             if segment.status not in ("running", before) or perf_counter() >= until:
                 break
         if self.lead <= 0.0 or segment.status in ("finished", "failed"):
             self.display = segment.present
         return max(segment.simulation.step_number - start, 0)
+
+    def _replace(self, segment: Segment) -> None:
+        """Continue with `segment`, the present segment at its start; the state on
+        display stays until that is reached again."""
+        self.checkpoints = [
+            one for one in self.checkpoints if one.segment is not self.segment
+        ]
+        self.segment = segment
+        self._store()
+        if self.lead <= 0.0:
+            self.display = segment.present
 
     def _store(self) -> None:
         if self.checkpoints and self.due > 0:

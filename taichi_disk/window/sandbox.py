@@ -57,9 +57,9 @@ def with_key(scene: Scene, key: str, value: Any) -> Scene:
     return scene.with_(scene.changes_with(key, value))
 
 
-class Result(
+class Experiment(
     namedtuple(
-        "Result",
+        "Experiment",
         "result value load angle spin friction eta_star a points contact_time"
         " disturbance turn seed",
     )
@@ -105,7 +105,7 @@ class Sandbox:
     def __init__(self, scene: Scene, kernels: KernelCache) -> None:
         """Begin with `scene`. Raises TaichiDiskError."""
         self.kernels, self.scene = kernels, scene
-        self.results: list[Result] = []
+        self.results: list[Experiment] = []
         self.begin()
 
     def begin(self, scene: Scene | None = None) -> None:
@@ -190,11 +190,11 @@ class Sandbox:
     def _go(self, steps: int, max_seconds: float) -> int:
         """Make steps and report the end of the scene, a failure or a shorter step."""
         segment = self.time.segment
-        before, made = segment.status, self.time.go(steps, max_seconds)
-        if segment.status == "restarted":
-            self.message = (
-                f"computed again with a shorter step, {segment.step.dt:.2g} R/c"
-            )
+        before = segment.status
+        made = self.time.go(steps, max_seconds)
+        if self.time.segment is not segment:
+            dt = self.time.segment.step.dt
+            self.message = f"computed again with a shorter step, {dt:.2g} R/c"
         elif segment.status == "failed":
             self.paused, self.remaining_loads = True, []
             self.message = (
@@ -227,7 +227,7 @@ class Sandbox:
             points,
         ]
         which = value_of(scene, "impact.turn"), scene.lattice.seed
-        result = Result._make(
+        result = Experiment._make(
             [scenario.symbol, value, *settings, contact_time, label, *which]
         )
         self.results = [*self.results, result][-MAX_RESULTS:]

@@ -159,7 +159,6 @@ class Session:
         curves = (
             last,
             state.segment.hit_began,
-            last.attempt,
             last.status,
             sandbox.paused,
             is_past,

@@ -14,6 +14,7 @@ import numpy as np
 from taichi_disk.computation.driver import Driver
 from taichi_disk.computation.outcome import compute
 from taichi_disk.computation.stability import spectrum
+from taichi_disk.computation.step_control import StepControl
 from taichi_disk.integrators import INTEGRATORS
 from taichi_disk.scenes import load_scene
 from taichi_disk.simulation.simulation import KernelCache
@@ -37,8 +38,8 @@ class Impact:
 
     def __init__(self, kernels: KernelCache, scene: str | Path, *settings: str) -> None:
         loaded = load_scene(scene, settings)
-        self.kernels, self.time, self.scenario = kernels, loaded.time, loaded.scenario()
-        outcome = compute(self.scenario, self.time, estimate=False)
+        self.kernels, self.scenario = kernels, loaded.scenario()
+        outcome = compute(self.scenario, estimate=False)
         summary, self.velocities = outcome.summary, outcome.velocities
         self.integrator = INTEGRATORS[summary["integrator"]]
         self.dt, self.steps, self.attempts = (
@@ -47,7 +48,7 @@ class Impact:
             summary["attempts"],
         )
         self.work = 1e-9 * len(self.scenario.lattice.bonds) * self.steps
-        self.modes = spectrum(self.scenario.lattice, self.scenario.model)
+        self.spectrum = spectrum(self.scenario.lattice, self.scenario.model)
 
     def cost(self, run: Callable[[], Any]) -> float:
         """Return the cost of a run of all steps [ns per spring and step]."""
@@ -72,9 +73,12 @@ class Impact:
         except start-up and compiling."""
 
         def drive() -> None:
-            driver = Driver(self.scenario, self.time, self.kernels, self.modes)
-            while driver.advance() in ("running", "restarted"):
-                pass
+            control = StepControl(self.scenario, self.spectrum)
+            has_finished = False
+            while not has_finished:
+                driver = Driver(self.scenario, control.step, self.kernels)
+                driver.advance()
+                has_finished = not control.shortens(driver)
 
         return self.cost(drive)
 

@@ -139,7 +139,7 @@ def sample(settings: tuple[str, ...]) -> list[dict[str, Any]]:
             gap = gap_at(scene, START_POTENTIAL)
             given.append(f"impact.gap={gap!r}")
             scene = load_scene(RIGID, [*given, f"time.integrator={VERLET}"])
-            outcome = compute(scene.scenario(), scene.time, estimate=False)
+            outcome = compute(scene.scenario(), estimate=False)
             found.append(
                 {
                     "settings": given,

@@ -238,6 +238,11 @@ def test_custom_velocities_are_thrown_and_saved_and_make_another_run(tmp_path):
     assert own.restitution == pytest.approx(plain.restitution, abs=1e-7)
     assert own.series["com_vx"][-1] == pytest.approx(0.01, rel=1e-12)
     again = Result.load(tmp_path / "own")
+    for result in (own, again):  # one scene, which is the throw of the velocities
+        assert result.scene.impact == result.scenario.scene.impact
+        assert result.scene.impact.velocity == pytest.approx(np.hypot(0.01, 0.03))
+        assert result.scene.impact.angle == pytest.approx(np.arctan2(0.01, 0.03))
+    assert own.scene.time == own.scenario.scene.time
     assert all(
         (again.series[name] == values).all() for name, values in own.series.items()
     )

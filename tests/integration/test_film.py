@@ -50,7 +50,7 @@ def run():
     ]
     scene = load_scene("exponential_wall", settings)
     scenario = scene.scenario()
-    outcome = compute(scenario, scene.time)
+    outcome = compute(scenario)
     # The states are stored, so that tests may restart Taichi.
     times = np.linspace(0.0, outcome.columns["t"][-1], 400)
     states = list(outcome.replay(times))

@@ -385,7 +385,7 @@ def test_a_curve_is_collected_by_itself_and_stops_when_asked(session: Session) -
         "exponential_wall", [*SETTINGS, f"impact.velocity={first['load']}"]
     )
     scenario = scene.scenario()
-    outcome = compute(scenario, scene.time)
+    outcome = compute(scenario)
     assert first["value"] == scenario.primary(outcome.columns)[1]  # in all digits
     say(session, "collect")
     assert not session.sandbox.remaining_loads
@@ -622,7 +622,7 @@ def test_the_page_opens_obeys_and_computes_what_run_does(
     scene = load_scene(browser.yaml(tmp_path / "scene.yaml"))
     browser.click("drop")
     scenario = scene.scenario()
-    e = scenario.primary(compute(scenario, scene.time).columns)[1]
+    e = scenario.primary(compute(scenario).columns)[1]
     result = browser.wait(lambda: (found := browser.results()) and found[0], 60.0)
     assert result["value"] == e and result["disturbance"] == ""
 

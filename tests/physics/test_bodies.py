@@ -156,7 +156,7 @@ def test_the_compression_of_a_non_uniform_body_counts_from_its_centre_of_mass(ke
     scenario = load_scene("compression", settings).scenario(
         non_uniform(disk(100), 0.2, 3.0)
     )
-    outcome, m = compute(scenario, scenario.scene.time), scenario.lattice.masses
+    outcome, m = compute(scenario), scenario.lattice.masses
     x = outcome.positions
     sunk = [
         m @ positions[:, 1] - positions[:, 1].min()

@@ -83,9 +83,7 @@ def test_a_viscosity_is_that_of_the_body_and_eta_star_that_of_a_point(kernels):
             load_scene("exponential_wall").with_(points=points, seed=seed, **keys)
             for seed in range(3)
         )
-        runs = [
-            compute(scene.scenario(), scene.time, estimate=False) for scene in scenes
-        ]
+        runs = [compute(scene.scenario(), estimate=False) for scene in scenes]
         return np.array([run.columns["com_vy"][-1] for run in runs]) / 0.02
 
     eta = {"viscosity": 10.0 / 1099}
@@ -162,9 +160,7 @@ def test_custom_velocities_give_the_run_of_a_scene_with_their_speed(kernels):
     fast = load_scene("exponential_wall", ["lattice.points=40", "impact.velocity=0.5"])
     scene = fast.scenario()
     own = fast.with_(velocity=0.01).scenario(velocities=scene.velocities.copy())
-    columns = [
-        compute(case, fast.time, estimate=False).columns for case in (own, scene)
-    ]
+    columns = [compute(case, estimate=False).columns for case in (own, scene)]
     assert own.result(columns[0]) == scene.result(columns[1])
     assert_array_equal(columns[0]["wall_force"], columns[1]["wall_force"])
 
@@ -188,7 +184,7 @@ def test_a_spinning_custom_body_bounces_as_in_dop853(kernels):
     scene = load_scene("exponential_wall", [*settings, "time.safety=0.03"])
     scenario = scene.scenario(Lattice.from_points(plain.positions, plain.bonds, rest))
     assert np.ptp(scenario.lattice.rest_lengths) > 0.005
-    columns = compute(scenario, scene.time, estimate=False).columns
+    columns = compute(scenario, estimate=False).columns
     e, _ = reference_impact(scenario, columns["t"][-1])
     assert scenario.result(columns)["restitution"] == pytest.approx(e, abs=1e-5)
     assert np.ptp(columns["angular_momentum"]) > 1e-4
@@ -286,7 +282,7 @@ def test_a_flight_along_the_rigid_wall_changes_nothing(kernels):
     ends = []
     for along in (0.0, 0.2):
         scenario = scene.scenario(velocities=scene.scenario().velocities + [along, 0.0])
-        columns = compute(scenario, scene.time, estimate=False).columns
+        columns = compute(scenario, estimate=False).columns
         ends.append((columns["t"][-1], columns["com_vy"][-1]))
     assert ends[1] == pytest.approx(ends[0], rel=1e-6)
 

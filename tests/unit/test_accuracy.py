@@ -110,7 +110,7 @@ def study_of(scene: str, *settings: str) -> StepStudy:
     loaded = load_scene(scene, settings)
     scenario = loaded.scenario()
     modes = spectrum(scenario.lattice, scenario.model)
-    return StepStudy(scenario, modes, compute(scenario, loaded.time, estimate=False))
+    return StepStudy(scenario, modes, compute(scenario, estimate=False))
 
 
 @pytest.mark.validate

@@ -7,6 +7,7 @@ import ast
 import re
 import subprocess
 import sys
+from collections import defaultdict
 from graphlib import TopologicalSorter
 from pathlib import Path
 
@@ -79,3 +80,85 @@ def test_every_package_is_in_an_installation():
     assert names == {".".join(folder.parts) for folder in folders} | {
         "taichi_disk.scene_library"
     }
+
+
+def writes_from_other_rooms():
+    """Return the places where a file writes an attribute of an object that is neither
+    its own nor made in the same function, if only classes of other rooms have such an
+    attribute. A room is a folder of the package.
+
+    Kernels are left out, because their fields are memory for all of them.
+    """
+    trees = {
+        path.relative_to(ROOT / "taichi_disk"): ast.parse(path.read_text())
+        for path in (ROOT / "taichi_disk").rglob("*.py")
+    }
+    rooms_of = defaultdict(set)
+    for path, tree in trees.items():
+        for name in attributes_of_classes(tree):
+            rooms_of[name].add(path.parts[0])
+    found = []
+    for path, tree in trees.items():
+        for function in functions(tree):
+            for target in written_attributes(function):
+                rooms = rooms_of[target.attr]
+                if rooms and path.parts[0] not in rooms:
+                    found.append(f"{path}: {ast.unparse(target)}")
+    return sorted(found)
+
+
+def functions(tree):
+    for node in ast.walk(tree):
+        if isinstance(node, ast.FunctionDef):
+            decorators = {ast.unparse(each) for each in node.decorator_list}
+            if not decorators & {"ti.func", "ti.kernel"}:
+                yield node
+
+
+def targets_of(tree):
+    """Yield the targets of all assignments, one by one."""
+    for node in ast.walk(tree):
+        targets = getattr(node, "targets", [getattr(node, "target", None)])
+        if isinstance(node, ast.Assign | ast.AugAssign | ast.AnnAssign | ast.Delete):
+            for target in targets:
+                yield from getattr(target, "elts", [target])
+
+
+def written_attributes(function):
+    """Yield the attributes that `function` writes, or writes into, of objects that are
+    not its own."""
+    made = {
+        ast.unparse(target)
+        for node in ast.walk(function)
+        if isinstance(node, ast.Assign) and isinstance(node.value, ast.Call)
+        for target in node.targets
+    }
+    for target in targets_of(function):
+        while isinstance(target, ast.Subscript):
+            target = target.value
+        if isinstance(target, ast.Attribute):
+            owner = ast.unparse(target.value)
+            if owner not in ("self", "cls") and owner.split(".")[0] not in made:
+                yield target
+
+
+def attributes_of_classes(tree):
+    """Return the names of the attributes that classes declare or assign to `self`."""
+    names = set()
+    for node in ast.walk(tree):
+        if isinstance(node, ast.ClassDef):
+            for statement in node.body:
+                if isinstance(statement, ast.AnnAssign | ast.Assign):
+                    declared = targets_of(ast.Module([statement], []))
+                    names |= {target.id for target in declared}
+            for target in targets_of(node):
+                if ast.unparse(getattr(target, "value", target)) == "self":
+                    names.add(target.attr)
+    return names
+
+
+def test_no_object_is_written_to_by_another_room():
+    # The window's painter has settings, which follow the sandbox.
+    settings = "window/viewer.py: painter."
+    found = writes_from_other_rooms()
+    assert [each for each in found if not each.startswith(settings)] == []

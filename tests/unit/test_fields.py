@@ -189,6 +189,17 @@ def test_a_triangle_folded_flat_has_a_finite_stress():
     )
 
 
+def test_a_folded_triangle_keeps_a_tenth_of_its_unloaded_area():
+    x = X.copy()
+    a, b, c = DISK.triangles[7]
+    unloaded = DISK.positions[[a, b, c]]
+    x[[a, b, c]] = unloaded
+    x[a] = 0.5 * (x[b] + x[c])
+    side, other = unloaded[1] - unloaded[0], unloaded[2] - unloaded[0]
+    area = 0.5 * abs(side[0] * other[1] - side[1] * other[0])
+    assert DISK_MESH.areas(x)[7] == pytest.approx(0.1 * area, rel=1e-12)
+
+
 def test_point_values_are_means_weighted_with_the_areas():
     sigma, areas, i = stress(DISK_MESH, SPRINGS, X), DISK_MESH.areas(X), 17
     around = (DISK.triangles == i).any(axis=1)

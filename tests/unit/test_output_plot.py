@@ -143,7 +143,7 @@ def test_no_law_is_drawn_for_custom_points_whose_moduli_are_unknown(
 ):
     scene = load_scene("compression", ["compression.method=newton"])
     scenario = scene.scenario(Lattice.from_points(disk(60).positions))
-    plot_run(tmp_path / "a.png", scenario, compute(scenario, scene.time).columns)
+    plot_run(tmp_path / "a.png", scenario, compute(scenario).columns)
     assert [
         text.get_text() for text in figures[0].axes[0].get_legend().get_texts()
     ] == ["equilibria"]

@@ -8,17 +8,18 @@ from typing import Any
 
 import numpy as np
 import pytest
+from bodies import control_of
 
 import taichi_disk
+from taichi_disk.computation.driver import Driver
 from taichi_disk.computation.outcome import Outcome, compute
-from taichi_disk.computation.stability import spectrum
 from taichi_disk.errors import InputError
 from taichi_disk.scenes import load_scene
 from taichi_disk.simulation.observables import ENERGY_INDICES, INDEX
 from taichi_disk.simulation.simulation import KernelCache
 from taichi_disk.window.app import list_folder, list_presets
 from taichi_disk.window.history import MAX_STATES, Segment
-from taichi_disk.window.sandbox import SLOWDOWN, Result, Sandbox, with_key
+from taichi_disk.window.sandbox import SLOWDOWN, Experiment, Sandbox, with_key
 
 SMALL = ["lattice.points=120", "impact.velocity=0.05", "material.eta_star=1"]
 UNDAMPED = [*SMALL, "material.eta_star=0"]
@@ -40,7 +41,7 @@ def opened(
 def computed(kernels: KernelCache, scene: Any) -> tuple[Outcome, float]:
     """What `run` computes, and its primary result."""
     scenario = scene.scenario()
-    outcome = compute(scenario, scene.time)
+    outcome = compute(scenario)
     return outcome, scenario.primary(outcome.columns)[1]
 
 
@@ -81,7 +82,7 @@ def test_the_result_is_that_of_a_run_bit_for_bit_also_after_going_back(
         # no picture goes back, not even where a shorter step is tried
         assert sandbox.time.display.t >= seen
         seen = sandbox.time.display.t
-    assert sandbox.time.segment.attempt > 1 or settings is not HARD
+    assert sandbox.time.segment.control.attempt > 1 or settings is not HARD
     columns = sandbox.time.segment.columns
     outcome, expected = computed(kernels, load_scene(scene, settings))
     assert (
@@ -112,6 +113,30 @@ def test_the_result_is_that_of_a_run_bit_for_bit_also_after_going_back(
         assert np.array_equal(
             sandbox.time.segment.columns["com_vy"], outcome.columns["com_vy"]
         )
+
+
+def test_a_state_on_display_keeps_its_velocities_when_a_shorter_step_is_tried(
+    kernels: KernelCache,
+) -> None:
+    hard = [
+        "lattice.points=60",
+        "material.eta_star=0",
+        "wall.a=3000",
+        "impact.velocity=0.1",
+    ]
+    sandbox = opened(kernels, hard)
+    first = sandbox.time.segment
+    sandbox.speed, sandbox.paused = 3.0, False
+    while sandbox.time.segment is first:
+        sandbox.advance(0.05, max_seconds=1.0)
+    assert "computed again with a shorter step" in sandbox.message
+    shown = sandbox.time.display
+    assert sandbox.time.lead > 0.0 and shown.segment is first
+    assert sandbox.time.segment.step.dt < 0.9 * first.step.dt
+    shown_velocities = shown.v
+    same = Driver(first.scenario, first.step, kernels)
+    same.advance(steps=shown.snapshot.step)
+    assert np.array_equal(shown_velocities, same.simulation.velocities())
 
 
 def test_a_throw_that_is_drawn_becomes_the_scene_s_and_the_next_hit_s(
@@ -222,7 +247,7 @@ def test_a_row_of_the_table_tells_throws_of_different_lattices_apart(
     )
     assert all(
         f"{name}: " in columns.split("const COLUMNS")[1].split(";")[0]
-        for name in Result._fields
+        for name in Experiment._fields
     )
 
 
@@ -283,8 +308,7 @@ def test_time_goes_on_after_the_scene_s_end_and_its_limit_and_back_from_there(
         "time.safety=0.3",
         "impact.max_time=2.0",
     ]
-    scenario = load_scene("exponential_wall", settings).scenario()
-    segment = Segment(scenario, kernels, spectrum(scenario.lattice, scenario.model))
+    segment = Segment(control_of(load_scene("exponential_wall", settings)), kernels)
     start = segment.present
     assert segment.advance(steps=round(3.0 / segment.step.dt)) == "running"
     while segment.advance(steps=1000) == "running":

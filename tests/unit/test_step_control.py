@@ -2,27 +2,37 @@
 
 from __future__ import annotations
 
+from contextlib import nullcontext
 from dataclasses import replace
 from functools import partial
+from types import SimpleNamespace
 
+import bodies
 import numpy as np
 import pytest
-from bodies import computed, damped, driver_of
+from bodies import computed, damped, driver_of, drivers_of
 
 from taichi_disk.computation import diagnostics, error_estimate
-from taichi_disk.computation.diagnostics import MAX_CLOSING, MAX_IMBALANCE, MAX_WORST
-from taichi_disk.computation.stability import spectrum, step_limit
+from taichi_disk.computation.diagnostics import (
+    MAX_CLOSING,
+    MAX_IMBALANCE,
+    MAX_WORST,
+    BlowUp,
+)
+from taichi_disk.computation.stability import step_limit
 from taichi_disk.computation.step_control import MAX_BLOW_UPS, StepControl
-from taichi_disk.errors import SimulationError
+from taichi_disk.errors import InputError, SimulationError
 from taichi_disk.integrators import (
     INTEGRATORS,
     TAKAHASHI_IMADA,
     TRAPEZOIDAL,
+    VEFRL,
     VELOCITY_VERLET,
 )
 from taichi_disk.integrators.trapezoidal import factorise
 from taichi_disk.lattice import disk_lattice
 from taichi_disk.scenes import load_scene
+from taichi_disk.simulation.simulation import MAX_STEPS
 
 VV = VELOCITY_VERLET
 SMALL = (
@@ -35,18 +45,29 @@ SMALL = (
 
 def control_of(name, *settings):
     """Return the control of a shipped scene with some `settings`."""
-    scene = load_scene(name, settings)
-    scenario = scene.scenario()
-    return StepControl(scenario, scene.time, spectrum(scenario.lattice, scenario.model))
+    return bodies.control_of(load_scene(name, settings))
 
 
 @pytest.fixture
 def finished(kernels):
     """Return a driver at the end of an impact without dashpots."""
-    driver = driver_of(kernels, *SMALL)
-    while driver.advance() == "restarted":
-        pass
-    return driver
+    return drivers_of(kernels, *SMALL)[-1]
+
+
+def after_run(driver, largest_force=0.0, columns=None):
+    """Return a stand-in for a finished run with another force or time series."""
+    return SimpleNamespace(
+        has_ended=True,
+        largest_force=largest_force,
+        columns=driver.columns if columns is None else columns,
+    )
+
+
+def after_blow_up(largest_force):
+    """Return a stand-in for a run that blew up."""
+    return SimpleNamespace(
+        has_ended=False, failure=BlowUp("lost"), largest_force=largest_force
+    )
 
 
 def off_by(driver, worst, closing=0.0):
@@ -62,7 +83,7 @@ def off_by(driver, worst, closing=0.0):
 def test_an_imbalance_shortens_the_step_as_order_2_asks(finished):
     def follows(control, worst, closing=0.0):
         columns = off_by(finished, worst * MAX_WORST, closing * MAX_CLOSING)
-        return control.shorten_after_run(finished.largest_force, columns)
+        return control.shortens(after_run(finished, finished.largest_force, columns))
 
     control = control_of(*SMALL)
     first = control.step.dt
@@ -82,21 +103,21 @@ def test_what_a_fast_spin_loses_counts_against_the_slow_flight(kernels):
     # An error of the energy E affects the kinetic energy K of the flight through the
     # work of one motion on the other, of the order of sqrt(E K). Relative to K it is
     # larger by sqrt(E/K).
-    driver = driver_of(
-        kernels, *SMALL, "impact.velocity=0.01", "impact.spin=1.0", "impact.gap=0.3"
-    )
-    control, scenario = driver.control, driver.scenario
+    settings = ("impact.velocity=0.01", "impact.spin=1.0", "impact.gap=0.3")
+    driver = driver_of(kernels, *SMALL, *settings)
+    control, scenario = control_of(*SMALL, *settings), driver.scenario
     more = np.sqrt(0.5 * (scenario.velocities**2).sum() / 60 / (0.5 * 0.01**2))
     assert more > 50.0
     driver.advance(steps=10)
     first = control.step.dt
-    assert not control.shorten_after_run(0.0, off_by(driver, 0.9 / more * MAX_WORST))
-    assert control.shorten_after_run(0.0, off_by(driver, 4.0 / more * MAX_WORST))
+    for part, shortens in ((0.9, False), (4.0, True)):
+        columns = off_by(driver, part / more * MAX_WORST)
+        assert control.shortens(after_run(driver, columns=columns)) == shortens
     assert control.step.dt == pytest.approx(0.45 * first)
 
 
 def test_on_a_harder_wall_than_estimated_the_measured_force_sets_the_step(finished):
-    for after_blow_up in (False, True):
+    for has_blown_up in (False, True):
         control = control_of(*SMALL)
         limit = partial(
             step_limit,
@@ -110,15 +131,12 @@ def test_on_a_harder_wall_than_estimated_the_measured_force_sets_the_step(finish
             for force in np.geomspace(1e-3, 1e3, 2000)
             if control.step.dt > 0.95 * limit(force)
         )
-        assert (
-            not control.shorten_after_run(0.99 * peak, finished.columns)
-            and control.attempt == 1
-        )
-        assert (
-            control.shorten_after_blow_up(peak)
-            if after_blow_up
-            else control.shorten_after_run(peak, finished.columns)
-        )
+        assert not control.shortens(after_run(finished, 0.99 * peak))
+        assert control.attempt == 1
+        run = after_run(finished, peak)
+        if has_blown_up:
+            run = after_blow_up(peak)
+        assert control.shortens(run)
         assert control.step.limit == limit(1.5 * peak)
 
 
@@ -126,11 +144,24 @@ def test_after_a_blow_up_the_step_is_halved_a_few_times():
     control = control_of(*SMALL)
     first = control.step.dt
     for number in range(1, MAX_BLOW_UPS + 1):
-        assert control.shorten_after_blow_up(0.0) and control.step.dt == pytest.approx(
-            0.5**number * first
-        )
-    assert not control.shorten_after_blow_up(0.0)
-    assert not control_of(*SMALL, f"time.dt={first}").shorten_after_blow_up(0.0)
+        assert control.shortens(after_blow_up(0.0))
+        assert control.step.dt == pytest.approx(0.5**number * first)
+    assert not control.shortens(after_blow_up(0.0))
+    assert not control_of(*SMALL, f"time.dt={first}").shortens(after_blow_up(0.0))
+
+
+def test_a_run_that_only_lacks_time_is_not_repeated():
+    late = SimpleNamespace(has_ended=False, failure=SimulationError("late"))
+    assert not control_of(*SMALL).shortens(late)
+
+
+def test_more_steps_than_can_be_counted_are_refused_beforehand():
+    with pytest.raises(InputError, match=r"time\.dt: 1e-09 .* at most 2,147,483,647"):
+        control_of(*SMALL, "time.dt=1e-9")
+    limit = control_of(*SMALL).scenario.max_time
+    for dt, is_refused in ((0.99 * limit / MAX_STEPS, True), (limit / 2e9, False)):
+        with pytest.raises(InputError) if is_refused else nullcontext():
+            control_of(*SMALL, f"time.dt={dt}")
 
 
 def test_warnings_say_what_makes_a_result_doubtful(finished):
@@ -159,26 +190,23 @@ def test_dashpots_are_solved_for_where_that_costs_less_than_the_steps_that_it_sa
         (3.0, 3.37, TRAPEZOIDAL, VV),
         (6.0, 6.3, TRAPEZOIDAL, TRAPEZOIDAL),
     ):
-        control = control_of(
+        settings = (
             *SMALL,
             f"material.eta_star={eta_star}",
             "impact.velocity=0.001",
             "impact.gap=0.3",
         )
+        control = control_of(*settings)
         scenario, own = control.scenario, control.spectrum
         implicit, explicit = (
             control.limit(way, scenario.point_force) for way in (TRAPEZOIDAL, VV)
         )
         assert implicit / explicit == pytest.approx(saved, rel=0.05)
         for points, expected in ((60, few), (1_000_000, many)):
-            chosen = StepControl(
-                scenario, scenario.scene.time, replace(own, points=points)
-            )
+            chosen = StepControl(scenario, replace(own, points=points))
             assert chosen.step.integrator is expected
         for name in ("velocity_verlet", "trapezoidal"):
-            chosen = StepControl(
-                scenario, replace(scenario.scene.time, integrator=name), own
-            )
+            chosen = control_of(*settings, f"time.integrator={name}")
             assert chosen.step.integrator is INTEGRATORS[name]
 
 
@@ -199,7 +227,27 @@ def test_dashpots_are_solved_for_where_that_costs_less_than_the_steps_that_it_sa
         ),
         # the contact force jumps
         (("absorbing_wall", *SMALL[1:3], "wall.boundary=pinned"), VV),
-        # the boundary is reset
+        # the boundary is reset: only small tolerances are worth four forces per step
+        (
+            (
+                "absorbing_wall",
+                *SMALL[1:3],
+                "wall.contact=smooth",
+                "time.tolerance=1e-7",
+            ),
+            VEFRL,
+        ),
+        (("absorbing_wall", *SMALL[1:3], "time.tolerance=1e-7"), VV),
+        (
+            (
+                "absorbing_wall",
+                *SMALL[1:3],
+                "wall.contact=smooth",
+                "time.tolerance=1e-6",
+            ),
+            VV,
+        ),
+        ((*SMALL, "time.tolerance=1e-7"), TAKAHASHI_IMADA),
         (("absorbing_wall", *SMALL[1:3], "wall.contact=smooth"), VV),
         (
             (
@@ -242,7 +290,8 @@ def test_a_whole_number_of_steps_fits_the_reset_interval(interval):
     # A step that was chosen and is then set as dt stays the same, in spite of rounding.
     for part in range(1 + int(interval / step.limit), 100):
         time = replace(scenario.scene.time, dt=interval / part)
-        assert StepControl(scenario, time, control.spectrum).step.dt == interval / part
+        own = replace(scenario, scene=replace(scenario.scene, time=time))
+        assert StepControl(own, control.spectrum).step.dt == interval / part
 
 
 # ---- tolerances, in scenes

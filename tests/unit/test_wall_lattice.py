@@ -103,5 +103,10 @@ def test_a_wall_of_too_few_points_is_refused_with_the_number_needed():
     with pytest.raises(InputError, match=r"wall\.points must be at least") as refusal:
         with_wall(DISK, 5, 1.0, 0)
     fewest = int(str(refusal.value).split("at least ")[1].split()[0])
+    # The rows along the sides of the narrowest wall, three springs thick, and of the
+    # widest one take most of the points of an area of 20 squares of their spacing.
+    spacing = 2.0 * math.pi / rim_points(1099)
+    area = math.pi * fewest / 1099
+    assert 20.0 <= area / spacing**2 < 20.0 + math.pi / (1099 * spacing**2)
     side = math.sqrt(math.pi * fewest / 1099)
     assert len(with_wall(DISK, fewest, side, 0).positions) == 1099 + fewest

@@ -77,7 +77,7 @@ def judge(number: int, tolerance: bool = False, hard: bool = False) -> Judgement
         body = replace(body, rest_lengths=body.rest_lengths * (1.0 + off))
     scenario = scene.scenario(body)
     try:
-        outcome = compute(scenario, scene.time)
+        outcome = compute(scenario)
         key, found = scenario.primary(outcome.columns)
         claim, dt = (
             wanted if tolerance else outcome.summary["error_estimate"].get(key),
@@ -106,7 +106,7 @@ def judge_features(number: int, kernels: KernelCache) -> list[Judgement]:
         scene = load_scene(name, settings)
         body = custom_body(scene.body(), aspect, number) if aspect else scene.body()
         scenario = scene.scenario(body)
-        outcome = compute(scenario, scene.time)
+        outcome = compute(scenario)
         claims, found = (
             outcome.summary["error_estimate"],
             scenario.result(outcome.columns),

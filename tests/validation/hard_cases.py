@@ -45,13 +45,13 @@ class Verdict:
 
 
 def judge(
-    prepare: Callable[[], tuple[Scene, Scenario]], kernels: KernelCache, **options: bool
+    prepare: Callable[[], Scenario], kernels: KernelCache, **options: bool
 ) -> Verdict:
     """Compute a scene as `run` does."""
     try:
-        scene, scenario = prepare()
+        scenario = prepare()
         with patch("taichi_disk.computation.outcome.shared_kernels", lambda: kernels):
-            outcome = compute(scenario, scene.time, **options)
+            outcome = compute(scenario, **options)
     except InputError as error:
         return Verdict("refused", str(error))
     except SimulationError as error:
@@ -77,16 +77,16 @@ class Case:
     tells: str = ""
     force: bool = False
     body: Callable[[Scene], Lattice] | None = None
-    start: Callable[[Scenario], None] | None = None
+    start: Callable[[Scenario], Scenario] | None = None
     quick: bool = False
 
     def judge(self, kernels: KernelCache) -> Verdict:
-        def prepare() -> tuple[Scene, Scenario]:
+        def prepare() -> Scenario:
             scene = load_scene(self.scene, self.settings.split())
             scenario = scene.scenario(self.body(scene) if self.body else None)
             if self.start:
-                self.start(scenario)
-            return scene, scenario
+                scenario = self.start(scenario)
+            return scenario
 
         return judge(prepare, kernels, force=self.force)
 
@@ -119,23 +119,24 @@ def _twins(scene: Scene) -> Lattice:
     return triangulate(x)
 
 
-def _shifted(x: float) -> Callable[[Scenario], None]:
-    def shift(scenario: Scenario) -> None:
+def _shifted(x: float) -> Callable[[Scenario], Scenario]:
+    def shift(scenario: Scenario) -> Scenario:
         positions = scenario.lattice.positions.copy()
         positions[: scenario.lattice.disk_points, 0] += x
-        scenario.lattice = replace(scenario.lattice, positions=positions)
+        lattice = replace(scenario.lattice, positions=positions)
+        return replace(scenario, lattice=lattice)
 
     return shift
 
 
-def _above_a_wall_point(scenario: Scenario) -> None:
+def _above_a_wall_point(scenario: Scenario) -> Scenario:
     lattice = scenario.lattice
     lowest = lattice.disk_surface[lattice.positions[lattice.disk_surface, 1].argmin()]
     middle = lattice.wall_surface[len(lattice.wall_surface) // 2]
-    _shifted(float(lattice.positions[middle, 0] - lattice.positions[lowest, 0]))(
-        scenario
-    )
-    assert scenario.lattice.positions[lowest, 0] == lattice.positions[middle, 0]
+    distance = float(lattice.positions[middle, 0] - lattice.positions[lowest, 0])
+    shifted = _shifted(distance)(scenario)
+    assert shifted.lattice.positions[lowest, 0] == lattice.positions[middle, 0]
+    return shifted
 
 
 RIGID, ELASTIC, PRESSED = "exponential_wall", "absorbing_wall", "compression"

@@ -13,7 +13,7 @@ from taichi_disk.computation.diagnostics import MAX_IMBALANCE
 from taichi_disk.computation.scenario import Scenario
 from taichi_disk.errors import SimulationError
 from taichi_disk.lattice import Lattice
-from taichi_disk.scenes import Scene, load_scene
+from taichi_disk.scenes import load_scene
 from taichi_disk.simulation.simulation import KernelCache, Simulation
 
 from .hard_cases import Verdict, judge
@@ -317,6 +317,7 @@ class ShortOnly:
 
     def __init__(self, kernels: KernelCache, most_work: float) -> None:
         self.kernels, self.most_work, self.max_time = kernels, most_work, math.inf
+        self.compile_seconds = 0.0
 
     def simulation(
         self, lattice: Any, model: Any, integrator: Any, velocities: Any, dt: float
@@ -330,12 +331,12 @@ def fate(number: int, kernels: ShortOnly) -> tuple[Verdict, str]:
     """Run a wild scene, and return how it ended, and a fault that no scene may have (""
     if there is none)."""
 
-    def prepare() -> tuple[Scene, Scenario]:
+    def prepare() -> Scenario:
         name, settings = wild_scene(number)
         scene = load_scene(name, settings)
         scenario = scene.scenario()
         kernels.max_time = scenario.max_time
-        return scene, scenario
+        return scenario
 
     verdict = judge(prepare, kernels, estimate=False)
     if verdict.text == TOO_LONG:

@@ -102,7 +102,9 @@ def refined(
         time = replace(
             scenario.scene.time, **step, sample_interval=rows, tolerance="none"
         )
-        found.append(scenario.result(compute(scenario, time, estimate=False).columns))
+        finer_scenario = replace(scenario, scene=replace(scenario.scene, time=time))
+        columns = compute(finer_scenario, estimate=False).columns
+        found.append(scenario.result(columns))
     return {
         name: (value, abs(value - found[0][name]))
         for name, value in found[1].items()
