@@ -95,6 +95,8 @@ class Tree:
         return self.entries[path]
 
 
+# the minus sign of typography, which people copy from papers and web pages
+_MINUS = "\u2212"
 # Meaning of plain scalars. PyYAML itself reads 1e-3 as text, 010 and 1:30 as numbers,
 # and `yes` as true.
 _WORDS = {"": None, "~": None, "null": None, "true": True, "false": False}
@@ -184,13 +186,13 @@ def _meaning(text: str) -> Any:
     word = text.lower()
     if word in _WORDS:
         return _WORDS[word]
-    if _INTEGER.fullmatch(word):
-        return int(word, {"0o": 8, "0x": 16}.get(word[:2], 10))
-    return (
-        float(word.replace(".inf", "inf").replace(".nan", "nan"))
-        if _FLOAT.fullmatch(word)
-        else text
-    )
+    number = word.replace(_MINUS, "-")
+    if _INTEGER.fullmatch(number):
+        base = {"0o": 8, "0x": 16}.get(number[:2], 10)
+        return int(number, base)
+    if _FLOAT.fullmatch(number):
+        return float(number.replace(".inf", "inf").replace(".nan", "nan"))
+    return text
 
 
 def _as_written(node: yaml.Node) -> str:

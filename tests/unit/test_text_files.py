@@ -13,6 +13,7 @@ import pytest
 from taichi_disk.errors import InputError
 from taichi_disk.scenes import load_scene
 from taichi_disk.text_files import MAX_BYTES, read_text
+from taichi_disk.window.app import list_folder
 
 SCENE = "scene: exponential_wall\nimpact: {velocity: 0.03}  # η\n"
 needs_pipes = pytest.mark.skipif(
@@ -39,6 +40,16 @@ def test_a_file_larger_than_the_limit_is_not_read(tmp_path: Path) -> None:
     assert len(read_text(path)) == MAX_BYTES
     with pytest.raises(InputError, match="is larger than"):
         read_text(path, limit=MAX_BYTES - 1)
+
+
+def test_a_folder_with_a_huge_file_is_listed_without_reading_it(tmp_path: Path) -> None:
+    with (tmp_path / "huge.yaml").open("wb") as file:
+        file.truncate(3_000_000_000)
+    (tmp_path / "small.yaml").write_text(SCENE, encoding="utf-8")
+    huge, small = list_folder(tmp_path)
+    assert small.load() == load_scene(SCENE)
+    with pytest.raises(InputError, match="is larger than"):
+        huge.load()
 
 
 @pytest.mark.skipif(not os.path.exists("/dev/zero"), reason="no /dev/zero")
