@@ -466,7 +466,8 @@ class Result:
         if summary.get("lattice_digest", "") != own.digest:
             raise InputError(
                 f"{folder}: the lattice or the velocities in lattice.npz have changed"
-                " since the run"
+                " since the run, or another version of the program wrote them: run"
+                f" {path} again"
             )
         work = Work(scene, own, progress)
         # The step of the run is accepted, even if it is beyond the stability limit.

@@ -2,7 +2,13 @@
 SciPy is imported when used."""
 
 from taichi_disk.lattice.custom import numbers
-from taichi_disk.lattice.files import OwnStart, file_digest, own_start, read_lattice
+from taichi_disk.lattice.files import (
+    OwnStart,
+    file_digest,
+    own_start,
+    own_velocities,
+    read_lattice,
+)
 from taichi_disk.lattice.lattice import Lattice, disk_of
 from taichi_disk.lattice.network import Moduli, bulk_moduli
 from taichi_disk.lattice.random_points import circle_faults

@@ -31,7 +31,7 @@ from taichi_disk.lattice import (
     bulk_moduli,
     circle_faults,
     disk_lattice,
-    own_start,
+    own_velocities,
     read_lattice,
 )
 from taichi_disk.scenes.conflicts import Conflicts
@@ -221,7 +221,7 @@ class DiskScene(Frozen):
                 the scene's [c].
         """
         body = lattice or self.body()
-        own = own_start(self.lattice, body, velocities).velocities
+        own = own_velocities(self.lattice, velocities)
         if own is None:
             return self.of_body(body)
         n = body.disk_points

@@ -68,6 +68,14 @@ class Snapshot:
         return np.asarray(v + integrator.observed_kick * dt * inverse_mass * f)
 
 
+def check_room(fields: Sequence[Any], rows: int) -> None:
+    """Raise ValueError if `fields` have no room for `rows` values, because kernels
+    would write beyond their ends."""
+    room = fields[0].shape[0]
+    if rows > room:
+        raise ValueError(f"{rows} values do not fit into a field of {room}")
+
+
 @ti.data_oriented
 class State:
     """Fields of the points, and 0-D fields of the numbers that every kernel needs.
@@ -138,17 +146,15 @@ class State:
         """Write `numbers` into 0-D fields and `contents` into other fields, which must
         be the same in all calls."""
         # One kernel writes all of them, because loading a compiled kernel takes 30 ms.
-        self.scalars, self.fields = (
-            [field for field, _ in numbers],
-            [fields for fields, _ in contents],
-        )
-        values = [np.asarray(values, np.float64).ravel() for _, values in contents]
-        rows = [
-            len(data) // len(fields)
-            for data, fields in zip(values, self.fields, strict=True)
-        ]
+        self.scalars = [field for field, _ in numbers]
+        self.fields = [fields for fields, _ in contents]
         scalars = np.array([number for _, number in numbers], np.float64)
-        self._begin(scalars, np.array(rows, np.int32), np.concatenate(values))
+        arrays = [np.asarray(values, np.float64).ravel() for _, values in contents]
+        rows = []
+        for values, fields in zip(arrays, self.fields, strict=True):
+            rows.append(len(values) // len(fields))
+            check_room(fields, rows[-1])
+        self._begin(scalars, np.array(rows, np.int32), np.concatenate(arrays))
 
     @ti.kernel
     def _begin(self, numbers: Reals1, rows: Integers1, values: Reals1):
@@ -174,6 +180,7 @@ class State:
         return Snapshot(step, vectors, sums)
 
     def restore(self, snapshot: Snapshot) -> None:
+        check_room(self.x, snapshot.vectors.shape[1])
         self._copy(snapshot.vectors, snapshot.sums, True)
 
     @ti.kernel
