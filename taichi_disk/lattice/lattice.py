@@ -14,6 +14,15 @@ from numpy.typing import ArrayLike, NDArray
 
 from taichi_disk.errors import InputError, SimulationError
 from taichi_disk.lattice import custom
+from taichi_disk.lattice.files import (
+    TABLES,
+    disk_rows,
+    points_of_disk,
+    read_arrays,
+    reading,
+    rows_of_disk,
+)
+from taichi_disk.lattice.meshes import read_mesh
 from taichi_disk.lattice.random_points import circle_points
 from taichi_disk.lattice.triangles import (
     MAX_SPRING,
@@ -278,16 +287,63 @@ class Lattice:
 
     @classmethod
     def read(cls, path: str | Path) -> Lattice:
-        """Read the points of a disk, or a mesh of triangles, from a file, as a scene's
-        `lattice.file` does.
+        """Read the points of a disk, or a mesh, from a file, as a scene's
+        `lattice.file` does, and return their lattice, made by `from_points`.
 
-        See docs/extending.md for the formats. `notes` of the lattice say what was
-        scaled or left out. Raises InputError with the file's name if the file cannot be
-        read or its points do not form a disk.
+        A table (.csv, .txt, .tsv) has the columns x, y [R] and optionally mass, see
+        `read_table`. An npz file has `positions` (n, 2) and optionally `bonds`,
+        `rest_lengths`, `triangles`, `stiffness` and `masses`, like lattice.npz of a
+        run. Positions beyond `disk_points`, an elastic wall, are ignored. A
+        user-supplied lattice that a run has stored (`unloaded`, see docs/output.md) is
+        restored bit for bit. Other files are meshes, see `read_mesh`. `notes` of the
+        lattice say what was scaled or left out.
+
+        Raises InputError with the file's name if the file cannot be read or its points
+        do not form a disk.
         """
-        from taichi_disk.lattice.files import read_lattice
+        path = Path(path)
+        suffix = path.suffix.lower()
+        with reading(path, "file"):
+            if suffix not in TABLES and suffix != ".npz":
+                mesh = read_mesh(path)
+                lattice = cls.from_points(mesh.points, triangles=mesh.triangles)
+                notes = mesh.notes + lattice.notes
+                return replace(lattice, origin=path.name, notes=notes)
+            data = read_arrays(path)
+            if "unloaded" in data:
+                return checked_disk(_restored(data))
+            points = len(np.atleast_1d(data["positions"]))
+            disk_points = points_of_disk(data, points)
+            if disk_points < points:
+                data |= rows_of_disk(data, disk_points)
+            lattice = cls.from_points(
+                data["positions"],
+                data.get("bonds"),
+                data.get("rest_lengths"),
+                triangles=data.get("triangles"),
+                stiffness=data.get("stiffness"),
+                masses=data.get("masses"),
+            )
+            return replace(lattice, origin=path.name)
 
-        return read_lattice(path)
+
+def _restored(data: Mapping[str, Any]) -> Lattice:
+    x = custom.point_array(data["unloaded"])
+    rows = rows_of_disk(data, len(x))
+    none = np.empty(0, np.int32)
+    return Lattice(
+        positions=x,
+        bonds=rows["bonds"],
+        rest_lengths=rows["rest_lengths"],
+        masses=rows["masses"],
+        disk_points=len(x),
+        disk_surface=data["disk_surface"],
+        wall_surface=none,
+        wall_boundary=none,
+        triangles=rows["triangles"],
+        origin=str(data["origin"]),
+        stiffness=rows.get("stiffness"),
+    )
 
 
 def _require(name: str, holds: Any, what: str) -> None:
@@ -508,19 +564,3 @@ def checked_disk(lattice: Lattice) -> Lattice:
             "disk_surface must be the outline of the triangles, counter-clockwise"
         )
     return disk
-
-
-def disk_rows(arrays: Mapping[str, Any], n: int) -> dict[str, Any]:
-    """Return the rows of the first `n` points for each of a lattice's `arrays` that is
-    not None."""
-    rows: dict[str, Any] = {"positions": slice(n), "masses": slice(n)}
-    if arrays.get("bonds") is not None:
-        of_disk = (arrays["bonds"] < n).all(axis=1)
-        rows |= {"bonds": of_disk, "rest_lengths": of_disk, "stiffness": of_disk}
-    if arrays.get("triangles") is not None:
-        rows["triangles"] = (arrays["triangles"] < n).all(axis=1)
-    return {
-        name: arrays[name][chosen]
-        for name, chosen in rows.items()
-        if arrays.get(name) is not None
-    }

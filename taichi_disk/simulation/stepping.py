@@ -23,6 +23,7 @@ from taichi_disk.physics.law import (
     Reals1,
     Reals3,
     array,
+    check_room,
     get,
     pair_of,
     put,
@@ -66,14 +67,6 @@ class Snapshot:
         # dividing first gives the rounding of the kernels
         inverse_mass = 1.0 / lattice.masses[:, None]
         return np.asarray(v + integrator.observed_kick * dt * inverse_mass * f)
-
-
-def check_room(fields: Sequence[Any], rows: int) -> None:
-    """Raise ValueError if `fields` have no room for `rows` values, because kernels
-    would write beyond their ends."""
-    room = fields[0].shape[0]
-    if rows > room:
-        raise ValueError(f"{rows} values do not fit into a field of {room}")
 
 
 @ti.data_oriented

@@ -10,7 +10,7 @@ from taichi_disk import runtime
 from taichi_disk.errors import InputError
 from taichi_disk.integrators import INTEGRATORS
 from taichi_disk.lattice import Lattice, read_lattice
-from taichi_disk.lattice.files import OwnStart, digest_of, own_start
+from taichi_disk.lattice.own_start import OwnStart, digest_of, own_start
 from taichi_disk.physics import Model, Springs
 from taichi_disk.scenes import load_scene
 from taichi_disk.simulation.simulation import Simulation

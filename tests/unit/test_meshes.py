@@ -139,7 +139,7 @@ def test_without_meshio_the_message_says_how_to_install_it(tmp_path, monkeypatch
 
 def test_meshio_is_imported_only_for_a_mesh():
     code = (
-        "import sys, taichi_disk.lattice.files, taichi_disk.scenes;"
+        "import sys, taichi_disk.lattice, taichi_disk.scenes;"
         " sys.exit('meshio' in sys.modules)"
     )
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
