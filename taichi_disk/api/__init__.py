@@ -471,7 +471,8 @@ class Result:
         if summary.get("lattice_digest", "") != work.own.digest:
             raise InputError(
                 f"{folder}: the lattice or the velocities in lattice.npz have changed"
-                " since the run"
+                " since the run, or another version of the program wrote them: run"
+                f" {path} again"
             )
         # The step of the run is accepted, even if it is beyond the stability limit.
         outcome = work.solve(work.build(), 1, force=True, estimate=estimate)

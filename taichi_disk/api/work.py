@@ -93,7 +93,8 @@ class Work:
         outcome = compute(scenario, self.progress, spectrum_of=spectrum_of, **options)
         self.lap("simulate", compile=outcome.compile_seconds)
         summary = self._heading("done") | outcome.summary | {"video": None}
-        notes = scene.notes(scenario.lattice.disk_points)
+        lattice = scenario.lattice
+        notes = [*lattice.notes, *scene.notes(lattice.disk_points)]
         count, note = lattice_count(own, outcome, lattices)
         if count > 1:
             summary["lattices"] = compare_lattices(

@@ -17,6 +17,7 @@ from taichi_disk import runtime
 from taichi_disk.errors import InputError, TaichiDiskError
 from taichi_disk.render import film_problem
 from taichi_disk.scenes import Scene, load_scene
+from taichi_disk.text_files import read_text
 from taichi_disk.window.controls import Entry
 from taichi_disk.window.server import serve
 
@@ -100,12 +101,7 @@ def list_folder(path: Path) -> list[Entry]:
     if (table := path / "points.csv").is_file():
         rows = csv.DictReader(table.read_text(encoding="utf-8").splitlines())
         files = [path / "points" / f"{row.get('key')}.yaml" for row in rows]
-    files = [
-        file
-        for file in files
-        if file.is_file()
-        and not re.search(rb"^sweep:", file.read_bytes(), re.MULTILINE)
-    ]
+    files = [file for file in files if file.is_file() and not _has_sweep(file)]
     if not files:
         raise InputError(
             f"{path}: there is no scene in this folder (*.yaml, or points.csv with"
@@ -114,6 +110,14 @@ def list_folder(path: Path) -> list[Entry]:
     return [
         Entry(file.stem, f"From {path}.", partial(load_scene, file)) for file in files
     ]
+
+
+def _has_sweep(file: Path) -> bool:
+    try:
+        text = read_text(file)
+    except (OSError, InputError):
+        return False  # the message comes when somebody opens it
+    return re.search("^sweep:", text, re.MULTILINE) is not None
 
 
 def has_browser() -> bool:

@@ -146,7 +146,8 @@ class Sandbox:
     @property
     def warnings(self) -> list[str]:
         """The notes that `run` would print with the result of this scene."""
-        return self.scene.notes(self.time.segment.scenario.lattice.disk_points)
+        lattice = self.time.segment.scenario.lattice
+        return [*lattice.notes, *self.scene.notes(lattice.disk_points)]
 
     @property
     def pace(self) -> float:
