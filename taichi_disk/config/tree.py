@@ -321,9 +321,14 @@ def as_path(path: Any, name: str) -> Path:
     """Return `path` with ~ expanded. Raises InputError with the argument's `name` if it
     is no path."""
     try:
-        return Path(path).expanduser()
-    except (TypeError, RuntimeError):  # RuntimeError if ~ names no user
+        expanded = Path(path).expanduser()
+    except TypeError:
         raise InputError(f"{name}: must be a path, not {path!r:.60}") from None
+    except RuntimeError:
+        raise InputError(f"{name}: {path}: there is no user of this name") from None
+    if "\0" in str(expanded):
+        raise InputError(f"{name}: a path has no null characters, as {path!r:.60} has")
+    return expanded
 
 
 def _override(tree: Tree, override: str, rank: int) -> None:
