@@ -17,7 +17,6 @@ from typing import Any, NamedTuple, TypeAlias
 import yaml
 
 from taichi_disk.errors import InputError, did_you_mean
-from taichi_disk.signals import interruptible
 
 Source: TypeAlias = "str | os.PathLike[str] | Mapping[str, Any]"
 Keys: TypeAlias = tuple[str, ...]  # from the top of the scene down to a value
@@ -292,7 +291,7 @@ def _read(source: str | os.PathLike[str]) -> tuple[str, str, str]:
         path = shipped_scenes().get(str(path), path)
     label = printable(str(path), width=1000)
     try:
-        data = interruptible(path.read_bytes)  # a pipe may wait for its writer
+        data = path.read_bytes()
         # A pipe has no folder.
         return (
             label,

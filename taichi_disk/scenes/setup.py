@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Any
 
 from taichi_disk.lattice import Lattice, file_digest
 from taichi_disk.scenes import Scene
-from taichi_disk.signals import interruptible
 
 if TYPE_CHECKING:
     from taichi_disk.computation.outcome import Outcome
@@ -21,7 +20,7 @@ class LatticeSetup:
     """The unloaded lattice `body` of a scene, with its moduli and spectra."""
 
     def __init__(self, scene: Scene) -> None:
-        self._scene, self.body = scene, interruptible(scene.body)
+        self._scene, self.body = scene, scene.body()
         self._modes: dict[bool, Any] = {}
 
     @cached_property
