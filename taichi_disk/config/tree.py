@@ -11,14 +11,12 @@ import os
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple, TypeAlias
 
 import yaml
 
 from taichi_disk.errors import InputError, did_you_mean, printable
-from taichi_disk.signals import interruptible
 from taichi_disk.text_files import read_text
 
 Source: TypeAlias = "str | os.PathLike[str] | Mapping[str, Any]"
@@ -293,9 +291,9 @@ def _read(source: str | os.PathLike[str]) -> tuple[str, str, str]:
         path = shipped_scenes().get(str(path), path)
     label = printable(str(path), width=1000)
     try:
-        # A pipe, which has no folder, may wait for its writer.
+        # A pipe has no folder.
         folder = str(path.parent) if path.is_file() else ""
-        text = interruptible(partial(read_text, path, accept_pipe=True))
+        text = read_text(path, accept_pipe=True)
     except (FileNotFoundError, NotADirectoryError):
         known = shipped_scenes()
         hint = did_you_mean(path.stem, known) or "."
@@ -313,9 +311,14 @@ def as_path(path: Any, name: str) -> Path:
     """Return `path` with ~ expanded. Raises InputError with the argument's `name` if it
     is no path."""
     try:
-        return Path(path).expanduser()
-    except (TypeError, RuntimeError):  # RuntimeError if ~ names no user
+        expanded = Path(path).expanduser()
+    except TypeError:
         raise InputError(f"{name}: must be a path, not {path!r:.60}") from None
+    except RuntimeError:
+        raise InputError(f"{name}: {path}: there is no user of this name") from None
+    if "\0" in str(expanded):
+        raise InputError(f"{name}: a path has no null characters, as {path!r:.60} has")
+    return expanded
 
 
 def _override(tree: Tree, override: str, rank: int) -> None:

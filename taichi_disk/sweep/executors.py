@@ -24,8 +24,9 @@ from queue import Empty, SimpleQueue
 from typing import Any
 
 from taichi_disk import runtime
+from taichi_disk.engine import environment
 from taichi_disk.errors import InputError, SimulationError, TaichiDiskError, pip_install
-from taichi_disk.machine import cores
+from taichi_disk.machine import cores, safe_path
 from taichi_disk.scenes import Scene
 from taichi_disk.scenes.setup import lattice_key
 from taichi_disk.signals import POLL_INTERVAL, ignored_by_children, raise_if_interrupted
@@ -142,9 +143,11 @@ def _pool(jobs: int) -> Iterator[Executor]:
     # affects only workers: NumPy is already imported here
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     receiver, sender = context.Pipe(duplex=False)
-    pool = ProcessPoolExecutor(jobs, context, _begin_worker, (receiver,))
+    environment.prepare()  # one cache of kernels for all
     try:
-        yield pool
+        with safe_path():
+            pool = ProcessPoolExecutor(jobs, context, _begin_worker, (receiver,))
+            yield pool
     except BaseException:
         sender.close()
         raise

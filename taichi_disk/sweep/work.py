@@ -15,7 +15,7 @@ from typing import Any
 from taichi_disk import engine, runtime
 from taichi_disk.errors import InputError, TaichiDiskError
 from taichi_disk.output.files import versions
-from taichi_disk.scenes import Scene, check_memory
+from taichi_disk.scenes import Scene
 from taichi_disk.scenes.setup import outcome_of, setup_of
 
 
@@ -82,7 +82,6 @@ def compute_points(scenes: Iterable[Scene], estimate: bool) -> Iterator[PointRes
 
 @runtime.alone()
 def _computed(scene: Scene, estimate: bool) -> PointResult:
-    check_memory(scene)
     outcome = outcome_of(scene, estimate=estimate)
     summary = outcome.summary
     numbers: dict[str, Any] = (
