@@ -34,7 +34,9 @@ export class Drawing {
     this.scene = { ...message };
     for (const name of INDICES) this.scene[name] = decoded(message[name], Uint32Array);
     this.scene.rest = decoded(message.rest, Float32Array);
-    this.maps = Object.fromEntries(Object.entries(message.maps).map(([name, map]) => [name, bytes(map)]));
+    this.maps = Object.fromEntries(
+      Object.entries(message.maps).map(([name, map]) => [name, bytes(map)]),
+    );
     this.set(message.options);
     this.spacing = Math.sqrt(3.63 / message.disk_points); // of a triangular lattice that fills the disk [R]
     this.field = this.state = null;
@@ -49,9 +51,13 @@ export class Drawing {
   // ---- the view: pixels are CSS pixels from the canvas's upper left corner
 
   fit() {
-    const { view, wall } = this.scene, [left, right, , top] = view, margin = 8, isRigid = wall.kind === "rigid";
+    const { view, wall } = this.scene,
+      [left, right, , top] = view,
+      margin = 8,
+      isRigid = wall.kind === "rigid";
     const [bottom, below] = isRigid ? [wall.edge, VISIBLE_WALL] : [view[2], margin];
-    const width = this.width - 2 * margin, height = this.height - footer(this.width) - margin - below;
+    const width = this.width - 2 * margin,
+      height = this.height - footer(this.width) - margin - below;
     const scale = Math.max(Math.min(width / (right - left), height / (top - bottom)), 1);
     const spare = Math.max(height / scale - (top - bottom), 0); // free height, of which a quarter lies below
     const y = (top + bottom + spare / 2 - (below - margin) / scale) / 2;
@@ -64,7 +70,8 @@ export class Drawing {
   }
 
   zoom(factor, px = this.middle[0], py = this.middle[1]) {
-    const [x, y] = this.toWorld(px, py), { camera } = this;
+    const [x, y] = this.toWorld(px, py),
+      { camera } = this;
     camera.scale = Math.min(Math.max(camera.scale * factor, 10), 1e5);
     const [newX, newY] = this.toScreen(x, y);
     this.pan(px - newX, py - newY);
@@ -81,12 +88,14 @@ export class Drawing {
   }
 
   toWorld(px, py) {
-    const { x, y, scale } = this.camera, [mx, my] = this.middle;
+    const { x, y, scale } = this.camera,
+      [mx, my] = this.middle;
     return [x + (px - mx) / scale, y - (py - my) / scale];
   }
 
   toScreen(x, y) {
-    const { camera } = this, [mx, my] = this.middle;
+    const { camera } = this,
+      [mx, my] = this.middle;
     return [mx + (x - camera.x) * camera.scale, my - (y - camera.y) * camera.scale];
   }
 
@@ -97,19 +106,27 @@ export class Drawing {
   // ---- drawing
 
   draw(state = this.state) {
-    const { canvas, context: ctx, scene, options } = this, ratio = devicePixelRatio;
+    const { canvas, context: ctx, scene, options } = this,
+      ratio = devicePixelRatio;
     const { clientWidth: width, clientHeight: height } = canvas;
     const pixels = [Math.round(width * ratio), Math.round(height * ratio)];
-    if (canvas.width !== pixels[0] || canvas.height !== pixels[1]) [canvas.width, canvas.height] = pixels;
+    if (canvas.width !== pixels[0] || canvas.height !== pixels[1])
+      [canvas.width, canvas.height] = pixels;
     if (!scene || !state || !pixels[0] || !pixels[1]) return;
     const resized = this.width !== width || this.height !== height;
     Object.assign(this, { width, height, state });
     if (this.camera.home && (resized || !this.field)) this.fit();
-    const centre = [state.row.com_x, state.row.com_y], theme = scene.themes[options.theme], { camera } = this;
+    const centre = [state.row.com_x, state.row.com_y],
+      theme = scene.themes[options.theme],
+      { camera } = this;
     if (options.follow) [camera.x, camera.y] = centre;
     const unmoved = options.outline || options.magnify > 1 ? this.unmoved(state.x) : null;
-    const x = options.magnify > 1 ? state.x.map((u, i) => unmoved[i] + options.magnify * (u - unmoved[i])) : state.x;
-    const quantity = scene.quantities.find((one) => one.name === options.quantity), { limit } = state;
+    const x =
+      options.magnify > 1
+        ? state.x.map((u, i) => unmoved[i] + options.magnify * (u - unmoved[i]))
+        : state.x;
+    const quantity = scene.quantities.find((one) => one.name === options.quantity),
+      { limit } = state;
     const filled = ["field", "both"].includes(options.draw);
     const colours = this.maps[`${options.theme} ${quantity.map}${filled ? "" : " bare"}`];
 
@@ -121,8 +138,13 @@ export class Drawing {
     const [ox, oy] = this.toScreen(0, 0);
     if (!this.field || this.field.gl.isContextLost()) this.field = new Field(scene);
     const field = this.field.draw(...pixels, {
-      positions: x, values: state.values, colours, marks: this.marks(ratio), fringes: quantity.name === "fringes",
-      factor: camera.scale * ratio, shift: [ox * ratio, pixels[1] - oy * ratio],
+      positions: x,
+      values: state.values,
+      colours,
+      marks: this.marks(ratio),
+      fringes: quantity.name === "fringes",
+      factor: camera.scale * ratio,
+      shift: [ox * ratio, pixels[1] - oy * ratio],
       scale: quantity.signed ? [0.5 / limit, 0.5] : [1 / limit, 0],
     });
     ctx.drawImage(field, 0, 0, width, height);
@@ -139,11 +161,18 @@ export class Drawing {
     }
     ctx.fillStyle = theme.wall;
     if (scene.wall.kind !== "none") ctx.fill(this.wallPath(x, scene.wall.edge));
-    const ring = () => Array.from([...scene.outline, scene.outline[0]], (i) => this.point(unmoved, i));
+    const ring = () =>
+      Array.from([...scene.outline, scene.outline[0]], (i) => this.point(unmoved, i));
     if (options.outline) line(ctx, ring(), theme.faint, 1.3, [5, 4]);
     if (!state.path) this.remember(state.t, centre);
     const path = state.path ?? this.track;
-    if (options.path) line(ctx, path.map(([px, py]) => this.toScreen(px, py)), theme.accent, 1.8);
+    if (options.path)
+      line(
+        ctx,
+        path.map(([px, py]) => this.toScreen(px, py)),
+        theme.accent,
+        1.8,
+      );
     if (options.forces) this.drawForces(state, x, theme);
     const tip = options.arrow && options.arrow.map((v, axis) => centre[axis] + v / AIM);
     if (tip) this.drawArrow(centre, tip, theme.accent, theme);
@@ -167,28 +196,41 @@ export class Drawing {
 
   // Return what the field draws: triangles, with faint springs on them if these are long enough, or springs, or points.
   marks(ratio) {
-    const apart = this.spacing * this.camera.scale, { draw, quantity } = this.options;
+    const apart = this.spacing * this.camera.scale,
+      { draw, quantity } = this.options;
     const between = (low, value, high) => Math.min(Math.max(value, low), high);
-    if (draw === "springs") return [{ mark: 1, radius: 0.5 * ratio * between(1.5, 0.15 * apart, 4) }];
+    if (draw === "springs")
+      return [{ mark: 1, radius: 0.5 * ratio * between(1.5, 0.15 * apart, 4) }];
     if (draw === "points") return [{ mark: 2, radius: ratio * between(1, 0.3 * apart, 6) }];
-    const ink = draw === "both" && quantity !== "fringes" ? 0.25 * between(0, (apart - 5) / 9, 1) : 0;
+    const ink =
+      draw === "both" && quantity !== "fringes" ? 0.25 * between(0, (apart - 5) / 9, 1) : 0;
     return ink ? [{ mark: 0 }, { mark: 1, radius: 0.75 * ratio, ink }] : [{ mark: 0 }];
   }
 
   // Return the undeformed disk at the place, height and angle of the disk at `x`. Points of the wall stay.
   unmoved(x) {
-    const { rest, disk_points: count } = this.scene, out = x.slice();
-    const [fromX, fromY] = centroid(rest, count), [toX, toY] = centroid(x, count);
-    let dot = 0, cross = 0; // their ratio is the tangent of the disk's best-fitting rotation
+    const { rest, disk_points: count } = this.scene,
+      out = x.slice();
+    const [fromX, fromY] = centroid(rest, count),
+      [toX, toY] = centroid(x, count);
+    let dot = 0,
+      cross = 0; // their ratio is the tangent of the disk's best-fitting rotation
     for (let i = 0; i < 2 * count; i += 2) {
-      const ax = rest[i] - fromX, ay = rest[i + 1] - fromY, bx = x[i] - toX, by = x[i + 1] - toY;
+      const ax = rest[i] - fromX,
+        ay = rest[i + 1] - fromY,
+        bx = x[i] - toX,
+        by = x[i + 1] - toY;
       dot += ax * bx + ay * by;
       cross += ax * by - ay * bx;
     }
-    const angle = Math.atan2(cross, dot), cos = Math.cos(angle), sin = Math.sin(angle);
-    let lift = -Infinity, lowest = Infinity;
+    const angle = Math.atan2(cross, dot),
+      cos = Math.cos(angle),
+      sin = Math.sin(angle);
+    let lift = -Infinity,
+      lowest = Infinity;
     for (let i = 0; i < 2 * count; i += 2) {
-      const ax = rest[i] - fromX, ay = rest[i + 1] - fromY;
+      const ax = rest[i] - fromX,
+        ay = rest[i + 1] - fromY;
       out[i] = toX + cos * ax - sin * ay;
       out[i + 1] = sin * ax + cos * ay;
       lift = Math.max(lift, -out[i + 1]);
@@ -206,9 +248,17 @@ export class Drawing {
 
   // Return the outline of the wall, up to a height above its points [R].
   wallPath(x, height) {
-    const { wall_surface: surface } = this.scene, isRigid = !surface.length, path = new Path2D();
-    const [left, low] = this.toWorld(-this.width, this.height), [right] = this.toWorld(2 * this.width, 0);
-    const chain = isRigid ? [[left, 0], [right, 0]] : Array.from(surface, (i) => [x[2 * i], x[2 * i + 1]]);
+    const { wall_surface: surface } = this.scene,
+      isRigid = !surface.length,
+      path = new Path2D();
+    const [left, low] = this.toWorld(-this.width, this.height),
+      [right] = this.toWorld(2 * this.width, 0);
+    const chain = isRigid
+      ? [
+          [left, 0],
+          [right, 0],
+        ]
+      : Array.from(surface, (i) => [x[2 * i], x[2 * i + 1]]);
     const bottom = isRigid ? Math.min(low, 0) - 1 : -1.3 / this.camera.scale;
     for (const [px, py] of chain) path.lineTo(...this.toScreen(px, py + height));
     for (const [px, py] of chain.reverse()) path.lineTo(...this.toScreen(px, py + bottom));
@@ -217,23 +267,40 @@ export class Drawing {
 
   // Draw the wall, and above its edge a haze that fades as the force does.
   drawWall(x, colour, ratio) {
-    const { context: ctx, scene: { wall }, camera } = this;
-    Object.assign(ctx, { fillStyle: colour, shadowColor: colour, shadowBlur: 4 * wall.decay * camera.scale * ratio });
+    const {
+      context: ctx,
+      scene: { wall },
+      camera,
+    } = this;
+    Object.assign(ctx, {
+      fillStyle: colour,
+      shadowColor: colour,
+      shadowBlur: 4 * wall.decay * camera.scale * ratio,
+    });
     ctx.fill(this.wallPath(x, wall.edge));
     ctx.shadowBlur = 0;
   }
 
   // Draw an arrow for each point on which the wall acts, or for some of the points if they are too close.
   drawForces({ forces, fullForce }, x, theme) {
-    const every = Math.ceil(ARROW_DISTANCE / (this.spacing * this.camera.scale)), length = ARROW / fullForce;
+    const every = Math.ceil(ARROW_DISTANCE / (this.spacing * this.camera.scale)),
+      length = ARROW / fullForce;
     for (let k = 0; k < forces.length; k += 3) {
-      const [i, fx, fy] = forces.subarray(k, k + 3), foot = [x[2 * i], x[2 * i + 1]];
+      const [i, fx, fy] = forces.subarray(k, k + 3),
+        foot = [x[2 * i], x[2 * i + 1]];
       if (i % every || Math.hypot(fx, fy) < 0.02 * fullForce) continue;
       this.drawArrow(foot, [foot[0] + length * fx, foot[1] + length * fy], theme.arrow, theme, 1.8);
     }
   }
 
   drawArrow(from, to, colour, theme, thickness = 3) {
-    arrow(this.context, this.toScreen(...from), this.toScreen(...to), thickness, colour, theme.ground);
+    arrow(
+      this.context,
+      this.toScreen(...from),
+      this.toScreen(...to),
+      thickness,
+      colour,
+      theme.ground,
+    );
   }
 }

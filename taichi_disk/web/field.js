@@ -55,9 +55,15 @@ export class Field {
   constructor({ points, triangles, springs }) {
     this.canvas = document.createElement("canvas");
     const gl = (this.gl = this.canvas.getContext("webgl2", { antialias: false, depth: false }));
-    if (!gl) throw new Error("This browser has no WebGL 2, which draws the disk: update it, or allow acceleration.");
+    if (!gl)
+      throw new Error(
+        "This browser has no WebGL 2, which draws the disk: update it, or allow acceleration.",
+      );
     const program = gl.createProgram();
-    for (const [kind, source] of [[gl.VERTEX_SHADER, VERTEX], [gl.FRAGMENT_SHADER, FRAGMENT]]) {
+    for (const [kind, source] of [
+      [gl.VERTEX_SHADER, VERTEX],
+      [gl.FRAGMENT_SHADER, FRAGMENT],
+    ]) {
       const shader = gl.createShader(kind);
       gl.shaderSource(shader, source);
       gl.compileShader(shader);
@@ -67,12 +73,16 @@ export class Field {
     const failed = !gl.getProgramParameter(program, gl.LINK_STATUS) && !gl.isContextLost();
     if (failed) throw new Error(gl.getProgramInfoLog(program));
     gl.useProgram(program);
-    this.uniform = (kind, name, ...values) => gl[`uniform${kind}`](gl.getUniformLocation(program, name), ...values);
+    this.uniform = (kind, name, ...values) =>
+      gl[`uniform${kind}`](gl.getUniformLocation(program, name), ...values);
     gl.enable(gl.BLEND);
     gl.blendFunc(gl.ONE, gl.ONE_MINUS_SRC_ALPHA);
     this.count = { points, springs: springs.length / 2, corners: triangles.length };
     this.texels = new Float32Array(4 * WIDTH * Math.ceil((points + this.count.springs) / WIDTH));
-    for (const [unit, filter] of [[gl.TEXTURE0, gl.NEAREST], [gl.TEXTURE1, gl.LINEAR]]) {
+    for (const [unit, filter] of [
+      [gl.TEXTURE0, gl.NEAREST],
+      [gl.TEXTURE1, gl.LINEAR],
+    ]) {
       gl.activeTexture(unit);
       gl.bindTexture(gl.TEXTURE_2D, gl.createTexture());
       gl.texParameteri(gl.TEXTURE_2D, gl.TEXTURE_MIN_FILTER, filter);
@@ -80,7 +90,10 @@ export class Field {
       gl.texParameteri(gl.TEXTURE_2D, gl.TEXTURE_WRAP_S, gl.CLAMP_TO_EDGE);
     }
     this.uniform("1i", "colours", 1);
-    for (const [target, data] of [[gl.ELEMENT_ARRAY_BUFFER, triangles], [gl.ARRAY_BUFFER, springs]]) {
+    for (const [target, data] of [
+      [gl.ELEMENT_ARRAY_BUFFER, triangles],
+      [gl.ARRAY_BUFFER, springs],
+    ]) {
       gl.bindBuffer(target, gl.createBuffer());
       gl.bufferData(target, data, gl.STATIC_DRAW);
     }
@@ -93,15 +106,27 @@ export class Field {
   // positions (2n) [R]; values (n), or one for each spring; marks: what to draw, in order, as {mark, radius, ink};
   // colours: 256 x 3 bytes; factor, shift, scale and fringes are the shaders' uniforms.
   draw(width, height, { positions, values, marks, colours, factor, shift, scale, fringes }) {
-    const { gl, texels, canvas, count } = this, own = values.length === count.points ? 0 : count.points;
-    if (canvas.width !== width || canvas.height !== height) Object.assign(canvas, { width, height });
+    const { gl, texels, canvas, count } = this,
+      own = values.length === count.points ? 0 : count.points;
+    if (canvas.width !== width || canvas.height !== height)
+      Object.assign(canvas, { width, height });
     for (let i = 0; i < count.points; i++) {
       texels[4 * i] = positions[2 * i];
       texels[4 * i + 1] = positions[2 * i + 1];
     }
     values.forEach((value, i) => (texels[4 * (own + i) + 2] = value));
     gl.activeTexture(gl.TEXTURE0);
-    gl.texImage2D(gl.TEXTURE_2D, 0, gl.RGBA32F, WIDTH, texels.length / WIDTH / 4, 0, gl.RGBA, gl.FLOAT, texels);
+    gl.texImage2D(
+      gl.TEXTURE_2D,
+      0,
+      gl.RGBA32F,
+      WIDTH,
+      texels.length / WIDTH / 4,
+      0,
+      gl.RGBA,
+      gl.FLOAT,
+      texels,
+    );
     gl.activeTexture(gl.TEXTURE1);
     gl.texImage2D(gl.TEXTURE_2D, 0, gl.RGB8, 256, 1, 0, gl.RGB, gl.UNSIGNED_BYTE, colours);
     gl.viewport(0, 0, width, height);
@@ -117,7 +142,8 @@ export class Field {
       this.uniform("1f", "radius", radius);
       this.uniform("1f", "ink", ink);
       if (mark === 0) gl.drawElements(gl.TRIANGLES, count.corners, gl.UNSIGNED_INT, 0);
-      else gl.drawArraysInstanced(gl.TRIANGLE_STRIP, 0, 4, mark === 1 ? count.springs : count.points);
+      else
+        gl.drawArraysInstanced(gl.TRIANGLE_STRIP, 0, 4, mark === 1 ? count.springs : count.points);
     }
     return canvas;
   }

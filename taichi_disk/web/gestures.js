@@ -6,7 +6,8 @@ const REACH = 24; // largest distance from the velocity's tip at which a press g
 
 // `view` has `pan` and `zoom`. `grip` returns what one finger or the main button holds: {move, end}, or nothing.
 export function followPointers(canvas, view, redraw, grip = () => null) {
-  const pointers = new Map(), place = (event) => [event.offsetX, event.offsetY];
+  const pointers = new Map(),
+    place = (event) => [event.offsetX, event.offsetY];
   let held = null;
   const letGo = (cancelled) => {
     held?.end?.(cancelled);
@@ -19,7 +20,8 @@ export function followPointers(canvas, view, redraw, grip = () => null) {
     if (pointers.size === 1 && !event.button && !event.shiftKey) held = grip(...place(event));
   };
   canvas.onpointermove = (event) => {
-    const before = pointers.get(event.pointerId), now = place(event);
+    const before = pointers.get(event.pointerId),
+      now = place(event);
     if (!before) return;
     pointers.set(event.pointerId, now);
     const other = [...pointers].find(([id]) => id !== event.pointerId)?.[1];
@@ -48,7 +50,8 @@ export function followPointers(canvas, view, redraw, grip = () => null) {
 export function grip(sandbox, px, py) {
   const { drawing, state, panel, send, plays, ui } = sandbox;
   if (!plays || !state) return null;
-  const { com_x: cx, com_y: cy, com_vx, com_vy } = state.row, world = (...at) => drawing.toWorld(...at);
+  const { com_x: cx, com_y: cy, com_vx, com_vy } = state.row,
+    world = (...at) => drawing.toWorld(...at);
   const [x0, y0] = world(px, py);
   if (!panel.atStart || ui.arrow.disabled) return pull(sandbox, px, py);
   const aim = (fromX, fromY) => ({
@@ -57,7 +60,9 @@ export function grip(sandbox, px, py) {
   });
   const [tipX, tipY] = drawing.toScreen(cx + com_vx / AIM, cy + com_vy / AIM);
   if (ui.arrow.checked && Math.hypot(tipX - px, tipY - py) < REACH) return aim(cx, cy);
-  const distances = Array.from(drawing.scene.outline, (i) => Math.hypot(state.x[2 * i] - cx, state.x[2 * i + 1] - cy));
+  const distances = Array.from(drawing.scene.outline, (i) =>
+    Math.hypot(state.x[2 * i] - cx, state.x[2 * i + 1] - cy),
+  );
   if (Math.hypot(x0 - cx, y0 - cy) > Math.max(...distances)) return aim(x0, y0);
   let angle = 0;
   return {

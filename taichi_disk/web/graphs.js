@@ -6,7 +6,8 @@ import { label, line, roundAbove } from "./legend.js";
 const GRAPHS = [["energy"], ["force", "motion"]]; // what each graph shows, on its left and right scale
 
 export function legend(caption, names) {
-  const name = ([text, colour]) => (colour ? element("span", { style: `--curve: ${colour}` }, text) : text);
+  const name = ([text, colour]) =>
+    colour ? element("span", { style: `--curve: ${colour}` }, text) : text;
   caption.replaceChildren(...names.map(name));
 }
 
@@ -15,10 +16,11 @@ export function legend(caption, names) {
 function frame(plot, contents, below, ...scales) {
   const middle = ({ low, high }) => (low < 0 ? 0 : (low + high) / 2);
   const height = (scale, value) => (100 * (value - scale.low)) / (scale.high - scale.low);
-  const beside = (scale, k) => [scale.low, middle(scale), scale.high].map((value) => {
-    const place = { className: k ? "right" : "left", style: `bottom: ${height(scale, value)}%` };
-    return element("i", place, label(value));
-  });
+  const beside = (scale, k) =>
+    [scale.low, middle(scale), scale.high].map((value) => {
+      const place = { className: k ? "right" : "left", style: `bottom: ${height(scale, value)}%` };
+      return element("i", place, label(value));
+    });
   const under = ([part, text]) => element("i", { style: `left: ${100 * part}%` }, text);
   plot.replaceChildren(...contents, ...scales.flatMap(beside), ...below.map(under));
   plot.style.setProperty("--rule-top", `${100 - height(scales[0], middle(scales[0]))}%`);
@@ -56,25 +58,46 @@ export class Graphs {
     if (!data || !canvases[0].clientWidth) return;
     const end = (this.end = roundAbove(Math.max(1.1 * data.t.at(-1), 1)));
     canvases.forEach((canvas, k) => {
-      const { clientWidth: width, clientHeight: height } = canvas, ctx = canvas.getContext("2d");
+      const { clientWidth: width, clientHeight: height } = canvas,
+        ctx = canvas.getContext("2d");
       Object.assign(canvas, { width: width * devicePixelRatio, height: height * devicePixelRatio });
       ctx.scale(devicePixelRatio, devicePixelRatio);
       const graphs = GRAPHS[k].map((graph) => {
-        const shown = curves.filter((one) => one.graph === graph), values = shown.flatMap((one) => one.values);
+        const shown = curves.filter((one) => one.graph === graph),
+          values = shown.flatMap((one) => one.values);
         const first = graph === "energy" ? 0 : fullForce;
-        const high = roundAbove(1.05 * values.reduce((most, value) => Math.max(most, Math.abs(value)), first) || 1);
-        return { shown, high, least: values.reduce((least, value) => Math.min(least, value / high), 0) };
+        const high = roundAbove(
+          1.05 * values.reduce((most, value) => Math.max(most, Math.abs(value)), first) || 1,
+        );
+        return {
+          shown,
+          high,
+          least: values.reduce((least, value) => Math.min(least, value / high), 0),
+        };
       });
       const least = Math.min(...graphs.map((one) => one.least)); // some energies of a spinning disk are below 0
       const depth = [0, 0.2, 1].find((part) => least > -part - 0.005);
       const scales = graphs.map(({ shown, high }) => {
         const low = -depth * high;
-        const place = (value, n) => [(data.t[n] / end) * width, ((high - value) / (high - low)) * height];
+        const place = (value, n) => [
+          (data.t[n] / end) * width,
+          ((high - value) / (high - low)) * height,
+        ];
         for (const { colour, values } of shown) line(ctx, values.map(place), colour, 1.8);
         return { low, high };
       });
-      line(ctx, [0, height].map((y) => [Math.min(t / end, 1) * width, y]), accent, 2);
-      const key = JSON.stringify([end, scales]), times = [[0, "0"], [0.5, `${label(end / 2)} R/c`], [1, label(end)]];
+      line(
+        ctx,
+        [0, height].map((y) => [Math.min(t / end, 1) * width, y]),
+        accent,
+        2,
+      );
+      const key = JSON.stringify([end, scales]),
+        times = [
+          [0, "0"],
+          [0.5, `${label(end / 2)} R/c`],
+          [1, label(end)],
+        ];
       if (key !== canvas.key) frame(canvas.parentNode, [canvas], times, ...scales);
       canvas.key = key;
     });
@@ -84,9 +107,12 @@ export class Graphs {
 // Results over the speed or load, on a logarithmic axis; those that the user disturbed are hollow.
 export function showDiagram(plot, results) {
   if (!results.length) return plot.replaceChildren();
-  const loads = results.map(({ load }) => load), values = results.map(({ value }) => value);
-  const first = Math.min(...loads, 5e-3) / 1.2, last = Math.max(...loads, 5e-2) * 1.2;
-  const part = (load) => Math.log(load / first) / Math.log(last / first), isRatio = results[0].result === "e";
+  const loads = results.map(({ load }) => load),
+    values = results.map(({ value }) => value);
+  const first = Math.min(...loads, 5e-3) / 1.2,
+    last = Math.max(...loads, 5e-2) * 1.2;
+  const part = (load) => Math.log(load / first) / Math.log(last / first),
+    isRatio = results[0].result === "e";
   const low = isRatio ? Math.max(Math.floor(10 * Math.min(...values) - 0.2) / 10, 0) : 0;
   const high = isRatio ? Math.max(1, ...values) : roundAbove(Math.max(...values));
   const decades = [1e-4, 1e-3, 1e-2, 0.1].filter((load) => first < load && load < last);
@@ -95,5 +121,10 @@ export function showDiagram(plot, results) {
     const title = `${result} = ${label(value)} at ${label(load)}`;
     return element("b", { style, title, className: disturbance && "hollow" });
   });
-  frame(plot, dots, decades.map((load) => [part(load), label(load)]), { low, high });
+  frame(
+    plot,
+    dots,
+    decades.map((load) => [part(load), label(load)]),
+    { low, high },
+  );
 }

@@ -4,7 +4,8 @@ import { Sandbox } from "./sandbox.js";
 
 let socket;
 
-const send = (message) => socket.readyState === WebSocket.OPEN && socket.send(JSON.stringify(message));
+const send = (message) =>
+  socket.readyState === WebSocket.OPEN && socket.send(JSON.stringify(message));
 const sandbox = (window.sandbox = new Sandbox(document.querySelector(".sandbox"), send));
 
 function open() {

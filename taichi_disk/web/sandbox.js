@@ -7,16 +7,33 @@ import { Graphs, legend, showDiagram } from "./graphs.js";
 import { checked, download, element, elements } from "./html.js";
 import { unpacked } from "./message.js";
 
-const KEYS = { " ": "space", ArrowLeft: "Left", ArrowRight: "Right", ArrowUp: "Up", ArrowDown: "Down" };
-const OWN_KEYS = [ // keys that a control with the focus uses itself
-  ["input[type=text], select", /./], ["input[type=range]", /^[A-Z]/], ["button, input", /^(space|Enter)$/],
+const KEYS = {
+  " ": "space",
+  ArrowLeft: "Left",
+  ArrowRight: "Right",
+  ArrowUp: "Up",
+  ArrowDown: "Down",
+};
+const OWN_KEYS = [
+  // keys that a control with the focus uses itself
+  ["input[type=text], select", /./],
+  ["input[type=range]", /^[A-Z]/],
+  ["button, input", /^(space|Enter)$/],
 ];
 const NEWEST = 9e6; // above the number of every state: acknowledges all of them
 
 export class Sandbox {
   // `node` holds the elements of index.html; `send` takes a command for the program.
   constructor(node, send) {
-    Object.assign(this, { node, plays: true, hello: null, panel: null, state: null, recorder: null, target: null });
+    Object.assign(this, {
+      node,
+      plays: true,
+      hello: null,
+      panel: null,
+      state: null,
+      recorder: null,
+      target: null,
+    });
     const ui = (this.ui = elements(node));
     this.send = (message) => {
       if (this.plays || message.do === "seen") send(message);
@@ -26,13 +43,23 @@ export class Sandbox {
     this.graphs = new Graphs([ui.energy, ui.motion], (t) => this.send({ do: "scrub", t }));
     const places = { speed: ui.speed, "video.magnify": ui.magnify };
     const place = (key) => places[key] ?? (key.startsWith("video.") ? ui.looks : ui.numbers);
-    const set = (key, value) => this.send(key === "speed" ? { do: "speed", value } : { do: "set", key, value });
+    const set = (key, value) =>
+      this.send(key === "speed" ? { do: "speed", value } : { do: "set", key, value });
     this.controls = new Controls(place, set);
-    followPointers(ui.disk, this.drawing, () => this.redraw(), (...at) => grip(this, ...at));
-    node.onclick = ({ target }) => this.state && this.click(target.closest("button, [type=checkbox]"));
+    followPointers(
+      ui.disk,
+      this.drawing,
+      () => this.redraw(),
+      (...at) => grip(this, ...at),
+    );
+    node.onclick = ({ target }) =>
+      this.state && this.click(target.closest("button, [type=checkbox]"));
     node.getRootNode().addEventListener("keydown", (event) => this.state && this.key(event));
     const own = [...node.querySelectorAll("[aria-keyshortcuts]")];
-    this.shortcuts = own.map((one) => [one.getAttribute("aria-keyshortcuts"), one.title || one.textContent]);
+    this.shortcuts = own.map((one) => [
+      one.getAttribute("aria-keyshortcuts"),
+      one.title || one.textContent,
+    ]);
     own.forEach((one, k) => (one.title = `${this.shortcuts[k][1]} (${this.shortcuts[k][0]})`));
     this.showTab(node.clientWidth > 900 ? "graphs" : "experiment"); // on a narrow page one panel is seen at a time
     new ResizeObserver(() => this.redraw()).observe(node);
@@ -73,13 +100,16 @@ export class Sandbox {
   }
 
   key(event) {
-    const { target } = event, key = KEYS[event.key] ?? event.key;
-    if (event.ctrlKey || event.altKey || event.metaKey || this.node.querySelector(":popover-open")) return;
+    const { target } = event,
+      key = KEYS[event.key] ?? event.key;
+    if (event.ctrlKey || event.altKey || event.metaKey || this.node.querySelector(":popover-open"))
+      return;
     if (OWN_KEYS.some(([controls, keys]) => target.matches(controls) && keys.test(key))) return;
     if (event.repeat && !this.hello.repeating.includes(key)) return;
     const button = this.node.querySelector(`[aria-keyshortcuts="${CSS.escape(key)}"]`);
     if (button) button.click();
-    else if (this.hello.keys.some(([keys]) => keys.split(" ").includes(key))) this.send({ do: "press", key });
+    else if (this.hello.keys.some(([keys]) => keys.split(" ").includes(key)))
+      this.send({ do: "press", key });
     else return;
     event.preventDefault();
   }
@@ -88,14 +118,16 @@ export class Sandbox {
     this.node.dataset.tab = name;
     this.node.removeAttribute("data-folded");
     this.ui.fold.ariaExpanded = true;
-    for (const tab of this.node.querySelectorAll("button[data-tab]")) tab.ariaPressed = tab.dataset.tab === name;
+    for (const tab of this.node.querySelectorAll("button[data-tab]"))
+      tab.ariaPressed = tab.dataset.tab === name;
     this.redraw();
   }
 
   // Begin to record what the canvas shows, or save what was recorded.
   film() {
     if (this.recorder) return this.recorder.stop();
-    const { disk, film } = this.ui, recorder = (this.recorder = new MediaRecorder(disk.captureStream(30)));
+    const { disk, film } = this.ui,
+      recorder = (this.recorder = new MediaRecorder(disk.captureStream(30)));
     recorder.ondataavailable = ({ data }) => {
       download(data, /mp4/.test(data.type) ? "disk.mp4" : "disk.webm", data.type);
       Object.assign(film, { textContent: "Film", ariaPressed: false });
@@ -113,7 +145,8 @@ export class Sandbox {
 
   receive(data) {
     if (typeof data !== "string") return this.showState(data);
-    const message = JSON.parse(data), { kind } = message;
+    const message = JSON.parse(data),
+      { kind } = message;
     if (kind === "hello") this.showKeys((this.hello = message));
     else if (kind === "role") this.showRole(message);
     else if (kind === "scene") this.showScene(message);
@@ -142,7 +175,9 @@ export class Sandbox {
     this.state = unpacked(buffer, this.hello.columns, this.hello.curves.length);
     this.arrived = performance.now();
     this.graphs.add(this.state);
-    this.ui.caption.replaceChildren(...this.state.caption.split("\n").map((text) => element("span", {}, text)));
+    this.ui.caption.replaceChildren(
+      ...this.state.caption.split("\n").map((text) => element("span", {}, text)),
+    );
     this.waiting = clearTimeout(this.waiting);
     this.ui.busy.hidden = true;
     this.redraw(this.state.number);
@@ -160,31 +195,52 @@ export class Sandbox {
   }
 
   draw() {
-    const { drawing, state, panel, ui, target } = this, { com_vx, com_vy } = state.row;
-    const [v, angle] = panel.aimed ?? [], velocity = v ? [v * Math.sin(angle), -v * Math.cos(angle)] : [com_vx, com_vy];
+    const { drawing, state, panel, ui, target } = this,
+      { com_vx, com_vy } = state.row;
+    const [v, angle] = panel.aimed ?? [],
+      velocity = v ? [v * Math.sin(angle), -v * Math.cos(angle)] : [com_vx, com_vy];
     const isShown = v || (ui.arrow.checked && !ui.arrow.disabled);
     drawing.set({ ...checked(ui.options), arrow: isShown && velocity });
     drawing.draw(state);
-    const theme = drawing.scene.themes[drawing.options.theme], held = 2 * state.pulled;
-    if (held >= 0 && target) drawing.drawArrow([state.x[held], state.x[held + 1]], target, theme.accent, theme);
+    const theme = drawing.scene.themes[drawing.options.theme],
+      held = 2 * state.pulled;
+    if (held >= 0 && target)
+      drawing.drawArrow([state.x[held], state.x[held + 1]], target, theme.accent, theme);
     this.graphs.draw(state, theme.accent);
   }
 
   showGraphs(message) {
-    const { curves } = this.hello, [motion, unit] = message.motion, [, force, colour] = curves[5];
+    const { curves } = this.hello,
+      [motion, unit] = message.motion,
+      [, force, colour] = curves[5];
     this.graphs.replace(message, curves);
-    legend(this.ui.energies, [["energies [Mc²]"], ...curves.slice(0, 5).map(([, name, own]) => [name, own])]);
-    legend(this.ui.motions, [[`${force} [Mc²/R], left`, colour], [`${motion} [${unit}], right`, curves[6][2]]]);
+    legend(this.ui.energies, [
+      ["energies [Mc²]"],
+      ...curves.slice(0, 5).map(([, name, own]) => [name, own]),
+    ]);
+    legend(this.ui.motions, [
+      [`${force} [Mc²/R], left`, colour],
+      [`${motion} [${unit}], right`, curves[6][2]],
+    ]);
   }
 
   showPanel(panel) {
-    const { ui, node, drawing } = this, { labels } = drawing.scene, { aimed, results } = (this.panel = panel);
+    const { ui, node, drawing } = this,
+      { labels } = drawing.scene,
+      { aimed, results } = (this.panel = panel);
     const specs = [...panel.sliders, ...panel.choices];
     const value = (name) => specs.find(({ key }) => key === `video.${name}`).value;
     this.controls.show(specs);
-    drawing.set({ theme: value("theme"), draw: value("draw"), quantity: value("colour"), magnify: value("magnify") });
+    drawing.set({
+      theme: value("theme"),
+      draw: value("draw"),
+      quantity: value("colour"),
+      magnify: value("magnify"),
+    });
     node.style.colorScheme = value("theme");
-    const throwing = aimed && `v = ${aimed[0]} c, angle ${((aimed[1] * 180) / Math.PI).toFixed(1)}° = ${aimed[1]} rad`;
+    const throwing =
+      aimed &&
+      `v = ${aimed[0]} c, angle ${((aimed[1] * 180) / Math.PI).toFixed(1)}° = ${aimed[1]} rad`;
     const texts = {
       drop: panel.paused ? (panel.atStart ? labels.drop : "Go on") : "Pause",
       scenes: `${panel.name} ▾`,
