@@ -30,6 +30,7 @@ def view(
     host: str,
     port: int,
     open_browser: bool,
+    origin: str = "",
 ) -> None:
     """Serve the sandbox as a page until Ctrl-C, or open it in a window until that has
     been closed.
@@ -40,20 +41,21 @@ def view(
         window: whether to open a window.
         host, port: where to serve the page; 0: a port that is free.
         open_browser: whether to open the page in the user's browser, if there is one.
+        origin: public address of the page behind a reverse proxy, "" for none.
 
     Raises TaichiDiskError, with the remedy, if the page cannot be served or no window
     can be opened; InputError if a folder has no scenes.
     """
-    if window and (problem := window_problem()):
+    problem = window_problem() if window else None
+    if problem:
         raise TaichiDiskError(
             f"no window: {problem}; `taichi-disk view` without --window serves a page"
             " instead"
         )
-    playlist = (
-        list_folder(scene_or_folder)
-        if isinstance(scene_or_folder, Path)
-        else list_presets(scene_or_folder)
-    )
+    if isinstance(scene_or_folder, Path):
+        playlist = list_folder(scene_or_folder)
+    else:
+        playlist = list_presets(scene_or_folder)
     runtime.start()
     if window:
         from taichi_disk.window.viewer import Viewer
@@ -61,7 +63,8 @@ def view(
         for _ in Viewer(playlist, out).pictures():
             pass
     else:
-        serve(playlist, host, port, open_browser and has_browser())
+        opens = open_browser and has_browser()
+        serve(playlist, host, port, open_browser=opens, origin=origin)
 
 
 def list_presets(first: Scene) -> list[Entry]:
