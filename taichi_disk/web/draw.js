@@ -11,6 +11,7 @@ import { ARROW, arrow, drawLegend, footer, line } from "./legend.js";
 export const AIM = 0.05; // velocity that an arrow as long as R stands for [c]
 const VISIBLE_WALL = 40; // least height of a rigid wall that is always seen, with room for a line of text [px]
 const ARROW_DISTANCE = 7; // approximate distance of two arrows [px]
+const FINEST = 2; // pixels of the disk in a CSS pixel; more cost time and can hardly be seen
 const INDICES = ["triangles", "springs", "outline", "edges", "wall_surface"]; // of the scene's message
 
 export const bytes = (text) => Uint8Array.from(atob(text), (letter) => letter.charCodeAt(0));
@@ -136,15 +137,17 @@ export class Drawing {
     ctx.lineJoin = ctx.lineCap = "round";
     if (scene.wall.kind !== "none") this.drawWall(x, theme.wall, ratio);
     const [ox, oy] = this.toScreen(0, 0);
-    if (!this.field || this.field.gl.isContextLost()) this.field = new Field(scene);
-    const field = this.field.draw(...pixels, {
+    if (!this.field) this.field = new Field(scene);
+    const fineness = Math.min(ratio, FINEST);
+    const fieldHeight = Math.round(height * fineness);
+    const field = this.field.draw(Math.round(width * fineness), fieldHeight, {
       positions: x,
       values: state.values,
       colours,
-      marks: this.marks(ratio),
+      marks: this.marks(fineness),
       fringes: quantity.name === "fringes",
-      factor: camera.scale * ratio,
-      shift: [ox * ratio, pixels[1] - oy * ratio],
+      factor: camera.scale * fineness,
+      shift: [ox * fineness, fieldHeight - oy * fineness],
       scale: quantity.signed ? [0.5 / limit, 0.5] : [1 / limit, 0],
     });
     ctx.drawImage(field, 0, 0, width, height);

@@ -183,15 +183,29 @@ export class Sandbox {
     this.redraw(this.state.number);
   }
 
-  // Draw once before the next picture of the screen; only then tell the program that a state was seen.
+  // Draw once before the next picture of the screen; only then tell the program that a state was
+  // seen, also if drawing failed: the program waits for that.
   redraw(number) {
     this.unseen = number ?? this.unseen;
     this.frame ??= requestAnimationFrame(() => {
       this.frame = null;
-      if (this.state && this.panel) this.draw();
-      if (this.unseen) this.send({ do: "seen", number: this.unseen });
-      this.unseen = 0;
+      try {
+        if (this.state && this.panel) this.draw();
+      } catch (error) {
+        this.fail(error);
+      } finally {
+        if (this.unseen) this.send({ do: "seen", number: this.unseen });
+        this.unseen = 0;
+      }
     });
+  }
+
+  // Say once that the picture could not be drawn; the rest of the page still works.
+  fail(error) {
+    if (!this.ui.fault.hidden) return;
+    this.ui.fault.textContent = `The picture cannot be drawn: ${error.message}`;
+    this.ui.fault.hidden = false;
+    console.warn(error);
   }
 
   draw() {
