@@ -24,7 +24,7 @@ _X11 = sys.platform.startswith("linux")
 
 
 def view(
-    scene_or_folder: Scene | Path,
+    scene_or_folder: Scene | Path | None,
     out: Path,
     window: bool,
     host: str,
@@ -35,7 +35,8 @@ def view(
     been closed.
 
     Args:
-        scene_or_folder: the first scene of the list, or a folder of scenes.
+        scene_or_folder: the first scene of the list, or a folder of scenes, or None
+            for the list as it is.
         out: folder for the files that the window writes; the page writes none.
         window: whether to open a window.
         host, port: where to serve the page; 0: a port that is free.
@@ -64,29 +65,23 @@ def view(
         serve(playlist, host, port, open_browser and has_browser())
 
 
-def list_presets(first: Scene) -> list[Entry]:
-    """Return `first`, then the other scenes of playlist.yaml, which also names and
-    describes shipped scenes."""
-    rows = yaml.safe_load(
-        Path(__file__).with_name("playlist.yaml").read_text(encoding="utf-8")
-    )
-    entries = [
-        Entry(name, text, partial(load_scene, scene, change.split()))
-        for scene, change, name, text in rows
-    ]
-    same = [
-        entry
-        for entry, row in zip(entries, rows, strict=True)
-        if not row[1] and entry.load() == first
-    ]
-    opened = same or [
-        Entry(
-            first.title[0].upper() + first.title[1:],
-            "The scene that you opened.",
-            lambda: first,
-        )
-    ]
-    return opened + [entry for entry in entries if entry not in same]
+def list_presets(first: Scene | None) -> list[Entry]:
+    """Return the scenes of playlist.yaml, `first` in front unless it is one of them."""
+    path = Path(__file__).with_name("playlist.yaml")
+    groups = yaml.safe_load(path.read_text(encoding="utf-8"))
+    entries = []
+    for group, rows in groups.items():
+        for scene, change, name, sentence, *pace in rows:
+            load = partial(load_scene, scene, change.split())
+            options = pace[0] if pace else {}
+            entries.append(Entry(name, sentence, load, group, **options))
+    if first is None:
+        return entries
+    opened = [entry for entry in entries if entry.load() == first]
+    if not opened:
+        name = first.title[0].upper() + first.title[1:]
+        opened = [Entry(name, "The scene that you opened.", lambda: first)]
+    return opened + [entry for entry in entries if entry not in opened]
 
 
 def list_folder(path: Path) -> list[Entry]:

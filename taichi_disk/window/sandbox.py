@@ -57,11 +57,17 @@ def with_key(scene: Scene, key: str, value: Any) -> Scene:
     return scene.with_(scene.changes_with(key, value))
 
 
+def printed(symbol: str, value: float) -> str:
+    """Return a result with the digits that another lattice leaves: e to the third
+    decimal, ξ to three digits."""
+    return f"{value:.3f}" if symbol == "e" else f"{value:.3g}"
+
+
 class Result(
     namedtuple(
         "Result",
         "result value load angle spin friction eta_star a points contact_time"
-        " disturbance turn seed",
+        " disturbance turn seed wall",
     )
 ):
     """One finished experiment, a row of the table of results; None stands for a number
@@ -77,6 +83,7 @@ class Result(
         contact_time: [R/c].
         disturbance: "" if the user did not interfere, else HIT_AGAIN or DISTURBED.
         turn, seed: initial rotation of the disk [rad], seed of its random points.
+        wall: "rigid", or the boundary of the elastic wall.
     """
 
 
@@ -226,13 +233,15 @@ class Sandbox:
             scene.wall.a,
             points,
         ]
-        which = value_of(scene, "impact.turn"), scene.lattice.seed
+        wall = value_of(scene, "wall.boundary") or "rigid"
+        which = value_of(scene, "impact.turn"), scene.lattice.seed, wall
         result = Result._make(
             [scenario.symbol, value, *settings, contact_time, label, *which]
         )
         self.results = [*self.results, result][-MAX_RESULTS:]
         self.paused = True
-        text = f"{scenario.end_words}: {scenario.symbol} = {value:.6f} {unit}".rstrip()
+        digits = printed(scenario.symbol, value)
+        text = f"{scenario.end_words}: {scenario.symbol} = {digits} {unit}".rstrip()
         self.message = f"{text}, {label}" if label else text
         if self.remaining_loads:
             self.collect(self.remaining_loads[1:])
@@ -260,6 +269,10 @@ class Sandbox:
             self.time.spacing *= COLLECTING_SPACING
             self.paused, self._load_before = False, before
         self.remaining_loads = loads
+
+    def remove(self, number: float) -> None:
+        """Remove the row `number` of the table of results, counted from the oldest."""
+        self.results = [row for k, row in enumerate(self.results) if k != number]
 
     def clear(self) -> None:
         """Empty the table of results."""

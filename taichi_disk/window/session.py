@@ -20,7 +20,7 @@ from taichi_disk.simulation.simulation import KernelCache
 from taichi_disk.web.drawing import colour_values, contact_forces, scene_message
 from taichi_disk.window.controls import CHOICES, RANGES, REPEATING_KEYS, Controls, Entry
 from taichi_disk.window.graphs import CURVES, Graphs, Scales
-from taichi_disk.window.sandbox import Sandbox
+from taichi_disk.window.sandbox import Sandbox, printed, value_of
 
 MAX_BYTES, MAX_NUMBER = 2**10, 1e7  # limits of a page's message and of a number in it
 # most commands between two pictures, without those that a later one replaces
@@ -30,7 +30,8 @@ _MAX_PENDING = 64
 # the audience that the page has drawn a state.
 _METHODS = {
     "controls": "press key, play number, set key value, speed value, collect",
-    "sandbox": "scrub t, turn angle final, aim dx dy, throw, pull x y, release, clear",
+    "sandbox": "scrub t, turn angle final, aim dx dy, throw, pull x y, release, clear,"
+    " remove number",
     "scales": "rescale",
     "audience": "seen number",
 }
@@ -92,10 +93,11 @@ class Session:
         self._text_keys: dict[str, Any] = {}
         hello = {
             "columns": [*INDEX],
-            "playlist": [entry[:2] for entry in playlist],
+            "playlist": [_card(entry) for entry in playlist],
             "curves": CURVES,
+            "keys": self.controls.reference,
+            "repeating": REPEATING_KEYS,
         }
-        hello |= {"keys": self.controls.reference, "repeating": REPEATING_KEYS}
         self._write("hello", 0, lambda: hello)
         self.advance()
 
@@ -144,32 +146,35 @@ class Session:
         sandbox = self.sandbox
         sandbox.tick()
         self.number += 1
-        last, state = sandbox.time.segment, sandbox.time.display
-        scenario, is_past = state.segment.scenario, sandbox.time.lead < 0.0
-        # Send the scene again if the lattice, the start or the wall's drawing changes,
-        # and the graphs if other curves are shown or the curves end; until then the
-        # page itself adds a point with each state.
-        look = (
+        self._write("scene", self._scene_key(), self._scene)
+        # While the scene is computed again, the old curves stay.
+        if sandbox.time.lead <= 0.0:
+            self._write("graphs", self._graphs_key(), self.graphs.message)
+        self._write("yaml", sandbox.scene, lambda: {"text": sandbox.scene.to_yaml()})
+        self.state = self._state()
+        panel = self._panel()
+        self._write("panel", panel, lambda: panel)
+
+    def _scene_key(self) -> Any:
+        """The scene is sent again if the lattice, the start or the wall's drawing
+        changes."""
+        scenario = self.sandbox.time.display.segment.scenario
+        return (
             id(scenario.lattice.bonds),
             scenario.spoke,
             scenario.view,
             scenario.scene.wall.a,
             scenario.point_force,
         )
-        curves = (
-            last,
-            state.segment.hit_began,
-            last.attempt,
-            last.status,
-            sandbox.paused,
-            is_past,
-        )
-        self._write("scene", look, self._scene)
-        self._write("graphs", curves, self.graphs.message)
-        self._write("yaml", sandbox.scene, lambda: {"text": sandbox.scene.to_yaml()})
-        self.state = self._state()
-        panel = self._panel()
-        self._write("panel", panel, lambda: panel)
+
+    def _graphs_key(self) -> Any:
+        """The graphs are sent again if other curves are shown or the curves end; until
+        then the page itself adds a point with each state."""
+        time = self.sandbox.time
+        last = time.segment
+        hit_began = time.display.segment.hit_began
+        is_past = time.lead < 0.0
+        return last, hit_began, last.attempt, last.status, self.sandbox.paused, is_past
 
     def _write(
         self, kind: str, key: Any, content: Callable[[], dict[str, Any]]
@@ -198,74 +203,125 @@ class Session:
         positions (2n), values and forces (3k) follow as float32, and the caption in
         UTF-8.
         """
-        sandbox, state, video = (
-            self.sandbox,
-            self.sandbox.time.display,
-            self.sandbox.scene.video,
-        )
-        scenario, x, v = state.segment.scenario, state.x, state.v
-        springs, wall, lattice = (
-            scenario.model.springs,
-            scenario.model.wall,
-            scenario.lattice,
-        )
-        values = colour_values(
-            video.colour, self._triangles, springs, x, v, video.draw == "springs"
-        )
-        forces = contact_forces(wall, lattice, springs, x, v)
+        sandbox = self.sandbox
+        state = sandbox.time.display
+        video = sandbox.scene.video
+        scenario = state.segment.scenario
+        springs = scenario.model.springs
+        lattice = scenario.lattice
+        x = state.x
+        v = state.v
+        of_springs = video.draw == "springs"
+        values = colour_values(video.colour, self._triangles, springs, x, v, of_springs)
+        forces = contact_forces(scenario.model.wall, lattice, springs, x, v)
         self.scales.update(values[: lattice.disk_points], forces)
-        t = state.t - state.segment.hit_began
         pulled = sandbox.grip[0] if sandbox.grip else -1
-        full = self.scales.colour, self.scales.force
+        t = state.t - state.segment.hit_began
         header = HEADER.pack(
-            self.number, t, len(x), len(forces), pulled, len(values), *full
+            self.number,
+            t,
+            len(x),
+            len(forces),
+            pulled,
+            len(values),
+            self.scales.colour,
+            self.scales.force,
         )
         curves = self.graphs.values(state.row[None])[0]
-        floats = np.concatenate(
-            [state.row, curves, x.ravel(), values, forces.ravel()]
-        ).astype("<f4")
-        caption = "\n".join(scenario.caption(state.values | {"t": t}))
-        return header + floats.tobytes() + caption.encode()
+        parts = [state.row, curves, x.ravel(), values, forces.ravel()]
+        floats = np.concatenate(parts).astype("<f4")
+        return header + floats.tobytes() + self._caption(t).encode()
+
+    def _caption(self, t: float) -> str:
+        """Return the lines of the read-out; a result, at its end, begins with *."""
+        time = self.sandbox.time
+        scenario = time.display.segment.scenario
+        lines = [*scenario.caption(time.display.values | {"t": t})]
+        if time.segment.status == "finished" and time.lead == 0.0:
+            result = next(iter(scenario.result(time.segment.columns).values()))
+            lines.append(f"*{scenario.symbol} = {printed(scenario.symbol, result)}")
+        return "\n".join(lines)
 
     def _panel(self) -> dict[str, Any]:
-        sandbox, controls = self.sandbox, self.controls
-        scene, entry = sandbox.scene, controls.playlist[controls.number]
-        # A change that needs a new start waits for the end of the drag if the start
-        # takes long.
-        is_slow = sandbox.at_start and (
-            scene.lattice.points > LARGE_LATTICE or not sandbox.can_aim
-        )
-        can_aim = sandbox.can_aim and not sandbox.message
+        sandbox = self.sandbox
+        controls = self.controls
+        entry = controls.playlist[controls.number]
         return {
-            **{
-                name: getattr(sandbox, name)
-                for name in ("message", "status", "warnings", "paused", "slow")
-            },
+            "message": sandbox.message or self.scales.note,
+            "status": sandbox.status,
+            "warnings": sandbox.warnings,
+            "paused": sandbox.paused,
+            "slow": sandbox.slow,
             "aimed": sandbox.drawn_throw,
-            **{name: getattr(entry, name) for name in ("name", "sentence")},
+            "name": entry.name,
+            "sentence": entry.sentence,
             "number": controls.number,
             "title": [*sandbox.time.display.segment.scenario.title()],
-            "hint": (
-                PAST_HINT if sandbox.time.lead < 0.0 else AIM_HINT if can_aim else ""
-            ),
+            "hint": self._hint(),
             "atStart": sandbox.at_start,
-            "sliders": [
-                {"key": key, "value": controls.value(key)}
-                | {
-                    "live": (
-                        key != "lattice.points"
-                        and not (is_slow and key not in ("speed", "video.magnify"))
-                    )
-                }
-                | one._asdict()
-                for key, one in controls.ranges.items()
-            ],
-            "choices": [
-                {"key": key, "name": name, "value": value, "options": get_args(options)}
-                for key, (name, options) in CHOICES.items()
-                if (value := controls.value(key)) is not None
-            ],
-            "seed": scene.lattice.seed,
+            "sliders": self._sliders(),
+            "choices": self._choices(),
+            "seed": sandbox.scene.lattice.seed,
             "collecting": len(sandbox.remaining_loads),
             "results": [one._asdict() for one in sandbox.results],
+            "again": self._recomputed(),
         }
+
+    def _recomputed(self) -> float:
+        """Return the fraction of the way to the state on display that has been computed
+        again, or 1."""
+        time = self.sandbox.time
+        if time.lead <= 0.0:
+            return 1.0
+        return round(time.segment.now / time.display.t, 2)
+
+    def _hint(self) -> str:
+        if self.sandbox.time.lead < 0.0:
+            return PAST_HINT
+        if self.sandbox.can_aim:
+            return AIM_HINT
+        return ""
+
+    def _sliders(self) -> list[dict[str, Any]]:
+        """Return the numbers of the scene. `live`: whether a number changes during the
+        drag of its slider; a change that takes long waits for the end of the drag."""
+        sandbox = self.sandbox
+        is_large = sandbox.scene.lattice.points > LARGE_LATTICE
+        is_slow = sandbox.at_start and (is_large or not sandbox.can_aim)
+        sliders = []
+        for key, one in self.controls.ranges.items():
+            is_light = key in ("speed", "video.magnify")
+            live = key != "lattice.points" and (is_light or not is_slow)
+            value = self.controls.value(key)
+            sliders.append({"key": key, "value": value, "live": live} | one._asdict())
+        return sliders
+
+    def _choices(self) -> list[dict[str, Any]]:
+        choices = []
+        for key, (name, options) in CHOICES.items():
+            value = self.controls.value(key)
+            if value is not None:
+                known = get_args(options)
+                choices.append(
+                    {"key": key, "name": name, "value": value, "options": known}
+                )
+        return choices
+
+
+def _card(entry: Entry) -> dict[str, Any]:
+    """Return what the page's list shows of a scene; the numbers of its first state, for
+    a small picture, only if the scene is one of the program's."""
+    card: dict[str, Any] = {
+        "name": entry.name,
+        "sentence": entry.sentence,
+        "group": entry.group,
+    }
+    if entry.group:
+        scene = entry.load()
+        card["kind"] = scene.scene
+        card["hardness"] = scene.wall.a
+        for name in ("velocity", "angle", "spin", "turn"):
+            card[name] = value_of(scene, f"impact.{name}") or 0.0
+        card["load"] = value_of(scene, "compression.pressure") or 0.0
+        card["boundary"] = value_of(scene, "wall.boundary") or ""
+    return card
