@@ -13,26 +13,24 @@ from taichi_disk.fields import FRINGES
 from taichi_disk.lattice import Array
 from taichi_disk.render.palette import full_scale, round_near
 from taichi_disk.simulation.observables import (
-    BLUE,
     BY_NAME,
     INDEX,
-    PINK,
     of_kind,
     split,
 )
 from taichi_disk.window.sandbox import Sandbox, load_key, value_of
 
 MAX_CURVE_POINTS = 400  # most points of a curve
-# Graph, name and colour of each curve. The name of the last curve depends on the scene.
+# Graph and name of each curve, and its colours on a light and on a dark ground, with a
+# contrast of at least 4.5. The name of the last curve depends on the scene.
 CURVES = (
-    *(
-        ("energy", BY_NAME[name].label, BY_NAME[name].colour)
-        for name in ("translation", "rotation", "vibration")
-    ),
-    ("energy", "elastic and wall", BY_NAME["elastic"].colour),
-    ("energy", "lost", BY_NAME["dissipated"].colour),
-    ("force", "force of the wall", PINK),
-    ("motion", "motion", BLUE),
+    ("energy", BY_NAME["translation"].label, "#00806a", "#2fc79b"),
+    ("energy", BY_NAME["rotation"].label, "#8f6500", "#e0b040"),
+    ("energy", BY_NAME["vibration"].label, "#8e5bc0", "#c9a0f0"),
+    ("energy", "elastic and wall", "#c23f00", "#ff7f50"),
+    ("energy", "lost", "#1f6fb5", "#4fb3f0"),
+    ("force", "force of the wall", "#1a1a1e", "#edede8"),
+    ("motion", "motion", "#00806a", "#2fc79b"),
 )
 _LOSSES = [INDEX[name] for name in of_kind("loss")]
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from collections import namedtuple
 from dataclasses import replace
-from math import ceil, inf
+from math import ceil, exp, inf
 from time import perf_counter
 from typing import Any
 
@@ -33,6 +33,7 @@ SLOWDOWN = 0.2  # fraction of the speed at which a contact passes in slow motion
 # smallest wall force in a contact, over M v per time unit of the springs (about its
 # peak)
 CONTACT_FORCE = 0.01
+PACE_TIME = 0.12  # time of the clock in which the pace changes, about [s]
 MAX_RESULTS = 200  # most rows of the table of results
 # simulated time per second of the clock while a curve is collected [R/c per s]
 COLLECTING_PACE = 50.0
@@ -107,7 +108,12 @@ class Sandbox:
             None.
     """
 
-    starts, speed, slow, _clock, _load_before = 0, 1.0, False, 0.0, 0.0
+    starts = 0
+    speed = 1.0
+    slow = False
+    _clock = 0.0
+    _load_before = 0.0
+    _pace = 0.0
 
     def __init__(self, scene: Scene, kernels: KernelCache) -> None:
         """Begin with `scene`. Raises TaichiDiskError."""
@@ -123,7 +129,10 @@ class Sandbox:
         """
         self.time = Timeline(scene or self.scene, self.kernels)
         self.scene, self.starts = self.time.segment.scenario.scene, self.starts + 1
-        self.paused, self.message, self._due = True, "", 0.0
+        self.paused = True
+        self.message = ""
+        self._due = 0.0
+        self._pace = self.speed
         self.remaining_loads: list[float] = []
         self.grip: tuple[int, tuple[float, float]] | None = None
         self.drawn_throw: tuple[float, float] | None = None
@@ -189,10 +198,17 @@ class Sandbox:
             return self._go(ceil(self.time.lead / segment.step.dt), max_seconds)
         if self.paused or segment.status == "failed":
             return 0
-        self._due += seconds * self.pace / segment.step.dt
+        self._due += seconds * self._eased_pace(seconds) / segment.step.dt
         made = self._go(int(self._due), max_seconds)
         self._due = min(max(self._due - made, 0.0), 1.0)
         return made
+
+    def _eased_pace(self, seconds: float) -> float:
+        """Return the pace `seconds` of the clock later; in slow motion it changes
+        smoothly."""
+        late = exp(-seconds / PACE_TIME) if self.slow else 0.0
+        self._pace = self.pace + late * (self._pace - self.pace)
+        return self._pace
 
     def _go(self, steps: int, max_seconds: float) -> int:
         """Make steps and report the end of the scene, a failure or a shorter step."""

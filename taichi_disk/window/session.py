@@ -20,7 +20,7 @@ from taichi_disk.simulation.simulation import KernelCache
 from taichi_disk.web.drawing import colour_values, contact_forces, scene_message
 from taichi_disk.window.controls import CHOICES, RANGES, REPEATING_KEYS, Controls, Entry
 from taichi_disk.window.graphs import CURVES, Graphs, Scales
-from taichi_disk.window.sandbox import Sandbox, printed, value_of
+from taichi_disk.window.sandbox import Sandbox, load_key, printed, value_of
 
 MAX_BYTES, MAX_NUMBER = 2**10, 1e7  # limits of a page's message and of a number in it
 # most commands between two pictures, without those that a later one replaces
@@ -265,6 +265,7 @@ class Session:
             "collecting": len(sandbox.remaining_loads),
             "results": [one._asdict() for one in sandbox.results],
             "again": self._recomputed(),
+            "loadRange": self._load_range(),
         }
 
     def _recomputed(self) -> float:
@@ -274,6 +275,11 @@ class Session:
         if time.lead <= 0.0:
             return 1.0
         return round(time.segment.now / time.display.t, 2)
+
+    def _load_range(self) -> tuple[float, float]:
+        """Return the ends of the slider of the speed or load."""
+        usual = RANGES[load_key(self.sandbox.scene)]
+        return usual.low, usual.high
 
     def _hint(self) -> str:
         if self.sandbox.time.lead < 0.0:
