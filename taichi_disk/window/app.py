@@ -28,7 +28,7 @@ _X11 = sys.platform.startswith("linux")
 
 
 def view(
-    scene_or_folder: Scene | Path,
+    scene_or_folder: Scene | Path | None,
     out: Path,
     window: bool,
     host: str,
@@ -40,7 +40,8 @@ def view(
     been closed.
 
     Args:
-        scene_or_folder: the first scene of the list, or a folder of scenes.
+        scene_or_folder: the first scene of the list, or a folder of scenes, or None
+            for the list as it is.
         out: folder for the files that the window writes; the page writes none.
         window: whether to open a window.
         host, port: where to serve the page; 0: a port that is free.
@@ -71,23 +72,23 @@ def view(
         serve(playlist, host, port, open_browser=opens, origin=origin)
 
 
-def list_presets(first: Scene) -> list[Entry]:
-    """Return `first`, then the other scenes of playlist.yaml, which also names and
-    describes shipped scenes."""
+def list_presets(first: Scene | None) -> list[Entry]:
+    """Return the scenes of playlist.yaml, `first` in front unless it is one of them."""
     path = Path(__file__).with_name("playlist.yaml")
+    groups = yaml.safe_load(read_text(path))
     entries = []
-    opened = None
-    for name_of_scene, change, title, text in yaml.safe_load(read_text(path)):
-        load = partial(load_scene, name_of_scene, change.split())
-        entry = Entry(title, text, load)
-        if not change and entry.load() == first:
-            opened = entry
-        else:
-            entries.append(entry)
-    if opened is None:
-        title = first.title[0].upper() + first.title[1:]
-        opened = Entry(title, "The scene that you opened.", lambda: first)
-    return [opened, *entries]
+    for group, rows in groups.items():
+        for scene, change, name, sentence, *pace in rows:
+            load = partial(load_scene, scene, change.split())
+            options = pace[0] if pace else {}
+            entries.append(Entry(name, sentence, load, group, **options))
+    if first is None:
+        return entries
+    opened = [entry for entry in entries if entry.load() == first]
+    if not opened:
+        name = first.title[0].upper() + first.title[1:]
+        opened = [Entry(name, "The scene that you opened.", lambda: first)]
+    return opened + [entry for entry in entries if entry not in opened]
 
 
 def list_folder(path: Path) -> list[Entry]:

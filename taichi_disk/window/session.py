@@ -32,7 +32,7 @@ from taichi_disk.window.controls import (
 )
 from taichi_disk.window.graphs import CURVES, Graphs, Scales
 from taichi_disk.window.look import Look
-from taichi_disk.window.sandbox import Sandbox
+from taichi_disk.window.sandbox import Sandbox, load_key, printed, value_of
 
 MAX_BYTES, MAX_NUMBER = 2**10, 1e7  # limits of a page's message and of a number in it
 # most commands between two pictures, without those that a later one replaces
@@ -42,7 +42,8 @@ _MAX_PENDING = 64
 # watcher asks to play, and that the player hands over or does not.
 _METHODS = {
     "controls": "press key, play number, set key value, speed value, collect",
-    "sandbox": "scrub t, turn angle final, aim dx dy, throw, pull x y, release, clear",
+    "sandbox": "scrub t, turn angle final, aim dx dy, throw, pull x y, release, clear,"
+    " remove number",
     "scales": "rescale",
     "audience": "seen number, ask, hand, keep",
 }
@@ -55,7 +56,6 @@ _COMMANDS = {
 _REPLACED = ("set", "speed", "scrub", "turn", "aim", "pull")
 # points; a larger lattice takes longer to build than a picture may take
 LARGE_LATTICE = 5000
-_LIVE_KEYS = ("speed", "video.magnify")  # that need no new start
 HEADER = struct.Struct("<IdIIiI2f")  # see `Session._state`
 PAST_HINT = "earlier state: Go on continues from here"
 AIM_HINT = "drag the disk to turn it, or from beside it to aim"
@@ -107,12 +107,12 @@ class Session:
         self._command_count = 0
         self._pending: dict[Any, dict[str, Any]] = {}
         self._text_keys: dict[str, Any] = {}
-        # what watchers see who have chosen other colours
+        # what watchers see who have chosen another look
         self._other_scales: dict[str, Scales] = {}
         self._other_messages: dict[Look, dict[str, Any]] = {}
         hello = {
             "columns": [*INDEX],
-            "playlist": [entry[:2] for entry in playlist],
+            "playlist": [_card(entry) for entry in playlist],
             "curves": CURVES,
             "keys": self.controls.reference,
             "repeating": REPEATING_KEYS,
@@ -174,12 +174,14 @@ class Session:
         """Return the messages that depend on the look."""
         if look.colour not in self._other_scales:
             self._other_scales[look.colour] = Scales(self.sandbox, look.colour)
+        scales = self._other_scales[look.colour]
         scene = self.sandbox.scene
         shown = replace(scene, video=replace(scene.video, **look._asdict()))
+        state = self._state(look, scales)
         return {
-            "panel": _text("panel", self._panel(look)),
+            "panel": _text("panel", self._panel(look, scales)),
             "yaml": _text("yaml", {"text": shown.to_yaml()}),
-            "state": self._state(look, self._other_scales[look.colour]),
+            "state": state,
         }
 
     def advance(self) -> None:
@@ -220,35 +222,36 @@ class Session:
 
     def _write_messages(self) -> None:
         sandbox = self.sandbox
-        last = sandbox.time.segment
-        state = sandbox.time.display
-        scenario = state.segment.scenario
-        is_past = sandbox.time.lead < 0.0
-        # Send the scene again if the lattice, the start or the wall's drawing changes,
-        # and the graphs if other curves are shown or the curves end; until then the
-        # page itself adds a point with each state.
-        look = (
+        self._write("scene", self._scene_key(), self._scene)
+        # While the scene is computed again, the old curves stay.
+        if sandbox.time.lead <= 0.0:
+            self._write("graphs", self._graphs_key(), self.graphs.message)
+        self._write("yaml", sandbox.scene, lambda: {"text": sandbox.scene.to_yaml()})
+        self.state = self._state(self.look, self.scales)
+        panel = self._panel(self.look, self.scales)
+        self._write("panel", panel, lambda: panel)
+        self._other_messages = {}
+
+    def _scene_key(self) -> Any:
+        """The scene is sent again if the lattice, the start or the wall's drawing
+        changes."""
+        scenario = self.sandbox.time.display.segment.scenario
+        return (
             id(scenario.lattice.bonds),
             scenario.spoke,
             scenario.view,
             scenario.scene.wall.a,
             scenario.point_force,
         )
-        curves = (
-            last,
-            state.segment.hit_began,
-            last.attempt,
-            last.status,
-            sandbox.paused,
-            is_past,
-        )
-        self._write("scene", look, self._scene)
-        self._write("graphs", curves, self.graphs.message)
-        self._write("yaml", sandbox.scene, lambda: {"text": sandbox.scene.to_yaml()})
-        self.state = self._state(self.look, self.scales)
-        panel = self._panel(self.look)
-        self._write("panel", panel, lambda: panel)
-        self._other_messages = {}
+
+    def _graphs_key(self) -> Any:
+        """The graphs are sent again if other curves are shown or the curves end; until
+        then the page itself adds a point with each state."""
+        time = self.sandbox.time
+        last = time.segment
+        hit_began = time.display.segment.hit_began
+        is_past = time.lead < 0.0
+        return last, hit_began, last.attempt, last.status, self.sandbox.paused, is_past
 
     def _write(
         self, kind: str, key: Any, content: Callable[[], dict[str, Any]]
@@ -275,25 +278,19 @@ class Session:
         positions (2n), values and forces (3k) follow as float32, and the caption in
         UTF-8.
         """
-        state = self.sandbox.time.display
+        sandbox = self.sandbox
+        state = sandbox.time.display
         scenario = state.segment.scenario
-        lattice = scenario.lattice
         springs = scenario.model.springs
+        lattice = scenario.lattice
         x = state.x
         v = state.v
-        values = colour_values(
-            look.colour,
-            self._triangles,
-            springs,
-            x,
-            v,
-            of_springs=look.draw == "springs",
-        )
+        of_springs = look.draw == "springs"
+        values = colour_values(look.colour, self._triangles, springs, x, v, of_springs)
         forces = contact_forces(scenario.model.wall, lattice, springs, x, v)
         scales.update(values[: lattice.disk_points], forces)
+        pulled = sandbox.grip[0] if sandbox.grip else -1
         t = state.t - state.segment.hit_began
-        grip = self.sandbox.grip
-        pulled = grip[0] if grip else -1
         header = HEADER.pack(
             self.number,
             t,
@@ -307,51 +304,74 @@ class Session:
         curves = self.graphs.values(state.row[None])[0]
         parts = [state.row, curves, x.ravel(), values, forces.ravel()]
         floats = np.concatenate(parts).astype("<f4")
-        caption = "\n".join(scenario.caption(state.values | {"t": t}))
-        return header + floats.tobytes() + caption.encode()
+        return header + floats.tobytes() + self._caption(t).encode()
 
-    def _panel(self, look: Look) -> dict[str, Any]:
+    def _caption(self, t: float) -> str:
+        """Return the lines of the read-out; a result, at its end, begins with *."""
+        time = self.sandbox.time
+        scenario = time.display.segment.scenario
+        lines = [*scenario.caption(time.display.values | {"t": t})]
+        if time.segment.status == "finished" and time.lead == 0.0:
+            result = next(iter(scenario.result(time.segment.columns).values()))
+            lines.append(f"*{scenario.symbol} = {printed(scenario.symbol, result)}")
+        return "\n".join(lines)
+
+    def _panel(self, look: Look, scales: Scales) -> dict[str, Any]:
         sandbox = self.sandbox
-        entry = self.controls.playlist[self.controls.number]
+        controls = self.controls
+        entry = controls.playlist[controls.number]
         return {
-            "name": entry.name,
-            "sentence": entry.sentence,
-            "number": self.controls.number,
-            "title": [*sandbox.time.display.segment.scenario.title()],
-            "message": sandbox.message,
-            "hint": self._hint(),
+            "message": sandbox.message or scales.note,
             "status": sandbox.status,
             "warnings": sandbox.warnings,
             "paused": sandbox.paused,
             "slow": sandbox.slow,
             "aimed": sandbox.drawn_throw,
+            "name": entry.name,
+            "sentence": entry.sentence,
+            "number": controls.number,
+            "title": [*sandbox.time.display.segment.scenario.title()],
+            "hint": self._hint(),
             "atStart": sandbox.at_start,
             "sliders": self._sliders(),
             "choices": self._choices(look),
             "seed": sandbox.scene.lattice.seed,
             "collecting": len(sandbox.remaining_loads),
             "results": [one._asdict() for one in sandbox.results],
+            "again": self._recomputed(),
+            "loadRange": self._load_range(),
         }
 
+    def _recomputed(self) -> float:
+        """Return the fraction of the way to the state on display that has been computed
+        again, or 1."""
+        time = self.sandbox.time
+        if time.lead <= 0.0:
+            return 1.0
+        return round(time.segment.now / time.display.t, 2)
+
+    def _load_range(self) -> tuple[float, float]:
+        """Return the ends of the slider of the speed or load."""
+        usual = RANGES[load_key(self.sandbox.scene)]
+        return usual.low, usual.high
+
     def _hint(self) -> str:
-        sandbox = self.sandbox
-        if sandbox.time.lead < 0.0:
+        if self.sandbox.time.lead < 0.0:
             return PAST_HINT
-        if sandbox.can_aim and not sandbox.message:
+        if self.sandbox.can_aim:
             return AIM_HINT
         return ""
 
     def _sliders(self) -> list[dict[str, Any]]:
-        """Return the numbers of the present scene; `live` numbers take effect while
-        their slider is dragged."""
+        """Return the numbers of the scene. `live`: whether a number changes during the
+        drag of its slider; a change that takes long waits for the end of the drag."""
         sandbox = self.sandbox
-        # A change that needs a new start waits for the end of the drag if the start
-        # takes long.
         is_large = sandbox.scene.lattice.points > LARGE_LATTICE
         is_slow = sandbox.at_start and (is_large or not sandbox.can_aim)
         sliders = []
         for key, one in self.controls.ranges.items():
-            live = key != "lattice.points" and (key in _LIVE_KEYS or not is_slow)
+            is_light = key in ("speed", "video.magnify")
+            live = key != "lattice.points" and (is_light or not is_slow)
             value = self.controls.value(key)
             sliders.append({"key": key, "value": value, "live": live} | one._asdict())
         return sliders
@@ -372,3 +392,22 @@ class Session:
 def _text(kind: str, content: dict[str, Any]) -> str:
     """Return a JSON message, in ASCII: names of files may hold what is no Unicode."""
     return json.dumps({"kind": kind} | content)
+
+
+def _card(entry: Entry) -> dict[str, Any]:
+    """Return what the page's list shows of a scene; the numbers of its first state, for
+    a small picture, only if the scene is one of the program's."""
+    card: dict[str, Any] = {
+        "name": entry.name,
+        "sentence": entry.sentence,
+        "group": entry.group,
+    }
+    if entry.group:
+        scene = entry.load()
+        card["kind"] = scene.scene
+        card["hardness"] = scene.wall.a
+        for name in ("velocity", "angle", "spin", "turn"):
+            card[name] = value_of(scene, f"impact.{name}") or 0.0
+        card["load"] = value_of(scene, "compression.pressure") or 0.0
+        card["boundary"] = value_of(scene, "wall.boundary") or ""
+    return card

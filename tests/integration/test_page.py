@@ -957,3 +957,19 @@ def test_anything_that_a_user_does_leaves_the_page_alive(
     assert browser.wait(lambda: browser.state("number") > number, 60.0)
     assert browser.errors() == []
     ended(program, signal.SIGINT)
+
+
+@pytest.mark.validate
+def test_a_failure_to_draw_is_said_once_and_time_goes_on(
+    served: tuple[subprocess.Popen[str], str], browser: Browser
+) -> None:
+    program, url = served
+    browser.open(url)
+    browser.script(
+        "window.sandbox.drawing.draw = () => { throw new Error('no colours') }"
+    )
+    browser.click("drop")
+    browser.wait(lambda: browser.state("t") > 1.0, 10.0)
+    assert browser.text("fault") == "The picture cannot be drawn: no colours"
+    assert browser.script("return document.getElementById('fault').checkVisibility()")
+    ended(program)
