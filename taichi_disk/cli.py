@@ -157,12 +157,18 @@ def _view(arguments: argparse.Namespace) -> None:
     from taichi_disk.scenes import shipped_scenes
     from taichi_disk.window.app import view
 
+    is_plain = arguments.scene is None and not arguments.overrides
+    arguments.scene = arguments.scene or "exponential_wall"
     folder = Path(arguments.scene).is_dir() and arguments.scene not in shipped_scenes()
     if folder and arguments.overrides:
         raise InputError(
             "--set cannot change the scenes of a folder: name one scene file instead"
         )
-    scene = Path(arguments.scene) if folder else _load(arguments)
+    scene: Any = None
+    if folder:
+        scene = Path(arguments.scene)
+    elif not is_plain:
+        scene = _load(arguments)
     view(
         scene,
         arguments.out or Path("out/view"),
@@ -170,6 +176,7 @@ def _view(arguments: argparse.Namespace) -> None:
         arguments.host,
         arguments.port,
         arguments.open,
+        arguments.origin,
     )
 
 
@@ -339,7 +346,7 @@ def _parser() -> argparse.ArgumentParser:
         "view", _view, "play with a scene on a page in the browser, or in a window"
     )
     scenes = f"{_shipped()}; or a folder of scenes"
-    _add_scene(add, scenes, out="out/view", nargs="?", default="exponential_wall")
+    _add_scene(add, scenes, out="out/view", nargs="?")
     add(
         "--no-open",
         dest="open",
@@ -357,6 +364,13 @@ def _parser() -> argparse.ArgumentParser:
         default=0,
         metavar="P",
         help="port (default: a free one)",
+    )
+    add(
+        "--origin",
+        default="",
+        metavar="URL",
+        help="address at which a reverse proxy serves the page, such as"
+        " https://example.org/disk",
     )
     either = commands.choices["view"].add_mutually_exclusive_group()
     either.add_argument(
