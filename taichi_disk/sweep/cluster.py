@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 import logging
 from collections.abc import Callable, Iterator
-from concurrent.futures import Executor, ThreadPoolExecutor
+from concurrent.futures import CancelledError, Executor, ThreadPoolExecutor
 from contextlib import contextmanager
 from typing import Any
 
@@ -86,10 +86,10 @@ class Cluster:
     def executor(self) -> Iterator[Executor]:
         """Open an executor whose tasks the workers compute. Raises SimulationError if
         the scheduler goes."""
-        from distributed import CancelledError, Client
+        from distributed import Client
         from distributed.comm.core import CommClosedError
 
-        logger = logging.getLogger("distributed")
+        logger = logging.getLogger("distributed.client")
         level = logger.level
         logger.setLevel(logging.CRITICAL)  # a lost connection is reported below
         try:
@@ -97,7 +97,7 @@ class Cluster:
                 self._address, timeout=CONNECT_TIMEOUT, set_as_default=False
             ) as client:
                 yield client.get_executor()
-        except (CommClosedError, CancelledError, OSError):
+        except (CommClosedError, CancelledError):
             raise self._gone() from None
         finally:
             logger.setLevel(level)

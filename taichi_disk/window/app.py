@@ -97,9 +97,9 @@ def list_folder(path: Path) -> list[Entry]:
     """
     path = path.resolve()  # an open window works in another folder
     files = sorted(path.glob("[!.]*.yaml"))
-    if (table := path / "points.csv").is_file():
-        rows = csv.DictReader(table.read_text(encoding="utf-8").splitlines())
-        files = [path / "points" / f"{row.get('key')}.yaml" for row in rows]
+    table = path / "points.csv"
+    if table.is_file():
+        files = [path / "points" / f"{key}.yaml" for key in _keys_of(table)]
     files = [
         file
         for file in files
@@ -114,6 +114,18 @@ def list_folder(path: Path) -> list[Entry]:
     return [
         Entry(file.stem, f"From {path}.", partial(load_scene, file)) for file in files
     ]
+
+
+def _keys_of(table: Path) -> list[str]:
+    """Return the column `key` of points.csv. A table that another program has saved may
+    have any encoding, but keys are plain letters."""
+    rows = csv.DictReader(
+        table.read_text(encoding="utf-8", errors="replace").splitlines()
+    )
+    try:
+        return [str(row.get("key")) for row in rows]
+    except csv.Error as error:
+        raise InputError(f"{table}: not the table of a sweep: {error}") from None
 
 
 def has_browser() -> bool:
