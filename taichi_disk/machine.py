@@ -5,13 +5,9 @@ from __future__ import annotations
 import os
 import platform
 import sys
-from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from contextlib import suppress
 from math import ceil, inf
 from pathlib import Path
-
-# see `safe_path`; Python before 3.11 does not know it
-SAFE_PATH = "PYTHONSAFEPATH"
 
 
 def cores() -> int:
@@ -83,18 +79,3 @@ def python_command(code: str, *arguments: str) -> list[str]:
     folders = sorted(sys.path, key=lambda folder: folder == "")
     start = f"import sys; sys.path[:] = {folders}; {code}"
     return [sys.executable, "-c", start, *arguments]
-
-
-@contextmanager
-def safe_path() -> Iterator[None]:
-    """Let Python processes that others start in the block (those of `multiprocessing`)
-    run no files of the working folder."""
-    before = os.environ.get(SAFE_PATH)
-    os.environ[SAFE_PATH] = "1"
-    try:
-        yield
-    finally:
-        if before is None:
-            del os.environ[SAFE_PATH]
-        else:
-            os.environ[SAFE_PATH] = before

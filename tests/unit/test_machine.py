@@ -9,7 +9,7 @@ from math import inf
 
 import pytest
 
-from taichi_disk.machine import SAFE_PATH, cores, cpu_quota, python_command, safe_path
+from taichi_disk.machine import cores, cpu_quota, python_command
 
 
 @pytest.mark.parametrize(
@@ -81,13 +81,3 @@ def test_another_python_runs_no_file_of_the_working_folder(tmp_path, monkeypatch
             python_command(code, "a b", "c"), capture_output=True, text=True
         )
         assert done.stdout == f"['a b', 'c']\n{output}", done.stderr
-
-
-@pytest.mark.parametrize("before", [None, "0"])
-def test_the_environment_is_as_before_after_processes_have_started(monkeypatch, before):
-    monkeypatch.delenv(SAFE_PATH, raising=False)
-    if before is not None:
-        monkeypatch.setenv(SAFE_PATH, before)
-    with safe_path():
-        assert os.environ[SAFE_PATH] == "1"
-    assert os.environ.get(SAFE_PATH) == before
