@@ -83,7 +83,7 @@ def _check_versions(expected: dict[str, str]) -> None:
 
 @lru_cache(maxsize=1)
 def _taichi_thread() -> Executor:
-    return ThreadPoolExecutor(1, thread_name_prefix="taichi")
+    return ThreadPoolExecutor(1, thread_name_prefix="computing")
 
 
 def _compute(scenes: bytes, estimate: bool) -> list[PointResult]:
