@@ -178,8 +178,8 @@ class LatticeSection(Section):
     )
     file: str = key(
         "none",
-        ".csv or .npz file with custom points instead of random ones; relative to the"
-        " scene file",
+        "table, .npz file or mesh with custom points instead of random ones; relative"
+        " to the scene file",
     )
     velocities: str = key(
         "none",

@@ -94,7 +94,8 @@ def _spring_cycles(n: int, springs: Long) -> Long:
 
 
 def shown_point(point: Array) -> str:
-    return f"({point[0]:.4g}, {point[1]:.4g})"
+    x, y = np.round(point, 9) + 0.0  # no digits of rounding errors, and no -0
+    return f"({x:.4g}, {y:.4g})"
 
 
 def without_slivers(x: Array, triangles: Long) -> Long:
