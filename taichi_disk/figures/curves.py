@@ -41,7 +41,8 @@ MARKERS = "osD^vPX"
 COLOURS = matplotlib.colormaps["plasma"]
 LIGHTEST = 0.62  # place in COLOURS whose contrast to white is 3.2
 GREY = "0.45"
-LABELS = {"eq5": "eq. (5), d₁ and d₂ fitted", "eq4": "eq. (4), τ₀ fitted"}
+EQUATIONS = {"eq5": "eq. (5)", "eq4": "eq. (4)"}
+PARAMETERS = {"eq5": "d₁ and d₂", "eq4": "τ₀"}
 LINES = {"eq5": "-", "eq4": ":"}
 # Lines of laws that do not hold: long dashes instead of a solid line, short ones
 # instead of a dotted line.
@@ -512,7 +513,7 @@ def _compression(ax: Axes, paper: dict[str, float], curves: list[Curve]) -> None
     text = f"eq. (2), b = {b:.3f} fitted"
     if not fit.holds:
         style = MISFIT["-"]
-        text += _misfit_text([fit])
+        text = "eq. (2)" + _misfit_text([fit.misfit])
     ax.plot(
         paper_compression(P, E, nu, b), force, linestyle=style, color=SUM, label=text
     )
@@ -535,9 +536,9 @@ def _impact(ax: Axes, paper: dict[str, float], curves: list[Curve]) -> None:
                 if not fit.holds:
                     style = MISFIT[style]
                 ax.plot(v, e, linestyle=style, color=colour)
-    for name, text in LABELS.items():
+    for name in LINES:
         fits = [curve.fits[name] for curve in curves if name in curve.fits]
-        _explain_line(ax, LINES[name], text, fits)
+        _explain_lines(ax, name, fits)
     x = np.concatenate([curve.x for curve in curves])
     if paper:
         v = np.geomspace(x.min(), x.max(), 80)
@@ -559,25 +560,27 @@ def _eq4(curve: Curve, fit: Fit) -> tuple[Array, Array]:
     return curve.x, predict(np.array([fit.values["tau0"]]))[0]
 
 
-def _explain_line(ax: Axes, style: str, text: str, fits: Sequence[Fit]) -> None:
+def _explain_lines(ax: Axes, name: str, fits: Sequence[Fit]) -> None:
     """Add a law's line to the legend, and its line where it does not hold."""
-    holding = [fit for fit in fits if fit.holds]
-    others = [fit for fit in fits if not fit.holds]
-    if holding:
+    title = EQUATIONS[name]
+    style = LINES[name]
+    misfits = [fit.misfit for fit in fits if not fit.holds]
+    if len(misfits) < len(fits):
+        text = f"{title}, {PARAMETERS[name]} fitted"
         ax.plot([], [], style, color=GREY, label=text)
-    if others:
-        label = text + _misfit_text(others)
-        ax.plot([], [], linestyle=MISFIT[style], color=GREY, label=label)
+    if misfits:
+        text = title + _misfit_text(misfits)
+        ax.plot([], [], linestyle=MISFIT[style], color=GREY, label=text)
 
 
-def _misfit_text(fits: Sequence[Fit]) -> str:
-    """Return what the legend says of laws that do not hold."""
-    lowest = times(min(fit.misfit for fit in fits))
-    highest = times(max(fit.misfit for fit in fits))
+def _misfit_text(misfits: Sequence[float]) -> str:
+    """Return what the legend says of a law that does not hold: residuals in bars."""
+    lowest = times(min(misfits))
+    highest = times(max(misfits))
     ratios = f"{lowest} to {highest}"
     if lowest == highest:
         ratios = lowest
-    return f":\ndoes not hold (rms {ratios} × bars)"
+    return f" fails: {ratios} × bars"
 
 
 def log_if_wide(ax: Axes, x: Array) -> None:

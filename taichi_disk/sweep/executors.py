@@ -111,8 +111,9 @@ def computed(
     except TaichiDiskError:
         raise
     except ModuleNotFoundError as error:
+        package = str(error.name).partition(".")[0]
         raise InputError(
-            f"a worker cannot import {error.name}: install the same packages everywhere"
+            f"a worker cannot import {package}: install the same packages everywhere"
         ) from None
     except Exception as error:
         raise SimulationError(
