@@ -147,7 +147,7 @@ def _smallest_error(value: float) -> float:
 def _plain_or_power(rounded: Decimal, value: float, error: float) -> str:
     """Return `rounded`, which is `value` with as many digits as its `error` allows."""
     # for example the tangential impulse without friction
-    if not rounded and error < MAX_ROUNDING:
+    if max(abs(value), error) < MAX_ROUNDING:
         return "0"
     if value and abs(value) < 1e-4:
         return f"{rounded:e}"

@@ -10,7 +10,7 @@ import pytest
 from bodies import SMALL, computed, driver_of, drivers_of
 from numpy.testing import assert_array_equal
 
-from taichi_disk.computation.outcome import inverted_triangles
+from taichi_disk.computation.diagnostics import inverted_triangles
 from taichi_disk.computation.workload import announcement
 from taichi_disk.errors import InputError
 
@@ -95,10 +95,10 @@ def test_triangles_turned_inside_out_are_counted_with_a_warning(kernels):
     small = (*IMPACT, "lattice.points=30")
     scenario, gentle = computed(kernels, *small)
     lattice, x = scenario.lattice, scenario.lattice.positions.copy()
-    assert gentle.summary["inverted_triangles"] == inverted_triangles(scenario, x) == 0
+    assert gentle.summary["inverted_triangles"] == inverted_triangles(lattice, x) == 0
     inner = np.setdiff1d(np.arange(lattice.disk_points), lattice.disk_surface)[0]
     x[inner] += 5.0
-    assert 0 < inverted_triangles(scenario, x) < (lattice.triangles == inner).sum()
+    assert 0 < inverted_triangles(lattice, x) < (lattice.triangles == inner).sum()
     _, crushed = computed(kernels, *small, "time.dt=0.005", "impact.velocity=0.7")
     assert crushed.summary["inverted_triangles"] > 0
     assert any("turned inside out" in text for text in crushed.summary["warnings"])
