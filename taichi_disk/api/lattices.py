@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from taichi_disk.computation.outcome import Outcome
+from taichi_disk.computation.outcome import ESTIMATE_UP_TO, Outcome
 from taichi_disk.errors import TaichiDiskError
 from taichi_disk.integrators import INTEGRATORS
 from taichi_disk.lattice import OwnStart
@@ -16,14 +16,10 @@ from taichi_disk.scenes import Scene
 from taichi_disk.scenes.setup import outcome_of
 
 MOST_LATTICES = 10_000
-LATTICES, MIN_LATTICES = 8, 3  # default number; fewer than 3 have no meaningful scatter
-# most spring evaluations for the default number of lattices, some 1 s on one core
-EVALUATIONS = 3e8
-# building a lattice and its spectrum takes as long as this many evaluations of each
-# spring
-BUILDING = 1500
-# Newton's method takes as long as this many evaluations of each spring
-EQUILIBRIUM = 3000
+# The default number of lattices, and the one for a relaxation or a tolerance, which
+# take several times as long.
+LATTICES, FEW_LATTICES = 8, 3
+MAX_POINTS = 5_000  # of disk and wall; a larger scene is computed on one lattice
 
 
 def lattice_count(
@@ -34,37 +30,47 @@ def lattice_count(
     `own`: user-supplied lattice; `outcome`: the computed scene; `asked`: number of
         lattices that the user wants.
     """
+    if own.digest and asked == 1:
+        return 1, []
     if own.digest:
         text = (
             "a lattice or velocities of your own have no seed: how far the result"
             " depends on the points is not known"
         )
-        return 1, [] if asked == 1 else [text]
+        return 1, [text]
     if asked is not None:
         return asked, []
-    count = affordable(outcome)
+    count, reason = default_count(outcome)
     if count == LATTICES:
         return count, []
-    found = (
-        f"only {count} lattices were computed"
-        if count > 1
-        else "no other lattices were computed"
+    found = "no other lattices were computed"
+    if count > 1:
+        found = f"only {count} lattices were computed"
+    note = (
+        f"{found}, because {reason}; lattices={LATTICES} shows how much the result"
+        " depends on the points"
     )
-    return count, [
-        f"{found}, because more take long; lattices={LATTICES} shows how much the"
-        " result depends on them"
-    ]
+    return count, [note]
 
 
-def affordable(outcome: Outcome) -> int:
-    summary, lattice = outcome.summary, outcome.scenario.lattice
-    if outcome.scenario.static:
-        evaluations = EQUILIBRIUM
-    else:
-        step_cost = INTEGRATORS[summary["integrator"]].cost(len(lattice.positions))
-        evaluations = summary["steps"] * summary["attempts"] * step_cost
-    count = 1 + int(EVALUATIONS / (len(lattice.bonds) * (evaluations + BUILDING)))
-    return min(count, LATTICES) if count >= MIN_LATTICES else 1
+def default_count(outcome: Outcome) -> tuple[int, str]:
+    """Return the default number of lattices: 8 up to 5,000 points, 3 for a relaxation
+    or with a tolerance, else 1; and why there are fewer than 8."""
+    scenario = outcome.scenario
+    summary = outcome.summary
+    lattice = scenario.lattice
+    if len(lattice.positions) > MAX_POINTS:
+        return 1, f"disk and wall have more than {MAX_POINTS:,} points"
+    if scenario.static:
+        return LATTICES, ""
+    step_forces = INTEGRATORS[summary["integrator"]].forces
+    if summary["steps"] * step_forces * len(lattice.bonds) > ESTIMATE_UP_TO:
+        return 1, "one run takes more than some 5 s"
+    if not scenario.step_dependent:
+        return FEW_LATTICES, "a relaxation takes many steps"
+    if scenario.scene.time.tolerance != "none":
+        return FEW_LATTICES, "a tolerance takes several runs"
+    return LATTICES, ""
 
 
 def compare_lattices(
@@ -73,34 +79,46 @@ def compare_lattices(
     """Compute the results on `count` lattices with consecutive seeds, from the scene's
     on, for summary.json.
 
-    Returns `seeds` and, for each result, its `values`, `mean` and `standard_deviation`.
-    Seeds without a result are left out and named in the warnings of the outcome's
-    summary.
+    Returns `seeds` and, for each result, its `values`, their `mean`,
+    `standard_deviation` and the `standard_error` of the mean. Seeds without a result
+    are left out and named in the warnings of the outcome's summary.
     """
-    seeds, found = [scene.lattice.seed], [outcome.scenario.result(outcome.columns)]
+    seeds = [scene.lattice.seed]
+    found = [outcome.scenario.result(outcome.columns)]
     for number in range(1, count):
         progress("lattices", number - 1, count - 1)
         seed = (scene.lattice.seed + number) % 2**32
+        sample = replace(scene, lattice=replace(scene.lattice, seed=seed))
         try:
-            other = outcome_of(
-                replace(scene, lattice=replace(scene.lattice, seed=seed)),
-                force=force,
-                estimate=False,
-            )
+            other = outcome_of(sample, force=force, estimate=False)
             found.append(other.scenario.result(other.columns))
             seeds.append(seed)
-        except TaichiDiskError as error:
+        # The scene's own result is complete, whatever happens to another lattice.
+        except Exception as error:
             outcome.summary["warnings"].append(
-                f"there is no result on the lattice of seed {seed}: {error}"
+                f"there is no result on the lattice of seed {seed}: {_reason(error)}"
             )
     comparison: dict[str, Any] = {"seeds": seeds}
     for name in found[0]:
-        values = [one[name] for one in found if name in one]
+        values = [numbers[name] for numbers in found if name in numbers]
         if 1 < len(values) == len(found):
-            deviation = float(np.std(values, ddof=1))
-            comparison[name] = {
-                "values": values,
-                "mean": float(np.mean(values)),
-                "standard_deviation": deviation,
-            }
+            comparison[name] = statistics_of(values)
     return comparison
+
+
+def statistics_of(values: list[float]) -> dict[str, Any]:
+    """Return `values` with their mean, their standard deviation and the standard error
+    of the mean, each in the unit of the values."""
+    deviation = float(np.std(values, ddof=1))
+    return {
+        "values": values,
+        "mean": float(np.mean(values)),
+        "standard_deviation": deviation,
+        "standard_error": deviation / len(values) ** 0.5,
+    }
+
+
+def _reason(error: Exception) -> str:
+    if isinstance(error, TaichiDiskError):
+        return str(error)
+    return f"{type(error).__name__}: {error}"

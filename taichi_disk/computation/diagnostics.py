@@ -15,6 +15,7 @@ from taichi_disk.computation.contact import (
 from taichi_disk.computation.scenario import Scenario
 from taichi_disk.errors import SimulationError
 from taichi_disk.lattice import Array, Lattice
+from taichi_disk.lattice.lattice import double_area
 from taichi_disk.physics import Model
 from taichi_disk.simulation.observables import INDEX, Columns, of_kind, total_energy
 
@@ -219,6 +220,11 @@ def gone_through(lattice: Lattice, model: Model, x: Array, energy: float) -> boo
     crossed = ((a[:, 0] <= px) != (b[:, 0] <= px)) & (height > py)
     # a ray that starts inside crosses an odd number of edges
     return bool((crossed.sum(axis=1) % 2).any())
+
+
+def inverted_triangles(lattice: Lattice, x: Array) -> int:
+    """Return how many triangles are turned inside out at the positions `x` (n, 2)."""
+    return int((double_area(x[lattice.triangles]) < 0.0).sum())
 
 
 def explained(scenario: Scenario, dt: float, part: float, x: Array, lost: str) -> str:

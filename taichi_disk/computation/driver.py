@@ -37,6 +37,9 @@ Status = Literal["running", "finished", "failed"]
 SPRINGS_PER_LAUNCH = 12_000_000
 # spring evaluations between checks of a large lattice (a launch per step)
 SPRINGS_PER_CHECK = 25 * SPRINGS_PER_LAUNCH
+# part of the remaining time after which the end of a scene is checked again; a rim that
+# swings up may have left a little earlier
+PART_TO_WAIT = 0.5
 
 
 class State(NamedTuple):
@@ -191,10 +194,13 @@ class Driver:
         # Use only the rows of the settling time, because this check may run at every
         # row.
         last_rows = self.rows[max(0, self.count - self.needed_rows - 1) :]
-        if self.scenario.ended(as_columns(last_rows, self.interval)):
+        remaining = self.scenario.time_to_end(as_columns(last_rows, self.interval))
+        if remaining == 0.0:
             self._finish()
-        else:
-            self.settled_rows = self.needed_rows - 1
+            return
+        remaining = min(remaining, self.scenario.max_time)
+        rows_to_wait = max(1, int(PART_TO_WAIT * remaining / self.interval))
+        self.settled_rows = self.needed_rows - rows_to_wait
 
     def _append(self, rows: Array) -> None:
         while self.count + len(rows) > len(self._rows):

@@ -10,15 +10,18 @@ from typing import NamedTuple
 
 import numpy as np
 
-from taichi_disk.computation.contact import greatest_compression
-from taichi_disk.computation.diagnostics import relative_imbalance
+from taichi_disk.computation.contact import (
+    contact_interval,
+    greatest_compression,
+    vibration_left,
+)
+from taichi_disk.computation.diagnostics import inverted_triangles, relative_imbalance
 from taichi_disk.computation.driver import Driver
 from taichi_disk.computation.scenario import Scenario
 from taichi_disk.computation.stability import TimeStep
 from taichi_disk.computation.step_control import fitted
 from taichi_disk.errors import SimulationError, TaichiDiskError
-from taichi_disk.lattice import Array
-from taichi_disk.simulation.observables import Columns
+from taichi_disk.simulation.observables import Columns, split
 
 # The constants were measured on scenes with a known result: `python -m
 # tests.validation.estimate_trial`.
@@ -47,13 +50,23 @@ TOLERANCE_PART = 0.75
 # ratio of a step to the next; a power law is not reliable beyond 3
 LEAST_RATIO, MOST_RATIO = 1.15, 3.0
 
+# A motion may be chaotic if the estimated error exceeds this fraction of the result, or
+# if it has not fallen although the step is shorter by CHAOS_SHORTER.
+SUSPICIOUS_ERROR = 1e-3
+CHAOS_SHORTER = 4.0
+CHAOS_TURN = 1e-10  # by which starts are turned to find out [rad]
+# It is chaotic if this changes the result by more than this part of the tolerance.
+CHAOS_PART = 0.25
+
+INSTANTS = 20  # of the contact, at which inverted triangles are counted
+
 
 class SecondRun(NamedTuple):
-    """Errors of results by name (empty if the second run has no result), and its most
-    compressed state (n, 2)."""
+    """Errors of results by name (empty if the second run has no result), and the
+    largest number of triangles that were turned inside out during its contact."""
 
     errors: dict[str, float]
-    compressed: Array
+    inverted: int
 
 
 def richardson(dt: float, runs: list[tuple[float, float]], order: int) -> float:
@@ -73,66 +86,99 @@ def second_run(driver: Driver) -> SecondRun:
     """Run the finished scene of `driver` again with another step and, if errors fall
     irregularly, with a third."""
     # Irregular errors may agree by chance, hence three runs. On the hardest walls the
-    # error also stays at a plateau,
-    # which differences do not show: the estimate is at least a fraction of the worst
-    # imbalance.
-    scenario, columns, dt = driver.scenario, driver.columns, driver.step.dt
+    # error also stays at a plateau, which differences do not show: the estimate is at
+    # least a fraction of the worst imbalance.
+    scenario = driver.scenario
+    inverted = 0
     runs: list[tuple[float, dict[str, float]]] = []
-    x = driver.start.vectors[0]
     try:
-        for other_dt in _other_steps(driver):
-            other = Driver(scenario, replace(driver.step, dt=other_dt), driver.kernels)
+        for dt in _other_steps(driver):
+            other = Driver(scenario, replace(driver.step, dt=dt), driver.kernels)
             if not runs:
-                other.advance(steps=round(greatest_compression(columns) / other_dt))
-                x = other.state.vectors[0]
+                inverted = _most_inverted(other, driver.columns)
             other.advance()
             if not other.has_ended:
-                return SecondRun({}, x)
-            runs.append((other_dt, scenario.result(other.columns)))
-        runs.append((dt, scenario.result(columns)))
+                return SecondRun({}, inverted)
+            runs.append((dt, measured(scenario, other.columns)))
     except TaichiDiskError:  # the other step gives no result
-        return SecondRun({}, x)
+        return SecondRun({}, inverted)
+    return SecondRun(_errors(driver, runs), inverted)
+
+
+def measured(scenario: Scenario, columns: Columns) -> dict[str, float]:
+    """Return all quantities of a finished scene that have an error estimate."""
+    numbers = dict(scenario.result(columns))
+    if scenario.is_thrown:
+        numbers["vibration_left"] = vibration_left(
+            split(columns, scenario.lattice.inertia)
+        )
+    return numbers
+
+
+def _most_inverted(driver: Driver, columns: Columns) -> int:
+    """Advance `driver` through the contact, and return the largest number of triangles
+    turned inside out. `columns`: of a finished run of the same scene."""
+    start, end = contact_interval(
+        columns["t"], columns["wall_force"], columns["com_vy"]
+    )
+    times = [*np.linspace(start, end, INSTANTS), greatest_compression(columns)]
+    lattice = driver.scenario.lattice
+    most = 0
+    for t in sorted(times):
+        steps = round(t / driver.step.dt) - driver.simulation.step_number
+        if steps > 0 and driver.advance(steps=steps) == "running":
+            most = max(most, inverted_triangles(lattice, driver.state.vectors[0]))
+    return most
+
+
+def _errors(
+    driver: Driver, others: list[tuple[float, dict[str, float]]]
+) -> dict[str, float]:
+    """Return the errors of the quantities of a finished run by name. `others`: step
+    [R/c] and quantities of its further runs."""
+    scenario, columns, dt = driver.scenario, driver.columns, driver.step.dt
+    runs = [*others, (dt, measured(scenario, columns))]
     least = ROUNDING
     if dt > scenario.wall_step:
-        least += (
-            UNRESOLVED_PART
-            * scenario.sensitivity
-            * relative_imbalance(scenario, columns)[1]
-        )
-    errors, scales, sampling = (
-        {},
-        scenario.result_scales(columns),
-        _sampling_errors(scenario, columns),
-    )
-    order, primary = _order(driver), scenario.primary(columns)[0]
-    for name in [
-        name for name in scales if all(name in results for _, results in runs)
-    ]:
-        difference = richardson(
-            dt, [(step, results[name]) for step, results in runs], order
-        )
-        safety = ERROR_SAFETY[order] * (SECONDARY_SAFETY if name != primary else 1.0)
-        errors[name] = max(safety * difference, least * scales[name]) + sampling.get(
-            name, 0.0
-        )
+        _, worst = relative_imbalance(scenario, columns)
+        least += UNRESOLVED_PART * scenario.sensitivity * worst
+    scales = scenario.result_scales(columns)
+    if scenario.is_thrown:
+        scales["vibration_left"] = scenario.sensitivity
+    sampling = _sampling_errors(scenario, columns)
+    order = _order(driver)
+    primary, _ = scenario.primary(columns)
+    errors = {}
+    for name, scale in scales.items():
+        if not all(name in numbers for _, numbers in runs):
+            continue
+        safety = ERROR_SAFETY[order]
+        if name != primary:
+            safety *= SECONDARY_SAFETY
+        values = [(step, numbers[name]) for step, numbers in runs]
+        of_step = max(safety * richardson(dt, values, order), least * scale)
+        errors[name] = of_step + sampling.get(name, 0.0)
     errors[primary] += scenario.end_truncation_error(columns)
-    return SecondRun(errors, x)
+    return errors
 
 
 def _sampling_errors(scenario: Scenario, columns: Columns) -> dict[str, float]:
-    """Return the error of each result, such as a time, that is due to the distance
+    """Return the error of each quantity, such as a time, that is due to the distance
     between rows."""
     # It is the change if every other row is left out, or half of the change if two rows
     # of three are left out: either alone may agree by chance.
-    found, rows = scenario.result(columns), np.arange(len(columns["t"]))
+    found = measured(scenario, columns)
+    rows = np.arange(len(columns["t"]))
     ends = (rows == 0) | (rows == rows[-1])
     errors = dict.fromkeys(found, 0.0)
     for n, k in ((2, 0), (2, 1), (3, 0), (3, 1), (3, 2)):
-        thinned = scenario.result(
-            {key: one[ends | (rows % n == k)] for key, one in columns.items()}
+        kept_rows = ends | (rows % n == k)
+        thinned = measured(
+            scenario, {name: values[kept_rows] for name, values in columns.items()}
         )
         for name in found.keys() & thinned.keys():
-            errors[name] = max(errors[name], abs(thinned[name] - found[name]) / (n - 1))
+            change = abs(thinned[name] - found[name])
+            errors[name] = max(errors[name], change / (n - 1))
     return errors
 
 
@@ -165,23 +211,20 @@ def _other_steps(driver: Driver) -> list[float]:
         ]
     limit = step.limit_under(driver.largest_force)
     longer = fitted(LONGER_STEP * limit, interval)
-    return [
-        (
-            longer
-            if step.dt > LONGER_FROM * limit and longer > step.dt
-            else fitted(step.dt / STEP_RATIO, interval)
-        )
-    ]
+    if step.dt > LONGER_FROM * limit and longer > step.dt:
+        return [longer]
+    return [fitted(step.dt / STEP_RATIO, interval)]
 
 
 def _order(driver: Driver) -> int:
     """Return the assumed order of the error: 1 if it falls irregularly or points slide,
     otherwise the integrator's."""
-    return (
-        1
-        if driver.columns["sliding"].any() or _is_irregular(driver)
-        else driver.step.integrator.order
-    )
+    if driver.columns["sliding"].any() or _is_irregular(driver):
+        return 1
+    return driver.step.integrator.order
+
+
+# ---- a tolerance
 
 
 def within_tolerance(
@@ -191,25 +234,34 @@ def within_tolerance(
     is within `time.tolerance`.
 
     `run` runs the scene to its end with a step. Raises SimulationError if no step is
-    found.
+    found, or if the motion is chaotic.
     """
     scenario = driver.scenario
     tolerance = scenario.scene.time.tolerance
+    longest_step = driver.step.dt
+    first_error = None
     for tried in range(1, SEARCH + 1):
         second = second_run(driver)
         left = scenario.end_truncation_error(driver.columns)
-        error = second.errors.get(scenario.primary(driver.columns)[0])
+        primary, value = scenario.primary(driver.columns)
+        error = second.errors.get(primary)
         allowed = tolerance - left
-        if error is not None and error <= tolerance:
-            return driver, second
+        if error is not None:
+            if first_error is None:
+                first_error = error
+            is_shorter = longest_step >= CHAOS_SHORTER * driver.step.dt
+            has_not_fallen = is_shorter and error > first_error
+            if error > SUSPICIOUS_ERROR * abs(value) or has_not_fallen:
+                _refuse_chaos(driver)
+            if error <= tolerance:
+                return driver, second
         if allowed <= 0.0 or tried == SEARCH:
             break
         ratio = STEP_RATIO
         if error is not None:
             excess = (error - left) / (TOLERANCE_PART * allowed)
-            ratio = float(
-                np.clip(excess ** (1.0 / _order(driver)), LEAST_RATIO, MOST_RATIO)
-            )
+            ratio = excess ** (1.0 / _order(driver))
+        ratio = float(np.clip(ratio, LEAST_RATIO, MOST_RATIO))
         shorter = fitted(driver.step.dt / ratio, scenario.model.reset_interval)
         driver = run(replace(driver.step, dt=shorter))
     found = "cannot be estimated"
@@ -227,3 +279,41 @@ def within_tolerance(
     else:
         text += "; write a smaller time.safety, or another time.integrator"
     raise SimulationError(f"{text}; or write a larger time.tolerance, or none")
+
+
+def _refuse_chaos(driver: Driver) -> None:
+    """Raise SimulationError if the result of the finished `driver` depends so much on
+    its start that no step keeps the tolerance."""
+    scenario = driver.scenario
+    tolerance = scenario.scene.time.tolerance
+    change = change_of_turned_starts(driver)
+    if change <= CHAOS_PART * tolerance:
+        return
+    raise SimulationError(
+        f"this impact is chaotic: {scenario.symbol} changes by {change:.2g} when the"
+        f" start moves by {CHAOS_TURN:g} R, so that no time step gives it to"
+        f" time.tolerance = {tolerance:g}; write none, which prints an honest error, or"
+        " a lower impact.velocity, or more lattice.points"
+    )
+
+
+def change_of_turned_starts(driver: Driver) -> float:
+    """Return the largest change of the primary result of the finished `driver` if the
+    body starts turned by CHAOS_TURN either way. A run without a result does not
+    count."""
+    scenario = driver.scenario
+    lattice = scenario.lattice
+    n = lattice.disk_points
+    _, value = scenario.primary(driver.columns)
+    change = 0.0
+    for angle in (CHAOS_TURN, -CHAOS_TURN):
+        positions = lattice.positions.copy()
+        arm = positions[:n] - lattice.mean(positions)
+        positions[:n] += angle * np.stack([-arm[:, 1], arm[:, 0]], axis=1)
+        start = replace(scenario, lattice=replace(lattice, positions=positions))
+        other = Driver(start, driver.step, driver.kernels)
+        other.advance()
+        if other.has_ended:
+            _, other_value = scenario.primary(other.columns)
+            change = max(change, abs(other_value - value))
+    return change

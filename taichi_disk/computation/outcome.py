@@ -11,8 +11,10 @@ import numpy as np
 
 from taichi_disk.computation import diagnostics
 from taichi_disk.computation.contact import greatest_compression
+from taichi_disk.computation.diagnostics import inverted_triangles
 from taichi_disk.computation.driver import Driver, State
 from taichi_disk.computation.error_estimate import (
+    SUSPICIOUS_ERROR,
     SecondRun,
     second_run,
     within_tolerance,
@@ -22,7 +24,6 @@ from taichi_disk.computation.stability import Spectrum, TimeStep, spectrum
 from taichi_disk.computation.step_control import StepControl
 from taichi_disk.computation.workload import announcement
 from taichi_disk.lattice import Array, Lattice
-from taichi_disk.lattice.lattice import double_area
 from taichi_disk.physics import Model
 from taichi_disk.progress import Progress, silent
 from taichi_disk.simulation.observables import Columns, split
@@ -147,18 +148,20 @@ def _described(
         and end.step * step.integrator.forces * len(scenario.lattice.bonds)
         <= ESTIMATE_UP_TO
     )
-    errors, compressed = dict[str, float](), None
+    errors: dict[str, float] = {}
+    inverted = None
+    primary, value = scenario.primary(columns)
     if not scenario.step_dependent:
-        errors[scenario.primary(columns)[0]] = (
-            REST_CAUTION * scenario.end_truncation_error(columns) + ROUNDING
-        )
+        left = scenario.end_truncation_error(columns)
+        errors[primary] = REST_CAUTION * left + ROUNDING
         if small:
-            _, compressed, _ = next(
-                driver.replay(np.array([greatest_compression(columns)]))
-            )
+            compressed = next(driver.replay(np.array([greatest_compression(columns)])))
+            inverted = inverted_triangles(scenario.lattice, compressed.positions)
     elif second or small:
-        errors, compressed = second or second_run(driver)
-    summary = summary_of(scenario, columns, warnings, compressed) | {
+        errors, inverted = second or second_run(driver)
+    if errors.get(primary, 0.0) > SUSPICIOUS_ERROR * abs(value):
+        warnings.append(uncertain(primary, value, errors[primary]))
+    summary = summary_of(scenario, columns, warnings, inverted) | {
         "steps": end.step,
         "dt": step.dt,
         "dt_limit": limit,
@@ -181,22 +184,35 @@ def _described(
     )
 
 
-def inverted_triangles(scenario: Scenario, x: Array) -> int:
-    return int((double_area(x[scenario.lattice.triangles]) < 0.0).sum())
+def uncertain(name: str, value: float, error: float) -> str:
+    """Return a warning about a result that is hardly known."""
+    return (
+        f"the estimated error of {name} is {error:.2g}, {error / abs(value):.1%} of it:"
+        " the motion may be so irregular that the time step decides it; time.tolerance"
+        " finds out whether a shorter step helps"
+    )
 
 
 def summary_of(
-    scenario: Scenario, columns: Columns, warnings: list[str], compressed: Array | None
+    scenario: Scenario, columns: Columns, warnings: list[str], inverted: int | None
 ) -> dict[str, Any]:
+    """Return results, their definitions and `warnings`, to which one about `inverted`
+    triangles is added (None: not counted)."""
     numbers = scenario.result(columns)
-    measured = {name: note for name, note in scenario.notes.items() if name in numbers}
+    known = {*numbers}
+    if scenario.is_thrown:
+        known.add("vibration_left")
+    measured = {name: note for name, note in scenario.notes.items() if name in known}
     summary: dict[str, Any] = {**numbers, "measured": measured, "warnings": warnings}
-    if compressed is None:
+    if inverted is None:
         return summary
-    if inverted := inverted_triangles(scenario, compressed):
+    if inverted:
+        triangles = "triangle"
+        if inverted > 1:
+            triangles = "triangles"
         warnings.append(
-            f"{inverted} triangle{'s' * (inverted > 1)} of the lattice turned inside"
-            " out: springs have crossed there, and the result is meaningless; lower"
-            " the speed or the pressure, or take fewer points"
+            f"{inverted} {triangles} of the lattice turned inside out: springs have"
+            " crossed there, and the result is meaningless; lower the speed or the"
+            " pressure, or take fewer points"
         )
     return summary | {"inverted_triangles": inverted}

@@ -99,7 +99,12 @@ class Scenario(ABC):
     def ended(self, columns: Columns) -> bool:
         """Return whether the scene has ended at the last row, which is within
         `end_bounds`."""
-        return True
+        return self.time_to_end(columns) == 0.0
+
+    def time_to_end(self, columns: Columns) -> float:
+        """Return 0 if the scene has ended at the last row, which is within
+        `end_bounds`; otherwise about how much later it will [R/c]."""
+        return 0.0
 
     def unfinished(self, columns: Columns) -> str:
         return f"the scene has not ended by t = {columns['t'][-1]:.6g} R/c"

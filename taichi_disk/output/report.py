@@ -15,47 +15,37 @@ Labels: TypeAlias = Mapping[str, tuple[str, str]]
 MAX_ROUNDING = 1e-12  # smaller values are rounding errors
 DIGITS = 8  # printed digits of a result that does not depend on a time step
 UNESTIMATED_DIGITS = 4  # printed digits of a result whose error has not been estimated
+FEW_LATTICES = 5  # fewer do not show well how far their mean is off
+# errors of a mean and scatters are printed as 0.0002 from here on, smaller ones as 2e-5
+PLAIN_ERROR, PLAIN_SCATTER = 1e-4, 1e-3
 UNESTIMATED = "(error of the time step not estimated)"
 
 
-def print_result(summary: Summary, labels: Labels, out: Path) -> None:
-    """Print the result, how it was computed, its time and the folder `out`; print
-    warnings on stderr.
+def print_result(summary: Summary, labels: Labels, out: Path | None) -> None:
+    """Print the result, how it was computed, its time and the folder `out` if there is
+    one; print warnings on stderr.
 
     `labels` maps keys of the summary to (name, unit). The text is plain, because paths
     must not be wrapped.
     """
     for name, value, unit in rows(summary, labels):
         print(f"{name:<36}{value:>16} {unit}".rstrip())
-    print(f"files in {out}")
+    if out is not None:
+        print(f"files in {out}")
     for text in summary.get("warnings", ()):
         print(f"warning: {text}", file=sys.stderr)
 
 
 def rows(summary: Summary, labels: Labels) -> Iterator[tuple[str, str, str]]:
-    errors, source = (
-        summary.get("error_estimate") or {},
-        summary.get("error_source", "time step"),
-    )
-    for key, (name, unit) in labels.items():
+    """Yield (name, value, remark) of each printed line about a finished run."""
+    for key, label in labels.items():
         if key in summary:
-            value, error = shown(
-                summary[key], errors.get(key), exact="dt" not in summary, source=source
-            )
-            if mean := over_lattices(summary, key):
-                yield name, mean[0], f"{unit} {mean[1]}".strip()
-                name = f"  of this lattice, seed {summary['seed']}"
-            if not error and "dt" in summary and not errors:
-                error = UNESTIMATED
-            yield name, value, f"{unit} {error}".strip()
+            yield from _result_rows(summary, key, *label)
     if "dt" in summary:
         yield "time step", f"{summary['dt']:.6g}", "R/c"
         yield "steps", f"{summary['steps']:,}", f"({summary['integrator']})"
-        yield (
-            "energy imbalance at the end",
-            f"{summary['energy']['closing_imbalance']:.2e}",
-            "",
-        )
+        imbalance = summary["energy"]["closing_imbalance"]
+        yield "energy imbalance at the end", f"{imbalance:.2e}", ""
     else:
         yield "iterations", str(summary["steps"]), f"({summary['integrator']})"
     seconds = summary["wall_clock"]
@@ -63,22 +53,70 @@ def rows(summary: Summary, labels: Labels) -> Iterator[tuple[str, str, str]]:
     yield "wall clock", f"{sum(seconds.values()):.1f}", f"s ({parts})"
 
 
+def _result_rows(
+    summary: Summary, key: str, name: str, unit: str
+) -> Iterator[tuple[str, str, str]]:
+    """Yield the line to quote, if there are several lattices, and the line of this
+    lattice."""
+    has_steps = "dt" in summary
+    errors = summary.get("error_estimate") or {}
+    value, error = shown(
+        summary[key],
+        errors.get(key),
+        exact=not has_steps,
+        source=summary.get("error_source", "time step"),
+    )
+    if has_steps and not errors:
+        error = UNESTIMATED
+    mean = over_lattices(summary, key)
+    if mean is not None:
+        yield name, mean[0], f"{unit} {mean[1]}".strip()
+        name = f"  of this lattice, seed {summary['seed']}"
+    yield name, value, f"{unit} {error}".strip()
+
+
 def over_lattices(summary: Summary, key: str) -> tuple[str, str] | None:
-    """Return the mean of a result over lattices and "± scatter", or None if there is
-    only one lattice."""
+    """Return the mean of a result over lattices and a text with its standard error and
+    the scatter, or None if there is only one lattice."""
     lattices = summary.get("lattices", {})
     if key not in lattices:
         return None
-    source = f"mean and scatter of {len(lattices['seeds'])} lattices"
-    return shown(
-        lattices[key]["mean"], lattices[key]["standard_deviation"], source=source
-    )
+    found = lattices[key]
+    count = len(lattices["seeds"])
+    lattices_text = f"{count} lattices"
+    if count < FEW_LATTICES:
+        lattices_text = f"only {lattices_text}"
+    mean, error = quoted(found["mean"], found["standard_error"])
+    scatter = _one_digit(found["standard_deviation"], PLAIN_SCATTER)
+    source = f"mean of {lattices_text}"
+    return mean, f"± {error} ({source}), lattice to lattice {scatter}"
+
+
+def quoted(value: float, error: float) -> tuple[str, str]:
+    """Format a mean and its standard error [both in the same unit], which has one
+    digit: of eight values it is uncertain by a quarter. The mean gets the same last
+    digit."""
+    rounded = Decimal(f"{max(error, _smallest_error(value)):.0e}")
+    last_digit = Decimal(1).scaleb(min(0, rounded.adjusted()))
+    text = _plain_or_power(Decimal(repr(value)).quantize(last_digit), value, error)
+    return text, _one_digit(float(rounded), PLAIN_ERROR)
+
+
+def _one_digit(number: float, plain_from: float) -> str:
+    digit = Decimal(f"{number:.0e}")
+    if number >= plain_from:
+        return f"{digit:f}"
+    return f"{digit:e}"
 
 
 def headline(summary: Summary, labels: Labels) -> str:
+    """Return the result to quote, with its error, or "" if there is only one
+    lattice."""
     key, (name, unit) = next(iter(labels.items()))
-    value, scatter = over_lattices(summary, key) or ("", "")
-    return " ".join(f"{name} {value} {unit} {scatter}".split()) if value else ""
+    mean = over_lattices(summary, key)
+    if mean is None:
+        return ""
+    return " ".join(f"{name} {mean[0]} {unit} {mean[1]}".split())
 
 
 def shown(
@@ -92,13 +130,25 @@ def shown(
     """
     if error is None or not error < 1e9:  # also true for NaN
         return f"{value:.{DIGITS if exact else UNESTIMATED_DIGITS}g}", ""
-    bound = Decimal(repr(max(error, 1e-10 * abs(value), 1e-300)))
-    rounded = bound.quantize(
-        Decimal(1).scaleb(min(0, bound.adjusted() - 1)), ROUND_CEILING
-    )
-    number = Decimal(repr(value)).quantize(rounded)
-    text = f"{number:f}" if abs(value) >= 1e-4 or not value else f"{number:e}"
+    bound = Decimal(repr(max(error, _smallest_error(value))))
+    last_digit = Decimal(1).scaleb(min(0, bound.adjusted() - 1))
+    rounded = bound.quantize(last_digit, ROUND_CEILING)
+    text = _plain_or_power(Decimal(repr(value)).quantize(last_digit), value, error)
+    style = "f" if error >= 1e-3 else "e"
+    return text, f"± {rounded:{style}} ({source})"
+
+
+def _smallest_error(value: float) -> float:
+    """Return the smallest error that is printed, so that a value has at most 12
+    digits."""
+    return max(1e-10 * abs(value), 1e-300)
+
+
+def _plain_or_power(rounded: Decimal, value: float, error: float) -> str:
+    """Return `rounded`, which is `value` with as many digits as its `error` allows."""
     # for example the tangential impulse without friction
-    if not number and error < MAX_ROUNDING:
-        text = "0"
-    return text, f"± {rounded:{'f' if error >= 1e-3 else 'e'}} ({source})"
+    if max(abs(value), error) < MAX_ROUNDING:
+        return "0"
+    if value and abs(value) < 1e-4:
+        return f"{rounded:e}"
+    return f"{rounded:f}"

@@ -176,12 +176,13 @@ class AbsorbingWallScene(ImpactScene):
     def model_of(self, lattice: Lattice, springs: Springs) -> Model:
         from taichi_disk import physics
 
-        contacts = {
-            "springs": physics.ElasticWall,
-            "smooth": physics.SmoothElasticWall,
-        }
         wall = self.wall
-        contact = contacts[wall.contact](wall.a, wall.V0, wall.threshold)
+        law = physics.ElasticWall
+        # A surface of two points is one straight spring, over which the paper's contact
+        # is smooth; a spline needs three.
+        if wall.contact == "smooth" and len(lattice.wall_surface) >= 3:
+            law = physics.SmoothElasticWall
+        contact = law(wall.a, wall.V0, wall.threshold)
         boundary: physics.Boundary = physics.PinnedBoundary()
         if wall.boundary == "reset":
             boundary = physics.ResetBoundary(wall.reset_interval)

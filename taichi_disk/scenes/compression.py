@@ -173,9 +173,11 @@ class Compression(Scenario):
             ),
         }
 
-    def ended(self, columns: Columns) -> bool:
+    def time_to_end(self, columns: Columns) -> float:
         wanted = self.scene.time.tolerance
-        return wanted == "none" or self.end_truncation_error(columns) <= 0.5 * wanted
+        if wanted == "none" or self.end_truncation_error(columns) <= 0.5 * wanted:
+            return 0.0
+        return self.row_interval
 
     def end_truncation_error(self, columns: Columns) -> float:
         from taichi_disk.statics.equilibrium import depth

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from dataclasses import dataclass, replace
+from math import inf
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
@@ -122,7 +123,7 @@ class ImpactScene(DiskScene):
             model=model,
             point_force=impact_point_force(lattice, model, velocity),
             max_time=self._max_time(gap, shape, springs.time_unit),
-            sample_interval=self._sample_interval(springs.time_unit),
+            sample_interval=self._sample_interval(shape.radius, springs.time_unit),
             view=self.view(lattice, gap),
             spoke=spoke,
             wall_step=RESOLVED * (self.wall.decay_length / velocity),
@@ -196,9 +197,11 @@ class ImpactScene(DiskScene):
             velocities[:n] += impact.spin * np.stack([-arm[:, 1], arm[:, 0]], axis=1)
         return velocities
 
-    def _sample_interval(self, time_unit: float) -> float:
+    def _sample_interval(self, radius: float, time_unit: float) -> float:
         longest = MAX_INTERVAL * time_unit
-        decay_time = self.wall.decay_length / self.impact.towards
+        # A spin moves the surface towards the wall, too.
+        fastest = self.impact.towards + abs(self.impact.spin) * radius
+        decay_time = self.wall.decay_length / fastest
         halvings = np.ceil(np.log2(longest / (DECAY_TIMES_PER_ROW * decay_time)) - 1e-9)
         return float(longest * 0.5 ** np.clip(halvings, 0, MAX_HALVINGS))
 
@@ -260,6 +263,11 @@ class ImpactScenario(Scenario):
             " [R/c]"
         ),
         **{name: note for name, (_, _, note) in oblique.RESULTS.items()},
+        "vibration_left": (
+            "kinetic and elastic energy of vibration at the end of the last contact,"
+            " minus that at the start, over the energy of the flight before; a spin"
+            " stretches the disk, which counts as vibration"
+        ),
     }
 
     @property
@@ -272,12 +280,18 @@ class ImpactScenario(Scenario):
         """Initial kinetic energy M v^2/2 of the flight towards the wall [M c^2]."""
         return 0.5 * self.velocity**2
 
+    @property
+    def outline(self) -> Array:
+        """Surface points (k, 2) of the disk at t = 0, from its centre of mass [R]."""
+        x = self.lattice.positions
+        return np.asarray(x[self.lattice.disk_surface] - self.lattice.mean(x))
+
     # ---- the end
 
     def end_bounds(self) -> dict[str, tuple[float, float]]:
         return {"com_vy": (0.0, np.inf), "lowest_y": (self.gap, np.inf)}
 
-    def ended(self, columns: Columns) -> bool:
+    def time_to_end(self, columns: Columns) -> float:
         # A disk that leaves may vibrate so strongly that it touches again. Its lowest
         # point must be higher than at the start by sqrt(2 U/E), where U is all energy
         # except flight and spin: 1.4 to 2.3 times the measured amplitude of the rim. A
@@ -292,13 +306,12 @@ class ImpactScenario(Scenario):
         clear = self.gap + min(
             np.sqrt(2.0 * vibration * self.shape.compliance), 2.0 * self.shape.radius
         )
-        falls = abs(spin) * self.shape.radius > last["com_vy"]
-        lowest = (
-            min(last["lowest_y"], last["com_y"] - self.shape.radius)
-            if falls
-            else last["lowest_y"]
-        )
-        return bool(last["com_vy"] > 0.0 and lowest >= clear)
+        lowest = last["lowest_y"]
+        if abs(spin) * self.shape.radius > last["com_vy"]:
+            lowest = min(lowest, last["com_y"] - self.shape.radius)
+        if last["com_vy"] <= 0.0:
+            return inf
+        return float(max(clear - lowest, 0.0)) / last["com_vy"]
 
     def unfinished(self, columns: Columns) -> str:
         v = columns["com_vy"][-1]
@@ -345,7 +358,7 @@ class ImpactScenario(Scenario):
             "contact_time": end - start,
         }
         return found | (
-            oblique.along_the_wall(columns, self.shape.radius, self.shape.inertia)
+            oblique.along_the_wall(columns, self.outline, self.shape.inertia)
             if self.scene.is_oblique
             else {}
         )
@@ -353,9 +366,7 @@ class ImpactScenario(Scenario):
     def result_scales(self, columns: Columns) -> dict[str, float]:
         scales = {"restitution": 1.0, "contact_time": 0.0}
         return scales | (
-            oblique.scales_along_the_wall(
-                columns, self.shape.radius, self.shape.inertia
-            )
+            oblique.scales_along_the_wall(columns, self.outline, self.shape.inertia)
             if self.scene.is_oblique
             else {}
         )

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from taichi_disk.computation.diagnostics import inverted_triangles
 from taichi_disk.computation.driver import State
 from taichi_disk.computation.outcome import Outcome, summary_of
 from taichi_disk.lattice import Array, Lattice
@@ -88,7 +89,8 @@ def quasistatic(scenario: Any, loads: int, progress: Progress) -> Outcome:
         )
     columns["load"] = fractions * model.load.force * columns["com_y"]
     columns["total"] = columns["elastic"] + columns["wall"] + columns["load"]
-    summary = summary_of(scenario, columns, [], rest.positions) | {
+    inverted = inverted_triangles(lattice, rest.positions)
+    summary = summary_of(scenario, columns, [], inverted) | {
         "steps": rest.iterations,
         "integrator": "newton",
     }

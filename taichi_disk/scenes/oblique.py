@@ -3,12 +3,12 @@ spin, impulses."""
 
 from __future__ import annotations
 
-from math import log, pi, sqrt, tan
+from math import cos, log, pi, sin, sqrt, tan
 from typing import Any
 
 import numpy as np
 
-from taichi_disk.computation.contact import results_time
+from taichi_disk.computation.contact import contact_interval, results_time
 from taichi_disk.config import sections
 from taichi_disk.lattice import Array
 from taichi_disk.simulation.observables import Columns
@@ -19,8 +19,9 @@ RESULTS = {
         "tangential restitution",
         "",
         (
-            "-(v_t + omega R) of the disk's lowest point, after over before; v_t to the"
-            " right, omega counter-clockwise"
+            "-(v_t + omega h), after over before; v_t to the right, omega"
+            " counter-clockwise, h: height of the centre of mass above the lowest point"
+            " of the unloaded body, turned as it meets the wall"
         ),
     ),
     "spin_after": (
@@ -45,48 +46,67 @@ RESULTS = {
 START_POTENTIAL = 1e-7  # wall potential at the start over the kinetic energy
 # largest error along the wall, where friction jumps, over the error normal to it
 TANGENTIAL_FACTOR = 10.0
-# fraction of the speed: a slower lowest point has no tangential restitution
-MIN_TANGENTIAL = 1e-9
+# Fraction of the speed. The tangential restitution divides by the lowest point's speed
+# along the wall: at 1e-3 of the speed of the flight it was 6.6.
+MIN_TANGENTIAL = 0.01
 
 
-def along_the_wall(columns: Columns, radius: float, inertia: float) -> dict[str, float]:
-    """Return the numbers of RESULTS; a lowest point at rest has no tangential
+def along_the_wall(
+    columns: Columns, outline: Array, inertia: float
+) -> dict[str, float]:
+    """Return the numbers of RESULTS; a lowest point almost at rest has no tangential
     restitution.
 
-    `columns` is the time series of a finished impact; `radius` [R] and `inertia` [M
-    R^2] belong to the unloaded disk.
+    `columns` is the time series of a finished impact. `outline` (k, 2) [R]: surface
+    points of the unloaded disk at t = 0, from its centre of mass. `inertia` [M R^2]: of
+    the unloaded disk.
     """
-    end, t = results_time(columns), columns["t"]
-    vx, vy, spin = (
-        columns[name][[0, -1]] for name in ("com_vx", "com_vy", "angular_momentum")
-    )
-    # After that time only the moment of the wall's tangential impulse changes the
-    # rotation.
-    spin[1] = np.interp(end, t, columns["angular_momentum"]) + radius * (
-        vx[1] - np.interp(end, t, columns["com_vx"])
-    )
-    before, after = (vx + spin / inertia * radius).tolist()
-    found = (
-        {}
-        if abs(before) <= MIN_TANGENTIAL * abs(vy[0])
-        else {"tangential_restitution": -after / before}
-    )
+    end = results_time(columns)
+    t = columns["t"]
+    vx, vy = columns["com_vx"], columns["com_vy"]
+    spin = columns["angular_momentum"]
+    tangential_impulse = float(vx[-1] - vx[0])
+    # After the last contact only the moment of the wall's tangential impulse changes
+    # the rotation.
+    late_impulse = float(vx[-1] - np.interp(end, t, vx))
+    arm = float(np.interp(end, t, columns["com_y"] - columns["lowest_y"]))
+    spin_before = float(spin[0]) / inertia
+    spin_after = (float(np.interp(end, t, spin)) + arm * late_impulse) / inertia
+    found = {}
+    height = _height_at_contact(columns, outline, inertia)
+    before = float(vx[0]) + spin_before * height
+    if abs(before) > MIN_TANGENTIAL * float(np.hypot(vx[0], vy[0])):
+        after = float(vx[-1]) + spin_after * height
+        found["tangential_restitution"] = -after / before
     return found | {
-        "spin_after": float(spin[1] / inertia),
-        "tangential_impulse": float(vx[1] - vx[0]),
-        "normal_impulse": float(vy[1] - vy[0]),
+        "spin_after": spin_after,
+        "tangential_impulse": tangential_impulse,
+        "normal_impulse": float(vy[-1] - vy[0]),
     }
 
 
+def _height_at_contact(columns: Columns, outline: Array, inertia: float) -> float:
+    """Return the height of the centre of mass above the lowest point of the unloaded
+    body [R], turned as the body is when it meets the wall."""
+    t = columns["t"]
+    start, _ = contact_interval(t, columns["wall_force"], columns["com_vy"])
+    mean_spin = float(columns["angular_momentum"][t <= start].mean()) / inertia
+    angle = mean_spin * start
+    x, y = outline.T
+    return -float((sin(angle) * x + cos(angle) * y).min())
+
+
 def scales_along_the_wall(
-    columns: Columns, radius: float, inertia: float
+    columns: Columns, outline: Array, inertia: float
 ) -> dict[str, float]:
     """Return the largest error of each of RESULTS if the normal impulse has a relative
-    error of 1."""
+    error of 1. Arguments as for `along_the_wall`."""
     vx, vy, spin = (
         float(columns[name][0]) for name in ("com_vx", "com_vy", "angular_momentum")
     )
-    turned, lowest = radius / inertia, abs(vx + spin / inertia * radius)
+    height = _height_at_contact(columns, outline, inertia)
+    turned = height / inertia
+    lowest = abs(vx + spin * turned)
     scales = {
         "normal_impulse": 1.0,
         "tangential_impulse": TANGENTIAL_FACTOR,
@@ -94,7 +114,7 @@ def scales_along_the_wall(
     }
     if lowest:
         scales["tangential_restitution"] = (
-            TANGENTIAL_FACTOR * (1.0 + turned * radius) / lowest
+            TANGENTIAL_FACTOR * (1.0 + turned * height) / lowest
         )
     return {name: abs(vy) * scale for name, scale in scales.items()}
 

@@ -24,6 +24,7 @@ from taichi_disk.physics.law import (
     Reals1,
     Reals3,
     array,
+    check_room,
     get,
     pair_of,
     put,
@@ -176,6 +177,7 @@ class PointFields:
         return Snapshot(step, vectors, sums)
 
     def restore(self, snapshot: Snapshot) -> None:
+        check_room(self.x, snapshot.vectors.shape[1])
         self._copy(snapshot.vectors, snapshot.sums, True)
 
     @ti.kernel

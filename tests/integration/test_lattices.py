@@ -7,6 +7,7 @@ import json
 
 import numpy as np
 import pytest
+from scipy.stats import sem
 
 from taichi_disk import Lattice, load_scene, load_sweep, run, run_sweep
 from taichi_disk.api import lattices
@@ -51,33 +52,56 @@ def test_mean_and_scatter_are_those_of_a_sweep_over_the_same_seeds_to_all_digits
             "values": values,
             "mean": np.mean(values),
             "standard_deviation": np.std(values, ddof=1),
+            "standard_error": pytest.approx(sem(values), rel=1e-12),
         }
-    assert result.scatter == found[next(iter(found))]["standard_deviation"] > 0.0
+    primary = found[next(iter(found))]
+    assert result.mean == primary["mean"]
+    assert result.scatter == primary["standard_deviation"] > 0.0
+    assert result.standard_error == primary["standard_error"]
     assert {
         name: summary["values"][0] for name, summary in found.items()
     } == result.numbers
 
 
-def test_eight_lattices_are_computed_or_fewer_with_a_note_if_that_takes_long(
-    monkeypatch,
-):
+def test_eight_lattices_are_computed_up_to_5000_points(monkeypatch):
     scene = load_scene("exponential_wall").with_(SMALL)
     result = run(scene)
-    assert (
-        result.summary["lattices"]["seeds"] == list(range(3, 11))
-        and "notes" not in result.summary
-    )
+    assert result.summary["lattices"]["seeds"] == list(range(3, 11))
+    assert "notes" not in result.summary
     alone = run(scene, lattices=1)
-    assert alone.scatter is None and not {"lattices", "notes"} & set(alone.summary)
+    assert alone.scatter is alone.mean is alone.standard_error is None
+    assert not {"lattices", "notes"} & set(alone.summary)
     assert alone.numbers == result.numbers and alone.error == result.error
-    each = len(scene.scenario().lattice.bonds) * (
-        result.summary["steps"] * result.summary["attempts"] + 1500
-    )
-    for budget, count in ((4.5, 5), (1.5, 1)):
-        monkeypatch.setattr(lattices, "EVALUATIONS", budget * each)
-        some = run(scene).summary
-        assert len(some.get("lattices", {"seeds": [3]})["seeds"]) == count
-        assert len(some["notes"]) == 1 and "lattices=8" in some["notes"][0]
+    monkeypatch.setattr(lattices, "MAX_POINTS", 59)
+    large = run(scene).summary
+    assert "lattices" not in large
+    assert "more than 59 points; lattices=8" in large["notes"][0]
+
+
+@pytest.mark.parametrize(
+    ("kind", "keys", "count", "reason"),
+    [
+        ("exponential_wall", {"time.tolerance": 1e-3}, 3, "a tolerance"),
+        ("compression", {"compression.method": "relaxation"}, 3, "a relaxation"),
+        ("compression", {"compression.method": "newton"}, 8, ""),
+    ],
+)
+def test_a_relaxation_or_a_tolerance_is_computed_on_three_lattices(
+    kind, keys, count, reason
+):
+    small = {"lattice.points": 40, "material.viscosity": 0.0091}
+    summary = run(load_scene(kind).with_(small | keys)).summary
+    assert len(summary["lattices"]["seeds"]) == count
+    notes = summary.get("notes", [])
+    assert len(notes) == bool(reason)
+    for note in notes:
+        assert f"only 3 lattices were computed, because {reason}" in note
+
+
+def test_a_run_that_takes_long_is_computed_on_its_own_lattice_only(monkeypatch):
+    monkeypatch.setattr(lattices, "ESTIMATE_UP_TO", 1e4)
+    summary = run(load_scene("exponential_wall").with_(SMALL)).summary
+    assert "lattices" not in summary and "5 s; lattices=8" in summary["notes"][0]
 
 
 def test_a_custom_body_has_no_seeds_and_the_run_notes_it():
@@ -88,23 +112,40 @@ def test_a_custom_body_has_no_seeds_and_the_run_notes_it():
         assert "notes" not in run(scene, lattices=1, **options).summary
 
 
-def test_a_lattice_without_a_result_is_reported_and_left_out(monkeypatch):
+@pytest.mark.parametrize(
+    ("error", "reason"),
+    [
+        (SimulationError("blow-up"), "blow-up"),
+        (ValueError("empty"), "ValueError: empty"),
+        (MemoryError(), "MemoryError: "),
+    ],
+)
+def test_a_lattice_without_a_result_is_reported_and_left_out(
+    monkeypatch, error, reason
+):
     plain = lattices.outcome_of
 
     def fails_at_5(scene, **options):
         if scene.lattice.seed == 5:
-            raise SimulationError("blow-up")
+            raise error
         return plain(scene, **options)
 
     monkeypatch.setattr(lattices, "outcome_of", fails_at_5)
     summary = run(load_scene("exponential_wall").with_(SMALL), lattices=4).summary
-    assert (
-        summary["lattices"]["seeds"] == [3, 4, 6]
-        and len(summary["lattices"]["restitution"]["values"]) == 3
-    )
+    assert summary["lattices"]["seeds"] == [3, 4, 6]
+    assert len(summary["lattices"]["restitution"]["values"]) == 3
     assert summary["warnings"] == [
-        "there is no result on the lattice of seed 5: blow-up"
+        f"there is no result on the lattice of seed 5: {reason}"
     ]
+
+
+def test_an_interrupt_during_another_lattice_ends_the_run(monkeypatch):
+    def interrupted(scene, **options):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(lattices, "outcome_of", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        run(load_scene("exponential_wall").with_(SMALL), lattices=4)
 
 
 @pytest.mark.parametrize("count", [0, -1, 2.5, "8", 10_001])
@@ -135,22 +176,17 @@ def test_screen_card_and_plot_begin_with_the_mean_and_the_scatter(tmp_path, caps
     )
     first, second, *_ = capsys.readouterr().out.splitlines()
     found = json.loads((tmp_path / "run" / "summary.json").read_text())
-    mean, scatter = (
-        found["lattices"]["restitution"][name]
-        for name in ("mean", "standard_deviation")
+    values = found["lattices"]["restitution"]
+    assert first.startswith("restitution e ")
+    quoted, remark = first[14:].split("±")
+    error, of, scatter = remark.partition(
+        " (mean of only 4 lattices), lattice to lattice "
     )
-    name, value, error = (
-        first[:14].strip(),
-        first[14:].split("±")[0],
-        first.split("±")[1].split()[0],
-    )
-    assert name == "restitution e" and first.endswith(
-        "(mean and scatter of 4 lattices)"
-    )
-    assert (
-        float(value) == pytest.approx(mean, abs=0.1 * scatter)
-        and scatter <= float(error) < 1.1 * scatter
-    )
+    assert of
+    # one digit of the standard error, and a mean that ends where it does
+    assert float(error) == pytest.approx(values["standard_error"], rel=0.34)
+    assert float(scatter) == pytest.approx(values["standard_deviation"], rel=0.34)
+    assert abs(float(quoted) - values["mean"]) <= 0.5 * float(error)
     assert (
         second.split("±")[0].split()[:-1] == ["of", "this", "lattice,", "seed", "3"]
         and "(time step)" in second

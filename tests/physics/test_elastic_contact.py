@@ -154,3 +154,18 @@ def test_an_impact_that_slides_over_the_smooth_surface_converges_with_order_2(ke
     first, second, third = e["smooth"]
     assert (first - second) / (second - third) == pytest.approx(4.0, abs=0.1)
     assert abs(e["springs"][1] - e["springs"][2]) > abs(second - third)
+
+
+def test_a_surface_of_two_points_is_one_spring_for_either_contact(kernels):
+    # No rim and few points: on 4 of 30 such walls the top is a single spring, and a
+    # spline needs three points.
+    coarse = ("absorbing_wall", "lattice.points=20", "lattice.rim=false")
+    settings = (*coarse, "wall.points=120", "lattice.seed=18")
+    found = []
+    for contact in ("springs", "smooth"):
+        scenario, outcome = computed(
+            kernels, *settings, f"wall.contact={contact}", estimate=False
+        )
+        assert len(scenario.lattice.wall_surface) == 2
+        found.append(scenario.result(outcome.columns)["restitution"])
+    assert found[0] == found[1] > 0.8

@@ -170,6 +170,8 @@ def test_the_sentence_says_what_matters() -> None:
         "more seeds and points,"
         in replace(found, sources=[*samples, replace(finer, difference=0.01)]).sentence
     )
-    assert (
-        "use smaller steps" in replace(found, steps=[replace(STEP, error=0.1)]).sentence
-    )
+    coarse = replace(found, steps=[replace(STEP, error=0.1)])
+    assert "use smaller steps" in coarse.sentence
+    # A change that the time step hides does not speak for more points.
+    hidden = [*samples, replace(finer, difference=0.01)]
+    assert "use smaller steps" in replace(coarse, sources=hidden).sentence

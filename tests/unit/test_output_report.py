@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from taichi_disk.output.report import print_result, shown
+from taichi_disk.output.report import over_lattices, print_result, quoted, shown
 
 LABELS = {"restitution": ("restitution e", ""), "contact_time": ("contact time", "R/c")}
 SUMMARY = {
@@ -39,6 +39,43 @@ def test_a_value_ends_where_its_error_does(value, error, text, plus_minus):
     assert shown(value, error) == (text, f"± {plus_minus} (time step)")
 
 
+@pytest.mark.parametrize(
+    ("value", "error", "text", "one_digit"),
+    [
+        (0.967362, 2.05e-4, "0.9674", "0.0002"),
+        (0.967362, 9.6e-4, "0.967", "0.001"),
+        (0.967362, 3.1e-5, "0.96736", "3e-5"),
+        (5.1463, 0.0268, "5.15", "0.03"),
+        (26.49, 13.0, "26", "10"),
+        (-0.47012, 0.0041, "-0.470", "0.004"),
+        (3.21e-6, 1.7e-8, "3.21e-6", "2e-8"),
+        (-2e-17, 3e-15, "0", "3e-15"),
+    ],
+)
+def test_a_mean_has_one_digit_of_its_error(value, error, text, one_digit):
+    assert quoted(value, error) == (text, one_digit)
+
+
+@pytest.mark.parametrize(("count", "only"), [(3, "only 3"), (4, "only 4"), (5, "5")])
+def test_a_mean_of_few_lattices_says_so_in_its_line(count, only):
+    e = {"mean": 0.9668, "standard_error": 4e-4, "standard_deviation": 9e-4}
+    summary = {"lattices": {"seeds": list(range(count)), "restitution": e}}
+    _, remark = over_lattices(summary, "restitution")
+    assert remark == f"± 0.0004 (mean of {only} lattices), lattice to lattice 9e-4"
+
+
+@pytest.mark.parametrize(
+    ("value", "error", "text"),
+    [
+        (1.234e-4, 1e-9, "0.0001234000"),
+        (0.9876e-4, 1e-9, "9.87600e-5"),
+        (5e-4, 1e-8, "0.000500000"),
+    ],
+)
+def test_a_value_below_1e_4_is_written_with_a_power_of_ten(value, error, text):
+    assert shown(value, error)[0] == text
+
+
 def test_the_error_is_never_understated():
     for k in range(1, 2000):
         error = k * 7.7e-9
@@ -67,7 +104,12 @@ def test_the_screen_says_the_result_how_it_was_computed_and_how_long_that_took(c
     print_result(SUMMARY | {"error_estimate": {}}, LABELS, Path("o"))
     assert "0.9672 (error of the time step not estimated)" in capsys.readouterr().out
     # The result to quote comes first: the mean over lattices, with their scatter.
-    e = {"values": [0.967234, 0.9664], "mean": 0.966817, "standard_deviation": 5.8e-4}
+    e = {
+        "values": [0.967234, 0.9664],
+        "mean": 0.966817,
+        "standard_deviation": 5.8e-4,
+        "standard_error": 4.1e-4,
+    }
     print_result(
         SUMMARY | {"seed": 4, "lattices": {"seeds": [4, 5], "restitution": e}},
         LABELS,
@@ -75,7 +117,8 @@ def test_the_screen_says_the_result_how_it_was_computed_and_how_long_that_took(c
     )
     lines = [" ".join(line.split()) for line in capsys.readouterr().out.splitlines()]
     assert lines[:3] == [
-        "restitution e 0.96682 ± 5.8e-4 (mean and scatter of 2 lattices)",
+        "restitution e 0.9668 ± 0.0004 (mean of only 2 lattices), lattice to lattice"
+        " 6e-4",
         "of this lattice, seed 4 0.967234 ± 1.6e-5 (time step)",
         "contact time 4.123 R/c",
     ]

@@ -571,3 +571,17 @@ def test_a_folders_scenes_are_stepped_through_in_order(
         "seed,xi,key\n0,0.1,f00\n1,0.1,a11\n2,0.1,lost\n"
     )
     assert [one.name for one in list_folder(tmp_path)] == ["f00", "a11"]
+
+
+def test_a_table_that_another_program_has_saved_is_read_or_named(
+    tmp_path: Path,
+) -> None:
+    (tmp_path / "points").mkdir()
+    scene = load_scene("exponential_wall", ["lattice.points=30"])
+    (tmp_path / "points" / "f00.yaml").write_text(scene.to_yaml())
+    table = tmp_path / "points.csv"
+    table.write_bytes("größe,key\n1,f00\n".encode("latin-1"))
+    assert [one.name for one in list_folder(tmp_path)] == ["f00"]
+    table.write_text("key,reason\nf00," + "x" * 200_000 + "\n")
+    with pytest.raises(InputError, match=r"points\.csv: not the table of a sweep"):
+        list_folder(tmp_path)
