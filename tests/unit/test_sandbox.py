@@ -217,7 +217,7 @@ def test_a_row_of_the_table_tells_throws_of_different_lattices_apart(
         sandbox.set("lattice.seed", seed)
         to_the_end(sandbox)
     assert [one.seed for one in sandbox.results] == [3, 4]
-    columns = (Path(taichi_disk.__file__).parent / "web" / "controls.js").read_text(
+    columns = (Path(taichi_disk.__file__).parent / "web" / "results.js").read_text(
         encoding="utf-8"
     )
     assert all(
