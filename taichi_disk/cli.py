@@ -172,6 +172,7 @@ def _view(arguments: argparse.Namespace) -> None:
         arguments.host,
         arguments.port,
         arguments.open,
+        arguments.origin,
     )
 
 
@@ -354,6 +355,13 @@ def _parser() -> argparse.ArgumentParser:
         default=0,
         metavar="P",
         help="port (default: a free one)",
+    )
+    add(
+        "--origin",
+        default="",
+        metavar="URL",
+        help="address at which a reverse proxy serves the page, such as"
+        " https://example.org/disk",
     )
     either = commands.choices["view"].add_mutually_exclusive_group()
     either.add_argument(

@@ -50,3 +50,13 @@ def either(names: Iterable[str]) -> str:
     """Join names to "a, b or c"."""
     *first, last = names
     return f"{', '.join(first)} or {last}" if first else last
+
+
+def printable(text: str, width: int = 40) -> str:
+    """Escape characters that a terminal cannot show, and cut the text at `width`
+    characters."""
+    if not text.isprintable():
+        text = ascii(text)[1:-1]
+    if len(text) > width:
+        return text[: width - 3] + "..."
+    return text

@@ -11,13 +11,15 @@ import os
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple, TypeAlias
 
 import yaml
 
-from taichi_disk.errors import InputError, did_you_mean
+from taichi_disk.errors import InputError, did_you_mean, printable
 from taichi_disk.signals import interruptible
+from taichi_disk.text_files import read_text
 
 Source: TypeAlias = "str | os.PathLike[str] | Mapping[str, Any]"
 Keys: TypeAlias = tuple[str, ...]  # from the top of the scene down to a value
@@ -239,13 +241,6 @@ def tree_of(data: Mapping[str, Any]) -> Tree:
     return tree
 
 
-def printable(text: str, width: int = 40) -> str:
-    """Escape characters that a terminal cannot show, and cut the text at `width`
-    characters."""
-    text = text if text.isprintable() else ascii(text)[1:-1]
-    return text if len(text) <= width else text[: width - 3] + "..."
-
-
 def read_tree(source: Source, overrides: Sequence[str]) -> Tree:
     """Read `source` and apply `overrides` of the form "section.key=value".
 
@@ -292,19 +287,9 @@ def _read(source: str | os.PathLike[str]) -> tuple[str, str, str]:
         path = shipped_scenes().get(str(path), path)
     label = printable(str(path), width=1000)
     try:
-        data = interruptible(path.read_bytes)  # a pipe may wait for its writer
-        # A pipe has no folder.
-        return (
-            label,
-            str(path.parent) if path.is_file() else "",
-            data.decode("utf-8-sig"),
-        )
-    except UnicodeDecodeError as error:
-        line = data.count(b"\n", 0, error.start) + 1
-        raise InputError(
-            f"{label}:{line}: not UTF-8 text (byte {data[error.start]:#x}): save it as"
-            " UTF-8"
-        ) from None
+        # A pipe, which has no folder, may wait for its writer.
+        folder = str(path.parent) if path.is_file() else ""
+        text = interruptible(partial(read_text, path, accept_pipe=True))
     except (FileNotFoundError, NotADirectoryError):
         known = shipped_scenes()
         hint = did_you_mean(path.stem, known) or "."
@@ -315,6 +300,7 @@ def _read(source: str | os.PathLike[str]) -> tuple[str, str, str]:
         raise InputError(
             f"{label}: cannot be read: {getattr(error, 'strerror', None) or error}"
         ) from None
+    return label, folder, text
 
 
 def as_path(path: Any, name: str) -> Path:

@@ -212,8 +212,8 @@ export class Sandbox {
 
   // ---- what the program sends
 
-  lost() {
-    this.ui.role.textContent = "The program does not answer; waiting for it …";
+  lost(text = "The program does not answer; waiting for it …") {
+    this.ui.role.textContent = text;
   }
 
   receive(data) {

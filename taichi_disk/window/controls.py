@@ -3,6 +3,7 @@ numbers, one of choices."""
 
 from __future__ import annotations
 
+import traceback
 from collections.abc import Callable
 from dataclasses import replace
 from functools import partial, partialmethod
@@ -104,6 +105,21 @@ CHOICES: dict[str, tuple[str, Any]] = {
 }
 
 
+# keys that change what each visitor chooses alone
+LOOK_KEYS = {"c": "video.colour", "o": "video.draw", "t": "video.theme"}
+
+
+def values_of(key: str) -> tuple[str, ...]:
+    """Return the values of a choice."""
+    return get_args(CHOICES[key][1])
+
+
+def next_value(key: str, value: str) -> str:
+    """Return the value of a choice after `value`, or the first one after the last."""
+    values = values_of(key)
+    return values[(values.index(value) + 1) % len(values)]
+
+
 class Entry(NamedTuple):
     """A scene of the list: its name, one sentence about what to look for, the function
     that reads the scene, its group, the speed of time with which it begins [R/c per s],
@@ -115,6 +131,17 @@ class Entry(NamedTuple):
     group: str = ""
     speed: float | None = None
     slow: bool | None = None
+
+
+def described(error: Exception) -> str:
+    """Return the message for the user; an error of the program itself is printed, too,
+    so that it can be reported."""
+    if isinstance(error, TaichiDiskError):
+        return str(error)
+    traceback.print_exception(type(error), error, error.__traceback__)
+    return (
+        f"this has failed by an error of the program, {type(error).__name__}: {error}"
+    )
 
 
 class Controls:
@@ -197,12 +224,13 @@ class Controls:
         """Do the action of a key; an unknown key does nothing."""
         self.attempt(self.actions.get(key, lambda: None))
 
-    def attempt(self, act: Callable[..., None], *values: Any) -> None:
-        """Call `act` with `values`; a TaichiDiskError becomes the sandbox's message."""
+    def attempt(self, act: Callable[..., Any], *values: Any) -> None:
+        """Call `act` with `values`; an error becomes the sandbox's message, so that the
+        other visitors go on."""
         try:
             act(*values)
-        except TaichiDiskError as error:
-            self.sandbox.message = str(error)
+        except Exception as error:
+            self.sandbox.message = described(error)
 
     # ---- values
 
@@ -279,9 +307,9 @@ class Controls:
 
     def _next(self, key: str) -> None:
         """Change a choice to the next of its values, if the scene has it."""
-        values, value = get_args(CHOICES[key][1]), self.value(key)
-        if value in values:
-            self.sandbox.set(key, values[(values.index(value) + 1) % len(values)])
+        value = self.value(key)
+        if value is not None:
+            self.sandbox.set(key, next_value(key, value))
 
     # ---- scenes
 

@@ -136,15 +136,17 @@ class Scales:
     _estimate = 1.0
     _key: tuple[int, float, str] | None = None
 
-    def __init__(self, sandbox: Sandbox) -> None:
+    def __init__(self, sandbox: Sandbox, quantity: str = "") -> None:
+        """`quantity`: the quantity that the colours show, "" for that of the scene."""
         self._sandbox = sandbox
+        self._quantity = quantity
 
     def update(self, values: NDArray[Any], forces: NDArray[Any]) -> None:
         """Enlarge the scales to hold the disk's `values` (N,) and the wall's `forces`
         (k, 3): point, fx, fy."""
         sandbox = self._sandbox
         segment = sandbox.time.display.segment
-        name = sandbox.scene.video.colour
+        name = self._quantity or sandbox.scene.video.colour
         key = sandbox.starts, segment.hit_began, name
         if key != self._key:
             self._key = key

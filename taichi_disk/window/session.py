@@ -10,30 +10,42 @@ from __future__ import annotations
 import json
 import struct
 from collections.abc import Callable
-from typing import Any, get_args
+from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
+from taichi_disk import engine, runtime
+from taichi_disk.errors import TaichiDiskError
 from taichi_disk.fields import Triangles
 from taichi_disk.simulation.observables import INDEX
 from taichi_disk.simulation.simulation import KernelCache
 from taichi_disk.web.drawing import colour_values, contact_forces, scene_message
-from taichi_disk.window.controls import CHOICES, RANGES, REPEATING_KEYS, Controls, Entry
+from taichi_disk.window.controls import (
+    CHOICES,
+    RANGES,
+    REPEATING_KEYS,
+    Controls,
+    Entry,
+    described,
+    values_of,
+)
 from taichi_disk.window.graphs import CURVES, Graphs, Scales
+from taichi_disk.window.look import Look
 from taichi_disk.window.sandbox import Sandbox, load_key, printed, value_of
 
 MAX_BYTES, MAX_NUMBER = 2**10, 1e7  # limits of a page's message and of a number in it
 # most commands between two pictures, without those that a later one replaces
 _MAX_PENDING = 64
 # A page's commands and their values, by the part of `Session` that has a method of the
-# same name. "seen" tells
-# the audience that the page has drawn a state.
+# same name. Those of the audience tell it that the page has drawn a state, that a
+# watcher asks to play, and that the player hands over or does not.
 _METHODS = {
     "controls": "press key, play number, set key value, speed value, collect",
     "sandbox": "scrub t, turn angle final, aim dx dy, throw, pull x y, release, clear,"
     " remove number",
     "scales": "rescale",
-    "audience": "seen number",
+    "audience": "seen number, ask, hand, keep",
 }
 _COMMANDS = {
     do: (part, values)
@@ -44,6 +56,7 @@ _COMMANDS = {
 _REPLACED = ("set", "speed", "scrub", "turn", "aim", "pull")
 # points; a larger lattice takes longer to build than a picture may take
 LARGE_LATTICE = 5000
+_LIVE_KEYS = ("speed", "video.magnify")  # that need no new start
 HEADER = struct.Struct("<IdIIiI2f")  # see `Session._state`
 PAST_HINT = "earlier state: Go on continues from here"
 AIM_HINT = "drag the disk to turn it, or from beside it to aim"
@@ -84,13 +97,20 @@ class Session:
     def __init__(self, playlist: list[Entry], kernels: KernelCache) -> None:
         """Begin with the first scene of the list. Raises TaichiDiskError if it cannot
         be built."""
+        self._program = engine.program()
         self.sandbox = Sandbox(playlist[0].load(), kernels)
         self.controls = Controls(self.sandbox, playlist)
-        self.scales, self.graphs = Scales(self.sandbox), Graphs(self.sandbox)
+        self.scales = Scales(self.sandbox)
+        self.graphs = Graphs(self.sandbox)
         self.texts: dict[str, str] = {}
-        self.number, self.state, self._command_count = 0, b"", 0
+        self.state = b""
+        self.number = 0
+        self._command_count = 0
         self._pending: dict[Any, dict[str, Any]] = {}
         self._text_keys: dict[str, Any] = {}
+        # what watchers see who have chosen other colours
+        self._other_scales: dict[str, Scales] = {}
+        self._other_messages: dict[Look, dict[str, Any]] = {}
         hello = {
             "columns": [*INDEX],
             "playlist": [_card(entry) for entry in playlist],
@@ -115,11 +135,13 @@ class Session:
         if len(self._pending) < _MAX_PENDING:
             self._pending[key] = message
 
-    def release(self, pause: bool) -> None:
-        """Let go of the disk with the next picture, because its player has left;
-        `pause`: nobody else is there."""
+    def release(self) -> None:
+        """Let go of the disk with the next picture, because its player has left."""
         self._pending = {"release": {"do": "release"}}
-        if pause and not self.sandbox.paused:
+
+    def pause(self) -> None:
+        """Pause, because nobody is there."""
+        if not self.sandbox.paused:
             self.sandbox.pause()
 
     # ---- pictures
@@ -136,24 +158,78 @@ class Session:
             or not sandbox.paused
         )
 
+    @property
+    def look(self) -> Look:
+        """How the disk is drawn for the player."""
+        return Look.of(self.sandbox.scene.video)
+
+    def messages(self, look: Look) -> dict[str, Any]:
+        """Return the present message of each kind for a visitor with this look."""
+        if look == self.look:
+            return {**self.texts, "state": self.state}
+        if look not in self._other_messages:
+            self._other_messages[look] = self.texts | self._messages_of(look)
+        return self._other_messages[look]
+
+    def _messages_of(self, look: Look) -> dict[str, Any]:
+        """Return the messages that depend on the look."""
+        if look.colour not in self._other_scales:
+            self._other_scales[look.colour] = Scales(self.sandbox, look.colour)
+        scene = self.sandbox.scene
+        shown = replace(scene, video=replace(scene.video, **look._asdict()))
+        return {
+            "panel": _text("panel", self._panel(look)),
+            "yaml": _text("yaml", {"text": shown.to_yaml()}),
+            "state": self._state(look, self._other_scales[look.colour]),
+        }
+
     def advance(self) -> None:
         """Carry out the commands, let the time since the last picture pass, and write
-        the next picture's messages."""
-        pending, self._pending = self._pending, {}
+        the next picture's messages.
+
+        If that fails, the scene begins anew, and its message says why.
+        """
+        try:
+            if engine.program() is not self._program:
+                raise TaichiDiskError("ti.init or ti.reset has ended the simulation")
+            self._carry_out_commands()
+            self.sandbox.tick()
+        except Exception as error:
+            self._begin_anew(described(error))
+        self.number += 1
+        self._write_messages()
+
+    def _carry_out_commands(self) -> None:
+        pending = self._pending
+        self._pending = {}
         for kind, *values in map(dict.values, pending.values()):
             part = getattr(self, _COMMANDS[kind][0])
             self.controls.attempt(getattr(part, kind), *values)
+
+    def _begin_anew(self, reason: str) -> None:
+        """Begin the present scene, with kernels of the present engine."""
         sandbox = self.sandbox
-        sandbox.tick()
-        self.number += 1
+        self._pending = {}
+        try:
+            runtime.start()
+            sandbox.begin()
+            self._program = engine.program()
+            sandbox.message = f"{reason}; the disk is at the start again"
+        except Exception as error:
+            sandbox.paused = True
+            sandbox.message = f"{reason}: {described(error)}"
+
+    def _write_messages(self) -> None:
+        sandbox = self.sandbox
         self._write("scene", self._scene_key(), self._scene)
         # While the scene is computed again, the old curves stay.
         if sandbox.time.lead <= 0.0:
             self._write("graphs", self._graphs_key(), self.graphs.message)
         self._write("yaml", sandbox.scene, lambda: {"text": sandbox.scene.to_yaml()})
-        self.state = self._state()
-        panel = self._panel()
+        self.state = self._state(self.look, self.scales)
+        panel = self._panel(self.look)
         self._write("panel", panel, lambda: panel)
+        self._other_messages = {}
 
     def _scene_key(self) -> Any:
         """The scene is sent again if the lattice, the start or the wall's drawing
@@ -174,7 +250,14 @@ class Session:
         last = time.segment
         hit_began = time.display.segment.hit_began
         is_past = time.lead < 0.0
-        return last, hit_began, last.attempt, last.status, self.sandbox.paused, is_past
+        return (
+            last,
+            hit_began,
+            last.attempt,
+            last.status,
+            self.sandbox.paused,
+            is_past,
+        )
 
     def _write(
         self, kind: str, key: Any, content: Callable[[], dict[str, Any]]
@@ -183,9 +266,7 @@ class Session:
         changed."""
         if self._text_keys.get(kind) != key:
             self._text_keys[kind] = key
-            self.texts[kind] = json.dumps(
-                {"kind": kind} | content(), ensure_ascii=False
-            )
+            self.texts[kind] = _text(kind, content())
 
     def _scene(self) -> dict[str, Any]:
         scenario = self.sandbox.time.display.segment.scenario
@@ -194,7 +275,7 @@ class Session:
             "start": self.sandbox.starts
         }
 
-    def _state(self) -> bytes:
+    def _state(self, look: Look, scales: Scales) -> bytes:
         """Return the binary message of a picture, little-endian.
 
         HEADER holds the number, t since the hit began [R/c], points, forces, the point
@@ -203,20 +284,25 @@ class Session:
         positions (2n), values and forces (3k) follow as float32, and the caption in
         UTF-8.
         """
-        sandbox = self.sandbox
-        state = sandbox.time.display
-        video = sandbox.scene.video
+        state = self.sandbox.time.display
         scenario = state.segment.scenario
-        springs = scenario.model.springs
         lattice = scenario.lattice
+        springs = scenario.model.springs
         x = state.x
         v = state.v
-        of_springs = video.draw == "springs"
-        values = colour_values(video.colour, self._triangles, springs, x, v, of_springs)
+        values = colour_values(
+            look.colour,
+            self._triangles,
+            springs,
+            x,
+            v,
+            of_springs=look.draw == "springs",
+        )
         forces = contact_forces(scenario.model.wall, lattice, springs, x, v)
-        self.scales.update(values[: lattice.disk_points], forces)
-        pulled = sandbox.grip[0] if sandbox.grip else -1
+        scales.update(values[: lattice.disk_points], forces)
         t = state.t - state.segment.hit_began
+        grip = self.sandbox.grip
+        pulled = grip[0] if grip else -1
         header = HEADER.pack(
             self.number,
             t,
@@ -224,8 +310,8 @@ class Session:
             len(forces),
             pulled,
             len(values),
-            self.scales.colour,
-            self.scales.force,
+            scales.colour,
+            scales.force,
         )
         curves = self.graphs.values(state.row[None])[0]
         parts = [state.row, curves, x.ravel(), values, forces.ravel()]
@@ -242,31 +328,35 @@ class Session:
             lines.append(f"*{scenario.symbol} = {printed(scenario.symbol, result)}")
         return "\n".join(lines)
 
-    def _panel(self) -> dict[str, Any]:
+    def _panel(self, look: Look) -> dict[str, Any]:
         sandbox = self.sandbox
-        controls = self.controls
-        entry = controls.playlist[controls.number]
+        entry = self.controls.playlist[self.controls.number]
         return {
+            "name": entry.name,
+            "sentence": entry.sentence,
+            "number": self.controls.number,
+            "title": [*sandbox.time.display.segment.scenario.title()],
             "message": sandbox.message or self.scales.note,
+            "hint": self._hint(),
             "status": sandbox.status,
             "warnings": sandbox.warnings,
             "paused": sandbox.paused,
             "slow": sandbox.slow,
             "aimed": sandbox.drawn_throw,
-            "name": entry.name,
-            "sentence": entry.sentence,
-            "number": controls.number,
-            "title": [*sandbox.time.display.segment.scenario.title()],
-            "hint": self._hint(),
             "atStart": sandbox.at_start,
             "sliders": self._sliders(),
-            "choices": self._choices(),
+            "choices": self._choices(look),
             "seed": sandbox.scene.lattice.seed,
             "collecting": len(sandbox.remaining_loads),
             "results": [one._asdict() for one in sandbox.results],
-            "again": self._recomputed(),
             "loadRange": self._load_range(),
+            "again": self._recomputed(),
         }
+
+    def _load_range(self) -> tuple[float, float]:
+        """Return the ends of the slider of the speed or load."""
+        usual = RANGES[load_key(self.sandbox.scene)]
+        return usual.low, usual.high
 
     def _recomputed(self) -> float:
         """Return the fraction of the way to the state on display that has been computed
@@ -276,42 +366,45 @@ class Session:
             return 1.0
         return round(time.segment.now / time.display.t, 2)
 
-    def _load_range(self) -> tuple[float, float]:
-        """Return the ends of the slider of the speed or load."""
-        usual = RANGES[load_key(self.sandbox.scene)]
-        return usual.low, usual.high
-
     def _hint(self) -> str:
-        if self.sandbox.time.lead < 0.0:
+        sandbox = self.sandbox
+        if sandbox.time.lead < 0.0:
             return PAST_HINT
-        if self.sandbox.can_aim:
+        if sandbox.can_aim:
             return AIM_HINT
         return ""
 
     def _sliders(self) -> list[dict[str, Any]]:
-        """Return the numbers of the scene. `live`: whether a number changes during the
-        drag of its slider; a change that takes long waits for the end of the drag."""
+        """Return the numbers of the present scene; `live` numbers take effect while
+        their slider is dragged."""
         sandbox = self.sandbox
+        # A change that needs a new start waits for the end of the drag if the start
+        # takes long.
         is_large = sandbox.scene.lattice.points > LARGE_LATTICE
         is_slow = sandbox.at_start and (is_large or not sandbox.can_aim)
         sliders = []
         for key, one in self.controls.ranges.items():
-            is_light = key in ("speed", "video.magnify")
-            live = key != "lattice.points" and (is_light or not is_slow)
+            live = key != "lattice.points" and (key in _LIVE_KEYS or not is_slow)
             value = self.controls.value(key)
             sliders.append({"key": key, "value": value, "live": live} | one._asdict())
         return sliders
 
-    def _choices(self) -> list[dict[str, Any]]:
+    def _choices(self, look: Look) -> list[dict[str, Any]]:
+        """Return the choices of the present scene, those of a visitor alone by
+        `look`."""
+        own = {command["key"]: command["value"] for command in look.commands()}
         choices = []
-        for key, (name, options) in CHOICES.items():
-            value = self.controls.value(key)
+        for key, (name, _) in CHOICES.items():
+            value = own.get(key, self.controls.value(key))
             if value is not None:
-                known = get_args(options)
-                choices.append(
-                    {"key": key, "name": name, "value": value, "options": known}
-                )
+                choice = {"key": key, "name": name, "value": value}
+                choices.append(choice | {"options": values_of(key)})
         return choices
+
+
+def _text(kind: str, content: dict[str, Any]) -> str:
+    """Return a JSON message, in ASCII: names of files may hold what is no Unicode."""
+    return json.dumps({"kind": kind} | content)
 
 
 def _card(entry: Entry) -> dict[str, Any]:

@@ -18,6 +18,7 @@ from collections.abc import Iterator
 from functools import partial
 from pathlib import Path
 from typing import Any
+from urllib.parse import urljoin
 
 import numpy as np
 import pytest
@@ -26,13 +27,14 @@ from websockets.server import ServerProtocol
 
 from taichi_disk.cli import main
 from taichi_disk.computation.outcome import compute
+from taichi_disk.errors import InputError
 from taichi_disk.scenes import load_scene
 from taichi_disk.simulation.observables import INDEX
 from taichi_disk.simulation.simulation import KernelCache
 from taichi_disk.window.audience import Audience
 from taichi_disk.window.controls import CHOICES, RANGES, Entry
+from taichi_disk.window.door import Door, split_origin
 from taichi_disk.window.graphs import CURVES
-from taichi_disk.window.server import answer
 from taichi_disk.window.session import HEADER, Session, read_command
 from tests.browser import MISSING, Browser
 
@@ -81,12 +83,15 @@ class Request:
         self.path, self.headers = path, headers
 
 
+DOOR = Door("secret", "https://example.org")
+
+
 class Connection:
     respond = staticmethod(ServerProtocol().reject)
 
 
 def answered(path: str, **headers: str) -> Response | None:
-    return answer("secret", Connection(), Request(path, **headers))  # type: ignore[arg-type]
+    return DOOR.answer(Connection(), Request(path, **headers))  # type: ignore[arg-type]
 
 
 def knock(path: str, **headers: str) -> int:
@@ -129,6 +134,8 @@ def test_without_the_token_nothing_is_served(path: str) -> None:
         ("/secret/socket", "http://127.0.0.1:12", 403),
         ("/secret/socket", "null", 403),
         ("/secret/socket", "", 403),
+        ("/secret/socket", "https://example.org", 101),  # as DOOR was told
+        ("/secret/socket", "http://example.org", 403),
         ("/secret/", "http://127.0.0.1:1", 403),
     ],
 )
@@ -136,6 +143,49 @@ def test_a_websocket_is_for_the_page_s_own_origin(
     path: str, origin: str, status: int
 ) -> None:
     assert knock(path, Upgrade="websocket", Host="127.0.0.1:1", Origin=origin) == status
+
+
+@pytest.mark.parametrize(
+    ("forwarded", "status"),
+    [
+        ("lab.example:8080", 101),
+        ("outer.example, lab.example:8080", 101),
+        ("lab.example", 403),
+        ("", 403),
+    ],
+)
+def test_a_proxy_declares_the_page_s_origin(forwarded: str, status: int) -> None:
+    headers = {
+        "Upgrade": "websocket",
+        "Host": "lab.example",  # a proxy's $host, without the port
+        "Origin": "http://lab.example:8080",
+        "X-Forwarded-Host": forwarded,
+    }
+    assert knock("/secret/socket", **headers) == status
+
+
+def test_a_request_for_the_websocket_is_told_why_there_is_none() -> None:
+    response = answered("/secret/socket")
+    assert response and response.status_code == 426
+    assert b"X-Forwarded-Host" in response.body and b"--origin" in response.body
+
+
+def test_the_address_without_its_last_slash_leads_to_the_page_below_any_path() -> None:
+    response = answered("/secret")
+    assert response and response.status_code == 307
+    location = response.headers["Location"]
+    public = "https://example.org/disk/secret"
+    assert urljoin(public, location) == f"{public}/"
+
+
+@pytest.mark.parametrize("address", ["example.org", "ftp://a", "http://", "http://a?b"])
+def test_an_origin_that_is_no_address_is_refused(address: str) -> None:
+    with pytest.raises(InputError, match="--origin"):
+        split_origin(address)
+
+
+def test_an_origin_may_have_a_path() -> None:
+    assert split_origin("https://A.org/disk/") == ("https://a.org", "/disk")
 
 
 def test_the_page_s_own_files_are_served_and_no_others() -> None:
@@ -153,14 +203,12 @@ def test_the_page_s_own_files_are_served_and_no_others() -> None:
     )
     for name in names | {one.name for one in WEB.glob("*.js")}:
         assert knock(f"/secret/{name}") == 200
-    assert knock("/secret") == 307
     for name in (
         "drawing.py",
         "../cli.py",
         "%2e%2e/cli.py",
         "a" * 4000 + ".js",
         "9" * 4000,
-        "socket",
         "./page.js",
     ):
         assert knock(f"/secret/{name}") == 404

@@ -273,7 +273,7 @@ def test_a_missing_file_is_answered_with_the_nearest_name(tmp_path: Path) -> Non
 
 def test_a_path_that_cannot_be_read_is_refused(tmp_path: Path) -> None:
     (tmp_path / "a.yaml").touch()
-    with pytest.raises(InputError, match=r": cannot be read: Is a directory$"):
+    with pytest.raises(InputError, match=r": is a folder, not a file$"):
         load_scene(tmp_path)
     for source in (
         "a\0b",
