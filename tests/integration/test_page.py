@@ -28,9 +28,11 @@ from websockets.server import ServerProtocol
 from taichi_disk.cli import main
 from taichi_disk.computation.outcome import compute
 from taichi_disk.errors import InputError
+from taichi_disk.render.palette import full_scale
 from taichi_disk.scenes import load_scene
 from taichi_disk.simulation.observables import INDEX
 from taichi_disk.simulation.simulation import KernelCache
+from taichi_disk.web.drawing import colour_values
 from taichi_disk.window.audience import Audience
 from taichi_disk.window.controls import CHOICES, RANGES, Entry
 from taichi_disk.window.door import Door, split_origin
@@ -451,18 +453,49 @@ def test_a_curve_is_collected_by_itself_and_stops_when_asked(session: Session) -
     assert panel(session)["results"] == []
 
 
-@pytest.mark.validate
-def test_the_colour_scale_grows_and_is_taken_anew_when_asked(session: Session) -> None:
+def test_the_colour_scale_is_known_before_the_throw_and_doubles_at_most(
+    session: Session,
+) -> None:
+    scales = session.scales
+    before = scales.colour
     say(session, "press", key="space")
-    grown = []
+    largest = 0.0
     while not session.sandbox.paused:
         session.advance()
-        grown.append(session.scales.colour)
-    assert (np.diff(grown) >= 0.0).all() and grown[-1] > grown[0]
+        assert scales.colour == before and not scales.note
+        shown = session.sandbox.time.display
+        values = colour_values(
+            "shear",
+            session._triangles,
+            shown.segment.scenario.model.springs,
+            shown.x,
+            shown.v,
+        )
+        largest = max(largest, full_scale(values.astype(float), "shear"))
+    assert 0.5 < before / largest < 2.0
     say(session, "rescale")
-    for _ in range(5):
-        session.advance()
-    assert session.scales.colour < grown[-1]
+    assert scales.colour < before  # the disk vibrates
+    say(session, "press", key="h")
+    assert scales.colour == before
+
+
+def test_a_scale_grows_by_twos_with_a_note_and_not_from_rounding_errors(
+    session: Session,
+) -> None:
+    scales = session.scales
+    before = scales.colour
+    disk = np.full(120, 1.4 * before)
+    nothing = np.zeros((0, 3))
+    scales.update(disk, nothing)
+    assert scales.colour == before and not scales.note
+    scales.update(4.0 * disk, nothing)
+    assert scales.colour == 4.0 * before and f"{4.0 * before:g}" in scales.note
+    scales.rescale()
+    scales.update(1e-9 * disk, nothing)
+    assert scales.colour == before and not scales.note
+    scales.rescale()
+    scales.update(1e-3 * disk, nothing)
+    assert 1e-3 < scales.colour / before < 2e-3
 
 
 # ---- visitors
@@ -738,7 +771,7 @@ def test_every_control_of_the_page_does_what_it_says(
         " one.textContent)"
     )
     assert len(entries) >= 21 and all(len(one) > 30 for one in entries)
-    browser.script("document.querySelectorAll('#entries button')[7].click()")
+    browser.script("document.querySelectorAll('#entries button')[17].click()")
     assert browser.wait(lambda: "flattens" in browser.text("sentence"), 60.0)
     browser.wait(
         lambda: (
@@ -812,7 +845,7 @@ def test_graphs_show_energies_below_0_and_no_noise(
     )
     low, middle, _ = ends("energy")
     assert lowest < 0.0 and middle == "0" and float(low.replace("\u2212", "-")) < lowest
-    browser.script("window.sandbox.send({ do: 'play', number: 7 })")
+    browser.script("window.sandbox.send({ do: 'play', number: 17 })")
     browser.wait(lambda: browser.text("drop") == "Load")
     browser.wait(lambda: ends("motion", "right")[0] == "0")  # a compression of zero
     assert float(ends("motion", "right")[2]) > 1e-3
