@@ -81,7 +81,8 @@ class StepControl:
             self._check_own_step(force)
 
     def _check_own_step(self, force: bool) -> None:
-        dt, limit = self._time.dt, self.step.limit
+        dt = self._time.dt
+        limit = self.step.limit
         if dt > limit and not force:
             raise InputError(
                 f"time.dt: {dt:g} R/c is beyond the stability limit of"
@@ -101,7 +102,8 @@ class StepControl:
         return step_limit(self.spectrum, self.scenario.model, integrator, force)
 
     def _choice(self) -> TimeStep:
-        model, points = self.scenario.model, self.spectrum.points
+        model = self.scenario.model
+        points = self.spectrum.points
         tolerance = self._time.tolerance
         if tolerance == "none":
             tolerance = inf

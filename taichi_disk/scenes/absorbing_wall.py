@@ -76,7 +76,8 @@ class AbsorbingWallScene(ImpactScene):
                 " impact.offset"
             )
             conflicts.append(("wall.width", text))
-        dt, interval = self.time.dt, self.reset_interval
+        dt = self.time.dt
+        interval = self.reset_interval
         if interval and dt != "auto" and dt > interval:
             conflicts.append(
                 (
@@ -122,7 +123,8 @@ class AbsorbingWallScene(ImpactScene):
         return self._over_wall(super().body())
 
     def _over_wall(self, disk: Lattice) -> Lattice:
-        spec, wall = self.lattice, self.wall
+        spec = self.lattice
+        wall = self.wall
         stiffness = self.wall_k_a / self.material.k_a
         return with_wall(
             disk,

@@ -29,7 +29,9 @@ def time_conflicts(
         f"wall.friction = {friction:g}": friction,
     }
     forces = [*others, *(name for name, value in damping.items() if value)]
-    name, integrator, limits = time.integrator, INTEGRATORS.get(time.integrator), []
+    name = time.integrator
+    integrator = INTEGRATORS.get(time.integrator)
+    limits = []
     treatment = integrator.dashpots if integrator else "auto"
     if treatment == "none" and forces:
         limits.append(

@@ -171,7 +171,8 @@ class ImpactScene(DiskScene):
         its disk turned and lifted there."""
         from taichi_disk.statics.equilibrium import turned
 
-        positions, n = body.positions.copy(), body.disk_points
+        positions = body.positions.copy()
+        n = body.disk_points
         if self.impact.turn:
             positions[:n] = turned(positions[:n], self.impact.turn)
         heights = positions[body.disk_surface, 1]
@@ -187,7 +188,8 @@ class ImpactScene(DiskScene):
 
     def _flight(self, lattice: Lattice) -> Array:
         """Return the velocities (n, 2) at the start [c]."""
-        impact, n = self.impact, lattice.disk_points
+        impact = self.impact
+        n = lattice.disk_points
         velocities = np.zeros_like(lattice.positions)
         velocities[:n] = impact.along, -impact.towards
         if impact.spin:
@@ -244,7 +246,8 @@ class ImpactScenario(Scenario):
 
     truncation_remedy = "a larger impact.gap ends it farther from the wall"
     is_thrown = True
-    symbol, end_words = "e", "the disk has left"
+    symbol = "e"
+    end_words = "the disk has left"
     labels: ClassVar = {
         "restitution": ("restitution e", ""),
         "contact_time": ("contact time", "R/c"),
@@ -311,7 +314,8 @@ class ImpactScenario(Scenario):
         return float(max(clear - lowest, 0.0)) / last["com_vy"]
 
     def unfinished(self, columns: Columns) -> str:
-        v, y = columns["com_vy"][-1], columns["lowest_y"][-1]
+        v = columns["com_vy"][-1]
+        y = columns["lowest_y"][-1]
         name, damped = self.scene.material.dashpots
         lower = f", or lower material.{name}" if damped else ""
         return (
@@ -333,7 +337,8 @@ class ImpactScenario(Scenario):
     def reference_energy(self) -> float:
         """Initial kinetic energy [M c^2] without the part of the flight along the
         wall."""
-        lattice, disk = self.lattice, self.velocities[: self.lattice.disk_points]
+        lattice = self.lattice
+        disk = self.velocities[: self.lattice.disk_points]
         return self.kinetic + 0.5 * float(
             lattice.mean(((disk - lattice.mean(disk)) ** 2).sum(axis=1))
         )
@@ -394,10 +399,8 @@ class ImpactScenario(Scenario):
         )
         last = columns["t"][-1]
         margin = 0.1 * (end - start)
-        first, second = (
-            max(start - margin, 0.1 * start),
-            min(end + margin, 0.9 * last + 0.1 * end),
-        )
+        first = max(start - margin, 0.1 * start)
+        second = min(end + margin, 0.9 * last + 0.1 * end)
         # The film shows the contact in slow motion, and the flights before and after it
         # briefly.
         flights = [
@@ -410,7 +413,8 @@ class ImpactScenario(Scenario):
 
     def title(self) -> tuple[str, ...]:
         scene = self.scene
-        impact, friction = scene.impact, scene.wall.friction
+        impact = scene.impact
+        friction = scene.wall.friction
         start = f"    {impact.angle:g} rad from the normal" if impact.angle else ""
         start += f"    spin {impact.spin:g} c/R" if impact.spin else ""
         start += f"    μ = {friction:g}" if friction else ""

@@ -75,7 +75,8 @@ def value_of(scene: DiskScene, name: str) -> Any:
 def check_sweep(tree: Tree, kinds: Kinds) -> Sweep | None:
     """Return the sweep that the tree describes, or None if it has faults, which are
     added to the tree."""
-    section, name = tree.value.pop("sweep"), tree.value.get("scene")
+    section = tree.value.pop("sweep")
+    name = tree.value.get("scene")
     kind = kinds.get(name) if isinstance(name, str) else None
     listed = isinstance(section, list) and len(section) > 0
     blocks: list[Axes] = []
@@ -103,7 +104,8 @@ def _axes(
     taken: dict[Keys, str] = {}
     for name, spec in block.items():
         path = (*prefix, name)
-        mark, target = tree.entries[path].key, target_of(kind, name)
+        mark = tree.entries[path].key
+        target = target_of(kind, name)
         if target is None:
             names = [
                 key
