@@ -543,8 +543,8 @@ def _impact(ax: Axes, paper: dict[str, float], curves: list[Curve]) -> None:
     if paper:
         v = np.geomspace(x.min(), x.max(), 80)
         e = theory.paper_restitution(v, paper["d1"], paper["d2"])
-        text = f"eq. (5), paper: d₁ = {paper['d1']}, d₂ = {paper['d2']}"
-        ax.plot(v, e, "--", color=SUM, label=text)
+        text = f"paper: d₁ = {paper['d1']}, d₂ = {paper['d2']}"
+        ax.plot(v, e, "-.", color=SUM, label=text)
     log_if_wide(ax, x)
 
 
