@@ -381,12 +381,12 @@ def _parents(tree: Tree, path: Keys, mark: Mark) -> dict[Keys, Any]:
 
 
 def shipped_scenes() -> dict[str, Path]:
+    """Return the paths of the shipped scenes by their names."""
     package = Path(__file__).parent.parent
-    # An installed package contains the files; a source checkout has them in its top
-    # folder.
-    folders = (package / "scene_library", package.parent / "scenes")
-    return {
-        path.stem: path
-        for folder in reversed(folders)
-        for path in sorted(folder.glob("[!.]*.yaml"))
-    }
+    scenes: dict[str, Path] = {}
+    # A source checkout has the files in its top folder; an installed package contains
+    # them, and they count if both exist.
+    for folder in (package.parent / "scenes", package / "scene_library"):
+        for path in sorted(folder.glob("[!.]*.yaml")):
+            scenes[path.stem] = path
+    return scenes
