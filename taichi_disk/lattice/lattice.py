@@ -226,7 +226,8 @@ class Lattice:
             rest_lengths: (m,) [R], 1e-9 to 1000, in the order of `springs`; default:
                 distances between `points`.
             triangles: (t, 3) rows of `points`. Their sides are springs; without
-                `springs` there are no other springs.
+                `springs` there are no other springs. Points that belong to neither are
+                left out, which `notes` of the lattice says.
             stiffness: (m,) factors of k_a, k_b and eta, 1e-12 to 1e12, in the order of
                 `springs`. Most should be 1, because the program estimates times and
                 forces from k_a.
