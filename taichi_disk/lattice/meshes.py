@@ -98,10 +98,10 @@ def _triangles_of(mesh: Any) -> Long:
 def _check_flat(points: Array) -> None:
     size = np.ptp(points, axis=0)
     if points.shape[1] > 2 and size[2] > _FLATNESS * size.max():
-        low, high = points[:, 2].min(), points[:, 2].max()
+        z = points[:, 2]
         raise InputError(
-            f"the mesh is not flat: z runs from {low:g} to {high:g}, and must be the"
-            " same for all points"
+            f"the mesh is not flat: z runs from {z.min():g} to {z.max():g}, and must be"
+            " the same for all points"
         )
 
 
@@ -133,6 +133,8 @@ def enclosing_radius(points: Array) -> float:
 
 
 def _circumradius(a: Array, b: Array, c: Array) -> float:
-    ab, ac = b - a, c - a
+    ab = b - a
+    ac = c - a
+    double_area = abs(ab[0] * ac[1] - ab[1] * ac[0])
     sides = np.linalg.norm(ab) * np.linalg.norm(ac) * np.linalg.norm(b - c)
-    return float(sides / (2.0 * abs(ab[0] * ac[1] - ab[1] * ac[0])))
+    return float(sides / (2.0 * double_area))
